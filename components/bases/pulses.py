@@ -31,6 +31,9 @@ class PulsedThrusters(Thrusters):
         "s", "on-times are multiples of it, to the nearest", start=0.05, min=1e-6
     )
     least_on_time: float = Parameter("s", "shorter on-times are left out", min=0.0)
+    carried: bool = Parameter(
+        "1", "true: what pulses leave of a wanted on-time is added to the next one's"
+    )
     placement: int = Parameter(
         "1", "where in the sample period pulses are", choices=("begin", "centred"), start="begin"
     )
@@ -57,6 +60,7 @@ class PulsedThrusters(Thrusters):
     def start(self) -> None:
         super().start()
         self._pulses = ()
+        self._rests = (0.0,) * ENTRIES
         self._schedule: tuple[Pulse, ...] = tuple(
             (self.schedule_start[i], self.schedule_start[i] + duration, i, self.scheduled(i))
             for i, duration in enumerate(self.schedule_duration)
@@ -76,11 +80,20 @@ class PulsedThrusters(Thrusters):
     def advance(self, t: float, dt: float) -> None:
         if self.due(t):
             period = self.sample_time or dt
+            wants = tuple(
+                (on_time + self._rest(i, jet), jet)
+                for i, (on_time, jet) in enumerate(self.wanted(period))
+            )
             self._pulses = tuple(
                 self._pulse(t, period, width, i, jet)
-                for i, (on_time, jet) in enumerate(self.wanted(period))
+                for i, (on_time, jet) in enumerate(wants)
                 if (width := self._width(on_time, period)) > 0.0
             )
+            if self.carried:
+                rests = [0.0] * ENTRIES
+                for i, (on_time, jet) in enumerate(wants):
+                    rests[i] = (on_time - self._width(on_time, period)) * _way(jet)
+                self._rests = tuple(rests)
         mean, slope, force = [0.0] * 3, [0.0] * 3, [0.0] * 3
         exhaust = STANDARD_GRAVITY * self.specific_impulse
         self.fire(mean, slope, force, t, dt)
@@ -122,6 +135,12 @@ class PulsedThrusters(Thrusters):
     def fired_as_scheduled(self, i: int, seconds: float) -> None:
         """The scheduled firing i has lasted some time (s) of this step."""
 
+    def _rest(self, i: int, jet: Jet) -> float:
+        """What is left (s) of the last on-time of an axis or nozzle, against it of a pair that has
+        turned the other way; no more than the pulse that is not given."""
+        most = max(self.least_pulse, self.least_on_time)
+        return max(-most, min(self._rests[i] * _way(jet), most))
+
     def _width(self, on_time: float, period: float) -> float:
         """The pulse (s) that a wanted on-time (s) becomes; 0 where it is left out."""
         count = int(on_time / self.least_pulse + 0.5)
@@ -131,6 +150,12 @@ class PulsedThrusters(Thrusters):
     def _pulse(self, t: float, period: float, width: float, i: int, jet: Jet) -> Pulse:
         begin = t if self.placement == BEGIN else t + 0.5 * (period - width)
         return begin, begin + width, i, jet
+
+
+def _way(jet: Jet) -> float:
+    """1, or -1 of a pair that turns the other way."""
+    x, y, z = jet[0]
+    return -1.0 if x + y + z < 0.0 else 1.0
 
 
 def _add(mean: list[float], slope: list[float], force: list[float], jet: Jet, begin: float,

@@ -12,7 +12,9 @@ Rules, each written beside its number:
 - attitude controller: bandwidth 0.1 rad/s, or less where the wheels' torque would not turn an error
   of 5 deg so fast; damping 0.7;
 - manager: gain of the orbit's rate; B-dot: BRAKING orbit rates times the mean
-  moment of inertia.
+  moment of inertia;
+- dumps between thresholds: torque half of what the wheels give, or what the pairs give if less;
+- an orbit of SLOW or more is flown at steps of 10 s, until DUMPS dumps of radiation's torque.
 """
 
 from __future__ import annotations
@@ -46,6 +48,7 @@ from ..system.quantity import Quantity, is_number
 
 Array = NDArray[np.float64]
 SCENARIOS = ("nominal", "worst", "detumbling")
+"""The last one of a craft with rods alone."""
 _UNIT = 1.5
 """Mass of a CubeSat's unit (kg)."""
 CUBESATS = {
@@ -63,6 +66,22 @@ at their limit for less long, which does not move the best gain; Avanzini & Giul
 (1 + sin xi) J_min, are up to ten times slower where J_min is far below the others."""
 ALTITUDES = 150.0, 2000.0
 """Of a circular orbit (km)."""
+FARTHEST = 400_000.0
+"""The highest apogee (km): beyond, it is no orbit about the Earth alone."""
+AIR = 1000.0
+"""From this perigee on (km) there is no air."""
+ORBITS = {
+    "geo": ("35786.03x35786.03km", 0.05, 0.0, "geostationary; class: 0.05 deg"),
+    "gto": ("250x35786km", 6.0, 178.0, "class: from Kourou"),
+    "molniya": ("504x39863km", 63.4349, 270.0, "class: its perigee stays in the south"),
+}
+"""By name: heights of perigee and apogee, inclination and argument of perigee (deg), and why."""
+SLOW = 6.0 * 3600.0
+"""Periods (s) from which on nothing asks for steps of a second."""
+DUMPS, MOST_DAYS = 9, 700.0
+"""How many a scenario lasts for, and how long (d) it lasts at the most; quicker steps, less."""
+SUNLIGHT = 4.56e-6
+"""Pressure of the Sun's light at 1 astronomical unit (N/m2)."""
 INCLINATION = Quantity("--inclination", "deg", 0.0, 180.0)
 MASS = Quantity("--mass", "kg", 0.0, 1e6, above=True)
 BOX = Quantity("--box", "m", 0.0, 100.0, above=True, what="sides")
@@ -71,6 +90,10 @@ WHEELS = Quantity("--wheels", "N.m.s", 0.0, 1e5, above=True)
 RODS = Quantity("--rods", "A.m2", 0.0, 1e5, above=True)
 THRUSTERS = Quantity("--thrusters", "N", 0.0, 1e5, above=True)
 RESIDUAL = Quantity("--residual-dipole", "A.m2", 0.0, 1e4)
+PANEL = Quantity("--panel", "m2", 0.0, 1e4, above=True)
+ARM = Quantity("--panel", "m", 0.0, 100.0)
+FILL = Quantity("--dump", "%", 0.0, 95.0)
+DUMPERS = ("thrusters", "coils")
 YEARS = 1957, 2056
 """Of an epoch: those that two-line elements can name."""
 DOUBTFUL, MEANINGLESS = 7.0, 30.0
@@ -97,6 +120,9 @@ class CraftFacts:
     thrusters: str | None = None
     pointing: str = "nadir"
     residual_dipole: str | None = None
+    orbit: str | None = None
+    dump: str | None = None
+    panel: str | None = None
 
 
 def write(folder: Path, wanted: CraftFacts, command: str, force: bool = False) -> list[Path]:
@@ -115,8 +141,9 @@ def write(folder: Path, wanted: CraftFacts, command: str, force: bool = False) -
         loader=PackageLoader("desat", "templates/craft"), undefined=StrictUndefined,
         keep_trailing_newline=True,
     )  # fmt: skip
+    scenarios = SCENARIOS if made["rods"] else SCENARIOS[:2]
     texts = {f"{name}.toml": environment.get_template(f"{name}.toml").render(made)
-             for name in ("craft", *SCENARIOS)}  # fmt: skip
+             for name in ("craft", *scenarios)}  # fmt: skip
     fresh = not folder.exists()
     folder.mkdir(parents=True, exist_ok=True)
     try:
@@ -168,38 +195,48 @@ def _template_values(wanted: CraftFacts, name: str, command: str) -> dict[str, A
     orbit = _orbit(wanted, (epoch - J2000).total_seconds())
     wheels = _wheels(wanted, inertia)
     rods = _rods(wanted, mass)
+    thrusters = _thrusters(wanted, sides)
+    dump = _dump(wanted, wheels, thrusters, rods is not None)
     dipole = 0.005 * mass
     why = "class: 5 mA m2 a kilogram, no magnetic cleanliness"
     if wanted.residual_dipole is not None:
         dipole = RESIDUAL(_dotted(wanted.residual_dipole))
         why = "given"
     along = [x / math.sqrt(1.0 + 0.25 + 0.64) for x in (1.0, -0.5, 0.8)]
-    _holds(wanted.pointing, orbit, inertia, wheels, [dipole * x for x in along])
+    if orbit["eccentricity"] < 0.1:
+        _holds(wanted.pointing, orbit, inertia, wheels, [dipole * x for x in along])
     faces = [sides[1] * sides[2], sides[2] * sides[0], sides[0] * sides[1]]
     area = sum(faces) / 2.0
-    bandwidth = min(0.1, math.sqrt(wheels["torque_si"] / (max(inertia) * math.radians(5.0))))
-    enough = bandwidth == 0.1
+    step = 10.0 if orbit["period"] >= SLOW else 1.0
+    quick = 0.1 / step
+    bandwidth = min(quick, math.sqrt(wheels["torque_si"] / (max(inertia) * math.radians(5.0))))
+    enough = bandwidth == quick
     rate = orbit["rate"]
+    light, centre, centre_why = _radiation(wanted, area, sides)
     tumble = 5.0 if mass < 50.0 else 1.0
     return {
         "title": name, "command": command, "pointing": wanted.pointing, "orbit": orbit,
         "epoch": epoch.strftime("%Y-%m-%dT%H:%M:%SZ"),
-        "description": f"{mass:.4g} kg, {wanted.pointing} pointing for a day under gravity "
-        "gradient, drag, radiation and its own dipole; a cross-product law takes the momentum "
-        "that they leave in the wheels out through the coils.",
+        "description": f"{mass:.4g} kg, {wanted.pointing} pointing under gravity gradient, drag, "
+        "radiation and its own dipole; " + (
+            "a cross-product law takes the momentum that they leave in the wheels out through the "
+            "coils." if dump is None else f"dumps by {dump['by']} take the momentum that they "
+            f"leave in the wheels out from {dump['percent'][0]} % of a wheel's capacity to "
+            f"{dump['percent'][1]} %."),
+        "step": step, "stop": _stop(orbit, dump, light, centre),
         "inertia": {"value": "[" + ", ".join(_list([x if i == j else 0.0 for j in range(3)])
                     for i, x in enumerate(inertia)) + "]", "why": inertia_why},
-        "wheels": wheels, "rods": rods, "thrusters": _thrusters(wanted, sides),
+        "wheels": wheels, "rods": rods, "thrusters": thrusters, "dump": dump,
         "gyro": _gyro(), "star_tracker": classes()["star_trackers"]["cubesat"],
         "dipole": {"value": _list(dipole * x for x in along), "why": f"A m2; {why}",
                    "twice": _list(2.0 * dipole * x for x in along)},
-        "area": {"value": _text(area), "radiation": _text(1.5 * area),
-                 "why": f"class: mean over all sides of {sides_why}"},
+        "area": {"value": _text(area), "why": f"class: mean over all sides of {sides_why}"},
+        "light": {"area": _text(light), "centre": _list(centre), "why": centre_why},
         "centre": {"value": _list(0.05 * x for x in sides), "why": "m; class: 5 % of each side"},
         "gains": {
             "bandwidth": _text(bandwidth), "kp": _text(2.0 * bandwidth**2),
             "kd": _text(1.4 * bandwidth), "ki": _text(2e-3 * bandwidth**2),
-            "why": "fast beside the orbit, slow beside a sample of 1 s" if enough
+            "why": f"fast beside the orbit, slow beside a sample of {step:g} s" if enough
             else "what the wheels' torque turns an error of 5 deg with",
             "manager": _text(rate), "start": _text(0.1 * wheels["capacity_si"]),
             "b_dot": _text(BRAKING * rate * sum(inertia) / 3.0),
@@ -297,7 +334,8 @@ def doubts(wanted: CraftFacts) -> list[str]:
 def _orbit(wanted: CraftFacts, epoch: float) -> dict[str, Any]:
     """Parameters of the environment, each with its origin, the mean motion (rad/s) and the
     inclination (rad)."""
-    given = {"--altitude": wanted.altitude, "--sso": wanted.sso, "--tle": wanted.tle}
+    given = {"--altitude": wanted.altitude, "--sso": wanted.sso, "--tle": wanted.tle,
+             "--orbit": wanted.orbit}  # fmt: skip
     names = [name for name, value in given.items() if value is not None]
     if len(names) > 1:
         raise DesatError(f"{names[0]}, {names[1]}: one of them says the orbit")
@@ -306,6 +344,10 @@ def _orbit(wanted: CraftFacts, epoch: float) -> dict[str, Any]:
             if value is not None:
                 raise DesatError(f"{option} {value}: --tle {wanted.tle} says the orbit")
         return _of_tle(wanted.tle, epoch)
+    if wanted.orbit is not None:
+        if wanted.ltan is not None:
+            raise DesatError(f"--ltan {wanted.ltan}: it is of a Sun-synchronous orbit (--sso)")
+        return _of_ends(wanted.orbit, wanted.inclination)
     text = wanted.sso or wanted.altitude or "500 km"
     height = Quantity((names or ["--altitude"])[0], "km", *ALTITUDES)(text) * 1e3
     axis, raan, raan_why = EARTH_RADIUS + height, 0.0, "class"
@@ -329,7 +371,95 @@ def _orbit(wanted: CraftFacts, epoch: float) -> dict[str, Any]:
         ("j2", "true", "its node and perigee drift"),
         ("atmosphere", '"activity"', "by solar activity: moderate"),
     ]
-    return {"rows": rows, "rate": mean_motion(axis), "inclination": inclination, "tle": False}
+    return {"rows": rows, "rate": mean_motion(axis), "inclination": inclination, "tle": False,
+            "period": 2.0 * math.pi / mean_motion(axis), "eccentricity": 0.0,
+            "air": True}  # fmt: skip
+
+
+def _of_ends(text: str, given: str | None) -> dict[str, Any]:
+    """As `_orbit`, of an orbit by its name, or by the heights of its perigee and apogee."""
+    ends, inclination, perigee, why = ORBITS.get(text.strip().lower(), (text, 51.6, 0.0, "class"))
+    match = re.fullmatch(r"\s*([\d.]+)\s*x\s*([\d.]+)\s*km\s*", ends)
+    if match is None:
+        raise DesatError(f"--orbit {text}: there is {', '.join(ORBITS)}, or heights of perigee and "
+                         f"apogee, as 500x39860km{nearest(text, ORBITS)}")  # fmt: skip
+    low, high = sorted(
+        Quantity("--orbit", "km", ALTITUDES[0], FARTHEST)(f"{height} km")
+        for height in match.groups()
+    )
+    if given is not None:
+        inclination, why = INCLINATION(given), "given"
+    near, far = (EARTH_RADIUS + 1e3 * height for height in (low, high))
+    axis, eccentricity = (near + far) / 2.0, (far - near) / (far + near)
+    air = low < AIR
+    rows = [
+        ("semi_major_axis", f'"{axis / 1e3:.9g} km"', f"{low:g} x {high:g} km above 6378.137 km"),
+        ("eccentricity", f"{eccentricity:.9g}", "by these heights"),
+        ("inclination", f'"{inclination:.6g} deg"', why),
+        ("argument_of_perigee", f'"{perigee:g} deg"', why),
+        ("j2", "true", "its node and perigee drift"),
+        ("atmosphere", '"activity"' if air else '"none"',
+         "by solar activity: moderate" if air else "there is none so high"),
+    ]  # fmt: skip
+    return {"rows": rows, "rate": mean_motion(axis), "inclination": math.radians(inclination),
+            "tle": False, "period": 2.0 * math.pi / mean_motion(axis),
+            "eccentricity": eccentricity, "air": air}  # fmt: skip
+
+
+def _radiation(
+    wanted: CraftFacts, area: float, sides: tuple[float, float, float]
+) -> tuple[float, list[float], str]:  # fmt: skip
+    """The area (m2) and the centre (m, body) of the Sun's light, and why."""
+    if wanted.panel is None:
+        return 1.5 * area, [0.05 * x for x in sides], "as for drag; half of the light is mirrored"
+    match = re.fullmatch(r"\s*([\d.eE+-]+)\s*m2\s+([\d.eE+-]+)\s*m\s*", wanted.panel)
+    if match is None:
+        raise DesatError(f"--panel {wanted.panel}: area and arm are needed, as '13m2 1.35m'")
+    size, arm = PANEL(match[1]), ARM(match[2])
+    return size, [0.0, -arm, 0.0], "given: one panel, on -y, which follows the Sun"
+
+
+def _stop(
+    orbit: Mapping[str, Any], dump: Mapping[str, Any] | None, area: float, centre: list[float]
+) -> float:  # fmt: skip
+    """How long a scenario lasts (s): a day, ten orbits of a slow one, or until there have been
+    DUMPS dumps of what light alone leaves; all wheels of a pyramid hold 1.7 times what one does."""
+    days = 1.0 if orbit["period"] < SLOW else math.ceil(10.0 * orbit["period"] / 86400.0)
+    if dump is not None and dump["by"] == "thrusters":
+        torque = SUNLIGHT * area * math.hypot(*centre)
+        days = max(days, math.ceil(DUMPS * 1.7 * dump["room"] / max(torque, 1e-12) / 86400.0))
+    return 86400.0 * min(days, MOST_DAYS if orbit["period"] >= SLOW else MOST_DAYS / 50.0)
+
+
+def _dump(
+    wanted: CraftFacts, wheels: Mapping[str, Any], thrusters: Mapping[str, str] | None, rods: bool
+) -> dict[str, Any] | None:  # fmt: skip
+    """What dumps between thresholds are made with; None: a law that dumps all the time."""
+    if wanted.dump is None:
+        if not rods:
+            raise DesatError("--rods none: --dump says what takes momentum out, as --dump "
+                             "'thrusters 70:10'")  # fmt: skip
+        return None
+    match = re.fullmatch(r"\s*(\w+)\s+([\d.]+)\s*:\s*([\d.]+)\s*%?\s*", wanted.dump)
+    if match is None or match[1] not in DUMPERS:
+        raise DesatError(f"--dump {wanted.dump}: the form is thrusters BEGIN:END or coils "
+                         "BEGIN:END, in % of a wheel's capacity, as 'thrusters 70:10'")  # fmt: skip
+    begin, end = FILL(match[2]), FILL(match[3])
+    if end >= begin:
+        raise DesatError(
+            f"--dump {wanted.dump}: it ends at {end:g} %, which is not below {begin:g} %"
+        )
+    if match[1] == "coils" and not rods:
+        raise DesatError(f"--dump {wanted.dump}: --rods none leaves no coils")
+    if match[1] == "thrusters" and thrusters is None:
+        raise DesatError(f"--dump {wanted.dump}: --thrusters says which, as --thrusters '4 1N'")
+    capacity = wheels["capacity_si"]
+    torque = 0.5 * wheels["torque_si"]
+    if thrusters is not None:
+        torque = min(torque, float(thrusters["torque_si"]))
+    return {"by": match[1], "percent": (f"{begin:g}", f"{end:g}"),
+            "begin": _text(begin / 100.0 * capacity), "end": _text(end / 100.0 * capacity),
+            "torque": _text(torque), "room": (begin - end) / 100.0 * capacity}  # fmt: skip
 
 
 def _holds(
@@ -383,7 +513,8 @@ def _of_tle(file: Path, epoch: float) -> dict[str, Any]:
     rows = [(name, repr(value), f"of {file.name}, SI") for name, value in values.items()
             if name != "epoch_j2000"]  # fmt: skip
     return {"rows": rows, "rate": values["mean_motion"], "inclination": values["inclination"],
-            "tle": True}  # fmt: skip
+            "tle": True, "period": 2.0 * math.pi / values["mean_motion"],
+            "eccentricity": values["eccentricity"], "air": True}  # fmt: skip
 
 
 def _wheels(wanted: CraftFacts, inertia: list[float]) -> dict[str, Any]:
@@ -424,7 +555,9 @@ def _wheels(wanted: CraftFacts, inertia: list[float]) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _rods(wanted: CraftFacts, mass: float) -> dict[str, str]:
+def _rods(wanted: CraftFacts, mass: float) -> dict[str, str] | None:
+    if wanted.rods == "none":
+        return None
     text = wanted.rods or f"{0.02 * mass:.2g}"
     name, figures, dipole = _of_class(RODS, "rods", "dipole", text)
     why = "given" if wanted.rods else "class: 20 mA m2 a kilogram"
@@ -447,4 +580,5 @@ def _thrusters(wanted: CraftFacts, sides: tuple[float, float, float]) -> Mapping
     name, figures, force = _of_class(THRUSTERS, "thrusters", "force", match[1])
     arm = max(sides) / 2.0
     return {"torque": _list([2.0 * force * arm] * 3), "force": f"{force:g} N", "arm": _text(arm),
+            "torque_si": _text(2.0 * force * arm),
             "impulse": figures["impulse"], "pulse": figures["pulse"], "class": name}  # fmt: skip

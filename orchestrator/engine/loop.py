@@ -87,7 +87,7 @@ def run(
     look at the clock twenty times a second."""
     chunk = 1
     while master.k < until and not interrupted():
-        began, edge = time.perf_counter(), min(master.k + chunk, until)
+        began, first, edge = time.perf_counter(), master.k, min(master.k + chunk, until)
         if checkpoints is not None:
             edge = min(edge, checkpoints.next(master.k))
         try:
@@ -102,7 +102,8 @@ def run(
         finally:
             seconds = time.perf_counter() - began
             steps.seconds += seconds
-        chunk = max(1, min(2 * chunk, int(chunk * 0.05 / max(seconds, 1e-6))))
+        made = master.k - first  # what ends a chunk earlier must not let it grow without end
+        chunk = max(1, min(2 * made, int(made * 0.05 / max(seconds, 1e-6))))
         recorder.tick()
         report(master.k)
         if checkpoints is not None and checkpoints.due():

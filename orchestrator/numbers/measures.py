@@ -66,7 +66,7 @@ def settled(times: Array, good: NDArray[np.bool_]) -> float:
 __all__ = ["LATE", "MEASURES", "OWN_UNIT", "Measure"]
 
 
-SCALARS = ("last", "growth_in", "steps_in", "mean_rate")
+SCALARS = ("last", "growth_in", "growth_between", "steps_in", "mean_rate")
 """Measures of one element."""
 
 SIZES: dict[str, Callable[[Array], Array]] = {
@@ -123,6 +123,17 @@ def steps_in(times: Array, values: Array, time: float) -> float:
     if len(rises) < 2:
         return float("nan")
     return float(time * (len(rises) - 1) / (times[rises[-1]] - times[rises[0]]))
+
+
+@measure
+def growth_between(times: Array, values: Array, driver: Array, time: float) -> float:
+    """How much a scalar grows in `time` seconds, between the first and the last rise of another
+    that grows now and then, as what each of its events takes; nan with less than two."""
+    rises = np.flatnonzero(np.diff(driver[:, 0]) > 0.0) + 1
+    if len(rises) < 2:
+        return float("nan")
+    first, last = rises[0], rises[-1]
+    return float(time * (values[last, 0] - values[first, 0]) / (times[last] - times[first]))
 
 
 @in_unit("%")

@@ -29,7 +29,7 @@ from ..system.model import Component, System
 from ..system.parameters import Parameter, table
 
 Array = NDArray[Any]
-ROLES = ("environment", "spacecraft", "torquers", "manager")
+ROLES = ("environment", "spacecraft", "manager")
 SOURCES = ("gravity gradient", "drag", "radiation", "residual dipole")
 SERIES = ("spacecraft.q_bi", "spacecraft.omega_bi_body", "spacecraft.impulse_eci",
           "spacecraft.h_copy_wheel", "environment.b_eci", "environment.r_eci",
@@ -43,6 +43,10 @@ NODE_TIME = 10.0
 """Between the rows of the sources of a recorded run (s)."""
 _MOVES = "environment_propagated"
 """It integrates its orbit: it cannot begin at another date."""
+
+
+NO_COILS: Mapping[str, Any] = {"axes_coil": np.zeros((3, 0)), "m_limit": 0.0, "drive": "limited"}
+"""Of a craft without torquers."""
 
 
 @dataclass(frozen=True)
@@ -129,9 +133,12 @@ class Attitude(NamedTuple):
 def values_of(system: System) -> dict[str, dict[str, Any]]:
     """`role` -> parameter -> value, of all components. Raises DesatError for a role that the
     system has not."""
-    if lacking := [r for r in ROLES if r not in system.components]:
-        raise DesatError(f"{system.name}: no {lacking[0]}: a craft with {', '.join(ROLES)} is "
-                         "needed")  # fmt: skip
+    lacking = [r for r in ROLES if r not in system.components]
+    if not lacking and not {"torquers", "thrusters"} & system.components.keys():
+        lacking = ["torquers"]
+    if lacking:
+        raise DesatError(f"{system.name}: no {lacking[0]}: a craft with {', '.join(ROLES)} and "
+                         "torquers or thrusters is needed")  # fmt: skip
     every = table(system.components.values())
     return {role: {k: p.value for k, p in rows.items()} for role, rows in every.items()}
 
@@ -139,7 +146,7 @@ def values_of(system: System) -> dict[str, dict[str, Any]]:
 def hardware_of(system: System) -> Hardware:
     """The wheels, coils and thrusters of a system. Raises DesatError where it has no inertia."""
     given = values_of(system)
-    craft, coils = given["spacecraft"], given["torquers"]
+    craft, coils = given["spacecraft"], given.get("torquers", NO_COILS)
     wheels, thrusters = given.get("wheels", {}), given.get("thrusters", {})
     if "inertia" not in craft:
         raise DesatError(f"{system.name}: spacecraft has no inertia: a rigid body is needed")

@@ -167,7 +167,7 @@ def reach(flight: Flight, hardware: Hardware) -> Array:
     rows = flight.times - flight.times[0] <= flight.whole * (1.0 + 1e-12)
     q, b = flight.q[rows], flight.b[rows]
     each = [rotate_back(q, np.broadcast_to(a, (len(q), 3))) for a in hardware.axes_coil.T]
-    return np.stack([cross(axis, b) for axis in each], axis=1)
+    return np.stack([cross(axis, b) for axis in each], axis=1) if each else np.zeros((len(q), 0, 3))
 
 
 def least_by_formula(able: Array, torque: Array) -> float:
@@ -488,9 +488,9 @@ class Sizing:
 
     def as_json(self) -> dict[str, Any]:
         """What `--json` prints; what is without end is null."""
-        told = {name: _finite(value) for name, value in asdict(self).items()}
+        told = {name: finite(value) for name, value in asdict(self).items()}
         for row, margin in zip(told["margins"], self.margins, strict=True):
-            row["ratio"] = _finite(margin.ratio)
+            row["ratio"] = finite(margin.ratio)
         return told | {"answer": self.answer}
 
     @property
@@ -550,11 +550,11 @@ def duration(seconds: float) -> str:
     return f"{seconds:.3g} s"
 
 
-def _finite(value: Any) -> Any:
+def finite(value: Any) -> Any:
     if isinstance(value, dict):
-        return {k: _finite(v) for k, v in value.items()}
+        return {k: finite(v) for k, v in value.items()}
     if isinstance(value, (list, tuple)):
-        return [_finite(v) for v in value]
+        return [finite(v) for v in value]
     return None if isinstance(value, float) and not np.isfinite(value) else value
 
 
@@ -587,7 +587,7 @@ def size(
     if wishes.year:
         progress("the days of a year")
         try:
-            days = list(_year(system, hardware, attitude))
+            days = list(days_of_year(system, hardware, attitude))
             year = tuple(day for day, _ in days)
             hardest = _worst_day(system, hardware, attitude, days)
         except DesatError as why:
@@ -629,7 +629,7 @@ def size(
     made = Sizing(
         target, round(flight.whole / flight.period), flight.period, attitude.kind,
         tuple(torque.tolist()), float(np.linalg.norm(torque)) * flight.period, _span(cyclic),
-        *_sources(flight, torque), year, needed, *slew, room_of(hardware), hardware.torque_limit,
+        *shares_of(flight, torque), year, needed, *slew, room_of(hardware), hardware.torque_limit,
         lasts, formula, least, rod, best, law, recommended, day and _up(day),
         "" if hardest is None else f"{hardest.day}, {hardest.activity} activity of the Sun"
         if hardest.activity else hardest.day,
@@ -745,7 +745,7 @@ def fly_case(case: Case, system: System) -> Flight:
         return flight_of(system, results)
 
 
-def _sources(flight: Flight, torque: Array) -> tuple[tuple[SourceShare, ...], float | None]:
+def shares_of(flight: Flight, torque: Array) -> tuple[tuple[SourceShare, ...], float | None]:
     """The shares of the sources, and the secular torque that is of none of them."""
     if not flight.sources:
         return (), None
@@ -760,7 +760,7 @@ def _sources(flight: Flight, torque: Array) -> tuple[tuple[SourceShare, ...], fl
     return tuple(rows), float(np.linalg.norm(torque - known))
 
 
-def _year(
+def days_of_year(
     system: System, hardware: Hardware, attitude: Attitude
 ) -> Iterator[tuple[Date, tuple[dict[str, Array], Array]]]:  # fmt: skip
     """The days of a year, one after the other, each with what the environment gives and the times
@@ -928,7 +928,7 @@ def _propellant(
     """
     size = float(np.linalg.norm(torque))
     isp = wishes.specific_impulse or hardware.specific_impulse
-    cost = _cost_of(system, hardware, wishes)
+    cost = cost_of(system, hardware, wishes)
     if cost is None or isp is None:
         return None, None
     if size == 0.0:
@@ -942,7 +942,7 @@ def _propellant(
     return size * YEAR * at_begin, size * YEAR * float(costs.min())
 
 
-def _cost_of(
+def cost_of(
     system: System, hardware: Hardware, wishes: Wishes
 ) -> Callable[[Array], float] | None:  # fmt: skip
     """The impulse of force (N s) that an angular impulse of 1 N m s along a body direction takes;

@@ -29,6 +29,10 @@ def craft(
         str | None, typer.Option(help="Its local time of the ascending node: 10:30.")
     ] = None,
     tle: Annotated[Path | None, typer.Option(help="A file with a two-line element set.")] = None,
+    orbit: Annotated[
+        str | None,
+        typer.Option(help="geo, gto, molniya, or heights of perigee and apogee: 500x39860km."),
+    ] = None,
     epoch: Annotated[str | None, typer.Option(help="UTC of t = 0: 2027-01-01T00:00:00Z.")] = None,
     mass: Annotated[str | None, typer.Option(help="16kg.")] = None,
     size: Annotated[str | None, typer.Option(help="A CubeSat of so many units: 12U.")] = None,
@@ -37,24 +41,32 @@ def craft(
         str | None, typer.Option(help="Principal moments: 0.2,0.2,0.1 (kg m2).")
     ] = None,
     wheels: Annotated[str | None, typer.Option(help='"4 pyramid 30mNms", "3 axes 0.2Nms".')] = None,
-    rods: Annotated[str | None, typer.Option(help="Of each axis: 0.2 (A m2).")] = None,
+    rods: Annotated[str | None, typer.Option(help="Of each axis: 0.2 (A m2); none.")] = None,
     thrusters: Annotated[
         str | None,
-        typer.Option(help='Pairs about each axis: "4 1N"; they do not fire by themselves.'),
+        typer.Option(help='Pairs about each axis: "4 1N"; --dump says when they fire.'),
+    ] = None,
+    dump: Annotated[
+        str | None,
+        typer.Option(help='Between shares (%) of a wheel: "thrusters 70:10", "coils 70:10".'),
+    ] = None,
+    panel: Annotated[
+        str | None, typer.Option(help='One that follows the Sun, its area and arm: "13m2 1.35m".')
     ] = None,
     pointing: Annotated[str, typer.Option(help="nadir or inertial.")] = "nadir",
     residual_dipole: Annotated[str | None, typer.Option(help="0.05 (A m2).")] = None,
     force: Annotated[bool, typer.Option("--force", help="Into a folder that exists.")] = False,
     as_json: o.Json = False,
 ) -> None:
-    """A craft of your own: a folder with craft.toml and the scenarios nominal, worst and
-    detumbling, which runs at once. What you do not say is typical of its class, and marked."""
+    """A craft of your own: a folder with craft.toml and the scenarios nominal, worst and, with
+    rods, detumbling, which runs at once. What you do not say is typical of its class, and
+    marked."""
     from ...begin import craft as new_craft
     from ...files.paths import shown
 
     wanted = new_craft.CraftFacts(
         altitude, inclination, sso, ltan, tle, epoch, mass, size, box, inertia, wheels, rods,
-        thrusters, pointing, residual_dipole,
+        thrusters, pointing, residual_dipole, orbit, dump, panel,
     )  # fmt: skip
     command = shlex.join(["desat", *sys.argv[1:]])
     made = new_craft.write(folder, wanted, command, force)

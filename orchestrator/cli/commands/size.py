@@ -15,6 +15,7 @@ from .. import options as o
 from ..console import app, err, name_of, out, print_json
 
 if TYPE_CHECKING:
+    from ...sizing.dumps import DumpSizing
     from ...sizing.map import SizingMap
     from ...sizing.sizing import Sizing
 
@@ -80,12 +81,17 @@ def size(
     and over a year, the least rod that any law can do with, duty and momentum over rods law by
     law, and the rods for the duty asked for. Ends with 1 where the craft cannot hold.
     """
+    from ...runs.prepare import resolved
+    from ...sizing import dumps, sizing
     from ...sizing import map as sizing_map
     from ...sizing import page as sizing_page
-    from ...sizing import sizing
 
     options = o.options_of(sets, stop, None, o.Semantics.gauss_seidel, blocks, sources=sources)
     angle, seconds = _slew(slew)
+    by_thrusters = dumps.applies(resolved(target, options)[0])
+    if by_thrusters:
+        o.refuse(ctx, "it is of coils, and this craft dumps by thrusters", "duty", "margin", "slew",
+                 "tip_off", "laws", "as_map", "html")  # fmt: skip
     wishes = sizing.Wishes(
         duty / 100.0,
         margin,
@@ -118,8 +124,20 @@ def size(
             values["altitudes"] = tuple(1e3 * x for x in values["altitudes"])
             axes = sizing_map.MapAxes(**values, laws=laws is True)
             map_made = sizing_map.map_of(target, options, axes, wishes, jobs, progress)
+        elif by_thrusters:
+            found = dumps.size(target, options, wishes, progress)
         else:
             made = sizing.size(target, options, wishes, progress)
+    if by_thrusters:
+        if as_json:
+            print_json(found.as_json())
+        else:
+            _print_dumps(found)
+        for line in found.problems:
+            err.print(f"it cannot hold: {line}", highlight=False, markup=False)
+        if found.problems:
+            raise typer.Exit(Exit.UNMET)
+        return
     if as_map:
         if as_json:
             print_json(map_made.as_json())
@@ -205,6 +223,50 @@ def _print_sizing(made: Sizing) -> None:
             out.print(f"recommended under other laws, A m2: {', '.join(others)}", highlight=False)
     for line in made.notes:
         out.print(f"note: {line}", highlight=False, markup=False)
+
+
+def _print_dumps(made: DumpSizing) -> None:
+    from ...sizing.sizing import duration, momenta
+
+    out.print(made.answer, highlight=False, markup=False)
+    out.print()
+    loop, steady = made.loop, made.steady
+    rows = _table("dumps by thrusters", "sized", "closed loop")
+    first = loop.get("first_dump")
+    for name, sized, flown in (
+        ("first dump, from wheels at rest", duration(steady.first),
+         "" if first is None else duration(3600.0 * first)),
+        ("dumps a week", f"{steady.a_week:.4g}", _or_none(loop.get("dumps_a_week"))),
+        ("momentum of a dump", momenta(steady.momentum), ""),
+        ("propellant of a dump, g", f"{1e3 * steady.propellant:.4g}", ""),
+        ("propellant a year as in this time, kg", f"{steady.a_year:.4g}",
+         _or_none(loop.get("propellant_a_year"))),
+        ("propellant a year, mean over its days, kg", f"{made.a_year:.4g}", ""),
+        ("the same, each dump at its cheapest attitude, kg", f"{made.least_a_year:.4g}", ""),
+        ("momentum of a day", momenta(made.a_day), ""),
+        ("wheels that dump once a week", momenta(made.weekly, made.capacity), ""),
+    ):  # fmt: skip
+        rows.add_row(name, sized, flown)
+    out.print(rows)
+    if made.sources:
+        out.print()
+        table = _table("source", "secular, uN m", "share, %")
+        for s in made.sources:
+            table.add_row(s.name, f"{1e6 * s.secular:.4g}", f"{100.0 * s.along:.1f}")
+        out.print(table)
+    if made.year:
+        out.print()
+        table = _table("of a year", "day", "secular, uN m")
+        for name, pick in (("least", min), ("most", max)):
+            d = pick(made.year, key=lambda x: x.secular)
+            table.add_row(name, d.day, f"{1e6 * d.secular:.4g}")
+        out.print(table)
+    for line in made.notes:
+        out.print(f"note: {line}", highlight=False, markup=False)
+
+
+def _or_none(value: float | None) -> str:
+    return "" if value is None else f"{value:.4g}"
 
 
 def _table(*columns: str) -> Table:

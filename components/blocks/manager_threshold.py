@@ -1,0 +1,117 @@
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from ..bases.dumping import DUMPING, IDLE, MomentumDumping
+from ..contract.block import Output, Parameter, Vec3
+from ..laws import cross_product
+from ..laws.blending import Split
+from ..maths.vector import ZERO, clip, cross, norm, scale
+
+WHEELS, SUM = range(2)
+THRUSTERS, COILS = range(2)
+WAITING = 2
+LAST = 0.05
+"""Of the torque: the last sample of a dump has no less, or noise would keep it from its end."""
+
+
+class ManagerThreshold(MomentumDumping):
+    """Dumping from one threshold to another, by thrusters or by magnetic torquers
+
+    Momentum is left in the wheels until `fill` comes to `begin`; it is dumped then until `fill` is
+    at `end`, with h the wheels' momentum less `h_target_body` and h_i that of each wheel:
+
+        wheels:  fill = max |h_i|            sum:  fill = |h|
+
+    thrusters: the dumping torque is N = -torque h / |h|, at the last sample no more than brings
+    `fill` to `end`; pairs about the body's axes give it with on-times of |N_x|, |N_y| and |N_z|
+    over their levels. With `aligned`
+    above 0 a dump waits until |h_x| + |h_y| + |h_z| is at most aligned |h| in the attitude that the
+    craft comes to, for that is what it costs, but no longer than `longest_wait`.
+
+    coils: M = gain (h x B) / |B|^2, each component within +-`m_limit`; N = M x B. None at a sample
+    whose field is not valid.
+
+    The wheels are commanded to give the body what the controller wants and to absorb, with
+    `feedforward`, the dumping torque and, with `gyroscopic`, omega x h:
+
+        tau_cmd_wheel = A^+ (N - tau_ctrl_body - omega x A h)        (paper 004, eq. 16)
+
+    at each sample, or every `wheel_sample_time`, held in between. What the wheels hold against each
+    other no dump takes out: with four of them `null_gain` lets it decay, or `fill` of the fullest
+    may never come to `end`.
+
+    Source: ours; Starin & Eterno, Attitude Determination and Control Systems (2011), for the rule.
+    """
+
+    no_law = "it lets momentum grow to its threshold"
+
+    sample_time: float = Parameter(
+        "s", "time between samples, a multiple of the step", start=10.0, min=1e-3
+    )
+    by: int = Parameter("1", "what dumps", choices=("thrusters", "coils"), start="thrusters")
+    fill: int = Parameter("1", "which momentum is held against the thresholds",
+                          choices=("wheels", "sum"), start="wheels")  # fmt: skip
+    begin: float = Parameter("N.m.s", "momentum at which a dump begins", start=0.7, min=1e-9,
+                             needs=("h_wheel",))  # fmt: skip
+    end: float = Parameter("N.m.s", "momentum at which it ends; below begin", start=0.1, min=0.0)
+    torque: float = Parameter(
+        "N.m", "torque of a dump by thrusters, which the wheels take up", start=0.01, min=1e-9
+    )
+    aligned: float = Parameter(
+        "1", "a dump by thrusters waits until |h|_1 / |h| is at most this; 0: it does not",
+        min=0.0, max=1.7320508075688772,
+    )  # fmt: skip
+    longest_wait: float = Parameter("s", "no dump waits longer", start=86400.0, min=0.0)
+    gain: float = Parameter("1/s", "gain of the coils' law", start=5e-3, min=0.0)
+    m_limit: float = Parameter("A.m2", "largest dipole of each axis", start=20.0, min=0.0,
+                               follows="torquers.m_limit")  # fmt: skip
+
+    mode: int = Output(
+        "1", "what the manager does", interval=True, choices=("idle", "dumping", "waiting")
+    )  # fmt: skip
+    dumps: int = Output("1", "dumps that have begun", interval=True)
+    dumping_time: float = Output("s", "time of all dumps", interval=True)
+
+    def start(self) -> None:
+        super().start()
+        if self.end >= self.begin:
+            self.fail(f"end = {self.end} N m s is not below begin = {self.begin} N m s")
+        if 0.0 < self.aligned < 1.0:
+            self.fail(f"aligned = {self.aligned}: |h|_1 / |h| is never below 1; 0 does not wait")
+        self.dumps, self.dumping_time = 0, 0.0
+        self._since = 0.0
+
+    def foresee(self, begin: float, end: float, wired: frozenset[str]) -> Iterator[str]:
+        name = ("tau_cmd_thruster_body", "m_cmd_body")[self.by]
+        if name not in wired:
+            self.fail(f"by = {('thrusters', 'coils')[self.by]}: {name} reaches nobody")
+        yield from super().foresee(begin, end, wired)
+
+    def dump(self, t: float, elapsed: float, h: Vec3) -> tuple[Vec3, Split]:
+        size = norm(h)
+        fill = max(abs(x) for x in self.h_wheel) if self.fill == WHEELS else size
+        if self.mode == IDLE and fill >= self.begin:
+            self.mode, self._since = WAITING, t
+        if self.mode == WAITING and self._goes(t, h, size):
+            self.mode = DUMPING
+            self.dumps += 1
+        if self.mode == DUMPING and (fill <= self.end or size == 0.0):
+            self.mode = IDLE
+        if self.mode != DUMPING:
+            return ZERO, (ZERO, ZERO)
+        self.dumping_time += self.sample_time
+        if self.by == THRUSTERS:
+            rest = size * (1.0 - self.end / fill) / self.sample_time
+            n = scale(-min(self.torque, max(rest, LAST * self.torque)) / size, h)
+            return n, (ZERO, n)
+        if not self.valid_b:
+            return ZERO, (ZERO, ZERO)
+        m = clip(cross_product.normalised(h, self.b_body, self.gain), self.m_limit)
+        return cross(m, self.b_body), (m, ZERO)
+
+    def _goes(self, t: float, h: Vec3, size: float) -> bool:
+        """Whether a dump that is due begins at this sample."""
+        if self.by == COILS or self.aligned == 0.0 or t - self._since >= self.longest_wait:
+            return True
+        return abs(h[0]) + abs(h[1]) + abs(h[2]) <= self.aligned * size

@@ -1,0 +1,346 @@
+"""`desat size` of a craft that dumps by thrusters between thresholds (`manager_threshold`): how
+often it dumps, what a dump and a year take, and how long the tank lasts.
+
+The momentum H (N m s, eci) grows by what the disturbances leave, at the wanted attitude C(t), by
+the environment's own block; with h_b the body's own and A^+ the least squares over the wheels
+
+    h(t) = A^+ (C(t) H(t) - h_b(t)),   a dump begins where the fill of h comes to `begin`
+
+and leaves end / begin of A h. It takes the impulse of force that its thrusters need for that
+momentum u in the attitude where it begins: of pairs about the axes |u|_1 / arm, of nozzles by the
+least on-times (`least_on_times`). Rates are between the first dump and the last of TRIED, over
+whole dumps; those of a year are the mean over DATES days, each as if it lasted.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from math import inf, nan
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..numbers.derived import rotate_back
+from ..runs.prepare import prepare, read
+from ..runs.run import simulate
+from ..system.errors import DesatError
+from ..system.model import System
+from ..system.options import Options
+from .flight import (
+    Attitude,
+    Flight,
+    Hardware,
+    conjugate,
+    environment_block,
+    flown_at,
+    hardware_of,
+    inputs_at,
+    period_of,
+    values_of,
+)
+from .sizing import (
+    GRAVITY,
+    YEAR,
+    Date,
+    SourceShare,
+    Wishes,
+    cost_of,
+    days_of_year,
+    finite,
+    secular,
+    shares_of,
+)
+
+Array = NDArray[Any]
+LAW = "manager_threshold"
+TRIED, WAYS, APART = 10, 8, 0.01
+"""Dumps of a course, courses that rates are of, and how far their thresholds are apart either
+way, relative."""
+LONGEST = 20.0 * YEAR
+"""So long (s) the first dumps are waited for."""
+PARTS = 5
+"""Days of a scenario that are looked at."""
+NODES = 1440
+"""Rows of an orbit at least."""
+WEEK = 7.0 * 86400.0
+
+
+@dataclass(frozen=True)
+class Rates:
+    """What dumps come to, steady. Times s, momenta N m s, propellant kg."""
+
+    first: float
+    """from wheels at rest to the first dump; inf: never"""
+    interval: float
+    momentum: float
+    """that a dump takes out"""
+    impulse: float
+    """of force that a dump takes, N s"""
+    propellant: float
+    """of a dump"""
+
+    @property
+    def a_week(self) -> float:
+        """Dumps."""
+        return WEEK / self.interval if self.interval < inf else 0.0
+
+    @property
+    def a_year(self) -> float:
+        """Propellant, kg."""
+        return self.propellant * YEAR / self.interval if self.interval < inf else 0.0
+
+
+@dataclass(frozen=True)
+class DumpSizing:
+    """What a craft with thrusters needs, beside what it has."""
+
+    target: str
+    period: float
+    attitude: str
+    secular: tuple[float, ...]
+    """N m, eci"""
+    a_day: float
+    """N m s"""
+    sources: tuple[SourceShare, ...]
+    year: tuple[Date, ...]
+    begin: float
+    """N m s"""
+    end: float
+    capacity: float
+    """of the smallest wheel"""
+    steady: Rates
+    """in the scenario's time"""
+    a_year: float
+    """propellant, kg, the mean over the days of a year, by this layout and these thresholds"""
+    least_a_year: float
+    """the same where each dump waits for the attitude at which it costs least"""
+    weekly: float
+    """capacity of wheels that would dump once a week"""
+    tank: float
+    """kg; 0: it is not known"""
+    loop: Mapping[str, float | None]
+    """numbers of the closed loop: dumps_a_week, propellant_a_year, first_dump; empty: not flown"""
+    problems: tuple[str, ...]
+    notes: tuple[str, ...]
+
+    @property
+    def years(self) -> float:
+        """That the tank lasts; nan: it is not known."""
+        if self.tank == 0.0:
+            return nan
+        return self.tank / self.a_year if self.a_year > 0.0 else inf
+
+    def as_json(self) -> dict[str, Any]:
+        """What `--json` prints; what is without end, or not known, is null."""
+        steady = asdict(self.steady) | {"a_week": self.steady.a_week, "a_year": self.steady.a_year}
+        told = {k: finite(x) for k, x in asdict(self).items()}
+        return told | {"steady": finite(steady), "years": finite(self.years),
+                       "answer": self.answer}  # fmt: skip
+
+    @property
+    def answer(self) -> str:
+        """The sentence that answers."""
+        if self.problems:
+            return f"{self.target} cannot hold: {self.problems[0]}."
+        if self.steady.interval == inf:
+            return f"{self.target}: its wheels never come to {self.begin:.4g} N m s: no dump."
+        each = f"{1e3 * self.steady.propellant:.3g} g each"
+        text = (f"{self.target} dumps {self.steady.a_week:.3g} times a week, {each}, "
+                f"{self.a_year:.3g} kg a year")  # fmt: skip
+        text += f" (at least {self.least_a_year:.3g} kg where dumps wait for the cheapest attitude)"
+        if self.tank > 0.0:
+            text += f"; its {self.tank:g} kg last {self.years:.3g} years"
+        return f"{text}."
+
+
+def applies(system: System) -> bool:
+    """Whether a system dumps by thrusters between thresholds."""
+    manager = system.components.get("manager")
+    return manager is not None and manager.interface.model == LAW and (
+        manager.choice("by") == "thrusters"
+    )  # fmt: skip
+
+
+def size(
+    target: str, options: Options, wishes: Wishes | None = None,
+    progress: Callable[[str], None] = lambda text: None,
+) -> DumpSizing:  # fmt: skip
+    """Size dumps by thrusters. Raises DesatError for a craft without what it takes."""
+    wishes = wishes or Wishes()
+    case = prepare(read(target), options)
+    system, _ = case.or_raise()
+    if not applies(system):
+        raise DesatError(f"{target}: its manager does not dump by thrusters between thresholds")
+    hardware, values = hardware_of(system), values_of(system)
+    manager = system.components["manager"]
+    law = {**manager.values, "fill": manager.choice("fill")}
+    cost = cost_of(system, hardware, wishes)
+    isp = wishes.specific_impulse or hardware.specific_impulse
+    if cost is None or isp is None:
+        raise DesatError(f"{target}: its thrusters have neither arm nor nozzles, or no specific "
+                         "impulse: --arm and --isp say them")  # fmt: skip
+    attitude = _attitude(system)
+    progress("the days of the scenario")
+    flight = _flight(system, attitude)
+    torque, _ = secular(flight)
+    span = max(0.0, system.stop - system.start - (flight.times[-1] - flight.times[0]))
+    later = [
+        _flight(system, attitude, float(t)) for t in np.linspace(0.0, span, PARTS)[1:] if t > 0.0
+    ]
+    steady = mean_of([rates_of(f, hardware, law, cost, isp) for f in (flight, *later)])
+    year, each, least = [], [steady.a_year], [_least(flight, torque, cost, isp)]
+    if wishes.year:
+        progress("the days of a year")
+        each, least = [], []
+        for date, there in days_of_year(system, hardware, attitude):
+            day = flown_at(system, attitude, *there)
+            each.append(rates_of(day, hardware, law, cost, isp).a_year)
+            least.append(_least(day, secular(day)[0], cost, isp))
+            year.append(date)
+    loop: dict[str, float | None] = {}
+    if wishes.flown:
+        progress("the closed loop")
+        run = simulate(case).or_raise(target)
+        run.results.close()
+        wanted = ("dumps_a_week", "propellant_a_year", "first_dump", "dumps")
+        loop = {n: run.manifest.numbers[n].value for n in wanted if n in run.manifest.numbers}
+    capacity = float(hardware.capacity[hardware.capacity > 0.0].min(initial=inf))
+    made = DumpSizing(
+        target, flight.period, attitude.kind, tuple(torque.tolist()),
+        float(np.linalg.norm(torque)) * 86400.0, shares_of(flight, torque)[0], tuple(year),
+        float(law["begin"]), float(law["end"]), capacity, steady, float(np.mean(each)),
+        float(np.mean(least)), capacity * WEEK / steady.interval if steady.interval > 0.0 else inf,
+        float(values["thrusters"].get("tank", 0.0)), loop, (), (),
+    )  # fmt: skip
+    return replace(made, problems=tuple(_problems(made)), notes=tuple(_notes(made)))
+
+
+def _attitude(system: System) -> Attitude:
+    """The attitude that the guidance wants. Raises DesatError for one that moves otherwise."""
+    guide = system.roles.get("guidance")
+    kinds = {"guidance_nadir": ("nadir", "q_bo"), "guidance_inertial": ("inertial", "q_target_bi")}
+    if guide is None or guide.interface.model not in kinds:
+        raise DesatError(f"{system.name}: guidance: one of {', '.join(kinds)} is needed, whose "
+                         "attitude stays")  # fmt: skip
+    kind, name = kinds[guide.interface.model]
+    x, y, z, w = guide.values[name]
+    return Attitude(kind, (x, y, z, w), 0.0)
+
+
+def _flight(system: System, attitude: Attitude, since: float = 0.0) -> Flight:
+    """Whole orbits at the wanted attitude, a day of them or one, `since` (s) after the start."""
+    begin = system.start + since
+    block = environment_block(system.components["environment"])
+    first = inputs_at(block, [begin])
+    period = period_of(first["r_eci"][0], first["v_eci"][0])
+    orbits = max(1, round(86400.0 / period))
+    times = begin + np.linspace(0.0, orbits * period, max(orbits * 90, NODES) + 1)
+    block = environment_block(system.components["environment"])
+    return flown_at(system, attitude, inputs_at(block, times.tolist()), times)
+
+
+def rates_of(
+    flight: Flight, hardware: Hardware, law: Mapping[str, Any], cost: Callable[[Array], float],
+    isp: float,
+) -> Rates:  # fmt: skip
+    """The dumps of a flight that goes on as it is: the mean over WAYS, which begin at other times
+    of an orbit and with thresholds APART from each other. A dump more or less of a degree decides
+    in which quarter of the orbit the next begins; so it is of no use to follow one course."""
+    parts = np.linspace(-APART, APART, WAYS)
+    each = [
+        list(_course(flight, hardware, law, 1.0 + part, i * (len(flight.q) - 1) // WAYS))
+        for i, part in enumerate(parts)
+    ]
+    each = [course for course in each if course]
+    if not each:
+        return Rates(inf, inf, 0.0, 0.0, 0.0)
+    seconds = sum(course[-1][0] - course[0][0] for course in each)
+    count = sum(len(course) - 1 for course in each)
+    every = [u for course in each for _, u in course]
+    momentum = float(np.mean([np.linalg.norm(u) for u in every]))
+    impulse = float(np.mean([cost(u) for u in every]))
+    first = next(_course(flight, hardware, law, 1.0, 0))[0]
+    return Rates(first, seconds / count if count else inf, momentum, impulse,
+                 impulse / (isp * GRAVITY))  # fmt: skip
+
+
+def mean_of(each: Sequence[Rates]) -> Rates:
+    """Of rates that follow each other for equally long: those of the whole."""
+    some = [r for r in each if r.interval < inf]
+    if not some:
+        return each[0]
+    a_second = float(np.mean([1.0 / r.interval if r.interval < inf else 0.0 for r in each]))
+    shares = np.array([1.0 / r.interval for r in some])
+    momentum, impulse, propellant = (
+        float(shares @ np.array(x) / shares.sum())
+        for x in zip(*((r.momentum, r.impulse, r.propellant) for r in some), strict=True)
+    )
+    return Rates(each[0].first, 1.0 / a_second, momentum, impulse, propellant)
+
+
+def _course(
+    flight: Flight, hardware: Hardware, law: Mapping[str, Any], part: float, row: int
+) -> Iterator[tuple[float, Array]]:  # fmt: skip
+    """The first TRIED dumps of wheels that are at rest at a row: when (s), and the momentum (3,)
+    N m s, body, that is taken out. `part`: of the threshold at which they begin."""
+    to_body, begin = conjugate(flight.q), part * float(law["begin"])
+    spread = hardware.spread() if law["fill"] == "wheels" else np.eye(3)
+    there = hardware.capacity > 0.0 if law["fill"] == "wheels" else np.ones(3, bool)
+    target = np.array(law["h_target_body"], float)
+    gained = flight.disturbance - flight.disturbance[0]
+    # what the body itself has turns with it: wheels at rest begin with that as the whole
+    total = rotate_back(flight.q[row : row + 1], flight.body[row : row + 1])[0]
+    times, span = flight.times - flight.times[0], float(flight.times[-1] - flight.times[0])
+    begun, dumps = -float(times[row]), 0
+    while dumps < TRIED and begun < LONGEST:
+        whole = total + gained[row:] - gained[row]
+        held = rotate_back(to_body[row:], whole) - flight.body[row:] - target
+        fill = (np.abs(held @ spread.T)[:, there].max(axis=1) if law["fill"] == "wheels"
+                else np.linalg.norm(held, axis=1))  # fmt: skip
+        full = fill >= begin
+        if not full.any():
+            total, begun, row = whole[-1], begun + span, 0
+            if not dumps and begun >= 3.0 * span and _stays(flight, law, fill):
+                return
+            continue
+        k = int(np.argmax(full))
+        out = held[k] * (1.0 - float(law["end"]) / float(fill[k]))
+        total = whole[k] - rotate_back(flight.q[row + k : row + k + 1], out[None])[0]
+        row, dumps = row + k, dumps + 1
+        yield begun + float(times[row]), out
+
+
+def _stays(flight: Flight, law: Mapping[str, Any], sizes: Array) -> bool:
+    """Whether wheels that have not come to their threshold never will in LONGEST."""
+    torque, _ = secular(flight)
+    return bool(float(sizes.max()) + float(np.linalg.norm(torque)) * LONGEST < law["begin"])
+
+
+def _least(flight: Flight, torque: Array, cost: Callable[[Array], float], isp: float) -> float:
+    """kg a year where each dump waits for the attitude at which its momentum costs least."""
+    size = float(np.linalg.norm(torque))
+    if size == 0.0:
+        return 0.0
+    rows = slice(None, None, max(1, len(flight.q) // 720))
+    q = conjugate(flight.q[rows])
+    along = rotate_back(q, np.broadcast_to(torque / size, (len(q), 3)))
+    return size * YEAR * min(cost(u) for u in along) / (isp * GRAVITY)
+
+
+def _problems(made: DumpSizing) -> Iterator[str]:
+    if made.begin > made.capacity:
+        yield (
+            f"dumps begin at {made.begin:.4g} N m s, and a wheel holds {made.capacity:.4g} N m s"
+        )
+    if made.steady.impulse == inf:
+        yield "its thrusters give no torque about some axis: no dump comes to its end"
+
+
+def _notes(made: DumpSizing) -> Iterator[str]:
+    dumps = made.loop.get("dumps")
+    if made.loop and (dumps is None or dumps < 7):
+        yield (
+            f"the closed loop has {dumps or 0:g} dumps: its rates are of few; --stop flies longer"
+        )
