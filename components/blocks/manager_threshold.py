@@ -25,9 +25,9 @@ class ManagerThreshold(MomentumDumping):
 
     thrusters: the dumping torque is N = -torque h / |h|, at the last sample no more than brings
     `fill` to `end`; pairs about the body's axes give it with on-times of |N_x|, |N_y| and |N_z|
-    over their levels. With `aligned`
-    above 0 a dump waits until |h_x| + |h_y| + |h_z| is at most aligned |h| in the attitude that the
-    craft comes to, for that is what it costs, but no longer than `longest_wait`.
+    over their levels. With `aligned` above 0 a dump waits until |h_x| + |h_y| + |h_z| is at most
+    aligned |h| in the attitude that the craft comes to, for that is what it costs, but no longer
+    than `longest_wait`.
 
     coils: M = gain (h x B) / |B|^2, each component within +-`m_limit`; N = M x B. None at a sample
     whose field is not valid.
@@ -47,7 +47,7 @@ class ManagerThreshold(MomentumDumping):
     no_law = "it lets momentum grow to its threshold"
 
     sample_time: float = Parameter(
-        "s", "time between samples, a multiple of the step", start=10.0, min=1e-3
+        "s", "time between samples, a multiple of the step", start=10.0, min=0.0
     )
     by: int = Parameter("1", "what dumps", choices=("thrusters", "coils"), start="thrusters")
     fill: int = Parameter("1", "which momentum is held against the thresholds",
@@ -75,6 +75,8 @@ class ManagerThreshold(MomentumDumping):
 
     def start(self) -> None:
         super().start()
+        if self.sample_time == 0.0:
+            self.fail("sample_time = 0 s: a dump has samples")
         if self.end >= self.begin:
             self.fail(f"end = {self.end} N m s is not below begin = {self.begin} N m s")
         if 0.0 < self.aligned < 1.0:

@@ -1,0 +1,182 @@
+"""Dumps by thrusters between thresholds: the law, pulses that carry their rest, a GEO craft from
+one line, and what `desat size` says of it beside values from elsewhere and its closed loop."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from desat.begin.craft import CraftFacts, write
+from desat.components.blocks.manager_threshold import ManagerThreshold
+from desat.components.blocks.thrusters import Thrusters
+from desat.components.contract.block import BlockError
+from desat.engine import loop
+from desat.numbers.measures import growth_between
+from desat.runs.prepare import prepare
+from desat.sizing import dumps
+from desat.sizing.sizing import Wishes
+from desat.system.errors import DesatError
+from desat.system.options import Options
+
+GEO = CraftFacts(
+    orbit="geo", mass="2500kg", box="2.5,2.5,3", wheels="4 pyramid 50Nms", rods="none",
+    thrusters="4 10N", dump="thrusters 70:10", panel="13m2 1.35m", epoch="2027-03-20",
+)  # fmt: skip
+
+
+def law(**given: object) -> ManagerThreshold:
+    block = ManagerThreshold()
+    for name, value in {"begin": 1.0, "end": 0.2, "torque": 0.01, **given}.items():
+        setattr(block, name, value)
+    block.check()
+    block.start()
+    return block
+
+
+def flown(block: ManagerThreshold, momentum: list[float], steps: int, grows: float = 0.0):
+    """Samples of a wheel assembly that takes just what is commanded: momenta, modes, torques."""
+    h, rows = np.array([*momentum, 0.0]), []
+    for k in range(steps):
+        block.h_wheel = tuple(h)
+        block.advance(10.0 * k, 10.0)
+        n = np.array(block.tau_cmd_thruster_body)
+        rows.append((float(np.abs(h).max()), block.mode, n))
+        h[:3] += 10.0 * n
+        h[0] += 10.0 * grows
+    return rows
+
+
+def test_a_dump_goes_from_one_threshold_to_the_other():
+    block = law()
+    rows = flown(block, [0.99, 0.0, 0.0], 400, grows=1e-3)
+    dumping = [fill for fill, mode, _ in rows if mode == 1]
+    assert max(fill for fill, _, _ in rows) < 1.011, "no sample beyond the first above it"
+    assert 0.19 < min(fill for fill, _, _ in rows) <= 0.2 + 0.01 + 1e-9, "which has grown since"
+    assert block.dumps > 10
+    assert block.dumping_time == pytest.approx(10.0 * len(dumping))
+    assert all(np.linalg.norm(n) <= 0.01 + 1e-15 for _, _, n in rows)
+
+
+def test_an_aligned_dump_waits_for_its_attitude_but_not_for_ever():
+    turned = [1.0, 1.0, 0.0]  # |h|_1 / |h| is 1.414
+    assert [mode for _, mode, _ in flown(law(aligned=1.1, longest_wait=45.0), turned, 7)] == (
+        [2] * 5 + [1] * 2
+    )  # fmt: skip
+    assert [mode for _, mode, _ in flown(law(aligned=1.5), turned, 2)] == [1, 1]
+
+
+@pytest.mark.parametrize(
+    ("given", "text"),
+    [({"end": 1.0}, "end = 1.0 N m s is not below begin"), ({"aligned": 0.5}, "is never below 1")],
+)
+def test_thresholds_that_mean_nothing_are_refused(given, text):
+    with pytest.raises(BlockError, match=text):
+        law(**given)
+
+
+@pytest.mark.parametrize(("carried", "given"), [(False, 0.0), (True, 1.0)])
+def test_what_a_pulse_leaves_comes_with_the_next(carried, given):
+    """Of a torque whose on-times are a third of the shortest pulse, both ways."""
+    block = Thrusters()
+    block.carried, block.sample_time, block.least_pulse = carried, 10.0, 0.06
+    block.check()
+    block.start()
+    total = 0.0
+    for k in range(300):
+        way = 1.0 if k < 240 else -1.0
+        block.tau_cmd_thruster_body = (way * 0.02 / 10.0 * block.tau_level[0], 0.0, 0.0)
+        block.advance(10.0 * k, 10.0)
+        total += 10.0 * block.tau_mean_thruster_body[0]
+    wanted = (240 - 60) * 0.02 * block.tau_level[0]
+    assert total == pytest.approx(given * wanted, abs=0.06 * block.tau_level[0])
+
+
+def test_growth_is_between_the_first_event_and_the_last():
+    times = np.arange(11.0)
+    events = np.array([[0, 0, 1, 1, 1, 2, 2, 2, 3, 3, 3]], float).T
+    grown = np.array([[0, 0, 0, 4, 4, 4, 8, 8, 8, 12, 12]], float).T
+    assert growth_between(times, grown, events, 6.0) == 8.0
+    assert np.isnan(growth_between(times, grown, 0.0 * events, 6.0))
+
+
+def test_a_run_of_many_millions_of_steps_goes_on():
+    """The chunk between two looks at the clock grew without end where a buffer ends each."""
+    master = SimpleNamespace(k=0)
+
+    class Steps:
+        seconds = 0.0
+
+        def some(self, most: int) -> None:
+            master.k += most
+
+    room = SimpleNamespace(room=1000, look=lambda: None)
+    quiet = SimpleNamespace(tick=lambda: None)
+    never = SimpleNamespace(reason=lambda: "")
+    arguments = {"beside": room, "checkpoints": None, "recorder": quiet, "ending": never}
+    looked = loop.run.__code__.co_varnames[: loop.run.__code__.co_argcount]
+    values = {"master": master, "steps": Steps(), "until": 2_000_000, "interrupted": lambda: False,
+              "report": lambda k: None, **arguments}  # fmt: skip
+    loop.run(**{name: values[name] for name in looked if name in values})
+    assert master.k == 2_000_000
+
+
+@pytest.fixture(scope="module")
+def geo(tmp_path_factory: pytest.TempPathFactory) -> str:
+    folder = tmp_path_factory.mktemp("geo") / "geo"
+    write(folder, GEO, "desat new craft geo")
+    assert not (folder / "detumbling.toml").exists()
+    return str(folder)
+
+
+def test_the_geo_of_the_notes_is_sized_from_one_line(geo):
+    """76.9 uN m on 20 March 2027, 71.4 (12 June) to 80.3 (19 February) over the year, 0.918 dumps a
+    week, 1.038 kg a year flown and 0.749 at least, by hand-made files and other code."""
+    made = dumps.size(geo, Options(), Wishes(flown=False))
+    assert np.linalg.norm(made.secular) == pytest.approx(76.9e-6, rel=0.005)
+    least, most = (pick(made.year, key=lambda d: d.secular) for pick in (min, max))
+    assert (least.day, most.day) == ("2027-06-12", "2028-02-19")
+    assert least.secular == pytest.approx(71.4e-6, rel=0.005)
+    assert most.secular == pytest.approx(80.3e-6, rel=0.005)
+    assert made.steady.a_week == pytest.approx(0.918, rel=0.05)
+    assert made.a_year == pytest.approx(1.038, rel=0.05)
+    assert made.least_a_year == pytest.approx(0.749, rel=0.02)
+    assert made.problems == ()
+
+
+def test_the_model_is_within_5_percent_of_the_closed_loop(tmp_path):
+    """A craft in low orbit with thrusters alone, for it dumps often: 3 days, seven dumps."""
+    wanted = CraftFacts(sso="600km", size="12U", rods="none", thrusters="4 10mN",
+                        dump="thrusters 70:10")  # fmt: skip
+    write(tmp_path / "mine", wanted, "desat new craft mine")
+    made = dumps.size(str(tmp_path / "mine"), Options(stop=3.0 * 86400.0), Wishes(year=False))
+    assert made.loop["dumps"] >= 7
+    assert made.steady.a_week == pytest.approx(made.loop["dumps_a_week"], rel=0.05)
+    assert made.steady.a_year == pytest.approx(made.loop["propellant_a_year"], rel=0.05)
+
+
+def test_worst_of_a_geo_craft_is_sound(geo):
+    case = prepare(f"{geo}/worst.toml", Options())
+    assert case.checked.problems == []
+
+
+@pytest.mark.parametrize(
+    ("given", "text"),
+    [
+        ({"dump": None}, "--rods none: --dump says what takes momentum out"),
+        ({"dump": "thrusters 10:70"}, "it ends at 70 %, which is not below 10 %"),
+        ({"dump": "sails 70:10"}, "the form is thrusters BEGIN:END or coils BEGIN:END"),
+        ({"dump": "coils 70:10"}, "--rods none leaves no coils"),
+        ({"thrusters": None}, "--thrusters says which"),
+        ({"orbit": "geos"}, "did you mean geo"),
+        ({"orbit": "50x35786km"}, "--orbit 50 km"),
+        ({"panel": "13"}, "area and arm are needed"),
+    ],
+)
+def test_a_craft_that_cannot_be_is_refused(tmp_path, given, text):
+    facts = {**{k: v for k, v in vars(GEO).items() if v is not None}, **given}
+    with pytest.raises(DesatError) as error:
+        write(tmp_path / "x", CraftFacts(**facts), "")
+    assert text in str(error.value)
+    assert not (tmp_path / "x").exists()
