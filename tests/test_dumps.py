@@ -54,7 +54,7 @@ def test_a_dump_goes_from_one_threshold_to_the_other():
     dumping = [fill for fill, mode, _ in rows if mode == 1]
     assert max(fill for fill, _, _ in rows) < 1.011, "no sample beyond the first above it"
     assert 0.19 < min(fill for fill, _, _ in rows) <= 0.2 + 0.01 + 1e-9, "which has grown since"
-    assert block.dumps > 10
+    assert block.dumps in (4, 5)
     assert block.dumping_time == pytest.approx(10.0 * len(dumping))
     assert all(np.linalg.norm(n) <= 0.01 + 1e-15 for _, _, n in rows)
 

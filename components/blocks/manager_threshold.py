@@ -11,8 +11,9 @@ from ..maths.vector import ZERO, clip, cross, norm, scale
 WHEELS, SUM = range(2)
 THRUSTERS, COILS = range(2)
 WAITING = 2
-LAST = 0.05
-"""Of the torque: the last sample of a dump has no less, or noise would keep it from its end."""
+LAST, SAMPLES = 0.05, 10
+"""Of the torque: no sample of a dump has less, or noise would keep it from its end; and so many
+samples that are to come to the end are the last, whatever comes in meanwhile."""
 
 
 class ManagerThreshold(MomentumDumping):
@@ -83,6 +84,7 @@ class ManagerThreshold(MomentumDumping):
             self.fail(f"aligned = {self.aligned}: |h|_1 / |h| is never below 1; 0 does not wait")
         self.dumps, self.dumping_time = 0, 0.0
         self._since = 0.0
+        self._last = 0
 
     def foresee(self, begin: float, end: float, wired: frozenset[str]) -> Iterator[str]:
         name = ("tau_cmd_thruster_body", "m_cmd_body")[self.by]
@@ -96,15 +98,18 @@ class ManagerThreshold(MomentumDumping):
         if self.mode == IDLE and fill >= self.begin:
             self.mode, self._since = WAITING, t
         if self.mode == WAITING and self._goes(t, h, size):
-            self.mode = DUMPING
+            self.mode, self._last = DUMPING, 0
             self.dumps += 1
-        if self.mode == DUMPING and (fill <= self.end or size == 0.0):
+        if self.mode == DUMPING and (
+            self._last >= SAMPLES or fill <= self.end or size == 0.0
+        ):  # fmt: skip
             self.mode = IDLE
         if self.mode != DUMPING:
             return ZERO, (ZERO, ZERO)
         self.dumping_time += self.sample_time
         if self.by == THRUSTERS:
             rest = size * (1.0 - self.end / fill) / self.sample_time
+            self._last = self._last + 1 if rest <= self.torque else 0
             n = scale(-min(self.torque, max(rest, LAST * self.torque)) / size, h)
             return n, (ZERO, n)
         if not self.valid_b:
