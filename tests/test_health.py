@@ -218,7 +218,8 @@ def test_thrusters_whose_pulses_are_all_too_short(tmp_path, desat):
     """What is commanded and never fires is told of: 1."""
     desat("new", "craft", str(tmp_path / "jets"), "--thrusters", "10mN", check=True)
     sets = ["manager.split=dct", "manager.g_rate=1e-5", "manager.sample_time=10",
-            "wheels.h_start_wheel=0.005,0.005,0.005,0.005"]  # fmt: skip
+            "wheels.h_start_wheel=0.005,0.005,0.005,0.005",
+            "thrusters.carried=false"]  # fmt: skip
     given = Options(sources=["manager=manager_combined"], sets=sets, stop=20000.0)
     run = execute(str(tmp_path / "jets"), given)
     assert run.results.values("thrusters.on_time")[-1] == 0.0

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -16,15 +17,18 @@ LIMITS = {
     "uosat12/table3-ocdc-ilqr-1": (250, 144, 13_000),
     "nadir_day/day-dipole": (249, 131, 8_900),
     "space_telescope/ours-nominal": (275, 159, 50_200),
-    SSP: (247, 115, 8_200),
+    SSP: (245, 114, 8_200),
 }
 
 
 def counted(target: str, folder: Path) -> dict[str, int]:
     """The counts of a target, in a process of its own: what another one has read or imported is not
     counted."""
+    empty = folder / "tmp"  # what others have left in the usual one is swept, which would count
+    empty.mkdir(exist_ok=True)
     done = subprocess.run([sys.executable, str(ROOT / "tests" / "way.py"), target], text=True,
-                          capture_output=True, check=True, cwd=folder)  # fmt: skip
+                          capture_output=True, check=True, cwd=folder,
+                          env={**os.environ, "TMPDIR": str(empty)})  # fmt: skip
     found: dict[str, int] = json.loads(done.stdout)
     return found
 

@@ -42,7 +42,7 @@ class ManagerThreshold(MomentumDumping):
     other no dump takes out: with four of them `null_gain` lets it decay, or `fill` of the fullest
     may never come to `end`.
 
-    Source: ours; Starin & Eterno, Attitude Determination and Control Systems (2011), for the rule.
+    Source: ours.
     """
 
     no_law = "it lets momentum grow to its threshold"

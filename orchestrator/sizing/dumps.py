@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..numbers.derived import rotate_back
-from ..runs.prepare import prepare, read
+from ..runs.prepare import prepare, read, resolved
 from ..runs.run import simulate
 from ..system.errors import DesatError
 from ..system.model import System
@@ -161,6 +161,15 @@ def applies(system: System) -> bool:
     return manager is not None and manager.interface.model == LAW and (
         manager.choice("by") == "thrusters"
     )  # fmt: skip
+
+
+def is_of(target: str, options: Options) -> bool:
+    """Whether a target is such a system; False of one that cannot be had, which is said where it is
+    sized."""
+    try:
+        return applies(resolved(target, options)[0])
+    except DesatError:
+        return False
 
 
 def size(

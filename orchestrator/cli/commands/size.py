@@ -81,14 +81,13 @@ def size(
     and over a year, the least rod that any law can do with, duty and momentum over rods law by
     law, and the rods for the duty asked for. Ends with 1 where the craft cannot hold.
     """
-    from ...runs.prepare import resolved
     from ...sizing import dumps, sizing
     from ...sizing import map as sizing_map
     from ...sizing import page as sizing_page
 
     options = o.options_of(sets, stop, None, o.Semantics.gauss_seidel, blocks, sources=sources)
     angle, seconds = _slew(slew)
-    by_thrusters = dumps.applies(resolved(target, options)[0])
+    by_thrusters = dumps.is_of(target, options)
     if by_thrusters:
         o.refuse(ctx, "it is of coils, and this craft dumps by thrusters", "duty", "margin", "slew",
                  "tip_off", "laws", "as_map", "html")  # fmt: skip
