@@ -468,8 +468,8 @@ ROWS = SimpleNamespace()
 def test_a_supervised_run_ends_as_its_process(monkeypatch, tmp_path, ended, result, kept):
     """Its folder is removed where nobody has asked for one, whatever comes; the shorter of both
     limits holds for a call."""
-    if isinstance(ended.said.get("outcome"), tuple):
-        ended = replace(ended, said={**ended.said, "outcome": Outcome(*DONE)})
+    if isinstance(ended.reports.get("outcome"), tuple):
+        ended = replace(ended, reports={**ended.reports, "outcome": Outcome(*DONE)})
     limits, scratch = [], tmp_path / "scratch"
     monkeypatch.setattr(child, "watch", lambda *args: limits.append(args[-1]) or ended)
     monkeypatch.setattr(runs.Results, "open", lambda place: place)

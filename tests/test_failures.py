@@ -1443,7 +1443,7 @@ PROVOKED = {
     "size limit": "RLIMIT_FSIZE", "report,": "report", "--csv": "--csv", "journal": "journal",
     "checkpoint is": "savez", "cannot be written": 'EROFS|"/dev/null"', "not fit": "disk_usage",
     'substeps = "auto"': r"substeps|own\(", "512": "512",
-    "by which it chose": "looked_at_again|again",
+    "by which it chose": "choose_again|again",
     "given substeps": "substeps=1", "10,000": "10_001", "50,000": "50000", "is closed": ">&-",
     "(a pipe)": "stdout.close", "lost their end": "left", "report fails": "write_report",
     "`..`": r'"\.\./', "absolute": '"/etc', "%2e": "%2e", "a drive": "C:/",

@@ -355,7 +355,7 @@ def test_a_run_is_made_three_times_at_most(monkeypatch):
         made.append(choice.substeps)
         return simulated(case, choice, *rest)
 
-    monkeypatch.setattr(substep_choice, "looked_at_again", more)
+    monkeypatch.setattr(substep_choice, "choose_again", more)
     monkeypatch.setattr(running, "_simulate", counted)
     run = simulate(prepare("gyrostat/pulses", Options(substeps=AUTO, stop=20.0)))
     first = made[0]

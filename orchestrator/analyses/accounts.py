@@ -19,11 +19,9 @@ ABOUT = 3.0
 def problems(system: System) -> Iterator[str]:
     """A line for an orbit that loses another mass to a force than the thrusters that give it
     spend."""
-    for (target, name), wire in system.fed.items():
+    for target, wire in system.by_input[FORCE].items():
         source = wire.source
         thrusters, orbit = system.components[source], system.components[target]
-        if name != FORCE:
-            continue
         if IMPULSE not in thrusters.interface.signals or IMPULSE not in orbit.interface.signals:
             continue
         theirs, its = thrusters.values[IMPULSE], orbit.values[IMPULSE]

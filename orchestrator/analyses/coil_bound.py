@@ -18,7 +18,7 @@ import numpy as np
 from desat.components.laws import momentum_management as laws
 from desat.components.laws import momentum_offline as offline
 
-from ..numbers.derived import rotate_back
+from ..numbers.derived import from_body, rotate_back, unit_rows
 from ..numbers.text import Value
 from ..system.errors import DesatError
 from . import with_titles
@@ -91,18 +91,18 @@ def course_of(manifest: Manifest, results: Results) -> tuple[offline.Course, Any
     step = manifest.step
     every = round(parameters["manager"]["sample_time"] / step)
     count = len(dipole) // every
-    middle = _unit(q[:-1] + q[1:])[: count * every]
+    middle = unit_rows(q[:-1] + q[1:])[: count * every]
     mean_field = (field[:-1] + field[1:])[: count * every] / 2.0
     torque = np.cross(rotate_back(middle, dipole[: count * every]), mean_field)
     given = np.diff(impulse, axis=0)[: count * every] - step * torque
-    attitudes = _matrices(_unit(q[: count * every + 1 : every]))
+    attitudes = from_body(unit_rows(q[: count * every + 1 : every])).transpose(0, 2, 1)
     failed = parameters["torquers"]["failed_coil"]
     gives = parameters["torquers"].get("failed_share", 0.0) != 0.0
     dead = 0 if failed == "none" or gives else int(failed)
     live = laws.without(tuple(parameters["torquers"]["axes_coil"]), dead)
     s = np.reshape(laws.weighting(live), (3, 3))
     inverse = np.linalg.pinv(np.reshape(parameters["wheels"]["axes_wheel"], (3, 4)))
-    halves = _matrices(middle[every // 2 :: every])
+    halves = from_body(middle[every // 2 :: every]).transpose(0, 2, 1)
     course = offline.Course(
         step * every,
         mean_field.reshape(count, every, 3).mean(axis=1),
@@ -111,13 +111,3 @@ def course_of(manifest: Manifest, results: Results) -> tuple[offline.Course, Any
         np.einsum("wi,kia->kwa", inverse, attitudes[1:]),
     )
     return course, impulse[0]
-
-
-def _unit(q: Any) -> Any:
-    return q / np.linalg.norm(q, axis=1, keepdims=True)
-
-
-def _matrices(q: Any) -> Any:
-    """C(q) of quaternions (n, 4): v_body = C v_eci."""
-    columns = [rotate_back(q, np.broadcast_to(e, (len(q), 3))) for e in np.eye(3)]
-    return np.stack(columns, axis=1)

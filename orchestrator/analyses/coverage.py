@@ -30,11 +30,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..numbers.derived import rotate
 from ..numbers.text import Value
 from ..system.model import AUTO, System
 from . import Parts, residual
 from .manifest import Manifest
-from .motion import rotate
 
 if TYPE_CHECKING:
     from ..engine.recording.results import Results

@@ -43,9 +43,7 @@ PARTS = FiringParts
 
 def applies(system: System) -> FiringParts | None:
     """By the connections; None where nobody commands thrusters of a craft with wheels."""
-    for (thrusters, name), wire in system.fed.items():
-        if name != "tau_cmd_thruster_body":
-            continue
+    for thrusters, wire in system.by_input["tau_cmd_thruster_body"].items():
         manager, of = wire.source, system.components[thrusters]
         body = system.takers.get((thrusters, "tau_mean_thruster_body"))
         if body is None or "h_copy_wheel" not in system.components[body].interface.arrays:
@@ -149,7 +147,7 @@ def _too_strong(component: Component) -> list[str]:
 def _unmoved(system: System) -> list[str]:
     """A line for each component that is given the force and has not the option, or has it off."""
     lines = []
-    for name in (target for target, array in system.fed if array == INPUT):
+    for name in system.by_input[INPUT]:
         component = system.components[name]
         if OPTION not in component.interface.signals:
             lines.append(f"{name}.{INPUT}: {component.source} has no {OPTION}; its orbit does not "

@@ -79,9 +79,9 @@ def _attitude(system: System) -> tuple[str, str] | None:
         for c in system.components.values()
         if c.interface.role == "spacecraft" and "omega_bi_body" in c.interface.arrays
     ]
-    for (target, name), c in system.fed.items():
+    for target, c in system.by_input["q_ref_bi"].items():
         follower = system.components[target]
-        if name != "q_ref_bi" or follower.interface.role != "controller" or len(crafts) != 1:
+        if follower.interface.role != "controller" or len(crafts) != 1:
             continue
         if "enable" in follower.interface.signals and not follower.values["enable"]:
             continue

@@ -94,9 +94,7 @@ PARTS = ThrusterParts
 
 def applies(system: System) -> ThrusterParts | None:
     """By the connections; None where no manager commands thrusters."""
-    for (body, name), wire in system.fed.items():
-        if name != "tau_mean_thruster_body":
-            continue
+    for body, wire in system.by_input["tau_mean_thruster_body"].items():
         ends = (wire.source, "tau_cmd_thruster_body"), (body, "m_mean_body"), (body, "b_eci")
         if all(end in system.fed for end in ends):
             return ThrusterParts(body, wire.source, *(system.fed[end].source for end in ends))

@@ -22,7 +22,7 @@ from desat.components.contract.roles import Manager
 from desat.fmus.registry import block_class, names
 
 from ..language.content import content_of
-from ..numbers.derived import coil_impulse, matrices, rotate_back
+from ..numbers.derived import coil_impulse, matrices, rotate, rotate_back
 from ..numbers.text import Value
 from ..system.model import Component, System
 from . import Parts, with_titles
@@ -75,9 +75,7 @@ PARTS = ManagementParts
 
 def applies(system: System) -> ManagementParts | None:
     """By the connections; None where no manager commands coils of a craft with wheels."""
-    for (torquers, name), wire in system.fed.items():
-        if name != "m_cmd_body":
-            continue
+    for torquers, wire in system.by_input["m_cmd_body"].items():
         manager, body = wire.source, system.takers.get((torquers, "m_mean_body"))
         if body is None or "h_copy_wheel" not in system.components[body].interface.arrays:
             continue
@@ -265,8 +263,7 @@ def _compare(manifest: Manifest, results: Results) -> tuple[float, float] | None
         managed[1:] += np.cumsum(rotate_back(q[:-1], torque[: count - 1]) * steps, axis=0)
     stored = h @ axes.T
     first = rotate_back(q[:1], (stored + body)[:1])
-    conjugate = q * np.array([-1.0, -1.0, -1.0, 1.0])
-    without = rotate_back(conjugate, first + impulse - impulse[:1] - managed) - body
+    without = rotate(q, first + impulse - impulse[:1] - managed) - body
     late = times >= (times[0] + times[-1]) / 2.0
     left, other = (
         _rms(np.linalg.norm(x[late] - np.array(parts.target), axis=1), times[late])

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from desat.components.physics.orbit import EARTH_RATE, MU
 from desat.components.physics.torques import PLATE_COLUMNS, SOLAR_PRESSURE
 
-from ..numbers.derived import cross, rotate_back
+from ..numbers.derived import cross, rotate, rotate_back
 from ..system.model import System
 from ..system.parameters import Parameter
 
@@ -34,11 +34,6 @@ Torque = Callable[[float, Array], Array]
 NODES = (0.0, 0.5 - 0.5 * sqrt(3.0 / 7.0), 0.5, 0.5 + 0.5 * sqrt(3.0 / 7.0), 1.0)
 WEIGHTS = (1.0 / 20.0, 49.0 / 180.0, 16.0 / 45.0, 49.0 / 180.0, 1.0 / 20.0)
 """Of Lobatto's quadrature of order 8 over a step, as shares of it: at both ends all is known."""
-
-
-def rotate(q: Array, v: Array) -> Array:
-    """C(q) v, row by row: from eci to body."""
-    return rotate_back(q * np.array([-1.0, -1.0, -1.0, 1.0]), v)
 
 
 def _turned(q: Array, omega: Array) -> Array:

@@ -50,8 +50,8 @@ PARTS = RigidBodyParts
 def applies(system: System) -> RigidBodyParts | None:
     """Which component is a rigid body and where its wheels' momentum comes from; None: there is
     no such component."""
-    for (body, name), wire in system.fed.items():
-        if name == "h_wheel" and system.components[body].interface.arrays.keys() >= _NEEDED:
+    for body, wire in system.by_input["h_wheel"].items():
+        if system.components[body].interface.arrays.keys() >= _NEEDED:
             return RigidBodyParts(body, wire.series)
     return None
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from desat.components.physics.orbit import mean_motion
 
-from ..numbers.derived import rotate_back
+from ..numbers.derived import rotate, rotate_back, unit_rows
 from ..numbers.text import Value
 from ..system.model import System
 from . import Parts
@@ -78,7 +78,7 @@ def numbers(manifest: Manifest, results: Results) -> dict[str, Value]:
         return {}
     first = rows // 4
     turned = (field[:-1] + field[1:])[:rows] / 2.0
-    torque = np.cross(rotate_back(_unit(q[:-1] + q[1:])[:rows], dipole), turned)
+    torque = np.cross(rotate_back(unit_rows(q[:-1] + q[1:])[:rows], dipole), turned)
     moved = np.diff(impulse[: rows + 1], axis=0)
     gravity = moved - step * torque
     fastest = np.abs(speed[first:rows]).max(axis=1) * RPM
@@ -117,7 +117,7 @@ def numbers(manifest: Manifest, results: Results) -> dict[str, Value]:
     )  # fmt: skip
     held = max(1, round(law["sample_time"] / step))
     part = slice(first + held // 2, rows, held)  # the middle of a hold
-    b = _to_body(q[part], turned[part])
+    b = rotate(q[part], turned[part])
     size, across = (np.linalg.norm(x, axis=1) for x in (dipole[part], np.cross(wanted[part], b)))
     sine = across / np.maximum(np.linalg.norm(wanted[part], axis=1)
                                * np.linalg.norm(b, axis=1), 1e-300)  # fmt: skip
@@ -140,11 +140,6 @@ def numbers(manifest: Manifest, results: Results) -> dict[str, Value]:
         entries["end_miss"] = ("What the ends of desaturation periods miss H_NOM by, rms, of H_D's",
                                _end_miss(law, impulse, wanted, q, step), "%")  # fmt: skip
     return {name: Value(*row) for name, row in entries.items() if np.isfinite(row[1])}
-
-
-def _to_body(q: Any, v: Any) -> Any:
-    """Rows of v (eci) in the body's axes."""
-    return rotate_back(q * np.array([-1.0, -1.0, -1.0, 1.0]), v)
 
 
 def _periodic(times: Any, momentum: Any, rate: float) -> float:
@@ -176,7 +171,3 @@ def _end_miss(law: Mapping[str, Any], impulse: Any, wanted: Any, q: Any, step: f
     missed = [impulse[k] - table[k // rows * nodes] for k in ends]
     dumped = [meant[k - rows : k].sum(axis=0) for k in ends]
     return 100.0 * float(np.linalg.norm(missed) / np.linalg.norm(dumped))
-
-
-def _unit(q: Any) -> Any:
-    return q / np.linalg.norm(q, axis=1, keepdims=True)

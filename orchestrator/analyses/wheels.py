@@ -73,7 +73,7 @@ def _orbit(environment: Component | None) -> tuple[float, float] | None:
 
 
 def _axes(system: System) -> Iterator[str]:
-    if not any(name == "tau_ctrl_body" for _, name in system.fed):
+    if not system.by_input["tau_ctrl_body"]:
         return  # nobody wants three axes: a boom, a bias wheel
     for c in system.components.values():
         if c.interface.role != "wheels" or "axes_wheel" not in c.interface.arrays:

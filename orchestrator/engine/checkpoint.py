@@ -41,7 +41,7 @@ class Checkpoint:
     ending: dict[str, Any]
     messages: dict[str, list[str]]
     """What each component had logged."""
-    told: dict[str, Any]
+    about: dict[str, Any]
     """What the caller wanted to find again."""
     arrays: dict[str, Array]
     states: dict[str, bytes]
@@ -94,7 +94,7 @@ class Checkpoints:
             "rows": self._recorder.on_disk(),
             "ending": self._ending.memory,
             "messages": {n: m.instance.messages for n, m in master.members.items()},
-            "told": dict(self._tell()),
+            "about": dict(self._tell()),
             "arrays": list(memory),
             "states": list(states),
         }
@@ -147,7 +147,7 @@ def _load(path: Path) -> Checkpoint:
         arrays = {name: file[f"arr_{i}"] for i, name in enumerate(head["arrays"])}
         states = {name: file[f"_{i + 1}"].tobytes() for i, name in enumerate(head["states"])}
     return Checkpoint(
-        path, int(head["k"]), int(head["rows"]), head["ending"], head["messages"], head["told"],
+        path, int(head["k"]), int(head["rows"]), head["ending"], head["messages"], head["about"],
         arrays, states,
     )  # fmt: skip
 

@@ -36,9 +36,9 @@ than `_LATER`, so that a call which was stopped has its whole limit when it goes
 
 @dataclass
 class Ended:
-    """How a watched process ended. `said`: what it told, by name (`layout`, `outcome`, `error`)."""
+    """How a watched process ended. `reports`: what it has said by name (`layout`, `error`)."""
 
-    said: dict[str, Any] = field(default_factory=dict)
+    reports: dict[str, Any] = field(default_factory=dict)
     component: str = ""
     call: str = ""
     how: str = ""
@@ -74,7 +74,7 @@ def watch(
     with _handed_on(child, ended):
         status = _wait(child, ours, ended, limit)
     ours.close()
-    if status not in (0, current_call.UNKNOWN) or "done" not in ended.said:
+    if status not in (0, current_call.UNKNOWN) or "done" not in ended.reports:
         ended.how = current_call.how(status)
     if ended.how:
         ended.component, ended.call = current_call.place_of(order)
@@ -87,16 +87,16 @@ def apart(work: Callable[[], T], order: Sequence[str], limit: float) -> T:
     where a component has ended that process, and KeyboardInterrupt or SystemExit for a signal."""
     ended = watch(lambda tell, unwritten: tell("made", work()), order, RowBuffer(), limit)
     stopped(ended)
-    if "error" in ended.said:
-        kind, arguments = ended.said["error"]
+    if "error" in ended.reports:
+        kind, arguments = ended.reports["error"]
         raise kind(*arguments)
-    if "system" in ended.said:
-        raise OSError(*ended.said["system"])
-    if "bug" in ended.said:
-        raise RuntimeError(ended.said["bug"])
+    if "system" in ended.reports:
+        raise OSError(*ended.reports["system"])
+    if "bug" in ended.reports:
+        raise RuntimeError(ended.reports["bug"])
     if ended.how:
         raise EndedError(ended.text(), Exit.TIMEOUT if ended.hung else Exit.COMPONENT)
-    made: T = ended.said["made"]
+    made: T = ended.reports["made"]
     return made
 
 
@@ -110,7 +110,7 @@ def stopped(ended: Ended) -> None:
 
 def layout_of(ended: Ended) -> Layout | None:
     """Where the rows in memory lie; None where the run had none yet."""
-    layout: Layout | None = ended.said.get("layout")
+    layout: Layout | None = ended.reports.get("layout")
     return layout
 
 
@@ -156,7 +156,7 @@ def _wait(child: int, pipe: Connection, ended: Ended, limit: float) -> int:
         if listening and pipe.poll(_LOOK):
             try:
                 name, what = pipe.recv()
-                ended.said[name] = what
+                ended.reports[name] = what
             except (EOFError, OSError):
                 listening = False
             continue

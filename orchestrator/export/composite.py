@@ -153,7 +153,7 @@ class Composite:
         if name in self._parts:
             yield from getattr(self, f"_{call.verb}")(member)
         elif call.verb == "pull":
-            yield from self._given(member)
+            yield from self._settings(member)
 
     def _push(self, member: Node) -> Iterator[str]:
         """A part's inputs set: those that are wired, and those that the loop has."""
@@ -188,7 +188,7 @@ class Composite:
                 cast = "(int32_t)" if kind == "Integer" else ""
                 yield f"{self._element(home, i)} = {cast}{value};"
 
-    def _given(self, member: Node) -> Iterator[str]:
+    def _settings(self, member: Node) -> Iterator[str]:
         """What the loop is given in the place of a component's outputs."""
         at = {
             (component, signal.name): f"self->v{n}[{i}]"
@@ -264,7 +264,7 @@ class Composite:
 
     def _pulled(self, member: Node) -> Iterator[str]:
         """A component's outputs read and shown at once."""
-        taken = self._pull(member) if member.name in self._parts else self._given(member)
+        taken = self._pull(member) if member.name in self._parts else self._settings(member)
         if name := self._function(taken, f"pull_{member.name}"):
             yield f"    {name}(c);"
         yield from self._calls(self._master.shown(member))

@@ -58,10 +58,10 @@ class Scenario:
 
     def where(self, path: tuple[str, ...]) -> str:
         """File and path of a value, for messages."""
-        file, key = self.given(path)
+        file, key = self.origin_of(path)
         return f"{at(file, key)}: {key}"
 
-    def given(self, path: tuple[str, ...]) -> tuple[str, str]:
+    def origin_of(self, path: tuple[str, ...]) -> tuple[str, str]:
         """File and key that give a value; of a parameter that its data do not have, its design."""
         own: Any = self.content.written
         for key in path:
@@ -115,7 +115,7 @@ class Scenario:
         from . import assembly
 
         where, parameters = paths.shown(self.file), self.parameters(designed)
-        draft = assembly.draft(self.content, parameters, self.folder, where, blocks, self.given)
+        draft = assembly.draft(self.content, parameters, self.folder, where, blocks, self.origin_of)
         draft.name, draft.about = self.name, self.content
         return draft
 

@@ -111,6 +111,21 @@ def rotate_back(q: Array, v: Array) -> Array:
     )
 
 
+def rotate(q: Array, v: Array) -> Array:
+    """C(q) v, row by row: from eci to body."""
+    return rotate_back(q * np.array([-1.0, -1.0, -1.0, 1.0]), v)
+
+
+def from_body(q: Array) -> Array:
+    """C(q)' (rows, 3, 3), row by row: from body to eci; by `rotate_back`."""
+    return np.stack([rotate_back(q, np.broadcast_to(e, (len(q), 3))) for e in np.eye(3)], axis=2)
+
+
+def unit_rows(rows: Array) -> Array:
+    """Rows (n, k), each over its size."""
+    return np.asarray(rows / np.linalg.norm(rows, axis=1, keepdims=True))
+
+
 def _rows(*columns: Array) -> Array:
     """Columns (rows,) as (rows, columns)."""
     made = np.empty((*columns[0].shape, len(columns)))
@@ -205,8 +220,7 @@ def _angles(reference: Array, attitude: Array, sequence: str) -> Array:
 def nadir_body(q: Array, r: Array) -> Array:
     """The unit vector to nadir in body (rows, 3), by the position in eci; its z is the cosine of
     the tilt of the body's z axis."""
-    conjugate = q * np.array([-1.0, -1.0, -1.0, 1.0])
-    return rotate_back(conjugate, -r / np.linalg.norm(r, axis=1, keepdims=True))
+    return rotate(q, -unit_rows(r))
 
 
 @quantity("", unit="deg")

@@ -38,7 +38,7 @@ class Value:
     """The scenario that it compares with."""
 
     @property
-    def said(self) -> str:
+    def label(self) -> str:
         """Its title, with what there is to say of it."""
         return f"{self.title} ({self.note})" if self.note else self.title
 

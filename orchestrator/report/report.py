@@ -64,7 +64,7 @@ def write_report(folder: Path, run: Run, baseline: Run | None = None) -> Path:
     figures = [_Drawn(i, c, Markup(figure.svg())) for i, (c, figure) in enumerate(drawn)]
     rows = [
         {
-            "title": n.said,
+            "title": n.label,
             "value": number(n.value),
             "baseline": number(baseline.manifest.numbers[name].value)
             if baseline and name in baseline.manifest.numbers

@@ -151,7 +151,7 @@ def show(name: str) -> list[dict[str, Any]]:
     """Every value of a scenario as merged, and the file, axis cell or design it comes from."""
     whole = scenario.own(Path(name)) if name.endswith(".toml") else scenario.find(name)
     rows = [
-        {"key": ".".join(path), "value": value, "from": whole.given(path)[0],
+        {"key": ".".join(path), "value": value, "from": whole.origin_of(path)[0],
          "cell": origin(whole.origins, path)[1].rstrip(".")}
         for path, value in _leaves(whole.content.data)
     ]  # fmt: skip

@@ -36,7 +36,7 @@ def attributes(manifest: Manifest) -> dict[str, str]:
     }  # fmt: skip
 
 
-def gone_on(now: Manifest, before: Mapping[str, Any], folder: str, again: str) -> Manifest:
+def resumed(now: Manifest, before: Mapping[str, Any], folder: str, again: str) -> Manifest:
     """The manifest of a run that goes on, which is the one that it had. Raises DesatError where
     the target, its wiring, an FMU, a package or this machine is not what it was, or where that
     cannot be told; `again`: the command that begins anew."""

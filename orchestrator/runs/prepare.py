@@ -267,7 +267,7 @@ def _drawn_from(draft: Draft, described: Scenario | None, options: Options) -> d
     for name in spread:
         key = name if name in given else f"*.{name.partition('.')[2]}"
         path = ("dispersions", key)
-        file, key = described.given(path) if described else (draft.where, ".".join(path))
+        file, key = described.origin_of(path) if described else (draft.where, ".".join(path))
         where[name] = f"{file}: {key}"
     return where
 

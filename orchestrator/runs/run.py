@@ -30,7 +30,7 @@ from ..system.model import System
 from ..system.options import Options, as_arguments, from_json
 from ..system.schedule import schedule
 from . import stopping, substep_choice
-from .manifest import end_manifest, gone_on, numbers, read_manifest, unrecorded
+from .manifest import end_manifest, numbers, read_manifest, resumed, unrecorded
 from .prepare import Case, prepare
 from .step_case import Outcome, step
 
@@ -95,14 +95,12 @@ def simulate(
         substep_choice.choose(case.target, system, case.options) if checkpoint is None else None
     )
     if checkpoint is not None:
-        choice = Manifest.from_json(checkpoint.told["manifest"]).substep_choice
+        choice = Manifest.from_json(checkpoint.about["manifest"]).substep_choice
     for left in reversed(range(substep_choice.AGAIN)):
         run = _simulate(_with_inner(case, choice), choice, folder, progress, checkpoint)
         if choice is None or not run.ok:
             break
-        more = substep_choice.looked_at_again(
-            case.target, system, case.options, choice, run.results
-        )
+        more = substep_choice.choose_again(case.target, system, case.options, choice, run.results)
         if more is None:
             break
         if more.substeps == choice.substeps or not left:
@@ -165,7 +163,7 @@ def _simulate(
     )  # fmt: skip
     if checkpoint is not None:
         again = f"desat run {shlex.quote(case.target)}{as_arguments(options)}"
-        manifest = gone_on(manifest, checkpoint.told["manifest"], str(folder), again)
+        manifest = resumed(manifest, checkpoint.about["manifest"], str(folder), again)
     if folder is not None:
         folder = folder.absolute()  # a component may change the working directory
     elif options.checkpoint is not None:
@@ -238,15 +236,15 @@ def _simulate_apart(
     limit = min(options.call_limit, options.time_limit or math.inf)
     try:
         ended = child.watch(work, schedule.order, unwritten, limit)
-        layout, outcome = child.layout_of(ended), ended.said.get("outcome")
-        if "error" in ended.said and (layout is None or outcome is not None):
-            kind, arguments = ended.said["error"]
+        layout, outcome = child.layout_of(ended), ended.reports.get("outcome")
+        if "error" in ended.reports and (layout is None or outcome is not None):
+            kind, arguments = ended.reports["error"]
             raise kind(*arguments)
-        full = no_space(ended.said.get("bug", ""))
-        if "system" in ended.said and not full and outcome is None:
-            raise OSError(*ended.said["system"])
-        if "bug" in ended.said and not full and outcome is None and not ended.signal:
-            raise RuntimeError(ended.said["bug"])
+        full = no_space(ended.reports.get("bug", ""))
+        if "system" in ended.reports and not full and outcome is None:
+            raise OSError(*ended.reports["system"])
+        if "bug" in ended.reports and not full and outcome is None and not ended.signal:
+            raise RuntimeError(ended.reports["bug"])
         if outcome is not None:
             if ended.how:  # all is recorded; it ended when a component was freed
                 outcome.status, outcome.message = "failed", f"{ended.text()}, after the run"
@@ -270,8 +268,8 @@ def _cut_short(
 ) -> tuple[Outcome, Results]:  # fmt: skip
     """How a run ended that could not say so itself, and its rows."""
     outcome = Outcome("failed", ended.text(), Exit.COMPONENT)
-    if "error" in ended.said:  # what it could not do while it recorded
-        outcome.message = str(ended.said["error"][1][0])
+    if "error" in ended.reports:  # what it could not do while it recorded
+        outcome.message = str(ended.reports["error"][1][0])
     if full:
         outcome = Outcome("no space", f"{place / SERIES}: {full}", Exit.SPACE)
     elif ended.signal:
@@ -332,7 +330,7 @@ def has_checkpoints(folder: Path) -> bool:
 
 def options_of(folder: Path) -> Options:
     """The options of a run with checkpoints. Raises DesatError where there is none."""
-    return from_json(_newest(folder).told)
+    return from_json(_newest(folder).about)
 
 
 def _newest(folder: Path) -> Checkpoint:
@@ -354,11 +352,11 @@ def resume(folder: Path, progress: bool = False) -> Run:
             return run
         run.results.close()
     checkpoint = _newest(folder)
-    target, options = checkpoint.told["target"], from_json(checkpoint.told)
+    target, options = checkpoint.about["target"], from_json(checkpoint.about)
     try:
-        with chdir(checkpoint.told["from"]):
+        with chdir(checkpoint.about["from"]):
             return simulate(prepare(target, options), folder, progress, checkpoint)
     except OSError as error:
-        if error.filename == checkpoint.told["from"]:
+        if error.filename == checkpoint.about["from"]:
             raise DesatError(f"{error.filename}: {error.strerror}: the run began there") from error
         raise

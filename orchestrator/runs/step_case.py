@@ -98,10 +98,10 @@ def step(
         ending, before = stopping.watch(master, ends, options.time_limit), 0.0
         if checkpoint is not None:
             checkpoint.restore(master, ending)
-            outcome.warnings[:] = checkpoint.told["warnings"]
-            before = checkpoint.told["seconds"]
+            outcome.warnings[:] = checkpoint.about["warnings"]
+            before = checkpoint.about["seconds"]
             if along is not None:
-                along.restore(checkpoint.told["balance"])
+                along.restore(checkpoint.about["balance"])
         recorder = Recorder(
             folder and folder / SERIES,
             master,
@@ -118,7 +118,7 @@ def step(
         steps = stepping(master, recorder, ending, options.loop)
         outcome.loop = {"name": steps.name, "why": steps.why}
 
-        def told() -> dict[str, Any]:
+        def about_now() -> dict[str, Any]:
             """What a checkpoint has of all this; what components have changed is put back, as it
             will be where the run goes on."""
             _add(outcome.warnings, changes("while it ran", handlers=False))
@@ -130,7 +130,7 @@ def step(
         try:
             if folder is not None and options.checkpoint is not None:
                 every = max(1, round(options.checkpoint / system.step))
-                checkpoints = Checkpoints(folder, every, master, recorder, ending, told)
+                checkpoints = Checkpoints(folder, every, master, recorder, ending, about_now)
                 if checkpoint is None:
                     checkpoints.save()
             with interruptible() as interrupted, bar(system.name, system.steps, progress) as report:

@@ -111,7 +111,7 @@ def settled(target: str, system: System) -> System:
     return system if choice is None else replace(system, substeps=choice.substeps)
 
 
-def looked_at_again(
+def choose_again(
     target: str, system: System, options: Options, choice: SubstepChoice, results: Results
 ) -> SubstepChoice | None:  # fmt: skip
     """Another choice for a run that has left the range of its flights, and is to be made again;

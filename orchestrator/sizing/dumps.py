@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..numbers.derived import rotate_back
+from ..numbers.derived import rotate, rotate_back
 from ..runs.prepare import prepare, read, resolved
 from ..runs.run import simulate
 from ..system.errors import DesatError
@@ -32,7 +32,6 @@ from .flight import (
     Attitude,
     Flight,
     Hardware,
-    conjugate,
     environment_block,
     flown_at,
     hardware_of,
@@ -47,8 +46,10 @@ from .sizing import (
     SourceShare,
     Wishes,
     cost_of,
+    costs_along,
     days_of_year,
     finite,
+    room_of,
     secular,
     shares_of,
 )
@@ -215,7 +216,7 @@ def size(
         run.results.close()
         wanted = ("dumps_a_week", "propellant_a_year", "first_dump", "dumps")
         loop = {n: run.manifest.numbers[n].value for n in wanted if n in run.manifest.numbers}
-    capacity = float(hardware.capacity[hardware.capacity > 0.0].min(initial=inf))
+    capacity = room_of(hardware)
     made = DumpSizing(
         target, flight.period, attitude.kind, tuple(torque.tolist()),
         float(np.linalg.norm(torque)) * 86400.0, shares_of(flight, torque)[0], tuple(year),
@@ -294,7 +295,7 @@ def _course(
 ) -> Iterator[tuple[float, Array]]:  # fmt: skip
     """The first TRIED dumps of wheels that are at rest at a row: when (s), and the momentum (3,)
     N m s, body, that is taken out. `part`: of the threshold at which they begin."""
-    to_body, begin = conjugate(flight.q), part * float(law["begin"])
+    begin = part * float(law["begin"])
     spread = hardware.spread() if law["fill"] == "wheels" else np.eye(3)
     there = hardware.capacity > 0.0 if law["fill"] == "wheels" else np.ones(3, bool)
     target = np.array(law["h_target_body"], float)
@@ -305,7 +306,7 @@ def _course(
     begun, dumps = -float(times[row]), 0
     while dumps < TRIED and begun < LONGEST:
         whole = total + gained[row:] - gained[row]
-        held = rotate_back(to_body[row:], whole) - flight.body[row:] - target
+        held = rotate(flight.q[row:], whole) - flight.body[row:] - target
         fill = (np.abs(held @ spread.T)[:, there].max(axis=1) if law["fill"] == "wheels"
                 else np.linalg.norm(held, axis=1))  # fmt: skip
         full = fill >= begin
@@ -332,10 +333,7 @@ def _least(flight: Flight, torque: Array, cost: Callable[[Array], float], isp: f
     size = float(np.linalg.norm(torque))
     if size == 0.0:
         return 0.0
-    rows = slice(None, None, max(1, len(flight.q) // 720))
-    q = conjugate(flight.q[rows])
-    along = rotate_back(q, np.broadcast_to(torque / size, (len(q), 3)))
-    return size * YEAR * min(cost(u) for u in along) / (isp * GRAVITY)
+    return size * YEAR * float(costs_along(flight, torque, cost, isp)[1].min())
 
 
 def _problems(made: DumpSizing) -> Iterator[str]:

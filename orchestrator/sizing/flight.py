@@ -23,7 +23,7 @@ from desat.components.physics.rod import warm
 from desat.fmus.registry import block_class, names
 
 from ..analyses import motion
-from ..numbers.derived import coil_impulse, cross, rotate_back
+from ..numbers.derived import coil_impulse, cross, from_body, rotate_back
 from ..system.errors import DesatError
 from ..system.model import Component, System
 from ..system.parameters import Parameter, table
@@ -188,17 +188,6 @@ def _largest_dipole(coils: Mapping[str, Any]) -> float:
     ohm = warm(cold, coils["temperature"], coils["temperature_coefficient"])
     share = cold / ohm if coils["regulation"] == "voltage" else 1.0
     return float(min(share * limit, coils["area_turns"] * voltage / ohm))
-
-
-def conjugate(q: Array) -> Array:
-    """q of the turn back, row by row."""
-    return np.asarray(q * np.array([-1.0, -1.0, -1.0, 1.0]))
-
-
-def matrices(q: Array) -> Array:
-    """C(q)' (rows, 3, 3), row by row: from body to eci."""
-    rows = [rotate_back(q, np.broadcast_to(e, (len(q), 3))) for e in np.eye(3)]
-    return np.stack(rows, axis=2)
 
 
 def period_of(r: Array, v: Array) -> float:
@@ -388,7 +377,7 @@ def flown_at(system: System, attitude: Attitude, inputs: dict[str, Array], times
     if attitude.kind == "nadir":
         q = np.array([product(attitude.q, lvlh_attitude(*pair)) for pair in pairs])
         rate = np.linalg.norm(cross(r, v), axis=1) / (r * r).sum(axis=1)
-        c = matrices(np.array([attitude.q]))[0].T
+        c = from_body(np.array([attitude.q]))[0].T
         omega = -rate[:, None] * c[:, 1]
     else:
         q = np.broadcast_to(np.array(attitude.q), (len(times), 4))

@@ -19,7 +19,7 @@ from desat.components.bases.orbit_start import MEAN
 from desat.components.physics.orbit import EARTH_RADIUS
 
 from ..runs.prepare import prepare, read
-from ..system import asked
+from ..system import quantities
 from ..system.errors import DesatError
 from ..system.model import System
 from ..system.options import Options
@@ -161,9 +161,10 @@ def map_of(
         altitudes=axes.altitudes or _ALTITUDES,
         dipoles=axes.dipoles or tuple(k * dipole for k in _DIPOLES),
     )
-    for quantity, values in ((asked.RODS, axes.rods), (asked.INCLINATIONS, axes.inclinations),
-                             (asked.ALTITUDES, tuple(x / 1e3 for x in axes.altitudes)),
-                             (asked.DIPOLES, axes.dipoles)):  # fmt: skip
+    for quantity, values in ((quantities.RODS, axes.rods),
+                             (quantities.INCLINATIONS, axes.inclinations),
+                             (quantities.ALTITUDES, tuple(x / 1e3 for x in axes.altitudes)),
+                             (quantities.DIPOLES, axes.dipoles)):  # fmt: skip
         for x in values:
             quantity(x)
     orbits = [(i, a) for i in axes.inclinations for a in axes.altitudes]

@@ -16,8 +16,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..numbers.derived import cross, rotate_back
-from .flight import Flight, Hardware, conjugate, matrices
+from ..numbers.derived import cross, from_body, rotate, rotate_back
+from .flight import Flight, Hardware
 from .law import Law, ask, hold_of
 
 Array = NDArray[Any]
@@ -76,7 +76,7 @@ def track_of(
     steps = np.diff(times)[:, None]
     push = [cross(rotate_back(halfway, np.broadcast_to(a, (len(halfway), 3))), mean_b) * steps
             for a in hardware.axes_coil.T]  # fmt: skip
-    to_eci, body = matrices(q), flight.body[rows]
+    to_eci, body = from_body(q), flight.body[rows]
     return Track(
         times, to_eci[0] @ (flight.h_start + body[0]), to_eci, body,
         np.stack([np.diff(d[rows], axis=0) for d in each], axis=1), np.stack(push, axis=1),
@@ -137,4 +137,4 @@ def fly(tracks: Sequence[Track], law: Law, hardware: Hardware, rods: Sequence[fl
 
 def in_body_of(flight: Flight, vectors: Array) -> Array:
     """Vectors of eci (rows, 3) in body, at the rows of a flight."""
-    return rotate_back(conjugate(flight.q[: len(vectors)]), vectors)
+    return rotate(flight.q[: len(vectors)], vectors)

@@ -36,10 +36,10 @@ from desat.components.maths.allocation import least_on_times
 from ..analyses.manifest import Manifest
 from ..campaign.draws import series_of_numbers
 from ..files.scenario import NOMINAL
-from ..numbers.derived import cross, rotate_back
+from ..numbers.derived import cross, rotate, rotate_back
 from ..runs.prepare import Case, Target, prepare, read
 from ..runs.run import Run, simulate
-from ..system import asked
+from ..system import quantities
 from ..system.errors import DesatError
 from ..system.model import Component, System
 from ..system.options import Options
@@ -50,7 +50,6 @@ from .flight import (
     Hardware,
     attitude_of,
     between,
-    conjugate,
     environment_block,
     flight_of,
     flown_at,
@@ -119,18 +118,19 @@ class Wishes:
         """Raises DesatError for a wish that makes no sense."""
         if not 0.0 < self.duty < 1.0:
             raise DesatError(f"--duty {100.0 * self.duty:g}: a share between 0 and 100 % is needed")
-        asked.MARGIN(self.margin)
+        quantities.MARGIN(self.margin)
         if (self.slew_angle > 0.0) != (self.slew_time > 0.0):
             raise DesatError("--slew: an angle and a time above 0 are needed, as 60/300")
         if self.slew_angle > pi * (1.0 + 1e-9):
             raise DesatError(f"--slew: {np.degrees(self.slew_angle):.4g} deg: a turn to any "
                              "attitude is of 180 deg at most; the angle is in deg")  # fmt: skip
-        for quantity, value in ((asked.ARM, self.arm), (asked.ISP, self.specific_impulse),
-                                (asked.TIP_OFF, float(np.degrees(self.tip_off)))):  # fmt: skip
+        for quantity, value in ((quantities.ARM, self.arm),
+                                (quantities.ISP, self.specific_impulse),
+                                (quantities.TIP_OFF, float(np.degrees(self.tip_off)))):  # fmt: skip
             if value is not None:
                 quantity(value)
         if self.slew_time > 0.0:
-            asked.SLEW_TIME(self.slew_time)
+            quantities.SLEW_TIME(self.slew_time)
 
 
 # --- momentum -----------------------------------------------------------------------------------
@@ -933,13 +933,20 @@ def _propellant(
         return None, None
     if size == 0.0:
         return 0.0, 0.0
-    rows = slice(None, None, max(1, len(flight.q) // ATTITUDES))
-    along = rotate_back(conjugate(flight.q[rows]), np.broadcast_to(torque / size, (len(
-        flight.q[rows]), 3)))  # fmt: skip
-    costs = np.array([cost(u) for u in along]) / (isp * GRAVITY)
+    along, costs = costs_along(flight, torque, cost, isp)
     full = np.abs(along @ hardware.spread().T).max(axis=1)
     at_begin = float(costs[full >= (1.0 - 1e-3) * full.max()].mean())
     return size * YEAR * at_begin, size * YEAR * float(costs.min())
+
+
+def costs_along(
+    flight: Flight, torque: Array, cost: Callable[[Array], float], isp: float
+) -> tuple[Array, Array]:  # fmt: skip
+    """The direction of a torque (3,), eci, in body at ATTITUDES of a flight (rows, 3), and the
+    propellant (kg) that 1 N m s along it takes in each."""
+    q = flight.q[:: max(1, len(flight.q) // ATTITUDES)]
+    along = rotate(q, np.broadcast_to(torque / np.linalg.norm(torque), (len(q), 3)))
+    return along, np.array([cost(u) for u in along]) / (isp * GRAVITY)
 
 
 def cost_of(

@@ -113,7 +113,7 @@ class RankedLaw:
         return f"{self.name} (own)" if self.law.own else self.name
 
     @property
-    def told(self) -> str:
+    def gains(self) -> str:
         """Its gains."""
         if self.law.own:
             return "as the craft has it"

@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Mapping, Set
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
@@ -176,6 +177,8 @@ class System:
     """The component of each role that is filled; of several the last."""
     fed: Mapping[tuple[str, str], Connection] = field(init=False, repr=False, compare=False)
     """Of each wired input, by component and array, the connection of its first element."""
+    by_input: Mapping[str, Mapping[str, Connection]] = field(init=False, repr=False, compare=False)
+    """The same by the input's name (an array) and the component; empty for a name nobody wires."""
     takers: Mapping[tuple[str, str], str] = field(init=False, repr=False, compare=False)
     """By a component and the name of an input (an array) the component that takes there what it
     gives; of several the first."""
@@ -194,6 +197,10 @@ class System:
                 fed[key] = c
             takers.setdefault((c.source, c.input_array), c.target)
         object.__setattr__(self, "roles", roles)
+        by_input = defaultdict[str, dict[str, Connection]](dict)
+        for (name, array), c in fed.items():
+            by_input[array][name] = c
         object.__setattr__(self, "fed", fed)
+        object.__setattr__(self, "by_input", by_input)
         object.__setattr__(self, "takers", takers)
         object.__setattr__(self, "read", {(c.source, c.output_array) for c in self.connections})

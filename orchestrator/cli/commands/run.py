@@ -248,7 +248,7 @@ def _report_run(
             column, justify="right" if "run" in column or column == "baseline" else "left"
         )
     for name, n in manifest.numbers.items():
-        row = [n.said, number(n.value)]
+        row = [n.label, number(n.value)]
         if other:
             theirs = other.manifest.numbers.get(name)
             row.append(number(theirs.value) if theirs else "")

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from rich.table import Table
 
-from ...system import asked
+from ...system import quantities
 from ...system.errors import DesatError, Exit
 from .. import options as o
 from ..console import app, err, name_of, out, print_json
@@ -25,20 +25,22 @@ def size(
     ctx: typer.Context,
     target: o.Target,
     duty: Annotated[
-        float, o.number(asked.DUTY, "PERCENT", "Duty of the coils to recommend rods for.")
+        float, o.number(quantities.DUTY, "PERCENT", "Duty of the coils to recommend rods for.")
     ] = 50.0,
     margin: Annotated[
-        float, o.number(asked.MARGIN, "FACTOR", "Of recommended rods over the least ones.")
+        float, o.number(quantities.MARGIN, "FACTOR", "Of recommended rods over the least ones.")
     ] = 1.3,
     slew: Annotated[
         str | None, typer.Option(metavar="DEG/S", help="A slew that wheels make: 60/300.")
     ] = None,
-    tip_off: Annotated[float, o.number(asked.TIP_OFF, "DEG_PER_S", "Rate after separation.")] = 5.0,
+    tip_off: Annotated[
+        float, o.number(quantities.TIP_OFF, "DEG_PER_S", "Rate after separation.")
+    ] = 5.0,
     arm: Annotated[
-        float | None, o.number(asked.ARM, "M", "Of thrusters (default: the craft's).")
+        float | None, o.number(quantities.ARM, "M", "Of thrusters (default: the craft's).")
     ] = None,
     isp: Annotated[
-        float | None, o.number(asked.ISP, "S", "Specific impulse (default: the craft's).")
+        float | None, o.number(quantities.ISP, "S", "Specific impulse (default: the craft's).")
     ] = None,
     laws: Annotated[
         bool | None,
@@ -103,9 +105,10 @@ def size(
         year,
         loop,
     )
-    given = {"rods": (asked.RODS, rods), "inclinations": (asked.INCLINATIONS, inclinations),
-             "altitudes": (asked.ALTITUDES, altitudes),
-             "dipoles": (asked.DIPOLES, dipoles)}  # fmt: skip
+    given = {"rods": (quantities.RODS, rods),
+             "inclinations": (quantities.INCLINATIONS, inclinations),
+             "altitudes": (quantities.ALTITUDES, altitudes),
+             "dipoles": (quantities.DIPOLES, dipoles)}  # fmt: skip
     if as_map:
         o.refuse(ctx, "a map has none of it: leave --map out", "slew", "tip_off", "arm", "isp",
                  "year", "loop")  # fmt: skip
@@ -171,7 +174,7 @@ def _slew(text: str | None) -> tuple[float, float]:
     parts = text.split("/")
     if len(parts) != 2:
         raise DesatError(f"--slew {text}: an angle in deg and a time in s are needed, as 60/300")
-    angle, seconds = asked.SLEW_ANGLE(parts[0]), asked.SLEW_TIME(parts[1])
+    angle, seconds = quantities.SLEW_ANGLE(parts[0]), quantities.SLEW_TIME(parts[1])
     if not (angle > 0.0 and seconds > 0.0):
         raise DesatError(f"--slew {text}: an angle and a time above 0 are needed, as 60/300")
     return angle, seconds

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import ctypes
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import cache, partial
 from typing import Any, ClassVar, Literal, NamedTuple
@@ -64,7 +65,7 @@ class Prepared(NamedTuple):
     pointers: tuple[Any, ...]
 
 
-class FmiFunctions:
+class FmiFunctions(ABC):
     """The calls of one instance; `c` is what the FMU knows it by."""
 
     prefix: ClassVar[str]
@@ -84,28 +85,29 @@ class FmiFunctions:
         self.fmu, self._calls, self._interface = fmu, calls, interface
         self.c: int | None = None
 
+    @abstractmethod
     def instantiate(self, fmu: Fmu, name: str, environment: int) -> None:
         """Make the instance; `c` is None where it cannot be had."""
-        raise NotImplementedError
 
+    @abstractmethod
     def begin(self, start: float) -> Sequence[tuple[Any, ...]]:
         """The calls that enter initialisation mode at a time (s), with their arguments."""
-        raise NotImplementedError
 
     def end(self) -> tuple[Any, ...]:
         """The call that leaves initialisation mode, with its arguments."""
         return (f"{self.prefix}ExitInitializationMode",)
 
+    @abstractmethod
     def moves(self, way: Way, signals: Sequence[Signal], values: Array) -> list[Prepared]:
         """Set or get variables of one kind, all at once, from or into an array in their order."""
-        raise NotImplementedError
 
+    @abstractmethod
     def step(self, t: Any, dt: Any, no_state_before: int) -> Prepared:
         """Make a step from t over dt, ctypes doubles that are read when it is made."""
-        raise NotImplementedError
 
-    def given(self, parameters: Iterable[tuple[Signal, Scalar]]) -> None:
+    def note_values(self, parameters: Iterable[tuple[Signal, Scalar]]) -> None:
         """Take note of values that were set in `enter`."""
+        del parameters  # FMI 3.0 alone has to
 
     def bytes(self, of: Any) -> Any:
         """A buffer of a serialised state as the functions of fmpy take it."""
@@ -267,7 +269,7 @@ class Fmi3(FmiFunctions):
     def begin(self, start: float) -> Sequence[tuple[Any, ...]]:
         return (("fmi3EnterInitializationMode", False, 0.0, start, False, 0.0),)
 
-    def given(self, parameters: Iterable[tuple[Signal, Scalar]]) -> None:
+    def note_values(self, parameters: Iterable[tuple[Signal, Scalar]]) -> None:
         self._values |= {_key(s): value for s, value in parameters}
         for buffer, elements in self._filled:
             buffer[:] = self._start(elements, buffer.dtype)

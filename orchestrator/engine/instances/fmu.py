@@ -32,12 +32,12 @@ _UNSIGNED = 1 << 32
 class _Library:
     """The loaded library of an FMU, for all its instances in this process."""
 
-    def __init__(self, folder: Path, ours: bool, face: type[FmiFunctions]) -> None:
+    def __init__(self, folder: Path, ours: bool, functions: type[FmiFunctions]) -> None:
         description = description_of(folder)
         self.once = description.coSimulation.canBeInstantiatedOnlyOncePerProcess
         self.instances = 0
         try:
-            self.fmu = face.slave(
+            self.fmu = functions.slave(
                 guid=description.guid,
                 unzipDirectory=str(folder),
                 modelIdentifier=description.coSimulation.modelIdentifier,
@@ -49,13 +49,13 @@ class _Library:
             prototype = (ctypes.PYFUNCTYPE if ours else ctypes.CFUNCTYPE)(ctypes.c_uint)
             self.calls: dict[str, Any] = {
                 name: prototype(ctypes.cast(self.fmu.dll[called], ctypes.c_void_p).value or 0)
-                for name in face.names
-                if (called := face.exported(name, self.fmu.modelIdentifier))
+                for name in functions.names
+                if (called := functions.exported(name, self.fmu.modelIdentifier))
             }
         except Exception as error:  # fmpy raises plain Exception
             text = str(error).replace(f"{folder}/", "")
             raise DesatError(f"{description.modelName}: {text}") from error
-        said = getattr(self.fmu, f"{face.prefix}GetVersion")()
+        said = getattr(self.fmu, f"{functions.prefix}GetVersion")()
         self.version = plain((said or b"none").decode(errors="replace"))
         """Of FMI, by what the library says."""
         self.places: Any = None
@@ -97,7 +97,7 @@ def failure(name: str, what: str, status: int, messages: Sequence[str]) -> Compo
 
 
 class FmuInstance:
-    """A co-simulation FMU of FMI 1.0, 2.0 or 3.0: what differs stands in its face."""
+    """A co-simulation FMU of FMI 1.0, 2.0 or 3.0: what differs stands in its functions."""
 
     def __init__(self, component: Component, fmu: Fmu) -> None:
         self.name, self.place = component.name, 0
@@ -108,25 +108,26 @@ class FmuInstance:
         self._library = _library(fmu.folder, not self.foreign, fmu.interface.fmi)
         if self._library.once and self._library.instances:
             raise DesatError(f"{self.name}: {fmu.path.name} allows one instance per process")
-        face = FMI_VERSIONS[fmu.interface.fmi]
-        if not re.fullmatch(face.version, self._library.version):
+        functions = FMI_VERSIONS[fmu.interface.fmi]
+        if not re.fullmatch(functions.version, self._library.version):
+            called = functions.exported(f"{functions.prefix}GetVersion", "")
             raise DesatError(
                 f"{self.name}: {fmu.path.name}: its library says that it is of FMI "
-                f"{self._library.version} ({face.exported(f'{face.prefix}GetVersion', '')}), its "
+                f"{self._library.version} ({called}), its "
                 f"modelDescription.xml of FMI {fmu.interface.fmi}: both must be the same"
             )
-        self._face = face(self._library.fmu, self._library.calls, fmu.interface)
+        self._functions = functions(self._library.fmu, self._library.calls, fmu.interface)
         self._before = ctypes.c_void_p()
         """Its state before a step that may be halved."""
         listen(id(self), self.messages)
-        self._face.instantiate(fmu, self.name, id(self))
-        self._c = self._face.c
+        self._functions.instantiate(fmu, self.name, id(self))
+        self._c = self._functions.c
         self._back()
         if not self._c:
-            raise ComponentError(f"{self.name}: cannot be instantiated{self._said()}")
+            raise ComponentError(f"{self.name}: cannot be instantiated{self._last_message()}")
         self._library.instances += 1
 
-    def _said(self) -> str:
+    def _last_message(self) -> str:
         return _last(self.name, self.messages)
 
     def failed(self, what: str, status: int) -> ComponentError:
@@ -135,7 +136,7 @@ class FmuInstance:
 
     def note(self, status: int) -> None:
         """Once something has failed: what is known of it beside what the FMU says is a message."""
-        if (why := self._face.why(status)) and why not in self.messages[-1:]:
+        if (why := self._functions.why(status)) and why not in self.messages[-1:]:
             self.messages.append(why)
 
     def _call(self, name: str, *arguments: Any) -> None:
@@ -173,7 +174,7 @@ class FmuInstance:
         self._clock = clock
         self.prepared = {
             "push": self._moves("Set", inputs, self.inputs),
-            "step": [Moves([self._face.step(clock.t, clock.dt, 1)], "", 0, None)],
+            "step": [Moves([self._functions.step(clock.t, clock.dt, 1)], "", 0, None)],
             "pull": self._moves("Get", outputs, into),
         }
         """What is done for each verb, with its arguments."""
@@ -184,7 +185,7 @@ class FmuInstance:
         parts, `times` times at most."""
         del self.prepared["step"]
         t, dt, before = self._clock.t, self._clock.dt, self._before
-        whole = self._face.step(t, dt, 0).call
+        whole = self._functions.step(t, dt, 0).call
 
         def step() -> int:
             self._state("Get", ctypes.byref(before))
@@ -197,7 +198,7 @@ class FmuInstance:
                 for i in range(count):
                     if status < _DISCARD:
                         at = ctypes.c_double(t.value + i * part)
-                        made = self._face.step(at, ctypes.c_double(part), 0)
+                        made = self._functions.step(at, ctypes.c_double(part), 0)
                         status = max(status, made.call())
                 if status < _DISCARD and len(self.messages) < 20:
                     self.messages.append(f"the step from t = {t.value:g} s was discarded, and made "
@@ -208,7 +209,7 @@ class FmuInstance:
 
     def _state(self, way: str, *arguments: Any) -> None:
         """Get, set or free a state."""
-        self._call(f"{self._face.prefix}{way}{self._face.state}", *arguments)
+        self._call(f"{self._functions.prefix}{way}{self._functions.state}", *arguments)
 
     def _moves(
         self, way: Literal["Set", "Get"], signals: dict[Kind, list[Signal]],
@@ -218,7 +219,7 @@ class FmuInstance:
         made = []
         for kind in KINDS:
             if signals[kind]:
-                calls = self._face.moves(way, signals[kind], arrays[kind])
+                calls = self._functions.moves(way, signals[kind], arrays[kind])
                 data, places = arrays[kind].ctypes.data, self._places(signals[kind])
                 made.append(Moves(calls, kind[0], data, places))
         return made
@@ -237,7 +238,7 @@ class FmuInstance:
 
     def enter(self, start: float, parameters: Mapping[str, Scalar]) -> None:
         given = [(self._interface.signals[name], value) for name, value in parameters.items()]
-        self._face.given(given)
+        self._functions.note_values(given)
         for kind in dict.fromkeys(s.kind for s, _ in given):
             pairs = [(s, value) for s, value in given if s.kind == kind]
             for s, value in pairs:
@@ -246,22 +247,22 @@ class FmuInstance:
             values = np.array([value for _, value in pairs], DTYPE[kind])  # type: ignore[index]
             status = self._now("Set", [s for s, _ in pairs], values)
             self._judge(f"setting {pairs[0][0].name} …", status)
-        for name, *arguments in self._face.begin(start):
+        for name, *arguments in self._functions.begin(start):
             self._call(name, *arguments)
 
     def exit(self) -> None:
-        name, *arguments = self._face.end()
+        name, *arguments = self._functions.end()
         self._call(name, *arguments)
         fault = self._interface.signals.get("fault")
         if fault is not None and fault.kind == "Boolean" and fault.causality == "output":
             value = np.zeros(1, DTYPE["Boolean"])
             self._judge("reading fault", self._now("Get", [fault], value))
             if value[0]:
-                raise ComponentError(f"{self.name}{self._said()}")
+                raise ComponentError(f"{self.name}{self._last_message()}")
 
     def _now(self, way: Literal["Set", "Get"], signals: list[Signal], values: Array) -> int:
         """Set or get variables of one kind once."""
-        calls = self._face.moves(way, signals, values)
+        calls = self._functions.moves(way, signals, values)
         return self._back(max(prepared.call() for prepared in calls))
 
     @property
@@ -271,17 +272,17 @@ class FmuInstance:
 
     def reset(self) -> None:
         """Be as it was when it was made and wired, but for its inputs."""
-        self._call(self._face.reset)
+        self._call(self._functions.reset)
         self.messages.clear()
 
     def save(self) -> bytes:
-        state, face = ctypes.c_void_p(), self._face
+        state, of = ctypes.c_void_p(), self._functions
         self._state("Get", ctypes.byref(state))
         try:
             size = ctypes.c_size_t()
-            self._call(f"{face.prefix}Serialized{face.state}Size", state, ctypes.byref(size))
+            self._call(f"{of.prefix}Serialized{of.state}Size", state, ctypes.byref(size))
             made = ctypes.create_string_buffer(size.value)
-            self._call(f"{face.prefix}Serialize{face.state}", state, face.bytes(made), size)
+            self._call(f"{of.prefix}Serialize{of.state}", state, of.bytes(made), size)
         finally:
             self._state("Free", ctypes.byref(state))
         return made.raw
@@ -290,7 +291,9 @@ class FmuInstance:
         made = ctypes.c_void_p()
         given = ctypes.create_string_buffer(state, len(state))
         size = ctypes.c_size_t(len(state))
-        self._call(self._face.deserialise, self._face.bytes(given), size, ctypes.byref(made))
+        self._call(
+            self._functions.deserialise, self._functions.bytes(given), size, ctypes.byref(made)
+        )
         try:
             self._state("Set", made)
         finally:
@@ -300,13 +303,13 @@ class FmuInstance:
         pass
 
     def terminate(self) -> None:
-        self._call(self._face.terminate)
+        self._call(self._functions.terminate)
 
     def close(self) -> None:
         if self._c:
             if self._before:
                 self._state("Free", ctypes.byref(self._before))
-            getattr(self._library.fmu, self._face.free)(self._c)
+            getattr(self._library.fmu, self._functions.free)(self._c)
             self._library.instances -= 1
             self._back()
             forget(self._c)

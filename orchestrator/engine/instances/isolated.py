@@ -312,7 +312,7 @@ class _There:
         self._instance: FmuInstance
 
     @property
-    def said(self) -> list[str]:
+    def messages(self) -> list[str]:
         """What the component has logged."""
         return self._instance.messages if hasattr(self, "_instance") else []
 
@@ -363,14 +363,14 @@ class _There:
         if name in ("make", "wire"):
             return getattr(self, name)(*arguments)
         if name == "messages":
-            return self.said
+            return self.messages
         if name == "raised":
             raise self._error
         if name in ("look", "save"):  # who goes on from a state has a process as it was made
             lines = self._changes("while it ran", handlers=True)
-            self.said.extend(line for line in lines if line not in self.said)
+            self.messages.extend(line for line in lines if line not in self.messages)
         if name == "look":
-            return self.said
+            return self.messages
         if name == "save":
             self.push()  # what is due belongs to its state
         self._words[DOING] = _VERBS.get(name, 0)
@@ -440,5 +440,5 @@ def _answered(pipe: Connection, there: _There, name: str, arguments: tuple[Any, 
         error, what = type(raised), raised.args
     except Exception as raised:
         error, what = RuntimeError, (f"{type(raised).__name__}: {raised}",)
-    pipe.send((list(there.said), error, what))
+    pipe.send((list(there.messages), error, what))
     return name != "close" and (name != "make" or error is None)
