@@ -459,7 +459,8 @@ def _dump(
         torque = min(torque, float(thrusters["torque_si"]))
     return {"by": match[1], "percent": (f"{begin:g}", f"{end:g}"),
             "begin": _text(begin / 100.0 * capacity), "end": _text(end / 100.0 * capacity),
-            "torque": _text(torque), "room": (begin - end) / 100.0 * capacity}  # fmt: skip
+            "torque": _text(torque), "large": capacity >= 1.0,
+            "room": (begin - end) / 100.0 * capacity}  # fmt: skip
 
 
 def _holds(

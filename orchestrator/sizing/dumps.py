@@ -22,6 +22,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..campaign.draws import series_of_numbers
 from ..numbers.derived import rotate, rotate_back
 from ..runs.prepare import prepare, read, resolved
 from ..runs.run import simulate
@@ -212,7 +213,9 @@ def size(
     loop: dict[str, float | None] = {}
     if wishes.flown:
         progress("the closed loop")
-        run = simulate(case).or_raise(target)
+        record = series_of_numbers(system)  # all of a year in orbit would not fit into memory
+        flying = replace(case, options=replace(case.options, record=record))
+        run = simulate(flying).or_raise(target)
         run.results.close()
         wanted = ("dumps_a_week", "propellant_a_year", "first_dump", "dumps")
         loop = {n: run.manifest.numbers[n].value for n in wanted if n in run.manifest.numbers}
@@ -295,9 +298,7 @@ def _course(
 ) -> Iterator[tuple[float, Array]]:  # fmt: skip
     """The first TRIED dumps of wheels that are at rest at a row: when (s), and the momentum (3,)
     N m s, body, that is taken out. `part`: of the threshold at which they begin."""
-    begin = part * float(law["begin"])
-    spread = hardware.spread() if law["fill"] == "wheels" else np.eye(3)
-    there = hardware.capacity > 0.0 if law["fill"] == "wheels" else np.ones(3, bool)
+    begin, spread = part * float(law["begin"]), hardware.spread()
     target = np.array(law["h_target_body"], float)
     gained = flight.disturbance - flight.disturbance[0]
     # what the body itself has turns with it: wheels at rest begin with that as the whole
@@ -307,7 +308,7 @@ def _course(
     while dumps < TRIED and begun < LONGEST:
         whole = total + gained[row:] - gained[row]
         held = rotate(flight.q[row:], whole) - flight.body[row:] - target
-        fill = (np.abs(held @ spread.T)[:, there].max(axis=1) if law["fill"] == "wheels"
+        fill = (np.abs(held @ spread.T).max(axis=1) if law["fill"] == "wheels"
                 else np.linalg.norm(held, axis=1))  # fmt: skip
         full = fill >= begin
         if not full.any():

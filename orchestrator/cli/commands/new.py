@@ -75,8 +75,8 @@ def craft(
         print_json({"files": [str(x) for x in made]})
         return
     out.print(f"{shown(folder)}: {', '.join(x.name for x in made)}", highlight=False, markup=False)
-    out.print(f"desat run {shown(folder)}    # a day; desat size {shown(folder)} what it needs",
-              highlight=False, markup=False)  # fmt: skip
+    out.print(f"desat run {shown(folder)}    # nominal; desat size {shown(folder)} what it "
+              "needs", highlight=False, markup=False)  # fmt: skip
 
 
 @news.command()
