@@ -124,7 +124,8 @@ def _draw(
                 name = labels[number]
             name = name if labels else ""
             colour = COLOURS[(number if len(runs) > 2 else i) % len(COLOURS)]
-            whose = f"{line.name}, {labels[number]}" if labels and len(runs) > 1 else line.name
+            run = labels[number] if labels and len(runs) > 1 else ""
+            whose = ", ".join(part for part in (line.name, run) if part)
             if plot.envelope and len(line.times) > BINS:
                 x, low, high = between(line.times, line.values)
                 ax.area(x / seconds, low, high, colour, alpha=0.45,
