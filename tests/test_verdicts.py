@@ -580,7 +580,7 @@ def test_a_number_that_is_not_recorded_is_not_judged():
 def test_a_checkpoint_says_how_long_the_run_took_until_then(tmp_path):
     given = Options(stop=60.0, checkpoint=10.0, blocks=True)
     run = simulate(prepare("nadir_day/day-dipole", given), tmp_path / "run")
-    told = newest(tmp_path / "run").told["seconds"]
+    told = newest(tmp_path / "run").about["seconds"]
     assert 0.0 < told <= run.manifest.wall_seconds
 
 
