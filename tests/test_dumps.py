@@ -176,3 +176,36 @@ def test_a_craft_that_cannot_be_is_refused(tmp_path, given, text):
         write(tmp_path / "x", CraftFacts(**facts), "")
     assert text in str(error.value)
     assert not (tmp_path / "x").exists()
+
+
+def test_a_dump_is_of_whole_pulses_which_the_wheels_take_up():
+    block = law(pulse_body=(0.03, 0.0, 0.04))
+    rows = flown(block, [1.0, 0.3, 0.0], 60)
+    given = np.array([10.0 * n for _, mode, n in rows if mode == 1])
+    assert np.allclose(given[:, 0] / 0.03, np.round(given[:, 0] / 0.03))
+    assert not given[:, 2].any(), "no momentum, no pulse"
+    assert given[:, 0].sum() == pytest.approx(-0.8, abs=0.03), "what is left comes with the next"
+    assert (given[:, 1] != 0.0).all(), "an axis without a shortest pulse has any impulse"
+
+
+@pytest.mark.parametrize(
+    "facts",
+    [GEO, CraftFacts(sso="550km", mass="20kg", size="12U", rods="none", wheels="3 axes 50mNms",
+                     thrusters="4 50mN", dump="thrusters 60:20")],
+    ids=["geo", "12u"],
+)  # fmt: skip
+def test_no_pulse_of_a_new_craft_turns_it_far(tmp_path, facts):
+    write(tmp_path / "mine", facts, "desat new craft mine")
+    system, _ = prepare(str(tmp_path / "mine"), Options()).or_raise()
+    law, jets = system.components["manager"].values, system.components["thrusters"].values
+    inertia = np.reshape(system.components["spacecraft"].values["inertia"], (3, 3))
+    turned = law["torque"] * law["sample_time"] ** 2 / (8.0 * np.diag(inertia).min())
+    assert np.degrees(turned) <= 0.1 * (1.0 + 1e-3)
+    assert law["sample_time"] == jets["sample_time"]
+    assert np.allclose(law["pulse_body"], np.array(jets["tau_level"]) * jets["least_pulse"])
+
+
+def test_a_craft_file_is_no_scenario_and_says_which_there_are(tmp_path):
+    write(tmp_path / "mine", GEO, "desat new craft mine")
+    with pytest.raises(DesatError, match=r"a craft file.*: nominal, worst"):
+        prepare(str(tmp_path / "mine" / "craft.toml"), Options())

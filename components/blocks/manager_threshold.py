@@ -1,12 +1,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from math import floor
 
 from ..bases.dumping import DUMPING, IDLE, MomentumDumping
 from ..contract.block import Output, Parameter, Vec3
 from ..laws import cross_product
 from ..laws.blending import Split
-from ..maths.vector import ZERO, clip, cross, norm, scale
+from ..maths.vector import ZERO, add, clip, cross, norm, scale, sub
 
 WHEELS, SUM = range(2)
 THRUSTERS, COILS = range(2)
@@ -28,7 +29,9 @@ class ManagerThreshold(MomentumDumping):
     `fill` to `end`; pairs about the body's axes give it with on-times of |N_x|, |N_y| and |N_z|
     over their levels. With `aligned` above 0 a dump waits until |h_x| + |h_y| + |h_z| is at most
     aligned |h| in the attitude that the craft comes to, for that is what it costs, but no longer
-    than `longest_wait`.
+    than `longest_wait`. Thrusters fire whole pulses: with `pulse_body`, the angular impulse of the
+    shortest about each axis, N is of whole ones, and what is left of an axis comes with its next
+    sample, so that the wheels take up just what is fired.
 
     coils: M = gain (h x B) / |B|^2, each component within +-`m_limit`; N = M x B. None at a sample
     whose field is not valid.
@@ -59,6 +62,9 @@ class ManagerThreshold(MomentumDumping):
     torque: float = Parameter(
         "N.m", "torque of a dump by thrusters, which the wheels take up", start=0.01, min=1e-9
     )
+    pulse_body: Vec3 = Parameter(
+        "N.m.s", "impulse of the thrusters' shortest pulse about each axis; 0: any is fired", min=0.0
+    )
     aligned: float = Parameter(
         "1", "a dump by thrusters waits until |h|_1 / |h| is at most this; 0: it does not",
         min=0.0, max=1.7320508075688772,
@@ -84,6 +90,7 @@ class ManagerThreshold(MomentumDumping):
             self.fail(f"aligned = {self.aligned}: |h|_1 / |h| is never below 1; 0 does not wait")
         self.dumps, self.dumping_time = 0, 0.0
         self._since = 0.0
+        self._rest: Vec3 = ZERO
         self._last = 0
 
     def foresee(self, begin: float, end: float, wired: frozenset[str]) -> Iterator[str]:
@@ -98,7 +105,7 @@ class ManagerThreshold(MomentumDumping):
         if self.mode == IDLE and fill >= self.begin:
             self.mode, self._since = WAITING, t
         if self.mode == WAITING and self._goes(t, h, size):
-            self.mode, self._last = DUMPING, 0
+            self.mode, self._last, self._rest = DUMPING, 0, ZERO
             self.dumps += 1
         if self.mode == DUMPING and (
             self._last >= SAMPLES or fill <= self.end or size == 0.0
@@ -110,12 +117,22 @@ class ManagerThreshold(MomentumDumping):
         if self.by == THRUSTERS:
             rest = size * (1.0 - self.end / fill) / self.sample_time
             self._last = self._last + 1 if rest <= self.torque else 0
-            n = scale(-min(self.torque, max(rest, LAST * self.torque)) / size, h)
+            n = self._in_pulses(scale(-min(self.torque, max(rest, LAST * self.torque)) / size, h))
             return n, (ZERO, n)
         if not self.valid_b:
             return ZERO, (ZERO, ZERO)
         m = clip(cross_product.normalised(h, self.b_body, self.gain), self.m_limit)
         return cross(m, self.b_body), (m, ZERO)
+
+    def _in_pulses(self, n: Vec3) -> Vec3:
+        """The torque (N m) of whole pulses over a sample for a wanted one; keeps what is left."""
+        wanted = add(scale(self.sample_time, n), self._rest)
+        x, y, z = (
+            size * floor(impulse / size + 0.5) if size > 0.0 else impulse
+            for impulse, size in zip(wanted, self.pulse_body, strict=True)
+        )
+        self._rest = sub(wanted, (x, y, z))
+        return scale(1.0 / self.sample_time, (x, y, z))
 
     def _goes(self, t: float, h: Vec3, size: float) -> bool:
         """Whether a dump that is due begins at this sample."""

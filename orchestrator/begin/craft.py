@@ -13,7 +13,9 @@ Rules, each written beside its number:
   of 5 deg so fast; damping 0.7;
 - manager: gain of the orbit's rate; B-dot: BRAKING orbit rates times the mean
   moment of inertia;
-- dumps between thresholds: torque half of what the wheels give, or what the pairs give if less;
+- dumps between thresholds: torque half of what the wheels give, or what the pairs give if less; a
+  sample's pulse, centred in it, turns the craft to one side and the wheels turn it back: samples as
+  long, and the torque as large, as keep torque T^2 / (8 J) within DEVIATION;
 - an orbit of SLOW or more is flown at steps of 10 s, until DUMPS dumps of radiation's torque.
 """
 
@@ -94,6 +96,10 @@ PANEL = Quantity("--panel", "m2", 0.0, 1e4, above=True)
 ARM = Quantity("--panel", "m", 0.0, 100.0)
 FILL = Quantity("--dump", "%", 0.0, 95.0)
 DUMPERS = ("thrusters", "coils")
+DEVIATION = math.radians(0.1)
+"""What one pulse of a dump may turn a craft by (rad): half of what pointing may err."""
+SAMPLES = (10.0, 5.0, 2.0, 1.0)
+"""Of thrusters (s): the longest that keeps within it, at least a step."""
 YEARS = 1957, 2056
 """Of an epoch: those that two-line elements can name."""
 DOUBTFUL, MEANINGLESS = 7.0, 30.0
@@ -196,7 +202,8 @@ def _template_values(wanted: CraftFacts, name: str, command: str) -> dict[str, A
     wheels = _wheels(wanted, inertia)
     rods = _rods(wanted, mass)
     thrusters = _thrusters(wanted, sides)
-    dump = _dump(wanted, wheels, thrusters, rods is not None)
+    step = 10.0 if orbit["period"] >= SLOW else 1.0
+    dump = _dump(wanted, wheels, thrusters, rods is not None, min(inertia), step)
     dipole = 0.005 * mass
     why = "class: 5 mA m2 a kilogram, no magnetic cleanliness"
     if wanted.residual_dipole is not None:
@@ -207,7 +214,6 @@ def _template_values(wanted: CraftFacts, name: str, command: str) -> dict[str, A
         _holds(wanted.pointing, orbit, inertia, wheels, [dipole * x for x in along])
     faces = [sides[1] * sides[2], sides[2] * sides[0], sides[0] * sides[1]]
     area = sum(faces) / 2.0
-    step = 10.0 if orbit["period"] >= SLOW else 1.0
     quick = 0.1 / step
     bandwidth = min(quick, math.sqrt(wheels["torque_si"] / (max(inertia) * math.radians(5.0))))
     enough = bandwidth == quick
@@ -432,7 +438,8 @@ def _stop(
 
 
 def _dump(
-    wanted: CraftFacts, wheels: Mapping[str, Any], thrusters: Mapping[str, str] | None, rods: bool
+    wanted: CraftFacts, wheels: Mapping[str, Any], thrusters: Mapping[str, str] | None, rods: bool,
+    inertia: float, step: float,
 ) -> dict[str, Any] | None:  # fmt: skip
     """What dumps between thresholds are made with; None: a law that dumps all the time."""
     if wanted.dump is None:
@@ -454,12 +461,18 @@ def _dump(
     if match[1] == "thrusters" and thrusters is None:
         raise DesatError(f"--dump {wanted.dump}: --thrusters says which, as --thrusters '4 1N'")
     capacity = wheels["capacity_si"]
-    torque = 0.5 * wheels["torque_si"]
-    if thrusters is not None:
-        torque = min(torque, float(thrusters["torque_si"]))
+    torque, sample = 0.5 * wheels["torque_si"], 10.0
+    why = "half of what the wheels give"
+    if thrusters is not None and match[1] == "thrusters":
+        if float(thrusters["torque_si"]) < torque:
+            torque, why = float(thrusters["torque_si"]), "what a pair gives"
+        room = 8.0 * inertia * DEVIATION
+        sample = max(step, next((x for x in SAMPLES if torque * x * x <= room), 0.0))
+        if torque * sample * sample > room:
+            torque, why = room / sample**2, "no pulse turns the craft by more than 0.1 deg"
     return {"by": match[1], "percent": (f"{begin:g}", f"{end:g}"),
             "begin": _text(begin / 100.0 * capacity), "end": _text(end / 100.0 * capacity),
-            "torque": _text(torque), "large": capacity >= 1.0,
+            "torque": _text(torque), "why": why, "sample": sample, "large": capacity >= 1.0,
             "room": (begin - end) / 100.0 * capacity}  # fmt: skip
 
 

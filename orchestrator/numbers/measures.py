@@ -315,9 +315,10 @@ def pointing_last(times: Array, q: Array, q_ref: Array) -> float:
 
 
 @in_unit("deg")
-def pointing_largest(times: Array, q: Array, q_ref: Array) -> float:
-    """The largest angle between two attitudes (deg)."""
-    return float(pointing(q, q_ref).max())
+def pointing_largest(times: Array, q: Array, q_ref: Array, since: float = 0.0) -> float:
+    """The largest angle between two attitudes (deg), from `since` (s) on."""
+    late = pointing(q, q_ref)[times[: len(q)] >= since]
+    return float(late.max()) if len(late) else float("nan")
 
 
 @in_unit("deg")

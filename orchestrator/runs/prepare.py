@@ -15,7 +15,7 @@ from ..analyses.manifest import Manifest
 from ..designs import making, momentum_tables, origin
 from ..engine.instances.isolated import CAN
 from ..engine.master import MasterPool
-from ..files import library, scenario, ssp
+from ..files import craft, library, scenario, ssp
 from ..files.assembly import modify
 from ..files.scenario import Scenario
 from ..language.content import NOTHING, content_of, dispersions_of
@@ -100,6 +100,10 @@ def read(target: str) -> Target:
         return Target(target, None)
     if path.suffix != ".toml" and (beside := Path(f"{target}.toml")).is_file():
         path = beside
+    if path.name.endswith(craft.FILE) and path.is_file():
+        beside = sorted(x.stem for x in path.parent.glob("*.toml") if x.name != path.name)
+        raise DesatError(f"{target}: a craft file, which says no run; name a scenario of it: "
+                         f"{', '.join(beside) or 'its folder'}")  # fmt: skip
     if path.suffix == ".toml":
         return Target(target, scenario.own(path))
     try:

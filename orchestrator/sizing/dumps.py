@@ -16,7 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
-from math import inf, nan
+from math import ceil, inf, nan
 from typing import Any
 
 import numpy as np
@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from ..campaign.draws import series_of_numbers
 from ..numbers.derived import rotate, rotate_back
 from ..runs.prepare import prepare, read, resolved
-from ..runs.run import simulate
+from ..runs.run import Run, simulate
 from ..system.errors import DesatError
 from ..system.model import System
 from ..system.options import Options
@@ -60,6 +60,10 @@ LAW = "manager_threshold"
 TRIED, WAYS, APART = 10, 8, 0.01
 """Dumps of a course, courses that rates are of, and how far their thresholds are apart either
 way, relative."""
+FLOWN, MOST_STEPS = 10, 4_000_000
+"""Dumps of the closed loop after the first, and steps that they are worth."""
+LOOP = ("dumps_a_week", "propellant_a_year", "first_dump", "dumps", "pointing_largest")
+"""Numbers of the closed loop that stand beside the sizes."""
 LONGEST = 20.0 * YEAR
 """So long (s) the first dumps are waited for."""
 PARTS = 5
@@ -123,7 +127,7 @@ class DumpSizing:
     tank: float
     """kg; 0: it is not known"""
     loop: Mapping[str, float | None]
-    """numbers of the closed loop: dumps_a_week, propellant_a_year, first_dump; empty: not flown"""
+    """the numbers LOOP of the closed loop; empty: not flown"""
     problems: tuple[str, ...]
     notes: tuple[str, ...]
 
@@ -211,14 +215,12 @@ def size(
             least.append(_least(day, secular(day)[0], cost, isp))
             year.append(date)
     loop: dict[str, float | None] = {}
+    unmet: list[str] = []
     if wishes.flown:
         progress("the closed loop")
-        record = series_of_numbers(system)  # all of a year in orbit would not fit into memory
-        flying = replace(case, options=replace(case.options, record=record))
-        run = simulate(flying).or_raise(target)
-        run.results.close()
-        wanted = ("dumps_a_week", "propellant_a_year", "first_dump", "dumps")
-        loop = {n: run.manifest.numbers[n].value for n in wanted if n in run.manifest.numbers}
+        run = _flown(target, options, steady)
+        loop = {n: run.manifest.numbers[n].value for n in LOOP if n in run.manifest.numbers}
+        unmet = [f"in the closed loop: {line}" for line in run.manifest.not_met]
     capacity = room_of(hardware)
     made = DumpSizing(
         target, flight.period, attitude.kind, tuple(torque.tolist()),
@@ -227,7 +229,25 @@ def size(
         float(np.mean(least)), capacity * WEEK / steady.interval if steady.interval > 0.0 else inf,
         float(values["thrusters"].get("tank", 0.0)), loop, (), (),
     )  # fmt: skip
-    return replace(made, problems=tuple(_problems(made)), notes=tuple(_notes(made)))
+    return replace(made, problems=(*_problems(made), *unmet), notes=tuple(_notes(made)))
+
+
+def _flown(target: str, options: Options, steady: Rates) -> Run:
+    """The closed loop, for as long as FLOWN dumps take where the user does not say how long. Raises
+    DesatError where it cannot run, or did not come to its end."""
+    source = read(target)
+    case = prepare(source, options)
+    system, _ = case.or_raise()
+    span = steady.first + FLOWN * steady.interval
+    if options.stop is None and span < min(MOST_STEPS * system.step, LONGEST):
+        stop = system.start + system.step * ceil(span / system.step)
+        longer = prepare(source, replace(options, stop=stop))
+        case = longer if longer.checked.schedule is not None else case
+    # all of a year in orbit would not fit into memory
+    record = series_of_numbers(case.or_raise()[0])
+    run = simulate(replace(case, options=replace(case.options, record=record))).or_raise(target)
+    run.results.close()
+    return run
 
 
 def _attitude(system: System) -> Attitude:

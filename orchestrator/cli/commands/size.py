@@ -246,6 +246,7 @@ def _print_dumps(made: DumpSizing) -> None:
         ("propellant a year, mean over its days, kg", f"{made.a_year:.4g}", ""),
         ("the same, each dump at its cheapest attitude, kg", f"{made.least_a_year:.4g}", ""),
         ("momentum of a day", momenta(made.a_day), ""),
+        ("largest pointing error, deg", "", _or_none(loop.get("pointing_largest"))),
         ("wheels that dump once a week", momenta(made.weekly, made.capacity), ""),
     ):  # fmt: skip
         rows.add_row(name, sized, flown)
