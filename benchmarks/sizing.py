@@ -33,7 +33,8 @@ from numpy.typing import NDArray
 from rich.progress import track
 
 from desat.begin import craft as new_craft
-from desat.begin.craft import CUBESATS, CraftFacts
+from desat.begin.craft import CUBESATS
+from desat.begin.facts import CraftFacts
 from desat.numbers.text import number
 from desat.runs.prepare import prepare, read
 from desat.runs.run import execute
@@ -317,7 +318,9 @@ def secular_of(craft: Craft) -> tuple[Array, float]:
     case = prepare(BASE, craft.options())
     system, _ = case.or_raise()
     flight = sizing.fly_case(case, system)
-    return sizing.secular(flight)[0], flights.attitude_of(flight.q, flight.r, flight.v).wanders
+    return sizing.secular(flight)[0], flights.attitude_of(
+        system, flight.q, flight.r, flight.v
+    ).wanders
 
 
 def chosen() -> Iterator[ranking.Ranking]:

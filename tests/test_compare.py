@@ -7,6 +7,7 @@ import json
 import pytest
 
 from desat.begin import craft as new_craft
+from desat.begin.facts import CraftFacts
 from desat.campaign import pairs
 from desat.campaign.pairs import differences, each_draw
 from desat.figures.style import COLOURS
@@ -20,7 +21,7 @@ from desat.system.errors import Exit
 def craft(tmp_path_factory):
     """A craft's folder `mine`, with a scenario that has half of the gain, and the folder around."""
     home = tmp_path_factory.mktemp("compare")
-    new_craft.write(home / "mine", new_craft.CraftFacts(size="12U"), "desat new craft")
+    new_craft.write(home / "mine", CraftFacts(size="12U"), "desat new craft")
     (home / "mine" / "slow.toml").write_text(
         'extends = "nominal"\nparameters.manager.gain = 2e-4\nparameters.manager.null_gain = 0.0\n'
     )

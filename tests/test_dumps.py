@@ -8,7 +8,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from desat.begin.craft import CraftFacts, write
+from desat.begin.craft import write
+from desat.begin.facts import CraftFacts
 from desat.components.blocks.manager_threshold import ManagerThreshold
 from desat.components.blocks.thrusters import Thrusters
 from desat.components.contract.block import BlockError

@@ -13,7 +13,7 @@ import pytest
 
 from desat.analyses import management
 from desat.begin import craft as new_craft
-from desat.begin.craft import CraftFacts
+from desat.begin.facts import CraftFacts
 from desat.fmus.registry import block_class, names
 from desat.numbers.measures import MEASURES
 from desat.report import report

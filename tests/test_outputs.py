@@ -13,7 +13,8 @@ import pytest
 from fuzz import commands
 
 from benchmarks.pages.verbs import Verbs
-from desat.begin.craft import CraftFacts, write
+from desat.begin.craft import write
+from desat.begin.facts import CraftFacts
 from desat.export.series import export
 from desat.files import io
 from desat.runs.run import execute

@@ -10,7 +10,9 @@ from pathlib import Path
 import pytest
 from fuzz import commands
 
-from desat.begin.craft import CraftFacts, doubts, write
+from desat.begin.craft import write
+from desat.begin.facts import CraftFacts
+from desat.begin.orbits import doubts
 from desat.sizing.sizing import Wishes
 from desat.system.errors import DesatError
 from desat.system.quantity import Quantity

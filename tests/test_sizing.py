@@ -13,7 +13,7 @@ from scipy.optimize import minimize
 
 from benchmarks import sizing as bench
 from desat.begin import craft as new_craft
-from desat.begin.craft import CraftFacts
+from desat.begin.facts import CraftFacts
 from desat.components.laws import cross_product
 from desat.fmus.registry import block_class
 from desat.numbers.derived import cross

@@ -9,6 +9,7 @@ import random
 import pytest
 
 from desat.begin import craft as new_craft
+from desat.begin.facts import CraftFacts
 from desat.campaign.draws import RunRow
 from desat.runs.run import Options
 from desat.studies import tune as study
@@ -18,7 +19,7 @@ from desat.system.errors import DesatError, Exit
 @pytest.fixture(scope="module")
 def home(tmp_path_factory):
     folder = tmp_path_factory.mktemp("tune")
-    new_craft.write(folder / "mine", new_craft.CraftFacts(size="12U"), "desat new craft")
+    new_craft.write(folder / "mine", CraftFacts(size="12U"), "desat new craft")
     return folder
 
 

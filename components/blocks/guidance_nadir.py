@@ -2,7 +2,7 @@ from __future__ import annotations
 
 from ..contract.block import Parameter, Vec4
 from ..contract.roles import UPRIGHT, Guidance
-from ..maths.attitude import normalised, product, rotate
+from ..maths.attitude import nearest, normalised, product, rotate
 from ..maths.vector import cross, dot, norm, scale
 from ..physics.orbit import lvlh_attitude
 
@@ -41,9 +41,6 @@ class GuidanceNadir(Guidance):
 
     def _point(self) -> None:
         r, v = self.r_eci, self.v_eci
-        a, b, c, d = product(self._q_bo, lvlh_attitude(r, v))
-        w, x, y, z = self.q_ref_bi
-        # lvlh_attitude keeps its scalar positive; followed without jumps, q shows as it turns
-        same = a * w + b * x + c * y + d * z >= 0.0
-        self.q_ref_bi = (a, b, c, d) if same else (-a, -b, -c, -d)
+        # lvlh_attitude keeps its scalar positive
+        self.q_ref_bi = nearest(product(self._q_bo, lvlh_attitude(r, v)), self.q_ref_bi)
         self.omega_ref_body = scale(norm(cross(r, v)) / dot(r, r), self._axis)

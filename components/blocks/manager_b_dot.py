@@ -24,6 +24,9 @@ class ManagerBDot(Manager):
     a tumble, crafts with one small moment are slow with it, and up to ten times as quick with 7 n
     times the mean moment. What is left are the turns of the field along the orbit, about 2 n.
 
+    With `plain_gain` k above 0 the law is M = -k B' instead, as most others print it; at one field
+    both are the same with k = gain / |B|^2, 1e7 A m2 s/T for 1e-2 N m s at 31.6 uT.
+
     There is no dipole at the first sample, nor at one whose field or that before is not valid.
 
     Source: Stickler & Alfriend, J. Spacecraft 13 (1976) 282; the gain: Avanzini & Giulietti, J.
@@ -35,6 +38,9 @@ class ManagerBDot(Manager):
 
     gain: float = Parameter("N.m.s", "gain on B' / |B|^2", start=1e-2, min=0.0,
                             needs=("b_body", "m_cmd_body"))  # fmt: skip
+    plain_gain: float = Parameter(
+        "A.m2.s/T", "gain on B' alone, in the place of `gain`; 0: it is not used", min=0.0
+    )
     m_limit: float = Parameter("A.m2", "largest dipole of each axis", start=1.0, min=0.0,
                                follows="torquers.m_limit")  # fmt: skip
     mode: int = Output(
@@ -57,6 +63,7 @@ class ManagerBDot(Manager):
         self._b = b if self.valid_b else None
         if self.enable and self.valid_b and before is not None and dot(b, b) > 0.0:
             rate = field_rate.difference(b, before, t - self._taken)
-            self.m_cmd_body = clip(scale(-self.gain / dot(b, b), rate), self.m_limit)
+            gain = self.plain_gain if self.plain_gain > 0.0 else self.gain / dot(b, b)
+            self.m_cmd_body = clip(scale(-gain, rate), self.m_limit)
             self.mode = DETUMBLING
         self._taken = t

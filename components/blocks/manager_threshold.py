@@ -63,7 +63,7 @@ class ManagerThreshold(MomentumDumping):
         "N.m", "torque of a dump by thrusters, which the wheels take up", start=0.01, min=1e-9
     )
     pulse_body: Vec3 = Parameter(
-        "N.m.s", "impulse of the thrusters' shortest pulse about each axis; 0: any is fired", min=0.0
+        "N.m.s", "impulse of the shortest pulse about each axis; 0: any is fired", min=0.0
     )
     aligned: float = Parameter(
         "1", "a dump by thrusters waits until |h|_1 / |h| is at most this; 0: it does not",

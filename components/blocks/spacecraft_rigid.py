@@ -111,6 +111,10 @@ class SpacecraftRigid(Spacecraft, WheelInertias):
         "a row a plate: outward normal (3), area m2, centre (3) m, specular, diffuse share",
         shape=(16, torques.PLATE_COLUMNS),
     )
+    drive_plate: Table = Parameter(
+        "1", "a row a plate: the body axis about which it turns to face the Sun; 0: it is fixed",
+        shape=(16, 3), needs=("sun_eci",),
+    )  # fmt: skip
     tau_disturbance_body: Vec3 = Parameter("N.m", "a constant external torque, body")
     angle_limit: float = Parameter(
         "rad", "largest angle of body and nutation in one integration step; half: 1/250 the error",
@@ -127,6 +131,8 @@ class SpacecraftRigid(Spacecraft, WheelInertias):
         self._limit4 = (ANGLE_4 * share**2) ** 5
         self._limit6 = (ANGLE_6 * share ** (4.0 / 3.0)) ** 7
         self._plates = torques.plates_of(self.plates)
+        self._drives = torques.drives_of(self.plates, self.drive_plate)
+        self._driven = any(self.drive_plate)
         self._sizes()
         q, omega = normalised(self.q_start_bi), self.omega_start_body
         if self.start_frame == 1:
@@ -254,10 +260,12 @@ class SpacecraftRigid(Spacecraft, WheelInertias):
         bx, by, bz = scale(dt, sub(_fall(r), cross(spin, v))) if drag != NONE else ZERO
         density, sun_eci = self.density, self.sun_eci
         pressure = self.sunlight * torques.SOLAR_PRESSURE
-        cd, plates = self.drag_coefficient, self._plates
+        cd, fixed, drives, driven = self.drag_coefficient, self._plates, self._drives, self._driven
 
         def surfaces(e: float, c: Mat33) -> Vec3:
             total = ZERO
+            sun = mat_vec(c, sun_eci) if light != NONE or driven else ZERO
+            plates = torques.facing(fixed, drives, sun) if driven else fixed
             if drag != NONE:
                 flow = mat_vec(c, (ax + e * bx, ay + e * by, az + e * bz))
                 total = (
@@ -267,7 +275,6 @@ class SpacecraftRigid(Spacecraft, WheelInertias):
                 )
             if light == NONE:
                 return total
-            sun = mat_vec(c, sun_eci)
             return add(
                 total,
                 torques.radiation(sun, pressure, self.area_radiation, self.centre_radiation_body)

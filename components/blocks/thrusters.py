@@ -4,7 +4,7 @@ from collections.abc import Iterable
 from math import copysign
 
 from ..bases.pulses import Jet, PulsedThrusters
-from ..contract.block import Parameter, Vec3
+from ..contract.block import Output, Parameter, Vec3
 from ..maths.vector import ZERO
 
 
@@ -19,6 +19,9 @@ class Thrusters(PulsedThrusters):
 
         on_time += sum over the axes;  propellant += on-time tau_level / (arm g0 I_sp)
 
+    With a `tank` nothing more is fired by command once `propellant` has come to it; the last pulse
+    goes on.
+
     A pair has no force. Up to eight scheduled firings (`schedule_...`: an orbit manoeuvre, say) add
     their torque and force, and count in `schedule_on_time` and `schedule_propellant` only:
 
@@ -30,8 +33,16 @@ class Thrusters(PulsedThrusters):
 
     tau_level: Vec3 = Parameter("N.m", "torque of each axis while it fires", start=0.04, min=1e-9)
     arm: float = Parameter("m", "lever arm of the thrusters", start=0.4, min=1e-3)
+    tank: float = Parameter("kg", "propellant at the start; 0: without end", min=0.0)
+    propellant_left: float = Output("kg", "propellant in the tank; 0 where it is without end")
+
+    def output(self, t: float) -> None:
+        super().output(t)
+        self.propellant_left = max(0.0, self.tank - self._propellant)
 
     def wanted(self, period: float) -> Iterable[tuple[float, Jet]]:
+        if 0.0 < self.tank <= self._propellant:
+            return ()
         return tuple(self._axis(i, period) for i in range(3))
 
     def _axis(self, i: int, period: float) -> tuple[float, Jet]:

@@ -18,6 +18,13 @@ EDGE = 1e-6
 FLAT = 1e-3
 """Sine of the angle up to which axes count as parallel, or as in a plane."""
 
+FAILURES = (
+    (0, 0, 0, 0), (1, 0, 0, 0), (0, 1, 0, 0), (0, 0, 1, 0), (0, 0, 0, 1), (1, 1, 0, 0),
+    (1, 0, 1, 0), (1, 0, 0, 1), (0, 1, 1, 0), (0, 1, 0, 1), (0, 0, 1, 1), (1, 1, 1, 0),
+    (1, 1, 0, 1), (1, 0, 1, 1), (0, 1, 1, 1), (1, 1, 1, 1),
+)  # fmt: skip
+"""By the choices of `failed`: 1 for each wheel that fails."""
+
 Loop = tuple[int, float]
 """A speed loop: its last sample and the command (N m) of that."""
 
@@ -94,9 +101,11 @@ class Wheels(Role, WheelInertias):
         needs=("omega_bi_body",),
     )  # fmt: skip
     failed: int = Parameter(
-        "1", "which wheel fails", choices=("none", "1", "2", "3", "4"), start="none"
-    )
-    failed_from: float = Parameter("s", "when it fails", start=0.0)
+        "1", "which wheels fail",
+        choices=("none", "1", "2", "3", "4", "1 2", "1 3", "1 4", "2 3", "2 4", "3 4", "1 2 3",
+                 "1 2 4", "1 3 4", "2 3 4", "1 2 3 4"), start="none",
+    )  # fmt: skip
+    failed_from: float = Parameter("s", "when they fail", start=0.0)
     unbalance: float = Parameter(
         "kg.m2", "product of inertia of each rotor, whose turning makes the jitter", min=0.0,
         needs=("tau_jitter_body", "omega_bi_body"),
@@ -216,8 +225,8 @@ class Wheels(Role, WheelInertias):
                 power += (drive / constant) ** 2
         self.h_wheel = (h[0], h[1], h[2], h[3])
         self.saturated_wheel = (saturated[0], saturated[1], saturated[2], saturated[3])
-        failed = self.failed if self._failed else 0
-        self.failed_wheel = (failed == 1, failed == 2, failed == 3, failed == 4)
+        a, b, c, d = FAILURES[self.failed if self._failed else 0]
+        self.failed_wheel = (a > 0, b > 0, c > 0, d > 0)
         self.power = power
 
     def advance(self, t: float, dt: float) -> None:
@@ -227,11 +236,11 @@ class Wheels(Role, WheelInertias):
         mean, slope, turned = [0.0] * 4, [0.0] * 4, list(self._turned)
         rotors, loops, speed = list(self._rotors), list(self._loops), [0.0] * 4
         inertia, torque_mode = self.inertia_wheel, self.command_mode == TORQUE
-        most = self.torque_limit
+        most, fails = self.torque_limit, FAILURES[self.failed]
         for i in self._present:
             h0 = rotors[i][0]
             speed[i] = h0 / inertia[i] - now[i]
-            if torque_mode and self.failed != i + 1:
+            if torque_mode and not fails[i]:
                 command = min(max(self.tau_cmd_wheel[i], -most), most)
                 rotors[i], integral = self.turned(
                     self._motors[i], rotors[i], command, now[i], then[i], dt, self.speed_limit
@@ -295,7 +304,7 @@ class Wheels(Role, WheelInertias):
         """Rotor i after the step, the integral of its h, and its speed loop; cut where the wheel
         fails and where its speed loop takes a sample."""
         motor, rotor, (sample, held) = self._motors[i], self._rotors[i], self._loops[i]
-        fails = self.failed_from - t if self.failed == i + 1 else inf
+        fails = self.failed_from - t if FAILURES[self.failed][i] else inf
         total, begin, rate = 0.0, 0.0, now
         while begin < dt:
             end, command, fastest = min(dt, fails), 0.0, self.speed_limit

@@ -122,7 +122,8 @@ class Environment(Block):
     sun_eci: Vec3 = Output("1", "unit vector to the Sun, eci; zero where no Sun is modelled")
     sunlight: float = Output(
         "1",
-        "the Sun's light over that at 1 astronomical unit: 0 in eclipse, 0.967 to 1.034 outside",
+        "the Sun's light over that at 1 astronomical unit: 0 in eclipse, near the Earth 0.967 to "
+        "1.034 outside",
     )
     density: float = Output("kg/m3", "density of the atmosphere at the spacecraft")
 
@@ -183,7 +184,7 @@ class Spacecraft(Block):
     tau_ext_body: Vec3 = Input(
         "N.m",
         "any other external torque, body, constant over the step",
-        source="wheels.tau_jitter_body",
+        source=("disturbance.tau_ext_body", "wheels.tau_jitter_body"),
     )
 
     q_bi: Vec4 = Output("1", "attitude: body from eci, scalar last", starts_from=("r_eci", "v_eci"))
@@ -196,6 +197,23 @@ class Spacecraft(Block):
         starts_from=("h_wheel",),
     )
     impulse_eci: Vec3 = Output("N.m.s", "external angular impulse since the start, eci")
+
+
+class Disturbance(Block):
+    """A torque from outside that is known by itself: measured, or computed elsewhere."""
+
+    role = "disturbance"
+
+    q_bi: Vec4 = Input(
+        "1", "attitude: body from eci, scalar last", start=UPRIGHT, source="spacecraft.q_bi"
+    )
+    r_eci: Vec3 = Input("m", "position, eci", start=(7.0e6, 0.0, 0.0), source="environment.r_eci")
+    v_eci: Vec3 = Input("m/s", "velocity, eci", start=(0.0, 7.5e3, 0.0), source="environment.v_eci")
+    tau_other_body: Vec3 = Input(
+        "N.m", "any other external torque, body, to which it is added",
+        source="wheels.tau_jitter_body",
+    )  # fmt: skip
+    tau_ext_body: Vec3 = Output("N.m", "torque, body, mean over the step", mean=True)
 
 
 class Magnetometer(Sampled):
@@ -331,17 +349,18 @@ class Guidance(Sampled):
 
     r_eci: Vec3 = Input("m", "position, eci", start=(7.0e6, 0.0, 0.0), source="environment.r_eci")
     v_eci: Vec3 = Input("m/s", "velocity, eci", start=(0.0, 7.5e3, 0.0), source="environment.v_eci")
+    sun_eci: Vec3 = Input("1", "unit vector to the Sun, eci", source="environment.sun_eci")
     q_ref_bi: Vec4 = Output(
         "1",
         "reference attitude: body from eci, scalar last",
         interval=True,
-        starts_from=("r_eci", "v_eci"),
+        starts_from=("r_eci", "v_eci", "sun_eci"),
     )
     omega_ref_body: Vec3 = Output(
         "rad/s",
         "rate of the reference frame relative to eci, in the reference frame",
         interval=True,
-        starts_from=("r_eci", "v_eci"),
+        starts_from=("r_eci", "v_eci", "sun_eci"),
     )
 
 
@@ -519,6 +538,9 @@ class Torquers(Sampled):
 
     role = "torquers"
 
+    # for those without a command; the usual ones read neither, so no craft wires these unasked
+    b_eci: Vec3 = Input("T", "geomagnetic field, eci")
+    q_bi: Vec4 = Input("1", "attitude: body from eci, scalar last", start=UPRIGHT)
     m_cmd_body: Vec3 = Input("A.m2", "dipole command, body", source="manager.m_cmd_body")
     m_mean_body: Vec3 = Output("A.m2", "dipole, body, mean over the step", slope="m_slope_body")
     m_slope_body: Vec3 = Output("A.m2", "dipole, body, slope over the step", interval=True)

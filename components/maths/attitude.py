@@ -9,6 +9,7 @@ from __future__ import annotations
 from math import atan2, cos, sin, sqrt
 
 from ..contract.block import Mat33, Vec3, Vec4
+from .vector import cross
 
 IDENTITY_Q: Vec4 = (0.0, 0.0, 0.0, 1.0)
 
@@ -64,6 +65,20 @@ def from_matrix(c: Mat33) -> Vec4:
         q = (c13 + c31, c23 + c32, 1.0 - c11 - c22 + c33, c12 - c21)
     q = normalised(q)
     return q if q[3] >= 0.0 else (-q[0], -q[1], -q[2], -q[3])
+
+
+def from_axes(x: Vec3, y: Vec3) -> Vec4:
+    """The attitude of a frame by its first two axes, orthogonal unit vectors."""
+    return from_matrix((*x, *y, *cross(x, y)))
+
+
+def nearest(q: Vec4, before: Vec4) -> Vec4:
+    """q or -q, the same attitude, whichever is nearer to the one before: followed without jumps, a
+    quaternion shows as it turns."""
+    a, b, c, d = q
+    w, x, y, z = before
+    same = a * w + b * x + c * y + d * z >= 0.0
+    return q if same else (-a, -b, -c, -d)
 
 
 def rotate(q: Vec4, v: Vec3) -> Vec3:

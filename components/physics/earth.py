@@ -19,6 +19,12 @@ SUN_RADIUS = 6.957e8
 ASTRONOMICAL_UNIT = 1.495978707e11
 """m"""
 
+OBLIQUITY = radians(23.439)
+"""Of the ecliptic at J2000 (rad); 4e-7 deg a day less since."""
+
+ECLIPTIC_NORTH: Vec3 = (0.0, -sin(OBLIQUITY), cos(OBLIQUITY))
+"""In date."""
+
 FLATTENING = 1.0 / 298.257223563
 """Of the WGS-84 ellipsoid."""
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 from math import sqrt
 
 from ..contract.block import BlockError, Mat33, Table, Vec3
-from ..maths.vector import cross, dot, mat_vec, norm, scale, unit
+from ..maths.vector import ZERO, cross, dot, mat_vec, norm, scale, sub, unit
 from .orbit import MU
 
 SOLAR_PRESSURE = 4.56e-6
@@ -80,6 +80,38 @@ def radiation_on_plates(sun: Vec3, pressure: float, plates: Plates) -> Vec3:
             x, y, z = x + a * cx, y + a * cy, z + a * cz
             tx, ty, tz = tx + b * mx, ty + b * my, tz + b * mz
     return scale(-pressure, (tx + y * sz - z * sy, ty + z * sx - x * sz, tz + x * sy - y * sx))
+
+
+def facing(plates: Plates, drives: tuple[Vec3, ...], sun: Vec3) -> Plates:
+    """The plates as their drives turn them about their axes (unit vectors; zero: fixed): the normal
+    of each as near to the Sun's direction as it can be."""
+    return tuple(_turned(p, axis, sun) for p, axis in zip(plates, drives, strict=True))
+
+
+def _turned(plate: Plate, axis: Vec3, sun: Vec3) -> Plate:
+    nx, ny, nz, area, cx, cy, cz, mx, my, mz, specular, diffuse = plate
+    along = dot(axis, sun)
+    across = sub(sun, scale(along, axis))
+    size = norm(across)
+    if axis != ZERO and size > 0.0:
+        nx, ny, nz = scale(1.0 / size, across)
+        mx, my, mz = cross((cx, cy, cz), (nx, ny, nz))
+    return (nx, ny, nz, area, cx, cy, cz, mx, my, mz, specular, diffuse)
+
+
+def drives_of(table: Table, drives: Table) -> tuple[Vec3, ...]:
+    """The drive axis (unit vector; zero: none) of each plate that has an area."""
+    return tuple(
+        _unit_or_zero(drives[3 * i : 3 * i + 3])
+        for i in range(len(drives) // 3)
+        if table[PLATE_COLUMNS * i + 3] > 0.0
+    )
+
+
+def _unit_or_zero(row: Table) -> Vec3:
+    x, y, z = row
+    size = norm((x, y, z))
+    return scale(1.0 / size, (x, y, z)) if size > 0.0 else ZERO
 
 
 def plates_of(table: Table) -> Plates:

@@ -131,7 +131,7 @@ Feeds = dict[str, str | list[Any]]
 BLOCK, FIXED = "spacecraft_rigid", "spacecraft_fixed_attitude"
 _ALWAYS: dict[str, Any] = {
     "residual_dipole_body": [0.0, 0.0, 0.0], "gravity_gradient": True, "plates": [],
-    "aerodynamics": "none", "radiation": "none",
+    "drive_plate": [], "aerodynamics": "none", "radiation": "none",
 }  # fmt: skip
 """Of a body that has no such parameter."""
 INPUTS = (
@@ -196,17 +196,28 @@ def torque(parameters: Mapping[str, Parameter], x: dict[str, Array], dt: float |
     inertia = np.reshape(given["inertia"], (3, 3))
     fall = -MU * x["r_eci"] / np.linalg.norm(x["r_eci"], axis=1, keepdims=True) ** 3
     plates = np.reshape(given["plates"], (-1, PLATE_COLUMNS))
-    plates = plates[plates[:, 3] > 0.0]
+    drives = np.reshape(given["drive_plate"], (-1, 3))
+    there = [k for k in range(len(plates)) if plates[k, 3] > 0.0]
+    axes: dict[int, Array] = {k: drives[k] / size for k in there if k < len(drives)
+            and (size := np.linalg.norm(drives[k])) > 0.0}  # fmt: skip
 
-    def drag(v: Array) -> Array:
-        """v (m/s, body) through the air, of size |v|."""
+    def normal_of(k: int, s: Array) -> Array:
+        """Of a plate (rows, 3), which its drive turns to the Sun s (rows, 3), body."""
+        if k not in axes:
+            return np.broadcast_to(plates[k, :3] / np.linalg.norm(plates[k, :3]), s.shape)
+        across = s - np.outer(s @ axes[k], axes[k])
+        return np.asarray(across / np.linalg.norm(across, axis=1, keepdims=True))
+
+    def drag(v: Array, s: Array) -> Array:
+        """v (m/s, body) through the air, of size |v|; s as of `light`."""
         head = -0.5 * x["density"] * given["drag_coefficient"]
         if given["aerodynamics"] == "area":
             force = head * given["area_drag"] * np.linalg.norm(v, axis=1, keepdims=True) * v
             return cross(given["centre_drag_body"], force)
         total = np.zeros_like(v)
-        for p in plates:
-            facing = np.maximum(v @ (p[:3] / np.linalg.norm(p[:3])), 0.0)[:, None]
+        for k in there:
+            p = plates[k]
+            facing = np.maximum((v * normal_of(k, s)).sum(axis=1), 0.0)[:, None]
             total += cross(p[4:7], head * p[3] * facing * v)
         return total
 
@@ -216,9 +227,9 @@ def torque(parameters: Mapping[str, Parameter], x: dict[str, Array], dt: float |
         if given["radiation"] == "area":
             return cross(given["centre_radiation_body"], -pressure * given["area_radiation"] * s)
         total = np.zeros_like(s)
-        for p in plates:
-            normal = p[:3] / np.linalg.norm(p[:3])
-            cosine = np.maximum(s @ normal, 0.0)[:, None]
+        for k in there:
+            p, normal = plates[k], normal_of(k, s)
+            cosine = np.maximum((s * normal).sum(axis=1), 0.0)[:, None]
             along = (1.0 - p[7]) * s + 2.0 * (p[7] * cosine + p[8] / 3.0) * normal
             total += cross(p[4:7], -pressure * p[3] * cosine * along)
         return total
@@ -238,7 +249,7 @@ def torque(parameters: Mapping[str, Parameter], x: dict[str, Array], dt: float |
             wind = (
                 x["v_eci"] + t * fall - cross([0.0, 0.0, EARTH_RATE], x["r_eci"] + t * x["v_eci"])
             )
-            total += drag(rotate(q, wind))
+            total += drag(rotate(q, wind), rotate(q, x["sun_eci"]))
         if given["radiation"] != "none":
             total += light(rotate(q, x["sun_eci"]))
         return np.asarray(total)

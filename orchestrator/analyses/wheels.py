@@ -67,7 +67,7 @@ def _orbit(environment: Component | None) -> tuple[float, float] | None:
         return environment.values["mean_motion"], inclination
     if "altitude" in names:
         return mean_motion(EARTH_RADIUS + environment.values["altitude"]), inclination
-    if environment.choice("orbit_start") == "state":
+    if "orbit_start" not in names or environment.choice("orbit_start") == "state":
         return None
     return mean_motion(environment.values["semi_major_axis"]), inclination
 
@@ -85,8 +85,8 @@ def _axes(system: System) -> Iterator[str]:
                    "the controller wants")  # fmt: skip
             continue
         failed, since = c.choice("failed"), c.values["failed_from"]
-        if failed.isdecimal() and since < system.stop:
-            there[int(failed) - 1] = False
+        if failed != "none" and since < system.stop:
+            there[[int(x) - 1 for x in failed.split()]] = False
             if lost := _left_out(axes[:, there]):
                 where, begin = c.given.get("failed", system.where), max(since, system.start)
                 yield (f"{where}: {c.name}.failed = {failed}: from {begin:g} s on no wheel turns "

@@ -22,7 +22,7 @@ PLAIN = {
     "star_tracker": "star_tracker",
     "determination": "attitude_determination", "tachometers": "tachometers",
     "guidance": "guidance_nadir", "controller": "controller_pid", "torquers": "torquers",
-    "thrusters": "thrusters",
+    "thrusters": "thrusters", "disturbance": "disturbance_table",
 }  # fmt: skip
 """The block of ours that one of a role begins with."""
 LAW = "law"

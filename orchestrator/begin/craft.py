@@ -25,21 +25,18 @@ import math
 import re
 import shutil
 from collections.abc import Mapping
-from dataclasses import dataclass
-from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from desat.components.physics import earth
-from desat.components.physics.orbit import (
-    EARTH_RADIUS,
-    mean_motion,
-    sun_synchronous_inclination,
-)
-from desat.components.physics.tle import teme_state, tle_parameters
+from desat.components.blocks.guidance_sun import GuidanceSun
+from desat.components.blocks.guidance_yaw import GuidanceYaw
+from desat.components.contract.block import Vec4
+from desat.components.maths.attitude import matrix, product
+from desat.components.physics.orbit import EARTH_RADIUS
+from desat.components.physics.torques import SOLAR_PRESSURE
 
 from ..files import io
 from ..files.hardware import COMPENSATION, WHEEL_LAG, Figures, classes, friction, quantity, walk
@@ -47,6 +44,9 @@ from ..system import cyclic
 from ..system.errors import DesatError, nearest, plain
 from ..system.model import J2000
 from ..system.quantity import Quantity, is_number
+from .facts import CraftFacts
+from .orbits import Orbit, epoch_of, orbit_of
+from .torques import GivenTorque, given_torque
 
 Array = NDArray[np.float64]
 SCENARIOS = ("nominal", "worst", "detumbling")
@@ -60,31 +60,22 @@ CUBESATS = {
 }  # fmt: skip
 """Sides (m) by units: CubeSat Design Specification, and what deployers of the larger ones take."""
 LAYOUTS = ("pyramid", "axes")
-POINTINGS = ("nadir", "inertial")
+POINTINGS = ("nadir", "inertial", "sun", "yaw")
 BRAKING = 7.0
 """Of B-dot: gain over the mean moment of inertia, in orbit rates. Of gains from 0.003 to 0.03 1/s,
 flown on 24 random crafts of 1U to 150 kg, it is within 1.3 of the quickest in 23. Stronger rods are
 at their limit for less long, which does not move the best gain; Avanzini & Giulietti (2012), 2 n
 (1 + sin xi) J_min, are up to ten times slower where J_min is far below the others."""
-ALTITUDES = 150.0, 2000.0
-"""Of a circular orbit (km)."""
-FARTHEST = 400_000.0
-"""The highest apogee (km): beyond, it is no orbit about the Earth alone."""
-AIR = 1000.0
-"""From this perigee on (km) there is no air."""
-ORBITS = {
-    "geo": ("35786.03x35786.03km", 0.05, 0.0, "geostationary; class: 0.05 deg"),
-    "gto": ("250x35786km", 6.0, 178.0, "class: from Kourou"),
-    "molniya": ("504x39863km", 63.4349, 270.0, "class: its perigee stays in the south"),
-}
-"""By name: heights of perigee and apogee, inclination and argument of perigee (deg), and why."""
 SLOW = 6.0 * 3600.0
 """Periods (s) from which on nothing asks for steps of a second."""
 DUMPS, MOST_DAYS = 9, 700.0
 """How many a scenario lasts for, and how long (d) it lasts at the most; quicker steps, less."""
-SUNLIGHT = 4.56e-6
-"""Pressure of the Sun's light at 1 astronomical unit (N/m2)."""
-INCLINATION = Quantity("--inclination", "deg", 0.0, 180.0)
+OFF: Vec4 = (0.05, -0.05, 0.0513, 0.9962)
+"""By how much a bad day begins off the wanted attitude: 10 deg."""
+YAW_ERROR = 1e-3
+"""What the steered frame's acceleration lets the attitude lag by (rad)."""
+QUICKEST = 1e-4
+"""Of laws in deep space (1/s), where no orbit's rate says one."""
 MASS = Quantity("--mass", "kg", 0.0, 1e6, above=True)
 BOX = Quantity("--box", "m", 0.0, 100.0, above=True, what="sides")
 INERTIA = Quantity("--inertia", "kg.m2", 0.0, 1e9, above=True, what="moments")
@@ -94,41 +85,14 @@ THRUSTERS = Quantity("--thrusters", "N", 0.0, 1e5, above=True)
 RESIDUAL = Quantity("--residual-dipole", "A.m2", 0.0, 1e4)
 PANEL = Quantity("--panel", "m2", 0.0, 1e4, above=True)
 ARM = Quantity("--panel", "m", 0.0, 100.0)
+PROPELLANT = Quantity("--propellant", "kg", 0.0, 1e5, above=True)
+ISP = Quantity("--isp", "s", 1.0, 1e4)
 FILL = Quantity("--dump", "%", 0.0, 95.0)
 DUMPERS = ("thrusters", "coils")
 DEVIATION = math.radians(0.1)
 """What one pulse of a dump may turn a craft by (rad): half of what pointing may err."""
 SAMPLES = (10.0, 5.0, 2.0, 1.0)
 """Of thrusters (s): the longest that keeps within it, at least a step."""
-YEARS = 1957, 2056
-"""Of an epoch: those that two-line elements can name."""
-DOUBTFUL, MEANINGLESS = 7.0, 30.0
-"""Age of two-line elements (days): from the first on SGP4 is off by tens of kilometres, from the
-second on by hundreds."""
-
-
-@dataclass(frozen=True)
-class CraftFacts:
-    """What is known of a craft, as it is typed; None: what its class has."""
-
-    altitude: str | None = None
-    inclination: str | None = None
-    sso: str | None = None
-    ltan: str | None = None
-    tle: Path | None = None
-    epoch: str | None = None
-    mass: str | None = None
-    size: str | None = None
-    box: str | None = None
-    inertia: str | None = None
-    wheels: str | None = None
-    rods: str | None = None
-    thrusters: str | None = None
-    pointing: str = "nadir"
-    residual_dipole: str | None = None
-    orbit: str | None = None
-    dump: str | None = None
-    panel: str | None = None
 
 
 def write(folder: Path, wanted: CraftFacts, command: str, force: bool = False) -> list[Path]:
@@ -197,39 +161,47 @@ def _template_values(wanted: CraftFacts, name: str, command: str) -> dict[str, A
     sides, sides_why, units = _sides(wanted)
     mass, mass_why = _mass(wanted, sides, units)
     inertia, inertia_why = _inertia(wanted, mass, sides, f"{mass_why}, {sides_why}")
-    epoch = _epoch(wanted)
-    orbit = _orbit(wanted, (epoch - J2000).total_seconds())
+    epoch = epoch_of(wanted)
+    orbit = orbit_of(wanted, (epoch - J2000).total_seconds())
+    if wanted.pointing in ("nadir", "yaw") and not orbit.of_earth:
+        raise DesatError(f"--pointing {wanted.pointing}: there is no Earth about the Sun; sun and "
+                         "inertial are left")  # fmt: skip
     wheels = _wheels(wanted, inertia)
-    rods = _rods(wanted, mass)
+    rods = _rods(wanted, mass, orbit)
     thrusters = _thrusters(wanted, sides)
-    step = 10.0 if orbit["period"] >= SLOW else 1.0
+    step = 10.0 if orbit.period >= SLOW else 1.0
     dump = _dump(wanted, wheels, thrusters, rods is not None, min(inertia), step)
     dipole = 0.005 * mass
     why = "class: 5 mA m2 a kilogram, no magnetic cleanliness"
     if wanted.residual_dipole is not None:
         dipole = RESIDUAL(_dotted(wanted.residual_dipole))
         why = "given"
+    outer = given_torque(wanted)
+    if outer is not None:
+        dipole, why = 0.0, f"{outer.option} has it"
     along = [x / math.sqrt(1.0 + 0.25 + 0.64) for x in (1.0, -0.5, 0.8)]
-    if orbit["eccentricity"] < 0.1:
-        _holds(wanted.pointing, orbit, inertia, wheels, [dipole * x for x in along])
+    start = _start(wanted.pointing, orbit)
+    if orbit.eccentricity < 0.1 and orbit.of_earth:
+        _holds(wanted.pointing, orbit, inertia, wheels, [dipole * x for x in along], start)
     faces = [sides[1] * sides[2], sides[2] * sides[0], sides[0] * sides[1]]
     area = sum(faces) / 2.0
     quick = 0.1 / step
     bandwidth = min(quick, math.sqrt(wheels["torque_si"] / (max(inertia) * math.radians(5.0))))
     enough = bandwidth == quick
-    rate = orbit["rate"]
+    rate = orbit.rate if orbit.of_earth else QUICKEST
     light, centre, centre_why = _radiation(wanted, area, sides)
     tumble = 5.0 if mass < 50.0 else 1.0
     return {
         "title": name, "command": command, "pointing": wanted.pointing, "orbit": orbit,
+        "start": start, "outer": outer, "worse": ", ".join(_worse(orbit, outer)),
         "epoch": epoch.strftime("%Y-%m-%dT%H:%M:%SZ"),
-        "description": f"{mass:.4g} kg, {wanted.pointing} pointing under gravity gradient, drag, "
-        "radiation and its own dipole; " + (
+        "description": f"{mass:.4g} kg, {wanted.pointing} pointing under "
+        + _torques(orbit, outer) + "; " + (
             "a cross-product law takes the momentum that they leave in the wheels out through the "
             "coils." if dump is None else f"dumps by {dump['by']} take the momentum that they "
             f"leave in the wheels out from {dump['percent'][0]} % of a wheel's capacity to "
             f"{dump['percent'][1]} %."),
-        "step": step, "stop": _stop(orbit, dump, light, centre),
+        "step": step, "stop": _stop(orbit, dump, _secular(orbit, outer, light, centre, dipole)),
         "inertia": {"value": "[" + ", ".join(_list([x if i == j else 0.0 for j in range(3)])
                     for i, x in enumerate(inertia)) + "]", "why": inertia_why},
         "wheels": wheels, "rods": rods, "thrusters": thrusters, "dump": dump,
@@ -237,13 +209,15 @@ def _template_values(wanted: CraftFacts, name: str, command: str) -> dict[str, A
         "dipole": {"value": _list(dipole * x for x in along), "why": f"A m2; {why}",
                    "twice": _list(2.0 * dipole * x for x in along)},
         "area": {"value": _text(area), "why": f"class: mean over all sides of {sides_why}"},
-        "light": {"area": _text(light), "centre": _list(centre), "why": centre_why},
+        "light": {"area": _text(light), "more": _text(1.3 * light), "centre": _list(centre),
+                  "why": centre_why},
         "centre": {"value": _list(0.05 * x for x in sides), "why": "m; class: 5 % of each side"},
         "gains": {
             "bandwidth": _text(bandwidth), "kp": _text(2.0 * bandwidth**2),
             "kd": _text(1.4 * bandwidth), "ki": _text(2e-3 * bandwidth**2),
             "why": f"fast beside the orbit, slow beside a sample of {step:g} s" if enough
             else "what the wheels' torque turns an error of 5 deg with",
+            "yaw": _text(YAW_ERROR * bandwidth**2),
             "manager": _text(rate), "start": _text(0.1 * wheels["capacity_si"]),
             "b_dot": _text(BRAKING * rate * sum(inertia) / 3.0),
         },
@@ -295,123 +269,6 @@ def _inertia(
     return values, "given"
 
 
-def _epoch(wanted: CraftFacts) -> datetime:
-    """Of t = 0: what is given, else that of two-line elements, to a second."""
-    of_tle = None if wanted.tle is None else _of_file(wanted.tle)["epoch_tle_j2000"]
-    if wanted.epoch is None:
-        if of_tle is None:
-            return datetime(2027, 1, 1, tzinfo=UTC)
-        return J2000 + timedelta(seconds=round(of_tle))
-    try:
-        made = datetime.fromisoformat(wanted.epoch)
-    except ValueError:
-        raise DesatError(
-            f"--epoch {wanted.epoch}: a time is needed, as 2027-01-01T00:00:00Z"
-        ) from None
-    made = made if made.tzinfo else made.replace(tzinfo=UTC)
-    if not YEARS[0] <= made.year <= YEARS[1]:
-        raise DesatError(f"--epoch {wanted.epoch}: a year from {YEARS[0]} to {YEARS[1]} is needed")
-    if of_tle is not None and abs(age := _days(made, of_tle)) > MEANINGLESS:
-        raise DesatError(f"--epoch {wanted.epoch}: {_aged(age)} those of --tle {wanted.tle}; SGP4 "
-                         f"means nothing beyond {MEANINGLESS:g} days")  # fmt: skip
-    return made
-
-
-def _days(epoch: datetime, elements: float) -> float:
-    """From the epoch of two-line elements (s since J2000) to another (days)."""
-    return ((epoch - J2000).total_seconds() - elements) / 86400.0
-
-
-def _aged(days: float) -> str:
-    return f"{abs(days):.0f} days {'after' if days > 0.0 else 'before'}"
-
-
-def doubts(wanted: CraftFacts) -> list[str]:
-    """What makes what is wanted doubtful, though it can be. Raises DesatError."""
-    if wanted.tle is None:
-        return []
-    age = _days(_epoch(wanted), _of_file(wanted.tle)["epoch_tle_j2000"])
-    if abs(age) <= DOUBTFUL:
-        return []
-    return [f"--epoch {wanted.epoch}: {_aged(age)} those of --tle {wanted.tle}; beyond "
-            f"{DOUBTFUL:g} days SGP4 is off by tens of kilometres"]  # fmt: skip
-
-
-def _orbit(wanted: CraftFacts, epoch: float) -> dict[str, Any]:
-    """Parameters of the environment, each with its origin, the mean motion (rad/s) and the
-    inclination (rad)."""
-    given = {"--altitude": wanted.altitude, "--sso": wanted.sso, "--tle": wanted.tle,
-             "--orbit": wanted.orbit}  # fmt: skip
-    names = [name for name, value in given.items() if value is not None]
-    if len(names) > 1:
-        raise DesatError(f"{names[0]}, {names[1]}: one of them says the orbit")
-    if wanted.tle is not None:
-        for option, value in (("--inclination", wanted.inclination), ("--ltan", wanted.ltan)):
-            if value is not None:
-                raise DesatError(f"{option} {value}: --tle {wanted.tle} says the orbit")
-        return _of_tle(wanted.tle, epoch)
-    if wanted.orbit is not None:
-        if wanted.ltan is not None:
-            raise DesatError(f"--ltan {wanted.ltan}: it is of a Sun-synchronous orbit (--sso)")
-        return _of_ends(wanted.orbit, wanted.inclination)
-    text = wanted.sso or wanted.altitude or "500 km"
-    height = Quantity((names or ["--altitude"])[0], "km", *ALTITUDES)(text) * 1e3
-    axis, raan, raan_why = EARTH_RADIUS + height, 0.0, "class"
-    if wanted.altitude is not None and wanted.sso is None:
-        if wanted.ltan is not None:
-            raise DesatError(f"--ltan {wanted.ltan}: it is of a Sun-synchronous orbit (--sso)")
-        inclination = math.radians(INCLINATION(wanted.inclination or "51.6"))
-        why = "given" if wanted.inclination else "class: that of the ISS"
-    else:
-        if wanted.inclination is not None:
-            raise DesatError(f"--inclination {wanted.inclination}: --altitude is needed with it; a "
-                             "Sun-synchronous orbit has its own")  # fmt: skip
-        inclination, why = sun_synchronous_inclination(axis), "Sun-synchronous"
-        hours = _hours(wanted.ltan or "10:30")
-        raan = earth.raan_of_local_time(hours, epoch)
-        raan_why = f"ascending node at {wanted.ltan or '10:30, class'} local time"
-    rows = [
-        ("semi_major_axis", f'"{axis / 1e3:.9g} km"', f"{height / 1e3:g} km above 6378.137 km"),
-        ("inclination", f'"{math.degrees(inclination):.6g} deg"', why),
-        ("raan", f'"{math.degrees(raan):.6g} deg"', raan_why),
-        ("j2", "true", "its node and perigee drift"),
-        ("atmosphere", '"activity"', "by solar activity: moderate"),
-    ]
-    return {"rows": rows, "rate": mean_motion(axis), "inclination": inclination, "tle": False,
-            "period": 2.0 * math.pi / mean_motion(axis), "eccentricity": 0.0,
-            "air": True}  # fmt: skip
-
-
-def _of_ends(text: str, given: str | None) -> dict[str, Any]:
-    """As `_orbit`, of an orbit by its name, or by the heights of its perigee and apogee."""
-    ends, inclination, perigee, why = ORBITS.get(text.strip().lower(), (text, 51.6, 0.0, "class"))
-    match = re.fullmatch(r"\s*([\d.]+)\s*x\s*([\d.]+)\s*km\s*", ends)
-    if match is None:
-        raise DesatError(f"--orbit {text}: there is {', '.join(ORBITS)}, or heights of perigee and "
-                         f"apogee, as 500x39860km{nearest(text, ORBITS)}")  # fmt: skip
-    low, high = sorted(
-        Quantity("--orbit", "km", ALTITUDES[0], FARTHEST)(f"{height} km")
-        for height in match.groups()
-    )
-    if given is not None:
-        inclination, why = INCLINATION(given), "given"
-    near, far = (EARTH_RADIUS + 1e3 * height for height in (low, high))
-    axis, eccentricity = (near + far) / 2.0, (far - near) / (far + near)
-    air = low < AIR
-    rows = [
-        ("semi_major_axis", f'"{axis / 1e3:.9g} km"', f"{low:g} x {high:g} km above 6378.137 km"),
-        ("eccentricity", f"{eccentricity:.9g}", "by these heights"),
-        ("inclination", f'"{inclination:.6g} deg"', why),
-        ("argument_of_perigee", f'"{perigee:g} deg"', why),
-        ("j2", "true", "its node and perigee drift"),
-        ("atmosphere", '"activity"' if air else '"none"',
-         "by solar activity: moderate" if air else "there is none so high"),
-    ]  # fmt: skip
-    return {"rows": rows, "rate": mean_motion(axis), "inclination": math.radians(inclination),
-            "tle": False, "period": 2.0 * math.pi / mean_motion(axis),
-            "eccentricity": eccentricity, "air": air}  # fmt: skip
-
-
 def _radiation(
     wanted: CraftFacts, area: float, sides: tuple[float, float, float]
 ) -> tuple[float, list[float], str]:  # fmt: skip
@@ -425,16 +282,63 @@ def _radiation(
     return size, [0.0, -arm, 0.0], "given: one panel, on -y, which follows the Sun"
 
 
-def _stop(
-    orbit: Mapping[str, Any], dump: Mapping[str, Any] | None, area: float, centre: list[float]
+def _torques(orbit: Orbit, outer: GivenTorque | None) -> str:
+    """What turns the craft, for people."""
+    names = ["gravity gradient"] * orbit.of_earth
+    if outer is None:
+        names += ["drag"] * orbit.air + ["radiation"] + ["its own dipole"] * orbit.of_earth
+    else:
+        names.append(f"the torque of {outer.option}")
+    return ", ".join(names[:-1]) + (" and " if len(names) > 1 else "") + names[-1]
+
+
+def _worse(orbit: Orbit, outer: GivenTorque | None) -> list[str]:
+    """What is worse on a bad day, for people."""
+    if outer is not None:
+        return ["1.3 times the torque"]
+    told = ["high solar activity"] * (orbit.air and not orbit.of_tle)
+    told += ["1.3 times the light"] * (not orbit.air)
+    return told + ["twice the residual dipole"] * orbit.of_earth
+
+
+def _start(pointing: str, orbit: Orbit) -> dict[str, Any]:
+    """The wanted attitude at t = 0, relative to lvlh or to eci, and one that is OFF from it."""
+    if pointing in ("nadir", "inertial"):
+        return {"frame": "lvlh" if pointing == "nadir" else "eci", "q": None, "off": _list(OFF),
+                "turned": np.eye(3)}  # fmt: skip
+    block = GuidanceSun() if pointing == "sun" else GuidanceYaw()
+    (block.r_eci, block.v_eci), block.sun_eci = orbit.state, orbit.sun
+    block.check()
+    block.start()
+    q = block.q_ref_bi
+    return {"frame": "eci", "q": _list(q), "off": _list(product(OFF, q)),
+            "omega": "[" + ", ".join(f"{x:.4g}" for x in block.omega_ref_body) + "]",
+            "turned": np.reshape(matrix(q), (3, 3))}  # fmt: skip
+
+
+def _secular(
+    orbit: Orbit, outer: GivenTorque | None, area: float, centre: list[float], dipole: float
 ) -> float:  # fmt: skip
+    """About what is left in the wheels (N m): of light, and a tenth of what a dipole has in the
+    field of a circular orbit; or as given."""
+    if outer is not None:
+        return outer.size
+    light = orbit.light * SOLAR_PRESSURE * area * math.hypot(*centre)
+    if not orbit.of_earth or orbit.eccentricity > 0.1:
+        return light
+    radius = math.sqrt(sum(x * x for x in orbit.state[0]))
+    return light + 0.1 * dipole * 3.1e-5 * (EARTH_RADIUS / radius) ** 3
+
+
+def _stop(orbit: Orbit, dump: Mapping[str, Any] | None, torque: float) -> float:
     """How long a scenario lasts (s): a day, ten orbits of a slow one, or until there have been
-    DUMPS dumps of what light alone leaves; all wheels of a pyramid hold 1.7 times what one does."""
-    days = 1.0 if orbit["period"] < SLOW else math.ceil(10.0 * orbit["period"] / 86400.0)
+    DUMPS dumps; all wheels of a pyramid hold 1.7 times what one does."""
+    days = 1.0
+    if orbit.period >= SLOW:
+        days = math.ceil(10.0 * orbit.period / 86400.0) if orbit.of_earth else 10.0
     if dump is not None and dump["by"] == "thrusters":
-        torque = SUNLIGHT * area * math.hypot(*centre)
         days = max(days, math.ceil(DUMPS * 1.7 * dump["room"] / max(torque, 1e-12) / 86400.0))
-    return 86400.0 * min(days, MOST_DAYS if orbit["period"] >= SLOW else MOST_DAYS / 50.0)
+    return 86400.0 * min(days, MOST_DAYS if orbit.period >= SLOW else MOST_DAYS / 50.0)
 
 
 def _dump(
@@ -444,8 +348,8 @@ def _dump(
     """What dumps between thresholds are made with; None: a law that dumps all the time."""
     if wanted.dump is None:
         if not rods:
-            raise DesatError("--rods none: --dump says what takes momentum out, as --dump "
-                             "'thrusters 70:10'")  # fmt: skip
+            raise DesatError("no rods: --dump says what takes momentum out, as --thrusters '4 1N' "
+                             "--dump 'thrusters 70:10'")  # fmt: skip
         return None
     match = re.fullmatch(r"\s*(\w+)\s+([\d.]+)\s*:\s*([\d.]+)\s*%?\s*", wanted.dump)
     if match is None or match[1] not in DUMPERS:
@@ -477,13 +381,16 @@ def _dump(
 
 
 def _holds(
-    pointing: str, orbit: Mapping[str, Any], inertia: list[float], wheels: Mapping[str, Any],
-    dipole: list[float],
+    pointing: str, orbit: Orbit, inertia: list[float], wheels: Mapping[str, Any],
+    dipole: list[float], start: Mapping[str, Any],
 ) -> None:  # fmt: skip
     """Raises DesatError where the fullest wheel cannot hold what an orbit alone brings."""
     a, b, c = inertia
-    momentum = cyclic.momentum(pointing == "nadir", orbit["rate"], orbit["inclination"],
-                               (a, 0.0, 0.0, 0.0, b, 0.0, 0.0, 0.0, c), dipole)  # fmt: skip
+    to_earth = pointing in ("nadir", "yaw")
+    momentum = cyclic.momentum(
+        to_earth, orbit.rate, orbit.inclination, (a, 0.0, 0.0, 0.0, b, 0.0, 0.0, 0.0, c), dipole,
+        None if to_earth else start["turned"],
+    )  # fmt: skip
     needs, has = cyclic.fullest(np.array(wheels["axes_si"]), momentum), wheels["capacity_si"]
     if needs > has:
         raise DesatError(
@@ -491,44 +398,6 @@ def _holds(
             f"{1.3 * needs * 1e3:.2g} mN m s, "
             "or a smaller --residual-dipole"
         )
-
-
-def _hours(text: str) -> float:
-    match = re.fullmatch(r"(\d{1,2}):(\d{2})", text)
-    if match is None or int(match[1]) > 23 or int(match[2]) > 59:
-        raise DesatError(f"--ltan {text}: a time of day is needed, as 10:30")
-    return int(match[1]) + int(match[2]) / 60.0
-
-
-def _of_file(file: Path) -> dict[str, float]:
-    """The parameters of a file with two-line elements. Raises DesatError."""
-    text = io.text(file, f"--tle {file}")
-    lines = [x for x in text.splitlines() if x[:2] in ("1 ", "2 ")]
-    if len(lines) != 2:
-        raise DesatError(f"--tle {file}: two lines that begin with 1 and 2 are needed")
-    try:
-        return tle_parameters(lines[0], lines[1])
-    except ValueError as error:  # BlockError is one
-        raise DesatError(f"--tle {file}: {plain(str(error))}") from None
-
-
-def _of_tle(file: Path, epoch: float) -> dict[str, Any]:
-    """As `_orbit`. Raises DesatError for elements that SGP4 has no orbit of at the epoch."""
-    values = _of_file(file)
-    at, bstar, *others = (values[k] for k in (
-        "epoch_tle_j2000", "bstar", "eccentricity", "argument_of_perigee", "inclination",
-        "mean_anomaly", "mean_motion", "raan"))  # fmt: skip
-    try:
-        state = teme_state((at, bstar, *others), epoch - at)  # type: ignore[arg-type]
-    except ValueError as error:
-        raise DesatError(f"--tle {file}: {error}") from None
-    if not all(math.isfinite(x) for part in state for x in part):
-        raise DesatError(f"--tle {file}: no orbit has these elements")
-    rows = [(name, repr(value), f"of {file.name}, SI") for name, value in values.items()
-            if name != "epoch_j2000"]  # fmt: skip
-    return {"rows": rows, "rate": values["mean_motion"], "inclination": values["inclination"],
-            "tle": True, "period": 2.0 * math.pi / values["mean_motion"],
-            "eccentricity": values["eccentricity"], "air": True}  # fmt: skip
 
 
 def _wheels(wanted: CraftFacts, inertia: list[float]) -> dict[str, Any]:
@@ -569,9 +438,12 @@ def _wheels(wanted: CraftFacts, inertia: list[float]) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _rods(wanted: CraftFacts, mass: float) -> dict[str, str] | None:
-    if wanted.rods == "none":
+def _rods(wanted: CraftFacts, mass: float, orbit: Orbit) -> dict[str, str] | None:
+    if wanted.rods == "none" or (wanted.rods is None and not orbit.of_earth):
         return None
+    if not orbit.of_earth:
+        raise DesatError(f"--rods {wanted.rods}: there is no field in deep space; thrusters dump "
+                         "there, as --thrusters '4 10mN' --dump 'thrusters 70:10'")  # fmt: skip
     text = wanted.rods or f"{0.02 * mass:.2g}"
     name, figures, dipole = _of_class(RODS, "rods", "dipole", text)
     why = "given" if wanted.rods else "class: 20 mA m2 a kilogram"
@@ -586,6 +458,9 @@ def _gyro() -> dict[str, str]:
 
 def _thrusters(wanted: CraftFacts, sides: tuple[float, float, float]) -> Mapping[str, str] | None:
     if wanted.thrusters is None:
+        for option, given in (("--propellant", wanted.propellant), ("--isp", wanted.isp)):
+            if given is not None:
+                raise DesatError(f"{option} {given}: --thrusters says which, as --thrusters '4 1N'")
         return None
     match = re.fullmatch(r"\s*(?:4\s+)?([^\s].*?)\s*", wanted.thrusters)
     if match is None or re.match(r"\d+\s+\d", match[1]):
@@ -595,4 +470,7 @@ def _thrusters(wanted: CraftFacts, sides: tuple[float, float, float]) -> Mapping
     arm = max(sides) / 2.0
     return {"torque": _list([2.0 * force * arm] * 3), "force": f"{force:g} N", "arm": _text(arm),
             "torque_si": _text(2.0 * force * arm),
-            "impulse": figures["impulse"], "pulse": figures["pulse"], "class": name}  # fmt: skip
+            "impulse": figures["impulse"] if wanted.isp is None else f"{ISP(wanted.isp):g} s",
+            "impulse_why": f"class: {name}" if wanted.isp is None else "given",
+            "tank": "" if wanted.propellant is None else f"{PROPELLANT(wanted.propellant):g} kg",
+            "pulse": figures["pulse"], "class": name}  # fmt: skip

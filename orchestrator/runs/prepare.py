@@ -101,9 +101,9 @@ def read(target: str) -> Target:
     if path.suffix != ".toml" and (beside := Path(f"{target}.toml")).is_file():
         path = beside
     if path.name.endswith(craft.FILE) and path.is_file():
-        beside = sorted(x.stem for x in path.parent.glob("*.toml") if x.name != path.name)
+        there = sorted(x.stem for x in path.parent.glob("*.toml") if x.name != path.name)
         raise DesatError(f"{target}: a craft file, which says no run; name a scenario of it: "
-                         f"{', '.join(beside) or 'its folder'}")  # fmt: skip
+                         f"{', '.join(there) or 'its folder'}")  # fmt: skip
     if path.suffix == ".toml":
         return Target(target, scenario.own(path))
     try:

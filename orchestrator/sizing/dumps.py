@@ -30,6 +30,7 @@ from ..system.errors import DesatError
 from ..system.model import System
 from ..system.options import Options
 from .flight import (
+    GUIDED,
     Attitude,
     Flight,
     Hardware,
@@ -49,6 +50,7 @@ from .sizing import (
     cost_of,
     costs_along,
     days_of_year,
+    duration,
     finite,
     room_of,
     secular,
@@ -216,9 +218,11 @@ def size(
             year.append(date)
     loop: dict[str, float | None] = {}
     unmet: list[str] = []
+    run: Run | None = None
     if wishes.flown:
         progress("the closed loop")
         run = _flown(target, options, steady)
+    if run is not None:
         loop = {n: run.manifest.numbers[n].value for n in LOOP if n in run.manifest.numbers}
         unmet = [f"in the closed loop: {line}" for line in run.manifest.not_met]
     capacity = room_of(hardware)
@@ -229,17 +233,21 @@ def size(
         float(np.mean(least)), capacity * WEEK / steady.interval if steady.interval > 0.0 else inf,
         float(values["thrusters"].get("tank", 0.0)), loop, (), (),
     )  # fmt: skip
-    return replace(made, problems=(*_problems(made), *unmet), notes=tuple(_notes(made)))
+    return replace(made, problems=(*_problems(made), *unmet), notes=tuple(_notes(made, wishes)))
 
 
-def _flown(target: str, options: Options, steady: Rates) -> Run:
-    """The closed loop, for as long as FLOWN dumps take where the user does not say how long. Raises
-    DesatError where it cannot run, or did not come to its end."""
+def _flown(target: str, options: Options, steady: Rates) -> Run | None:
+    """The closed loop, for as long as FLOWN dumps take where the user does not say how long; None
+    where even the first is too far. Raises DesatError where it cannot run, or did not come to its
+    end."""
     source = read(target)
     case = prepare(source, options)
     system, _ = case.or_raise()
     span = steady.first + FLOWN * steady.interval
-    if options.stop is None and span < min(MOST_STEPS * system.step, LONGEST):
+    most = MOST_STEPS * system.step
+    if options.stop is None and not steady.first < most:
+        return None
+    if options.stop is None and span < most:
         stop = system.start + system.step * ceil(span / system.step)
         longer = prepare(source, replace(options, stop=stop))
         case = longer if longer.checked.schedule is not None else case
@@ -253,11 +261,13 @@ def _flown(target: str, options: Options, steady: Rates) -> Run:
 def _attitude(system: System) -> Attitude:
     """The attitude that the guidance wants. Raises DesatError for one that moves otherwise."""
     guide = system.roles.get("guidance")
-    kinds = {"guidance_nadir": ("nadir", "q_bo"), "guidance_inertial": ("inertial", "q_target_bi")}
-    if guide is None or guide.interface.model not in kinds:
-        raise DesatError(f"{system.name}: guidance: one of {', '.join(kinds)} is needed, whose "
-                         "attitude stays")  # fmt: skip
-    kind, name = kinds[guide.interface.model]
+    kept = {"guidance_nadir": ("nadir", "q_bo"), "guidance_inertial": ("inertial", "q_target_bi")}
+    model = "" if guide is None else guide.interface.model
+    if guide is not None and model in GUIDED:
+        return Attitude(GUIDED[model], (0.0, 0.0, 0.0, 1.0), 0.0)
+    if guide is None or model not in kept:
+        raise DesatError(f"{system.name}: guidance: one of {', '.join((*kept, *GUIDED))} is needed")
+    kind, name = kept[model]
     x, y, z, w = guide.values[name]
     return Attitude(kind, (x, y, z, w), 0.0)
 
@@ -366,7 +376,10 @@ def _problems(made: DumpSizing) -> Iterator[str]:
         yield "its thrusters give no torque about some axis: no dump comes to its end"
 
 
-def _notes(made: DumpSizing) -> Iterator[str]:
+def _notes(made: DumpSizing, wishes: Wishes) -> Iterator[str]:
+    if wishes.flown and not made.loop:
+        first = duration(made.steady.first) if made.steady.first < inf else "never"
+        yield f"the closed loop was not flown, the first dump is so far: {first} (--stop flies it)"
     dumps = made.loop.get("dumps")
     if made.loop and (dumps is None or dumps < 7):
         yield (

@@ -31,16 +31,22 @@ from ..system.parameters import Parameter, table
 Array = NDArray[Any]
 ROLES = ("environment", "spacecraft", "manager")
 SOURCES = ("gravity gradient", "drag", "radiation", "residual dipole")
+GIVEN = "given torque"
+"""The source that a component of the role disturbance is."""
 SERIES = ("spacecraft.q_bi", "spacecraft.omega_bi_body", "spacecraft.impulse_eci",
           "spacecraft.h_copy_wheel", "environment.b_eci", "environment.r_eci",
           "environment.v_eci", "environment.density", "environment.sun_eci",
           "environment.sunlight", "torquers.m_mean_body", "thrusters.tau_mean_thruster_body",
-          "wheels.h_wheel")  # fmt: skip
+          "wheels.h_wheel", "disturbance.tau_ext_body")  # fmt: skip
 WANDERS = 0.1
 """An attitude that stays so near to its mean (rad), 95 % of the time, is one that another orbit can
 be flown at."""
 NODE_TIME = 10.0
 """Between the rows of the sources of a recorded run (s)."""
+GUIDED = {"guidance_sun": "sun", "guidance_yaw": "yaw"}
+"""Guidances whose attitude follows from where the craft and the Sun are, by its name."""
+BEYOND = 1e10
+"""So far (m) from what it goes about it goes about the Sun."""
 _MOVES = "environment_propagated"
 """It integrates its orbit: it cannot begin at another date."""
 
@@ -123,7 +129,8 @@ class Attitude(NamedTuple):
     """How a craft points."""
 
     kind: str
-    """`nadir`: q_bo relative to lvlh stays; `inertial`: q_bi stays; `moving`: neither does"""
+    """`nadir`: q_bo relative to lvlh stays; `inertial`: q_bi stays; `sun`, `yaw`: as the guidance
+    has it; `moving`: none of these"""
     q: tuple[float, float, float, float]
     """the one that stays"""
     wanders: float
@@ -191,7 +198,9 @@ def _largest_dipole(coils: Mapping[str, Any]) -> float:
 
 
 def period_of(r: Array, v: Array) -> float:
-    """The period (s) of the orbit through r (m) with v (m/s)."""
+    """The period (s) of the orbit through r (m) with v (m/s); a day for one about the Sun."""
+    if float(np.linalg.norm(r)) > BEYOND:
+        return 86400.0
     axis = 1.0 / (2.0 / float(np.linalg.norm(r)) - float(v @ v) / MU)
     return 2.0 * pi * sqrt(axis**3 / MU)
 
@@ -231,6 +240,9 @@ def flight_of(system: System, results: Any) -> Flight:
     if inputs is not None:
         some = {k: x[::every] for k, x in inputs.items()}
         sources = impulses(system, some, q[rows][::every], at)
+        if SERIES[13] in known:
+            given = results.values(SERIES[13], rows)[::every]
+            sources[GIVEN] = integral(rotate_back(q[rows][::every], given), at)
     if SERIES[11] in known:
         # pulses of thrusters are too short for rows: what they have given is left out
         if not sources:
@@ -286,9 +298,12 @@ def integral(torque: Array, times: Array) -> Array:
 # --- without a run ------------------------------------------------------------------------------
 
 
-def attitude_of(q: Array, r: Array, v: Array) -> Attitude:
-    """How a craft points, by the last three quarters of its attitudes q (n, 4) at r (n, 3) m with
-    v (n, 3) m/s."""
+def attitude_of(system: System, q: Array, r: Array, v: Array) -> Attitude:
+    """How a craft points: as its guidance says, or by the last three quarters of its attitudes
+    q (n, 4) at r (n, 3) m with v (n, 3) m/s."""
+    guide = system.roles.get("guidance")
+    if guide is not None and (kind := GUIDED.get(guide.interface.model)):
+        return Attitude(kind, (0.0, 0.0, 0.0, 1.0), 0.0)
     count = min(len(q), len(r), len(v))
     rows = slice(count // 4, count, max(1, count // 2000))
     q = q[rows]
@@ -325,10 +340,7 @@ def environment_block(component: Component, changes: Mapping[str, Any] | None = 
     if model not in names() or model == _MOVES:
         why = "it integrates its orbit" if model == _MOVES else "it is no block of ours"
         raise DesatError(f"{model}: {why}, so other dates and orbits cannot be asked of it")
-    block = block_class(model)()
-    for signal in component.interface.signals.values():
-        if signal.causality == "parameter":
-            block.access([signal.reference]).write([component.values[signal.name]])
+    block: Block = bare_block(component)
     for name, value in (changes or {}).items():
         if not hasattr(block, name):
             raise DesatError(f"{model} has no {name}")
@@ -336,6 +348,51 @@ def environment_block(component: Component, changes: Mapping[str, Any] | None = 
     block.check()
     block.start()
     return block
+
+
+def bare_block(component: Component) -> Any:
+    """The block of a component of ours with its parameters, before it starts."""
+    block = block_class(component.interface.model)()
+    for signal in component.interface.signals.values():
+        if signal.causality == "parameter":
+            block.access([signal.reference]).write([component.values[signal.name]])
+    return block
+
+
+def _guided(component: Component, inputs: Mapping[str, Array], times: Array) -> tuple[Array, Array]:
+    """The attitude (n, 4) and rate (n, 3) rad/s that a guidance of ours wants."""
+    block = bare_block(component)
+    q, omega, last = [], [], None
+    for k, t in enumerate(times.tolist()):
+        for name in ("r_eci", "v_eci", "sun_eci"):
+            setattr(block, name, tuple(inputs[name][k].tolist()))
+        if last is None:
+            block.check()
+            block.start()
+            block.advance(t, 0.0)
+        else:
+            block.advance(t, t - last)
+        last = t
+        q.append(block.q_ref_bi)
+        omega.append(block.omega_ref_body)
+    return np.array(q), np.array(omega)
+
+
+def _given_torque(
+    component: Component, inputs: Mapping[str, Array], q: Array, times: Array
+) -> Array:  # fmt: skip
+    """The impulse (n, 3) N m s, eci, of a table of torques since the first time."""
+    block = bare_block(component)
+    block.check()
+    block.start()
+    total = [np.zeros(3)]
+    for k, (t, then) in enumerate(zip(times[:-1].tolist(), times[1:].tolist(), strict=True)):
+        block.q_bi = tuple(q[k].tolist())
+        block.r_eci, block.v_eci = (tuple(inputs[n][k].tolist()) for n in ("r_eci", "v_eci"))
+        block.advance(t, then - t)
+        mean = rotate_back(q[k : k + 1], np.array([block.tau_ext_body]))[0]
+        total.append(total[-1] + (then - t) * mean)
+    return np.array(total)
 
 
 def inputs_at(block: Block, times: Sequence[float]) -> dict[str, Array]:
@@ -379,6 +436,8 @@ def flown_at(system: System, attitude: Attitude, inputs: dict[str, Array], times
         rate = np.linalg.norm(cross(r, v), axis=1) / (r * r).sum(axis=1)
         c = from_body(np.array([attitude.q]))[0].T
         omega = -rate[:, None] * c[:, 1]
+    elif attitude.kind in GUIDED.values():
+        q, omega = _guided(system.roles["guidance"], inputs, times)
     else:
         q = np.broadcast_to(np.array(attitude.q), (len(times), 4))
         omega = np.zeros((len(times), 3))
@@ -386,6 +445,8 @@ def flown_at(system: System, attitude: Attitude, inputs: dict[str, Array], times
     loose = {k: np.broadcast_to(np.array(x, float), (len(times), len(x)))
              for k, x in fed.items() if not isinstance(x, str) and k in inputs}  # fmt: skip
     sources = impulses(system, inputs | loose, q, times)
+    if (given := system.roles.get("disturbance")) is not None:
+        sources[GIVEN] = _given_torque(given, inputs, q, times)
     hardware = hardware_of(system)
     return Flight(
         times, period_of(r[0], v[0]), np.sum(list(sources.values()), axis=0), q,

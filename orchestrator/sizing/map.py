@@ -139,7 +139,7 @@ def map_of(
     system, _ = case.or_raise()
     progress("the run at the wanted attitude")
     flight = fly_case(case, system)
-    attitude = attitude_of(flight.q, flight.r, flight.v)
+    attitude = attitude_of(system, flight.q, flight.r, flight.v)
     if attitude.kind == "moving":
         raise DesatError(f"{target}: the attitude moves: a map needs one that stays in lvlh or eci")
     hardware, notes = hardware_of(system), []
@@ -149,7 +149,7 @@ def map_of(
         laws = []
         notes.append(f"{system.components['manager'].source}: closed loop only; {why}")
     if axes.laws or not laws:
-        terms = terms_of(flight.period, flight.b, attitude.kind == "inertial")
+        terms = terms_of(flight.period, flight.b, attitude.kind in ("inertial", "sun"))
         laws += other_laws(source, options, terms, notes)
     torque, _ = secular(flight)
     least = least_by_formula(reach(flight, hardware), torque)

@@ -581,7 +581,7 @@ def size(
     able = reach(flight, hardware)
     progress("the least rod, by a linear programme")
     formula, least = least_by_formula(able, torque), least_by_programme(able, torque)
-    attitude = attitude_of(flight.q, flight.r, flight.v)
+    attitude = attitude_of(system, flight.q, flight.r, flight.v)
     year: tuple[Date, ...] = ()
     hardest: WorstDay | None = None
     if wishes.year:
@@ -594,7 +594,7 @@ def size(
             notes.append(f"no other days of the year: {why}")
     laws = [own] if own is not None else []
     if wishes.laws or own is None:
-        terms = terms_of(flight.period, flight.b, attitude.kind == "inertial")
+        terms = terms_of(flight.period, flight.b, attitude.kind in ("inertial", "sun"))
         laws += other_laws(source, options, terms, notes)
     curve, best = _curves(flight, hardware, laws, least, wishes, progress, notes)
     law, day = (best[0].law, best[0].rod) if best else ("", None)

@@ -229,7 +229,7 @@ def choose(
     progress("its own law")
     first = _fly(own.options, source, system).or_raise(target)
     r, v, b, q = (first.results.values(s) for s in ORBIT)
-    inertial = attitude_of(q, r, v).kind == "inertial"
+    inertial = attitude_of(system, q, r, v).kind in ("inertial", "sun")
     found, refused = fitting(source, options, terms_of(period_of(r[0], v[0]), b, inertial), laws,
                              others)  # fmt: skip
     flown, runs, warnings = [found[0]], [first], [*first.manifest.warnings]

@@ -64,12 +64,29 @@ def _quantity(signal: Signal, text: str, where: str) -> float:
     return float(match[1].replace("_", "")) * converted[0] + converted[1]
 
 
+MATRIX_ROWS = 4
+"""Of a matrix at the most; what has more is a table."""
+
+
+def _is_begun_table(value: Any, last: str, count: int) -> bool:
+    """Whether a value is the first rows of a table, whose others are 0: of more rows than matrices
+    have, and each as long as the table's. `last`: the last element's name, `plates[16,9]`."""
+    shape = re.fullmatch(r".*\[(\d+),(\d+)\]", last)
+    if shape is None or not isinstance(value, (list, tuple)) or not value:
+        return False
+    rows, columns = int(shape[1]), int(shape[2])
+    return rows > MATRIX_ROWS and count < rows * columns and all(
+        isinstance(row, (list, tuple)) and len(row) == columns for row in value
+    )  # fmt: skip
+
+
 def expand(interface: Interface, name: str, value: Any, where: str) -> dict[str, Scalar]:
     """The scalars of `name = value` by element name.
 
     `where` (file and component) begins every message. A list gives an array's elements row by
-    row; a text gives a choice by its name. Raises DesatError for an unknown or set-only-by-others
-    variable, a wrong count or type, and a value outside the bounds.
+    row, of a table perhaps the first rows alone; a text gives a choice by its name. Raises
+    DesatError for an unknown or set-only-by-others variable, a wrong count or type, and a value
+    outside the bounds.
     """
     signal = interface.signals.get(name)
     signals = interface.elements.get(name, ()) if signal is None else [signal]
@@ -81,6 +98,8 @@ def expand(interface: Interface, name: str, value: Any, where: str) -> dict[str,
     if signal is not None and not isinstance(value, (list, tuple)):
         return {name: _scalar(signal, value, f"{where}.{name}")}
     values = _flat(value)
+    if _is_begun_table(value, signals[-1].name, len(values)):
+        values += [0.0] * (len(signals) - len(values))
     if len(values) != len(signals):
         raise DesatError(f"{where}.{name} needs {len(signals)} values, got {len(values)}")
     return {

@@ -33,6 +33,9 @@ def craft(
         str | None,
         typer.Option(help="geo, gto, molniya, or heights of perigee and apogee: 500x39860km."),
     ] = None,
+    sun: Annotated[
+        str | None, typer.Option(help="Deep space, a circle about the Sun: 1.52AU.")
+    ] = None,
     epoch: Annotated[str | None, typer.Option(help="UTC of t = 0: 2027-01-01T00:00:00Z.")] = None,
     mass: Annotated[str | None, typer.Option(help="16kg.")] = None,
     size: Annotated[str | None, typer.Option(help="A CubeSat of so many units: 12U.")] = None,
@@ -53,7 +56,25 @@ def craft(
     panel: Annotated[
         str | None, typer.Option(help='One that follows the Sun, its area and arm: "13m2 1.35m".')
     ] = None,
-    pointing: Annotated[str, typer.Option(help="nadir or inertial.")] = "nadir",
+    isp: Annotated[str | None, typer.Option(help="Specific impulse: 220s.")] = None,
+    propellant: Annotated[str | None, typer.Option(help="In the tank: 5kg.")] = None,
+    pointing: Annotated[
+        str, typer.Option(help="nadir, inertial, sun (+z to it), yaw (nadir, +x towards the Sun).")
+    ] = "nadir",
+    secular: Annotated[
+        str | None,
+        typer.Option(
+            help="A constant torque, about y or x,y,z of body, in the place of drag, light "
+            "and dipole: 80uNm."
+        ),
+    ] = None,
+    torque: Annotated[
+        str | None,
+        typer.Option(
+            help='A csv of t (s) and torque about x, y, z (N m), in their place: "FILE '
+            'body", or lvlh, eci; repeated.'
+        ),
+    ] = None,
     residual_dipole: Annotated[str | None, typer.Option(help="0.05 (A m2).")] = None,
     force: Annotated[bool, typer.Option("--force", help="Into a folder that exists.")] = False,
     as_json: o.Json = False,
@@ -62,15 +83,18 @@ def craft(
     rods, detumbling, which runs at once. What you do not say is typical of its class, and
     marked."""
     from ...begin import craft as new_craft
+    from ...begin.facts import CraftFacts
+    from ...begin.orbits import doubts
     from ...files.paths import shown
 
-    wanted = new_craft.CraftFacts(
+    wanted = CraftFacts(
         altitude, inclination, sso, ltan, tle, epoch, mass, size, box, inertia, wheels, rods,
-        thrusters, pointing, residual_dipole, orbit, dump, panel,
+        thrusters, pointing, residual_dipole, orbit, dump, panel, sun, secular, torque, propellant,
+        isp,
     )  # fmt: skip
     command = shlex.join(["desat", *sys.argv[1:]])
     made = new_craft.write(folder, wanted, command, force)
-    warn(new_craft.doubts(wanted))
+    warn(doubts(wanted))
     if as_json:
         print_json({"files": [str(x) for x in made]})
         return

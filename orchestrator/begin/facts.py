@@ -1,0 +1,35 @@
+"""What is known of a craft that begins."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+
+@dataclass(frozen=True)
+class CraftFacts:
+    """As it is typed; None: what its class has."""
+
+    altitude: str | None = None
+    inclination: str | None = None
+    sso: str | None = None
+    ltan: str | None = None
+    tle: Path | None = None
+    epoch: str | None = None
+    mass: str | None = None
+    size: str | None = None
+    box: str | None = None
+    inertia: str | None = None
+    wheels: str | None = None
+    rods: str | None = None
+    thrusters: str | None = None
+    pointing: str = "nadir"
+    residual_dipole: str | None = None
+    orbit: str | None = None
+    dump: str | None = None
+    panel: str | None = None
+    sun: str | None = None
+    secular: str | None = None
+    torque: str | None = None
+    propellant: str | None = None
+    isp: str | None = None
