@@ -16,7 +16,8 @@ Rules, each written beside its number:
 - dumps between thresholds: torque half of what the wheels give, or what the pairs give if less; a
   sample's pulse, centred in it, turns the craft to one side and the wheels turn it back: samples as
   long, and the torque as large, as keep torque T^2 / (8 J) within DEVIATION;
-- an orbit of SLOW or more is flown at steps of 10 s, until DUMPS dumps of radiation's torque.
+- an orbit of SLOW or more is flown at steps of up to 10 s, in which the wheels' torque turns the
+  craft by LARGEST_TURN at the most, until there have been DUMPS dumps.
 """
 
 from __future__ import annotations
@@ -68,6 +69,8 @@ at their limit for less long, which does not move the best gain; Avanzini & Giul
 (1 + sin xi) J_min, are up to ten times slower where J_min is far below the others."""
 SLOW = 6.0 * 3600.0
 """Periods (s) from which on nothing asks for steps of a second."""
+LARGEST_TURN = 0.02
+"""By a wheel's torque in a step (rad)."""
 DUMPS, MOST_DAYS = 9, 700.0
 """How many a scenario lasts for, and how long (d) it lasts at the most; quicker steps, less."""
 OFF: Vec4 = (0.05, -0.05, 0.0513, 0.9962)
@@ -169,7 +172,10 @@ def _template_values(wanted: CraftFacts, name: str, command: str) -> dict[str, A
     wheels = _wheels(wanted, inertia)
     rods = _rods(wanted, mass, orbit)
     thrusters = _thrusters(wanted, sides)
-    step = 10.0 if orbit.period >= SLOW else 1.0
+    step = 1.0
+    if orbit.period >= SLOW:
+        turned = 0.5 * wheels["torque_si"] / min(inertia)
+        step = next((x for x in SAMPLES if turned * x * x <= LARGEST_TURN), 1.0)
     dump = _dump(wanted, wheels, thrusters, rods is not None, min(inertia), step)
     dipole = 0.005 * mass
     why = "class: 5 mA m2 a kilogram, no magnetic cleanliness"
@@ -201,7 +207,8 @@ def _template_values(wanted: CraftFacts, name: str, command: str) -> dict[str, A
             "coils." if dump is None else f"dumps by {dump['by']} take the momentum that they "
             f"leave in the wheels out from {dump['percent'][0]} % of a wheel's capacity to "
             f"{dump['percent'][1]} %."),
-        "step": step, "stop": _stop(orbit, dump, _secular(orbit, outer, light, centre, dipole)),
+        "step": step, "stop": _stop(orbit, dump, _secular(orbit, outer, light, centre, dipole),
+                             step),
         "inertia": {"value": "[" + ", ".join(_list([x if i == j else 0.0 for j in range(3)])
                     for i, x in enumerate(inertia)) + "]", "why": inertia_why},
         "wheels": wheels, "rods": rods, "thrusters": thrusters, "dump": dump,
@@ -330,7 +337,9 @@ def _secular(
     return light + 0.1 * dipole * 3.1e-5 * (EARTH_RADIUS / radius) ** 3
 
 
-def _stop(orbit: Orbit, dump: Mapping[str, Any] | None, torque: float) -> float:
+def _stop(
+    orbit: Orbit, dump: Mapping[str, Any] | None, torque: float, step: float
+) -> float:  # fmt: skip
     """How long a scenario lasts (s): a day, ten orbits of a slow one, or until there have been
     DUMPS dumps; all wheels of a pyramid hold 1.7 times what one does."""
     days = 1.0
@@ -338,7 +347,7 @@ def _stop(orbit: Orbit, dump: Mapping[str, Any] | None, torque: float) -> float:
         days = math.ceil(10.0 * orbit.period / 86400.0) if orbit.of_earth else 10.0
     if dump is not None and dump["by"] == "thrusters":
         days = max(days, math.ceil(DUMPS * 1.7 * dump["room"] / max(torque, 1e-12) / 86400.0))
-    return 86400.0 * min(days, MOST_DAYS if orbit.period >= SLOW else MOST_DAYS / 50.0)
+    return 86400.0 * min(days, MOST_DAYS * step / 10.0 if orbit.period >= SLOW else MOST_DAYS / 50)
 
 
 def _dump(

@@ -30,6 +30,7 @@ from ..system.errors import DesatError
 from ..system.model import System
 from ..system.options import Options
 from .flight import (
+    BEYOND,
     GUIDED,
     Attitude,
     Flight,
@@ -62,7 +63,7 @@ LAW = "manager_threshold"
 TRIED, WAYS, APART = 10, 8, 0.01
 """Dumps of a course, courses that rates are of, and how far their thresholds are apart either
 way, relative."""
-FLOWN, MOST_STEPS = 10, 4_000_000
+FLOWN, MOST_STEPS = 10, 2_500_000
 """Dumps of the closed loop after the first, and steps that they are worth."""
 LOOP = ("dumps_a_week", "propellant_a_year", "first_dump", "dumps", "pointing_largest")
 """Numbers of the closed loop that stand beside the sizes."""
@@ -72,6 +73,8 @@ PARTS = 5
 """Days of a scenario that are looked at."""
 NODES = 1440
 """Rows of an orbit at least."""
+COARSE, MOST_ROWS = 1200.0, 40_000
+"""Between rows in deep space (s), and rows of a flight through all dumps."""
 WEEK = 7.0 * 86400.0
 
 
@@ -207,8 +210,10 @@ def size(
         _flight(system, attitude, float(t)) for t in np.linspace(0.0, span, PARTS)[1:] if t > 0.0
     ]
     steady = mean_of([rates_of(f, hardware, law, cost, isp) for f in (flight, *later)])
+    if (whole := _through(system, attitude, flight, steady)) is not None:
+        steady = rates_of(whole, hardware, law, cost, isp, steady.interval)
     year, each, least = [], [steady.a_year], [_least(flight, torque, cost, isp)]
-    if wishes.year:
+    if wishes.year and float(np.linalg.norm(flight.r[0])) < BEYOND:
         progress("the days of a year")
         each, least = [], []
         for date, there in days_of_year(system, hardware, attitude):
@@ -272,6 +277,31 @@ def _attitude(system: System) -> Attitude:
     return Attitude(kind, (x, y, z, w), 0.0)
 
 
+def _through(
+    system: System, attitude: Attitude, flight: Flight, steady: Rates
+) -> Flight | None:  # fmt: skip
+    """A flight through all the dumps of a course, over which the Sun moves; None where they follow
+    each other within days, or are too far apart for so many orbits."""
+    span = steady.first + (TRIED + 2) * steady.interval
+    if not 2.0 * 86400.0 < steady.interval < inf:
+        return None
+    if float(np.linalg.norm(flight.r[0])) > BEYOND:
+        step = COARSE
+    else:
+        radii = np.linalg.norm(flight.r, axis=1)
+        round_ = float(radii.max()) < 1.2 * float(radii.min())
+        step = flight.period / 90.0 if round_ else float(flight.times[1] - flight.times[0])
+    rows = ceil(span / step)
+    if rows > MOST_ROWS:
+        return None
+    times = system.start + np.linspace(0.0, rows * step, rows + 1)
+    block = environment_block(system.components["environment"])
+    try:
+        return flown_at(system, attitude, inputs_at(block, times.tolist()), times)
+    except DesatError:  # the environment does not go on for so long
+        return None
+
+
 def _flight(system: System, attitude: Attitude, since: float = 0.0) -> Flight:
     """Whole orbits at the wanted attitude, a day of them or one, `since` (s) after the start."""
     begin = system.start + since
@@ -286,14 +316,19 @@ def _flight(system: System, attitude: Attitude, since: float = 0.0) -> Flight:
 
 def rates_of(
     flight: Flight, hardware: Hardware, law: Mapping[str, Any], cost: Callable[[Array], float],
-    isp: float,
+    isp: float, interval: float = 0.0,
 ) -> Rates:  # fmt: skip
-    """The dumps of a flight that goes on as it is: the mean over WAYS, which begin at other times
-    of an orbit and with thresholds APART from each other. A dump more or less of a degree decides
-    in which quarter of the orbit the next begins; so it is of no use to follow one course."""
+    """The dumps of a flight: the mean over WAYS, which begin at other times of it and with
+    thresholds APART from each other. A dump more or less of a degree decides in which quarter of
+    the orbit the next begins; so it is of no use to follow one course. The flight goes on as it
+    is; one with an `interval` (s) is of all dumps, and the ways begin within the first interval."""
     parts = np.linspace(-APART, APART, WAYS)
+    last = len(flight.q) - 1
+    if interval > 0.0:
+        last = int(np.searchsorted(flight.times - flight.times[0], interval))
+    goes_on = interval == 0.0
     each = [
-        list(_course(flight, hardware, law, 1.0 + part, i * (len(flight.q) - 1) // WAYS))
+        list(_course(flight, hardware, law, 1.0 + part, i * last // WAYS, goes_on))
         for i, part in enumerate(parts)
     ]
     each = [course for course in each if course]
@@ -304,7 +339,7 @@ def rates_of(
     every = [u for course in each for _, u in course]
     momentum = float(np.mean([np.linalg.norm(u) for u in every]))
     impulse = float(np.mean([cost(u) for u in every]))
-    first = next(_course(flight, hardware, law, 1.0, 0))[0]
+    first = next(_course(flight, hardware, law, 1.0, 0, goes_on))[0]
     return Rates(first, seconds / count if count else inf, momentum, impulse,
                  impulse / (isp * GRAVITY))  # fmt: skip
 
@@ -324,10 +359,12 @@ def mean_of(each: Sequence[Rates]) -> Rates:
 
 
 def _course(
-    flight: Flight, hardware: Hardware, law: Mapping[str, Any], part: float, row: int
+    flight: Flight, hardware: Hardware, law: Mapping[str, Any], part: float, row: int,
+    goes_on: bool,
 ) -> Iterator[tuple[float, Array]]:  # fmt: skip
     """The first TRIED dumps of wheels that are at rest at a row: when (s), and the momentum (3,)
-    N m s, body, that is taken out. `part`: of the threshold at which they begin."""
+    N m s, body, that is taken out. `part`: of the threshold at which they begin; `goes_on`: the
+    flight is repeated until there are as many, else it ends."""
     begin, spread = part * float(law["begin"]), hardware.spread()
     target = np.array(law["h_target_body"], float)
     gained = flight.disturbance - flight.disturbance[0]
@@ -342,6 +379,8 @@ def _course(
                 else np.linalg.norm(held, axis=1))  # fmt: skip
         full = fill >= begin
         if not full.any():
+            if not goes_on:
+                return
             total, begun, row = whole[-1], begun + span, 0
             if not dumps and begun >= 3.0 * span and _stays(flight, law, fill):
                 return
