@@ -1,7 +1,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from math import floor
 
 from ..bases.dumping import DUMPING, IDLE, MomentumDumping
 from ..contract.block import Output, Parameter, Vec3
@@ -31,7 +30,7 @@ class ManagerThreshold(MomentumDumping):
     aligned |h| in the attitude that the craft comes to, for that is what it costs, but no longer
     than `longest_wait`. Thrusters fire whole pulses: with `pulse_body`, the angular impulse of the
     shortest about each axis, N is of whole ones, and what is left of an axis comes with its next
-    sample, so that the wheels take up just what is fired.
+    sample: the wheels take up just what is fired, and noise about zero fires nothing.
 
     coils: M = gain (h x B) / |B|^2, each component within +-`m_limit`; N = M x B. None at a sample
     whose field is not valid.
@@ -79,6 +78,9 @@ class ManagerThreshold(MomentumDumping):
     )  # fmt: skip
     dumps: int = Output("1", "dumps that have begun", interval=True)
     dumping_time: float = Output("s", "time of all dumps", interval=True)
+    dumped: float = Output(
+        "N.m.s", "size of the impulse that dumps have commanded, summed", interval=True
+    )
 
     def start(self) -> None:
         super().start()
@@ -88,7 +90,7 @@ class ManagerThreshold(MomentumDumping):
             self.fail(f"end = {self.end} N m s is not below begin = {self.begin} N m s")
         if 0.0 < self.aligned < 1.0:
             self.fail(f"aligned = {self.aligned}: |h|_1 / |h| is never below 1; 0 does not wait")
-        self.dumps, self.dumping_time = 0, 0.0
+        self.dumps, self.dumping_time, self.dumped = 0, 0.0, 0.0
         self._since = 0.0
         self._rest: Vec3 = ZERO
         self._last = 0
@@ -118,17 +120,20 @@ class ManagerThreshold(MomentumDumping):
             rest = size * (1.0 - self.end / fill) / self.sample_time
             self._last = self._last + 1 if rest <= self.torque else 0
             n = self._in_pulses(scale(-min(self.torque, max(rest, LAST * self.torque)) / size, h))
+            self.dumped += norm(n) * self.sample_time
             return n, (ZERO, n)
         if not self.valid_b:
             return ZERO, (ZERO, ZERO)
         m = clip(cross_product.normalised(h, self.b_body, self.gain), self.m_limit)
-        return cross(m, self.b_body), (m, ZERO)
+        n = cross(m, self.b_body)
+        self.dumped += norm(n) * self.sample_time
+        return n, (m, ZERO)
 
     def _in_pulses(self, n: Vec3) -> Vec3:
         """The torque (N m) of whole pulses over a sample for a wanted one; keeps what is left."""
         wanted = add(scale(self.sample_time, n), self._rest)
         x, y, z = (
-            size * floor(impulse / size + 0.5) if size > 0.0 else impulse
+            size * int(impulse / size) if size > 0.0 else impulse
             for impulse, size in zip(wanted, self.pulse_body, strict=True)
         )
         self._rest = sub(wanted, (x, y, z))

@@ -16,8 +16,9 @@ Rules, each written beside its number:
 - dumps between thresholds: torque half of what the wheels give, or what the pairs give if less; a
   sample's pulse, centred in it, turns the craft to one side and the wheels turn it back: samples as
   long, and the torque as large, as keep torque T^2 / (8 J) within DEVIATION;
-- an orbit of SLOW or more is flown at steps of up to 10 s, in which the wheels' torque turns the
-  craft by LARGEST_TURN at the most, until there have been DUMPS dumps.
+- an orbit of SLOW or more is flown at steps of up to 10 s: as long as the wheels' torque turns the
+  craft by LARGEST_TURN in one, and the air at perigee by DEVIATION against the controller, at the
+  most; until there have been DUMPS dumps.
 """
 
 from __future__ import annotations
@@ -36,6 +37,7 @@ from desat.components.blocks.guidance_sun import GuidanceSun
 from desat.components.blocks.guidance_yaw import GuidanceYaw
 from desat.components.contract.block import Vec4
 from desat.components.maths.attitude import matrix, product
+from desat.components.physics import atmosphere
 from desat.components.physics.orbit import EARTH_RADIUS
 from desat.components.physics.torques import SOLAR_PRESSURE
 
@@ -71,8 +73,8 @@ SLOW = 6.0 * 3600.0
 """Periods (s) from which on nothing asks for steps of a second."""
 LARGEST_TURN = 0.02
 """By a wheel's torque in a step (rad)."""
-DUMPS, MOST_DAYS = 9, 700.0
-"""How many a scenario lasts for, and how long (d) it lasts at the most; quicker steps, less."""
+DUMPS, MOST_STEPS = 9, 2_500_000
+"""How many a scenario lasts for, and in how many steps at the most."""
 OFF: Vec4 = (0.05, -0.05, 0.0513, 0.9962)
 """By how much a bad day begins off the wanted attitude: 10 deg."""
 YAW_ERROR = 1e-3
@@ -172,10 +174,7 @@ def _template_values(wanted: CraftFacts, name: str, command: str) -> dict[str, A
     wheels = _wheels(wanted, inertia)
     rods = _rods(wanted, mass, orbit)
     thrusters = _thrusters(wanted, sides)
-    step = 1.0
-    if orbit.period >= SLOW:
-        turned = 0.5 * wheels["torque_si"] / min(inertia)
-        step = next((x for x in SAMPLES if turned * x * x <= LARGEST_TURN), 1.0)
+    step = _step(orbit, inertia, wheels["torque_si"], sides)
     dump = _dump(wanted, wheels, thrusters, rods is not None, min(inertia), step)
     dipole = 0.005 * mass
     why = "class: 5 mA m2 a kilogram, no magnetic cleanliness"
@@ -337,6 +336,26 @@ def _secular(
     return light + 0.1 * dipole * 3.1e-5 * (EARTH_RADIUS / radius) ** 3
 
 
+def _step(
+    orbit: Orbit, inertia: list[float], torque: float, sides: tuple[float, float, float]
+) -> float:  # fmt: skip
+    """How long a step is (s): a second, of a slow orbit as long as neither the wheels' torque (N m)
+    nor the air at perigee turns the craft far in it."""
+    if orbit.period < SLOW:
+        return 1.0
+    (r, v), (a, b, c) = orbit.state, sides
+    lever = 0.05 * math.hypot(a, b, c)
+    area, speed = (a * b + b * c + c * a) / 2.0, math.sqrt(sum(x * x for x in v))
+    air = atmosphere.table(math.sqrt(sum(x * x for x in r)) - EARTH_RADIUS) if orbit.air else 0.0
+    wind = 1.1 * air * speed * speed * area * lever
+    # the controller's bandwidth w is a tenth of the samples' rate, and J w^2 its stiffness
+    return next((
+        x for x in SAMPLES
+        if 0.5 * torque / min(inertia) * x * x <= LARGEST_TURN
+        and wind / min(inertia) * (10.0 * x) ** 2 <= DEVIATION
+    ), 1.0)  # fmt: skip
+
+
 def _stop(
     orbit: Orbit, dump: Mapping[str, Any] | None, torque: float, step: float
 ) -> float:  # fmt: skip
@@ -347,7 +366,7 @@ def _stop(
         days = math.ceil(10.0 * orbit.period / 86400.0) if orbit.of_earth else 10.0
     if dump is not None and dump["by"] == "thrusters":
         days = max(days, math.ceil(DUMPS * 1.7 * dump["room"] / max(torque, 1e-12) / 86400.0))
-    return 86400.0 * min(days, MOST_DAYS * step / 10.0 if orbit.period >= SLOW else MOST_DAYS / 50)
+    return 86400.0 * max(1.0, min(days, math.floor(MOST_STEPS * step / 86400.0)))
 
 
 def _dump(

@@ -66,7 +66,8 @@ def settled(times: Array, good: NDArray[np.bool_]) -> float:
 __all__ = ["LATE", "MEASURES", "OWN_UNIT", "Measure"]
 
 
-SCALARS = ("last", "growth_in", "growth_between", "steps_in", "mean_rate")
+SCALARS = ("last", "growth_in", "growth_between", "growth_each", "steps_in", "time_between",
+           "mean_rate")  # fmt: skip
 """Measures of one element."""
 
 SIZES: dict[str, Callable[[Array], Array]] = {
@@ -134,6 +135,24 @@ def growth_between(times: Array, values: Array, driver: Array, time: float) -> f
         return float("nan")
     first, last = rises[0], rises[-1]
     return float(time * (values[last, 0] - values[first, 0]) / (times[last] - times[first]))
+
+
+@measure
+def growth_each(times: Array, values: Array, driver: Array) -> float:
+    """How much a scalar grows from one rise to the next of another that grows now and then, in the
+    mean; nan with less than two."""
+    rises = np.flatnonzero(np.diff(driver[:, 0]) > 0.0) + 1
+    if len(rises) < 2:
+        return float("nan")
+    return float((values[rises[-1], 0] - values[rises[0], 0]) / (len(rises) - 1))
+
+
+@in_unit("s")
+def time_between(times: Array, values: Array) -> float:
+    """The mean time from one rise to the next of a scalar that grows now and then (s); nan with
+    less than two."""
+    rises = np.flatnonzero(np.diff(values[:, 0]) > 0.0) + 1
+    return float(np.diff(times[rises]).mean()) if len(rises) > 1 else float("nan")
 
 
 @in_unit("%")

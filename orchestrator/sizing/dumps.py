@@ -16,19 +16,23 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
-from math import ceil, inf, nan
+from math import atan2, ceil, hypot, inf, nan, pi, sqrt
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+
+from desat.components.physics.orbit import MU
 
 from ..campaign.draws import series_of_numbers
 from ..numbers.derived import rotate, rotate_back
 from ..runs.prepare import prepare, read, resolved
 from ..runs.run import Run, simulate
 from ..system.errors import DesatError
+from ..system.expression import factor
 from ..system.model import System
 from ..system.options import Options
+from ..system.parameters import unit_of
 from .flight import (
     BEYOND,
     GUIDED,
@@ -63,17 +67,18 @@ LAW = "manager_threshold"
 TRIED, WAYS, APART = 10, 8, 0.01
 """Dumps of a course, courses that rates are of, and how far their thresholds are apart either
 way, relative."""
-FLOWN, MOST_STEPS = 10, 2_500_000
-"""Dumps of the closed loop after the first, and steps that they are worth."""
-LOOP = ("dumps_a_week", "propellant_a_year", "first_dump", "dumps", "pointing_largest")
-"""Numbers of the closed loop that stand beside the sizes."""
+MANY, MOST_STEPS = 25, 2_500_000
+"""Dumps after the first that are followed at the most, and steps that they are worth."""
+LOOP = {"dumps_a_week": "1", "propellant_a_year": "kg", "first_dump": "s", "dumps": "1",
+        "dump_momentum": "N.m.s", "dump_propellant": "kg", "pointing_largest": "deg"}  # fmt: skip
+"""Numbers of the closed loop that stand beside the sizes, and their units here."""
 LONGEST = 20.0 * YEAR
 """So long (s) the first dumps are waited for."""
 PARTS = 5
 """Days of a scenario that are looked at."""
 NODES = 1440
 """Rows of an orbit at least."""
-COARSE, MOST_ROWS = 1200.0, 40_000
+COARSE, MOST_ROWS = 1200.0, 35_000
 """Between rows in deep space (s), and rows of a flight through all dumps."""
 WEEK = 7.0 * 86400.0
 
@@ -210,7 +215,10 @@ def size(
         _flight(system, attitude, float(t)) for t in np.linspace(0.0, span, PARTS)[1:] if t > 0.0
     ]
     steady = mean_of([rates_of(f, hardware, law, cost, isp) for f in (flight, *later)])
-    if (whole := _through(system, attitude, flight, steady)) is not None:
+    window = _window(system, options, steady)
+    whole = _through(system, attitude, flight, window)
+    if whole is not None and steady.first < window:
+        progress("its dumps, one after the other")
         steady = rates_of(whole, hardware, law, cost, isp, steady.interval)
     year, each, least = [], [steady.a_year], [_least(flight, torque, cost, isp)]
     if wishes.year and float(np.linalg.norm(flight.r[0])) < BEYOND:
@@ -224,11 +232,11 @@ def size(
     loop: dict[str, float | None] = {}
     unmet: list[str] = []
     run: Run | None = None
-    if wishes.flown:
+    if wishes.flown and (steady.first < window or options.stop is not None):
         progress("the closed loop")
-        run = _flown(target, options, steady)
+        run = _flown(target, options, window)
     if run is not None:
-        loop = {n: run.manifest.numbers[n].value for n in LOOP if n in run.manifest.numbers}
+        loop = dict(_numbers_of(run))
         unmet = [f"in the closed loop: {line}" for line in run.manifest.not_met]
     capacity = room_of(hardware)
     made = DumpSizing(
@@ -241,21 +249,31 @@ def size(
     return replace(made, problems=(*_problems(made), *unmet), notes=tuple(_notes(made, wishes)))
 
 
-def _flown(target: str, options: Options, steady: Rates) -> Run | None:
-    """The closed loop, for as long as FLOWN dumps take where the user does not say how long; None
-    where even the first is too far. Raises DesatError where it cannot run, or did not come to its
+def _numbers_of(run: Run) -> Iterator[tuple[str, float | None]]:
+    """The numbers LOOP of a run, each in its unit there."""
+    for name, unit in LOOP.items():
+        if (found := run.manifest.numbers.get(name)) is None:
+            continue
+        to = factor(unit_of(found.unit), unit, f"of {name}")
+        yield name, None if found.value is None else found.value * to
+
+
+def _window(system: System, options: Options, steady: Rates) -> float:
+    """For how long (s) dumps are followed, and flown: the time of the scenario, or what MANY dumps
+    and MOST_STEPS steps leave of it where the user does not say how long."""
+    span = system.stop - system.start
+    if options.stop is not None:
+        return span
+    wanted = min(span, MOST_STEPS * system.step, steady.first + MANY * steady.interval)
+    return system.step * ceil(wanted / system.step)
+
+
+def _flown(target: str, options: Options, window: float) -> Run:
+    """The closed loop of so long (s). Raises DesatError where it cannot run, or did not come to its
     end."""
     source = read(target)
-    case = prepare(source, options)
-    system, _ = case.or_raise()
-    span = steady.first + FLOWN * steady.interval
-    most = MOST_STEPS * system.step
-    if options.stop is None and not steady.first < most:
-        return None
-    if options.stop is None and span < most:
-        stop = system.start + system.step * ceil(span / system.step)
-        longer = prepare(source, replace(options, stop=stop))
-        case = longer if longer.checked.schedule is not None else case
+    system, _ = prepare(source, options).or_raise()
+    case = prepare(source, replace(options, stop=system.start + window))
     # all of a year in orbit would not fit into memory
     record = series_of_numbers(case.or_raise()[0])
     run = simulate(replace(case, options=replace(case.options, record=record))).or_raise(target)
@@ -278,28 +296,35 @@ def _attitude(system: System) -> Attitude:
 
 
 def _through(
-    system: System, attitude: Attitude, flight: Flight, steady: Rates
+    system: System, attitude: Attitude, flight: Flight, span: float
 ) -> Flight | None:  # fmt: skip
-    """A flight through all the dumps of a course, over which the Sun moves; None where they follow
-    each other within days, or are too far apart for so many orbits."""
-    span = steady.first + (TRIED + 2) * steady.interval
-    if not 2.0 * 86400.0 < steady.interval < inf:
+    """A flight of so long (s), over which orbit and Sun move; None where that takes too many
+    rows."""
+    times = system.start + _nodes(flight, span)
+    if len(times) > MOST_ROWS:
         return None
-    if float(np.linalg.norm(flight.r[0])) > BEYOND:
-        step = COARSE
-    else:
-        radii = np.linalg.norm(flight.r, axis=1)
-        round_ = float(radii.max()) < 1.2 * float(radii.min())
-        step = flight.period / 90.0 if round_ else float(flight.times[1] - flight.times[0])
-    rows = ceil(span / step)
-    if rows > MOST_ROWS:
-        return None
-    times = system.start + np.linspace(0.0, rows * step, rows + 1)
     block = environment_block(system.components["environment"])
     try:
         return flown_at(system, attitude, inputs_at(block, times.tolist()), times)
     except DesatError:  # the environment does not go on for so long
         return None
+
+
+def _nodes(flight: Flight, span: float) -> Array:
+    """Times (s) since the start through a span: of an ellipse as many about its perigee as about
+    its apogee, by the eccentric anomaly."""
+    r, v = flight.r[0], flight.v[0]
+    size, rate = float(np.linalg.norm(r)), 2.0 * pi / flight.period
+    if size > BEYOND:
+        return np.arange(0.0, span + COARSE, COARSE)
+    axis = (MU / rate**2) ** (1.0 / 3.0)
+    sine, cosine = float(r @ v) / sqrt(MU * axis), 1.0 - size / axis
+    eccentricity, begin = hypot(sine, cosine), atan2(sine, cosine)
+    each = 90 if eccentricity < 0.1 else 80
+    count = ceil(span / flight.period * each) + 1
+    anomaly = begin + 2.0 * pi / each * np.arange(count + 1)
+    times = (anomaly - eccentricity * np.sin(anomaly)) / rate
+    return np.asarray(times - times[0])
 
 
 def _flight(system: System, attitude: Attitude, since: float = 0.0) -> Flight:
@@ -326,9 +351,9 @@ def rates_of(
     last = len(flight.q) - 1
     if interval > 0.0:
         last = int(np.searchsorted(flight.times - flight.times[0], interval))
-    goes_on = interval == 0.0
+    goes_on, most = interval == 0.0, TRIED if interval == 0.0 else 10 * MANY
     each = [
-        list(_course(flight, hardware, law, 1.0 + part, i * last // WAYS, goes_on))
+        list(_course(flight, hardware, law, 1.0 + part, i * last // WAYS, goes_on, most))
         for i, part in enumerate(parts)
     ]
     each = [course for course in each if course]
@@ -339,7 +364,7 @@ def rates_of(
     every = [u for course in each for _, u in course]
     momentum = float(np.mean([np.linalg.norm(u) for u in every]))
     impulse = float(np.mean([cost(u) for u in every]))
-    first = next(_course(flight, hardware, law, 1.0, 0, goes_on))[0]
+    first = next(_course(flight, hardware, law, 1.0, 0, goes_on, most))[0]
     return Rates(first, seconds / count if count else inf, momentum, impulse,
                  impulse / (isp * GRAVITY))  # fmt: skip
 
@@ -360,11 +385,11 @@ def mean_of(each: Sequence[Rates]) -> Rates:
 
 def _course(
     flight: Flight, hardware: Hardware, law: Mapping[str, Any], part: float, row: int,
-    goes_on: bool,
+    goes_on: bool, most: int,
 ) -> Iterator[tuple[float, Array]]:  # fmt: skip
-    """The first TRIED dumps of wheels that are at rest at a row: when (s), and the momentum (3,)
-    N m s, body, that is taken out. `part`: of the threshold at which they begin; `goes_on`: the
-    flight is repeated until there are as many, else it ends."""
+    """The first dumps, `most` of them, of wheels that are at rest at a row: when (s), and the
+    momentum (3,) N m s, body, that is taken out. `part`: of the threshold at which they begin;
+    `goes_on`: the flight is repeated until there are as many, else it ends."""
     begin, spread = part * float(law["begin"]), hardware.spread()
     target = np.array(law["h_target_body"], float)
     gained = flight.disturbance - flight.disturbance[0]
@@ -372,7 +397,7 @@ def _course(
     total = rotate_back(flight.q[row : row + 1], flight.body[row : row + 1])[0]
     times, span = flight.times - flight.times[0], float(flight.times[-1] - flight.times[0])
     begun, dumps = -float(times[row]), 0
-    while dumps < TRIED and begun < LONGEST:
+    while dumps < most and begun < LONGEST:
         whole = total + gained[row:] - gained[row]
         held = rotate(flight.q[row:], whole) - flight.body[row:] - target
         fill = (np.abs(held @ spread.T).max(axis=1) if law["fill"] == "wheels"

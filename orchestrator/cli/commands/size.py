@@ -234,13 +234,15 @@ def _print_dumps(made: DumpSizing) -> None:
     out.print()
     loop, steady = made.loop, made.steady
     rows = _table("dumps by thrusters", "sized", "closed loop")
-    first = loop.get("first_dump")
+    first, taken, spent = (loop.get(x) for x in ("first_dump", "dump_momentum", "dump_propellant"))
     for name, sized, flown in (
         ("first dump, from wheels at rest", duration(steady.first),
-         "" if first is None else duration(3600.0 * first)),
+         "" if first is None else duration(first)),
         ("dumps a week", f"{steady.a_week:.4g}", _or_none(loop.get("dumps_a_week"))),
-        ("momentum of a dump", momenta(steady.momentum), ""),
-        ("propellant of a dump, g", f"{1e3 * steady.propellant:.4g}", ""),
+        ("momentum of a dump", momenta(steady.momentum),
+         "" if taken is None else momenta(taken)),
+        ("propellant of a dump, g", f"{1e3 * steady.propellant:.4g}",
+         "" if spent is None else f"{1e3 * spent:.4g}"),
         ("propellant a year as in this time, kg", f"{steady.a_year:.4g}",
          _or_none(loop.get("propellant_a_year"))),
         ("propellant a year, mean over its days, kg", f"{made.a_year:.4g}", ""),
