@@ -73,6 +73,8 @@ SLOW = 6.0 * 3600.0
 """Periods (s) from which on nothing asks for steps of a second."""
 LARGEST_TURN = 0.02
 """By a wheel's torque in a step (rad)."""
+KICK = 0.0076
+"""By the wheels' torque in a substep (rad), up to where accuracy is shown (analyses/coverage.py)."""
 DUMPS, MOST_STEPS = 9, 2_500_000
 """How many a scenario lasts for, and in how many steps at the most."""
 OFF: Vec4 = (0.05, -0.05, 0.0513, 0.9962)
@@ -206,7 +208,8 @@ def _template_values(wanted: CraftFacts, name: str, command: str) -> dict[str, A
             "coils." if dump is None else f"dumps by {dump['by']} take the momentum that they "
             f"leave in the wheels out from {dump['percent'][0]} % of a wheel's capacity to "
             f"{dump['percent'][1]} %."),
-        "step": step, "stop": _stop(orbit, dump, _secular(orbit, outer, light, centre, dipole),
+        "step": step, "substeps": _substeps(step, wheels["torque_si"] / min(inertia), dump),
+        "stop": _stop(orbit, dump, _secular(orbit, outer, light, centre, dipole),
                              step),
         "inertia": {"value": "[" + ", ".join(_list([x if i == j else 0.0 for j in range(3)])
                     for i, x in enumerate(inertia)) + "]", "why": inertia_why},
@@ -354,6 +357,14 @@ def _step(
         if 0.5 * torque / min(inertia) * x * x <= LARGEST_TURN
         and wind / min(inertia) * (10.0 * x) ** 2 <= DEVIATION
     ), 1.0)  # fmt: skip
+
+
+def _substeps(step: float, acceleration: float, dump: Mapping[str, Any] | None) -> int:
+    """As many as `coverage.LIMITS` asks of wheels that all turn the craft at their torque (rad/s2
+    each), where dumps make runs long; eight of a day's run."""
+    if dump is None:
+        return 8 if step == 1.0 else 1
+    return min(8, math.ceil(step * math.sqrt(2.4 * acceleration / KICK)))
 
 
 def _stop(

@@ -16,7 +16,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
-from math import atan2, ceil, hypot, inf, nan, pi, sqrt
+from itertools import pairwise
+from math import ceil, hypot, inf, nan, pi, sqrt
 from typing import Any
 
 import numpy as np
@@ -67,7 +68,7 @@ LAW = "manager_threshold"
 TRIED, WAYS, APART = 10, 8, 0.01
 """Dumps of a course, courses that rates are of, and how far their thresholds are apart either
 way, relative."""
-MANY, MOST_STEPS = 25, 2_500_000
+MANY, MOST_STEPS = 25, 1_500_000
 """Dumps after the first that are followed at the most, and steps that they are worth."""
 LOOP = {"dumps_a_week": "1", "propellant_a_year": "kg", "first_dump": "s", "dumps": "1",
         "dump_momentum": "N.m.s", "dump_propellant": "kg", "pointing_largest": "deg"}  # fmt: skip
@@ -300,17 +301,17 @@ def _through(
 ) -> Flight | None:  # fmt: skip
     """A flight of so long (s), over which orbit and Sun move; None where that takes too many
     rows."""
-    times = system.start + _nodes(flight, span)
+    block = environment_block(system.components["environment"])
+    times = system.start + _nodes(block, system.start, flight, span)
     if len(times) > MOST_ROWS:
         return None
-    block = environment_block(system.components["environment"])
     try:
         return flown_at(system, attitude, inputs_at(block, times.tolist()), times)
     except DesatError:  # the environment does not go on for so long
         return None
 
 
-def _nodes(flight: Flight, span: float) -> Array:
+def _nodes(block: Any, start: float, flight: Flight, span: float) -> Array:
     """Times (s) since the start through a span: of an ellipse as many about its perigee as about
     its apogee, by the eccentric anomaly."""
     r, v = flight.r[0], flight.v[0]
@@ -318,13 +319,35 @@ def _nodes(flight: Flight, span: float) -> Array:
     if size > BEYOND:
         return np.arange(0.0, span + COARSE, COARSE)
     axis = (MU / rate**2) ** (1.0 / 3.0)
-    sine, cosine = float(r @ v) / sqrt(MU * axis), 1.0 - size / axis
-    eccentricity, begin = hypot(sine, cosine), atan2(sine, cosine)
-    each = 90 if eccentricity < 0.1 else 80
-    count = ceil(span / flight.period * each) + 1
-    anomaly = begin + 2.0 * pi / each * np.arange(count + 1)
-    times = (anomaly - eccentricity * np.sin(anomaly)) / rate
-    return np.asarray(times - times[0])
+    eccentricity = hypot(float(r @ v) / sqrt(MU * axis), 1.0 - size / axis)
+    if eccentricity < 0.1:
+        count = ceil(span / flight.period * 90) + 1
+        return np.linspace(0.0, count * flight.period / 90, count + 1)
+    anomaly = 2.0 * pi / 80 * np.arange(80)
+    share = (anomaly - eccentricity * np.sin(anomaly)) / (2.0 * pi)
+    perigees = _perigees(block, start, flight.period, span)
+    each = [a + (b - a) * share for a, b in pairwise(perigees)]
+    times = np.concatenate([*each, [perigees[-1]]])
+    return np.append(0.0, times[times > 0.0])
+
+
+def _perigees(block: Any, start: float, period: float, span: float) -> list[float]:
+    """When (s since the start) an orbit has its perigees, from the one before the start to the one
+    after a span."""
+
+    from scipy.optimize import brentq
+
+    def outward(t: float) -> float:
+        r, v = block.motion(start + t)
+        return float(np.dot(r, v))
+
+    found: list[float] = []
+    t, step = -1.1 * period, period / 16.0
+    while not found or found[-1] < span:
+        if outward(t) < 0.0 <= outward(t + step):
+            found.append(float(brentq(outward, t, t + step)))
+        t += step
+    return [x for k, x in enumerate(found) if k + 1 == len(found) or found[k + 1] > 0.0]
 
 
 def _flight(system: System, attitude: Attitude, since: float = 0.0) -> Flight:
