@@ -74,7 +74,7 @@ SLOW = 6.0 * 3600.0
 LARGEST_TURN = 0.02
 """By a wheel's torque in a step (rad)."""
 KICK = 0.0076
-"""By the wheels' torque in a substep (rad), up to where accuracy is shown (analyses/coverage.py)."""
+"""By the wheels' torque in a substep (rad): so far accuracy is shown (analyses/coverage.py)."""
 DUMPS, MOST_STEPS = 9, 2_500_000
 """How many a scenario lasts for, and in how many steps at the most."""
 OFF: Vec4 = (0.05, -0.05, 0.0513, 0.9962)

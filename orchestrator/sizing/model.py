@@ -21,6 +21,9 @@ from .flight import Flight, Hardware
 from .law import Law, ask, hold_of
 
 Array = NDArray[Any]
+USEFUL = 0.2
+"""Where the field is below this share of its largest, as far out on an ellipse, coils do nothing
+that counts: duty is over the rest."""
 SEED = 1
 """Of the tachometers' noise, the same for all rods."""
 
@@ -28,7 +31,7 @@ SEED = 1
 class Course(NamedTuple):
     """What the wheels' momentum comes to, an element a craft: rms and largest size of it in body
     (N m s), the largest of one wheel in the second half, where the start is forgotten (N m s), the
-    coils' duty (1), and the largest of one wheel at any time (N m s)."""
+    coils' duty where the field is `useful` (1), and the largest of one wheel at any time (N m s)."""
 
     rms: Array
     largest: Array
@@ -57,6 +60,14 @@ class Track:
     """(rows, 3, 3), transposed"""
     offset: Array
     """(rows, 3) A m2, body"""
+    useful: Array
+    """(steps,) whether the field is large enough for coils to count"""
+
+
+def useful(b: Array) -> Array:
+    """The rows in which a field b (rows, 3) T is not below USEFUL of its largest."""
+    size = np.linalg.norm(b, axis=1)
+    return np.asarray(size >= USEFUL * size.max(initial=0.0))
 
 
 def track_of(
@@ -80,7 +91,7 @@ def track_of(
     return Track(
         times, to_eci[0] @ (flight.h_start + body[0]), to_eci, body,
         np.stack([np.diff(d[rows], axis=0) for d in each], axis=1), np.stack(push, axis=1),
-        asked.gain.transpose(0, 2, 1), asked.offset,
+        asked.gain.transpose(0, 2, 1), asked.offset, useful(mean_b),
     )  # fmt: skip
 
 
@@ -98,6 +109,7 @@ def fly(tracks: Sequence[Track], law: Law, hardware: Hardware, rods: Sequence[fl
         np.stack([getattr(t, name) for t in tracks], axis=1)
         for name in ("to_eci", "body", "gain", "offset", "push")
     )
+    counts = np.stack([t.useful for t in tracks], axis=1)
     given = np.repeat(np.stack([t.given for t in tracks], axis=1), len(m), axis=2)
     total = np.stack([np.broadcast_to(t.start, (many * len(m), 3)) for t in tracks]).copy()
     squares, largest, duty, wheel, peak = (np.zeros(total.shape[:2]) for _ in range(5))
@@ -128,9 +140,9 @@ def fly(tracks: Sequence[Track], law: Law, hardware: Hardware, rods: Sequence[fl
             coils *= np.minimum(1.0, most / np.maximum(np.abs(coils).max(axis=2, keepdims=True),
                                                        1e-300))  # fmt: skip
         coils = hardware.open * np.clip(coils, -reach, reach)
-        duty += np.abs(coils).mean(axis=2)
+        duty += np.abs(coils).mean(axis=2) * counts[k][:, None]
         total += given[k] + coils @ push[k]
-    duty /= max(1, len(push)) * most[:, :, 0]
+    duty /= np.maximum(1, counts.sum(axis=0))[:, None] * most[:, :, 0]
     rms = np.sqrt(squares / len(first.times))
     return Course(*(x.reshape(shape) for x in (rms, largest, wheel, duty, peak)))
 

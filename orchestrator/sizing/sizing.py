@@ -60,7 +60,7 @@ from .flight import (
     values_of,
 )
 from .law import Law, UnsuitedError, law_of
-from .model import fly, in_body_of, track_of
+from .model import fly, in_body_of, track_of, useful
 
 Array = NDArray[Any]
 WHOLE = 1.15
@@ -858,12 +858,13 @@ def in_the_loop(
         wheels = "wheels.h_wheel" in results.names()
         h = results.values("wheels.h_wheel" if wheels else "spacecraft.h_copy_wheel")
         m = results.values("torquers.m_mean_body")
+        counts = useful(results.values("environment.b_eci")[: len(m)])
     hardware = hardware_of(system)
     sizes = np.linalg.norm(h @ hardware.axes_wheel.T, axis=1)
     coils = m @ np.linalg.pinv(hardware.axes_coil).T
     return replace(
         row, loop_rms=float(np.sqrt((sizes**2).mean())), loop_largest=float(sizes.max()),
-        loop_duty=float(np.abs(coils).mean()) / row.rod,
+        loop_duty=float(np.abs(coils[: len(counts)][counts]).mean()) / row.rod,
     )  # fmt: skip
 
 
