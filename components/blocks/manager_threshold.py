@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from math import copysign
 
 from ..bases.dumping import DUMPING, IDLE, MomentumDumping
 from ..contract.block import Output, Parameter, Vec3
@@ -119,7 +120,8 @@ class ManagerThreshold(MomentumDumping):
         if self.by == THRUSTERS:
             rest = size * (1.0 - self.end / fill) / self.sample_time
             self._last = self._last + 1 if rest <= self.torque else 0
-            n = self._in_pulses(scale(-min(self.torque, max(rest, LAST * self.torque)) / size, h))
+            n = scale(-min(self.torque, max(rest, LAST * self.torque)) / size, h)
+            n = self._in_pulses(n, scale(1.0 - self.end / fill, h))
             self.dumped += norm(n) * self.sample_time
             return n, (ZERO, n)
         if not self.valid_b:
@@ -129,12 +131,15 @@ class ManagerThreshold(MomentumDumping):
         self.dumped += norm(n) * self.sample_time
         return n, (m, ZERO)
 
-    def _in_pulses(self, n: Vec3) -> Vec3:
-        """The torque (N m) of whole pulses over a sample for a wanted one; keeps what is left."""
+    def _in_pulses(self, n: Vec3, left: Vec3) -> Vec3:
+        """The torque (N m) of whole pulses over a sample for a wanted one, no more than bring what
+        is left of the dump (N m s) to within half a pulse; keeps what a pulse does not give."""
         wanted = add(scale(self.sample_time, n), self._rest)
         x, y, z = (
-            size * int(impulse / size) if size > 0.0 else impulse
-            for impulse, size in zip(wanted, self.pulse_body, strict=True)
+            copysign(size * int(min(abs(impulse), abs(rest) + 0.5 * size) / size), impulse)
+            if size > 0.0
+            else impulse
+            for impulse, rest, size in zip(wanted, left, self.pulse_body, strict=True)
         )
         self._rest = sub(wanted, (x, y, z))
         return scale(1.0 / self.sample_time, (x, y, z))

@@ -10,7 +10,7 @@ Rules, each written beside its number:
 - residual dipole: 5 mA m2 a kilogram, along (1, -0.5, 0.8);
 - wheels: no less than residual dipole and gravity gradient turn in and out of them each orbit;
 - attitude controller: bandwidth 0.1 rad/s, or less where the wheels' torque would not turn an error
-  of 5 deg so fast; damping 0.7;
+  of 5 deg so fast; damping 0.7; integral ten times slower;
 - manager: gain of the orbit's rate; B-dot: BRAKING orbit rates times the mean
   moment of inertia;
 - dumps between thresholds: torque half of what the wheels give, or what the pairs give if less; a
@@ -223,7 +223,7 @@ def _template_values(wanted: CraftFacts, name: str, command: str) -> dict[str, A
         "centre": {"value": _list(0.05 * x for x in sides), "why": "m; class: 5 % of each side"},
         "gains": {
             "bandwidth": _text(bandwidth), "kp": _text(2.0 * bandwidth**2),
-            "kd": _text(1.4 * bandwidth), "ki": _text(2e-3 * bandwidth**2),
+            "kd": _text(1.4 * bandwidth), "ki": _text(0.2 * bandwidth**3),
             "why": f"fast beside the orbit, slow beside a sample of {step:g} s" if enough
             else "what the wheels' torque turns an error of 5 deg with",
             "yaw": _text(YAW_ERROR * bandwidth**2),
@@ -416,6 +416,7 @@ def _dump(
     return {"by": match[1], "percent": (f"{begin:g}", f"{end:g}"),
             "begin": _text(begin / 100.0 * capacity), "end": _text(end / 100.0 * capacity),
             "torque": _text(torque), "why": why, "sample": sample, "large": capacity >= 1.0,
+            "most": f"{max(80.0, min(begin + 10.0, 98.0)):g}",
             "room": (begin - end) / 100.0 * capacity}  # fmt: skip
 
 

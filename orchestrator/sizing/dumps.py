@@ -137,6 +137,8 @@ class DumpSizing:
     """capacity of wheels that would dump once a week"""
     tank: float
     """kg; 0: it is not known"""
+    pulse: float
+    """the shortest of the thrusters, N m s; 0: any is fired"""
     loop: Mapping[str, float | None]
     """the numbers LOOP of the closed loop; empty: not flown"""
     problems: tuple[str, ...]
@@ -245,7 +247,7 @@ def size(
         float(np.linalg.norm(torque)) * 86400.0, shares_of(flight, torque)[0], tuple(year),
         float(law["begin"]), float(law["end"]), capacity, steady, float(np.mean(each)),
         float(np.mean(least)), capacity * WEEK / steady.interval if steady.interval > 0.0 else inf,
-        float(values["thrusters"].get("tank", 0.0)), loop, (), (),
+        float(values["thrusters"].get("tank", 0.0)), max(law["pulse_body"]), loop, (), (),
     )  # fmt: skip
     return replace(made, problems=(*_problems(made), *unmet), notes=tuple(_notes(made, wishes)))
 
@@ -414,7 +416,7 @@ def _course(
     momentum (3,) N m s, body, that is taken out. `part`: of the threshold at which they begin;
     `goes_on`: the flight is repeated until there are as many, else it ends."""
     begin, spread = part * float(law["begin"]), hardware.spread()
-    target = np.array(law["h_target_body"], float)
+    target, pulse = np.array(law["h_target_body"], float), np.array(law["pulse_body"], float)
     gained = flight.disturbance - flight.disturbance[0]
     # what the body itself has turns with it: wheels at rest begin with that as the whole
     total = rotate_back(flight.q[row : row + 1], flight.body[row : row + 1])[0]
@@ -435,6 +437,9 @@ def _course(
             continue
         k = int(np.argmax(full))
         out = held[k] * (1.0 - float(law["end"]) / float(fill[k]))
+        out = np.where(pulse > 0.0, pulse * np.round(out / np.maximum(pulse, 1e-300)), out)
+        if not out.any():
+            return  # no pulse is so short
         total = whole[k] - rotate_back(flight.q[row + k : row + k + 1], out[None])[0]
         row, dumps = row + k, dumps + 1
         yield begun + float(times[row]), out
@@ -459,6 +464,9 @@ def _problems(made: DumpSizing) -> Iterator[str]:
         yield (
             f"dumps begin at {made.begin:.4g} N m s, and a wheel holds {made.capacity:.4g} N m s"
         )
+    if 0.5 * made.pulse >= made.begin - made.end:
+        yield (f"the thrusters' shortest pulse gives {made.pulse:.4g} N m s, and a dump goes from "
+               f"{made.begin:.4g} to {made.end:.4g} N m s")  # fmt: skip
     if made.steady.impulse == inf:
         yield "its thrusters give no torque about some axis: no dump comes to its end"
 

@@ -31,7 +31,7 @@ SEED = 1
 class Course(NamedTuple):
     """What the wheels' momentum comes to, an element a craft: rms and largest size of it in body
     (N m s), the largest of one wheel in the second half, where the start is forgotten (N m s), the
-    coils' duty where the field is `useful` (1), and the largest of one wheel at any time (N m s)."""
+    coils' duty where the field is `useful` (1), and the largest of one wheel at all (N m s)."""
 
     rms: Array
     largest: Array
