@@ -5,14 +5,14 @@ from __future__ import annotations
 import inspect
 from abc import abstractmethod
 from collections.abc import Iterator
-from math import floor
-from typing import Annotated
+from math import degrees, floor, sin, sqrt
+from typing import Annotated, ClassVar
 
 from ..contract.block import Parameter, Vec3
 from ..contract.roles import Environment
 from ..maths.vector import ZERO, norm
 from ..physics import atmosphere, earth
-from ..physics.orbit import EARTH_RADIUS
+from ..physics.orbit import EARTH_RADIUS, mean_motion
 from .earth_field import EarthField
 
 _PAGE = """
@@ -50,6 +50,12 @@ NODE_TIME = 10.0
 NODES = 6
 """Points that a polynomial goes through."""
 
+THIRD_BODIES = 1.991e-7**2 + 0.0123 * 2.6617e-6**2
+"""Of the Sun and the Moon: the mean motion squared (1/s2), of the Moon times its share of the mass
+of both."""
+MUCH_PLANE, MUCH_PERIGEE = 0.01, 2e4
+"""What is said (rad, m)."""
+
 _NO_FIELD, _IGRF = 0, 2
 NO_AIR, _AIR_TABLE, _AIR_EXPONENTIAL = 0, 1, 2
 
@@ -67,6 +73,9 @@ class NearEarth(Environment, EarthField):
     `output` uses them; called for another time, `output` makes them itself and does not keep them.
     They depend on parameters and time only, so the outputs do not depend on the calls before.
     """
+
+    third_bodies: ClassVar[bool] = False
+    """Whether Sun and Moon move the orbit."""
 
     field: int = Parameter(
         "1", "geomagnetic field", choices=("none", "dipole", "igrf"), start="igrf"
@@ -126,11 +135,31 @@ class NearEarth(Environment, EarthField):
             a, e = self.size()
             low, high = a * (1.0 - e) - EARTH_RADIUS, a * (1.0 + e) - EARTH_RADIUS
             least, most = atmosphere.HEIGHTS
-            if not least <= low <= high <= most:
+            # above `most` there is too little air to count
+            if low < least:
                 name = ("none", "table", "exponential", "activity")[self.atmosphere]
                 yield (f"atmosphere = {name}: its density is good from {1e-3 * least:.0f} to "
                        f"{1e-3 * most:.0f} km, the orbit is {1e-3 * low:.0f} to {1e-3 * high:.0f} "
                        "km high: it is extrapolated")  # fmt: skip
+        if not self.third_bodies and "r_eci" in wired:
+            yield from self._left_out(end - begin)
+
+    def _left_out(self, span: float) -> Iterator[str]:
+        """What Sun and Moon do to an orbit within a time (s), where that is much.
+
+        Their mean field, averaged over the orbit and over their own: with w = (n_sun^2 + 0.0123
+        n_moon^2) / n the plane turns by at most 3/8 w (1 + 4 e^2) / sqrt(1 - e^2) sin 2 epsilon and
+        the eccentricity changes by at most 15/8 w e sqrt(1 - e^2) (Cook, Geophys. J. 6 (1962) 271).
+        """
+        a, e = self.size()
+        w = THIRD_BODIES / mean_motion(a)
+        round_ = sqrt(1.0 - e * e)
+        plane = 0.375 * w * (1.0 + 4.0 * e * e) / round_ * sin(2.0 * earth.OBLIQUITY) * span
+        perigee = 1.875 * w * e * round_ * a * span
+        if plane > MUCH_PLANE or perigee > MUCH_PERIGEE:
+            yield (f"the Sun and the Moon, which it leaves out, turn the orbit's plane by up to "
+                   f"{degrees(plane):.2g} deg and move its perigee by up to "
+                   f"{1e-3 * perigee:.2g} km in {span / 86400.0:.0f} days")  # fmt: skip
 
     def output(self, t: float) -> None:
         interval = floor(t / NODE_TIME)

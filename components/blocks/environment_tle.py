@@ -25,6 +25,8 @@ class EnvironmentTle(NearEarth):
     starts, with a message that says so.
     """
 
+    third_bodies = True  # SGP4 has them of slow orbits
+
     epoch_j2000: float = Parameter(
         "s", "UTC of t = 0: seconds since 2000-01-01T12:00:00 UTC, leap seconds not counted; "
         "629208000 is 2019-12-10T00:00:00",

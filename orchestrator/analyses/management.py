@@ -43,6 +43,8 @@ AT_LIMIT = 0.999
 SMALL, ALIKE = 1e-3, 0.01
 """Momentum that counts as nothing, as a share of a wheel's capacity: what its tachometer sees; and
 as a share of what there would be without management, which is estimated."""
+FIELD = 3e-5
+"""Of a low orbit (T)."""
 ACROSS = 1e-3
 """A target across the orbit's normal by more than this share of its size turns with the craft."""
 _OF_WHEELS = ("saturated_wheel", "speed_wheel")
@@ -126,6 +128,29 @@ def _brakes(law: Component) -> bool:
     """Whether a manager of ours takes the rate out of a craft that tumbles."""
     block = block_class(law.interface.model) if law.interface.model in names() else None
     return block is not None and issubclass(block, Manager) and block.brakes
+
+
+def warnings(system: System) -> Iterator[str]:
+    """A line for a law whose gain takes more out in a sample than there is: it overshoots, and
+    only the coils' limit keeps it from growing."""
+    for c in system.components.values():
+        block = block_class(c.interface.model) if c.interface.model in names() else None
+        if block is None or not issubclass(block, Manager):
+            continue
+        sample = max(float(c.values.get("sample_time", 0.0)), system.step)
+        for law in block.offers:
+            rule = str(law.gains.get(law.rate, ""))
+            choices = {k: v for k, v in law.gains.items()
+                       if k in c.interface.signals and c.interface.signals[k].choices}  # fmt: skip
+            chosen = all(c.choice(k) == v for k, v in choices.items())
+            if not law.rate or not chosen:
+                continue
+            rate = c.values[law.rate] * (FIELD if "craft.field" in rule else 1.0)
+            if rate * sample > 1.0:
+                where = c.given.get(law.rate, system.where)
+                yield (f"{where}: {c.name}.{law.rate} = {c.values[law.rate]:g}: at {rate:.3g} 1/s "
+                       f"it takes {rate * sample:.3g} times the momentum out within a sample of "
+                       f"{sample:g} s; usual is the orbit's rate, some 1e-3 1/s")  # fmt: skip
 
 
 def problems(system: System) -> Iterator[str]:

@@ -47,6 +47,7 @@ from ..system import cyclic
 from ..system.errors import DesatError, nearest, plain
 from ..system.model import J2000
 from ..system.quantity import Quantity, is_number
+from . import coils
 from .facts import CraftFacts
 from .orbits import Orbit, epoch_of, orbit_of
 from .torques import GivenTorque, given_torque
@@ -208,6 +209,7 @@ def _template_values(wanted: CraftFacts, name: str, command: str) -> dict[str, A
             "coils." if dump is None else f"dumps by {dump['by']} take the momentum that they "
             f"leave in the wheels out from {dump['percent'][0]} % of a wheel's capacity to "
             f"{dump['percent'][1]} %."),
+        "limits": _limits(mass, orbit, thrusters),
         "step": step, "substeps": _substeps(step, wheels["torque_si"] / min(inertia), dump),
         "stop": _stop(orbit, dump, _secular(orbit, outer, light, centre, dipole),
                              step),
@@ -359,6 +361,23 @@ def _step(
     ), 1.0)  # fmt: skip
 
 
+def _limits(
+    mass: float, orbit: Orbit, thrusters: Mapping[str, str] | None
+) -> dict[str, str]:  # fmt: skip
+    """What the scenarios require, as their numbers have it; the class is that of the mass."""
+    known = classes()["requirements"]
+    name = [n for n, x in known.items() if quantity("", x["mass"], "kg") <= mass][-1]
+    figures = known[name]
+    made = {key: f"{quantity('', figures[key], unit):g}" for key, unit in (
+        ("fill", "%"), ("duty", "%"), ("pointing", "deg"), ("dumping", "deg"), ("detumbling", "h"),
+        ("years", "1"))}  # fmt: skip
+    if orbit.eccentricity > 0.1:
+        made["duty"] = ""  # coils are at their limits where the field is of no use
+    tank = "" if thrusters is None or not thrusters["tank"] else _text(
+        quantity("", thrusters["tank"], "kg") / float(made["years"]))  # fmt: skip
+    return {**made, "name": name, "a_year": tank}
+
+
 def _substeps(step: float, acceleration: float, dump: Mapping[str, Any] | None) -> int:
     """As many as `coverage.LIMITS` asks of wheels that all turn the craft at their torque (rad/s2
     each), where dumps make runs long; eight of a day's run."""
@@ -416,7 +435,7 @@ def _dump(
     return {"by": match[1], "percent": (f"{begin:g}", f"{end:g}"),
             "begin": _text(begin / 100.0 * capacity), "end": _text(end / 100.0 * capacity),
             "torque": _text(torque), "why": why, "sample": sample, "large": capacity >= 1.0,
-            "most": f"{max(80.0, min(begin + 10.0, 98.0)):g}",
+            "most": f"{min(begin + 10.0, 98.0):g}",
             "room": (begin - end) / 100.0 * capacity}  # fmt: skip
 
 
@@ -485,9 +504,15 @@ def _rods(wanted: CraftFacts, mass: float, orbit: Orbit) -> dict[str, str] | Non
         raise DesatError(f"--rods {wanted.rods}: there is no field in deep space; thrusters dump "
                          "there, as --thrusters '4 10mN' --dump 'thrusters 70:10'")  # fmt: skip
     text = wanted.rods or f"{0.02 * mass:.2g}"
+    if coils.is_made(text):
+        found, why = coils.made(text)
+        return {"dipole": f"{found.dipole:.4g} A.m2", "lag": "20 ms", "why": why,
+                "resistance": f"{found.resistance:.4g}",
+                "area_turns": f"{found.area_turns:.4g}"}  # fmt: skip
     name, figures, dipole = _of_class(RODS, "rods", "dipole", text)
     why = "given" if wanted.rods else "class: 20 mA m2 a kilogram"
-    return {"dipole": f"{dipole:g} A.m2", "lag": figures["lag"], "why": f"{why}; lag as {name}"}
+    return {"dipole": f"{dipole:g} A.m2", "lag": figures["lag"], "why": f"{why}; lag as {name}",
+            "resistance": "", "area_turns": ""}  # fmt: skip
 
 
 def _gyro() -> dict[str, str]:

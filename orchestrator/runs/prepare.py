@@ -345,6 +345,6 @@ SYSTEMS: tuple[Callable[[System], Iterable[str]], ...] = (
 """What stands against running a system."""
 WARNINGS: tuple[Callable[[System], Iterable[str]], ...] = (
     library.unused_warnings, accounts.warnings, coverage.warnings, energy.warnings,
-    firings.warnings, fixed.warnings, wheels.warnings,
+    firings.warnings, fixed.warnings, management.warnings, wheels.warnings,
 )  # fmt: skip
 """What to beware of in one."""

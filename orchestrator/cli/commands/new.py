@@ -44,7 +44,13 @@ def craft(
         str | None, typer.Option(help="Principal moments: 0.2,0.2,0.1 (kg m2).")
     ] = None,
     wheels: Annotated[str | None, typer.Option(help='"4 pyramid 30mNms", "3 axes 0.2Nms".')] = None,
-    rods: Annotated[str | None, typer.Option(help="Of each axis: 0.2 (A m2); none.")] = None,
+    rods: Annotated[
+        str | None,
+        typer.Option(
+            help="Of each axis: 0.2 (A m2); none; or as made, of turns or dipole, size, wire and "
+            'current: "coil 300 80x80mm 0.2mm 100mA", "rod 0.2Am2 60x8mm 0.2mm 100mA".'
+        ),
+    ] = None,
     thrusters: Annotated[
         str | None,
         typer.Option(help='Pairs about each axis: "4 1N"; --dump says when they fire.'),

@@ -1,0 +1,60 @@
+"""Torquers by their making, as people type them: coils and rods of so many turns, or of what their
+dipole takes."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+
+from desat.components.physics import coil
+
+from ..system.errors import DesatError
+from ..system.quantity import Quantity
+
+FORMS = ("'coil TURNS 80x80mm WIRE CURRENT', as 'coil 300 80x80mm 0.2mm 100mA'",
+         "'rod TURNS 60x8mm WIRE CURRENT', as 'rod 800 60x8mm 0.2mm 100mA'")  # fmt: skip
+TURNS = Quantity("--rods", "1", 0.0, 1e6, above=True, what="turns")
+DIPOLE = Quantity("--rods", "A.m2", 0.0, 1e5, above=True)
+LENGTH = Quantity("--rods", "m", 0.0, 100.0, above=True)
+CURRENT = Quantity("--rods", "A", 0.0, 1e3, above=True)
+PERMEABILITY = 20_000.0
+"""Of a core: its length against its diameter decides then, not this."""
+
+
+def is_made(text: str) -> bool:
+    """Whether it says a making."""
+    return text.split()[0:1] in (["coil"], ["rod"])
+
+
+def made(text: str) -> tuple[coil.Coil, str]:
+    """The coil that a text says, and how it is made, for people. TURNS may be a dipole (0.2Am2):
+    then there are as many as that takes. Raises DesatError."""
+    words = text.split()
+    size = re.fullmatch(r"([\d.]+)x([\d.]+)(m|cm|mm)", words[2]) if len(words) == 5 else None
+    if size is None:
+        raise DesatError(f"--rods {text}: the form is {' or '.join(FORMS)}")
+    a, b = (LENGTH(f"{size[k]} {size[3]}") for k in (1, 2))
+    wire, current = LENGTH(words[3]), CURRENT(words[4])
+    build: Callable[[float], coil.Coil]
+    if words[0] == "coil":
+
+        def build(turns: float) -> coil.Coil:
+            return coil.air(turns, a, b, wire, current)
+    else:
+        if a < 4.0 * b:
+            raise DesatError(f"--rods {text}: a rod is at least four times as long as it is thick; "
+                             f"got {size[0]}")  # fmt: skip
+
+        def build(turns: float) -> coil.Coil:
+            return coil.rod(turns, a, b / 2.0, PERMEABILITY, wire, current)
+
+    turns = TURNS(words[1]) if re.fullmatch(r"[\d.]+", words[1]) else _turns(words[1], build)
+    found = build(turns)
+    return found, (f"{words[0]} of {turns:.0f} turns, {words[2]}, wire of {words[3]}, {words[4]}: "
+                   f"{found.power:.3g} W, {1e3 * found.mass:.3g} g each")  # fmt: skip
+
+
+def _turns(dipole: str, build: Callable[[float], coil.Coil]) -> float:
+    """How many turns a dipole takes."""
+    wanted = DIPOLE(re.sub(r"(m?A)m2$", r"\1.m2", dipole))
+    return float(-(-wanted // build(1.0).dipole))
