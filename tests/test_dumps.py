@@ -161,7 +161,7 @@ def test_worst_of_a_geo_craft_is_sound(geo):
 @pytest.mark.parametrize(
     ("given", "text"),
     [
-        ({"dump": None}, "--rods none: --dump says what takes momentum out"),
+        ({"dump": None}, "no rods: --dump says what takes momentum out"),
         ({"dump": "thrusters 10:70"}, "it ends at 70 %, which is not below 10 %"),
         ({"dump": "sails 70:10"}, "the form is thrusters BEGIN:END or coils BEGIN:END"),
         ({"dump": "coils 70:10"}, "--rods none leaves no coils"),

@@ -163,16 +163,17 @@ def _list(values: Any) -> str:
 
 def _template_values(wanted: CraftFacts, name: str, command: str) -> dict[str, Any]:
     """What the templates are filled with."""
-    if wanted.pointing not in POINTINGS:
-        raise DesatError(f"--pointing {wanted.pointing}: there is {', '.join(POINTINGS)}"
-                         f"{nearest(wanted.pointing, POINTINGS)}")  # fmt: skip
+    pointing = wanted.pointing or ("nadir" if wanted.sun is None else "sun")
+    if pointing not in POINTINGS:
+        raise DesatError(f"--pointing {pointing}: there is {', '.join(POINTINGS)}"
+                         f"{nearest(pointing, POINTINGS)}")  # fmt: skip
     sides, sides_why, units = _sides(wanted)
     mass, mass_why = _mass(wanted, sides, units)
     inertia, inertia_why = _inertia(wanted, mass, sides, f"{mass_why}, {sides_why}")
     epoch = epoch_of(wanted)
     orbit = orbit_of(wanted, (epoch - J2000).total_seconds())
-    if wanted.pointing in ("nadir", "yaw") and not orbit.of_earth:
-        raise DesatError(f"--pointing {wanted.pointing}: there is no Earth about the Sun; sun and "
+    if pointing in ("nadir", "yaw") and not orbit.of_earth:
+        raise DesatError(f"--pointing {pointing}: there is no Earth about the Sun; sun and "
                          "inertial are left")  # fmt: skip
     wheels = _wheels(wanted, inertia)
     rods = _rods(wanted, mass, orbit)
@@ -188,9 +189,9 @@ def _template_values(wanted: CraftFacts, name: str, command: str) -> dict[str, A
     if outer is not None:
         dipole, why = 0.0, f"{outer.option} has it"
     along = [x / math.sqrt(1.0 + 0.25 + 0.64) for x in (1.0, -0.5, 0.8)]
-    start = _start(wanted.pointing, orbit)
+    start = _start(pointing, orbit)
     if orbit.eccentricity < 0.1 and orbit.of_earth:
-        _holds(wanted.pointing, orbit, inertia, wheels, [dipole * x for x in along], start)
+        _holds(pointing, orbit, inertia, wheels, [dipole * x for x in along], start)
     faces = [sides[1] * sides[2], sides[2] * sides[0], sides[0] * sides[1]]
     area = sum(faces) / 2.0
     quick = 0.1 / step
@@ -200,10 +201,10 @@ def _template_values(wanted: CraftFacts, name: str, command: str) -> dict[str, A
     light, centre, centre_why = _radiation(wanted, area, sides)
     tumble = 5.0 if mass < 50.0 else 1.0
     return {
-        "title": name, "command": command, "pointing": wanted.pointing, "orbit": orbit,
+        "title": name, "command": command, "pointing": pointing, "orbit": orbit,
         "start": start, "outer": outer, "worse": ", ".join(_worse(orbit, outer)),
         "epoch": epoch.strftime("%Y-%m-%dT%H:%M:%SZ"),
-        "description": f"{mass:.4g} kg, {wanted.pointing} pointing under "
+        "description": f"{mass:.4g} kg, {pointing} pointing under "
         + _torques(orbit, outer) + "; " + (
             "a cross-product law takes the momentum that they leave in the wheels out through the "
             "coils." if dump is None else f"dumps by {dump['by']} take the momentum that they "

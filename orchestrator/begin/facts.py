@@ -8,7 +8,7 @@ from pathlib import Path
 
 @dataclass(frozen=True)
 class CraftFacts:
-    """As it is typed; None: what its class has."""
+    """As it is typed; None: what its class has; pointing is nadir, about the Sun to it."""
 
     altitude: str | None = None
     inclination: str | None = None
@@ -23,7 +23,7 @@ class CraftFacts:
     wheels: str | None = None
     rods: str | None = None
     thrusters: str | None = None
-    pointing: str = "nadir"
+    pointing: str | None = None
     residual_dipole: str | None = None
     orbit: str | None = None
     dump: str | None = None

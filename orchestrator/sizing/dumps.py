@@ -81,6 +81,8 @@ NODES = 1440
 """Rows of an orbit at least."""
 COARSE, MOST_ROWS = 1200.0, 35_000
 """Between rows in deep space (s), and rows of a flight through all dumps."""
+BETWEEN = 200
+"""Rows between two dumps at least."""
 WEEK = 7.0 * 86400.0
 
 
@@ -219,7 +221,7 @@ def size(
     ]
     steady = mean_of([rates_of(f, hardware, law, cost, isp) for f in (flight, *later)])
     window = _window(system, options, steady)
-    whole = _through(system, attitude, flight, window)
+    whole = _through(system, attitude, flight, window, steady.interval)
     if whole is not None and steady.first < window:
         progress("its dumps, one after the other")
         steady = rates_of(whole, hardware, law, cost, isp, steady.interval)
@@ -299,12 +301,12 @@ def _attitude(system: System) -> Attitude:
 
 
 def _through(
-    system: System, attitude: Attitude, flight: Flight, span: float
+    system: System, attitude: Attitude, flight: Flight, span: float, interval: float
 ) -> Flight | None:  # fmt: skip
-    """A flight of so long (s), over which orbit and Sun move; None where that takes too many
-    rows."""
+    """A flight of so long (s), over which orbit and Sun move, with many rows between two dumps;
+    None where that takes too many."""
     block = environment_block(system.components["environment"])
-    times = system.start + _nodes(block, system.start, flight, span)
+    times = system.start + _nodes(block, system.start, flight, span, interval / BETWEEN)
     if len(times) > MOST_ROWS:
         return None
     try:
@@ -313,23 +315,27 @@ def _through(
         return None
 
 
-def _nodes(block: Any, start: float, flight: Flight, span: float) -> Array:
-    """Times (s) since the start through a span: of an ellipse as many about its perigee as about
-    its apogee, by the eccentric anomaly."""
+def _nodes(block: Any, start: float, flight: Flight, span: float, longest: float) -> Array:
+    """Times (s) since the start through a span, no two `longest` apart: of an ellipse as many about
+    its perigee as about its apogee, by the eccentric anomaly."""
     r, v = flight.r[0], flight.v[0]
     size, rate = float(np.linalg.norm(r)), 2.0 * pi / flight.period
     if size > BEYOND:
-        return np.arange(0.0, span + COARSE, COARSE)
+        step = min(COARSE, longest)
+        return np.arange(0.0, span + step, step)
+    fine = ceil(flight.period / longest)
     axis = (MU / rate**2) ** (1.0 / 3.0)
     eccentricity = hypot(float(r @ v) / sqrt(MU * axis), 1.0 - size / axis)
     if eccentricity < 0.1:
-        count = ceil(span / flight.period * 90) + 1
-        return np.linspace(0.0, count * flight.period / 90, count + 1)
-    anomaly = 2.0 * pi / 80 * np.arange(80)
+        each = max(90, fine)
+        count = ceil(span / flight.period * each) + 1
+        return np.linspace(0.0, count * flight.period / each, count + 1)
+    each = max(80, fine)
+    anomaly = 2.0 * pi / each * np.arange(each)
     share = (anomaly - eccentricity * np.sin(anomaly)) / (2.0 * pi)
     perigees = _perigees(block, start, flight.period, span)
-    each = [a + (b - a) * share for a, b in pairwise(perigees)]
-    times = np.concatenate([*each, [perigees[-1]]])
+    rounds = [a + (b - a) * share for a, b in pairwise(perigees)]
+    times = np.concatenate([*rounds, [perigees[-1]]])
     return np.append(0.0, times[times > 0.0])
 
 

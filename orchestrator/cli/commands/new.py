@@ -65,8 +65,12 @@ def craft(
     isp: Annotated[str | None, typer.Option(help="Specific impulse: 220s.")] = None,
     propellant: Annotated[str | None, typer.Option(help="In the tank: 5kg.")] = None,
     pointing: Annotated[
-        str, typer.Option(help="nadir, inertial, sun (+z to it), yaw (nadir, +x towards the Sun).")
-    ] = "nadir",
+        str | None,
+        typer.Option(
+            help="nadir (default), inertial, sun (+z to it; default in deep space), yaw (nadir, +x "
+            "towards the Sun)."
+        ),
+    ] = None,
     secular: Annotated[
         str | None,
         typer.Option(

@@ -1,0 +1,341 @@
+"""Beyond nadir, circular, low: the blocks of it against analytic cases, and the crafts of one line
+that take them; what cannot be is refused by name."""
+
+from __future__ import annotations
+
+import math
+import tomllib
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import desat as library
+from desat.begin.craft import write
+from desat.begin.facts import CraftFacts
+from desat.components.contract.block import BlockError
+from desat.components.maths.attitude import normalised, rotate
+from desat.components.physics import coil, torques
+from desat.fmus.registry import block_class
+from desat.runs.prepare import prepare
+from desat.sizing import dumps
+from desat.sizing.sizing import Wishes
+from desat.sizing.sizing import size as size_of
+from desat.system.errors import DesatError
+from desat.system.options import Options
+from desat.system.parameters import expand
+
+
+def block(name: str, **values: Any) -> Any:
+    made = block_class(name)()
+    for key, value in values.items():
+        setattr(made, key, value)
+    made.check()
+    made.start()
+    return made
+
+
+def table(*rows: tuple[float, ...]) -> tuple[float, ...]:
+    flat = [x for row in rows for x in row]
+    return tuple(flat + [0.0] * (1024 - len(flat)))
+
+
+# --- torques by a table ---------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("between", [0, 1])
+def test_a_tables_impulse_is_exact_whatever_the_steps(between: int) -> None:
+    rows = [(0.0, 0.0, 1.0, 0.0), (10.0, 1.0, 1.0, 0.0), (25.0, -1.0, 0.0, 0.0)]
+    source = block("disturbance_table", torque=table(*rows), between=between, repeated=True)
+    whole = np.array([10.0, 10.0, 0.0] if between == 0 else [5.0, 10.0, 0.0])
+    whole += np.array([15.0, 15.0, 0.0] if between == 0 else [0.0, 7.5, 0.0])
+    if between == 0:
+        whole = np.array([15.0 * 1.0, 10.0 + 15.0, 0.0])
+    for dt in (0.7, 1.0, 5.0, 12.5):
+        total, steps = np.zeros(3), 0
+        while (steps + 1) * dt <= 75.0 + 1e-9:
+            source.advance(steps * dt, dt)
+            total += dt * np.array(source.tau_ext_body)
+            steps += 1
+        rest = 75.0 - steps * dt
+        if rest > 1e-9:
+            source.advance(steps * dt, rest)
+            total += rest * np.array(source.tau_ext_body)
+        assert total == pytest.approx(3.0 * whole, rel=1e-12, abs=1e-12)
+
+
+def test_a_tables_frames_and_what_it_is_added_to() -> None:
+    q = normalised((0.1, 0.2, 0.3, 0.9))
+    rows = table((0.0, 0.1, 0.2, 0.3))
+    source = block("disturbance_table", torque=rows, frame=2, factor=2.0)
+    source.q_bi, source.tau_other_body = q, (0.0, 0.0, 1.0)
+    source.advance(0.0, 10.0)
+    x, y, z = rotate(q, (0.2, 0.4, 0.6))
+    assert source.tau_ext_body == pytest.approx((x, y, z + 1.0))
+
+
+def test_a_table_that_ends_before_the_run_is_refused() -> None:
+    source = block("disturbance_table", torque=table((0.0, 1, 0, 0), (10.0, 1, 0, 0)))
+    with pytest.raises(BlockError, match="the table is from 0 to 10 s, the run from 0 to 20 s"):
+        list(source.foresee(0.0, 20.0, frozenset()))
+    assert not list(source.foresee(0.0, 10.0, frozenset()))
+
+
+def test_the_first_rows_of_a_table_may_stand_alone_but_not_those_of_a_matrix() -> None:
+    from desat.system.interface import interface_of_block
+
+    interface = interface_of_block("disturbance_table")
+    found = expand(interface, "torque", [[0.0, 1.0, 2.0, 3.0], [5.0, 0.0, 0.0, 0.0]], "x")
+    assert [found[f"torque[1,{k}]"] for k in (1, 2, 3, 4)] == [0.0, 1.0, 2.0, 3.0]
+    assert found["torque[256,4]"] == 0.0
+    with pytest.raises(DesatError, match="needs 1024 values, got 3"):
+        expand(interface, "torque", [[0.0, 1.0, 2.0]], "x")
+    wheels = interface_of_block("wheels")
+    with pytest.raises(DesatError, match="axes_wheel needs 12 values, got 4"):
+        expand(wheels, "axes_wheel", [[1.0, 0.0, 0.0, 0.0]], "x")
+
+
+# --- magnets, rods, panels ------------------------------------------------------------------------
+
+
+def test_a_saturating_cycle_loses_four_times_coercive_field_and_saturation() -> None:
+    """The area between the branches, each the other moved by 2 H_c: 4 H_c B_s."""
+    rods = block("torquers_passive", rod_volume=(1e-6, 0.0, 0.0), coercive_field=12.0,
+                 remanence=0.004, saturation=0.025)  # fmt: skip
+    mu_0 = 4e-7 * math.pi
+    h = 40_000.0 * np.sin(np.linspace(0.0, 4.0 * math.pi, 400_001))
+    flux = []
+    for k, x in enumerate(h[::50]):
+        rods.b_eci = (mu_0 * x, 0.0, 0.0)
+        rods.advance(float(k), 1.0)
+        rods.output(float(k))
+        flux.append(rods.flux_body[0])
+    second = slice(len(flux) // 2, None)
+    area = abs(np.trapezoid(np.array(flux)[second], h[::50][second]))
+    assert area == pytest.approx(4.0 * 12.0 * 0.025, rel=0.02)
+    assert max(flux) < 0.025
+    assert rods.m_body[0] == pytest.approx(flux[-1] * 1e-6 / mu_0)
+
+
+def test_rods_brake_a_tumble_and_a_magnet_alone_does_not(tmp_path: Path) -> None:
+    craft = """
+title = "passive"
+[components]
+environment = "environment_kepler"
+spacecraft = "spacecraft_rigid"
+torquers = "torquers_passive"
+[wiring]
+"torquers.b_eci" = "environment.b_eci"
+"torquers.q_bi" = "spacecraft.q_bi"
+"spacecraft.sun_eci" = false
+"spacecraft.sunlight" = false
+"spacecraft.density" = false
+[parameters.environment]
+semi_major_axis = "6978.137 km"
+inclination = "55 deg"
+[parameters.spacecraft]
+inertia = [0.0222, 0, 0, 0, 0.0218, 0, 0, 0, 0.005]
+inertia_wheel = [0, 0, 0, 0]
+omega_start_body = ["10 deg/s", "5 deg/s", "5 deg/s"]
+[parameters.torquers]
+magnet_body = [0, 0, 0.55]
+rod_volume = [2.24e-7, 2.24e-7, 0]
+"""
+    (tmp_path / "craft.toml").write_text(craft)
+    (tmp_path / "nominal.toml").write_text(
+        'craft = "craft.toml"\ntitle = "passive"\nstep = 1.0\nstop = 40000.0\n'
+        "epoch = 2010-06-01T00:00:00Z\n"
+    )
+    energy = {}
+    for volume in (2.24e-7, 0.0):
+        run = library.run(str(tmp_path), {"torquers.rod_volume": [volume, volume, 0.0]})
+        omega = run.results.values("spacecraft.omega_bi_body")
+        each = 0.5 * (omega**2 @ [0.0222, 0.0218, 0.005])
+        energy[volume] = each[-4000:].mean() / each[:4000].mean()
+    assert energy[2.24e-7] < 0.95
+    assert energy[0.0] == pytest.approx(1.0, abs=0.02)
+
+
+def test_a_driven_panel_faces_the_sun_as_a_flat_area_does() -> None:
+    sun = normalised((0.3, 0.5, -0.8, 0.0))[:3]
+    rows = (1.0, 0.0, 0.0, 2.0, 0.0, -1.5, 0.0, 0.0, 0.0) + (0.0,) * 9 * 15
+    drives = (0.0, 3.0, 0.0) + (0.0,) * 45
+    plates = torques.plates_of(rows)
+    turned = torques.facing(plates, torques.drives_of(rows, drives), sun)
+    across = math.sqrt(sun[0] ** 2 + sun[2] ** 2)
+    # a black plate whose normal is as near to the Sun as its drive lets it: cos is |s across|
+    wanted = torques.radiation(sun, 1.0, 2.0 * across, (0.0, -1.5, 0.0))
+    assert torques.radiation_on_plates(sun, 1.0, turned) == pytest.approx(wanted)
+    fixed = torques.facing(plates, torques.drives_of(rows, (0.0,) * 48), sun)
+    assert fixed == plates
+
+
+def test_driven_panels_balance_in_a_run(tmp_path: Path) -> None:
+    """The torque that is computed outside the body, from its parameters, is its own."""
+    write(tmp_path / "mine", CraftFacts(orbit="geo", size="12U", rods="none", thrusters="4 50mN",
+                                        dump="thrusters 70:10", pointing="yaw"), "")  # fmt: skip
+    rows = [[1, 0, 0, 0.5, 0, -0.4, 0, 0.1, 0.1], [1, 0, 0, 0.3, 0, 0.4, 0, 0.0, 0.2]]
+    run = library.run(str(tmp_path / "mine"), {
+        "spacecraft.radiation": "plates", "spacecraft.plates": rows,
+        "spacecraft.drive_plate": [[0, 1, 0], [0, 1, 0]]}, stop=20000.0)  # fmt: skip
+    residual = run.manifest.numbers["impulse_mismatch"].value
+    largest = np.abs(run.results.values("spacecraft.impulse_eci")).max()
+    assert residual < 1e-6 * largest
+
+
+def test_a_coil_by_its_making() -> None:
+    """300 turns of 80 x 80 mm at 100 mA: 0.192 A m2; a core of infinite permeability multiplies by
+    1 + 1 / N_d."""
+    made = coil.air(300, 0.08, 0.08, 0.2e-3, 0.1)
+    assert made.dipole == pytest.approx(0.192)
+    length = 300 * 4 * 0.08
+    section = math.pi * 1e-4**2
+    assert made.resistance == pytest.approx(1.72e-8 * length / section)
+    assert made.power == pytest.approx(0.01 * made.resistance)
+    assert made.mass == pytest.approx(8960.0 * length * section)
+    slender = 20.0
+    demagnetising = 4 * (math.log(slender) - 1) / (slender**2 - 4 * math.log(slender))
+    assert coil.core_factor(0.1, 0.005, 1e12) == pytest.approx(1.0 + 1.0 / demagnetising, rel=1e-6)
+
+
+def test_rods_by_their_dipole_have_the_turns_that_it_takes(tmp_path: Path) -> None:
+    write(tmp_path / "mine", CraftFacts(size="3U", rods="rod 0.2Am2 60x8mm 0.2mm 100mA"), "")
+    rows = tomllib.loads((tmp_path / "mine" / "craft.toml").read_text())["parameters"]["torquers"]
+    assert float(rows["m_limit"].split()[0]) == pytest.approx(0.2, rel=0.01)
+    assert rows["area_turns"] == pytest.approx(2.0, rel=0.01)
+
+
+# --- thrusters ------------------------------------------------------------------------------------
+
+
+def test_an_empty_tank_fires_nothing() -> None:
+    jets = block("thrusters", sample_time=1.0, tau_level=(1.0, 1.0, 1.0), arm=1.0, least_pulse=0.01,
+                 specific_impulse=100.0, tank=3e-3)  # fmt: skip
+    jets.tau_cmd_thruster_body = (1.0, 0.0, 0.0)
+    for k in range(20):
+        jets.advance(float(k), 1.0)
+    jets.output(20.0)
+    # 1.02 g a second: three seconds, and none after
+    assert jets.on_time == pytest.approx(3.0)
+    assert jets.propellant_left == pytest.approx(0.0, abs=1e-3)
+
+
+# --- crafts of one line ---------------------------------------------------------------------------
+
+CRAFTS = {
+    "sun": CraftFacts(sso="550km", size="6U", pointing="sun"),
+    "yaw": CraftFacts(orbit="geo", mass="2500kg", box="2,2,3", wheels="4 pyramid 50Nms",
+                      rods="none", thrusters="4 10N", dump="thrusters 70:10", pointing="yaw"),
+    "deep": CraftFacts(sun="1.52AU", size="12U", pointing="sun", wheels="3 axes 15mNms",
+                       thrusters="4 10mN", dump="thrusters 70:25", propellant="0.5kg", isp="60s"),
+    "gto": CraftFacts(orbit="gto", mass="600kg", box="1.2,1.2,1.6", wheels="4 pyramid 15Nms",
+                      rods="none", thrusters="4 1N", dump="thrusters 70:10"),
+    "molniya": CraftFacts(orbit="molniya", size="12U"),
+    "secular": CraftFacts(altitude="600km", size="12U", secular="0.5uNm"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", CRAFTS)
+def test_a_craft_of_one_line_flies_as_it_is_wanted(tmp_path: Path, name: str) -> None:
+    write(tmp_path / "mine", CRAFTS[name], "")
+    for scenario in ("nominal", "worst"):
+        case = prepare(str(tmp_path / "mine" / f"{scenario}.toml"), Options())
+        case.or_raise()
+        assert "usual is" not in "\n".join(case.checked.warnings)
+    run = library.run(str(tmp_path / "mine"), stop=4000.0)
+    assert run.ok
+    assert run.manifest.numbers["pointing"].value < 0.2
+
+
+def test_a_sun_pointing_craft_is_sized_to_a_percent_of_its_loop(tmp_path: Path) -> None:
+    write(tmp_path / "mine", CRAFTS["sun"], "")
+    made = size_of(str(tmp_path / "mine"), Options(), Wishes(year=False, laws=False))
+    assert made.attitude == "sun"
+    (row,) = [r for r in made.curve if r.loop_rms is not None and r.rod == made.curve[3].rod][:1]
+    assert row.rms == pytest.approx(row.loop_rms, rel=0.01)
+    assert row.duty == pytest.approx(row.loop_duty, rel=0.01)
+
+
+def test_deep_space_is_sized_to_some_percent_of_its_loop(tmp_path: Path) -> None:
+    write(tmp_path / "mine", CraftFacts(
+        sun="0.9AU", size="12U", pointing="sun", wheels="3 axes 10mNms", thrusters="4 10mN",
+        dump="thrusters 70:25", panel="0.6m2 0.2m"), "")  # fmt: skip
+    made = dumps.size(str(tmp_path / "mine"), Options(), Wishes())
+    assert not made.problems
+    assert made.loop["dumps"] >= 7
+    assert made.steady.a_week == pytest.approx(made.loop["dumps_a_week"], rel=0.05)
+    assert made.steady.a_year == pytest.approx(made.loop["propellant_a_year"], rel=0.05)
+
+
+def test_a_secular_torque_is_what_size_finds(tmp_path: Path) -> None:
+    write(tmp_path / "mine", CRAFTS["secular"], "")
+    made = size_of(str(tmp_path / "mine"), Options(), Wishes(year=False, laws=False, flown=False))
+    given = next(s for s in made.sources if s.name == "given torque")
+    # about the orbit's normal, which J2 turns by 7 deg a day
+    assert given.secular == pytest.approx(0.5e-6, rel=0.01)
+    assert given.along == pytest.approx(1.0, abs=0.01)
+
+
+def test_a_csv_of_torques_flies(tmp_path: Path) -> None:
+    (tmp_path / "tau.csv").write_text("t,x,y,z\n0,1e-6,0,0\n3000,-1e-6,0,2e-7\n6000,1e-6,0,0\n")
+    facts = CraftFacts(altitude="600km", size="12U", torque=f"{tmp_path / 'tau.csv'} lvlh")
+    write(tmp_path / "mine", facts, "")
+    rows = tomllib.loads((tmp_path / "mine" / "craft.toml").read_text())["parameters"]
+    assert rows["disturbance"]["frame"] == "lvlh"
+    assert rows["disturbance"]["torque"][1] == [3000.0, -1e-6, 0.0, 2e-7]
+    run = library.run(str(tmp_path / "mine"), stop=6000.0)
+    given = run.results.values("disturbance.tau_ext_body")
+    assert np.linalg.norm(given[0]) == pytest.approx(1e-6, rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("wanted", "told"),
+    [
+        ({"sun": "1AU", "rods": "0.2"}, r"--rods 0.2: there is no field in deep space; thrusters"),
+        ({"sun": "1AU", "pointing": "yaw"}, r"--pointing yaw: there is no Earth about the Sun"),
+        ({"sun": "1AU", "pointing": "sun"}, r"no rods: --dump says what takes momentum out"),
+        ({"sun": "far"}, r"--sun far: a distance in astronomical units is needed"),
+        ({"sun": "1AU", "orbit": "geo"}, r"--orbit, --sun: one of them says the orbit"),
+        ({"sun": "1AU", "inclination": "5deg"}, r"--inclination 5deg: --sun 1AU says the orbit"),
+        ({"orbit": "50x2000km"}, r"--orbit 50 km: 150 to 400000 km are covered"),
+        ({"orbit": "gro"}, r"--orbit gro: there is geo, .*did you mean ge?t?o"),
+        ({"secular": "1uNm", "torque": "x.csv"}, r"--secular, --torque: one of them"),
+        ({"secular": "1,2"}, r"one torque, about y, or three are needed"),
+        ({"secular": "0uNm"}, r"a torque other than 0 is needed"),
+        ({"torque": "/nowhere.csv"}, r"--torque /nowhere\.csv: "),
+        ({"propellant": "1kg"}, r"--propellant 1kg: --thrusters says which"),
+        ({"rods": "coil 300 80mm 0.2mm 100mA"}, r"the form is 'coil TURNS 80x80mm WIRE CURRENT'"),
+        ({"rods": "rod 300 10x8mm 0.2mm 100mA"}, r"at least four times as long as it is thick"),
+    ],
+)  # fmt: skip
+def test_what_cannot_be_is_refused(tmp_path: Path, wanted: dict[str, Any], told: str) -> None:
+    with pytest.raises(DesatError, match=told):
+        write(tmp_path / "mine", CraftFacts(**wanted), "")
+    assert not (tmp_path / "mine").exists()
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("t,x,y,z\n", "there is no row of four numbers"),
+        ("0,1,2\n0,1,2,3\n1,2,3\n", r":3: four numbers are needed, t in s"),
+        ("0,1,2,3\n0,1,2,3\n", r":2: its time 0 s is not after that of the row before"),
+        ("0,1,2,nan\n1,1,1,1\n2,x,1,1\n", r":3: four numbers are needed"),
+        ("\n".join(f"{k},0,0,0" for k in range(300)), "300 rows; 256 are taken at most"),
+    ],
+)
+def test_a_csv_that_is_wrong_is_refused_by_its_line(tmp_path: Path, text: str, told: str) -> None:
+    (tmp_path / "tau.csv").write_text(text)
+    with pytest.raises(DesatError, match=told):
+        write(tmp_path / "mine", CraftFacts(torque=str(tmp_path / "tau.csv")), "")
+
+
+def test_a_gain_that_takes_out_more_than_there_is_is_told(tmp_path: Path) -> None:
+    write(tmp_path / "mine", CraftFacts(size="12U"), "")
+    fast = prepare(str(tmp_path / "mine"), Options(sets=["manager.gain=10"]))
+    assert "takes 100 times the momentum out within a sample of 10 s" in "\n".join(
+        fast.checked.warnings
+    )
+    usual = prepare(str(tmp_path / "mine"), Options())
+    assert "takes" not in "\n".join(usual.checked.warnings)
