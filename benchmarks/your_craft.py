@@ -1,4 +1,4 @@
-"""docs/your-craft.md: two crafts from the first command to the answer, by the commands themselves.
+"""docs/your-craft.md: three crafts from the first command to the answer, by the commands.
 
 python -m benchmarks.your_craft
 """
@@ -32,19 +32,26 @@ CRAFTS = {
          ["tune", "my12u", "manager.gain", "--for", "sum_rms", "--stop", "12000"],
          ["campaign", "my12u", "-n", "200", "--stop", "6000"]],
     ),
-    "agile": (
-        "An agile craft of 150 kg",
-        "--sso 600km --ltan 10:30 --mass 150kg --box 0.8,0.8,1.2 --wheels '4 pyramid 4Nms' "
-        "--rods 30 --thrusters '4 1N'",
-        [["size", "agile", "--slew", "60/60"], ["compare", "agile", "--laws", "all"],
-         ["run", "agile"],
-         ["run", "agile/detumbling.toml"]],
+    "geo": (
+        "A geostationary craft with thrusters",
+        "--orbit geo --mass 2500kg --box 2.5,2.5,3 --wheels '4 pyramid 50Nms' --rods none "
+        "--thrusters '4 10N' --dump 'thrusters 70:10' --panel '13m2 1.35m' --propellant 15kg",
+        [["size", "geo"], ["run", "geo"], ["run", "geo/worst.toml"],
+         ["campaign", "geo", "-n", "200", "--stop", "1728000"]],
+    ),
+    "sun6u": (
+        "A CubeSat of 6 units that points to the Sun",
+        "--sso 550km --ltan 10:30 --size 6U --pointing sun",
+        [["size", "sun6u"], ["run", "sun6u"], ["run", "sun6u/worst.toml"],
+         ["run", "sun6u/detumbling.toml"], ["compare", "sun6u", "--laws", "all"]],
     ),
 }  # fmt: skip
-NUMBERS = ("pointing", "largest_momentum", "final_momentum", "detumbled", "last_rate", "coil_duty")
+NUMBERS = ("pointing", "pointing_largest", "largest_momentum", "largest_speed", "final_momentum",
+           "detumbled", "last_rate", "coil_duty", "first_dump", "between_dumps", "dump_momentum",
+           "dumps_a_week", "propellant_a_year")  # fmt: skip
 HEAD = """# Your craft
 
-Two crafts of one's own, from the first command to the answer: every number is of the commands as
+Three crafts of one's own, from the first command to the answer: every number is of the commands as
 they stand here, run on {date} by `python -m benchmarks.your_craft` (desat {version}). What
 `desat new craft` is not told is typical of its class and marked so in `craft.toml`; the folder is
 yours to change.
@@ -104,10 +111,10 @@ def main() -> int:
                 line = f"new craft {name} {options}" if command is first else shlex.join(command)
                 parts.append(f"    desat {line}\n\n```text\n{answer}\n```\n")
                 if command == ["run", name]:
-                    for plot in ("momentum", "dipole"):
+                    for plot in ("momentum", "dipole" if "--rods none" not in options else "speed"):
                         file = DOCS / f"your-craft-{name}-{plot}.svg"
                         file.write_text(drawn(name, folder, plot), encoding="utf-8")
-                        parts.append(f"![{plot} over the day]({file.name})\n")
+                        parts.append(f"![{plot} over the run]({file.name})\n")
             parts.append(f"All of it took {whole:.0f} s of CPU.\n")
     (DOCS / "your-craft.md").write_text("\n".join(parts), encoding="utf-8")
     return 0

@@ -133,6 +133,8 @@ class DumpSizing:
     """in the scenario's time"""
     a_year: float
     """propellant, kg, the mean over the days of a year, by this layout and these thresholds"""
+    each_year: tuple[float, ...]
+    """the same as if each day of `year` lasted"""
     least_a_year: float
     """the same where each dump waits for the attitude at which it costs least"""
     weekly: float
@@ -247,7 +249,7 @@ def size(
     made = DumpSizing(
         target, flight.period, attitude.kind, tuple(torque.tolist()),
         float(np.linalg.norm(torque)) * 86400.0, shares_of(flight, torque)[0], tuple(year),
-        float(law["begin"]), float(law["end"]), capacity, steady, float(np.mean(each)),
+        float(law["begin"]), float(law["end"]), capacity, steady, float(np.mean(each)), tuple(each),
         float(np.mean(least)), capacity * WEEK / steady.interval if steady.interval > 0.0 else inf,
         float(values["thrusters"].get("tank", 0.0)), max(law["pulse_body"]), loop, (), (),
     )  # fmt: skip

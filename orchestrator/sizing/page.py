@@ -15,8 +15,9 @@ from markupsafe import Markup
 from ..figures.canvas import Figure, Ticks
 from ..figures.style import COLOURS, DASHED, DOTTED, LIMIT, figure
 from ..report.report import render, write_page
+from .dumps import DumpSizing
 from .map import SizingMap
-from .sizing import Flown, Sizing, duration
+from .sizing import Flown, Sizing, duration, momenta
 
 SHADES = ("#fdf3c0", "#f6d36b", "#7ecb8f", "#35a3a0", "#2a6fb0", "#33307e", "#1a1037")
 """Of the smallest to the largest rod of a map."""
@@ -38,6 +39,42 @@ def write_sizing(made: Sizing, path: Path) -> Path:
         "sizing.html", made=made, figures=figures, rows=rows_of(made), versions=versions(),
         curve=[cells_of(r) for r in made.curve], inf=inf,
     ))  # fmt: skip
+
+
+def write_dumps(made: DumpSizing, path: Path) -> Path:
+    """The page of a sizing of dumps. Raises OSError where it cannot be written."""
+    figures = []
+    if made.year:
+        figures = [("A year: propellant, as if each day lasted", Markup(_dump_year(made).svg()))]
+    path.parent.mkdir(parents=True, exist_ok=True)
+    return write_page(path, render("sizing_dumps.html", made=made, figures=figures,
+                                   rows=dump_rows(made), versions=versions()))  # fmt: skip
+
+
+def dump_rows(made: DumpSizing) -> list[tuple[str, str, str]]:
+    """What dumps come to: name, as sized, in the closed loop."""
+    loop, steady = made.loop, made.steady
+    first, taken, spent = (loop.get(x) for x in ("first_dump", "dump_momentum", "dump_propellant"))
+
+    def shown(name: str) -> str:
+        value = loop.get(name)
+        return "" if value is None else f"{value:.4g}"
+
+    return [
+        ("first dump, from wheels at rest", duration(steady.first),
+         "" if first is None else duration(first)),
+        ("dumps a week", f"{steady.a_week:.4g}", shown("dumps_a_week")),
+        ("momentum of a dump", momenta(steady.momentum), "" if taken is None else momenta(taken)),
+        ("propellant of a dump, g", f"{1e3 * steady.propellant:.4g}",
+         "" if spent is None else f"{1e3 * spent:.4g}"),
+        ("propellant a year as in this time, kg", f"{steady.a_year:.4g}",
+         shown("propellant_a_year")),
+        ("propellant a year, mean over its days, kg", f"{made.a_year:.4g}", ""),
+        ("the same, each dump at its cheapest attitude, kg", f"{made.least_a_year:.4g}", ""),
+        ("momentum of a day", momenta(made.a_day), ""),
+        ("largest pointing error, deg", "", shown("pointing_largest")),
+        ("wheels that dump once a week", momenta(made.weekly, made.capacity), ""),
+    ]  # fmt: skip
 
 
 def write_map(made: SizingMap, path: Path) -> Path:
@@ -207,6 +244,22 @@ def _year(made: Sizing) -> Figure:
     if made.rod <= 3.0 * max(d.least for d in made.year):
         ax.level(made.rod, "#444444", width=1.2, dash=DOTTED, label="what it has")
     ax.x.label, ax.y.label, ax.y.low = f"days since {made.year[0].day}", "least rod\n[A m²]", 0.0
+    return fig
+
+
+def _dump_year(made: DumpSizing) -> Figure:
+    fig, ax = figure(2.4)
+    for i, activity in enumerate(dict.fromkeys(d.activity for d in made.year)):
+        rows = [x for d, x in zip(made.year, made.each_year, strict=True) if d.activity == activity]
+        label = f"{activity} solar activity" if activity else "propellant a year"
+        ax.plot([28.0 * k for k in range(len(rows))], rows, COLOURS[i], width=1.5, marker=4.0,
+                label=label)  # fmt: skip
+    ax.level(made.a_year, "#444444", width=1.2, dash=DOTTED, label="mean")
+    ax.x.label, ax.y.label, ax.y.low = (
+        f"days since {made.year[0].day}",
+        "propellant\n[kg a year]",
+        0.0,
+    )
     return fig
 
 

@@ -92,7 +92,7 @@ def size(
     by_thrusters = dumps.is_of(target, options)
     if by_thrusters:
         o.refuse(ctx, "it is of coils, and this craft dumps by thrusters", "duty", "margin", "slew",
-                 "tip_off", "laws", "as_map", "html")  # fmt: skip
+                 "tip_off", "laws", "as_map")  # fmt: skip
     wishes = sizing.Wishes(
         duty / 100.0,
         margin,
@@ -135,6 +135,10 @@ def size(
             print_json(found.as_json())
         else:
             _print_dumps(found)
+        if html is not None or not as_json:
+            written = sizing_page.write_dumps(found, page)
+            if not as_json:
+                _print(written)
         for line in found.problems:
             err.print(f"it cannot hold: {line}", highlight=False, markup=False)
         if found.problems:
@@ -228,30 +232,13 @@ def _print_sizing(made: Sizing) -> None:
 
 
 def _print_dumps(made: DumpSizing) -> None:
-    from ...sizing.sizing import duration, momenta
+    from ...sizing.page import dump_rows
 
     out.print(made.answer, highlight=False, markup=False)
     out.print()
-    loop, steady = made.loop, made.steady
     rows = _table("dumps by thrusters", "sized", "closed loop")
-    first, taken, spent = (loop.get(x) for x in ("first_dump", "dump_momentum", "dump_propellant"))
-    for name, sized, flown in (
-        ("first dump, from wheels at rest", duration(steady.first),
-         "" if first is None else duration(first)),
-        ("dumps a week", f"{steady.a_week:.4g}", _or_none(loop.get("dumps_a_week"))),
-        ("momentum of a dump", momenta(steady.momentum),
-         "" if taken is None else momenta(taken)),
-        ("propellant of a dump, g", f"{1e3 * steady.propellant:.4g}",
-         "" if spent is None else f"{1e3 * spent:.4g}"),
-        ("propellant a year as in this time, kg", f"{steady.a_year:.4g}",
-         _or_none(loop.get("propellant_a_year"))),
-        ("propellant a year, mean over its days, kg", f"{made.a_year:.4g}", ""),
-        ("the same, each dump at its cheapest attitude, kg", f"{made.least_a_year:.4g}", ""),
-        ("momentum of a day", momenta(made.a_day), ""),
-        ("largest pointing error, deg", "", _or_none(loop.get("pointing_largest"))),
-        ("wheels that dump once a week", momenta(made.weekly, made.capacity), ""),
-    ):  # fmt: skip
-        rows.add_row(name, sized, flown)
+    for row in dump_rows(made):
+        rows.add_row(*row)
     out.print(rows)
     if made.sources:
         out.print()
@@ -268,10 +255,6 @@ def _print_dumps(made: DumpSizing) -> None:
         out.print(table)
     for line in made.notes:
         out.print(f"note: {line}", highlight=False, markup=False)
-
-
-def _or_none(value: float | None) -> str:
-    return "" if value is None else f"{value:.4g}"
 
 
 def _table(*columns: str) -> Table:
