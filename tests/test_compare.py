@@ -54,7 +54,7 @@ def test_runs_stand_side_by_side_with_their_differences(desat, craft):
     }
     page = (craft / made["page"]).read_text()
     assert "Momentum of each wheel" in page
-    assert page.count("<svg") == 5, "each plot of the first"
+    assert page.count("<svg") == 6, "each plot of the first"
     assert all(colour in page for colour in COLOURS[:3]), "a colour a run"
     shown = desat("compare", "mine", "slow", "--stop", "300", "--html", "a.html", cwd=craft)
     assert shown.returncode == 0
@@ -201,7 +201,7 @@ def test_a_craft_is_flown_with_each_law_that_fits(laws, craft):
     assert why["combined"].startswith("it needs thrusters")
     assert why["idle"] == "it flew, and commanded neither dipole nor thrusters"
     page = (craft / made["page"]).read_text()
-    assert page.count("<svg") == 3 + 5, "the first criterion over each other, and each plot"
+    assert page.count("<svg") == 3 + 6, "the first criterion over each other, and each plot"
     assert "does not take" not in laws.stderr, "what the own manager had is no matter"
     assert made["comparison"]["targets"][0] == "cross product"
 

@@ -34,6 +34,7 @@ UNITS = {
     "thrusters": {"force": "N", "impulse": "s", "pulse": "s"},
     "gyros": {"walk": "rad"},
     "star_trackers": {"noise": "rad"},
+    "requirements": {"pointing": "rad", "dumping": "rad", "detumbling": "s"},
 }
 RPM = math.pi / 30.0
 

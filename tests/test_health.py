@@ -64,7 +64,7 @@ def test_a_law_that_is_worse_than_none_is_not_met(craft, tmp_path):
     assert run.code == Exit.UNMET
     assert all(v.met for v in run.manifest.verdicts.values()), "its requirements do not see it"
     answer = report._answer(run.manifest)
-    assert answer.startswith("Not met: 1 check of the run, above; 2 requirements of the scenario")
+    assert answer.startswith("Not met: 1 check of the run, above; 3 requirements of the scenario")
 
 
 def test_what_there_would_be_without_management_is_what_flies_without(craft):

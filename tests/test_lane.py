@@ -126,8 +126,6 @@ environment = "environment_kepler"
 spacecraft = "spacecraft_rigid"
 torquers = "torquers_passive"
 [wiring]
-"torquers.b_eci" = "environment.b_eci"
-"torquers.q_bi" = "spacecraft.q_bi"
 "spacecraft.sun_eci" = false
 "spacecraft.sunlight" = false
 "spacecraft.density" = false

@@ -193,7 +193,7 @@ def test_classes_grow_with_their_size() -> None:
         ({"rods": "-1"}, r"--rods -1: above 0 is needed"),
         ({"wheels": "3 axes 2mNms", "residual_dipole": "1"}, r"--wheels: 2 mN m s a wheel; .*turn "
          r"\d+\.?\d* mN m s in and out of the fullest within each orbit.*: take at least"),
-        ({"pointing": "nadri"}, r"--pointing nadri: there is nadir, inertial; did you mean nadir"),
+        ({"pointing": "nadri"}, r"--pointing nadri: there is nadir, .*; did you mean nadir"),
         ({"epoch": "tomorrow"}, r"--epoch tomorrow: a time is needed"),
         ({"tle": Path("/nowhere.tle")}, r"--tle /nowhere\.tle: "),
     ],

@@ -341,7 +341,7 @@ def day_of(name, stop=20000.0):
 def test_a_flight_without_a_run_is_that_of_a_run():
     """Attitude, field and disturbances by the environment's block, against those recorded."""
     system, run = day_of(NAME)
-    attitude = flights.attitude_of(run.q, run.r, run.v)
+    attitude = flights.attitude_of(system, run.q, run.r, run.v)
     assert attitude.kind == "nadir"
     nodes, times = np.arange(0.0, 20041.0, 120.0), np.arange(0.0, 20001.0, 10.0)
     block = flights.environment_block(system.components["environment"])

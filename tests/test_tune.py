@@ -37,7 +37,7 @@ def model(home, monkeypatch):
                 asked.append((gain, draw))
                 value = of(gain, random.Random(draw).uniform(-1.0, 1.0))
                 numbers = {"final_momentum": value, "pointing": 9.0 if missed(gain) else 0.1,
-                           "largest_momentum": 10.0}  # fmt: skip
+                           "largest_momentum": 10.0, "coil_duty": 10.0}  # fmt: skip
                 made.append(RunRow("completed", 0, "", numbers=numbers, number=draw,
                                    described={"final_momentum": {"unit": "mN.m.s"}}))  # fmt: skip
             return made

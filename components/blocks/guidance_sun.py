@@ -56,7 +56,7 @@ class GuidanceSun(Guidance):
 
     def _point(self) -> None:
         if norm(self.sun_eci) == 0.0:
-            self.fail("sun_eci is zero: no Sun is modelled, or it is not wired")
+            self.fail("sun_eci is zero: no Sun is modelled")
         sun = unit(self.sun_eci)
         north = unit(cross(cross(sun, ECLIPTIC_NORTH), sun))
         self.q_ref_bi = nearest(product(self._to_body, from_axes(sun, north)), self.q_ref_bi)

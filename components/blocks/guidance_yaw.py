@@ -56,7 +56,7 @@ class GuidanceYaw(Guidance):
 
     def _point(self, t: float) -> None:
         if norm(self.sun_eci) == 0.0:
-            self.fail("sun_eci is zero: no Sun is modelled, or it is not wired")
+            self.fail("sun_eci is zero: no Sun is modelled")
         r, v = self.r_eci, self.v_eci
         lvlh = lvlh_attitude(r, v)
         rate = norm(cross(r, v)) / dot(r, r)

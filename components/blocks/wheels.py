@@ -102,8 +102,8 @@ class Wheels(Role, WheelInertias):
     )  # fmt: skip
     failed: int = Parameter(
         "1", "which wheels fail",
-        choices=("none", "1", "2", "3", "4", "1 2", "1 3", "1 4", "2 3", "2 4", "3 4", "1 2 3",
-                 "1 2 4", "1 3 4", "2 3 4", "1 2 3 4"), start="none",
+        choices=("none", "1", "2", "3", "4", "1+2", "1+3", "1+4", "2+3", "2+4", "3+4", "1+2+3",
+                 "1+2+4", "1+3+4", "2+3+4", "1+2+3+4"), start="none",
     )  # fmt: skip
     failed_from: float = Parameter("s", "when they fail", start=0.0)
     unbalance: float = Parameter(

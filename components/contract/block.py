@@ -87,6 +87,7 @@ class Variable:
     shared: bool = False
     source: tuple[str, ...] = ()
     initial: bool = False
+    asked: bool = False
     needs: tuple[str, ...] = ()
     needed_by: tuple[str, ...] = ()
     follows: str = ""
@@ -169,17 +170,19 @@ def _flatten(value: Any) -> list[Any]:
 
 def Input(unit: str, description: str, *, start: Any = None, min: float | None = None,
           max: float | None = None, needs: tuple[str, ...] = (),
-          source: str | tuple[str, ...] = (), initial: bool = False) -> Any:  # fmt: skip
+          source: str | tuple[str, ...] = (), initial: bool = False,
+          asked: bool = False) -> Any:  # fmt: skip
     """Declare an input: unit, meaning with frame and sign, value while unconnected; `initial`: it
     is read in initialisation mode only.
 
-    `source` names the outputs (`role.output`) that usually feed it, the best first. `needs` names
-    other variables without which it has no effect, as for a parameter; it counts where the input
-    is wired.
+    `source` names the outputs (`role.output`) that usually feed it, the best first; `asked`: only
+    where something of the block needs it, for most of the role do not read it. `needs` names other
+    variables without which it has no effect, as for a parameter; it counts where the input is
+    wired.
     """
     usual = (source,) if isinstance(source, str) else source
     return _Declaration("input", unit, description, start=start, minimum=min, maximum=max,
-                        needs=needs, source=usual, initial=initial)  # fmt: skip
+                        needs=needs, source=usual, initial=initial, asked=asked)  # fmt: skip
 
 
 def Output(unit: str, description: str, *, interval: bool = False, mean: bool = False,

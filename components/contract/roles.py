@@ -349,7 +349,10 @@ class Guidance(Sampled):
 
     r_eci: Vec3 = Input("m", "position, eci", start=(7.0e6, 0.0, 0.0), source="environment.r_eci")
     v_eci: Vec3 = Input("m/s", "velocity, eci", start=(0.0, 7.5e3, 0.0), source="environment.v_eci")
-    sun_eci: Vec3 = Input("1", "unit vector to the Sun, eci", source="environment.sun_eci")
+    sun_eci: Vec3 = Input(
+        "1", "unit vector to the Sun, eci", start=(1.0, 0.0, 0.0), source="environment.sun_eci",
+        asked=True,
+    )  # fmt: skip
     q_ref_bi: Vec4 = Output(
         "1",
         "reference attitude: body from eci, scalar last",
@@ -538,9 +541,12 @@ class Torquers(Sampled):
 
     role = "torquers"
 
-    # for those without a command; the usual ones read neither, so no craft wires these unasked
-    b_eci: Vec3 = Input("T", "geomagnetic field, eci")
-    q_bi: Vec4 = Input("1", "attitude: body from eci, scalar last", start=UPRIGHT)
+    # for those without a command
+    b_eci: Vec3 = Input("T", "geomagnetic field, eci", source="environment.b_eci", asked=True)
+    q_bi: Vec4 = Input(
+        "1", "attitude: body from eci, scalar last", start=UPRIGHT, source="spacecraft.q_bi",
+        asked=True,
+    )  # fmt: skip
     m_cmd_body: Vec3 = Input("A.m2", "dipole command, body", source="manager.m_cmd_body")
     m_mean_body: Vec3 = Output("A.m2", "dipole, body, mean over the step", slope="m_slope_body")
     m_slope_body: Vec3 = Output("A.m2", "dipole, body, slope over the step", interval=True)

@@ -86,7 +86,7 @@ def _axes(system: System) -> Iterator[str]:
             continue
         failed, since = c.choice("failed"), c.values["failed_from"]
         if failed != "none" and since < system.stop:
-            there[[int(x) - 1 for x in failed.split()]] = False
+            there[[int(x) - 1 for x in failed.split("+")]] = False
             if lost := _left_out(axes[:, there]):
                 where, begin = c.given.get("failed", system.where), max(since, system.start)
                 yield (f"{where}: {c.name}.failed = {failed}: from {begin:g} s on no wheel turns "

@@ -34,7 +34,15 @@ from desat.fmus import registry
 
 from ..system.draft import Draft, DraftComponent
 from ..system.errors import DesatError, nearest
-from ..system.interface import Interface, elements, interface_of_block, misfit, names, usual_sources
+from ..system.interface import (
+    Interface,
+    asked_for,
+    elements,
+    interface_of_block,
+    misfit,
+    names,
+    usual_sources,
+)
 from ..system.model import Connection, Connector, Fmu
 from ..system.parameters import expand
 from . import hardware, library, paths
@@ -213,7 +221,10 @@ class _Reader:
         key = f"wiring.{target}.{name}"
         source = wiring.get((target, name))
         if source is None:
-            usual = usual_sources()[self.roles[target]].get(name, ())
+            role = self.roles[target]
+            usual = usual_sources()[role].get(name, ())
+            if (role, name) in asked_for() and not self.is_needed(target, name):
+                return
             source = next((s for s in usual if s.partition(".")[0] in self.interfaces), "")
             key = f"components.{target}"
         if not source:
@@ -236,6 +247,10 @@ class _Reader:
                 Connection(owner, outputs[i].name, target, inputs[i].name, line=self.line(key))
                 for i in inputs
             ]
+
+    def is_needed(self, target: str, name: str) -> bool:
+        """Whether something of a component needs an input."""
+        return any(s.needed_by for s in self.interfaces[target].arrays.get(name, ()))
 
     def list_connectors(self, component: DraftComponent) -> None:
         """List what is wired of a component, as an SSD does."""

@@ -206,6 +206,16 @@ def usual_sources() -> dict[str, dict[str, tuple[str, ...]]]:
 
 
 @cache
+def asked_for() -> frozenset[tuple[str, str]]:
+    """Role and input of those that are fed only where something of the block needs them."""
+    return frozenset(
+        (c.role, v.name) for c in vars(roles).values()
+        if isinstance(c, type) and issubclass(c, Block) and c.role
+        for v in c.variables if v.asked
+    )  # fmt: skip
+
+
+@cache
 def computers() -> frozenset[str]:
     """The roles of flight computers, which know the craft by a model of it."""
     return frozenset(

@@ -98,7 +98,7 @@ def expand(interface: Interface, name: str, value: Any, where: str) -> dict[str,
     if signal is not None and not isinstance(value, (list, tuple)):
         return {name: _scalar(signal, value, f"{where}.{name}")}
     values = _flat(value)
-    if _is_begun_table(value, signals[-1].name, len(values)):
+    if len(values) < len(signals) and _is_begun_table(value, signals[-1].name, len(values)):
         values += [0.0] * (len(signals) - len(values))
     if len(values) != len(signals):
         raise DesatError(f"{where}.{name} needs {len(signals)} values, got {len(values)}")
