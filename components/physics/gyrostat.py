@@ -64,7 +64,8 @@ def inverse_inertia(inertia: Mat33) -> Mat33:
     symmetric = max(abs(b - d), abs(c - g), abs(f - h)) <= 1e-9 * max(a, e, i)
     determinant = a * (e * i - f * h) - b * (d * i - f * g) + c * (d * h - e * g)
     if not (symmetric and a > 0.0 and a * e - b * d > 0.0 and determinant > 0.0):
-        raise BlockError("inertia (less the wheels' axial part) is not symmetric and positive")
+        raise BlockError("inertia (less the wheels' axial part, by inertia_wheel: 0 where there is "
+                         "no wheel) is not symmetric and positive")  # fmt: skip
     return inverse(inertia)
 
 
