@@ -410,10 +410,11 @@ def _dump(
             raise DesatError("no rods: --dump says what takes momentum out, as --thrusters '4 1N' "
                              "--dump 'thrusters 70:10'")  # fmt: skip
         return None
-    match = re.fullmatch(r"\s*(\w+)\s+([\d.]+)\s*:\s*([\d.]+)\s*%?\s*", wanted.dump)
+    match = re.fullmatch(r"\s*(\w+)\s+([\d.]+)\s*:\s*([\d.]+)\s*%?(\s+aligned)?\s*", wanted.dump)
     if match is None or match[1] not in DUMPERS:
         raise DesatError(f"--dump {wanted.dump}: the form is thrusters BEGIN:END or coils "
-                         "BEGIN:END, in % of a wheel's capacity, as 'thrusters 70:10'")  # fmt: skip
+                         "BEGIN:END, in % of a wheel's capacity, as 'thrusters 70:10'; of "
+                         "thrusters aligned may follow")  # fmt: skip
     begin, end = FILL(match[2]), FILL(match[3])
     if end >= begin:
         raise DesatError(
@@ -421,6 +422,8 @@ def _dump(
         )
     if match[1] == "coils" and not rods:
         raise DesatError(f"--dump {wanted.dump}: --rods none leaves no coils")
+    if match[1] == "coils" and match[4]:
+        raise DesatError(f"--dump {wanted.dump}: aligned is of thrusters, which pay for each axis")
     if match[1] == "thrusters" and thrusters is None:
         raise DesatError(f"--dump {wanted.dump}: --thrusters says which, as --thrusters '4 1N'")
     capacity = wheels["capacity_si"]
@@ -437,6 +440,7 @@ def _dump(
             "begin": _text(begin / 100.0 * capacity), "end": _text(end / 100.0 * capacity),
             "torque": _text(torque), "why": why, "sample": sample, "large": capacity >= 1.0,
             "most": f"{min(begin + 10.0, 98.0):g}",
+            "aligned": bool(match[4]),
             "room": (begin - end) / 100.0 * capacity}  # fmt: skip
 
 

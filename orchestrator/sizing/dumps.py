@@ -443,7 +443,7 @@ def _course(
             if not dumps and begun >= 3.0 * span and _stays(flight, law, fill):
                 return
             continue
-        k = int(np.argmax(full))
+        k = _begins(law, held, times[row:], int(np.argmax(full)))
         out = held[k] * (1.0 - float(law["end"]) / float(fill[k]))
         out = np.where(pulse > 0.0, pulse * np.round(out / np.maximum(pulse, 1e-300)), out)
         if not out.any():
@@ -451,6 +451,17 @@ def _course(
         total = whole[k] - rotate_back(flight.q[row + k : row + k + 1], out[None])[0]
         row, dumps = row + k, dumps + 1
         yield begun + float(times[row]), out
+
+
+def _begins(law: Mapping[str, Any], held: Array, times: Array, due: int) -> int:
+    """The row at which a dump begins that is due at one: at once, or where its momentum (rows, 3)
+    lies near an axis, but no later than `longest_wait`."""
+    if float(law["aligned"]) == 0.0:
+        return due
+    last = int(np.searchsorted(times, times[due] + float(law["longest_wait"]), side="right"))
+    waiting = held[due : max(last, due + 1)]
+    lies = np.abs(waiting).sum(axis=1) <= float(law["aligned"]) * np.linalg.norm(waiting, axis=1)
+    return due + (int(np.argmax(lies)) if lies.any() else len(waiting) - 1)
 
 
 def _stays(flight: Flight, law: Mapping[str, Any], sizes: Array) -> bool:

@@ -57,7 +57,10 @@ def craft(
     ] = None,
     dump: Annotated[
         str | None,
-        typer.Option(help='Between shares (%) of a wheel: "thrusters 70:10", "coils 70:10".'),
+        typer.Option(
+            help='Between shares (%) of a wheel: "thrusters 70:10", "coils 70:10"; "thrusters '
+            '70:10 aligned": each waits for its cheapest attitude.'
+        ),
     ] = None,
     panel: Annotated[
         str | None, typer.Option(help='One that follows the Sun, its area and arm: "13m2 1.35m".')
