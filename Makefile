@@ -45,8 +45,10 @@ house: fmus ## the way of a target to its run, size, names and the commands' CPU
 witness: fmus .venv-basilisk/.tried ## the closed loop in Basilisk beside ours, against what is stored; WRITE=--write stores it anew
 	$(BIN)/python -m benchmarks.witness $(WRITE)
 
-sizing: fmus ## what `desat size` says beside closed loops, papers and others, into docs/sizing.md
+sizing: fmus ## what `desat size` says beside closed loops, papers and others, into docs/sizing*.md, docs/your-craft.md
 	$(BIN)/python -m benchmarks.sizing
+	$(BIN)/python -m benchmarks.dumps
+	$(BIN)/python -m benchmarks.your_craft
 
 papers: ssp ## the pages under docs/papers, from their templates and runs made now
 	$(BIN)/desat keys --markdown > docs/language.md

@@ -367,8 +367,8 @@ def test_shared_parameter(desat, tmp_path):
 
 
 def test_exit_codes_and_commands_are_told(desat):
-    readme = (ROOT / "README.md").read_text(encoding="utf-8")
-    _, _, table = readme.partition("## Commands")
+    readme = (ROOT / "docs" / "reference.md").read_text(encoding="utf-8")
+    table = readme.partition("## Commands")[2].partition("\n## ")[0]
     first = [line.split("|")[1] for line in table.splitlines() if line.startswith("| `")]
     listed = [name for cell in first for name in re.findall(r"`(\w+)`", cell)]
     assert sorted(listed) == sorted(get_command(cli.app_for([])).commands)

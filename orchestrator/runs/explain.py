@@ -115,7 +115,7 @@ def page() -> str:
         "",
         "Made by `desat keys --markdown`; how files are merged: ",
     ]
-    lines[-1] += 'README, "Add a scenario".'
+    lines[-1] += 'reference.md, "Add a scenario".'
     for name in _tables():
         lines += ["", f"## {name}", "", "| key | type | unit | |", "|---|---|---|---|"]
         lines += [_row(f"`{r['key']}`", r["type"], r["unit"], r["what"]) for r in keys(name)]
