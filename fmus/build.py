@@ -334,7 +334,8 @@ def main() -> int:
                 left.unlink(missing_ok=True)
         interfaces.write()
     built = {Path(which).stem if is_own(which) else which for which in wanted}
-    _print_table([e for e in index if e["name"] in built])
+    if given.names:
+        _print_table([e for e in index if e["name"] in built])
     of = {kind: sum(e["kind"] == kind for e in index) for kind in ("native", "fmi3")}
     print(
         f"{len(index)} FMUs in {os.path.relpath(dist)}, {of['native']} of them native, "
