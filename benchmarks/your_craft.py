@@ -84,7 +84,7 @@ def told(command: list[str], text: str, folder: Path) -> str:
     if command[0] == "campaign":
         lines = [x for x in text.splitlines() if x and not x.startswith("runs/")]
         return "\n".join(lines)
-    name = Path(command[1]).stem
+    name = command[1].removesuffix(".toml").replace("/", "-")
     manifest = json.loads((folder / "runs" / name / "manifest.json").read_text(encoding="utf-8"))
     rows: dict[str, Any] = manifest["numbers"]
     return "\n".join(f"{rows[n]['title']}: {rows[n]['value']:.4g} {rows[n]['unit']}"

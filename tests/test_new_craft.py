@@ -268,3 +268,14 @@ def test_standard_numbers_and_plots_come_from_the_roles(desat, tmp_path):
     file.write_text(own.replace('"roles/manager", ', '"roles/manger", '))
     wrong = desat("check", "mine", cwd=tmp_path)
     assert "extends: no roles/manger; did you mean manager?" in wrong.stdout + wrong.stderr
+
+
+def test_what_is_made_of_a_crafts_scenario_has_its_name(desat, tmp_path):
+    """Two crafts' bad days wrote runs/worst and runs/worst-2."""
+    desat("new", "craft", "mine", cwd=tmp_path, check=True)
+    made = desat("run", "mine/worst.toml", "--stop", "20", cwd=tmp_path)
+    assert "runs/mine-worst/report.html" in made.stdout
+    made = desat("run", "mine", "--stop", "20", cwd=tmp_path)
+    assert "runs/mine/report.html" in made.stdout
+    shown = desat("show", "mine", cwd=tmp_path, check=True)
+    assert "parameters.manager.gain" in shown.stdout

@@ -113,5 +113,12 @@ def print_numbers(table: Table) -> None:
 
 
 def name_of(target: str) -> str:
-    """The name under runs/ of what is made of a target."""
-    return Path(target).resolve().stem if Path(target).exists() else target.replace("/", "-")
+    """The name under runs/ of what is made of a target; of a craft of one's own its name, with that
+    of another scenario than its nominal one."""
+    path = Path(target).resolve()
+    if not path.exists():
+        return target.replace("/", "-")
+    if path.suffix == ".toml" and (path.parent / "craft.toml").is_file():
+        craft, scenario = path.parent.name, path.stem
+        return craft if scenario == "nominal" else f"{craft}-{scenario}"
+    return path.stem

@@ -149,7 +149,9 @@ def measures() -> list[dict[str, str]]:
 
 def show(name: str) -> list[dict[str, Any]]:
     """Every value of a scenario as merged, and the file, axis cell or design it comes from."""
-    whole = scenario.own(Path(name)) if name.endswith(".toml") else scenario.find(name)
+    nominal = Path(name) / scenario.NOMINAL
+    given = nominal if nominal.is_file() else Path(name)
+    whole = scenario.own(given) if given.suffix == ".toml" else scenario.find(name)
     rows = [
         {"key": ".".join(path), "value": value, "from": whole.origin_of(path)[0],
          "cell": origin(whole.origins, path)[1].rstrip(".")}

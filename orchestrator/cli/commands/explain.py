@@ -44,8 +44,9 @@ def measures(as_json: o.Json = False) -> None:
 def show(
     name: Annotated[
         str,
-        typer.Argument(metavar="NAME|FILE", help="A scenario, as uosat12/table2-ocdc-ilqr-1, or a "
-                       "scenario file of your own (.toml).",
+        typer.Argument(metavar="NAME|FILE|FOLDER", help="A scenario, as "
+                       "uosat12/table2-ocdc-ilqr-1, a scenario file of your own (.toml), or a "
+                       "craft's folder.",
                        autocompletion=o.complete_name),
     ],
     as_json: o.Json = False,
