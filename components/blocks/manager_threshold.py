@@ -121,7 +121,10 @@ class ManagerThreshold(MomentumDumping):
             rest = size * (1.0 - self.end / fill) / self.sample_time
             self._last = self._last + 1 if rest <= self.torque else 0
             n = scale(-min(self.torque, max(rest, LAST * self.torque)) / size, h)
-            n = self._in_pulses(n, scale(1.0 - self.end / fill, h))
+            left = scale(1.0 - self.end / fill, h)
+            if self._is_done(left):
+                self._last = SAMPLES
+            n = self._in_pulses(n, left)
             self.dumped += norm(n) * self.sample_time
             return n, (ZERO, n)
         if not self.valid_b:
@@ -130,6 +133,12 @@ class ManagerThreshold(MomentumDumping):
         n = cross(m, self.b_body)
         self.dumped += norm(n) * self.sample_time
         return n, (m, ZERO)
+
+    def _is_done(self, left: Vec3) -> bool:
+        """Whether what is left of a dump (N m s) is less than half a pulse about each axis."""
+        a, b, c = self.pulse_body
+        x, y, z = left
+        return abs(x) < 0.5 * a and abs(y) < 0.5 * b and abs(z) < 0.5 * c
 
     def _in_pulses(self, n: Vec3, left: Vec3) -> Vec3:
         """The torque (N m) of whole pulses over a sample for a wanted one, no more than bring what

@@ -6,10 +6,14 @@ the environment's own block; with h_b the body's own and A^+ the least squares o
 
     h(t) = A^+ (C(t) H(t) - h_b(t)),   a dump begins where the fill of h comes to `begin`
 
-and leaves end / begin of A h. It takes the impulse of force that its thrusters need for that
-momentum u in the attitude where it begins: of pairs about the axes |u|_1 / arm, of nozzles by the
-least on-times (`least_on_times`). Rates are between the first dump and the last of TRIED, over
-whole dumps; those of a year are the mean over DATES days, each as if it lasted.
+and goes on by the law's own block, until its `end`. It takes the impulse of force that its
+thrusters need for that momentum u in the attitude where it begins: of pairs about the axes
+|u|_1 / arm, of nozzles by the least on-times (`least_on_times`).
+
+A degree of the orbit, or a threshold APART from the one that is set, decides in which quarter of
+the orbit the next dump begins: WAYS such courses say how far that goes. Rates are between the first
+dump and the last of the course that the craft flies itself; those of a year are the mean over DATES
+days, each as if it lasted, and over the ways.
 """
 
 from __future__ import annotations
@@ -23,6 +27,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from desat.components.bases.dumping import DUMPING
 from desat.components.physics.orbit import MU
 
 from ..campaign.draws import series_of_numbers
@@ -40,6 +45,7 @@ from .flight import (
     Attitude,
     Flight,
     Hardware,
+    bare_block,
     environment_block,
     flown_at,
     hardware_of,
@@ -81,6 +87,8 @@ NODES = 1440
 """Rows of an orbit at least."""
 COARSE, MOST_ROWS = 1200.0, 35_000
 """Between rows in deep space (s), and rows of a flight through all dumps."""
+MOST_SAMPLES = 10_000
+"""Of a dump."""
 BETWEEN = 200
 """Rows between two dumps at least."""
 WEEK = 7.0 * 86400.0
@@ -99,6 +107,9 @@ class Rates:
     """of force that a dump takes, N s"""
     propellant: float
     """of a dump"""
+    least_a_week: float = 0.0
+    """of courses that begin at other times, with thresholds a little apart"""
+    most_a_week: float = 0.0
 
     @property
     def a_week(self) -> float:
@@ -207,7 +218,10 @@ def size(
         raise DesatError(f"{target}: its manager does not dump by thrusters between thresholds")
     hardware, values = hardware_of(system), values_of(system)
     manager = system.components["manager"]
-    law = {**manager.values, "fill": manager.choice("fill")}
+    block = bare_block(manager)
+    block.aligned, block.delay, block.wheel_sample_time = 0.0, 0.0, 0.0
+    block.check()
+    law = {**manager.values, "fill": manager.choice("fill"), "block": block}
     cost = cost_of(system, hardware, wishes)
     isp = wishes.specific_impulse or hardware.specific_impulse
     if cost is None or isp is None:
@@ -376,10 +390,8 @@ def rates_of(
     flight: Flight, hardware: Hardware, law: Mapping[str, Any], cost: Callable[[Array], float],
     isp: float, interval: float = 0.0,
 ) -> Rates:  # fmt: skip
-    """The dumps of a flight: the mean over WAYS, which begin at other times of it and with
-    thresholds APART from each other. A dump more or less of a degree decides in which quarter of
-    the orbit the next begins; so it is of no use to follow one course. The flight goes on as it
-    is; one with an `interval` (s) is of all dumps, and the ways begin within the first interval."""
+    """The dumps of a flight that goes on as it is: the mean over WAYS. One with an `interval` (s)
+    is of all dumps, which are its own; the ways begin within the first interval."""
     parts = np.linspace(-APART, APART, WAYS)
     last = len(flight.q) - 1
     if interval > 0.0:
@@ -392,14 +404,19 @@ def rates_of(
     each = [course for course in each if course]
     if not each:
         return Rates(inf, inf, 0.0, 0.0, 0.0)
-    seconds = sum(course[-1][0] - course[0][0] for course in each)
-    count = sum(len(course) - 1 for course in each)
-    every = [u for course in each for _, u in course]
+    own = list(_course(flight, hardware, law, 1.0, 0, goes_on, most))
+    weekly = [WEEK * (len(c) - 1) / (c[-1][0] - c[0][0]) for c in [*each, own] if len(c) > 1]
+    counted = each if goes_on or len(own) < 2 else [own]
+    seconds = sum(course[-1][0] - course[0][0] for course in counted)
+    count = sum(len(course) - 1 for course in counted)
+    every = [u for course in counted for _, u in course]
     momentum = float(np.mean([np.linalg.norm(u) for u in every]))
     impulse = float(np.mean([cost(u) for u in every]))
-    first = next(_course(flight, hardware, law, 1.0, 0, goes_on, most))[0]
-    return Rates(first, seconds / count if count else inf, momentum, impulse,
-                 impulse / (isp * GRAVITY))  # fmt: skip
+    first = own[0][0] if own else each[0][0][0]
+    return Rates(
+        first, seconds / count if count else inf, momentum, impulse, impulse / (isp * GRAVITY),
+        min(weekly, default=0.0), max(weekly, default=0.0),
+    )  # fmt: skip
 
 
 def mean_of(each: Sequence[Rates]) -> Rates:
@@ -413,7 +430,8 @@ def mean_of(each: Sequence[Rates]) -> Rates:
         float(shares @ np.array(x) / shares.sum())
         for x in zip(*((r.momentum, r.impulse, r.propellant) for r in some), strict=True)
     )
-    return Rates(each[0].first, 1.0 / a_second, momentum, impulse, propellant)
+    return Rates(each[0].first, 1.0 / a_second, momentum, impulse, propellant,
+                 min(r.least_a_week for r in some), max(r.most_a_week for r in some))  # fmt: skip
 
 
 def _course(
@@ -424,7 +442,7 @@ def _course(
     momentum (3,) N m s, body, that is taken out. `part`: of the threshold at which they begin;
     `goes_on`: the flight is repeated until there are as many, else it ends."""
     begin, spread = part * float(law["begin"]), hardware.spread()
-    target, pulse = np.array(law["h_target_body"], float), np.array(law["pulse_body"], float)
+    target = np.array(law["h_target_body"], float)
     gained = flight.disturbance - flight.disturbance[0]
     # what the body itself has turns with it: wheels at rest begin with that as the whole
     total = rotate_back(flight.q[row : row + 1], flight.body[row : row + 1])[0]
@@ -444,13 +462,32 @@ def _course(
                 return
             continue
         k = _begins(law, held, times[row:], int(np.argmax(full)))
-        out = held[k] * (1.0 - float(law["end"]) / float(fill[k]))
-        out = np.where(pulse > 0.0, pulse * np.round(out / np.maximum(pulse, 1e-300)), out)
+        out = _taken(law, held[k], float(fill[k]), spread, target)
         if not out.any():
             return  # no pulse is so short
         total = whole[k] - rotate_back(flight.q[row + k : row + k + 1], out[None])[0]
         row, dumps = row + k, dumps + 1
         yield begun + float(times[row]), out
+
+
+def _taken(
+    law: Mapping[str, Any], held: Array, fill: float, spread: Array, target: Array
+) -> Array:  # fmt: skip
+    """What the law's own block takes out (3,) N m s, body, of a momentum that is held beyond the
+    target, in a craft that does not turn meanwhile."""
+    block = law["block"]
+    block.begin = max(0.999 * fill, 1.001 * block.end)
+    block.start()
+    left, t = held, 0.0
+    for _ in range(MOST_SAMPLES):
+        a, b, c, d = (spread @ (left + target)).tolist()
+        block.h_wheel = (a, b, c, d)
+        block.advance(t, block.sample_time)
+        if block.mode != DUMPING:
+            break
+        left = left + block.sample_time * np.array(block.tau_cmd_thruster_body)
+        t += block.sample_time
+    return held - left
 
 
 def _begins(law: Mapping[str, Any], held: Array, times: Array, due: int) -> int:

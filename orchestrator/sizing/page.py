@@ -64,6 +64,8 @@ def dump_rows(made: DumpSizing) -> list[tuple[str, str, str]]:
         ("first dump, from wheels at rest", duration(steady.first),
          "" if first is None else duration(first)),
         ("dumps a week", f"{steady.a_week:.4g}", shown("dumps_a_week")),
+        ("the same, thresholds 1 % apart", f"{steady.least_a_week:.4g} to "
+         f"{steady.most_a_week:.4g}", ""),
         ("momentum of a dump", momenta(steady.momentum), "" if taken is None else momenta(taken)),
         ("propellant of a dump, g", f"{1e3 * steady.propellant:.4g}",
          "" if spent is None else f"{1e3 * spent:.4g}"),
