@@ -101,8 +101,8 @@ class ManagerThreshold(MomentumDumping):
         if name not in wired:
             self.fail(f"by = {('thrusters', 'coils')[self.by]}: {name} reaches nobody")
         if 0.5 * max(self.pulse_body) >= self.begin - self.end:
-            yield (f"pulse_body = {self.pulse_body} N m s: half a pulse is no less than begin - end "
-                   f"= {self.begin - self.end:.4g} N m s: a dump may fire nothing")  # fmt: skip
+            yield (f"pulse_body = {self.pulse_body} N m s: half a pulse is no less than begin - "
+                   f"end = {self.begin - self.end:.4g} N m s: a dump may fire nothing")  # fmt: skip
         yield from super().foresee(begin, end, wired)
 
     def dump(self, t: float, elapsed: float, h: Vec3) -> tuple[Vec3, Split]:

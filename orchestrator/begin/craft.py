@@ -178,7 +178,7 @@ def _template_values(wanted: CraftFacts, name: str, command: str) -> dict[str, A
     wheels = _wheels(wanted, inertia)
     rods = _rods(wanted, mass, orbit)
     thrusters = _thrusters(wanted, sides)
-    step = _step(orbit, inertia, wheels["torque_si"], sides)
+    step = _step(orbit, inertia, wheels["torque_si"], sides, pointing in ("nadir", "yaw"))
     dump = _dump(wanted, wheels, thrusters, rods is not None, min(inertia), step)
     dipole = 0.005 * mass
     why = "class: 5 mA m2 a kilogram, no magnetic cleanliness"
@@ -343,10 +343,12 @@ def _secular(
 
 
 def _step(
-    orbit: Orbit, inertia: list[float], torque: float, sides: tuple[float, float, float]
+    orbit: Orbit, inertia: list[float], torque: float, sides: tuple[float, float, float],
+    turns: bool,
 ) -> float:  # fmt: skip
     """How long a step is (s): a second, of a slow orbit as long as neither the wheels' torque (N m)
-    nor the air at perigee turns the craft far in it."""
+    nor the air at perigee turns the craft far in it, nor it lags behind where it `turns` with an
+    ellipse."""
     if orbit.period < SLOW:
         return 1.0
     (r, v), (a, b, c) = orbit.state, sides
@@ -359,6 +361,7 @@ def _step(
         x for x in SAMPLES
         if 0.5 * torque / min(inertia) * x * x <= LARGEST_TURN
         and wind / min(inertia) * (10.0 * x) ** 2 <= DEVIATION
+        and (not turns or _bend(orbit) * (10.0 * x) ** 2 <= 2.5 * DEVIATION)
     ), 1.0)  # fmt: skip
 
 
@@ -377,6 +380,15 @@ def _limits(
     tank = "" if thrusters is None or not thrusters["tank"] else _text(
         quantity("", thrusters["tank"], "kg") / float(made["years"]))  # fmt: skip
     return {**made, "name": name, "a_year": tank}
+
+
+def _bend(orbit: Orbit) -> float:
+    """The largest angular acceleration of nadir (rad/s2): 2 n^2 e sin v (1 + e cos v)^3 /
+    (1 - e^2)^3 at the true anomaly v."""
+    e = orbit.eccentricity
+    v = np.linspace(0.0, math.pi, 721)
+    bend = np.sin(v) * (1.0 + e * np.cos(v)) ** 3
+    return float(2.0 * orbit.rate**2 * e * bend.max() / (1.0 - e * e) ** 3)
 
 
 def _substeps(step: float, acceleration: float, dump: Mapping[str, Any] | None) -> int:
