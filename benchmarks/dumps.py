@@ -11,6 +11,7 @@ import json
 import math
 import random
 import resource
+import shlex
 import subprocess
 import sys
 import tempfile
@@ -155,7 +156,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         none += not pairs
         dumps = told["loop"].get("dumps") if "steady" in told else None
         count = "" if dumps is None else f"{dumps:.0f}"
-        row = [kind, " ".join(options), *made[:2], count, made[2], "; ".join(told["problems"])]
+        row = [kind, shlex.join(options), *made[:2], count, made[2], "; ".join(told["problems"])]
         rows.append(f"| {' | '.join(row)} | {cpu:.0f} |")
     text = TEXT.read_text(encoding="utf-8").format(
         date=datetime.now(UTC).date(), version=version("desat"), seed=seed, held=held,
