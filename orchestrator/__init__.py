@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from os import PathLike
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Unpack
 
 if TYPE_CHECKING:
     from xarray import Dataset
@@ -20,9 +20,11 @@ if TYPE_CHECKING:
     from .papers.comparison import PaperCell
     from .runs.prepare import Case, prepare
     from .runs.run import Run, simulate
-    from .system.options import Options
+    from .sizing.dumps import DumpSizing
+    from .sizing.sizing import Sizing
+    from .system.options import Options, RunOptions
 
-__all__ = ["Case", "Options", "Run", "cases", "draws", "load", "prepare", "run", "simulate",
+__all__ = ["Case", "Options", "Run", "cases", "draws", "load", "prepare", "run", "simulate", "size",
            "tables"]  # fmt: skip
 _AT = {
     "Case": "runs.prepare", "prepare": "runs.prepare", "Run": "runs.run", "simulate": "runs.run",
@@ -47,7 +49,7 @@ def run(
     stop: float | None = None,
     step: float | None = None,
     folder: str | PathLike[str] | None = None,
-    **options: Any,
+    **options: Unpack[RunOptions],
 ) -> Run:
     """Run a system and return its manifest and series.
 
@@ -56,8 +58,8 @@ def run(
     in lists). `stop`, `step`: seconds. `folder`: where manifest and series are written; None keeps
     the series in memory. `options`: further fields of `desat.Options`.
 
-    `.manifest.numbers` has the scenario's numbers by name, each with `value` and `unit`; as a
-    mapping the manifest is its JSON file. `.results.values("component.output")` is an array
+    `.numbers` is a pandas frame of the scenario's numbers: title, value, unit, limit, met. As a
+    mapping `.manifest` is the run's JSON file. `.results.values("component.output")` is an array
     (rows,) or (rows, n), row k at `start + k step`.
 
     Raises DesatError for wrong input. A component that fails ends the run early: see `.ok`,
@@ -65,10 +67,40 @@ def run(
     """
     from pathlib import Path
 
-    from .runs.run import Options, execute
+    from .runs.run import execute
+    from .system.options import of_program
 
-    given = Options(stop=stop, step=step, values=dict(sets or {}), **options)
+    given = of_program(stop, step, sets, options)
     return execute(str(target), given, None if folder is None else Path(folder))
+
+
+def size(
+    target: str | PathLike[str],
+    sets: Mapping[str, Any] | None = None,
+    *,
+    stop: float | None = None,
+    year: bool = True,
+    laws: bool = True,
+    flown: bool = True,
+    duty: float = 0.5,
+    margin: float = 1.3,
+    **options: Unpack[RunOptions],
+) -> Sizing | DumpSizing:
+    """Size a craft, as `desat size` does: its `answer` is a sentence, `as_json()` all of it. A
+    craft that dumps by thrusters between thresholds gives a `DumpSizing`, any other a `Sizing`.
+
+    `year`: other days of a year, too; `laws`: other laws, too; `flown`: the closed loop beside;
+    `duty` (1) and `margin` (1): what rods are recommended for. The rest as for `run`.
+
+    Raises DesatError for a craft without what it takes, RunError where a run does not complete.
+    """
+    from .sizing import dumps, sizing
+    from .system.options import of_program
+
+    given = of_program(stop, None, sets, options)
+    wishes = sizing.Wishes(duty, margin, laws=laws, year=year, flown=flown)
+    sized = dumps.size if dumps.is_of(str(target), given) else sizing.size
+    return sized(str(target), given, wishes)
 
 
 def load(folder: str | PathLike[str]) -> Dataset:
@@ -103,7 +135,7 @@ def draws(
     stop: float | None = None,
     step: float | None = None,
     jobs: int = 1,
-    **options: Any,
+    **options: Unpack[RunOptions],
 ) -> Draws:
     """Run seeded draws of a system's dispersions; arguments as for `run`.
 
@@ -114,9 +146,9 @@ def draws(
     Raises DesatError for wrong input, and where there are no dispersions.
     """
     from .campaign import draws as study
-    from .runs.run import Options
+    from .system.options import of_program
 
-    given = Options(stop=stop, step=step, values=dict(sets or {}), **options)
+    given = of_program(stop, step, sets, options)
     return study.draws(str(target), count, seed, given, jobs)
 
 
@@ -136,7 +168,7 @@ def cases(
     stop: float | None = None,
     step: float | None = None,
     accept_versions: bool = False,
-    **options: Any,
+    **options: Unpack[RunOptions],
 ) -> Dataset:
     """Make the cases of a campaign that its folder has not yet, and its report; return it as `load`
     does. What `desat campaign run` does: `sets`, `stop`, `step`, `options` as for `run`; `keep`,
@@ -149,9 +181,9 @@ def cases(
     from pathlib import Path
 
     from .campaign import coordinator, report
-    from .runs.run import Options
+    from .system.options import of_program
 
-    given = Options(stop=stop, step=step, values=dict(sets or {}), **options)
+    given = of_program(stop, step, sets, options)
     plan, _ = coordinator.planned(
         str(target), count, seed=seed, sampling=sampling, options=given, curves=curves, keep=keep,
         limit=limit,
@@ -161,7 +193,9 @@ def cases(
     return load(folder)
 
 
-def tables(family: str, *, jobs: int = 1, **options: Any) -> list[PaperCell]:
+def tables(
+    family: str, *, jobs: int = 1, **options: Unpack[RunOptions]
+) -> list[PaperCell]:  # fmt: skip
     """Run a family's scenarios and return the cells of its paper's tables: each the paper's value,
     ours, unit and band. Medians of draws are the stored ones. `jobs` as for `draws`; `options`:
     fields of `desat.Options`.
@@ -170,7 +204,7 @@ def tables(family: str, *, jobs: int = 1, **options: Any) -> list[PaperCell]:
     """
     from .papers import stored
     from .papers import tables as study
-    from .runs.run import Options
+    from .system.options import of_program
 
     drawn = stored.read(family) if stored.with_draws(family) else None
-    return study.rows(family, Options(**options), jobs, drawn)
+    return study.rows(family, of_program(None, None, None, options), jobs, drawn)

@@ -10,9 +10,10 @@ from collections.abc import Callable
 from contextlib import chdir
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
+from html import escape
 from pathlib import Path
 from types import ModuleType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from ..analyses import analyses, coverage, not_checked
 from ..analyses.manifest import UNKNOWN, Manifest, SubstepChoice
@@ -34,11 +35,17 @@ from .manifest import end_manifest, numbers, read_manifest, resumed, unrecorded
 from .prepare import Case, prepare
 from .step_case import Outcome, step
 
+if TYPE_CHECKING:
+    from pandas import DataFrame  # type: ignore[import-untyped]
+
+SHOWN = 6
+"""Numbers in a run's `repr`."""
+
 __all__ = ["Case", "Options", "Run", "execute", "load_run", "prepare", "run_or_load",
            "simulate"]  # fmt: skip
 
 
-@dataclass
+@dataclass(repr=False)
 class Run:
     """A finished (or stopped) run: its manifest and its series."""
 
@@ -60,6 +67,31 @@ class Run:
         if self.manifest.status == stopping.LATE:
             return Exit.TIMEOUT
         return Exit.COMPONENT
+
+    @property
+    def numbers(self) -> DataFrame:
+        """The scenario's numbers by name: title, value, unit, limit for people, and whether it is
+        met (None: there is none)."""
+        from pandas import DataFrame
+
+        judged = {v.number: v for v in self.manifest.verdicts.values()}
+        rows = {
+            name: (found.title, found.value, found.unit, judged[name].limits, judged[name].met)
+            if name in judged else (found.title, found.value, found.unit, "", None)
+            for name, found in self.manifest.numbers.items()
+        }  # fmt: skip
+        columns = ["title", "value", "unit", "limit", "met"]
+        return DataFrame.from_dict(rows, orient="index", columns=columns)
+
+    def __repr__(self) -> str:
+        told = self.manifest
+        shown = [f"{n}={x.value:.4g} {x.unit}" for n, x in list(told.numbers.items())[:SHOWN]
+                 if x.value is not None]  # fmt: skip
+        more = [f"{len(told.not_met)} not met"] if told.not_met else []
+        return f"<Run {told.scenario}: {', '.join([told.status, *shown, *more])}>"
+
+    def _repr_html_(self) -> str:
+        return f"<p>{escape(repr(self))}</p>{self.numbers.to_html(na_rep='')}"
 
     def or_raise(self, target: str) -> Run:
         """Itself where it completed. Raises RunError, which names the target, where not."""

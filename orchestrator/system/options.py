@@ -8,9 +8,9 @@ from dataclasses import asdict, dataclass, field, fields
 from math import inf
 from numbers import Real
 from pathlib import Path
-from typing import Any, Literal, get_args
+from typing import Any, Literal, TypedDict, get_args
 
-from .errors import DesatError
+from .errors import DesatError, nearest
 from .model import AUTO, MOST_SUBSTEPS, Substeps
 
 
@@ -49,6 +49,46 @@ Fmus = Literal["native", "python"]
 Isolate = Literal["all", "foreign", "none"]
 _CHOICES = {"fmus": Fmus, "loop": Loop, "isolate": Isolate}
 _TIMES = ("stop", "step", "time_limit", "call_limit", "checkpoint")
+
+
+class RunOptions(TypedDict, total=False):
+    """The fields of `Options` that a program may give by name; those that are arguments of their
+    own (`stop`, `step`, `sets`, `values`) left out."""
+
+    sources: list[str] | Mapping[str, str]
+    substeps: Substeps | None
+    accuracy: float | None
+    algorithm: Algorithm
+    blocks: bool
+    fmus: Fmus
+    record: tuple[str, ...]
+    every: int
+    output_classes: Mapping[str, Any]
+    design: str | None
+    trusted: frozenset[str] | None
+    outside: bool
+    strict: bool
+    time_limit: float | None
+    loop: Loop
+    supervised: bool
+    call_limit: float
+    isolate: Isolate
+    halvings: int
+    checkpoint: float | None
+
+
+def of_program(
+    stop: float | None, step: float | None, values: Mapping[str, Any] | None, given: RunOptions
+) -> Options:  # fmt: skip
+    """The options of a program's call; `sources` may be component -> FMU. Raises DesatError."""
+    told = dict(given)
+    sources = told.pop("sources", [])
+    if isinstance(sources, Mapping):
+        sources = [f"{component}={fmu}" for component, fmu in sources.items()]
+    known = RunOptions.__annotations__
+    if unknown := [name for name in told if name not in known]:
+        raise DesatError(f"{unknown[0]}: no option{nearest(unknown[0], known)}")
+    return Options(stop=stop, step=step, values=dict(values or {}), sources=sources, **told)  # type: ignore[arg-type]
 
 
 RESOLVED = {"aside": "in the resolved system"}
