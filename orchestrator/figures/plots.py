@@ -194,12 +194,23 @@ def _lines(plot: Plot, results: Results, signal: str, unit: str) -> list[Line]:
     if plot.norm:
         return [Line(prefix, times, np.linalg.norm(values, axis=1), stepped)]
     # an element without a name is not shown (a wheel that is not there)
-    names = plot.components or [str(i + 1) for i in range(values.shape[1])]
+    names = plot.components or elements_of(signal, values.shape[1])
     return [
         Line(f"{prefix} {name}".strip(), times, values[:, i], stepped)
         for i, name in enumerate(names)
         if name
     ]
+
+
+def elements_of(signal: str, count: int) -> list[str]:
+    """The names of a signal's elements for people: of a vector its axes, of wheels, coils and
+    nozzles which one, else their numbers."""
+    kind = signal.rpartition("_")[2]
+    if kind in ("wheel", "coil", "nozzle"):
+        return [f"{kind} {i + 1}" for i in range(count)]
+    if kind in ("body", "eci", "lvlh") and count == len("xyz"):
+        return list("xyz")
+    return [str(i + 1) for i in range(count)]
 
 
 def limits_of(
