@@ -146,3 +146,10 @@ def test_numbers_have_units_on_the_command_line(folder):
     )
     assert code in (0, 1), said
     assert '"steps_done": 2' in said
+
+
+def test_times_are_days_too() -> None:
+    stop = Quantity("--stop", "s")
+    assert (stop("20d"), stop("6h"), stop("90 min"), stop("5")) == (1728000.0, 21600.0, 5400.0, 5.0)
+    with pytest.raises(DesatError, match="d is not known"):
+        Quantity("--mass", "kg")("3d")

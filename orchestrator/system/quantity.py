@@ -57,6 +57,8 @@ class Quantity:
 
         from .parameters import unit_of
 
+        if unit == "d" and self.unit == "s":
+            return 86400.0 * number
         try:
             converted = conversion(unit_of(unit), unit_of(self.unit))
         except DesatError as error:
