@@ -299,11 +299,11 @@ def numbers(manifest: Manifest, results: Results) -> dict[str, Value]:
         rows["energy_mismatch"] = Value("Energy mismatch, largest", totals.mismatch / scale, "1",
                                         "of the body's largest energy or work")  # fmt: skip
     rows["hidden_work"] = Value(
-        "Work that the ends and the middle of a step do not show, largest", totals.hidden, "1",
+        "Local error of the work within a step, largest", totals.hidden, "1",
         "of the energy of a turn of 1 rad in it",
     )  # fmt: skip
     if totals.impulse is not None:
-        title = "External impulse, the body's own less that computed outside, largest"
+        title = "External impulse: the body's own against one computed outside, largest difference"
         rows["impulse_mismatch"] = Value(title, totals.impulse, "N.m.s")
     return rows
 

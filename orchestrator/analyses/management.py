@@ -195,11 +195,11 @@ def numbers(manifest: Manifest, results: Results) -> dict[str, Value]:
     idle = h - stored @ np.linalg.pinv(axes).T
     times = results.times()
     rows: dict[str, tuple[str, float | None, str]] = {
-        "sum_rms": ("Momentum that coils can act on, sum g h: rms over time", _rms(size, times),
+        "sum_rms": ("Momentum of all wheels together: rms over time", _rms(size, times),
                     "N.m.s"),
-        "sum_largest": ("Momentum that coils can act on, sum g h: largest", float(size.max()),
+        "sum_largest": ("Momentum of all wheels together: largest", float(size.max()),
                         "N.m.s"),
-        "null_rms": ("Null-space part of a wheel's momentum: rms of the largest wheel over time",
+        "null_rms": ("Null-space momentum of a wheel: rms over time of the largest",
                      _rms(np.abs(idle).max(axis=1), times), "N.m.s"),
     }  # fmt: skip
     m = results.values(f"{parts.torquers}.m_mean_body")
@@ -209,7 +209,11 @@ def numbers(manifest: Manifest, results: Results) -> dict[str, Value]:
         rows |= _of_wheels(parts.wheels, own, results, np.abs(h), there)
     if (compared := compare(manifest, results)) is not None:
         left, without = compared
-        rows["left_rms"] = ("Wheel momentum less its target, second half: rms", left, "N.m.s")
+        rows["left_rms"] = (
+            "Momentum of the wheels off its target, second half: rms",
+            left,
+            "N.m.s",
+        )
         rows["unmanaged_rms"] = ("The same without management (estimated)", without, "N.m.s")
     if (least := _least_braking(manifest, results)) is not None:
         title = "Least time in which coils at their limit take the body's momentum out"
@@ -344,9 +348,9 @@ def _of_coils(m: Any, given: Mapping[str, Any], step: float) -> dict[str, tuple[
     if not len(coils):
         return {}
     return {
-        "coil_duty": ("Coil duty: mean dipole of a coil, share of the most that it can do",
+        "coil_duty": ("Coil duty: mean dipole of a coil over the largest it can make",
                       100.0 * float(coils.mean()) / most, "%"),
-        "coil_limit_share": ("Time that some coil is at its limit",
+        "coil_limit_share": ("Time with a coil saturated",
                              100.0 * float((coils >= AT_LIMIT * most).any(axis=1).mean()), "%"),
     }  # fmt: skip
 
@@ -359,13 +363,13 @@ def _of_wheels(
     if "inertia_wheel" in given and "speed_limit" in given:
         capacity = (np.array(given["inertia_wheel"]) * given["speed_limit"])[there]
         margin = 100.0 * (1.0 - float((h / capacity).max()))
-        rows["momentum_margin"] = ("Momentum margin: what the fullest wheel has left, least",
+        rows["momentum_margin"] = ("Smallest momentum margin of a wheel",
                                     margin, "%")  # fmt: skip
     saturated, speed = (results.values(f"{wheels}.{n}") for n in _OF_WHEELS)
     steps = np.diff(results.times(), append=results.times()[-1])
     at_limit = np.asarray(saturated.reshape(len(saturated), -1).any(axis=1))
     crossings = (np.diff(np.signbit(speed[:, there]), axis=0)).sum()
-    rows["limit_time"] = ("Time that some wheel is at its limit",
+    rows["limit_time"] = ("Time with a wheel saturated",
                            float(steps[: len(at_limit)] @ at_limit), "s")  # fmt: skip
     rows["crossings"] = ("Zero crossings of the wheels", float(crossings), "1")
     return rows

@@ -122,7 +122,9 @@ Sources = Annotated[
                  "block file of your own (.py), which is built. Parameters that both declare alike "
                  "stay. May be repeated."),
 ]  # fmt: skip
-Stop = Annotated[float | None, number(Quantity("--stop", "s"), "S", "Stop time: 6000 (s), 6h, 20d.")]
+Stop = Annotated[
+    float | None, number(Quantity("--stop", "s"), "S", "Stop time: 6000 (s), 6h, 20d.")
+]
 Step = Annotated[float | None, number(Quantity("--step", "s"), "S", "Step, s.")]
 Substeps = Annotated[
     str | None,
