@@ -15,6 +15,7 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import test_native
@@ -51,7 +52,7 @@ def prepared(kind: str) -> None:
                    "UBSAN_OPTIONS": "print_stacktrace=1"}  # fmt: skip
         os.execve(sys.executable, [sys.executable, *sys.argv], {**os.environ, **options})
     native.FLAGS = (*native.FLAGS, "-g", "-w", *SANE)
-    native.LINK = ("-shared", *SANE)
+    native.HERE_ALONE = replace(native.HERE_ALONE, link=("-shared", *SANE))
     compiled.FLAGS = (*compiled.FLAGS, *SANE)
 
 
@@ -65,9 +66,10 @@ def blocks_of(scenarios: Sequence[str]) -> tuple[str, ...]:
 def build_all(names: Sequence[str], folder: Path) -> None:
     """Native FMUs of blocks below a folder."""
     with tempfile.TemporaryDirectory() as shared:
-        native.compile_wrapper(Path(shared))
+        here = (native.HERE_ALONE,)
+        native.compile_wrapper(Path(shared), here)
         for name in names:
-            native.build(name, folder / "native", Path(shared))
+            native.build(name, folder / "native", Path(shared), here)
     print(f"{len(names)} built by {' '.join(compiler())}", flush=True)
 
 
