@@ -70,11 +70,20 @@ def unmet(manifest: Manifest, results: Results) -> list[str]:
 
 
 def remarks(manifest: Manifest, results: Results) -> list[str]:
-    """A line for each axis about which most of what is commanded is not fired."""
+    """A line for a tank that is empty, else for each axis about which most of what is commanded is
+    not fired."""
     impulses, parts = _impulses(manifest, results), manifest.parts[KEY]
     if impulses is None or impulses[2] == 0.0 or parts.scheduled:
         return []
     commanded, given, _ = impulses
+    tank = manifest.values_of(parts.thrusters).get("tank", 0.0)
+    spent = f"{parts.thrusters}.propellant"
+    if tank > 0.0 and spent in results.names():
+        used, times = results.values(spent), results.times()
+        if used[-1] >= tank * (1.0 - 1e-9):
+            empty = float(times[int(np.argmax(used >= tank * (1.0 - 1e-9)))])
+            return [f"{parts.thrusters}: its tank of {tank:g} kg is empty from {empty:g} s on, and "
+                    "fires nothing more"]  # fmt: skip
     return [
         f"{parts.thrusters}: commanded {commanded[i]:.3g} N m s about {axis}, fired "
         f"{given[i]:.3g}: shorter on-times than it can give are left out"
