@@ -29,6 +29,17 @@ def _fmus_are_built() -> None:
     assert not missing, f"run `make fmus` first: {missing}"
 
 
+def started(name: str, **values: object):
+    """A bare block with these values, checked and started."""
+    made = registry.block_class(name)()
+    for key, value in values.items():
+        assert hasattr(made, key), key
+        setattr(made, key, value)
+    made.check()
+    made.start()
+    return made
+
+
 Command = Callable[..., subprocess.CompletedProcess[str]]
 
 

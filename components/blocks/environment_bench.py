@@ -1,10 +1,9 @@
 from __future__ import annotations
 
-from math import cos, sin
-
 from ..contract.block import Parameter, Vec3
 from ..contract.roles import Environment
-from ..maths.vector import ZERO, add, cross, dot, norm, scale, unit
+from ..maths.attitude import IDENTITY_Q, propagated, rotate_back
+from ..maths.vector import ZERO, cross, norm, unit
 
 
 class EnvironmentBench(Environment):
@@ -34,17 +33,6 @@ class EnvironmentBench(Environment):
         self.r_eci, self.v_eci = self.r_start, self.v_start
 
     def output(self, t: float) -> None:
-        self.b_eci = turned(self.field, self.field_rate, t)
+        self.b_eci = rotate_back(propagated(IDENTITY_Q, self.field_rate, t), self.field)
         self.b_rate_eci = cross(self.field_rate, self.b_eci)
         self.b_accel_eci = cross(self.field_rate, self.b_rate_eci)
-
-
-def turned(v: Vec3, rate: Vec3, t: float) -> Vec3:
-    """A vector turned at a rate (rad/s) for a time (s): Rodrigues' formula."""
-    size = norm(rate)
-    if size == 0.0:
-        return v
-    axis = scale(1.0 / size, rate)
-    c, s = cos(size * t), sin(size * t)
-    along = (1.0 - c) * dot(axis, v)
-    return add(add(scale(c, v), scale(s, cross(axis, v))), scale(along, axis))

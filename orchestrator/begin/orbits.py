@@ -136,10 +136,10 @@ def orbit_of(wanted: CraftFacts, epoch: float) -> Orbit:
     if len(names) > 1:
         raise DesatError(f"{names[0]}, {names[1]}: one of them says the orbit")
     if wanted.tle is not None or wanted.sun is not None:
-        said = f"{names[0]} {given[names[0]]}: says the orbit"
+        said = f"{names[0]} {given[names[0]]} says the orbit"
         for option, value in (("--inclination", wanted.inclination), ("--ltan", wanted.ltan)):
             if value is not None:
-                raise DesatError(f"{option} {value}: {said.replace(': says', ' says')}")
+                raise DesatError(f"{option} {value}: {said}")
     if wanted.ltan is not None and wanted.sso is None and names:
         raise DesatError(f"--ltan {wanted.ltan}: it is of a Sun-synchronous orbit (--sso)")
     if wanted.tle is not None:

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from conftest import started
 
 import desat as library
 from desat.begin.craft import write
@@ -17,7 +18,6 @@ from desat.begin.facts import CraftFacts
 from desat.components.maths.attitude import rotate
 from desat.components.physics import earth, torques
 from desat.components.physics.orbit import EARTH_RADIUS, MU, mean_motion
-from desat.fmus.registry import block_class
 from desat.runs.prepare import prepare
 from desat.sizing import dumps
 from desat.sizing.sizing import Wishes
@@ -29,15 +29,6 @@ G0 = 9.80665
 FIRESAT = EARTH_RADIUS + 700e3
 """Radius of its orbit (m). Wertz & Larson, Space Mission Analysis and Design, 3rd ed. (1999),
 section 11.1, tables 11-9A, 11-11 and 11-12: two digits are printed."""
-
-
-def block(name: str, **values: Any) -> Any:
-    made = block_class(name)()
-    for key, value in values.items():
-        setattr(made, key, value)
-    made.check()
-    made.start()
-    return made
 
 
 # --- torques, momenta, sizes, as textbooks print them ---------------------------------------------
@@ -76,7 +67,7 @@ def test_firesat_wheel_and_slew(tmp_path: Path) -> None:
 
 def test_firesat_dump_by_a_thruster() -> None:
     """0.4 N m s within 1 s at an arm of 0.5 m: 0.8 N."""
-    jets = block("thrusters", sample_time=1.0, tau_level=(0.4, 0.4, 0.4), arm=0.5,
+    jets = started("thrusters", sample_time=1.0, tau_level=(0.4, 0.4, 0.4), arm=0.5,
                  least_pulse=0.01, specific_impulse=220.0)  # fmt: skip
     jets.tau_cmd_thruster_body = (0.4, 0.0, 0.0)
     jets.advance(0.0, 1.0)
@@ -88,7 +79,7 @@ def test_firesat_dump_by_a_thruster() -> None:
 def test_magellans_wheel() -> None:
     """What does it take to unload 27 N m s by a pair of 1 N at 2 m and 1,500 m/s? 0.009 kg in
     6.75 s (TU Wien, Space Propulsion, example 9)."""
-    jets = block("thrusters", sample_time=10.0, tau_level=(4.0, 4.0, 4.0), arm=2.0,
+    jets = started("thrusters", sample_time=10.0, tau_level=(4.0, 4.0, 4.0), arm=2.0,
                  least_pulse=0.01, specific_impulse=1500.0 / G0)  # fmt: skip
     jets.tau_cmd_thruster_body = (2.7, 0.0, 0.0)
     jets.advance(0.0, 10.0)
@@ -139,7 +130,7 @@ def test_gps_yaw_steering(beta: float, limit: float) -> None:
     rates, across = [], []
     for t, r, v, s in orbit(26_559_800.0, math.radians(beta), 43_000):
         if guide is None:
-            guide = block("guidance_yaw", r_eci=r, v_eci=v, sun_eci=s, rate_limit=0.05,
+            guide = started("guidance_yaw", r_eci=r, v_eci=v, sun_eci=s, rate_limit=0.05,
                           acceleration_limit=1e-3)  # fmt: skip
         guide.r_eci, guide.v_eci, guide.sun_eci = r, v, s
         guide.advance(t, 1.0)
@@ -183,7 +174,7 @@ def test_b_dots_gain_as_everybody_prints_it() -> None:
     """M = -k B' with k in A m2 s/T is gain / |B|^2 of ours."""
     made = []
     for gains in ({"gain": 1e-2}, {"plain_gain": 1e-2 / 9e-10}):
-        law = block("manager_b_dot", sample_time=1.0, m_limit=10.0, **gains)
+        law = started("manager_b_dot", sample_time=1.0, m_limit=10.0, **gains)
         for t, b in ((0.0, (3e-5, 0.0, 0.0)), (1.0, (3e-5 * math.cos(0.01), 3e-7, 0.0))):
             law.b_body = b
             law.advance(t, 1.0)
@@ -207,7 +198,7 @@ def test_one_and_two_failed_wheels(tmp_path: Path) -> None:
 
 def test_a_wheel_that_takes_a_speed() -> None:
     """A command of 2,000 rpm: the wheel goes there within its torque and stays."""
-    wheels = block("wheels", command_mode=1, torque_limit=1e-3, speed_limit=800.0,
+    wheels = started("wheels", command_mode=1, torque_limit=1e-3, speed_limit=800.0,
                    inertia_wheel=(1e-5,) * 3 + (0.0,), speed_sample_time=0.1)  # fmt: skip
     wanted = 2000.0 * 2.0 * math.pi / 60.0
     wheels.speed_cmd_wheel = (wanted, 0.0, 0.0, 0.0)
@@ -225,7 +216,7 @@ def test_imbalance() -> None:
     """A dynamic imbalance U of 1 g cm2 (1e-7 kg m2) at 6,000 rpm: a torque of U w^2 = 0.0395 N m
     (any wheel's data sheet has it so)."""
     rate = 6000.0 * 2.0 * math.pi / 60.0
-    wheels = block("wheels", inertia_wheel=(1e-4, 0.0, 0.0, 0.0), unbalance=1e-7,
+    wheels = started("wheels", inertia_wheel=(1e-4, 0.0, 0.0, 0.0), unbalance=1e-7,
                    h_start_wheel=(1e-4 * rate, 0.0, 0.0, 0.0), speed_limit=1000.0)  # fmt: skip
     sizes = []
     for k in range(200):
@@ -279,7 +270,7 @@ def test_a_geostationary_craft(tmp_path: Path) -> None:
 def test_sun_and_moon_turn_a_geostationary_orbit() -> None:
     """By how much? 0.75 to 0.95 deg a year (Soop, Handbook of Geostationary Orbits): said by an
     environment that leaves it out."""
-    env = block("environment_kepler", semi_major_axis=42_164_170.0, inclination=1e-3)
+    env = started("environment_kepler", semi_major_axis=42_164_170.0, inclination=1e-3)
     (line,) = [x for x in env.foresee(0.0, 365.25 * 86400.0, frozenset({"r_eci"}))
                if "the Moon" in x]  # fmt: skip
     assert 0.75 <= float(line.split("up to ")[1].split()[0]) <= 0.95
@@ -289,7 +280,7 @@ def test_sun_and_moon_turn_a_geostationary_orbit() -> None:
 def test_the_suns_light_at_mars() -> None:
     """1.52366 astronomical units: 586.2 of 1,361 W/m2, and a year of 686.98 days (NASA, Mars Fact
     Sheet)."""
-    env = block("environment_sun", semi_major_axis=1.52366 * earth.ASTRONOMICAL_UNIT)
+    env = started("environment_sun", semi_major_axis=1.52366 * earth.ASTRONOMICAL_UNIT)
     env.output(0.0)
     begin = env.r_eci
     assert env.sunlight == pytest.approx(586.2 / 1361.0, rel=1e-3)
@@ -301,12 +292,12 @@ def test_the_suns_light_at_mars() -> None:
 def test_the_sun_moves_by_a_degree_a_day() -> None:
     """Sun pointing: the craft turns by 0.9856 deg a day in the mean, about the ecliptic's north."""
     axis, angles = (0.0, 0.0, 1.0), []
-    env = block("environment_kepler", epoch_j2000=820497600.0)
+    env = started("environment_kepler", epoch_j2000=820497600.0)
     guide = None
     for day in range(366):
         env.output(86400.0 * day)
         if guide is None:
-            guide = block("guidance_sun", sun_eci=env.sun_eci)
+            guide = started("guidance_sun", sun_eci=env.sun_eci)
         guide.sun_eci = env.sun_eci
         guide.advance(86400.0 * day, 86400.0)
         assert rotate(guide.q_ref_bi, env.sun_eci) == pytest.approx(axis, abs=1e-12)
