@@ -46,7 +46,7 @@ def run(
     target: str | PathLike[str],
     sets: Mapping[str, Any] | None = None,
     *,
-    stop: float | None = None,
+    stop: float | str | None = None,
     step: float | None = None,
     folder: str | PathLike[str] | None = None,
     **options: Unpack[RunOptions],
@@ -55,7 +55,8 @@ def run(
 
     `target`: a scenario's name, a scenario file (.toml), an .ssp, an .ssd or a folder with one.
     `sets`: "component.variable" -> value in SI: a number, a choice's name, a list (an array, rows
-    in lists). `stop`, `step`: seconds. `folder`: where manifest and series are written; None keeps
+    in lists). `stop`: seconds, or
+    "2 orbits"; `step`: seconds. `folder`: where manifest and series are written; None keeps
     the series in memory. `options`: further fields of `desat.Options`.
 
     `.numbers` is a pandas frame of the scenario's numbers: title, value, unit, limit, met. As a
@@ -78,7 +79,7 @@ def size(
     target: str | PathLike[str],
     sets: Mapping[str, Any] | None = None,
     *,
-    stop: float | None = None,
+    stop: float | str | None = None,
     year: bool = True,
     laws: bool = True,
     flown: bool = True,
@@ -132,7 +133,7 @@ def draws(
     seed: int = 1,
     sets: Mapping[str, Any] | None = None,
     *,
-    stop: float | None = None,
+    stop: float | str | None = None,
     step: float | None = None,
     jobs: int = 1,
     **options: Unpack[RunOptions],
@@ -165,7 +166,7 @@ def cases(
     limit: float = 600.0,
     jobs: int = 1,
     cluster: str | None = None,
-    stop: float | None = None,
+    stop: float | str | None = None,
     step: float | None = None,
     accept_versions: bool = False,
     **options: Unpack[RunOptions],

@@ -156,7 +156,6 @@ VERDICTS = {
     "cli/__init__.py": ("_code", "_terminate", "_is_full"),
     "cli/commands/run.py": ("conclude", "_room", "_report_run"),
     "cli/commands/check.py": ("check",),
-    "cli/commands/draws.py": ("draws",),
     "cli/commands/sweep.py": ("sweep",),
     "cli/commands/campaign.py": ("case", "_report"),
     "cli/commands/size.py": ("size",),

@@ -40,6 +40,7 @@ from desat.runs import prepare as prepare_module
 from desat.runs.prepare import prepare
 from desat.runs.prepare import read as read_source
 from desat.runs.run import simulate
+from desat.system import progress
 from desat.system.check import check
 from desat.system.errors import DesatError, Exit
 from desat.system.options import Options
@@ -492,12 +493,15 @@ def test_more_cases_show_a_requirement():
 
 
 def test_progress_is_a_line_where_nobody_looks(capsys, monkeypatch):
-    monkeypatch.setattr(coordinator, "_LINE", 0.0)
-    at = coordinator.Progressed(40, 31, 2, began=time.monotonic() - 10.0, first=11)
-    with coordinator.Shown(at, True) as show:
-        show()
+    monkeypatch.setattr(progress, "MINUTE", 0.0)
+    with progress.progress("cases", 40, True, 11) as tell:
+        time.sleep(0.05)
+        tell(31, "2 failed")
     line = capsys.readouterr().err
-    assert re.fullmatch(r"31 of 40 done, 2 failed, 2\.0 a second, [45] s left\n", line), line
+    assert re.fullmatch(r"cases: 78 % done, 2 failed, 0 s left\n", line), line
+    with progress.progress("cases", 40, False) as tell:
+        tell(31, "")
+    assert capsys.readouterr().err == ""
 
 
 def test_what_drives_a_number_is_named():

@@ -158,8 +158,8 @@ def test_commands(desat):
     other = "integrated/mil-cross-product"
     done = desat("compare", NAME, other, "-n", "1", *short, "--json", check=True)
     assert json.loads(done.stdout)["numbers"]["coil_load"]["n"] == 1
-    gone = desat("draws", NAME, "--against", NAME)
-    assert "desat compare NAME OTHER -n COUNT does it" in gone.stderr
+    gone = desat("draws", NAME, "-n", "3")
+    assert "desat campaign NAME -n COUNT makes them, the same of a seed" in gone.stderr
     shown = desat("sweep", NAME, "manager.gain=1e-3,2e-3", *short, check=True).stdout
     assert "0.002" in shown
     assert "coil_load" in shown

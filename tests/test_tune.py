@@ -10,7 +10,7 @@ import pytest
 
 from desat.begin import craft as new_craft
 from desat.begin.facts import CraftFacts
-from desat.campaign.draws import RunRow
+from desat.campaign.draws import RunRow, draws
 from desat.runs.run import Options
 from desat.studies import tune as study
 from desat.system.errors import DesatError, Exit
@@ -170,8 +170,8 @@ def test_the_command_flies_and_says_both(desat, home):
     assert made["unseen"]["lower"] == 0, "own less best is above zero"
     values = [p["value"] for p in made["points"]]
     assert values == sorted(values)
-    again = desat("draws", "mine", "-n", "1", "--stop", "60", "--jobs", "1", "--json",
-                  "--set", f"manager.gain={made['best']!r}", cwd=home, check=True)  # fmt: skip
-    duty = json.loads(again.stdout)["draws"][0]["numbers"]["coil_duty"]
+    best_gain = [f"manager.gain={made['best']!r}"]
+    again = draws(str(home / "mine"), 1, 1, Options(stop=60.0, sets=best_gain), jobs=1)
+    duty = again["draws"][0]["numbers"]["coil_duty"]
     (best,) = [p for p in made["points"] if p["value"] == made["best"]]
     assert best["median"] == duty

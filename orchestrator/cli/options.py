@@ -102,8 +102,8 @@ def refuse(ctx: typer.Context, why: str, *names: str) -> None:
 
 TARGET = typer.Argument(
     metavar="NAME|FILE|FOLDER",
-    help="A scenario (see `desat list`), a scenario file of your own (.toml), an .ssp file, or a "
-    "folder with a SystemStructure.ssd.",
+    help="The folder of a craft of your own, a scenario (see `desat list`), a scenario file "
+    "(.toml), an .ssp file, or a folder with a SystemStructure.ssd.",
     show_default=False,
     autocompletion=complete_name,
 )
@@ -122,9 +122,20 @@ Sources = Annotated[
                  "block file of your own (.py), which is built. Parameters that both declare alike "
                  "stay. May be repeated."),
 ]  # fmt: skip
+
+
+def _stop(given: str | float) -> str | float:
+    """A stop time as it is typed: s, or the text of a number of orbits."""
+    from ..system.options import orbits
+
+    return given if isinstance(given, str) and orbits(given) else Quantity("--stop", "s")(given)
+
+
 Stop = Annotated[
-    float | None, number(Quantity("--stop", "s"), "S", "Stop time: 6000 (s), 6h, 20d.")
-]
+    str | None,
+    typer.Option("--stop", parser=_stop, metavar="TIME",
+                 help="Stop time: 6000 (s), 6h, 20d, 2orbits."),
+]  # fmt: skip
 Step = Annotated[float | None, number(Quantity("--step", "s"), "S", "Step, s.")]
 Substeps = Annotated[
     str | None,
@@ -197,7 +208,7 @@ CPUS = os.cpu_count() or 1
 
 
 def options_of(
-    sets: list[str] | None, stop: float | None, step: float | None, algorithm: Semantics,
+    sets: list[str] | None, stop: str | float | None, step: float | None, algorithm: Semantics,
     blocks: bool, classes: list[str] | None = None, sources: list[str] | None = None, **more: Any,
 ) -> Options:  # fmt: skip
     """What the options of a command say."""

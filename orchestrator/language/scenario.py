@@ -1,7 +1,7 @@
 """The scenario language: every key of a scenario's TOML file, its type, its unit, and what it says.
 
-Each key is declared once, as a field; `desat keys` prints them, `problems` holds data against them.
-A table of the language is a class here, and its keys are the fields.
+Each key is declared once, as a field; `desat help keys` prints them, `problems` holds data against
+them. A table of the language is a class here, and its keys are the fields.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ class Number(Written):
         "`component.output`, or several where the measure takes several", default=(), alias="signal"
     )
     measure: Text = key(
-        "how the series becomes a number (`desat measures`); default: last", default="last"
+        "how the series becomes a number (`desat help measures`); default: last", default="last"
     )
     options: dict[str, Value] = key("the measure's own options")
     derive: Text = key("what is computed of the signals and then measured, such as euler")
@@ -321,7 +321,7 @@ class ScenarioTable(Written):
         "steps once in so many steps", use="system"
     )
     dispersions: dict[str, Dispersion] = key(
-        '"component.parameter": how `desat draws` draws it', use="run"
+        '"component.parameter": how `desat campaign` draws it', use="run"
     )
     samples: Annotated[int, Field(ge=0)] = key(
         "its numbers in tables are medians of so many draws", default=0, use="file"

@@ -34,8 +34,9 @@ from desat.components.laws.least_firing import programme
 from desat.components.maths.allocation import least_on_times
 
 from ..analyses.manifest import Manifest
+from ..analyses.motion import period_of
 from ..campaign.draws import series_of_numbers
-from ..files.scenario import NOMINAL
+from ..files.paths import NOMINAL
 from ..numbers.derived import cross, rotate, rotate_back
 from ..runs.prepare import Case, Target, prepare, read
 from ..runs.run import Run, simulate
@@ -55,7 +56,6 @@ from .flight import (
     flown_at,
     hardware_of,
     inputs_at,
-    period_of,
     series_for,
     values_of,
 )

@@ -116,8 +116,8 @@ def side_by_side(
         if case is not None:
             case.or_raise()
     runs = []
-    for target, case in zip(targets, cases, strict=True):
-        progress(target)
+    for k, (target, case) in enumerate(zip(targets, cases, strict=True), 1):
+        progress(f"{k} of {len(targets)}: {target}")
         run = load_run(Path(target)) if case is None else simulate(case)
         runs.append(run.or_raise(target))
         warnings += [f"{target}: {line}" for line in run.manifest.warnings]

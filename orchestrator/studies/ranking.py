@@ -13,6 +13,7 @@ from markupsafe import Markup
 
 from ..analyses import analyses
 from ..analyses.manifest import Manifest
+from ..analyses.motion import period_of
 from ..campaign.draws import series_of_numbers
 from ..engine.recording.results import Results
 from ..figures.canvas import Figure
@@ -23,7 +24,7 @@ from ..numbers.text import number
 from ..runs.prepare import Target, prepare, read
 from ..runs.run import Options, Run, simulate
 from ..sizing.compatibility import ROLE, Fitting, Refused, fitting, prepare_with, terms_of
-from ..sizing.flight import attitude_of, period_of, values_of
+from ..sizing.flight import attitude_of, values_of
 from ..system.errors import DesatError, RunError, nearest
 from ..system.model import System
 from .compare import Comparison, of_runs, write
@@ -233,8 +234,8 @@ def choose(
     found, refused = fitting(source, options, terms_of(period_of(r[0], v[0]), b, inertial), laws,
                              others)  # fmt: skip
     flown, runs, warnings = [found[0]], [first], [*first.manifest.warnings]
-    for law in found[1:]:
-        progress(law.name)
+    for k, law in enumerate(found[1:], 2):
+        progress(f"{k} of {len(found)}: {law.name}")
         try:
             run = _fly(law.options, source, prepare_with(source, law).or_raise()[0])
             run.or_raise(law.name)

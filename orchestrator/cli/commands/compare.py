@@ -10,15 +10,16 @@ import typer
 from rich.table import Table
 
 from ...system.errors import DesatError, Exit
+from ...system.progress import stages
 from .. import options as o
-from ..console import app, err, name_of, out, print_json, print_numbers, warn
+from ..console import app, err, example, name_of, out, print_json, print_numbers, warn
 
 if TYPE_CHECKING:
     from ...campaign.pairs import Pairs
     from ...studies.compare import Comparison
 
 
-@app.command()
+@app.command(epilog=example("desat compare my12u --laws all"))
 def compare(
     ctx: typer.Context,
     targets: Annotated[
@@ -95,8 +96,8 @@ def compare(
     elif count is not None:
         _draws(targets, count, seed, options, jobs, as_json)
     else:
-        with err.status("") as status:
-            made = study.side_by_side(targets, options, lambda text: status.update(f"{text} ..."))
+        with stages(not as_json) as tell:
+            made = study.side_by_side(targets, options, tell)
         page = html or Path("runs") / f"compare-{'-'.join(map(name_of, targets))}.html"
         _show(made, study.write(made, page), as_json)
 
@@ -111,9 +112,8 @@ def _laws(
         raise DesatError(f"{' '.join(targets)}: --laws flies one craft")
     criteria = study.criteria(by) if by is not None else ()
     asked = [x.strip() for x in (laws or "").split(",") if x.strip()]
-    with err.status("") as status:
-        made = study.choose(targets[0], options, criteria, asked, others,
-                            lambda text: status.update(f"{text} ..."))  # fmt: skip
+    with stages(not as_json) as tell:
+        made = study.choose(targets[0], options, criteria, asked, others, tell)
     page = made.write(html or Path("runs") / f"compare-{name_of(targets[0])}-laws.html")
     warn(made.comparison.warnings)
     if as_json:

@@ -8,13 +8,13 @@ import typer
 from rich.table import Table
 
 from .. import options as o
-from ..console import app, err, out, print_json, print_numbers, warn
+from ..console import app, err, example, out, print_json, print_numbers, warn
 
 if TYPE_CHECKING:
     from ...campaign.draws import Sweep, SweepPoint
 
 
-@app.command()
+@app.command(epilog=example("desat sweep my12u manager.gain=0.001,0.002,0.004 --stop 2orbits"))
 def sweep(
     ctx: typer.Context,
     target: o.Target,

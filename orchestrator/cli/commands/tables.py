@@ -9,13 +9,13 @@ import typer
 from rich.table import Table
 
 from .. import options as o
-from ..console import app, err, out, print_json
+from ..console import app, err, example, out, print_json
 
 if TYPE_CHECKING:
     from ...papers.stored import Provenance, StoredDraws
 
 
-@app.command()
+@app.command(epilog=example("desat tables uosat12"))
 def tables(
     family: Annotated[
         str, typer.Argument(help="Scenario family, as uosat12.", autocompletion=o.complete_family)

@@ -8,14 +8,15 @@ import typer
 from rich.table import Table
 
 from ...system.errors import DesatError, Exit
+from ...system.progress import stages
 from ...system.quantity import Quantity
 from .. import options as o
-from ..console import app, err, out, print_json, print_numbers
+from ..console import app, example, out, print_json, print_numbers
 
 BETWEEN = Quantity("--between")
 
 
-@app.command()
+@app.command(epilog=example("desat tune my12u manager.gain --for sum_rms --stop 2orbits"))
 def tune(
     target: o.Target,
     parameter: Annotated[
@@ -63,11 +64,11 @@ def tune(
         if len(numbers) != 2:
             raise DesatError(f"--between {between}: two numbers are needed, as 1e-4,1e-2")
         ends = numbers[0], numbers[1]
-    with err.status("") as status:
+    with stages(not as_json) as tell:
         made = study.tune(
             target, parameter, number, options, most=most, between=ends, draws=count,
             unseen=unseen, seed=seed, jobs=jobs,
-            progress=lambda text: status.update(f"{text} ..."),
+            progress=tell,
         )  # fmt: skip
     if as_json:
         print_json(made.as_json())
