@@ -688,10 +688,14 @@ def test_a_campaign_is_a_data_set(whole):
     np.testing.assert_array_equal(ds["out.rate"].values, expected)
     assert ds["out.rate"].attrs["units"] == "deg/s"
     assert ds["status"][3].item() == table["status"][3].as_py()
-    assert ds["curve.momentum"].shape == (COUNT, 200)
+    assert len(ds.to_dataframe()) == COUNT
+    curves = desat.load(whole, curves=True)
+    assert curves["curve.momentum"].shape == (COUNT, 200)
     assert ds["in.wheels.h_start_wheel[1]"].attrs["units"] == "N.m.s"
-    assert ds["curve.momentum"].attrs["units"] == "mN.m.s"
-    assert np.isfinite(ds["curve.momentum"].values).all(), "parts without a sample are between some"
+    assert curves["curve.momentum"].attrs["units"] == "mN.m.s"
+    assert np.isfinite(curves["curve.momentum"].values).all(), (
+        "parts without a sample are between some"
+    )
     assert ds["in.wheels.h_start_wheel[1]"].sel(case=9).item() == (
         table["in.wheels.h_start_wheel[1]"][9].as_py()
     )

@@ -120,7 +120,7 @@ class Rates:
         return self.propellant * YEAR / self.interval if self.interval < inf else 0.0
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class DumpSizing:
     """What a craft with thrusters needs, beside what it has."""
 
@@ -156,6 +156,9 @@ class DumpSizing:
     """the numbers LOOP of the closed loop; empty: not flown"""
     problems: tuple[str, ...]
     notes: tuple[str, ...]
+
+    def __repr__(self) -> str:
+        return f"<DumpSizing {self.answer}>"
 
     @property
     def years(self) -> float:

@@ -404,7 +404,7 @@ class Best:
     """A m2; None: there is none up to LARGEST times the least and the craft's own"""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Sizing:
     """What a craft needs, beside what it has. Momenta N m s, torques N m, dipoles A m2, times s."""
 
@@ -492,6 +492,9 @@ class Sizing:
         for row, margin in zip(told["margins"], self.margins, strict=True):
             row["ratio"] = finite(margin.ratio)
         return told | {"answer": self.answer}
+
+    def __repr__(self) -> str:
+        return f"<Sizing {self.answer}>"
 
     @property
     def duty(self) -> float:

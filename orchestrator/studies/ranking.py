@@ -5,8 +5,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
+from html import escape
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from markupsafe import Markup
@@ -28,6 +29,9 @@ from ..sizing.flight import attitude_of, values_of
 from ..system.errors import DesatError, RunError, nearest
 from ..system.model import System
 from .compare import Comparison, of_runs, write
+
+if TYPE_CHECKING:
+    from pandas import DataFrame  # type: ignore[import-untyped]
 
 ORBIT = ("environment.r_eci", "environment.v_eci", "environment.b_eci", "spacecraft.q_bi")
 REFERENCE = "guidance.q_ref_bi"
@@ -121,7 +125,7 @@ class RankedLaw:
         return "; ".join(f"{k}: {x}" for k, x in self.law.gains.items()) or "its own"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Ranking:
     """The laws of a craft, by the first criterion, those that meet all requirements first."""
 
@@ -130,6 +134,9 @@ class Ranking:
     ranked: tuple[RankedLaw, ...]
     refused: tuple[Refused, ...]
     comparison: Comparison
+
+    def __repr__(self) -> str:
+        return f"<Ranking {self.answer}>"
 
     @property
     def answer(self) -> str:
@@ -142,6 +149,19 @@ class Ranking:
         more = f"; not dominated: {', '.join(front)}" if len(self.by) > 1 else ""
         return (f"{self.target}: {best.name} has the least {c.title}, {number(best.values[0])} "
                 f"{pretty_unit(c.unit)}{more}.")  # fmt: skip
+
+    @property
+    def numbers(self) -> DataFrame:
+        """The laws in their order: a column a criterion, whether another law is better in all of
+        them, and the requirements that are not met."""
+        from pandas import DataFrame
+
+        columns = [*(f"{c.heading}" for c in self.by), "not dominated", "not met"]
+        rows = {e.label: [*e.values, e.front, "; ".join(e.not_met)] for e in self.ranked}
+        return DataFrame.from_dict(rows, orient="index", columns=columns)
+
+    def _repr_html_(self) -> str:
+        return f"<p>{escape(self.answer)}</p>{self.numbers.to_html(na_rep='')}"
 
     def declined(self) -> list[tuple[str, str]]:
         """Managers that do not fit, those of one reason together, and the reason."""

@@ -61,7 +61,7 @@ class Unseen(PairSpread, total=False):
     missed_best: int
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Tuned:
     """A value, and what unseen draws say of it beside the craft's own."""
 
@@ -79,6 +79,9 @@ class Tuned:
     points: tuple[Point, ...]
     """by value"""
     unseen: Unseen
+
+    def __repr__(self) -> str:
+        return f"<Tuned {self.answer}>"
 
     @property
     def confirmed(self) -> bool:
