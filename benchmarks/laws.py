@@ -274,7 +274,7 @@ def cost() -> dict[str, str]:
 
 
 FORMS = {
-    "ratio": "over that of", "difference": "less that of", "equal": "over the least of",
+    "ratio": "over that of", "difference": "less that of", "equal": "over the best of",
     "bound": "above the bound", "value": "",
 }  # fmt: skip
 

@@ -211,7 +211,9 @@ def test_a_campaign_of_two_hundred(whole):
 def test_a_case_is_the_draw_of_the_same_number(whole, own, tmp_path):
     from desat.campaign.draws import one
 
-    with pytest.raises(DesatError, match=r"mean_anomaly: it is drawn, and so never has this value"):
+    with pytest.raises(
+        DesatError, match=r"mean_anomaly: it is sampled, and so never has this value"
+    ):
         desat.cases(own, 2, tmp_path / "c", {"environment.mean_anomaly": 1.0})
 
     again = one(read_source(str(own)), Options(), 1, 123)

@@ -71,10 +71,10 @@ def test_a_data_set_stays_with_its_cases(own, three, tmp_path):
 @pytest.mark.parametrize("name", [DRAWN, f"{DRAWN}[2]", f"{DRAWN} ", "shared.h_start_wheel"])
 def test_what_is_drawn_has_no_other_value(own, name):
     value = "0.001" if "[" in name else "0.001,0,0,0"
-    with pytest.raises(DesatError, match="is drawn, and so never has this value"):
+    with pytest.raises(DesatError, match="is sampled, and so never has this value"):
         coordinator.planned(own, 3, options=Options(sets=[f"{name}={value}"]))
     if "wheels" in name:
-        with pytest.raises(DesatError, match="is drawn, and so cannot be an axis of draws"):
+        with pytest.raises(DesatError, match="is sampled, and so cannot be an axis"):
             sweep(own, {name.strip(): [0.0]}, draws=2)
 
 

@@ -54,8 +54,8 @@ def test_no_flag_is_set_but_the_baseline_and_counts_are_as_told(desat):
     }  # fmt: skip
     assert found == {("run", "baseline"), ("size", "loop"), ("size", "year")}
     for command, line in (
-        ("sweep", "Medians of so many seeded draws (0: none). [default: 0; x>=0]"),
-        ("sweep", "Seed of the draws. [default: 1; x>=0]"),
+        ("sweep", "Print medians of this many random samples (0: none). [default: 0; x>=0]"),
+        ("sweep", "Seed of the random samples. [default: 1; x>=0]"),
         ("size", "Duty of the coils to recommend rods for. [default: 50.0]"),
     ):
         assert line in " ".join(desat(command, "--help").stdout.split())

@@ -55,12 +55,12 @@ def test_runs_stand_side_by_side_with_their_differences(desat, craft):
         for t in made["targets"][1:]
     }
     page = (craft / made["page"]).read_text()
-    assert "Momentum of each wheel" in page
+    assert "Wheel momentum" in page
     assert page.count("<svg") == 6, "each plot of the first"
     assert all(colour in page for colour in COLOURS[:3]), "a colour a run"
     shown = desat("compare", "mine", "slow", "--stop", "300", "--html", "a.html", cwd=craft)
     assert shown.returncode == 0
-    cells = table(shown.stdout, "Momentum of the wheels at the end, body")
+    cells = table(shown.stdout, "Total wheel momentum at the end (body frame)")
     values = [entry["values"]["mine"], entry["values"]["slow"], entry["differences"]["slow"]]
     assert [float(x) for x in cells[:3]] == pytest.approx(values, rel=1e-3)
     assert (craft / "a.html").is_file()

@@ -241,7 +241,7 @@ def test_verdicts_alone_are_coloured(desat, monkeypatch):
     monkeypatch.setattr(tables, "write_html", lambda *args: args[2])
     assert desat("tables", "uosat12").returncode == 0
     coloured = re.findall("\x1b\\[3[12]m([^\x1b]*)", file.getvalue())
-    assert [text.strip() for text in coloured] == ["within", "OUTSIDE"]
+    assert [text.strip() for text in coloured] == ["within", "outside"]
 
 
 @pytest.mark.parametrize("status", ["completed", "failed"])

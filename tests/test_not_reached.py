@@ -70,7 +70,7 @@ def test_some_that_are_not_reached_are_later_than_all_others(own):
 
 
 def test_a_sweep_has_the_share(desat, own):
-    said = desat("sweep", own(COMMON), "manager.rate_limit=1e-9,0.14", "--draws", "4", "--blocks",
+    said = desat("sweep", own(COMMON), "manager.rate_limit=1e-9,0.14", "--samples", "4", "--blocks",
                  "--jobs", "1", check=True).stdout  # fmt: skip
     row = next(x for x in said.splitlines() if x.startswith("detumbled") or "detumbled" in x)
     assert "not reached (not reached: 4 of 4 (100 %))" in said, said

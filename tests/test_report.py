@@ -248,7 +248,7 @@ def test_histograms_name_the_cases_of_each_bar(campaign):
         assert list(map(len, bars["cases"])) == bars["counts"]
         assert 0.0 < bars["edges"][0] < bars["edges"][-1] < 1.0
         assert (np.diff(bars["edges"]) > 0.0).all()
-    title = "Largest momentum of a wheel, share of its capacity"
+    title = "Largest wheel momentum (share of capacity)"
     (k,) = (i for i, f in enumerate(figures) if f.findtext("figcaption").strip() == title)
     (name,) = (n for n, of in store.described(campaign).items() if of["title"] == title)
     table, bars = store.read(campaign), data["histograms"][k]

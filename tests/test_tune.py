@@ -145,7 +145,7 @@ def test_what_touches_none_is_not_confirmed():
         ("manger.gain", "pointing", {}, "manger.gain: no component manger; did you mean manager?"),
         ("controller.gain_matrix", "pointing", {}, "an array: one number is tuned"),
         ("manager.law", "pointing", {}, "manager.law: it is no Real: normalised, ccpl"),
-        ("environment.mean_anomaly", "pointing", {}, "is drawn, and so cannot be tuned"),
+        ("environment.mean_anomaly", "pointing", {}, "is sampled, and so cannot be tuned"),
         ("manager.gain", "pionting", {}, "--for pionting: mine has no such number; did you mean"),
         ("manager.h_deadband", "pointing", {}, "a range is needed: --between LOW,HIGH"),
         ("manager.gain", "pointing", {"between": (2.0, 1.0)}, "the first is to be below"),

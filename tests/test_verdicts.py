@@ -384,7 +384,7 @@ def test_no_nearest_of_very_many_names(count, said):
 @pytest.mark.parametrize(
     ("arguments", "told"),
     [
-        (("sweep", "plant/spin", "spacecraft.x=1", "--draws", "-1"), "--draws"),
+        (("sweep", "plant/spin", "spacecraft.x=1", "--samples", "-1"), "--samples"),
         (("campaign", "case", "nowhere", "--", "-1"), "'number'"),
     ],
 )

@@ -195,11 +195,11 @@ def numbers(manifest: Manifest, results: Results) -> dict[str, Value]:
     idle = h - stored @ np.linalg.pinv(axes).T
     times = results.times()
     rows: dict[str, tuple[str, float | None, str]] = {
-        "sum_rms": ("Momentum of all wheels together: rms over time", _rms(size, times),
+        "sum_rms": ("Total wheel momentum (body frame), rms", _rms(size, times),
                     "N.m.s"),
-        "sum_largest": ("Momentum of all wheels together: largest", float(size.max()),
+        "sum_largest": ("Total wheel momentum (body frame), largest", float(size.max()),
                         "N.m.s"),
-        "null_rms": ("Null-space momentum of a wheel: rms over time of the largest",
+        "null_rms": ("Null-space momentum of the most loaded wheel, rms",
                      _rms(np.abs(idle).max(axis=1), times), "N.m.s"),
     }  # fmt: skip
     m = results.values(f"{parts.torquers}.m_mean_body")
@@ -210,13 +210,17 @@ def numbers(manifest: Manifest, results: Results) -> dict[str, Value]:
     if (compared := compare(manifest, results)) is not None:
         left, without = compared
         rows["left_rms"] = (
-            "Momentum of the wheels off its target, second half: rms",
+            "Total wheel momentum less its target in the second half, rms",
             left,
             "N.m.s",
         )
-        rows["unmanaged_rms"] = ("The same without management (estimated)", without, "N.m.s")
+        rows["unmanaged_rms"] = (
+            "Total wheel momentum without management in the second half, rms (estimated)",
+            without,
+            "N.m.s",
+        )
     if (least := _least_braking(manifest, results)) is not None:
-        title = "Least time in which coils at their limit take the body's momentum out"
+        title = "Shortest detumbling time with saturated coils"
         rows["least_braking"] = (title, least, "s")
     return with_titles(rows)
 
@@ -348,7 +352,7 @@ def _of_coils(m: Any, given: Mapping[str, Any], step: float) -> dict[str, tuple[
     if not len(coils):
         return {}
     return {
-        "coil_duty": ("Coil duty: mean dipole of a coil over the largest it can make",
+        "coil_duty": ("Coil duty: mean dipole of the most loaded coil (share of its largest)",
                       100.0 * float(coils.mean()) / most, "%"),
         "coil_limit_share": ("Time with a coil saturated",
                              100.0 * float((coils >= AT_LIMIT * most).any(axis=1).mean()), "%"),

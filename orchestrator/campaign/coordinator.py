@@ -61,7 +61,7 @@ def planned(
     system = source.to_draw(options.blocks)
     options = with_stop(source, options)
     if not (content := content_of(system.about)).dispersions:
-        raise DesatError(f"{target}: it has no [dispersions], so there is nothing to draw")
+        raise DesatError(f"{target}: it has no [dispersions], so there is nothing to sample")
     whole_numbers(target, seed=(seed, 0), count=(count, 1))
     for name in dispersions_of(system):
         if "[" in name:

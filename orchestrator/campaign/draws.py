@@ -210,7 +210,8 @@ def _asks_for(content: Content, analysis: Analysis) -> bool:
 def never(system: Draft, options: Options) -> list[str]:
     """What the options give a value that is drawn instead: a line each."""
     names = [*(text.partition("=")[0] for text in options.sets), *options.values]
-    return [f"--set {name}: {'it' if name == what else what} is drawn, and so never has this value"
+    return [f"--set {name}: {'it' if name == what else what} is sampled, and so never has this "
+            "value"
             for name in names if "." in name for what in overridden_by(system, name)]  # fmt: skip
 
 
@@ -267,7 +268,7 @@ def draws(
     target, system = source.text, source.to_draw(options.blocks)
     options = with_stop(source, options)
     if not content_of(system.about).dispersions:
-        raise DesatError(f"{target}: it has no [dispersions], so there is nothing to draw")
+        raise DesatError(f"{target}: it has no [dispersions], so there is nothing to sample")
     whole_numbers(target, seed=(seed, 0), count=(count, first + 1))
     typical = replace(options, values={**options.values, **draw_of(system, seed, 0)})
     warnings = prepare(source, typical).checked.warnings
@@ -354,8 +355,8 @@ def sweep(
     options = with_stop(source, options)
     for name in axes if draws else ():
         if drawn := overridden_by(system, name):
-            raise DesatError(f"{target}: {name}: {drawn[0]} is drawn, and so cannot be an axis of "
-                             "draws")  # fmt: skip
+            raise DesatError(f"{target}: {name}: {drawn[0]} is sampled, and so cannot be an "
+                             "axis")  # fmt: skip
     points = [dict(zip(axes, v, strict=True)) for v in itertools.product(*axes.values())]
     warnings = _warnings(source, axes, options)
     tasks = [

@@ -112,6 +112,7 @@ RENAMED = {
     "--twin": "it is called --baseline",
     "--no-twin": "it is called --no-baseline",
     "--against": "desat compare NAME OTHER -n COUNT does it",
+    "--draws": "it is called --samples",
     "--estimate": "--substeps auto says how much a run errs",
     "keys": "desat help keys prints them",
     "measures": "desat help measures prints them",
@@ -126,7 +127,7 @@ MEANT = {
     "--out": ("--output", "--output-dir", "--dir", "--folder", "-o"),
     "--set": ("--param", "--parameter", "--with", "-s", "-p"),
     "--source": ("--fmu", "--replace"),
-    "-n": ("--samples", "--runs", "--cases", "--draws", "-N"),
+    "-n": ("--samples", "--runs", "--cases", "-N"),
     "--jobs": ("--workers", "--threads", "--processes", "-j"),
     "--orbit": ("--apogee", "--perigee"),
 }

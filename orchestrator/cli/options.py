@@ -140,13 +140,13 @@ Step = Annotated[float | None, number(Quantity("--step", "s"), "S", "Step, s.")]
 Substeps = Annotated[
     str | None,
     typer.Option(metavar="N|auto",
-                 help="Substeps, within each step, of actuators and body: more of them exchange "
-                 "torques more exactly; auto: as many as --accuracy needs."),
+                 help="Number of substeps in each step for components that exchange step averages "
+                 "(actuators and body); auto: as many as --accuracy needs."),
 ]  # fmt: skip
 Accuracy = Annotated[
     float | None,
     number(Quantity("--accuracy", "rad", 0.0, 1.0, above=True), "RAD",
-           "Attitude error, as the run estimates it, that --substeps auto keeps below."),
+           "Bound of the estimated attitude error (rad) for --substeps auto."),
 ]  # fmt: skip
 Alg = Annotated[
     Semantics,

@@ -317,7 +317,8 @@ def _run_warnings(system: System, schedule: Schedule, options: Options) -> Itera
     if system.parts > 1:
         yield f"jacobi takes no substeps: substeps = {system.substeps} has no effect"
     if any(text.startswith(("mean of", "its part of")) for _, text in schedule.timing):
-        yield "jacobi hands on one mean of several where rates differ: momentum is not conserved"
+        yield ("jacobi exchanges only one of several step averages where rates differ: momentum is "
+               "not conserved")  # fmt: skip
 
 
 def _packed_scenario(draft: Draft) -> Scenario | None:

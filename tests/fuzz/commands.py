@@ -52,7 +52,7 @@ QUICK = (
     "show mine",
     "help keys",
     "help blocks magnetometer",
-    f"sweep nowhere manager.gain=1e-3,2e-3 --draws 1 --seed 1 --jobs 1 {FLIGHT}",
+    f"sweep nowhere manager.gain=1e-3,2e-3 --samples 1 --seed 1 --jobs 1 {FLIGHT}",
     f"compare nowhere other -n 1 --seed 1 --jobs 1 {FLIGHT}",
     f"campaign nowhere -n 1 --seed 1 --accuracy 1e-7 --case-limit 9 --jobs 1 {FLIGHT}",
     "campaign nowhere -n 1 --sampling random --keep every:1 --case-limit 10",

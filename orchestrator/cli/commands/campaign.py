@@ -50,7 +50,7 @@ def run(
         str,
         typer.Option(help="random, latin-hypercube, sobol, or saltelli (for Sobol indices)."),
     ] = "random",
-    seed: Annotated[int, typer.Option(help="Seed of all that is drawn.", min=0)] = 1,
+    seed: Annotated[int, typer.Option(help="Seed of the random samples.", min=0)] = 1,
     folder: Annotated[
         Path | None,
         typer.Option("--out", help="Its folder (default: runs/campaign-NAME).", show_default=False),

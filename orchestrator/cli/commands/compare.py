@@ -30,10 +30,10 @@ def compare(
     count: Annotated[
         int | None,
         typer.Option("-n", "--count", min=1,
-                     help="Fly so many draws of each scenario, the same of all, and print the "
-                     "statistics of their differences."),
+                     help="Fly this many random samples of each scenario, the same for all, and "
+                     "print the statistics of their differences."),
     ] = None,
-    seed: Annotated[int, typer.Option(help="Seed of the draws.", min=0)] = 1,
+    seed: Annotated[int, typer.Option(help="Seed of the random samples.", min=0)] = 1,
     laws: Annotated[
         str | None,
         typer.Option(metavar="all|NAME,...",
@@ -78,8 +78,8 @@ def compare(
         o.refuse(ctx, "it goes with -n", "seed")
     if laws is not None or law:
         if count is not None:
-            raise DesatError("-n: --laws flies each law once; draws of two of them: "
-                             "--law, and a scenario each")  # fmt: skip
+            raise DesatError("-n: --laws flies each law once; to compare random samples "
+                             "of two laws, give each its scenario")  # fmt: skip
         _laws(targets, laws, law or [], by, options, html, as_json)
         return
     if by is not None:

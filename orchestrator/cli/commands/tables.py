@@ -28,7 +28,10 @@ def tables(
         Path | None, typer.Option(help="Where the page goes (default: runs/tables-FAMILY.html).")
     ] = None,
     fresh: Annotated[
-        bool, typer.Option("--fresh", help="Make the draws now; default: the stored ones.")
+        bool,
+        typer.Option(
+            "--fresh", help="Compute the random samples now; default: use the stored ones."
+        ),
     ] = False,
     as_json: o.Json = False,
 ) -> None:
@@ -87,6 +90,6 @@ def _draws_of(
         for names, what in ((stale, "are not of this version"),
                             (left_out, "are not there: their rows are left out")):  # fmt: skip
             if names:
-                err.print(f"warning: the stored draws of {', '.join(names)} {what}; --fresh makes "
-                          f"them")  # fmt: skip
+                err.print(f"warning: the stored samples of {', '.join(names)} {what}; --fresh "
+                          "computes them")  # fmt: skip
     return kept, stored_module.provenance(kept, fresh=False)
