@@ -233,7 +233,7 @@ def test_everything_at_once(broken):
 def test_command(desat, tmp_path):
     shutil.copy(SSD, tmp_path / "SystemStructure.ssd")
     (tmp_path / "resources").symlink_to(paths.fmus())
-    good = desat("check", str(tmp_path), "--step", "10")
+    good = desat("check", str(tmp_path), "--step", "10", "--schedule")
     assert good.returncode == 0
     assert "steps in this order: environment, magnetometer, tachometers, manager" in good.stdout
     assert "\nconnection " in good.stdout
