@@ -223,15 +223,7 @@ def choose(
     DesatError for a craft that cannot fly with its own, and where a criterion is of something that
     it has not."""
     source = read(target)
-    own = prepare(source, options)
-    system, _ = own.or_raise()
-    values_of(system)  # the roles that this asks of
-    progress("its own law")
-    first = _fly(own.options, source, system).or_raise(target)
-    r, v, b, q = (first.results.values(s) for s in ORBIT)
-    inertial = attitude_of(system, q, r, v).kind in ("inertial", "sun")
-    found, refused = fitting(source, options, terms_of(period_of(r[0], v[0]), b, inertial), laws,
-                             others)  # fmt: skip
+    first, found, refused = laws_of(source, options, laws, others, progress)
     flown, runs, warnings = [found[0]], [first], [*first.manifest.warnings]
     for law in found[1:]:
         progress(law.name)
@@ -265,6 +257,23 @@ def choose(
     names = [law.name for law in flown]
     beside = of_runs(names, runs, warnings)
     return Ranking(target, tuple(known), tuple(ranked), tuple(refused), beside)
+
+
+def laws_of(
+    source: Target, options: Options, laws: Sequence[str], others: Sequence[str] = (),
+    progress: Callable[[str], None] = lambda text: None,
+) -> tuple[Run, list[Fitting], list[Refused]]:  # fmt: skip
+    """A craft flown with its own law, which gains by rule go by, and the laws that fit it, its own
+    first, with their gains, and those that do not. Raises DesatError as `choose`."""
+    own = prepare(source, options)
+    system, _ = own.or_raise()
+    values_of(system)  # the roles that this asks of
+    progress("its own law")
+    first = _fly(own.options, source, system).or_raise(source.text)
+    r, v, b, q = (first.results.values(s) for s in ORBIT)
+    inertial = attitude_of(system, q, r, v).kind in ("inertial", "sun")
+    terms = terms_of(period_of(r[0], v[0]), b, inertial)
+    return first, *fitting(source, options, terms, laws, others)
 
 
 def _fly(options: Options, source: Target, system: System) -> Run:
