@@ -22,7 +22,16 @@ from ..numbers.derived import pointing
 from ..numbers.text import number
 from ..runs.prepare import Target, prepare, read
 from ..runs.run import Options, Run, simulate
-from ..sizing.compatibility import ROLE, Fitting, Refused, fitting, prepare_with, terms_of
+from ..sizing.compatibility import (
+    ALL,
+    ROLE,
+    Fitting,
+    Refused,
+    fitting,
+    law_name,
+    prepare_with,
+    terms_of,
+)
 from ..sizing.flight import attitude_of, period_of, values_of
 from ..system.errors import DesatError, RunError, nearest
 from ..system.model import System
@@ -274,6 +283,35 @@ def laws_of(
     inertial = attitude_of(system, q, r, v).kind in ("inertial", "sun")
     terms = terms_of(period_of(r[0], v[0]), b, inertial)
     return first, *fitting(source, options, terms, laws, others)
+
+
+def options_of_laws(
+    target: str, options: Options, asked: Sequence[str]
+) -> dict[str, Options]:  # fmt: skip
+    """Of a craft's own law, and of those that are asked for beside it, by name, the options of a
+    run; what a gain follows of the craft stays a product of its parameters. Raises DesatError for a
+    law that does not fit."""
+    source = read(target)
+    system, _ = prepare(source, options).or_raise()
+    if not asked:
+        manager = system.roles.get(ROLE)
+        return {law_name(manager) if manager else system.name: options}
+    files = [name for name in asked if Path(name).suffix in (".py", ".fmu")]
+    _, found, refused = laws_of(source, options, [x for x in asked if x not in files], files)
+    for law in refused:
+        if ALL not in asked:
+            raise DesatError(f"--law {law.name}: {law.why}")
+    return {law.name: _following(source, law) for law in found}
+
+
+def _following(source: Target, law: Fitting) -> Options:
+    """The options of a law, with the products that its parameters follow in place of their
+    values."""
+    component = prepare_with(source, law).or_raise()[0].components[ROLE]
+    follows = {f"{ROLE}.{s.array}": s.follows for s in component.interface.parameters if s.follows}
+    values = {name: follows[name] if law.gains.get(name.partition(".")[2]) == follows.get(name)
+              else value for name, value in law.options.values.items()}  # fmt: skip
+    return replace(law.options, values=values)
 
 
 def _fly(options: Options, source: Target, system: System) -> Run:

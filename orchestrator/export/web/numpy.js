@@ -22,6 +22,12 @@ const pick = (x, axes) => { // a view of other axes, copied: [length, stride] ea
   const data = new Float64Array(count(shape));
   const at = axes.map(() => 0);
   let from = axes.start || 0;
+  if (axes.length === 1 || axes.length === 2) { // the same, quickly
+    const [[n, step], [m, by]] = axes.length === 2 ? axes : [axes[0], [1, 0]];
+    let to = 0;
+    for (let i = 0; i < n; i++) for (let j = 0; j < m; j++) data[to++] = x.data[from + i * step + j * by];
+    return new Rows(data, shape, x.truth);
+  }
   for (let k = 0; k < data.length; k++) {
     data[k] = x.data[from];
     for (let i = axes.length - 1; i >= 0; i--) {
@@ -33,7 +39,14 @@ const pick = (x, axes) => { // a view of other axes, copied: [length, stride] ea
   }
   return new Rows(data, shape, x.truth);
 };
-const both = (f, truth = false) => (a, b) => {
+// an operation of two, by its JavaScript in a and b; one loop each, so that each is compiled alone
+const both = (of, truth = false) => {
+  const f = new Function("a", "b", `return ${of};`);
+  const loop = new Function("x", "y", "i", "j", "data", `for (let k = 0; k < data.length; k++) {
+    const a = x[i * k], b = y[j * k]; data[k] = ${of}; }`);
+  return (a, b) => apply(f, loop, truth, a, b);
+};
+const apply = (f, loop, truth, a, b) => {
   if (typeof a === "number" && typeof b === "number") return truth ? !!f(a, b) : f(a, b);
   if (typeof a === "string" || typeof b === "string") return f(a, b);
   let x = asRows(a);
@@ -53,13 +66,20 @@ const both = (f, truth = false) => (a, b) => {
   const shape = x.shape.length ? x.shape : y.shape;
   const data = new Float64Array(count(shape));
   const [i, j] = [x.shape.length ? 1 : 0, y.shape.length ? 1 : 0];
-  for (let k = 0; k < data.length; k++) data[k] = f(x.data[i * k], y.data[j * k]);
+  loop(x.data, y.data, i, j, data);
   return plain(new Rows(data, shape, truth));
 };
-const each = (f, truth = false) => (a) => {
-  if (typeof a === "number") return truth ? !!f(a) : f(a);
-  const x = asRows(a);
-  return plain(new Rows(x.data.map((v) => f(v)), x.shape, truth));
+const each = (of, truth = false) => { // of one, in a
+  const f = new Function("a", `return ${of};`);
+  const loop = new Function("x", "data", `for (let k = 0; k < data.length; k++) {
+    const a = x[k]; data[k] = ${of}; }`);
+  return (a) => {
+    if (typeof a === "number") return truth ? !!f(a) : f(a);
+    const x = asRows(a);
+    const data = new Float64Array(x.data.length);
+    loop(x.data, data);
+    return plain(new Rows(data, x.shape, truth));
+  };
 };
 const total = (data, from, step, n) => { // pairwise, as numpy adds
   if (n > 128) {
@@ -99,30 +119,30 @@ const even = (x) => { // to the nearest whole number, halves to the even one
 };
 
 const $ = {
-  add: both((a, b) => a + b), sub: both((a, b) => a - b), mul: both((a, b) => a * b),
-  div: both((a, b) => a / b), pow: both((a, b) => (b === 2 ? a * a : a ** b)),
-  floordiv: both((a, b) => Math.floor(a / b)), mod: both((a, b) => a - b * Math.floor(a / b)),
-  lt: both((a, b) => a < b, true), gt: both((a, b) => a > b, true),
-  le: both((a, b) => a <= b, true), ge: both((a, b) => a >= b, true),
-  eq: both((a, b) => a === b, true), ne: both((a, b) => a !== b, true),
-  and: both((a, b) => a && b, true), or: both((a, b) => a || b, true),
-  neg: each((a) => -a), not: each((a) => !a, true),
-  abs: each(Math.abs), sqrt: each(Math.sqrt), sin: each(Math.sin), cos: each(Math.cos),
-  arcsin: each(Math.asin), arccos: each(Math.acos), log10: each(Math.log10),
-  degrees: each((a) => a * (180 / Math.PI)), radians: each((a) => a * (Math.PI / 180)),
-  isfinite: each(Number.isFinite, true), isnan: each(Number.isNaN, true),
-  signbit: each((a) => a < 0 || Object.is(a, -0), true),
-  arctan2: both(Math.atan2), hypot: both(Math.hypot),
-  fmin: both((a, b) => (a !== a ? b : b !== b ? a : Math.min(a, b))),
-  fmax: both((a, b) => (a !== a ? b : b !== b ? a : Math.max(a, b))),
-  minimum: both(Math.min), maximum: both(Math.max),
+  add: both("a + b"), sub: both("a - b"), mul: both("a * b"),
+  div: both("a / b"), pow: both("(b === 2 ? a * a : a ** b)"),
+  floordiv: both("Math.floor(a / b)"), mod: both("a - b * Math.floor(a / b)"),
+  lt: both("a < b", true), gt: both("a > b", true),
+  le: both("a <= b", true), ge: both("a >= b", true),
+  eq: both("a === b", true), ne: both("a !== b", true),
+  and: both("a && b", true), or: both("a || b", true),
+  neg: each("-a"), not: each("!a", true),
+  abs: each("Math.abs(a)"), sqrt: each("Math.sqrt(a)"), sin: each("Math.sin(a)"), cos: each("Math.cos(a)"),
+  arcsin: each("Math.asin(a)"), arccos: each("Math.acos(a)"), log10: each("Math.log10(a)"),
+  degrees: each("a * (180 / Math.PI)"), radians: each("a * (Math.PI / 180)"),
+  isfinite: each("Number.isFinite(a)", true), isnan: each("Number.isNaN(a)", true),
+  signbit: each("a < 0 || Object.is(a, -0)", true),
+  arctan2: both("Math.atan2(a, b)"), hypot: both("Math.hypot(a, b)"),
+  fmin: both("(a !== a ? b : b !== b ? a : Math.min(a, b))"),
+  fmax: both("(a !== a ? b : b !== b ? a : Math.max(a, b))"),
+  minimum: both("Math.min(a, b)"), maximum: both("Math.max(a, b)"),
   sum: over(total), mean: over((d, f, s, n) => total(d, f, s, n) / n),
   max: over(extreme((v, best) => v > best)), min: over(extreme((v, best) => v < best)),
   all: over((d, f, s, n) => { for (let k = 0; k < n; k++) if (!d[f + k * s]) return 0; return 1; }, true),
   any: over((d, f, s, n) => { for (let k = 0; k < n; k++) if (d[f + k * s]) return 1; return 0; }, true),
   norm: (x, how) => $.sqrt($.sum($.mul(x, x), how)),
   argmax: (x) => { const d = asRows(x).data; let k = 0; d.forEach((v, i) => { if (v > d[k]) k = i; }); return k; },
-  clip: (x, low, high) => each((v) => Math.min(Math.max(v, low), high))(x),
+  clip: (x, low, high) => $.minimum($.maximum(x, low), high),
   array: (list) => {
     if (list instanceof Rows) return list;
     const parts = list.map(asRows);
@@ -133,6 +153,12 @@ const $ = {
   },
   asarray: (x) => asRows(x),
   empty: (shape) => new Rows(new Float64Array(count([shape].flat())), [shape].flat()),
+  vstack: (list) => {
+    const parts = list.map(asRows).map((r) => (r.shape.length > 1 ? r : $.reshape(r, 1, -1)));
+    const data = new Float64Array(parts.reduce((n, r) => n + r.data.length, 0));
+    parts.reduce((at, r) => { data.set(r.data, at); return at + r.data.length; }, 0);
+    return new Rows(data, [parts.reduce((n, r) => n + r.shape[0], 0), parts[0].shape[1]]);
+  },
   zeros: (shape) => $.empty(shape),
   astype: (x) => (x instanceof Rows ? new Rows(x.data, x.shape) : Number(x)),
   T: (x) => { const step = strides(x.shape); return pick(x, x.shape.map((n, i) => [n, step[i]]).reverse()); },
@@ -161,9 +187,10 @@ const $ = {
   },
   where: (test, a, b) => {
     const shape = $.add($.add($.mul(test, 0), $.mul(a, 0)), $.mul(b, 0)); // what all three have
-    const [t, x, y] = [test, a, b].map((r) => asRows(both((_, v) => v)(shape, r)));
+    const [t, x, y] = [test, a, b].map((r) => asRows($.second(shape, r)));
     return plain(new Rows(t.data.map((yes, k) => (yes ? x : y).data[k]), t.shape));
   },
+  second: both("b"),
   flatnonzero: (x) => $.array([...asRows(x).data.keys()].filter((k) => asRows(x).data[k])),
   diff: (x, { prepend = null, append = null } = {}) => {
     let r = asRows(x);

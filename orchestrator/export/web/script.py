@@ -33,7 +33,7 @@ _OPERATORS: dict[type[ast.AST], str] = {
 }  # fmt: skip
 _BUILTINS = {"float": "float", "int": "int", "bool": "bool", "len": "len", "round": "round",
              "max": "larger", "min": "smaller", "abs": "abs", "enumerate": "enumerate"}  # fmt: skip
-_OURS = "desat.numbers."
+_OURS = ("desat.numbers.", "desat.analyses.")
 """Modules whose functions are translated with those that call them."""
 
 
