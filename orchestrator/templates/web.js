@@ -102,9 +102,10 @@
           make("span", { className: "value" }, field, ` ${slider.shown}`)), range, aside);
       updates.push(() => {
         label.hidden = !there(slider);
+        if (label.hidden) return;
         label.classList.toggle("moved", slider.name in moved);
         range.value = at(slider);
-        field.value = String(at(slider));
+        field.value = String(Number(at(slider).toPrecision(slider.name in moved ? 12 : 6)));
         aside.textContent = slider.name + (slider.height
           ? `, ${number((at(slider) * slider.factor - told.ground) / 1e3)} km above the equator` : "")
           + (slider.form === "length" ? ": size of the vector" : slider.form === "largest"
@@ -216,7 +217,7 @@
       legend: { markers: { width: 2 } },
     }, [shown.times, ...series.map((s) => s.y)], place);
     // the other side of a limit needs no name
-    [...place.querySelectorAll(".u-legend tr")].forEach((row, k) => { if (k && !series[k - 1].label) row.hidden = true; });
+    [...place.querySelectorAll(".u-legend tr")].forEach((row, k) => { if (k && !series[k - 1].label) row.style.display = "none"; });
     charts[i].note.textContent = far.join("; ");
   }
 
@@ -225,7 +226,9 @@
     if (charts.map((c) => c.title).join("\n") !== plots.map((p) => p.title).join("\n")) {
       for (const c of charts) c.plot?.destroy();
       charts = plots.map((p) => ({ title: p.title, place: make("div"), note: make("p", { className: "note" }) }));
-      $id("plots").replaceChildren(...charts.map((c) => make("figure", {}, make("figcaption", { textContent: c.title }), c.place, c.note)));
+      const figures = charts.map((c) => make("figure", {}, make("figcaption", { textContent: c.title }), c.place, c.note));
+      $id("first").replaceChildren(...figures.slice(0, 1));
+      $id("plots").replaceChildren(...figures.slice(1));
     }
     plots.forEach((p, i) => {
       const { series, far } = content(i);
@@ -294,7 +297,7 @@
   addEventListener("hashchange", () => { fromAddress(); changed(); });
   new ResizeObserver(() => charts.forEach(({ plot, place }) => {
     if (plot && place.clientWidth && place.clientWidth !== plot.width) plot.setSize({ width: place.clientWidth, height: 270 });
-  })).observe($id("plots"));
+  })).observe(document.querySelector("main"));
   worker.postMessage({ told: { ...told, wasm: null }, wasm: bytes(told.wasm) });
   window.desat = { get shown() { return shown; }, get charts() { return charts.map((c) => c.plot); }, command };
 })();

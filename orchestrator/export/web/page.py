@@ -445,7 +445,7 @@ def _managed(flown: _Flown) -> dict[str, Any] | None:
             "inverse": np.linalg.pinv(axes_coil).tolist(),
             "period": management.rows_a_period(known, flown.system.step),
         },
-        "label": f"momentum of the fullest wheel [{pretty_unit(unit)}]",
+        "label": f"fullest wheel [{pretty_unit(unit)}]",
         "scale": scale("N.m.s", unit), "of": values, "values": [*values.values(), f"{parts.torquers}.m_limit"],
         "names": {"momentum": management.OF_MOMENTUM, "coils": management.OF_COILS,
                   "wheels": management.OF_WHEELS, "balance": management.OF_BALANCE},

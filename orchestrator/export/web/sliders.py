@@ -140,7 +140,7 @@ def _range(slider: Slider, name: str, system: System) -> Slider | None:
         return replace(slider, high=_round(0.9 * most / slider.factor, 2)) if most else None
     if value == 0.0:
         return None
-    low = {"m_limit": 0.1, "speed_limit": 0.05}.get(name, 0.0)
+    low = {"residual_dipole_body": 0.0, "h_start_wheel": 0.0, "speed_limit": 0.05}.get(name, 0.1)
     high = {"residual_dipole_body": 5.0, "speed_limit": 1.5, "h_start_wheel": 2.0}.get(name, 4.0)
     return replace(slider, low=_round(low * value, 2), high=_round(high * value, 2))
 
