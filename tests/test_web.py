@@ -1,5 +1,5 @@
-"""The page that flies a loop (`desat export web`): in node against a run, its measures against their
-Python, and in a browser against the line that it shows.
+"""The page that flies a loop (`desat export web`): in node against a run, its measures against
+their Python, and in a browser against the line that it shows.
 
 It is compiled by the package ziglang; node and a browser are taken where there are such.
 """
@@ -92,7 +92,8 @@ TRIED: dict[str, list[Any]] = {
     "settled_within": ["decay", [0.5, 0.6, 0.7], 10.0, 20.0],
     "along": ["v4", [1.0, -1.0, 1.0, -1.0]], "above": ["v4", [1.0, -1.0, 1.0, -1.0], 0.01],
     "until_below": ["decay", 0.5, "norm_"], "first_reached": ["rises", 10, 1],
-    "first_below": ["decay", 0.5], "until_above": ["rises", 5], "largest_while": ["v3", "mode", 1, 2],
+    "first_below": ["decay", 0.5], "until_above": ["rises", 5],
+    "largest_while": ["v3", "mode", 1, 2],
     "drive_energy": ["v4", 3.0, 10.0], "time_of": ["mode", 2], "share_below": ["v4", 0.3],
     "sign_changes": ["v4"], "decay_rate": ["decay"], "mean_rate": ["rises"],
     "pointing_last": ["q", "q_ref"], "pointing_largest": ["q", "q_ref", 100.0],
@@ -119,7 +120,8 @@ def test_measures_and_derived_quantities_are_those_of_their_python():
     args = {name: [("norm" if a == "norm_" else known.get(a, a)) if isinstance(a, str) else a
                    for a in given] for name, given in tried.items()}  # fmt: skip
     told = node(f"""{(ASSETS / "numpy.js").read_text()}{code}
-const asked = (x) => Array.isArray(x) && Array.isArray(x[0]) ? $.array(x.map((r) => $.array(r))) : x;
+const asked = (x) => x instanceof Array && x[0] instanceof Array
+  ? $.array(x.map((r) => $.array(r))) : x;
 const told = {{}};
 for (const [name, args] of Object.entries(input.args)) {{
   const times = measures[name].order[0] === "times" ? [$.array(input.times)] : [];
@@ -182,8 +184,8 @@ const told = { first, said, fault: flight.fault, table: flight.table, numbers: f
 
 
 WITHIN = (1e-12, 1e-10)
-"""Of the scale of each series, a law: musl's sines are not glibc's, and the predictive law solves for
-its dipoles."""
+"""Of the scale of each series, a law: musl's sines are not glibc's, and the predictive law solves
+for its dipoles."""
 
 
 def alike(found: dict[str, Any], run: Run, within: float) -> list[str]:
@@ -264,7 +266,7 @@ def test_the_same_page_comes_out_again_and_needs_no_server(made, craft):
         (["--slider", "manager.m_limit=0.1:1"], "the scenario has it follow torquers.m_limit"),
         (["--slider", "torquers.drive=0:1"], "a choice of "),
         (["--slider", "manager.sample_time=1:10"], "what the loop is written out with"),
-        (["--source", "environment=environment_tle"], "environment_tle has no C, it runs as Python"),
+        (["--source", "environment=environment_tle"], "environment_tle has no C, it runs as"),
         (["--step", "10"], "sample_time"),
         (["--law", "b_dot"], "--law b dot: it brakes a tumbling craft"),
         (["--law", "magnetic"], "it needs tables made for one craft"),
@@ -334,7 +336,9 @@ def test_a_slider_moved_in_a_browser_gives_what_the_shown_line_prints(
     field.press("Enter")
     tab.locator("[id='value-wheels.h_start_wheel']").fill("1.7")
     tab.locator("[id='value-wheels.h_start_wheel']").press("Enter")
-    tab.wait_for_function("desat.shown.moved['wheels.h_start_wheel'] === 1.7 && desat.shown.numbers")
+    tab.wait_for_function(
+        "desat.shown.moved['wheels.h_start_wheel'] === 1.7 && desat.shown.numbers"
+    )
     waited()
     line = shlex.split(tab.locator("#command").inner_text())
     assert line[:2] == ["desat", "run"]

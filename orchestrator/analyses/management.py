@@ -329,7 +329,8 @@ def unmanaged(q: Array, impulse: Array, stored: Array, body: Any, managed: Array
     """What the wheels would hold without management (rows, 3; N m s, body): by what they and the
     body hold (body), and the impulse from outside and that of management since the start (eci)."""
     first = rotate_back(q[:1], (stored + body)[:1])
-    return rotate(q, first + impulse - impulse[:1] - managed) - body
+    without: Array = rotate(q, first + impulse - impulse[:1] - managed) - body
+    return without
 
 
 def off_target(
@@ -410,6 +411,6 @@ def margin(h: Array, capacity: Array) -> float:
 def of_wheels(times: Array, saturated: Array, speed: Array) -> tuple[float, float]:
     """The time with a wheel saturated (s), and how often wheels pass zero speed."""
     steps = np.diff(times, append=times[-1])
-    at_limit = saturated.reshape(len(saturated), -1).any(axis=1)
+    at_limit = np.asarray(saturated.reshape(len(saturated), -1).any(axis=1))
     crossings = np.diff(np.signbit(speed), axis=0).sum()
     return float(steps[: len(at_limit)] @ at_limit), float(crossings)

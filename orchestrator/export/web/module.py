@@ -14,6 +14,7 @@ from pathlib import Path
 from desat.fmus import native
 from desat.fmus.compiler import NoCompilerError, zig
 
+from ...files import io
 from ...system.errors import DesatError
 from ..loop_fmu import LoopSource
 
@@ -63,7 +64,7 @@ def compiled(found: dict[str, str]) -> bytes:
     with tempfile.TemporaryDirectory() as place:
         folder = Path(place)
         for name, text in found.items():
-            (folder / name).write_text(text, encoding="utf-8")
+            io.replace_text(folder / name, text)
         units = sorted(name.removesuffix(".c") for name in found if name.endswith(".c"))
 
         def one(unit: str) -> None:

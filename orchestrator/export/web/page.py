@@ -1,7 +1,7 @@
 """`desat export web`: one HTML file that flies a loop in WebAssembly as its sliders move.
 
-What the page says is the scenario's own: its plots, its numbers by our measures (`script.py`), the
-numbers of management, and what follows from a parameter by the scenario's expressions (`values.py`).
+What the page says is the scenario's own: its plots, its numbers by our measures (`script.py`),
+those of management, and what follows from a parameter by the scenario's expressions (`values.py`).
 """
 
 from __future__ import annotations
@@ -29,7 +29,8 @@ from ...numbers import derived
 from ...numbers.derived import QUANTITIES, coil_impulse
 from ...numbers.measures import MEASURES, OWN_UNIT
 from ...numbers.numbers import scale
-from ...report.report import part, render, script as page_script
+from ...report.report import part, render
+from ...report.report import script as page_script
 from ...runs import substep_choice
 from ...runs.prepare import Target, drafted, prepare, read
 from ...system.errors import DesatError
@@ -88,8 +89,8 @@ class Made:
 def export(
     target: str, laws: Mapping[str, Options], sliders: Sequence[str], file: Path | None
 ) -> Made:  # fmt: skip
-    """Write the page of a target with laws, by name the options of a run, the first as it opens, and sliders
-    `NAME=FROM:TO` (none: those that are usual) to a file (default: NAME.html).
+    """Write the page of a target to a file (default: NAME.html). `laws`: by name the options of a
+    run with each, the first as the page opens; `sliders`: `NAME=FROM:TO`, none: the usual ones.
 
     Raises DesatError where a component has no C, a slider is none of the scenario's, nothing
     compiles to WebAssembly, or a flight would not fit into a page's memory.
@@ -177,9 +178,9 @@ def _loop(flown: _Flown, targets: set[str], series: Sequence[str]) -> LoopSource
     if 8 * size * system.steps > MOST_BYTES:
         raise DesatError(f"{system.name}: {system.steps} steps are too many for a page's memory; "
                          f"at most {MOST_BYTES // (8 * size)}: --stop")  # fmt: skip
+    wanted = LoopEnds([*map(_pattern, series)], parameters=[*map(_pattern, parameters)])
     try:
-        return written_out(system, LoopEnds([_pattern(s) for s in series],
-                                            parameters=[_pattern(p) for p in parameters]))  # fmt: skip
+        return written_out(system, wanted)
     except DesatError as error:
         raise DesatError(str(error).partition("; `--without")[0]) from error
 
@@ -214,7 +215,10 @@ def _series(flown: _Flown) -> set[str]:
 
 
 def _told(
-    target: str, flown: Sequence[_Flown], sliders: Sequence[Slider], loops: Sequence[LoopSource],
+    target: str,
+    flown: Sequence[_Flown],
+    sliders: Sequence[Slider],
+    loops: Sequence[LoopSource],
     notes: list[str],
 ) -> tuple[str, dict[str, Any]]:
     """The JavaScript of measures, and all else that the page is made of."""
@@ -223,8 +227,8 @@ def _told(
     used_derived = {x.derive for f in flown for of in (f.content.numbers, f.content.plots)
                     for x in of.values() if x.derive}  # fmt: skip
     code, lacking = script([
-        *(MEASURES[m] for m in sorted(used)), *(QUANTITIES[d].function for d in sorted(used_derived)),
-        *_MANAGEMENT,
+        *(MEASURES[m] for m in sorted(used)), *_MANAGEMENT,
+        *(QUANTITIES[d].function for d in sorted(used_derived)),
     ])  # fmt: skip
     laws = [_law(f, sliders, loop, lacking, notes) for f, loop in zip(flown, loops, strict=True)]
     seconds, unit = time_axis(np.array([first.start, first.stop]))
@@ -239,7 +243,10 @@ def _told(
 
 
 def _law(
-    flown: _Flown, sliders: Sequence[Slider], loop: LoopSource, lacking: Mapping[str, str],
+    flown: _Flown,
+    sliders: Sequence[Slider],
+    loop: LoopSource,
+    lacking: Mapping[str, str],
     notes: list[str],
 ) -> dict[str, Any]:
     """What the page is told of a law."""
@@ -247,10 +254,9 @@ def _law(
     plots = [*_plots(flown, lacking, notes)]
     managed = _managed(flown)
     slots, series, width = _places(loop)
-    expressions = [f["of"] for f in flown.ordered] + [
-        x for n in numbers for x in (n["whole"], *n["options"].values()) if isinstance(x, dict)
-    ] + [x["value"] for p in plots for x in p["limits"] if isinstance(x["value"], dict)]  # fmt: skip
-    wanted = {name for of in expressions for name in names_of(of)}
+    told = [x for n in numbers for x in (n["whole"], *n["options"].values())]
+    told += [x["value"] for p in plots for x in p["limits"]] + [f["of"] for f in flown.ordered]
+    wanted = {name for of in told if isinstance(of, dict) for name in names_of(of)}
     wanted |= {name for name, _ in slots} | {t for s in sliders for t in s.targets}
     wanted |= {f["name"] for f in flown.ordered} | {v for n in numbers for v in n["own"].values()}
     wanted |= {*managed["values"]} if managed else set()
@@ -296,8 +302,10 @@ def _numbers(
         if why:
             notes.append(f"no number {name}: {why}")
         else:
-            yield {"name": name, "title": number.title, "unit": pretty_unit(number.unit),
-                   **_number(number, flown), "required": _required(flown.content, name)}  # fmt: skip
+            yield {
+                "name": name, "title": number.title, "unit": pretty_unit(number.unit),
+                **_number(number, flown), "required": _required(flown.content, name),
+            }  # fmt: skip
 
 
 def _number(number: Number, flown: _Flown) -> dict[str, Any]:
@@ -334,7 +342,7 @@ def _how(entry: Number | Plot, flown: _Flown) -> dict[str, Any]:
 
 def _required(content: Content, name: str) -> dict[str, float]:
     """What is required of a number."""
-    found = {}
+    found = dict[str, float]()
     for of in content.requirements.values():
         if of.number == name:
             found |= {k: x for k in ("min", "max") if (x := getattr(of, k)) is not None}
@@ -346,9 +354,7 @@ def _unit(system: System, series: str) -> str:
     return system.components[owner].interface.arrays[name][0].unit_name or "1"
 
 
-def _plots(
-    flown: _Flown, lacking: Mapping[str, str], notes: list[str]
-) -> Iterator[dict[str, Any]]:
+def _plots(flown: _Flown, lacking: Mapping[str, str], notes: list[str]) -> Iterator[dict[str, Any]]:
     """The scenario's plots that the page has, each as `Flight.plot` draws it."""
     there = _there(flown.system)
     for name, plot in flown.content.plots.items():
@@ -366,8 +372,8 @@ def _plot(name: str, plot: Plot, signals: list[str], flown: _Flown) -> dict[str,
     own = [_unit(flown.system, s) for s in signals]
     if entry is not None:
         quantity = entry[0]
-        own, lines = [quantity.unit or own[0]], [plot.components or quantity.names]
-        lines = [[n or plot.title for n in lines[0]] if not plot.components else [*lines[0]]]
+        own = [quantity.unit or own[0]]
+        lines = [[*plot.components] or [n or plot.title for n in quantity.names]]
     else:
         lines = [[_line(plot, s, n) for n in _elements(plot, s, flown)] for s in signals]
     unit = plot.unit or own[0]
@@ -411,47 +417,55 @@ def _limits(plot: Plot, flown: _Flown, unit: str) -> Iterator[dict[str, Any]]:
 def _managed(flown: _Flown) -> dict[str, Any] | None:
     """What the numbers of management are made of, and the curve without; None where they do not
     apply."""
-    parts = management.applies(flown.system)
+    parts, system = management.applies(flown.system), flown.system
     if parts is None or parts.wheels is None or parts.field is None or parts.target is None:
         return None
-    names = {
-        "h": f"{parts.wheels}.h_wheel", "q": f"{parts.spacecraft}.q_bi",
-        "omega": f"{parts.spacecraft}.omega_bi_body", "copy": f"{parts.spacecraft}.h_copy_wheel",
-        "impulse": f"{parts.spacecraft}.impulse_eci", "dipole": f"{parts.torquers}.m_mean_body",
-        "field": parts.field, "saturated": f"{parts.wheels}.saturated_wheel",
-        "speed": f"{parts.wheels}.speed_wheel",
-    } | ({"fired": f"{parts.thrusters}.tau_mean_thruster_body"} if parts.thrusters else {})  # fmt: skip
-    own = flown.system.components[parts.spacecraft].values
-    coils = flown.system.components[parts.torquers]
-    if "inertia" not in own or not {*names.values()} <= _there(flown.system):
+    body, wheels, torquers = parts.spacecraft, parts.wheels, parts.torquers
+    series = {
+        "h": f"{wheels}.h_wheel", "q": f"{body}.q_bi", "omega": f"{body}.omega_bi_body",
+        "copy": f"{body}.h_copy_wheel", "impulse": f"{body}.impulse_eci",
+        "dipole": f"{torquers}.m_mean_body", "field": parts.field,
+        "saturated": f"{wheels}.saturated_wheel", "speed": f"{wheels}.speed_wheel",
+    }  # fmt: skip
+    if parts.thrusters:
+        series["fired"] = f"{parts.thrusters}.tau_mean_thruster_body"
+    own = system.components[body].values
+    if "inertia" not in own or not {*series.values()} <= _there(system):
         return None
     axes = np.reshape(own["axes_wheel"], (3, 4))
     there = np.flatnonzero(np.linalg.norm(axes, axis=0) > 0.0)
-    known = {**coils.values, "drive": coils.choice("drive") if "drive" in coils.values else ""}
-    most = management.most_of_coils(known)
-    capacity = min((x for x in own["inertia_wheel"] if x > 0.0), default=0.0) * (
-        flown.system.components[parts.wheels].values["speed_limit"])  # fmt: skip
+    spin = [x for x in own["inertia_wheel"] if x > 0.0]
+    capacity = min(spin, default=0.0) * system.components[wheels].values["speed_limit"]
     unit = "mN.m.s" if capacity < 1.0 else "N.m.s"
-    axes_coil = np.reshape(known.get("axes_coil", np.zeros((3, 1))), (3, -1))
-    axes_coil = axes_coil[:, np.linalg.norm(axes_coil, axis=0) > 0.0]
-    values = {"inertia": f"{parts.spacecraft}.inertia", "axes": f"{parts.spacecraft}.axes_wheel",
-              "spin": f"{parts.spacecraft}.inertia_wheel", "rotors": f"{parts.wheels}.inertia_wheel",
-              "limit": f"{parts.wheels}.speed_limit"}  # fmt: skip
+    names = {"inertia": f"{body}.inertia", "axes": f"{body}.axes_wheel",
+             "spin": f"{body}.inertia_wheel", "rotors": f"{wheels}.inertia_wheel",
+             "limit": f"{wheels}.speed_limit"}  # fmt: skip
     return {
-        "series": names, "there": there.tolist(), "target": list(parts.target),
-        "inverse": np.linalg.pinv(axes[:, there]).tolist(),
-        "coils": None if most is None else {
-            "most": [f"{parts.torquers}.m_limit", most / known["m_limit"]],
-            "inverse": np.linalg.pinv(axes_coil).tolist(),
-            "period": management.rows_a_period(known, flown.system.step),
-        },
-        "label": f"fullest wheel [{pretty_unit(unit)}]",
-        "scale": scale("N.m.s", unit), "of": values, "values": [*values.values(), f"{parts.torquers}.m_limit"],
+        "series": series, "there": there.tolist(), "target": list(parts.target),
+        "inverse": np.linalg.pinv(axes[:, there]).tolist(), "of": names,
+        "coils": _coils(system, torquers), "values": [*names.values(), f"{torquers}.m_limit"],
+        "label": f"fullest wheel [{pretty_unit(unit)}]", "scale": scale("N.m.s", unit),
         "names": {"momentum": management.OF_MOMENTUM, "coils": management.OF_COILS,
                   "wheels": management.OF_WHEELS, "balance": management.OF_BALANCE},
         "titles": {k: (t, pretty_unit(u)) for k, (t, u) in management.TITLES.items()},
         "required": {k: r for k in management.TITLES if (r := _required(flown.content, k))},
     }  # fmt: skip
+
+
+def _coils(system: System, torquers: str) -> dict[str, Any] | None:
+    """What the duty of coils is made of; None where they have no limit."""
+    component = system.components[torquers]
+    known = dict(component.values)
+    if "drive" in known:
+        known["drive"] = component.choice("drive")
+    if (most := management.most_of_coils(known)) is None:
+        return None
+    axes = np.reshape(known["axes_coil"], (3, -1))
+    return {
+        "most": [f"{torquers}.m_limit", most / known["m_limit"]],
+        "inverse": np.linalg.pinv(axes[:, np.linalg.norm(axes, axis=0) > 0.0]).tolist(),
+        "period": management.rows_a_period(known, system.step),
+    }
 
 
 # --- the page -----------------------------------------------------------------------------------

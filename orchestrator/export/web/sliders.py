@@ -79,8 +79,10 @@ def asked_of(text: str, system: System) -> Slider:
     name, equals, ends = text.partition("=")
     low, colon, high = ends.partition(":")
     if not (equals and colon and low.strip() and high.strip()):
-        raise DesatError(f"--slider {text}: the form is NAME=FROM:TO, as "
-                         "torquers.m_limit=0.1:0.4 or 'torquers.m_limit=0.1 A.m2:0.4 A.m2'")
+        raise DesatError(
+            f"--slider {text}: the form is NAME=FROM:TO, as "
+            "torquers.m_limit=0.1:0.4 or 'torquers.m_limit=0.1 A.m2:0.4 A.m2'"
+        )
     found = _slider(name.strip(), system, f"--slider {text}")
     _, signals = _signals(name.strip(), system, f"--slider {text}")
     interface = system.components[found.targets[0].partition(".")[0]].interface
@@ -152,8 +154,12 @@ def _signals(name: str, system: System, where: str) -> tuple[list[str], Sequence
         c.name for c in system.components.values()
         if any(s.shared for s in c.interface.elements.get(variable, ()))
     ]  # fmt: skip
-    known = {f"{c.name}.{array}" for c in system.components.values() for array, of in
-             c.interface.arrays.items() if of[0].causality == "parameter" and _moves(of[0])}
+    known = {
+        f"{c.name}.{array}"
+        for c in system.components.values()
+        for array, of in c.interface.arrays.items()
+        if of[0].causality == "parameter" and _moves(of[0])
+    }
     component = system.components.get(owners[0]) if owners else None
     signals = component.interface.elements.get(variable, ()) if component is not None else ()
     if not signals:
@@ -174,8 +180,9 @@ def _why(signal: Signal) -> str:
     """What a signal is that is no slider."""
     if signal.array in BAKED:
         return "what the loop is written out with"
-    return f"a choice of {', '.join(signal.choices)}" if signal.choices else (
-        f"of the type {signal.kind}" if signal.kind != "Real" else f"an {signal.causality}")  # fmt: skip
+    if signal.choices:
+        return f"a choice of {', '.join(signal.choices)}"
+    return f"of the type {signal.kind}" if signal.kind != "Real" else f"an {signal.causality}"
 
 
 def _slider(name: str, system: System, where: str) -> Slider:
