@@ -178,7 +178,7 @@ const first = flight.begin(law, { ...moved, "wheels.speed_limit": -1 });
 const said = flight.begin(law, moved);
 while (flight.some());
 const told = { first, said, fault: flight.fault, table: flight.table, numbers: flight.numbers(),
-  plots: flight.law.plots.map((p) => flight.plot(p)), fullest: flight.fullest(),
+  plots: flight.law.plots.map((p) => flight.plot(p)), fullest: flight.law.managed && flight.fullest(),
   series: Object.fromEntries(Object.keys(flight.law.series).map((name) =>
     [name, Array.from(flight.series(name).data)])) };""", [told, worker, law, moved])  # fmt: skip
 

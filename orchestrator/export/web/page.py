@@ -230,6 +230,7 @@ def _told(
         *(MEASURES[m] for m in sorted(used)), *_MANAGEMENT,
         *(QUANTITIES[d].function for d in sorted(used_derived)),
     ])  # fmt: skip
+    assert not lacking.keys() & {f.__name__ for f in _MANAGEMENT}, lacking
     laws = [_law(f, sliders, loop, lacking, notes) for f, loop in zip(flown, loops, strict=True)]
     seconds, unit = time_axis(np.array([first.start, first.stop]))
     return code, {

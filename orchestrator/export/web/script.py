@@ -260,7 +260,7 @@ class _Function(_Expressions):
                 pass  # its docstring
             case ast.Return(value) if value is not None:
                 yield f"return {self.of(value)};"
-            case ast.Assign([target], value):
+            case ast.Assign([target], value) | ast.AnnAssign(target, _, value) if value is not None:
                 yield self._assigned(target, self.of(value))
             case ast.AugAssign(target, op, value):
                 source = ast.parse(ast.unparse(target), mode="eval").body
