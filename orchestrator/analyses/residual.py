@@ -96,7 +96,12 @@ def carrier_of(given: Mapping[str, Parameter]) -> tuple[Array, Array]:
     part, kg m2, and the wheels' axes (3, 4)."""
     axes = np.reshape(given["axes_wheel"].value, (3, 4))
     spin = np.array(given["inertia_wheel"].value)
-    return np.reshape(given["inertia"].value, (3, 3)) - (axes * spin) @ axes.T, axes
+    return carrier(np.reshape(given["inertia"].value, (3, 3)), axes, spin), axes
+
+
+def carrier(inertia: Array, axes: Array, spin: Array) -> Array:
+    """The inertia (3, 3) of a body without the axial part of rotors of these axes (3, n)."""
+    return inertia - (axes * spin) @ axes.T
 
 
 def balanced(parts: RigidBodyParts) -> list[str]:

@@ -290,10 +290,10 @@ def write(folder: Path) -> tuple[Path, CampaignSummary]:
     text = render(
         "campaign.html", told=told, plan=plan, title=f"Campaign of {told['target']}",
         figures=_figures(folder, plan, told), small=(small := _histograms(folder, told)),
-        script=script("campaign.js", {
+        script=script({
             "command": rerun(folder, "").rstrip(),
             "histograms": [{"edges": s.edges, "cases": s.cases, "counts": s.counts} for s in small],
-        }),
+        }, "campaign.js"),
         number=shown, not_reached=not_reached, unit=pretty_unit,
         kept=sorted(p.name for p in (folder / "kept").glob("*")),
     )  # fmt: skip

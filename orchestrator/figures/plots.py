@@ -237,7 +237,7 @@ def limits_of(
     numbers, that hold in this run."""
     limits = []
     for limit in given:
-        if any(_parameter(parameters, k) == v for k, v in limit.unless.items()):
+        if any(parameter_of(parameters, k) == v for k, v in limit.unless.items()):
             continue
         value, name = limit.value, "limit"
         if isinstance(value, str):
@@ -248,7 +248,7 @@ def limits_of(
     return limits
 
 
-def _parameter(parameters: Table, name: str) -> Any:
+def parameter_of(parameters: Table, name: str) -> Any:
     """The value of `component.parameter` or `component.parameter[i]`; None if unknown."""
     try:
         return value_of(name, parameters)[0]

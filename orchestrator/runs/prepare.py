@@ -260,16 +260,22 @@ def _changed(
     }
 
 
+def drafted(target: Target, options: Options) -> Draft:
+    """The draft of a target with the options applied: values as they are given, references too.
+    Raises DesatError where it cannot be had."""
+    if isinstance(options.stop, str):
+        options = with_stop(target, options)
+    draft = target.draft(options.blocks, options.design is None, options.outside)
+    _modify(draft, target.scenario, options)
+    return draft
+
+
 def resolved(target: str | Target, options: Options) -> tuple[System, Any]:
     """The system of a target with the options applied, unchecked; and, where its design is made for
     the values of each draw, what its scenario says of it. Raises DesatError where it cannot be had.
     """
     target = read(target) if isinstance(target, str) else target
-    if isinstance(options.stop, str):
-        options = with_stop(target, options)
-    draft = target.draft(options.blocks, options.design is None, options.outside)
-    _modify(draft, target.scenario, options)
-    found = resolve(draft)
+    found = resolve(drafted(target, options))
     if found.system is None:
         raise DesatError("\n".join(found.problems))
     return found.system, target.scenario and target.scenario.each_draw

@@ -24,7 +24,16 @@ from ..numbers.derived import pointing
 from ..numbers.text import number
 from ..runs.prepare import Target, prepare, read
 from ..runs.run import Options, Run, simulate
-from ..sizing.compatibility import ROLE, Fitting, Refused, fitting, prepare_with, terms_of
+from ..sizing.compatibility import (
+    ALL,
+    ROLE,
+    Fitting,
+    Refused,
+    fitting,
+    law_name,
+    prepare_with,
+    terms_of,
+)
 from ..sizing.flight import attitude_of, values_of
 from ..system.errors import DesatError, RunError, nearest
 from ..system.model import System
@@ -244,15 +253,7 @@ def choose(
     DesatError for a craft that cannot fly with its own, and where a criterion is of something that
     it has not."""
     source = read(target)
-    own = prepare(source, options)
-    system, _ = own.or_raise()
-    values_of(system)  # the roles that this asks of
-    progress("its own law")
-    first = _fly(own.options, source, system).or_raise(target)
-    r, v, b, q = (first.results.values(s) for s in ORBIT)
-    inertial = attitude_of(system, q, r, v).kind in ("inertial", "sun")
-    found, refused = fitting(source, options, terms_of(period_of(r[0], v[0]), b, inertial), laws,
-                             others)  # fmt: skip
+    first, found, refused = laws_of(source, options, laws, others, progress)
     flown, runs, warnings = [found[0]], [first], [*first.manifest.warnings]
     for k, law in enumerate(found[1:], 2):
         progress(f"{k} of {len(found)}: {law.name}")
@@ -286,6 +287,52 @@ def choose(
     names = [law.name for law in flown]
     beside = of_runs(names, runs, warnings)
     return Ranking(target, tuple(known), tuple(ranked), tuple(refused), beside)
+
+
+def laws_of(
+    source: Target, options: Options, laws: Sequence[str], others: Sequence[str] = (),
+    progress: Callable[[str], None] = lambda text: None,
+) -> tuple[Run, list[Fitting], list[Refused]]:  # fmt: skip
+    """A craft flown with its own law, which gains by rule go by, and the laws that fit it, its own
+    first, with their gains, and those that do not. Raises DesatError as `choose`."""
+    own = prepare(source, options)
+    system, _ = own.or_raise()
+    values_of(system)  # the roles that this asks of
+    progress("its own law")
+    first = _fly(own.options, source, system).or_raise(source.text)
+    r, v, b, q = (first.results.values(s) for s in ORBIT)
+    inertial = attitude_of(system, q, r, v).kind in ("inertial", "sun")
+    terms = terms_of(period_of(r[0], v[0]), b, inertial)
+    return first, *fitting(source, options, terms, laws, others)
+
+
+def options_of_laws(
+    target: str, options: Options, asked: Sequence[str]
+) -> dict[str, Options]:  # fmt: skip
+    """Of a craft's own law, and of those that are asked for beside it, by name, the options of a
+    run; what a gain follows of the craft stays a product of its parameters. Raises DesatError for a
+    law that does not fit."""
+    source = read(target)
+    system, _ = prepare(source, options).or_raise()
+    if not asked:
+        manager = system.roles.get(ROLE)
+        return {law_name(manager) if manager else system.name: options}
+    files = [name for name in asked if Path(name).suffix in (".py", ".fmu")]
+    _, found, refused = laws_of(source, options, [x for x in asked if x not in files], files)
+    for law in refused:
+        if ALL not in asked:
+            raise DesatError(f"--law {law.name}: {law.why}")
+    return {law.name: _following(source, law) for law in found}
+
+
+def _following(source: Target, law: Fitting) -> Options:
+    """The options of a law, with the products that its parameters follow in place of their
+    values."""
+    component = prepare_with(source, law).or_raise()[0].components[ROLE]
+    follows = {f"{ROLE}.{s.array}": s.follows for s in component.interface.parameters if s.follows}
+    values = {name: follows[name] if law.gains.get(name.partition(".")[2]) == follows.get(name)
+              else value for name, value in law.options.values.items()}  # fmt: skip
+    return replace(law.options, values=values)
 
 
 def _fly(options: Options, source: Target, system: System) -> Run:
