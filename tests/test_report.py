@@ -8,9 +8,7 @@ from __future__ import annotations
 
 import base64
 import json
-import os
 import re
-import shutil
 import webbrowser
 from pathlib import Path
 
@@ -260,23 +258,7 @@ def test_histograms_name_the_cases_of_each_bar(campaign):
 
 # --- in a browser -------------------------------------------------------------------------------
 
-CHROMIUM = os.environ.get("DESAT_CHROMIUM") or shutil.which("chromium") or shutil.which(
-    "google-chrome")  # fmt: skip
 RANGES = "desat.shown.map(u => [u.scales.x.min, u.scales.x.max])"
-
-
-@pytest.fixture(scope="module")
-def browser():
-    api = pytest.importorskip("playwright.sync_api", reason="no playwright")
-    if CHROMIUM is None:
-        pytest.skip("no Chromium")
-    with api.sync_playwright() as started:
-        made = started.chromium.launch(
-            executable_path=CHROMIUM, timeout=30_000,
-            args=["--no-sandbox", "--headless", "--lang=en-US"],
-        )  # fmt: skip
-        yield made
-        made.close()
 
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])
