@@ -12,9 +12,9 @@ from lxml import etree
 
 from benchmarks.pages import figures
 from benchmarks.pages.series import Series
-from desat.export.series import _paint
 from desat.figures import canvas, plots
 from desat.figures.canvas import INCH, Dots, Figure, Shape, Words
+from desat.figures.painting import paint
 from desat.figures.plots import series_figure
 from desat.language.scenario import Plot
 
@@ -213,7 +213,7 @@ def test_matplotlib_paints_the_same_shapes(tmp_path):
     ax.band(-0.5, 0.5, "#00ff00")
     ax.plot([0.0, 1.0], [1.0, 1.0], "#ff0000", width=4.0)
     ax.plot([0.5], [-1.0], "#0000ff", width=0.0, marker=12.0)
-    _paint(figure, tmp_path / "a.png", "png")
+    paint(figure, tmp_path / "a.png", "png")
     pixels = imread(tmp_path / "a.png")[..., :3]
     scale = 150.0 / INCH
 

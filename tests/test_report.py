@@ -22,7 +22,7 @@ from typer.testing import CliRunner
 from desat import cli
 from desat.campaign import store
 from desat.figures import interactive
-from desat.figures.canvas import Figure
+from desat.figures.canvas import Figure, Ticks
 from desat.figures.plots import timeline
 from desat.report import report
 from desat.runs.run import Options, execute, load_run
@@ -103,26 +103,42 @@ def test_a_day_of_thirty_series_is_below_3_megabytes():
     size = len(json.dumps(told)) + sum(len(f.svg()) for f in figures)
     script = sum(p.stat().st_size for p in Path(report.__file__).parents[1].glob("templates/**/*"))
     assert 500_000 < size + script < 3_000_000
-    assert len(told["times"]) == 1  # of all plots
+    assert len(told["grids"]) == 1  # of all plots
     assert {len(numbers(s)) for p in told["plots"] for s in p["series"]} == {told["most"]}
 
 
-@pytest.mark.parametrize("of", ["upright", "points", "area", "no times", "two ordinates"])
+@pytest.mark.parametrize("of", ["bars", "names below", "turns back", "two ordinates"])
 def test_what_the_script_cannot_draw_stays_svg(of):
     drawn = figure(1)
     (ax,) = drawn.axes
-    if of == "upright":
-        ax.upright(3.0, "#000000")
-    elif of == "points":
-        ax.plot([1.0], [2.0], "#000000", width=0.0, marker=3.0)
-    elif of == "area":
-        ax.area([1.0, 2.0, 3.0], 0.0, 1.0, "#000000")
-    elif of == "no times":
-        ax.x.seconds = 0.0
+    if of == "bars":
+        ax.bars([1.0, 2.0], [2.0, 3.0], [1.0, 2.0], "#000000")
+    elif of == "names below":
+        ax.x.ticks = Ticks((1.0,), ("one",))
+    elif of == "turns back":
+        ax.plot([1.0, 2.0, 1.5], [2.0, 3.0, 1.0], "#000000")
     else:
         ax.right = Figure(1.0, 1.0).add()
     told = interactive.data_of([drawn, figure(1)])
     assert [bool(p) for p in told["plots"]] == [False, True]
+
+
+def test_points_areas_and_upright_lines_are_drawn_over_any_x():
+    drawn, x = Figure(7.2, 2.9), np.array([0.1, 0.2, 0.4])
+    ax = drawn.add()
+    ax.x.log, ax.x.label, ax.y.label = True, "coil [A m²]", "duty [%]"
+    ax.plot(x, 1.0 / x, "#112233", label="model")
+    ax.plot(x[1:], 1.1 / x[1:], "#112233", width=0.0, marker=6.0, hollow=True, label="closed loop")
+    ax.area(x, 0.0, x, "#445566", alpha=0.3, label="all")
+    ax.upright(0.15, "#000000", label="least")
+    (plot,) = interactive.data_of([drawn])["plots"]
+    assert (plot["axis"], plot["unit"], plot["xlog"], plot["seconds"]) == ("coil", "A m²", True, 0)
+    assert [s["label"] for s in plot["series"]] == ["model", "closed loop", "all: least",
+                                                    "all: most"]  # fmt: skip
+    assert [s["points"] for s in plot["series"]] == [0.0, 6.0, 0.0, 0.0]
+    assert [s["area"] for s in plot["series"]] == [0.0, 0.0, 0.3, 0.3]
+    assert np.allclose(numbers(plot["series"][3]), x)
+    assert plot["upright"] == [{"label": "least", "colour": "#000000", "at": 0.15}]
 
 
 def test_limits_go_across_and_fast_lines_are_whole():
@@ -191,7 +207,7 @@ def test_the_page_stands_alone_and_nobodys_names_end_its_script(page):
     assert told.findall(".//img") == []
     assert not told.xpath("//*[@src] | //link | //b[starts-with(., 'x')]")
     assert not re.search(r"url\(|@import", text)
-    data = json.loads(told.find(".//script[@id='told']").text)
+    data = json.loads(told.find(".//script[@id='drawn']").text)
     figures = told.findall(".//figure")
     assert len(data["plots"]) == len(figures) == len(told.xpath("//div[@class='still']/svg"))
     assert all(data["plots"])
@@ -203,9 +219,9 @@ def test_the_page_stands_alone_and_nobodys_names_end_its_script(page):
 
 def test_its_data_are_those_of_the_run(page):
     run = load_run(page.parent)
-    data = json.loads(html.fromstring(page.read_text()).find(".//script[@id='told']").text)
+    data = json.loads(html.fromstring(page.read_text()).find(".//script[@id='drawn']").text)
     plot = next(p for p in data["plots"] if p["label"].startswith("momentum of each wheel"))
-    times = np.frombuffer(base64.b64decode(data["times"][plot["time"]]), "<f8")
+    times = np.frombuffer(base64.b64decode(data["grids"][plot["grid"]]), "<f8")
     assert np.allclose(times, run.results.times("wheels.h_wheel"), rtol=0.0, atol=1e-9)
     values = np.column_stack([numbers(s) for s in plot["series"]])
     assert np.allclose(values, 1e3 * run.results.values("wheels.h_wheel"), rtol=1e-6, atol=1e-9)

@@ -183,7 +183,7 @@ def test_the_model_steps_as_written_out(saturation):
 
 @pytest.mark.parametrize(
     ("model", "given", "text"),
-    [("manager_closed_loop", {"centre_gain": 0.5}, "remembers"),
+    [("manager_closed_loop", {"centre_gain": 0.5}, "with memory"),
      ("manager_integrated", {}, "no law of the momentum alone"),
      ("manager_combined", {}, "no law of the momentum alone")],
 )  # fmt: skip
@@ -197,7 +197,7 @@ def test_what_is_no_law_of_the_momentum_alone_is_refused(model, given, text):
 
 def test_a_law_that_plans_by_the_momentum_is_refused():
     system, run = day_of("space_telescope/open-me-nominal")
-    with pytest.raises(UnsuitedError, match="remembers"):
+    with pytest.raises(UnsuitedError, match="with memory"):
         ask(law_of(system.components["manager"]), run, np.arange(0, 4000, 10))
 
 

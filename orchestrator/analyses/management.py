@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,6 +31,7 @@ from .residual import carrier_of, missing
 
 if TYPE_CHECKING:
     from ..engine.recording.results import Results
+    from ..figures.canvas import Figure
 
 KEY = "management"
 NUMBERS = (
@@ -218,7 +219,7 @@ TITLES: Mapping[str, tuple[str, str]] = {
     "sum_rms": ("Total wheel momentum (body frame), rms", "N.m.s"),
     "sum_largest": ("Total wheel momentum (body frame), largest", "N.m.s"),
     "null_rms": ("Null-space momentum of the most loaded wheel, rms", "N.m.s"),
-    "coil_duty": ("Coil duty: mean dipole of the most loaded coil (share of its largest)", "%"),
+    "coil_duty": ("Coil duty: mean dipole of the coils (share of their largest)", "%"),
     "coil_limit_share": ("Time with a coil saturated", "%"),
     "momentum_margin": ("Smallest momentum margin of a wheel", "%"),
     "limit_time": ("Time with a wheel saturated", "s"),
@@ -290,10 +291,33 @@ def balanced(parts: ManagementParts) -> list[str]:
 def compare(manifest: Manifest, results: Results) -> tuple[float, float] | None:
     """The wheels' momentum less its target over the second half, and what it would have been
     without management: rms (N m s). None where too little is recorded or known."""
-    return results.once("managed", lambda: _compare(manifest, results))
+    held = balance(manifest, results)
+    return None if held is None else off_target(held.times, held.stored, held.without, held.target)
 
 
-def _compare(manifest: Manifest, results: Results) -> tuple[float, float] | None:
+class Balance(NamedTuple):
+    """What the wheels hold, and what they would without management."""
+
+    times: Array
+    stored: Array
+    """(rows, 3), N m s, body"""
+    without: Array
+    """the same"""
+    target: Array
+    """(3,), N m s, body"""
+    h: Array
+    """Of each wheel that is there (rows, wheels), N m s."""
+    inverse: Array
+    """Of their axes (wheels, 3)."""
+
+
+def balance(manifest: Manifest, results: Results) -> Balance | None:
+    """The momentum of the wheels with management and without; None where too little is recorded or
+    known."""
+    return results.once("managed", lambda: _balance(manifest, results))
+
+
+def _balance(manifest: Manifest, results: Results) -> Balance | None:
     parts: ManagementParts = manifest.parts[KEY]
     given = manifest.parameters.get(parts.spacecraft, {})
     if (
@@ -316,7 +340,41 @@ def _compare(manifest: Manifest, results: Results) -> tuple[float, float] | None
         managed = managed + fired_impulse(times, q, torque)
     stored = h @ axes.T
     without = unmanaged(q, impulse, stored, body, managed)
-    return off_target(times, stored, without, np.array(parts.target))
+    there = np.linalg.norm(axes, axis=0) > 0.0
+    return Balance(times, stored, without, np.array(parts.target), h[:, there],
+                   np.linalg.pinv(axes[:, there]))  # fmt: skip
+
+
+def figures(manifest: Manifest, results: Results) -> list[tuple[str, Figure]]:
+    """The momentum of the fullest wheel over time, with management and without, and what a wheel
+    can hold."""
+    held = balance(manifest, results)
+    if held is None or not held.h.shape[1]:
+        return []
+    from ..figures.plots import timeline  # heavy, and only for a report
+    from ..figures.style import COLOURS, DOTTED, LIMIT, figure, pretty_unit, time_axis
+
+    parts: ManagementParts = manifest.parts[KEY]
+    fullest = np.abs(held.h).max(axis=1)
+    without = np.abs(held.without @ held.inverse.T).max(axis=1)
+    capacity = _capacity(manifest.values_of(parts.wheels or ""))
+    factor, unit = (1e3, "mN.m.s") if max(fullest.max(), without.max()) < 1.0 else (1.0, "N.m.s")
+    fig, ax = figure()
+    seconds, time_unit = time_axis(held.times)
+    x = held.times / seconds
+    ax.plot(x, factor * fullest, COLOURS[0], width=1.4, label="with management")
+    ax.plot(x, factor * without, COLOURS[1], width=1.2, dash=(4.0, 2.0),
+            label="without (estimated)")  # fmt: skip
+    if capacity > 0.0:
+        most = factor * max(fullest.max(), without.max())
+        text = f"{factor * capacity:.4g}  capacity of a wheel"
+        if factor * capacity < 10.0 * most:
+            ax.level(factor * capacity, LIMIT, width=0.9, dash=DOTTED, label=text)
+        else:
+            ax.plot([np.nan], [np.nan], LIMIT, width=0.9, dash=DOTTED, label=f"{text}: far beyond")
+    timeline(ax, seconds, time_unit)
+    ax.y.label, ax.y.low = f"momentum [{pretty_unit(unit)}]", 0.0
+    return [("Momentum of the fullest wheel, with management and without", fig)]
 
 
 def fired_impulse(times: Array, q: Array, torque: Array) -> Array:

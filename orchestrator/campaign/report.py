@@ -14,7 +14,7 @@ from markupsafe import Markup
 from numpy.typing import NDArray
 
 from ..figures.canvas import INCH, Axes, Figure
-from ..figures.plots import limits_of, scatter
+from ..figures.plots import limits_of, scattered
 from ..figures.style import (
     COLOURS,
     DASHED,
@@ -31,7 +31,7 @@ from ..language.scenario import Plot
 from ..numbers.numbers import late
 from ..numbers.text import not_reached
 from ..numbers.text import number as shown
-from ..report.report import render, script, write_page
+from ..report.report import figures_of, render, script, write_page
 from ..runs.manifest import write_json
 from ..runs.prepare import prepare
 from ..system.errors import DesatError
@@ -287,9 +287,11 @@ def write(folder: Path) -> tuple[Path, CampaignSummary]:
     """Write report.html and report.json of a campaign; their path and what they say."""
     plan, told = read(folder), summary(folder)
     write_json(folder / "report.json", told)
+    drawn = _figures(folder, plan, told)
     text = render(
         "campaign.html", told=told, plan=plan, title=f"Campaign of {told['target']}",
-        figures=_figures(folder, plan, told), small=(small := _histograms(folder, told)),
+        **figures_of([(f.caption, f.figure) for f in drawn]), commands=[f.commands for f in drawn],
+        small=(small := _histograms(folder, told)),
         script=script({
             "command": rerun(folder, "").rstrip(),
             "histograms": [{"edges": s.edges, "cases": s.cases, "counts": s.counts} for s in small],
@@ -304,7 +306,7 @@ class _Figure(NamedTuple):
     """A figure of the report, and the commands of the cases that it names."""
 
     caption: str
-    image: Markup
+    figure: Figure
     commands: Sequence[str] = ()
 
 
@@ -321,11 +323,10 @@ def _figures(folder: Path, plan: CampaignPlan, told: CampaignSummary) -> list[_F
         caption = (
             f"{entry['title']} over {driver['input']}, rank correlation {driver['correlation']:.2f}"
         )
-        label = axis_label(driver["number"], entry["unit"], 2.4)
+        label = axis_label(entry["title"], entry["unit"], 2.4)
         unit = described.get(f"in.{driver['input'].partition('[')[0]}", {}).get("unit", "")
         below = axis_label(driver["input"], unit, 6.0)
-        image = scatter({"": (x, y)}, below, label, size=2.0)
-        made.append(_Figure(caption, Markup(image)))
+        made.append(_Figure(caption, scattered({"": (x, y)}, below, label, size=2.0)))
     return made
 
 
@@ -412,12 +413,12 @@ def _curves(folder: Path, plan: CampaignPlan) -> list[_Figure]:
             f"percentiles over {len(rows)} cases"
         )
         worst = [(rows[i][0], curves[i]) for i in order]
-        image = percentiles(title, unit, times, curves, worst, _limits(plan, plot, unit))
-        made.append(_Figure(caption, Markup(image), [rerun(folder, case) for case, _ in worst]))
+        figure = percentiles(title, unit, times, curves, worst, _limits(plan, plot, unit))
+        made.append(_Figure(caption, figure, [rerun(folder, case) for case, _ in worst]))
     return made
 
 
-# --- Figures of a campaign, as SVG text ---------------------------------------------------------
+# --- Figures of a campaign ----------------------------------------------------------------------
 
 
 Array = NDArray[np.float64]
@@ -427,7 +428,7 @@ LEVELS = (5.0, 50.0, 95.0, 99.0)
 def percentiles(
     title: str, unit: str, times: Array, curves: Array, worst: Sequence[tuple[int, Array]],
     limits: Sequence[tuple[str, float]] = (),
-) -> str:  # fmt: skip
+) -> Figure:  # fmt: skip
     """Percentile curves of envelopes (cases, parts) at times (parts,), their extremes, the worst
     cases by name, and limits by name."""
     fig, ax = figure(3.3)
@@ -449,7 +450,8 @@ def percentiles(
                  label=name)  # fmt: skip
     ax.x.label, ax.y.label = f"time [{time_unit}]", axis_label(title, unit, 2.4)
     ax.y.low = 0.0
-    return fig.svg()
+    ax.x.seconds = scale
+    return fig
 
 
 def histogram(

@@ -1,5 +1,5 @@
-"""Figures over time for a page's script (`report.js`, which has uPlot draw them): what the SVG of
-`canvas` shows, with more points, as JSON.
+"""Figures for a page's script (`figures.js`, which has uPlot draw them): what the SVG of `canvas`
+shows, with more points, as JSON.
 
 Series of a figure share their times. Those of more rows than there is room for are thinned to the
 least and most of parts of equal length; all figures of a page together stay below 1.3 MB.
@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import base64
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,16 +24,46 @@ FEWEST, MOST = 400, 20_000
 
 
 def data_of(figures: Sequence[Figure]) -> dict[str, Any]:
-    """`times`: grids of times (s), base64 of little-endian doubles; `plots`: a figure each, None
-    for one that the script cannot draw, of which the SVG stays; `most`: values of a line."""
-    lines = [[m for m in f.axes[0].marks if _is_line(m)] if _drawable(f) else [] for f in figures]
+    """`grids`: values of x (of times s), base64 of little-endian doubles; `plots`: a figure each,
+    None for one that the script cannot draw, of which the SVG stays; `most`: values of a line."""
+    lines = [_lines(f.axes[0]) if _drawable(f) else [] for f in figures]
     room = min(MOST, max(FEWEST, VALUES // max(sum(map(len, lines)), 1)))
     grids: dict[bytes, int] = {}
     plots = [
         _plot(figure.axes[0], own, room, grids) if own else None
         for figure, own in zip(figures, lines, strict=True)
     ]
-    return {"times": [base64.b64encode(g).decode() for g in grids], "plots": plots, "most": room}
+    return {"grids": [base64.b64encode(g).decode() for g in grids], "plots": plots, "most": room}
+
+
+class _Line(NamedTuple):
+    """A line, or one of the two edges of an area."""
+
+    mark: Mark
+    x: Array
+    y: Array
+    label: str
+    edge: bool = False
+
+
+def _lines(ax: Axes) -> list[_Line]:
+    """The lines of axes; an area gives two, the least first."""
+    bare = _bare(ax)
+    lines = []
+    for m in ax.marks:
+        if _is_area(m):
+            half, label = len(m.x) // 2, m.name or m.label or bare
+            lines += [_Line(m, m.x[:half], m.y[:half], f"{label}: least", True),
+                      _Line(m, m.x[:half], m.y[half:][::-1], f"{label}: most", True)]  # fmt: skip
+        elif _is_line(m):
+            x, y = m.whole or (m.x, m.y)
+            lines.append(_Line(m, x, y, m.name or m.label or bare))
+    return lines
+
+
+def _bare(ax: Axes) -> str:
+    """What is drawn, without its unit."""
+    return " ".join(ax.y.label.split("\n")).partition("[")[0].strip() or "value"
 
 
 def _is_across(mark: Mark) -> bool:
@@ -42,42 +72,59 @@ def _is_across(mark: Mark) -> bool:
     return 0 < len(mark.x) <= 4 and not np.isfinite(mark.x).any()
 
 
+def _is_upright(mark: Mark) -> bool:
+    return len(mark.y) == 2 and bool(np.isinf(mark.y).all())
+
+
+def _is_area(mark: Mark) -> bool:
+    """Whether it lies between two lines of the same x."""
+    half = len(mark.x) // 2
+    return mark.filled and mark.whole is None and half > 2 and bool(
+        np.array_equal(mark.x[:half], mark.x[half:][::-1])
+    )  # fmt: skip
+
+
 def _is_line(mark: Mark) -> bool:
-    upright = len(mark.y) == 2 and bool(np.isinf(mark.y).any())
-    empty = not len(mark.x)
-    return mark.whole is not None or not (mark.filled or upright or empty or _is_across(mark))
+    return mark.whole is not None or not (
+        mark.filled or not len(mark.x) or _is_upright(mark) or _is_across(mark)
+    )
 
 
 def _drawable(figure: Figure) -> bool:
-    """Whether it has times below, lines, and of areas and levels those that go across only."""
+    """Whether it has lines of growing x, and besides areas and levels that go across only."""
     ax = figure.axes[0]
-    known = all(not m.marker and (_is_line(m) or _is_across(m)) for m in ax.marks)
-    return bool(ax.x.seconds) and ax.right is None and known
+    known = all(_is_line(m) or _is_area(m) or _is_across(m) or _is_upright(m) for m in ax.marks)
+    if not known or ax.right is not None or ax.x.ticks is not None or ax.y.ticks is not None:
+        return False
+    return all(len(line.x) and bool((np.diff(line.x) > 0.0).all()) for line in _lines(ax))
 
 
-def _plot(ax: Axes, lines: Sequence[Mark], room: int, grids: dict[bytes, int]) -> dict[str, Any]:
+def _plot(ax: Axes, lines: Sequence[_Line], room: int, grids: dict[bytes, int]) -> dict[str, Any]:
     seconds = ax.x.seconds
-    x, columns = thinned([m.whole or (m.x, m.y) for m in lines], room)
-    across = [m for m in ax.marks if not _is_line(m)]
+    x, columns = thinned([(line.x, line.y) for line in lines], room)
     label = " ".join(ax.y.label.split("\n"))
-    bare = label.partition("[")[0].strip() or "value"
     low, high = ax.y_range()
     return {
-        "time": grids.setdefault((seconds * x).astype("<f8").tobytes(), len(grids)),
-        "unit": ax.x.label.partition("[")[2].rstrip("]"), "seconds": seconds,
+        "grid": grids.setdefault(((seconds or 1.0) * x).astype("<f8").tobytes(), len(grids)),
+        "axis": ax.x.label.partition("[")[0].strip(),
+        "unit": ax.x.label.partition("[")[2].rstrip("]"), "seconds": seconds, "xlog": ax.x.log,
+        "ends": list(ax.x_range()),
         "label": label, "log": ax.y.log, "range": [low, high],
         "series": [
-            {"label": m.name or m.label or bare, "colour": m.colour,
-             "width": m.width or 1.4, "dash": list(m.dash),
-             "stepped": m.stepped and len(x) == len(m.x),
-             "gaps": bool(np.isnan(m.y.min(initial=0.0))),
+            {"label": line.label, "colour": m.colour, "width": m.width, "dash": list(m.dash),
+             "points": m.marker, "hollow": m.hollow, "area": m.alpha if line.edge else 0.0,
+             "stepped": m.stepped and len(x) == len(line.x),
+             "gaps": bool(np.isnan(line.y.min(initial=0.0))),
              **_encode(values)}
-            for m, values in zip(lines, columns, strict=True)
+            for line, values in zip(lines, columns, strict=True) for m in (line.mark,)
         ],
         "across": [
             {"label": m.label, "colour": m.colour, "low": _finite(m.y.min()),
-             "high": _finite(m.y.max()), "filled": m.filled, "alpha": m.alpha} for m in across
+             "high": _finite(m.y.max()), "filled": m.filled, "alpha": m.alpha}
+            for m in ax.marks if _is_across(m)
         ],
+        "upright": [{"label": m.label, "colour": m.colour, "at": float(m.x[0])}
+                    for m in ax.marks if _is_upright(m)],
         "strips": [
             {"row": s.row, "label": s.label, "colour": s.colour,
              "spans": [round(seconds * t, 6) for span in s.spans for t in span]}

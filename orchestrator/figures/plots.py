@@ -321,10 +321,15 @@ def bands(
 # --- Of several runs together -------------------------------------------------------------------
 
 
-def scatter(
+def scatter(*args: Any, **options: Any) -> str:
+    """`scattered` as SVG."""
+    return scattered(*args, **options).svg()
+
+
+def scattered(
     groups: Mapping[str, tuple[Sequence[float], Sequence[float]]], xlabel: str, ylabel: str, *,
     diagonal: str = "", joined: bool = False, log: str = "", size: float = 5.0,
-) -> str:  # fmt: skip
+) -> Figure:  # fmt: skip
     """Points of a size (pt): {label: (x, y)}, one without a label in no legend; `diagonal` names
     the line y = x, empty for none; `joined`: a line from each to the next; `log`: the axes that are
     logarithmic, of "x", "y", "xy". What is infinite, as a time not reached, has no point."""
@@ -339,4 +344,4 @@ def scatter(
     if diagonal:
         top = max(float(np.nanmax(v)) for pair in drawn.values() for v in pair)
         ax.plot([0, top], [0, top], "#888888", width=0.9, dash=DOTTED, label=diagonal)
-    return fig.svg()
+    return fig

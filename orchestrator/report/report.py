@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 from markupsafe import Markup
 
-from ..analyses import analyses
+from ..analyses import analyses, management
 from ..analyses.manifest import Manifest
 from ..engine.recording.results import Results
 from ..figures import interactive
@@ -55,13 +55,14 @@ def write_report(folder: Path, run: Run, baseline: Run | None = None) -> Path:
     about = manifest.content
     runs = [(label_of(r.manifest), r.results, r.manifest.parameters) for r in (run, baseline) if r]
     plots = about.plots if "plots" in about.written else _default(run.results)
-    drawn = [
+    drawn = management.figures(manifest, run.results) if management.KEY in manifest.parts else []
+    drawn += [
         (plot.title, figure)
         for plot in _deciding_first(plots, manifest) if (figure := series_figure(plot, runs))
     ]  # fmt: skip
     for analysis in analyses():
-        drawn += analysis.figures(manifest, run.results)
-    figures = [_Drawn(i, c, Markup(figure.svg())) for i, (c, figure) in enumerate(drawn)]
+        if analysis.KEY != management.KEY:
+            drawn += analysis.figures(manifest, run.results)
     rows = [
         {
             "title": n.label,
@@ -85,8 +86,7 @@ def write_report(folder: Path, run: Run, baseline: Run | None = None) -> Path:
         label=runs[0][0],
         baseline_label=runs[1][0] if baseline else "",
         baseline_name=baseline.manifest.scenario if baseline else "",
-        figures=figures,
-        **_script([figure for _, figure in drawn]),
+        **figures_of(drawn),
         number=number,
         unit=pretty_unit,
         value=lambda v: ", ".join(number(x) for x in v) if isinstance(v, list) else number(v),
@@ -94,7 +94,7 @@ def write_report(folder: Path, run: Run, baseline: Run | None = None) -> Path:
     return write_page(folder / REPORT, text)
 
 
-class _Drawn(NamedTuple):
+class Drawn(NamedTuple):
     """A figure of the page, by its place among them."""
 
     place: int
@@ -139,15 +139,17 @@ def _deciding_first(plots: Mapping[str, Plot], manifest: Manifest) -> list[Plot]
     return [plots[name] for name in sorted(plots, key=lambda name: name != deciding)]
 
 
-def _script(figures: Sequence[Figure]) -> dict[str, Any]:
-    """What the page's script needs: data, uPlot with its licence, and itself."""
-    told = interactive.data_of(figures)
+def figures_of(drawn: Sequence[tuple[str, Figure]]) -> dict[str, Any]:
+    """What a page that includes `figures.html` needs: its `figures` with captions, and of those
+    that its script draws data, uPlot with its licence, and the script itself."""
+    figures = [Drawn(i, c, Markup(figure.svg())) for i, (c, figure) in enumerate(drawn)]
+    told = interactive.data_of([figure for _, figure in drawn])
     if not any(told["plots"]):
-        return {"plots": False, "uplot_css": "", "most": 0}
+        return {"figures": figures, "plots": False, "uplot_css": "", "most": 0}
     return {
-        "plots": True, "uplot": part("uplot/uPlot.iife.min.js"),
+        "figures": figures, "plots": True, "uplot": part("uplot/uPlot.iife.min.js"),
         "uplot_css": part("uplot/uPlot.min.css"), "licence": part("uplot/LICENSE"),
-        "script": script(told, "axes.js", "report.js"), "most": told["most"],
+        "plot_script": script(told, "axes.js", "figures.js", name="drawn"), "most": told["most"],
     }  # fmt: skip
 
 
@@ -156,14 +158,14 @@ def part(name: str) -> Markup:
     return Markup((files("desat") / "templates" / name).read_text(encoding="utf-8"))
 
 
-def script(told: Any, *names: str) -> Markup:
-    """The elements of a page's script, of these parts, and of the data (JSON) that it finds in
-    `#told`."""
+def script(told: Any, *names: str, name: str = "told") -> Markup:
+    """The elements of a page's script, of these parts, and of the data (JSON) that it finds by its
+    name."""
     # a name of somebody's must not end the element
     data = json.dumps(told, separators=(",", ":")).replace("<", "\\u003c")
     return Markup(
-        '<script type="application/json" id="told">{}</script>\n<script>{}</script>'
-    ).format(Markup(data), Markup("\n").join(map(part, names)))
+        '<script type="application/json" id="{}">{}</script>\n<script>{}</script>'
+    ).format(name, Markup(data), Markup("\n").join(map(part, names)))
 
 
 def _default(results: Results) -> dict[str, Plot]:

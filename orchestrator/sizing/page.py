@@ -10,11 +10,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from markupsafe import Markup
 
 from ..figures.canvas import Figure, Ticks
 from ..figures.style import COLOURS, DASHED, DOTTED, LIMIT, figure
-from ..report.report import render, write_page
+from ..report.report import figures_of, render, write_page
 from .dumps import DumpSizing
 from .map import SizingMap
 from .sizing import Flown, Sizing, duration, momenta
@@ -33,22 +32,19 @@ def versions() -> str:
 
 def write_sizing(made: Sizing, path: Path) -> Path:
     """The page of a sizing. Raises OSError where it cannot be written."""
-    figures = [(caption, Markup(drawn.svg())) for caption, drawn in figures_of(made)]
     path.parent.mkdir(parents=True, exist_ok=True)
     return write_page(path, render(
-        "sizing.html", made=made, figures=figures, rows=rows_of(made), versions=versions(),
-        curve=[cells_of(r) for r in made.curve], inf=inf,
+        "sizing.html", made=made, rows=rows_of(made), versions=versions(),
+        curve=[cells_of(r) for r in made.curve], inf=inf, **figures_of(drawn_of(made)),
     ))  # fmt: skip
 
 
 def write_dumps(made: DumpSizing, path: Path) -> Path:
     """The page of a sizing of dumps. Raises OSError where it cannot be written."""
-    figures = []
-    if made.year:
-        figures = [("A year: propellant, as if each day lasted", Markup(_dump_year(made).svg()))]
+    drawn = [("A year: propellant, as if each day lasted", _dump_year(made))] if made.year else []
     path.parent.mkdir(parents=True, exist_ok=True)
-    return write_page(path, render("sizing_dumps.html", made=made, figures=figures,
-                                   rows=dump_rows(made), versions=versions()))  # fmt: skip
+    return write_page(path, render("sizing_dumps.html", made=made, rows=dump_rows(made),
+                                   versions=versions(), **figures_of(drawn)))  # fmt: skip
 
 
 def dump_rows(made: DumpSizing) -> list[tuple[str, str, str]]:
@@ -81,12 +77,12 @@ def dump_rows(made: DumpSizing) -> list[tuple[str, str, str]]:
 
 def write_map(made: SizingMap, path: Path) -> Path:
     """The page of a map. Raises OSError where it cannot be written."""
-    figures = [(f"{law}: the smallest rod that holds with a duty of "
-                f"{100.0 * made.wishes.duty:g} % and a margin of {made.wishes.margin:g}",
-                Markup(heat_map(made, k).svg())) for k, law in enumerate(made.laws)]  # fmt: skip
+    drawn = [(f"{law}: the smallest rod that holds with a duty of "
+              f"{100.0 * made.wishes.duty:g} % and a margin of {made.wishes.margin:g}",
+              heat_map(made, k)) for k, law in enumerate(made.laws)]  # fmt: skip
     path.parent.mkdir(parents=True, exist_ok=True)
-    return write_page(path, render("sizing_map.html", made=made, figures=figures,
-                                   versions=versions()))  # fmt: skip
+    return write_page(path, render("sizing_map.html", made=made, versions=versions(),
+                                   **figures_of(drawn)))  # fmt: skip
 
 
 def rows_of(made: Sizing) -> list[tuple[str, str, str]]:
@@ -162,7 +158,7 @@ def cells_of(row: Flown) -> list[str]:
 # --- figures ------------------------------------------------------------------------------------
 
 
-def figures_of(made: Sizing) -> list[tuple[str, Figure]]:
+def drawn_of(made: Sizing) -> list[tuple[str, Figure]]:
     """Caption and figure of a sizing."""
     figures = []
     if any(r.duty is not None for r in made.curve):

@@ -11,8 +11,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from markupsafe import Markup
-
 from ..campaign.draws import Draws, draws
 from ..campaign.pairs import Pairs, common, difference, differences
 from ..campaign.plan import PLAN
@@ -20,7 +18,7 @@ from ..engine.recording.results import MANIFEST
 from ..figures.plots import series_figure
 from ..figures.style import pretty_unit
 from ..numbers.text import number
-from ..report.report import render, write_page
+from ..report.report import figures_of, render, write_page
 from ..runs.prepare import prepare, read
 from ..runs.run import Options, Run, load_run, simulate
 from ..system.errors import DesatError
@@ -183,11 +181,10 @@ def write(made: Comparison, path: Path, **more: Any) -> Path:
         for t, run in zip(made.targets, made.runs, strict=True)
     ]  # fmt: skip
     plots = made.runs[0].manifest.content.plots.values()
-    figures = [(plot.title, Markup(drawn.svg())) for plot in plots
-               if (drawn := series_figure(plot, overlaid))]  # fmt: skip
+    drawn = [(p.title, figure) for p in plots if (figure := series_figure(p, overlaid))]
     path.parent.mkdir(parents=True, exist_ok=True)
     pairs = list(zip(made.targets, made.runs, strict=True))
-    return write_page(path, render("compare.html", made=made, figures=figures, pairs=pairs,
+    return write_page(path, render("compare.html", made=made, pairs=pairs, **figures_of(drawn),
                                    **{"choice": None, "pareto": (), **more}))  # fmt: skip
 
 

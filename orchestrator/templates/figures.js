@@ -1,13 +1,20 @@
-// The figures of a page, drawn by uPlot: zoom, values under the pointer, series by the legend; all
-// axes of times move together. What cannot be drawn keeps its SVG, as do print and no JavaScript.
+// The figures of a page, drawn by uPlot: zoom, values under the pointer, series by the legend; axes
+// of the same quantity move together. What cannot be drawn keeps its SVG, as do print and no
+// JavaScript.
 (() => {
   "use strict";
-  const told = JSON.parse(document.getElementById("told").textContent);
+  const told = JSON.parse(document.getElementById("drawn").textContent);
   const ROW = 9; // of a strip of modes, px
   const bytes = (text) => Uint8Array.from(atob(text), (c) => c.charCodeAt(0)).buffer;
-  const times = told.times.map((text) => new Float64Array(bytes(text)));
-  const first = Math.min(...times.map((t) => t[0]));
-  const last = Math.max(...times.map((t) => t[t.length - 1]));
+  const grids = told.grids.map((text) => new Float64Array(bytes(text)));
+  const ends = {}; // of x, by its quantity
+  for (const plot of told.plots) {
+    if (!plot) continue;
+    const x = grids[plot.grid];
+    const own = plot.seconds ? [x[0], x[x.length - 1]] : plot.ends;
+    const [low, high] = ends[plot.axis] || own;
+    ends[plot.axis] = [Math.min(low, own[0]), Math.max(high, own[1])];
+  }
   let shown = [];
   let linking = false;
 
@@ -22,15 +29,22 @@
     const { min, max } = from.scales.x;
     for (const other of shown) {
       const now = other.scales.x;
-      if (now.min !== min || now.max !== max) other.setScale("x", { min, max });
+      if (other.quantity !== from.quantity || (now.min === min && now.max === max)) continue;
+      other.setScale("x", { min, max });
     }
-    const zoomed = min > first || max < last;
+    const zoomed = shown.some((u) => {
+      const [low, high] = ends[u.quantity];
+      return u.scales.x.min > low || u.scales.x.max < high;
+    });
     document.documentElement.classList.toggle("zoomed", zoomed);
     linking = false;
   }
 
   function reset() {
-    for (const made of shown) made.setScale("x", { min: first, max: last });
+    for (const made of shown) {
+      const [min, max] = ends[made.quantity];
+      made.setScale("x", { min, max });
+    }
   }
 
   function under(u, plot) { // strips of modes, and bands and limits across
@@ -78,6 +92,16 @@
       ctx.lineTo(left + width, low);
       ctx.stroke();
     }
+    for (const line of plot.upright) {
+      const x = u.valToPos(line.at, "x", true);
+      ctx.strokeStyle = colour(line.colour);
+      ctx.lineWidth = 1.2 * ratio;
+      ctx.setLineDash([4 * ratio, 3 * ratio]);
+      ctx.beginPath();
+      ctx.moveTo(x, top);
+      ctx.lineTo(x, top + height);
+      ctx.stroke();
+    }
     ctx.restore();
   }
 
@@ -86,13 +110,14 @@
   function key(plot, into) { // what limits and strips are; of strips, what holds under the pointer
     const list = document.createElement("p");
     list.className = "key note";
-    const entries = [...plot.across.filter((x) => x.label), ...plot.strips];
+    const entries = [...plot.across, ...plot.upright].filter((x) => x.label).concat(plot.strips);
     const spots = entries.map((entry) => {
       const item = document.createElement("span");
       const spot = document.createElement("i");
       spot.style.background = entry.spans || entry.filled ? entry.colour : "none";
       if (!entry.spans) spot.style.opacity = entry.filled ? 0.5 : 1;
-      if (!entry.spans && !entry.filled) spot.style.borderTop = `2px dotted ${entry.colour}`;
+      const side = "at" in entry ? "borderLeft" : "borderTop";
+      if (!entry.spans && !entry.filled) spot.style[side] = `2px dotted ${colour(entry.colour)}`;
       item.append(spot, entry.label);
       list.append(item);
       return item;
@@ -109,7 +134,9 @@
   }
 
   function draw(plot, place) {
-    const x = times[plot.time];
+    const x = grids[plot.grid];
+    const [first, last] = ends[plot.axis];
+    const unit = plot.seconds || 1;
     const ink = css("--ink");
     const axis = { stroke: ink, grid: { stroke: css("--grid"), width: 1 }, font: "12px system-ui",
       labelFont: "12px system-ui", labelSize: 18 };
@@ -128,14 +155,14 @@
     const wide = (u, labels) => 16 + 7.5 * Math.max(3, ...(labels || []).map((s) => (s || "").length));
     const options = {
       width: place.clientWidth, height: 290 + depth,
-      scales: { x: { time: false, range: (u, min, max) => [min, max] },
+      scales: { x: { time: false, distr: plot.xlog ? 3 : 1, range: (u, min, max) => [min, max] },
         y: { distr: plot.log ? 3 : 1, range } },
       axes: [
-        { ...inks, ticks: { ...inks.ticks, show: !depth }, label: `time [${plot.unit}]`,
-          size: 32 + depth, gap: 5 + depth,
-          splits: (u, i, min, max) => multiples(min / plot.seconds, max / plot.seconds,
-            (u.width - 80) / 75).map((t) => t * plot.seconds),
-          values: (u, at) => at.map((t) => text(t / plot.seconds, finer(apart(at, plot.seconds)))) },
+        { ...inks, ticks: { ...inks.ticks, show: !depth }, label: plot.unit ? `${plot.axis} [${plot.unit}]` : plot.axis,
+          size: 32 + depth, gap: 5 + depth, filter: (u, at) => at,
+          splits: (u, i, min, max) => plot.xlog ? decades(min, max) : multiples(min / unit, max / unit,
+            (u.width - 80) / 75).map((t) => t * unit),
+          values: (u, at) => at.map((t) => text(t / unit, plot.xlog ? t : finer(apart(at, unit)))) },
         { ...inks, label: plot.label, size: wide,
           splits: plot.log ? (u, i, min, max) => decades(min, max)
             : (u, i, min, max) => multiples(min, max, 8),
@@ -143,18 +170,25 @@
           values: (u, at) => at.map((v) => text(v, plot.log ? v : finer(apart(at, 1)))) },
       ],
       series: [
-        { label: "time", value: (u, t) => (t === null ? "–"
-          : `${text(t / plot.seconds, (last - first) / plot.seconds / 1e4)} ${plot.unit}`) },
+        { label: plot.axis, value: (u, t) => (t === null ? "–"
+          : `${text(t / unit, (last - first) / unit / 1e4)} ${plot.unit}`) },
         ...plot.series.map((s) => ({
-          label: s.label, stroke: colour(s.colour), width: s.width, dash: s.dash.map((d) => 1.5 * d),
-          spanGaps: !s.gaps, points: { show: false },
-          paths: s.stepped ? uPlot.paths.stepped({ align: 1 }) : undefined,
-          value: (u, v) => text(v, (u.scales.y.max - u.scales.y.min) / 1e4),
+          label: s.label, stroke: colour(s.colour), width: s.area ? 0.5 : s.width,
+          dash: s.dash.map((d) => 1.5 * d), spanGaps: !s.gaps,
+          points: s.points ? { show: true, size: s.points + 1, stroke: colour(s.colour),
+            fill: s.hollow ? css("--paper") : colour(s.colour) } : { show: false },
+          paths: s.area || s.width ? (s.stepped ? uPlot.paths.stepped({ align: 1 }) : undefined)
+            : () => null,
+          value: (u, v) => text(v, plot.log ? Math.abs(v) / 1e4
+            : (u.scales.y.max - u.scales.y.min) / 1e4),
         })),
       ],
+      bands: plot.series.flatMap((s, i) => (s.area && plot.series[i + 1]?.area
+        && s.label.endsWith(": least") ? [{ series: [i + 2, i + 1],
+          fill: colour(s.colour) + Math.round(255 * s.area).toString(16).padStart(2, "0") }] : [])),
       cursor: {
         y: false,
-        sync: { key: "time", setSeries: false, scales: ["x", null],
+        sync: { key: plot.axis, setSeries: false, scales: ["x", null],
           filters: { pub: (type) => type === "mousemove" || type === "mouseleave" } },
         drag: { x: true, y: false, setScale: true },
         bind: { dblclick: () => () => { reset(); return null; } },
@@ -166,6 +200,7 @@
       },
     };
     const made = new uPlot(options, [x, ...y], place);
+    made.quantity = plot.axis;
     now = key(plot, place);
     new ResizeObserver(() => {
       if (place.clientWidth && place.clientWidth !== made.width) {
