@@ -186,10 +186,12 @@ while (flight.some());
 const way = [begun, flight.fault];
 const said = flight.begin(law, moved);
 while (flight.some());
-const told = { first, way, said, fault: flight.fault, table: flight.table, numbers: flight.numbers(),
-  plots: flight.law.plots.map((p) => flight.plot(p)), fullest: flight.law.managed && flight.fullest(),
+const told = { first, way, said, fault: flight.fault, table: flight.table,
+  numbers: flight.numbers(), plots: flight.law.plots.map((p) => flight.plot(p)),
+  fullest: flight.law.managed && flight.fullest(),
   series: Object.fromEntries(Object.keys(flight.law.series).map((name) =>
-    [name, Array.from(flight.series(name).data)])) };""", [told, worker, law, moved, FAILS])  # fmt: skip
+    [name, Array.from(flight.series(name).data)])) };""",
+        [told, worker, law, moved, FAILS])  # fmt: skip
 
 
 WITHIN = (1e-12, 1e-10)
