@@ -56,10 +56,8 @@ def _reference(
     system: System, owner: str, name: str, text: str, known: Table
 ) -> dict[str, Any]:  # fmt: skip
     signals = system.components[owner].interface.elements[name]
-    if whole := is_name(text):
-        unit = unit_of(entry(text, known).unit)
-    else:
-        unit = product(text, known)[1]
+    whole = is_name(text)
+    unit = unit_of(entry(text, known).unit) if whole else product(text, known)[1]
     return {
         "name": f"{owner}.{name}", "whole": whole,
         "count": 0 if signals[0].name == name else len(signals),
