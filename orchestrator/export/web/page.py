@@ -106,11 +106,10 @@ def export(
     series = [sorted(_series(f)) for f in flown]
     loops = [_loop(f, targets, of) for f, of in zip(flown, series, strict=True)]
     code, told = _told(target, flown, moved, loops, notes)
-    first = flown[0].system
     found = module.sources(loops)
     told["digest"] = module.digest(found)
     told["wasm"] = base64.b64encode(module.compiled(found)).decode()
-    path = file or Path(f"{first.name.rpartition('/')[2]}.html")
+    path = file or Path(f"{Path(target).absolute().name.removesuffix('.toml')}.html")
     io.replace_text(path, _page(told, code))
     return Made(path, told["digest"], tuple(s.name for s in moved), tuple(notes))
 
