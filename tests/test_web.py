@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import importlib.util
 import json
-import os
 import re
 import shlex
 import shutil
@@ -30,8 +29,6 @@ from desat.numbers.text import number
 from desat.runs.run import Options, Run, execute
 from desat.studies.ranking import options_of_laws
 
-CHROMIUM = os.environ.get("DESAT_CHROMIUM") or shutil.which("chromium") or shutil.which(
-    "google-chrome")  # fmt: skip
 NODE = shutil.which("node")
 needs_node = pytest.mark.skipif(NODE is None, reason="no node")
 needs_zig = pytest.mark.skipif(not importlib.util.find_spec("ziglang"), reason="no ziglang")
@@ -308,20 +305,6 @@ def _no_zig() -> tuple[str, ...]:
 
 
 # --- in a browser -------------------------------------------------------------------------------
-
-
-@pytest.fixture(scope="module")
-def browser():
-    api = pytest.importorskip("playwright.sync_api", reason="no playwright")
-    if CHROMIUM is None:
-        pytest.skip("no Chromium")
-    with api.sync_playwright() as started:
-        made = started.chromium.launch(
-            executable_path=CHROMIUM, timeout=30_000,
-            args=["--no-sandbox", "--headless", "--lang=en-US"],
-        )  # fmt: skip
-        yield made
-        made.close()
 
 
 @needs_zig

@@ -215,17 +215,19 @@ def numbers(manifest: Manifest, results: Results) -> dict[str, Value]:
 
 
 TITLES: Mapping[str, tuple[str, str]] = {
-    "sum_rms": ("Momentum of all wheels together: rms over time", "N.m.s"),
-    "sum_largest": ("Momentum of all wheels together: largest", "N.m.s"),
-    "null_rms": ("Null-space momentum of a wheel: rms over time of the largest", "N.m.s"),
-    "coil_duty": ("Coil duty: mean dipole of a coil over the largest it can make", "%"),
+    "sum_rms": ("Total wheel momentum (body frame), rms", "N.m.s"),
+    "sum_largest": ("Total wheel momentum (body frame), largest", "N.m.s"),
+    "null_rms": ("Null-space momentum of the most loaded wheel, rms", "N.m.s"),
+    "coil_duty": ("Coil duty: mean dipole of the most loaded coil (share of its largest)", "%"),
     "coil_limit_share": ("Time with a coil saturated", "%"),
     "momentum_margin": ("Smallest momentum margin of a wheel", "%"),
     "limit_time": ("Time with a wheel saturated", "s"),
     "crossings": ("Zero crossings of the wheels", "1"),
-    "left_rms": ("Momentum of the wheels off its target, second half: rms", "N.m.s"),
-    "unmanaged_rms": ("The same without management (estimated)", "N.m.s"),
-    "least_braking": ("Least time in which coils at their limit take the body's momentum out", "s"),
+    "left_rms": ("Total wheel momentum less its target in the second half, rms", "N.m.s"),
+    "unmanaged_rms": (
+        "Total wheel momentum without management in the second half, rms (estimated)", "N.m.s"
+    ),
+    "least_braking": ("Shortest detumbling time with saturated coils", "s"),
 }  # fmt: skip
 """Of each number, and its unit."""
 OF_MOMENTUM, OF_COILS = ("sum_rms", "sum_largest", "null_rms"), ("coil_duty", "coil_limit_share")

@@ -156,7 +156,7 @@ def beyond(name: str, number: Value, key: str, bound: float, largest: float) -> 
 def figures(manifest: Manifest, results: Results) -> list[tuple[str, Figure]]:
     """The residual over time."""
     series = momentum(manifest, results)
-    caption = "Momentum residual: what the exchange between components loses"
+    caption = "Momentum residual: momentum lost by the exchange between components"
     return [] if series is None else [(caption, plot(series.times, series.residual, results))]
 
 

@@ -5,14 +5,16 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
+from html import escape
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from markupsafe import Markup
 
 from ..analyses import analyses
 from ..analyses.manifest import Manifest
+from ..analyses.motion import period_of
 from ..campaign.draws import series_of_numbers
 from ..engine.recording.results import Results
 from ..figures.canvas import Figure
@@ -32,10 +34,13 @@ from ..sizing.compatibility import (
     prepare_with,
     terms_of,
 )
-from ..sizing.flight import attitude_of, period_of, values_of
+from ..sizing.flight import attitude_of, values_of
 from ..system.errors import DesatError, RunError, nearest
 from ..system.model import System
 from .compare import Comparison, of_runs, write
+
+if TYPE_CHECKING:
+    from pandas import DataFrame  # type: ignore[import-untyped]
 
 ORBIT = ("environment.r_eci", "environment.v_eci", "environment.b_eci", "spacecraft.q_bi")
 REFERENCE = "guidance.q_ref_bi"
@@ -129,7 +134,7 @@ class RankedLaw:
         return "; ".join(f"{k}: {x}" for k, x in self.law.gains.items()) or "its own"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Ranking:
     """The laws of a craft, by the first criterion, those that meet all requirements first."""
 
@@ -138,6 +143,9 @@ class Ranking:
     ranked: tuple[RankedLaw, ...]
     refused: tuple[Refused, ...]
     comparison: Comparison
+
+    def __repr__(self) -> str:
+        return f"<Ranking {self.answer}>"
 
     @property
     def answer(self) -> str:
@@ -150,6 +158,19 @@ class Ranking:
         more = f"; not dominated: {', '.join(front)}" if len(self.by) > 1 else ""
         return (f"{self.target}: {best.name} has the least {c.title}, {number(best.values[0])} "
                 f"{pretty_unit(c.unit)}{more}.")  # fmt: skip
+
+    @property
+    def numbers(self) -> DataFrame:
+        """The laws in their order: a column a criterion, whether another law is better in all of
+        them, and the requirements that are not met."""
+        from pandas import DataFrame
+
+        columns = [*(f"{c.heading}" for c in self.by), "not dominated", "not met"]
+        rows = {e.label: [*e.values, e.front, "; ".join(e.not_met)] for e in self.ranked}
+        return DataFrame.from_dict(rows, orient="index", columns=columns)
+
+    def _repr_html_(self) -> str:
+        return f"<p>{escape(self.answer)}</p>{self.numbers.to_html(na_rep='')}"
 
     def declined(self) -> list[tuple[str, str]]:
         """Managers that do not fit, those of one reason together, and the reason."""
@@ -234,8 +255,8 @@ def choose(
     source = read(target)
     first, found, refused = laws_of(source, options, laws, others, progress)
     flown, runs, warnings = [found[0]], [first], [*first.manifest.warnings]
-    for law in found[1:]:
-        progress(law.name)
+    for k, law in enumerate(found[1:], 2):
+        progress(f"{k} of {len(found)}: {law.name}")
         try:
             run = _fly(law.options, source, prepare_with(source, law).or_raise()[0])
             run.or_raise(law.name)

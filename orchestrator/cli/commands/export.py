@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from .. import options as o
-from ..console import WithDefault, app, err, out, print_json
+from ..console import WithDefault, app, err, example, out, print_json
 
 exports = typer.Typer(
     cls=WithDefault, no_args_is_help=True, rich_markup_mode=None,
@@ -19,7 +19,7 @@ exports = typer.Typer(
 app.add_typer(exports, name="export")
 
 
-@exports.command()
+@exports.command(epilog=example("desat export runs/my12u --format parquet"))
 def run(
     folder: Annotated[Path, typer.Argument(metavar="RUN", help="A run folder.")],
     form: Annotated[
@@ -43,7 +43,7 @@ def run(
 Names = list[str] | None
 
 
-@exports.command()
+@exports.command(epilog=example("desat export fmu my12u --fmi 3"))
 def fmu(
     target: o.Target,
     outputs: Annotated[
@@ -89,7 +89,7 @@ def fmu(
         out.print(str(path))
 
 
-@exports.command()
+@exports.command(epilog=example("desat export web my12u --law all"))
 def web(
     target: o.Target,
     laws: Annotated[
@@ -130,7 +130,7 @@ def web(
         out.print(str(made.path))
 
 
-@exports.command()
+@exports.command(epilog=example("desat export c manager_cross_product"))
 def c(
     block: Annotated[
         str, typer.Argument(metavar="BLOCK|FILE.py", help="A block of ours by its name, or a block "
