@@ -30,7 +30,7 @@ def test_products_have_values_and_units():
     value, unit = product("manager.h_limit/wheels.inertia_wheel[1]", TABLE)
     assert value == 2.0 / 0.008
     assert unit.dimension == unit_of("rad/s").dimension
-    assert entry("shared.inertia", TABLE) == ([1.0, 2.0], "kg.m2")
+    assert entry("shared.inertia", TABLE)[:2] == ([1.0, 2.0], "kg.m2")
     assert times(unit_of("km"), unit_of("s"), -1).factor == 1000.0
     assert factor(unit_of("s"), "min", "of it") == pytest.approx(1 / 60)
 

@@ -37,7 +37,8 @@ STEPS = 200
 SLIDERS = ["torquers.m_limit=0.05:0.8", "wheels.torque_limit=0.1 mN.m:3 mN.m",
            "spacecraft.residual_dipole_body=0:0.5", "wheels.h_start_wheel=0 mN.m.s:5 mN.m.s",
            "environment.inclination=0 deg:110 deg", "shared.inertia_wheel=1e-5:3e-5",
-           "manager.gain=1e-4:4e-3", "wheels.speed_limit=1000 rpm:9000 rpm"]  # fmt: skip
+           "manager.gain=1e-4:4e-3", "wheels.speed_limit=1000 rpm:9000 rpm",
+           "shared.epoch_j2000=8.5e8:8.6e8"]  # fmt: skip
 MOVED: dict[str, float] = {
     "torquers.m_limit": 0.12, "wheels.torque_limit": 0.7, "spacecraft.residual_dipole_body": 0.31,
     "wheels.h_start_wheel": 1.3, "environment.inclination": 97.4, "shared.inertia_wheel": 2.2e-5,
@@ -164,21 +165,30 @@ def told_of(path: Path) -> tuple[dict[str, Any], str]:
     return json.loads(tree.find(".//script[@id='told']").text), worker
 
 
+FAILS = 1e9
+"""A residual dipole (A m2) that begins to turn the craft faster than a step can be made of."""
+
+
 def flown(path: Path, law: int, moved: dict[str, float]) -> dict[str, Any]:
-    """The series of a flight in node, its numbers, and what it said of a fault before."""
+    """The series of a flight in node, its numbers, and what it said of two faults before: one at
+    the start, one under way."""
     told, worker = told_of(path)
     return node("""globalThis.postMessage = () => {};
-const [told0, worker, law, moved] = input;
+const [told0, worker, law, moved, fails] = input;
 (0, eval)(worker.replace('"use strict";', "") + ";globalThis.Flight = Flight;globalThis.$ = $;");
 const flight = new Flight(told0, new WebAssembly.Module(Buffer.from(told0.wasm, "base64")));
 const first = flight.begin(law, { ...moved, "wheels.speed_limit": -1 });
+const begun = flight.begin(law, { ...moved, "spacecraft.residual_dipole_body": fails });
+while (flight.some());
+const way = [begun, flight.fault];
 const said = flight.begin(law, moved);
 while (flight.some());
-const told = { first, said, fault: flight.fault, table: flight.table, numbers: flight.numbers(),
-  plots: flight.law.plots.map((p) => flight.plot(p)),
+const told = { first, way, said, fault: flight.fault, table: flight.table,
+  numbers: flight.numbers(), plots: flight.law.plots.map((p) => flight.plot(p)),
   fullest: flight.law.managed && flight.fullest(),
   series: Object.fromEntries(Object.keys(flight.law.series).map((name) =>
-    [name, Array.from(flight.series(name).data)])) };""", [told, worker, law, moved])  # fmt: skip
+    [name, Array.from(flight.series(name).data)])) };""",
+        [told, worker, law, moved, FAILS])  # fmt: skip
 
 
 WITHIN = (1e-12, 1e-10)
@@ -203,7 +213,7 @@ def alike(found: dict[str, Any], run: Run, within: float) -> list[str]:
 @pytest.mark.parametrize("law", [0, 1])
 @pytest.mark.parametrize("moved", [{}, MOVED], ids=["as it is", "moved"])
 def test_a_flight_is_that_of_a_run_with_what_follows_from_sliders(made, craft, law, moved):
-    """Also after one that could not start: it flies on after the reset."""
+    """Also after two that failed: it flies on after the reset."""
     told, laws = made
     options = [*laws.values()][law]
     facts, _ = told_of(told.path)
@@ -215,6 +225,9 @@ def test_a_flight_is_that_of_a_run_with_what_follows_from_sliders(made, craft, l
     assert run.ok
     found = flown(told.path, law, given)
     assert "speed_limit = " in found["first"]
+    begun, said = found["way"]
+    assert begun == ""
+    assert "take a shorter step" in said
     assert found["said"] == found["fault"] == ""
     assert len(found["series"]) > 8
     assert alike(found, run, WITHIN[law]) == []

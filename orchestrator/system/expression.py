@@ -12,9 +12,9 @@ is 1/s.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any
+from typing import Any, NamedTuple
 
 from desat.components.contract.block import Scalar
 from desat.components.contract.units import Unit, conversion, times
@@ -62,10 +62,14 @@ def product(text: str, known: Table) -> tuple[float, Unit]:
     """The value of a text, and its unit. Raises DesatError, naming the text, where it has none."""
     result, unit = 1.0, Unit()
     for operator, name in parsed(text):
+        own = Unit()
         try:
-            number, own = _number(name, known)
-        except DesatError as error:
-            raise DesatError(f'"{text}": {error}') from error
+            number = float(name)
+        except ValueError:
+            try:
+                number, own = _scalar(name, known)
+            except DesatError as error:
+                raise DesatError(f'"{text}": {error}') from error
         if operator == "/":
             if number == 0.0:
                 raise DesatError(f'"{text}": {name} is 0')
@@ -75,16 +79,19 @@ def product(text: str, known: Table) -> tuple[float, Unit]:
     return result, unit
 
 
-def _number(name: str, known: Table) -> tuple[float, Unit]:
-    try:
-        return float(name), Unit()
-    except ValueError:
-        return _scalar(name, known)
+class Entry(NamedTuple):
+    """A parameter that a text names, or one of its elements."""
+
+    value: Any
+    unit: str
+    name: str
+    """`component.parameter`: of `shared.parameter` the component whose value counts."""
+    element: int
+    """From 1 on; 0: the whole."""
 
 
-def place(name: str, table: Table) -> tuple[str, str, int]:
-    """Component, parameter and element (from 1 on; 0: the whole) that `component.parameter` or
-    `shared.parameter`, or one of its elements, names. Raises DesatError."""
+def entry(name: str, table: Table) -> Entry:
+    """What `component.parameter`, or one of its elements, stands for. Raises DesatError."""
     match = _NAME.match(name.strip())
     if match is None:
         raise DesatError(f"{name}: {FORM}")
@@ -96,17 +103,12 @@ def place(name: str, table: Table) -> tuple[str, str, int]:
     if parameter not in table[owner]:
         hint = nearest(parameter, table[owner])
         raise DesatError(f"{owner} has no parameter {parameter}{hint}")
-    value = table[owner][parameter].value
-    if index and not (isinstance(value, list) and 1 <= int(index) <= len(value)):
-        raise DesatError(f"{owner}.{parameter} has no element {index}")
-    return owner, parameter, int(index or 0)
-
-
-def entry(name: str, table: Table) -> tuple[Any, str]:
-    """(value, unit) of `component.parameter` or one of its elements. Raises DesatError."""
-    owner, parameter, index = place(name, table)
     value, unit = table[owner][parameter].value, table[owner][parameter].unit
-    return (value[index - 1] if index else value), unit
+    if index:
+        if not isinstance(value, list) or not 1 <= int(index) <= len(value):
+            raise DesatError(f"{owner}.{parameter} has no element {index}")
+        value = value[int(index) - 1]
+    return Entry(value, unit, f"{owner}.{parameter}", int(index or 0))
 
 
 def _owner_of_shared(parameter: str, table: Table) -> str:
@@ -124,7 +126,7 @@ def _owner_of_shared(parameter: str, table: Table) -> str:
 def _scalar(name: str, table: Table) -> tuple[float, Unit]:
     """A parameter as one number; of an array, what all elements that are not zero have in common
     (a wheel that is not there has inertia 0)."""
-    value, unit = entry(name, table)
+    value, unit, *_ = entry(name, table)
     if isinstance(value, list):
         different = sorted({float(x) for x in value if x})
         if len(different) > 1:
@@ -154,7 +156,9 @@ def evaluate(
     result, waiting = dict(components), dict(references)
     problems: list[str] = []
     while waiting:
-        ready = [key for key, text in waiting.items() if not names_in(text) & _names(waiting)]
+        # what a text would call those that wait
+        called = {f"{owner}.{name}" for c, name in waiting for owner in (c, "shared")}
+        ready = [key for key, text in waiting.items() if not names_in(text) & called]
         if not ready:
             chain = ", ".join(f'{c}.{n} = "{text}"' for (c, n), text in waiting.items())
             return result, [*problems, f"{where}: parameters name each other in a circle: {chain}"]
@@ -173,11 +177,6 @@ def evaluate(
 def names_in(text: str) -> set[str]:
     """The parameters that a product names, without their elements."""
     return {base_name(word) for word in text.replace("*", " ").replace("/", " ").split()}
-
-
-def _names(waiting: Iterable[tuple[str, str]]) -> set[str]:
-    """What a text would call these parameters."""
-    return {f"{owner}.{name}" for c, name in waiting for owner in (c, "shared")}
 
 
 def values_of(component: Component, name: str, text: str, known: Table) -> dict[str, Scalar]:

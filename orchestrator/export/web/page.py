@@ -42,7 +42,7 @@ from ...system.parameters import table, unit_of
 from ..loop_fmu import LoopEnds, LoopSource, written_out
 from . import module
 from .script import script
-from .sliders import Slider, asked_of, of_law, refused, usual
+from .sliders import Slider, asked_of, of_law, owners_of, refused, usual
 from .values import Expression, expression, follows, names_of, numbers_of, reached
 
 MOST_BYTES = 800_000_000
@@ -106,11 +106,10 @@ def export(
     series = [sorted(_series(f)) for f in flown]
     loops = [_loop(f, targets, of) for f, of in zip(flown, series, strict=True)]
     code, told = _told(target, flown, moved, loops, notes)
-    first = flown[0].system
     found = module.sources(loops)
     told["digest"] = module.digest(found)
     told["wasm"] = base64.b64encode(module.compiled(found)).decode()
-    path = file or Path(f"{first.name.rpartition('/')[2]}.html")
+    path = file or Path(f"{Path(target).absolute().name.removesuffix('.toml')}.html")
     io.replace_text(path, _page(told, code))
     return Made(path, told["digest"], tuple(s.name for s in moved), tuple(notes))
 
@@ -134,7 +133,7 @@ def _sliders(
 ) -> Iterator[Slider]:
     """Those that are asked for, of the first law that has them, or the usual ones. Raises
     DesatError for one that is asked for and cannot be."""
-    found = [_asked(text, flown) for text in asked] or list({
+    found = [_everywhere(_asked(text, flown), flown) for text in asked] or list({
         s.name: s for f in reversed(flown) for s in usual(f.system)
     }.values())  # fmt: skip
     order = [s.name for s in usual(flown[0].system)]
@@ -150,6 +149,13 @@ def _sliders(
                     break
         else:
             yield slider
+
+
+def _everywhere(slider: Slider, flown: Sequence[_Flown]) -> Slider:
+    """A slider with the parameters that it moves in the systems of all laws."""
+    array = slider.targets[0].partition(".")[2]
+    owners = {o: None for f in flown for o in owners_of(slider.name, f.system)}
+    return replace(slider, targets=tuple(f"{o}.{array}" for o in owners))
 
 
 def _asked(text: str, flown: Sequence[_Flown]) -> Slider:

@@ -149,11 +149,8 @@ def _range(slider: Slider, name: str, system: System) -> Slider | None:
 
 def _signals(name: str, system: System, where: str) -> tuple[list[str], Sequence[Signal]]:
     """The parameters that a name stands for, and the scalars of the first. Raises DesatError."""
-    owner, _, variable = name.partition(".")
-    owners = [owner] if owner != "shared" else [
-        c.name for c in system.components.values()
-        if any(s.shared for s in c.interface.elements.get(variable, ()))
-    ]  # fmt: skip
+    variable = name.partition(".")[2]
+    owners = owners_of(name, system)
     known = {
         f"{c.name}.{array}"
         for c in system.components.values()
@@ -164,12 +161,20 @@ def _signals(name: str, system: System, where: str) -> tuple[list[str], Sequence
     signals = component.interface.elements.get(variable, ()) if component is not None else ()
     if not signals:
         raise DesatError(f"{where}: {system.name} has no parameter {name}{nearest(name, known)}; "
-                         f"`desat show {system.name}` lists them")  # fmt: skip
+                         "`desat show` lists them")  # fmt: skip
     first = signals[0]
     if first.causality != "parameter" or not _moves(first):
         raise DesatError(f"{where}: {name} is {_why(first)}: a page moves parameters that are "
                          "numbers of the type Real")  # fmt: skip
     return [f"{c}.{first.array}" for c in owners], signals
+
+
+def owners_of(name: str, system: System) -> list[str]:
+    """The components that `COMPONENT.NAME` or `shared.NAME` is of."""
+    owner, _, variable = name.partition(".")
+    if owner != "shared":
+        return [owner]
+    return [c.name for c in system.components.values() if variable in c.interface.elements]
 
 
 def _moves(signal: Signal) -> bool:
@@ -246,7 +251,8 @@ def refused(
     if by_others:
         text = next(f["of"]["text"] for f in ordered if f["name"] in by_others)
         return f"the scenario has it follow {text}: move that"
-    owner, _, name = slider.targets[0].partition(".")
+    owners = [t.partition(".") for t in slider.targets]
+    owner, _, name = next(o for o in owners if o[0] in system.components)
     before = system.components[owner].values[name]
     for shown in (slider.low, slider.high):
         given = replace(options, sets=[*options.sets, slider.value_text(shown, before)])

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Set
 from typing import Any
 
 from ...system.draft import Draft
-from ...system.expression import Table, is_name, parsed, place, product, scale_of
+from ...system.expression import Table, entry, is_name, parsed, product, scale_of
 from ...system.model import System
 from ...system.parameters import table, unit_of
 
@@ -27,8 +27,8 @@ def _factor(word: str, known: Table) -> float | list[Any]:
     try:
         return float(word)
     except ValueError:
-        owner, parameter, element = place(word, known)
-        return [f"{owner}.{parameter}", element]
+        named = entry(word, known)
+        return [named.name, named.element]
 
 
 def names_of(of: Expression) -> set[str]:
@@ -56,11 +56,8 @@ def _reference(
     system: System, owner: str, name: str, text: str, known: Table
 ) -> dict[str, Any]:  # fmt: skip
     signals = system.components[owner].interface.elements[name]
-    if whole := is_name(text):
-        found, parameter, _ = place(text, known)
-        unit = unit_of(known[found][parameter].unit)
-    else:
-        unit = product(text, known)[1]
+    whole = is_name(text)
+    unit = unit_of(entry(text, known).unit) if whole else product(text, known)[1]
     return {
         "name": f"{owner}.{name}", "whole": whole,
         "count": 0 if signals[0].name == name else len(signals),
