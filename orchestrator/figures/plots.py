@@ -140,7 +140,8 @@ def _draw(
             elif labels and len(runs) > 1 and (len(lines) == 1 or (number and i == 0)):
                 name = labels[number]
             name = name if labels else ""
-            colour = COLOURS[(number if len(runs) > 2 else i) % len(COLOURS)]
+            of_runs = len(runs) > 2 or len(lines) == 1  # else lines are told apart, runs by dashes
+            colour = COLOURS[(number if of_runs else i) % len(COLOURS)]
             run = labels[number] if labels and len(runs) > 1 else ""
             whose = ", ".join(part for part in (line.name, run) if part)
             if plot.envelope and len(line.times) > BINS:

@@ -334,9 +334,9 @@ def pointing_last(times: Array, q: Array, q_ref: Array) -> float:
 
 
 @in_unit("deg")
-def pointing_largest(times: Array, q: Array, q_ref: Array, since: float = 0.0) -> float:
-    """The largest angle between two attitudes (deg), from `since` (s) on."""
-    late = pointing(q, q_ref)[times[: len(q)] >= since]
+def pointing_largest(times: Array, q: Array, q_ref: Array) -> float:
+    """The largest angle between two attitudes (deg)."""
+    late = pointing(q, q_ref)
     return float(late.max()) if len(late) else float("nan")
 
 

@@ -20,7 +20,7 @@ from ..console import SHOWN, app, err, example, name_of, out, print_json, to_pri
 
 if TYPE_CHECKING:
     from ...analyses.manifest import Manifest
-    from ...runs.run import Options, Run
+    from ...runs.run import Case, Options, Run
 
 BASELINE = "baseline"
 """Where the run of the baseline lies in a run folder."""
@@ -110,9 +110,26 @@ def run(
             case.checked.warnings.append(short)
         warn(case.checked.warnings)
         finished = simulate(case, place, progress=not as_json)
+        _tell_isolation(case, finished, as_json)
         warn(finished.manifest.warnings[len(case.checked.warnings) :])
         conclude(finished, options, place, csv=csv, baseline=baseline, everything=everything,
                  as_json=as_json)  # fmt: skip
+
+
+def _tell_isolation(case: Case, finished: Run, as_json: bool) -> None:
+    """Say which FMUs ran in processes of their own, and what that costs a step."""
+    from ...engine.instances.isolated import cost_of_a_turn
+    from ...runs.prepare import isolated_in
+
+    system, _ = case.or_raise()
+    if as_json or not (names := sorted(isolated_in(system, case.options))):
+        return
+    turns = finished.manifest.substeps or 1
+    micros = 1e6 * cost_of_a_turn() * len(names) * turns
+    each = "a process of its own" if len(names) == 1 else "processes of their own"
+    err.print(f"note: {', '.join(names)}: in {each}, which costs about {micros:.3g} us of "
+              f"{finished.manifest.us_per_step} us a step; --isolate none saves that, and a crash "
+              "of such an FMU then ends the run")  # fmt: skip
 
 
 def conclude(
