@@ -17,14 +17,14 @@ SIGNS = {
 }  # fmt: skip
 TOKEN = re.compile(
     r"(?P<space> +)|(?P<kron>\(x\))|(?P<tight>/(?! ))|(?P<sign><=|>=|\+=|<-|\+-|-\+|[=<>+\-,;])"
-    r"|(?P<code>`\w+`)"
-    r"|(?P<name>[A-Za-z]\w*(?::\d|,[a-z]\b)?|_)|(?P<number>\d+(?:\.\d+)?(?:e-?\d+)?)"
+    r"|(?P<code>`\w+`)|(?P<words>on-time)"
+    r"|(?P<name>[A-Za-z](?:\w*[A-Za-z0-9])?(?::\d|,[a-z]\b)?|_)|(?P<number>\d+(?:\.\d+)?(?:e-?\d+)?)"
     r"|(?P<open>[(\[])|(?P<close>[)\]])|(?P<bar>\|)|(?P<power>\^)|(?P<prime>'+)|(?P<over>/)"
     r"|(?P<dot>\.)"
 )
 WORDS = re.compile(
-    r"(?:,? (?:each|where|while|until|about|within|at most|over|the thrusters|of an|for|with a"
-    r"|along)\b|  +\((?:eqs?\.|Table|gain in|hold\)|paper \d+|u to)).*$"
+    r"(?:(?:^|,? )(?:each|where|while|until|about|within|at most|over|the thrusters|of one|of an"
+    r"|for|with a|along|or|and every)\b|  +\((?:eqs?\.|Table|gain in|hold\)|paper \d+|u to)).*$"
 )
 LABEL = re.compile(r"^([a-z_][a-z_ -]*):  *(?=\S)")
 
@@ -51,18 +51,17 @@ def _rows(line: str) -> list[str]:
     line = line.strip()
     label = LABEL.match(line)
     head = rf"\text{{{_text(label[1])}:}}\quad " if label else ""
-    rest = line[label.end() :] if label else line
-    words = WORDS.search(rest)
-    tail = ""
-    if words:
-        tail, rest = words[0].strip(), rest[: words.start()]
-    parts = [p for p in re.split(r"[,;]?  +(?=[^\s(])", rest) if p.strip(" ,;")]
-    rows = [head + (r"\quad " if depth or p.startswith(("+ ", "- ")) else "") + _Parser(p).whole()
-            for p in parts]  # fmt: skip
-    if tail:
-        told = (r"\quad " if rows else "") + rf"\text{{{_text(tail)}}}"
-        rows = [*rows[:-1], (rows[-1] if rows else head) + told]
-    return [r"\displaystyle " + row for row in rows]
+    rows = []
+    for part in re.split(r"[,;]?  +(?=[^\s(=])", line[label.end() :] if label else line):
+        words = WORDS.search(part)
+        left = part[: words.start()] if words else part
+        row = r"\quad " if depth or part.startswith(("+ ", "- ")) else ""
+        row += _Parser(left).whole()
+        if words:
+            row += (r"\quad " if left.strip() else "") + rf"\text{{{_text(words[0].strip(' ,'))}}}"
+        rows.append(r"\displaystyle " + head + row)
+        head = ""
+    return rows
 
 
 def _text(words: str) -> str:
@@ -76,7 +75,7 @@ class _Parser:
     def __init__(self, text: str) -> None:
         self.tokens: list[tuple[str, str]] = []
         at = 0
-        text = text.strip().rstrip(",;.")
+        text = text.strip().rstrip(",;.").replace("integral of ", "integral ")
         while at < len(text):
             found = TOKEN.match(text, at)
             if not found:
@@ -139,18 +138,23 @@ class _Parser:
                 self.take()
                 while self.peek()[0] == "space":
                     self.at += 1
-                made = rf"\frac{{{made}}}{{{self.tight()}}}"
+                made = rf"\frac{{{_bare(made)}}}{{{_bare(self.tight())}}}"
             elif kind == "kron":
                 self.take()
                 made += r" \otimes "
             elif kind == "dot":
                 self.take()
                 made += r" \cdot "
-            elif text == "x" and spaced and self.tokens[self.at + 1 : self.at + 2] != []:
+            elif text == "x" and spaced and self._is_cross():
                 self.take()
                 made += r" \times "
             else:
                 made += ("" if made.endswith(" ") else r"\, ") + self.tight()
+
+    def _is_cross(self) -> bool:
+        """An `x` between two factors, or at a bracket's end, is the cross product."""
+        after = [kind for kind, _ in self.tokens[self.at + 1 : self.at + 3]]
+        return after[:1] == ["close"] or (after[:1] == ["space"] and after[1:] != ["sign"])
 
     def tight(self) -> str:
         made = self.factor()
@@ -163,6 +167,8 @@ class _Parser:
         kind, text = self.take()
         if kind == "number":
             made = re.sub(r"e(-?\d+)$", r" \\cdot 10^{\1}", text)
+        elif kind == "words":
+            made = r"\text{on-time}"
         elif kind == "code":
             made = rf"\mathtt{{{_text(text)}}}"
         elif kind == "name":
@@ -192,12 +198,10 @@ class _Parser:
             elif kind == "power":
                 self.take()
                 made += "^{" + self.exponent() + "}"
-            elif kind == "name" and text.startswith("_"):
+            elif text == "_":
                 self.take()
-                if text == "_":
-                    made += "_{" + self.factor() + "}"
-                else:
-                    made += "_{" + (r"\perp" if text == "_perp" else _sub(text[1:])) + "}"
+                sub = self.factor()
+                made += "_{" + (r"\perp" if sub == r"\mathrm{perp}" else _bare(sub)) + "}"
             else:
                 return made
 
@@ -225,6 +229,9 @@ class _Parser:
 
     def named(self, text: str) -> str:
         called = self.peek() == ("open", "(")
+        if self.peek() == ("open", "["):
+            self.take()
+            return name(text) + self.group("[")
         if text == "sqrt" and called:
             self.take()
             made = self.sequence()
@@ -246,13 +253,30 @@ class _Parser:
             self.take()
             made += self.after() if made.startswith("\\operatorname") else ""
             made += self.group("(")
-        elif text in FUNCTIONS and self.peek()[0] == "space":
-            self.take()
+        elif text in FUNCTIONS:
+            made += self.after()
+            while self.peek()[0] == "space":
+                self.take()
             made += " " + self.tight()
         return made
 
 
+def _bare(made: str) -> str:
+    """What a bracket holds where nothing else stands beside it."""
+    inner = re.fullmatch(r"\{\\left\((.*)\\right\)\}", made)
+    if not inner:
+        return made
+    depth = 0
+    for sign in re.findall(r"\\(left|right)\b", inner[1]):
+        depth += 1 if sign == "left" else -1
+        if depth < 0:
+            return made
+    return inner[1]
+
+
 def _sub(text: str) -> str:
+    if len(text) == 1 and text.islower():
+        return text
     return r"\mathrm{" + text.replace("_", r"\,") + "}" if not text.isdigit() else text
 
 
@@ -264,7 +288,7 @@ def name(text: str) -> str:
         base, sub = digits[1], digits[2] + (f"_{sub}" if sub else "")
     if base in GREEK:
         made = f"\\{base}"
-    elif len(base) == 1 or (len(base) == 2 and (sub or base in ("kp", "kd", "ki", "dq", "dt"))):
+    elif len(base) == 1 or base in ("kp", "kd", "ki", "dq", "dt", "wn"):
         made = base if len(base) == 1 else rf"\mathrm{{{base}}}"
     else:
         return r"\mathrm{" + text.replace("_", r"\_") + "}"

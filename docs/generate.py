@@ -103,8 +103,8 @@ def _variable(row: dict[str, str]) -> list[str]:
     needed = ", ".join(f"`{x}`" for x in row["needed by"].split(", ") if x)
     unit = "" if row["unit"] == "1" else row["unit"]
     usually = f"`{row['usually']}`" if row["usually"] else ""
-    return [f"`{plain}`", unit, size.rstrip(")"), _start(row["start"]), row["allowed"], usually, needed,
-            _escaped(row["meaning"])]  # fmt: skip
+    return [f"`{plain}`", unit, size.rstrip(")"), _start(row["start"]), row["allowed"], usually,
+            needed, _escaped(row["meaning"])]  # fmt: skip
 
 
 def _start(text: str) -> str:
