@@ -41,6 +41,7 @@ BLOCK = re.compile(
     re.M | re.S,
 )
 NUMBER = re.compile(r"[-+]?\d[\d,]*(?:\.\d+)?(?:e[-+]?\d+)?")
+STRIPPED = "()[]{}%,;:.'"
 CPU = 120.0
 """Seconds that all pages together may take."""
 spent: dict[str, float] = {}
@@ -66,7 +67,7 @@ def same(said: str, printed: str) -> bool:
     """Whether a word of a page is what was printed; a number within a unit of its last digit."""
     if said == printed:
         return True
-    a, b = NUMBER.fullmatch(said.strip("()[]%,;:.")), NUMBER.fullmatch(printed.strip("()[]%,;:."))
+    a, b = NUMBER.fullmatch(said.strip(STRIPPED)), NUMBER.fullmatch(printed.strip(STRIPPED))
     if not a or not b:
         return False
     plain = a[0].replace(",", "").lower()
