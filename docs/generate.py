@@ -90,11 +90,11 @@ def _block(name: str) -> str:
              f"([all blocks](../blocks.md)).", "", _body(body)]  # fmt: skip
     if laws := explain._laws(block):
         lines += ["## Where it fits", "", *(f"- {x}" for x in laws.splitlines()), ""]
-    heads = ["name", "unit", "size", "start", "allowed", "usually", "needed by", "meaning"]
+    heads = ["name", "meaning", "unit", "size", "start", "allowed", "usually", "needed by"]
     for kind, says in (("parameter", "Parameters"), ("input", "Inputs"), ("output", "Outputs")):
         of = [_variable(row) for row in rows if row["kind"] == kind]
         if of:
-            lines += [f"## {says}", "", _table(heads, of), ""]
+            lines += [f"## {says}", "", "```{container} wide", _table(heads, of), "```", ""]
     return "\n".join(lines)
 
 
@@ -103,8 +103,8 @@ def _variable(row: dict[str, str]) -> list[str]:
     needed = ", ".join(f"`{x}`" for x in row["needed by"].split(", ") if x)
     unit = "" if row["unit"] == "1" else row["unit"]
     usually = f"`{row['usually']}`" if row["usually"] else ""
-    return [f"`{plain}`", unit, size.rstrip(")"), _start(row["start"]), row["allowed"], usually,
-            needed, _escaped(row["meaning"])]  # fmt: skip
+    return [f"`{plain}`", _escaped(row["meaning"]), unit, size.rstrip(")"), _start(row["start"]),
+            row["allowed"], usually, needed]  # fmt: skip
 
 
 def _start(text: str) -> str:
@@ -148,7 +148,7 @@ def _commands() -> str:
                   _escaped(inspect.cleandoc(command.help or "")), ""]  # fmt: skip
         told = [p.get_help_record(context) for p in command.params if not p.hidden]
         if rows := [[f"`{names}`", _escaped(what)] for names, what in filter(None, told)]:
-            lines += [_table(["", ""], rows), ""]
+            lines += ["```{container} wide", _table(["", ""], rows), "```", ""]
     return "\n".join(lines)
 
 
