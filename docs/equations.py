@@ -65,7 +65,8 @@ def _rows(line: str) -> list[str]:
 
 
 def _text(words: str) -> str:
-    return re.sub(r" +", " ", words.replace("`", "")).replace("_", r"\_").replace("^", r"\^{}")
+    """Words within \text, where an underscore is no sign of TeX."""
+    return re.sub(r" +", " ", words.replace("`", "")).replace("+-", "±")
 
 
 class _Parser:
@@ -170,7 +171,7 @@ class _Parser:
         elif kind == "words":
             made = r"\text{on-time}"
         elif kind == "code":
-            made = rf"\mathtt{{{_text(text)}}}"
+            made = r"\mathtt{" + text.strip("`").replace("_", r"\_") + "}"
         elif kind == "name":
             made = self.named(text)
         elif kind == "open":

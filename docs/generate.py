@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+import os
 import re
 from pathlib import Path
 from typing import Any
@@ -55,7 +56,9 @@ def write(docs: Path) -> None:
     for name, text in pages.items():
         file = folder / name
         if not file.exists() or file.read_text(encoding="utf-8") != text:
-            file.write_text(text, encoding="utf-8")
+            made = file.with_suffix(f".{os.getpid()}")  # two builds may run at a time
+            made.write_text(text, encoding="utf-8")
+            made.replace(file)
 
 
 def _table(heads: list[str], rows: list[list[str]]) -> str:

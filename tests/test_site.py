@@ -34,7 +34,6 @@ from conftest import ROOT
 DOCS = ROOT / "docs"
 SCRIPTS = [DOCS / "start.md", *sorted((DOCS / "tutorials").glob("[0-9]*.md")),
            *sorted((DOCS / "understand").glob("[a-z]*.md"))]  # fmt: skip
-SCRIPTS = [page for page in SCRIPTS if page.stem != "index"]
 FIRST = [ROOT / "README.md", DOCS / "index.md", *SCRIPTS]
 BLOCK = re.compile(
     r"^```(?:\{code-block\} )?(shell|python|text)[^\n]*\n(?::caption: (\S+)\n\n?)?(.*?)^```$",
@@ -42,12 +41,12 @@ BLOCK = re.compile(
 )
 NUMBER = re.compile(r"[-+]?\d[\d,]*(?:\.\d+)?(?:e[-+]?\d+)?")
 STRIPPED = "()[]{}%,;:.'"
-LIMITS = {
-    "start": 42.0, "1-cubesat": 15.0, "2-geo": 29.0, "3-law": 9.0, "4-exchange": 8.0,
-    "5-campaign": 22.0, "6-results": 8.0, "coils": 6.0, "null-space": 4.0, "laws": 8.0,
-    "exchange": 4.0, "substeps": 4.0,
+CPU = {
+    "start": 27.0, "1-cubesat": 10.0, "2-geo": 19.0, "3-law": 6.0, "4-exchange": 6.0,
+    "5-campaign": 14.0, "6-results": 5.0, "coils": 4.0, "null-space": 2.0, "laws": 5.0,
+    "exchange": 2.0, "substeps": 2.0,
 }  # fmt: skip
-"""Seconds of CPU that each page may take: half as much again as it does."""
+"""Seconds that each page takes, on a machine that does nothing else; beside others up to twice."""
 
 
 @dataclass(frozen=True)
@@ -155,12 +154,12 @@ def test_a_page_does_what_it_says(page, tmp_path, monkeypatch):
                 shutil.copy(tmp_path / name, page.parent / name)
             size = (page.parent / name).stat().st_size
             assert size < 60_000, f"{name}: {size} bytes"
-    assert spent < LIMITS[page.stem]
+    assert spent < 2.0 * CPU[page.stem]
 
 
-def test_tutorials_and_what_is_to_understand_take_at_most_two_minutes_of_cpu():
-    assert set(LIMITS) == {page.stem for page in SCRIPTS}
-    assert sum(LIMITS.values()) - LIMITS["start"] <= 120.0
+def test_the_pages_take_at_most_two_minutes_of_cpu():
+    assert set(CPU) == {page.stem for page in SCRIPTS}
+    assert sum(CPU.values()) <= 120.0
 
 
 @pytest.mark.parametrize("page", FIRST, ids=lambda p: p.stem)
@@ -177,45 +176,35 @@ def test_the_runner_tells_numbers_and_words_apart(said, printed, is_so):
     assert matches(said.split(), printed.split()) is is_so
 
 
-@pytest.fixture(scope="module")
-def site(tmp_path_factory):
-    """The site, built anew, and the CPU seconds that it took."""
-    pytest.importorskip("sphinx")
-    folder = tmp_path_factory.mktemp("site")
-    before = cpu()
-    done = subprocess.run(
-        [sys.executable, "-m", "sphinx", "-q", "-W", "--keep-going", "-n", "-b", "html",
-         "-d", str(folder / "doctrees"), str(DOCS), str(folder / "html")],
-        text=True, capture_output=True, check=False,
-    )  # fmt: skip
-    assert done.returncode == 0, done.stderr[-4000:]
-    return folder / "html", cpu() - before
-
-
-def test_the_site_builds_in_a_minute_without_a_warning(site):
-    assert site[1] < 60.0
-
-
-def test_every_page_is_reached_from_the_first(site):
-    """By links, from page to page."""
-    html = site[0]
+def reached(html: Path) -> set[str]:
+    """The pages that links lead to, from the first on."""
     seen: set[str] = set()
     left = ["index.html"]
     while left:
         name = left.pop()
-        if name in seen:
-            continue
-        seen.add(name)
-        page = html / name
-        for link in re.findall(r'href="([^"#:]+\.html)', page.read_text(encoding="utf-8")):
-            left.append(os.path.relpath((page.parent / link).resolve(), html.resolve()))
+        if name not in seen:
+            seen.add(name)
+            text = (html / name).read_text(encoding="utf-8")
+            left += [os.path.relpath((html / name).parent / link, html)
+                     for link in re.findall(r'href="([^"#:]+\.html)', text)]  # fmt: skip
+    return seen
+
+
+def test_the_site_builds_in_a_minute_every_page_is_reached_and_none_needs_a_network(tmp_path):
+    pytest.importorskip("sphinx")
+    before = cpu()
+    html = tmp_path / "html"
+    done = subprocess.run(
+        [sys.executable, "-m", "sphinx", "-q", "-W", "--keep-going", "-n", "-b", "html",
+         "-d", str(tmp_path / "doctrees"), str(DOCS), str(html)],
+        text=True, capture_output=True, check=False,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr[-4000:]
+    assert cpu() - before < 60.0
     pages = {p.relative_to(DOCS).with_suffix(".html").as_posix() for p in DOCS.rglob("*.md")}
-    assert pages <= seen
-
-
-def test_equations_are_set_and_need_no_network(site):
-    page = (site[0] / "generated/blocks/manager_cross_product.html").read_text(encoding="utf-8")
+    assert pages <= reached(html)
+    page = (html / "generated/blocks/manager_cross_product.html").read_text(encoding="utf-8")
     assert r"\frac{\mathrm{gain}\, {\left(h \times B\right)}}{\left|B\right|^{2}}" in page
-    for file in site[0].rglob("*.html"):
+    for file in html.rglob("*.html"):
         text = file.read_text(encoding="utf-8")
         assert not re.findall(r'<(?:script|link)[^>]*(?:src|href)="https?:[^"]*"', text), file.name
