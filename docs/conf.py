@@ -21,6 +21,7 @@ html_show_sphinx = html_show_copyright = html_copy_source = False
 myst_enable_extensions = ["dollarmath"]
 myst_heading_anchors = 4
 default_role = "code"
+smartquotes = False  # they make a dash of --option
 autodoc_typehints = "signature"
 autodoc_member_order = "bysource"
 nitpicky = True

@@ -86,12 +86,13 @@ def _blocks() -> str:
 
 
 def _block(name: str) -> str:
-    _, rows = explain.blocks(name)
+    text, rows = explain.blocks(name)
     block = registry.block_class(name)
-    title, _, body = (inspect.getdoc(block) or name).partition("\n")
+    said = inspect.getdoc(block) or name
+    title, _, body = said.partition("\n")
     lines = [f"# {title}", "", f"Block `{name}`, role `{block.role}` "
              f"([all blocks](../blocks.md)).", "", _body(body)]  # fmt: skip
-    if laws := explain._laws(block):
+    if laws := text.removeprefix(said).strip():
         lines += ["## Where it fits", "", *(f"- {x}" for x in laws.splitlines()), ""]
     heads = ["name", "meaning", "unit", "size", "start", "allowed", "usually", "needed by"]
     for kind, says in (("parameter", "Parameters"), ("input", "Inputs"), ("output", "Outputs")):
@@ -112,7 +113,8 @@ def _variable(row: dict[str, str]) -> list[str]:
 
 def _start(text: str) -> str:
     """A start value as short as it can be."""
-    return re.sub(r"\.0\b(?!e)", "", text).replace("True", "true").replace("False", "false")
+    short = re.sub(r"\d+\.\d{7,}", lambda x: f"{float(x[0]):.6g}", text)
+    return re.sub(r"\.0\b(?!e)", "", short).replace("True", "true").replace("False", "false")
 
 
 def _body(text: str) -> str:
