@@ -176,6 +176,22 @@ def test_the_runner_tells_numbers_and_words_apart(said, printed, is_so):
     assert matches(said.split(), printed.split()) is is_so
 
 
+@pytest.mark.parametrize(("plain", "tex"), [
+    ("M = gain (h x B) / |B|^2",
+     r"M = \frac{\mathrm{gain}\, {\left(h \times B\right)}}{\left|B\right|^{2}}"),
+    ("p = exp(-T / tau)", r"p = \exp{\left(- \frac{T}{\tau}\right)}"),
+    ("x_k = p x_(k-1)", r"x_{k} = p\, x_{k - 1}"),
+    ("q' = 1/2 Omega(omega) q", r"q' = \tfrac{1}{2}\, \Omega{\left(\omega\right)}\, q"),
+    ("a = b ) c", None), ("a = b ? c", None),
+])  # fmt: skip
+def test_plain_equations_become_latex_or_stay_as_they_are(monkeypatch, plain, tex):
+    monkeypatch.syspath_prepend(DOCS)
+    import equations
+
+    made = equations.block([plain])
+    assert made is None if tex is None else tex in made
+
+
 def reached(html: Path) -> set[str]:
     """The pages that links lead to, from the first on."""
     seen: set[str] = set()
