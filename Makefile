@@ -15,7 +15,7 @@ fmus: .venv/.installed ## build the FMUs of all blocks into fmus/dist/; PLATFORM
 	$(BIN)/python -m desat.fmus.build $(if $(PLATFORMS),--platforms $(PLATFORMS))
 
 ssp: fmus ## write the SSD of every craft; .ssp files are packed on demand: desat pack [NAME]
-	@$(BIN)/desat craft | grep -v ": current" || true
+	@$(BIN)/desat pack --ssd | grep -v ": current" || true
 
 test: check fmus ## all tests
 	$(BIN)/python -m pytest -n 2
@@ -51,7 +51,7 @@ sizing: fmus ## what `desat size` says beside closed loops, papers and others, i
 	$(BIN)/python -m benchmarks.your_craft
 
 papers: ssp ## the pages under docs/papers, from their templates and runs made now
-	$(BIN)/desat keys --markdown > docs/language.md
+	$(BIN)/desat help keys --markdown > docs/language.md
 	$(BIN)/python -m benchmarks.pages
 
 site: .venv/.installed ## the documentation as a site, into build/site/index.html; a warning is an error

@@ -12,8 +12,8 @@ import argparse
 import itertools
 import json
 import math
+import os
 import statistics
-import subprocess
 import sys
 import tempfile
 import time
@@ -23,6 +23,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+
+from desat.campaign.draws import draws as draw
+from desat.system.options import Options
 
 STORE = Path(__file__).with_name("laws.json")
 DOCS = Path(__file__).parents[1] / "docs"
@@ -117,15 +120,12 @@ def wanted(rows: tuple[Row, ...]) -> list[tuple[str, tuple[str, ...]]]:
 
 def flown(scenario: str, seed: int, count: int, given: tuple[str, ...]) -> Numbers:
     """The numbers of each draw; a draw that did not complete ends all."""
-    sets = [x for text in given for x in ("--set", text)]
-    command = ["desat", "draws", scenario, "-n", str(count), "--seed", str(seed), "--json", *sets]
-    command[0] = str(Path(sys.executable).with_name("desat"))
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
-    draws = json.loads(done.stdout)["draws"] if done.stdout else []
+    options = Options(sets=list(given))
+    draws = draw(scenario, count, seed, options, jobs=os.cpu_count() or 1)["draws"]
     bad = [d["message"] for d in draws if d["status"] != "completed"]
     if bad or len(draws) != count:
-        raise SystemExit(f"{scenario}: {bad[0] if bad else done.stderr.strip()}")
-    return [d["numbers"] for d in draws]
+        raise SystemExit(f"{scenario}: {bad[0] if bad else 'not all were made'}")
+    return [dict(d["numbers"]) for d in draws]
 
 
 def least_at(curve: list[tuple[float, float]], energy: float) -> float:
@@ -274,7 +274,7 @@ def cost() -> dict[str, str]:
 
 
 FORMS = {
-    "ratio": "over that of", "difference": "less that of", "equal": "over the least of",
+    "ratio": "over that of", "difference": "less that of", "equal": "over the best of",
     "bound": "above the bound", "value": "",
 }  # fmt: skip
 

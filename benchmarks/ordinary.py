@@ -27,7 +27,7 @@ BECOME = ("setpriv", f"--reuid={USER}", f"--regid={USER}", "--clear-groups",
 RUN = ("run", "nadir_day/day-dipole", "--stop", "20")
 OTHERS = (("list",), ("check", "nadir_day/day-dipole"),
           ("run", "nadir_day/day-dipole", "--stop", "20", "--checkpoint", "5", "--out", "c ö"),
-          ("draws", "nadir_day/day-dipole", "-n", "2", "--jobs", "2", "--stop", "20"))  # fmt: skip
+          ("campaign", "nadir_day/day-dipole", "-n", "2", "--stop", "20"))  # fmt: skip
 PLACES: dict[str, tuple[dict[str, str], str]] = {
     "HOME unset, LC_ALL=C": ({"LC_ALL": "C"}, "Größe und Maß"),
     "HOME empty, LC_ALL=POSIX": ({"HOME": "", "LC_ALL": "POSIX", "PYTHONUTF8": "0"}, "ö ü"),

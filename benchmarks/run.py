@@ -579,9 +579,10 @@ def draws_over_cores(scenario: str, count: int, rounds: int = 3) -> dict[str, An
     for _ in track(range(rounds), "draws", disable=not sys.stderr.isatty()):
         for jobs, kept in taken.items():
             before, began = os.times(), time.perf_counter()
-            command = [sys.executable, "-m", "desat.cli", "draws", scenario, "-n", str(count)]
-            subprocess.run([*command, "--jobs", str(jobs), "--json"], check=True,
-                           stdout=subprocess.DEVNULL)  # fmt: skip
+            command = [sys.executable, "-m", "desat.cli", "campaign", scenario, "-n", str(count)]
+            with TemporaryDirectory() as folder:
+                subprocess.run([*command, "--jobs", str(jobs), "--json", "--out", f"{folder}/c"],
+                               check=False, stdout=subprocess.DEVNULL)  # fmt: skip
             wall, after = time.perf_counter() - began, os.times()
             used = after.children_user + after.children_system
             kept.append((wall, used - before.children_user - before.children_system))

@@ -636,8 +636,8 @@ With J(t) the impulse of the disturbances, s = J(T) / T over whole orbits, a_i t
 - the model: momentum H of wheels and body, H' = disturbances + coils, in steps of the law's samples
   (several together where the law is slow), many rods side by side. A law is not written down in it:
   the manager's own block is asked at each sample, at its target and at a momentum along each axis.
-  A law that remembers the momentum, that is not affine in it or takes thrusters is refused, and
-  the closed loop alone judges it ("closed loop only");
+  Laws with memory, nonlinear laws and laws that use thrusters are outside the model ("closed loop
+  only"): `compare --laws` flies them;
 - a year and a map: the environment's own block at other dates and orbits, at the attitude that the
   run has shown; of an attitude that moves there is none.
 

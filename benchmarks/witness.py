@@ -248,7 +248,7 @@ def page(told: Mapping[str, Any]) -> str:
     )  # fmt: skip
 
 
-PAGE = """# A witness that is nobody of ours
+PAGE = """# Independent verification against Basilisk
 
 The closed loop of this project (attitude, wheels, coils, field, gravity gradient, a PID controller
 and a cross-product law at 1 s) in [Basilisk](https://hanspeterschaub.info/basilisk/)'s own modules

@@ -1,9 +1,9 @@
 """Runs systems of FMUs: scenarios, SSP, check, master, results, command line.
 
-`run`, `load`, `draws`, `cases` and `tables` are what programs need of it, and `prepare`,
-`simulate`, `Options`, `Case` and `Run` what they are made of; what they import is
-imported when they are called. Bad input raises `desat.system.errors.DesatError` with one line for
-people.
+`new`, `scenario`, `run`, `size`, `compare`, `tune`, `draws`, `cases`, `load` and `tables` do what
+the commands do, with their options, and return objects; `prepare`, `simulate`, `Options`, `Case`
+and `Run` are what they are made of. What they import is imported when they are called. Bad input
+raises `desat.system.errors.DesatError` with one line for people.
 """
 
 from __future__ import annotations
@@ -13,8 +13,12 @@ from os import PathLike
 from typing import TYPE_CHECKING, Any, Unpack
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
+    from pandas import DataFrame  # type: ignore[import-untyped]
     from xarray import Dataset
 
+    from .begin.facts import Facts
     from .campaign.draws import Draws
     from .campaign.sampling import Sampling
     from .papers.comparison import PaperCell
@@ -22,10 +26,13 @@ if TYPE_CHECKING:
     from .runs.run import Run, simulate
     from .sizing.dumps import DumpSizing
     from .sizing.sizing import Sizing
+    from .studies.compare import Comparison
+    from .studies.ranking import Ranking
+    from .studies.tune import Tuned
     from .system.options import Options, RunOptions
 
-__all__ = ["Case", "Options", "Run", "cases", "draws", "load", "prepare", "run", "simulate", "size",
-           "tables"]  # fmt: skip
+__all__ = ["Case", "Options", "Run", "cases", "compare", "draws", "load", "new", "prepare", "run",
+           "scenario", "simulate", "size", "tables", "tune"]  # fmt: skip
 _AT = {
     "Case": "runs.prepare", "prepare": "runs.prepare", "Run": "runs.run", "simulate": "runs.run",
     "Options": "system.options",
@@ -46,7 +53,7 @@ def run(
     target: str | PathLike[str],
     sets: Mapping[str, Any] | None = None,
     *,
-    stop: float | None = None,
+    stop: float | str | None = None,
     step: float | None = None,
     folder: str | PathLike[str] | None = None,
     **options: Unpack[RunOptions],
@@ -55,12 +62,21 @@ def run(
 
     `target`: a scenario's name, a scenario file (.toml), an .ssp, an .ssd or a folder with one.
     `sets`: "component.variable" -> value in SI: a number, a choice's name, a list (an array, rows
-    in lists). `stop`, `step`: seconds. `folder`: where manifest and series are written; None keeps
+    in lists). `stop`: seconds, or
+    "2 orbits"; `step`: seconds. `folder`: where manifest and series are written; None keeps
     the series in memory. `options`: further fields of `desat.Options`.
 
-    `.numbers` is a pandas frame of the scenario's numbers: title, value, unit, limit, met. As a
-    mapping `.manifest` is the run's JSON file. `.results.values("component.output")` is an array
-    (rows,) or (rows, n), row k at `start + k step`.
+    `.numbers` is a pandas frame of the scenario's numbers: title, value, unit, limit, met; `.data`
+    an xarray Dataset of the series; `.plot("momentum")` a figure. As a mapping `.manifest` is the
+    run's JSON file.
+
+    >>> run = run("nadir_day/day-dipole", {"manager.gain": 2e-3}, stop="0.1 orbit")
+    >>> run.ok
+    True
+    >>> run.numbers.loc["pointing", "unit"]
+    'deg'
+    >>> run.data["wheels.h_wheel"].dims
+    ('time', 'wheel')
 
     Raises DesatError for wrong input. A component that fails ends the run early: see `.ok`,
     `.manifest.message`; `.or_raise(name)` makes a RunError of that.
@@ -69,16 +85,61 @@ def run(
 
     from .runs.run import execute
     from .system.options import of_program
+    from .system.progress import in_notebook
 
     given = of_program(stop, step, sets, options)
-    return execute(str(target), given, None if folder is None else Path(folder))
+    return execute(str(target), given, None if folder is None else Path(folder), in_notebook())
+
+
+def new(folder: str | PathLike[str], *, force: bool = False, **facts: Unpack[Facts]) -> Path:
+    """Begin a craft, as `desat new craft` does, and return its folder; `facts` are its options as
+    texts. What is not given is typical of the craft's class.
+
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as here:
+    ...     craft = new(f"{here}/my12u", size="12U", altitude="400km", rods="0.2")
+    ...     sorted(p.name for p in craft.iterdir())
+    ['craft.toml', 'detumbling.toml', 'nominal.toml', 'worst.toml']
+
+    Raises DesatError for what cannot be, and for a folder that exists, unless `force`.
+    """
+    import shlex
+    from pathlib import Path
+
+    from .begin.craft import write
+    from .begin.facts import CraftFacts, Facts
+    from .system.errors import DesatError, nearest
+
+    if unknown := [name for name in facts if name not in Facts.__annotations__]:
+        raise DesatError(f"{unknown[0]}: no fact of a craft"
+                         f"{nearest(unknown[0], Facts.__annotations__)}")  # fmt: skip
+    typed = [f"--{name.replace('_', '-')}={value}" for name, value in facts.items()]
+    command = shlex.join(["desat", "new", "craft", str(folder), *typed])
+    write(Path(folder), CraftFacts(**facts), command, force)
+    return Path(folder)
+
+
+def scenario(target: str | PathLike[str]) -> DataFrame:
+    """The values of a scenario as merged, by their keys: `value`, the file that it is `from` and
+    the axis' `cell`, as `desat show` prints them.
+
+    >>> scenario("nadir_day/day-dipole").loc["stop", "value"]
+    86400.0
+
+    Raises DesatError where there is none.
+    """
+    from pandas import DataFrame
+
+    from .runs import explain
+
+    return DataFrame(explain.show(str(target))).set_index("key")
 
 
 def size(
     target: str | PathLike[str],
     sets: Mapping[str, Any] | None = None,
     *,
-    stop: float | None = None,
+    stop: float | str | None = None,
     year: bool = True,
     laws: bool = True,
     flown: bool = True,
@@ -92,6 +153,10 @@ def size(
     `year`: other days of a year, too; `laws`: other laws, too; `flown`: the closed loop beside;
     `duty` (1) and `margin` (1): what rods are recommended for. The rest as for `run`.
 
+    >>> sized = size("nadir_day/day-dipole", stop="2 orbits", year=False, laws=False, flown=False)
+    >>> sized.answer
+    'nadir_day/day-dipole: rods of 0.168 A m2 hold with a duty of 50 %...'
+
     Raises DesatError for a craft without what it takes, RunError where a run does not complete.
     """
     from .sizing import dumps, sizing
@@ -103,14 +168,86 @@ def size(
     return sized(str(target), given, wishes)
 
 
-def load(folder: str | PathLike[str]) -> Dataset:
+def compare(
+    *targets: str | PathLike[str],
+    laws: str | Sequence[str] | None = None,
+    by: str | None = None,
+    sets: Mapping[str, Any] | None = None,
+    stop: float | str | None = None,
+    step: float | None = None,
+    **options: Unpack[RunOptions],
+) -> Comparison | Ranking:
+    """Hold scenarios (flown now) and run folders against the first, as `desat compare` does; or,
+    with `laws`, fly one craft law by law: "all", names of laws, or files of your own. `by`: what
+    laws are ranked by, "peak,duty". The rest as for `run`. `.numbers` is a pandas frame.
+
+    >>> compared = compare("nadir_day/day-dipole", "nadir_day/day-igrf", stop=600.0)
+    >>> list(compared.numbers.columns[2:])
+    ['nadir_day/day-dipole', 'nadir_day/day-igrf', 'less nadir_day/day-igrf']
+
+    Raises DesatError for wrong input, RunError where a run does not complete.
+    """
+    from .studies import compare as study
+    from .system.errors import DesatError
+    from .system.options import of_program
+
+    given, names = of_program(stop, step, sets, options), [str(t) for t in targets]
+    if laws is None:
+        if by is not None:
+            raise DesatError("by: it ranks laws: laws='all'")
+        if study.are_campaigns(names):
+            raise DesatError(f"{names[0]}: campaigns are compared by `desat compare`")
+        return study.side_by_side(names, given)
+    from .studies import ranking
+
+    if len(names) != 1:
+        raise DesatError(f"{' '.join(names)}: laws are flown on one craft")
+    asked = [laws] if isinstance(laws, str) else list(laws)
+    own = [x for x in asked if x.endswith((".py", ".fmu"))]
+    known = [x for x in asked if x not in own]
+    criteria = ranking.criteria(by) if by is not None else ()
+    return ranking.choose(names[0], given, criteria, known, own)
+
+
+def tune(
+    target: str | PathLike[str],
+    parameter: str,
+    number: str,
+    *,
+    most: bool = False,
+    between: tuple[float, float] | None = None,
+    count: int = 8,
+    unseen: int = 16,
+    seed: int = 1,
+    jobs: int = 1,
+    sets: Mapping[str, Any] | None = None,
+    stop: float | str | None = None,
+    step: float | None = None,
+    **options: Unpack[RunOptions],
+) -> Tuned:
+    """Find the value of `component.parameter` with the least (`most`: the largest) median of a
+    number over `count` draws, judged by `unseen` others, as `desat tune` does. `.best` is it,
+    `.answer` a sentence. `jobs` as for `draws`, the rest as for `run`.
+
+    Raises DesatError for what there is not, RunError where a run does not complete.
+    """
+    from .studies import tune as study
+    from .system.options import of_program
+
+    given = of_program(stop, step, sets, options)
+    return study.tune(str(target), parameter, number, given, most=most, between=between,
+                      draws=count, unseen=unseen, seed=seed, jobs=jobs)  # fmt: skip
+
+
+def load(folder: str | PathLike[str], *, curves: bool = False) -> Dataset:
     """The results in a run's or a campaign's folder, also of one that was killed, as an xarray
     Dataset that is read where it is looked at.
 
-    Of a run: `ds["wheels.h_wheel"]` over `time` (states, at t_k) or `interval` (over [t_k, t_k+1)),
-    with units, frame, description and choices as attributes; `ds.attrs` has scenario, epoch,
-    versions, numbers and the manifest, as JSON. Of a campaign: `in.*` and `out.*` over `case`, and
-    `curve.*` over `case` and `part`.
+    Of a run: `ds["wheels.h_wheel"]` over `time` and `wheel`, vectors over `axis`, means over steps
+    over `interval`, with units, frame, description and choices as attributes; `ds.attrs` has
+    scenario, epoch, versions, numbers and the manifest, as JSON. Of a campaign: `in.*` and `out.*`
+    over `case`, a row each in `ds.to_dataframe()`; `curves`: instead, the envelopes of its curves
+    over `case` and `part`.
 
     Raises DesatError where it is neither.
     """
@@ -120,10 +257,10 @@ def load(folder: str | PathLike[str]) -> Dataset:
     if (where / "campaign.json").exists():
         from .campaign.dataset import of_campaign
 
-        return of_campaign(where)
-    from .report.dataset import of_run
+        return of_campaign(where, curves)
+    from .runs.run import load_run
 
-    return of_run(where)
+    return load_run(where).data
 
 
 def draws(
@@ -132,7 +269,7 @@ def draws(
     seed: int = 1,
     sets: Mapping[str, Any] | None = None,
     *,
-    stop: float | None = None,
+    stop: float | str | None = None,
     step: float | None = None,
     jobs: int = 1,
     **options: Unpack[RunOptions],
@@ -147,9 +284,10 @@ def draws(
     """
     from .campaign import draws as study
     from .system.options import of_program
+    from .system.progress import in_notebook
 
     given = of_program(stop, step, sets, options)
-    return study.draws(str(target), count, seed, given, jobs)
+    return study.draws(str(target), count, seed, given, jobs, in_notebook())
 
 
 def cases(
@@ -165,7 +303,7 @@ def cases(
     limit: float = 600.0,
     jobs: int = 1,
     cluster: str | None = None,
-    stop: float | None = None,
+    stop: float | str | None = None,
     step: float | None = None,
     accept_versions: bool = False,
     **options: Unpack[RunOptions],
@@ -182,13 +320,14 @@ def cases(
 
     from .campaign import coordinator, report
     from .system.options import of_program
+    from .system.progress import in_notebook
 
     given = of_program(stop, step, sets, options)
     plan, _ = coordinator.planned(
         str(target), count, seed=seed, sampling=sampling, options=given, curves=curves, keep=keep,
         limit=limit,
     )  # fmt: skip
-    coordinator.run(plan, Path(folder), jobs, cluster, False, accept_versions)
+    coordinator.run(plan, Path(folder), jobs, cluster, in_notebook(), accept_versions)
     report.write(Path(folder))
     return load(folder)
 

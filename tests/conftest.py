@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import contextlib
 import io
+import os
+import shutil
 import subprocess
 import sys
 from collections.abc import Callable
@@ -38,6 +40,49 @@ def started(name: str, **values: object):
     made.check()
     made.start()
     return made
+
+
+# --- a browser ------------------------------------------------------------------------------------
+
+CHROMIUM = os.environ.get("DESAT_CHROMIUM") or shutil.which("chromium") or shutil.which(
+    "google-chrome")  # fmt: skip
+
+
+@pytest.fixture(scope="session")
+def browser():
+    """Chromium, by its name or that of DESAT_CHROMIUM, driven by the package playwright."""
+    api = pytest.importorskip("playwright.sync_api", reason="no playwright")
+    if CHROMIUM is None:
+        pytest.skip("no Chromium")
+    with api.sync_playwright() as started:
+        made = started.chromium.launch(
+            executable_path=CHROMIUM, timeout=30_000,
+            args=["--no-sandbox", "--headless", "--lang=en-US"],
+        )  # fmt: skip
+        yield made
+        made.close()
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Mark the tests that need a browser."""
+    for item in items:
+        if "browser" in getattr(item, "fixturenames", ()):
+            item.add_marker("in_browser")
+
+
+def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
+    """Say whether the tests in a browser ran."""
+    reports = {
+        how: [r for r in terminalreporter.getreports(how) if "in_browser" in r.keywords]
+        for how in ("passed", "failed", "skipped")
+    }
+    ran = sum(r.when == "call" for r in [*reports["passed"], *reports["failed"]])
+    if ran:
+        terminalreporter.write_line(f"tests in a browser: {ran} ran ({CHROMIUM})")
+    elif reports["skipped"]:
+        why = reports["skipped"][0].longrepr
+        text = why[2] if isinstance(why, tuple) else str(why)
+        terminalreporter.write_line(f"tests in a browser: DID NOT RUN: {text}")
 
 
 Command = Callable[..., subprocess.CompletedProcess[str]]

@@ -156,7 +156,6 @@ VERDICTS = {
     "cli/__init__.py": ("_code", "_terminate", "_is_full"),
     "cli/commands/run.py": ("conclude", "_room", "_report_run"),
     "cli/commands/check.py": ("check",),
-    "cli/commands/draws.py": ("draws",),
     "cli/commands/sweep.py": ("sweep",),
     "cli/commands/campaign.py": ("case", "_report"),
     "cli/commands/size.py": ("size",),
@@ -669,7 +668,7 @@ def section(part: Part, result: dict[str, Any]) -> list[str]:
         "",
         f"{n['killed']} of {real} mutations that change {part.title} are killed: "
         f"{100 * n['killed'] / real:.1f} %"
-        + (f" (of all {low:.0f} to {high:.0f} %, Clopper-Pearson, 95 %)." if part.sample else "."),
+        + (f" (95 % interval {low:.0f} to {high:.0f} %, Clopper-Pearson)." if part.sample else "."),
         "",
         f"{drawn}; {len(result['mutations'])} of these change the code, and "
         + (

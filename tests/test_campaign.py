@@ -40,6 +40,7 @@ from desat.runs import prepare as prepare_module
 from desat.runs.prepare import prepare
 from desat.runs.prepare import read as read_source
 from desat.runs.run import simulate
+from desat.system import progress
 from desat.system.check import check
 from desat.system.errors import DesatError, Exit
 from desat.system.options import Options
@@ -210,7 +211,9 @@ def test_a_campaign_of_two_hundred(whole):
 def test_a_case_is_the_draw_of_the_same_number(whole, own, tmp_path):
     from desat.campaign.draws import one
 
-    with pytest.raises(DesatError, match=r"mean_anomaly: it is drawn, and so never has this value"):
+    with pytest.raises(
+        DesatError, match=r"mean_anomaly: it is sampled, and so never has this value"
+    ):
         desat.cases(own, 2, tmp_path / "c", {"environment.mean_anomaly": 1.0})
 
     again = one(read_source(str(own)), Options(), 1, 123)
@@ -492,12 +495,15 @@ def test_more_cases_show_a_requirement():
 
 
 def test_progress_is_a_line_where_nobody_looks(capsys, monkeypatch):
-    monkeypatch.setattr(coordinator, "_LINE", 0.0)
-    at = coordinator.Progressed(40, 31, 2, began=time.monotonic() - 10.0, first=11)
-    with coordinator.Shown(at, True) as show:
-        show()
+    monkeypatch.setattr(progress, "MINUTE", 0.0)
+    with progress.progress("cases", 40, True, 11) as tell:
+        time.sleep(0.05)
+        tell(31, "2 failed")
     line = capsys.readouterr().err
-    assert re.fullmatch(r"31 of 40 done, 2 failed, 2\.0 a second, [45] s left\n", line), line
+    assert re.fullmatch(r"cases: 78 % done, 2 failed, 0 s left\n", line), line
+    with progress.progress("cases", 40, False) as tell:
+        tell(31, "")
+    assert capsys.readouterr().err == ""
 
 
 def test_what_drives_a_number_is_named():
@@ -684,10 +690,14 @@ def test_a_campaign_is_a_data_set(whole):
     np.testing.assert_array_equal(ds["out.rate"].values, expected)
     assert ds["out.rate"].attrs["units"] == "deg/s"
     assert ds["status"][3].item() == table["status"][3].as_py()
-    assert ds["curve.momentum"].shape == (COUNT, 200)
+    assert len(ds.to_dataframe()) == COUNT
+    curves = desat.load(whole, curves=True)
+    assert curves["curve.momentum"].shape == (COUNT, 200)
     assert ds["in.wheels.h_start_wheel[1]"].attrs["units"] == "N.m.s"
-    assert ds["curve.momentum"].attrs["units"] == "mN.m.s"
-    assert np.isfinite(ds["curve.momentum"].values).all(), "parts without a sample are between some"
+    assert curves["curve.momentum"].attrs["units"] == "mN.m.s"
+    assert np.isfinite(curves["curve.momentum"].values).all(), (
+        "parts without a sample are between some"
+    )
     assert ds["in.wheels.h_start_wheel[1]"].sel(case=9).item() == (
         table["in.wheels.h_start_wheel[1]"][9].as_py()
     )

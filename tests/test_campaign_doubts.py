@@ -56,13 +56,13 @@ def test_a_data_set_stays_with_its_cases(own, three, tmp_path):
     (folder / "cases/part-00000.parquet").unlink()
     lines = [row.to_line() for row in kept]
     store.journal(folder, 0).write_text("".join(lines[i] for i in (0, 2)))
-    loaded = desat.load(folder)
+    loaded, curves = desat.load(folder), desat.load(folder, curves=True)
     store.journal(folder, 0).write_text("".join(lines[i] for i in (0, 2, 1)))
     assert loaded["out.rate"].shape == loaded["out.rate"].values.shape == (2,)
     assert float(loaded["out.rate"].sel(case=2)) == whole[2]["out.rate"]
-    curve = next(n for n in loaded.data_vars if str(n).startswith("curve."))
-    wanted = desat.load(three)[curve].values[[0, 2]]
-    assert loaded[curve].values.tobytes() == wanted.tobytes()
+    (curve, *_) = curves.data_vars
+    wanted = desat.load(three, curves=True)[curve].values[[0, 2]]
+    assert curves[curve].values.tobytes() == wanted.tobytes()
     store.journal(folder, 0).write_text(lines[0])
     with pytest.raises(DesatError, match="case 2 is not there any more"):
         loaded["out.rate"].values  # noqa: B018
@@ -71,10 +71,10 @@ def test_a_data_set_stays_with_its_cases(own, three, tmp_path):
 @pytest.mark.parametrize("name", [DRAWN, f"{DRAWN}[2]", f"{DRAWN} ", "shared.h_start_wheel"])
 def test_what_is_drawn_has_no_other_value(own, name):
     value = "0.001" if "[" in name else "0.001,0,0,0"
-    with pytest.raises(DesatError, match="is drawn, and so never has this value"):
+    with pytest.raises(DesatError, match="is sampled, and so never has this value"):
         coordinator.planned(own, 3, options=Options(sets=[f"{name}={value}"]))
     if "wheels" in name:
-        with pytest.raises(DesatError, match="is drawn, and so cannot be an axis of draws"):
+        with pytest.raises(DesatError, match="is sampled, and so cannot be an axis"):
             sweep(own, {name.strip(): [0.0]}, draws=2)
 
 

@@ -5,11 +5,13 @@ from __future__ import annotations
 import json
 import os
 import re
+import shlex
 import shutil
 import subprocess
 import sys
 import time
 from importlib.metadata import version
+from math import pi, sqrt
 from pathlib import Path
 
 import pytest
@@ -18,17 +20,22 @@ from rich.table import Table
 from typer.main import get_command
 
 from desat import cli
+from desat.campaign.draws import draws
+from desat.cli import console
 from desat.cli.console import print_numbers
+from desat.components.physics.orbit import MU
 from desat.engine.recording.results import Results
 from desat.files import paths
 from desat.files.scenario import families, scenarios, summary
 from desat.system.errors import Exit
+from desat.system.options import Options
+from desat.system.quantity import Quantity
 
 NAME = "uosat12/table3-ocdc-ilqr-1"
 
 
 def test_help(desat):
-    for command in ((), ("run",), ("draws",), ("check",), ("pack",), ("tables",), ("report",),
+    for command in ((), ("run",), ("campaign",), ("check",), ("pack",), ("tables",), ("report",),
                     ("bound",), ("design",),
                     ("list",)):  # fmt: skip
         result = desat(*command, "--help")
@@ -42,15 +49,13 @@ def test_no_flag_is_set_but_the_baseline_and_counts_are_as_told(desat):
         (name, option.name)
         for name, command in get_command(cli.app_for([])).commands.items()
         for option in command.params
-        if name in ("run", "check", "draws", "sweep", "tables", "size")
+        if name in ("run", "check", "sweep", "tables", "size")
         and getattr(option, "is_flag", False) and option.default
     }  # fmt: skip
     assert found == {("run", "baseline"), ("size", "loop"), ("size", "year")}
     for command, line in (
-        ("draws", "Number of draws. [default: 20; x>=1]"),
-        ("draws", "Seed of the draws. [default: 1; x>=0]"),
-        ("sweep", "Medians of so many seeded draws (0: none). [default: 0; x>=0]"),
-        ("sweep", "Seed of the draws. [default: 1; x>=0]"),
+        ("sweep", "Print medians of this many random samples (0: none). [default: 0; x>=0]"),
+        ("sweep", "Seed of the random samples. [default: 1; x>=0]"),
         ("size", "Duty of the coils to recommend rods for. [default: 50.0]"),
     ):
         assert line in " ".join(desat(command, "--help").stdout.split())
@@ -111,7 +116,7 @@ def test_runs_do_not_overwrite(desat, tmp_path):
         (("run", NAME, "--set", "torquers.duty_max=0.95"), "pulse_delay + duty_max * sample_time"),
         (("tables", "uosat13"), "no family uosat13; did you mean uosat12?"),
         (("report", "."), "no run folder"),
-        (("draws", NAME, "--set", "manager.duty=3"), "allowed is 0 to 1"),
+        (("campaign", NAME, "--set", "manager.duty=3"), "allowed is 0 to 1"),
         (("pack", "uosat12/x"), "no scenario uosat12/x"),
         (("run", NAME, "--source", "manger=x.fmu"), "no component manger; did you mean manager?"),
         (("run", NAME, "--source", "manager"), "the form is COMPONENT=FMU"),
@@ -172,14 +177,10 @@ def test_numbers_are_printed_whole_in_however_many_columns(capsys):
     assert capsys.readouterr().out.count("1.234567e-05") == 60
 
 
-def test_draws_do_not_depend_on_count_or_processes(desat):
-    def rows(*arguments):
-        return json.loads(desat("draws", NAME, "--json", *arguments, check=True).stdout)
-
-    three = rows("-n", "3", "--seed", "5", "--jobs", "1")
-    four = rows("-n", "4", "--seed", "5", "--jobs", "2")
+def test_draws_do_not_depend_on_count_or_processes():
+    three, four = draws(NAME, 3, 5, Options(), 1), draws(NAME, 4, 5, Options(), 2)
     assert three["draws"] == four["draws"][:3]
-    assert rows("-n", "1", "--seed", "6")["draws"][0]["numbers"] != three["draws"][0]["numbers"]
+    assert draws(NAME, 1, 6, Options())["draws"][0]["numbers"] != three["draws"][0]["numbers"]
     times = sorted(d["numbers"]["firing_time"] for d in three["draws"])
     assert three["summary"]["firing_time"] == {
         "unit": "s", "median": times[1], "low": times[0], "high": times[2], "min": times[0],
@@ -188,13 +189,18 @@ def test_draws_do_not_depend_on_count_or_processes(desat):
     assert len({d["values"]["magnetometer.seed"] for d in four["draws"]}) == 4
 
 
-def test_draws_print_statistics_and_each_draw_where_asked(desat):
-    short = ("draws", NAME, "-n", "2", "--stop", "20", "--jobs", "1")
-    title = desat(*short, check=True).stdout.splitlines()[0].split()
-    statistics = ["number", "median", "95", "%", "from", "to", "min", "max"]
-    assert title == [*statistics, "unit", "not", "reached"]
-    title = desat(*short, "--each", check=True).stdout.splitlines()[0].split()
-    assert title == [*statistics, "draw", "0", "draw", "1", "unit", "not", "reached"]
+def test_a_small_campaign_prints_statistics_of_the_same_draws(desat, tmp_path):
+    short = ("campaign", NAME, "-n", "3", "--seed", "5", "--jobs", "1", "--out", "c")
+    said = desat(*short, cwd=tmp_path, check=True).stdout.splitlines()
+    assert said[1].split() == ["number", "median", "5", "%", "95", "%", "min", "max", "unit",
+                               "not", "reached"]  # fmt: skip
+    assert said[7].endswith("more numbers in the report; --all prints them")
+    told = json.loads(desat("campaign", "report", "c", "--json", cwd=tmp_path, check=True).stdout)
+    drawn = draws(NAME, 3, 5, Options(), 1)["summary"]
+    assert len(drawn) > 5
+    for name, entry in drawn.items():
+        assert [told["numbers"][name][k] for k in ("median", "min", "max")] == [
+            entry[k] for k in ("median", "min", "max")]  # fmt: skip
 
 
 LEAN_MANAGER = '''
@@ -479,3 +485,83 @@ def test_python_m_beside_a_folder_of_our_name_says_so(tmp_path):
         f"error: {tmp_path / 'desat'}: a folder of this name hides the package from `python -m`; "
         "run `desat`, or python from another folder\n"
     )
+
+
+def test_each_command_is_in_a_panel_and_has_an_example(desat):
+    """Each example is a command line whose options there are."""
+    top = get_command(cli.app_for([]))
+    assert sorted(top.commands) == sorted(n for names in console.PANELS.values() for n in names)
+    told = desat("--help", check=True).stdout
+    assert [told.index(f"\n{panel}:") for panel in console.PANELS] == sorted(
+        told.index(f"\n{panel}:") for panel in console.PANELS)  # fmt: skip
+
+    def ends(path, command):
+        for name, inner in getattr(command, "commands", {}).items():
+            yield from ends([*path, name], inner)
+        if not getattr(command, "commands", {}):
+            yield path, command
+
+    for path, command in ends([], top):
+        assert command.epilog, path
+        words = shlex.split(command.epilog.removeprefix("Example: "))
+        group = path[:-1] if path[-1] in ("run", "page") and len(path) > 1 else path
+        assert words[: len(group) + 1] == ["desat", *group], command.epilog
+        known = {x for p in command.params for x in (*p.opts, *p.secondary_opts)}
+        assert {w for w in words if w.startswith("-")} <= known, command.epilog
+
+
+@pytest.mark.parametrize(
+    ("arguments", "text"),
+    [
+        (("run", NAME, "--duration", "5"), "no option --duration; did you mean --stop?"),
+        (("run", NAME, "--dt", "1"), "no option --dt; did you mean --step?"),
+        (("new", "craft", "x", "--alitude", "4km"), "--alitude; did you mean --altitude?"),
+        (("rum", NAME), "no command rum; did you mean run?"),
+        (("keys",), "no command keys; desat help keys prints them"),
+        (("run", NAME, "--set", "spacecraft.h_start_body=1Nms,0,0"), "did you mean N.m.s?"),
+        (("run", NAME, "--stop", "0orbits"), "--stop 0orbits: unit orbits is not known"),
+        (("help", "own-blok"), "no such topic; did you mean own-block?"),
+    ],
+)  # fmt: skip
+def test_what_was_meant_is_said(desat, arguments, text):
+    done = desat(*arguments)
+    assert done.returncode == Exit.INPUT
+    assert text in done.stderr, done.stderr
+    assert len(done.stderr.splitlines()) == 1
+
+
+@pytest.mark.parametrize(
+    ("unit", "text", "value"),
+    [("N.m.s", "30mNms", 0.03), ("N.m", "0.73 mNm", 7.3e-4), ("kg.m2", "2 kgm2", 2.0),
+     ("A.m2", "0.2Am2", 0.2), ("N.m.s", "3 Nm.s", 3.0)],
+)  # fmt: skip
+def test_units_are_read_without_their_dots(unit, text, value):
+    assert Quantity("--x", unit)(text) == pytest.approx(value, rel=1e-15)
+
+
+def test_a_stop_time_in_orbits_is_that_of_the_craft(desat, tmp_path):
+    desat("new", "craft", "mine", "--altitude", "400km", cwd=tmp_path, check=True)
+    told = json.loads(desat("run", "mine", "--stop", "0.1orbit", "--json", cwd=tmp_path,
+                            check=True).stdout)  # fmt: skip
+    period = 2.0 * pi * sqrt(6778137.0**3 / MU)
+    assert told["end_time"] == pytest.approx(0.1 * period, rel=2e-3)
+    assert draws(str(tmp_path / "mine"), 1, 1, Options(stop="0.01 orbits"), 1)["draws"]
+
+
+def test_a_crafts_folder_is_known_to_all_that_take_a_target(desat, tmp_path):
+    desat("new", "craft", "mine", cwd=tmp_path, check=True)
+    listed = json.loads(desat("list", "mine", "--json", cwd=tmp_path, check=True).stdout)
+    assert [row["name"] for row in listed] == ["mine", "mine/detumbling.toml", "mine/worst.toml"]
+    assert "not of a run" in desat("export", "mine", cwd=tmp_path).stderr
+    assert "parameters.manager.gain" in desat("show", "mine", cwd=tmp_path, check=True).stdout
+    desat("run", "mine/worst.toml", "--stop", "10", cwd=tmp_path)
+    assert (tmp_path / "runs" / "mine-worst" / "report.html").is_file()
+
+
+def test_a_run_prints_five_numbers_and_all_on_request(desat, tmp_path):
+    some = desat("run", NAME, "--stop", "60", "--no-baseline", cwd=tmp_path, check=True).stdout
+    whole = desat("run", NAME, "--stop", "60", "--no-baseline", "--all", cwd=tmp_path,
+                  check=True).stdout  # fmt: skip
+    rest = int(re.search(r"(\d+) more numbers", some)[1])
+    assert len(whole.splitlines()) - len(some.splitlines()) == rest - 1
+    assert "more numbers" not in whole

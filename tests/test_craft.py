@@ -81,7 +81,7 @@ def test_all_511():
 @pytest.mark.parametrize("file", CRAFTS, ids=lambda f: f"{f.parent.name}/{f.name}")
 def test_the_ssd_is_current_and_says_the_same(file):
     target = packing.target(file)
-    assert target.read_text(encoding="utf-8") == packing.text(file), "run `desat craft`"
+    assert target.read_text(encoding="utf-8") == packing.text(file), "run `desat pack --ssd`"
     system = ssp.read(target)
     assert system.problems == []
     same_system(system, craft.read(file))
@@ -288,9 +288,9 @@ def test_a_scenario_names_its_craft_or_its_ssd(family):
 
 def test_the_command(desat, tmp_path):
     (tmp_path / "mine.toml").write_text(GOOD, encoding="utf-8")
-    result = desat("craft", "mine.toml", cwd=tmp_path, check=True)
+    result = desat("pack", "--ssd", "mine.toml", cwd=tmp_path, check=True)
     assert result.stdout == "mine.ssd: written\n"
-    assert desat("craft", "mine.toml", cwd=tmp_path).stdout == "mine.ssd: current\n"
-    result = desat("craft", "uosat21")
+    assert desat("pack", "--ssd", "mine.toml", cwd=tmp_path).stdout == "mine.ssd: current\n"
+    result = desat("pack", "--ssd", "uosat21")
     assert result.returncode == 2
     assert "no family uosat21; did you mean uosat12?" in result.stderr

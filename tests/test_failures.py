@@ -565,19 +565,6 @@ def test_supervised_runs_have_the_same_bits(tmp_path):
     assert len(found[0]) > 10
 
 
-def test_a_crash_among_draws_is_named(desat, system):
-    """4, a line with draw and component, and the others are run."""
-    about = system / "extra/desat/scenario.json"
-    about.parent.mkdir(parents=True)
-    hows = [HOW.index(how) for how in ("SEGFAULT", "EXIT_0")]
-    about.write_text(json.dumps({"dispersions": {"bad.how": {"one_of": hows}}}))
-    result = desat("draws", str(system), "-n", "3", "--step", "1", "--jobs", "2")
-    assert result.returncode == Exit.COMPONENT, result.stderr
-    assert "Traceback" not in result.stderr
-    for draw in range(3):
-        assert f"draw {draw}: failed: {ALONE}" in result.stderr
-
-
 def test_a_crash_among_draws_leaves_the_other_rows(tmp_path, binary):
     target = drawn_to_fail(tmp_path / "s", binary, ["NOTHING", "SEGFAULT"])
     rows = draws(target, 8, 1, Options(step=1.0), jobs=2)["draws"]

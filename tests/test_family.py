@@ -169,7 +169,7 @@ def test_a_family_touches_no_existing_file(repository):
     do("desat.fmus.build", "manager_spin_down")
     index = json.loads((repository / "fmus/dist/index.json").read_text(encoding="utf-8"))
     assert [e.get("why") for e in index] == [None] * 3, "native, FMI 3.0, Python"
-    do("desat.cli", "craft", "spin_down")
+    do("desat.cli", "pack", "--ssd", "spin_down")
     do("desat.cli", "check", "spin_down/wheels")
     assert "Three wheels spin down" in do("desat.cli", "list", "spin_down")
     run = json.loads(do("desat.cli", "run", "spin_down/wheels", "--out", "run", "--json"))

@@ -133,7 +133,7 @@ def test_a_manager_without_its_design_is_told():
 def test_a_law_that_needs_thrusters_is_refused_without(manager):
     problems = checked(NADIR, sources=[f"manager={manager}"]).problems
     (line,) = [p for p in problems if "tau_cmd_thruster_body" in p]
-    assert "needs tau_cmd_thruster_body, an output that reaches nobody" in line
+    assert "needs tau_cmd_thruster_body, an unused output" in line
 
 
 def unwired(tmp_path, *inputs, family, name):
@@ -300,7 +300,9 @@ def test_another_manager_of_a_scenario_keeps_them_too(tmp_path):
         file.write_text(text + given, encoding="utf-8")
         found = checked(str(file))
         (line,) = found.problems
-        assert "closed_loop has no law of the attitude, and nobody else controls it" in line
+        assert (
+            "closed_loop has no attitude law, and no other component controls the attitude" in line
+        )
         assert found.system.components["manager"].parameters["inertia[3,3]"] == known
         assert len([w for w in found.warnings if "what runs onboard errs" in w]) == (known == 3.0)
 

@@ -186,4 +186,4 @@ def test_a_newcomer_is_sure_by_a_campaign(newcomer, tmp_path):
     assert "4 of 4 completed" in told
     assert "0 of 4 outside" in told, "too few to show that requirements hold"
     (report,) = (tmp_path / "runs").glob("*/report.html")
-    assert "Momentum of the wheels at the end, body" in report.read_text(encoding="utf-8")
+    assert "Total wheel momentum at the end (body frame)" in report.read_text(encoding="utf-8")

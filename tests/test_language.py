@@ -477,12 +477,12 @@ def test_all_of_ours_are_sound():
 
 
 def test_commands(desat):
-    assert "final_momentum" in desat("keys", "design", check=True).stdout
-    assert "first_below" in desat("measures", check=True).stdout
-    assert "$defs" in desat("keys", "--schema", check=True).stdout
+    assert "final_momentum" in desat("help", "keys", "design", check=True).stdout
+    assert "first_below" in desat("help", "measures", check=True).stdout
+    assert "$defs" in desat("help", "keys", "--schema", check=True).stdout
     shown = desat("show", "uosat12/table3-ocdc-ilqr-1", check=True).stdout
     assert "axes.method.ocdc" in shown
-    assert "plot" in desat("keys", "plt").stderr
+    assert "plot" in desat("help", "keys", "plt").stderr
 
 
 def test_each_value_that_is_shown_comes_from_a_file(desat):
@@ -494,7 +494,7 @@ def test_each_value_that_is_shown_comes_from_a_file(desat):
 
 
 def test_every_table_of_the_language_is_told():
-    """In `desat keys` and on the page, by the name that other keys' types have."""
+    """In `desat help keys` and on the page, by the name that other keys' types have."""
     told = set(explain._tables().values())
     for module in (language, paper):
         for table in vars(module).values():
@@ -504,7 +504,7 @@ def test_every_table_of_the_language_is_told():
 
 
 def test_the_page_of_the_language_is_current():
-    """`desat keys --markdown > docs/language.md` makes it."""
+    """`desat help keys --markdown > docs/language.md` makes it."""
     assert (ROOT / "docs" / "language.md").read_text(encoding="utf-8") == explain.page()
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 import re
 
@@ -12,7 +11,7 @@ import pytest
 from benchmarks.pages.sources import Sources
 from benchmarks.pages.verbs import Verbs
 from desat.campaign import report
-from desat.campaign.draws import spreads
+from desat.campaign.draws import draws, spreads
 from desat.files.scenario import find
 from desat.numbers import measures
 from desat.numbers.numbers import late
@@ -48,18 +47,16 @@ def test_a_run_that_never_slows_says_so(desat, own, tmp_path):
     assert re.search(r"below 0.003 rad/s at once .*not reached", said), said
 
 
-def test_draws_that_never_slow_say_so_with_their_share(desat, own):
-    said = desat("draws", own(NEVER), "-n", "4", "--each", "--blocks", "--jobs", "1",
-                 check=True).stdout  # fmt: skip
-    line = next(x for x in said.splitlines() if x.startswith("detumbled"))
-    assert line.count("not reached") == 5 + 4, "median, its interval, the ends, and each draw"
-    assert "4 of 4 (100 %)" in line
+def test_cases_that_never_slow_say_so_with_their_share(desat, own, tmp_path):
+    said = desat("campaign", own(NEVER), "-n", "4", "--blocks", "--jobs", "1", "--all",
+                 cwd=tmp_path, check=True).stdout  # fmt: skip
+    line = next(x for x in said.splitlines() if "4 of 4 (100 %)" in x)
+    assert line.count("not reached") == 5, "median, shares, and the ends"
     assert "20.00" not in line
 
 
-def test_some_that_are_not_reached_are_later_than_all_others(desat, own):
-    made = desat("draws", own(SOME), "-n", "4", "--blocks", "--jobs", "1", "--json", check=True)
-    told = json.loads(made.stdout)
+def test_some_that_are_not_reached_are_later_than_all_others(own):
+    told = draws(own(SOME), 4, 1, Options(blocks=True), jobs=1)
     each = [row["numbers"]["detumbled"] for row in told["draws"]]
     there = sorted(x for x in each if x is not None)
     assert 0 < len(there) < 4
@@ -73,7 +70,7 @@ def test_some_that_are_not_reached_are_later_than_all_others(desat, own):
 
 
 def test_a_sweep_has_the_share(desat, own):
-    said = desat("sweep", own(COMMON), "manager.rate_limit=1e-9,0.14", "--draws", "4", "--blocks",
+    said = desat("sweep", own(COMMON), "manager.rate_limit=1e-9,0.14", "--samples", "4", "--blocks",
                  "--jobs", "1", check=True).stdout  # fmt: skip
     row = next(x for x in said.splitlines() if x.startswith("detumbled") or "detumbled" in x)
     assert "not reached (not reached: 4 of 4 (100 %))" in said, said

@@ -209,7 +209,7 @@ After it {{ setting("reference", "step") }}.
         ('{{ plot("a", "reference", "rat") }}', "did you mean rate?"),
         ('{{ series("reference", "wheels.h_whel").norm() }}', "no series wheels.h_whel"),
         ('{{ parameter("reference", "wheels.speed_limit", "kg") }}', "does not fit kg"),
-        ('{{ spread("reference", "largest_speed") }}', "no draws of plant there"),
+        ('{{ spread("reference", "largest_speed") }}', "no samples of plant there"),
     ],
 )
 def test_what_is_wrong_names_the_line(written, line, message):

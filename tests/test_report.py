@@ -8,9 +8,7 @@ from __future__ import annotations
 
 import base64
 import json
-import os
 import re
-import shutil
 import webbrowser
 from pathlib import Path
 
@@ -248,7 +246,7 @@ def test_histograms_name_the_cases_of_each_bar(campaign):
         assert list(map(len, bars["cases"])) == bars["counts"]
         assert 0.0 < bars["edges"][0] < bars["edges"][-1] < 1.0
         assert (np.diff(bars["edges"]) > 0.0).all()
-    title = "Largest momentum of a wheel, share of its capacity"
+    title = "Largest wheel momentum (share of capacity)"
     (k,) = (i for i, f in enumerate(figures) if f.findtext("figcaption").strip() == title)
     (name,) = (n for n, of in store.described(campaign).items() if of["title"] == title)
     table, bars = store.read(campaign), data["histograms"][k]
@@ -260,23 +258,7 @@ def test_histograms_name_the_cases_of_each_bar(campaign):
 
 # --- in a browser -------------------------------------------------------------------------------
 
-CHROMIUM = os.environ.get("DESAT_CHROMIUM") or shutil.which("chromium") or shutil.which(
-    "google-chrome")  # fmt: skip
 RANGES = "desat.shown.map(u => [u.scales.x.min, u.scales.x.max])"
-
-
-@pytest.fixture(scope="module")
-def browser():
-    api = pytest.importorskip("playwright.sync_api", reason="no playwright")
-    if CHROMIUM is None:
-        pytest.skip("no Chromium")
-    with api.sync_playwright() as started:
-        made = started.chromium.launch(
-            executable_path=CHROMIUM, timeout=30_000,
-            args=["--no-sandbox", "--headless", "--lang=en-US"],
-        )  # fmt: skip
-        yield made
-        made.close()
 
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])

@@ -112,7 +112,7 @@ def test_every_package_is_in_the_wheel():
     """setuptools finds no packages under another name than their folder's, so they are listed."""
     settings = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
     listed = settings["tool"]["setuptools"]["packages"]
-    data = {"desat.ssp", "desat.stored"}
+    data = {"desat.ssp", "desat.docs"}
     names = {"orchestrator": "desat", "components": "desat.components", "fmus": "desat.fmus"}
     found = {
         ".".join([name, *file.parent.relative_to(ROOT / folder).parts])

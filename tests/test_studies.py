@@ -67,7 +67,7 @@ def test_what_is_drawn_otherwise_is_refused_and_what_one_draws_is_said(other):
     with pytest.raises(DesatError, match=r"h_start_wheel is drawn as .*0\.006.* and as .*0\.005"):
         common(read(NAME), read(target), 1, SHORT, SHORT)
     target = other('without = ["dispersions"]')
-    with pytest.raises(DesatError, match="there is nothing that both draw"):
+    with pytest.raises(DesatError, match="the two sample nothing in common"):
         common(read(NAME), read(target), 1, SHORT, SHORT)
 
 
@@ -150,7 +150,7 @@ def test_a_drawn_parameter_is_no_axis_of_draws():
     with pytest.raises(DesatError, match=f"{name} is drawn"):
         sweep(NAME, {name: [1.0]}, SHORT, 1, draws=2)
     given = draws(NAME, 1, 1, Options(blocks=True, stop=10.0, sets=[f"{name}=1"]), 1)
-    assert f"--set {name}: it is drawn, and so never has this value" in given["warnings"]
+    assert f"--set {name}: it is sampled, and so never has this value" in given["warnings"]
 
 
 def test_commands(desat):
@@ -158,8 +158,8 @@ def test_commands(desat):
     other = "integrated/mil-cross-product"
     done = desat("compare", NAME, other, "-n", "1", *short, "--json", check=True)
     assert json.loads(done.stdout)["numbers"]["coil_load"]["n"] == 1
-    gone = desat("draws", NAME, "--against", NAME)
-    assert "desat compare NAME OTHER -n COUNT does it" in gone.stderr
+    gone = desat("draws", NAME, "-n", "3")
+    assert "desat campaign NAME -n COUNT makes them, the same of a seed" in gone.stderr
     shown = desat("sweep", NAME, "manager.gain=1e-3,2e-3", *short, check=True).stdout
     assert "0.002" in shown
     assert "coil_load" in shown

@@ -409,7 +409,7 @@ TITLES: dict[str, Callable[[Flight], Any] | tuple[Callable[[Flight], Any], float
     "Coils on, summed over the three": lambda f: f.on_time(),
     "Mean power of the coils": lambda f: f.coil_energy() / f.t[-1],
     "Largest momentum of a wheel": lambda f: np.abs(f["wheels.h_wheel"]).max(),
-    "A wheel was at its limit (1: yes)": lambda f: flag(f.wheels() >= f.capacity() * (1.0 - 1e-12)),
+    "A wheel saturated (1: yes)": lambda f: flag(f.wheels() >= f.capacity() * (1.0 - 1e-12)),
     "Momentum of the wheel an orbit after the first firing":
         lambda f: 1e3 * size(f.momentum())[int(np.searchsorted(f.t, 40030.0 + NADIR_PERIOD)) - 1],
     "External impulse at the end of the orbit":
@@ -450,7 +450,7 @@ TITLES: dict[str, Callable[[Flight], Any] | tuple[Callable[[Flight], Any], float
                                     f.t[: len(f["wheels.speed_wheel"])])),
     "A coil was commanded to its limit (1: yes)": lambda f: flag(
         np.abs(f["manager.m_cmd_body"]) >= f.p("torquers.m_limit") * (1.0 - 1e-12)),
-    "The wheel was at its limit (1: yes)":
+    "The wheel saturated (1: yes)":
         lambda f: flag(f.wheels() >= f.capacity() * (1.0 - 1e-12)),
     "Pitch spin reached": lambda f: times(first(f.t, f["manager.phase"][:, 0] == 2), 1 / 60),
     "Sign changes of the wheel's torque from 10 to 15 min": lambda f: changes(
@@ -470,7 +470,7 @@ TITLES: dict[str, Callable[[Flight], Any] | tuple[Callable[[Flight], Any], float
     "Mean wheel at the end, share of its capacity": lambda f: f.fill()[-1],
     "Mean wheel at the end, by null-space momentum alone, share of its capacity":
         lambda f: f.null(-1),
-    "Largest momentum of a wheel, share of its capacity":
+    "Largest wheel momentum (share of capacity)":
         lambda f: 100.0 * (f.wheels() / f.capacity()).max(),
     "Mean wheel at the start, share of its capacity": lambda f: f.fill()[0],
     "Mean wheel at the start, by null-space momentum alone, share of its capacity":
@@ -515,13 +515,13 @@ TITLES: dict[str, Callable[[Flight], Any] | tuple[Callable[[Flight], Any], float
         / f.p("torquers.m_limit")),
     "Control torque from 15 min on, mean size, of which coils give k":
         lambda f: 1e6 * size(f.between(f["controller.tau_ctrl_body"], MIN15)).mean(),
-    "A wheel at its limit, from":
+    "First saturation of a wheel":
         lambda f: first(f.t, (f.wheels() >= f.capacity()).any(axis=1)),
     "Two wheels at their limit at once, from":
         lambda f: first(f.t, (f.wheels() >= f.capacity()).sum(axis=1) >= 2),
-    "Wheel 1 at its limit, from": full(1),
-    "Wheel 2 at its limit, from": full(2),
-    "Wheel 3 at its limit, from": full(3),
+    "First saturation of wheel 1": full(1),
+    "First saturation of wheel 2": full(2),
+    "First saturation of wheel 3": full(3),
     "Electric power of the wheels from 15 to 100 min, mean":
         lambda f: 1e3 * f.between(f["wheels.power"], MIN15, 6000.0).mean(),
     "Electric power of the coils from 15 to 100 min, mean":
@@ -533,9 +533,9 @@ TITLES: dict[str, Callable[[Flight], Any] | tuple[Callable[[Flight], Any], float
     "Rate below 0.1 deg/s to stay": slow(0.1),
     "Rate from 25 to 30 min, mean": (lambda f: f.between(f.rate(), 1500.0, 1800.0).mean(), 1e-3),
     "Rate in the last 5 min, mean": lambda f: f.between(f.rate(), f.t[-1] - 300.0).mean(),
-    "Rate while t_DES is at its limit, from 400 s on, 95 % of the time below, per torque_limit / "
+    "Rate while t_DES is saturated, from 400 s on, 95 % of the time below, per torque_limit / "
     "gain_rate": lambda f: while_limited(f, 95.0),
-    "Rate while t_DES is at its limit, from 400 s on, half of the time below, per torque_limit / "
+    "Rate while t_DES is saturated, from 400 s on, half of the time below, per torque_limit / "
     "gain_rate": lambda f: while_limited(f, 50.0),
     # space_telescope
     "Momentum of the craft after orbit 2, root mean square of its size":
@@ -623,9 +623,9 @@ def flights() -> dict[str, list[tuple[str, dict[str, Any]]]]:
 
 PREFERRED = {
     **dict.fromkeys(
-        ("A wheel at its limit, from", "Two wheels at their limit at once, from",
-         "Wheel 1 at its limit, from", "Wheel 2 at its limit, from", "Wheel 3 at its limit, from",
-         "A wheel was at its limit (1: yes)"), "integrated/mil-unmanaged-extra"),
+        ("First saturation of a wheel", "Two wheels at their limit at once, from",
+         *(f"First saturation of wheel {k}" for k in (1, 2, 3)), "A wheel saturated (1: yes)"),
+        "integrated/mil-unmanaged-extra"),
     "Electric power of the coils from 15 to 100 min, mean":
         "integrated/mil-unmanaged-extra-managed",
     "Coils on, summed over the three": "alsat1/noise-y-wheel",

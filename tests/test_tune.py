@@ -10,7 +10,7 @@ import pytest
 
 from desat.begin import craft as new_craft
 from desat.begin.facts import CraftFacts
-from desat.campaign.draws import RunRow
+from desat.campaign.draws import RunRow, draws
 from desat.runs.run import Options
 from desat.studies import tune as study
 from desat.system.errors import DesatError, Exit
@@ -145,7 +145,7 @@ def test_what_touches_none_is_not_confirmed():
         ("manger.gain", "pointing", {}, "manger.gain: no component manger; did you mean manager?"),
         ("controller.gain_matrix", "pointing", {}, "an array: one number is tuned"),
         ("manager.law", "pointing", {}, "manager.law: it is no Real: normalised, ccpl"),
-        ("environment.mean_anomaly", "pointing", {}, "is drawn, and so cannot be tuned"),
+        ("environment.mean_anomaly", "pointing", {}, "is sampled, and so cannot be tuned"),
         ("manager.gain", "pionting", {}, "--for pionting: mine has no such number; did you mean"),
         ("manager.h_deadband", "pointing", {}, "a range is needed: --between LOW,HIGH"),
         ("manager.gain", "pointing", {"between": (2.0, 1.0)}, "the first is to be below"),
@@ -170,8 +170,8 @@ def test_the_command_flies_and_says_both(desat, home):
     assert made["unseen"]["lower"] == 0, "own less best is above zero"
     values = [p["value"] for p in made["points"]]
     assert values == sorted(values)
-    again = desat("draws", "mine", "-n", "1", "--stop", "60", "--jobs", "1", "--json",
-                  "--set", f"manager.gain={made['best']!r}", cwd=home, check=True)  # fmt: skip
-    duty = json.loads(again.stdout)["draws"][0]["numbers"]["coil_duty"]
+    best_gain = [f"manager.gain={made['best']!r}"]
+    again = draws(str(home / "mine"), 1, 1, Options(stop=60.0, sets=best_gain), jobs=1)
+    duty = again["draws"][0]["numbers"]["coil_duty"]
     (best,) = [p for p in made["points"] if p["value"] == made["best"]]
     assert best["median"] == duty

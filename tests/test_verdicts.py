@@ -212,26 +212,6 @@ LATE_ONE = WELL | {"status": LATE, "code": 5, "message": "after 1 s"}
     ("rows", "code", "lines"),
     [
         ([WELL, WELL], Exit.COMPLETED, []),
-        ([WELL, UNMET], Exit.UNMET, ["draw 1: not met: x = 2: above [b]"]),
-        ([FAILED, WELL], Exit.COMPONENT, ["draw 0: failed: h_wheel[b] is nan"]),
-        ([UNMET, FAILED], Exit.COMPONENT,
-         ["draw 1: failed: h_wheel[b] is nan", "draw 0: not met: x = 2: above [b]"]),
-        ([LATE_ONE, FAILED], Exit.TIMEOUT,
-         [f"draw 0: {LATE}: after 1 s", "draw 1: failed: h_wheel[b] is nan"]),
-    ],
-)  # fmt: skip
-def test_draws_end_as_the_worst_of_them(desat, monkeypatch, rows, code, lines):
-    made = {"warnings": [], "draws": [{"draw": k, **row} for k, row in enumerate(rows)]}
-    monkeypatch.setattr(study, "draws", lambda *_, **__: made)
-    done = desat("draws", "NAME", "--json")
-    assert done.returncode == code
-    assert done.stderr.splitlines() == lines
-
-
-@pytest.mark.parametrize(
-    ("rows", "code", "lines"),
-    [
-        ([WELL, WELL], Exit.COMPLETED, []),
         ([WELL, FAILED], Exit.COMPONENT, ["a.k = 1: failed: h_wheel[b] is nan"]),
         ([LATE_ONE, FAILED], Exit.TIMEOUT,
          [f"a.k = 0: {LATE}: after 1 s", "a.k = 1: failed: h_wheel[b] is nan"]),
@@ -404,7 +384,7 @@ def test_no_nearest_of_very_many_names(count, said):
 @pytest.mark.parametrize(
     ("arguments", "told"),
     [
-        (("sweep", "plant/spin", "spacecraft.x=1", "--draws", "-1"), "--draws"),
+        (("sweep", "plant/spin", "spacecraft.x=1", "--samples", "-1"), "--samples"),
         (("campaign", "case", "nowhere", "--", "-1"), "'number'"),
     ],
 )

@@ -115,5 +115,5 @@ class Sources:
         return tables.rows(self.family, Options(), self.jobs, drawn)
 
     def cells(self, draws: bool) -> list[PaperCell]:
-        """The cells of the paper's tables; `draws` False leaves out the medians of draws."""
+        """The cells of the paper's tables; `draws` False leaves out the medians of samples."""
         return [row for row in self._table if draws or row.draws is None]

@@ -155,7 +155,7 @@ class Verbs:
 
     def paper(self, draws: bool = True) -> dict[str, list[dict[str, str]]]:
         """The paper's cells beside ours as texts: heading -> rows; `draws` False leaves out the
-        medians of draws."""
+        medians of samples."""
         return {
             heading: [tables.texts_of(row) for row in group]
             for heading, group in tables.groups(self._of.cells(draws))
@@ -200,14 +200,17 @@ class Verbs:
         `7 of 20 (of all 15 to 59 %)`."""
         share = cells.share_of(self.drawn(scenario, number), **limits)
         low, high = share.interval
-        return f"{share.count} of {share.n} (of all {low:.0f} to {high:.0f} %)"
+        percent = f"{100.0 * share.count / share.n:.0f} %"
+        return (f"{share.count} of {share.n} ({percent}, 95 % interval {low:.0f} to "
+                f"{high:.0f} %)")  # fmt: skip
 
     def share_worse(self, scenario: str, other: str, number: str) -> str:
         """The share of draws whose number is above that of another scenario's same draw."""
         pairs = list(zip(self.drawn(scenario, number), self.drawn(other, number), strict=False))
         count = sum(a > b for a, b in pairs)
         low, high = clopper_pearson(count, len(pairs))
-        return f"{count} of {len(pairs)} (of all {low:.0f} to {high:.0f} %)"
+        percent = f"{100.0 * count / len(pairs):.0f} %"
+        return f"{count} of {len(pairs)} ({percent}, 95 % interval {low:.0f} to {high:.0f} %)"
 
     def missed(self) -> list[dict[str, Any]]:
         """The paper's cells that have no band and are not tuned, but a remark: nothing reproduces

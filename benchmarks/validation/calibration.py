@@ -126,7 +126,7 @@ def at_random(seeds: Iterable[int], stop: float = 300.0) -> list[Row]:
 
 
 def summed(rows: Iterable[Row]) -> dict[str, Any]:
-    """Of a set of runs: how many are good, bad, and between; the largest hidden work of the good
+    """Of a set of runs: how many are good, bad and between; the largest unresolved work of the good
     and the least of the bad, and how many of each the bound takes for the other."""
     rows = list(rows)
     good = [r.hidden for r in rows if r.error < GOOD]

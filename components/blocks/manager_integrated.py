@@ -41,7 +41,7 @@ class ManagerIntegrated(WheelManager):
 
     **Velocity dumping** (section 4), where `velocity_dumping` is set: tau = -`gain_rate` omega
     (eqs. 24, 25) instead of the controller's torque, while |omega| was above `rate_on` and has not
-    come below `rate_off` since; both 0: always. While t_DES is at its limit the craft keeps
+    come below `rate_off` since; both 0: always. While t_DES is saturated the craft keeps
     tumbling at |omega| = torque_limit / gain_rate. Eq. 26 (gain_rate ~ h_limit gain) has a wrong
     dimension; equal bandwidths mean gain_rate = gain times the inertia.
 

@@ -99,7 +99,7 @@ class ManagerThreshold(MomentumDumping):
     def foresee(self, begin: float, end: float, wired: frozenset[str]) -> Iterator[str]:
         name = ("tau_cmd_thruster_body", "m_cmd_body")[self.by]
         if name not in wired:
-            self.fail(f"by = {('thrusters', 'coils')[self.by]}: {name} reaches nobody")
+            self.fail(f"by = {('thrusters', 'coils')[self.by]}: {name} is unused")
         if 0.5 * max(self.pulse_body) >= self.begin - self.end:
             yield (f"pulse_body = {self.pulse_body} N m s: half a pulse is no less than begin - "
                    f"end = {self.begin - self.end:.4g} N m s: a dump may fire nothing")  # fmt: skip

@@ -51,8 +51,8 @@ class CoilBound:
         rows: dict[str, tuple[str, float | None, str]] = {
             "energy": ("Integral of the squared coil dipoles", self.energy, "A2.m4.s"),
             "peak": ("Largest momentum of a wheel", self.peak, "N.m.s"),
-            "least": ("Least energy with no larger one", self.least, "A2.m4.s"),
-            "above": ("Energy above the least", self.above_percent, "%"),
+            "least": ("Least coil energy for the same peak momentum", self.least, "A2.m4.s"),
+            "above": ("Excess coil energy over the least", self.above_percent, "%"),
         }
         return with_titles(rows)
 

@@ -66,7 +66,7 @@ TEXTS = {
     "turn": "turn and nutation in a substep",
     "kick": "turn by the largest torque of {} in a substep",
 }
-REMEDY = "--substeps auto takes as many as it needs, and says how much it errs"
+REMEDY = "--substeps auto chooses their number and states the error"
 
 
 @dataclass(frozen=True)
@@ -189,8 +189,8 @@ def _of_jitter(left: float, when: str) -> list[str]:
     """A line where it is worth one."""
     if left <= JITTER:
         return []
-    return [f"the jitter of unbalanced wheels is handed on as a mean over the substep: the "
-            f"attitude errs by about {left:.1e} rad, {when}; {REMEDY}"]  # fmt: skip
+    return [f"the jitter of unbalanced wheels is averaged over each substep, which causes "
+            f"an attitude error of about {left:.1e} rad, {when}; {REMEDY}"]  # fmt: skip
 
 
 def _beyond(numbers: StepCriteria) -> Iterator[tuple[str, float]]:
@@ -284,7 +284,7 @@ def numbers(manifest: Manifest, results: Results) -> dict[str, Value]:
         return {}
     rows = {"substeps": Value("Substeps, chosen", manifest.substeps, "1")}
     if choice.estimate is not None:
-        title = "Attitude error, largest, estimated as the substeps were chosen"
+        title = "Largest attitude error due to the substeps (estimated)"
         rows["estimated_attitude_error"] = Value(title, choice.estimate, "rad")
     return rows
 

@@ -296,14 +296,16 @@ def numbers(manifest: Manifest, results: Results) -> dict[str, Value]:
         return {}
     rows: dict[str, Value] = {}
     if (scale := max(totals.energy, totals.worked)) > 0.0:
-        rows["energy_mismatch"] = Value("Energy mismatch, largest", totals.mismatch / scale, "1",
-                                        "of the body's largest energy or work")  # fmt: skip
+        rows["energy_mismatch"] = Value(
+            "Largest energy mismatch", totals.mismatch / scale, "1",
+            "relative to the body's largest energy or work",
+        )  # fmt: skip
     rows["hidden_work"] = Value(
-        "Local error of the work within a step, largest", totals.hidden, "1",
-        "of the energy of a turn of 1 rad in it",
+        "Largest unresolved work within a step", totals.hidden, "1",
+        "relative to the energy of a turn of 1 rad in it",
     )  # fmt: skip
     if totals.impulse is not None:
-        title = "External impulse: the body's own against one computed outside, largest difference"
+        title = "Largest difference of the external impulse from one computed independently"
         rows["impulse_mismatch"] = Value(title, totals.impulse, "N.m.s")
     return rows
 
@@ -330,7 +332,7 @@ def unmet(manifest: Manifest, results: Results) -> list[str]:
     if hidden is not None and hidden > bound:
         lines.append(
             f"hidden_work = {hidden:.2g}: above energy_bound = {bound:g}: "
-            "torques bend too much within a step for their mean and slope: take more substeps "
+            "the torques vary too much within a step for their mean and slope: use more substeps "
             "(--substeps)"
         )
     mismatch = told.get("impulse_mismatch")
@@ -356,7 +358,7 @@ def figures(manifest: Manifest, results: Results) -> list[tuple[str, Figure]]:
     ax.plot(balanced.times / seconds, balanced.mismatch, COLOURS[0], name="mismatch")
     timeline(ax, seconds, unit)
     ax.y.label = "[J]"
-    caption = "Energy mismatch: what the body has gained beyond the work of its torques"
+    caption = "Energy mismatch: energy gained beyond the work of the torques"
     return [(caption, fig)]
 
 

@@ -127,7 +127,7 @@ def numbers(manifest: Manifest, results: Results) -> dict[str, Value]:
     made = mismatch(manifest, results)
     if made is None:
         return {}
-    title = "Momentum of body and wheels, less the impulse computed outside, largest"
+    title = "Largest difference of the total momentum from the impulse computed independently"
     return {"impulse_mismatch": Value(title, made[0], "N.m.s")}
 
 

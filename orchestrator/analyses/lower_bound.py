@@ -65,10 +65,10 @@ class LowerBound:
         if self.seconds == 0.0:
             return {}
         rows: dict[str, tuple[str, float | None, str]] = {
-            "bound": ("Least firing time possible, no momentum left", self.least, "s"),
-            "bound_same_end": ("Least firing time possible, same momentum left",
+            "bound": ("Least possible firing time to zero momentum", self.least, "s"),
+            "bound_same_end": ("Least possible firing time to the same final momentum",
                                self.least_same_end, "s"),
-            "above_bound": ("Firing time above the least for the same momentum left",
+            "above_bound": ("Excess of the firing time over the least possible",
                             self.above_percent, "%"),
         }  # fmt: skip
         return with_titles(rows)

@@ -190,35 +190,60 @@ def numbers(manifest: Manifest, results: Results) -> dict[str, Value]:
     axes = np.reshape(manifest.values_of(parts.spacecraft).get("axes_wheel", np.eye(3, 4)), (3, 4))
     there = np.linalg.norm(axes, axis=0) > 0.0
     h, axes = h[:, there], axes[:, there]
-    stored = h @ axes.T
-    size = np.linalg.norm(stored, axis=1)
-    idle = h - stored @ np.linalg.pinv(axes).T
     times = results.times()
-    rows: dict[str, tuple[str, float | None, str]] = {
-        "sum_rms": ("Momentum of all wheels together: rms over time", _rms(size, times),
-                    "N.m.s"),
-        "sum_largest": ("Momentum of all wheels together: largest", float(size.max()),
-                        "N.m.s"),
-        "null_rms": ("Null-space momentum of a wheel: rms over time of the largest",
-                     _rms(np.abs(idle).max(axis=1), times), "N.m.s"),
-    }  # fmt: skip
-    m = results.values(f"{parts.torquers}.m_mean_body")
-    rows |= _of_coils(m, manifest.values_of(parts.torquers), manifest.step)
+    known = dict[str, float](zip(OF_MOMENTUM, of_momentum(times, h, axes, np.linalg.pinv(axes)),
+                                 strict=True))  # fmt: skip
+    m, coils = results.values(f"{parts.torquers}.m_mean_body"), manifest.values_of(parts.torquers)
+    if (most := most_of_coils(coils)) is not None:
+        axes_coil = np.reshape(coils["axes_coil"], (3, -1))
+        inverse = np.linalg.pinv(axes_coil[:, np.linalg.norm(axes_coil, axis=0) > 0.0])
+        if len(m) >= (period := rows_a_period(coils, manifest.step)):
+            known |= zip(OF_COILS, of_coils(m, inverse, most, period), strict=True)
     if parts.wheels:
         own = manifest.values_of(parts.wheels)
-        rows |= _of_wheels(parts.wheels, own, results, np.abs(h), there)
+        if "inertia_wheel" in own and "speed_limit" in own:
+            known["momentum_margin"] = margin(
+                h, np.array(own["inertia_wheel"])[there] * own["speed_limit"]
+            )
+        saturated, speed = (results.values(f"{parts.wheels}.{n}") for n in _OF_WHEELS)
+        known |= zip(OF_WHEELS, of_wheels(times, saturated, speed[:, there]), strict=True)
     if (compared := compare(manifest, results)) is not None:
-        left, without = compared
-        rows["left_rms"] = (
-            "Momentum of the wheels off its target, second half: rms",
-            left,
-            "N.m.s",
-        )
-        rows["unmanaged_rms"] = ("The same without management (estimated)", without, "N.m.s")
+        known |= zip(OF_BALANCE, compared, strict=True)
     if (least := _least_braking(manifest, results)) is not None:
-        title = "Least time in which coils at their limit take the body's momentum out"
-        rows["least_braking"] = (title, least, "s")
-    return with_titles(rows)
+        known["least_braking"] = least
+    return with_titles({n: (TITLES[n][0], x, TITLES[n][1]) for n, x in known.items()})
+
+
+TITLES: Mapping[str, tuple[str, str]] = {
+    "sum_rms": ("Total wheel momentum (body frame), rms", "N.m.s"),
+    "sum_largest": ("Total wheel momentum (body frame), largest", "N.m.s"),
+    "null_rms": ("Null-space momentum of the most loaded wheel, rms", "N.m.s"),
+    "coil_duty": ("Coil duty: mean dipole of the most loaded coil (share of its largest)", "%"),
+    "coil_limit_share": ("Time with a coil saturated", "%"),
+    "momentum_margin": ("Smallest momentum margin of a wheel", "%"),
+    "limit_time": ("Time with a wheel saturated", "s"),
+    "crossings": ("Zero crossings of the wheels", "1"),
+    "left_rms": ("Total wheel momentum less its target in the second half, rms", "N.m.s"),
+    "unmanaged_rms": (
+        "Total wheel momentum without management in the second half, rms (estimated)", "N.m.s"
+    ),
+    "least_braking": ("Shortest detumbling time with saturated coils", "s"),
+}  # fmt: skip
+"""Of each number, and its unit."""
+OF_MOMENTUM, OF_COILS = ("sum_rms", "sum_largest", "null_rms"), ("coil_duty", "coil_limit_share")
+OF_WHEELS, OF_BALANCE = ("limit_time", "crossings"), ("left_rms", "unmanaged_rms")
+"""What `of_momentum`, `of_coils`, `of_wheels` and `off_target` give, in their order."""
+
+
+def of_momentum(
+    times: Array, h: Array, axes: Array, inverse: Array
+) -> tuple[float, float, float]:  # fmt: skip
+    """Of momenta h (rows, wheels; N m s) about axes (3, wheels) with their pseudoinverse: rms and
+    largest size of their sum, and rms of the largest part that adds up to nothing."""
+    stored = h @ axes.T
+    size = np.linalg.norm(stored, axis=1)
+    idle = h - stored @ inverse.T
+    return _rms(size, times), float(size.max()), _rms(np.abs(idle).max(axis=1), times)
 
 
 def _least_braking(manifest: Manifest, results: Results) -> float | None:
@@ -288,17 +313,37 @@ def _compare(manifest: Manifest, results: Results) -> tuple[float, float] | None
     body = omega @ carrier_of(given)[0].T if {"inertia", "inertia_wheel"} <= given.keys() else 0.0
     managed = coil_impulse(times, b[:count], q, dipole[: count - 1])
     for torque in fired:
-        steps = np.diff(times)[:, None]
-        managed[1:] += np.cumsum(rotate_back(q[:-1], torque[: count - 1]) * steps, axis=0)
+        managed = managed + fired_impulse(times, q, torque)
     stored = h @ axes.T
+    without = unmanaged(q, impulse, stored, body, managed)
+    return off_target(times, stored, without, np.array(parts.target))
+
+
+def fired_impulse(times: Array, q: Array, torque: Array) -> Array:
+    """The impulse (rows, 3) of thrusters since the start (N m s, eci), by their mean torque over
+    each step (N m, body)."""
+    steps = np.diff(times)[:, None]
+    given = rotate_back(q[:-1], torque[: len(times) - 1]) * steps
+    return np.vstack([np.zeros(3), np.cumsum(given, axis=0)])
+
+
+def unmanaged(q: Array, impulse: Array, stored: Array, body: Any, managed: Array) -> Array:
+    """What the wheels would hold without management (rows, 3; N m s, body): by what they and the
+    body hold (body), and the impulse from outside and that of management since the start (eci)."""
     first = rotate_back(q[:1], (stored + body)[:1])
-    without = rotate(q, first + impulse - impulse[:1] - managed) - body
+    without: Array = rotate(q, first + impulse - impulse[:1] - managed) - body
+    return without
+
+
+def off_target(
+    times: Array, stored: Array, without: Array, target: Array
+) -> tuple[float, float]:  # fmt: skip
+    """The wheels' momentum less its target (3,) over the second half, with and without management:
+    rms (N m s)."""
     late = times >= (times[0] + times[-1]) / 2.0
-    left, other = (
-        _rms(np.linalg.norm(x[late] - np.array(parts.target), axis=1), times[late])
-        for x in (stored, without)
-    )
-    return left, other
+    left = np.linalg.norm(stored[late] - target, axis=1)
+    other = np.linalg.norm(without[late] - target, axis=1)
+    return _rms(left, times[late]), _rms(other, times[late])
 
 
 def unchecked(manifest: Manifest, results: Results) -> dict[str, str]:
@@ -333,43 +378,41 @@ def _capacity(wheels: Mapping[str, Any]) -> float:
     return float(min(there, default=0.0) * wheels["speed_limit"])
 
 
-def _of_coils(m: Any, given: Mapping[str, Any], step: float) -> dict[str, tuple[str, float, str]]:
-    """Duty of the coils, as a share of what they can do: in the mean of a step, or of a period
-    where they are pulsed."""
+def most_of_coils(given: Mapping[str, Any]) -> float | None:
+    """The largest dipole of a coil (A m2) by the parameters of torquers, of pulsed ones in the mean
+    of a period; None where it has no limit or is not known."""
     most = given.get("m_limit", 0.0)
     if given.get("drive") == "ideal" or not most or "axes_coil" not in given:
-        return {}
-    axes = np.reshape(given["axes_coil"], (3, -1))
-    coils = np.abs(m @ np.linalg.pinv(axes[:, np.linalg.norm(axes, axis=0) > 0.0]).T)
-    if given.get("drive") == "pulsed":
-        most *= given["duty_max"]
-        count = max(1, round(given["sample_time"] / step))
-        coils = coils[: len(coils) // count * count].reshape(-1, count, coils.shape[1]).mean(axis=1)
-    if not len(coils):
-        return {}
-    return {
-        "coil_duty": ("Coil duty: mean dipole of a coil over the largest it can make",
-                      100.0 * float(coils.mean()) / most, "%"),
-        "coil_limit_share": ("Time with a coil saturated",
-                             100.0 * float((coils >= AT_LIMIT * most).any(axis=1).mean()), "%"),
-    }  # fmt: skip
+        return None
+    return float(most * given["duty_max"] if given.get("drive") == "pulsed" else most)
 
 
-def _of_wheels(
-    wheels: str, given: Mapping[str, Any], results: Results, h: Any, there: Any
-) -> dict[str, tuple[str, float, str]]:  # fmt: skip
-    """How near the wheels come to their limits, and how often they pass zero speed."""
-    rows = {}
-    if "inertia_wheel" in given and "speed_limit" in given:
-        capacity = (np.array(given["inertia_wheel"]) * given["speed_limit"])[there]
-        margin = 100.0 * (1.0 - float((h / capacity).max()))
-        rows["momentum_margin"] = ("Smallest momentum margin of a wheel",
-                                    margin, "%")  # fmt: skip
-    saturated, speed = (results.values(f"{wheels}.{n}") for n in _OF_WHEELS)
-    steps = np.diff(results.times(), append=results.times()[-1])
+def rows_a_period(given: Mapping[str, Any], step: float) -> int:
+    """Over how many rows the dipole of coils counts in the mean: of pulsed ones those of a
+    period."""
+    return max(1, round(given["sample_time"] / step)) if given.get("drive") == "pulsed" else 1
+
+
+def of_coils(m: Array, inverse: Array, most: float, period: int) -> tuple[float, float]:
+    """Duty of coils, and the share of the time with one at its limit (%), by their dipole m (rows,
+    3; A m2, body), the pseudoinverse (coils, 3) of their axes, and the largest dipole of each, in
+    the mean of so many rows."""
+    coils = np.abs(m @ inverse.T)
+    coils = coils[: len(coils) // period * period]
+    coils = coils.reshape(-1, period, coils.shape[1]).mean(axis=1)
+    at_limit = (coils >= AT_LIMIT * most).any(axis=1)
+    return 100.0 * float(coils.mean()) / most, 100.0 * float(at_limit.mean())
+
+
+def margin(h: Array, capacity: Array) -> float:
+    """The smallest momentum margin (%) of wheels with momenta (rows, wheels) and capacities
+    (wheels,), N m s."""
+    return 100.0 * (1.0 - float((np.abs(h) / capacity).max()))
+
+
+def of_wheels(times: Array, saturated: Array, speed: Array) -> tuple[float, float]:
+    """The time with a wheel saturated (s), and how often wheels pass zero speed."""
+    steps = np.diff(times, append=times[-1])
     at_limit = np.asarray(saturated.reshape(len(saturated), -1).any(axis=1))
-    crossings = (np.diff(np.signbit(speed[:, there]), axis=0)).sum()
-    rows["limit_time"] = ("Time with a wheel saturated",
-                           float(steps[: len(at_limit)] @ at_limit), "s")  # fmt: skip
-    rows["crossings"] = ("Zero crossings of the wheels", float(crossings), "1")
-    return rows
+    crossings = np.diff(np.signbit(speed), axis=0).sum()
+    return float(steps[: len(at_limit)] @ at_limit), float(crossings)

@@ -8,9 +8,9 @@ impulse, and by the torque at both ends where that is known.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from math import sqrt
+from math import pi, sqrt
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -34,6 +34,18 @@ Torque = Callable[[float, Array], Array]
 NODES = (0.0, 0.5 - 0.5 * sqrt(3.0 / 7.0), 0.5, 0.5 + 0.5 * sqrt(3.0 / 7.0), 1.0)
 WEIGHTS = (1.0 / 20.0, 49.0 / 180.0, 16.0 / 45.0, 49.0 / 180.0, 1.0 / 20.0)
 """Of Lobatto's quadrature of order 8 over a step, as shares of it: at both ends all is known."""
+
+
+BEYOND = 1e10
+"""So far (m) from what it goes about it goes about the Sun."""
+
+
+def period_of(r: Sequence[float] | Array, v: Sequence[float] | Array) -> float:
+    """The period (s) of the orbit through r (m) with v (m/s); a day for one about the Sun."""
+    if float(np.linalg.norm(r)) > BEYOND:
+        return 86400.0
+    axis = 1.0 / (2.0 / float(np.linalg.norm(r)) - float(np.dot(v, v)) / MU)
+    return 2.0 * pi * sqrt(axis**3 / MU)
 
 
 def _turned(q: Array, omega: Array) -> Array:

@@ -30,8 +30,9 @@ def problems(system: System) -> Iterator[str]:
         if not issubclass(block, Manager) or _is_off(c):
             continue
         if block.offers and _turns(system) and instead(Need.CONTROLLER, system, c.name):
-            yield (f"{system.where}: {c.name}: {c.interface.model} has no law of the attitude, and "
-                   "nobody else controls it: its tau_ctrl_body has no wire")  # fmt: skip
+            yield (f"{system.where}: {c.name}: {c.interface.model} has no attitude law, "
+                   "and no other component controls the attitude: tau_ctrl_body is "
+                   "unconnected")  # fmt: skip
         for need in needs_of(block):
             if has := instead(need, system, c.name):
                 yield f"{system.where}: {c.name}: {c.interface.model} needs {need.value}; {has}"

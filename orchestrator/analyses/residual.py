@@ -96,7 +96,12 @@ def carrier_of(given: Mapping[str, Parameter]) -> tuple[Array, Array]:
     part, kg m2, and the wheels' axes (3, 4)."""
     axes = np.reshape(given["axes_wheel"].value, (3, 4))
     spin = np.array(given["inertia_wheel"].value)
-    return np.reshape(given["inertia"].value, (3, 3)) - (axes * spin) @ axes.T, axes
+    return carrier(np.reshape(given["inertia"].value, (3, 3)), axes, spin), axes
+
+
+def carrier(inertia: Array, axes: Array, spin: Array) -> Array:
+    """The inertia (3, 3) of a body without the axial part of rotors of these axes (3, n)."""
+    return inertia - (axes * spin) @ axes.T
 
 
 def balanced(parts: RigidBodyParts) -> list[str]:
@@ -151,7 +156,7 @@ def beyond(name: str, number: Value, key: str, bound: float, largest: float) -> 
 def figures(manifest: Manifest, results: Results) -> list[tuple[str, Figure]]:
     """The residual over time."""
     series = momentum(manifest, results)
-    caption = "Momentum residual: what the exchange between components loses"
+    caption = "Momentum residual: momentum lost by the exchange between components"
     return [] if series is None else [(caption, plot(series.times, series.residual, results))]
 
 

@@ -89,22 +89,22 @@ def numbers(manifest: Manifest, results: Results) -> dict[str, Value]:
     count = rows - first
     per_orbit = orbit / (count * step)
     entries["moved_by_coils"] = (
-        "Momentum that the coils move per orbit: integral of the size of their torque",
+        "Momentum exchanged by the coils per orbit (integral of the torque's magnitude)",
         per_orbit * step * float(np.linalg.norm(torque[first:], axis=1).sum()), "N.m.s",
     )  # fmt: skip
     entries["moved_by_gravity"] = (
-        "Momentum that gravity gradient moves per orbit, likewise",
+        "Momentum exchanged by the gravity gradient per orbit (likewise)",
         per_orbit * float(np.linalg.norm(gravity[first:], axis=1).sum()), "N.m.s",
     )  # fmt: skip
     whole = int(orbit / step)
     means = [impulse[k : k + whole].mean(axis=0) for k in range(first, rows - whole + 1, whole)]
     entries["mean_change"] = (
-        "Change of the orbit's mean momentum from one to the next, mean size",
+        "Mean change of the orbit-averaged momentum from one orbit to the next",
         float(np.linalg.norm(np.diff(means, axis=0), axis=1).mean()) if means[1:] else np.nan,
         "N.m.s",
     )
     entries["mean_momentum"] = (
-        "Size of the mean momentum",
+        "Magnitude of the mean momentum",
         float(np.linalg.norm(impulse[first:rows].mean(axis=0))),
         "N.m.s",
     )
@@ -112,7 +112,7 @@ def numbers(manifest: Manifest, results: Results) -> dict[str, Value]:
     built = np.cumsum(gravity, axis=0)[first:]
     ours, free = (_periodic(times, x, rate) for x in (impulse[first + 1 : rows + 1], built))
     entries["amplitude_kept"] = (
-        "Periodic part of the momentum, of that which gravity gradient alone makes",
+        "Periodic momentum (share of that of the gravity gradient alone)",
         100.0 * float(ours / free), "%",
     )  # fmt: skip
     held = max(1, round(law["sample_time"] / step))
@@ -131,13 +131,14 @@ def numbers(manifest: Manifest, results: Results) -> dict[str, Value]:
         models = 3600.0 * (1.0 / law["sample_time"] + each)
     else:
         models = 0.0
-    entries["field_models"] = ("Values of a field model onboard per hour", models, "1")
+    entries["field_models"] = ("Onboard evaluations of the field model per hour", models, "1")
     if "profile_table" in law:
-        entries["off_profile"] = ("Momentum off H_NOM at its rows, rms of its size",
+        entries["off_profile"] = ("Difference from H_NOM at the rows of the table, rms",
                                   _off_profile(law, impulse[: rows + 1], step, first),
                                   "N.m.s")  # fmt: skip
     if "update_period" in law and law["update_period"] == law["desaturation_period"]:
-        entries["end_miss"] = ("What the ends of desaturation periods miss H_NOM by, rms, of H_D's",
+        title = "Difference from H_NOM at the ends of desaturation periods, rms (share of H_D's)"
+        entries["end_miss"] = (title,
                                _end_miss(law, impulse, wanted, q, step), "%")  # fmt: skip
     return {name: Value(*row) for name, row in entries.items() if np.isfinite(row[1])}
 

@@ -56,5 +56,5 @@ def made(text: str) -> tuple[coil.Coil, str]:
 
 def _turns(dipole: str, build: Callable[[float], coil.Coil]) -> float:
     """How many turns a dipole takes."""
-    wanted = DIPOLE(re.sub(r"(m?A)m2$", r"\1.m2", dipole))
+    wanted = DIPOLE(dipole)
     return float(-(-wanted // build(1.0).dipole))

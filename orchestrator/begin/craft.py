@@ -142,15 +142,9 @@ def _of_class(asked: Quantity, kind: str, measure: str, text: str) -> tuple[str,
     if not is_number(text):
         raise DesatError(f"{option} {text}: no class{nearest(text, known)}; there is "
                          f"{', '.join(known)}, or a number in {unit}")  # fmt: skip
-    size = asked(_dotted(text))
+    size = asked(text)
     name = min(known, key=lambda n: abs(math.log(size / quantity(option, known[n][measure], unit))))
     return name, known[name], size
-
-
-def _dotted(text: str) -> str:
-    """`30mNms` as `30 mN.m.s`, `0.2Am2` as `0.2 A.m2`."""
-    text = re.sub(r"(m?N)ms$", r"\1.m.s", text.strip())
-    return re.sub(r"(m?A)m2$", r"\1.m2", text)
 
 
 def _text(x: float) -> str:
@@ -183,7 +177,7 @@ def _template_values(wanted: CraftFacts, name: str, command: str) -> dict[str, A
     dipole = 0.005 * mass
     why = "class: 5 mA m2 a kilogram, no magnetic cleanliness"
     if wanted.residual_dipole is not None:
-        dipole = RESIDUAL(_dotted(wanted.residual_dipole))
+        dipole = RESIDUAL(wanted.residual_dipole)
         why = "given"
     outer = given_torque(wanted)
     if outer is not None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TypedDict
 
 
 @dataclass(frozen=True)
@@ -33,3 +34,31 @@ class CraftFacts:
     torque: str | None = None
     propellant: str | None = None
     isp: str | None = None
+
+
+class Facts(TypedDict, total=False):
+    """The same for programs: the options of `desat new craft`, as text."""
+
+    altitude: str | None
+    inclination: str | None
+    sso: str | None
+    ltan: str | None
+    tle: Path | None
+    epoch: str | None
+    mass: str | None
+    size: str | None
+    box: str | None
+    inertia: str | None
+    wheels: str | None
+    rods: str | None
+    thrusters: str | None
+    pointing: str | None
+    residual_dipole: str | None
+    orbit: str | None
+    dump: str | None
+    panel: str | None
+    sun: str | None
+    secular: str | None
+    torque: str | None
+    propellant: str | None
+    isp: str | None

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import re
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -51,7 +50,7 @@ def given_torque(wanted: CraftFacts) -> GivenTorque | None:
     if wanted.secular is not None and wanted.torque is not None:
         raise DesatError("--secular, --torque: one of them says the torque")
     if wanted.secular is not None:
-        values = SECULAR.many(re.sub(r"Nm\b", "N.m", wanted.secular))
+        values = SECULAR.many(wanted.secular)
         if len(values) not in (1, 3):
             raise DesatError(f"--secular {wanted.secular}: one torque, about y, or three are "
                              "needed, as 80uNm")  # fmt: skip

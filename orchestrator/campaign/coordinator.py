@@ -5,24 +5,21 @@ from __future__ import annotations
 import math
 import os
 import platform
-import sys
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
-
 from ..analyses import analyses
 from ..files.io import LOCK, claimed
 from ..language.content import Content, content_of, dispersions_of
 from ..runs.manifest import write_json
-from ..runs.prepare import Case, Target, prepare
+from ..runs.prepare import Case, Target, prepare, with_stop
 from ..runs.prepare import read as read_source
 from ..system.errors import DesatError, Exit, RunError, nearest
 from ..system.options import Options
+from ..system.progress import progress as shown
 from . import store
 from .case import batch, repeat
 from .draws import lost, never, whole_numbers
@@ -62,8 +59,9 @@ def planned(
         target = str(Path(target).resolve())
     source = read_source(target)
     system = source.to_draw(options.blocks)
+    options = with_stop(source, options)
     if not (content := content_of(system.about)).dispersions:
-        raise DesatError(f"{target}: it has no [dispersions], so there is nothing to draw")
+        raise DesatError(f"{target}: it has no [dispersions], so there is nothing to sample")
     whole_numbers(target, seed=(seed, 0), count=(count, 1))
     for name in dispersions_of(system):
         if "[" in name:
@@ -204,7 +202,7 @@ def _make(
         return [task(numbers, attempt)] if attempt <= _TRIES else []
 
     written = time.monotonic()
-    with Shown(at, progress) as show:
+    with shown("cases", at.count, progress, at.done) as tell:
         tasks = map(task, _together(list(rows.missing()), sizes))
         for numbers, result in results(workers, tasks, again):
             if isinstance(result, Lost):
@@ -214,7 +212,7 @@ def _make(
             sizes.learn(made)
             at.done += len(made)
             at.failed += sum(not row.completed for row in made)
-            show()
+            tell(at.done, f"{at.failed} failed, {at.rate:.1f} a second")
             if time.monotonic() - written > _EACH:
                 written = time.monotonic()
                 write_json(folder / STATUS, at.as_json("running"))
@@ -356,8 +354,6 @@ def kept_in(folder: Path, number: int) -> Path:
 
 
 STATUS = "status.json"
-_LINE = 60.0
-"""Seconds from one line to the next where no terminal looks on."""
 
 
 @dataclass
@@ -382,47 +378,6 @@ class Progressed:
                 "cases_per_second": round(self.rate, 3),
                 "seconds_left": None if left is None else round(left),
                 "head": f"{platform.node()}:{os.getpid()}", "written": time.time()}  # fmt: skip
-
-    def line(self) -> str:
-        """The same for people."""
-        left = (self.count - self.done) / self.rate if self.rate else float("nan")
-        return (
-            f"{self.done} of {self.count} done, {self.failed} failed, "
-            f"{self.rate:.1f} a second, {left:.0f} s left"
-        )
-
-
-class Shown:
-    """Progress: a bar where a person looks, a line a minute elsewhere."""
-
-    def __init__(self, at: Progressed, wanted: bool) -> None:
-        self._at, self._wanted, self._last = at, wanted, time.monotonic()
-        console = Console(stderr=True)
-        self._bar = Progress(
-            TextColumn("cases"), BarColumn(), MofNCompleteColumn(),
-            TextColumn("{task.fields[told]}"), TimeRemainingColumn(), console=console,
-            transient=True,
-        ) if wanted and console.is_terminal else None  # fmt: skip
-
-    def __enter__(self) -> Any:
-        if self._bar is not None:
-            self._bar.start()
-            self._task = self._bar.add_task(
-                "", total=self._at.count, completed=self._at.done, told=""
-            )
-        return self._show
-
-    def _show(self) -> None:
-        if self._bar is not None:
-            told = f"{self._at.failed} failed, {self._at.rate:.1f} a second"
-            self._bar.update(self._task, completed=self._at.done, told=told)
-        elif self._wanted and time.monotonic() - self._last > _LINE:
-            self._last = time.monotonic()
-            print(self._at.line(), file=sys.stderr, flush=True)
-
-    def __exit__(self, *_: object) -> None:
-        if self._bar is not None:
-            self._bar.stop()
 
 
 def status(folder: Path) -> dict[str, Any]:

@@ -1,5 +1,5 @@
-"""A campaign as an xarray data set: `in.*` what was drawn and `out.*` the numbers over `case`, and
-the envelopes; read when they are looked at."""
+"""A campaign as an xarray data set: `in.*` what was drawn and `out.*` the numbers over `case`, or
+the envelopes of curves; read when they are looked at."""
 
 from __future__ import annotations
 
@@ -10,21 +10,21 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from ..report.dataset import Lazy
+from ..runs.dataset import Lazy
 from ..system.errors import DesatError
 from . import store
 from .case import POINTS
 from .plan import read
 
 
-def of_campaign(folder: Path) -> xr.Dataset:
-    """The cases of a campaign, a column each, and of each curve the envelopes (case, part). Raises
-    DesatError where no case is there yet."""
+def of_campaign(folder: Path, curves: bool = False) -> xr.Dataset:
+    """The cases of a campaign, a column each; or of each of its curves the envelopes (case, part).
+    Raises DesatError where no case is there yet."""
     plan = read(folder)
     cases = store.read(folder, columns=["case"])["case"].to_numpy()
     described = store.described(folder)
     variables: dict[str, xr.Variable] = {}
-    for field in store.schema(folder):
+    for field in () if curves else store.schema(folder):
         if field.name == "case":
             continue
         lazy = Lazy((len(cases),), _dtype(field.type), _column(folder, field.name, cases))
@@ -33,7 +33,7 @@ def of_campaign(folder: Path) -> xr.Dataset:
         variables[field.name] = lazy.variable(
             ("case",), {"long_name": told.get("title", ""), "units": told.get("unit", "")}
         )
-    for name in plan.curves:
+    for name in plan.curves if curves else ():
         lazy = Lazy((len(cases), POINTS), float, _envelopes(folder, name, cases))
         told = described.get(f"curve.{name}", {})
         variables[f"curve.{name}"] = lazy.variable(

@@ -1,5 +1,4 @@
-"""`desat draws`: seeded draws of a scenario's dispersions (`sampling.py`), over processes, one row
-a draw."""
+"""Seeded draws of a scenario's dispersions (`sampling.py`), over processes, one row a draw."""
 
 from __future__ import annotations
 
@@ -9,20 +8,18 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, NotRequired, TypedDict
 
-from rich.console import Console
-from rich.progress import track
-
 from ..analyses import Analysis, analyses, coverage
 from ..analyses.manifest import Stopped
 from ..language.content import Content, content_of, overridden_by
 from ..numbers.numbers import late, ranks
 from ..numbers.statistics import median_interval
-from ..runs.prepare import Target, prepare, read, with_values
+from ..runs.prepare import Target, prepare, read, with_stop, with_values
 from ..runs.run import Options, Run, simulate
 from ..system.draft import Draft
 from ..system.errors import DesatError, Exit, RunError
 from ..system.model import AUTO, System
 from ..system.parameters import parse_assignment
+from ..system.progress import progress as shown
 from .sampling import draw_of
 from .workers import Here, Local, Lost, Workers, results
 
@@ -213,7 +210,8 @@ def _asks_for(content: Content, analysis: Analysis) -> bool:
 def never(system: Draft, options: Options) -> list[str]:
     """What the options give a value that is drawn instead: a line each."""
     names = [*(text.partition("=")[0] for text in options.sets), *options.values]
-    return [f"--set {name}: {'it' if name == what else what} is drawn, and so never has this value"
+    return [f"--set {name}: {'it' if name == what else what} is sampled, and so never has this "
+            "value"
             for name in names if "." in name for what in overridden_by(system, name)]  # fmt: skip
 
 
@@ -248,15 +246,12 @@ def rows_of(
     if jobs == 1:
         tasks = [(t, replace(o, supervised=True), seed, draw) for t, o, seed, draw in tasks]
     rows: dict[Any, RunRow] = {}
-    console = Console(stderr=True)
     workers: Workers = Here(One(*known)) if jobs == 1 else Local(One(), jobs)
-    with workers:
-        for key, result in track(
-            results(workers, iter(enumerate(tasks)), again), title, total=len(tasks),
-            console=console, transient=True, disable=not (progress and console.is_terminal),
-        ):  # fmt: skip
+    with workers, shown(title, len(tasks), progress) as tell:
+        for key, result in results(workers, iter(enumerate(tasks)), again):
             is_lost = isinstance(result, Lost)
             rows[key] = replace(lost(result), number=tasks[key][3]) if is_lost else result
+            tell(len(rows), "")
     return [rows[key] for key in range(len(tasks))]
 
 
@@ -271,8 +266,9 @@ def draws(
     """
     source = read(target) if isinstance(target, str) else target
     target, system = source.text, source.to_draw(options.blocks)
+    options = with_stop(source, options)
     if not content_of(system.about).dispersions:
-        raise DesatError(f"{target}: it has no [dispersions], so there is nothing to draw")
+        raise DesatError(f"{target}: it has no [dispersions], so there is nothing to sample")
     whole_numbers(target, seed=(seed, 0), count=(count, first + 1))
     typical = replace(options, values={**options.values, **draw_of(system, seed, 0)})
     warnings = prepare(source, typical).checked.warnings
@@ -356,10 +352,11 @@ def sweep(
         raise DesatError("a sweep needs a parameter and its values: component.parameter=a,b,c")
     source = read(target)
     system = source.to_draw(options.blocks)
+    options = with_stop(source, options)
     for name in axes if draws else ():
         if drawn := overridden_by(system, name):
-            raise DesatError(f"{target}: {name}: {drawn[0]} is drawn, and so cannot be an axis of "
-                             "draws")  # fmt: skip
+            raise DesatError(f"{target}: {name}: {drawn[0]} is sampled, and so cannot be an "
+                             "axis")  # fmt: skip
     points = [dict(zip(axes, v, strict=True)) for v in itertools.product(*axes.values())]
     warnings = _warnings(source, axes, options)
     tasks = [

@@ -69,7 +69,7 @@ def common(
     ours, theirs = (dispersions_of(s) for s in systems)
     names = sorted(ours.keys() & theirs.keys())
     if not names:
-        raise DesatError(f"{target} and {other}: there is nothing that both draw")
+        raise DesatError(f"{target} and {other}: the two sample nothing in common")
     values = [draw_of(s, seed, 0) for s in systems]
     for name in names:
         if ours[name] != theirs[name] or values[0][name] != values[1][name]:
@@ -197,14 +197,14 @@ def _same_inputs(
     columns = [{n for n in t.column_names if n.startswith("in.")} for t in tables]
     shared = sorted(columns[0] & columns[1])
     if not shared:
-        raise DesatError(f"{first} and {second}: there is nothing that both draw")
+        raise DesatError(f"{first} and {second}: the two sample nothing in common")
     for name in shared:
         a, b = (t[name].to_pylist() for t in tables)
         for case in cases:
             if a[rows[0][case]] != b[rows[1][case]]:
                 raise DesatError(
                     f"{first} and {second}: {name[3:]} of case {case} is {a[rows[0][case]]} "
-                    f"and {b[rows[1][case]]}; pairs need the same draws"
+                    f"and {b[rows[1][case]]}; pairs need the same samples"
                 )
 
 

@@ -131,6 +131,9 @@ def summary(folder: Path) -> CampaignSummary:
     completed = np.array([s == "completed" for s in status])
     cases = np.array(table["case"].to_pylist())
     out = {n[4:]: flat(table[n].to_pylist()) for n in table.column_names if n.startswith("out.")}
+    written = [*about.numbers]
+    out = dict(sorted(out.items(), key=lambda x: (x[0] not in written, written.index(x[0])
+                                                  if x[0] in written else 0)))  # fmt: skip
     inputs = {
         n[3:]: flat(table[n].to_pylist()) for n in table.column_names
         if n.startswith("in.") and not n.endswith(".seed") and _is_number(table[n])
@@ -287,10 +290,10 @@ def write(folder: Path) -> tuple[Path, CampaignSummary]:
     text = render(
         "campaign.html", told=told, plan=plan, title=f"Campaign of {told['target']}",
         figures=_figures(folder, plan, told), small=(small := _histograms(folder, told)),
-        script=script("campaign.js", {
+        script=script({
             "command": rerun(folder, "").rstrip(),
             "histograms": [{"edges": s.edges, "cases": s.cases, "counts": s.counts} for s in small],
-        }),
+        }, "campaign.js"),
         number=shown, not_reached=not_reached, unit=pretty_unit,
         kept=sorted(p.name for p in (folder / "kept").glob("*")),
     )  # fmt: skip
@@ -388,7 +391,7 @@ def _curves(folder: Path, plan: CampaignPlan) -> list[_Figure]:
     made = []
     options = plan.options
     start = drafted.start or 0.0
-    stop = options.stop if options.stop is not None else drafted.stop or 0.0
+    stop = drafted.stop or 0.0 if isinstance(options.stop, str | None) else options.stop
     times = start + (np.arange(POINTS) + 0.5) / POINTS * (stop - start)
     for name in plan.curves:
         if name not in table.column_names:

@@ -6,6 +6,7 @@ import errno
 import importlib
 import os
 import pkgutil
+import re
 import signal
 import sys
 import traceback
@@ -16,7 +17,7 @@ import typer
 from typer.main import get_command
 
 from ..engine.process_state import THREADS, stop_signals
-from ..system.errors import DesatError, Exit
+from ..system.errors import DesatError, Exit, nearest
 from . import commands
 from .console import app, err, out
 from .spare import spare
@@ -111,9 +112,26 @@ RENAMED = {
     "--twin": "it is called --baseline",
     "--no-twin": "it is called --no-baseline",
     "--against": "desat compare NAME OTHER -n COUNT does it",
+    "--draws": "it is called --samples",
     "--estimate": "--substeps auto says how much a run errs",
+    "keys": "desat help keys prints them",
+    "measures": "desat help measures prints them",
+    "blocks": "desat help blocks prints them",
+    "craft": "desat pack --ssd writes the SSD of crafts, desat new craft begins one",
+    "draws": "desat campaign NAME -n COUNT makes them, the same of a seed",
 }
-"""What takes the place of options of before."""
+"""What takes the place of options and commands of before."""
+MEANT = {
+    "--stop": ("--duration", "--time", "--end", "--until", "--t-end", "--tend", "--stop-time"),
+    "--step": ("--dt", "--timestep", "--time-step", "--step-size"),
+    "--out": ("--output", "--output-dir", "--dir", "--folder", "-o"),
+    "--set": ("--param", "--parameter", "--with", "-s", "-p"),
+    "--source": ("--fmu", "--replace"),
+    "-n": ("--samples", "--runs", "--cases", "-N"),
+    "--jobs": ("--workers", "--threads", "--processes", "-j"),
+    "--orbit": ("--apogee", "--perigee"),
+}
+"""Options by what other programs call them."""
 
 
 def _say_usage(error: Any) -> None:
@@ -124,9 +142,25 @@ def _say_usage(error: Any) -> None:
         return
     path = context.command_path if context is not None else "desat"
     text = " ".join(text.replace("Value error, ", "").split())
-    if (instead := RENAMED.get(getattr(error, "option_name", ""))) is not None:
-        text += f"; {instead}"
+    if (name := getattr(error, "option_name", None)) and context is not None:
+        if name.startswith("-") and text.startswith("No such option"):
+            known = [x for p in context.command.params for x in (*p.opts, *p.secondary_opts)]
+            text = f"no option {name}{_instead(name, known)}"
+    elif (unknown := re.fullmatch(r"No such command '(.*?)'\..*", text)) is not None:
+        known = list(getattr(getattr(context, "command", None), "commands", {}))
+        text = f"no command {unknown[1]}{_instead(unknown[1], known)}"
     _say(f"{path}: {text} (`{path} --help`)")
+
+
+def _instead(name: str, known: Sequence[str]) -> str:
+    """What an option or a command that is not known is called, as far as can be guessed."""
+    if name in RENAMED:
+        return f"; {RENAMED[name]}"
+    for option, others in MEANT.items():
+        if name in others and option in known:
+            return f"; did you mean {option}?"
+    said = nearest(name, known)
+    return said if "did you mean" in said else ""
 
 
 def _is_full(error: BaseException | None) -> bool:

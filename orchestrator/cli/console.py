@@ -6,7 +6,7 @@ import io
 import json
 import os
 import sys
-from collections.abc import Iterable
+from collections.abc import Container, Iterable
 from pathlib import Path
 from typing import Any
 
@@ -53,14 +53,47 @@ for _name in ("stdout", "stderr"):
 
 EPILOG = "Exit codes: " + "; ".join(f"{e.value} {e.meaning}" for e in Exit) + "."
 
+PANELS = {
+    "Start": ("new", "size", "run", "list", "show", "help"),
+    "Study": ("compare", "tune", "sweep", "campaign", "bound", "tables"),
+    "Results": ("report", "export", "resume"),
+    "Make": ("check", "build", "design", "pack"),
+}
+"""The commands as `desat --help` lists them."""
+
+
+class Panels(TyperGroup):
+    """The commands in panels, on a terminal and where help is piped."""
+
+    def list_commands(self, ctx: Any) -> list[str]:
+        for panel, names in PANELS.items():
+            for name in names:
+                if name in self.commands:
+                    self.commands[name].rich_help_panel = panel  # type: ignore[attr-defined]
+        return [n for names in PANELS.values() for n in names if n in self.commands]
+
+    def format_commands(self, ctx: Any, formatter: Any) -> None:
+        for panel, names in PANELS.items():
+            commands = [(n, self.commands[n]) for n in names if n in self.commands]
+            with formatter.section(panel):
+                formatter.write_dl([(n, c.get_short_help_str(90)) for n, c in commands])
+
+
+def example(command: str) -> str:
+    """The last lines of a command's help: a command line that can be typed as it is."""
+    return f"Example: {command}"
+
+
 app = typer.Typer(
+    cls=Panels,
     no_args_is_help=True,
     pretty_exceptions_enable=False,
     # boxes take as long to load as all else: only where a person looks
     rich_markup_mode="rich" if sys.stdout.isatty() else None,
     context_settings={} if sys.stdout.isatty() else {"terminal_width": 120},
-    help="Spacecraft momentum management as co-simulated FMUs. Start with `desat list`, then "
-    "`desat run NAME`; every command explains itself with --help.",
+    help="Spacecraft momentum management as co-simulated FMUs. Start with `desat new craft my12u "
+    "--size 12U`, then `desat size my12u` and `desat run my12u`; every command explains itself "
+    "with --help.",
     epilog=EPILOG,
 )
 
@@ -112,13 +145,38 @@ def print_numbers(table: Table) -> None:
     out.width = usual
 
 
+SHOWN = 5
+"""Numbers that a command prints where not all are asked for, and those with a requirement."""
+
+
+def to_print(numbers: Iterable[str], judged: Container[str], everything: bool) -> list[str]:
+    """The names of the numbers that are printed, in their order."""
+    names = list(numbers)
+    if everything:
+        return names
+    first = sorted(names, key=lambda name: name not in judged)
+    most = max(SHOWN, sum(name in judged for name in names))
+    return [name for name in names if name in first[:most]]
+
+
+def print_rows(rows: list[dict[str, str]], as_json: bool) -> None:
+    """Rows of the same keys as a table, or for programs."""
+    if as_json:
+        print_json(rows)
+        return
+    table = Table(*rows[0], box=None, header_style="bold", pad_edge=False)
+    for row in rows:
+        table.add_row(*(str(value) for value in row.values()))
+    out.print(table)
+
+
 def name_of(target: str) -> str:
-    """The name under runs/ of what is made of a target; of a craft of one's own its name, with that
-    of another scenario than its nominal one."""
+    """The name under runs/ of what is made of a target."""
     path = Path(target).resolve()
     if not path.exists():
         return target.replace("/", "-")
-    if path.suffix == ".toml" and (path.parent / "craft.toml").is_file():
-        craft, scenario = path.parent.name, path.stem
-        return craft if scenario == "nominal" else f"{craft}-{scenario}"
-    return path.stem
+    if path.is_dir():
+        return path.name
+    from ..files.scenario import name_of_file
+
+    return name_of_file(path) if path.suffix == ".toml" else path.stem

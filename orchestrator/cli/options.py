@@ -102,8 +102,8 @@ def refuse(ctx: typer.Context, why: str, *names: str) -> None:
 
 TARGET = typer.Argument(
     metavar="NAME|FILE|FOLDER",
-    help="A scenario (see `desat list`), a scenario file of your own (.toml), an .ssp file, or a "
-    "folder with a SystemStructure.ssd.",
+    help="The folder of a craft of your own, a scenario (see `desat list`), a scenario file "
+    "(.toml), an .ssp file, or a folder with a SystemStructure.ssd.",
     show_default=False,
     autocompletion=complete_name,
 )
@@ -122,20 +122,31 @@ Sources = Annotated[
                  "block file of your own (.py), which is built. Parameters that both declare alike "
                  "stay. May be repeated."),
 ]  # fmt: skip
+
+
+def _stop(given: str | float) -> str | float:
+    """A stop time as it is typed: s, or the text of a number of orbits."""
+    from ..system.options import orbits
+
+    return given if isinstance(given, str) and orbits(given) else Quantity("--stop", "s")(given)
+
+
 Stop = Annotated[
-    float | None, number(Quantity("--stop", "s"), "S", "Stop time: 6000 (s), 6h, 20d.")
-]
+    str | None,
+    typer.Option("--stop", parser=_stop, metavar="TIME",
+                 help="Stop time: 6000 (s), 6h, 20d, 2orbits."),
+]  # fmt: skip
 Step = Annotated[float | None, number(Quantity("--step", "s"), "S", "Step, s.")]
 Substeps = Annotated[
     str | None,
     typer.Option(metavar="N|auto",
-                 help="Substeps, within each step, of actuators and body: more of them exchange "
-                 "torques more exactly; auto: as many as --accuracy needs."),
+                 help="Number of substeps in each step for components that exchange step averages "
+                 "(actuators and body); auto: as many as --accuracy needs."),
 ]  # fmt: skip
 Accuracy = Annotated[
     float | None,
     number(Quantity("--accuracy", "rad", 0.0, 1.0, above=True), "RAD",
-           "Attitude error, as the run estimates it, that --substeps auto keeps below."),
+           "Bound of the estimated attitude error (rad) for --substeps auto."),
 ]  # fmt: skip
 Alg = Annotated[
     Semantics,
@@ -197,7 +208,7 @@ CPUS = os.cpu_count() or 1
 
 
 def options_of(
-    sets: list[str] | None, stop: float | None, step: float | None, algorithm: Semantics,
+    sets: list[str] | None, stop: str | float | None, step: float | None, algorithm: Semantics,
     blocks: bool, classes: list[str] | None = None, sources: list[str] | None = None, **more: Any,
 ) -> Options:  # fmt: skip
     """What the options of a command say."""

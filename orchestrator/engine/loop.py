@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import signal
-import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -133,19 +132,3 @@ def interruptible() -> Iterator[Callable[[], int]]:
     finally:
         for number, before in previous.items():
             signal.signal(number, before)
-
-
-@contextmanager
-def bar(name: str, steps: int, wanted: bool) -> Iterator[Callable[[int], None]]:
-    """Within: a progress bar on a terminal, which is told the steps done."""
-    if not (wanted and sys.stderr.isatty()):
-        yield lambda k: None
-        return
-    from rich.console import Console
-    from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
-
-    columns = (TextColumn("{task.description}"), BarColumn(), TextColumn("{task.percentage:.0f} %"),
-               TimeRemainingColumn())  # fmt: skip
-    with Progress(*columns, transient=True, console=Console(stderr=True)) as progress:
-        task = progress.add_task(name, total=steps)
-        yield lambda k: progress.update(task, completed=k)

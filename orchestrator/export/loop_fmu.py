@@ -60,34 +60,63 @@ def export(
         raise DesatError(str(error)) from error
     case = prepare(target, options)
     system, _ = case.or_raise()
+    choice = substep_choice.choose(target, system, options)
+    system = system if choice is None else replace(system, substeps=choice.substeps)
+    return _archive(system, wanted, written_out(system, wanted), file, targets, third)
+
+
+@dataclass(frozen=True)
+class LoopSource:
+    """A loop as C."""
+
+    identifier: str
+    loop: str
+    """Its own C, with `@GUID@` for its guid."""
+    blocks: dict[str, str]
+    """Of each block that it is made of the name, and the C."""
+    variables: tuple[Scalars, ...]
+    """Behind `fault`, in this order."""
+    interval: frozenset[str]
+    """The outputs among them, by their names, that are of the interval class."""
+    on: dict[str, set[str]]
+    """Of each output the inputs that it depends on within a step."""
+
+
+def written_out(system: System, wanted: LoopEnds) -> LoopSource:
+    """The loop of a checked system, whose substeps are chosen, as C.
+
+    Raises DesatError where a component has no C, or a name is not of the loop.
+    """
     for name in wanted.without:
         if name not in system.components:
             raise DesatError(f"--without {name}: {system.name} has no such component"
                              f"{nearest(name, system.components)}")  # fmt: skip
     units = {name: _unit(c) for name, c in system.components.items() if name not in wanted.without}
-    choice = substep_choice.choose(target, system, options)
-    system = system if choice is None else replace(system, substeps=choice.substeps)
     outputs = _outputs_of(system, wanted)
     watched = {(c, s.name) for c, s in outputs}
     with Master(
         system, schedule(system), watched=lambda name, signal: (name, signal.name) in watched
     ) as master:
         master.initialise()
-        variables = list(_variables(master, system, wanted, outputs))
+        variables = tuple(_variables(master, system, wanted, outputs))
         identifier = re.sub(r"\W", "_", system.name, flags=re.ASCII)
         title = content_of(system.about).title or system.name
         made = Composite(master, {n: model for n, (model, _) in units.items()}, variables)
-        text = made.text(identifier, title)
-        on = depends(master, wanted.without, variables)
-    files = {f"{model}.c": text for model, text in units.values()} | {f"{identifier}.c": text}
-    return _archive(identifier, system, wanted, files, variables, on, file, targets, third)
+        interval = {f"{s.component}.{s.signal.array}" for s in master.slots if s.interval}
+        return LoopSource(
+            identifier, made.text(identifier, title), dict(units.values()), variables,
+            frozenset(interval & {v.name for v in variables}),
+            depends(master, wanted.without, variables),
+        )  # fmt: skip
 
 
 def _archive(
-    identifier: str, system: System, wanted: LoopEnds, own: dict[str, str],
-    variables: Sequence[Scalars], on: dict[str, set[str]], file: Path | None,
+    system: System, wanted: LoopEnds, source: LoopSource, file: Path | None,
     targets: Sequence[native.Target], third: bool,
 ) -> Path:  # fmt: skip
+    identifier, variables, on = source.identifier, source.variables, source.on
+    own = {f"{model}.c": text for model, text in source.blocks.items()}
+    own |= {f"{identifier}.c": source.loop}
     block = _block(system, wanted, variables, on)
     experiment = {"startTime": system.start, "stopTime": system.stop, "stepSize": system.step}
 

@@ -243,7 +243,7 @@ def text(path: Path) -> str:
     about = f" description={quoteattr(title)}" if title else ""
     lines = [
         '<?xml version="1.0" encoding="UTF-8"?>',
-        f"<!-- made by `desat craft` from {path.name.replace('--', '- -')}: change that -->",
+        f"<!-- made by `desat pack` from {path.name.replace('--', '- -')}: change that -->",
         f"<!-- {ECI} -->",
         f'<ssd:SystemStructureDescription xmlns:ssd="{ssp.SSD}" xmlns:ssc="{ssp.SSC}"'
         f' xmlns:ssv="{ssp.SSV}" name={name} version="1.0">',

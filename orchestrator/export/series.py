@@ -7,20 +7,18 @@ png, pdf      the scenario's plots, a file each
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pyarrow as pa
 
-from ..figures.canvas import INCH, INK, Dots, Figure, Words
-from ..files import io, paths
+from ..figures.painting import paint
+from ..files import io
 from ..runs.run import Run, load_run
 from ..system.errors import DesatError, plain
 
 FORMATS = ("csv", "parquet", "mat", "png", "pdf")
-ANCHORS = {"start": "left", "middle": "center", "end": "right"}
 
 
 def export(folder: Path, form: str, into: Path | None = None) -> tuple[list[Path], str]:
@@ -108,48 +106,8 @@ def _plots(run: Run, form: str, folder: Path, into: Path) -> list[Path]:
             raise DesatError(f"{folder}: plot {plain(name)}: a file's name has no / and no \\")
         path = into / f"{name}.{form}"
         with io.replacing(path) as part:
-            _paint(figure, part, form)
+            paint(figure, part, form)
         made.append(path)
     if not made:
         raise DesatError(f"{into}: the scenario has no plots of recorded series")
     return made
-
-
-def _paint(figure: Figure, path: Path, form: str) -> None:
-    """Have matplotlib paint a figure's shapes, as they are, into a file."""
-    if paths.no_home():  # it would say where it keeps what it finds of fonts
-        os.environ.setdefault("MPLCONFIGDIR", str(paths.cache() / "matplotlib"))
-    backend = os.environ.pop("MPLBACKEND", None)  # we need none, and one that is unknown is refused
-    try:
-        from matplotlib import figure as painter
-        from matplotlib.patches import PathPatch, Rectangle
-        from matplotlib.path import Path as Outline
-    finally:
-        if backend is not None:
-            os.environ["MPLBACKEND"] = backend
-    page = painter.Figure(figsize=(figure.width, figure.height))
-    width, height = INCH * figure.width, INCH * figure.height
-    ax = page.add_axes((0.0, 0.0, 1.0, 1.0), xlim=(0.0, width), ylim=(height, 0.0))
-    ax.set_axis_off()
-    for layer, shape in enumerate(figure.shapes()):
-        if isinstance(shape, Words):
-            ax.text(*shape.at, shape.text, fontsize=shape.size / 10.0, color=INK, va="baseline",
-                    ha=ANCHORS[shape.anchor], rotation=90.0 * shape.turned, zorder=layer,
-                    rotation_mode="anchor", parse_math=False)  # fmt: skip
-        elif isinstance(shape, Dots):
-            ax.plot(*shape.at.T, "o", color=shape.colour, alpha=shape.alpha, zorder=layer,
-                    markersize=shape.width, markeredgewidth=0.0)  # fmt: skip
-        elif shape.parts:
-            outline = Outline.make_compound_path(
-                *(Outline(p, closed=False) for p in map(np.asarray, shape.parts))
-            )
-            patch = PathPatch(
-                outline, facecolor=shape.fill or "none", edgecolor=shape.colour or "none",
-                linewidth=shape.width, alpha=shape.alpha, zorder=layer,
-                linestyle=(0, [d / shape.width for d in shape.dash]) if shape.dash else "-",
-            )  # fmt: skip
-            ax.add_patch(patch)
-            if shape.within is not None:
-                left, top, across, down = shape.within
-                patch.set_clip_path(Rectangle((left, top), across, down, transform=ax.transData))
-    page.savefig(path, format=form, dpi=150)

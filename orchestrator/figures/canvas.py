@@ -369,6 +369,9 @@ class Figure:
         parts += [_markup(shape) for shape in self.shapes()]
         return "\n".join([*filter(None, parts), "</svg>"])
 
+    def _repr_svg_(self) -> str:
+        return self.svg()
+
 
 class _Scale:
     """From the data's coordinates to those of the figure; inf is the edge."""

@@ -11,7 +11,7 @@ import numpy as np
 from ..engine.recording.results import Results
 from ..numbers import derived
 from ..numbers.numbers import scale
-from ..system.errors import DesatError
+from ..system.errors import DesatError, nearest
 from ..system.expression import Table, factor, product
 from ..system.expression import entry as value_of
 from .canvas import INCH, Axes, Figure, Strip
@@ -78,6 +78,23 @@ def series_figure(plot: Plot, runs: Sequence[Run]) -> Figure | None:
             ax.title = f"from {begin / seconds:g} {time_unit} on"
             ax.x.low, ax.x.high = begin / seconds, results.times()[-1] / seconds
     return fig
+
+
+def of_name(name: str | None, plots: Mapping[str, Plot], runs: Sequence[Run]) -> Figure:
+    """The figure of a plot of a scenario, of its first (None), or of a series over runs. Raises
+    DesatError where there is none, or it is not recorded."""
+    from ..language.scenario import Plot  # takes long to import
+
+    names = runs[0][1].names()
+    if name is None:
+        name = next(iter(plots), names[0] if names else "")
+    plot = plots.get(name) or (Plot(title=name, signals=(name,)) if name in names else None)
+    if plot is None:
+        raise DesatError(f"{name}: no plot and no series{nearest(name, [*plots, *names])}")
+    figure = series_figure(plot, runs)
+    if figure is None:
+        raise DesatError(f"{name}: what it shows is not recorded: {', '.join(plot.signals)}")
+    return figure
 
 
 def unit_of(plot: Plot, results: Results) -> str | None:
@@ -220,7 +237,7 @@ def limits_of(
     numbers, that hold in this run."""
     limits = []
     for limit in given:
-        if any(_parameter(parameters, k) == v for k, v in limit.unless.items()):
+        if any(parameter_of(parameters, k) == v for k, v in limit.unless.items()):
             continue
         value, name = limit.value, "limit"
         if isinstance(value, str):
@@ -231,7 +248,7 @@ def limits_of(
     return limits
 
 
-def _parameter(parameters: Table, name: str) -> Any:
+def parameter_of(parameters: Table, name: str) -> Any:
     """The value of `component.parameter` or `component.parameter[i]`; None if unknown."""
     try:
         return value_of(name, parameters)[0]

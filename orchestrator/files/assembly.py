@@ -120,7 +120,7 @@ def modify(
     options; `drawn`: of the values that are drawn, file and key of their dispersion; one that does
     not fit is a problem of the draft. Raises DesatError for what else is unknown or does not fit.
     """
-    if options.stop is not None:
+    if isinstance(options.stop, float | int):
         draft.stop, draft.given["stop"] = options.stop, f"--stop {options.stop:g}"
     if options.step is not None:
         draft.step, draft.given["step"] = options.step, f"--step {options.step:g}"

@@ -21,8 +21,8 @@ Everything else is wired as the roles say (`source` in `components/contract/role
 from the first of its sources whose component is there. A further instance is fed as its role is;
 what it gives goes nowhere unless [wiring] says so. Paths of FMUs start at the craft file.
 
-`desat craft` writes the same system as a standard SSD beside the craft file: `craft.toml` gives
-`SystemStructure.ssd`, `NAME.craft.toml` gives `NAME.ssd`.
+`desat pack --ssd` writes the same system as a standard SSD beside the craft file: `craft.toml`
+gives `SystemStructure.ssd`, `NAME.craft.toml` gives `NAME.ssd`.
 """
 
 from __future__ import annotations

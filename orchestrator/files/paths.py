@@ -1,11 +1,11 @@
 """Where scenarios, FMUs, packed systems and stored draws are: in a checkout and in an installation.
 
 In a checkout all is in its folders: ssp/, fmus/dist/, ssp/dist/, docs/papers/. An installation
-brings scenarios and draws below the package and keeps what it builds, FMUs and packed systems, in
-the user's cache, in a folder named after version and contents of what they are made of; nothing is
-written beside the package. What `desat list` has found is in the user's cache, too, in `lists`.
-`DESAT_CACHE` names another folder than the user's usual one; who has none that he can write gets
-one below the temporary folder.
+brings scenarios, pages and draws below the package and keeps what it builds, FMUs and packed
+systems, in the user's cache, in a folder named after version and contents of what they are made of;
+nothing is written beside the package. What `desat list` has found is in the user's cache, too, in
+`lists`. `DESAT_CACHE` names another folder than the user's usual one; who has none that he can
+write gets one below the temporary folder.
 """
 
 from __future__ import annotations
@@ -26,8 +26,11 @@ INSTALLED = (PACKAGE / "ssp").is_dir()
 """True where the package has its scenarios inside: it comes from a wheel."""
 
 SCENARIOS = PACKAGE / "ssp" if INSTALLED else PACKAGE.parent / "ssp"
-DRAWS = PACKAGE / "stored" if INSTALLED else PACKAGE.parent / "docs" / "papers"
+PAGES = PACKAGE / "docs" if INSTALLED else PACKAGE.parent / "docs"
+DRAWS = PAGES / "papers"
 
+NOMINAL = "nominal.toml"
+"""The scenario of a craft's folder that its name stands for."""
 _TEMPORARY = "desat-cache-"
 
 

@@ -1,6 +1,6 @@
 """Scenarios: TOML files in ssp/FAMILY/scenarios/, each one scenario or, with axes, a table of them.
 
-`desat keys` prints the keys of such a file, `language/scenario.py` declares them. Besides:
+`desat help keys` prints the keys of such a file, `language/scenario.py` declares them. Besides:
 
     extends = "common"            # another file of the folder, or several, merged below this one
     without = ["parameters.manager"]  # what of those is left out
@@ -31,7 +31,6 @@ if TYPE_CHECKING:
 ROOT = paths.SCENARIOS
 ROLES = "roles"
 """Before the name of a role, whose standard numbers and plots a scenario extends."""
-NOMINAL = "nominal.toml"
 """The scenario that the folder of a craft of one's own stands for."""
 
 
@@ -256,8 +255,18 @@ def _beside() -> list[str]:
     here = Path()
     return [
         *(f.stem for f in here.glob("*.toml")),
-        *(f.parent.name for f in here.glob(f"*/{NOMINAL}")),
+        *(f.parent.name for f in here.glob(f"*/{paths.NOMINAL}")),
     ]
+
+
+def name_of_file(file: Path) -> str:
+    """The name of what a file of one's own says: beside a craft file the craft's, which is its
+    folder's, with that of another scenario than its nominal one."""
+    file = file.resolve()
+    if not (file.parent / "craft.toml").is_file():
+        return file.stem
+    craft = file.parent.name
+    return craft if file.name == paths.NOMINAL else f"{craft}-{file.stem}"
 
 
 def own(file: Path) -> Scenario:
@@ -372,7 +381,8 @@ def _read(file: Path, family: str, only: str | None = None) -> list[Scenario]:
     cells = []
     for values in itertools.product(*(axis.items() for axis in axes.values())):
         cell = dict(zip(axes, (key for key, _ in values), strict=True))
-        name = f"{home}/" * bool(home) + "-".join([file.stem, *cell.values()])
+        stem = file.stem if home else name_of_file(file)
+        name = f"{home}/" * bool(home) + "-".join([stem, *cell.values()])
         if only not in (None, name):
             continue
         merged, origins = copy(data), dict(given)

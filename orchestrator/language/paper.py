@@ -30,8 +30,8 @@ class Tuning(Table):
 class ShareOfDraws(Table):
     """A row that gives the share of the draws whose number is at least, or at most, so much."""
 
-    least: FiniteFloat = key("counted are draws whose number is this or more", default=-inf)
-    most: FiniteFloat = key("counted are draws whose number is this or less", default=inf)
+    least: FiniteFloat = key("counts samples whose number is this or more", default=-inf)
+    most: FiniteFloat = key("counts samples whose number is this or less", default=inf)
 
     @model_validator(mode="after")
     def _one(self) -> Self:
@@ -88,7 +88,7 @@ class PaperRow(Table):
     tolerance: _PerMethod = key(
         'what counts as within: "3 %", "0.02", [low, high] (inf: no bound), { of, from, to }'
     )
-    each: Bounds = key("[low, high] that every draw keeps to")
+    each: Bounds = key("[low, high] that every sample keeps to")
     tuned: either(text=Text, table=dict[str, either(text=Text, table=Tuning)]) = key(  # type: ignore[valid-type]
         "what was tuned to this row"
     )
@@ -97,7 +97,7 @@ class PaperRow(Table):
     )
     definition: Text = key("what is measured, in a sentence; default: the number's own")
     share: Maybe[ShareOfDraws] = key(
-        "the share of draws (%) whose number is within this, with interval"
+        "the share of samples (%) whose number is within this, with interval"
     )
     remark: either(text=str, list=Many[str], table=dict[str, Remarks]) = key("for a reader")  # type: ignore[valid-type]
     flag: bool = key("true: 0 and 1 are shown as no and yes")
@@ -105,7 +105,7 @@ class PaperRow(Table):
     label: Text = key("stands in the method's place")
     case: Text = key("stands in the case's place")
     not_judged: Text = key(
-        "why no run decides what the paper says: the row has no number of ours, and no band",
+        "why no simulation can test what the paper says; the row has no number of ours and no band",
     )
 
     @model_validator(mode="after")

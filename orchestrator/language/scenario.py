@@ -1,7 +1,7 @@
 """The scenario language: every key of a scenario's TOML file, its type, its unit, and what it says.
 
-Each key is declared once, as a field; `desat keys` prints them, `problems` holds data against them.
-A table of the language is a class here, and its keys are the fields.
+Each key is declared once, as a field; `desat help keys` prints them, `problems` holds data against
+them. A table of the language is a class here, and its keys are the fields.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ class Number(Written):
         "`component.output`, or several where the measure takes several", default=(), alias="signal"
     )
     measure: Text = key(
-        "how the series becomes a number (`desat measures`); default: last", default="last"
+        "how the series becomes a number (`desat help measures`); default: last", default="last"
     )
     options: dict[str, Value] = key("the measure's own options")
     derive: Text = key("what is computed of the signals and then measured, such as euler")
@@ -73,8 +73,8 @@ class Number(Written):
     of: Text = key("with `reference`: the number that is compared")
     reference: Text = key("the scenario of this family whose number it is compared with")
     form: Maybe[Literal["saving", "ratio", "difference", "paired_ratio"]] = key(
-        "how: saving (per cent less) or ratio, of draws that of their medians; difference or "
-        "paired_ratio, of draws draw by draw"
+        "how: saving (per cent less) or ratio, of samples that of their medians; difference or "
+        "paired_ratio, of samples pair by pair"
     )
 
     @model_validator(mode="after")
@@ -142,7 +142,7 @@ class Dispersion(Written):
     attitude: Maybe[Literal["random"]] = key("a quaternion, uniform over all attitudes")
     signs: Annotated[Many[FiniteFloat], Field(min_length=1)] = key("each: plus or minus this")
     one_of: Annotated[Many[Value], Field(min_length=1)] = key("one of these values")
-    seed: Maybe[Literal[True]] = key("a seed of its own for each draw")
+    seed: Maybe[Literal[True]] = key("a seed of its own for each sample")
 
     @property
     def kind(self) -> str:
@@ -224,7 +224,7 @@ class Design(Written):
         "has coils to spare", "A2.m4", default=0.0
     )  # fmt: skip
     hold_weight: Maybe[_Positive] = key("how stiffly held", "1/(T2.s2)")
-    each_draw: bool = key("true: made anew for each draw")
+    each_draw: bool = key("true: made anew for each sample")
     assume: dict[str, dict[str, Value]] = key("parameters that the design assumes instead")
 
 
@@ -284,8 +284,8 @@ class ScenarioTable(Written):
     start: Maybe[FiniteFloat] = key("start time", "s", use="system")
     step: Maybe[FiniteFloat] = key("the master's step", "s", use="system")
     substeps: Maybe[_Substeps] = key(
-        "substeps, within each step, of what hands means over the step on (actuators and body); "
-        "auto, the default: a run chooses them by `accuracy`",
+        "number of substeps in each step for components that exchange step averages (actuators "
+        "and body); auto, the default: a run chooses it by `accuracy`",
         use="resolved",
     )
     accuracy: Maybe[_Positive] = key(
@@ -302,8 +302,8 @@ class ScenarioTable(Written):
         "the same for the external impulse against one computed outside the body; 1e-6", use="run"
     )
     energy_bound: Maybe[_Positive] = key(
-        "largest work in a step that its ends and middle do not show, over the energy of a turn of "
-        "1 rad in it: above it a run ends with 1; 2e-8",
+        "bound of the unresolved work within a step, relative to the energy of a turn of 1 rad in "
+        "it: above it a run ends with 1; 2e-8",
         use="run",
     )
     stop_when: Maybe[StopWhen] = key("a condition that ends it before", use="run")
@@ -321,10 +321,10 @@ class ScenarioTable(Written):
         "steps once in so many steps", use="system"
     )
     dispersions: dict[str, Dispersion] = key(
-        '"component.parameter": how `desat draws` draws it', use="run"
+        '"component.parameter": how `desat campaign` samples it', use="run"
     )
     samples: Annotated[int, Field(ge=0)] = key(
-        "its numbers in tables are medians of so many draws", default=0, use="file"
+        "its numbers in tables are medians of this many samples", default=0, use="file"
     )
     baseline: Text = key(
         "a scenario of this family that the report shows beside this one", use="text"

@@ -123,7 +123,7 @@ def rows_of(
         if entry.share is not None:
             if drawn is None:
                 where = scenario.where(("paper", row))
-                raise DesatError(f"{where}: a share of draws, and {scenario.name} has none")
+                raise DesatError(f"{where}: a share of samples, and {scenario.name} has none")
             values_drawn = values_of(drawn["draws"], entry.of, content)
             counts = told = share_of(values_drawn, entry.share.least, entry.share.most)
             ours = 100.0 * counts.count / counts.n

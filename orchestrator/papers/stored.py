@@ -254,8 +254,8 @@ def read(family: str) -> StoredDraws:
     path, told = file_of(family), _provenances()
     if family not in told or not path.exists():
         missing = path if family in told else provenance_file()
-        raise DesatError(f"{paths.shown(missing)}: no draws of {family} there; `desat tables "
-                         f"{family} --fresh` computes the draws now")  # fmt: skip
+        raise DesatError(f"{paths.shown(missing)}: no samples of {family} there; `desat tables "
+                         f"{family} --fresh` computes the samples now")  # fmt: skip
     data = path.read_bytes()
     head = {"family": family, **told[family]}
     if hashlib.sha256(data).hexdigest() != head.pop("draws_sha256"):
@@ -356,8 +356,10 @@ def main() -> int:
     """`python -m desat.papers.stored [--verify N] [FAMILY ...]`: stamp stored draws that runs of
     today's code reproduce."""
     parser = argparse.ArgumentParser(description=confirm.__doc__)
-    parser.add_argument("families", nargs="*", metavar="FAMILY", help="default: all with draws")
-    parser.add_argument("--verify", type=int, default=2, metavar="N", help="draws to make again")
+    parser.add_argument("families", nargs="*", metavar="FAMILY", help="default: all with samples")
+    parser.add_argument(
+        "--verify", type=int, default=2, metavar="N", help="samples to compute again"
+    )
     parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1)
     given = parser.parse_args()
     if given.verify < 1:
@@ -365,7 +367,7 @@ def main() -> int:
     wanted = given.families or [f for f in families() if with_draws(f)]
     failed = [name for family in wanted for name in confirm(family, given.verify, given.jobs)]
     for name in failed:
-        print(f"{name}: its draws come out otherwise; not stamped, `make papers` renews them")
+        print(f"{name}: its samples come out otherwise; not stamped, `make papers` renews them")
     return min(len(failed), 1)
 
 

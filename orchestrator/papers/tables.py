@@ -54,7 +54,7 @@ def rows(
     kept = {n: _pairs_of(s, there) for n, s in given.items() if s.content.samples and n in there}
     given = {n: s for n, s in given.items() if not s.content.samples or n in kept}
     if not given:
-        raise DesatError(f"{family}: no draws; `desat tables {family} --fresh` makes them")
+        raise DesatError(f"{family}: no samples; `desat tables {family} --fresh` makes them")
     values: dict[str, Numbers] = {
         n: {k: d["median"] for k, d in kept[n]["summary"].items()} for n in kept
     }
@@ -141,8 +141,8 @@ def texts_of(row: PaperCell) -> dict[str, str]:
         difference = _signed(delta, digits)
         if row.paper and row.unit == "s":
             difference += f" ({_signed(100 * delta / row.paper, 1)} %)"
-    verdict = {True: "within", False: "OUTSIDE", None: ""}[row.within]
-    mark = {"within": "ok", "OUTSIDE": "bad", "": ""}[verdict]
+    verdict = {True: "within", False: "outside", None: ""}[row.within]
+    mark = {"within": "ok", "outside": "bad", "": ""}[verdict]
     if row.ours is None:
         verdict = "not judged"
     if row.paper_within is False:
@@ -172,7 +172,8 @@ NUMBERS = ("paper", "ours", "difference")
 def columns(lines: list[dict[str, str]]) -> dict[str, str]:
     """The columns that have something to show in these rows, and their headings."""
     filled = (c for c in COLUMNS if any(line[c] for line in lines))
-    return {c: "" if c == "verdict" else c for c in filled}
+    named = {"verdict": "", "draws": "samples"}
+    return {c: named.get(c, c) for c in filled}
 
 
 def _of_paper(value: float) -> int:
@@ -206,7 +207,8 @@ def _within(band: Sequence[float], text: Callable[[float], str]) -> str:
 def _of_draws(draws: Spread | Share, digits: int, flag: bool = False) -> str:
     if isinstance(draws, Share):
         low, high = draws.interval
-        return f"{draws.count} of {draws.n}; of all {low:.0f} to {high:.0f} % (95 %)"
+        share = f"{100.0 * draws.count / draws.n:.0f} %"
+        return f"{draws.count} of {draws.n} ({share}, 95 % interval {low:.0f} to {high:.0f} %)"
     if flag and draws.min == draws.max:
         return f"{_value(draws.min, 0, flag)} in all {draws.n}"
     least, most = (_value(x, digits) for x in (draws.min, draws.max))
@@ -253,14 +255,17 @@ def definitions(given: Iterable[str]) -> list[str]:
 def summed_up(table: list[PaperCell]) -> str:
     """How many cells are within their bands, and what that counts for."""
     n = count(table)
+    lacking = (
+        f" {n['not_judged']} rows cannot be tested by simulation; each gives the reason."
+        if n["not_judged"] else ""
+    )  # fmt: skip
     return (
-        f"{n['within']} of {n['banded']} cells with a band are within it. Of these {n['banded']}, "
-        f"{n['tuned']} are tuned, {n['without_paper']} have no value of the paper, "
-        f"{n['in_sample']} had a part in a choice of ours or repeat another cell, and "
-        f"{n['out_of_sample']} are out of sample; of the latter "
-        f"{n['out_of_sample_within']} are within. "
-        f"In {n['paper_outside']} the paper's own value is outside the band."
-        + (f" {n['not_judged']} rows no run decides; they say why." if n["not_judged"] else "")
+        f"Of {n['banded']} values with a band, {n['within']} lie within it. {n['out_of_sample']} "
+        "of them are out of sample, independent of our tuning: "
+        f"{n['out_of_sample_within']} of these lie within. {n['tuned']} were tuned to the paper, "
+        f"{n['in_sample']} had a part in a choice of ours or repeat another value, and "
+        f"{n['without_paper']} have no value in the paper. The paper's own value lies outside the "
+        f"band in {n['paper_outside']}.{lacking}"
     )
 
 
@@ -290,7 +295,7 @@ def write_html(
         title=f"{family}: the paper's tables beside ours",
         lead=(
             f"{summed_up(table)} Every number of ours was computed by a run of the scenario when "
-            "this page was written" + (f", medians of draws {origin(drawn)}." if drawn else ".")
+            "this page was written" + (f", medians of samples {origin(drawn)}." if drawn else ".")
         ),
         tables=pages,
         numbers=NUMBERS,

@@ -145,24 +145,25 @@ def _script(figures: Sequence[Figure]) -> dict[str, Any]:
     if not any(told["plots"]):
         return {"plots": False, "uplot_css": "", "most": 0}
     return {
-        "plots": True, "uplot": _part("uplot/uPlot.iife.min.js"),
-        "uplot_css": _part("uplot/uPlot.min.css"), "licence": _part("uplot/LICENSE"),
-        "script": script("report.js", told), "most": told["most"],
+        "plots": True, "uplot": part("uplot/uPlot.iife.min.js"),
+        "uplot_css": part("uplot/uPlot.min.css"), "licence": part("uplot/LICENSE"),
+        "script": script(told, "axes.js", "report.js"), "most": told["most"],
     }  # fmt: skip
 
 
-def _part(name: str) -> Markup:
-    """A part of pages as it is."""
+def part(name: str) -> Markup:
+    """A part of pages as it is, of templates/."""
     return Markup((files("desat") / "templates" / name).read_text(encoding="utf-8"))
 
 
-def script(name: str, told: Any) -> Markup:
-    """The elements of a page's script, and of the data (JSON) that it finds in `#told`."""
+def script(told: Any, *names: str) -> Markup:
+    """The elements of a page's script, of these parts, and of the data (JSON) that it finds in
+    `#told`."""
     # a name of somebody's must not end the element
     data = json.dumps(told, separators=(",", ":")).replace("<", "\\u003c")
     return Markup(
         '<script type="application/json" id="told">{}</script>\n<script>{}</script>'
-    ).format(Markup(data), _part(name))
+    ).format(Markup(data), Markup("\n").join(map(part, names)))
 
 
 def _default(results: Results) -> dict[str, Plot]:

@@ -59,6 +59,23 @@ def family(name: str, of_systems: bool = True) -> Family:
     return made
 
 
+def of_folder(folder: Path) -> Family:
+    """The scenarios of the folder of a craft of one's own."""
+    from ..files import craft, scenario
+
+    titles: dict[str, str] = {}
+    problems = []
+    for file in sorted(folder.glob("*.toml"), key=lambda p: (p.name != paths.NOMINAL, p.name)):
+        if file.name.endswith(craft.FILE):
+            continue
+        name = str(folder) if file.name == paths.NOMINAL else str(file)
+        try:
+            titles[name] = scenario.own(file).content.title
+        except DesatError as error:
+            problems += str(error).splitlines()
+    return Family(str(folder), "", titles, problems)
+
+
 def _load(name: str, of_systems: bool) -> Family:
     from ..files import scenario
 

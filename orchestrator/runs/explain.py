@@ -12,7 +12,7 @@ from desat.components.contract.fitting import needs_of
 from desat.components.contract.roles import Manager
 from desat.fmus import registry
 
-from ..files import reader, scenario
+from ..files import paths, reader, scenario
 from ..files.merge import origin
 from ..files.scenario import Scenario
 from ..numbers.measures import LATE, MEASURES
@@ -113,7 +113,7 @@ def page() -> str:
     lines = [
         "# The scenario language",
         "",
-        "Made by `desat keys --markdown`; how files are merged: ",
+        "Made by `desat help keys --markdown`; how files are merged: ",
     ]
     lines[-1] += 'reference.md, "Add a scenario".'
     for name in _tables():
@@ -149,7 +149,7 @@ def measures() -> list[dict[str, str]]:
 
 def show(name: str) -> list[dict[str, Any]]:
     """Every value of a scenario as merged, and the file, axis cell or design it comes from."""
-    nominal = Path(name) / scenario.NOMINAL
+    nominal = Path(name) / paths.NOMINAL
     given = nominal if nominal.is_file() else Path(name)
     whole = scenario.own(given) if given.suffix == ".toml" else scenario.find(name)
     rows = [

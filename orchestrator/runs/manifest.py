@@ -12,6 +12,7 @@ from typing import Any
 
 from ..analyses.manifest import Manifest
 from ..engine.recording.results import MANIFEST, Results
+from ..files import paths
 from ..files.io import contents, replace_text
 from ..language.content import Content
 from ..numbers.numbers import OPEN_END, evaluate, related
@@ -138,4 +139,8 @@ def read_manifest(folder: Path) -> Manifest:
                 if not isinstance(told, dict) or not isinstance(told.get(key), kind):
                     raise DesatError(f"{where}: no manifest of a run (it has no {key})")
             return Manifest.from_json(told)
+    if (folder / paths.NOMINAL).is_file():
+        runs = Path("runs") / folder.resolve().name
+        there = f"; its run is {runs}" if (runs / MANIFEST).is_file() else ""
+        raise DesatError(f"{folder}: the folder of a craft, not of a run{there}")
     raise DesatError(f"{folder}: no run folder (it has no {MANIFEST})")

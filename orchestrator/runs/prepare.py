@@ -8,14 +8,16 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from desat.components.contract.block import Scalar
+from desat.components.contract.block import BlockError, Scalar
+from desat.fmus.registry import names
 
 from ..analyses import accounts, coverage, energy, firings, fixed, management, needs, wheels
 from ..analyses.manifest import Manifest
+from ..analyses.motion import period_of
 from ..designs import making, momentum_tables, origin
 from ..engine.instances.isolated import CAN
 from ..engine.master import MasterPool
-from ..files import craft, library, scenario, ssp
+from ..files import craft, library, paths, scenario, ssp
 from ..files.assembly import modify
 from ..files.scenario import Scenario
 from ..language.content import NOTHING, content_of, dispersions_of
@@ -24,8 +26,8 @@ from ..system.draft import Draft
 from ..system.errors import DesatError
 from ..system.interface import base_name
 from ..system.model import Component, System
-from ..system.options import Options
-from ..system.parameters import expand
+from ..system.options import Options, orbits
+from ..system.parameters import bare_block, expand
 from ..system.resolve import resolve
 from ..system.schedule import Schedule
 from . import validation
@@ -94,7 +96,7 @@ def read(target: str) -> Target:
     """The source that a target names: a scenario's name, a scenario file, an .ssp, an .ssd or a
     folder. Raises DesatError where there is none."""
     path = Path(target)
-    if (own := path / scenario.NOMINAL).is_file():
+    if (own := path / paths.NOMINAL).is_file():
         return Target(target, scenario.own(own))
     if path.suffix in (".ssp", ".ssd") or path.is_dir():
         return Target(target, None)
@@ -120,7 +122,31 @@ def prepare(target: str | Target, options: Options) -> Case:
 
     Raises DesatError where there is nothing to check, or an option is wrong.
     """
-    return _prepare(read(target) if isinstance(target, str) else target, options)[0]
+    target = read(target) if isinstance(target, str) else target
+    if isinstance(options.stop, str):
+        options = with_stop(target, options)
+    return _prepare(target, options)[0]
+
+
+def with_stop(target: str | Target, options: Options) -> Options:
+    """The options with the stop time in s: orbits are those of the environment at the start, to a
+    whole step. Raises DesatError where they cannot be asked of it."""
+    if not isinstance(options.stop, str):
+        return options
+    count = orbits(options.stop) or 0.0
+    system, _ = resolved(target, replace(options, stop=None))
+    component = system.components.get("environment")
+    if component is None or component.interface.model not in names():
+        raise DesatError(f"--stop {options.stop}: {system.name} has no environment of ours, which "
+                         "says how long an orbit is; a time is needed")  # fmt: skip
+    block = bare_block(component)
+    try:
+        block.start()
+        block.output(system.start)
+    except BlockError as error:
+        raise DesatError(f"--stop {options.stop}: environment: {error}") from error
+    steps = round(count * period_of(block.r_eci, block.v_eci) / system.step)
+    return replace(options, stop=system.start + max(1, steps) * system.step)
 
 
 def _prepare(target: Target, options: Options) -> tuple[Case, Draft]:
@@ -179,6 +205,8 @@ def with_values(target: Target, options: Options) -> Case:
 
     Raises DesatError as `prepare`.
     """
+    if isinstance(options.stop, str):
+        options = with_stop(target, options)
     key = repr(replace(options, values=dict.fromkeys(sorted(options.values))))
     if key not in target._first:
         case, draft = _prepare(target, options)
@@ -232,14 +260,22 @@ def _changed(
     }
 
 
+def drafted(target: Target, options: Options) -> Draft:
+    """The draft of a target with the options applied: values as they are given, references too.
+    Raises DesatError where it cannot be had."""
+    if isinstance(options.stop, str):
+        options = with_stop(target, options)
+    draft = target.draft(options.blocks, options.design is None, options.outside)
+    _modify(draft, target.scenario, options)
+    return draft
+
+
 def resolved(target: str | Target, options: Options) -> tuple[System, Any]:
     """The system of a target with the options applied, unchecked; and, where its design is made for
     the values of each draw, what its scenario says of it. Raises DesatError where it cannot be had.
     """
     target = read(target) if isinstance(target, str) else target
-    draft = target.draft(options.blocks, options.design is None, options.outside)
-    _modify(draft, target.scenario, options)
-    found = resolve(draft)
+    found = resolve(drafted(target, options))
     if found.system is None:
         raise DesatError("\n".join(found.problems))
     return found.system, target.scenario and target.scenario.each_draw
@@ -287,7 +323,8 @@ def _run_warnings(system: System, schedule: Schedule, options: Options) -> Itera
     if system.parts > 1:
         yield f"jacobi takes no substeps: substeps = {system.substeps} has no effect"
     if any(text.startswith(("mean of", "its part of")) for _, text in schedule.timing):
-        yield "jacobi hands on one mean of several where rates differ: momentum is not conserved"
+        yield ("jacobi exchanges only one of several step averages where rates differ: momentum is "
+               "not conserved")  # fmt: skip
 
 
 def _packed_scenario(draft: Draft) -> Scenario | None:

@@ -11,6 +11,7 @@ from contextlib import chdir
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from html import escape
+from os import PathLike
 from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
@@ -37,6 +38,9 @@ from .step_case import Outcome, step
 
 if TYPE_CHECKING:
     from pandas import DataFrame  # type: ignore[import-untyped]
+    from xarray import Dataset
+
+    from ..figures.canvas import Figure
 
 SHOWN = 6
 """Numbers in a run's `repr`."""
@@ -82,6 +86,28 @@ class Run:
         }  # fmt: skip
         columns = ["title", "value", "unit", "limit", "met"]
         return DataFrame.from_dict(rows, orient="index", columns=columns)
+
+    @property
+    def data(self) -> Dataset:
+        """The series as an xarray Dataset that is read where it is looked at (`runs/dataset.py`):
+        `run.data["wheels.h_wheel"]` over `time` and `wheel`, with its unit."""
+        from .dataset import of_results
+
+        return of_results(self.manifest, self.results)
+
+    def plot(self, name: str | None = None, file: str | PathLike[str] | None = None) -> Figure:
+        """A plot of the scenario by its name, or a series by its `component.output`; None: the
+        first plot. A notebook shows it; `file` (.svg, .png, .pdf) is written. Raises DesatError for
+        what there is not."""
+        from ..figures.plots import of_name
+
+        runs = [(self.manifest.scenario, self.results, self.manifest.parameters)]
+        figure = of_name(name, self.manifest.content.plots, runs)
+        if file is not None:
+            from ..figures.painting import save
+
+            save(figure, Path(file))
+        return figure
 
     def __repr__(self) -> str:
         told = self.manifest

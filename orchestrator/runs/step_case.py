@@ -13,7 +13,7 @@ from ..analyses.energy import OnlineBalance
 from ..analyses.manifest import Manifest, Stopped
 from ..engine.checkpoint import Checkpoint, Checkpoints
 from ..engine.instances.base import ComponentError, EndedError
-from ..engine.loop import bar, interruptible, run, stepping
+from ..engine.loop import interruptible, run, stepping
 from ..engine.master import Master
 from ..engine.process_state import keep_state
 from ..engine.recording.recorder import Recorder
@@ -22,6 +22,7 @@ from ..engine.recording.row_buffer import RowBuffer
 from ..system.errors import Exit
 from ..system.interface import selects
 from ..system.options import as_json
+from ..system.progress import progress as shown
 from ..system.refusal import explain as refused
 from . import stopping
 from .manifest import attributes, begin_manifest
@@ -133,7 +134,10 @@ def step(
                 checkpoints = Checkpoints(folder, every, master, recorder, ending, about_now)
                 if checkpoint is None:
                     checkpoints.save()
-            with interruptible() as interrupted, bar(system.name, system.steps, progress) as report:
+            with (
+                interruptible() as interrupted,
+                shown(system.name, system.steps, progress, master.k) as report,
+            ):
                 reason = run(
                     master,
                     steps,
@@ -141,7 +145,7 @@ def step(
                     recorder,
                     ending,
                     interrupted,
-                    report,
+                    lambda k: report(k, ""),
                     checkpoints,
                     along,
                 )

@@ -30,6 +30,7 @@ from numpy.typing import NDArray
 from desat.components.bases.dumping import DUMPING
 from desat.components.physics.orbit import MU
 
+from ..analyses.motion import BEYOND, period_of
 from ..campaign.draws import series_of_numbers
 from ..numbers.derived import rotate, rotate_back
 from ..runs.prepare import prepare, read, resolved
@@ -38,19 +39,16 @@ from ..system.errors import DesatError
 from ..system.expression import factor
 from ..system.model import System
 from ..system.options import Options
-from ..system.parameters import unit_of
+from ..system.parameters import bare_block, unit_of
 from .flight import (
-    BEYOND,
     GUIDED,
     Attitude,
     Flight,
     Hardware,
-    bare_block,
     environment_block,
     flown_at,
     hardware_of,
     inputs_at,
-    period_of,
     values_of,
 )
 from .sizing import (
@@ -122,7 +120,7 @@ class Rates:
         return self.propellant * YEAR / self.interval if self.interval < inf else 0.0
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class DumpSizing:
     """What a craft with thrusters needs, beside what it has."""
 
@@ -158,6 +156,9 @@ class DumpSizing:
     """the numbers LOOP of the closed loop; empty: not flown"""
     problems: tuple[str, ...]
     notes: tuple[str, ...]
+
+    def __repr__(self) -> str:
+        return f"<DumpSizing {self.answer}>"
 
     @property
     def years(self) -> float:

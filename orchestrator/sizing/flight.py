@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from math import inf, pi, sqrt
+from math import inf
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -18,15 +18,15 @@ from numpy.typing import NDArray
 from desat.components.contract.block import Block, BlockError
 from desat.components.maths.attitude import inverse, product
 from desat.components.physics.gyrostat import carrier_inertia
-from desat.components.physics.orbit import MU, lvlh_attitude
+from desat.components.physics.orbit import lvlh_attitude
 from desat.components.physics.rod import warm
-from desat.fmus.registry import block_class, names
+from desat.fmus.registry import names
 
 from ..analyses import motion
 from ..numbers.derived import coil_impulse, cross, from_body, rotate_back
 from ..system.errors import DesatError
 from ..system.model import Component, System
-from ..system.parameters import Parameter, table
+from ..system.parameters import Parameter, bare_block, table
 
 Array = NDArray[Any]
 ROLES = ("environment", "spacecraft", "manager")
@@ -45,8 +45,6 @@ NODE_TIME = 10.0
 """Between the rows of the sources of a recorded run (s)."""
 GUIDED = {"guidance_sun": "sun", "guidance_yaw": "yaw"}
 """Guidances whose attitude follows from where the craft and the Sun are, by its name."""
-BEYOND = 1e10
-"""So far (m) from what it goes about it goes about the Sun."""
 _MOVES = "environment_propagated"
 """It integrates its orbit: it cannot begin at another date."""
 
@@ -197,14 +195,6 @@ def _largest_dipole(coils: Mapping[str, Any]) -> float:
     return float(min(share * limit, coils["area_turns"] * voltage / ohm))
 
 
-def period_of(r: Array, v: Array) -> float:
-    """The period (s) of the orbit through r (m) with v (m/s); a day for one about the Sun."""
-    if float(np.linalg.norm(r)) > BEYOND:
-        return 86400.0
-    axis = 1.0 / (2.0 / float(np.linalg.norm(r)) - float(v @ v) / MU)
-    return 2.0 * pi * sqrt(axis**3 / MU)
-
-
 # --- of a run -----------------------------------------------------------------------------------
 
 
@@ -227,7 +217,7 @@ def flight_of(system: System, results: Any) -> Flight:
     n = min(len(times), len(q), len(dipole) + 1)
     times, q, omega, impulse, b, r, v = (x[:n] for x in (times, q, omega, impulse, b, r, v))
     h = results.values("wheels.h_wheel" if "wheels.h_wheel" in known else SERIES[3])
-    period = period_of(r[0], v[0])
+    period = motion.period_of(r[0], v[0])
     if times[-1] - times[0] < period:
         raise DesatError(f"{system.name}: the run lasts {times[-1] - times[0]:g} s, an orbit "
                          f"{period:.0f} s: at least one is needed (--stop)")  # fmt: skip
@@ -350,15 +340,6 @@ def environment_block(component: Component, changes: Mapping[str, Any] | None = 
     return block
 
 
-def bare_block(component: Component) -> Any:
-    """The block of a component of ours with its parameters, before it starts."""
-    block = block_class(component.interface.model)()
-    for signal in component.interface.signals.values():
-        if signal.causality == "parameter":
-            block.access([signal.reference]).write([component.values[signal.name]])
-    return block
-
-
 def _guided(component: Component, inputs: Mapping[str, Array], times: Array) -> tuple[Array, Array]:
     """The attitude (n, 4) and rate (n, 3) rad/s that a guidance of ours wants."""
     block = bare_block(component)
@@ -449,6 +430,6 @@ def flown_at(system: System, attitude: Attitude, inputs: dict[str, Array], times
         sources[GIVEN] = _given_torque(given, inputs, q, times)
     hardware = hardware_of(system)
     return Flight(
-        times, period_of(r[0], v[0]), np.sum(list(sources.values()), axis=0), q,
+        times, motion.period_of(r[0], v[0]), np.sum(list(sources.values()), axis=0), q,
         inputs["b_eci"], omega @ hardware.carrier.T, np.zeros(3), sources, times, r, v, omega,
     )  # fmt: skip

@@ -122,7 +122,7 @@ def ask(law: Law, flight: Flight, rows: Array) -> Asked:
             memories.append([state[key] for key in kept])
             state.update(before)
         if any(memory != memories[0] for memory in memories):
-            raise UnsuitedError("it remembers the momentum")
+            raise UnsuitedError("it is a law with memory")
         rest = offset[k] = _dipole(law, t, np.zeros(3))
         gain[k] = (np.array(answers[:3]) - rest).T
         if k in looked:

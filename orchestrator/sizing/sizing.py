@@ -34,8 +34,9 @@ from desat.components.laws.least_firing import programme
 from desat.components.maths.allocation import least_on_times
 
 from ..analyses.manifest import Manifest
+from ..analyses.motion import period_of
 from ..campaign.draws import series_of_numbers
-from ..files.scenario import NOMINAL
+from ..files.paths import NOMINAL
 from ..numbers.derived import cross, rotate, rotate_back
 from ..runs.prepare import Case, Target, prepare, read
 from ..runs.run import Run, simulate
@@ -55,7 +56,6 @@ from .flight import (
     flown_at,
     hardware_of,
     inputs_at,
-    period_of,
     series_for,
     values_of,
 )
@@ -404,7 +404,7 @@ class Best:
     """A m2; None: there is none up to LARGEST times the least and the craft's own"""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Sizing:
     """What a craft needs, beside what it has. Momenta N m s, torques N m, dipoles A m2, times s."""
 
@@ -492,6 +492,9 @@ class Sizing:
         for row, margin in zip(told["margins"], self.margins, strict=True):
             row["ratio"] = finite(margin.ratio)
         return told | {"answer": self.answer}
+
+    def __repr__(self) -> str:
+        return f"<Sizing {self.answer}>"
 
     @property
     def duty(self) -> float:

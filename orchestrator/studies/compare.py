@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from markupsafe import Markup
 
@@ -24,6 +24,9 @@ from ..report.report import render, write_page
 from ..runs.prepare import prepare, read
 from ..runs.run import Options, Run, load_run, simulate
 from ..system.errors import DesatError
+
+if TYPE_CHECKING:
+    from pandas import DataFrame  # type: ignore[import-untyped]
 
 
 @dataclass(frozen=True)
@@ -53,7 +56,7 @@ class ComparedNumber:
                 pretty_unit(self.unit)]  # fmt: skip
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Comparison:
     """Runs side by side."""
 
@@ -62,6 +65,25 @@ class Comparison:
     rows: dict[str, ComparedNumber]
     """By the number's name, those of the first run in its order, then what only others have."""
     warnings: tuple[str, ...]
+
+    def __repr__(self) -> str:
+        return f"<Comparison {', '.join(self.targets)}: {len(self.rows)} numbers>"
+
+    @property
+    def numbers(self) -> DataFrame:
+        """The numbers by name: title, unit, the value of each target, and `less TARGET`: the
+        first's less each other's."""
+        from pandas import DataFrame
+
+        rows = {
+            name: [row.title, row.unit, *row.values, *row.differences]
+            for name, row in self.rows.items()
+        }
+        columns = ["title", "unit", *self.targets, *(f"less {x}" for x in self.targets[1:])]
+        return DataFrame.from_dict(rows, orient="index", columns=columns)
+
+    def _repr_html_(self) -> str:
+        return str(self.numbers.to_html(na_rep=""))
 
     @property
     def headings(self) -> list[str]:
@@ -116,8 +138,8 @@ def side_by_side(
         if case is not None:
             case.or_raise()
     runs = []
-    for target, case in zip(targets, cases, strict=True):
-        progress(target)
+    for k, (target, case) in enumerate(zip(targets, cases, strict=True), 1):
+        progress(f"{k} of {len(targets)}: {target}")
         run = load_run(Path(target)) if case is None else simulate(case)
         runs.append(run.or_raise(target))
         warnings += [f"{target}: {line}" for line in run.manifest.warnings]

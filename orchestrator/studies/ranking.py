@@ -5,14 +5,16 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
+from html import escape
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from markupsafe import Markup
 
 from ..analyses import analyses
 from ..analyses.manifest import Manifest
+from ..analyses.motion import period_of
 from ..campaign.draws import series_of_numbers
 from ..engine.recording.results import Results
 from ..figures.canvas import Figure
@@ -22,11 +24,23 @@ from ..numbers.derived import pointing
 from ..numbers.text import number
 from ..runs.prepare import Target, prepare, read
 from ..runs.run import Options, Run, simulate
-from ..sizing.compatibility import ROLE, Fitting, Refused, fitting, prepare_with, terms_of
-from ..sizing.flight import attitude_of, period_of, values_of
+from ..sizing.compatibility import (
+    ALL,
+    ROLE,
+    Fitting,
+    Refused,
+    fitting,
+    law_name,
+    prepare_with,
+    terms_of,
+)
+from ..sizing.flight import attitude_of, values_of
 from ..system.errors import DesatError, RunError, nearest
 from ..system.model import System
 from .compare import Comparison, of_runs, write
+
+if TYPE_CHECKING:
+    from pandas import DataFrame  # type: ignore[import-untyped]
 
 ORBIT = ("environment.r_eci", "environment.v_eci", "environment.b_eci", "spacecraft.q_bi")
 REFERENCE = "guidance.q_ref_bi"
@@ -120,7 +134,7 @@ class RankedLaw:
         return "; ".join(f"{k}: {x}" for k, x in self.law.gains.items()) or "its own"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Ranking:
     """The laws of a craft, by the first criterion, those that meet all requirements first."""
 
@@ -129,6 +143,9 @@ class Ranking:
     ranked: tuple[RankedLaw, ...]
     refused: tuple[Refused, ...]
     comparison: Comparison
+
+    def __repr__(self) -> str:
+        return f"<Ranking {self.answer}>"
 
     @property
     def answer(self) -> str:
@@ -141,6 +158,19 @@ class Ranking:
         more = f"; not dominated: {', '.join(front)}" if len(self.by) > 1 else ""
         return (f"{self.target}: {best.name} has the least {c.title}, {number(best.values[0])} "
                 f"{pretty_unit(c.unit)}{more}.")  # fmt: skip
+
+    @property
+    def numbers(self) -> DataFrame:
+        """The laws in their order: a column a criterion, whether another law is better in all of
+        them, and the requirements that are not met."""
+        from pandas import DataFrame
+
+        columns = [*(f"{c.heading}" for c in self.by), "not dominated", "not met"]
+        rows = {e.label: [*e.values, e.front, "; ".join(e.not_met)] for e in self.ranked}
+        return DataFrame.from_dict(rows, orient="index", columns=columns)
+
+    def _repr_html_(self) -> str:
+        return f"<p>{escape(self.answer)}</p>{self.numbers.to_html(na_rep='')}"
 
     def declined(self) -> list[tuple[str, str]]:
         """Managers that do not fit, those of one reason together, and the reason."""
@@ -223,18 +253,10 @@ def choose(
     DesatError for a craft that cannot fly with its own, and where a criterion is of something that
     it has not."""
     source = read(target)
-    own = prepare(source, options)
-    system, _ = own.or_raise()
-    values_of(system)  # the roles that this asks of
-    progress("its own law")
-    first = _fly(own.options, source, system).or_raise(target)
-    r, v, b, q = (first.results.values(s) for s in ORBIT)
-    inertial = attitude_of(system, q, r, v).kind in ("inertial", "sun")
-    found, refused = fitting(source, options, terms_of(period_of(r[0], v[0]), b, inertial), laws,
-                             others)  # fmt: skip
+    first, found, refused = laws_of(source, options, laws, others, progress)
     flown, runs, warnings = [found[0]], [first], [*first.manifest.warnings]
-    for law in found[1:]:
-        progress(law.name)
+    for k, law in enumerate(found[1:], 2):
+        progress(f"{k} of {len(found)}: {law.name}")
         try:
             run = _fly(law.options, source, prepare_with(source, law).or_raise()[0])
             run.or_raise(law.name)
@@ -265,6 +287,52 @@ def choose(
     names = [law.name for law in flown]
     beside = of_runs(names, runs, warnings)
     return Ranking(target, tuple(known), tuple(ranked), tuple(refused), beside)
+
+
+def laws_of(
+    source: Target, options: Options, laws: Sequence[str], others: Sequence[str] = (),
+    progress: Callable[[str], None] = lambda text: None,
+) -> tuple[Run, list[Fitting], list[Refused]]:  # fmt: skip
+    """A craft flown with its own law, which gains by rule go by, and the laws that fit it, its own
+    first, with their gains, and those that do not. Raises DesatError as `choose`."""
+    own = prepare(source, options)
+    system, _ = own.or_raise()
+    values_of(system)  # the roles that this asks of
+    progress("its own law")
+    first = _fly(own.options, source, system).or_raise(source.text)
+    r, v, b, q = (first.results.values(s) for s in ORBIT)
+    inertial = attitude_of(system, q, r, v).kind in ("inertial", "sun")
+    terms = terms_of(period_of(r[0], v[0]), b, inertial)
+    return first, *fitting(source, options, terms, laws, others)
+
+
+def options_of_laws(
+    target: str, options: Options, asked: Sequence[str]
+) -> dict[str, Options]:  # fmt: skip
+    """Of a craft's own law, and of those that are asked for beside it, by name, the options of a
+    run; what a gain follows of the craft stays a product of its parameters. Raises DesatError for a
+    law that does not fit."""
+    source = read(target)
+    system, _ = prepare(source, options).or_raise()
+    if not asked:
+        manager = system.roles.get(ROLE)
+        return {law_name(manager) if manager else system.name: options}
+    files = [name for name in asked if Path(name).suffix in (".py", ".fmu")]
+    _, found, refused = laws_of(source, options, [x for x in asked if x not in files], files)
+    for law in refused:
+        if ALL not in asked:
+            raise DesatError(f"--law {law.name}: {law.why}")
+    return {law.name: _following(source, law) for law in found}
+
+
+def _following(source: Target, law: Fitting) -> Options:
+    """The options of a law, with the products that its parameters follow in place of their
+    values."""
+    component = prepare_with(source, law).or_raise()[0].components[ROLE]
+    follows = {f"{ROLE}.{s.array}": s.follows for s in component.interface.parameters if s.follows}
+    values = {name: follows[name] if law.gains.get(name.partition(".")[2]) == follows.get(name)
+              else value for name, value in law.options.values.items()}  # fmt: skip
+    return replace(law.options, values=values)
 
 
 def _fly(options: Options, source: Target, system: System) -> Run:

@@ -48,7 +48,7 @@ class Point:
     median: float
     """of the number; inf where a draw does not have it"""
     missed: int
-    """draws that miss a requirement"""
+    """samples that miss a requirement"""
 
 
 class Unseen(PairSpread, total=False):
@@ -61,9 +61,9 @@ class Unseen(PairSpread, total=False):
     missed_best: int
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Tuned:
-    """A value, and what unseen draws say of it beside the craft's own."""
+    """A value, and what unseen samples say of it beside the craft's own."""
 
     target: str
     parameter: str
@@ -80,9 +80,12 @@ class Tuned:
     """by value"""
     unseen: Unseen
 
+    def __repr__(self) -> str:
+        return f"<Tuned {self.answer}>"
+
     @property
     def confirmed(self) -> bool:
-        """Whether the unseen draws say that it is better, with 95 % confidence, and miss no
+        """Whether the unseen samples say that it is better, with 95 % confidence, and miss no
         requirement more often."""
         told = self.unseen
         if self.best == self.own or not told.get("interval_holds"):
@@ -109,7 +112,7 @@ class Tuned:
         return (
             f"{self.parameter} = {self.best:.4g} {self.unit} instead of {self.own:.4g}: "
             f"{self.number} {text_of(told['median_best'])}{unit} instead of "
-            f"{text_of(told['median_own'])}{unit} over {told['n']} unseen draws, better in "
+            f"{text_of(told['median_own'])}{unit} over {told['n']} unseen samples, better in "
             f"{won}{verdict}."
         )
 
@@ -137,7 +140,7 @@ def tune(
     low, high = _range(parameter, signal, own, between)
     unit, flown = signal.unit_name, {}
     if not content.dispersions:
-        raise DesatError(f"{target}: it has no [dispersions], so there is nothing to draw")
+        raise DesatError(f"{target}: it has no [dispersions], so there is nothing to sample")
 
     def rows(values: Sequence[float], draw: range) -> list[list[RunRow]]:
         tasks = [(target, replace(options, values={**options.values, parameter: x}), seed, i)
@@ -155,7 +158,7 @@ def tune(
     look(sorted([own, *(x for x in grid.tolist() if not math.isclose(x, own, rel_tol=1e-9))]))
     first = flown[own]
     if not math.isfinite(first.median):
-        raise DesatError(f"{target}: {parameter} = {own:g}: not every draw has {number}")
+        raise DesatError(f"{target}: {parameter} = {own:g}: not every sample has {number}")
     scale, sign = abs(first.median) or 1.0, -1.0 if most else 1.0
 
     def cost(x: float) -> float:
@@ -182,7 +185,7 @@ def tune(
     best = min(sorted(flown), key=cost)
     best = own if cost(own) - cost(best) < SAME else best
     points = tuple(flown[x] for x in sorted(flown))
-    progress(f"{unseen} unseen draws")
+    progress(f"{unseen} unseen samples")
     judges = rows([own, best], range(draws, draws + unseen))
     told, number_unit = _verdict(judges[0], judges[1], number, content)
     return Tuned(target, parameter, unit, number, number_unit, most, own, best, (low, high), draws,
@@ -204,7 +207,7 @@ def _parameter(source: Target, options: Options, name: str) -> tuple[Signal, flo
     if signal.kind != "Real":
         raise DesatError(f"{name}: it is no Real: {', '.join(signal.choices) or signal.kind}")
     if drawn := overridden_by(source.to_draw(options.blocks), name):
-        raise DesatError(f"{name}: {drawn[0]} is drawn, and so cannot be tuned")
+        raise DesatError(f"{name}: {drawn[0]} is sampled, and so cannot be tuned")
     return signal, float(str(component.values[variable]))
 
 
@@ -270,7 +273,7 @@ def _verdict(
              if a.completed and b.completed]  # fmt: skip
     whole = [(a, b) for a, b in pairs if a is not None and b is not None]
     if not whole:
-        raise DesatError(f"no unseen draw has {number} with both values")
+        raise DesatError(f"no unseen sample has {number} with both values")
     told: Unseen = {
         **confident([difference(a, b) for a, b in whole]),
         "median_own": statistics.median(a for a, _ in whole),

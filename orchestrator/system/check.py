@@ -29,7 +29,7 @@ class Checked:
     problems: list[str]
     warnings: list[str]
     notes: list[str] = field(default_factory=list)
-    """A line a component: the inputs that keep their default, the outputs that reach nobody."""
+    """A line a component: the inputs that keep their default, the unused outputs."""
     unwired: dict[str, Unwired] = field(default_factory=dict)
     system: System | None = None
     schedule: Schedule | None = None
@@ -198,13 +198,13 @@ def _overrides(system: System, given: Mapping[str, str]) -> Iterator[str]:
 
 
 # ------------------------------------------------------------------------------------------------
-# What a system leaves open: inputs that keep their default, outputs that reach nobody, and the
+# What a system leaves open: inputs that keep their default, unused outputs, and the
 # parameters that have no effect for want of them
 
 
 @dataclass(frozen=True)
 class Unwired:
-    """A component's inputs that keep their default and outputs that reach nobody, by name."""
+    """A component's inputs that keep their default and unused outputs, by name."""
 
     inputs_at_default: tuple[str, ...]
     outputs_unread: tuple[str, ...]
@@ -214,8 +214,8 @@ class Unwired:
         parts = [
             f"{what}: {', '.join(names)}"
             for what, names in (
-                ("inputs at their default", self.inputs_at_default),
-                ("outputs that reach nobody", self.outputs_unread),
+                ("unconnected inputs at their default", self.inputs_at_default),
+                ("unused outputs", self.outputs_unread),
             )
             if names
         ]
@@ -254,7 +254,7 @@ def without_effect(system: System, open_ends: dict[str, Unwired]) -> Iterator[st
                 lack = (
                     "which is neither wired nor given"
                     if name in mine.inputs_at_default
-                    else "an output that reaches nobody"
+                    else "an unused output"
                 )
                 yield f"{system.where}: {user} needs {name}, {lack}"
 

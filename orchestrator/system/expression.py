@@ -20,7 +20,7 @@ from desat.components.contract.block import Scalar
 from desat.components.contract.units import Unit, conversion, times
 
 from .errors import DesatError, nearest
-from .interface import base_name, computers
+from .interface import Signal, base_name, computers
 from .model import Component
 from .parameters import Parameter, expand, table, unit_of
 
@@ -48,14 +48,20 @@ def is_name(text: str) -> bool:
     return _NAME.match(text.strip()) is not None
 
 
-def product(text: str, known: Table) -> tuple[float, Unit]:
-    """The value of a text, and its unit. Raises DesatError, naming the text, where it has none."""
+def parsed(text: str) -> list[tuple[str, str]]:
+    """Of each factor of a text `*` or `/`, and the number or name. Raises DesatError for a text of
+    another form."""
     tokens = [m.groups() for m in _TOKEN.finditer(text.strip())]
     operators, factors = [t[0] for t in tokens[1::2]], [t[1] for t in tokens[::2]]
     if not tokens or len(tokens) % 2 == 0 or None in operators or None in factors:
         raise DesatError(f'"{text}": {FORM}')
+    return list(zip(["*", *operators], factors, strict=True))
+
+
+def product(text: str, known: Table) -> tuple[float, Unit]:
+    """The value of a text, and its unit. Raises DesatError, naming the text, where it has none."""
     result, unit = 1.0, Unit()
-    for operator, name in zip(["*", *operators], factors, strict=True):
+    for operator, name in parsed(text):
         try:
             number, own = _number(name, known)
         except DesatError as error:
@@ -76,8 +82,9 @@ def _number(name: str, known: Table) -> tuple[float, Unit]:
         return _scalar(name, known)
 
 
-def entry(name: str, table: Table) -> tuple[Any, str]:
-    """(value, unit) of `component.parameter` or one of its elements. Raises DesatError."""
+def place(name: str, table: Table) -> tuple[str, str, int]:
+    """Component, parameter and element (from 1 on; 0: the whole) that `component.parameter` or
+    `shared.parameter`, or one of its elements, names. Raises DesatError."""
     match = _NAME.match(name.strip())
     if match is None:
         raise DesatError(f"{name}: {FORM}")
@@ -89,12 +96,17 @@ def entry(name: str, table: Table) -> tuple[Any, str]:
     if parameter not in table[owner]:
         hint = nearest(parameter, table[owner])
         raise DesatError(f"{owner} has no parameter {parameter}{hint}")
+    value = table[owner][parameter].value
+    if index and not (isinstance(value, list) and 1 <= int(index) <= len(value)):
+        raise DesatError(f"{owner}.{parameter} has no element {index}")
+    return owner, parameter, int(index or 0)
+
+
+def entry(name: str, table: Table) -> tuple[Any, str]:
+    """(value, unit) of `component.parameter` or one of its elements. Raises DesatError."""
+    owner, parameter, index = place(name, table)
     value, unit = table[owner][parameter].value, table[owner][parameter].unit
-    if index:
-        if not isinstance(value, list) or not 1 <= int(index) <= len(value):
-            raise DesatError(f"{owner}.{parameter} has no element {index}")
-        value = value[int(index) - 1]
-    return value, unit
+    return (value[index - 1] if index else value), unit
 
 
 def _owner_of_shared(parameter: str, table: Table) -> str:
@@ -178,10 +190,17 @@ def values_of(component: Component, name: str, text: str, known: Table) -> dict[
         value, unit = product(text, known)
     if isinstance(value, (str, bool)):
         raise DesatError(f'"{text}" = {value} is no number')
-    own, scale = signals[0].unit, unit.factor
-    if own is not None and own.dimension == unit.dimension:
-        scale = unit.factor / own.factor
-    elif own is not None and any(own.dimension):
-        raise DesatError(f'"{text}": its unit does not fit {signals[0].unit_name}')
+    scale = scale_of(signals[0], unit, text)
     values = value if isinstance(value, list) else [value] * len(signals)
     return expand(component.interface, name, [scale * x for x in values], component.name)
+
+
+def scale_of(signal: Signal, unit: Unit, text: str) -> float:
+    """What a text's value in `unit` is multiplied by to be a parameter. Raises DesatError where it
+    does not fit."""
+    own = signal.unit
+    if own is not None and own.dimension == unit.dimension:
+        return unit.factor / own.factor
+    if own is not None and any(own.dimension):
+        raise DesatError(f'"{text}": its unit does not fit {signal.unit_name}')
+    return unit.factor

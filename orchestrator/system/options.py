@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import shlex
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, fields
@@ -48,6 +49,15 @@ Loop = Literal["compiled", "python"]
 Fmus = Literal["native", "python"]
 Isolate = Literal["all", "foreign", "none"]
 _CHOICES = {"fmus": Fmus, "loop": Loop, "isolate": Isolate}
+_ORBITS = re.compile(r"\s*(\d+\.?\d*|\.\d+)\s*orbits?\s*")
+
+
+def orbits(text: str) -> float | None:
+    """How many orbits a stop time is: `1orbit`, `2.5 orbits`; None for another text."""
+    match = _ORBITS.fullmatch(text)
+    return float(match[1]) if match and float(match[1]) > 0.0 else None
+
+
 _TIMES = ("stop", "step", "time_limit", "call_limit", "checkpoint")
 
 
@@ -78,7 +88,8 @@ class RunOptions(TypedDict, total=False):
 
 
 def of_program(
-    stop: float | None, step: float | None, values: Mapping[str, Any] | None, given: RunOptions
+    stop: float | str | None, step: float | None, values: Mapping[str, Any] | None,
+    given: RunOptions,
 ) -> Options:  # fmt: skip
     """The options of a program's call; `sources` may be component -> FMU. Raises DesatError."""
     told = dict(given)
@@ -106,7 +117,8 @@ class Options:
     sets: list[str] = field(default_factory=list, metadata=RESOLVED)
     sources: list[str] = field(default_factory=list, metadata=RESOLVED)
     """`component=FMU`: a file, or one of ours by its name, in a component's place"""
-    stop: float | None = field(default=None, metadata=RESOLVED)
+    stop: float | str | None = field(default=None, metadata=RESOLVED)
+    """Stop time (s), or a number of orbits: "2 orbits" (`runs/prepare.py`, `with_stop`)."""
     step: float | None = field(default=None, metadata=RESOLVED)
     substeps: Substeps | None = field(default=None, metadata=RESOLVED)
     """Substeps within each step (`system/schedule.py`); `auto`: the run chooses them."""
@@ -153,6 +165,8 @@ class Options:
                 raise DesatError(f"{name} = {value!r}: there is {', '.join(get_args(choices))}")
         for name in _TIMES:
             value = getattr(self, name)
+            if name == "stop" and isinstance(value, str) and orbits(value):
+                continue
             if value is not None and (not isinstance(value, Real) or isinstance(value, bool)):
                 raise DesatError(f"{name} = {value!r}: a time in s is needed")
         whole = isinstance(self.substeps, int) and not isinstance(self.substeps, bool)

@@ -28,7 +28,49 @@ def unit_of(text: str) -> Unit:
         name = str(error).partition(" is no unit")[0]
         why = "" if name == text else f" ({error})"
         hint = nearest(name, units.NAMES) if name.isalpha() else ""
+        if dotted := with_dots(text):
+            hint = f"; did you mean {dotted}?"
         raise DesatError(f"unit {text} is not known{why}{hint}") from error
+
+
+def with_dots(text: str) -> str | None:
+    """An expression that writes a product of units without its dots, with them: `mNms` is
+    `mN.m.s`, `kgm2/s` is `kg.m2/s`. None where it has no such product."""
+    try:
+        units.unit_of(text)
+    except ValueError as error:
+        name = str(error).partition(" is no unit")[0]
+        power = re.match(rf".*{re.escape(name)}(\d?[A-Za-z0-9]*)", text)
+        name += power[1] if power else ""
+        product = _product(name)
+        return text.replace(name, product) if product else None
+    return None
+
+
+def _product(text: str) -> str | None:
+    """The factors of a product without dots, with dots; the first may have a prefix."""
+    for end in range(len(text), 0, -1):
+        name, power, rest = text[:end], "", text[end:]
+        while rest[:1].isdigit():
+            power, rest = power + rest[0], rest[1:]
+        if not name.isalpha() or known_unit(name + power) is None:
+            continue
+        if not rest:
+            return name + power
+        if after := _bare_units(rest):
+            return f"{name}{power}.{after}"
+    return None
+
+
+def _bare_units(text: str) -> str | None:
+    """As `with_dots`, of units without a prefix: the `ms` of `mNms` is no millisecond."""
+    for name in sorted((*units.SI, *units.OTHER), key=len, reverse=True):
+        match = re.match(rf"{re.escape(name)}(\d?)(.*)", text)
+        if match and not match[2]:
+            return name + match[1]
+        if match and (after := _bare_units(match[2])):
+            return f"{name}{match[1]}.{after}"
+    return None
 
 
 def known_unit(text: str) -> Unit | None:

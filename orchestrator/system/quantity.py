@@ -55,14 +55,17 @@ class Quantity:
     def _converted(self, number: float, unit: str, whole: str) -> float:
         from desat.components.contract.units import conversion
 
-        from .parameters import unit_of
+        from .parameters import known_unit, unit_of, with_dots
 
         if unit == "d" and self.unit == "s":
             return 86400.0 * number
-        try:
-            converted = conversion(unit_of(unit), unit_of(self.unit))
-        except DesatError as error:
-            raise DesatError(f"{self.option} {whole}: {error}") from None
+        target, meant = unit_of(self.unit), with_dots(unit)
+        if meant is not None and conversion(unit_of(meant), target) is not None:
+            unit = meant
+        if known_unit(unit) is None:
+            needed = "no unit" if self.unit == "1" else f"one that fits {self.unit}"
+            raise DesatError(f"{self.option} {whole}: unit {unit} is not known; {needed} is needed")
+        converted = conversion(unit_of(unit), target)
         if converted is None:
             wanted = self.unit if self.unit != "1" else "a number without a unit"
             raise DesatError(f"{self.option} {whole}: {unit} does not fit {wanted}")

@@ -82,7 +82,7 @@ def rates(system: System, links: Sequence[Connection]) -> tuple[Rates, list[str]
         for name in sorted(group) if step_ratio[name] != 1
     ]  # fmt: skip
     if not group:
-        problems = [f"substeps = {substeps}, but no component hands means on to another"]
+        problems = [f"substeps = {substeps}, but no component exchanges step averages with another"]
     every = {n: 1 if n in group else substeps * d for n, d in step_ratio.items()}
     slow, more = late(links, every)
     return Rates(graded(substeps), every, slow), problems + more
@@ -118,7 +118,7 @@ def late(links: Iterable[Connection], every: Mapping[str, int]) -> tuple[frozens
     links = list(links)
     problems = [
         f"{x}: rates of 1 in {every[x.source]} and 1 in {every[x.target]} steps: one must be "
-        "a multiple of the other, or the mean would not be handed on whole"
+        "a multiple of the other, or the exchanged average would be incomplete"
         for x in links
         if max(every[x.source], every[x.target]) % min(every[x.source], every[x.target])
     ]

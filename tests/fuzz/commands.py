@@ -50,17 +50,17 @@ QUICK = (
     "page nowhere --draft 60 --into pages",
     "check mine",
     "show mine",
-    "keys",
+    "help keys",
     "help blocks magnetometer",
-    f"sweep nowhere manager.gain=1e-3,2e-3 --draws 1 --seed 1 --jobs 1 {FLIGHT}",
+    f"sweep nowhere manager.gain=1e-3,2e-3 --samples 1 --seed 1 --jobs 1 {FLIGHT}",
     f"compare nowhere other -n 1 --seed 1 --jobs 1 {FLIGHT}",
-    f"draws nowhere -n 1 --seed 1 --accuracy 1e-7 --time-limit 9 --jobs 1 {FLIGHT}",
+    f"campaign nowhere -n 1 --seed 1 --accuracy 1e-7 --case-limit 9 --jobs 1 {FLIGHT}",
     "campaign nowhere -n 1 --sampling random --keep every:1 --case-limit 10",
 )
 """What ends at once: `nowhere` is no scenario, which is seen when the options have been read."""
 SLOW = (
     f"run mine --checkpoint 1 --call-limit 9 --time-limit 9 --accuracy 1e-7 {FLIGHT}",
-    f"draws mine -n 1 --seed 1 --jobs 1 {FLIGHT}",
+    f"campaign mine -n 1 --seed 1 --jobs 1 {FLIGHT}",
     f"sweep mine manager.gain=1e-3,2e-3 --jobs 1 {FLIGHT}",
     f"compare mine mine --jobs 1 {FLIGHT}",
     "size mine --own-law --no-year --no-loop --duty 50 --margin 1.3 --slew 60/300 --tip-off 5 "

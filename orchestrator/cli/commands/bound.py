@@ -9,10 +9,10 @@ import typer
 from rich.table import Table
 
 from .. import options as o
-from ..console import app, err, out, print_json
+from ..console import app, err, example, out, print_json
 
 
-@app.command()
+@app.command(epilog=example("desat bound uosat12/table3-ocdc-ilqr-1"))
 def bound(
     target: Annotated[
         str, typer.Argument(metavar="NAME|RUN|FILE.ssp", help="A scenario, or a run's folder.",

@@ -9,10 +9,10 @@ import typer
 
 from ...system.errors import DesatError
 from .. import options as o
-from ..console import app, err, out, print_json
+from ..console import app, err, example, out, print_json
 
 
-@app.command()
+@app.command(epilog=example("desat build my_law.py"))
 def build(
     file: Annotated[
         Path, typer.Argument(metavar="FILE.py", help="A block file of your own.")

@@ -3,19 +3,35 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+from rich.table import Table
 
 from ...system.errors import Exit
 from ...system.quantity import Quantity
 from .. import options as o
-from ..console import WithDefault, app, err, name_of, out, print_json, warn
+from ..console import (
+    SHOWN,
+    WithDefault,
+    app,
+    err,
+    example,
+    name_of,
+    out,
+    print_json,
+    print_numbers,
+    to_print,
+    warn,
+)
+
+if TYPE_CHECKING:
+    from ...campaign.report import CampaignSummary
 
 campaigns = typer.Typer(
     cls=WithDefault, no_args_is_help=True, rich_markup_mode=None,
-    help="Thousands of cases of a system's dispersions: `desat campaign NAME -n 10000`; the same "
-    "command goes on where it was stopped.",
+    help="Cases with the values of a scenario's [dispersions] drawn: `desat campaign NAME -n 20`, "
+    "or -n 10000; the same command goes on where it was stopped.",
 )  # fmt: skip
 app.add_typer(campaigns, name="campaign")
 
@@ -26,7 +42,7 @@ Accept = Annotated[
 Folder = Annotated[Path, typer.Argument(metavar="FOLDER", help="A campaign's folder.")]
 
 
-@campaigns.command()
+@campaigns.command(epilog=example("desat campaign my12u -n 200 --stop 6h"))
 def run(
     target: o.Target,
     count: Annotated[int, typer.Option("-n", "--count", help="Cases.", min=1)] = 1000,
@@ -34,7 +50,7 @@ def run(
         str,
         typer.Option(help="random, latin-hypercube, sobol, or saltelli (for Sobol indices)."),
     ] = "random",
-    seed: Annotated[int, typer.Option(help="Seed of all that is drawn.", min=0)] = 1,
+    seed: Annotated[int, typer.Option(help="Seed of the random samples.", min=0)] = 1,
     folder: Annotated[
         Path | None,
         typer.Option("--out", help="Its folder (default: runs/campaign-NAME).", show_default=False),
@@ -48,6 +64,7 @@ def run(
     algorithm: o.Alg = o.Semantics.gauss_seidel,
     blocks: o.Blocks = False,
     fmus: o.Fmus = o.FmuKind.native,
+    design: o.DesignOption = None,
     keep: Annotated[
         list[str] | None,
         typer.Option(help="Cases whose series and report are kept: worst:N (with --by), "
@@ -70,6 +87,7 @@ def run(
                      help="A Dask scheduler's address or file, or N Dask workers here."),
     ] = None,
     accept_versions: Accept = False,
+    everything: Everything = False,
     as_json: o.Json = False,
 ) -> None:  # fmt: skip
     """Make the cases of a campaign, or those of it that are missing, and its report."""
@@ -83,17 +101,17 @@ def run(
     plan, warnings = coordinator.planned(
         target, count, seed=seed, sampling=sampling,  # type: ignore[arg-type]
         options=o.options_of(sets, stop, step, algorithm, blocks, substeps=substeps,
-                             accuracy=accuracy, sources=sources, fmus=fmus.value),
+                             accuracy=accuracy, sources=sources, fmus=fmus.value, design=design),
         curves=curve, keep=kept, limit=limit,
     )  # fmt: skip
     warn(warnings)
     where = folder or Path("runs") / f"campaign-{name_of(target)}"
     coordinator.run(plan, where, jobs, cluster, not as_json, accept_versions)
     warn(coordinator.unreached(plan, where))
-    _report(where, as_json)
+    _report(where, as_json, everything)
 
 
-@campaigns.command()
+@campaigns.command(epilog=example("desat campaign status runs/campaign-my12u"))
 def status(folder: Folder, as_json: o.Json = False) -> None:
     """How far a campaign is, also from elsewhere."""
     from ...campaign import coordinator
@@ -108,14 +126,14 @@ def status(folder: Folder, as_json: o.Json = False) -> None:
     out.print(text)
 
 
-@campaigns.command()
-def report(folder: Folder, as_json: o.Json = False) -> None:
+@campaigns.command(epilog=example("desat campaign report runs/campaign-my12u"))
+def report(folder: Folder, everything: Everything = False, as_json: o.Json = False) -> None:
     """Write report.html and report.json of what is there; ends with 1 where a requirement is not
     shown to be met."""
-    _report(folder, as_json)
+    _report(folder, as_json, everything)
 
 
-@campaigns.command()
+@campaigns.command(epilog=example("desat campaign case runs/campaign-my12u 17"))
 def case(
     folder: Folder,
     number: Annotated[int, typer.Argument(help="The case.", min=0)],
@@ -149,11 +167,39 @@ def case(
         raise typer.Exit(made.code)
 
 
+Everything = Annotated[
+    bool, typer.Option("--all", help="Print every number; default: those with a requirement, and "
+                       f"the first of the others, {SHOWN} in all.")
+]  # fmt: skip
+
+
+def _print_numbers(told: CampaignSummary, everything: bool) -> None:
+    """The spread of the numbers over the cases, a row each."""
+    from ...figures.style import pretty_unit
+    from ...numbers.text import not_reached, number
+
+    judged = {r["number"] for r in told["requirements"].values()}
+    names = to_print(told["numbers"], judged, everything)
+    table = Table("number", box=None, header_style="bold", pad_edge=False)
+    for column in ("median", "5 %", "95 %", "min", "max"):
+        table.add_column(column, justify="right")
+    table.add_column("unit")
+    table.add_column("not reached", justify="right")
+    for name in names:
+        entry = told["numbers"][name]
+        values = [entry.get(key) for key in ("median", "p5", "p95", "min", "max")]
+        table.add_row(entry["title"], *map(number, values), pretty_unit(entry["unit"]),
+                      not_reached(entry))  # fmt: skip
+    print_numbers(table)
+    if rest := len(told["numbers"]) - len(names):
+        out.print(f"{rest} more numbers in the report; --all prints them")
+
+
 _REASONS = 3
 """Failed cases whose reason is said; the report has them all."""
 
 
-def _report(folder: Path, as_json: bool) -> None:
+def _report(folder: Path, as_json: bool, everything: bool) -> None:
     from ...campaign import report as of
     from ...numbers.text import number
 
@@ -168,6 +214,7 @@ def _report(folder: Path, as_json: bool) -> None:
         print_json(told)
     else:
         out.print(f"{told['completed']} of {told['count']} completed, {len(told['failed'])} failed")
+        _print_numbers(told, everything)
         for name, r in told["requirements"].items():
             verdict = "met" if r["met"] else "NOT SHOWN"
             low, high = map(number, r["interval_outside"])

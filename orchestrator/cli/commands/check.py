@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import asdict
+from typing import Annotated
 
 import typer
 from rich.table import Table
 
 from ...system.errors import Exit
 from .. import options as o
-from ..console import app, err, out, print_json
+from ..console import app, err, example, out, print_json
 
 
-@app.command()
+@app.command(epilog=example("desat check my12u --schedule"))
 def check(
     target: o.Target,
     sets: o.Sets = None,
@@ -27,9 +28,13 @@ def check(
     trust: o.Trust = None,
     strict: o.Strict = False,
     outside: o.Outside = False,
+    schedule_too: Annotated[
+        bool, typer.Option("--schedule", help="Print in which order components step, and when "
+                           "each connection moves its value.")
+    ] = False,
     as_json: o.Json = False,
-) -> None:
-    """Find what is wrong with a system before it runs, and print its schedule."""
+) -> None:  # fmt: skip
+    """Find what is wrong with a system before it runs."""
     from ...engine.trial_initialisation import refusals
     from ...files.library import notes
     from ...runs.prepare import prepare
@@ -67,7 +72,10 @@ def check(
             err.print(f"warning: {warning}")
         for note in checked.notes:
             err.print(f"note: {note}")
-        if schedule is not None:
+        if schedule is not None and not checked.problems:
+            parts = len(schedule.order), len(schedule.timing)
+            out.print(f"{target}: no problem: {parts[0]} components, {parts[1]} connections")
+        if schedule is not None and schedule_too:
             out.print("steps in this order: " + ", ".join(schedule.order))
             table = Table("connection", "moves", box=None, header_style="bold", pad_edge=False)
             for key, when in timing.items():

@@ -10,15 +10,16 @@ import typer
 from rich.table import Table
 
 from ...system.errors import DesatError, Exit
+from ...system.progress import stages
 from .. import options as o
-from ..console import app, err, name_of, out, print_json, print_numbers, warn
+from ..console import app, err, example, name_of, out, print_json, print_numbers, warn
 
 if TYPE_CHECKING:
     from ...campaign.pairs import Pairs
     from ...studies.compare import Comparison
 
 
-@app.command()
+@app.command(epilog=example("desat compare my12u --laws all"))
 def compare(
     ctx: typer.Context,
     targets: Annotated[
@@ -29,10 +30,10 @@ def compare(
     count: Annotated[
         int | None,
         typer.Option("-n", "--count", min=1,
-                     help="Fly so many draws of each scenario, the same of all, and print the "
-                     "statistics of their differences."),
+                     help="Fly this many random samples of each scenario, the same for all, and "
+                     "print the statistics of their differences."),
     ] = None,
-    seed: Annotated[int, typer.Option(help="Seed of the draws.", min=0)] = 1,
+    seed: Annotated[int, typer.Option(help="Seed of the random samples.", min=0)] = 1,
     laws: Annotated[
         str | None,
         typer.Option(metavar="all|NAME,...",
@@ -77,8 +78,8 @@ def compare(
         o.refuse(ctx, "it goes with -n", "seed")
     if laws is not None or law:
         if count is not None:
-            raise DesatError("-n: --laws flies each law once; draws of two of them: "
-                             "--law, and a scenario each")  # fmt: skip
+            raise DesatError("-n: --laws flies each law once; to compare random samples "
+                             "of two laws, give each its scenario")  # fmt: skip
         _laws(targets, laws, law or [], by, options, html, as_json)
         return
     if by is not None:
@@ -95,8 +96,8 @@ def compare(
     elif count is not None:
         _draws(targets, count, seed, options, jobs, as_json)
     else:
-        with err.status("") as status:
-            made = study.side_by_side(targets, options, lambda text: status.update(f"{text} ..."))
+        with stages(not as_json) as tell:
+            made = study.side_by_side(targets, options, tell)
         page = html or Path("runs") / f"compare-{'-'.join(map(name_of, targets))}.html"
         _show(made, study.write(made, page), as_json)
 
@@ -111,9 +112,8 @@ def _laws(
         raise DesatError(f"{' '.join(targets)}: --laws flies one craft")
     criteria = study.criteria(by) if by is not None else ()
     asked = [x.strip() for x in (laws or "").split(",") if x.strip()]
-    with err.status("") as status:
-        made = study.choose(targets[0], options, criteria, asked, others,
-                            lambda text: status.update(f"{text} ..."))  # fmt: skip
+    with stages(not as_json) as tell:
+        made = study.choose(targets[0], options, criteria, asked, others, tell)
     page = made.write(html or Path("runs") / f"compare-{name_of(targets[0])}-laws.html")
     warn(made.comparison.warnings)
     if as_json:

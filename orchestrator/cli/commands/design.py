@@ -10,11 +10,12 @@ import typer
 from rich.table import Table
 
 from ...system.errors import DesatError
+from ...system.progress import progress
 from .. import options as o
-from ..console import app, err, out, print_json
+from ..console import app, example, out, print_json
 
 
-@app.command()
+@app.command(epilog=example("desat design uosat12/fig2-ccpl-1"))
 def design(
     names: Annotated[
         list[str] | None,
@@ -32,8 +33,6 @@ def design(
     as_json: o.Json = False,
 ) -> None:  # fmt: skip
     """Compute what laws need beforehand (gain tables, costates) into ssp/FAMILY/design/."""
-    from rich.progress import track
-
     from ...designs import making as design_module
     from ...figures.style import pretty_unit
     from ...files import paths
@@ -49,11 +48,12 @@ def design(
             "a design for other values needs --out FILE: the scenario's own file stays what it is "
             "(or make it within the run: `desat run NAME --set ... --design now`)"
         )
-    made = [
-        (s, d := design_module.design(s, options), design_module.write(s, d, options, file))
-        for s in track(wanted, "design", console=err, transient=True,
-                       disable=as_json or not err.is_terminal)
-    ]  # fmt: skip
+    made = []
+    with progress("design", len(wanted), not as_json) as tell:
+        for s in wanted:
+            d = design_module.design(s, options)
+            made.append((s, d, design_module.write(s, d, options, file)))
+            tell(len(made), s.name)
     if as_json:
         print_json([design_module.as_json(*each) for each in made])
         return

@@ -8,17 +8,18 @@ from typing import Annotated
 import typer
 
 from .. import options as o
-from ..console import WithDefault, app, err, out, print_json
+from ..console import WithDefault, app, err, example, out, print_json
 
 exports = typer.Typer(
     cls=WithDefault, no_args_is_help=True, rich_markup_mode=None,
     help="For other programs: `desat export RUN` a run's series or plots, `desat export fmu NAME` "
-    "a whole loop as one FMU, `desat export c BLOCK` a law alone as C.",
+    "a whole loop as one FMU, `desat export web NAME` a page that flies it, `desat export c BLOCK` "
+    "a law alone as C.",
 )  # fmt: skip
 app.add_typer(exports, name="export")
 
 
-@exports.command()
+@exports.command(epilog=example("desat export runs/my12u --format parquet"))
 def run(
     folder: Annotated[Path, typer.Argument(metavar="RUN", help="A run folder.")],
     form: Annotated[
@@ -42,7 +43,7 @@ def run(
 Names = list[str] | None
 
 
-@exports.command()
+@exports.command(epilog=example("desat export fmu my12u --fmi 3"))
 def fmu(
     target: o.Target,
     outputs: Annotated[
@@ -88,7 +89,48 @@ def fmu(
         out.print(str(path))
 
 
-@exports.command()
+@exports.command(epilog=example("desat export web my12u --law all"))
+def web(
+    target: o.Target,
+    laws: Annotated[
+        Names, typer.Option("--law", metavar="NAME", help="A law beside the craft's own, as "
+                            "`compare --laws` names it; all: each that fits. May be repeated.")
+    ] = None,
+    sliders: Annotated[
+        Names, typer.Option("--slider", metavar="NAME=FROM:TO", help="What moves, by the name that "
+                            "--set has for it, also shared.NAME. May be repeated (default: orbit, "
+                            "coils, residual dipole, gain, wheels, as far as there are such).")
+    ] = None,
+    file: Annotated[
+        Path | None,
+        o.output_file("--out", "The file to write (default: NAME.html)."),
+    ] = None,
+    sets: o.Sets = None,
+    sources: o.Sources = None,
+    stop: o.Stop = None,
+    step: o.Step = None,
+    substeps: o.Substeps = None,
+    accuracy: o.Accuracy = None,
+    as_json: o.Json = False,
+) -> None:  # fmt: skip
+    """Write one HTML file that flies a scenario as its sliders move: no server, no network. It is
+    compiled by the package ziglang."""
+    from ...export.web.page import export
+    from ...studies.ranking import options_of_laws
+
+    options = o.options_of(sets, stop, step, o.Semantics.gauss_seidel, False, None, sources,
+                           substeps=substeps, accuracy=accuracy)  # fmt: skip
+    made = export(target, options_of_laws(target, options, laws or ()), sliders or (), file)
+    for line in made.notes:
+        err.print(f"note: {line}")
+    if as_json:
+        print_json({"page": str(made.path), "digest": made.digest, "sliders": list(made.sliders),
+                    "notes": list(made.notes)})  # fmt: skip
+    else:
+        out.print(str(made.path))
+
+
+@exports.command(epilog=example("desat export c manager_cross_product"))
 def c(
     block: Annotated[
         str, typer.Argument(metavar="BLOCK|FILE.py", help="A block of ours by its name, or a block "

@@ -2,32 +2,49 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.table import Table
 
+from ...files.paths import NOMINAL
 from ...system.errors import DesatError
 from .. import options as o
-from ..console import app, out, print_json
+from ..console import app, example, out, print_json
 
 if TYPE_CHECKING:
     from ...runs.catalogue import Family
 
 
-@app.command("list")
+@app.command("list", epilog=example("desat list uosat12"))
 def list_command(
     family: Annotated[
         str | None,
-        typer.Argument(help="Only this family, by name.", autocompletion=o.complete_family),
+        typer.Argument(
+            metavar="FAMILY|FOLDER",
+            autocompletion=o.complete_family,
+            help="Only this family, or the scenarios of a craft of your own.",
+        ),
     ] = None,
     everything: Annotated[bool, typer.Option("--all", help="Every scenario by name.")] = False,
     as_json: o.Json = False,
 ) -> None:
-    """List the families of scenarios, or the scenarios of one, and what is wrong with a file; with
-    a family, --all or --json also with the systems that they describe."""
+    """List the families of scenarios, or the scenarios of one or of a craft's folder.
+
+    What is wrong with a file is said, too; with a family, --all or --json also what is wrong with
+    the systems that they describe."""
     from ...runs import catalogue
 
+    if family and (Path(family) / NOMINAL).is_file():
+        own = catalogue.of_folder(Path(family))
+        if as_json:
+            print_json([{"name": name, "title": title} for name, title in own.scenarios.items()])
+        else:
+            _print_scenarios([own])
+        if own.problems:
+            raise DesatError("\n".join(own.problems))
+        return
     names, whole = (
         [family] if family else catalogue.families(),
         bool(family or everything or as_json),

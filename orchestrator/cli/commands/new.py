@@ -10,14 +10,14 @@ from typing import Annotated
 import typer
 
 from .. import options as o
-from ..console import app, out, print_json, warn
+from ..console import app, example, out, print_json, warn
 
 news = typer.Typer(no_args_is_help=True, rich_markup_mode=None,
                    help="Begin something of your own: a craft, a law, a block.")  # fmt: skip
 app.add_typer(news, name="new")
 
 
-@news.command()
+@news.command(epilog=example("desat new craft my12u --size 12U --altitude 400km --rods 0.2"))
 def craft(
     folder: Annotated[Path, typer.Argument(metavar="FOLDER", help="Where it goes.")],
     altitude: Annotated[str | None, typer.Option(help="Of a circular orbit: 400km.")] = None,
@@ -116,7 +116,7 @@ def craft(
               "needs", highlight=False, markup=False)  # fmt: skip
 
 
-@news.command()
+@news.command(epilog=example("desat new law my_law"))
 def law(
     file: Annotated[Path, typer.Argument(metavar="NAME", help="Of the file: my_law.")],
     force: Annotated[bool, typer.Option("--force", help="Over files that exist.")] = False,
@@ -129,7 +129,7 @@ def law(
     _print(new_block.write_law(file, force), "manager", "a craft of yours or ours", as_json)
 
 
-@news.command()
+@news.command(epilog=example("desat new block rate_gyro my_gyro"))
 def block(
     what: Annotated[
         str,

@@ -11,20 +11,25 @@ from typing import Annotated
 import typer
 
 from .. import options as o
-from ..console import app, err, out, print_json
+from ..console import app, err, example, out, print_json
 
 
-@app.command()
+@app.command(epilog=example("desat pack uosat12/table3-ocdc-ilqr-1"))
 def pack(
+    ctx: typer.Context,
     names: Annotated[
         list[str] | None,
         typer.Argument(
             metavar="[NAME|FILE]...",
             autocompletion=o.complete_name,
             help="Scenarios (default: all that have changed since); one of a file of your own "
-            "(.toml) is packed beside it.",
+            "(.toml) is packed beside it. With --ssd families and craft files (default: all).",
         ),
     ] = None,
+    ssd: Annotated[
+        bool,
+        typer.Option("--ssd", help="Instead, write the standard SSD of crafts beside their files."),
+    ] = False,
     fmus: Annotated[
         o.FmuKind | None,
         typer.Option(
@@ -42,6 +47,10 @@ def pack(
     from ...files.scenario import find, own, scenarios
     from ...runs.substep_choice import settled
 
+    if ssd:
+        o.refuse(ctx, "an SSD names FMUs, it has none inside", "fmus")
+        _write_ssds(names or [], as_json)
+        return
     kind = fmus.value if fmus else "native" if library.portable() else "python"
     files = [Path(n) for n in names or () if n.endswith(".toml")]
     ours = [find(n) for n in names if not n.endswith(".toml")] if names else scenarios().values()
@@ -74,3 +83,20 @@ def pack(
             text = f"{', '.join(python)}: of Python, also where it is packed: its host needs one"
             err.print(f"note: {text}")
         out.print(f"{len(packed)} packed: {os.path.commonpath(packed)}")
+
+
+def _write_ssds(names: list[str], as_json: bool) -> None:
+    """Write the SSDs of crafts, of all of ssp/ where none is named."""
+    from ...export import packing
+    from ...files import paths
+
+    paths.writable("`desat pack --ssd`")
+    written = {}
+    for file in packing.craft_files(names):
+        path, changed = packing.write(file)
+        written[os.path.relpath(path)] = changed
+    if as_json:
+        print_json(written)
+        return
+    for name, changed in written.items():
+        out.print(f"{name}: {'written' if changed else 'current'}")

@@ -7,10 +7,10 @@ from typing import Annotated
 
 import typer
 
-from ..console import app, out, warn
+from ..console import app, example, out, warn
 
 
-@app.command()
+@app.command(epilog=example("desat report runs/my12u --open"))
 def report(
     folder: Annotated[Path, typer.Argument(metavar="RUN", help="A run folder.")],
     show: Annotated[bool, typer.Option("--open", help="Open it in the browser, too.")] = False,

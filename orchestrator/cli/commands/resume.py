@@ -10,13 +10,14 @@ import typer
 from ...files.io import claimed
 from ...system.errors import DesatError
 from .. import options as o
-from ..console import app, warn
+from ..console import app, example, warn
+from .run import Everything, conclude
 
 WAIT = 10.0
 """The process of a run whose parent was killed ends by itself, so soon (s)."""
 
 
-@app.command()
+@app.command(epilog=example("desat resume runs/my12u"))
 def resume(
     folder: Annotated[
         Path,
@@ -27,11 +28,11 @@ def resume(
     baseline: Annotated[
         bool, typer.Option(help="Also run the scenario's baseline, and show it beside.")
     ] = True,
+    everything: Everything = False,
     as_json: o.Json = False,
 ) -> None:  # fmt: skip
     """Go on with a run from its newest checkpoint: the same bits as if it had never been ended."""
     from ...runs import run as study
-    from .run import conclude
 
     if not folder.is_dir():
         raise DesatError(f"{folder}: no folder of a run")
@@ -39,4 +40,5 @@ def resume(
         options = study.options_of(folder)
         finished = study.resume(folder.absolute(), progress=not as_json)
         warn(finished.manifest.warnings)
-        conclude(finished, options, folder, csv=csv, baseline=baseline, as_json=as_json)
+        conclude(finished, options, folder, csv=csv, baseline=baseline, everything=everything,
+                 as_json=as_json)  # fmt: skip

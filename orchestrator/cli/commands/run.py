@@ -16,7 +16,7 @@ from ...files import io
 from ...system.errors import DesatError, Exit, RunError
 from ...system.quantity import Quantity
 from .. import options as o
-from ..console import app, err, name_of, out, print_json, warn
+from ..console import SHOWN, app, err, example, name_of, out, print_json, to_print, warn
 
 if TYPE_CHECKING:
     from ...analyses.manifest import Manifest
@@ -24,9 +24,14 @@ if TYPE_CHECKING:
 
 BASELINE = "baseline"
 """Where the run of the baseline lies in a run folder."""
+Everything = Annotated[
+    bool,
+    typer.Option("--all", help="Print every number; default: those with a requirement, and the "
+                 f"first of the others, {SHOWN} in all."),
+]  # fmt: skip
 
 
-@app.command()
+@app.command(epilog=example("desat run my12u --stop 6h --set manager.gain=0.002"))
 def run(
     target: o.Target,
     sets: o.Sets = None,
@@ -82,6 +87,7 @@ def run(
                  "Save the run each time so many simulated seconds are over: `desat resume RUN` "
                  "goes on from there."),
     ] = None,
+    everything: Everything = False,
     as_json: o.Json = False,
 ) -> None:  # fmt: skip
     """Run a scenario and write a run folder: series, manifest, report."""
@@ -105,12 +111,14 @@ def run(
         warn(case.checked.warnings)
         finished = simulate(case, place, progress=not as_json)
         warn(finished.manifest.warnings[len(case.checked.warnings) :])
-        conclude(finished, options, place, csv=csv, baseline=baseline, as_json=as_json)
+        conclude(finished, options, place, csv=csv, baseline=baseline, everything=everything,
+                 as_json=as_json)  # fmt: skip
 
 
 def conclude(
-    finished: Run, options: Options, folder: Path, *, csv: bool, baseline: bool, as_json: bool
-) -> None:
+    finished: Run, options: Options, folder: Path, *, csv: bool, baseline: bool, everything: bool,
+    as_json: bool,
+) -> None:  # fmt: skip
     """What follows a run: its baseline, the report, and how the command ends."""
     from ...engine import checkpoint
 
@@ -121,7 +129,7 @@ def conclude(
     if finished.ok and (other is None or other.ok):
         checkpoint.remove(folder)
         checkpoint.remove(folder / BASELINE)
-    _report_run(finished, other, folder, page, as_json)
+    _report_run(finished, other, folder, page, everything, as_json)
     if code := finished.code or (other.code if other else 0):
         raise typer.Exit(code)
 
@@ -221,8 +229,9 @@ def _verdicts(manifest: Manifest) -> dict[str, str]:
 
 
 def _report_run(
-    finished: Run, other: Run | None, folder: Path, page: Path | None, as_json: bool
-) -> None:
+    finished: Run, other: Run | None, folder: Path, page: Path | None, everything: bool,
+    as_json: bool,
+) -> None:  # fmt: skip
     from ...engine.recording.results import SERIES
     from ...figures.style import pretty_unit
     from ...numbers.text import number
@@ -247,7 +256,9 @@ def _report_run(
         table.add_column(
             column, justify="right" if "run" in column or column == "baseline" else "left"
         )
-    for name, n in manifest.numbers.items():
+    shown = to_print(manifest.numbers, said, everything)
+    for name in shown:
+        n = manifest.numbers[name]
         row = [n.label, number(n.value)]
         if other:
             theirs = other.manifest.numbers.get(name)
@@ -257,6 +268,8 @@ def _report_run(
         table.add_row(name, "not checked", *([""] if other else []), why)
     if table.row_count:
         out.print(table)
+    if rest := len(manifest.numbers) - len(shown):
+        out.print(f"{rest} more numbers in the report; --all prints them")
     report = f"\nreport: {page.resolve()}" if page else ""
     out.print(
         f"{manifest.steps_done} steps, {manifest.us_per_step} us a step; series in "

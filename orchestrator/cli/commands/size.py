@@ -11,8 +11,9 @@ from rich.table import Table
 
 from ...system import quantities
 from ...system.errors import DesatError, Exit
+from ...system.progress import stages
 from .. import options as o
-from ..console import app, err, name_of, out, print_json
+from ..console import app, err, example, name_of, out, print_json
 
 if TYPE_CHECKING:
     from ...sizing.dumps import DumpSizing
@@ -20,7 +21,7 @@ if TYPE_CHECKING:
     from ...sizing.sizing import Sizing
 
 
-@app.command()
+@app.command(epilog=example("desat size my12u"))
 def size(
     ctx: typer.Context,
     target: o.Target,
@@ -115,11 +116,7 @@ def size(
     else:
         o.refuse(ctx, "it belongs to --map", *given)
     page = html or Path("runs") / f"size-{'map-' if as_map else ''}{name_of(target)}.html"
-    with err.status("") as status:
-
-        def progress(text: str) -> None:
-            status.update(f"{text} ...")
-
+    with stages(not as_json) as progress:
         if as_map:
             values = {k: quantity.many(text) if text is not None else ()
                       for k, (quantity, text) in given.items()}  # fmt: skip

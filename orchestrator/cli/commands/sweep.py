@@ -8,13 +8,13 @@ import typer
 from rich.table import Table
 
 from .. import options as o
-from ..console import app, err, out, print_json, print_numbers, warn
+from ..console import app, err, example, out, print_json, print_numbers, warn
 
 if TYPE_CHECKING:
     from ...campaign.draws import Sweep, SweepPoint
 
 
-@app.command()
+@app.command(epilog=example("desat sweep my12u manager.gain=0.001,0.002,0.004 --stop 2orbits"))
 def sweep(
     ctx: typer.Context,
     target: o.Target,
@@ -25,9 +25,11 @@ def sweep(
                        "give every combination."),
     ],
     draws: Annotated[
-        int, typer.Option(help="Medians of so many seeded draws (0: none).", min=0)
+        int,
+        typer.Option("--samples", min=0,
+                     help="Print medians of this many random samples (0: none)."),
     ] = 0,
-    seed: Annotated[int, typer.Option(help="Seed of the draws.", min=0)] = 1,
+    seed: Annotated[int, typer.Option(help="Seed of the random samples.", min=0)] = 1,
     sets: o.Sets = None,
     stop: o.Stop = None,
     step: o.Step = None,
@@ -44,7 +46,7 @@ def sweep(
     from ...campaign import draws as study
 
     if not draws:
-        o.refuse(ctx, "it goes with --draws", "seed")
+        o.refuse(ctx, "it goes with --samples", "seed")
     options = o.options_of(sets, stop, step, algorithm, blocks, substeps=substeps,
                          accuracy=accuracy, time_limit=time_limit, fmus=fmus.value)  # fmt: skip
     result = study.sweep(target, study.axes_of(axes), options, jobs, not as_json, draws=draws,

@@ -9,13 +9,13 @@ import typer
 from rich.table import Table
 
 from .. import options as o
-from ..console import app, err, out, print_json
+from ..console import app, err, example, out, print_json
 
 if TYPE_CHECKING:
     from ...papers.stored import Provenance, StoredDraws
 
 
-@app.command()
+@app.command(epilog=example("desat tables uosat12"))
 def tables(
     family: Annotated[
         str, typer.Argument(help="Scenario family, as uosat12.", autocompletion=o.complete_family)
@@ -28,7 +28,10 @@ def tables(
         Path | None, typer.Option(help="Where the page goes (default: runs/tables-FAMILY.html).")
     ] = None,
     fresh: Annotated[
-        bool, typer.Option("--fresh", help="Make the draws now; default: the stored ones.")
+        bool,
+        typer.Option(
+            "--fresh", help="Compute the random samples now; default: use the stored ones."
+        ),
     ] = False,
     as_json: o.Json = False,
 ) -> None:
@@ -87,6 +90,6 @@ def _draws_of(
         for names, what in ((stale, "are not of this version"),
                             (left_out, "are not there: their rows are left out")):  # fmt: skip
             if names:
-                err.print(f"warning: the stored draws of {', '.join(names)} {what}; --fresh makes "
-                          f"them")  # fmt: skip
+                err.print(f"warning: the stored samples of {', '.join(names)} {what}; --fresh "
+                          "computes them")  # fmt: skip
     return kept, stored_module.provenance(kept, fresh=False)

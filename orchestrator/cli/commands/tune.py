@@ -8,14 +8,15 @@ import typer
 from rich.table import Table
 
 from ...system.errors import DesatError, Exit
+from ...system.progress import stages
 from ...system.quantity import Quantity
 from .. import options as o
-from ..console import app, err, out, print_json, print_numbers
+from ..console import app, example, out, print_json, print_numbers
 
 BETWEEN = Quantity("--between")
 
 
-@app.command()
+@app.command(epilog=example("desat tune my12u manager.gain --for sum_rms --stop 2orbits"))
 def tune(
     target: o.Target,
     parameter: Annotated[
@@ -25,7 +26,7 @@ def tune(
         str,
         typer.Option("--for", metavar="NUMBER",
                      help="Of the scenario, or a standard one such as coil_duty: its median over "
-                     "the draws is made least."),
+                     "the random samples is minimised."),
     ],
     most: Annotated[bool, typer.Option("--most", help="Make it as large as can be.")] = False,
     between: Annotated[
@@ -34,10 +35,12 @@ def tune(
                      help="The range (default: a tenth to ten times what it has)."),
     ] = None,
     count: Annotated[
-        int, typer.Option("-n", "--count", min=1, help="Draws that it is tuned with.")
+        int, typer.Option("-n", "--count", min=1, help="Random samples that it is tuned with.")
     ] = 8,
-    unseen: Annotated[int, typer.Option(help="Further draws that judge it.", min=1)] = 16,
-    seed: Annotated[int, typer.Option(help="Seed of the draws.", min=0)] = 1,
+    unseen: Annotated[
+        int, typer.Option(help="Further random samples that test the result.", min=1)
+    ] = 16,
+    seed: Annotated[int, typer.Option(help="Seed of the random samples.", min=0)] = 1,
     sets: o.Sets = None,
     stop: o.Stop = None,
     step: o.Step = None,
@@ -63,11 +66,11 @@ def tune(
         if len(numbers) != 2:
             raise DesatError(f"--between {between}: two numbers are needed, as 1e-4,1e-2")
         ends = numbers[0], numbers[1]
-    with err.status("") as status:
+    with stages(not as_json) as tell:
         made = study.tune(
             target, parameter, number, options, most=most, between=ends, draws=count,
             unseen=unseen, seed=seed, jobs=jobs,
-            progress=lambda text: status.update(f"{text} ..."),
+            progress=tell,
         )  # fmt: skip
     if as_json:
         print_json(made.as_json())
@@ -87,8 +90,8 @@ def _print(made: object) -> None:
     table = Table(f"{made.parameter} [{pretty_unit(made.unit)}]", box=None, header_style="bold",
                   pad_edge=False)  # fmt: skip
     table.add_column(f"{made.number} [{pretty_unit(made.number_unit)}], median of {made.draws} "
-                     "tuning draws", justify="right")  # fmt: skip
-    table.add_column("draws that miss a requirement", justify="right")
+                     "tuning samples", justify="right")  # fmt: skip
+    table.add_column("samples that miss a requirement", justify="right")
     for p in made.points:
         mark = " (own)" if p.value == made.own else " (best)" if p.value == made.best else ""
         table.add_row(f"{p.value:.4g}{mark}", number(p.median), str(p.missed))
@@ -97,6 +100,6 @@ def _print(made: object) -> None:
     within = "too few for an interval"
     if told["interval_holds"]:
         within = f"{number(told['interval'][0])} to {number(told['interval'][1])}"
-    out.print(f"unseen draws, own less best: median {number(told['median'])} ({within}, 95 %) "
+    out.print(f"unseen samples, own less best: median {number(told['median'])} ({within}, 95 %) "
               f"{pretty_unit(made.number_unit)}, {told['n']} pairs; a requirement is missed in "
               f"{told['missed_own']} and {told['missed_best']}", highlight=False)  # fmt: skip

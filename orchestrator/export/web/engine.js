@@ -1,0 +1,287 @@
+"use strict";
+// A loop in WebAssembly that flies with other values, and what its rows come to: plots and numbers.
+// `told` is what the page says of the loops (page.py); `measures` and `$` stand above.
+const ROWS = 1024; // a call, as shim.c has room for
+
+// A product of numbers and parameters, as `desat run` evaluates it (system/expression.py).
+function scalar(table, [name, element]) {
+  let value = table[name];
+  if (element) value = value[element - 1];
+  if (!Array.isArray(value)) return value;
+  const different = [...new Set(value.filter((v) => v !== 0))];
+  if (different.length > 1) throw new Error(`${name} has elements that differ`);
+  return different[0] ?? 0;
+}
+function evaluated(of, table) {
+  if (typeof of === "number") return of;
+  let result = 1;
+  for (const [operator, factor] of of.factors) {
+    const number = typeof factor === "number" ? factor : scalar(table, factor);
+    if (operator === "/" && number === 0) throw new Error(`${of.text}: ${factor[0]} is 0`);
+    result = operator === "/" ? result / number : result * number;
+  }
+  return result * of.scale;
+}
+
+const size = (values, form) => (form === "length" ? Math.hypot(...values)
+  : Math.max(...values.map(Math.abs)));
+
+// The parameter of a slider at a value in its own unit: a number, or a list of an array's elements.
+function given(slider, value, before) {
+  if (slider.form === "one") return value;
+  if (slider.form === "element") return before.map((v, i) => (i === slider.element - 1 ? value : v));
+  if (slider.form === "each") return slider.there.map((there) => (there ? value : 0));
+  const whole = size(before, slider.form);
+  return before.map((v) => v * (value / whole));
+}
+const own = (slider, shown) => shown * slider.factor + slider.offset;
+
+// All parameters of a law that sliders move, and what follows from them. `moved`: of sliders by their
+// names the value in the shown unit.
+function tableOf(told, law, moved) {
+  const table = { ...law.values };
+  for (const slider of told.sliders) {
+    if (!(slider.name in moved) || !(slider.name in law.at)) continue;
+    for (const target of slider.targets) {
+      if (target in table) table[target] = given(slider, own(slider, moved[slider.name]), table[target]);
+    }
+  }
+  for (const follows of law.follows) {
+    const { name, of, count, whole } = follows;
+    if (whole) {
+      const [from, element] = of.factors[0][1];
+      const value = element ? table[from][element - 1] : table[from];
+      table[name] = Array.isArray(value) ? value.map((v) => of.scale * v)
+        : count ? Array(count).fill(of.scale * value) : of.scale * value;
+    } else {
+      const value = evaluated(of, table);
+      table[name] = count ? Array(count).fill(value) : value;
+    }
+  }
+  return table;
+}
+
+class Flight {
+  constructor(told, module) {
+    this.told = told;
+    this.calls = new WebAssembly.Instance(module, {}).exports;
+    this.calls._initialize();
+  }
+
+  said() {
+    const bytes = new Uint8Array(this.calls.memory.buffer, this.calls.web_text());
+    return new TextDecoder().decode(bytes.slice(0, bytes.indexOf(0)));
+  }
+
+  // A law as new, with other values; what it said where it cannot start, else nothing.
+  begin(law, moved) {
+    const { told, calls } = this;
+    this.law = told.laws[law];
+    this.made = 0;
+    this.balanced = null;
+    this.fault = "";
+    this.columns = {};
+    for (const [name, s] of Object.entries(this.law.series)) {
+      this.columns[name] = new Float64Array((told.steps + (s.interval ? 0 : 1)) * s.size);
+    }
+    try {
+      this.table = tableOf(told, this.law, moved);
+    } catch (error) {
+      return (this.fault = error.message);
+    }
+    calls.web_open(law);
+    for (const [name, first] of this.law.slots) {
+      [this.table[name]].flat().forEach((value, i) => calls.web_set(first + i, value));
+    }
+    if (!calls.web_start(told.start)) return (this.fault = this.said());
+    this.keep(0, 1, false);
+    return "";
+  }
+
+  // Rows of the module into columns: states are of the end of their step, all else is of it.
+  keep(from, count, stepped) {
+    const { calls, law, columns } = this;
+    const rows = new Float64Array(calls.memory.buffer, calls.web_out(), count * law.width);
+    for (const [name, s] of Object.entries(law.series)) {
+      if (s.interval && !stepped) continue;
+      const into = columns[name];
+      let to = (from + (stepped && !s.interval ? 1 : 0)) * s.size;
+      for (let k = 0; k < count; k++) {
+        for (let i = 0; i < s.size; i++) into[to++] = rows[k * law.width + s.at + i];
+      }
+    }
+  }
+
+  // Some more steps; whether it goes on.
+  some() {
+    const { told, calls } = this;
+    const wanted = Math.min(ROWS, told.steps - this.made);
+    const count = calls.web_fly(wanted, told.start, this.made, told.step);
+    this.keep(this.made, count, true);
+    this.made += count;
+    if (count < wanted) this.fault = this.said();
+    return !this.fault && this.made < told.steps;
+  }
+
+  times(count) {
+    return new Rows(Float64Array.from({ length: count },
+      (_, k) => this.told.start + k * this.told.step), [count]);
+  }
+
+  // A series up to now, (rows, elements).
+  series(name) {
+    const s = this.law.series[name];
+    const rows = this.made + (s.interval ? 0 : 1);
+    return new Rows(this.columns[name].subarray(0, rows * s.size), [rows, s.size]);
+  }
+
+  // What a number or plot is of: its series, or what is derived of them.
+  measured(of) {
+    if (!of.derive) return of.signals.map((name) => this.series(name));
+    let series = of.signals.map((name) => this.series(name));
+    const rows = Math.min(...series.map($.len));
+    series = series.map((s) => $.get(s, [{ slice: [0, rows] }]));
+    const f = measures[of.derive];
+    if (f.order[0] === "times") series.unshift(this.times(rows));
+    const options = f.order.slice(series.length).map((k) => (k in of.own
+      ? $.array([this.table[of.own[k]]].flat()) : of.how[k]));
+    const found = f(...series, ...options);
+    return [found.shape.length > 1 ? found : $.reshape(found, -1, 1)];
+  }
+
+  // As numbers/numbers.py has it; null: not reached.
+  number(of) {
+    let columns = this.measured(of);
+    if (of.element) columns[0] = $.get(columns[0], [{ slice: [] }, { slice: [of.element - 1, of.element] }]);
+    let rows = Math.min(...columns.map($.len));
+    let times = this.times(rows);
+    columns = columns.map((c) => $.get(c, [{ slice: [0, rows] }]));
+    if (of.window) {
+      const kept = $.and($.ge(times, of.window[0] - 1e-6), $.le(times, of.window[1] + 1e-6));
+      times = $.get(times, [kept]);
+      columns = columns.map((c) => $.get(c, [kept]));
+      rows = $.len(times);
+    }
+    if (!rows) return null;
+    const f = measures[of.measure];
+    const options = f.order.slice(1 + columns.length).map((k) => (k in of.options
+      ? (of.options[k].factors ? evaluated(of.options[k], this.table) : of.options[k]) : undefined));
+    const value = f(times, ...columns, ...options);
+    if (Number.isNaN(value)) return null;
+    return of.percent ? (100 * value) / evaluated(of.whole, this.table) : value * of.scale;
+  }
+
+  // What the wheels hold together and would without management (rows, 3; N m s, body), as
+  // analyses/management.py has it, and what that is made of; null with too few rows.
+  balance() {
+    if (this.balanced?.made !== this.made) this.balanced = { made: this.made, known: this.account() };
+    return this.balanced.known;
+  }
+
+  account() {
+    const { of, series, there } = this.law.managed;
+    const [q, b, dipole] = ["q", "field", "dipole"].map((k) => this.series(series[k]));
+    const count = Math.min($.len(q), $.len(b), $.len(dipole) + 1);
+    if (count < 4) return null;
+    const cut = (k, n = count) => $.get(this.series(series[k]), [{ slice: [0, n] }]);
+    const value = (k, ...shape) => $.reshape($.array(this.table[of[k]]), ...shape);
+    const times = this.times(count);
+    const axes = value("axes", 3, 4);
+    const body = $.matmul(cut("omega"), $.T(measures.carrier(value("inertia", 3, 3), axes, value("spin", 4))));
+    let managed = measures.coil_impulse(times, cut("field"), cut("q"), cut("dipole", count - 1));
+    if (series.fired) managed = $.add(managed, measures.fired_impulse(times, cut("q"), this.series(series.fired)));
+    const stored = $.matmul(cut("copy"), $.T(axes));
+    const without = measures.unmanaged(cut("q"), cut("impulse"), stored, body, managed);
+    const columns = (x) => $.T($.get($.T(x), [there]));
+    return { times, stored, without, axes: columns(axes), h: columns(this.series(series.copy)), columns };
+  }
+
+  // The numbers of management, by name.
+  managed() {
+    const { names, series, coils, of, inverse, target, there } = this.law.managed;
+    const found = {};
+    const keep = (which, values) => which.forEach((name, i) => { found[name] = values[i]; });
+    const known = this.balance();
+    if (!known) return found;
+    const { times, stored, without, axes, h, columns } = known;
+    const own = $.array(inverse.map((r) => $.array(r)));
+    keep(names.momentum, measures.of_momentum(this.times($.len(h)), h, axes, own));
+    const dipole = this.series(series.dipole);
+    if (coils && $.len(dipole) >= coils.period) {
+      const most = this.table[coils.most[0]] * coils.most[1];
+      keep(names.coils, measures.of_coils(dipole, $.array(coils.inverse.map((r) => $.array(r))), most, coils.period));
+    }
+    const rotors = $.get($.array(this.table[of.rotors]), [there]);
+    found.momentum_margin = measures.margin(h, $.mul(rotors, this.table[of.limit]));
+    const saturated = this.series(series.saturated);
+    keep(names.wheels, measures.of_wheels(this.times(this.made + 1), saturated, columns(this.series(series.speed))));
+    keep(names.balance, measures.off_target(times, stored, without, $.array(target)));
+    return found;
+  }
+
+  // The fullest wheel with management and without, and its capacity.
+  fullest() {
+    const { of, inverse, scale, series } = this.law.managed;
+    const known = this.balance();
+    const full = (h) => $.mul($.max($.abs(h), { axis: 1 }), scale).data;
+    const lines = [full(this.series(series.h))];
+    if (known) lines.push(full($.matmul(known.without, $.T($.array(inverse.map((r) => $.array(r)))))));
+    const rotors = this.table[of.rotors].filter((x) => x > 0);
+    return { lines, limits: [Math.min(...rotors) * this.table[of.limit] * scale] };
+  }
+
+  // The numbers of the law, by name.
+  numbers() {
+    const found = {};
+    for (const of of this.law.numbers) found[of.name] = this.number(of);
+    return this.law.managed ? { ...found, ...this.managed() } : found;
+  }
+
+  // The lines of a plot, each an array of a value a row; and its limits.
+  plot(of) {
+    const lines = [];
+    this.measured(of).forEach((values, k) => {
+      const rows = $.mul(values, of.scales[k]);
+      if (of.norm) lines.push($.norm(rows, { axis: 1 }).data);
+      else {
+        of.lines[k].forEach((name, i) => {
+          if (name) lines.push($.get(rows, [{ slice: [] }, i]).data);
+        });
+      }
+    });
+    const limits = of.limits.map((l) => evaluated(l.value, this.table));
+    return { lines, limits };
+  }
+}
+
+// Least and most of each of so many parts of lines of a run of so many rows, nan where a line has not
+// come yet: as figures/interactive.py.
+function thinned(lines, rows, parts) {
+  return lines.map((y) => {
+    if (rows <= 2 * parts) return Float64Array.from({ length: rows }, (_, k) => y[k] ?? NaN);
+    const ends = new Float64Array(2 * parts).fill(NaN);
+    for (let p = 0; p < parts; p++) {
+      const [from, to] = [0, 1].map((d) => Math.min(y.length, Math.floor(((p + d) * rows) / parts)));
+      if (from === to) break;
+      let [low, high] = [y[from], y[from]];
+      for (let k = from + 1; k < to; k++) {
+        if (y[k] < low) low = y[k];
+        if (y[k] > high) high = y[k];
+      }
+      const falls = y[from] > y[to - 1];
+      ends[2 * p] = falls ? high : low;
+      ends[2 * p + 1] = falls ? low : high;
+    }
+    return ends;
+  });
+}
+function thinnedTimes(told, rows, parts) {
+  const { start, step } = told;
+  if (rows <= 2 * parts) return Float64Array.from({ length: rows }, (_, k) => start + k * step);
+  const wide = ((rows - 1) * step) / parts;
+  const times = Float64Array.from({ length: 2 * parts },
+    (_, i) => start + ((i >> 1) + (i % 2 ? 0.75 : 0.25)) * wide);
+  times[0] = start;
+  times[2 * parts - 1] = start + (rows - 1) * step;
+  return times;
+}

@@ -1,0 +1,85 @@
+"""Loops as one WebAssembly module, by the C compiler of the package ziglang."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import subprocess
+import tempfile
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from importlib.resources import files
+from pathlib import Path
+
+from desat.fmus import native
+from desat.fmus.compiler import NoCompilerError, zig
+
+from ...files import io
+from ...system.errors import DesatError
+from ..loop_fmu import LoopSource
+
+_ASIDE = ("-O3", "-fPIC", "-fvisibility=hidden")
+_TARGET = ("-target", "wasm32-wasi", "-O2", "-mexception-handling", "-mllvm", "-wasm-enable-sjlj")
+"""With the last three, setjmp and longjmp: a failure of a block is one of WebAssembly."""
+_LINK = ("-mexec-model=reactor", "-Wl,-z,stack-size=524288", "-Wl,--strip-all")
+_FLAGS = (*_TARGET, *(f for f in native.FLAGS if f not in _ASIDE))
+_SHARED = ("block.h", "runtime.c")
+
+
+def need_compiler() -> None:
+    """Raise DesatError where there is nothing that compiles to WebAssembly."""
+    try:
+        zig()
+    except NoCompilerError:
+        raise DesatError("a page is compiled by the package ziglang, which is not here: "
+                         "`pip install ziglang`") from None  # fmt: skip
+
+
+def sources(loops: Sequence[LoopSource]) -> dict[str, str]:
+    """The C files of a module of these loops, by their names."""
+    found = {name: (native.WRAPPER / name).read_text(encoding="utf-8") for name in _SHARED}
+    found["shim.c"] = (files(__package__) / "shim.c").read_text(encoding="utf-8")
+    names = [f"desat_loop_{i}_block" for i in range(len(loops))]
+    found["loops.h"] = "".join(f"extern const block_description {name};\n" for name in names) + (
+        "static const block_description *const web_loops[] = { "
+        f"{', '.join(f'&{name}' for name in names)} }};\n"
+    )
+    for i, (loop, name) in enumerate(zip(loops, names, strict=True)):
+        found[f"loop_{i}.c"] = loop.loop.replace("desat_the_block", name)
+        found |= {f"{block}.c": text for block, text in loop.blocks.items()}
+    return found
+
+
+def digest(found: dict[str, str]) -> str:
+    """Of C files and of how they are compiled: sha256."""
+    made = hashlib.sha256(" ".join((*_FLAGS, *_LINK)).encode())
+    for name, text in sorted(found.items()):
+        made.update(f"\0{name}\0{text}".encode())
+    return made.hexdigest()
+
+
+def compiled(found: dict[str, str]) -> bytes:
+    """The module of C files. Raises DesatError where there is no compiler."""
+    need_compiler()
+    with tempfile.TemporaryDirectory() as place:
+        folder = Path(place)
+        for name, text in found.items():
+            io.replace_text(folder / name, text)
+        units = sorted(name.removesuffix(".c") for name in found if name.endswith(".c"))
+
+        def one(unit: str) -> None:
+            _run([*zig(), *_FLAGS, "-c", f"{unit}.c", "-o", f"{unit}.o"], folder)
+
+        one(units[0])  # the first makes what all others find
+        with ThreadPoolExecutor(os.cpu_count()) as pool:
+            list(pool.map(one, units[1:]))
+        objects = [f"{unit}.o" for unit in units]
+        _run([*zig(), *_TARGET, *_LINK, *objects, "-o", "loops.wasm"], folder)
+        return (folder / "loops.wasm").read_bytes()
+
+
+def _run(command: Sequence[str], folder: Path) -> None:
+    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+    if done.returncode:
+        said = (done.stderr.strip() or "no word").splitlines()
+        raise DesatError(f"zig does not compile {command[-1]}: {said[0]}")

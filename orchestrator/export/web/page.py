@@ -1,0 +1,488 @@
+"""`desat export web`: one HTML file that flies a loop in WebAssembly as its sliders move.
+
+What the page says is the scenario's own: its plots, its numbers by our measures (`script.py`),
+those of management, and what follows from a parameter by the scenario's expressions (`values.py`).
+"""
+
+from __future__ import annotations
+
+import base64
+import shlex
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from importlib.metadata import version
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from markupsafe import Markup
+
+from ...analyses import management
+from ...analyses.residual import carrier
+from ...figures.plots import elements_of, parameter_of
+from ...figures.style import COLOURS, LIMIT, pretty_unit, time_axis
+from ...files import io
+from ...language.content import Content, content_of
+from ...language.scenario import Number, Plot
+from ...numbers import derived
+from ...numbers.derived import QUANTITIES, coil_impulse
+from ...numbers.measures import MEASURES, OWN_UNIT
+from ...numbers.numbers import scale
+from ...report.report import part, render
+from ...report.report import script as page_script
+from ...runs import substep_choice
+from ...runs.prepare import Target, drafted, prepare, read
+from ...system.errors import DesatError
+from ...system.expression import Table, factor, product
+from ...system.interface import KINDS
+from ...system.model import System
+from ...system.options import Options, as_arguments
+from ...system.parameters import table, unit_of
+from ..loop_fmu import LoopEnds, LoopSource, written_out
+from . import module
+from .script import script
+from .sliders import Slider, asked_of, of_law, refused, usual
+from .values import Expression, expression, follows, names_of, numbers_of, reached
+
+MOST_BYTES = 800_000_000
+"""Of the series of a flight, in the page's memory."""
+_MANAGEMENT: tuple[Callable[..., Any], ...] = (
+    management.of_momentum, management.of_coils, management.margin, management.of_wheels,
+    management.unmanaged, management.off_target, management.fired_impulse, coil_impulse, carrier,
+)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class _Flown:
+    """A law with its system, what of that follows from other values, and its loop."""
+
+    name: str
+    options: Options
+    """Of a run with it."""
+    system: System
+    ordered: list[dict[str, Any]]
+    values: dict[str, Any]
+
+    @property
+    def content(self) -> Content:
+        """What its scenario says."""
+        return content_of(self.system.about)
+
+    @property
+    def known(self) -> Table:
+        """Its parameters."""
+        return table(self.system.components.values())
+
+
+@dataclass(frozen=True)
+class Made:
+    """A page that was written."""
+
+    path: Path
+    digest: str
+    sliders: tuple[str, ...]
+    notes: tuple[str, ...]
+    """What is not on it, and why, a line each."""
+
+
+def export(
+    target: str, laws: Mapping[str, Options], sliders: Sequence[str], file: Path | None
+) -> Made:  # fmt: skip
+    """Write the page of a target to a file (default: NAME.html). `laws`: by name the options of a
+    run with each, the first as the page opens; `sliders`: `NAME=FROM:TO`, none: the usual ones.
+
+    Raises DesatError where a component has no C, a slider is none of the scenario's, nothing
+    compiles to WebAssembly, or a flight would not fit into a page's memory.
+    """
+    if file is not None:
+        io.place_of(file, "--out")
+    module.need_compiler()
+    source = read(target)
+    flown = [_flown(target, source, name, options) for name, options in laws.items()]
+    notes = list[str]()
+    moved = list(_sliders(source, flown, sliders, notes))
+    targets = {t for s in moved for t in s.targets}
+    series = [sorted(_series(f)) for f in flown]
+    loops = [_loop(f, targets, of) for f, of in zip(flown, series, strict=True)]
+    code, told = _told(target, flown, moved, loops, notes)
+    first = flown[0].system
+    found = module.sources(loops)
+    told["digest"] = module.digest(found)
+    told["wasm"] = base64.b64encode(module.compiled(found)).decode()
+    path = file or Path(f"{first.name.rpartition('/')[2]}.html")
+    io.replace_text(path, _page(told, code))
+    return Made(path, told["digest"], tuple(s.name for s in moved), tuple(notes))
+
+
+def _flown(target: str, source: Target, name: str, options: Options) -> _Flown:
+    """A law of a target, checked, its substeps chosen. Raises DesatError."""
+    system, _ = prepare(source, options).or_raise()
+    if content_of(system.about).stop_when is not None:
+        raise DesatError(f"{target}: it has stop_when, which no page follows; a scenario without "
+                         "it is needed")  # fmt: skip
+    choice = substep_choice.choose(target, system, options)
+    if choice is not None:
+        system = replace(system, substeps=choice.substeps)
+        options = replace(options, substeps=choice.substeps, accuracy=None)
+    ordered = follows(drafted(source, options), system)
+    return _Flown(name, options, system, ordered, dict(numbers_of(system)))
+
+
+def _sliders(
+    source: Target, flown: Sequence[_Flown], asked: Sequence[str], notes: list[str]
+) -> Iterator[Slider]:
+    """Those that are asked for, of the first law that has them, or the usual ones. Raises
+    DesatError for one that is asked for and cannot be."""
+    found = [_asked(text, flown) for text in asked] or list({
+        s.name: s for f in reversed(flown) for s in usual(f.system)
+    }.values())  # fmt: skip
+    order = [s.name for s in usual(flown[0].system)]
+    found.sort(key=lambda s: order.index(s.name) if not asked and s.name in order else len(order))
+    for slider in found:
+        for f in flown:
+            if any(t in f.values for t in slider.targets):
+                why = refused(slider, source, f.options, f.system, f.ordered)
+                if why and slider.asked:
+                    raise DesatError(f"--slider {slider.name}: {why}")
+                if why:
+                    notes.append(f"no slider {slider.name}: {why}")
+                    break
+        else:
+            yield slider
+
+
+def _asked(text: str, flown: Sequence[_Flown]) -> Slider:
+    """A slider of the first law that has it. Raises DesatError as that of the first does."""
+    for f in flown[1:]:
+        try:
+            asked_of(text, flown[0].system)
+            break
+        except DesatError:
+            try:
+                return asked_of(text, f.system)
+            except DesatError:
+                continue
+    return asked_of(text, flown[0].system)
+
+
+# --- loops --------------------------------------------------------------------------------------
+
+
+def _loop(flown: _Flown, targets: set[str], series: Sequence[str]) -> LoopSource:
+    """The loop of a law, with these series, and the parameters that sliders reach. Raises
+    DesatError for a component without C."""
+    system = flown.system
+    parameters = [n for n in sorted(reached(targets, flown.ordered)) if n in flown.values]
+    size = sum(len(system.components[c].interface.arrays[v]) for c, v in _split(series))
+    if 8 * size * system.steps > MOST_BYTES:
+        raise DesatError(f"{system.name}: {system.steps} steps are too many for a page's memory; "
+                         f"at most {MOST_BYTES // (8 * size)}: --stop")  # fmt: skip
+    wanted = LoopEnds([*map(_pattern, series)], parameters=[*map(_pattern, parameters)])
+    try:
+        return written_out(system, wanted)
+    except DesatError as error:
+        raise DesatError(str(error).partition("; `--without")[0]) from error
+
+
+def _pattern(name: str) -> str:
+    return name.replace("[", "[[]")
+
+
+def _split(names: Sequence[str]) -> Iterator[tuple[str, str]]:
+    return (tuple(name.split(".", 1)) for name in names)  # type: ignore[misc]
+
+
+def _there(system: System) -> set[str]:
+    """The series of a system."""
+    return {f"{c.name}.{s.array}" for c in system.components.values()
+            for s in c.interface.outputs if s.kind in KINDS and not s.alone}  # fmt: skip
+
+
+def _series(flown: _Flown) -> set[str]:
+    """The series that plots and numbers are made of."""
+    content, there = flown.content, _there(flown.system)
+    wanted = {s for n in content.numbers.values() for s in n.signals}
+    wanted |= {s for p in content.plots.values() for s in p.signals}
+    if parts := management.applies(flown.system):
+        wanted |= {*management.signals(parts), *management.balanced(parts)}
+        if parts.wheels:
+            wanted.add(f"{parts.wheels}.h_wheel")
+    return wanted & there
+
+
+# --- what the page is told ----------------------------------------------------------------------
+
+
+def _told(
+    target: str,
+    flown: Sequence[_Flown],
+    sliders: Sequence[Slider],
+    loops: Sequence[LoopSource],
+    notes: list[str],
+) -> tuple[str, dict[str, Any]]:
+    """The JavaScript of measures, and all else that the page is made of."""
+    first = flown[0].system
+    used = {n.measure for f in flown for n in f.content.numbers.values() if n.signals}
+    used_derived = {x.derive for f in flown for of in (f.content.numbers, f.content.plots)
+                    for x in of.values() if x.derive}  # fmt: skip
+    code, lacking = script([
+        *(MEASURES[m] for m in sorted(used)), *_MANAGEMENT,
+        *(QUANTITIES[d].function for d in sorted(used_derived)),
+    ])  # fmt: skip
+    assert not lacking.keys() & {f.__name__ for f in _MANAGEMENT}, lacking
+    laws = [_law(f, sliders, loop, lacking, notes) for f, loop in zip(flown, loops, strict=True)]
+    seconds, unit = time_axis(np.array([first.start, first.stop]))
+    return code, {
+        "title": flown[0].content.title or first.name, "target": target,
+        "version": version("desat"),
+        "step": first.step, "start": first.start, "steps": first.steps, "stop": first.stop,
+        "seconds": seconds, "time_unit": unit, "substeps": first.parts, "colours": COLOURS,
+        "limit": LIMIT, "laws": laws, "ground": 6378137.0,
+        "sliders": [{**s.told(), "shown": pretty_unit(s.unit)} for s in sliders],
+    }  # fmt: skip
+
+
+def _law(
+    flown: _Flown,
+    sliders: Sequence[Slider],
+    loop: LoopSource,
+    lacking: Mapping[str, str],
+    notes: list[str],
+) -> dict[str, Any]:
+    """What the page is told of a law."""
+    numbers = [*_numbers(flown, lacking, notes)]
+    plots = [*_plots(flown, lacking, notes)]
+    managed = _managed(flown)
+    slots, series, width = _places(loop)
+    told = [x for n in numbers for x in (n["whole"], *n["options"].values())]
+    told += [x["value"] for p in plots for x in p["limits"]] + [f["of"] for f in flown.ordered]
+    wanted = {name for of in told if isinstance(of, dict) for name in names_of(of)}
+    wanted |= {name for name, _ in slots} | {t for s in sliders for t in s.targets}
+    wanted |= {f["name"] for f in flown.ordered} | {v for n in numbers for v in n["own"].values()}
+    wanted |= {*managed["values"]} if managed else set()
+    return {
+        "name": flown.name, "substeps": flown.system.parts,
+        "arguments": as_arguments(flown.options),
+        "values": {k: flown.values[k] for k in sorted(wanted) if k in flown.values},
+        "follows": [f for f in flown.ordered if f["name"] in flown.values],
+        "slots": slots, "series": series, "width": width, "numbers": numbers, "plots": plots,
+        "managed": managed,
+        "at": {s.name: at for s in sliders if (at := of_law(s, flown.values)) is not None},
+    }  # fmt: skip
+
+
+def _places(loop: LoopSource) -> tuple[list[Any], dict[str, Any], int]:
+    """Of a loop's parameters the name and the place of the first element among all variables; of
+    its series where they are in a row of outputs; and how many these are."""
+    slots, series = [], {}
+    place, at = 1, 1  # `fault` comes first
+    for v in loop.variables:
+        count = len(v.elements)
+        if v.causality == "parameter":
+            slots.append((v.name, place))
+        elif v.causality == "output":
+            series[v.name] = {"at": at, "size": count, "interval": v.name in loop.interval}
+            at += count
+        place += count
+    return slots, series, at
+
+
+def _numbers(
+    flown: _Flown, lacking: Mapping[str, str], notes: list[str]
+) -> Iterator[dict[str, Any]]:
+    """The scenario's numbers that the page has, each as `Flight.number` evaluates it."""
+    there = _there(flown.system)
+    for name, number in flown.content.numbers.items():
+        missing = [s for s in number.signals if s not in there]
+        why = next((lacking[x] for x in (number.measure, number.derive) if x in lacking), "")
+        if not number.signals:
+            why = f"it compares with {number.reference}"
+        if missing:
+            why = f"{flown.name} has no {missing[0]}"
+        if why:
+            notes.append(f"no number {name}: {why}")
+        else:
+            yield {
+                "name": name, "title": number.title, "unit": pretty_unit(number.unit),
+                **_number(number, flown), "required": _required(flown.content, name),
+            }  # fmt: skip
+
+
+def _number(number: Number, flown: _Flown) -> dict[str, Any]:
+    """How a number is made of series."""
+    units = [_unit(flown.system, s) for s in number.signals]
+    entry = derived.of_entry(number)
+    if entry is not None:
+        units = [entry[0].unit or units[0]]
+    kinds = [unit_of(u) for u in units]
+    source = OWN_UNIT[number.measure](kinds[0]) if number.measure in OWN_UNIT else kinds[0]
+    whole: float | Expression | None = number.percent_of  # type: ignore[assignment]
+    if isinstance(whole, str):
+        own = product(whole, flown.known)[1]
+        whole = expression(whole, flown.known, own.factor / source.factor)
+    same = not number.unit or (number.measure not in OWN_UNIT and unit_of(number.unit) == source)
+    return {
+        "signals": number.signals, "measure": number.measure, "derive": number.derive,
+        **_how(number, flown), "element": number.element, "window": number.window or None,
+        "percent": whole is not None, "whole": whole,
+        "scale": 1.0 if same or whole is not None else factor(source, number.unit, number.measure),
+        "options": {k: expression(x, flown.known) if isinstance(x, str) and k != "kind" else x
+                    for k, x in number.options.items()},
+    }  # fmt: skip
+
+
+def _how(entry: Number | Plot, flown: _Flown) -> dict[str, Any]:
+    """The options of what is derived, and the parameters that it takes."""
+    made = derived.of_entry(entry)
+    if made is None:
+        return {"how": {}, "own": {}}
+    owner = entry.signals[0].partition(".")[0]
+    return {"how": made[1], "own": {name: f"{owner}.{name}" for name in made[0].own}}
+
+
+def _required(content: Content, name: str) -> dict[str, float]:
+    """What is required of a number."""
+    found = dict[str, float]()
+    for of in content.requirements.values():
+        if of.number == name:
+            found |= {k: x for k in ("min", "max") if (x := getattr(of, k)) is not None}
+    return found
+
+
+def _unit(system: System, series: str) -> str:
+    owner, _, name = series.partition(".")
+    return system.components[owner].interface.arrays[name][0].unit_name or "1"
+
+
+def _plots(flown: _Flown, lacking: Mapping[str, str], notes: list[str]) -> Iterator[dict[str, Any]]:
+    """The scenario's plots that the page has, each as `Flight.plot` draws it."""
+    there = _there(flown.system)
+    for name, plot in flown.content.plots.items():
+        signals = [s for s in plot.signals if s in there]
+        if plot.derive in lacking or not signals or (plot.derive and signals != [*plot.signals]):
+            why = lacking.get(plot.derive, f"{flown.name} has not all of its series")
+            notes.append(f"no plot {name}: {why}")
+            continue
+        yield _plot(name, plot, signals, flown)
+
+
+def _plot(name: str, plot: Plot, signals: list[str], flown: _Flown) -> dict[str, Any]:
+    """A plot: its lines' names a series, empty for one that is not shown, and its limits."""
+    entry = derived.of_entry(plot)
+    own = [_unit(flown.system, s) for s in signals]
+    if entry is not None:
+        quantity = entry[0]
+        own = [quantity.unit or own[0]]
+        lines = [[*plot.components] or [n or plot.title for n in quantity.names]]
+    else:
+        lines = [[_line(plot, s, n) for n in _elements(plot, s, flown)] for s in signals]
+    unit = plot.unit or own[0]
+    return {
+        "name": name, "title": plot.title, "signals": signals, "derive": plot.derive,
+        **_how(plot, flown), "norm": plot.norm, "log": plot.log, "lines": lines,
+        "label": f"{plot.axis or plot.title} [{pretty_unit(unit)}]".removesuffix(" []"),
+        "scales": [scale(u, unit) for u in own],
+        "limits": [*_limits(plot, flown, unit)],
+    }  # fmt: skip
+
+
+def _elements(plot: Plot, signal: str, flown: _Flown) -> Sequence[str]:
+    owner, _, name = signal.partition(".")
+    count = len(flown.system.components[owner].interface.arrays[name])
+    if count == 1:
+        return [plot.axis or plot.title]
+    return plot.components or elements_of(signal, count)
+
+
+def _line(plot: Plot, signal: str, name: str) -> str:
+    """The name of a line; with several series that of its own before."""
+    prefix = "" if len(plot.signals) == 1 or not name else signal.partition(".")[2]
+    return f"{prefix} {name}".strip()
+
+
+def _limits(plot: Plot, flown: _Flown, unit: str) -> Iterator[dict[str, Any]]:
+    """The limit lines of a plot."""
+    for limit in plot.limits:
+        value: float | Expression | str = limit.value
+        name = "limit"
+        if any(parameter_of(flown.known, k) == x for k, x in limit.unless.items()):
+            continue
+        if isinstance(value, str):
+            name = value.partition("[")[0]
+            own = product(value, flown.known)[1]
+            value = expression(value, flown.known, factor(own, unit, name))
+        yield {"name": limit.name or name, "value": value, "filled": limit.fill}
+
+
+def _managed(flown: _Flown) -> dict[str, Any] | None:
+    """What the numbers of management are made of, and the curve without; None where they do not
+    apply."""
+    parts, system = management.applies(flown.system), flown.system
+    if parts is None or parts.wheels is None or parts.field is None or parts.target is None:
+        return None
+    body, wheels, torquers = parts.spacecraft, parts.wheels, parts.torquers
+    series = {
+        "h": f"{wheels}.h_wheel", "q": f"{body}.q_bi", "omega": f"{body}.omega_bi_body",
+        "copy": f"{body}.h_copy_wheel", "impulse": f"{body}.impulse_eci",
+        "dipole": f"{torquers}.m_mean_body", "field": parts.field,
+        "saturated": f"{wheels}.saturated_wheel", "speed": f"{wheels}.speed_wheel",
+    }  # fmt: skip
+    if parts.thrusters:
+        series["fired"] = f"{parts.thrusters}.tau_mean_thruster_body"
+    own = system.components[body].values
+    if "inertia" not in own or not {*series.values()} <= _there(system):
+        return None
+    axes = np.reshape(own["axes_wheel"], (3, 4))
+    there = np.flatnonzero(np.linalg.norm(axes, axis=0) > 0.0)
+    spin = [x for x in own["inertia_wheel"] if x > 0.0]
+    capacity = min(spin, default=0.0) * system.components[wheels].values["speed_limit"]
+    unit = "mN.m.s" if capacity < 1.0 else "N.m.s"
+    names = {"inertia": f"{body}.inertia", "axes": f"{body}.axes_wheel",
+             "spin": f"{body}.inertia_wheel", "rotors": f"{wheels}.inertia_wheel",
+             "limit": f"{wheels}.speed_limit"}  # fmt: skip
+    return {
+        "series": series, "there": there.tolist(), "target": list(parts.target),
+        "inverse": np.linalg.pinv(axes[:, there]).tolist(), "of": names,
+        "coils": _coils(system, torquers), "values": [*names.values(), f"{torquers}.m_limit"],
+        "label": f"fullest wheel [{pretty_unit(unit)}]", "scale": scale("N.m.s", unit),
+        "names": {"momentum": management.OF_MOMENTUM, "coils": management.OF_COILS,
+                  "wheels": management.OF_WHEELS, "balance": management.OF_BALANCE},
+        "titles": {k: (t, pretty_unit(u)) for k, (t, u) in management.TITLES.items()},
+        "required": {k: r for k in management.TITLES if (r := _required(flown.content, k))},
+    }  # fmt: skip
+
+
+def _coils(system: System, torquers: str) -> dict[str, Any] | None:
+    """What the duty of coils is made of; None where they have no limit."""
+    component = system.components[torquers]
+    known = dict(component.values)
+    if "drive" in known:
+        known["drive"] = component.choice("drive")
+    if (most := management.most_of_coils(known)) is None:
+        return None
+    axes = np.reshape(known["axes_coil"], (3, -1))
+    return {
+        "most": [f"{torquers}.m_limit", most / known["m_limit"]],
+        "inverse": np.linalg.pinv(axes[:, np.linalg.norm(axes, axis=0) > 0.0]).tolist(),
+        "period": management.rows_a_period(known, system.step),
+    }
+
+
+# --- the page -----------------------------------------------------------------------------------
+
+
+def _asset(name: str) -> str:
+    return (files(__package__) / name).read_text(encoding="utf-8")
+
+
+def _page(told: dict[str, Any], code: str) -> str:
+    """The HTML."""
+    worker = "\n".join([_asset("numpy.js"), code, _asset("engine.js"), _asset("worker.js")])
+    return render(
+        "web.html", title=told["title"], told=told,
+        command=f"desat run {shlex.quote(told['target'])}",
+        uplot=part("uplot/uPlot.iife.min.js"), uplot_css=part("uplot/uPlot.min.css"),
+        uplot_licence=part("uplot/LICENSE"), notices=_asset("notices.txt"),
+        worker=Markup(worker.replace("</", "<\\/")), script=page_script(told, "axes.js", "web.js"),
+    )  # fmt: skip

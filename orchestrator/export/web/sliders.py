@@ -1,0 +1,276 @@
+"""The sliders of a page: parameters by the names that `--set` has for them, and their ranges."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from typing import Any
+
+from desat.components.contract.roles import Manager
+from desat.components.contract.units import conversion
+from desat.components.physics.orbit import EARTH_RADIUS
+from desat.fmus.registry import block_class, names
+
+from ...runs.prepare import Target, prepare
+from ...system.errors import DesatError, nearest
+from ...system.interface import Signal
+from ...system.model import System
+from ...system.options import Options
+from ...system.parameters import expand, parse_value, unit_of
+from .values import differing, reached
+
+LOW_ORBIT = (2.0e5, 1.5e6)
+"""Heights (m) of the default range of a craft that is below the upper one."""
+BAKED = ("sample_time", "delay", "axes_wheel", "axes_coil")
+"""What a loop is written out with: it is no slider."""
+
+
+@dataclass(frozen=True)
+class Slider:
+    """A parameter that a page moves, in its own unit: shown times `factor`, and `offset`."""
+
+    name: str
+    """As `--set` has it."""
+    title: str
+    targets: tuple[str, ...]
+    """The parameters that it gives a value: of `shared.NAME` several."""
+    form: str
+    """`one` number; `element` of an array; of a whole array its `length`, or the `largest` size of
+    its elements, the others in proportion; `each`: all elements alike."""
+    element: int
+    there: tuple[bool, ...]
+    """Of `each`: which elements there are."""
+    unit: str
+    factor: float
+    offset: float
+    low: float
+    """In the shown unit, as `high`."""
+    high: float
+    start: float
+    """Of the scenario, in the shown unit."""
+    height: bool = False
+    """Whether it is a radius from the Earth's centre."""
+    asked: bool = False
+
+    def told(self) -> dict[str, Any]:
+        """For the page."""
+        return {k: v for k, v in asdict(self).items() if k not in ("start", "asked")}
+
+    def value_text(self, shown: float, before: Any) -> str:
+        """`NAME=VALUE` as `--set` takes it; `before`: the parameter without the slider."""
+        own = shown * self.factor + self.offset
+        if self.form in ("one", "element"):
+            return f"{self.name}={shown!r} {self.unit}" if self.unit else f"{self.name}={own!r}"
+        if self.form == "each":
+            values = [own if there else 0.0 for there in self.there]
+        else:
+            values = [x * (own / size(before, self.form)) for x in before]
+        return f"{self.name}={','.join(map(repr, values))}"
+
+
+def size(values: Sequence[float], form: str) -> float:
+    """Of an array, by a slider's form."""
+    return math.hypot(*values) if form == "length" else max(map(abs, values))
+
+
+def asked_of(text: str, system: System) -> Slider:
+    """The slider of `NAME=FROM:TO`. Raises DesatError, which says what is allowed."""
+    name, equals, ends = text.partition("=")
+    low, colon, high = ends.partition(":")
+    if not (equals and colon and low.strip() and high.strip()):
+        raise DesatError(
+            f"--slider {text}: the form is NAME=FROM:TO, as "
+            "torquers.m_limit=0.1:0.4 or 'torquers.m_limit=0.1 A.m2:0.4 A.m2'"
+        )
+    found = _slider(name.strip(), system, f"--slider {text}")
+    _, signals = _signals(name.strip(), system, f"--slider {text}")
+    interface = system.components[found.targets[0].partition(".")[0]].interface
+    values = []
+    for end in (low, high):
+        own = expand(interface, signals[0].name, parse_value(end.strip()), f"--slider {text}")
+        values.append((float(own[signals[0].name]) - found.offset) / found.factor)
+    if not values[0] < values[1]:
+        raise DesatError(f"--slider {text}: from a lower value to a higher one")
+    return replace(found, low=_round(values[0]), high=_round(values[1]), asked=True)
+
+
+def usual(system: System) -> list[Slider]:
+    """The sliders of a page that asks for none: those of a handful that the system has."""
+    role = {name: c.name for name, c in system.roles.items()}
+    wanted = [("environment", "altitude"), ("environment", "semi_major_axis"),
+              ("environment", "inclination"), ("torquers", "m_limit"),
+              ("spacecraft", "residual_dipole_body"), ("manager", _gain(system)),
+              ("wheels", "speed_limit"), ("wheels", "h_start_wheel")]  # fmt: skip
+    found = []
+    for owner, name in wanted:
+        component = system.components.get(role.get(owner, ""))
+        if component is None or name not in component.interface.arrays:
+            continue
+        slider = _slider(f"{component.name}.{name}", system, "")
+        ranged = _range(slider, name, system)
+        if ranged is not None:
+            found.append(ranged)
+    return found
+
+
+def _gain(system: System) -> str:
+    """The parameter of the manager's law that says how quickly it works."""
+    manager = system.roles.get("manager")
+    if manager is None or manager.interface.model not in names():
+        return "gain"
+    block = block_class(manager.interface.model)
+    laws = block.offers if issubclass(block, Manager) else ()
+    return next((law.rate for law in laws if law.rate), "gain")
+
+
+def _range(slider: Slider, name: str, system: System) -> Slider | None:
+    """A slider with the range that is usual for it; None where there is nothing to move."""
+    value = slider.start
+    if name == "inclination":
+        return replace(slider, low=0.0, high=110.0 if value <= 110.0 else 180.0)
+    if name in ("semi_major_axis", "altitude"):
+        ground = EARTH_RADIUS if slider.height else 0.0
+        if value * slider.factor - ground > LOW_ORBIT[1]:
+            return None
+        low, high = ((ground + x) / slider.factor for x in LOW_ORBIT)
+        return replace(slider, low=_round(low), high=_round(high))
+    if slider.form == "each":
+        wheels = system.roles["wheels"].values
+        spin = [x for x in wheels["inertia_wheel"] if x > 0.0]
+        most = min(spin, default=0.0) * wheels["speed_limit"]
+        return replace(slider, high=_round(0.9 * most / slider.factor, 2)) if most else None
+    if value == 0.0:
+        return None
+    low = {"residual_dipole_body": 0.0, "h_start_wheel": 0.0, "speed_limit": 0.05}.get(name, 0.1)
+    high = {"residual_dipole_body": 5.0, "speed_limit": 1.5, "h_start_wheel": 2.0}.get(name, 4.0)
+    return replace(slider, low=_round(low * value, 2), high=_round(high * value, 2))
+
+
+def _signals(name: str, system: System, where: str) -> tuple[list[str], Sequence[Signal]]:
+    """The parameters that a name stands for, and the scalars of the first. Raises DesatError."""
+    owner, _, variable = name.partition(".")
+    owners = [owner] if owner != "shared" else [
+        c.name for c in system.components.values()
+        if any(s.shared for s in c.interface.elements.get(variable, ()))
+    ]  # fmt: skip
+    known = {
+        f"{c.name}.{array}"
+        for c in system.components.values()
+        for array, of in c.interface.arrays.items()
+        if of[0].causality == "parameter" and _moves(of[0])
+    }
+    component = system.components.get(owners[0]) if owners else None
+    signals = component.interface.elements.get(variable, ()) if component is not None else ()
+    if not signals:
+        raise DesatError(f"{where}: {system.name} has no parameter {name}{nearest(name, known)}; "
+                         f"`desat show {system.name}` lists them")  # fmt: skip
+    first = signals[0]
+    if first.causality != "parameter" or not _moves(first):
+        raise DesatError(f"{where}: {name} is {_why(first)}: a page moves parameters that are "
+                         "numbers of the type Real")  # fmt: skip
+    return [f"{c}.{first.array}" for c in owners], signals
+
+
+def _moves(signal: Signal) -> bool:
+    return signal.kind == "Real" and not signal.choices and signal.array not in BAKED
+
+
+def _why(signal: Signal) -> str:
+    """What a signal is that is no slider."""
+    if signal.array in BAKED:
+        return "what the loop is written out with"
+    if signal.choices:
+        return f"a choice of {', '.join(signal.choices)}"
+    return f"of the type {signal.kind}" if signal.kind != "Real" else f"an {signal.causality}"
+
+
+def _slider(name: str, system: System, where: str) -> Slider:
+    """A slider without a range. Raises DesatError."""
+    targets, signals = _signals(name, system, where)
+    owner, _, parameter = targets[0].partition(".")
+    values, first = system.components[owner].values[parameter], signals[0]
+    form, element = "one", 0
+    if len(signals) > 1:
+        form = "length" if len(signals) == 3 else "largest"
+        if size(values, form) == 0.0:
+            form = "each"
+    elif first.name != first.array:
+        form, element = "element", [
+            s.name for s in system.components[owner].interface.arrays[parameter]
+        ].index(first.name) + 1  # fmt: skip
+    value = values if form == "one" else (
+        values[element - 1] if form == "element" else size(values, form))  # fmt: skip
+    unit, factor, offset = _shown(first, float(value))
+    text = first.description.partition(";")[0].partition(":")[0].partition(",")[0]
+    return Slider(
+        name, text, tuple(targets), form, element, _there(system, owner, len(signals)),
+        unit, factor, offset, 0.0, 0.0, _round((float(value) - offset) / factor, 12),
+        height=first.array == "semi_major_axis",
+    )  # fmt: skip
+
+
+def _there(system: System, owner: str, count: int) -> tuple[bool, ...]:
+    """Which elements there are of an array of wheels; of another all."""
+    spin = system.components[owner].values.get("inertia_wheel")
+    if isinstance(spin, list) and len(spin) == count:
+        return tuple(x > 0.0 for x in spin)
+    return (True,) * count
+
+
+def _shown(signal: Signal, value: float) -> tuple[str, float, float]:
+    """The unit in which a parameter is shown, and how its own is made of it."""
+    own = signal.unit_name if signal.unit_name != "1" else ""
+    wanted = {"rad": "deg", "rad/s": "rpm", "N.m.s": "mN.m.s", "N.m": "mN.m"}.get(own, own)
+    if own == "m" and abs(value) >= 1e4:
+        wanted = "km"
+    if own.startswith("N.m") and abs(value) >= 1.0:
+        wanted = own
+    if signal.unit is None or wanted == own:
+        return own, 1.0, 0.0
+    found = conversion(unit_of(wanted), signal.unit)
+    return (wanted, *found) if found is not None else (own, 1.0, 0.0)
+
+
+def _round(value: float, digits: int = 6) -> float:
+    return float(f"{value:.{digits}g}")
+
+
+def refused(
+    slider: Slider, target: Target, options: Options, system: System,
+    ordered: list[dict[str, Any]],
+) -> str:  # fmt: skip
+    """Why a page cannot move a slider of a system; nothing where it can: at both ends its parameter
+    is allowed, and no other one changes but by products."""
+    by_others = {f["name"] for f in ordered} & {*slider.targets}
+    if by_others:
+        text = next(f["of"]["text"] for f in ordered if f["name"] in by_others)
+        return f"the scenario has it follow {text}: move that"
+    owner, _, name = slider.targets[0].partition(".")
+    before = system.components[owner].values[name]
+    for shown in (slider.low, slider.high):
+        given = replace(options, sets=[*options.sets, slider.value_text(shown, before)])
+        try:
+            found, _ = prepare(target, given).or_raise()
+        except DesatError as error:
+            return str(error).splitlines()[0]
+        beyond = differing(system, found) - reached({*slider.targets}, ordered)
+        if beyond:
+            return f"{min(beyond)} is computed from it, by more than a product"
+    return ""
+
+
+def of_law(slider: Slider, values: Mapping[str, Any]) -> float | None:
+    """Where a slider is for a law with these parameters, in the shown unit; None where the law has
+    none of them."""
+    known = [values[t] for t in slider.targets if t in values]
+    if not known:
+        return None
+    value = known[0]
+    if slider.form == "element":
+        value = value[slider.element - 1]
+    elif slider.form == "each":
+        value = 0.0
+    elif slider.form != "one":
+        value = size(value, slider.form)
+    return _round((value - slider.offset) / slider.factor, 12)

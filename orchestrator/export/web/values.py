@@ -1,0 +1,97 @@
+"""What a system's parameters are given as, for a page: which follow from others, and by what."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Set
+from typing import Any
+
+from ...system.draft import Draft
+from ...system.expression import Table, is_name, parsed, place, product, scale_of
+from ...system.model import System
+from ...system.parameters import table, unit_of
+
+Expression = dict[str, Any]
+"""`factors`: of each `*` or `/`, and a number, or a parameter and its element (0: the whole);
+`scale`: what their product is multiplied by; `text`."""
+
+
+def expression(text: str, known: Table, scale: float = 1.0) -> Expression:
+    """A product of parameters. Raises DesatError for one that there is not."""
+    return {
+        "text": text, "scale": scale,
+        "factors": [[operator, _factor(word, known)] for operator, word in parsed(text)],
+    }  # fmt: skip
+
+
+def _factor(word: str, known: Table) -> float | list[Any]:
+    try:
+        return float(word)
+    except ValueError:
+        owner, parameter, element = place(word, known)
+        return [f"{owner}.{parameter}", element]
+
+
+def names_of(of: Expression) -> set[str]:
+    """The parameters in an expression."""
+    return {factor[0] for _, factor in of["factors"] if isinstance(factor, list)}
+
+
+def follows(draft: Draft, system: System) -> list[dict[str, Any]]:
+    """The parameters of a system that are given as others, each after those that it is made of:
+    its name, what it is (`of`), how many elements it has (0: it is no array), and whether it is
+    another one as it is (`whole`)."""
+    known = table(system.components.values())
+    waiting = {
+        f"{c.name}.{name}": _reference(system, c.name, name, text, known)
+        for c in draft.components.values() for name, text in c.references.items()
+    }  # fmt: skip
+    ordered = []
+    while waiting:  # there is no circle: the system is resolved
+        for name in [n for n, f in waiting.items() if not names_of(f["of"]) & waiting.keys()]:
+            ordered.append(waiting.pop(name))
+    return ordered
+
+
+def _reference(
+    system: System, owner: str, name: str, text: str, known: Table
+) -> dict[str, Any]:  # fmt: skip
+    signals = system.components[owner].interface.elements[name]
+    if whole := is_name(text):
+        found, parameter, _ = place(text, known)
+        unit = unit_of(known[found][parameter].unit)
+    else:
+        unit = product(text, known)[1]
+    return {
+        "name": f"{owner}.{name}", "whole": whole,
+        "count": 0 if signals[0].name == name else len(signals),
+        "of": expression(text, known, scale_of(signals[0], unit, text)),
+    }  # fmt: skip
+
+
+def reached(moved: Set[str], ordered: list[dict[str, Any]]) -> set[str]:
+    """Parameters, and all that follow from them."""
+    found = set(moved)
+    for each in ordered:
+        if names_of(each["of"]) & found:
+            found.add(each["name"])
+    return found
+
+
+def numbers_of(system: System) -> Iterator[tuple[str, Any]]:
+    """Every parameter of numbers: its name, and the number or the list of its elements."""
+    for owner, parameters in table(system.components.values()).items():
+        for name, of in parameters.items():
+            values = of.value if isinstance(of.value, list) else [of.value]
+            if all(isinstance(x, (int, float)) for x in values):
+                yield f"{owner}.{name}", of.value
+
+
+def differing(a: System, b: System) -> set[str]:
+    """The parameters in which two systems of the same components differ."""
+    one, other = (_all(s) for s in (a, b))
+    return {name for name, value in one.items() if other[name] != value}
+
+
+def _all(system: System) -> Mapping[str, Any]:
+    known = table(system.components.values())
+    return {f"{owner}.{n}": p.value for owner, of in known.items() for n, p in of.items()}

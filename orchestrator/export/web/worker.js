@@ -1,0 +1,55 @@
+"use strict";
+// In a worker: flies as it is asked to, shows what there is of it now and then, and stops where it is
+// asked for something newer.
+const PARTS = 600; // of a line
+const SHARE = 4; // of the time that a look takes, so long until the next one
+
+let newest = 0;
+let flight = null;
+
+function shown(id, began, last) {
+  const rows = flight.told.steps + 1;
+  const message = {
+    id, done: flight.made, fault: flight.fault, last, seconds: (performance.now() - began) / 1e3,
+    times: thinnedTimes(flight.told, rows, PARTS),
+    plots: (flight.law.managed ? [null] : []).concat(flight.law.plots).map((of) => {
+      const { lines, limits } = of ? flight.plot(of) : flight.fullest();
+      return { lines: thinned(lines, rows, PARTS), limits };
+    }),
+  };
+  if (last && !flight.fault) message.numbers = flight.numbers();
+  postMessage(message);
+}
+
+async function fly({ id, law, moved }) {
+  const began = performance.now();
+  if (flight.begin(law, moved)) {
+    return postMessage({ id, done: 0, fault: flight.fault, last: true, plots: [], times: [] });
+  }
+  let look = began + 100; // ms
+  for (;;) {
+    const more = flight.some();
+    if (!more) return shown(id, began, true);
+    const now = performance.now();
+    if (now > look) {
+      shown(id, began, false);
+      look = performance.now() + 100 + SHARE * (performance.now() - now);
+    }
+    if (flight.made % (8 * ROWS) === 0) {
+      await new Promise((next) => { waiting.port2.postMessage(0); waiting.port1.onmessage = next; });
+      if (id !== newest) return;
+    }
+  }
+}
+const waiting = new MessageChannel(); // a turn for what has come meanwhile
+
+globalThis.onmessage = async ({ data }) => {
+  if (data.told) {
+    const module = await WebAssembly.compile(data.wasm);
+    flight = new Flight(data.told, module);
+    postMessage({ ready: true });
+    return;
+  }
+  newest = data.id;
+  fly(data);
+};

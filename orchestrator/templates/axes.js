@@ -1,0 +1,44 @@
+// How numbers, ticks and colours of a page look: of its scripts, the first.
+"use strict";
+const dark = matchMedia("(prefers-color-scheme: dark)");
+const css = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
+
+// of dark colours on a dark page, halfway to white
+const colour = (hex) => !dark.matches ? hex : "#" + [1, 3, 5].map((i) =>
+  Math.round((parseInt(hex.slice(i, i + 2), 16) + 255) / 2).toString(16).padStart(2, "0")).join("");
+
+// a number to the last digit that tells values `step` apart
+const text = (value, step) => {
+  if (value === null || value === undefined) return "–";
+  if (value === 0) return "0";
+  const size = Math.abs(value);
+  const digits = step > 0 ? Math.max(0, Math.ceil(-Math.log10(step) - 1e-9)) : 0;
+  if (size >= 1e6 || (size < 1e-3 && step < 1e-4)) {
+    const kept = step > 0 ? Math.max(0, Math.min(8, Math.floor(Math.log10(size)) + digits)) : 3;
+    return value.toExponential(kept).replace(/\.?0+e/, "e").replace("e+", "e").replace(/-/g, "−");
+  }
+  return value.toFixed(Math.min(digits, 12)).replace("-", "−");
+};
+
+// uPlot's own ticks end at 1e-16, and know no hours
+const multiples = (min, max, most) => {
+  const least = (max - min) / Math.max(most, 2);
+  const power = 10 ** Math.floor(Math.log10(least));
+  const step = [1, 2, 2.5, 5, 10].find((n) => n * power >= least * (1 - 1e-9)) * power;
+  const found = [];
+  for (let k = Math.ceil(min / step - 1e-9); k <= max / step + 1e-9; k++) found.push(k * step);
+  return found;
+};
+const apart = (at, unit) => (at.length > 1 ? (at[1] - at[0]) / unit : Math.abs(at[0]) / unit || 1);
+const decades = (min, max) => { // of few of them, twos and fives between
+  const found = [];
+  const parts = Math.log10(max / min) < 2 ? [1, 2, 5] : [1];
+  const every = Math.ceil(Math.log10(max / min) / 7);
+  for (let k = Math.floor(Math.log10(min)); k <= Math.log10(max); k++) {
+    if (k % every === 0) found.push(...parts.map((n) => Number(`${n}e${k}`)));
+  }
+  return found.filter((v) => min <= v && v <= max);
+};
+// 2.5 has one digit more than its power of ten
+const finer = (step) => Math.abs(step / 10 ** Math.floor(Math.log10(step) + 1e-9) - 2.5) < 0.01
+  ? step / 10 : step;

@@ -1,0 +1,303 @@
+// The page of `desat export web`: sliders, charts and numbers over the worker, which flies. What is set
+// stands in the address, behind #.
+(() => {
+  const told = JSON.parse(document.getElementById("told").textContent);
+  const $id = (id) => document.getElementById(id);
+  const make = (tag, of = {}, ...inside) => {
+    const made = Object.assign(document.createElement(tag), of);
+    made.append(...inside);
+    return made;
+  };
+  const bytes = (base64) => Uint8Array.from(atob(base64), (c) => c.charCodeAt(0));
+  const WAIT = 60; // ms after a move
+  let law = 0;
+  let moved = {}; // of sliders by their names the value in the shown unit
+  let asked = 0;
+  let shown = null; // what was flown last: {law, moved, plots, numbers}
+  let reference = null;
+  let charts = [];
+
+  // --- values --------------------------------------------------------------------------------------
+
+  // as `desat run` prints it (numbers/text.py)
+  const number = (x) => {
+    if (x === null) return "not reached";
+    if (x === undefined) return "";
+    const size = Math.abs(x);
+    if (x !== 0 && !(size >= 1e-3 && size < 1e9)) {
+      return x.toExponential(3).replace(/e([+-])(\d)$/, "e$10$2");
+    }
+    return size < 1000 ? String(Number(x.toPrecision(4))) : Math.round(x).toLocaleString("en-US");
+  };
+  const there = (slider) => slider.name in told.laws[law].at;
+  const at = (slider) => moved[slider.name] ?? told.laws[law].at[slider.name];
+  const grid = (slider, value) => { // of a moved slider: a step of a round size
+    const step = multiples(0, slider.high - slider.low, 300)[1];
+    return Number(Math.min(slider.high, Math.max(slider.low, Math.round(value / step) * step)).toPrecision(8));
+  };
+  const python = (x) => (Number.isInteger(x) && Math.abs(x) < 1e16 ? `${x}.0` : String(x));
+  const quoted = (text) => (/^[\w@%+=:,./-]+$/.test(text) ? text : `'${text.replace(/'/g, "'\"'\"'")}'`);
+
+  // `--set` of what is moved, as Slider.value_text has it
+  function assignment(slider) {
+    const shownValue = moved[slider.name];
+    const own = shownValue * slider.factor + slider.offset;
+    const before = told.laws[law].values[slider.targets.find((t) => t in told.laws[law].values)];
+    if (slider.form === "one" || slider.form === "element") {
+      return `${slider.name}=${slider.unit ? `${shownValue} ${slider.unit}` : python(own)}`;
+    }
+    const whole = slider.form === "length" ? Math.hypot(...before) : Math.max(...before.map(Math.abs));
+    const values = slider.form === "each" ? slider.there.map((t) => (t ? own : 0))
+      : before.map((v) => v * (own / whole));
+    return `${slider.name}=${values.map(python).join(",")}`;
+  }
+  function command() {
+    const sets = told.sliders.filter((s) => there(s) && s.name in moved).map((s) => ` --set ${quoted(assignment(s))}`);
+    return `desat run ${quoted(told.target)}${told.laws[law].arguments}${sets.join("")}`;
+  }
+
+  // --- the address ---------------------------------------------------------------------------------
+
+  function toAddress() {
+    const query = new URLSearchParams();
+    if (law) query.set("law", told.laws[law].name);
+    for (const [name, value] of Object.entries(moved)) query.set(name, value);
+    history.replaceState(null, "", query.size ? `#${query}` : location.pathname + location.search);
+  }
+  function fromAddress() {
+    const query = new URLSearchParams(location.hash.slice(1));
+    law = Math.max(0, told.laws.findIndex((l) => l.name === query.get("law")));
+    moved = {};
+    for (const slider of told.sliders) {
+      const value = Number(query.get(slider.name) ?? NaN);
+      if (Number.isFinite(value)) moved[slider.name] = value;
+    }
+  }
+
+  // --- controls ------------------------------------------------------------------------------------
+
+  const updates = [];
+  function controls() {
+    $id("law").replaceChildren(...told.laws.map((l, i) => make("option", { value: i, textContent: l.name })));
+    $id("law").onchange = (e) => { law = Number(e.target.value); changed(); };
+    $id("sliders").replaceChildren(...told.sliders.map((slider) => {
+      const range = make("input", { type: "range", min: slider.low, max: slider.high, step: "any", id: `range-${slider.name}` });
+      const field = make("input", { type: "text", inputMode: "decimal", id: `value-${slider.name}` });
+      field.setAttribute("aria-label", `${slider.name}, ${slider.shown}`);
+      range.setAttribute("aria-label", slider.name);
+      const aside = make("span", { className: "note" });
+      const set = (value) => {
+        if (value === told.laws[law].at[slider.name]) delete moved[slider.name];
+        else moved[slider.name] = value;
+        changed();
+      };
+      range.oninput = () => set(grid(slider, Number(range.value)));
+      field.onchange = () => {
+        const value = Number(field.value);
+        if (field.value.trim() && Number.isFinite(value)) set(Math.min(slider.high, Math.max(slider.low, value)));
+        else changed();
+      };
+      const label = make("label", { title: slider.name },
+        make("span", { className: "line" }, make("span", { className: "what", textContent: slider.title }),
+          make("span", { className: "value" }, field, ` ${slider.shown}`)), range, aside);
+      updates.push(() => {
+        label.hidden = !there(slider);
+        if (label.hidden) return;
+        label.classList.toggle("moved", slider.name in moved);
+        range.value = at(slider);
+        field.value = String(Number(at(slider).toPrecision(slider.name in moved ? 12 : 6)));
+        aside.textContent = slider.name + (slider.height
+          ? `, ${number((at(slider) * slider.factor - told.ground) / 1e3)} km above the equator` : "")
+          + (slider.form === "length" ? ": size of the vector" : slider.form === "largest"
+            ? ": the largest element" : slider.form === "each" ? ": each of them" : "");
+      });
+      return label;
+    }));
+    $id("reset").onclick = () => { moved = {}; changed(); };
+    $id("compare").onclick = () => {
+      reference = reference ? null : shown;
+      $id("compare").textContent = reference ? "without the pale one" : "compare with this";
+      draw();
+    };
+    $id("copy").onclick = async () => {
+      try {
+        await navigator.clipboard.writeText(command());
+      } catch { // not from file:// everywhere: select it
+        getSelection().selectAllChildren($id("command"));
+      }
+    };
+  }
+
+  let timer = 0;
+  function changed() {
+    for (const update of updates) update();
+    $id("law").value = law;
+    $id("command").textContent = command();
+    $id("substeps").textContent = `${told.laws[law].substeps} substep${told.laws[law].substeps > 1 ? "s" : ""} each`;
+    toAddress();
+    clearTimeout(timer);
+    timer = setTimeout(ask, WAIT);
+  }
+  function ask() {
+    asked += 1;
+    $id("state").textContent = "flying …";
+    worker.postMessage({ id: asked, law, moved });
+  }
+
+  // --- charts --------------------------------------------------------------------------------------
+
+  const NONE = "without management (estimated)";
+  const plotsOf = (l) => {
+    const { managed, plots } = told.laws[l];
+    const first = managed && { title: "Momentum of the fullest wheel, with management and without",
+      label: managed.label, names: ["with management", NONE], limits: ["capacity"], log: false };
+    return [...(first ? [first] : []), ...plots.map((p) => ({ ...p,
+      names: p.norm ? p.signals : p.lines.flat().filter(Boolean), limits: p.limits.map((x) => x.name) }))];
+  };
+  const known = (values) => Array.from(values, (v) => (Number.isFinite(v) ? v : null));
+  const most = (lines) => lines.flat().reduce((m, v) => Math.max(m, Math.abs(v ?? 0)), 0);
+
+  // the lines of a chart: its own, those of the reference in pale, and the limits
+  function content(i) {
+    const of = plotsOf(shown.law)[i];
+    const own = shown.plots[i].lines.map(known);
+    const names = of.names;
+    const series = own.map((y, k) => ({ label: names[k], y, stroke: told.colours[k % told.colours.length], width: 1.4 }));
+    const other = reference && plotsOf(reference.law).findIndex((p) => p.title === of.title);
+    if (reference && other >= 0) {
+      reference.plots[other].lines.forEach((y, k) => series.unshift({
+        label: `${plotsOf(reference.law)[other].names[k]}, kept`, y: known(y), pale: true, width: 1.4,
+        stroke: told.colours[k % told.colours.length],
+      }));
+    }
+    const signed = own.some((y) => y.some((v) => v < 0));
+    const top = most(own);
+    const far = [];
+    shown.plots[i].limits.forEach((value, k) => {
+      const text = `${signed ? "±" : ""}${number(value)} ${of.limits[k]}`;
+      if (value > 10 * top) return far.push(`${text}: far beyond`);
+      for (const v of signed ? [value, -value] : [value]) {
+        series.push({ label: v === value ? text : "", y: own[0].map(() => v), stroke: told.limit, width: 1.1, dash: [2, 3] });
+      }
+    });
+    return { of, series, far };
+  }
+
+  function chart(i) {
+    const { of, series, far } = content(i);
+    const place = charts[i].place;
+    charts[i].key = series.map((s) => s.label + s.pale).join("\n") + dark.matches;
+    charts[i].plot?.destroy();
+    const ink = css("--ink");
+    const axis = { stroke: ink, grid: { stroke: css("--grid"), width: 1 }, ticks: { stroke: ink, width: 1, size: 5 },
+      font: "12px system-ui", labelFont: "12px system-ui", labelSize: 18 };
+    const shade = (s) => (s.pale ? `${colour(s.stroke)}55` : colour(s.stroke));
+    const width = (u, labels) => 16 + 7.5 * Math.max(3, ...(labels || []).map((s) => (s || "").length));
+    charts[i].plot = new uPlot({
+      width: place.clientWidth, height: 270,
+      scales: { x: { time: false, range: () => [told.start, told.stop] }, y: { distr: of.log ? 3 : 1,
+        range: (u, low, high) => {
+          if (low === null) return [0, 1];
+          if (of.log) return uPlot.rangeLog(low, high, 10, false);
+          const rim = high > low ? 0.05 * (high - low) : 0.05 * Math.abs(high) || 1;
+          return [low >= 0 ? Math.min(0, low) : low - rim, high + rim];
+        } } },
+      axes: [
+        { ...axis, label: `time [${told.time_unit}]`,
+          splits: (u, a, low, high) => multiples(low / told.seconds, high / told.seconds, (u.width - 80) / 75).map((t) => t * told.seconds),
+          values: (u, all) => all.map((t) => text(t / told.seconds, finer(apart(all, told.seconds)))) },
+        { ...axis, label: of.label, size: width,
+          splits: of.log ? (u, a, low, high) => decades(low, high) : (u, a, low, high) => multiples(low, high, 7), filter: (u, all) => all,
+          values: (u, all) => all.map((v) => text(v, of.log ? v : finer(apart(all, 1)))) },
+      ],
+      series: [{ label: "time", value: (u, t) => (t === null ? "–" : `${text(t / told.seconds, (told.stop - told.start) / told.seconds / 1e4)} ${told.time_unit}`) },
+        ...series.map((s) => ({ label: s.label, stroke: shade(s), width: s.width, dash: s.dash, points: { show: false },
+          value: (u, v) => text(v, (u.scales.y.max - u.scales.y.min) / 1e4) }))],
+      cursor: { y: false, drag: { x: false, y: false }, sync: { key: "time", setSeries: false, scales: ["x", null] } },
+      legend: { markers: { width: 2 } },
+    }, [shown.times, ...series.map((s) => s.y)], place);
+    // the other side of a limit needs no name
+    [...place.querySelectorAll(".u-legend tr")].forEach((row, k) => { if (k && !series[k - 1].label) row.style.display = "none"; });
+    charts[i].note.textContent = far.join("; ");
+  }
+
+  function draw() {
+    const plots = plotsOf(shown.law);
+    if (charts.map((c) => c.title).join("\n") !== plots.map((p) => p.title).join("\n")) {
+      for (const c of charts) c.plot?.destroy();
+      charts = plots.map((p) => ({ title: p.title, place: make("div"), note: make("p", { className: "note" }) }));
+      const figures = charts.map((c) => make("figure", {}, make("figcaption", { textContent: c.title }), c.place, c.note));
+      $id("first").replaceChildren(...figures.slice(0, 1));
+      $id("plots").replaceChildren(...figures.slice(1));
+    }
+    plots.forEach((p, i) => {
+      const { series, far } = content(i);
+      if (!charts[i].plot || charts[i].key !== series.map((s) => s.label + s.pale).join("\n") + dark.matches) return chart(i);
+      charts[i].note.textContent = far.join("; ");
+      charts[i].plot.setData([shown.times, ...series.map((s) => s.y)]);
+    });
+    numbers();
+  }
+
+  // --- numbers -------------------------------------------------------------------------------------
+
+  const titlesOf = (l) => {
+    const { numbers: own, managed } = told.laws[l];
+    const found = Object.fromEntries(own.map((n) => [n.name, { title: n.title, unit: n.unit, required: n.required }]));
+    for (const [name, [title, unit]] of Object.entries(managed ? managed.titles : {})) {
+      found[name] ??= { title, unit, required: managed.required[name] || {} };
+    }
+    return found;
+  };
+  function requirement({ min, max }, value) {
+    const limits = [...(min === undefined ? [] : [`at least ${number(min)}`]), ...(max === undefined ? [] : [`at most ${number(max)}`])];
+    if (!limits.length) return make("td");
+    const met = value !== null && !(value < min) && !(value > max);
+    return make("td", { className: met ? "ok" : "bad", textContent: `${limits.join(", ")}: ${met ? "met" : "NOT MET"}` });
+  }
+  function numbers() {
+    const titles = titlesOf(shown.law);
+    const head = make("tr", {}, make("th"), make("th", { className: "n", textContent: "now" }),
+      ...(reference ? [make("th", { className: "n pale", textContent: "kept" })] : []), make("th", { textContent: "unit" }), make("th", { textContent: "required" }));
+    const rows = Object.entries(titles).filter(([name]) => name in (shown.numbers || {})).map(([name, t]) => {
+      const value = shown.numbers[name];
+      const row = make("tr", {}, make("td", { textContent: t.title }), make("td", { className: "n", textContent: number(value) }),
+        ...(reference ? [make("td", { className: "n pale", textContent: number(reference.numbers?.[name]) })] : []),
+        make("td", { textContent: t.unit }), requirement(t.required, value));
+      row.dataset.number = name;
+      return row;
+    });
+    if (shown.numbers) $id("numbers").replaceChildren(head, ...rows);
+    $id("numbers").classList.toggle("pale", !shown.numbers);
+  }
+
+  // --- the worker ----------------------------------------------------------------------------------
+
+  const worker = new Worker(URL.createObjectURL(new Blob([$id("worker").textContent], { type: "text/javascript" })));
+  worker.onmessage = ({ data }) => {
+    if (data.ready) return ask();
+    if (data.id !== asked) return;
+    $id("fault").textContent = data.fault ? `${data.done ? `After ${data.done} steps: ` : "It cannot start: "}${data.fault}` : "";
+    if (data.last) {
+      const flown = `${Math.round(data.done * told.step / 360) / 10} h in ${data.seconds?.toFixed(2)} s`;
+      $id("state").textContent = data.fault ? "" : `flown: ${flown}`;
+      document.documentElement.dataset.flown = data.id; // for who waits
+    } else $id("state").textContent = `flying … ${Math.round((100 * data.done) / told.steps)} %`;
+    if (!data.plots.length) return;
+    shown = { law, moved: { ...moved }, numbers: data.numbers, plots: data.plots, times: data.times };
+    draw();
+  };
+  worker.onerror = (error) => { $id("fault").textContent = error.message; };
+
+  fromAddress();
+  controls();
+  changed();
+  clearTimeout(timer);
+  dark.addEventListener("change", () => shown && draw());
+  addEventListener("hashchange", () => { fromAddress(); changed(); });
+  new ResizeObserver(() => charts.forEach(({ plot, place }) => {
+    if (plot && place.clientWidth && place.clientWidth !== plot.width) plot.setSize({ width: place.clientWidth, height: 270 });
+  })).observe(document.querySelector("main"));
+  worker.postMessage({ told: { ...told, wasm: null }, wasm: bytes(told.wasm) });
+  window.desat = { get shown() { return shown; }, get charts() { return charts.map((c) => c.plot); }, command };
+})();
