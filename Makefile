@@ -2,7 +2,7 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: demo fmus ssp test check fuzz builds bench house witness sizing papers clean
+.PHONY: demo fmus ssp test check fuzz builds bench house witness sizing papers site clean
 
 demo: ssp ## build everything, run and pack one scenario, say what it came to beside the paper's value
 	@rm -rf runs/demo
@@ -54,6 +54,9 @@ papers: ssp ## the pages under docs/papers, from their templates and runs made n
 	$(BIN)/desat help keys --markdown > docs/language.md
 	$(BIN)/python -m benchmarks.pages
 
+site: .venv/.installed ## the documentation as a site, into build/site/index.html; a warning is an error
+	$(BIN)/python -m sphinx -q -W --keep-going -n -b html -d build/site-doctrees docs build/site
+
 .venv-basilisk/.tried:
 	$(PYTHON) -m venv .venv-basilisk
 	.venv-basilisk/bin/python -m pip install -q --disable-pip-version-check bsk==2.12.1 \
@@ -61,7 +64,7 @@ papers: ssp ## the pages under docs/papers, from their templates and runs made n
 	@touch $@
 
 clean: ## remove what the other targets have made
-	rm -rf .venv .venv-basilisk fmus/dist ssp/dist runs build *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	rm -rf .venv .venv-basilisk fmus/dist ssp/dist runs build docs/generated *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
 
 .venv/.installed: pyproject.toml constraints.txt

@@ -1,0 +1,166 @@
+"""The pages of the site that are made of the code: blocks, commands, and files beside docs/."""
+
+from __future__ import annotations
+
+import inspect
+import os
+import re
+from pathlib import Path
+from typing import Any
+
+import equations
+import typer
+from typer.core import TyperGroup
+from typer.main import get_command
+
+from desat.cli import app_for
+from desat.fmus import registry
+from desat.runs import explain
+
+ROOT = Path(__file__).parents[1]
+FOLDER = "generated"
+BESIDE = {"CONTRIBUTING.md": "contributing.md", "CHANGELOG.md": "changelog.md"}
+"""Pages beside docs/, and what they are called here."""
+ROLES = {
+    "environment": "Environment: orbit, field, Sun and air",
+    "spacecraft": "Spacecraft: motion of the body",
+    "disturbance": "Disturbance torques",
+    "magnetometer": "Sensors: magnetic field", "gyro": "Sensors: angular rate",
+    "star_tracker": "Sensors: star trackers", "sun_sensor": "Sensors: direction to the Sun",
+    "tachometers": "Sensors: wheel momentum", "determination": "Attitude determination",
+    "guidance": "Reference attitude",
+    "controller": "Attitude control", "manager": "Momentum management",
+    "torquers": "Actuators: magnetic torquers", "thrusters": "Actuators: thrusters",
+    "wheels": "Actuators: reaction wheels",
+}  # fmt: skip
+"""The roles in the order of a loop, with a title."""
+
+
+def link(app: Any, page: str, source: list[str]) -> None:
+    """Links to what is made here, in a page that names the file of the repository."""
+    source[0] = source[0].replace("](../fmus/interfaces.md", f"]({FOLDER}/blocks.md")
+
+
+def write(docs: Path) -> None:
+    """Write the pages below a folder of docs/."""
+    folder = docs / FOLDER
+    (folder / "blocks").mkdir(parents=True, exist_ok=True)
+    pages = {"blocks.md": _blocks(), "commands.md": _commands()}
+    pages |= {f"blocks/{name}.md": _block(name) for name in registry.names()}
+    for name, here in BESIDE.items():
+        text = (ROOT / name).read_text(encoding="utf-8")
+        pages[here] = text.replace("](docs/", "](../")
+    for old in folder.rglob("*.md"):
+        if str(old.relative_to(folder)) not in pages:
+            old.unlink()
+    for name, text in pages.items():
+        file = folder / name
+        if not file.exists() or file.read_text(encoding="utf-8") != text:
+            made = file.with_suffix(f".{os.getpid()}")  # two builds may run at a time
+            made.write_text(text, encoding="utf-8")
+            made.replace(file)
+
+
+def _table(heads: list[str], rows: list[list[str]]) -> str:
+    """A table, without the columns that are empty throughout."""
+    full = [i for i in range(len(heads)) if any(row[i] for row in rows)]
+    lines = [[heads[i] for i in full], ["---"] * len(full), *([r[i] for i in full] for r in rows)]
+    return "\n".join("| " + " | ".join(x.replace("|", "\\|") for x in r) + " |" for r in lines)
+
+
+def _blocks() -> str:
+    rows = explain.blocks(None)[1]
+    found = {row["role"] for row in rows}
+    lines = ["# Blocks", "", "Each block is an FMU: a file of `components/blocks/`, of which "
+             "`make fmus` builds one of Python and one of C. Its page has the text, the equations "
+             "and the variables that `desat help blocks NAME` prints. All blocks of a role have "
+             "the role's connectors, so that one can stand for another.", ""]  # fmt: skip
+    for role in [*(r for r in ROLES if r in found), *sorted(found - set(ROLES))]:
+        of = [[f"[`{r['block']}`](blocks/{r['block']}.md)", r["title"]]
+              for r in rows if r["role"] == role]  # fmt: skip
+        said = ROLES.get(role)
+        lines += [f"## {said or role}", "", f"Role `{role}`.", "", _table(["block", ""], of), ""]
+    lines += ["```{toctree}", ":hidden:", "", *(f"{n} <blocks/{n}>" for n in registry.names()),
+              "```", ""]  # fmt: skip
+    return "\n".join(lines)
+
+
+def _block(name: str) -> str:
+    text, rows = explain.blocks(name)
+    block = registry.block_class(name)
+    said = inspect.getdoc(block) or name
+    title, _, body = said.partition("\n")
+    lines = [f"# {title}", "", f"Block `{name}`, role `{block.role}` "
+             f"([all blocks](../blocks.md)).", "", _body(body)]  # fmt: skip
+    if laws := text.removeprefix(said).strip():
+        lines += ["## Where it fits", "", *(f"- {x}" for x in laws.splitlines()), ""]
+    heads = ["name", "meaning", "unit", "size", "start", "allowed", "usually", "needed by"]
+    for kind, says in (("parameter", "Parameters"), ("input", "Inputs"), ("output", "Outputs")):
+        of = [_variable(row) for row in rows if row["kind"] == kind]
+        if of:
+            lines += [f"## {says}", "", "```{container} wide", _table(heads, of), "```", ""]
+    return "\n".join(lines)
+
+
+def _variable(row: dict[str, str]) -> list[str]:
+    plain, _, size = row["name"].partition(" (")
+    needed = ", ".join(f"`{x}`" for x in row["needed by"].split(", ") if x)
+    unit = "" if row["unit"] == "1" else row["unit"]
+    usually = f"`{row['usually']}`" if row["usually"] else ""
+    return [f"`{plain}`", _escaped(row["meaning"]), unit, size.rstrip(")"), _start(row["start"]),
+            row["allowed"], usually, needed]  # fmt: skip
+
+
+def _start(text: str) -> str:
+    """A start value as short as it can be."""
+    short = re.sub(r"\d+\.\d{7,}", lambda x: f"{float(x[0]):.6g}", text)
+    return re.sub(r"\.0\b(?!e)", "", short).replace("True", "true").replace("False", "false")
+
+
+def _body(text: str) -> str:
+    """A docstring as Markdown: what is indented are equations."""
+    made = []
+    for part in text.strip().split("\n\n"):
+        lines = part.split("\n")
+        if not all(line.startswith("    ") for line in lines):
+            made.append(_escaped(part))
+        elif tex := equations.block([line[4:] for line in lines]):
+            made.append(f"```{{math}}\n{tex}\n```")
+        else:
+            made.append("```text\n" + "\n".join(line[4:] for line in lines) + "\n```")
+    return "\n\n".join(made) + "\n"
+
+
+def _escaped(text: str) -> str:
+    """Plain text whose signs are no Markdown, but for code and bold."""
+    parts = re.split(r"(`[^`]*`|\*\*)", text)
+    return "".join(p if i % 2 else re.sub(r"([<\[\]*_$|])", r"\\\1", p)
+                   for i, p in enumerate(parts))  # fmt: skip
+
+
+def _commands() -> str:
+    lines = ["# Commands", "", "Made from the commands themselves: the same text as "
+             "`desat COMMAND --help`. What each is for: [reference](../reference.md#commands); "
+             "exit codes: [reference](../reference.md#exit-codes-and-checks).", ""]  # fmt: skip
+    root = get_command(app_for([]))
+    assert isinstance(root, TyperGroup)
+    for words, command in _walk(["desat"], root):
+        if isinstance(command, TyperGroup) and not command.invoke_without_command:
+            continue
+        context = typer.Context(command, info_name=" ".join(words))
+        usage = " ".join([*words, *command.collect_usage_pieces(context)])
+        lines += [f"## {' '.join(words)}", "", f"    {usage}", "",
+                  _escaped(inspect.cleandoc(command.help or "")), ""]  # fmt: skip
+        told = [p.get_help_record(context) for p in command.params if not p.hidden]
+        if rows := [[f"`{names}`", _escaped(what)] for names, what in filter(None, told)]:
+            lines += ["```{container} wide", _table(["", ""], rows), "```", ""]
+    return "\n".join(lines)
+
+
+def _walk(words: list[str], command: Any) -> Any:
+    if len(words) > 1:
+        yield words, command
+    if isinstance(command, TyperGroup):
+        for name in sorted(command.commands):
+            if not command.commands[name].hidden:
+                yield from _walk([*words, name], command.commands[name])
