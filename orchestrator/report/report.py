@@ -55,7 +55,7 @@ def write_report(folder: Path, run: Run, baseline: Run | None = None) -> Path:
     about = manifest.content
     runs = [(label_of(r.manifest), r.results, r.manifest.parameters) for r in (run, baseline) if r]
     plots = about.plots if "plots" in about.written else _default(run.results)
-    drawn = management.figures(manifest, run.results) if management.KEY in manifest.parts else []
+    drawn = management.figures(manifest, run.results) if manifest.parts.get(management.KEY) else []
     drawn += [
         (plot.title, figure)
         for plot in _deciding_first(plots, manifest) if (figure := series_figure(plot, runs))
