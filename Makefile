@@ -54,7 +54,11 @@ papers: ssp ## the pages under docs/papers, from their templates and runs made n
 	$(BIN)/desat help keys --markdown > docs/language.md
 	$(BIN)/python -m benchmarks.pages
 
-site: .venv/.installed ## the documentation as a site, into build/site/index.html; a warning is an error
+site: fmus ## the documentation as a site, into build/site/index.html; a warning is an error
+	@rm -rf build/live && mkdir -p build/live/page
+	@cd build/live && $(CURDIR)/$(BIN)/desat new craft 12u --size 12U --altitude 400km --inclination 51.6deg \
+		--rods 0.2 >/dev/null && $(CURDIR)/$(BIN)/desat export web 12u --law ccpl --law predictive \
+		--out page/12u.html >/dev/null
 	$(BIN)/python -m sphinx -q -W --keep-going -n -b html -d build/site-doctrees docs build/site
 
 .venv-basilisk/.tried:
