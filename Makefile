@@ -2,7 +2,7 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: demo fmus ssp test check fuzz builds bench house witness sizing papers site clean
+.PHONY: demo fmus ssp test check fuzz builds bench house witness sizing papers site release clean
 
 demo: ssp ## build everything, run and pack one scenario, say what it came to beside the paper's value
 	@rm -rf runs/demo
@@ -60,6 +60,10 @@ site: fmus ## the documentation as a site, into build/site/index.html; a warning
 		--rods 0.2 >/dev/null && $(CURDIR)/$(BIN)/desat export web 12u --law ccpl --law predictive \
 		--out page/12u.html >/dev/null
 	$(BIN)/python -m sphinx -q -W --keep-going -n -b html -d build/site-doctrees docs build/site
+
+release: site ## wheel, sdist, FMUs of all platforms, site, bill of materials, checksums into build/release/
+	$(BIN)/python -m pip install -q --disable-pip-version-check -c constraints.txt -e ".[release]"
+	$(BIN)/python -m benchmarks.release
 
 .venv-basilisk/.tried:
 	$(PYTHON) -m venv .venv-basilisk
