@@ -565,3 +565,11 @@ def test_a_run_prints_five_numbers_and_all_on_request(desat, tmp_path):
     rest = int(re.search(r"(\d+) more numbers", some)[1])
     assert len(whole.splitlines()) - len(some.splitlines()) == rest - 1
     assert "more numbers" not in whole
+
+
+def test_abbreviations_are_spelt_out_where_they_head_a_column(desat, tmp_path):
+    desat("run", NAME, "--out", "run", cwd=tmp_path, check=True)
+    page = (tmp_path / "run" / "report.html").read_text(encoding="utf-8")
+    for text in ("OCDC: optimal combined desaturation controller", "DCT: dumping controller"):
+        assert text in page
+    assert "CRCP:" not in page, "it is not in this report"

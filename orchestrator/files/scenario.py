@@ -13,6 +13,7 @@
 from __future__ import annotations
 
 import itertools
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from functools import cache, lru_cache
@@ -132,6 +133,14 @@ def summary(family: str) -> str:
     """What a family of scenarios is about, in a line; empty where its folder does not say."""
     file = ROOT / family / "family.toml"
     return str(toml(file).get("title", "")) if file.exists() else ""
+
+
+def abbreviations(family: str, text: str) -> str:
+    """The abbreviations of a family that a text has, spelt out; empty where there are none."""
+    file = ROOT / family / "family.toml"
+    known = toml(file).get("abbreviations", {}) if file.exists() else {}
+    there = [f"{name}: {what}" for name, what in known.items() if re.search(rf"\b{name}\b", text)]
+    return "; ".join(there)
 
 
 @cache

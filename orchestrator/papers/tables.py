@@ -20,7 +20,7 @@ from ..campaign.draws import rows_of as rows_of_runs
 from ..campaign.pairs import each_draw
 from ..figures.style import pretty_unit
 from ..files.identity import PACKAGES
-from ..files.scenario import Scenario, find, scenarios
+from ..files.scenario import Scenario, abbreviations, find, scenarios
 from ..numbers.text import number
 from ..report.report import render, script, write_page
 from ..runs.validation import word_problems
@@ -269,6 +269,12 @@ def summed_up(table: list[PaperCell]) -> str:
     )
 
 
+def spelt(family: str, table: list[PaperCell]) -> str:
+    """The abbreviations in the tables of a family, spelt out."""
+    texts = (x for row in table for x in (row.method, row.case, row.heading, row.remark))
+    return abbreviations(family, " ".join(texts))
+
+
 def origin(drawn: Provenance) -> str:
     """Where the numbers of draws are from, for people."""
     how = "just now" if drawn["file"] == "computed now" else f"on {drawn['date']} ({drawn['file']})"
@@ -298,6 +304,7 @@ def write_html(
             "this page was written" + (f", medians of samples {origin(drawn)}." if drawn else ".")
         ),
         tables=pages,
+        spelt=spelt(family, table),
         script=script({}, "tables.js"),
         numbers=NUMBERS,
         provenance=(

@@ -19,6 +19,7 @@ from ..figures.canvas import Figure
 from ..figures.plots import series_figure
 from ..figures.style import pretty_unit
 from ..files.io import replace_text
+from ..files.scenario import abbreviations
 from ..language.scenario import Plot
 from ..numbers.text import number
 from ..runs.run import Run
@@ -80,6 +81,10 @@ def write_report(folder: Path, run: Run, baseline: Run | None = None) -> Path:
         title=about.title or manifest.scenario,
         answer=_answer(manifest),
         description=about.description,
+        spelt=abbreviations(
+            manifest.scenario.partition("/")[0],
+            " ".join([about.title, *(label for label, _, _ in runs)]),
+        ),
         source=about.source,
         manifest=manifest,
         rows=rows,

@@ -64,6 +64,8 @@ def tables(
         out.print(table)
         out.print()
     out.print(tables_module.summed_up(rows))
+    if spelt := tables_module.spelt(family, rows):
+        out.print(spelt, style="dim")
     if origin:
         out.print(f"draws: {tables_module.origin(origin)}")
     page = tables_module.write_html(
