@@ -226,8 +226,8 @@ def tune(
     **options: Unpack[RunOptions],
 ) -> Tuned:
     """Find the value of `component.parameter` with the least (`most`: the largest) median of a
-    number over `count` draws, judged by `unseen` others, as `desat tune` does. `.best` is it,
-    `.answer` a sentence. `jobs` as for `draws`, the rest as for `run`.
+    number over `count` samples, judged by `unseen` others, as `desat tune` does. `.best` is it,
+    `.answer` a sentence. `jobs` as for `draws`; the rest as for `run`.
 
     Raises DesatError for what there is not, RunError where a run does not complete.
     """
@@ -274,11 +274,12 @@ def draws(
     jobs: int = 1,
     **options: Unpack[RunOptions],
 ) -> Draws:
-    """Run seeded draws of a system's dispersions; arguments as for `run`.
+    """Run seeded samples of a system's dispersions; arguments as for `run`.
 
-    Returns "draws": a row each with status, numbers and drawn values; and "summary": of each number
-    its unit, median, min, max and n. Draw i of a seed is the same whatever `count` and `jobs`,
-    processes; with more than one, the caller's script needs `if __name__ == "__main__":`.
+    Return a dict: `draws`, a row each with status, numbers and sampled values; and `summary`,
+    of each number its unit, median, min, max and n. Sample i of a seed is the same whatever
+    `count` and `jobs`, processes; with more than one, the caller's script needs `if __name__ ==
+    "__main__":`.
 
     Raises DesatError for wrong input, and where there are no dispersions.
     """
@@ -336,7 +337,7 @@ def tables(
     family: str, *, jobs: int = 1, **options: Unpack[RunOptions]
 ) -> list[PaperCell]:  # fmt: skip
     """Run a family's scenarios and return the cells of its paper's tables: each the paper's value,
-    ours, unit and band. Medians of draws are the stored ones. `jobs` as for `draws`; `options`:
+    ours, unit and band. Medians of samples are the stored ones. `jobs` as for `draws`; `options`:
     fields of `desat.Options`.
 
     Raises DesatError for an unknown family, and RunError where a run does not complete.

@@ -11,6 +11,7 @@ import pytest
 from desat.begin import craft as new_craft
 from desat.begin.facts import CraftFacts
 from desat.campaign.draws import RunRow, draws
+from desat.runs.prepare import read
 from desat.runs.run import Options
 from desat.studies import tune as study
 from desat.system.errors import DesatError, Exit
@@ -175,3 +176,11 @@ def test_the_command_flies_and_says_both(desat, home):
     duty = again["draws"][0]["numbers"]["coil_duty"]
     (best,) = [p for p in made["points"] if p["value"] == made["best"]]
     assert best["median"] == duty
+
+
+def test_a_gain_has_the_unit_of_the_law_that_flies(home):
+    """Of ccpl it is 1/(T s), which is declared with the law."""
+    for law, unit in (("normalised", "1/s"), ("ccpl", "1/(T.s)")):
+        source = read(str(home / "mine"))
+        given = Options(sets=[f"manager.law={law}"])
+        assert study._parameter(source, given, "manager.gain")[2] == unit

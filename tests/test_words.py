@@ -18,6 +18,9 @@ TEXTS = ("docs/**/*.md", "docs/*.template", "ssp/*/*.md", "ssp/*/scenarios/*.tom
          "ssp/*/family.toml", "orchestrator/templates/*.html", "orchestrator/templates/**/*.toml",
          "benchmarks/*.md", "*.md")  # fmt: skip
 CODE = ("orchestrator", "components", "fmus")
+PRINTED = ("orchestrator/cli/commands/", "orchestrator/numbers/measures.py", "components/blocks/",
+           "orchestrator/__init__.py")  # fmt: skip
+"""Code whose docstrings users read: help, measures, blocks, Python."""
 LEFT_OUT = {"CHANGELOG.md", "docs/terms.md"}
 
 
@@ -35,13 +38,16 @@ def pattern(word: str) -> re.Pattern[str]:
 
 
 def of_code(file: Path) -> Iterator[tuple[int, str]]:
-    """Lines and texts of a file that are no docstrings and no single words, as names and keys."""
+    """Lines and texts of a file that are no single words, as names and keys, and no docstrings
+    that are for its readers alone."""
+    printed = file.relative_to(ROOT).as_posix().startswith(PRINTED)
     tree = ast.parse(file.read_text(encoding="utf-8"))
-    docs = {id(n.value) for n in ast.walk(tree) if isinstance(n, ast.Expr)}
+    docs = set() if printed else {id(n.value) for n in ast.walk(tree) if isinstance(n, ast.Expr)}
     for node in ast.walk(tree):
         text = node.value if isinstance(node, ast.Constant) and id(node) not in docs else None
         if isinstance(text, str) and " " in text.strip():
-            yield node.lineno, text
+            equations = "\n".join(x for x in text.splitlines() if " = " not in x)
+            yield node.lineno, equations if printed else text
 
 
 def of_page(file: Path) -> Iterator[tuple[int, str]]:

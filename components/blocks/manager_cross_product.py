@@ -29,8 +29,9 @@ class ManagerCrossProduct(TorquerDumping):
 
     offers = (
         Law("cross product", {"law": "normalised", "gain": "craft.rate"}, rate="gain"),
-        Law("ccpl", {"law": "ccpl", "gain": "craft.rate / craft.field"}, rate="gain"),
-    )
+        Law("ccpl", {"law": "ccpl", "gain": "craft.rate / craft.field"}, rate="gain",
+            units={"gain": "1/(T.s)"}),
+    )  # fmt: skip
 
     law: int = Parameter("1", "form of the law", choices=("normalised", "ccpl"), start="normalised")
     gain: float = Parameter("1/s", "gain; for ccpl in 1/(T s)", start=5e-3, min=0.0,

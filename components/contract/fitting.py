@@ -43,6 +43,17 @@ class Law(NamedTuple):
     gains: Mapping[str, str | bool] = MappingProxyType({})
     rate: str = ""
     """The gain by which others take over the rate of a craft's own law; empty: none."""
+    units: Mapping[str, str] = MappingProxyType({})
+    """parameter -> its unit under this law, where that is not the one that it is declared with."""
+
+
+def unit_under(manager: type, parameter: str, values: Mapping[str, object]) -> str | None:
+    """The unit of a parameter under the law that a manager's values choose; None: as declared."""
+    for law in getattr(manager, "offers", ()):
+        chosen = {k: x for k, x in law.gains.items() if isinstance(values.get(k), str)}
+        if parameter in law.units and all(values[k] == x for k, x in chosen.items()):
+            return str(law.units[parameter])
+    return None
 
 
 def needs_of(manager: type) -> list[Need]:

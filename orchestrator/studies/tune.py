@@ -17,6 +17,9 @@ from typing import Any
 
 import numpy as np
 
+from desat.components.contract.fitting import unit_under
+from desat.fmus import registry
+
 from ..analyses import analyses
 from ..campaign.draws import RunRow, rows_of
 from ..campaign.pairs import PairSpread, confident, difference
@@ -135,10 +138,10 @@ def tune(
     source = read(target)
     system, _ = prepare(source, options).or_raise()
     content = content_of(system.about)
-    signal, own = _parameter(source, options, parameter)
+    signal, own, unit = _parameter(source, options, parameter)
     _number(content, system, number, target)
     low, high = _range(parameter, signal, own, between)
-    unit, flown = signal.unit_name, {}
+    flown: dict[float, Point] = {}
     if not content.dispersions:
         raise DesatError(f"{target}: it has no [dispersions], so there is nothing to sample")
 
@@ -192,8 +195,9 @@ def tune(
                  points, told)  # fmt: skip
 
 
-def _parameter(source: Target, options: Options, name: str) -> tuple[Signal, float]:
-    """The parameter of a name, and its value. Raises DesatError for one that cannot be tuned."""
+def _parameter(source: Target, options: Options, name: str) -> tuple[Signal, float, str]:
+    """The parameter of a name, its value, and its unit under the law that flies. Raises DesatError
+    for one that cannot be tuned."""
     system, _ = prepare(source, options).or_raise()
     owner, _, variable = name.partition(".")
     if owner not in system.components:
@@ -208,7 +212,12 @@ def _parameter(source: Target, options: Options, name: str) -> tuple[Signal, flo
         raise DesatError(f"{name}: it is no Real: {', '.join(signal.choices) or signal.kind}")
     if drawn := overridden_by(source.to_draw(options.blocks), name):
         raise DesatError(f"{name}: {drawn[0]} is sampled, and so cannot be tuned")
-    return signal, float(str(component.values[variable]))
+    unit = None
+    if (model := component.interface.model) in registry.names():
+        chosen = {s.name: component.choice(s.name) for s in component.interface.signals.values()
+                  if s.choices and s.causality == "parameter"}  # fmt: skip
+        unit = unit_under(registry.block_class(model), variable, chosen)
+    return signal, float(str(component.values[variable])), unit or signal.unit_name
 
 
 def _number(content: Content, system: Any, number: str, target: str) -> None:

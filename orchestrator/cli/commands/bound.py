@@ -20,8 +20,11 @@ def bound(
     ],
     as_json: o.Json = False,
 ) -> None:  # fmt: skip
-    """Compute the least thruster seconds that a dumping run could have done with; of momentum
-    management by coils the least energy for the largest momentum of a wheel."""
+    """Compute the least effort with which a run could have done.
+
+    Of a run that dumps by thrusters it is the firing time; of momentum management by coils the
+    energy for the same peak momentum of a wheel.
+    """
     from ...analyses import coil_bound
     from ...analyses import lower_bound as lower_bound
     from ...runs.run import run_or_load

@@ -26,8 +26,11 @@ def build(
     fmi: o.Fmi = o.FmiVersion.two,
     as_json: o.Json = False,
 ) -> None:  # fmt: skip
-    """Build a block file of your own as FMUs: NAME.fmu of Python, and native/NAME.fmu of C where it
-    translates, or fmi3/NAME.fmu with --fmi 3; why not, where it does not."""
+    """Build a block file of your own as FMUs.
+
+    NAME.fmu is of Python, native/NAME.fmu of C where the block translates, else the reason is
+    given; fmi3/NAME.fmu comes with --fmi 3.
+    """
     from ...files import own
     from ...files.io import replace_text
 

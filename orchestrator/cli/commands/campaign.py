@@ -30,8 +30,8 @@ if TYPE_CHECKING:
 
 campaigns = typer.Typer(
     cls=WithDefault, no_args_is_help=True, rich_markup_mode=None,
-    help="Cases with the values of a scenario's [dispersions] drawn: `desat campaign NAME -n 20`, "
-    "or -n 10000; the same command goes on where it was stopped.",
+    help="Fly a scenario with its [dispersions] sampled: `desat campaign NAME -n 20`, or -n 10000. "
+    "The same command continues where it was stopped.",
 )  # fmt: skip
 app.add_typer(campaigns, name="campaign")
 

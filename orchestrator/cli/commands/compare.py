@@ -64,10 +64,12 @@ def compare(
     ] = None,
     as_json: o.Json = False,
 ) -> None:  # fmt: skip
-    """Hold scenarios, runs or campaigns against the first: all their numbers in one table with the
-    differences (the first's less the other's), and a page with their series overlaid; with -n, or
-    of campaigns, the differences draw by draw: median, interval, share of draws that are lower.
-    With --laws one craft, flown law by law.
+    """Compare scenarios, runs or campaigns with the first, or the laws of a craft.
+
+    All numbers stand in one table with their differences, the first less each other, and a page
+    has the series overlaid. With -n, and of campaigns, the differences are paired sample by
+    sample: median, interval, share of samples that are lower. With --laws one craft flies law by
+    law, and the laws are ranked.
     """
     from ...campaign import pairs
     from ...studies import compare as study

@@ -32,7 +32,10 @@ def design(
     ] = None,
     as_json: o.Json = False,
 ) -> None:  # fmt: skip
-    """Compute what laws need beforehand (gain tables, costates) into ssp/FAMILY/design/."""
+    """Compute the gain tables and costates that laws need beforehand.
+
+    They are kept in ssp/FAMILY/design/.
+    """
     from ...designs import making as design_module
     from ...figures.style import pretty_unit
     from ...files import paths

@@ -12,9 +12,9 @@ from ..console import WithDefault, app, err, example, out, print_json
 
 exports = typer.Typer(
     cls=WithDefault, no_args_is_help=True, rich_markup_mode=None,
-    help="For other programs: `desat export RUN` a run's series or plots, `desat export fmu NAME` "
-    "a whole loop as one FMU, `desat export web NAME` a page that flies it, `desat export c BLOCK` "
-    "a law alone as C.",
+    help="Write a run, a loop or a law for other programs: `desat export RUN` series or plots, "
+    "`export fmu NAME` a loop as one FMU, `export web NAME` a page that flies it, `export c BLOCK` "
+    "a law alone.",
 )  # fmt: skip
 app.add_typer(exports, name="export")
 

@@ -40,8 +40,10 @@ def pack(
     ] = None,
     as_json: o.Json = False,
 ) -> None:
-    """Pack scenarios as self-contained .ssp files into ssp/dist/; with native FMUs into
-    ssp/dist/native/."""
+    """Pack scenarios as self-contained .ssp files, or write the SSD of crafts.
+
+    The files go to ssp/dist/, with native FMUs to ssp/dist/native/.
+    """
     from ...export import packing as pack_module
     from ...files import library, paths
     from ...files.scenario import find, own, scenarios

@@ -15,7 +15,7 @@ def report(
     folder: Annotated[Path, typer.Argument(metavar="RUN", help="A run folder.")],
     show: Annotated[bool, typer.Option("--open", help="Open it in the browser, too.")] = False,
 ) -> None:
-    """Write a run's report again; also for a run that was killed."""
+    """Write the report of a run again, also of one that was killed."""
     from ...report.report import write_report
     from ...runs.run import load_run
 

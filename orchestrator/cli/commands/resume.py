@@ -31,7 +31,7 @@ def resume(
     everything: Everything = False,
     as_json: o.Json = False,
 ) -> None:  # fmt: skip
-    """Go on with a run from its newest checkpoint: the same bits as if it had never been ended."""
+    """Continue a run from its newest checkpoint, with the same bits."""
     from ...runs import run as study
 
     if not folder.is_dir():

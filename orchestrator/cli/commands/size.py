@@ -80,9 +80,12 @@ def size(
     ] = None,
     as_json: o.Json = False,
 ) -> None:
-    """Size the wheels, rods and propellant of a craft: what its disturbances ask of them, by source
-    and over a year, the least rod that any law can do with, duty and momentum over rods law by
-    law, and the rods for the duty asked for. Ends with 1 where the craft cannot hold.
+    """Size the wheels, torquers and propellant of a craft.
+
+    By source and over a year: what the disturbances leave in the wheels, the least rod of any law,
+    duty and momentum over rods law by law, and the rods for the duty asked for; of a craft that
+    dumps by thrusters, how often and with how much propellant. Ends with 1 where the craft cannot
+    hold.
     """
     from ...sizing import dumps, sizing
     from ...sizing import map as sizing_map

@@ -37,7 +37,7 @@ def tables(
 ) -> None:
     """Run a family's scenarios and print the paper's tables beside ours.
 
-    Scenarios with draws give their median; these are read from docs/papers/FAMILY/draws.parquet.
+    Scenarios with samples give their median; these are read from docs/papers/FAMILY/draws.parquet.
     """
     from rich.text import Text
 
@@ -77,7 +77,7 @@ def tables(
 def _draws_of(
     family: str, jobs: int, fresh: bool, progress: bool
 ) -> tuple[StoredDraws | None, Provenance | None]:
-    """The draws of a family that has some, stored or made now, and where they are from."""
+    """The samples of a family that has some, stored or made now, and where they are from."""
     from ...papers import stored as stored_module
 
     if not stored_module.with_draws(family):

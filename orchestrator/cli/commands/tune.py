@@ -52,9 +52,10 @@ def tune(
     jobs: o.Jobs = o.CPUS,
     as_json: o.Json = False,
 ) -> None:  # fmt: skip
-    """Find the value of a parameter with which a number is least over seeded draws, and no
-    requirement is missed more often than now; draws that it was not made with say whether that
-    holds: 1 where not.
+    """Find the best value of a parameter over random samples.
+
+    The median of a number over the samples is minimised, and no requirement may be missed more
+    often than now. Further samples test the result: 1 where they do not confirm it.
     """
     from ...studies import tune as study
 
