@@ -7,6 +7,7 @@ import doctest
 
 import numpy as np
 import pytest
+from conftest import ROOT
 
 import desat as library
 from desat.begin.craft import write
@@ -117,3 +118,8 @@ def test_a_craft_is_begun_compared_and_tuned_by_a_program(tmp_path) -> None:
     assert tuned.best < tuned.own
     for made in (compared, ranked, tuned):
         assert len(repr(made)) <= 1000
+
+
+def test_each_public_name_is_on_the_page_of_python() -> None:
+    page = (ROOT / "docs" / "python.md").read_text(encoding="utf-8")
+    assert [n for n in library.__all__ if f":: desat.{n}\n" not in page] == []
