@@ -84,10 +84,21 @@ class Comparison:
         return str(self.numbers.to_html(na_rep=""))
 
     @property
+    def names(self) -> tuple[str, ...]:
+        """What each is called: its scenario, or where two are of one, what was typed. Of laws they
+        are the laws'."""
+        files = [t.endswith((".toml", ".ssp")) for t in self.targets]
+        scenarios = tuple(
+            run.manifest.scenario if is_file else target
+            for target, run, is_file in zip(self.targets, self.runs, files, strict=True)
+        )
+        return scenarios if len(set(scenarios)) == len(scenarios) else self.targets
+
+    @property
     def headings(self) -> list[str]:
         """Of the columns of `Row.cells`."""
-        first, *others = self.targets
-        return [*self.targets, *(f"{first} less {x}" for x in others), "unit"]
+        first, *others = self.names
+        return [*self.names, *(f"{first} less {x}" for x in others), "unit"]
 
     def as_json(self) -> dict[str, Any]:
         """For programs; a run that lacks a number is not among its values, None: not reached."""
@@ -178,12 +189,12 @@ def write(made: Comparison, path: Path, **more: Any) -> Path:
     Raises OSError where it cannot be written."""
     overlaid = [
         (t, run.results, run.manifest.parameters)
-        for t, run in zip(made.targets, made.runs, strict=True)
+        for t, run in zip(made.names, made.runs, strict=True)
     ]  # fmt: skip
     plots = made.runs[0].manifest.content.plots.values()
     drawn = [(p.title, figure) for p in plots if (figure := series_figure(p, overlaid))]
     path.parent.mkdir(parents=True, exist_ok=True)
-    pairs = list(zip(made.targets, made.runs, strict=True))
+    pairs = list(zip(made.names, made.runs, strict=True))
     return write_page(path, render("compare.html", made=made, pairs=pairs, **figures_of(drawn),
                                    **{"choice": None, "pareto": (), **more}))  # fmt: skip
 
