@@ -38,7 +38,8 @@ ROLES = {
 
 def link(app: Any, page: str, source: list[str]) -> None:
     """Links to what is made here, in a page that names the file of the repository."""
-    source[0] = source[0].replace("](../fmus/interfaces.md", f"]({FOLDER}/blocks.md")
+    source[0] = re.sub(r"\]\(\.\./((?:\.\./)*)fmus/interfaces\.md", rf"](\1{FOLDER}/blocks.md",
+                       source[0])  # fmt: skip
 
 
 def write(docs: Path) -> None:

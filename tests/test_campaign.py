@@ -482,7 +482,7 @@ def test_requirements_are_judged_with_their_confidence(whole):
     assert told["numbers"]["rate"]["unit"] == told["requirements"]["rate"]["unit"] == "deg/s"
     of_analyses = {"null_rms": "N.m.s", "coil_duty": "%", "limit_time": "s", "crossings": "1"}
     assert {n: told["numbers"][n]["unit"] for n in of_analyses} == of_analyses
-    assert told["numbers"]["coil_duty"]["title"].startswith("Coil duty: mean dipole of a coil")
+    assert told["numbers"]["coil_duty"]["title"].startswith("Coil duty: mean dipole of the coils")
     assert told["digest"] == store.digest(whole)
 
 

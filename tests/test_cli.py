@@ -76,7 +76,7 @@ def test_run(desat, tmp_path):
         "manifest.json", "series.h5", "series.csv", "report.html", "baseline",
     }  # fmt: skip
     html = (tmp_path / "a" / "report.html").read_text()
-    assert html.count("<svg") == 6
+    assert html.count("<svg") == 7
     assert "src=" not in html.replace("src=x", "")
     assert "DCT, ILQR 1" in html
     assert "N m s" in html

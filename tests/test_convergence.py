@@ -345,7 +345,7 @@ def test_a_run_beyond_the_cases_warns():
         options = Options(blocks=True, values=values)
         (warning,) = of_range(options)
         assert warning.startswith(text), warning
-        assert "--substeps auto takes as many as it needs" in warning
+        assert "--substeps auto chooses their number" in warning
         for substeps in (64, "auto"):
             assert not of_range(replace(options, substeps=substeps))
 

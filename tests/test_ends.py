@@ -776,7 +776,7 @@ def test_a_run_says_how_much_the_jitter_of_faster_wheels_leaves():
     assert remarked(h=1.0, last=1.9, unbalance=1e-9) == []
     assert remarked(h=1.0, last=2.0, unbalance=1e-9) == []
     (line,) = remarked(h=1.0, last=2.1, unbalance=1e-9)
-    assert "errs by about 3.4e-06 rad, at their largest speeds" in line
+    assert "attitude error of about 3.4e-06 rad, at their largest speeds" in line
     assert remarked(h=0.0, last=2.1, unbalance=1e-10) == []
 
 

@@ -151,7 +151,7 @@ def unwired(tmp_path, *inputs, family, name):
 def test_a_controllers_torque_that_reaches_no_wheel_is_refused(tmp_path):
     file = unwired(tmp_path, "wheels.tau_cmd_wheel", family="integrated", name="mil-nadir")
     (line,) = [p for p in checked(file).problems if "tau_ctrl_body" in p]
-    assert "manager.tau_ctrl_body is wired and needs tau_cmd_wheel, an output that" in line
+    assert "manager.tau_ctrl_body is wired and needs tau_cmd_wheel, an unused output" in line
 
 
 def test_a_controller_without_guidance_is_told(tmp_path):

@@ -265,8 +265,8 @@ def test_two_accounts_of_propellant_are_refused(tmp_path, desat):
     [
         ("hausat2/start-up-ours", "manager_predictive", "needs wheels about three axes"),
         ("alsat1/ours-one-wheel", "manager_predictive", "needs wheels about three axes"),
-        ("alsat1/firing-ours", "manager_predictive", "its tau_ctrl_body has no wire"),
-        ("alsat1/firing-ours", "manager_cross_product", "its tau_ctrl_body has no wire"),
+        ("alsat1/firing-ours", "manager_predictive", "tau_ctrl_body is unconnected"),
+        ("alsat1/firing-ours", "manager_cross_product", "tau_ctrl_body is unconnected"),
         (
             DAY,
             "manager_magnetic",

@@ -512,7 +512,7 @@ def test_a_row_of_a_share_says_its_interval_and_is_held_against_its_band():
     row = found["draws_with_a_saturated_wheel"]
     assert (row.ours, row.within, row.out_of_sample) == (15.0, False, True)
     assert row.draws == Share(20, 3, pytest.approx([3.21, 37.89], abs=0.01))
-    assert "3 of 20; of all 3 to 38 %" in tables.texts_of(row)["draws"]
+    assert "3 of 20 (15 %, 95 % interval 3 to 38 %)" in tables.texts_of(row)["draws"]
     assert found["coil_load"].tuned
     assert not found["coil_load"].out_of_sample
     assert not found["mean_wheel_at_3_h"].out_of_sample, "it had a part in a choice"
@@ -525,7 +525,7 @@ def test_a_row_of_a_share_says_its_interval_and_is_held_against_its_band():
 
 def test_a_share_needs_draws():
     scenario = find("integrated/mil-fast")
-    with pytest.raises(DesatError, match=r"never_dumped: a share of draws, and .* has none"):
+    with pytest.raises(DesatError, match=r"never_dumped: a share of samples, and .* has none"):
         comparison.rows_of(scenario, dict.fromkeys(scenario.content.numbers, 1.0), {}, None)
 
 

@@ -62,7 +62,7 @@ PLANTED = {
     "export c magnetometer --out c": "c/magnetometer.h",
     "build my_own.py": "my_own.fmu",
     "pack own.toml": "own.ssp",
-    "craft own.craft.toml": "own.ssd",
+    "pack --ssd own.craft.toml": "own.ssd",
 }
 
 

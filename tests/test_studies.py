@@ -147,7 +147,7 @@ def test_what_a_sweep_refuses(axis, message):
 
 def test_a_drawn_parameter_is_no_axis_of_draws():
     (name,) = common(read(NAME), read(NAME), 1, SHORT, SHORT)["drawn_in_both"][:1]
-    with pytest.raises(DesatError, match=f"{name} is drawn"):
+    with pytest.raises(DesatError, match=f"{name} is sampled"):
         sweep(NAME, {name: [1.0]}, SHORT, 1, draws=2)
     given = draws(NAME, 1, 1, Options(blocks=True, stop=10.0, sets=[f"{name}=1"]), 1)
     assert f"--set {name}: it is sampled, and so never has this value" in given["warnings"]

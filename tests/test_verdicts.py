@@ -244,6 +244,7 @@ def asked(met: bool, lacking: int = 0) -> dict[str, object]:
 def test_a_campaign_ends_as_what_it_shows(desat, monkeypatch, requirements, unmet, failed, code):
     told = {
         "changed": "", "versions": [], "completed": 20, "count": 20 + len(failed), "unmet": unmet,
+        "numbers": {},
         "requirements": {f"r{k}": asked(met, k) for k, met in enumerate(requirements)},
         "failed": [{"case": k, "message": "h[b] is nan", "code": c} for k, c in enumerate(failed)],
     }  # fmt: skip

@@ -94,7 +94,7 @@ TRIED: dict[str, list[Any]] = {
     "largest_while": ["v3", "mode", 1, 2],
     "drive_energy": ["v4", 3.0, 10.0], "time_of": ["mode", 2], "share_below": ["v4", 0.3],
     "sign_changes": ["v4"], "decay_rate": ["decay"], "mean_rate": ["rises"],
-    "pointing_last": ["q", "q_ref"], "pointing_largest": ["q", "q_ref", 100.0],
+    "pointing_last": ["q", "q_ref"], "pointing_largest": ["q", "q_ref"],
     "pointing_rms": ["q", "q_ref"], "pointing_mean": ["q", "q_ref"],
     "pointing_until_below": ["q", "q_ref", 2.0], "pointing_level": ["q", "q_ref"],
     "pointing_relative": ["q", "q_ref", 60.0, None],

@@ -57,6 +57,7 @@ def write_report(folder: Path, run: Run, baseline: Run | None = None) -> Path:
     runs = [(label_of(r.manifest), r.results, r.manifest.parameters) for r in (run, baseline) if r]
     plots = about.plots if "plots" in about.written else _default(run.results)
     drawn = management.figures(manifest, run.results) if manifest.parts.get(management.KEY) else []
+    lead = max(1, len(drawn) + bool(manifest.verdicts))
     drawn += [
         (plot.title, figure)
         for plot in _deciding_first(plots, manifest) if (figure := series_figure(plot, runs))
@@ -91,6 +92,7 @@ def write_report(folder: Path, run: Run, baseline: Run | None = None) -> Path:
         label=runs[0][0],
         baseline_label=runs[1][0] if baseline else "",
         baseline_name=baseline.manifest.scenario if baseline else "",
+        lead=lead,
         **figures_of(drawn),
         number=number,
         unit=pretty_unit,

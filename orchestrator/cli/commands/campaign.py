@@ -190,7 +190,8 @@ def _print_numbers(told: CampaignSummary, everything: bool) -> None:
         values = [entry.get(key) for key in ("median", "p5", "p95", "min", "max")]
         table.add_row(entry["title"], *map(number, values), pretty_unit(entry["unit"]),
                       not_reached(entry))  # fmt: skip
-    print_numbers(table)
+    if table.row_count:
+        print_numbers(table)
     if rest := len(told["numbers"]) - len(names):
         out.print(f"{rest} more numbers in the report; --all prints them")
 
