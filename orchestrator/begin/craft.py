@@ -143,6 +143,8 @@ def _of_class(asked: Quantity, kind: str, measure: str, text: str) -> tuple[str,
         raise DesatError(f"{option} {text}: no class{nearest(text, known)}; there is "
                          f"{', '.join(known)}, or a number in {unit}")  # fmt: skip
     size = asked(text)
+    if kind == "wheels" and not re.search("[A-Za-z]", text.replace("e", "").replace("E", "")):
+        raise DesatError(f"{option} {text}: a unit is needed, as {text}mNms or {text}Nms")
     name = min(known, key=lambda n: abs(math.log(size / quantity(option, known[n][measure], unit))))
     return name, known[name], size
 
@@ -519,11 +521,17 @@ def _rods(wanted: CraftFacts, mass: float, orbit: Orbit) -> dict[str, str] | Non
         found, why = coils.made(text)
         return {"dipole": f"{found.dipole:.4g} A.m2", "lag": "20 ms", "why": why,
                 "resistance": f"{found.resistance:.4g}",
+                "resistance_why": "of its wire, at 20 deg C",
                 "area_turns": f"{found.area_turns:.4g}"}  # fmt: skip
     name, figures, dipole = _of_class(RODS, "rods", "dipole", text)
     why = "given" if wanted.rods else "class: 20 mA m2 a kilogram"
+    share = dipole / quantity("--rods", figures["dipole"], "A.m2")
+    current = share * quantity("--rods", figures["power"], "W") / (
+        voltage := quantity("--rods", figures["voltage"], "V"))  # fmt: skip
     return {"dipole": f"{dipole:g} A.m2", "lag": figures["lag"], "why": f"{why}; lag as {name}",
-            "resistance": "", "area_turns": ""}  # fmt: skip
+            "resistance": f"{voltage / current:.4g}", "area_turns": f"{dipole / current:.4g}",
+            "resistance_why": f"class {name}: {1e3 * voltage * current:.3g} mW at the full dipole",
+            }  # fmt: skip
 
 
 def _gyro() -> dict[str, str]:

@@ -325,9 +325,21 @@ def _figures(folder: Path, plan: CampaignPlan, told: CampaignSummary) -> list[_F
         )
         label = axis_label(entry["title"], entry["unit"], 2.4)
         unit = described.get(f"in.{driver['input'].partition('[')[0]}", {}).get("unit", "")
-        below = axis_label(driver["input"], unit, 6.0)
+        below = axis_label(_of_input(plan, driver["input"]), unit, 6.0)
         made.append(_Figure(caption, scattered({"": (x, y)}, below, label, size=2.0)))
     return made
+
+
+def _of_input(plan: CampaignPlan, name: str) -> str:
+    """What a sampled parameter is, for people: `wheels: axial momentum at the start, 2`."""
+    owner, _, variable = name.partition(".")
+    variable, _, element = variable.partition("[")
+    component = system(plan).components.get(owner)
+    interface = None if component is None else component.interface
+    known = interface.elements.get(variable, ()) if interface is not None else ()
+    if not known or not known[0].description:
+        return name
+    return f"{owner}: {known[0].description}{', ' * bool(element)}{element.rstrip(']')}"
 
 
 class _Small(NamedTuple):

@@ -93,6 +93,7 @@ def write_report(folder: Path, run: Run, baseline: Run | None = None) -> Path:
         baseline_label=runs[1][0] if baseline else "",
         baseline_name=baseline.manifest.scenario if baseline else "",
         lead=lead,
+        law=_law(manifest),
         **figures_of(drawn),
         number=number,
         unit=pretty_unit,
@@ -107,6 +108,11 @@ class Drawn(NamedTuple):
     place: int
     caption: str
     svg: Markup
+
+
+def _law(manifest: Manifest) -> str:
+    """The manager that flew, by its file's name; empty where there is none."""
+    return Path(manifest.fmus.get("manager", {}).get("source", "")).stem
 
 
 def _answer(manifest: Manifest) -> str:

@@ -239,7 +239,8 @@ def _gains(
             continue
         number, unit = product(rule, known)
         number *= unit.factor
-        text = f"{rule} = {number:.4g} {elements[0].unit_name}".removesuffix(" 1")
+        shown = law.units.get(key, elements[0].unit_name)
+        text = f"{rule} = {number:.4g} {shown}".removesuffix(" 1")
         yield key, number if key in signals else [number] * len(elements), text
     if component.interface.model != own.interface.model:
         follows = {s.array: s.follows for s in component.interface.parameters

@@ -447,10 +447,13 @@ class Sizing:
     recommended: float | None
     """the smallest with the margin and the duty asked for on the worst day of the year, with which
     the wheels suffice and `worst.toml` meets its requirements; None: there is none"""
+    recommended_year: float | None
+    """the same without `worst.toml`, by the model alone"""
     recommended_day: float | None
     """the same for the day of the scenario alone"""
     worst_day: str
-    """and the activity of the Sun on it; empty: no other day was looked at"""
+    """and the activity of the Sun on it, or that it is the scenario's own; empty: no other day was
+    looked at"""
     least_year: float
     """least rod for any law on that day, by the linear programme"""
     worst_scenario: str
@@ -518,11 +521,7 @@ class Sizing:
             rods = (f"no rods of up to {LARGEST:g} times the least, "
                     f"{max(self.least, self.least_year):.3g} A m2, do")  # fmt: skip
         else:
-            rods = f"rods of {self.recommended:.3g} A m2 hold"
-            if self.worst_day:
-                rods += f" on the worst day of the year, {self.worst_day},"
-            if self.recommended_day is not None and self.recommended_day < self.recommended:
-                rods += f" and {self.recommended_day:.3g} A m2 on the day of the scenario,"
+            rods = ", ".join(self._held())
         text = f"{self.target}: {rods}{wished}; it has {self.rod:.4g} A m2. "
         if self.detumbling_recommended is not None and self.first_dump_recommended is not None:
             text += (f"With {self.recommended:.3g} A m2 detumbling takes at least "
@@ -532,6 +531,22 @@ class Sizing:
         if has == inf:
             return text + f"Its wheels need {momenta(needs)} each and have no limit."
         return text + f"Its wheels need {momenta(needs, has)} each."
+
+    def _held(self) -> Iterator[str]:
+        """What rods hold which conditions, the hardest first."""
+        rod, year, day = self.recommended, self.recommended_year, self.recommended_day
+        assert rod is not None
+        worst = self.worst_scenario and (year is None or rod > year)
+        if worst:
+            yield f"rods of {rod:.3g} A m2 hold {self.worst_scenario}"
+        if year is not None and self.worst_day:
+            begin = f"{year:.3g} A m2" if worst else f"rods of {year:.3g} A m2 hold"
+            yield f"{begin} the worst day of the year ({self.worst_day})"
+        begun = worst or bool(self.worst_day)
+        if day is not None and not begun:
+            yield f"rods of {day:.3g} A m2 hold"
+        elif day is not None and (year is None or day < year):
+            yield f"{day:.3g} A m2 the day of the scenario"
 
 
 def momenta(needed: float, has: float | None = None) -> str:
@@ -602,7 +617,7 @@ def size(
     curve, best = _curves(flight, hardware, laws, least, wishes, progress, notes)
     law, day = (best[0].law, best[0].rod) if best else ("", None)
     model = next((x for x in laws if x.name == law), None)
-    recommended = _for_the_year(day, hardest, model, hardware, least, wishes)
+    recommended = by_year = _for_the_year(day, hardest, model, hardware, least, wishes)
     told: list[str] = []
     beside = _beside_craft(source) if wishes.flown else None
     if beside is not None:
@@ -633,9 +648,8 @@ def size(
         target, round(flight.whole / flight.period), flight.period, attitude.kind,
         tuple(torque.tolist()), float(np.linalg.norm(torque)) * flight.period, _span(cyclic),
         *shares_of(flight, torque), year, needed, *slew, room_of(hardware), hardware.torque_limit,
-        lasts, formula, least, rod, best, law, recommended, day and _up(day),
-        "" if hardest is None else f"{hardest.day}, {hardest.activity} activity of the Sun"
-        if hardest.activity else hardest.day,
+        lasts, formula, least, rod, best, law, recommended, by_year,
+        day and _up(day), "" if hardest is None else _named(hardest, least),
         0.0 if hardest is None else max(least, hardest.least),
         "" if beside is None else beside.text,
         tuple(where.weakest.tolist()), where.weakness, where.blind, tip_off,
@@ -647,6 +661,14 @@ def size(
     made = replace(made, margins=tuple(_margins(made, filled)))
     problems = (*_problems(made), *told)
     return replace(made, problems=problems, notes=(*notes, *_notes(made, attitude)))
+
+
+def _named(hardest: WorstDay, least: float) -> str:
+    """The worst day for people: the scenario's own where that asks for more."""
+    if least >= hardest.least:
+        return "that of the scenario"
+    activity = f", {hardest.activity} solar activity" if hardest.activity else ""
+    return f"{hardest.day}{activity}"
 
 
 def _for_the_year(

@@ -156,6 +156,7 @@ class Ranking:
                     f"{c.title}.")  # fmt: skip
         front = [e.name for e in self.ranked if e.front]
         more = f"; not dominated: {', '.join(front)}" if len(self.by) > 1 else ""
+        more += ". One run each, gains by rule: `desat tune` may change the order"
         return (f"{self.target}: {best.name} has the least {c.title}, {number(best.values[0])} "
                 f"{pretty_unit(c.unit)}{more}.")  # fmt: skip
 

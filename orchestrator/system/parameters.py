@@ -96,8 +96,12 @@ def _quantity(signal: Signal, text: str, where: str) -> float:
     fit."""
     match = _QUANTITY.fullmatch(text)
     assert match is not None
+    unit = match[2].strip()
     try:
-        converted = conversion(unit_of(match[2].strip()), signal.unit or Unit())
+        meant = with_dots(unit)
+        if meant is not None and conversion(unit_of(meant), signal.unit or Unit()) is not None:
+            unit = meant
+        converted = conversion(unit_of(unit), signal.unit or Unit())
     except DesatError as error:
         raise DesatError(f"{where} = {text!r}: {error}") from None
     if converted is None:

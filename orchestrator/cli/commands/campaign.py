@@ -26,6 +26,7 @@ from ..console import (
 )
 
 if TYPE_CHECKING:
+    from ...campaign.judged import CaseVerdict
     from ...campaign.report import CampaignSummary
 
 campaigns = typer.Typer(
@@ -196,6 +197,16 @@ def _print_numbers(told: CampaignSummary, everything: bool) -> None:
         out.print(f"{rest} more numbers in the report; --all prints them")
 
 
+def _asked(told: CaseVerdict) -> str:
+    """What a requirement asks for where that is not shown, and how many more cases would do."""
+    if told["met"] or "probability" not in told:
+        return ""
+    more = told.get("more_cases")
+    enough = f"; {more} more cases like these would show it" if more else ""
+    share, confidence = 100.0 * told["probability"], 100.0 * told["confidence"]
+    return f" that {share:g} % are within, with a confidence of {confidence:g} %{enough}"
+
+
 _REASONS = 3
 """Failed cases whose reason is said; the report has them all."""
 
@@ -221,7 +232,7 @@ def _report(folder: Path, as_json: bool, everything: bool) -> None:
             low, high = map(number, r["interval_outside"])
             lacking = f", {r['lacking']} without {r['number']}" if r["lacking"] else ""
             out.print(f"{name}: {r['outside']} of {r['n']} outside{lacking} "
-                      f"({low} to {high} %): {verdict}")  # fmt: skip
+                      f"({low} to {high} %): {verdict}{_asked(r)}")  # fmt: skip
         out.print(str(path))
     codes: list[Any] = (
         [Exit.UNMET] if any(not r["met"] for r in told["requirements"].values()) else []

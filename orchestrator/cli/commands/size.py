@@ -203,7 +203,8 @@ def _print_sizing(made: Sizing) -> None:
         out.print(table)
     if made.sources:
         out.print()
-        table = _table("source", "secular, uN m", "share, %", "an orbit, mN m s", "cyclic")
+        table = _table("source", "secular, uN m", "along the total, %", "an orbit, mN m s",
+                       "cyclic, mN m s")  # fmt: skip
         for s in made.sources:
             table.add_row(s.name, f"{1e6 * s.secular:.4g}", f"{100.0 * s.along:.1f}",
                           f"{1e3 * s.per_orbit:.4g}", f"{1e3 * s.cyclic:.4g}")  # fmt: skip
@@ -242,7 +243,7 @@ def _print_dumps(made: DumpSizing) -> None:
     out.print(rows)
     if made.sources:
         out.print()
-        table = _table("source", "secular, uN m", "share, %")
+        table = _table("source", "secular, uN m", "along the total, %")
         for s in made.sources:
             table.add_row(s.name, f"{1e6 * s.secular:.4g}", f"{100.0 * s.along:.1f}")
         out.print(table)
