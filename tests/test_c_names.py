@@ -110,8 +110,9 @@ def test_names_of_a_loop_have_a_prefix(tmp_path):
 
 
 @pytest.mark.skipif(not ZIG, reason="the package ziglang is not installed")
-def test_a_loop_compiles_for_every_platform(tmp_path):
-    made = export("nadir_day/day-dipole", Options(), LoopEnds(), tmp_path / "x.fmu", "all")
+def test_a_loop_compiles_for_another_platform(tmp_path):
+    """For one that most hosts have; for all it takes two minutes (`make release` builds blocks)."""
+    made = export("nadir_day/day-dipole", Options(), LoopEnds(), tmp_path / "x.fmu", "win64")
     with zipfile.ZipFile(made) as archive:
         there = {Path(n).parts[1] for n in archive.namelist() if n.startswith("binaries/")}
-    assert there == {t.platform for t in native.EVERYWHERE}
+    assert there == {"win64"}

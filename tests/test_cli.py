@@ -518,7 +518,7 @@ def test_each_command_is_in_a_panel_and_has_an_example(desat):
         (("new", "craft", "x", "--alitude", "4km"), "--alitude; did you mean --altitude?"),
         (("rum", NAME), "no command rum; did you mean run?"),
         (("keys",), "no command keys; desat help keys prints them"),
-        (("run", NAME, "--set", "spacecraft.h_start_body=1Nm,0,0"), "it has N.m.s"),
+        (("run", NAME, "--set", "spacecraft.h_start_body=1Nm,0,0"), "did you mean N.m?"),
         (("run", NAME, "--stop", "0orbits"), "--stop 0orbits: unit orbits is not known"),
         (("help", "own-blok"), "no such topic; did you mean own-block?"),
     ],
