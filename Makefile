@@ -18,7 +18,7 @@ ssp: fmus ## write the SSD of every craft; .ssp files are packed on demand: desa
 	@$(BIN)/desat pack --ssd | grep -v ": current" || true
 
 test: check fmus ## all tests
-	$(BIN)/python -m pytest -n 2
+	$(BIN)/python -m pytest -n 2 --dist worksteal
 
 check: .venv/.installed ## lint, types, and blocks within what translates to C
 	@rm -rf .venv/names && mkdir -p .venv/names/desat

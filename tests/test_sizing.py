@@ -570,7 +570,7 @@ def test_where_no_law_fits_the_least_rod_is_the_answer():
 # --- the worst day, the worst scenario, propellant by the layout --------------------------------
 
 
-@pytest.mark.parametrize("seed", [1, 7])
+@pytest.mark.parametrize("seed", [7])  # a minute of CPU each
 def test_what_is_recommended_is_accepted_and_meets_the_worst_scenario(tmp_path, seed):
     """Of the crafts that `python -m benchmarks.sizing --crafts 30` draws; it was refused."""
     found = bench.drawn_craft(seed, tmp_path)

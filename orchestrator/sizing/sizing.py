@@ -521,8 +521,8 @@ class Sizing:
             rods = (f"no rods of up to {LARGEST:g} times the least, "
                     f"{max(self.least, self.least_year):.3g} A m2, do")  # fmt: skip
         else:
-            held = [*self._held()]
-            rods = ", and ".join(held) + "," * (len(held) > 1)
+            *others, last = self._held()
+            rods = f"{', '.join(others)}, and {last}," if others else last
         text = f"{self.target}: {rods}{wished}; it has {self.rod:.4g} A m2. "
         if self.detumbling_recommended is not None and self.first_dump_recommended is not None:
             text += (f"With {self.recommended:.3g} A m2 detumbling takes at least "
