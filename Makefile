@@ -17,7 +17,8 @@ fmus: .venv/.installed ## build the FMUs of all blocks into fmus/dist/; PLATFORM
 ssp: fmus ## write the SSD of every craft; .ssp files are packed on demand: desat pack [NAME]
 	@$(BIN)/desat pack --ssd | grep -v ": current" || true
 
-test: check fmus ## all tests
+test: .venv/.installed ## all tests
+	@$(MAKE) --no-print-directory -j2 check fmus
 	$(BIN)/python -m pytest -n 2 --dist worksteal
 
 check: .venv/.installed ## lint, types, and blocks within what translates to C
