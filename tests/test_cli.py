@@ -573,3 +573,12 @@ def test_abbreviations_are_spelt_out_where_they_head_a_column(desat, tmp_path):
     for text in ("OCDC: optimal combined desaturation controller", "DCT: dumping controller"):
         assert text in page
     assert "CRCP:" not in page, "it is not in this report"
+
+
+def test_the_cost_of_a_process_of_its_own_is_said(desat, tmp_path):
+    given = ("run", NAME, "--stop", "20", "--no-baseline")
+    told = desat(*given, "--isolate", "all", cwd=tmp_path, check=True).stderr
+    assert re.search(
+        r"note: .*manager.*: in processes of their own, which costs about [\d.]+ us of", told
+    )
+    assert "costs about" not in desat(*given, cwd=tmp_path, check=True).stderr

@@ -131,9 +131,8 @@ def summary(folder: Path) -> CampaignSummary:
     completed = np.array([s == "completed" for s in status])
     cases = np.array(table["case"].to_pylist())
     out = {n[4:]: flat(table[n].to_pylist()) for n in table.column_names if n.startswith("out.")}
-    written = [*about.numbers]
-    out = dict(sorted(out.items(), key=lambda x: (x[0] not in written, written.index(x[0])
-                                                  if x[0] in written else 0)))  # fmt: skip
+    first = [name for name in about.numbers if name in out]
+    out = {name: out[name] for name in dict.fromkeys([*first, *out])}
     inputs = {
         n[3:]: flat(table[n].to_pylist()) for n in table.column_names
         if n.startswith("in.") and not n.endswith(".seed") and _is_number(table[n])

@@ -11,6 +11,7 @@ import typer
 
 from ..system.errors import DesatError
 from ..system.quantity import Quantity
+from .console import SHOWN
 
 if TYPE_CHECKING:
     from ..system.options import Algorithm, Options
@@ -162,6 +163,11 @@ Fmus = Annotated[
     FmuKind,
     typer.Option("--fmus", help="Which of our FMUs: native ones where there are such, or those of "
                  "Python; the same bits."),
+]  # fmt: skip
+Everything = Annotated[
+    bool,
+    typer.Option("--all", help="Print every number; default: those with a requirement, and the "
+                 f"first of the others, {SHOWN} in all."),
 ]  # fmt: skip
 Json = Annotated[bool, typer.Option("--json", help="Print JSON for programs.")]
 Classes = Annotated[

@@ -12,7 +12,6 @@ from ...system.errors import Exit
 from ...system.quantity import Quantity
 from .. import options as o
 from ..console import (
-    SHOWN,
     WithDefault,
     app,
     err,
@@ -88,7 +87,7 @@ def run(
                      help="A Dask scheduler's address or file, or N Dask workers here."),
     ] = None,
     accept_versions: Accept = False,
-    everything: Everything = False,
+    everything: o.Everything = False,
     as_json: o.Json = False,
 ) -> None:  # fmt: skip
     """Make the cases of a campaign, or those of it that are missing, and its report."""
@@ -128,7 +127,7 @@ def status(folder: Folder, as_json: o.Json = False) -> None:
 
 
 @campaigns.command(epilog=example("desat campaign report runs/campaign-my12u"))
-def report(folder: Folder, everything: Everything = False, as_json: o.Json = False) -> None:
+def report(folder: Folder, everything: o.Everything = False, as_json: o.Json = False) -> None:
     """Write report.html and report.json of what is there; ends with 1 where a requirement is not
     shown to be met."""
     _report(folder, as_json, everything)
@@ -166,12 +165,6 @@ def case(
         for line in made.manifest.not_met:
             err.print(f"not met: {line}")
         raise typer.Exit(made.code)
-
-
-Everything = Annotated[
-    bool, typer.Option("--all", help="Print every number; default: those with a requirement, and "
-                       f"the first of the others, {SHOWN} in all.")
-]  # fmt: skip
 
 
 def _print_numbers(told: CampaignSummary, everything: bool) -> None:

@@ -11,7 +11,7 @@ from ...files.io import claimed
 from ...system.errors import DesatError
 from .. import options as o
 from ..console import app, example, warn
-from .run import Everything, conclude
+from .run import conclude
 
 WAIT = 10.0
 """The process of a run whose parent was killed ends by itself, so soon (s)."""
@@ -28,7 +28,7 @@ def resume(
     baseline: Annotated[
         bool, typer.Option(help="Also run the scenario's baseline, and show it beside.")
     ] = True,
-    everything: Everything = False,
+    everything: o.Everything = False,
     as_json: o.Json = False,
 ) -> None:  # fmt: skip
     """Continue a run from its newest checkpoint, with the same bits."""

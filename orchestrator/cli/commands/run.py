@@ -16,7 +16,7 @@ from ...files import io
 from ...system.errors import DesatError, Exit, RunError
 from ...system.quantity import Quantity
 from .. import options as o
-from ..console import SHOWN, app, err, example, name_of, out, print_json, to_print, warn
+from ..console import app, err, example, name_of, out, print_json, to_print, warn
 
 if TYPE_CHECKING:
     from ...analyses.manifest import Manifest
@@ -24,11 +24,6 @@ if TYPE_CHECKING:
 
 BASELINE = "baseline"
 """Where the run of the baseline lies in a run folder."""
-Everything = Annotated[
-    bool,
-    typer.Option("--all", help="Print every number; default: those with a requirement, and the "
-                 f"first of the others, {SHOWN} in all."),
-]  # fmt: skip
 
 
 @app.command(epilog=example("desat run my12u --stop 6h --set manager.gain=0.002"))
@@ -87,7 +82,7 @@ def run(
                  "Save the run each time so many simulated seconds are over: `desat resume RUN` "
                  "goes on from there."),
     ] = None,
-    everything: Everything = False,
+    everything: o.Everything = False,
     as_json: o.Json = False,
 ) -> None:  # fmt: skip
     """Run a scenario and write a run folder: series, manifest, report."""
