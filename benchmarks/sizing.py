@@ -32,13 +32,13 @@ import numpy as np
 from numpy.typing import NDArray
 from rich.progress import track
 
+from desat.analyses import flight as flights
 from desat.begin import craft as new_craft
-from desat.begin.craft import CUBESATS
+from desat.begin.body import CUBESATS
 from desat.begin.facts import CraftFacts
 from desat.numbers.text import number
 from desat.runs.prepare import prepare, read
 from desat.runs.run import execute
-from desat.sizing import flight as flights
 from desat.sizing import map as sizing_map
 from desat.sizing import page as sizing_page
 from desat.sizing import sizing

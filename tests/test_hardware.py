@@ -8,11 +8,11 @@ import math
 import numpy as np
 import pytest
 
+from desat.analyses.flight import hardware_of, values_of
 from desat.files import craft
 from desat.files.hardware import KINDS, figures, known_figures, quantity, values
 from desat.fmus.registry import block_class
 from desat.runs.prepare import prepare
-from desat.sizing.flight import hardware_of, values_of
 from desat.system.errors import DesatError
 from desat.system.options import Options
 

@@ -197,10 +197,14 @@ def test_a_star_tracker_that_was_never_valid_says_no_quaternion_of_zeros(delay):
 
 
 def test_two_wheels_that_are_left_are_told_of(craft):
-    left = {"spacecraft": 0, "wheels": 0}
-    spin = prepare(str(craft), Options()).or_raise()[0].components["wheels"].parameters
-    inertia = [spin["inertia_wheel[1]"], 0.0, spin["inertia_wheel[3]"], 0.0]
-    two = Options(values={f"{owner}.inertia_wheel": inertia for owner in left})
+    own = prepare(str(craft), Options()).or_raise()[0].components["wheels"].values
+    left = [1.0, 0.0, 1.0, 0.0]
+    inertia = [x * k for x, k in zip(own["inertia_wheel"], left, strict=True)]
+    axes = [x * left[i % 4] for i, x in enumerate(own["axes_wheel"])]
+    spin = f"shared.inertia_wheel={inertia}"
+    with pytest.raises(DesatError, match=r"column 2 = .*, but inertia_wheel\[2\] = 0"):
+        prepare(str(craft), Options(sets=[spin])).or_raise()
+    two = Options(sets=[spin, f"shared.axes_wheel={axes}"])
     (line,) = [w for w in prepare(str(craft), two).checked.warnings if "2 wheels" in w]
     assert "none turns the craft about (" in line
 

@@ -221,9 +221,10 @@ def test_an_empty_tank_fires_nothing() -> None:
     for k in range(20):
         jets.advance(float(k), 1.0)
     jets.output(20.0)
-    # 1.02 g a second: three seconds, and none after
-    assert jets.on_time == pytest.approx(3.0)
-    assert jets.propellant_left == pytest.approx(0.0, abs=1e-3)
+    # 1 N takes 1 / (100 s g0) = 1.0197 g a second: 2.94 s, and nothing after
+    assert jets.propellant == 3e-3
+    assert jets.propellant_left == 0.0
+    assert jets.on_time == pytest.approx(3e-3 * 100.0 * 9.80665, rel=1e-12)
 
 
 # --- crafts of one line ---------------------------------------------------------------------------
@@ -307,8 +308,9 @@ def test_a_csv_of_torques_flies(tmp_path: Path) -> None:
         ({"sun": "1AU", "inclination": "5deg"}, r"--inclination 5deg: --sun 1AU says the orbit"),
         ({"orbit": "50x2000km"}, r"--orbit 50 km: 150 to 400000 km are covered"),
         ({"orbit": "gro"}, r"--orbit gro: there is geo, .*did you mean ge?t?o"),
-        ({"secular": "1uNm", "torque": "x.csv"}, r"--secular, --torque: one of them"),
-        ({"secular": "1,2"}, r"one torque, about y, or three are needed"),
+        ({"secular": "1uNm", "torque": "x.csv"}, r"--torque x\.csv: no such file"),
+        ({"secular": "80"}, r"--secular 80: a unit is needed, as 80Nm"),
+        ({"secular": "1uNm,2uNm"}, r"one torque, about y, or three are needed"),
         ({"secular": "0uNm"}, r"a torque other than 0 is needed"),
         ({"torque": "/nowhere.csv"}, r"--torque /nowhere\.csv: "),
         ({"propellant": "1kg"}, r"--propellant 1kg: --thrusters says which"),
@@ -326,9 +328,11 @@ def test_what_cannot_be_is_refused(tmp_path: Path, wanted: dict[str, Any], told:
     ("text", "told"),
     [
         ("t,x,y,z\n", "there is no row of four numbers"),
-        ("0,1,2\n0,1,2,3\n1,2,3\n", r":3: four numbers are needed, t in s"),
+        ("0,1,2\n0,1,2,3\n1,2,3\n", r":1: four numbers are needed, t in s"),
+        ("t,x,y,z\n0,1,2,3\n1,2,3\n", r":3: four numbers are needed, t in s"),
+        ("inf,x,y,z\n0,1,2,3\n", r":1: four numbers are needed.*got inf,x,y,z"),
         ("0,1,2,3\n0,1,2,3\n", r":2: its time 0 s is not after that of the row before"),
-        ("0,1,2,nan\n1,1,1,1\n2,x,1,1\n", r":3: four numbers are needed"),
+        ("0,1,2,nan\n1,1,1,1\n2,x,1,1\n", r":1: four numbers are needed"),
         ("\n".join(f"{k},0,0,0" for k in range(300)), "300 rows; 256 are taken at most"),
     ],
 )

@@ -13,7 +13,8 @@ import numpy as np
 import pytest
 
 import desat as library
-from desat.begin.craft import CUBESATS, SCENARIOS, write
+from desat.begin.body import CUBESATS
+from desat.begin.craft import SCENARIOS, write
 from desat.begin.facts import CraftFacts
 from desat.files.hardware import classes, quantity
 from desat.fmus import registry

@@ -58,10 +58,10 @@ def test_what_is_none_is_refused_with_the_option(given, told):
 
 REFUSED = {
     "new craft x --residual-dipole 1e309": "--residual-dipole 1e309: a finite number",
-    "new craft x --mass 1e309": "--mass 1e309: a finite number",
+    "new craft x --mass 1e309kg": "--mass 1e309kg: a finite number",
     "new craft x --box 1,1,1e309": "--box 1,1,1e309: a finite number",
     "new craft x --inertia 1,1e309,1e309": "--inertia 1,1e309,1e309: a finite number",
-    "new craft x --wheels '3 axes 1e309'": "--wheels 1e309: a finite number",
+    "new craft x --wheels '3 axes 1e309Nms'": "--wheels 1e309Nms: a finite number",
     "new craft x --thrusters '7 1N'": "--thrusters 7 1N: the form is 4 SIZE",
     "new craft x --epoch 1000-01-01": "--epoch 1000-01-01: a year from 1957 to 2056 is needed",
     "new craft x --tle iss.tle --inclination 10deg": "--inclination 10deg: --tle iss.tle says the",

@@ -12,6 +12,8 @@ import pytest
 from scipy.optimize import minimize
 
 from benchmarks import sizing as bench
+from desat.analyses import flight as flights
+from desat.analyses.flight import Flight, Hardware
 from desat.begin import craft as new_craft
 from desat.begin.facts import CraftFacts
 from desat.components.laws import cross_product
@@ -19,11 +21,9 @@ from desat.fmus.registry import block_class
 from desat.numbers.derived import cross
 from desat.runs.prepare import prepare
 from desat.runs.run import Options
-from desat.sizing import flight as flights
 from desat.sizing import map as sizing_map
 from desat.sizing import page as sizing_page
 from desat.sizing import sizing
-from desat.sizing.flight import Flight, Hardware
 from desat.sizing.law import UnsuitedError, ask, law_by, law_of
 from desat.sizing.model import fly, track_of
 from desat.sizing.sizing import (

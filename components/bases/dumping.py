@@ -34,6 +34,8 @@ class MomentumDumping(WheelManager):
     is zero then. Without `valid_b` there is no dipole; that is the blocks' part.
     """
 
+    passes_torque = True
+
     feedforward: bool = Parameter(
         "1", "true: the wheels absorb the dumping torque at once", start=True
     )

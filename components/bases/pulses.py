@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Iterable
+from math import inf
 
 from ..contract.block import Output, Parameter, Table, Vec3
 from ..contract.roles import Thrusters
 from ..maths.moments import window
-from ..maths.vector import ZERO, norm
+from ..maths.vector import ZERO, norm, scale
 
 STANDARD_GRAVITY = 9.80665
 BEGIN, CENTRED = range(2)
@@ -28,27 +29,46 @@ class PulsedThrusters(Thrusters):
     """
 
     least_pulse: float = Parameter(
-        "s", "on-times are multiples of it, to the nearest", start=0.05, min=1e-6
+        "s",
+        "on-times are multiples of it, to the nearest",
+        start=0.05,
+        min=1e-6,
+        usual=(1e-4, 10.0),
     )
-    least_on_time: float = Parameter("s", "shorter on-times are left out", min=0.0)
+    least_on_time: float = Parameter(
+        "s",
+        "shorter on-times are left out",
+        min=0.0,
+        usual=(0.0, 10.0),
+    )
     carried: bool = Parameter(
         "1", "true: what pulses leave of a wanted on-time is added to the next one's"
     )
     placement: int = Parameter(
         "1", "where in the sample period pulses are", choices=("begin", "centred"), start="begin"
     )
-    specific_impulse: float = Parameter("s", "specific impulse", start=68.0, min=1.0)
+    specific_impulse: float = Parameter(
+        "s",
+        "specific impulse",
+        start=68.0,
+        min=1.0,
+        usual=(20.0, 1e4),
+    )
     schedule_start: Table = Parameter("s", "scheduled firings: when each begins", shape=(ENTRIES,))
     schedule_duration: Table = Parameter(
         "s", "scheduled firings: how long; 0: none", shape=(ENTRIES,), min=0.0,
         needs=("tau_mean_thruster_body", "tau_slope_thruster_body"),
     )  # fmt: skip
     schedule_tau_body: Table = Parameter(
-        "N.m", "scheduled firings: torque of each on the body, body", shape=(ENTRIES, 3)
+        "N.m",
+        "scheduled firings: torque of each on the body, body",
+        shape=(ENTRIES, 3),
+        usual=(-100.0, 100.0),
     )
     schedule_force_body: Table = Parameter(
         "N", "scheduled firings: force of each on the craft, body; propellant by its size",
         shape=(ENTRIES, 3),
+        usual=(-1e4, 1e4),
     )  # fmt: skip
     schedule_on_time: float = Output("s", "time of scheduled firings; no part of on_time")
     schedule_propellant: float = Output(
@@ -112,11 +132,23 @@ class PulsedThrusters(Thrusters):
         """Add what the pulses do over the step from t on to the torque's mean and slope (N m) and
         the force's mean (N), body, and count them."""
         exhaust = STANDARD_GRAVITY * self.specific_impulse
-        for begin, end, i, jet in self._pulses:
-            seconds = _add(mean, slope, force, jet, begin, end, t, dt)
+        used = 0.0
+        for begin, end, _, jet in self._pulses:
+            used += window(begin, end, t, dt)[0] * dt * jet[2] / exhaust
+        left = self.propellant_limit() - self._propellant
+        share = max(0.0, left) / used if used > left else 1.0
+        for begin, end, i, (torque, push, thrust) in self._pulses:
+            torque, push = scale(share, torque), scale(share, push)
+            seconds = share * _add(mean, slope, force, (torque, push, thrust), begin, end, t, dt)
             self._on_time += seconds
-            self._propellant += seconds * jet[2] / exhaust
+            self._propellant += seconds * thrust / exhaust
             self.fired(i, seconds)
+        if share < 1.0:
+            self._propellant = self.propellant_limit()
+
+    def propellant_limit(self) -> float:
+        """What all pulses may take (kg): that of the tank."""
+        return inf
 
     @abstractmethod
     def wanted(self, period: float) -> Iterable[tuple[float, Jet]]:

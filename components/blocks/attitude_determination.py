@@ -49,7 +49,11 @@ class AttitudeDetermination(Role, Sensor):
         usual=SMALL_ANGLE,
     )
     correlation_time: float = Parameter(
-        "s", "correlation time of the Gauss-Markov error; 0: white", start=100.0, min=0.0
+        "s",
+        "correlation time of the Gauss-Markov error; 0: white",
+        start=100.0,
+        min=0.0,
+        usual=(0.0, 1e6),
     )
     noise: float = Parameter(
         "rad", "standard deviation of the white error of each axis", min=0.0, usual=SMALL_ANGLE

@@ -25,16 +25,40 @@ class Magnetometer(Role, Sensor):
     b - a x b, the antisymmetric E = -[a x]; axes that are not orthogonal are its symmetric rest.
     """
 
-    bias_body: Vec3 = Parameter("T", "constant error, body")
+    bias_body: Vec3 = Parameter(
+        "T",
+        "constant error, body",
+        usual=(-1e-4, 1e-4),
+    )
     coil_coupling: Mat33 = Parameter(
-        "T/(A.m2)", "K: field at the magnetometer by the torquers' dipole, body", needs=("m_body",)
+        "T/(A.m2)",
+        "K: field at the magnetometer by the torquers' dipole, body",
+        needs=("m_body",),
+        usual=(-1e-2, 1e-2),
     )
     response_error: Mat33 = Parameter(
-        "1", "E: scale-factor errors, misalignment and non-orthogonality of the axes, body"
+        "1",
+        "E: scale-factor errors, misalignment and non-orthogonality of the axes, body",
+        usual=(-0.3, 0.3),
     )
-    noise: float = Parameter("T", "standard deviation of the noise of each axis", min=0.0)
-    resolution: float = Parameter("T", "quantisation step of each axis; 0: none", min=0.0)
-    full_scale: float = Parameter("T", "largest magnitude of each axis; 0: no limit", min=0.0)
+    noise: float = Parameter(
+        "T",
+        "standard deviation of the noise of each axis",
+        min=0.0,
+        usual=(0.0, 1e-5),
+    )
+    resolution: float = Parameter(
+        "T",
+        "quantisation step of each axis; 0: none",
+        min=0.0,
+        usual=(0.0, 1e-5),
+    )
+    full_scale: float = Parameter(
+        "T",
+        "largest magnitude of each axis; 0: no limit",
+        min=0.0,
+        usual=(0.0, 0.1),
+    )
 
     def start(self) -> None:
         self._noise = stream(self.instance, "b_body", self.seed)

@@ -60,6 +60,8 @@ class ManagerIntegrated(WheelManager):
     Source: paper 004, eqs. 9 and 13-26.
     """
 
+    passes_torque = True
+
     craft_needs = (Need.COILS, Need.CONTROLLER)
     offers = (
         # the wheels lose a quarter of t_DES, and no dipole beyond m_limit is asked for

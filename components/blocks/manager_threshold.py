@@ -80,7 +80,9 @@ class ManagerThreshold(MomentumDumping):
     dumps: int = Output("1", "dumps that have begun", interval=True)
     dumping_time: float = Output("s", "time of all dumps", interval=True)
     dumped: float = Output(
-        "N.m.s", "size of the impulse that dumps have commanded, summed", interval=True
+        "N.m.s",
+        "size of the impulse that each dump has commanded in all, body, summed over dumps",
+        interval=True,
     )
 
     def start(self) -> None:
@@ -94,6 +96,8 @@ class ManagerThreshold(MomentumDumping):
         self.dumps, self.dumping_time, self.dumped = 0, 0.0, 0.0
         self._since = 0.0
         self._rest: Vec3 = ZERO
+        self._dumped_before = 0.0  # by dumps that are over, N m s
+        self._taken: Vec3 = ZERO  # by the dump that goes on, N m s
         self._last = 0
 
     def foresee(self, begin: float, end: float, wired: frozenset[str]) -> Iterator[str]:
@@ -112,6 +116,7 @@ class ManagerThreshold(MomentumDumping):
             self.mode, self._since = WAITING, t
         if self.mode == WAITING and self._goes(t, h, size):
             self.mode, self._last, self._rest = DUMPING, 0, ZERO
+            self._dumped_before, self._taken = self.dumped, ZERO
             self.dumps += 1
         if self.mode == DUMPING and (
             self._last >= SAMPLES or fill <= self.end or size == 0.0
@@ -128,14 +133,19 @@ class ManagerThreshold(MomentumDumping):
             if self._is_done(left):
                 self._last = SAMPLES
             n = self._in_pulses(n, left)
-            self.dumped += norm(n) * self.sample_time
+            self._count(n)
             return n, (ZERO, n)
         if not self.valid_b:
             return ZERO, (ZERO, ZERO)
         m = clip(cross_product.normalised(h, self.b_body, self.gain), self.m_limit)
         n = cross(m, self.b_body)
-        self.dumped += norm(n) * self.sample_time
+        self._count(n)
         return n, (m, ZERO)
+
+    def _count(self, n: Vec3) -> None:
+        """Add the impulse of a torque (N m) over a sample to that of the dump."""
+        self._taken = add(self._taken, scale(self.sample_time, n))
+        self.dumped = self._dumped_before + norm(self._taken)
 
     def _is_done(self, left: Vec3) -> bool:
         """Whether what is left of a dump (N m s) is less than half a pulse about each axis."""

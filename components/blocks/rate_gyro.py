@@ -3,7 +3,7 @@ from __future__ import annotations
 from math import exp, sqrt
 
 from ..bases.sensing import Sensor, digital3, gauss_markov
-from ..contract.block import SPIN, Parameter, Vec3
+from ..contract.block import SMALL_ANGLE, SPIN, Parameter, Vec3
 from ..contract.roles import RateGyro as Role
 from ..maths.noise import normal3, normal6, stream
 from ..maths.vector import ZERO, add, cross, scale, sub
@@ -42,12 +42,20 @@ class RateGyro(Role, Sensor):
         "rad/s",
         "random walk of the bias: standard deviation of its change in 1 s, each axis",
         min=0.0,
+        usual=(0.0, 1e-3),
     )
     bias_instability: float = Parameter(
-        "rad/s", "bias instability: the floor of the Allan deviation, each axis", min=0.0
+        "rad/s",
+        "bias instability: the floor of the Allan deviation, each axis",
+        min=0.0,
+        usual=(0.0, 1e-2),
     )
     instability_time: float = Parameter(
-        "s", "correlation time of the bias instability; above 0", start=100.0, min=0.0
+        "s",
+        "correlation time of the bias instability; above 0",
+        start=100.0,
+        min=0.0,
+        usual=(0.0, 1e6),
     )
     noise: float = Parameter(
         "rad/s",
@@ -59,11 +67,30 @@ class RateGyro(Role, Sensor):
         "rad",
         "standard deviation of the angle that white rate noise sums up to in 1 s, each axis",
         min=0.0,
+        usual=(0.0, 0.1),
     )
-    scale_error: Vec3 = Parameter("1", "scale-factor error of each axis")
-    misalignment_body: Vec3 = Parameter("rad", "small rotation of its axes against the body's")
-    resolution: float = Parameter("rad/s", "quantisation step of each axis; 0: none", min=0.0)
-    full_scale: float = Parameter("rad/s", "largest magnitude of each axis; 0: no limit", min=0.0)
+    scale_error: Vec3 = Parameter(
+        "1",
+        "scale-factor error of each axis",
+        usual=(-0.3, 0.3),
+    )
+    misalignment_body: Vec3 = Parameter(
+        "rad",
+        "small rotation of its axes against the body's",
+        usual=SMALL_ANGLE,
+    )
+    resolution: float = Parameter(
+        "rad/s",
+        "quantisation step of each axis; 0: none",
+        min=0.0,
+        usual=(0.0, 0.1),
+    )
+    full_scale: float = Parameter(
+        "rad/s",
+        "largest magnitude of each axis; 0: no limit",
+        min=0.0,
+        usual=(0.0, 100.0),
+    )
 
     def start(self) -> None:
         self._sigma = self.noise

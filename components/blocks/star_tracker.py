@@ -59,7 +59,11 @@ class StarTracker(Role, Sensor):
         min=0.0, usual=SMALL_ANGLE,
     )  # fmt: skip
     drift_time: float = Parameter(
-        "s", "correlation time of the low-frequency error; 0: white", start=100.0, min=0.0
+        "s",
+        "correlation time of the low-frequency error; 0: white",
+        start=100.0,
+        min=0.0,
+        usual=(0.0, 1e5),
     )
     sun_exclusion: float = Parameter(
         "rad", "smallest angle from the boresight to the Sun; 0: not blinded", min=0.0,
@@ -73,10 +77,16 @@ class StarTracker(Role, Sensor):
         "rad/s", "largest angular rate at which stars are seen; 0: any", min=0.0, usual=SPIN
     )
     dropout_interval: float = Parameter(
-        "s", "mean time between drop-outs, which have no memory; 0: none", min=0.0
+        "s",
+        "mean time between drop-outs, which have no memory; 0: none",
+        min=0.0,
+        usual=(0.0, 1e7),
     )
     reacquisition_time: float = Parameter(
-        "s", "from the last sample without stars to the next valid one", min=0.0
+        "s",
+        "from the last sample without stars to the next valid one",
+        min=0.0,
+        usual=(0.0, 1e4),
     )
     delay: float = Parameter(
         "s", f"from a sample to its output: up to {ON_THEIR_WAY} times sample_time", min=0.0

@@ -16,13 +16,28 @@ class Tachometers(Role, Sensor):
     seed, instance name and sample index.
     """
 
-    bias_wheel: Vec4 = Parameter("N.m.s", "constant error of each wheel")
-    noise: float = Parameter("N.m.s", "standard deviation of the noise of each wheel", min=0.0)
+    bias_wheel: Vec4 = Parameter(
+        "N.m.s",
+        "constant error of each wheel",
+        usual=(-10.0, 10.0),
+    )
+    noise: float = Parameter(
+        "N.m.s",
+        "standard deviation of the noise of each wheel",
+        min=0.0,
+        usual=(0.0, 1.0),
+    )
     resolution: float = Parameter(
-        "N.m.s", "quantisation step of each wheel's momentum; 0: none", min=0.0
+        "N.m.s",
+        "quantisation step of each wheel's momentum; 0: none",
+        min=0.0,
+        usual=(0.0, 1.0),
     )
     full_scale: float = Parameter(
-        "N.m.s", "largest magnitude of each wheel's momentum; 0: no limit", min=0.0
+        "N.m.s",
+        "largest magnitude of each wheel's momentum; 0: no limit",
+        min=0.0,
+        usual=(0.0, 1e4),
     )
 
     def start(self) -> None:

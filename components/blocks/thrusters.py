@@ -1,7 +1,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from math import copysign
+from math import copysign, inf
 
 from ..bases.pulses import Jet, PulsedThrusters
 from ..contract.block import Output, Parameter, Vec3
@@ -19,8 +19,8 @@ class Thrusters(PulsedThrusters):
 
         on_time += sum over the axes;  propellant += on-time tau_level / (arm g0 I_sp)
 
-    With a `tank` nothing more is fired by command once `propellant` has come to it; the last pulse
-    goes on.
+    With a `tank` nothing more is fired by command once `propellant` has come to it: the step in
+    which that happens has the torque of what was left, as a mean over its pulses.
 
     A pair has no force. Up to eight scheduled firings (`schedule_...`: an orbit manoeuvre, say) add
     their torque and force, and count in `schedule_on_time` and `schedule_propellant` only:
@@ -31,9 +31,26 @@ class Thrusters(PulsedThrusters):
     (cold nitrogen) are not in the paper.
     """
 
-    tau_level: Vec3 = Parameter("N.m", "torque of each axis while it fires", start=0.04, min=1e-9)
-    arm: float = Parameter("m", "lever arm of the thrusters", start=0.4, min=1e-3)
-    tank: float = Parameter("kg", "propellant at the start; 0: without end", min=0.0)
+    tau_level: Vec3 = Parameter(
+        "N.m",
+        "torque of each axis while it fires",
+        start=0.04,
+        min=1e-9,
+        usual=(1e-6, 1e3),
+    )
+    arm: float = Parameter(
+        "m",
+        "lever arm of the thrusters",
+        start=0.4,
+        min=1e-3,
+        usual=(0.01, 20.0),
+    )
+    tank: float = Parameter(
+        "kg",
+        "propellant at the start; 0: without end",
+        min=0.0,
+        usual=(0.0, 1e4),
+    )
     propellant_left: float = Output("kg", "propellant in the tank; 0 where it is without end")
 
     def output(self, t: float) -> None:
@@ -44,6 +61,9 @@ class Thrusters(PulsedThrusters):
         if 0.0 < self.tank <= self._propellant:
             return ()
         return tuple(self._axis(i, period) for i in range(3))
+
+    def propellant_limit(self) -> float:
+        return self.tank if self.tank > 0.0 else inf
 
     def _axis(self, i: int, period: float) -> tuple[float, Jet]:
         command, level = self.tau_cmd_thruster_body[i], self.tau_level[i]

@@ -32,19 +32,28 @@ class ThrustersMisaligned(Thrusters):
     schedule_tau_body: Table = Parameter(
         "N.m", "scheduled firings: torque of each on the body as it is known, body",
         shape=(ENTRIES, 3), shared=True,
+        usual=(-100.0, 100.0),
     )  # fmt: skip
     scale_error: float = Parameter("1", "of all scheduled firings: true over known torque, less 1",
-                                   min=-1.0)  # fmt: skip
+                                   min=-1.0,
+        usual=(-0.5, 0.5),)  # fmt: skip
     turn_body: Vec3 = Parameter(
         "rad",
         "of all scheduled firings: rotation from the known to the true torque, body",
         usual=TURN,
     )
     schedule_scale_error: Table = Parameter(
-        "1", "of each beyond that: true over known torque, less 1", shape=(ENTRIES,), min=-1.0
+        "1",
+        "of each beyond that: true over known torque, less 1",
+        shape=(ENTRIES,),
+        min=-1.0,
+        usual=(-0.5, 0.5),
     )
     schedule_turn_body: Table = Parameter(
-        "rad", "of each beyond that: rotation, body", shape=(ENTRIES, 3)
+        "rad",
+        "of each beyond that: rotation, body",
+        shape=(ENTRIES, 3),
+        usual=TURN,
     )
 
     def start(self) -> None:

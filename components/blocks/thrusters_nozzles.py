@@ -50,6 +50,7 @@ class ThrustersNozzles(PulsedThrusters):
             (0.0, 0.4, 0.0), (0.0, -0.4, 0.0), (-0.4, 0.0, 0.0), (0.4, 0.0, 0.0),
             (0.4, 0.0, 0.0), (0.4, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0),
         ),
+        usual=(-20.0, 20.0),
     )  # fmt: skip
     direction_nozzle: Table = Parameter(
         "1", "direction of each nozzle's force on the body, unit vector; zero: no nozzle",
@@ -58,8 +59,16 @@ class ThrustersNozzles(PulsedThrusters):
             (0.0, 0.0, 1.0), (0.0, 0.0, 1.0), (0.0, 0.0, 1.0), (0.0, 0.0, 1.0),
             (0.0, 1.0, 0.0), (0.0, -1.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0),
         ),
+        usual=(-1.0, 1.0),
     )  # fmt: skip
-    thrust: Table = Parameter("N", "thrust of each nozzle", shape=(NOZZLES,), start=0.1, min=0.0)
+    thrust: Table = Parameter(
+        "N",
+        "thrust of each nozzle",
+        shape=(NOZZLES,),
+        start=0.1,
+        min=0.0,
+        usual=(0.0, 1e3),
+    )
 
     schedule_nozzle: Table = Parameter(
         "1", "scheduled firings: a row each, the share of the time that each nozzle is open",

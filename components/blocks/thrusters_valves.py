@@ -41,8 +41,18 @@ class ThrustersValves(ThrustersNozzles):
     Source: ours; Boyle's law for the pressure.
     """
 
-    rise_time: float = Parameter("s", "time constant of the thrust as a valve opens", min=0.0)
-    decay_time: float = Parameter("s", "time constant of the thrust as a valve shuts", min=0.0)
+    rise_time: float = Parameter(
+        "s",
+        "time constant of the thrust as a valve opens",
+        min=0.0,
+        usual=(0.0, 1.0),
+    )
+    decay_time: float = Parameter(
+        "s",
+        "time constant of the thrust as a valve shuts",
+        min=0.0,
+        usual=(0.0, 1.0),
+    )
     impulse_scatter: float = Parameter(
         "1", "standard deviation of a pulse's thrust, relative; each pulse anew", min=0.0,
         usual=(0.0, 0.3),
@@ -57,7 +67,12 @@ class ThrustersValves(ThrustersNozzles):
     stuck: int = Parameter("1", "how it is stuck", choices=("closed", "open"), start="closed")
     stuck_from: float = Parameter("s", "when it is", start=0.0)
     failure_known: bool = Parameter("1", "true: the allocation then reckons with it")
-    tank: float = Parameter("kg", "propellant at the start; 0: without end", min=0.0)
+    tank: float = Parameter(
+        "kg",
+        "propellant at the start; 0: without end",
+        min=0.0,
+        usual=(0.0, 1e4),
+    )
     blowdown: float = Parameter(
         "1", "the tank's pressure at the start over that when it is empty; 1: regulated", start=1.0,
         min=1.0, usual=(1.0, 10.0),

@@ -52,20 +52,52 @@ class Torquers(Role):
     axes_coil: Mat34 = Parameter(
         "1", "columns: the coils' axes, body; zero where there is no coil",
         start=(1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0),
+        usual=(-1.0, 1.0),
     )  # fmt: skip
     m_limit: float = Parameter(
         "A.m2", "largest dipole of each coil", start=40.0, min=0.0, usual=(1e-3, 5000.0)
     )
-    lag: float = Parameter("s", "time constant of a coil; 0: none", min=0.0)
-    quiet_time: float = Parameter("s", "from each sample on all coils are off so long", min=0.0)
-    least_pulse: float = Parameter("s", "pulsed: length of one pulse", start=0.05, min=1e-6)
+    lag: float = Parameter(
+        "s",
+        "time constant of a coil; 0: none",
+        min=0.0,
+        usual=(0.0, 10.0),
+    )
+    quiet_time: float = Parameter(
+        "s",
+        "from each sample on all coils are off so long",
+        min=0.0,
+        usual=(0.0, 100.0),
+    )
+    least_pulse: float = Parameter(
+        "s",
+        "pulsed: length of one pulse",
+        start=0.05,
+        min=1e-6,
+        usual=(1e-4, 10.0),
+    )
     duty_max: float = Parameter(
         "1", "pulsed: largest share of the period", start=0.9, min=0.0, max=1.0
     )
-    pulse_delay: float = Parameter("s", "pulsed: from the quiet time to the pulses", min=0.0)
-    resistance: float = Parameter("Ohm", "resistance of each coil", start=30.0, min=0.0)
+    pulse_delay: float = Parameter(
+        "s",
+        "pulsed: from the quiet time to the pulses",
+        min=0.0,
+        usual=(0.0, 10.0),
+    )
+    resistance: float = Parameter(
+        "Ohm",
+        "resistance of each coil",
+        start=30.0,
+        min=0.0,
+        usual=(1e-2, 1e4),
+    )
     area_turns: float = Parameter(
-        "m2", "dipole per ampere: area times turns, core included", start=200.0, min=1e-9
+        "m2",
+        "dipole per ampere: area times turns, core included",
+        start=200.0,
+        min=1e-9,
+        usual=(1e-3, 1e5),
     )
     failed_coil: int = Parameter(
         "1", "which coil fails", choices=("none", "1", "2", "3", "4"), start="none"

@@ -41,11 +41,33 @@ class TorquersPassive(Torquers):
     magnet_body: Vec3 = Parameter("A.m2", "dipole of the permanent magnet, body",
                                   usual=(-10.0, 10.0))  # fmt: skip
     rod_volume: Vec3 = Parameter(
-        "m3", "volume of all rods along each body axis; 0: none", min=0.0, needs=("b_eci", "q_bi")
+        "m3",
+        "volume of all rods along each body axis; 0: none",
+        min=0.0,
+        needs=("b_eci", "q_bi"),
+        usual=(0.0, 1e-3),
     )
-    coercive_field: float = Parameter("A/m", "H_c of a rod", start=12.0, min=1e-3)
-    remanence: float = Parameter("T", "B_r of a rod", start=0.004, min=1e-9)
-    saturation: float = Parameter("T", "B_s of a rod", start=0.025, min=1e-9)
+    coercive_field: float = Parameter(
+        "A/m",
+        "H_c of a rod",
+        start=12.0,
+        min=1e-3,
+        usual=(0.1, 1e3),
+    )
+    remanence: float = Parameter(
+        "T",
+        "B_r of a rod",
+        start=0.004,
+        min=1e-9,
+        usual=(1e-4, 2.0),
+    )
+    saturation: float = Parameter(
+        "T",
+        "B_s of a rod",
+        start=0.025,
+        min=1e-9,
+        usual=(1e-3, 3.0),
+    )
     reversal_slope: float = Parameter("1", "q: slope just after a reversal", min=0.0, max=1.0)
     flux_body: Vec3 = Output("T", "flux of the rods along each body axis, at the step's begin")
 

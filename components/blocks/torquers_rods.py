@@ -49,19 +49,28 @@ class TorquersRods(Torquers):
         min=0.0, max=0.5, usual=(0.0, 0.1),
     )  # fmt: skip
     supply_voltage: float = Parameter(
-        "V", "what the bridge can put on a coil; 0: any, and the current follows by lag", min=0.0
+        "V",
+        "what the bridge can put on a coil; 0: any, and the current follows by lag",
+        min=0.0,
+        usual=(0.0, 200.0),
     )
     regulation: int = Parameter(
         "1", "what the bridge holds, with a supply_voltage", choices=("current", "voltage"),
         start="current",
     )  # fmt: skip
-    inductance: float = Parameter("H", "inductance of each coil, with a supply_voltage", min=0.0)
+    inductance: float = Parameter(
+        "H",
+        "inductance of each coil, with a supply_voltage",
+        min=0.0,
+        usual=(0.0, 100.0),
+    )
     temperature: float = Parameter(
         "K", "temperature of the windings", start=293.15, min=1.0, usual=(173.15, 423.15)
     )
     temperature_coefficient: float = Parameter(
         "1/K", "relative change of the resistance with temperature, at 293.15 K", start=0.00393,
         min=0.0,
+        usual=(0.0, 0.01),
     )  # fmt: skip
 
     def start(self) -> None:

@@ -79,26 +79,50 @@ class Wheels(Role, WheelInertias):
     speed_limit: float = Parameter(
         "rad/s", "speed at which a wheel is saturated", start=600.0, min=1e-3, usual=(1.0, 1100.0)
     )
-    speed_gain: float = Parameter("1/s", "speed mode: bandwidth of the loop", start=0.5, min=0.0)
+    speed_gain: float = Parameter(
+        "1/s",
+        "speed mode: bandwidth of the loop",
+        start=0.5,
+        min=0.0,
+        usual=(0.0, 20.0),
+    )
     speed_sample_time: float = Parameter(
         "s", "speed mode: time between the loop's own samples", start=0.1, min=1e-3
     )
-    motor_lag: float = Parameter("s", "time constant of the motor; 0: none", min=0.0)
+    motor_lag: float = Parameter(
+        "s",
+        "time constant of the motor; 0: none",
+        min=0.0,
+        usual=(0.0, 10.0),
+    )
     viscous: float = Parameter(
-        "N.m.s/rad", "viscous friction c_v", min=0.0, needs=("omega_bi_body",)
+        "N.m.s/rad",
+        "viscous friction c_v",
+        min=0.0,
+        needs=("omega_bi_body",),
+        usual=(0.0, 1e-2),
     )
     coulomb: float = Parameter(
-        "N.m", "Coulomb friction c_c", min=0.0, needs=("omega_bi_body",)
+        "N.m", "Coulomb friction c_c", min=0.0, needs=("omega_bi_body",),
+        usual=(0.0, 0.1),
     )  # fmt: skip
     friction_speed: float = Parameter(
-        "rad/s", "omega_eps: speed over which Coulomb friction turns", start=2.0, min=1e-6
+        "rad/s",
+        "omega_eps: speed over which Coulomb friction turns",
+        start=2.0,
+        min=1e-6,
+        usual=(1e-3, 100.0),
     )
     compensation: float = Parameter(
-        "1/s", "bandwidth of the loop that compensates friction; 0: none", min=0.0
+        "1/s",
+        "bandwidth of the loop that compensates friction; 0: none",
+        min=0.0,
+        usual=(0.0, 100.0),
     )
     stiction: float = Parameter(
         "N.m", "torque that a standing rotor resists, no less than coulomb; 0: none", min=0.0,
         needs=("omega_bi_body",),
+        usual=(0.0, 0.1),
     )  # fmt: skip
     failed: int = Parameter(
         "1", "which wheels fail",
@@ -109,16 +133,27 @@ class Wheels(Role, WheelInertias):
     unbalance: float = Parameter(
         "kg.m2", "product of inertia of each rotor, whose turning makes the jitter", min=0.0,
         needs=("tau_jitter_body", "omega_bi_body"),
+        usual=(0.0, 1e-3),
     )  # fmt: skip
     seed: int = Parameter(
         "1", "seed of the jitter's phase; instance name and variable key it as well", start=1
     )
-    idle_power: float = Parameter("W", "power of the electronics of each wheel", min=0.0)
+    idle_power: float = Parameter(
+        "W",
+        "power of the electronics of each wheel",
+        min=0.0,
+        usual=(0.0, 100.0),
+    )
     motor_constant: float = Parameter(
-        "N.m", "torque that costs 1 W of copper loss; 0: no copper loss", min=0.0
+        "N.m",
+        "torque that costs 1 W of copper loss; 0: no copper loss",
+        min=0.0,
+        usual=(0.0, 10.0),
     )
 
     def foresee(self, begin: float, end: float, wired: frozenset[str]) -> Iterator[str]:
+        for i in range(4):
+            self._check_absence(i)
         g = self.axes_wheel
         axes = [(g[i], g[4 + i], g[8 + i]) for i in self._present]
         normals = [cross(a, b) for a in axes for b in axes]
@@ -177,6 +212,23 @@ class Wheels(Role, WheelInertias):
                 f"speed_gain = {self.speed_gain} 1/s is above 1 / speed_sample_time = "
                 f"{1.0 / self.speed_sample_time} 1/s"
             )
+
+    def _check_absence(self, i: int) -> None:
+        """Refuse values of a wheel that does not exist: one whose spin inertia is 0."""
+        if self.inertia_wheel[i] > 0.0:
+            return
+        if norm(self._axis(i)) > 0.0:
+            self.fail(
+                f"axes_wheel: column {i + 1} = {self._axis(i)}, but inertia_wheel[{i + 1}] = 0: "
+                "a wheel that does not exist has a column of zeros, one that does a spin inertia"
+            )
+        if self.h_start_wheel[i] != 0.0:
+            self.fail(
+                f"h_start_wheel[{i + 1}] = {self.h_start_wheel[i]} N m s, but there is no wheel "
+                f"{i + 1}: inertia_wheel[{i + 1}] = 0"
+            )
+        if FAILURES[self.failed][i] > 0:
+            self.fail(f"failed: there is no wheel {i + 1}: inertia_wheel[{i + 1}] = 0")
 
     def _check_speeds(self) -> None:
         for i in self._present:

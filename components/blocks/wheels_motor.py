@@ -33,18 +33,22 @@ class WheelsMotor(Wheels):
     supply_voltage: float = Parameter(
         "V", "voltage on the motors; 0: any torque at any speed", min=0.0,
         needs=("omega_bi_body",),
+        usual=(0.0, 200.0),
     )  # fmt: skip
     torque_constant: float = Parameter(
         "N.m/A", "torque by current, which is voltage by speed (V s/rad), with a supply_voltage",
         start=0.01, min=1e-6,
+        usual=(1e-4, 10.0),
     )  # fmt: skip
     drag_speed: Table = Parameter(
         "rad/s", "table of the drag: speeds, rising from 0; all 0: no table",
         shape=(ENTRIES,), min=0.0, needs=("omega_bi_body",),
+        usual=(0.0, 2000.0),
     )  # fmt: skip
     drag_torque: Table = Parameter(
         "N.m", "table of the drag: the torque against the rotation at each speed",
         shape=(ENTRIES,), min=0.0,
+        usual=(0.0, 0.1),
     )  # fmt: skip
 
     def start(self) -> None:

@@ -434,6 +434,9 @@ class Manager(Computer):
     """Why it has no such law, where it has none."""
     brakes: ClassVar[bool] = False
     """Whether it takes the rate out of a craft that tumbles."""
+    passes_torque: ClassVar[bool] = False
+    """Whether the wheels give the body tau_ctrl_body at each of their commands, and, unless a
+    parameter `gyroscopic` is false, omega x h."""
 
     b_body: Vec3 = Input("T", "measured geomagnetic field, body", source="magnetometer.b_body")
     q_bi: Vec4 = Input(

@@ -5,7 +5,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from ..system.model import System
+from desat.components.contract.roles import Manager
+from desat.fmus.registry import block_class, names
+
+from ..system.model import Component, System
 from ..system.sensors import KNOWN, noise_of
 
 FORCE = "force_mean_thruster_body"
@@ -38,14 +41,29 @@ def warnings(system: System) -> Iterator[str]:
     yield from _drag(system)
     noise = noise_of(system)
     for c in system.components.values():
-        for name, unit in KNOWN.items() if c.interface.role == "manager" else ():
-            if name not in c.interface.signals or noise[name] == 0.0:
+        for name, of in _told_noise(c).items():
+            told, is_so, unit = c.values[name], noise[of], KNOWN[of]
+            if is_so == 0.0:
                 continue
-            told, is_so = c.values[name], noise[name]
             if not is_so / ABOUT <= told <= is_so * ABOUT:
                 yield (f"{c.given.get(name, f'{system.where}: default')}: {c.name}.{name} = "
                        f"{told:.3g} {unit}, but the craft's sensors have {is_so:.3g}: what the law "
                        f"filters errs; --set {c.name}.{name}={is_so:.3g} tells it")  # fmt: skip
+
+
+def _told_noise(c: Component) -> dict[str, str]:
+    """Return which parameters of a manager are a sensor's noise, by the rules of its laws.
+
+    A parameter of such a name may be another quantity, as a random walk.
+    """
+    block = block_class(c.interface.model) if c.interface.model in names() else None
+    laws = block.offers if block is not None and issubclass(block, Manager) else ()
+    return {
+        key: str(rule).removeprefix("craft.")
+        for law in laws
+        for key, rule in law.gains.items()
+        if str(rule).removeprefix("craft.") in KNOWN and key in c.interface.signals
+    }
 
 
 def _drag(system: System) -> Iterator[str]:

@@ -33,6 +33,7 @@ from numpy.typing import NDArray
 from ..numbers.derived import rotate
 from ..numbers.text import Value
 from ..system.model import AUTO, System
+from ..system.wheels import existing
 from . import Parts, residual
 from .manifest import Manifest
 
@@ -96,7 +97,7 @@ class Body:
 def body_of(system: System) -> Body | None:
     """Of a checked system; None where there is no rigid body with wheels, or its inertia is none
     of a body, which is said when it starts."""
-    parts = residual.applies(system)
+    parts = residual.rigid_body(system)
     if parts is None:
         return None
     craft = system.components[parts.spacecraft]
@@ -141,8 +142,7 @@ def _torques(system: System, name: str, body: Body) -> Iterator[Any]:
     component = system.components[name]
     has, values = component.interface.arrays.keys(), component.values
     if has >= {"inertia_wheel", "torque_limit"}:
-        spin = np.array(values["inertia_wheel"]) > 0.0
-        yield from (body.axes * spin * np.array(values["torque_limit"])).T
+        yield from (body.axes * existing(values) * np.array(values["torque_limit"])).T
     if has >= {"m_mean_body", "m_limit"}:
         weakest = np.linalg.eigh(body.carrier)[1][:, 0]
         yield weakest * FIELD * float(np.abs(np.array(values["m_limit"])).max())

@@ -37,12 +37,13 @@ import numpy as np
 
 from ..engine.master import Master
 from ..engine.node import Kept
-from ..numbers.derived import rotate_back
+from ..numbers.derived import rotate, rotate_back
 from ..numbers.text import Value
 from ..system.expression import Table
 from ..system.interface import Signal
-from ..system.model import System
+from ..system.model import Component, System
 from ..system.schedule import graded
+from ..system.wheels import axes_of
 from . import motion, not_checked, residual
 from .manifest import Manifest
 from .motion import NODES, WEIGHTS, Array, Steps
@@ -63,6 +64,7 @@ BOUND_KEYS = ("impulse_bound", "energy_bound")
 BLOCK = 8192
 """Steps that are computed at once: what comes between fits the processor's cache."""
 PAIR = ("tau_mean_wheel", "tau_slope_wheel")
+DECLARED = "energy"  # J: the output by which a spacecraft declares its energy without the wheels'
 
 
 @dataclass(frozen=True)
@@ -77,6 +79,8 @@ class EnergyParts(residual.RigidBodyParts):
     where substeps say so."""
     why: str = ""
     """Why there is no balance."""
+    declared: str | None = None
+    """The series of the energy that a body which is not ours declares."""
 
     @property
     def pair(self) -> list[str]:
@@ -88,11 +92,23 @@ PARTS = EnergyParts
 
 
 def applies(system: System) -> EnergyParts | None:
-    """As for the momentum residual."""
-    parts = residual.applies(system)
+    """As for the momentum residual.
+
+    A body that is not ours may have parts that move: its energy is that of an output `energy` (J),
+    if it has one.
+    """
+    parts = residual.rigid_body(system)
     if parts is None:
         return None
     body = system.components[parts.spacecraft]
+    if body.interface.model != residual.BLOCK:
+        why = f"{body.name} is no {residual.BLOCK} of ours: its energy and torques are not known"
+        declared = f"{body.name}.{DECLARED}" if DECLARED in body.interface.signals else None
+        mean = _mean_torque(system, body)
+        return EnergyParts(
+            parts.spacecraft, parts.wheels, tau_mean_wheel=mean, rows=True, why=why,
+            declared=declared if mean else None,
+        )  # fmt: skip
     wheels = system.components[parts.wheels.partition(".")[0]]
     pair: dict[str, str] = {}
     rows, why = system.parts == 1 and body.step_ratio == 1, ""
@@ -113,13 +129,23 @@ def applies(system: System) -> EnergyParts | None:
     return EnergyParts(parts.spacecraft, parts.wheels, **pair, feeds=fed, rows=rows, why=why)
 
 
+def _mean_torque(system: System, body: Component) -> str | None:
+    """Return the series of the wheels' mean torque on a body, or None where there is no one."""
+    feeds = [
+        c for c in system.connections if c.target == body.name and c.input_array == PAIR[0]
+    ]  # fmt: skip
+    series = {f"{c.source}.{c.output_array}" for c in feeds}
+    return series.pop() if len(series) == 1 else None
+
+
 def warnings(system: System) -> list[str]:
     """Which balances no run of a system can make, and why: a line a reason."""
     parts = applies(system)
     if parts is None:
         return []
     if parts.why:
-        return not_checked(dict.fromkeys(NUMBERS, parts.why))
+        names = NUMBERS[1:] if parts.declared else NUMBERS
+        return not_checked(dict.fromkeys(names, parts.why))
     if motion.is_known_body(system, parts.spacecraft):
         return []
     return not_checked({"impulse_mismatch": _foreign(parts)})
@@ -281,6 +307,9 @@ def of_work(parts: EnergyParts) -> list[str]:
 
 def balanced(parts: EnergyParts) -> list[str]:
     """The series that the balance is made of."""
+    if parts.declared and parts.tau_mean_wheel:
+        own = [f"{parts.spacecraft}.{n}" for n in _STATES]
+        return [parts.declared, *own, parts.tau_mean_wheel]
     if parts.why:
         return residual.balanced(parts)
     fed = parts.feeds or {}
@@ -291,6 +320,9 @@ def balanced(parts: EnergyParts) -> list[str]:
 def numbers(manifest: Manifest, results: Results) -> dict[str, Value]:
     """The largest mismatch of energy, as a share of the largest energy that the body had or got,
     the hidden work, and the largest mismatch of impulse (N m s)."""
+    parts: EnergyParts = manifest.parts[KEY]
+    if parts.declared:
+        return _declared_numbers(parts, manifest, results)
     totals = totals_of(manifest, results)
     if totals is None:
         return {}
@@ -310,10 +342,49 @@ def numbers(manifest: Manifest, results: Results) -> dict[str, Value]:
     return rows
 
 
+def _declared_numbers(parts: EnergyParts, manifest: Manifest, results: Results) -> dict[str, Value]:
+    """Compute the energy mismatch of a body that declares its energy.
+
+    The work is that of the mean external torque, by the body's own impulse, and of the wheels' mean
+    torque, by the trapezoidal rule: it errs by order 2 in the step.
+    """
+    series = [parts.declared, *(f"{parts.spacecraft}.{n}" for n in _STATES), parts.tau_mean_wheel]
+    names = [name for name in series if name is not None]
+    if residual.missing(names, results):
+        return {}
+    energy, q, omega, impulse, mean = (results.values(name) for name in names)
+    steps = min(len(mean), len(omega) - 1)
+    if steps < 1:
+        return {}
+    axes = axes_of(manifest.values_of(parts.spacecraft))
+    gained = np.diff(impulse[: steps + 1], axis=0)
+    taken = manifest.step * mean[:steps] @ axes.T
+    ends = (
+        (omega[k : steps + k] * (rotate(q[k : steps + k], gained) - taken)).sum(axis=1)
+        for k in (0, 1)
+    )
+    work = np.concatenate([[0.0], np.cumsum(0.5 * np.sum(list(ends), axis=0))])
+    own = np.ravel(energy)[: steps + 1]
+    largest = float(max(np.abs(own).max(), np.abs(work).max()))
+    if largest == 0.0:
+        return {}
+    mismatch = float(np.abs(own - own[0] - work).max()) / largest
+    return {
+        "energy_mismatch": Value(
+            "Largest energy mismatch",
+            mismatch,
+            "1",
+            "relative to the body's largest energy or work",
+        )
+    }
+
+
 def unchecked(manifest: Manifest, results: Results) -> dict[str, str]:
     """Why there is no balance, by the number's name."""
-    totals = totals_of(manifest, results)
     parts: EnergyParts = manifest.parts[KEY]
+    if parts.declared:
+        return dict.fromkeys(NUMBERS[1:], parts.why)
+    totals = totals_of(manifest, results)
     if totals is None:
         why = _not_of_rows(manifest, results)
         return dict.fromkeys(NUMBERS, why)

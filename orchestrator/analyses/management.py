@@ -25,6 +25,7 @@ from ..language.content import content_of
 from ..numbers.derived import coil_impulse, matrices, rotate, rotate_back
 from ..numbers.text import Value
 from ..system.model import Component, System
+from ..system.wheels import axes_of, capacities, existing, smallest_capacity
 from . import Parts, with_titles
 from .manifest import Manifest
 from .residual import carrier_of, missing
@@ -188,9 +189,9 @@ def numbers(manifest: Manifest, results: Results) -> dict[str, Value]:
     if not manifest.completed or missing(signals(parts), results):
         return {}
     h = results.values(f"{parts.spacecraft}.h_copy_wheel")
-    axes = np.reshape(manifest.values_of(parts.spacecraft).get("axes_wheel", np.eye(3, 4)), (3, 4))
-    there = np.linalg.norm(axes, axis=0) > 0.0
-    h, axes = h[:, there], axes[:, there]
+    known_wheels = _wheels_of(manifest, parts)
+    there = existing(known_wheels)
+    h, axes = h[:, there], axes_of(known_wheels)[:, there]
     times = results.times()
     known = dict[str, float](zip(OF_MOMENTUM, of_momentum(times, h, axes, np.linalg.pinv(axes)),
                                  strict=True))  # fmt: skip
@@ -202,10 +203,8 @@ def numbers(manifest: Manifest, results: Results) -> dict[str, Value]:
             known |= zip(OF_COILS, of_coils(m, inverse, most, period), strict=True)
     if parts.wheels:
         own = manifest.values_of(parts.wheels)
-        if "inertia_wheel" in own and "speed_limit" in own:
-            known["momentum_margin"] = margin(
-                h, np.array(own["inertia_wheel"])[there] * own["speed_limit"]
-            )
+        if "inertia_wheel" in own and "speed_limit" in own and there.any():
+            known["momentum_margin"] = margin(h, capacities(own)[there])
         saturated, speed = (results.values(f"{parts.wheels}.{n}") for n in _OF_WHEELS)
         known |= zip(OF_WHEELS, of_wheels(times, saturated, speed[:, there]), strict=True)
     if (compared := compare(manifest, results)) is not None:
@@ -244,7 +243,7 @@ def of_momentum(
     stored = h @ axes.T
     size = np.linalg.norm(stored, axis=1)
     idle = h - stored @ inverse.T
-    return _rms(size, times), float(size.max()), _rms(np.abs(idle).max(axis=1), times)
+    return _rms(size, times), float(size.max()), _rms(np.abs(idle).max(axis=1, initial=0.0), times)
 
 
 def _least_braking(manifest: Manifest, results: Results) -> float | None:
@@ -333,14 +332,15 @@ def _balance(manifest: Manifest, results: Results) -> Balance | None:
     times, q, omega, impulse, h = (x[:count] for x in (results.times(), q, omega, impulse, h))
     if count < 4:
         return None
-    axes = np.reshape(manifest.values_of(parts.spacecraft).get("axes_wheel", np.eye(3, 4)), (3, 4))
+    known_wheels = _wheels_of(manifest, parts)
+    axes = axes_of(known_wheels)
     body = omega @ carrier_of(given)[0].T if {"inertia", "inertia_wheel"} <= given.keys() else 0.0
     managed = coil_impulse(times, b[:count], q, dipole[: count - 1])
     for torque in fired:
         managed = managed + fired_impulse(times, q, torque)
     stored = h @ axes.T
     without = unmanaged(q, impulse, stored, body, managed)
-    there = np.linalg.norm(axes, axis=0) > 0.0
+    there = existing(known_wheels)
     return Balance(times, stored, without, np.array(parts.target), h[:, there],
                    np.linalg.pinv(axes[:, there]))  # fmt: skip
 
@@ -428,12 +428,17 @@ def unmet(manifest: Manifest, results: Results) -> list[str]:
             f"half of the run, without management it would be {without:.3g}"]  # fmt: skip
 
 
+def _wheels_of(manifest: Manifest, parts: ManagementParts) -> Mapping[str, Any]:
+    """Return the parameters that say which wheels there are: the wheels', else the craft's."""
+    wheels = manifest.values_of(parts.wheels or "")
+    return wheels if "axes_wheel" in wheels else manifest.values_of(parts.spacecraft)
+
+
 def _capacity(wheels: Mapping[str, Any]) -> float:
-    """The capacity of the smallest wheel that is there (N m s); 0 where it is not known."""
+    """Return the capacity of the smallest wheel that exists (N m s); 0 where it is not known."""
     if "inertia_wheel" not in wheels or "speed_limit" not in wheels:
         return 0.0
-    there = [j for j in np.ravel(wheels["inertia_wheel"]).tolist() if j > 0.0]
-    return float(min(there, default=0.0) * wheels["speed_limit"])
+    return smallest_capacity(wheels)
 
 
 def most_of_coils(given: Mapping[str, Any]) -> float | None:

@@ -13,6 +13,7 @@ from desat.fmus.registry import block_class, names
 
 from ..system.model import Component, System
 from ..system.options import Options
+from ..system.wheels import axes_of, existing
 
 ROWS = 64
 """An array of more elements is a table."""
@@ -91,8 +92,6 @@ def _axes(craft: Component | None) -> int:
     is not known."""
     if craft is None or "axes_wheel" not in craft.interface.arrays:
         return 3
-    axes = np.reshape(craft.values["axes_wheel"], (3, 4))
-    if "inertia_wheel" in craft.values:
-        axes = axes * (np.array(craft.values["inertia_wheel"]) > 0.0)
+    axes = axes_of(craft.values) * existing(craft.values)
     sizes = np.linalg.svd(axes, compute_uv=False)
     return int((sizes > FLAT * max(float(sizes[0]), 1e-300)).sum())

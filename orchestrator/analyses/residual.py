@@ -8,7 +8,7 @@ copy of the wheels' momentum is not used, so an exchange that loses momentum sho
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import lcm
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -19,7 +19,7 @@ from ..numbers.derived import rotate_back
 from ..numbers.text import Value
 from ..system.model import System
 from ..system.parameters import Parameter
-from . import Parts
+from . import Parts, not_checked
 from .manifest import Manifest
 
 if TYPE_CHECKING:
@@ -33,6 +33,9 @@ NUMBERS = ("momentum_residual",)
 BOUND_KEYS = ("residual_bound",)
 BOUND = 1e-9
 """Of the residual, as a share of the largest momentum, where a scenario has no `residual_bound`."""
+BLOCK = "spacecraft_rigid"
+TOTAL = "momentum_eci"  # N m s: the output by which a spacecraft declares its total momentum
+UNKNOWN = f"is no {BLOCK} of ours and declares no total momentum ({TOTAL})"
 _NEEDED = {"inertia", "axes_wheel", "inertia_wheel", "q_bi", "omega_bi_body", "impulse_eci"}
 
 
@@ -42,14 +45,32 @@ class RigidBodyParts(Parts):
 
     spacecraft: str
     wheels: str
+    total: str | None = None
+    """The series of its total momentum, where it declares that"""
+    unknown: str = ""
+    """Why its total momentum is not known"""
 
 
 PARTS = RigidBodyParts
 
 
 def applies(system: System) -> RigidBodyParts | None:
-    """Which component is a rigid body and where its wheels' momentum comes from; None: there is
-    no such component."""
+    """Return which component is the body and where its wheels' momentum comes from, or None.
+
+    A body that is not ours may have parts that move. An output `momentum_eci` (N m s) declares its
+    total momentum; without it nothing is known of that.
+    """
+    for body, wire in system.by_input["h_wheel"].items():
+        if len(system.components[body].interface.elements.get(TOTAL, ())) == 3:
+            return RigidBodyParts(body, wire.series, f"{body}.{TOTAL}")
+    parts = rigid_body(system)
+    if parts is None or system.components[parts.spacecraft].interface.model == BLOCK:
+        return parts
+    return replace(parts, unknown=f"{parts.spacecraft} {UNKNOWN}")
+
+
+def rigid_body(system: System) -> RigidBodyParts | None:
+    """Return a component with the parameters of a rigid body with wheels, ours or not, or None."""
     for body, wire in system.by_input["h_wheel"].items():
         if system.components[body].interface.arrays.keys() >= _NEEDED:
             return RigidBodyParts(body, wire.series)
@@ -72,7 +93,7 @@ def momentum(manifest: Manifest, results: Results) -> Momentum | None:
 
 def _momentum(manifest: Manifest, results: Results) -> Momentum | None:
     body = manifest.parts.get(KEY)
-    if body is None:
+    if body is None or body.unknown:
         return None
     series = balanced(body)
     if not set(series) <= set(results.names()):
@@ -81,11 +102,16 @@ def _momentum(manifest: Manifest, results: Results) -> Momentum | None:
     # a slow component's outputs are held between its steps
     every = lcm(*(manifest.step_ratio[s.partition(".")[0]] for s in series))
     whole = np.round((times - manifest.start) / manifest.step).astype(int) % every == 0
-    q, omega, impulse, h = (results.values(s)[whole] for s in series)
-    if len(q) == 0:
+    values = [results.values(s)[whole] for s in series]
+    impulse, h = values[-2:]
+    if len(impulse) == 0:
         return None
-    carrier, axes = carrier_of(manifest.parameters[body.spacecraft])
-    in_eci = rotate_back(q, omega @ carrier.T + h @ axes.T)
+    if body.total:
+        in_eci = values[0]
+    else:
+        q, omega = values[:2]
+        carrier, axes = carrier_of(manifest.parameters[body.spacecraft])
+        in_eci = rotate_back(q, omega @ carrier.T + h @ axes.T)
     sizes = np.linalg.norm(in_eci, axis=1).max(), np.linalg.norm(h, axis=1).max()
     residual = in_eci - in_eci[0] - (impulse - impulse[0])
     return Momentum(times[whole], residual, float(max(sizes)))
@@ -106,8 +132,15 @@ def carrier(inertia: Array, axes: Array, spin: Array) -> Array:
 
 def balanced(parts: RigidBodyParts) -> list[str]:
     """The series that the residual is made of."""
-    own = [f"{parts.spacecraft}.{n}" for n in ("q_bi", "omega_bi_body", "impulse_eci")]
+    known = [parts.total.partition(".")[2]] if parts.total else ["q_bi", "omega_bi_body"]
+    own = [f"{parts.spacecraft}.{n}" for n in (*known, "impulse_eci")]
     return [*own, parts.wheels]
+
+
+def warnings(system: System) -> list[str]:
+    """Why no run of a system can be checked."""
+    parts = applies(system)
+    return not_checked({NUMBERS[0]: parts.unknown}) if parts and parts.unknown else []
 
 
 def numbers(manifest: Manifest, results: Results) -> dict[str, Value]:
@@ -123,6 +156,8 @@ def unchecked(manifest: Manifest, results: Results) -> dict[str, str]:
     """Why there is no residual, by the number's name."""
     if momentum(manifest, results) is not None:
         return {}
+    if why := manifest.parts[KEY].unknown:
+        return {"momentum_residual": why}
     return {
         "momentum_residual": missing(balanced(manifest.parts[KEY]), results) or "there are no rows"
     }

@@ -1,5 +1,4 @@
-"""What a controller wants of wheels beyond what they can: axes about which none that works turns
-the craft, and more momentum than they hold."""
+"""Axes about which no wheel that works turns the craft, though the controller wants it."""
 
 from __future__ import annotations
 
@@ -8,68 +7,16 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from desat.components.physics.orbit import EARTH_RADIUS, mean_motion
+from ..system.model import System
+from ..system.wheels import axes_of, existing
 
-from ..numbers.derived import matrices
-from ..system import cyclic
-from ..system.model import Component, System
-
-ROUND = 0.1
-"""Up to this eccentricity an orbit is taken for a circle."""
 FLAT = 1e-3
 """Axes whose smallest singular value, against the largest, is below this lie in a plane."""
 
 
 def warnings(system: System) -> Iterator[str]:
-    """A line each for wheels that leave an axis out, for what a failure leaves out, and for wheels
-    that hold less than an orbit turns in and out of them."""
+    """A line each for wheels that leave an axis out, and for what a failure leaves out."""
     yield from _axes(system)
-    yield from _capacity(system)
-
-
-def _capacity(system: System) -> Iterator[str]:
-    wheels, craft, guide = (system.roles.get(x) for x in ("wheels", "spacecraft", "guidance"))
-    orbit = _orbit(system.roles.get("environment"))
-    if wheels is None or craft is None or guide is None or orbit is None:
-        return
-    if not craft.interface.arrays.keys() >= {"inertia", "residual_dipole_body"}:
-        return
-    if guide.interface.model not in ("guidance_nadir", "guidance_inertial") or not (
-        wheels.interface.arrays.keys() >= {"inertia_wheel", "speed_limit", "axes_wheel"}
-    ):
-        return
-    spin = np.array(wheels.values["inertia_wheel"])
-    axes = np.reshape(wheels.values["axes_wheel"], (3, 4))[:, spin > 0.0]
-    if not axes.size or _left_out(axes):
-        return  # which is said
-    has = float(spin[spin > 0.0].min()) * wheels.values["speed_limit"]
-    nadir = guide.interface.model == "guidance_nadir"
-    q = guide.values["q_bo" if nadir else "q_target_bi"]
-    xx, xy, xz, yx, yy, yz, zx, zy, zz = craft.values["inertia"]
-    dipole, turned = craft.values["residual_dipole_body"], matrices(np.array([q]))[0]
-    brings = cyclic.momentum(nadir, *orbit, (xx, xy, xz, yx, yy, yz, zx, zy, zz),
-                             dipole, turned)  # fmt: skip
-    if (needs := cyclic.fullest(axes, brings)) > has:
-        where = craft.given.get("residual_dipole_body", system.where)
-        yield f"{where}: {wheels.name}: {cyclic.shortfall(needs, has)}"
-
-
-def _orbit(environment: Component | None) -> tuple[float, float] | None:
-    """Mean motion (rad/s) and inclination (rad) of an orbit that is nearly circular; None for
-    another one."""
-    names = environment.interface.signals if environment is not None else {}
-    if environment is None or "inclination" not in names:
-        return None
-    if "eccentricity" in names and environment.values["eccentricity"] > ROUND:
-        return None
-    inclination = environment.values["inclination"]
-    if "mean_motion" in names:
-        return environment.values["mean_motion"], inclination
-    if "altitude" in names:
-        return mean_motion(EARTH_RADIUS + environment.values["altitude"]), inclination
-    if "orbit_start" not in names or environment.choice("orbit_start") == "state":
-        return None
-    return mean_motion(environment.values["semi_major_axis"]), inclination
 
 
 def _axes(system: System) -> Iterator[str]:
@@ -78,8 +25,7 @@ def _axes(system: System) -> Iterator[str]:
     for c in system.components.values():
         if c.interface.role != "wheels" or "axes_wheel" not in c.interface.arrays:
             continue
-        there = np.array(c.values["inertia_wheel"]) > 0.0
-        axes = np.reshape(c.values["axes_wheel"], (3, 4))
+        there, axes = existing(c.values), axes_of(c.values)
         if lost := _left_out(axes[:, there]):
             yield (f"{c.name}: {int(there.sum())} wheels: none turns the craft about {lost}, which "
                    "the controller wants")  # fmt: skip

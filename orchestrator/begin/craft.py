@@ -26,9 +26,10 @@ from __future__ import annotations
 import math
 import re
 import shutil
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,7 +48,9 @@ from ..system import cyclic
 from ..system.errors import DesatError, nearest, plain
 from ..system.model import J2000
 from ..system.quantity import Quantity, is_number
+from ..system.sampled_loop import SAMPLE_TIMES, AttitudeLoop, longest_sample, worst_momentum
 from . import coils
+from .body import body_of
 from .facts import CraftFacts
 from .orbits import Orbit, epoch_of, orbit_of
 from .torques import GivenTorque, given_torque
@@ -55,14 +58,6 @@ from .torques import GivenTorque, given_torque
 Array = NDArray[np.float64]
 SCENARIOS = ("nominal", "worst", "detumbling")
 """The last one of a craft with rods alone."""
-_UNIT = 1.5
-"""Mass of a CubeSat's unit (kg)."""
-CUBESATS = {
-    1: (0.1, 0.1, 0.1135), 2: (0.1, 0.1, 0.227), 3: (0.1, 0.1, 0.3405), 6: (0.1, 0.2263, 0.366),
-    8: (0.2263, 0.2263, 0.227), 12: (0.2263, 0.2263, 0.366), 16: (0.2263, 0.2263, 0.454),
-    27: (0.34, 0.34, 0.366),
-}  # fmt: skip
-"""Sides (m) by units: CubeSat Design Specification, and what deployers of the larger ones take."""
 LAYOUTS = ("pyramid", "axes")
 POINTINGS = ("nadir", "inertial", "sun", "yaw")
 BRAKING = 7.0
@@ -84,17 +79,15 @@ YAW_ERROR = 1e-3
 """What the steered frame's acceleration lets the attitude lag by (rad)."""
 QUICKEST = 1e-4
 """Of laws in deep space (1/s), where no orbit's rate says one."""
-MASS = Quantity("--mass", "kg", 0.0, 1e6, above=True)
-BOX = Quantity("--box", "m", 0.0, 100.0, above=True, what="sides")
-INERTIA = Quantity("--inertia", "kg.m2", 0.0, 1e9, above=True, what="moments")
-WHEELS = Quantity("--wheels", "N.m.s", 0.0, 1e5, above=True)
+WHEELS = Quantity("--wheels", "N.m.s", 0.0, 1e5, above=True, bare=False)
 RODS = Quantity("--rods", "A.m2", 0.0, 1e5, above=True)
-THRUSTERS = Quantity("--thrusters", "N", 0.0, 1e5, above=True)
+THRUSTERS = Quantity("--thrusters", "N", 0.0, 1e5, above=True, bare=False)
 RESIDUAL = Quantity("--residual-dipole", "A.m2", 0.0, 1e4)
 PANEL = Quantity("--panel", "m2", 0.0, 1e4, above=True)
 ARM = Quantity("--panel", "m", 0.0, 100.0)
-PROPELLANT = Quantity("--propellant", "kg", 0.0, 1e5, above=True)
-ISP = Quantity("--isp", "s", 1.0, 1e4)
+PROPELLANT = Quantity("--propellant", "kg", 0.0, 1e5, above=True, bare=False)
+ISP = Quantity("--isp", "s", 1.0, 1e4, bare=False)
+SAMPLE = Quantity("--sample", "s", 0.01, 10.0, bare=False)
 FILL = Quantity("--dump", "%", 0.0, 95.0)
 DUMPERS = ("thrusters", "coils")
 DEVIATION = math.radians(0.1)
@@ -103,9 +96,32 @@ SAMPLES = (10.0, 5.0, 2.0, 1.0)
 """Of thrusters (s): the longest that keeps within it, at least a step."""
 
 
-def write(folder: Path, wanted: CraftFacts, command: str, force: bool = False) -> list[Path]:
-    """Write the folder of a craft; its files. Raises DesatError where it exists already, unless
-    `force`, or where something wanted cannot be; then nothing is written."""
+class Assumption(NamedTuple):
+    """A figure of a new craft, and where it is from."""
+
+    quantity: str
+    value: str
+    unit: str
+    origin: str  # "given", or by which rule
+
+
+@dataclass(frozen=True)
+class NewCraft:
+    """A craft that was written."""
+
+    files: tuple[Path, ...]
+    assumptions: tuple[Assumption, ...]
+
+
+def write(folder: Path, wanted: CraftFacts, command: str, force: bool = False) -> NewCraft:
+    """Write the folder of a craft.
+
+    Raises
+    ------
+    DesatError
+        Where the folder exists already, unless `force`, or where something wanted cannot be; then
+        nothing is written.
+    """
     if folder.exists() and not force:
         raise DesatError(f"{folder}: it exists; --force writes the craft into it")
     name = folder.absolute().name
@@ -131,7 +147,62 @@ def write(folder: Path, wanted: CraftFacts, command: str, force: bool = False) -
         if fresh:
             shutil.rmtree(folder, ignore_errors=True)
         raise
-    return [folder / name for name in texts]
+    return NewCraft(tuple(folder / name for name in texts), tuple(_assumptions(wanted, made)))
+
+
+def _assumptions(wanted: CraftFacts, made: Mapping[str, Any]) -> Iterator[Assumption]:
+    """List what a new craft was given and what was assumed."""
+    body, orbit, wheels = made["body"], made["orbit"], made["wheels"]
+    yield Assumption("mass", body["mass"], "kg", body["mass_from"])
+    yield Assumption("sides", body["sides"].strip("[]"), "m", body["sides_from"])
+    moments = [made["inertia"]["moments"][i] for i in range(3)]
+    yield Assumption("moments of inertia", ", ".join(moments), "kg m2", made["inertia"]["why"])
+    if not orbit.of_tle:
+        for key, value, why in orbit.rows[: 3 if orbit.eccentricity > 0.0 else 2]:
+            number, _, unit = value.strip('"').partition(" ")
+            yield Assumption(key.replace("_", " "), number, unit, why)
+    yield Assumption("pointing", made["pointing"], "", "given" if wanted.pointing else "class")
+    yield Assumption(
+        "wheels",
+        f"{wheels['count']} x {wheels['capacity_si']:g}",
+        "N m s",
+        f"{'given' if wanted.wheels else 'class: 1 deg/s of the craft, thrice'}; "
+        f"{wheels['layout_why']}",
+    )
+    yield Assumption("torque of a wheel", f"{wheels['torque_si']:.3g}", "N m", wheels["why"])
+    if rods := made["rods"]:
+        number, _, _ = rods["dipole"].partition(" ")
+        yield Assumption("rods, each axis", number, "A m2", rods["why"])
+    sources = made["has"]
+    if sources.dipole:
+        yield Assumption(
+            "residual dipole", made["dipole"]["size"], "A m2", made["dipole"]["origin"]
+        )
+    if sources.air:
+        yield Assumption("area for drag", made["area"]["value"], "m2", made["area"]["why"])
+    if sources.light:
+        yield Assumption("area for radiation", made["light"]["area"], "m2", made["light"]["why"])
+        yield Assumption(
+            "its centre of pressure", made["light"]["centre"].strip("[]"), "m",
+            "given" if wanted.panel else "class: 5 % of each side",
+        )  # fmt: skip
+    if (given := sources.given) is not None:
+        yield Assumption("torque, mean size", f"{given.size:.4g}", "N m", f"given: {given.option}")
+    if thrusters := made["thrusters"]:
+        number, _, unit = thrusters["force"].partition(" ")
+        yield Assumption("thrust of each", number, unit, "given")
+        yield Assumption("arm of a pair", thrusters["arm"], "m", "class: half the largest side")
+        number, _, unit = thrusters["impulse"].partition(" ")
+        yield Assumption("specific impulse", number, unit, thrusters["impulse_why"])
+        if thrusters["tank"]:
+            number, _, unit = thrusters["tank"].partition(" ")
+            yield Assumption("propellant", number, unit, "given")
+    if dump := made["dump"]:
+        yield Assumption(
+            "a dump begins, ends", f"{dump['begin']}, {dump['end']}", "N m s", "given: --dump"
+        )
+        yield Assumption("torque of a dump", dump["torque"], "N m", dump["why"])
+    yield Assumption("sample time and step", f"{made['step']:g}", "s", made["step_why"])
 
 
 def _of_class(asked: Quantity, kind: str, measure: str, text: str) -> tuple[str, Figures, float]:
@@ -163,9 +234,8 @@ def _template_values(wanted: CraftFacts, name: str, command: str) -> dict[str, A
     if pointing not in POINTINGS:
         raise DesatError(f"--pointing {pointing}: there is {', '.join(POINTINGS)}"
                          f"{nearest(pointing, POINTINGS)}")  # fmt: skip
-    sides, sides_why, units = _sides(wanted)
-    mass, mass_why = _mass(wanted, sides, units)
-    inertia, inertia_why = _inertia(wanted, mass, sides, f"{mass_why}, {sides_why}")
+    body = body_of(wanted)
+    mass, sides, inertia = body.mass, body.sides, list(body.inertia)
     epoch = epoch_of(wanted)
     orbit = orbit_of(wanted, (epoch - J2000).total_seconds())
     if pointing in ("nadir", "yaw") and not orbit.of_earth:
@@ -175,6 +245,14 @@ def _template_values(wanted: CraftFacts, name: str, command: str) -> dict[str, A
     rods = _rods(wanted, mass, orbit)
     thrusters = _thrusters(wanted, sides)
     step = _step(orbit, inertia, wheels["torque_si"], sides, pointing in ("nadir", "yaw"))
+    given_sample = None if wanted.sample is None else _given_sample(wanted.sample)
+    step = step if given_sample is None else given_sample
+    quick = 0.1 / step
+    bandwidth = min(quick, math.sqrt(wheels["torque_si"] / (max(inertia) * math.radians(5.0))))
+    fullest = 1.0 if wanted.dump is None else min(_thresholds(wanted.dump)[0] + 10.0, 98.0) / 100.0
+    loop = _attitude_loop(inertia, wheels, bandwidth, step)
+    step = _stable_sample(loop, wheels, fullest, given_sample is not None)
+    step_why = "given" if given_sample is not None else "orbit, torques and full wheels allow it"
     dump = _dump(wanted, wheels, thrusters, rods is not None, min(inertia), step)
     dipole = 0.005 * mass
     why = "class: 5 mA m2 a kilogram, no magnetic cleanliness"
@@ -182,99 +260,65 @@ def _template_values(wanted: CraftFacts, name: str, command: str) -> dict[str, A
         dipole = RESIDUAL(wanted.residual_dipole)
         why = "given"
     outer = given_torque(wanted)
-    if outer is not None:
-        dipole, why = 0.0, f"{outer.option} has it"
+    sources = Sources(
+        dipole=orbit.of_earth and (outer is None or wanted.residual_dipole is not None),
+        air=orbit.air and outer is None,
+        light=outer is None or wanted.panel is not None,
+        given=outer,
+    )
+    dipole = dipole if sources.dipole else 0.0
     along = [x / math.sqrt(1.0 + 0.25 + 0.64) for x in (1.0, -0.5, 0.8)]
     start = _start(pointing, orbit)
     if orbit.eccentricity < 0.1 and orbit.of_earth:
         _holds(pointing, orbit, inertia, wheels, [dipole * x for x in along], start)
     faces = [sides[1] * sides[2], sides[2] * sides[0], sides[0] * sides[1]]
     area = sum(faces) / 2.0
-    quick = 0.1 / step
-    bandwidth = min(quick, math.sqrt(wheels["torque_si"] / (max(inertia) * math.radians(5.0))))
     enough = bandwidth == quick
     rate = orbit.rate if orbit.of_earth else QUICKEST
     light, centre, centre_why = _radiation(wanted, area, sides)
     tumble = 5.0 if mass < 50.0 else 1.0
     return {
         "title": name, "command": command, "pointing": pointing, "orbit": orbit,
-        "start": start, "outer": outer, "worse": ", ".join(_worse(orbit, outer)),
+        "start": start, "outer": outer, "has": sources, "worse": ", ".join(_worse(orbit, sources)),
         "epoch": epoch.strftime("%Y-%m-%dT%H:%M:%SZ"),
         "description": f"{mass:.4g} kg, {pointing} pointing under "
-        + _torques(orbit, outer) + "; " + (
+        + _torques(orbit, sources) + "; " + (
             "a cross-product law takes the momentum that they leave in the wheels out through the "
             "coils." if dump is None else f"dumps by {dump['by']} take the momentum that they "
             f"leave in the wheels out from {dump['percent'][0]} % of a wheel's capacity to "
             f"{dump['percent'][1]} %."),
         "limits": _limits(mass, orbit, thrusters),
-        "step": step, "substeps": _substeps(step, wheels["torque_si"] / min(inertia), dump),
-        "stop": _stop(orbit, dump, _secular(orbit, outer, light, centre, dipole),
+        "step": step, "step_why": step_why,
+        "substeps": _substeps(step, wheels["torque_si"] / min(inertia), dump),
+        "stop": _stop(orbit, dump, _secular(orbit, sources, light, centre, dipole),
                              step),
         "inertia": {"value": "[" + ", ".join(_list([x if i == j else 0.0 for j in range(3)])
-                    for i, x in enumerate(inertia)) + "]", "why": inertia_why},
+                    for i, x in enumerate(inertia)) + "]", "why": body.inertia_from,
+                    "moments": [_text(x) for x in inertia]},
+        "body": {"mass": _text(mass), "sides": _list(sides), "mass_from": body.mass_from,
+                 "sides_from": body.sides_from},
         "wheels": wheels, "rods": rods, "thrusters": thrusters, "dump": dump,
         "gyro": _gyro(), "star_tracker": classes()["star_trackers"]["cubesat"],
         "dipole": {"value": _list(dipole * x for x in along), "why": f"A m2; {why}",
+                   "size": _text(dipole), "origin": why,
                    "twice": _list(2.0 * dipole * x for x in along)},
-        "area": {"value": _text(area), "why": f"class: mean over all sides of {sides_why}"},
+        "area": {"value": _text(area), "why": f"class: mean over all sides of {body.shape}"},
         "light": {"area": _text(light), "more": _text(1.3 * light), "centre": _list(centre),
                   "why": centre_why},
         "centre": {"value": _list(0.05 * x for x in sides), "why": "m; class: 5 % of each side"},
         "gains": {
-            "bandwidth": _text(bandwidth), "kp": _text(2.0 * bandwidth**2),
-            "kd": _text(1.4 * bandwidth), "ki": _text(0.2 * bandwidth**3),
-            "why": f"fast beside the orbit, slow beside a sample of {step:g} s" if enough
+            "bandwidth": _text(bandwidth),
+            **{k: _text(x) for k, x in zip(("kp", "kd", "ki"), _gains(bandwidth), strict=True)},
+            "why": f"fast beside the orbit, slow beside a sample of {0.1 / quick:g} s" if enough
             else "what the wheels' torque turns an error of 5 deg with",
             "yaw": _text(YAW_ERROR * bandwidth**2),
             "manager": _text(rate), "start": _text(0.1 * wheels["capacity_si"]),
             "b_dot": _text(BRAKING * rate * sum(inertia) / 3.0),
         },
+        "tumbling": {"step": min(1.0, step), "substeps": max(1, round(8.0 * min(1.0, step))),
+                     "sample": 1.0},
         "tumble": _text(tumble), "tumble_size": _text(math.radians(tumble) * math.sqrt(3.0)),
     }  # fmt: skip
-
-
-def _sides(wanted: CraftFacts) -> tuple[tuple[float, float, float], str, int]:
-    """The sides (m) of the craft's box, what that is, and how many CubeSat units."""
-    if wanted.box is not None:
-        if wanted.size is not None:
-            raise DesatError(f"--box {wanted.box}: --size {wanted.size} says it, too")
-        parts = wanted.box.split(",")
-        if len(parts) != 3:
-            raise DesatError(f"--box {wanted.box}: three sides are needed, as 0.5,0.5,0.8 in m")
-        a, b, c = BOX.many(wanted.box)
-        return (a, b, c), f"a box of {a:g} x {b:g} x {c:g} m", 0
-    text = (wanted.size or "6U").strip()
-    match = re.fullmatch(r"(\d+)[uU]", text)
-    if match is None or int(match[1]) not in CUBESATS:
-        known = ", ".join(f"{n}U" for n in CUBESATS)
-        raise DesatError(f"--size {text}: there is {known}; --box has any other")
-    return CUBESATS[int(match[1])], f"a {text.upper()}", int(match[1])
-
-
-def _mass(wanted: CraftFacts, sides: tuple[float, float, float], units: int) -> tuple[float, str]:
-    if wanted.mass is not None:
-        mass = MASS(wanted.mass)
-        return mass, f"{mass:g} kg"
-    if units:
-        return _UNIT * units, f"class: {_UNIT:g} kg a unit"
-    mass = 250.0 * sides[0] * sides[1] * sides[2]
-    return mass, "class: 250 kg a cubic metre"
-
-
-def _inertia(
-    wanted: CraftFacts, mass: float, sides: tuple[float, float, float], why: str
-) -> tuple[list[float], str]:
-    """Principal moments (kg m2). Raises DesatError for those of no body."""
-    if wanted.inertia is None:
-        square = [x * x for x in sides]
-        return [mass / 12.0 * (sum(square) - x) for x in square], f"a homogeneous body of {why}"
-    values = list(INERTIA.many(wanted.inertia))
-    if len(values) != 3:
-        raise DesatError(f"--inertia {wanted.inertia}: three moments are needed, as 0.2,0.2,0.1")
-    if max(values) > sum(values) - max(values):
-        raise DesatError(f"--inertia {wanted.inertia}: no body has these moments: each is above 0, "
-                         "and none is more than the two others together")  # fmt: skip
-    return values, "given"
 
 
 def _radiation(
@@ -290,23 +334,32 @@ def _radiation(
     return size, [0.0, -arm, 0.0], "given: one panel, on -y, which follows the Sun"
 
 
-def _torques(orbit: Orbit, outer: GivenTorque | None) -> str:
-    """What turns the craft, for people."""
+@dataclass(frozen=True)
+class Sources:
+    """Which torques beside gravity gradient turn a new craft."""
+
+    dipole: bool
+    air: bool
+    light: bool
+    given: GivenTorque | None
+
+
+def _torques(orbit: Orbit, sources: Sources) -> str:
+    """Name the torques that turn the craft, for people."""
     names = ["gravity gradient"] * orbit.of_earth
-    if outer is None:
-        names += ["drag"] * orbit.air + ["radiation"] + ["its own dipole"] * orbit.of_earth
-    else:
-        names.append(f"the torque of {outer.option}")
+    names += ["drag"] * sources.air + ["radiation"] * sources.light
+    names += ["its own dipole"] * sources.dipole
+    if sources.given is not None:
+        names.append(f"the torque of {sources.given.option}")
     return ", ".join(names[:-1]) + (" and " if len(names) > 1 else "") + names[-1]
 
 
-def _worse(orbit: Orbit, outer: GivenTorque | None) -> list[str]:
-    """What is worse on a bad day, for people."""
-    if outer is not None:
-        return ["1.3 times the torque"]
-    told = ["high solar activity"] * (orbit.air and not orbit.of_tle)
-    told += ["1.3 times the light"] * (not orbit.air)
-    return told + ["twice the residual dipole"] * orbit.of_earth
+def _worse(orbit: Orbit, sources: Sources) -> list[str]:
+    """Name what is worse on a bad day, for people."""
+    worse = ["1.3 times the torque"] * (sources.given is not None)
+    worse += ["high solar activity"] * (sources.air and not orbit.of_tle)
+    worse += ["1.3 times the light"] * (sources.light and not sources.air)
+    return worse + ["twice the residual dipole"] * sources.dipole
 
 
 def _start(pointing: str, orbit: Orbit) -> dict[str, Any]:
@@ -325,13 +378,12 @@ def _start(pointing: str, orbit: Orbit) -> dict[str, Any]:
 
 
 def _secular(
-    orbit: Orbit, outer: GivenTorque | None, area: float, centre: list[float], dipole: float
+    orbit: Orbit, sources: Sources, area: float, centre: list[float], dipole: float
 ) -> float:  # fmt: skip
-    """About what is left in the wheels (N m): of light, and a tenth of what a dipole has in the
-    field of a circular orbit; or as given."""
-    if outer is not None:
-        return outer.size
-    light = orbit.light * SOLAR_PRESSURE * area * math.hypot(*centre)
+    """Estimate what is left in the wheels (N m): of light, of a dipole a tenth of its torque in the
+    field of a circular orbit, and what is given."""
+    light = orbit.light * SOLAR_PRESSURE * area * math.hypot(*centre) if sources.light else 0.0
+    light += 0.0 if sources.given is None else sources.given.size
     if not orbit.of_earth or orbit.eccentricity > 0.1:
         return light
     radius = math.sqrt(sum(x * x for x in orbit.state[0]))
@@ -359,6 +411,83 @@ def _step(
         and wind / min(inertia) * (10.0 * x) ** 2 <= DEVIATION
         and (not turns or _bend(orbit) * (10.0 * x) ** 2 <= 2.5 * DEVIATION)
     ), 1.0)  # fmt: skip
+
+
+def _given_sample(text: str) -> float:
+    """Return the sample time (s) of --sample. Raises DesatError where 10 s are no multiple of it:
+    coils and manager sample every 10 s."""
+    sample = SAMPLE(text)
+    count = 10.0 / sample
+    if abs(count - round(count)) > 1e-9:
+        raise DesatError(f"--sample {text}: 10 s over a whole number is needed, as 0.5s, 0.2s")
+    return sample
+
+
+def _attitude_loop(
+    inertia: Sequence[float], wheels: Mapping[str, Any], bandwidth: float, step: float
+) -> AttitudeLoop:
+    """Return the attitude loop of a new craft, all of it sampled at every step (s)."""
+    axes, rotor = np.array(wheels["axes_si"]), wheels["inertia_si"]
+    whole = np.diag(inertia)
+    kp, kd, ki = _gains(bandwidth)
+    return AttitudeLoop(
+        inertia=whole - rotor * axes @ axes.T,
+        gain_matrix=whole,
+        kp=kp,
+        kd=kd,
+        ki=ki,
+        actuated=np.eye(3),
+        motor_lag=quantity("", wheels["lag"], "s"),
+        gyroscopic=True,
+        step=step,
+        gyro_sample=step,
+        attitude_sample=step,
+        controller_sample=step,
+        wheel_sample=step,
+    )
+
+
+def _gains(bandwidth: float) -> tuple[float, float, float]:
+    """Return kp, kd and ki of the controller, whose e is half the angle: damping 0.7."""
+    return 2.0 * bandwidth**2, 1.4 * bandwidth, 0.2 * bandwidth**3
+
+
+def _stable_sample(
+    loop: AttitudeLoop, wheels: Mapping[str, Any], fullest: float, given: bool
+) -> float:
+    """Return the sample time (s) at which the attitude loop is well damped.
+
+    Parameters
+    ----------
+    loop
+        The loop with the sample time that orbit and torques allow.
+    wheels
+        Figures of the wheels.
+    fullest
+        Share of their capacity to which they fill.
+    given
+        Whether the sample time is the user's, who is then told instead.
+    """
+    axes = np.array(wheels["axes_si"])[:, : wheels["count"]]
+    each = np.full(wheels["count"], fullest * wheels["capacity_si"])
+    own = loop.sample()
+    found = longest_sample(loop, axes, each, (own, *SAMPLE_TIMES))
+    if found == own:
+        return own
+    momentum, _ = worst_momentum(loop, axes, each)
+    fast = (
+        f"with {100.0 * fullest:.3g} % in the wheels the craft nutates at "
+        f"{loop.nutation(momentum):.3g} rad/s"
+    )
+    if found is None:
+        raise DesatError(
+            f"--wheels: {fast}: no sample time from {SAMPLE_TIMES[-1]:g} s on holds its attitude"
+        )
+    if given:
+        raise DesatError(
+            f"--sample {own:g}s: {fast}, which these samples do not hold; {found:g}s would do"
+        )
+    return found
 
 
 def _limits(
@@ -391,7 +520,7 @@ def _substeps(step: float, acceleration: float, dump: Mapping[str, Any] | None) 
     """As many as `coverage.LIMITS` asks of wheels that all turn the craft at their torque (rad/s2
     each), where dumps make runs long; eight of a day's run."""
     if dump is None:
-        return 8 if step == 1.0 else 1
+        return max(1, round(8.0 * step)) if step <= 1.0 else 1
     return min(8, math.ceil(step * math.sqrt(2.4 * acceleration / KICK)))
 
 
@@ -418,38 +547,51 @@ def _dump(
             raise DesatError("no rods: --dump says what takes momentum out, as --thrusters '4 1N' "
                              "--dump 'thrusters 70:10'")  # fmt: skip
         return None
-    match = re.fullmatch(r"\s*(\w+)\s+([\d.]+)\s*:\s*([\d.]+)\s*%?(\s+aligned)?\s*", wanted.dump)
-    if match is None or match[1] not in DUMPERS:
-        raise DesatError(f"--dump {wanted.dump}: the form is thrusters BEGIN:END or coils "
-                         "BEGIN:END, in % of a wheel's capacity, as 'thrusters 70:10'; of "
-                         "thrusters aligned may follow")  # fmt: skip
-    begin, end = FILL(match[2]), FILL(match[3])
-    if end >= begin:
-        raise DesatError(
-            f"--dump {wanted.dump}: it ends at {end:g} %, which is not below {begin:g} %"
-        )
-    if match[1] == "coils" and not rods:
+    begin, end, by, aligned = _thresholds(wanted.dump)
+    if by == "coils" and not rods:
         raise DesatError(f"--dump {wanted.dump}: --rods none leaves no coils")
-    if match[1] == "coils" and match[4]:
+    if by == "coils" and aligned:
         raise DesatError(f"--dump {wanted.dump}: aligned is of thrusters, which pay for each axis")
-    if match[1] == "thrusters" and thrusters is None:
+    if by == "thrusters" and thrusters is None:
         raise DesatError(f"--dump {wanted.dump}: --thrusters says which, as --thrusters '4 1N'")
     capacity = wheels["capacity_si"]
     torque, sample = 0.5 * wheels["torque_si"], 10.0
     why = "half of what the wheels give"
-    if thrusters is not None and match[1] == "thrusters":
+    if thrusters is not None and by == "thrusters":
         if float(thrusters["torque_si"]) < torque:
             torque, why = float(thrusters["torque_si"]), "what a pair gives"
         room = 8.0 * inertia * DEVIATION
         sample = max(step, next((x for x in SAMPLES if torque * x * x <= room), 0.0))
         if torque * sample * sample > room:
             torque, why = room / sample**2, "no pulse turns the craft by more than 0.1 deg"
-    return {"by": match[1], "percent": (f"{begin:g}", f"{end:g}"),
+    return {"by": by, "percent": (f"{begin:g}", f"{end:g}"),
             "begin": _text(begin / 100.0 * capacity), "end": _text(end / 100.0 * capacity),
             "torque": _text(torque), "why": why, "sample": sample, "large": capacity >= 1.0,
             "most": f"{min(begin + 10.0, 98.0):g}",
-            "aligned": bool(match[4]),
+            "aligned": aligned,
             "room": (begin - end) / 100.0 * capacity}  # fmt: skip
+
+
+def _thresholds(text: str) -> tuple[float, float, str, bool]:
+    """Return begin and end of dumps (%), what dumps, and whether dumps wait for an axis.
+
+    Raises DesatError.
+    """
+    match = re.fullmatch(r"\s*(\w+)\s+([\d.]+)\s*:\s*([\d.]+)\s*(%?)(\s+aligned)?\s*", text)
+    if match is None or match[1] not in DUMPERS:
+        raise DesatError(
+            f"--dump {text}: the form is thrusters BEGIN:END or coils BEGIN:END, in % of a wheel's "
+            "capacity, as 'thrusters 70:10'; of thrusters aligned may follow"
+        )
+    begin, end = FILL(match[2]), FILL(match[3])
+    if end >= begin:
+        raise DesatError(f"--dump {text}: it ends at {end:g} %, which is not below {begin:g} %")
+    if begin < 1.0 and not match[4]:
+        raise DesatError(
+            f"--dump {text}: thresholds are in % of a wheel's capacity: "
+            f"'{match[1]} {100.0 * begin:g}:{100.0 * end:g}', or {begin:g}:{end:g}%"
+        )
+    return begin, end, match[1], bool(match[5])
 
 
 def _holds(
@@ -497,7 +639,8 @@ def _wheels(wanted: CraftFacts, inertia: list[float]) -> dict[str, Any]:
     viscous, coulomb = friction(torque, speed)
     held = "a pyramid along (+-1, +-1, 1)" if count == 4 else "one wheel along each axis"
     return {
-        "axes_si": axes, "axes": ["[" + ", ".join(f"{x:.16g}" for x in row) + "]" for row in axes],
+        "count": count, "inertia_si": rotor, "axes_si": axes,
+        "axes": ["[" + ", ".join(f"{x:.16g}" for x in row) + "]" for row in axes],
         "layout_why": held, "null": count == 4,
         "capacity": f"{capacity * 1e3:g} mN m s", "speed": figures["speed"], "class": name,
         "inertia": "[" + ", ".join([f"{rotor:.9g}"] * count + ["0.0"] * (4 - count)) + "]",

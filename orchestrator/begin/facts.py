@@ -34,6 +34,7 @@ class CraftFacts:
     torque: str | None = None
     propellant: str | None = None
     isp: str | None = None
+    sample: str | None = None
 
 
 class Facts(TypedDict, total=False):
@@ -62,3 +63,4 @@ class Facts(TypedDict, total=False):
     torque: str | None
     propellant: str | None
     isp: str | None
+    sample: str | None

@@ -39,7 +39,7 @@ ORBITS = {
     "molniya": ("504x39863km", 63.4349, 270.0, "class: its perigee stays in the south"),
 }
 """By name: heights of perigee and apogee, inclination and argument of perigee (deg), and why."""
-INCLINATION = Quantity("--inclination", "deg", 0.0, 180.0)
+INCLINATION = Quantity("--inclination", "deg", 0.0, 180.0, bare=False)
 DISTANCES = 0.1, 40.0
 """From the Sun (astronomical units)."""
 YEARS = 1957, 2056
@@ -153,10 +153,10 @@ def orbit_of(wanted: CraftFacts, epoch: float) -> Orbit:
 
 def _circular(wanted: CraftFacts, option: str, epoch: float) -> Orbit:
     text = wanted.sso or wanted.altitude or "500 km"
-    height = Quantity(option, "km", *ALTITUDES)(text) * 1e3
+    height = Quantity(option, "km", *ALTITUDES, bare=False)(text) * 1e3
     axis, raan, raan_why = EARTH_RADIUS + height, 0.0, "class"
     if wanted.altitude is not None and wanted.sso is None:
-        inclination = math.radians(INCLINATION(wanted.inclination or "51.6"))
+        inclination = math.radians(INCLINATION(wanted.inclination or "51.6deg"))
         why = "given" if wanted.inclination else "class: that of the ISS"
     else:
         if wanted.inclination is not None:
@@ -218,7 +218,7 @@ def _of_ends(text: str, given: str | None, epoch: float) -> Orbit:
 
 def _about_the_sun(text: str) -> Orbit:
     """A circle in the ecliptic at a distance."""
-    match = re.fullmatch(r"\s*([\d.]+)\s*(?:AU|au)?\s*", text)
+    match = re.fullmatch(r"\s*([\d.]+)\s*(?:AU|au)\s*", text)
     if match is None:
         raise DesatError(f"--sun {text}: a distance in astronomical units is needed, as 1.52AU")
     distance = Quantity("--sun", "1", *DISTANCES)(match[1])

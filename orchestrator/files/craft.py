@@ -12,6 +12,9 @@
     "manager.b_body" = "magnetometer_2.b_body"
     "spacecraft.density" = false
 
+    [body]                                # what tells whether the other figures are likely
+    mass = "12 kg"
+    sides = ["0.2 m", "0.2 m", "0.3 m"]   # along x, y, z of the body
     [hardware]                            # a class or a product for a component (`hardware.py`)
     wheels = "class:30mNms"
     [shared]                              # a parameter for every component that has it
@@ -32,6 +35,7 @@ from typing import Any
 
 from desat.fmus import registry
 
+from ..system.body import Body
 from ..system.draft import Draft, DraftComponent
 from ..system.errors import DesatError, nearest
 from ..system.interface import (
@@ -45,12 +49,14 @@ from ..system.interface import (
 )
 from ..system.model import Connection, Connector, Fmu
 from ..system.parameters import expand
+from ..system.quantity import Quantity
 from . import hardware, library, paths
 from .io import TomlTable, line_of, lines, parsed, text
 
 FILE = "craft.toml"
 ENDING = ".craft.toml"
-KEYS = ("title", "stop", "components", "wiring", "hardware", "shared", "parameters")
+KEYS = ("title", "stop", "body", "components", "wiring", "hardware", "shared", "parameters")
+BODY = ("mass", "sides")
 
 
 def files(folder: Path) -> list[Path]:
@@ -91,6 +97,7 @@ class _Reader:
 
     def system(self) -> Draft:
         self.top()
+        self.body()
         for name, source in self.table("components").items():
             self.component(name, source)
         self.stop_here()
@@ -141,6 +148,31 @@ class _Reader:
             self.problem("stop", f" = {stop!r}: a time in seconds is needed")
         if self.data.get("components", {}) == {}:
             self.problems.append(f"{self.where}: there is no component; name some in [components]")
+
+    def body(self) -> None:
+        """Read mass and sides, where the file says them."""
+        table = self.table("body")
+        for key in table:
+            if key not in BODY:
+                self.problem(f"body.{key}", f": unknown key{nearest(key, BODY)}")
+        if not table:
+            return
+        try:
+            mass = self.quantity("mass", "kg", table.get("mass"))
+            sides = table.get("sides")
+            if not isinstance(sides, list) or len(sides) != 3:
+                raise DesatError(f"{self.at('body.sides')} = {sides!r}: three sides are needed")
+            a, b, c = (self.quantity("sides", "m", x) for x in sides)
+            self.result.body = Body(mass, (a, b, c))
+        except DesatError as error:
+            self.problems.append(str(error))
+
+    def quantity(self, key: str, unit: str, value: Any) -> float:
+        """Return a figure of the body in a unit. Raises DesatError for one that is not above 0."""
+        asked = Quantity(f"{self.at(f'body.{key}')} =", unit, 0.0, 1e9, above=True)
+        if isinstance(value, (int, float, str)) and not isinstance(value, bool):
+            return asked(value)
+        raise DesatError(f"{self.at(f'body.{key}')} = {value!r}: a number in {unit} is needed")
 
     def component(self, name: str, source: Any) -> None:
         key = f"components.{name}"
@@ -333,7 +365,7 @@ class _Reader:
     def assign(self, owner: str, name: str, value: Any, key: str) -> None:
         where = f"{self.at(key)}: {owner}"
         try:
-            values = expand(self.interfaces[owner], name, value, where)
+            values = expand(self.interfaces[owner], name, value, where, typed=True)
             component = self.result.components[owner]
             component.parameters.update(values)
             component.given[name] = self.at(key)

@@ -279,6 +279,10 @@ class ScenarioTable(Written):
     title: Text = key("what it is, in a line; {axis} stands for the axis' label", use="text")
     description: Text = key("two sentences for a reader", use="text")
     source: Text = key("the paper it is from", use="text")
+    unstable: Text = key(
+        "why its sampled attitude loop is unstable on purpose: a warning then, else a problem",
+        use="text",
+    )
     craft: Text = key("the craft file, beside; default: craft.toml", use="system")
     ssd: Text = key("the wiring as an SSD kept by hand, in place of a craft file", use="system")
     start: Maybe[FiniteFloat] = key("start time", "s", use="system")

@@ -11,7 +11,19 @@ from typing import Any
 from desat.components.contract.block import BlockError, Scalar
 from desat.fmus.registry import names
 
-from ..analyses import accounts, coverage, energy, firings, fixed, management, needs, wheels
+from ..analyses import (
+    accounts,
+    attitude_loop,
+    coverage,
+    energy,
+    firings,
+    fixed,
+    management,
+    needs,
+    plausibility,
+    residual,
+    wheels,
+)
 from ..analyses.manifest import Manifest
 from ..analyses.motion import period_of
 from ..designs import making, momentum_tables, origin
@@ -378,10 +390,13 @@ RUNS: tuple[Callable[[System, Options], Iterable[str]], ...] = (
 """What stands against a run with its options, each a line a problem."""
 SYSTEMS: tuple[Callable[[System], Iterable[str]], ...] = (
     momentum_tables.problems, accounts.problems, management.problems, needs.problems,
+    attitude_loop.problems,
 )  # fmt: skip
 """What stands against running a system."""
 WARNINGS: tuple[Callable[[System], Iterable[str]], ...] = (
     library.unused_warnings, accounts.warnings, coverage.warnings, energy.warnings,
     firings.warnings, fixed.warnings, management.warnings, wheels.warnings,
+    attitude_loop.warnings, plausibility.warnings,
+    residual.warnings,
 )  # fmt: skip
 """What to beware of in one."""

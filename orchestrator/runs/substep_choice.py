@@ -157,7 +157,7 @@ def decimated(system: System, options: Options) -> Slow | None:
     whole = replace(system, substeps=2, components={
         name: replace(c, step_ratio=1) for name, c in names.items()
     })  # fmt: skip
-    if options.algorithm == "jacobi" or residual.applies(system) is None:
+    if options.algorithm == "jacobi" or residual.rigid_body(system) is None:
         return None
     if all(c.step_ratio == 1 for c in names.values()):
         return None
@@ -203,7 +203,7 @@ def _beyond(found: Reached, seen: tuple[float, float, float]) -> list[tuple[int,
 
 def _from(system: System, t: float, state: list[Array]) -> System:
     """A system that begins at t (s) with a body in that state: attitude, rate, wheels' momenta."""
-    parts = residual.applies(system)
+    parts = residual.rigid_body(system)
     assert parts is not None
     q, omega, h = (x.tolist() for x in state)
     body = system.components[parts.spacecraft]
@@ -227,7 +227,7 @@ def _not_flown(system: System, options: Options) -> str:
     """Why a system makes one substep, where there is nothing to choose by; else nothing."""
     if options.algorithm == "jacobi":
         return "jacobi takes no substeps"
-    if residual.applies(system) is None:
+    if residual.rigid_body(system) is None:
         return "there is no rigid body with wheels to judge by"
     try:
         every = schedule(replace(system, substeps=2)).rates.every

@@ -30,6 +30,17 @@ from numpy.typing import NDArray
 from desat.components.bases.dumping import DUMPING
 from desat.components.physics.orbit import MU
 
+from ..analyses.flight import (
+    Attitude,
+    Flight,
+    Hardware,
+    environment_block,
+    flown_at,
+    hardware_of,
+    inputs_at,
+    values_of,
+    wanted_attitude,
+)
 from ..analyses.motion import BEYOND, period_of
 from ..campaign.draws import series_of_numbers
 from ..numbers.derived import rotate, rotate_back
@@ -40,17 +51,6 @@ from ..system.expression import factor
 from ..system.model import System
 from ..system.options import Options
 from ..system.parameters import bare_block, unit_of
-from .flight import (
-    GUIDED,
-    Attitude,
-    Flight,
-    Hardware,
-    environment_block,
-    flown_at,
-    hardware_of,
-    inputs_at,
-    values_of,
-)
 from .sizing import (
     GRAVITY,
     YEAR,
@@ -228,7 +228,7 @@ def size(
     if cost is None or isp is None:
         raise DesatError(f"{target}: its thrusters have neither arm nor nozzles, or no specific "
                          "impulse: --arm and --isp say them")  # fmt: skip
-    attitude = _attitude(system)
+    attitude = wanted_attitude(system)
     progress("the days of the scenario")
     flight = _flight(system, attitude)
     torque, _ = secular(flight)
@@ -301,20 +301,6 @@ def _flown(target: str, options: Options, window: float) -> Run:
     run = simulate(replace(case, options=replace(case.options, record=record))).or_raise(target)
     run.results.close()
     return run
-
-
-def _attitude(system: System) -> Attitude:
-    """The attitude that the guidance wants. Raises DesatError for one that moves otherwise."""
-    guide = system.roles.get("guidance")
-    kept = {"guidance_nadir": ("nadir", "q_bo"), "guidance_inertial": ("inertial", "q_target_bi")}
-    model = "" if guide is None else guide.interface.model
-    if guide is not None and model in GUIDED:
-        return Attitude(GUIDED[model], (0.0, 0.0, 0.0, 1.0), 0.0)
-    if guide is None or model not in kept:
-        raise DesatError(f"{system.name}: guidance: one of {', '.join((*kept, *GUIDED))} is needed")
-    kind, name = kept[model]
-    x, y, z, w = guide.values[name]
-    return Attitude(kind, (x, y, z, w), 0.0)
 
 
 def _through(

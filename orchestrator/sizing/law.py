@@ -21,9 +21,9 @@ from desat.components.contract.block import Block, BlockError
 from desat.components.maths.attitude import rotate
 from desat.fmus.registry import block_class, names
 
+from ..analyses.flight import Flight
 from ..system.model import Component
 from .compatibility import law_name
-from .flight import Flight
 
 Array = NDArray[Any]
 ENDLESS = 1e30

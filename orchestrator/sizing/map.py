@@ -18,13 +18,7 @@ from numpy.typing import NDArray
 from desat.components.bases.orbit_start import MEAN
 from desat.components.physics.orbit import EARTH_RADIUS
 
-from ..runs.prepare import prepare, read
-from ..system import quantities
-from ..system.errors import DesatError
-from ..system.model import System
-from ..system.options import Options
-from .compatibility import terms_of
-from .flight import (
+from ..analyses.flight import (
     Attitude,
     Flight,
     attitude_of,
@@ -36,6 +30,12 @@ from .flight import (
     integral,
     values_of,
 )
+from ..runs.prepare import prepare, read
+from ..system import quantities
+from ..system.errors import DesatError
+from ..system.model import System
+from ..system.options import Options
+from .compatibility import terms_of
 from .law import Law, UnsuitedError, hold_of, law_of
 from .model import fly, track_of
 from .sizing import Wishes, fly_case, least_by_formula, other_laws, reach, room_of, secular

@@ -16,8 +16,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ..analyses.flight import Flight, Hardware
 from ..numbers.derived import cross, from_body, rotate, rotate_back
-from .flight import Flight, Hardware
 from .law import Law, ask, hold_of
 
 Array = NDArray[Any]

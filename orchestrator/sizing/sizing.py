@@ -33,19 +33,7 @@ from numpy.typing import NDArray
 from desat.components.laws.least_firing import programme
 from desat.components.maths.allocation import least_on_times
 
-from ..analyses.manifest import Manifest
-from ..analyses.motion import period_of
-from ..campaign.draws import series_of_numbers
-from ..files.paths import NOMINAL
-from ..numbers.derived import cross, rotate, rotate_back
-from ..runs.prepare import Case, Target, prepare, read
-from ..runs.run import Run, simulate
-from ..system import quantities
-from ..system.errors import DesatError
-from ..system.model import Component, System
-from ..system.options import Options
-from .compatibility import Terms, fitting, prepare_with, terms_of
-from .flight import (
+from ..analyses.flight import (
     Attitude,
     Flight,
     Hardware,
@@ -59,6 +47,18 @@ from .flight import (
     series_for,
     values_of,
 )
+from ..analyses.manifest import Manifest
+from ..analyses.motion import period_of
+from ..campaign.draws import series_of_numbers
+from ..files.paths import NOMINAL
+from ..numbers.derived import cross, rotate, rotate_back
+from ..runs.prepare import Case, Target, prepare, read
+from ..runs.run import Run, simulate
+from ..system import quantities
+from ..system.errors import DesatError
+from ..system.model import Component, System
+from ..system.options import Options
+from .compatibility import Terms, fitting, prepare_with, terms_of
 from .law import Law, UnsuitedError, law_of
 from .model import fly, in_body_of, track_of, useful
 

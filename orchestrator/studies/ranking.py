@@ -13,6 +13,7 @@ import numpy as np
 from markupsafe import Markup
 
 from ..analyses import analyses
+from ..analyses.flight import attitude_of, values_of
 from ..analyses.manifest import Manifest
 from ..analyses.motion import period_of
 from ..campaign.draws import series_of_numbers
@@ -34,7 +35,6 @@ from ..sizing.compatibility import (
     prepare_with,
     terms_of,
 )
-from ..sizing.flight import attitude_of, values_of
 from ..system.errors import DesatError, RunError, nearest
 from ..system.model import System
 from .compare import Comparison, of_runs, write

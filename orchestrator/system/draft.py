@@ -14,6 +14,7 @@ from typing import Any
 from desat.components.contract.block import Scalar
 from desat.components.contract.units import Unit
 
+from .body import Body
 from .errors import DesatError, nearest
 from .interface import Interface, OutputClass, base_name
 from .model import ACCURACY, AUTO, Connection, Connector, Fmu, Substeps, Told
@@ -64,7 +65,7 @@ class DraftComponent:
             expand(self.interface, name, [s.start or 0.0 for s in signals], where)
             self.references[name] = value
             return
-        values = expand(self.interface, name, value, where)
+        values = expand(self.interface, name, value, where, typed=True)
         self.parameters.update(values)
         self.references.pop(base_name(name), None)
         for element in (*values, name):
@@ -91,6 +92,8 @@ class Draft:
     title: str = ""
     about: Told | None = None
     """What its scenario says (`language/content.py`, `said`); None of a foreign system."""
+    body: Body | None = None
+    """Mass and sides, where its craft file says them."""
     problems: list[str] = field(default_factory=list)
     """What is wrong with it, a line each."""
     warnings: list[str] = field(default_factory=list)

@@ -15,6 +15,7 @@ from typing import Any, Literal, Protocol
 
 from desat.components.contract.block import Scalar
 
+from .body import Body
 from .interface import Interface, OutputClass
 
 J2000 = datetime(2000, 1, 1, 12, tzinfo=UTC)
@@ -168,6 +169,8 @@ class System:
     """Overrides: `component.variable` -> class."""
     about: Told | None = None
     """What its scenario says (`language/content.py`, `said`); None of a foreign system."""
+    body: Body | None = None
+    """Mass and sides, where its craft file says them."""
 
     parts: int = field(init=False, repr=False, compare=False)
     """The substeps of a step; one as long as they are not chosen."""

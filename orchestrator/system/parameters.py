@@ -6,7 +6,7 @@ import math
 import re
 import sys
 import tomllib
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -126,11 +126,14 @@ def _is_begun_table(value: Any, last: str, count: int) -> bool:
     )  # fmt: skip
 
 
-def expand(interface: Interface, name: str, value: Any, where: str) -> dict[str, Scalar]:
+def expand(
+    interface: Interface, name: str, value: Any, where: str, typed: bool = False
+) -> dict[str, Scalar]:
     """The scalars of `name = value` by element name.
 
     `where` (file and component) begins every message. A list gives an array's elements row by
-    row, of a table perhaps the first rows alone; a text gives a choice by its name. Raises
+    row, of a table perhaps the first rows alone; a text gives a choice by its name. `typed`: a
+    person gives it, to whom the number 5 is the choice called 5 where choices are numbers. Raises
     DesatError for an unknown or set-only-by-others variable, a wrong count or type, and a value
     outside the bounds.
     """
@@ -141,6 +144,8 @@ def expand(interface: Interface, name: str, value: Any, where: str) -> dict[str,
         raise DesatError(f"{where} has no variable {name}{nearest(name, known)}")
     if signals[0].causality not in ("parameter", "input"):
         raise DesatError(f"{where}.{name} is an {signals[0].causality}: it cannot be set")
+    if typed and isinstance(value, int) and not isinstance(value, bool):
+        value = _typed_choice(signals[0].choices, value)
     if signal is not None and not isinstance(value, (list, tuple)):
         return {name: _scalar(signal, value, f"{where}.{name}")}
     values = _flat(value)
@@ -151,6 +156,15 @@ def expand(interface: Interface, name: str, value: Any, where: str) -> dict[str,
     return {
         s.name: _scalar(s, x, f"{where}.{s.name}") for s, x in zip(signals, values, strict=True)
     }
+
+
+def _typed_choice(choices: Sequence[str], value: int) -> int | str:
+    """Return a number as a choice's name where choices are called by numbers, else as it is.
+
+    0 is the first choice where that has another name, such as none.
+    """
+    called = any(x.isdigit() for x in choices)
+    return str(value) if called and (value or choices[0].isdigit()) else value
 
 
 def _flat(value: Any) -> list[Any]:

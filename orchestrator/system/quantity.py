@@ -31,6 +31,8 @@ class Quantity:
     """`least` itself is not allowed"""
     what: str = ""
     """that is in the range: a factor of"""
+    bare: bool = True
+    """whether what is typed may have no unit"""
 
     def __call__(self, given: str | float) -> float:
         """What is typed, or what a program gives. Raises DesatError."""
@@ -48,9 +50,12 @@ class Quantity:
             needed = "numbers are needed, as 1,2,3" if many else "a number is needed"
             unit = f", with its unit or in {self.unit}" if self.unit != "1" else ""
             raise DesatError(f"{self.option} {whole}: {needed}{unit}")
-        return (
-            float(match[1]) if not match[2] else self._converted(float(match[1]), match[2], whole)
-        )
+        if match[2]:
+            return self._converted(float(match[1]), match[2], whole)
+        if not self.bare and self.unit != "1":
+            example = f"{match[1]}{self.unit.replace('.', '')}"
+            raise DesatError(f"{self.option} {whole}: a unit is needed, as {example}")
+        return float(match[1])
 
     def _converted(self, number: float, unit: str, whole: str) -> float:
         from desat.components.contract.units import conversion

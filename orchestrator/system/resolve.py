@@ -66,6 +66,7 @@ def resolve(draft: Draft) -> Resolved:
     system = System(
         draft.name, draft.where, components, connections, step, stop, draft.start,
         draft.substeps, draft.accuracy, dict(draft.output_classes), draft.about,
+        draft.body,
     )  # fmt: skip
     return Resolved(components, [], system)
 

@@ -35,6 +35,7 @@ def check(
     as_json: o.Json = False,
 ) -> None:  # fmt: skip
     """Find what is wrong with a system before it runs."""
+    from ...analyses import attitude_loop
     from ...engine.trial_initialisation import refusals
     from ...files.library import notes
     from ...runs.prepare import prepare
@@ -46,6 +47,9 @@ def check(
     case = prepare(target, options)
     checked, schedule = case.checked, case.checked.schedule
     if checked.system is not None and schedule is not None:
+        full = list(attitude_loop.problems_when_full(checked.system))
+        checked.problems += full
+        checked.warnings = [line for line in checked.warnings if line not in full]
         problems, warnings = refusals(checked.system, schedule, options.trusted)
         checked.problems += explain(checked.system, "\n".join(problems))
         checked.warnings += explain(checked.system, "\n".join(warnings))

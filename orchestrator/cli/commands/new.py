@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
+from rich.table import Table
 
 from .. import options as o
 from ..console import app, example, out, print_json, warn
@@ -77,18 +78,25 @@ def craft(
     secular: Annotated[
         str | None,
         typer.Option(
-            help="A constant torque, about y or x,y,z of body, in the place of drag, light "
-            "and dipole: 80uNm."
+            help="A constant torque, about y or x,y,z of body: 80uNm. Given torques add up; it "
+            "replaces the class's drag, light and dipole, not a --panel or --residual-dipole."
         ),
     ] = None,
     torque: Annotated[
         str | None,
         typer.Option(
-            help='A csv of t (s) and torque about x, y, z (N m), in their place: "FILE '
-            'body", or lvlh, eci; repeated.'
+            help='A csv of t (s) and torque about x, y, z (N m), as --secular: "FILE body", or '
+            "lvlh, eci; repeated."
         ),
     ] = None,
     residual_dipole: Annotated[str | None, typer.Option(help="0.05 (A m2).")] = None,
+    sample: Annotated[
+        str | None,
+        typer.Option(
+            help="Sample time of sensors, controller and wheels, which is the step, too: 0.2s "
+            "(default: what is stable with full wheels)."
+        ),
+    ] = None,
     force: Annotated[bool, typer.Option("--force", help="Into a folder that exists.")] = False,
     as_json: o.Json = False,
 ) -> None:
@@ -103,17 +111,35 @@ def craft(
     wanted = CraftFacts(
         altitude, inclination, sso, ltan, tle, epoch, mass, size, box, inertia, wheels, rods,
         thrusters, pointing, residual_dipole, orbit, dump, panel, sun, secular, torque, propellant,
-        isp,
+        isp, sample,
     )  # fmt: skip
     command = shlex.join(["desat", *sys.argv[1:]])
     made = new_craft.write(folder, wanted, command, force)
-    warn(doubts(wanted))
+    warn([*doubts(wanted), *_doubts_of(folder)])
     if as_json:
-        print_json({"files": [str(x) for x in made]})
+        assumptions = [x._asdict() for x in made.assumptions]
+        print_json({"files": [str(x) for x in made.files], "assumptions": assumptions})
         return
-    out.print(f"{shown(folder)}: {', '.join(x.name for x in made)}", highlight=False, markup=False)
+    names = ", ".join(x.name for x in made.files)
+    out.print(f"{shown(folder)}: {names}", highlight=False, markup=False)
+    table = Table(box=None, header_style="bold", pad_edge=False)
+    for name in ("quantity", "value", "unit", "from"):
+        table.add_column(name)
+    for row in made.assumptions:
+        table.add_row(*row)
+    out.print(table)
     out.print(f"desat run {shown(folder)}    # nominal; desat size {shown(folder)} what it "
               "needs", highlight=False, markup=False)  # fmt: skip
+
+
+def _doubts_of(folder: Path) -> list[str]:
+    """Return what of a craft is improbable, as `check`, `run` and `size` say it."""
+    from ...analyses import plausibility
+    from ...runs.prepare import resolved
+    from ...system.options import Options
+
+    system, _ = resolved(str(folder), Options())
+    return list(plausibility.warnings(system))
 
 
 @news.command(epilog=example("desat new law my_law"))

@@ -39,6 +39,7 @@ from ...system.interface import KINDS
 from ...system.model import System
 from ...system.options import Options, as_arguments
 from ...system.parameters import table, unit_of
+from ...system.wheels import axes_of, existing, smallest_capacity
 from ..loop_fmu import LoopEnds, LoopSource, written_out
 from . import module
 from .script import script
@@ -439,10 +440,8 @@ def _managed(flown: _Flown) -> dict[str, Any] | None:
     own = system.components[body].values
     if "inertia" not in own or not {*series.values()} <= _there(system):
         return None
-    axes = np.reshape(own["axes_wheel"], (3, 4))
-    there = np.flatnonzero(np.linalg.norm(axes, axis=0) > 0.0)
-    spin = [x for x in own["inertia_wheel"] if x > 0.0]
-    capacity = min(spin, default=0.0) * system.components[wheels].values["speed_limit"]
+    axes, there = axes_of(own), np.flatnonzero(existing(own))
+    capacity = smallest_capacity(system.components[wheels].values)
     unit = "mN.m.s" if capacity < 1.0 else "N.m.s"
     names = {"inertia": f"{body}.inertia", "axes": f"{body}.axes_wheel",
              "spin": f"{body}.inertia_wheel", "rotors": f"{wheels}.inertia_wheel",

@@ -18,6 +18,7 @@ from ...system.interface import Signal
 from ...system.model import System
 from ...system.options import Options
 from ...system.parameters import expand, parse_value, unit_of
+from ...system.wheels import smallest_capacity
 from .values import differing, reached
 
 LOW_ORBIT = (2.0e5, 1.5e6)
@@ -137,8 +138,7 @@ def _range(slider: Slider, name: str, system: System) -> Slider | None:
         return replace(slider, low=_round(low), high=_round(high))
     if slider.form == "each":
         wheels = system.roles["wheels"].values
-        spin = [x for x in wheels["inertia_wheel"] if x > 0.0]
-        most = min(spin, default=0.0) * wheels["speed_limit"]
+        most = smallest_capacity(wheels)
         return replace(slider, high=_round(0.9 * most / slider.factor, 2)) if most else None
     if value == 0.0:
         return None

@@ -22,11 +22,12 @@ from desat.components.physics.orbit import lvlh_attitude
 from desat.components.physics.rod import warm
 from desat.fmus.registry import names
 
-from ..analyses import motion
 from ..numbers.derived import coil_impulse, cross, from_body, rotate_back
 from ..system.errors import DesatError
 from ..system.model import Component, System
 from ..system.parameters import Parameter, bare_block, table
+from ..system.wheels import capacities, existing
+from . import motion
 
 Array = NDArray[Any]
 ROLES = ("environment", "spacecraft", "manager")
@@ -161,27 +162,20 @@ def hardware_of(system: System) -> Hardware:
     rotors = np.broadcast_to(craft.get("inertia_wheel", 0.0), 4)
     flat = (tuple(np.ravel(x).tolist()) for x in (inertia, axes, rotors))
     carrier = np.reshape(carrier_inertia(*flat), (3, 3))
-    there = np.linalg.norm(axes, axis=0) > 0.0
-    capacity = rotors * _fastest(wheels) if wheels else np.full(4, inf)
+    capacity = capacities({"axes_wheel": axes} | wheels)
+    axes = axes * existing(wheels or {"axes_wheel": axes})
     axes_coil = np.reshape(coils["axes_coil"], (3, -1))
     period, quiet = coils.get("sample_time", 0.0), coils.get("quiet_time", 0.0)
     drive = str(coils.get("drive"))
     longest = float(coils["duty_max"]) if drive == "pulsed" else inf if drive == "ideal" else 1.0
     return Hardware(
-        axes, np.where(there, np.nan_to_num(capacity, posinf=inf), 0.0),
+        axes, capacity,
         float(wheels.get("torque_limit", inf)),
         axes_coil[:, np.linalg.norm(axes_coil, axis=0) > 0.0], _largest_dipole(coils),
         longest, 1.0 - quiet / period if period and drive != "pulsed" else 1.0,
         inertia, carrier, thrusters.get("arm"), thrusters.get("specific_impulse"),
         float(given.get("tachometers", {}).get("noise", 0.0)),
     )  # fmt: skip
-
-
-def _fastest(wheels: Mapping[str, Any]) -> float:
-    """The speed (rad/s) that wheels reach: their limit, or what their supply turns them at."""
-    voltage = wheels.get("supply_voltage", 0.0)
-    no_load = voltage / wheels["torque_constant"] if voltage > 0.0 else inf
-    return float(min(wheels.get("speed_limit", inf), no_load))
 
 
 def _largest_dipole(coils: Mapping[str, Any]) -> float:
@@ -321,6 +315,21 @@ def attitude_of(system: System, q: Array, r: Array, v: Array) -> Attitude:
         found.append(Attitude(kind, (x, y, z, w), float(np.quantile(angle, 0.95))))
     best = min(found, key=lambda a: a.wanders)
     return best if best.wanders <= WANDERS else best._replace(kind="moving")
+
+
+def wanted_attitude(system: System) -> Attitude:
+    """Return the attitude that the guidance wants. Raises DesatError for one that moves
+    otherwise."""
+    guide = system.roles.get("guidance")
+    kept = {"guidance_nadir": ("nadir", "q_bo"), "guidance_inertial": ("inertial", "q_target_bi")}
+    model = "" if guide is None else guide.interface.model
+    if guide is not None and model in GUIDED:
+        return Attitude(GUIDED[model], (0.0, 0.0, 0.0, 1.0), 0.0)
+    if guide is None or model not in kept:
+        raise DesatError(f"{system.name}: guidance: one of {', '.join((*kept, *GUIDED))} is needed")
+    kind, name = kept[model]
+    x, y, z, w = guide.values[name]
+    return Attitude(kind, (x, y, z, w), 0.0)
 
 
 def environment_block(component: Component, changes: Mapping[str, Any] | None = None) -> Block:

@@ -1,0 +1,219 @@
+"""Figures of a craft that contradict each other, or are those of no craft: hardware and orbit.
+
+`desat new craft`, `check`, `run` and `size` all say them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from math import inf, pi, sqrt
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from desat.components.contract.block import BlockError
+from desat.components.physics import atmosphere
+from desat.components.physics.orbit import EARTH_RADIUS, MU
+from desat.components.physics.torques import SOLAR_PRESSURE
+from desat.fmus.registry import names
+
+from ..numbers.derived import rotate
+from ..system import cyclic
+from ..system.body import contradictions
+from ..system.errors import DesatError
+from ..system.model import Component, System
+from ..system.wheels import axes_of, capacities, existing, smallest_capacity
+from . import motion
+from .flight import Flight, environment_block, flown_at, inputs_at, wanted_attitude
+
+Array = NDArray[np.float64]
+
+ROWS = 181  # of an orbit that is looked at
+LARGEST_FIELD = 6e-5  # T, at the ground near a pole
+HARMLESS = 0.5  # share of a wheel up to which an estimate of an orbit's momentum is enough
+LARGEST_COIL_POWER = 200.0  # W, each; the largest rods take some tens
+SMALLEST_THRESHOLD = 0.01  # share of a wheel's capacity below which a threshold is a slip of units
+LARGEST_TANK = 0.9  # share of the mass
+
+
+def warnings(system: System) -> Iterator[str]:
+    """Find what is improbable in a checked system, a line each."""
+    yield from _body(system)
+    wheels = system.roles.get("wheels")
+    if wheels is not None and "inertia_wheel" in wheels.values:
+        yield from _dumps(system, wheels)
+        yield from _orbit_momentum(system, wheels)
+    yield from _coils(system)
+
+
+def _where(system: System, component: Component, name: str) -> str:
+    return component.given.get(name, system.where)
+
+
+def _body(system: System) -> Iterator[str]:
+    """Check mass, sides, inertia and propellant against each other."""
+    craft, thrusters = system.roles.get("spacecraft"), system.roles.get("thrusters")
+    if system.body is None:
+        return
+    if craft is not None and "inertia" in craft.values:
+        inertia = np.diag(np.reshape(craft.values["inertia"], (3, 3))).tolist()
+        where = _where(system, craft, "inertia")
+        yield from (f"{where}: body: {line}" for line in contradictions(system.body, inertia))
+    tank = 0.0 if thrusters is None else thrusters.values.get("tank", 0.0)
+    if thrusters is not None and tank > LARGEST_TANK * system.body.mass:
+        yield (
+            f"{_where(system, thrusters, 'tank')}: {thrusters.name}.tank = {tank:g} kg in a craft "
+            f"of {system.body.mass:g} kg"
+        )
+
+
+def _dumps(system: System, wheels: Component) -> Iterator[str]:
+    """Check thresholds and torque of dumps against the wheels."""
+    manager = system.roles.get("manager")
+    if manager is None or manager.interface.model != "manager_threshold":
+        return
+    begin, capacity = manager.values["begin"], smallest_capacity(wheels.values)
+    if not 0.0 < capacity < inf:
+        return
+    there = existing(wheels.values)
+    axes = axes_of(wheels.values)[:, there]
+    most, whose = capacity, "a wheel holds"
+    if manager.choice("fill") == "sum":
+        each = capacities(wheels.values)[there]
+        most = float(np.linalg.norm(np.abs(axes) @ each))
+        whose = "the wheels hold no more than"
+    where = _where(system, manager, "begin")
+    if begin > most:
+        yield (
+            f"{where}: {manager.name}.begin = {begin:g} N m s, and {whose} {most:.4g} N m s: no "
+            "dump begins"
+        )
+    elif begin < SMALLEST_THRESHOLD * capacity:
+        yield (
+            f"{where}: {manager.name}.begin = {begin:g} N m s is {100.0 * begin / capacity:.2g} % "
+            f"of a wheel's {capacity:.4g} N m s: is it a share of it?"
+        )
+    torque, limit = manager.values["torque"], wheels.values.get("torque_limit", inf)
+    if manager.choice("by") != "thrusters" or not manager.values.get("feedforward", True):
+        return
+    needed = torque * float(np.linalg.norm(np.linalg.pinv(axes), axis=1).max())
+    if needed > limit * (1.0 + 1e-9):
+        yield (
+            f"{_where(system, manager, 'torque')}: {manager.name}.torque = {torque:g} N m asks up "
+            f"to {needed:.3g} N m of a wheel, which gives {limit:g} N m: the craft turns with "
+            "each dump"
+        )
+
+
+def _coils(system: System) -> Iterator[str]:
+    """Check the power of coils at their largest dipole."""
+    coils = system.roles.get("torquers")
+    if coils is None or not {"resistance", "area_turns", "m_limit"} <= coils.values.keys():
+        return
+    given = {"resistance", "area_turns"} & coils.given.keys()
+    current = coils.values["m_limit"] / coils.values["area_turns"]
+    power = current**2 * coils.values["resistance"]
+    if given and power > LARGEST_COIL_POWER:
+        yield (
+            f"{_where(system, coils, min(given))}: {coils.name}: {power:.3g} W in each coil at "
+            f"{coils.values['m_limit']:g} A m2: coils of spacecraft take {LARGEST_COIL_POWER:g} W "
+            "at most"
+        )
+
+
+# --- What an orbit brings into the wheels ------------------------------------
+
+
+def _orbit_momentum(system: System, wheels: Component) -> Iterator[str]:
+    """Check what an orbit brings into the wheels against what they hold."""
+    craft, capacity = system.roles.get("spacecraft"), smallest_capacity(wheels.values)
+    there = existing(wheels.values)
+    axes = axes_of(wheels.values)[:, there]
+    spans = there.any() and np.linalg.matrix_rank(axes, tol=1e-3) == 3
+    if craft is None or not spans or not 0.0 < capacity < inf:
+        return
+    if _most_in_an_orbit(system, craft) < HARMLESS * capacity:
+        return
+    try:
+        flight = _orbit(system)
+    except (DesatError, BlockError):
+        return  # an attitude or an environment that cannot be looked at without a run
+    inverse = np.linalg.pinv(axes)
+    span = float(flight.times[-1] - flight.times[0])
+    impulse = flight.disturbance - flight.disturbance[0]
+    secular = impulse[-1] / span
+    rest = impulse - np.outer(flight.times - flight.times[0], secular)
+    rest = rest - (rest.max(axis=0) + rest.min(axis=0)) / 2.0
+    inside = rotate(flight.q, rest) - (flight.body - flight.body.mean(axis=0))
+    needs = float(np.abs(inside @ inverse.T).max())
+    where = _where(system, craft, "residual_dipole_body")
+    if needs > capacity:
+        yield f"{where}: {wheels.name}: {cyclic.shortfall(needs, capacity)}"
+    along = rotate(flight.q, np.broadcast_to(secular, (len(flight.q), 3)))
+    brings = span * float(np.abs(along @ inverse.T).max())
+    if brings > capacity:
+        yield (
+            f"{where}: {wheels.name}: disturbances leave {brings:.3g} N m s in the fullest wheel "
+            f"in each orbit, and it holds {capacity:.3g} N m s"
+        )
+
+
+def _most_in_an_orbit(system: System, craft: Component) -> float:
+    """Estimate from above what disturbances do in an orbit (N m s); inf where it is not known."""
+    environment = system.roles.get("environment")
+    if environment is None or environment.interface.model not in names():
+        return inf
+    try:
+        block = environment_block(environment)
+        block.output(system.start)
+    except (DesatError, BlockError):
+        return 0.0
+    r, v = (np.array(getattr(block, name)) for name in ("r_eci", "v_eci"))
+    radius, values = float(np.linalg.norm(r)), craft.values
+    light = float(getattr(block, "sunlight", 1.0)) or 1.0
+    torque = float(np.linalg.norm(values.get("tau_disturbance_body", 0.0)))
+    torque += SOLAR_PRESSURE * light * 2.0 * _lever(values, "radiation", "area_radiation")
+    if radius < motion.BEYOND:
+        period = motion.period_of(r, v)
+        axis = (MU * (period / (2.0 * pi)) ** 2) ** (1.0 / 3.0)
+        eccentric = (r @ v) ** 2 / (MU * axis) + (1.0 - radius / axis) ** 2
+        near = axis * (1.0 - sqrt(min(eccentric, 0.99)))
+        inertia = np.linalg.eigvalsh(np.reshape(values.get("inertia", np.zeros(9)), (3, 3)))
+        torque += 1.5 * MU / near**3 * float(inertia[-1] - inertia[0])
+        field = LARGEST_FIELD * (EARTH_RADIUS / near) ** 3
+        torque += field * float(np.linalg.norm(values.get("residual_dipole_body", 0.0)))
+        density = 10.0 * atmosphere.table(near - EARTH_RADIUS)  # high solar activity
+        torque += density * MU / near * 2.2 * _lever(values, "aerodynamics", "area_drag")
+        return float(period * (torque + _given(system)))
+    return float(motion.period_of(r, v) * (torque + _given(system)))
+
+
+def _lever(values: Mapping[str, Any], option: str, area: str) -> float:
+    """Return area times lever (m3) of drag or light, 0 where they are off, inf of plates."""
+    if not values.get(option, 0):
+        return 0.0
+    if values[option] != 1:
+        return inf
+    centre = area.replace("area", "centre") + "_body"
+    return float(values.get(area, 0.0) * np.linalg.norm(values.get(centre, 0.0)))
+
+
+def _given(system: System) -> float:
+    """Return the largest torque (N m) of a table of torques."""
+    table = system.roles.get("disturbance")
+    if table is None or "torque" not in table.values:
+        return 0.0
+    rows = np.reshape(table.values["torque"], (-1, 4))[:, 1:]
+    factor = abs(float(table.values.get("factor", 1.0)))
+    return float(np.linalg.norm(rows, axis=1).max()) * factor
+
+
+def _orbit(system: System) -> Flight:
+    """Fly an orbit, or a day in deep space, at the wanted attitude and without management."""
+    block = environment_block(system.roles["environment"])
+    first = inputs_at(block, [system.start])
+    period = motion.period_of(first["r_eci"][0], first["v_eci"][0])
+    times = system.start + np.linspace(0.0, period, ROWS)
+    block = environment_block(system.roles["environment"])
+    return flown_at(system, wanted_attitude(system), inputs_at(block, times.tolist()), times)

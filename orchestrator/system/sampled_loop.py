@@ -1,0 +1,276 @@
+"""The attitude loop of a craft with momentum in its wheels, as a linear sampled system.
+
+About rest, with H the wheels' momentum (constant, body), J_r the inertia without the rotors' axial
+part and theta the small rotation from the wanted attitude,
+
+    theta' = omega,      J_r omega' = T - omega x H,      T' = (u - T) / lag
+
+so that the body nutates at |H| / sqrt(J_a J_b), J_a and J_b the moments of inertia across H. The
+computers see theta and omega at the samples of their sensors and hold their commands between
+their own:
+
+    tau = -G (kp theta / 2 + kd omega + ki xi),  xi += sample theta / 2     (paper 004, eqs. 10, 11)
+    u = tau + omega x H                                                     (paper 004, eq. 16)
+
+Held for a sample, the second term lags behind the nutation that it is to cancel. The eigenvalues
+of the map over one common period of all samples say whether the loop is stable.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import reduce
+from itertools import product
+from math import inf, lcm
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+LEAST_DAMPING = 0.1  # damping ratio from which on the loop counts as well damped
+ROUNDING = 1e-6  # growth in a period of a double eigenvalue 1, as numbers have it
+MOST_STEPS = 10_000  # steps of a common period that are multiplied out
+SAMPLE_TIMES = (10.0, 5.0, 2.0, 1.0, 0.5, 0.2, 0.1, 0.05, 0.02, 0.01)  # s: those that are proposed
+
+# Places of the state: what the body does, then what the computers hold.
+ANGLE, RATE, TORQUE = slice(0, 3), slice(3, 6), slice(6, 9)
+INTEGRAL, CONTROL, COMMAND = slice(9, 12), slice(12, 15), slice(15, 18)
+SEEN_ANGLE, SEEN_RATE, DECIDED, REST = slice(18, 21), slice(21, 24), slice(24, 27), 27
+
+
+@dataclass(frozen=True)
+class AttitudeLoop:
+    """Body, wheels, sensors, controller and manager of an attitude loop."""
+
+    inertia: Array  # (3, 3) kg m2, without the rotors' axial part
+    gain_matrix: Array  # (3, 3) G
+    kp: float
+    kd: float
+    ki: float
+    actuated: Array  # (3, 3), share of a torque wanted on the body that the wheels give
+    motor_lag: float  # s
+    gyroscopic: bool  # the manager's command has omega x H
+    step: float  # s, of the exchange between components
+    gyro_sample: float  # s, as the next three
+    attitude_sample: float
+    controller_sample: float
+    wheel_sample: float
+    controller_delay: float = 0.0  # s
+    manager_delay: float = 0.0  # s
+
+    def at(self, sample: float) -> AttitudeLoop:
+        """Return the loop with one sample time (s) everywhere, and steps no longer than that."""
+        step = min(self.step, sample)
+        return replace(
+            self,
+            step=step,
+            gyro_sample=sample,
+            attitude_sample=sample,
+            controller_sample=sample,
+            wheel_sample=sample,
+            controller_delay=step * round(self.controller_delay / step),
+            manager_delay=step * round(self.manager_delay / step),
+        )
+
+    def sample(self) -> float:
+        """Return the longest sample time of the loop (s)."""
+        samples = (
+            self.gyro_sample,
+            self.attitude_sample,
+            self.controller_sample,
+            self.wheel_sample,
+        )
+        return max(self.step, *samples)
+
+    def nutation(self, momentum: Array) -> float:
+        """Return the nutation rate (rad/s) with wheel momentum (3,) N m s, body."""
+        curved = momentum @ self.inertia @ momentum / np.linalg.det(self.inertia)
+        return float(np.sqrt(max(curved, 0.0)))
+
+
+@dataclass(frozen=True)
+class Stability:
+    """What the eigenvalues of a sampled loop say."""
+
+    growth: float  # 1/s, real part of the least damped mode
+    damping: float  # least damping ratio of an oscillation
+    stable: bool  # no mode grows
+
+    @property
+    def well_damped(self) -> bool:
+        """Whether each oscillation is damped by LEAST_DAMPING at least."""
+        return self.stable and self.damping >= LEAST_DAMPING
+
+
+def stability(loop: AttitudeLoop, momentum: Array) -> Stability:
+    """Compute the stability of a loop with constant wheel momentum (3,) N m s, body.
+
+    A mode without oscillation counts as damped by 1. One whose eigenvalue is a negative number
+    turns by half a turn a period, the highest frequency that samples show.
+    """
+    period, whole = _map_over_period(loop, momentum)
+    values = np.linalg.eigvals(whole)
+    values = values[np.abs(values) > 1e-12]
+    turns = np.log(values.astype(complex))  # of a period
+    oscillates = np.abs(turns.imag) > 1e-6
+    damping = np.where(oscillates, -turns.real / np.maximum(np.abs(turns), 1e-300), 1.0)
+    return Stability(
+        float(turns.real.max(initial=-inf)) / period,
+        float(damping.min(initial=1.0)),
+        bool((turns.real <= ROUNDING).all()),
+    )
+
+
+def worst_momentum(loop: AttitudeLoop, axes: Array, each: Array) -> tuple[Array, Stability]:
+    """Find the momentum with which the loop is damped least.
+
+    Parameters
+    ----------
+    loop
+        The attitude loop.
+    axes
+        (3, n), axes of the wheels that exist, body.
+    each
+        (n,) N m s, momentum of each, of either sign.
+
+    Returns
+    -------
+    tuple
+        The sum of the wheels' momentum (3,) N m s, body, of the worst signs, and its stability.
+    """
+    signs = [(1.0, *rest) for rest in product((1.0, -1.0), repeat=len(each) - 1)]
+    sums = [axes @ (each * np.array(sign)) for sign in signs] if len(each) else []
+    found = [(h, stability(loop, h)) for h in sums]
+    if not found:
+        return np.zeros(3), stability(loop, np.zeros(3))
+    return min(found, key=lambda pair: pair[1].damping)
+
+
+def longest_sample(
+    loop: AttitudeLoop, axes: Array, each: Array, samples: Sequence[float] = SAMPLE_TIMES
+) -> float | None:
+    """Return the longest of `samples` (s) at which the loop is well damped, or None.
+
+    It is looked at with wheels at rest and with momenta `each` (n,) N m s of any signs about
+    `axes` (3, n), body; samples longer than the loop's own are left out.
+    """
+    for sample in sorted(samples, reverse=True):
+        if sample > loop.sample() * (1.0 + 1e-9):
+            continue
+        there = loop.at(sample)
+        if not stability(there, np.zeros(3)).well_damped:
+            continue
+        if worst_momentum(there, axes, each)[1].well_damped:
+            return sample
+    return None
+
+
+def _map_over_period(loop: AttitudeLoop, momentum: Array) -> tuple[float, Array]:
+    """Return the common period (s) of all samples and the map (n, n) of the state over it."""
+    counts = {
+        name: max(1, round(getattr(loop, name) / loop.step))
+        for name in ("gyro_sample", "attitude_sample", "controller_sample", "wheel_sample")
+    }
+    steps = min(lcm(*counts.values()), MOST_STEPS)
+    waits = [round(x / loop.step) for x in (loop.controller_delay, loop.manager_delay)]
+    size = REST + 3 * sum(waits)
+    cross = _cross(momentum)
+    moves = _moves(loop, cross, size)
+    whole = np.eye(size)
+    maps: dict[tuple[bool, ...], Array] = {}
+    for k in range(steps):
+        due = tuple(k % count == 0 for count in counts.values())
+        if due not in maps:
+            maps[due] = moves @ _samples(loop, cross, due, waits, size)
+        whole = maps[due] @ whole
+    return steps * loop.step, whole
+
+
+def _cross(a: Array) -> Array:
+    """Return the matrix (3, 3) that makes a x b of b."""
+    x, y, z = a.tolist()
+    return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+
+
+def _moves(loop: AttitudeLoop, cross: Array, size: int) -> Array:
+    """Return the map of the state over a step between samples."""
+    inverse = np.linalg.inv(loop.inertia)
+    flow = np.zeros((REST, REST))
+    flow[ANGLE, RATE] = np.eye(3)
+    flow[RATE, RATE] = inverse @ cross  # -omega x H = H x omega
+    torque = TORQUE if loop.motor_lag > 0.0 else COMMAND
+    flow[RATE, torque] = inverse @ loop.actuated
+    if loop.motor_lag > 0.0:
+        flow[TORQUE, TORQUE] = -np.eye(3) / loop.motor_lag
+        flow[TORQUE, COMMAND] = np.eye(3) / loop.motor_lag
+    made = np.eye(size)
+    made[:REST, :REST] = _exponential(flow * loop.step)
+    return made
+
+
+def _exponential(a: Array) -> Array:
+    """Compute exp(a) by scaling and squaring.
+
+    scipy.linalg.expm does the same; its import alone takes longer than all of a check.
+    """
+    norm = float(np.abs(a).sum(axis=1).max())
+    halvings = max(0, int(np.ceil(np.log2(max(norm, 1e-300)))) + 2)
+    small, term = a / 2.0**halvings, np.eye(len(a))
+    terms = [term := term @ small / k for k in range(1, 14)]
+    series: Array = np.eye(len(a)) + np.sum(terms, axis=0)
+    return reduce(lambda x, _: x @ x, range(halvings), series)
+
+
+def _samples(
+    loop: AttitudeLoop, cross: Array, due: Sequence[bool], waits: Sequence[int], size: int
+) -> Array:
+    """Return what samples make of the state: sensors, controller and manager, in this order.
+
+    `due`: which of gyro, attitude, controller and manager sample; `waits`: steps that commands of
+    controller and manager wait, in places behind REST.
+    """
+    gyro, attitude, controller, manager = due
+    total = np.eye(size)
+
+    def assign(target: slice, row: Array) -> None:
+        step = np.eye(size)
+        step[target] = row
+        np.matmul(step, total.copy(), out=total)
+
+    def copy_of(source: slice) -> Array:
+        row = np.zeros((3, size))
+        row[:, source] = np.eye(3)
+        return row
+
+    if gyro:
+        assign(SEEN_RATE, copy_of(RATE))
+    if attitude:
+        assign(SEEN_ANGLE, copy_of(ANGLE))
+    if controller:
+        assign(INTEGRAL, copy_of(INTEGRAL) + 0.5 * loop.controller_sample * copy_of(SEEN_ANGLE))
+        gains = loop.kp * 0.5 * copy_of(SEEN_ANGLE)
+        gains += loop.kd * copy_of(SEEN_RATE) + loop.ki * copy_of(INTEGRAL)
+        assign(CONTROL, -loop.gain_matrix @ gains)
+    queues = _queues(waits)
+    if manager:
+        row = copy_of(queues[0][-1])
+        if loop.gyroscopic:
+            row[:, SEEN_RATE] -= cross  # omega x H = -H x omega
+        assign(DECIDED, row)
+    assign(COMMAND, copy_of(queues[1][-1]))
+    for queue in queues:
+        for older, newer in zip(queue[:0:-1], queue[-2::-1], strict=True):
+            assign(older, copy_of(newer))
+    return total
+
+
+def _queues(waits: Sequence[int]) -> list[list[slice]]:
+    """Return the places of the commands of controller and manager on their way, newest first."""
+    queues, place = [], REST
+    for decided, wait in zip((CONTROL, DECIDED), waits, strict=True):
+        places = [slice(place + 3 * k, place + 3 * k + 3) for k in range(wait)]
+        queues.append([decided, *places])
+        place += 3 * wait
+    return queues

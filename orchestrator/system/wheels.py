@@ -1,0 +1,55 @@
+"""Which wheels a craft has: those with an axis and, where it is known, a spin inertia.
+
+A block of wheels refuses values that contradict each other (`components/blocks/wheels.py`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from math import inf
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+def axes_of(values: Mapping[str, Any]) -> Array:
+    """Return the wheels' axes (3, n), body, zero where there is no wheel.
+
+    A craft without wheels of its own has ideal ones inside, one along each body axis.
+    """
+    return np.reshape(np.array(values.get("axes_wheel", np.eye(3, 4)), float), (3, -1))
+
+
+def existing(values: Mapping[str, Any]) -> NDArray[np.bool_]:
+    """Return which wheels exist (n,), by the parameters of a spacecraft or of its wheels."""
+    there: NDArray[np.bool_] = np.linalg.norm(axes_of(values), axis=0) > 0.0
+    if "inertia_wheel" not in values:
+        return there
+    return np.asarray(there & (np.broadcast_to(values["inertia_wheel"], there.shape) > 0.0))
+
+
+def capacities(values: Mapping[str, Any]) -> Array:
+    """Return the largest momentum of each wheel (n,), N m s.
+
+    It is 0 where there is no wheel, and infinite where a wheel has no limit of speed or no spin
+    inertia is known.
+    """
+    there = existing(values)
+    spin = np.broadcast_to(np.array(values.get("inertia_wheel", inf), float), there.shape)
+    return np.where(there, np.where(there, spin, 1.0) * largest_speed(values), 0.0)
+
+
+def largest_speed(values: Mapping[str, Any]) -> float:
+    """Return the speed (rad/s) that wheels reach: their limit, or that of their supply."""
+    voltage = float(values.get("supply_voltage", 0.0))
+    no_load = voltage / float(values["torque_constant"]) if voltage > 0.0 else inf
+    return float(min(values.get("speed_limit", inf), no_load))
+
+
+def smallest_capacity(values: Mapping[str, Any]) -> float:
+    """Return the capacity of the smallest wheel that exists (N m s); 0 without wheels."""
+    found = capacities(values)[existing(values)]
+    return float(found.min()) if len(found) else 0.0
