@@ -827,7 +827,7 @@ def test_the_largest_residual_is_that_of_a_row(monkeypatch):
 
 
 def test_why_there_is_no_residual():
-    parts = residual.RigidBodyParts("a", "w.h")
+    parts = residual.MomentumParts("a", "w.h")
     series = [*(f"a.{n}" for n in ("q_bi", "omega_bi_body", "impulse_eci")), "w.h"]
     for names, why in (
         (series, "there are no rows"), (series[1:], "not recorded: a.q_bi"),

@@ -163,7 +163,7 @@ def blocks_of(manifest: Manifest, results: Results) -> Iterator[Steps]:
         return
     given, states, pair = (
         manifest.parameters[parts.spacecraft],
-        residual.balanced(parts),
+        residual.body_series(parts),
         parts.pair,
     )
     n = min(results.count(pair[0]), results.count(states[0]) - 1)
@@ -188,7 +188,7 @@ def _not_of_rows(manifest: Manifest, results: Results) -> str:
         return parts.why
     if lacking := residual.missing(of_work(parts), results):
         return lacking
-    states, pair = residual.balanced(parts), parts.pair
+    states, pair = residual.body_series(parts), parts.pair
     if min(results.count(pair[0]), results.count(states[0]) - 1) < 1:
         return "there is no whole step"
     times = results.times(states[0])
@@ -302,7 +302,7 @@ def totals_of(manifest: Manifest, results: Results) -> Totals | None:
 
 def of_work(parts: EnergyParts) -> list[str]:
     """The series without which there is no work, and so no balance."""
-    return [*residual.balanced(parts), *parts.pair]
+    return [*residual.body_series(parts), *parts.pair]
 
 
 def balanced(parts: EnergyParts) -> list[str]:
@@ -311,7 +311,7 @@ def balanced(parts: EnergyParts) -> list[str]:
         own = [f"{parts.spacecraft}.{n}" for n in _STATES]
         return [parts.declared, *own, parts.tau_mean_wheel]
     if parts.why:
-        return residual.balanced(parts)
+        return residual.body_series(parts)
     fed = parts.feeds or {}
     outer = [x for x in fed.values() if isinstance(x, str)]
     return [*of_work(parts), *outer]
@@ -320,8 +320,8 @@ def balanced(parts: EnergyParts) -> list[str]:
 def numbers(manifest: Manifest, results: Results) -> dict[str, Value]:
     """The largest mismatch of energy, as a share of the largest energy that the body had or got,
     the hidden work, and the largest mismatch of impulse (N m s)."""
-    parts: EnergyParts = manifest.parts[KEY]
-    if parts.declared:
+    parts: EnergyParts | None = manifest.parts.get(KEY)
+    if parts is not None and parts.declared:
         return _declared_numbers(parts, manifest, results)
     totals = totals_of(manifest, results)
     if totals is None:

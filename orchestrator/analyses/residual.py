@@ -8,7 +8,7 @@ copy of the wheels' momentum is not used, so an exchange that loses momentum sho
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from math import lcm
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -45,16 +45,22 @@ class RigidBodyParts(Parts):
 
     spacecraft: str
     wheels: str
+
+
+@dataclass(frozen=True)
+class MomentumParts(RigidBodyParts):
+    """The body, and where its total momentum comes from."""
+
     total: str | None = None
     """The series of its total momentum, where it declares that"""
     unknown: str = ""
     """Why its total momentum is not known"""
 
 
-PARTS = RigidBodyParts
+PARTS = MomentumParts
 
 
-def applies(system: System) -> RigidBodyParts | None:
+def applies(system: System) -> MomentumParts | None:
     """Return which component is the body and where its wheels' momentum comes from, or None.
 
     A body that is not ours may have parts that move. An output `momentum_eci` (N m s) declares its
@@ -62,11 +68,13 @@ def applies(system: System) -> RigidBodyParts | None:
     """
     for body, wire in system.by_input["h_wheel"].items():
         if len(system.components[body].interface.elements.get(TOTAL, ())) == 3:
-            return RigidBodyParts(body, wire.series, f"{body}.{TOTAL}")
+            return MomentumParts(body, wire.series, f"{body}.{TOTAL}")
     parts = rigid_body(system)
-    if parts is None or system.components[parts.spacecraft].interface.model == BLOCK:
-        return parts
-    return replace(parts, unknown=f"{parts.spacecraft} {UNKNOWN}")
+    if parts is None:
+        return None
+    ours = system.components[parts.spacecraft].interface.model == BLOCK
+    unknown = "" if ours else f"{parts.spacecraft} {UNKNOWN}"
+    return MomentumParts(parts.spacecraft, parts.wheels, unknown=unknown)
 
 
 def rigid_body(system: System) -> RigidBodyParts | None:
@@ -130,10 +138,16 @@ def carrier(inertia: Array, axes: Array, spin: Array) -> Array:
     return inertia - (axes * spin) @ axes.T
 
 
-def balanced(parts: RigidBodyParts) -> list[str]:
+def balanced(parts: MomentumParts) -> list[str]:
     """The series that the residual is made of."""
-    known = [parts.total.partition(".")[2]] if parts.total else ["q_bi", "omega_bi_body"]
-    own = [f"{parts.spacecraft}.{n}" for n in (*known, "impulse_eci")]
+    if parts.total:
+        return [parts.total, f"{parts.spacecraft}.impulse_eci", parts.wheels]
+    return body_series(parts)
+
+
+def body_series(parts: RigidBodyParts) -> list[str]:
+    """The series of a body's state, of the impulse on it and of its wheels."""
+    own = [f"{parts.spacecraft}.{n}" for n in ("q_bi", "omega_bi_body", "impulse_eci")]
     return [*own, parts.wheels]
 
 
