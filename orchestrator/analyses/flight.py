@@ -163,7 +163,8 @@ def hardware_of(system: System) -> Hardware:
     flat = (tuple(np.ravel(x).tolist()) for x in (inertia, axes, rotors))
     carrier = np.reshape(carrier_inertia(*flat), (3, 3))
     capacity = capacities({"axes_wheel": axes} | wheels)
-    axes = axes * existing(wheels or {"axes_wheel": axes})
+    works = existing(wheels or {"axes_wheel": axes}) & ~_failed(system)
+    axes, capacity = axes * works, capacity * works
     axes_coil = np.reshape(coils["axes_coil"], (3, -1))
     period, quiet = coils.get("sample_time", 0.0), coils.get("quiet_time", 0.0)
     drive = str(coils.get("drive"))
@@ -176,6 +177,17 @@ def hardware_of(system: System) -> Hardware:
         inertia, carrier, thrusters.get("arm"), thrusters.get("specific_impulse"),
         float(given.get("tachometers", {}).get("noise", 0.0)),
     )  # fmt: skip
+
+
+def _failed(system: System) -> NDArray[np.bool_]:
+    """Return which wheels (4,) fail before a run ends."""
+    wheels, failed = system.roles.get("wheels"), np.zeros(4, bool)
+    if wheels is None or "failed" not in wheels.values or wheels.interface.model not in names():
+        return failed
+    named = wheels.choice("failed")
+    if named != "none" and wheels.values.get("failed_from", 0.0) < system.stop:
+        failed[[int(x) - 1 for x in named.split("+")]] = True
+    return failed
 
 
 def _largest_dipole(coils: Mapping[str, Any]) -> float:

@@ -30,6 +30,7 @@ from numpy.typing import NDArray
 from desat.components.bases.dumping import DUMPING
 from desat.components.physics.orbit import MU
 
+from ..analyses import attitude_loop
 from ..analyses.flight import (
     Attitude,
     Flight,
@@ -57,14 +58,16 @@ from .sizing import (
     Date,
     SourceShare,
     Wishes,
+    beside_craft,
+    closed_loop_only,
     cost_of,
-    costs_along,
     days_of_year,
     duration,
     finite,
     room_of,
     secular,
     shares_of,
+    slew_of,
 )
 
 Array = NDArray[Any]
@@ -83,13 +86,17 @@ PARTS = 5
 """Days of a scenario that are looked at."""
 NODES = 1440
 """Rows of an orbit at least."""
-COARSE, MOST_ROWS = 1200.0, 35_000
+COARSE, MOST_ROWS = 1200.0, 70_000
 """Between rows in deep space (s), and rows of a flight through all dumps."""
 MOST_SAMPLES = 10_000
 """Of a dump."""
 BETWEEN = 200
 """Rows between two dumps at least."""
 WEEK = 7.0 * 86400.0
+CHEAPEST_OF, CHEAPEST_AT = 10, 180  # dumps, and attitudes at which their cost is looked at
+WORST_DUMPS = 8  # that the worst scenario flies after its first
+SLOW_ORBIT = 4.0 * 3600.0  # s: an orbit below it has rows of 2 min, which keep 1e-5 of the field
+COARSE_TURN = 0.1  # deg, by the shortest pulse
 
 
 @dataclass(frozen=True)
@@ -105,6 +112,8 @@ class Rates:
     """of force that a dump takes, N s"""
     propellant: float
     """of a dump"""
+    least_propellant: float = 0.0
+    """of a dump that waits for the attitude at which its momentum costs least"""
     least_a_week: float = 0.0
     """of courses that begin at other times, with thresholds a little apart"""
     most_a_week: float = 0.0
@@ -118,6 +127,11 @@ class Rates:
     def a_year(self) -> float:
         """Propellant, kg."""
         return self.propellant * YEAR / self.interval if self.interval < inf else 0.0
+
+    @property
+    def least_a_year(self) -> float:
+        """The same where each dump waits for its cheapest attitude."""
+        return self.least_propellant * YEAR / self.interval if self.interval < inf else 0.0
 
 
 @dataclass(frozen=True, repr=False)
@@ -141,7 +155,9 @@ class DumpSizing:
     steady: Rates
     """in the scenario's time"""
     a_year: float
-    """propellant, kg, the mean over the days of a year, by this layout and these thresholds"""
+    """propellant, kg, the mean over the days of a year with the scenario's solar activity"""
+    by_activity: Mapping[str, float]
+    """the same with low and high solar activity, where air matters"""
     each_year: tuple[float, ...]
     """the same as if each day of `year` lasted"""
     least_a_year: float
@@ -152,6 +168,12 @@ class DumpSizing:
     """kg; 0: it is not known"""
     pulse: float
     """the shortest of the thrusters, N m s; 0: any is fired"""
+    slew_momentum: float
+    """of the fullest wheel in the slew that is asked for, N m s"""
+    slew_torque: float
+    """of it, N m"""
+    wheel_torque: float
+    """that a wheel gives, N m"""
     loop: Mapping[str, float | None]
     """the numbers LOOP of the closed loop; empty: not flown"""
     problems: tuple[str, ...]
@@ -184,6 +206,9 @@ class DumpSizing:
         each = f"{1e3 * self.steady.propellant:.3g} g each"
         text = (f"{self.target} dumps {self.steady.a_week:.3g} times a week, {each}, "
                 f"{self.a_year:.3g} kg a year")  # fmt: skip
+        if self.by_activity:
+            levels = [f"{x:.3g} at {name}" for name, x in self.by_activity.items()]
+            text += f" ({', '.join(levels)} solar activity)"
         text += f" (at least {self.least_a_year:.3g} kg where dumps wait for the cheapest attitude)"
         if self.tank > 0.0:
             text += f"; its {self.tank:g} kg last {self.years:.3g} years"
@@ -210,19 +235,33 @@ def is_of(target: str, options: Options) -> bool:
 def size(
     target: str, options: Options, wishes: Wishes | None = None,
     progress: Callable[[str], None] = lambda text: None,
+    sized: Callable[[DumpSizing], None] = lambda made: None,
 ) -> DumpSizing:  # fmt: skip
-    """Size dumps by thrusters. Raises DesatError for a craft without what it takes."""
+    """Size dumps by thrusters.
+
+    Parameters
+    ----------
+    target, options
+        The craft's scenario.
+    wishes
+        What is asked beside it.
+    progress
+        Called with what is being done.
+    sized
+        Called with the sizes before the closed loop flies.
+
+    Raises
+    ------
+    DesatError
+        For a craft without what it takes.
+    """
     wishes = wishes or Wishes()
     case = prepare(read(target), options)
     system, _ = case.or_raise()
     if not applies(system):
         raise DesatError(f"{target}: its manager does not dump by thrusters between thresholds")
     hardware, values = hardware_of(system), values_of(system)
-    manager = system.components["manager"]
-    block = bare_block(manager)
-    block.aligned, block.delay, block.wheel_sample_time = 0.0, 0.0, 0.0
-    block.check()
-    law = {**manager.values, "fill": manager.choice("fill"), "block": block}
+    law = _law_of(system)
     cost = cost_of(system, hardware, wishes)
     isp = wishes.specific_impulse or hardware.specific_impulse
     if cost is None or isp is None:
@@ -241,34 +280,93 @@ def size(
     whole = _through(system, attitude, flight, window, steady.interval)
     if whole is not None and steady.first < window:
         progress("its dumps, one after the other")
-        steady = rates_of(whole, hardware, law, cost, isp, steady.interval)
-    year, each, least = [], [steady.a_year], [_least(flight, torque, cost, isp)]
+        along = rates_of(whole, hardware, law, cost, isp, steady.interval)
+        # a flight with fewer than two dumps has no rate of its own
+        steady = along if along.interval < inf else replace(steady, first=along.first)
+    year: list[Date] = []
+    each: list[Rates] = []
+    own = ""
     if wishes.year and float(np.linalg.norm(flight.r[0])) < BEYOND:
         progress("the days of a year")
-        each, least = [], []
-        for date, there in days_of_year(system, hardware, attitude):
+        for date, there in days_of_year(system, hardware, attitude, own=True):
             day = flown_at(system, attitude, *there)
-            each.append(rates_of(day, hardware, law, cost, isp).a_year)
-            least.append(_least(day, secular(day)[0], cost, isp))
+            each.append(rates_of(day, hardware, law, cost, isp))
             year.append(date)
-    loop: dict[str, float | None] = {}
-    unmet: list[str] = []
-    run: Run | None = None
-    if wishes.flown and (steady.first < window or options.stop is not None):
-        progress("the closed loop")
-        run = _flown(target, options, window)
-    if run is not None:
-        loop = dict(_numbers_of(run))
-        unmet = [f"in the closed loop: {line}" for line in run.manifest.not_met]
+        own = year[0].activity
+    by_activity = {
+        name: float(np.mean([r.a_year for d, r in zip(year, each, strict=True)
+                             if d.activity == name]))
+        for name in dict.fromkeys(d.activity for d in year)
+    }  # fmt: skip
+    of_own = [r for d, r in zip(year, each, strict=True) if d.activity == own] or [steady]
     capacity = room_of(hardware)
+    slew_momentum, slew_torque = slew_of(hardware, wishes)
     made = DumpSizing(
-        target, flight.period, attitude.kind, tuple(torque.tolist()),
-        float(np.linalg.norm(torque)) * 86400.0, shares_of(flight, torque)[0], tuple(year),
-        float(law["begin"]), float(law["end"]), capacity, steady, float(np.mean(each)), tuple(each),
-        float(np.mean(least)), capacity * WEEK / steady.interval if steady.interval > 0.0 else inf,
-        float(values["thrusters"].get("tank", 0.0)), max(law["pulse_body"]), loop, (), (),
-    )  # fmt: skip
-    return replace(made, problems=(*_problems(made), *unmet), notes=tuple(_notes(made, wishes)))
+        target=target,
+        period=flight.period,
+        attitude=attitude.kind,
+        secular=tuple(torque.tolist()),
+        a_day=float(np.linalg.norm(torque)) * 86400.0,
+        sources=shares_of(flight, torque)[0],
+        year=tuple(year),
+        begin=float(law["begin"]),
+        end=float(law["end"]),
+        capacity=capacity,
+        steady=steady,
+        a_year=float(np.mean([r.a_year for r in of_own])),
+        by_activity={k: x for k, x in by_activity.items() if k != own},
+        each_year=tuple(r.a_year for r in each) or (steady.a_year,),
+        least_a_year=float(np.mean([r.least_a_year for r in of_own])),
+        weekly=capacity * WEEK / steady.interval if steady.interval > 0.0 else inf,
+        tank=float(values["thrusters"].get("tank", 0.0)),
+        pulse=max(law["pulse_body"]),
+        slew_momentum=slew_momentum,
+        slew_torque=slew_torque,
+        wheel_torque=hardware.torque_limit,
+        loop={},
+        problems=(),
+        notes=(),
+    )
+    notes = list(closed_loop_only(system, options))
+    made = replace(made, problems=tuple(_problems(made)), notes=(*notes, *_notes(made, wishes)))
+    if not (wishes.flown and (steady.first < window or options.stop is not None)):
+        return made
+    sized(made)
+    progress("the closed loop")
+    run = _flown(target, options, window)
+    loop = dict(_numbers_of(run))
+    causes = list(_causes(system, law, hardware))
+    unmet = [f"in the closed loop: {line}" for line in run.manifest.not_met]
+    beside = beside_craft(read(target))
+    if beside is not None:
+        progress(f"{beside.text}: what is usually worse")
+        some = min(window, max(86400.0, steady.first + WORST_DUMPS * steady.interval))
+        worst = _flown(beside.text, options, system.step * ceil(some / system.step))
+        unmet += [f"in {beside.text}: {line}" for line in worst.manifest.not_met]
+    unmet = [f"{line} (likely by {'; '.join(causes)})" if causes else line for line in unmet]
+    made = replace(made, loop=loop, problems=(*made.problems, *unmet))
+    return replace(made, notes=(*notes, *_notes(made, wishes)))
+
+
+def _law_of(system: System) -> dict[str, Any]:
+    """Return the parameters of the law, and its block, which dumps at once and samples alone."""
+    manager = system.components["manager"]
+    block = bare_block(manager)
+    block.aligned, block.delay, block.wheel_sample_time = 0.0, 0.0, 0.0
+    block.check()
+    return {**manager.values, "fill": manager.choice("fill"), "block": block}
+
+
+def _causes(system: System, law: Mapping[str, Any], hardware: Hardware) -> Iterator[str]:
+    """Find what of a craft makes its closed loop miss its requirements, for people."""
+    kick = max(law["pulse_body"]) * float(law["sample_time"])
+    turn = np.degrees(kick / float(np.linalg.eigvalsh(hardware.inertia)[0]) / 8.0)
+    if turn > COARSE_TURN:
+        yield f"coarse pulses: the shortest turns the craft by {turn:.2g} deg before wheels take it"
+    for find in (attitude_loop.problems_when_full, attitude_loop.warnings):
+        for line in find(system):
+            yield line.partition("controller: ")[2] or line
+            return
 
 
 def _numbers_of(run: Run) -> Iterator[tuple[str, float | None]]:
@@ -330,7 +428,7 @@ def _nodes(block: Any, start: float, flight: Flight, span: float, longest: float
     axis = (MU / rate**2) ** (1.0 / 3.0)
     eccentricity = hypot(float(r @ v) / sqrt(MU * axis), 1.0 - size / axis)
     if eccentricity < 0.1:
-        each = max(90, fine)
+        each = max(45 if flight.period < SLOW_ORBIT else 90, fine)
         count = ceil(span / flight.period * each) + 1
         return np.linspace(0.0, count * flight.period / each, count + 1)
     each = max(80, fine)
@@ -396,14 +494,23 @@ def rates_of(
     counted = each if goes_on or len(own) < 2 else [own]
     seconds = sum(course[-1][0] - course[0][0] for course in counted)
     count = sum(len(course) - 1 for course in counted)
-    every = [u for course in counted for _, u in course]
+    every = [u for course in counted for _, u, _ in course]
+    inertial = [u for _, _, u in (own or each[0])[:CHEAPEST_OF]]
+    least = float(np.mean([_cheapest(flight, u, cost) for u in inertial]))
     momentum = float(np.mean([np.linalg.norm(u) for u in every]))
     impulse = float(np.mean([cost(u) for u in every]))
     first = own[0][0] if own else each[0][0][0]
     return Rates(
         first, seconds / count if count else inf, momentum, impulse, impulse / (isp * GRAVITY),
-        min(weekly, default=0.0), max(weekly, default=0.0),
+        min(least, impulse) / (isp * GRAVITY), min(weekly, default=0.0), max(weekly, default=0.0),
     )  # fmt: skip
+
+
+def _cheapest(flight: Flight, momentum: Array, cost: Callable[[Array], float]) -> float:
+    """Return the impulse of force (N s) that a momentum (3,) N m s, eci, takes in the attitude of a
+    flight at which it takes least."""
+    q = flight.q[:: max(1, len(flight.q) // CHEAPEST_AT)]
+    return min(cost(u) for u in rotate(q, np.broadcast_to(momentum, (len(q), 3))))
 
 
 def mean_of(each: Sequence[Rates]) -> Rates:
@@ -413,20 +520,23 @@ def mean_of(each: Sequence[Rates]) -> Rates:
         return each[0]
     a_second = float(np.mean([1.0 / r.interval if r.interval < inf else 0.0 for r in each]))
     shares = np.array([1.0 / r.interval for r in some])
-    momentum, impulse, propellant = (
+    momentum, impulse, propellant, least = (
         float(shares @ np.array(x) / shares.sum())
-        for x in zip(*((r.momentum, r.impulse, r.propellant) for r in some), strict=True)
+        for x in zip(
+            *((r.momentum, r.impulse, r.propellant, r.least_propellant) for r in some), strict=True
+        )
     )
-    return Rates(each[0].first, 1.0 / a_second, momentum, impulse, propellant,
+    return Rates(each[0].first, 1.0 / a_second, momentum, impulse, propellant, least,
                  min(r.least_a_week for r in some), max(r.most_a_week for r in some))  # fmt: skip
 
 
 def _course(
     flight: Flight, hardware: Hardware, law: Mapping[str, Any], part: float, row: int,
     goes_on: bool, most: int,
-) -> Iterator[tuple[float, Array]]:  # fmt: skip
+) -> Iterator[tuple[float, Array, Array]]:  # fmt: skip
     """The first dumps, `most` of them, of wheels that are at rest at a row: when (s), and the
-    momentum (3,) N m s, body, that is taken out. `part`: of the threshold at which they begin;
+    momentum (3,) N m s that is taken out, body and eci. `part`: of the threshold at which they
+    begin;
     `goes_on`: the flight is repeated until there are as many, else it ends."""
     begin, spread = part * float(law["begin"]), hardware.spread()
     target = np.array(law["h_target_body"], float)
@@ -452,9 +562,10 @@ def _course(
         out = _taken(law, held[k], float(fill[k]), spread, target)
         if not out.any():
             return  # no pulse is so short
-        total = whole[k] - rotate_back(flight.q[row + k : row + k + 1], out[None])[0]
+        inertial = rotate_back(flight.q[row + k : row + k + 1], out[None])[0]
+        total = whole[k] - inertial
         row, dumps = row + k, dumps + 1
-        yield begun + float(times[row]), out
+        yield begun + float(times[row]), out, inertial
 
 
 def _taken(
@@ -494,18 +605,20 @@ def _stays(flight: Flight, law: Mapping[str, Any], sizes: Array) -> bool:
     return bool(float(sizes.max()) + float(np.linalg.norm(torque)) * LONGEST < law["begin"])
 
 
-def _least(flight: Flight, torque: Array, cost: Callable[[Array], float], isp: float) -> float:
-    """kg a year where each dump waits for the attitude at which its momentum costs least."""
-    size = float(np.linalg.norm(torque))
-    if size == 0.0:
-        return 0.0
-    return size * YEAR * float(costs_along(flight, torque, cost, isp)[1].min())
-
-
 def _problems(made: DumpSizing) -> Iterator[str]:
     if made.begin > made.capacity:
         yield (
             f"dumps begin at {made.begin:.4g} N m s, and a wheel holds {made.capacity:.4g} N m s"
+        )
+    if made.slew_momentum > 0.0 and made.begin + made.slew_momentum > made.capacity:
+        yield (
+            f"a slew needs {made.slew_momentum:.4g} N m s of the fullest wheel, which may hold "
+            f"{made.begin:.4g} already, of {made.capacity:.4g} N m s"
+        )
+    if made.slew_torque > made.wheel_torque:
+        yield (
+            f"a slew needs {made.slew_torque:.4g} N m of the fullest wheel, which gives "
+            f"{made.wheel_torque:.4g} N m"
         )
     if 0.5 * made.pulse >= made.begin - made.end:
         yield (f"the thrusters' shortest pulse gives {made.pulse:.4g} N m s, and a dump goes from "

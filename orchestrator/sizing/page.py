@@ -68,10 +68,15 @@ def dump_rows(made: DumpSizing) -> list[tuple[str, str, str]]:
         ("propellant a year as in this time, kg", f"{steady.a_year:.4g}",
          shown("propellant_a_year")),
         ("propellant a year, mean over its days, kg", f"{made.a_year:.4g}", ""),
+        *((f"the same with {name} solar activity, kg", f"{x:.4g}", "")
+          for name, x in made.by_activity.items()),
         ("the same, each dump at its cheapest attitude, kg", f"{made.least_a_year:.4g}", ""),
         ("momentum of a day", momenta(made.a_day), ""),
         ("largest pointing error, deg", "", shown("pointing_largest")),
         ("wheels that dump once a week", momenta(made.weekly, made.capacity), ""),
+        *([("slew: momentum of the fullest wheel", momenta(made.slew_momentum, made.capacity), ""),
+           ("slew: torque of it, N m", f"{made.slew_torque:.4g} of {made.wheel_torque:.4g}", "")]
+          if made.slew_momentum > 0.0 else []),
     ]  # fmt: skip
 
 

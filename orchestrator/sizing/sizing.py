@@ -590,7 +590,7 @@ def size(
     hardware = hardware_of(system)
     progress("the run at the wanted attitude")
     flight = fly_case(case, system)
-    notes: list[str] = []
+    notes: list[str] = list(closed_loop_only(system, options))
     try:
         own = law_of(system.components["manager"])
     except UnsuitedError as why:
@@ -620,7 +620,7 @@ def size(
     model = next((x for x in laws if x.name == law), None)
     recommended = by_year = _for_the_year(day, hardest, model, hardware, least, wishes)
     told: list[str] = []
-    beside = _beside_craft(source) if wishes.flown else None
+    beside = beside_craft(source) if wishes.flown else None
     if beside is not None:
         recommended, unmet = _for_worst(beside, options, hardware, recommended, model, progress)
         told += unmet
@@ -634,7 +634,7 @@ def size(
     bias = [component.values[f"h_target_body[{i}]"] for i in (1, 2, 3)]
     needed, lasts = _wheels(flight, hardware, torque, cyclic, np.array(bias, float))
     where = geometry(flight, hardware, able, torque, least)
-    slew = _slew(hardware, wishes)
+    slew = slew_of(hardware, wishes)
     tip_off = float(np.linalg.eigvalsh(hardware.inertia)[-1]) * wishes.tip_off
     start = float(np.linalg.norm(flight.h_start))
     tumbling, against = (max(x, 1e-300) for x in (where.tumbling, where.against))
@@ -664,6 +664,45 @@ def size(
     return replace(made, problems=problems, notes=(*notes, *_notes(made, attitude)))
 
 
+LOOP_ROLES = (
+    "magnetometer",
+    "gyro",
+    "determination",
+    "star_tracker",
+    "sun_sensor",
+    "controller",
+)  #: Roles whose parameters act in the closed loop alone.
+LOOP_PARAMETERS = {
+    "wheels": {
+        "motor_lag", "viscous", "coulomb", "friction_speed", "compensation", "stiction",
+        "unbalance", "seed", "idle_power", "motor_constant", "h_start_wheel", "speed_gain",
+        "speed_sample_time", "command_mode", "failed_from",
+    },
+    "spacecraft": {"omega_start_body", "angle_limit"},
+    "tachometers": {"sample_time", "bias_wheel", "resolution", "full_scale", "fail_time", "seed"},
+    "thrusters": {"sample_time", "placement", "carried", "least_on_time", "least_pulse"},
+    "torquers": {"lag", "resistance", "area_turns", "failed_coil", "failed_from", "failed_share",
+                 "failure_known", "pulse_delay", "least_pulse"},
+    "manager": {"delay", "wheel_sample_time", "null_gain", "gyroscopic", "feedforward"},
+}  # fmt: skip
+"""Parameters of other roles that do so."""
+
+
+def closed_loop_only(system: System, options: Options) -> Iterator[str]:
+    """Name the parameters that options set and the momentum model does not have, in a line."""
+    given = [x.partition("=")[0].strip() for x in options.sets] + [*options.values]
+    names = []
+    for name in dict.fromkeys(given):
+        owner, _, parameter = name.partition(".")
+        component = system.components.get(owner)
+        role = owner if component is None else component.interface.role
+        parameter = parameter.partition("[")[0]
+        if role in LOOP_ROLES or parameter in LOOP_PARAMETERS.get(role, ()):
+            names.append(name)
+    if names:
+        yield f"{', '.join(names)}: in the closed loop only, the sizes do not know it"
+
+
 def _named(hardest: WorstDay, least: float) -> str:
     """The worst day for people: the scenario's own where that asks for more."""
     if least >= hardest.least:
@@ -691,7 +730,7 @@ def _for_the_year(
     return None if found is None else float(rods[found])
 
 
-def _beside_craft(source: Target) -> Target | None:
+def beside_craft(source: Target) -> Target | None:
     """The worst scenario of a craft of one's own, where the source is its nominal one."""
     file = source.scenario.file if source.scenario is not None else None
     if file is None or file.name != NOMINAL or not (there := file.parent / WORST).is_file():
@@ -787,10 +826,11 @@ def shares_of(flight: Flight, torque: Array) -> tuple[tuple[SourceShare, ...], f
 
 
 def days_of_year(
-    system: System, hardware: Hardware, attitude: Attitude
+    system: System, hardware: Hardware, attitude: Attitude, own: bool = False
 ) -> Iterator[tuple[Date, tuple[dict[str, Array], Array]]]:  # fmt: skip
     """The days of a year, one after the other, each with what the environment gives and the times
-    (s). Raises DesatError where they cannot be asked for."""
+    (s); `own`: with the scenario's own solar activity first, then with low and high. Raises
+    DesatError where they cannot be asked for."""
     if attitude.kind == "moving":
         raise DesatError(f"the attitude stays neither in eci nor in lvlh ("
                          f"{np.degrees(attitude.wanders):.3g} deg from its mean)")  # fmt: skip
@@ -800,7 +840,7 @@ def days_of_year(
     period = period_of(first["r_eci"][0], first["v_eci"][0])
     span = period * int(86400.0 / period)
     since = np.linspace(0.0, span, round(span / YEAR_STEP) + 1)
-    levels = _activities(component, values_of(system)["spacecraft"])
+    levels = _activities(component, values_of(system)["spacecraft"], own)
     epoch = float(getattr(block, "epoch_j2000", 0.0))
     begin = datetime(2000, 1, 1, 12, tzinfo=UTC) + timedelta(seconds=epoch)
     for k in range(DATES):
@@ -819,9 +859,11 @@ def days_of_year(
             yield date, (inputs, times)
 
 
-def _activities(component: Component, craft: Mapping[str, Any]) -> list[tuple[str, dict[str, int]]]:
+def _activities(
+    component: Component, craft: Mapping[str, Any], own: bool
+) -> list[tuple[str, dict[str, int]]]:
     """Low and high activity of the Sun, as changes of an environment that makes no field, where the
-    air matters and it knows them; else as it is."""
+    air matters and it knows them; else as it is. `own`: the scenario's before them."""
     signals = component.interface.signals
     thin = craft.get("aerodynamics", "none") == "none"
     if thin or "solar_activity" not in signals or "density" not in component.interface.signals:
@@ -831,7 +873,11 @@ def _activities(component: Component, craft: Mapping[str, Any]) -> list[tuple[st
         return signals[name].choices.index(choice)
 
     still = {"field": number("field", "none"), "atmosphere": number("atmosphere", "activity")}
-    return [(x, still | {"solar_activity": number("solar_activity", x)}) for x in ("low", "high")]
+    levels = [(x, still | {"solar_activity": number("solar_activity", x)}) for x in ("low", "high")]
+    if not own or component.choice("atmosphere") != "activity":
+        return levels if not own else [("", {})]
+    mine = component.choice("solar_activity")
+    return [(mine, {}), *((name, changes) for name, changes in levels if name != mine)]
 
 
 def _curves(
@@ -928,12 +974,14 @@ def _wheels(
     since = flight.times - flight.times[0]
     if full.any():
         return needed, float(since[np.argmax(full)])
-    rate = float(np.linalg.norm(torque)) * float(np.linalg.norm(spread, axis=1)[room].max())
+    # of what goes on beyond the flight: along the torque in the attitudes that it has shown
+    along = rotate(flight.q[:n], np.broadcast_to(torque, (n, 3)))
+    rate = float(np.abs(along @ spread.T)[:, room].max())
     left = float((capacity - stored.max(axis=0)).min())
     return needed, inf if rate == 0.0 else float(since[-1]) + left / rate
 
 
-def _slew(hardware: Hardware, wishes: Wishes) -> tuple[float, float]:
+def slew_of(hardware: Hardware, wishes: Wishes) -> tuple[float, float]:
     """Momentum (N m s) and torque (N m) of the fullest wheel in a slew about the worst axis, with
     the rate of a triangle."""
     if wishes.slew_time == 0.0:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from math import radians
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -95,7 +96,7 @@ def size(
     angle, seconds = _slew(slew)
     by_thrusters = dumps.is_of(target, options)
     if by_thrusters:
-        o.refuse(ctx, "it is of coils, and this craft dumps by thrusters", "duty", "margin", "slew",
+        o.refuse(ctx, "it is of coils, and this craft dumps by thrusters", "duty", "margin",
                  "tip_off", "laws", "as_map")  # fmt: skip
     wishes = sizing.Wishes(
         duty / 100.0,
@@ -127,7 +128,7 @@ def size(
             axes = sizing_map.MapAxes(**values, laws=laws is True)
             map_made = sizing_map.map_of(target, options, axes, wishes, jobs, progress)
         elif by_thrusters:
-            found = dumps.size(target, options, wishes, progress)
+            found = dumps.size(target, options, wishes, progress, _print_sized(as_json))
         else:
             made = sizing.size(target, options, wishes, progress)
     if by_thrusters:
@@ -230,6 +231,16 @@ def _print_sizing(made: Sizing) -> None:
             out.print(f"recommended under other laws, A m2: {', '.join(others)}", highlight=False)
     for line in made.notes:
         out.print(f"note: {line}", highlight=False, markup=False)
+
+
+def _print_sized(as_json: bool) -> Callable[[DumpSizing], None]:
+    """Return what prints the sizes before the closed loop has flown."""
+
+    def show(made: DumpSizing) -> None:
+        if not as_json:
+            out.print(f"sized: {made.answer}", highlight=False, markup=False)
+
+    return show
 
 
 def _print_dumps(made: DumpSizing) -> None:
