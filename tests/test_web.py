@@ -17,12 +17,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+from conftest import wait_until
 from lxml import html
 from typer.testing import CliRunner
 
 from desat import cli
 from desat.export.web import module, page
-from desat.export.web.script import script
+from desat.export.web.script import numpy_source, script
 from desat.numbers.derived import QUANTITIES
 from desat.numbers.measures import MEASURES
 from desat.numbers.text import number
@@ -32,7 +33,6 @@ from desat.studies.ranking import options_of_laws
 NODE = shutil.which("node")
 needs_node = pytest.mark.skipif(NODE is None, reason="no node")
 needs_zig = pytest.mark.skipif(not importlib.util.find_spec("ziglang"), reason="no ziglang")
-ASSETS = Path(page.__file__).parent
 STEPS = 200
 SLIDERS = ["torquers.m_limit=0.05:0.8", "wheels.torque_limit=0.1 mN.m:3 mN.m",
            "spacecraft.residual_dipole_body=0:0.5", "wheels.h_start_wheel=0 mN.m.s:5 mN.m.s",
@@ -117,7 +117,7 @@ def test_measures_and_derived_quantities_are_those_of_their_python():
     tried = {**TRIED, **DERIVED}
     args = {name: [("norm" if a == "norm_" else known.get(a, a)) if isinstance(a, str) else a
                    for a in given] for name, given in tried.items()}  # fmt: skip
-    told = node(f"""{(ASSETS / "numpy.js").read_text()}{code}
+    told = node(f"""{numpy_source()}{code}
 const asked = (x) => x instanceof Array && x[0] instanceof Array
   ? $.array(x.map((r) => $.array(r))) : x;
 const told = {{}};
@@ -319,8 +319,11 @@ def test_a_slider_moved_in_a_browser_gives_what_the_shown_line_prints(
     tab.on("pageerror", lambda error: errors.append(str(error)))
 
     def waited() -> None:
-        tab.wait_for_function("""document.getElementById("state").textContent.startsWith("flown")
-            && !document.getElementById("numbers").classList.contains("pale")""")
+        wait_until(
+            tab,
+            """document.getElementById("state").textContent.startsWith("flown")
+            && !document.getElementById("numbers").classList.contains("pale")""",
+        )
 
     tab.goto(made[0].path.as_uri())
     waited()
@@ -333,9 +336,7 @@ def test_a_slider_moved_in_a_browser_gives_what_the_shown_line_prints(
     field.press("Enter")
     tab.locator("[id='value-wheels.h_start_wheel']").fill("1.7")
     tab.locator("[id='value-wheels.h_start_wheel']").press("Enter")
-    tab.wait_for_function(
-        "desat.shown.moved['wheels.h_start_wheel'] === 1.7 && desat.shown.numbers"
-    )
+    wait_until(tab, "desat.shown.moved['wheels.h_start_wheel'] === 1.7 && desat.shown.numbers")
     waited()
     line = shlex.split(tab.locator("#command").inner_text())
     assert line[:2] == ["desat", "run"]
@@ -357,7 +358,7 @@ def test_a_slider_moved_in_a_browser_gives_what_the_shown_line_prints(
     waited()
     assert shlex.split(tab.locator("#command").inner_text()) == line
     tab.goto(made[0].path.as_uri() + "#wheels.speed_limit=-3")
-    tab.wait_for_function("document.getElementById('fault').textContent")
+    wait_until(tab, "document.getElementById('fault').textContent")
     assert "speed_limit = " in tab.locator("#fault").inner_text()
     tab.locator("#reset").click()
     waited()

@@ -29,8 +29,8 @@ from ...numbers import derived
 from ...numbers.derived import QUANTITIES, coil_impulse
 from ...numbers.measures import MEASURES, OWN_UNIT
 from ...numbers.numbers import scale
-from ...report.report import part, render
-from ...report.report import script as page_script
+from ...report.policy import part
+from ...report.report import data_element, render
 from ...runs import substep_choice
 from ...runs.prepare import Target, drafted, prepare, read
 from ...system.errors import DesatError
@@ -41,7 +41,7 @@ from ...system.options import Options, as_arguments
 from ...system.parameters import table, unit_of
 from ..loop_fmu import LoopEnds, LoopSource, written_out
 from . import module
-from .script import script
+from .script import numpy_source, script
 from .sliders import Slider, asked_of, of_law, owners_of, refused, usual
 from .values import Expression, expression, follows, names_of, numbers_of, reached
 
@@ -484,11 +484,11 @@ def _asset(name: str) -> str:
 
 def _page(told: dict[str, Any], code: str) -> str:
     """The HTML."""
-    worker = "\n".join([_asset("numpy.js"), code, _asset("engine.js"), _asset("worker.js")])
+    worker = "\n".join([numpy_source(), code, _asset("engine.js"), _asset("worker.js")])
     return render(
         "web.html", title=told["title"], told=told,
         command=f"desat run {shlex.quote(told['target'])}",
-        uplot=part("uplot/uPlot.iife.min.js"), uplot_css=part("uplot/uPlot.min.css"),
+        uplot_css=part("uplot/uPlot.min.css"),
         uplot_licence=part("uplot/LICENSE"), notices=_asset("notices.txt"),
-        worker=Markup(worker.replace("</", "<\\/")), script=page_script(told, "axes.js", "web.js"),
+        worker=Markup(worker.replace("</", "<\\/")), data=data_element(told),
     )  # fmt: skip
