@@ -8,8 +8,10 @@ import os
 import shutil
 import subprocess
 import sys
+import time
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 from hypothesis import settings
@@ -61,6 +63,17 @@ def browser():
         )  # fmt: skip
         yield made
         made.close()
+
+
+def wait_until(tab: Any, expression: str, seconds: float = 20.0) -> None:
+    """Wait until an expression is true in a page.
+
+    Playwright's own function makes code of text in the page, which the page's policy forbids.
+    """
+    end = time.monotonic() + seconds
+    while not tab.evaluate(expression):
+        assert time.monotonic() < end, f"{expression} is not true after {seconds:g} s"
+        time.sleep(0.05)
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

@@ -12,27 +12,33 @@ import re
 import shlex
 import shutil
 import subprocess
+import time
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from conftest import wait_until
 from lxml import html
 from typer.testing import CliRunner
 
 from desat import cli
 from desat.export.web import module, page
-from desat.export.web.script import script
+from desat.export.web.script import numpy_source, script
+from desat.export.web.sliders import usual
 from desat.numbers.derived import QUANTITIES
 from desat.numbers.measures import MEASURES
 from desat.numbers.text import number
+from desat.runs.prepare import prepare, read
 from desat.runs.run import Options, Run, execute
+from desat.studies import ranking
 from desat.studies.ranking import options_of_laws
+from desat.system.options import sets_of
+from desat.system.parameters import parse_assignment
 
 NODE = shutil.which("node")
 needs_node = pytest.mark.skipif(NODE is None, reason="no node")
 needs_zig = pytest.mark.skipif(not importlib.util.find_spec("ziglang"), reason="no ziglang")
-ASSETS = Path(page.__file__).parent
 STEPS = 200
 SLIDERS = ["torquers.m_limit=0.05:0.8", "wheels.torque_limit=0.1 mN.m:3 mN.m",
            "spacecraft.residual_dipole_body=0:0.5", "wheels.h_start_wheel=0 mN.m.s:5 mN.m.s",
@@ -117,7 +123,7 @@ def test_measures_and_derived_quantities_are_those_of_their_python():
     tried = {**TRIED, **DERIVED}
     args = {name: [("norm" if a == "norm_" else known.get(a, a)) if isinstance(a, str) else a
                    for a in given] for name, given in tried.items()}  # fmt: skip
-    told = node(f"""{(ASSETS / "numpy.js").read_text()}{code}
+    told = node(f"""{numpy_source()}{code}
 const asked = (x) => x instanceof Array && x[0] instanceof Array
   ? $.array(x.map((r) => $.array(r))) : x;
 const told = {{}};
@@ -217,7 +223,7 @@ def test_a_flight_is_that_of_a_run_with_what_follows_from_sliders(made, craft, l
     told, laws = made
     options = [*laws.values()][law]
     facts, _ = told_of(told.path)
-    sliders = {s["name"]: s for s in facts["sliders"]}
+    sliders = {s["name"]: s for s in facts["laws"][law]["sliders"]}
     before = facts["laws"][law]["values"]
     given = dict(moved)
     sets = [text_of(sliders[name], value, before) for name, value in given.items()]
@@ -244,7 +250,7 @@ def test_a_flight_is_that_of_a_run_with_what_follows_from_sliders(made, craft, l
 def text_of(slider: dict[str, Any], value: float, values: dict[str, Any]) -> str:
     """`NAME=VALUE` of a slider as the page is told of it."""
     fields = {k: v for k, v in slider.items() if k != "shown"}
-    whole = page.Slider(**fields, start=0.0)
+    whole = page.Slider(**fields)
     return whole.value_text(value, values[next(t for t in whole.targets if t in values)])
 
 
@@ -319,8 +325,11 @@ def test_a_slider_moved_in_a_browser_gives_what_the_shown_line_prints(
     tab.on("pageerror", lambda error: errors.append(str(error)))
 
     def waited() -> None:
-        tab.wait_for_function("""document.getElementById("state").textContent.startsWith("flown")
-            && !document.getElementById("numbers").classList.contains("pale")""")
+        wait_until(
+            tab,
+            """document.getElementById("state").textContent.startsWith("flown")
+            && !document.getElementById("numbers").classList.contains("pale")""",
+        )
 
     tab.goto(made[0].path.as_uri())
     waited()
@@ -333,9 +342,7 @@ def test_a_slider_moved_in_a_browser_gives_what_the_shown_line_prints(
     field.press("Enter")
     tab.locator("[id='value-wheels.h_start_wheel']").fill("1.7")
     tab.locator("[id='value-wheels.h_start_wheel']").press("Enter")
-    tab.wait_for_function(
-        "desat.shown.moved['wheels.h_start_wheel'] === 1.7 && desat.shown.numbers"
-    )
+    wait_until(tab, "desat.shown.moved['wheels.h_start_wheel'] === 1.7 && desat.shown.numbers")
     waited()
     line = shlex.split(tab.locator("#command").inner_text())
     assert line[:2] == ["desat", "run"]
@@ -357,10 +364,330 @@ def test_a_slider_moved_in_a_browser_gives_what_the_shown_line_prints(
     waited()
     assert shlex.split(tab.locator("#command").inner_text()) == line
     tab.goto(made[0].path.as_uri() + "#wheels.speed_limit=-3")
-    tab.wait_for_function("document.getElementById('fault').textContent")
+    wait_until(tab, "document.getElementById('fault').textContent")
     assert "speed_limit = " in tab.locator("#fault").inner_text()
     tab.locator("#reset").click()
     waited()
     assert tab.locator("#fault").inner_text() == ""
     assert errors == []
     tab.close()
+
+
+# --- sliders of each law ------------------------------------------------------------------------
+
+
+LAWS = ["ccpl", "predictive"]
+GAIN = "manager.gain"
+
+
+@pytest.fixture(scope="module")
+def usual_page(craft):
+    """The page of a craft with the sliders that are usual, one of whose values `--set` gave."""
+    options = Options(stop=float(STEPS), substeps=2, sets=["torquers.m_limit=0.15"])
+    laws = options_of_laws(str(craft), options, LAWS)
+    return page.export(str(craft), laws, (), craft.parent / "usual.html")
+
+
+@needs_zig
+def test_each_law_has_its_own_sliders(usual_page):
+    """Range, unit and start are those of the law; a law without a gain has no such slider."""
+    facts, _ = told_of(usual_page.path)
+    gains = {}
+    for law in facts["laws"]:
+        for slider in law["sliders"]:
+            assert slider["low"] <= slider["start"] <= slider["high"], slider["name"]
+            if slider["name"] == GAIN:
+                gains[law["name"]] = slider
+    assert list(gains) == ["cross product", "ccpl"]
+    assert gains["ccpl"]["low"] > gains["cross product"]["high"]
+
+
+@needs_zig
+def test_a_range_that_was_asked_for_is_of_the_laws_whose_value_lies_in_it(craft):
+    options = Options(stop=float(STEPS), substeps=2)
+    laws = options_of_laws(str(craft), options, LAWS)
+    asked = [f"{GAIN}=10:60", "torquers.m_limit=0.3:0.5"]
+    made = page.export(str(craft), laws, asked, craft.parent / "asked.html")
+    facts, _ = told_of(made.path)
+    ranges = {
+        (law["name"], s["name"]): (s["low"], s["high"])
+        for law in facts["laws"] for s in law["sliders"]
+    }  # fmt: skip
+    assert ranges["ccpl", GAIN] == (10.0, 60.0)
+    low, high = ranges["cross product", GAIN]
+    assert low < 0.00113137 < high < 1.0
+    assert all(ranges[x, "torquers.m_limit"] == (0.3, 0.5) for x in ("ccpl", "predictive"))
+    assert [n.partition(":")[0] for n in made.notes if n.startswith("slider")] == [
+        f"slider {GAIN}", "slider torquers.m_limit",
+    ]  # fmt: skip
+
+
+@needs_zig
+def test_a_slider_is_checked_with_its_value_in_place_of_one_that_was_given(craft):
+    """Also where a law's own rule gives it: `given twice` is said of neither."""
+    options = Options(stop=float(STEPS), sets=[f"{GAIN}=0.002"])
+    laws = options_of_laws(str(craft), options, ["ccpl"])
+    with pytest.raises(page.DesatError, match="allowed is 0 to inf"):
+        page.export(str(craft), laws, [f"{GAIN}=-1:0.01"], craft.parent / "x.html")
+    made = page.export(str(craft), laws, [f"{GAIN}=0.001:0.01"], craft.parent / "twice.html")
+    assert made.sliders == (GAIN,)
+
+
+GEO = (
+    "--orbit geo --mass 2500kg --box 2.5,2.5,3 --wheels '4 pyramid 50Nms' --rods none "
+    "--thrusters '4 10N' --dump 'thrusters 70:10' --panel '13m2 1.35m'"
+)
+THRUSTER_SLIDERS = [
+    "manager.begin", "manager.end", "thrusters.tau_level", "thrusters.arm", "wheels.h_start_wheel",
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("given", "wanted"),
+    [
+        (GEO, THRUSTER_SLIDERS),
+        (
+            "--altitude 600km --inclination 97.8deg --mass 150kg --box 0.6,0.6,0.8 --rods none "
+            "--wheels '3 axes 1Nms' --thrusters '4 1N' --dump 'thrusters 60:5'",
+            THRUSTER_SLIDERS,
+        ),
+    ],
+)
+def test_sliders_of_a_craft_with_thrusters_are_those_of_its_dumps(desat, tmp_path, given, wanted):
+    """Thresholds, thrust, arm and start momentum; what holds the craft's own values."""
+    desat("new", "craft", "c", *shlex.split(given), check=True, cwd=tmp_path)
+    system, _ = prepare(read(str(tmp_path / "c")), Options(stop=100.0)).or_raise()
+    found = {s.name: s for s in usual(system)}
+    assert list(found) == wanted
+    assert all(s.holds_start and s.low < s.high for s in found.values())
+    begin, end = found["manager.begin"], found["manager.end"]
+    wheels = system.components["wheels"].values
+    capacity = wheels["inertia_wheel"][0] * wheels["speed_limit"]
+    assert begin.high * begin.factor <= capacity
+    assert end.start < begin.low
+    assert end.high < begin.start
+
+
+def test_a_craft_with_coils_and_thrusters_has_the_sliders_of_both():
+    names = [
+        s.name for s in usual(prepare(read("uosat12/table2-ocdc-ilqr-1"), Options()).or_raise()[0])
+    ]
+    assert {"torquers.m_limit", "thrusters.tau_level", "thrusters.arm"} <= {*names}
+
+
+@pytest.mark.parametrize(
+    ("line", "said"),
+    [
+        ("export web {} --law foo", "foo: no law and no manager"),
+        ("export web {} --law predictive --law magnetc", "did you mean magnetic?"),
+        ("export web {} --law mine.py", "mine.py: No such file"),
+        ("export web {} --law ccpl --slider torquers.m_limit", "the form is NAME=FROM:TO"),
+        ("export web {} --law ccpl --slider a.b=0:1 --slider a.b=0:2", "a.b: it is given twice"),
+        ("compare {} --laws ccpl,foo", "foo: no law and no manager"),
+        ("compare {} --law mine.py", "mine.py: No such file"),
+        ("compare {0} --law {0}/craft.toml", "craft.toml: a law of your own is a .py"),
+    ],
+)
+@needs_zig
+def test_names_are_looked_at_before_anything_flies(desat, craft, monkeypatch, line, said):
+    monkeypatch.setattr(ranking, "_fly", _no_flight)
+    done = desat(*shlex.split(line.format(craft)))
+    assert done.returncode == 2
+    assert said in done.stderr, done.stderr
+    assert len(done.stderr.splitlines()) == 1
+
+
+def _no_flight(*_: Any) -> None:
+    raise AssertionError("it flew")
+
+
+def test_a_value_stands_once_on_a_command_line():
+    """A law's own value is applied after the user's; lists and truths as `--set` reads them."""
+    options = Options(
+        sets=["a.x=1", "a.y=2"],
+        values={"a.x": [1.5, np.float64(2.0)], "a.t": True, "a.z": "b.c * 2"},
+    )
+    assert sets_of(options) == ["a.y=2", "a.x=[1.5, 2.0]", "a.t=true", "a.z=b.c * 2"]
+    for text in sets_of(options):
+        assert parse_assignment(text)
+    assert parse_assignment("a.x=[1.5, 2.0]")[2] == [1.5, 2.0]
+
+
+@needs_node
+@needs_zig
+@pytest.mark.parametrize(
+    "moved",
+    [{"torquers.m_limit": 1e6}, {"wheels.speed_limit": 90000.0}, {"torquers.m_limit": 1e-7}],
+)
+def test_a_page_warns_of_unusual_values_as_a_run_does(desat, usual_page, craft, moved, tmp_path):
+    """Beyond the ends of its sliders too, where an address may bring it."""
+    facts, worker = told_of(usual_page.path)
+    warned = node("""globalThis.postMessage = () => {};
+const [told0, worker, moved] = input;
+(0, eval)(worker.replace('"use strict";', "") + ";globalThis.Flight = Flight;");
+const flight = new Flight(told0, new WebAssembly.Module(Buffer.from(told0.wasm, "base64")));
+flight.begin(0, moved);
+const told = flight.warnings;""", [facts, worker, moved])  # fmt: skip
+    sliders = {s["name"]: s for s in facts["laws"][0]["sliders"]}
+    before = facts["laws"][0]["values"]
+    sets = [f"--set={text_of(sliders[n], x, before)}" for n, x in moved.items()]
+    done = desat("run", str(craft), "--stop", "20", *sets, "--out", str(tmp_path / "run"))
+    said = [x.rpartition(": ")[0].rpartition(": ")[2] + ": " + x.rpartition(": ")[2]
+            for x in done.stderr.splitlines() if ": usual is " in x]  # fmt: skip
+    assert said
+    assert {*said} == {*warned}
+
+
+class Tab:
+    """A page in a browser, and what it says."""
+
+    def __init__(self, browser, path: Path, address: str = "") -> None:
+        self.tab = browser.new_page(viewport={"width": 1400, "height": 900})
+        self.errors: list[str] = []
+        self.tab.on("pageerror", lambda error: self.errors.append(str(error)))
+        self.tab.on("console", lambda message: self.errors.append(message.text))
+        self.tab.goto(path.as_uri() + address)
+        self.wait()
+
+    def wait(self) -> None:
+        """Wait until what is set has flown, or cannot."""
+        time.sleep(0.2)  # more than the page waits after a move
+        wait_until(self.tab, "document.documentElement.dataset.flown === String(desat.asked)")
+
+    def text(self, name: str) -> str:
+        return str(self.tab.locator(f"[id='{name}']").inner_text())
+
+    def value(self, slider: str) -> float:
+        return float(self.tab.locator(f"[id='value-{slider}']").input_value())
+
+    def type(self, slider: str, text: str) -> None:
+        field = self.tab.locator(f"[id='value-{slider}']")
+        field.fill(text)
+        field.press("Enter")
+        self.wait()
+
+    def command(self) -> list[str]:
+        return shlex.split(self.text("command"))
+
+    def shown(self) -> dict[str, str]:
+        rows = self.tab.evaluate(
+            """[...document.querySelectorAll("#numbers tr[data-number]")].map(
+                 r => [r.dataset.number, r.children[1].textContent])"""
+        )
+        return dict(rows)
+
+    def warnings(self) -> list[str]:
+        return list(self.tab.locator("#warnings li").all_inner_texts())
+
+
+@needs_zig
+@pytest.mark.parametrize("law", ["cross product", *LAWS])
+def test_an_arrow_on_a_slider_stays_in_the_range_of_the_law(
+    browser, usual_page, desat, tmp_path, law
+):
+    """What the shown line prints is what stands there, whatever law was chosen and moved."""
+    at = Tab(browser, usual_page.path)
+    at.tab.select_option("#law", label=law)
+    at.wait()
+    facts, _ = told_of(usual_page.path)
+    (of,) = (x for x in facts["laws"] if x["name"] == law)
+    for slider in of["sliders"]:
+        name = slider["name"]
+        at.tab.locator(f"[id='range-{name}']").press(
+            "ArrowLeft" if slider["start"] else "ArrowRight"
+        )
+        span = slider["high"] - slider["low"]
+        assert slider["low"] <= at.value(name) <= slider["high"], name
+        assert abs(at.value(name) - slider["start"]) < 0.03 * span, name
+        assert at.value(name) != slider["start"], name
+    at.wait()
+    line = at.command()
+    done = desat(*line[1:], "--out", str(tmp_path / "run"), "--json")
+    assert done.returncode in (0, 1), done.stderr
+    printed = json.loads(done.stdout)["numbers"]
+    shown = at.shown()
+    assert len(shown) > 12
+    assert shown == {name: number(printed[name]["value"]) for name in shown}
+    at.tab.locator("#reset").click()
+    at.wait()
+    assert at.tab.evaluate("document.getElementById('law').selectedOptions[0].textContent") == (
+        "cross product"
+    )
+    first = desat(*at.command()[1:], "--out", str(tmp_path / "first"))
+    assert first.returncode in (0, 1), first.stderr
+    assert [x for x in at.command() if "=" in x] == ["torquers.m_limit=0.15"]
+    assert at.errors == []
+    at.tab.close()
+
+
+@needs_zig
+def test_what_was_moved_under_a_law_comes_back_with_it(browser, usual_page):
+    at = Tab(browser, usual_page.path)
+    at.type(GAIN, "0.003")
+    at.type("torquers.m_limit", "0.3")
+    at.tab.select_option("#law", label="ccpl")
+    at.wait()
+    assert at.value(GAIN) > 1.0
+    assert at.value("torquers.m_limit") == 0.3
+    at.type(GAIN, "100")
+    at.tab.select_option("#law", label="predictive")
+    at.wait()
+    assert not at.tab.locator(f"[id='range-{GAIN}']").count()
+    at.tab.select_option("#law", label="cross product")
+    at.wait()
+    assert at.value(GAIN) == 0.003
+    assert "ccpl" not in at.text("command")
+    at.tab.close()
+
+
+@needs_zig
+@pytest.mark.parametrize(
+    ("slider", "text"),
+    [(GAIN, "5"), (GAIN, "-0.001"), ("torquers.m_limit", "abc"), ("wheels.speed_limit", "1e9"),
+     ("environment.inclination", "")],
+)  # fmt: skip
+def test_a_value_outside_a_slider_is_refused_where_it_is_typed(browser, usual_page, slider, text):
+    """It says what was given and what is allowed; what flies stays as it was."""
+    at = Tab(browser, usual_page.path)
+    before, command = at.value(slider), at.text("command")
+    at.type(slider, text)
+    said = [x for x in at.tab.locator(".refused").all_inner_texts() if x]
+    assert len(said) == 1
+    assert said[0].startswith(f"{slider} = ")
+    assert f"it stays at {before:g}"[:16] in said[0]
+    assert " to " in said[0]
+    assert at.text("command") == command
+    at.type(slider, str(before))
+    assert not [x for x in at.tab.locator(".refused").all_inner_texts() if x]
+    at.tab.close()
+
+
+@needs_zig
+@pytest.mark.parametrize(
+    ("address", "said"),
+    [
+        ("#torquers.m_limit=1000000", ["torquers.m_limit = 1000000 A m²: outside 0.015 to 0.6 A m²",
+                                    "usual is"]),
+        ("#law=nonsense", ["law=nonsense: no such law on this page; there is cross product, ccpl"]),
+        ("#law=predictive&manager.gain=3", ["manager.gain=3: no slider of this page under the law "
+                                            "predictive"]),
+        ("?spacecraft.mass=7", ["spacecraft.mass=7: no slider of this page"]),
+        ("#torquers.m_limit=abc", ["torquers.m_limit=abc: a number is needed"]),
+        ("#law=ccpl&manager.gain=0.002", ["manager.gain = 0.002 1/s: outside "]),
+    ],
+)  # fmt: skip
+def test_an_address_beyond_the_sliders_warns(browser, usual_page, address, said):
+    """What it can fly it flies, and says that it lies outside; reset takes the words away."""
+    at = Tab(browser, usual_page.path, address)
+    warned = "\n".join(at.warnings())
+    for text in said:
+        assert text in warned
+    if "outside" in said[0]:
+        name, _, value = said[0].partition(":")[0].partition(" = ")
+        assert at.value(name) == float(value.split()[0])
+    at.tab.locator("#reset").click()
+    at.wait()
+    assert at.warnings() == []
+    assert "#" not in at.tab.url
+    assert "?" not in at.tab.url
+    at.tab.close()

@@ -31,7 +31,7 @@ from ..language.scenario import Plot
 from ..numbers.numbers import late
 from ..numbers.text import not_reached
 from ..numbers.text import number as shown
-from ..report.report import figures_of, render, script, write_page
+from ..report.report import data_element, figures_of, render, write_page
 from ..runs.manifest import write_json
 from ..runs.prepare import prepare
 from ..system.errors import DesatError
@@ -291,10 +291,10 @@ def write(folder: Path) -> tuple[Path, CampaignSummary]:
         "campaign.html", told=told, plan=plan, title=f"Campaign of {told['target']}",
         **figures_of([(f.caption, f.figure) for f in drawn]), commands=[f.commands for f in drawn],
         small=(small := _histograms(folder, told)),
-        script=script({
+        data=data_element({
             "command": rerun(folder, "").rstrip(),
             "histograms": [{"edges": s.edges, "cases": s.cases, "counts": s.counts} for s in small],
-        }, "campaign.js"),
+        }),
         number=shown, not_reached=not_reached, unit=pretty_unit,
         kept=sorted(p.name for p in (folder / "kept").glob("*")),
     )  # fmt: skip

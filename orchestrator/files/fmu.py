@@ -111,6 +111,27 @@ def _elements(v: Any) -> Iterator[tuple[str, str | None, int]]:
         yield f"{v.name}[{','.join(map(str, index))}]", starts[i], i
 
 
+def root_of(folder: Path, called: str) -> Any:
+    """Return the root of the model description of an extracted FMU.
+
+    Raises DesatError where it is no XML, or not that of an FMU of FMI 1.0, 2.0 or 3.0.
+    """
+    where = f"{called}/modelDescription.xml"
+    root = parse_bytes(contents(folder / "modelDescription.xml", where), where)
+    version = root.get("fmiVersion") or "of no version"
+    if root.tag != "fmiModelDescription" or not _is_known(version):
+        raise DesatError(
+            f"{where}: {root.tag}, FMI {version}: the description of an FMU of FMI "
+            "1.0, 2.0 or 3.0 is needed"
+        )
+    return root
+
+
+def _is_known(version: str) -> bool:
+    """Return whether a version of FMI is one of those that are read."""
+    return version in ("1.0", "2.0") or bool(re.fullmatch(r"3\.0(\.\d+)?", version))
+
+
 def _read(path: Path, called: str) -> tuple[Any, Any]:
     """The XML of an FMU's model description, and what fmpy makes of it. Raises DesatError."""
     try:
@@ -121,7 +142,7 @@ def _read(path: Path, called: str) -> tuple[Any, Any]:
                 xml = archive.read("modelDescription.xml")
         root = parse_bytes(xml, f"{called}/modelDescription.xml")
         version = root.get("fmiVersion") or "of no version"
-        known = version in ("1.0", "2.0") or re.fullmatch(r"3\.0(\.\d+)?", version)
+        known = _is_known(version)
         if not known or root.find(_KIND.get(version, "CoSimulation")) is None:
             alone = next((kind for kind, element in _ALONE if root.find(element) is not None),
                          "model exchange")  # fmt: skip
@@ -149,8 +170,18 @@ def description_of(path: Path) -> Any:
 def faults(path: Path) -> tuple[str, ...]:
     """What is wrong with the model description of an extracted FMU by the standard, by fmpy's
     validation, a line each."""
+    return _faults(path, whole=False)
+
+
+def structure_faults(path: Path) -> tuple[str, ...]:
+    """Return what `faults` does, and what is wrong with names and ModelStructure."""
+    return _faults(path, whole=True)
+
+
+def _faults(path: Path, whole: bool) -> tuple[str, ...]:
+    """Return what fmpy's validation says, a line each."""
     try:
-        read_model_description(path)
+        read_model_description(path, validate_variable_names=whole, validate_model_structure=whole)
     except Exception as error:  # fmpy raises plain Exception
         lines = [line.strip(" -") for line in str(error).splitlines()]
         return tuple(x for x in lines if x and not x.endswith(":")) or (type(error).__name__,)

@@ -22,7 +22,7 @@ from ..figures.style import pretty_unit
 from ..files.identity import PACKAGES
 from ..files.scenario import Scenario, abbreviations, find, scenarios
 from ..numbers.text import number
-from ..report.report import render, script, write_page
+from ..report.report import render, write_page
 from ..runs.validation import word_problems
 from ..system.errors import DesatError, Exit, RunError
 from ..system.options import Options
@@ -305,7 +305,6 @@ def write_html(
         ),
         tables=pages,
         spelt=spelt(family, table),
-        script=script({}, "tables.js"),
         numbers=NUMBERS,
         provenance=(
             f"{datetime.now(UTC):%Y-%m-%d %H:%M} UTC; {options.algorithm}; "

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Mapping, Sequence
-from importlib.resources import files
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -23,19 +22,23 @@ from ..files.scenario import abbreviations
 from ..language.scenario import Plot
 from ..numbers.text import number
 from ..runs.run import Run
+from .policy import PLACEHOLDER, PageScripts, part
 
 REPORT = "report.html"
 
 
 def render(template: str, **values: Any) -> str:
-    """A page from one of our templates."""
+    """Return a page made from one of our templates, with its Content Security Policy."""
     from jinja2 import Environment, PackageLoader, StrictUndefined
 
     environment = Environment(
         loader=PackageLoader("desat"), autoescape=True, undefined=StrictUndefined,
         trim_blocks=True,
     )  # fmt: skip
-    return environment.get_template(template).render(**values)
+    scripts = PageScripts()
+    environment.globals["run_script"] = scripts.element
+    text = environment.get_template(template).render(policy=PLACEHOLDER, **values)
+    return scripts.complete(text)
 
 
 def write_page(path: Path, text: str) -> Path:
@@ -154,31 +157,27 @@ def _deciding_first(plots: Mapping[str, Plot], manifest: Manifest) -> list[Plot]
 
 def figures_of(drawn: Sequence[tuple[str, Figure]]) -> dict[str, Any]:
     """What a page that includes `figures.html` needs: its `figures` with captions, and of those
-    that its script draws data, uPlot with its licence, and the script itself."""
+    that its script draws data, the styles of uPlot and its licence."""
     figures = [Drawn(i, c, Markup(figure.svg())) for i, (c, figure) in enumerate(drawn)]
     told = interactive.data_of([figure for _, figure in drawn])
     if not any(told["plots"]):
         return {"figures": figures, "plots": False, "uplot_css": "", "most": 0}
     return {
-        "figures": figures, "plots": True, "uplot": part("uplot/uPlot.iife.min.js"),
-        "uplot_css": part("uplot/uPlot.min.css"), "licence": part("uplot/LICENSE"),
-        "plot_script": script(told, "axes.js", "figures.js", name="drawn"), "most": told["most"],
-    }  # fmt: skip
+        "figures": figures,
+        "plots": True,
+        "uplot_css": part("uplot/uPlot.min.css"),
+        "licence": part("uplot/LICENSE"),
+        "plot_data": data_element(told, "drawn"),
+        "most": told["most"],
+    }
 
 
-def part(name: str) -> Markup:
-    """A part of pages as it is, of templates/."""
-    return Markup((files("desat") / "templates" / name).read_text(encoding="utf-8"))
-
-
-def script(told: Any, *names: str, name: str = "told") -> Markup:
-    """The elements of a page's script, of these parts, and of the data (JSON) that it finds by its
-    name."""
+def data_element(told: Any, name: str = "told") -> Markup:
+    """Return the element with the data (JSON) that a page's script finds by its name."""
     # a name of somebody's must not end the element
     data = json.dumps(told, separators=(",", ":")).replace("<", "\\u003c")
-    return Markup(
-        '<script type="application/json" id="{}">{}</script>\n<script>{}</script>'
-    ).format(name, Markup(data), Markup("\n").join(map(part, names)))
+    element = Markup('<script type="application/json" id="{}">{}</script>')
+    return element.format(name, Markup(data))
 
 
 def _default(results: Results) -> dict[str, Plot]:

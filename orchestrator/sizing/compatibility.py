@@ -132,6 +132,23 @@ def fitting(
     return found, refused
 
 
+def check_names(asked: Sequence[str], others: Sequence[str] = ()) -> None:
+    """Check that there are the laws and files that are asked for, before anything flies.
+
+    Raises DesatError for a name that there is not, and a file that is no block.
+    """
+    _laws_of(asked)
+    for file in others:
+        if Path(file).suffix not in (".py", ".fmu"):
+            raise DesatError(f"{file}: a law of your own is a .py or an .fmu file")
+        if not Path(file).is_file():
+            raise DesatError(f"{file}: No such file or directory")
+        try:
+            _block(file)
+        except OwnBlockError as error:
+            raise DesatError(str(error)) from error
+
+
 def _laws_of(asked: Sequence[str]) -> list[str]:
     """The managers of these laws or managers."""
     every = managers()
@@ -141,8 +158,9 @@ def _laws_of(asked: Sequence[str]) -> list[str]:
     known = by_law | {m: m for m in every} | {m.removeprefix("manager_"): m for m in every}
     for name in asked:
         if name not in known:
-            raise DesatError(f"{name}: no law and no manager{nearest(name, known)}; there is "
-                             f"{', '.join(sorted(by_law))}")  # fmt: skip
+            close = nearest(name, known).partition("; there is ")[0]
+            laws = ", ".join(sorted(by_law))
+            raise DesatError(f"{name}: no law and no manager{close}; there is {laws}")
     return list(dict.fromkeys(known[name] for name in asked))
 
 

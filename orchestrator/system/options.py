@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 import shlex
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field, fields
+from dataclasses import asdict, dataclass, field, fields, replace
 from math import inf
 from numbers import Real
 from pathlib import Path
@@ -29,11 +29,42 @@ def from_json(told: Mapping[str, Any]) -> Options:
     return Options(**given)
 
 
+def sets_of(options: Options) -> list[str]:
+    """Return what `--set` would be given for `sets` and `values`, each parameter once.
+
+    A value that `values` have is applied after `sets`, so of a parameter in both it is the one.
+    """
+    later = [f"{name}={_as_text(value)}" for name, value in options.values.items()]
+    earlier = [x for x in options.sets if _name_of(x) not in options.values]
+    return earlier + later
+
+
+def with_assignment(options: Options, text: str) -> Options:
+    """Return options with `NAME=VALUE` in place of what they give that parameter."""
+    name = _name_of(text)
+    sets = [x for x in options.sets if _name_of(x) != name]
+    values = {key: value for key, value in options.values.items() if key != name}
+    return replace(options, sets=[*sets, text], values=values)
+
+
+def _name_of(assignment: str) -> str:
+    """Return the parameter that `NAME=VALUE` is of."""
+    return assignment.partition("=")[0].strip()
+
+
+def _as_text(value: Any) -> str:
+    """Return a value as the command line has it."""
+    if isinstance(value, list | tuple):
+        return f"[{', '.join(map(_as_text, value))}]"
+    if isinstance(value, bool):
+        return str(value).lower()
+    return value if isinstance(value, str) else str(value)
+
+
 def as_arguments(options: Options) -> str:
     """What of options is not as by default, as the command line has it, each after a blank;
     `values` as they would be set."""
-    sets = [*options.sets, *(f"{k}={v}" for k, v in options.values.items())]
-    given = [("set", x) for x in sets] + [("source", x) for x in options.sources]
+    given = [("set", x) for x in sets_of(options)] + [("source", x) for x in options.sources]
     given += [("output-class", f"{k}={v}") for k, v in options.output_classes.items()]
     for f in fields(options):
         value = getattr(options, f.name)

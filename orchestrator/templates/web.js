@@ -12,6 +12,9 @@
   const WAIT = 60; // ms after a move
   let law = 0;
   let moved = {}; // of sliders by their names the value in the shown unit
+  let kept = {}; // what was moved under other laws, where these have other ranges: by the law, as `moved`
+  let address = []; // what is wrong with the address, a line each
+  let warned = []; // what `desat run` would warn of, of the flight
   let asked = 0;
   let shown = null; // what was flown last: {law, moved, plots, numbers}
   let reference = null;
@@ -29,8 +32,11 @@
     }
     return size < 1000 ? String(Number(x.toPrecision(4))) : Math.round(x).toLocaleString("en-US");
   };
-  const there = (slider) => slider.name in told.laws[law].at;
-  const at = (slider) => moved[slider.name] ?? told.laws[law].at[slider.name];
+  const sliders = () => told.laws[law].sliders;
+  const at = (slider) => moved[slider.name] ?? slider.start;
+  const within = (slider, value) => slider.low <= value && value <= slider.high;
+  const amount = (value, slider) => `${String(Number(value.toPrecision(12)))} ${slider.shown}`.trim();
+  const range = (slider) => `${String(slider.low)} to ${amount(slider.high, slider)}`;
   const grid = (slider, value) => { // of a moved slider: a step of a round size
     const step = multiples(0, slider.high - slider.low, 300)[1];
     return Number(Math.min(slider.high, Math.max(slider.low, Math.round(value / step) * step)).toPrecision(8));
@@ -38,11 +44,32 @@
   const python = (x) => (Number.isInteger(x) && Math.abs(x) < 1e16 ? `${x}.0` : String(x));
   const quoted = (text) => (/^[\w@%+=:,./-]+$/.test(text) ? text : `'${text.replace(/'/g, "'\"'\"'")}'`);
 
+  // another law: what was moved stays moved where its slider is the same; else each law has its own
+  function choose(other) {
+    const alike = (a, b) => ["unit", "factor", "offset", "form", "low", "high"].every((k) => a[k] === b[k]);
+    const now = Object.fromEntries(told.laws[other].sliders.map((s) => [s.name, s]));
+    const same = (s) => s.name in now && alike(s, now[s.name]);
+    const before = Object.entries(moved);
+    const named = Object.fromEntries(sliders().map((s) => [s.name, s]));
+    const shared = before.filter(([name]) => same(named[name]));
+    kept[law] = Object.fromEntries(before.filter(([name]) => !same(named[name])));
+    law = other;
+    moved = { ...kept[law], ...Object.fromEntries(shared) };
+    address = [];
+    controls();
+    changed();
+  }
+  function reset() {
+    [law, moved, kept, address] = [0, {}, {}, []];
+    controls();
+    changed();
+  }
+
   // `--set` of what is moved, as Slider.value_text has it
   function assignment(slider) {
     const shownValue = moved[slider.name];
     const own = shownValue * slider.factor + slider.offset;
-    const before = told.laws[law].values[slider.targets.find((t) => t in told.laws[law].values)];
+    const before = told.laws[law].values[slider.targets[0]];
     if (slider.form === "one" || slider.form === "element") {
       return `${slider.name}=${slider.unit ? `${shownValue} ${slider.unit}` : python(own)}`;
     }
@@ -52,8 +79,11 @@
     return `${slider.name}=${values.map(python).join(",")}`;
   }
   function command() {
-    const sets = told.sliders.filter((s) => there(s) && s.name in moved).map((s) => ` --set ${quoted(assignment(s))}`);
-    return `desat run ${quoted(told.target)}${told.laws[law].arguments}${sets.join("")}`;
+    const { sets, arguments: others } = told.laws[law];
+    const ours = sliders().filter((s) => s.name in moved);
+    const stays = sets.filter((text) => !ours.some((s) => s.name === text.split("=")[0].trim()));
+    const given = [...stays, ...ours.map(assignment)].map((text) => ` --set ${quoted(text)}`);
+    return `desat run ${quoted(told.target)}${others}${given.join("")}`;
   }
 
   // --- the address ---------------------------------------------------------------------------------
@@ -62,49 +92,73 @@
     const query = new URLSearchParams();
     if (law) query.set("law", told.laws[law].name);
     for (const [name, value] of Object.entries(moved)) query.set(name, value);
-    history.replaceState(null, "", query.size ? `#${query}` : location.pathname + location.search);
+    history.replaceState(null, "", location.pathname + (query.size ? `#${query}` : ""));
   }
   function fromAddress() {
-    const query = new URLSearchParams(location.hash.slice(1));
-    law = Math.max(0, told.laws.findIndex((l) => l.name === query.get("law")));
-    moved = {};
-    for (const slider of told.sliders) {
-      const value = Number(query.get(slider.name) ?? NaN);
-      if (Number.isFinite(value)) moved[slider.name] = value;
+    const query = new URLSearchParams(location.search);
+    for (const [name, value] of new URLSearchParams(location.hash.slice(1))) query.set(name, value);
+    [law, moved, kept, address] = [0, {}, {}, []];
+    const names = told.laws.map((l) => l.name);
+    if (query.has("law")) law = names.indexOf(query.get("law"));
+    if (law < 0) {
+      law = 0;
+      address.push(`address: law=${query.get("law")}: no such law on this page; there is ${names.join(", ")}`);
+    }
+    query.delete("law");
+    for (const [name, text] of query) {
+      const slider = sliders().find((s) => s.name === name);
+      const value = Number(text);
+      if (!slider) {
+        address.push(`address: ${name}=${text}: no slider of this page under the law ${names[law]}; there is `
+          + `${sliders().map((s) => s.name).join(", ")}`);
+      } else if (!text.trim() || !Number.isFinite(value)) {
+        address.push(`address: ${name}=${text}: a number is needed, in ${slider.shown || "no unit"}`);
+      } else if (value !== slider.start) moved[name] = value;
     }
   }
 
   // --- controls ------------------------------------------------------------------------------------
 
-  const updates = [];
+  let updates = [];
   function controls() {
+    updates = [];
     $id("law").replaceChildren(...told.laws.map((l, i) => make("option", { value: i, textContent: l.name })));
-    $id("law").onchange = (e) => { law = Number(e.target.value); changed(); };
-    $id("sliders").replaceChildren(...told.sliders.map((slider) => {
-      const range = make("input", { type: "range", min: slider.low, max: slider.high, step: "any", id: `range-${slider.name}` });
+    $id("law").onchange = (e) => choose(Number(e.target.value));
+    $id("sliders").replaceChildren(...sliders().map((slider) => {
+      const thumb = make("input", { type: "range", min: slider.low, max: slider.high, step: "any", id: `range-${slider.name}` });
       const field = make("input", { type: "text", inputMode: "decimal", id: `value-${slider.name}` });
       field.setAttribute("aria-label", `${slider.name}, ${slider.shown}`);
-      range.setAttribute("aria-label", slider.name);
+      thumb.setAttribute("aria-label", slider.name);
       const aside = make("span", { className: "note" });
+      const refusal = make("span", { className: "bad refused" });
+      refusal.setAttribute("role", "alert");
       const set = (value) => {
-        if (value === told.laws[law].at[slider.name]) delete moved[slider.name];
+        if (value === slider.start) delete moved[slider.name];
         else moved[slider.name] = value;
         changed();
       };
-      range.oninput = () => set(grid(slider, Number(range.value)));
+      const refuse = (text) => {
+        refusal.textContent = text;
+        field.setAttribute("aria-invalid", String(Boolean(text)));
+      };
+      thumb.oninput = () => set(grid(slider, Number(thumb.value)));
       field.onchange = () => {
         const value = Number(field.value);
-        if (field.value.trim() && Number.isFinite(value)) set(Math.min(slider.high, Math.max(slider.low, value)));
-        else changed();
+        if (!field.value.trim() || !Number.isFinite(value)) {
+          return refuse(`${slider.name} = ${field.value}: a number is needed, from ${range(slider)}; `
+            + `it stays at ${amount(at(slider), slider)}`);
+        }
+        if (within(slider, value) || value === slider.start) return set(value);
+        return refuse(`${slider.name} = ${amount(value, slider)}: allowed is ${range(slider)}; `
+          + `it stays at ${amount(at(slider), slider)}`);
       };
       const label = make("label", { title: slider.name },
         make("span", { className: "line" }, make("span", { className: "what", textContent: slider.title }),
-          make("span", { className: "value" }, field, ` ${slider.shown}`)), range, aside);
+          make("span", { className: "value" }, field, ` ${slider.shown}`)), thumb, aside, refusal);
       updates.push(() => {
-        label.hidden = !there(slider);
-        if (label.hidden) return;
+        refuse("");
         label.classList.toggle("moved", slider.name in moved);
-        range.value = at(slider);
+        thumb.value = at(slider);
         field.value = String(Number(at(slider).toPrecision(slider.name in moved ? 12 : 6)));
         aside.textContent = slider.name + (slider.height
           ? `, ${number((at(slider) * slider.factor - told.ground) / 1e3)} km above the equator` : "")
@@ -113,7 +167,8 @@
       });
       return label;
     }));
-    $id("reset").onclick = () => { moved = {}; changed(); };
+    $id("controls").onsubmit = (event) => event.preventDefault();
+    $id("reset").onclick = reset;
     $id("compare").onclick = () => {
       reference = reference ? null : shown;
       $id("compare").textContent = reference ? "without the pale one" : "compare with this";
@@ -133,10 +188,18 @@
     for (const update of updates) update();
     $id("law").value = law;
     $id("command").textContent = command();
+    warn();
     $id("substeps").textContent = `${told.laws[law].substeps} substep${told.laws[law].substeps > 1 ? "s" : ""} each`;
     toAddress();
     clearTimeout(timer);
     timer = setTimeout(ask, WAIT);
+  }
+  // what of the present values `desat run` would say, or this page was not made for
+  function warn() {
+    const beyond = sliders().filter((s) => !within(s, at(s))).map((s) => `${s.name} = ${amount(at(s), s)}: outside `
+      + `${range(s)}, for which this page was made; \`desat run\` says what else it warns of`);
+    const lines = [...address, ...beyond, ...warned];
+    $id("warnings").replaceChildren(...lines.map((text) => make("li", { textContent: text })));
   }
   function ask() {
     asked += 1;
@@ -277,6 +340,8 @@
   worker.onmessage = ({ data }) => {
     if (data.ready) return ask();
     if (data.id !== asked) return;
+    warned = data.warnings;
+    warn();
     $id("fault").textContent = data.fault ? `${data.done ? `After ${data.done} steps: ` : "It cannot start: "}${data.fault}` : "";
     if (data.last) {
       const flown = `${Math.round(data.done * told.step / 360) / 10} h in ${data.seconds?.toFixed(2)} s`;
@@ -294,10 +359,10 @@
   changed();
   clearTimeout(timer);
   dark.addEventListener("change", () => shown && draw());
-  addEventListener("hashchange", () => { fromAddress(); changed(); });
+  addEventListener("hashchange", () => { fromAddress(); controls(); changed(); });
   new ResizeObserver(() => charts.forEach(({ plot, place }) => {
     if (plot && place.clientWidth && place.clientWidth !== plot.width) plot.setSize({ width: place.clientWidth, height: 270 });
   })).observe(document.querySelector("main"));
   worker.postMessage({ told: { ...told, wasm: null }, wasm: bytes(told.wasm) });
-  window.desat = { get shown() { return shown; }, get charts() { return charts.map((c) => c.plot); }, command };
+  window.desat = { get shown() { return shown; }, get asked() { return asked; }, get charts() { return charts.map((c) => c.plot); }, command };
 })();

@@ -3,19 +3,52 @@
 from __future__ import annotations
 
 from dataclasses import asdict
-from typing import Annotated
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.table import Table
+from rich.text import Text
 
-from ...system.errors import Exit
+from ...system.errors import Exit, plain
 from .. import options as o
 from ..console import app, err, example, out, print_json
+
+if TYPE_CHECKING:
+    from ...files.inspection import InspectedFmu
+
+OF_SYSTEMS = (
+    "sets",
+    "sources",
+    "stop",
+    "step",
+    "substeps",
+    "accuracy",
+    "blocks",
+    "design",
+    "classes",
+    "strict",
+    "outside",
+    "schedule_too",
+)
+"""Options that mean nothing of an FMU alone."""
+CheckedTarget = Annotated[
+    str,
+    typer.Argument(
+        metavar="NAME|FILE|FOLDER",
+        help="The folder of a craft of your own, a scenario (see `desat list`), a scenario file "
+        "(.toml), an .ssp file, a folder with a SystemStructure.ssd, or an FMU (.fmu, or its "
+        "folder).",
+        show_default=False,
+        autocompletion=o.complete_name,
+    ),
+]
 
 
 @app.command(epilog=example("desat check my12u --schedule"))
 def check(
-    target: o.Target,
+    ctx: typer.Context,
+    target: CheckedTarget,
     sets: o.Sets = None,
     sources: o.Sources = None,
     stop: o.Stop = None,
@@ -34,7 +67,17 @@ def check(
     ] = False,
     as_json: o.Json = False,
 ) -> None:  # fmt: skip
-    """Find what is wrong with a system before it runs."""
+    """Find what is wrong with a system before it runs, or with an FMU.
+
+    Of an FMU its description is read, its binary is not loaded: interface, platforms, hash, and
+    what breaks the FMI standard.
+    """
+    from ...files.inspection import is_fmu
+
+    if is_fmu(target):
+        o.refuse(ctx, "it is of a system, and this is an FMU", *OF_SYSTEMS)
+        _check_fmu(Path(target), trust, as_json)
+        return
     from ...analyses import attitude_loop
     from ...engine.trial_initialisation import refusals
     from ...files.library import notes
@@ -89,3 +132,44 @@ def check(
         if not as_json:
             err.print(f"{len(checked.problems)} problem(s) in {target}")
         raise typer.Exit(Exit.UNMET)
+
+
+def _check_fmu(path: Path, trust: Path | None, as_json: bool) -> None:
+    """Print what an FMU is, and what of it breaks the standard."""
+    from ...files.inspection import inspect_fmu
+    from ...files.library import hashes
+
+    trusted = None if trust is None else hashes(trust)
+    found = inspect_fmu(path)
+    problems = list(found.problems)
+    if trusted is not None and not found.ours and found.sha256 not in trusted:
+        problems.append(f"{path.name} is not of the list of --trust (sha256 {found.sha256})")
+    if as_json:
+        print_json({**asdict(found), "problems": problems})
+    else:
+        _print_fmu(found)
+        for problem in problems:
+            err.print(problem, markup=False)
+        for warning in found.warnings:
+            err.print(f"warning: {warning}", markup=False)
+    if problems:
+        if not as_json:
+            err.print(f"{len(problems)} problem(s) in {path}", markup=False)
+        raise typer.Exit(Exit.UNMET)
+
+
+def _print_fmu(found: InspectedFmu) -> None:
+    """Print the interface of an FMU, its platforms and its hash."""
+    kinds = ", ".join(found.kinds) or "nothing that it names"
+    out.print(plain(f"{found.model}: FMI {found.fmi} for {kinds}"), markup=False)
+    out.print(f"platforms: {plain(', '.join(found.platforms)) or 'none'}", markup=False)
+    whose = " (ours)" if found.ours else ""
+    out.print(f"sha256: {found.sha256}{whose}", markup=False)
+    for causality, variables in found.of_causality().items():
+        table = Table(causality, "type", "unit", "", box=None, header_style="bold", pad_edge=False)
+        for v in variables:
+            size = f"[{','.join(map(str, v.shape))}]" if v.shape else ""
+            cells = (f"{v.name}{size}", v.type, v.unit, v.description)
+            table.add_row(*(Text(plain(cell)) for cell in cells))
+        out.print()
+        out.print(table)

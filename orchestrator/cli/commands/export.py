@@ -99,7 +99,7 @@ def web(
     sliders: Annotated[
         Names, typer.Option("--slider", metavar="NAME=FROM:TO", help="What moves, by the name that "
                             "--set has for it, also shared.NAME. May be repeated (default: orbit, "
-                            "coils, residual dipole, gain, wheels, as far as there are such).")
+                            "coils, residual dipole, gain, wheels; with thrusters their dumps').")
     ] = None,
     file: Annotated[
         Path | None,
@@ -115,11 +115,12 @@ def web(
 ) -> None:  # fmt: skip
     """Write one HTML file that flies a scenario as its sliders move: no server, no network. It is
     compiled by the package ziglang."""
-    from ...export.web.page import export
+    from ...export.web.page import check_request, export
     from ...studies.ranking import options_of_laws
 
     options = o.options_of(sets, stop, step, o.Semantics.gauss_seidel, False, None, sources,
                            substeps=substeps, accuracy=accuracy)  # fmt: skip
+    check_request(sliders or (), file)
     made = export(target, options_of_laws(target, options, laws or ()), sliders or (), file)
     for line in made.notes:
         err.print(f"note: {line}")

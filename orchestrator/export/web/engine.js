@@ -38,10 +38,10 @@ const own = (slider, shown) => shown * slider.factor + slider.offset;
 
 // All parameters of a law that sliders move, and what follows from them. `moved`: of sliders by their
 // names the value in the shown unit.
-function tableOf(told, law, moved) {
+function tableOf(law, moved) {
   const table = { ...law.values };
-  for (const slider of told.sliders) {
-    if (!(slider.name in moved) || !(slider.name in law.at)) continue;
+  for (const slider of law.sliders) {
+    if (!(slider.name in moved)) continue;
     for (const target of slider.targets) {
       if (target in table) table[target] = given(slider, own(slider, moved[slider.name]), table[target]);
     }
@@ -59,6 +59,28 @@ function tableOf(told, law, moved) {
     }
   }
   return table;
+}
+
+// A number to six digits, as Python's %g has it.
+function general(value) {
+  const [digits, power] = value.toExponential(5).split("e").map(Number);
+  if (power >= -4 && power < 6) return String(Number(value.toPrecision(6)));
+  return `${digits}e${power < 0 ? "-" : "+"}${String(Math.abs(power)).padStart(2, "0")}`;
+}
+
+// What `desat run` warns of: parameters that were moved to where they usually are not, a line each, of
+// an array one (system/check.py).
+function unusual(law, table) {
+  const lines = [];
+  for (const { name, elements, low, high, unit } of law.usual) {
+    if (String(table[name]) === String(law.values[name])) continue;
+    const values = [table[name]].flat();
+    const i = values.findIndex((value) => !(low <= value && value <= high));
+    if (i < 0) continue;
+    const shown = unit ? ` ${unit}` : "";
+    lines.push(`${elements[i]} = ${general(values[i])}${shown}: usual is ${general(low)} to ${general(high)}${shown}`);
+  }
+  return lines;
 }
 
 class Flight {
@@ -80,15 +102,17 @@ class Flight {
     this.made = 0;
     this.balanced = null;
     this.fault = "";
+    this.warnings = [];
     this.columns = {};
     for (const [name, s] of Object.entries(this.law.series)) {
       this.columns[name] = new Float64Array((told.steps + (s.interval ? 0 : 1)) * s.size);
     }
     try {
-      this.table = tableOf(told, this.law, moved);
+      this.table = tableOf(this.law, moved);
     } catch (error) {
       return (this.fault = error.message);
     }
+    this.warnings = unusual(this.law, this.table);
     calls.web_open(law);
     for (const [name, first] of this.law.slots) {
       [this.table[name]].flat().forEach((value, i) => calls.web_set(first + i, value));

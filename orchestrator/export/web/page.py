@@ -29,21 +29,21 @@ from ...numbers import derived
 from ...numbers.derived import QUANTITIES, coil_impulse
 from ...numbers.measures import MEASURES, OWN_UNIT
 from ...numbers.numbers import scale
-from ...report.report import part, render
-from ...report.report import script as page_script
+from ...report.policy import part
+from ...report.report import data_element, render
 from ...runs import substep_choice
 from ...runs.prepare import Target, drafted, prepare, read
 from ...system.errors import DesatError
 from ...system.expression import Table, factor, product
 from ...system.interface import KINDS
 from ...system.model import System
-from ...system.options import Options, as_arguments
+from ...system.options import Options, as_arguments, sets_of
 from ...system.parameters import table, unit_of
 from ...system.wheels import axes_of, existing, smallest_capacity
 from ..loop_fmu import LoopEnds, LoopSource, written_out
 from . import module
-from .script import script
-from .sliders import Slider, asked_of, of_law, owners_of, refused, usual
+from .script import numpy_source, script
+from .sliders import Slider, asked_of, parts_of, refused, usual, usual_of
 from .values import Expression, expression, follows, names_of, numbers_of, reached
 
 MOST_BYTES = 800_000_000
@@ -87,6 +87,21 @@ class Made:
     """What is not on it, and why, a line each."""
 
 
+def check_request(sliders: Sequence[str], file: Path | None) -> None:
+    """Check what can be checked of a page before its laws fly.
+
+    Raises DesatError for a place where no file can be written, a missing compiler, and a
+    slider of another form than `NAME=FROM:TO`.
+    """
+    if file is not None:
+        io.place_of(file, "--out")
+    module.need_compiler()
+    names = [parts_of(text)[0].strip() for text in sliders]
+    for name in names:
+        if names.count(name) > 1:
+            raise DesatError(f"--slider {name}: it is given twice; give it one range")
+
+
 def export(
     target: str, laws: Mapping[str, Options], sliders: Sequence[str], file: Path | None
 ) -> Made:  # fmt: skip
@@ -96,23 +111,25 @@ def export(
     Raises DesatError where a component has no C, a slider is none of the scenario's, nothing
     compiles to WebAssembly, or a flight would not fit into a page's memory.
     """
-    if file is not None:
-        io.place_of(file, "--out")
-    module.need_compiler()
+    check_request(sliders, file)
     source = read(target)
     flown = [_flown(target, source, name, options) for name, options in laws.items()]
     notes = list[str]()
-    moved = list(_sliders(source, flown, sliders, notes))
-    targets = {t for s in moved for t in s.targets}
+    moved = _sliders(source, flown, sliders, notes)
     series = [sorted(_series(f)) for f in flown]
-    loops = [_loop(f, targets, of) for f, of in zip(flown, series, strict=True)]
+    loops = [
+        _loop(f, {t for s in own for t in s.targets}, of)
+        for f, own, of in zip(flown, moved, series, strict=True)
+    ]
     code, told = _told(target, flown, moved, loops, notes)
     found = module.sources(loops)
     told["digest"] = module.digest(found)
     told["wasm"] = base64.b64encode(module.compiled(found)).decode()
     path = file or Path(f"{Path(target).absolute().name.removesuffix('.toml')}.html")
     io.replace_text(path, _page(told, code))
-    return Made(path, told["digest"], tuple(s.name for s in moved), tuple(notes))
+    return Made(
+        path, told["digest"], tuple(dict.fromkeys(s.name for of in moved for s in of)), tuple(notes)
+    )
 
 
 def _flown(target: str, source: Target, name: str, options: Options) -> _Flown:
@@ -131,46 +148,89 @@ def _flown(target: str, source: Target, name: str, options: Options) -> _Flown:
 
 def _sliders(
     source: Target, flown: Sequence[_Flown], asked: Sequence[str], notes: list[str]
-) -> Iterator[Slider]:
-    """Those that are asked for, of the first law that has them, or the usual ones. Raises
-    DesatError for one that is asked for and cannot be."""
-    found = [_everywhere(_asked(text, flown), flown) for text in asked] or list({
-        s.name: s for f in reversed(flown) for s in usual(f.system)
-    }.values())  # fmt: skip
-    order = [s.name for s in usual(flown[0].system)]
-    found.sort(key=lambda s: order.index(s.name) if not asked and s.name in order else len(order))
-    for slider in found:
-        for f in flown:
-            if any(t in f.values for t in slider.targets):
-                why = refused(slider, source, f.options, f.system, f.ordered)
-                if why and slider.asked:
-                    raise DesatError(f"--slider {slider.name}: {why}")
-                if why:
-                    notes.append(f"no slider {slider.name}: {why}")
-                    break
-        else:
-            yield slider
+) -> list[list[Slider]]:
+    """Return the sliders of each law: those that are asked for, or the usual ones.
+
+    Raises DesatError for one that is asked for and cannot be.
+    """
+    if not asked:
+        wanted = [usual(f.system) for f in flown]
+    else:
+        rows = [_asked(text, flown, notes) for text in asked]
+        wanted = [[row[i] for row in rows if i in row] for i in range(len(flown))]
+    return [
+        [s for s in of if _is_possible(s, source, f, notes)]
+        for f, of in zip(flown, wanted, strict=True)
+    ]
 
 
-def _everywhere(slider: Slider, flown: Sequence[_Flown]) -> Slider:
-    """A slider with the parameters that it moves in the systems of all laws."""
-    array = slider.targets[0].partition(".")[2]
-    owners = {o: None for f in flown for o in owners_of(slider.name, f.system)}
-    return replace(slider, targets=tuple(f"{o}.{array}" for o in owners))
+def _is_possible(slider: Slider, source: Target, flown: _Flown, notes: list[str]) -> bool:
+    """Return whether a page can move a slider of a law; why not is a note.
+
+    Raises DesatError where it is one that is asked for.
+    """
+    why = refused(slider, source, flown.options, flown.system, flown.ordered)
+    if why and slider.asked:
+        raise DesatError(f"--slider {slider.name}: {why}")
+    if why and (note := f"no slider {slider.name}: {why}") not in notes:
+        notes.append(note)
+    return not why
 
 
-def _asked(text: str, flown: Sequence[_Flown]) -> Slider:
-    """A slider of the first law that has it. Raises DesatError as that of the first does."""
-    for f in flown[1:]:
+def _asked(text: str, flown: Sequence[_Flown], notes: list[str]) -> dict[int, Slider]:
+    """Return the slider of `NAME=FROM:TO` for each law that has one, by the law's place.
+
+    The range is that of the first law whose own value lies in it, else of the first that
+    takes it. A law whose own value lies elsewhere has the range that is usual for it.
+    Raises DesatError where no law takes it, as the first of them does.
+    """
+    found: dict[int, Slider] = {}
+    errors: list[DesatError] = []
+    for i, f in enumerate(flown):
         try:
-            asked_of(text, flown[0].system)
-            break
-        except DesatError:
-            try:
-                return asked_of(text, f.system)
-            except DesatError:
-                continue
-    return asked_of(text, flown[0].system)
+            found[i] = asked_of(text, f.system)
+        except DesatError as error:
+            errors.append(error)
+    if not found:
+        raise errors[0]
+    home = next((i for i, s in found.items() if s.holds_start), min(found))
+    name = found[home].name
+    made = {home: found[home]}
+    if not found[home].holds_start:
+        notes.append(
+            f"slider {name}: the scenario's own value, {found[home].start:g} "
+            f"{found[home].unit}".rstrip()
+            + ", lies outside its range"
+        )
+    for i, f in enumerate(flown):
+        if i == home:
+            continue
+        if i in found and _is_alike(found[i], found[home]):
+            made[i] = found[i]
+        elif name.partition(".")[0] in f.system.components and (
+            other := _usual_there(name, f.system)
+        ):
+            made[i] = other
+            notes.append(
+                f"slider {name}: its range is of {flown[home].name}; under {f.name}, which "
+                f"has {other.start:g} {other.unit}".rstrip()
+                + f", it is {other.low:g} to {other.high:g}"
+            )
+    return made
+
+
+def _is_alike(slider: Slider, home: Slider) -> bool:
+    """Return whether the range of a slider of one law serves for that of another one."""
+    is_near = slider.holds_start or slider.start == home.start
+    return is_near and slider.unit == home.unit
+
+
+def _usual_there(name: str, system: System) -> Slider | None:
+    """Return the slider of a parameter with its usual range; None where there is none."""
+    try:
+        return usual_of(name, system)
+    except DesatError:
+        return None
 
 
 # --- loops --------------------------------------------------------------------------------------
@@ -224,7 +284,7 @@ def _series(flown: _Flown) -> set[str]:
 def _told(
     target: str,
     flown: Sequence[_Flown],
-    sliders: Sequence[Slider],
+    sliders: Sequence[Sequence[Slider]],
     loops: Sequence[LoopSource],
     notes: list[str],
 ) -> tuple[str, dict[str, Any]]:
@@ -238,7 +298,9 @@ def _told(
         *(QUANTITIES[d].function for d in sorted(used_derived)),
     ])  # fmt: skip
     assert not lacking.keys() & {f.__name__ for f in _MANAGEMENT}, lacking
-    laws = [_law(f, sliders, loop, lacking, notes) for f, loop in zip(flown, loops, strict=True)]
+    laws = [
+        _law(f, of, loop, lacking, notes) for f, of, loop in zip(flown, sliders, loops, strict=True)
+    ]
     seconds, unit = time_axis(np.array([first.start, first.stop]))
     return code, {
         "title": flown[0].content.title or first.name, "target": target,
@@ -246,7 +308,6 @@ def _told(
         "step": first.step, "start": first.start, "steps": first.steps, "stop": first.stop,
         "seconds": seconds, "time_unit": unit, "substeps": first.parts, "colours": COLOURS,
         "limit": LIMIT, "laws": laws, "ground": 6378137.0,
-        "sliders": [{**s.told(), "shown": pretty_unit(s.unit)} for s in sliders],
     }  # fmt: skip
 
 
@@ -270,13 +331,37 @@ def _law(
     wanted |= {*managed["values"]} if managed else set()
     return {
         "name": flown.name, "substeps": flown.system.parts,
-        "arguments": as_arguments(flown.options),
+        "sets": sets_of(flown.options),
+        "arguments": as_arguments(replace(flown.options, sets=[], values={})),
         "values": {k: flown.values[k] for k in sorted(wanted) if k in flown.values},
         "follows": [f for f in flown.ordered if f["name"] in flown.values],
         "slots": slots, "series": series, "width": width, "numbers": numbers, "plots": plots,
         "managed": managed,
-        "at": {s.name: at for s in sliders if (at := of_law(s, flown.values)) is not None},
+        "sliders": [{**s.told(), "shown": pretty_unit(s.unit)} for s in sliders],
+        "usual": _usual_ranges(flown.system, {name for name, _ in slots}),
     }  # fmt: skip
+
+
+def _usual_ranges(system: System, names: set[str]) -> list[dict[str, Any]]:
+    """Return the parameters that have a range that is usual, outside of which `desat run` warns."""
+    found = []
+    for name in sorted(names):
+        owner, _, array = name.partition(".")
+        signals = system.components[owner].interface.arrays[array]
+        if signals[0].usual is None:
+            continue
+        low, high = signals[0].usual
+        unit = signals[0].unit_name
+        found.append(
+            {
+                "name": name,
+                "elements": [f"{owner}.{s.name}" for s in signals],
+                "low": low,
+                "high": high,
+                "unit": "" if unit == "1" else unit,
+            }
+        )
+    return found
 
 
 def _places(loop: LoopSource) -> tuple[list[Any], dict[str, Any], int]:
@@ -483,11 +568,11 @@ def _asset(name: str) -> str:
 
 def _page(told: dict[str, Any], code: str) -> str:
     """The HTML."""
-    worker = "\n".join([_asset("numpy.js"), code, _asset("engine.js"), _asset("worker.js")])
+    worker = "\n".join([numpy_source(), code, _asset("engine.js"), _asset("worker.js")])
     return render(
         "web.html", title=told["title"], told=told,
         command=f"desat run {shlex.quote(told['target'])}",
-        uplot=part("uplot/uPlot.iife.min.js"), uplot_css=part("uplot/uPlot.min.css"),
+        uplot_css=part("uplot/uPlot.min.css"),
         uplot_licence=part("uplot/LICENSE"), notices=_asset("notices.txt"),
-        worker=Markup(worker.replace("</", "<\\/")), script=page_script(told, "axes.js", "web.js"),
+        worker=Markup(worker.replace("</", "<\\/")), data=data_element(told),
     )  # fmt: skip

@@ -20,11 +20,21 @@ import numpy as np
 from ...numbers.derived import QUANTITIES
 from ...system.errors import DesatError
 
-_KNOWN = frozenset(re.findall(
-    r"^  (\w+):", (files(__package__) / "numpy.js").read_text(encoding="utf-8"), re.M
-)) | set(re.findall(
-    r", (\w+): (?:both|each|over)\(", (files(__package__) / "numpy.js").read_text(encoding="utf-8")
-))  # fmt: skip
+_NUMPY = (files(__package__) / "numpy.js").read_text(encoding="utf-8")
+_KNOWN = frozenset(re.findall(r"^  (\w+):", _NUMPY, re.M)) | set(
+    re.findall(r", (\w+): (?:both|each|over)\(", _NUMPY)
+)
+_OPERATION = re.compile(r'\b(both|each)\("([^"]+)"')
+_LOOPS = {
+    "both": "(a, b) => {0}, (x, y, i, j, data) => {{\n"
+    "    for (let k = 0; k < data.length; k++) {{\n"
+    "      const a = x[i * k], b = y[j * k];\n"
+    "      data[k] = {0};\n    }}\n  }}",
+    "each": "(a) => {0}, (x, data) => {{\n"
+    "    for (let k = 0; k < data.length; k++) {{\n"
+    "      const a = x[k];\n"
+    "      data[k] = {0};\n    }}\n  }}",
+}
 _OPERATORS: dict[type[ast.AST], str] = {
     ast.Add: "add", ast.Sub: "sub", ast.Mult: "mul", ast.Div: "div", ast.Pow: "pow",
     ast.FloorDiv: "floordiv", ast.Mod: "mod", ast.MatMult: "matmul", ast.BitAnd: "and",
@@ -35,6 +45,16 @@ _BUILTINS = {"float": "float", "int": "int", "bool": "bool", "len": "len", "roun
              "max": "larger", "min": "smaller", "abs": "abs", "enumerate": "enumerate"}  # fmt: skip
 _OURS = ("desat.numbers.", "desat.analyses.")
 """Modules whose functions are translated with those that call them."""
+
+
+def numpy_source() -> str:
+    """Return numpy.js with each operation that it names by text written out as functions."""
+
+    def written_out(found: re.Match[str]) -> str:
+        kind, text = found.groups()
+        return f"{kind}({_LOOPS[kind].format(text)}"
+
+    return _OPERATION.sub(written_out, _NUMPY)
 
 
 def script(functions: Iterable[Callable[..., Any]]) -> tuple[str, dict[str, str]]:

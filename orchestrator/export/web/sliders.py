@@ -14,9 +14,9 @@ from desat.fmus.registry import block_class, names
 
 from ...runs.prepare import Target, prepare
 from ...system.errors import DesatError, nearest
-from ...system.interface import Signal
+from ...system.interface import Signal, base_name
 from ...system.model import System
-from ...system.options import Options
+from ...system.options import Options, with_assignment
 from ...system.parameters import expand, parse_value, unit_of
 from ...system.wheels import smallest_capacity
 from .values import differing, reached
@@ -55,8 +55,13 @@ class Slider:
     asked: bool = False
 
     def told(self) -> dict[str, Any]:
-        """For the page."""
-        return {k: v for k, v in asdict(self).items() if k not in ("start", "asked")}
+        """Return what the page is told of it."""
+        return {k: v for k, v in asdict(self).items() if k != "asked"}
+
+    @property
+    def holds_start(self) -> bool:
+        """Return whether the scenario's own value lies within the range."""
+        return self.low <= self.start <= self.high
 
     def value_text(self, shown: float, before: Any) -> str:
         """`NAME=VALUE` as `--set` takes it; `before`: the parameter without the slider."""
@@ -75,8 +80,8 @@ def size(values: Sequence[float], form: str) -> float:
     return math.hypot(*values) if form == "length" else max(map(abs, values))
 
 
-def asked_of(text: str, system: System) -> Slider:
-    """The slider of `NAME=FROM:TO`. Raises DesatError, which says what is allowed."""
+def parts_of(text: str) -> tuple[str, str, str]:
+    """Return name, lower and upper end of `NAME=FROM:TO`. Raises DesatError for another form."""
     name, equals, ends = text.partition("=")
     low, colon, high = ends.partition(":")
     if not (equals and colon and low.strip() and high.strip()):
@@ -84,6 +89,12 @@ def asked_of(text: str, system: System) -> Slider:
             f"--slider {text}: the form is NAME=FROM:TO, as "
             "torquers.m_limit=0.1:0.4 or 'torquers.m_limit=0.1 A.m2:0.4 A.m2'"
         )
+    return name, low, high
+
+
+def asked_of(text: str, system: System) -> Slider:
+    """The slider of `NAME=FROM:TO`. Raises DesatError, which says what is allowed."""
+    name, low, high = parts_of(text)
     found = _slider(name.strip(), system, f"--slider {text}")
     _, signals = _signals(name.strip(), system, f"--slider {text}")
     interface = system.components[found.targets[0].partition(".")[0]].interface
@@ -96,23 +107,56 @@ def asked_of(text: str, system: System) -> Slider:
     return replace(found, low=_round(values[0]), high=_round(values[1]), asked=True)
 
 
+ORBIT = (
+    ("environment", "altitude"),
+    ("environment", "semi_major_axis"),
+    ("environment", "inclination"),
+)
+COILS = (("torquers", "m_limit"), ("spacecraft", "residual_dipole_body"))
+THRUSTERS = (
+    ("manager", "begin"),
+    ("manager", "end"),
+    ("thrusters", "tau_level"),
+    ("thrusters", "thrust"),
+    ("thrusters", "arm"),
+    ("thrusters", "position_nozzle"),
+)
+
+
 def usual(system: System) -> list[Slider]:
-    """The sliders of a page that asks for none: those of a handful that the system has."""
-    role = {name: c.name for name, c in system.roles.items()}
-    wanted = [("environment", "altitude"), ("environment", "semi_major_axis"),
-              ("environment", "inclination"), ("torquers", "m_limit"),
-              ("spacecraft", "residual_dipole_body"), ("manager", _gain(system)),
-              ("wheels", "speed_limit"), ("wheels", "h_start_wheel")]  # fmt: skip
+    """Return the sliders of a page that asks for none, as far as the system has them.
+
+    A craft that dumps by thrusters alone has those of its dumps. Where there are coils there
+    are also those of the orbit, of the coils and of the wheels, and the gain of the law.
+    """
+    start = ("wheels", "h_start_wheel")
+    wheels = (("wheels", "speed_limit"), start)
+    wanted: tuple[tuple[str, str], ...]
+    if "thrusters" not in system.roles:
+        wanted = (*ORBIT, *COILS, ("manager", _gain(system)), *wheels)
+    elif "torquers" in system.roles:
+        law = (("manager", _gain(system)), *THRUSTERS)
+        wanted = (*ORBIT, *COILS, *law, *wheels)
+    else:
+        wanted = (*THRUSTERS, start)
     found = []
     for owner, name in wanted:
-        component = system.components.get(role.get(owner, ""))
+        component = system.roles.get(owner)
         if component is None or name not in component.interface.arrays:
             continue
-        slider = _slider(f"{component.name}.{name}", system, "")
-        ranged = _range(slider, name, system)
+        ranged = usual_of(f"{component.name}.{name}", system)
         if ranged is not None:
             found.append(ranged)
     return found
+
+
+def usual_of(name: str, system: System) -> Slider | None:
+    """Return the slider of a parameter with the range that is usual for it.
+
+    None where there is nothing to move. Raises DesatError if the system has no such parameter,
+    or a page cannot move it.
+    """
+    return _range(_slider(name, system, f"--slider {name}"), base_name(name), system)
 
 
 def _gain(system: System) -> str:
@@ -127,6 +171,7 @@ def _gain(system: System) -> str:
 
 def _range(slider: Slider, name: str, system: System) -> Slider | None:
     """A slider with the range that is usual for it; None where there is nothing to move."""
+    name = name.partition(".")[2]
     value = slider.start
     if name == "inclination":
         return replace(slider, low=0.0, high=110.0 if value <= 110.0 else 180.0)
@@ -136,15 +181,42 @@ def _range(slider: Slider, name: str, system: System) -> Slider | None:
             return None
         low, high = ((ground + x) / slider.factor for x in LOW_ORBIT)
         return replace(slider, low=_round(low), high=_round(high))
-    if slider.form == "each":
-        wheels = system.roles["wheels"].values
-        most = smallest_capacity(wheels)
-        return replace(slider, high=_round(0.9 * most / slider.factor, 2)) if most else None
+    if name == "h_start_wheel" and slider.form == "each":
+        most = _wheel_capacity(system) / slider.factor
+        return replace(slider, high=_round(0.9 * most, 2)) if most else None
     if value == 0.0:
         return None
+    if name in ("begin", "end") and {"begin", "end"} <= _manager_values(system).keys():
+        return _threshold(slider, name, system)
     low = {"residual_dipole_body": 0.0, "h_start_wheel": 0.0, "speed_limit": 0.05}.get(name, 0.1)
     high = {"residual_dipole_body": 5.0, "speed_limit": 1.5, "h_start_wheel": 2.0}.get(name, 4.0)
-    return replace(slider, low=_round(low * value, 2), high=_round(high * value, 2))
+    first, last = sorted((_round(low * value, 2), _round(high * value, 2)))
+    return replace(slider, low=first, high=last)
+
+
+def _manager_values(system: System) -> Mapping[str, Any]:
+    """Return the parameters of the manager."""
+    manager = system.roles.get("manager")
+    return {} if manager is None else manager.values
+
+
+def _wheel_capacity(system: System) -> float:
+    """Return the capacity of the smallest wheel (N m s), 0 where there is none."""
+    wheels = system.roles.get("wheels")
+    if wheels is None:
+        return 0.0
+    return smallest_capacity(wheels.values)
+
+
+def _threshold(slider: Slider, name: str, system: System) -> Slider:
+    """Return the slider of a threshold of dumps, whose end stays below their begin."""
+    values = _manager_values(system)
+    if name == "end":
+        low, high = 0.1 * values["end"], min(4.0 * values["end"], 0.95 * values["begin"])
+    else:
+        low = max(0.1 * values["begin"], 1.05 * values["end"])
+        high = max(values["begin"], min(4.0 * values["begin"], 0.95 * _wheel_capacity(system)))
+    return replace(slider, low=_round(low / slider.factor, 3), high=_round(high / slider.factor, 3))
 
 
 def _signals(name: str, system: System, where: str) -> tuple[list[str], Sequence[Signal]]:
@@ -206,7 +278,8 @@ def _slider(name: str, system: System, where: str) -> Slider:
         ].index(first.name) + 1  # fmt: skip
     value = values if form == "one" else (
         values[element - 1] if form == "element" else size(values, form))  # fmt: skip
-    unit, factor, offset = _shown(first, float(value))
+    size_shown = _wheel_capacity(system) if parameter == "h_start_wheel" else float(value)
+    unit, factor, offset = _shown(first, size_shown)
     text = first.description.partition(";")[0].partition(":")[0].partition(",")[0]
     return Slider(
         name, text, tuple(targets), form, element, _there(system, owner, len(signals)),
@@ -255,7 +328,7 @@ def refused(
     owner, _, name = next(o for o in owners if o[0] in system.components)
     before = system.components[owner].values[name]
     for shown in (slider.low, slider.high):
-        given = replace(options, sets=[*options.sets, slider.value_text(shown, before)])
+        given = with_assignment(options, slider.value_text(shown, before))
         try:
             found, _ = prepare(target, given).or_raise()
         except DesatError as error:
@@ -264,19 +337,3 @@ def refused(
         if beyond:
             return f"{min(beyond)} is computed from it, by more than a product"
     return ""
-
-
-def of_law(slider: Slider, values: Mapping[str, Any]) -> float | None:
-    """Where a slider is for a law with these parameters, in the shown unit; None where the law has
-    none of them."""
-    known = [values[t] for t in slider.targets if t in values]
-    if not known:
-        return None
-    value = known[0]
-    if slider.form == "element":
-        value = value[slider.element - 1]
-    elif slider.form == "each":
-        value = 0.0
-    elif slider.form != "one":
-        value = size(value, slider.form)
-    return _round((value - slider.offset) / slider.factor, 12)

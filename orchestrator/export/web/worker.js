@@ -10,7 +10,7 @@ let flight = null;
 function shown(id, began, last) {
   const rows = flight.told.steps + 1;
   const message = {
-    id, done: flight.made, fault: flight.fault, last, seconds: (performance.now() - began) / 1e3,
+    id, done: flight.made, fault: flight.fault, warnings: flight.warnings, last, seconds: (performance.now() - began) / 1e3,
     times: thinnedTimes(flight.told, rows, PARTS),
     plots: (flight.law.managed ? [null] : []).concat(flight.law.plots).map((of) => {
       const { lines, limits } = of ? flight.plot(of) : flight.fullest();
@@ -24,7 +24,8 @@ function shown(id, began, last) {
 async function fly({ id, law, moved }) {
   const began = performance.now();
   if (flight.begin(law, moved)) {
-    return postMessage({ id, done: 0, fault: flight.fault, last: true, plots: [], times: [] });
+    const { fault, warnings } = flight;
+    return postMessage({ id, done: 0, fault, warnings, last: true, plots: [], times: [] });
   }
   let look = began + 100; // ms
   for (;;) {

@@ -1,0 +1,218 @@
+"""An FMU as `desat check` describes it: its description is read, its binary is not loaded."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import fmpy
+
+from ..system.errors import DesatError, plain
+from ..system.interface import base_name
+from . import library
+from .fmu import description_of, of_fmu, root_of, structure_faults
+
+INDICES = re.compile(r"\[(\d+(?:,\d+)*)\]$")
+SUFFIX = ".fmu"
+DESCRIPTION = "modelDescription.xml"
+CAUSALITIES = ("input", "output", "parameter", "calculatedParameter", "structuralParameter",
+               "local", "independent", "dependent")  # fmt: skip
+KINDS = {
+    "CoSimulation": "co-simulation",
+    "ModelExchange": "model exchange",
+    "ScheduledExecution": "scheduled execution",
+    "Implementation/CoSimulation_StandAlone": "co-simulation",
+    "Implementation/CoSimulation_Tool": "co-simulation by a tool",
+}
+"""What an FMU is for, by the element of its description that says so."""
+MOST_FAULTS = 100  # lines: a description of thousands of variables may break a rule in each
+
+
+@dataclass(frozen=True)
+class InspectedVariable:
+    """A variable, or an array of scalars that are called alike: `q[1]`, `q[2]`, ..."""
+
+    name: str
+    causality: str
+    type: str
+    shape: tuple[int, ...]
+    """Of an array, by the largest index of each dimension; of a scalar nothing."""
+    unit: str
+    description: str
+
+
+@dataclass(frozen=True)
+class InspectedFmu:
+    """What can be said of an FMU without loading its binary."""
+
+    path: str
+    model: str
+    fmi: str
+    kinds: tuple[str, ...]
+    platforms: tuple[str, ...]
+    sha256: str
+    ours: bool
+    variables: tuple[InspectedVariable, ...]
+    problems: tuple[str, ...]
+    """What breaks the standard, a line each."""
+    warnings: tuple[str, ...]
+    """Why it would not run here, a line each."""
+
+    def of_causality(self) -> dict[str, list[InspectedVariable]]:
+        """Return the variables by their causality, in the order of `CAUSALITIES`."""
+        found: dict[str, list[InspectedVariable]] = {name: [] for name in CAUSALITIES}
+        for variable in self.variables:
+            found.setdefault(variable.causality, []).append(variable)
+        return {name: of for name, of in found.items() if of}
+
+
+def is_fmu(target: str) -> bool:
+    """Return whether a target of `check` is an FMU, by its name, or an extracted one."""
+    path = Path(target)
+    return path.suffix.lower() == SUFFIX or (path / DESCRIPTION).is_file()
+
+
+def inspect_fmu(path: Path) -> InspectedFmu:
+    """Return what the description of an FMU says, and what of it breaks the standard.
+
+    Raises
+    ------
+    DesatError
+        If the file cannot be read, is no archive, or holds no model description of FMI 1.0,
+        2.0 or 3.0.
+    """
+    if not path.exists():
+        raise DesatError(f"{path}: No such file or directory")
+    fmu = library.load(path)
+    root = root_of(fmu.folder, path.name)
+    kinds = tuple(name for element, name in KINDS.items() if root.find(element) is not None)
+    if root.get("fmiVersion") == "1.0" and not kinds:
+        kinds = (KINDS["ModelExchange"],)  # which no element of FMI 1.0 says
+    problems = [
+        *(_reference_faults(root) or structure_faults(fmu.folder)),
+        *_implementation_faults(fmu.folder, root),
+    ]
+    variables: tuple[InspectedVariable, ...] = ()
+    try:
+        variables = _variables(description_of(fmu.folder))
+    except Exception as error:  # fmpy raises what it comes upon
+        problems = problems or [f"its variables cannot be read: {_line(error)}"]
+    if len(problems) > MOST_FAULTS:
+        problems = [*problems[:MOST_FAULTS], f"and {len(problems) - MOST_FAULTS} more"]
+    return InspectedFmu(
+        path=str(path),
+        model=root.get("modelName", ""),
+        fmi=root.get("fmiVersion", ""),
+        kinds=kinds,
+        platforms=tuple(fmu.platforms),
+        sha256=fmu.sha256,
+        ours=fmu.ours,
+        variables=variables,
+        problems=tuple(plain(f"{path.name}: {text}") for text in problems),
+        warnings=() if problems else tuple(map(plain, _obstacles(fmu))),
+    )
+
+
+def _line(error: Exception) -> str:
+    """Return the first line of what an error says."""
+    return (str(error).splitlines() or [type(error).__name__])[0]
+
+
+def _reference_faults(root: Any) -> list[str]:
+    """Return where ModelStructure, or a derivative, refers to a variable that there is not.
+
+    FMI 2.0 counts variables from 1; FMI 3.0 names them by their value references.
+    """
+    if root.get("fmiVersion") == "1.0":
+        return []
+    third = root.get("fmiVersion").startswith("3.")
+    variables = root.findall("ModelVariables/*")
+    if third:
+        known = {v.get("valueReference") for v in variables}
+        own, allowed = "valueReference", "the value reference of a variable"
+    else:
+        known = {str(i) for i in range(1, len(variables) + 1)}
+        own, allowed = "index", f"1 to {len(variables)}"
+    faults = []
+    for element in root.iterfind("ModelStructure//*"):
+        for attribute in (own, "dependencies"):
+            for text in (element.get(attribute) or "").split():
+                if text not in known:
+                    faults.append(
+                        f"ModelStructure: {element.tag}: {attribute} {text}: allowed is {allowed}"
+                    )
+    for variable in variables:
+        derived = variable if third else next(iter(variable), variable)
+        text = derived.get("derivative")
+        if text is not None and text not in known:
+            name = variable.get("name")
+            faults.append(f"{name}: derivative {text}: allowed is {allowed}")
+    return faults
+
+
+def _implementation_faults(folder: Path, root: Any) -> list[str]:
+    """Return what is wrong with the binaries of an extracted FMU, by their names alone."""
+    elements = [root] if root.get("fmiVersion") == "1.0" else list(root)
+    names = {e.get("modelIdentifier") for e in elements if e.get("modelIdentifier")}
+    sources = folder / "sources"
+    has_sources = sources.is_dir() and any(sources.iterdir())
+    binaries = sorted(p for p in (folder / "binaries").glob("*") if p.is_dir())
+    files = {p.name: {q.stem for q in p.iterdir() if q.is_file()} for p in binaries}
+    lacking = [
+        f"binaries/{platform} has no library {name}, which modelIdentifier names"
+        for platform, stems in files.items()
+        for name in sorted(names - stems)
+    ]
+    if not any(files.values()) and not has_sources:
+        return ["neither a library in binaries/ nor sources/"]
+    return lacking
+
+
+def _variables(description: Any) -> tuple[InspectedVariable, ...]:
+    """Return the variables of a description; scalars that are called alike are one array."""
+    found: dict[tuple[str, str], InspectedVariable] = {}
+    for v in description.modelVariables:
+        causality = v.causality or "local"
+        key = (base_name(v.name), causality)
+        before = found.get(key)
+        unit = v.unit or getattr(v.declaredType, "unit", None) or ""
+        found[key] = InspectedVariable(
+            name=key[0],
+            causality=causality,
+            type=v.type,
+            shape=_larger(before.shape if before else (), _shape_of(v)),
+            unit=before.unit if before else unit,
+            description=before.description if before else v.description or "",
+        )
+    return tuple(found.values())
+
+
+def _shape_of(variable: Any) -> tuple[int, ...]:
+    """Return the shape of an array of FMI 3.0, or the indices that end a scalar's name."""
+    if variable.shape:
+        return tuple(variable.shape)
+    found = INDICES.search(variable.name)
+    return tuple(int(x) for x in found[1].split(",")) if found else ()
+
+
+def _larger(one: tuple[int, ...], other: tuple[int, ...]) -> tuple[int, ...]:
+    """Return the larger index of each dimension."""
+    if len(one) != len(other):
+        return max(one, other, key=len)
+    return tuple(map(max, one, other))
+
+
+def _obstacles(fmu: library.FmuFile) -> list[str]:
+    """Return why an FMU that is as the standard wants it would not run here, a line each."""
+    name = fmu.path.name
+    try:
+        version = of_fmu(fmu.folder, name).fmi
+    except DesatError as error:
+        return [str(error)]
+    here = fmpy.platform_tuple if version == "3.0" else fmpy.platform
+    if here in fmu.platforms:
+        return []
+    there = ", ".join(fmu.platforms) or "none"
+    return [f"{name} has no binary for {here}; there is {there}"]

@@ -1,0 +1,56 @@
+"""The Content Security Policy of a page: it runs only the scripts that we wrote into it."""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+from collections.abc import Sequence
+from importlib.resources import files
+
+from markupsafe import Markup
+
+PLACEHOLDER = "POLICY-OF-THIS-PAGE"
+"""Stands in page.html where the policy goes: which scripts a page runs is known at its end."""
+FIXED = (
+    "default-src 'none'; style-src 'unsafe-inline'; img-src data:; base-uri 'none'; "
+    "form-action 'none'; script-src"
+)
+"""The part of the policy that all pages share. Styles are inline, also as attributes of SVG."""
+
+
+def part(name: str) -> Markup:
+    """Return a part of pages from templates/ as it is."""
+    return Markup((files("desat") / "templates" / name).read_text(encoding="utf-8"))
+
+
+class PageScripts:
+    """Write the script elements of one page, and collect their hashes for its policy.
+
+    The hash of a script enters the policy only when a template asks for that script by the
+    names of its parts, so a script that somebody's text brings into the page does not run.
+    """
+
+    def __init__(self) -> None:
+        self._sources: list[str] = []
+
+    def element(self, names: Sequence[str]) -> Markup:
+        """Return a script element made of these parts of templates/."""
+        code = Markup("\n").join(map(part, names))
+        digest = base64.b64encode(hashlib.sha256(code.encode()).digest()).decode()
+        source = f"'sha256-{digest}'"
+        if source not in self._sources:
+            self._sources.append(source)
+        return Markup("<script>{}</script>").format(code)
+
+    def complete(self, page: str) -> str:
+        """Return the page with its policy in place of the placeholder.
+
+        Raises
+        ------
+        ValueError
+            If the page has no place for a policy: its template does not extend page.html.
+        """
+        before, found, after = page.partition(PLACEHOLDER)
+        if not found:
+            raise ValueError("a page without a policy: its template has to extend page.html")
+        return f"{before}{' '.join([FIXED, *self._sources])}{after}"
