@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import re
 import shutil
@@ -18,6 +19,20 @@ from typing import Any
 
 from ..system.errors import DesatError, Exit, RunError
 from . import paths
+
+FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+"""The numbers of errors that say that a file has no room."""
+
+
+def is_full(error: BaseException | None) -> bool:
+    """Return whether an error, or one that it came from, says that the disk is full."""
+    seen: list[BaseException] = []  # an error may be its own cause
+    while error is not None and error not in seen:
+        if isinstance(error, OSError) and error.errno in FULL:
+            return True
+        seen.append(error)
+        error = error.__cause__ or error.__context__
+    return False
 
 
 @contextmanager
@@ -162,6 +177,12 @@ def extract(path: Path, folder: Path) -> None:
         raise
     except Exception as error:  # zipfile raises many kinds
         shutil.rmtree(folder, ignore_errors=True)
+        if is_full(error):
+            reason = getattr(error, "strerror", None) or error
+            raise RunError(
+                f"{paths.shown(path)}: it cannot be extracted to {folder.parent} ({reason})",
+                Exit.SPACE,
+            ) from error
         raise DesatError(f"{paths.shown(path)}: not a readable archive ({error})") from error
 
 
