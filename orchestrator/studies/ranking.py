@@ -29,6 +29,7 @@ from ..sizing.compatibility import (
     ROLE,
     Fitting,
     Refused,
+    check_names,
     fitting,
     law_name,
     prepare_with,
@@ -296,6 +297,7 @@ def laws_of(
 ) -> tuple[Run, list[Fitting], list[Refused]]:  # fmt: skip
     """A craft flown with its own law, which gains by rule go by, and the laws that fit it, its own
     first, with their gains, and those that do not. Raises DesatError as `choose`."""
+    check_names(laws, others)
     own = prepare(source, options)
     system, _ = own.or_raise()
     values_of(system)  # the roles that this asks of
