@@ -46,7 +46,7 @@ from ..system.interface import (
 from ..system.model import Connection, Connector, Fmu
 from ..system.parameters import expand
 from . import hardware, library, paths
-from .io import TomlTable, line_of, lines, parsed, text
+from .io import TomlTable, line_of, lines, parsed, text, utf8_name
 
 FILE = "craft.toml"
 ENDING = ".craft.toml"
@@ -82,9 +82,9 @@ class _Reader:
         source = text(path, self.where)
         self.data = parsed(source, self.where)
         self.lines = lines(source)
-        name = path.resolve().parent.name if path.name == FILE else stem(path)
+        name = utf8_name(path.resolve().parent.name if path.name == FILE else stem(path))
         if path.name.endswith(ENDING):
-            name = f"{path.resolve().parent.name}_{name}"
+            name = f"{utf8_name(path.resolve().parent.name)}_{name}"
         self.result = Draft(name, self.where)
         self.interfaces: dict[str, Interface] = {}
         self.roles: dict[str, str] = {}

@@ -78,10 +78,30 @@ def replacing(path: Path) -> Iterator[Path]:
         raise
 
 
+def encoded(text: str) -> bytes:
+    """Return a text as UTF-8, whatever file names are in it.
+
+    A name whose bytes Python could not read (a locale without UTF-8, or a name in another
+    encoding) holds them as surrogates: those that are UTF-8 come out as they are, others
+    as U+FFFD.
+    """
+    try:
+        return text.encode()
+    except UnicodeEncodeError:
+        readable = re.sub("[\ud800-\udc7f\udd00-\udfff]", "\ufffd", text)
+        as_named = readable.encode("utf-8", "surrogateescape")
+        return as_named.decode("utf-8", "replace").encode()
+
+
+def utf8_name(name: str) -> str:
+    """Return a file's name as a text that is UTF-8, for names of systems."""
+    return encoded(name).decode()
+
+
 def replace_text(path: Path, content: str | bytes) -> None:
     """Write a file as a whole (`replacing`). Raises OSError."""
     with replacing(path) as part:
-        part.write_bytes(content.encode() if isinstance(content, str) else content)
+        part.write_bytes(encoded(content) if isinstance(content, str) else content)
 
 
 # ------------------------------------------------------------------------------------------------
