@@ -4,11 +4,13 @@ never long."""
 from __future__ import annotations
 
 import re
+import shlex
 
 import fuzz
 import pytest
+import typer
 from conftest import ROOT
-from fuzz import commands
+from fuzz import commands, tree
 from fuzz.seeds import (
     ABOUT,
     BARE,
@@ -24,6 +26,7 @@ from fuzz.seeds import (
     pointing_nowhere,
     seeds,
 )
+from typer.main import get_command
 
 from desat.runs.prepare import prepare
 from desat.system.errors import DesatError, Exit
@@ -118,6 +121,34 @@ def test_a_variable_that_the_standard_does_not_allow_is_refused_in_a_line(tmp_pa
     line = str(refused.value).splitlines()[0]
     assert re.search(r": (source|wheels): theirs.fmu/modelDescription.xml:\d+: \w+: \S", line)
     assert "allowed" in line or "is needed" in line
+
+
+def test_each_command_and_option_is_in_a_seed():
+    """Also those that are added; and no seed is of a command or an option that is gone."""
+    known = tree.every_command()
+    there = {(where, name) for where, command in known.items() for o in tree.options_in(command)
+             for name in (*o.opts, *o.secondary_opts)}  # fmt: skip
+    seen, commands_seen = set(), set()
+    for line in (*commands.QUICK, *commands.SLOW):
+        words = shlex.split(line)
+        names = (" ".join(words[:2]), words[0], f"{words[0]} run")
+        where = next(name for name in names if name in known)
+        commands_seen.add(where)
+        seen |= {(where, w) for w in words if re.fullmatch("--?[a-z][a-z-]*", w)}
+    assert commands_seen == set(known)
+    assert there - seen == set()
+    assert seen - there == set()
+
+
+def test_an_option_that_is_added_is_in_a_seed_at_once():
+    app = typer.Typer(add_completion=False)
+
+    @app.command()
+    def added(target: str, new_one: int = 1, other: bool = False) -> None:
+        """Do something."""
+
+    lines = list(tree.lines_of("added", get_command(app), "nowhere", False))
+    assert lines == ["added nowhere", "added nowhere --new-one 1 --other --no-other"]
 
 
 def test_changed_command_lines_never_are_a_bug(tmp_path):
