@@ -8,6 +8,7 @@ import math
 import re
 import shutil
 import signal
+import sys
 import zipfile
 from contextlib import nullcontext
 from dataclasses import replace
@@ -34,7 +35,9 @@ from desat.engine import checkpoint, child
 from desat.engine.child import Ended
 from desat.engine.instances.base import EndedError
 from desat.engine.master import Master
+from desat.export.web import module as web_module
 from desat.files.io import extract, is_full
+from desat.fmus import native
 from desat.numbers.text import Value
 from desat.papers import tables
 from desat.runs import run as runs
@@ -263,6 +266,20 @@ def test_an_archive_without_room_is_not_called_unreadable(tmp_path, monkeypatch,
         extract(archive, tmp_path / "new")
     assert full.value.code == Exit.SPACE
     assert not (tmp_path / "new").exists()
+
+
+@pytest.mark.parametrize(
+    ("said", "number"),
+    [("error: unable to open 'x.o': 'File too large'", 27), ("x.o: No space left on device", 28),
+     ("File size limit exceeded signal terminated program as", 27), ("x.c:1: error: no", None)],
+)  # fmt: skip
+@pytest.mark.parametrize("module", [native, web_module])
+def test_a_compiler_without_room_is_no_bug(tmp_path, module, said, number):
+    command = [sys.executable, "-c", f"import sys; sys.exit({said!r})"]
+    with pytest.raises(Exception) as ended:  # noqa: PT011
+        module._run(command, tmp_path)
+    assert getattr(ended.value, "errno", None) == number
+    assert is_full(ended.value) == (number is not None)
 
 
 def test_an_error_that_comes_from_a_full_disk_ends_as_that(desat, monkeypatch):
