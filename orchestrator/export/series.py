@@ -33,16 +33,15 @@ def export(folder: Path, form: str, into: Path | None = None) -> tuple[list[Path
     if form in ("png", "pdf"):
         return _plots(run, form, folder, into), ""
     path, note = into / f"series.{form}", ""
-    with io.replacing(path) as part:
+    with io.replacing_file(path) as file:
         if form == "mat":
             from scipy.io import savemat
 
             structs = _structs(run)
-            savemat(part, structs, appendmat=False, do_compression=True, long_field_names=True)
+            savemat(file, structs, appendmat=False, do_compression=True, long_field_names=True)
         else:
             table, note = _table(run)
-            with part.open("wb") as opened:  # pyarrow takes no name that is not UTF-8
-                _write_table(table, form, opened)
+            _write_table(table, form, file)
     return [path], note
 
 

@@ -15,7 +15,7 @@ from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path, PurePosixPath, PureWindowsPath
-from typing import Any
+from typing import Any, BinaryIO
 
 from ..system.errors import DesatError, Exit, RunError
 from . import paths
@@ -76,6 +76,16 @@ def replacing(path: Path) -> Iterator[Path]:
     except BaseException:
         part.unlink(missing_ok=True)
         raise
+
+
+@contextmanager
+def replacing_file(path: Path) -> Iterator[BinaryIO]:
+    """Open a file to write that takes the place of another as a whole (`replacing`).
+
+    For packages that take no name that is not UTF-8.
+    """
+    with replacing(path) as part, part.open("wb") as file:
+        yield file
 
 
 def encoded(text: str) -> bytes:
