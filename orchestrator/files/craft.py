@@ -82,9 +82,11 @@ class _Reader:
         source = text(path, self.where)
         self.data = parsed(source, self.where)
         self.lines = lines(source)
-        name = utf8_name(path.resolve().parent.name if path.name == FILE else stem(path))
+        name = path.resolve().parent.name if path.name == FILE else stem(path)
         if path.name.endswith(ENDING):
-            name = f"{utf8_name(path.resolve().parent.name)}_{name}"
+            name = f"{path.resolve().parent.name}_{name}"
+        if not name.isascii():
+            name = utf8_name(name)
         self.result = Draft(name, self.where)
         self.interfaces: dict[str, Interface] = {}
         self.roles: dict[str, str] = {}
