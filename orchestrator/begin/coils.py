@@ -13,10 +13,10 @@ from ..system.quantity import Quantity
 
 FORMS = ("'coil TURNS 80x80mm WIRE CURRENT', as 'coil 300 80x80mm 0.2mm 100mA'",
          "'rod TURNS 60x8mm WIRE CURRENT', as 'rod 800 60x8mm 0.2mm 100mA'")  # fmt: skip
-TURNS = Quantity("--rods", "1", 0.0, 1e6, above=True, what="turns")
+TURNS = Quantity("--rods", "1", 1.0, 1e6, what="turns")
 DIPOLE = Quantity("--rods", "A.m2", 0.0, 1e5, above=True)
-LENGTH = Quantity("--rods", "m", 0.0, 100.0, above=True)
-CURRENT = Quantity("--rods", "A", 0.0, 1e3, above=True)
+LENGTH = Quantity("--rods", "m", 1e-6, 100.0)
+CURRENT = Quantity("--rods", "A", 1e-6, 1e3)
 PERMEABILITY = 20_000.0
 """Of a core: its length against its diameter decides then, not this."""
 

@@ -26,6 +26,7 @@ from ..system.errors import DesatError, nearest, plain
 from ..system.model import J2000
 from ..system.quantity import Quantity
 from .facts import CraftFacts
+from .two_line import check_layout
 
 ALTITUDES = 150.0, 2000.0
 """Of a circular orbit (km)."""
@@ -244,6 +245,7 @@ def _of_file(file: Path) -> dict[str, float]:
     lines = [x for x in text.splitlines() if x[:2] in ("1 ", "2 ")]
     if len(lines) != 2:
         raise DesatError(f"--tle {file}: two lines that begin with 1 and 2 are needed")
+    check_layout(lines, f"--tle {file}")
     try:
         return tle_parameters(lines[0], lines[1])
     except ValueError as error:  # BlockError is one
