@@ -361,6 +361,19 @@ def environment_block(component: Component, changes: Mapping[str, Any] | None = 
     return block
 
 
+def needless(system: System) -> dict[str, int]:
+    """Return what of an environment may be left out, as changes of its parameters.
+
+    A craft without coils and residual dipole needs no field, which takes most of the time.
+    """
+    craft, component = system.roles.get("spacecraft"), system.roles["environment"]
+    field = component.interface.signals.get("field")
+    dipole = np.any(craft.values.get("residual_dipole_body", 0.0)) if craft is not None else True
+    if dipole or "torquers" in system.roles or field is None or "none" not in field.choices:
+        return {}
+    return {"field": field.choices.index("none")}
+
+
 def _guided(component: Component, inputs: Mapping[str, Array], times: Array) -> tuple[Array, Array]:
     """The attitude (n, 4) and rate (n, 3) rad/s that a guidance of ours wants."""
     block = bare_block(component)

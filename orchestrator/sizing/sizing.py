@@ -44,6 +44,7 @@ from ..analyses.flight import (
     flown_at,
     hardware_of,
     inputs_at,
+    needless,
     series_for,
     values_of,
 )
@@ -835,10 +836,10 @@ def days_of_year(
         raise DesatError(f"the attitude stays neither in eci nor in lvlh ("
                          f"{np.degrees(attitude.wanders):.3g} deg from its mean)")  # fmt: skip
     component = system.components["environment"]
-    block = environment_block(component)
+    block = environment_block(component, needless(system))
     first = inputs_at(block, [0.0])
     period = period_of(first["r_eci"][0], first["v_eci"][0])
-    span = period * int(86400.0 / period)
+    span = period * max(1, int(86400.0 / period))
     since = np.linspace(0.0, span, round(span / YEAR_STEP) + 1)
     levels = _activities(component, values_of(system)["spacecraft"], own)
     epoch = float(getattr(block, "epoch_j2000", 0.0))
