@@ -32,6 +32,7 @@ ALTITUDES = 150.0, 2000.0
 """Of a circular orbit (km)."""
 FARTHEST = 400_000.0
 """The highest apogee (km): beyond, it is no orbit about the Earth alone."""
+MOST_ECCENTRIC = 0.95  # as environment_kepler has it
 AIR = 1000.0
 """From this perigee on (km) there is no air."""
 ORBITS = {
@@ -203,6 +204,12 @@ def _of_ends(text: str, given: str | None, epoch: float) -> Orbit:
         inclination, why = INCLINATION(given), "given"
     near, far = (EARTH_RADIUS + 1e3 * height for height in (low, high))
     axis, eccentricity = (near + far) / 2.0, (far - near) / (far + near)
+    if eccentricity > MOST_ECCENTRIC:
+        most = near * (1.0 + MOST_ECCENTRIC) / (1.0 - MOST_ECCENTRIC) - EARTH_RADIUS
+        raise DesatError(
+            f"--orbit {text}: an eccentricity of {eccentricity:.3g}; the environment has up to "
+            f"{MOST_ECCENTRIC:g}, an apogee of {most / 1e3:.0f} km over this perigee"
+        )
     air = low < AIR
     rows = (
         ("semi_major_axis", f'"{axis / 1e3:.9g} km"', f"{low:g} x {high:g} km above 6378.137 km"),
