@@ -313,7 +313,7 @@ def test_b_dot_that_drives_a_rotation_is_told_and_not_met(tmp_path):
     )
     slow = prepare(target, Options())
     assert not any("drives the" in line for line in slow.checked.warnings)
-    run = library.run(target, {"spacecraft.omega_start_body": ["180 deg/s", 0, 0]}, stop=3000.0)
+    run = library.run(target, {"spacecraft.omega_start_body": ["180 deg/s", 0, 0]}, stop=6000.0)
     assert any("manager is to brake a rotation" in line for line in run.manifest.not_met)
 
 
