@@ -397,7 +397,7 @@ def test_numbers_below_the_least_are_refused(arguments, told, desat):
 
 
 def test_what_size_recommends_by_default():
-    """As its page says: a duty of 50 %, a margin of 1.3, its own rate of detumbling, other laws, a year's
+    """As its page says: a duty of 50 %, a margin of 1.3, its own tip-off, other laws, a year's
     extremes and closed loops."""
     from desat.cli.commands.size import size
 
