@@ -343,7 +343,12 @@ def test_an_isolated_component_has_nothing_of_the_heads(system, apart, how, text
     with load_run(system / "out").results as results:
         assert results.times().tolist() == [float(k) for k in range(4 if text else 11)]
         assert results.values("bad.y").tolist() == results.times().tolist()
-    assert [p for p in psutil.process_iter(["name"]) if p.info["name"] == "desat_daemon"] == []
+    assert named("desat_daemon") == []
+
+
+def named(name: str) -> list[psutil.Process]:
+    """The processes of that name."""
+    return [p for p in psutil.process_iter(["name"]) if p.info["name"] == name]
 
 
 def test_daemons_that_left_their_group_stay_where_nobody_watches(system):
@@ -355,7 +360,10 @@ desat.run({str(system)!r}, {{"bad.how": {HOW.index("DAEMON")}}}, step=1.0).or_ra
     subprocess.run([sys.executable, "-c", script], check=True, timeout=60, stdin=subprocess.DEVNULL,
                    stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, cwd=ROOT,
                    env={**os.environ, "DAEMON": "desat_stays"})  # fmt: skip
-    (one,) = (p for p in psutil.process_iter(["name"]) if p.info["name"] == "desat_stays")
+    deadline = time.monotonic() + 60.0
+    while not (stays := named("desat_stays")) and time.monotonic() < deadline:
+        time.sleep(0.05)  # it is forked before it takes its name
+    (one,) = stays
     one.kill()
 
 
