@@ -197,11 +197,11 @@ UNIT = (r"%|deg(?:/s)?|rad(?:/s)?|kg|g|[kMG]B|[mun\u00b5]?s|min|h|days?|weeks?|y
         r"[mun\u00b5]?N m s|[mun\u00b5]?N m|[mun\u00b5]?N|A m2|W|J|V|u?T|km|mm?|rpm|Hz|times|"
         r"blocks|scenarios|of(?: today's)? \d+")  # fmt: skip
 NUMBER = re.compile(rf"(?<![\w.,/^-])\d[\d,.]*(?:e-?\d+)? (?:{UNIT})(?![\w/])")
-BY_HAND = "measured once by hand on the date or machine that the page names"
+BY_HAND = "measured once by hand; nothing measures it anew"
 LIMIT = "a limit or a choice in the code, not a result"
 TABLE = "read by hand off the table of the same page, which a generator makes"
 SOURCE = "of a paper, a standard or another program"
-TESTED = "a test of this file or of tests/ named beside it on the page holds it"
+TESTED = "a test holds it: of this file, test_loop_fmu, test_fmus, or the one named on the page"
 ACCEPTED: dict[str, dict[str, str]] = {
     "README.md": {
         "24 of 24": "docs/sizing-thrusters.md", "5 %": "docs/sizing-thrusters.md",
