@@ -6,6 +6,7 @@ out of them as of the Python FMUs on one machine; `translate` refuses what it ca
 
 from __future__ import annotations
 
+import errno
 import hashlib
 import os
 import shutil
@@ -139,9 +140,28 @@ def with_wrapper(own: dict[str, str], described: bytes) -> tuple[dict[str, str],
     return {file: text.replace("@GUID@", guid) for file, text in files.items()}, guid
 
 
+_NO_ROOM = {
+    "No space left on device": errno.ENOSPC,
+    "NoSpaceLeft": errno.ENOSPC,
+    "Disk quota exceeded": errno.EDQUOT,
+    "File too large": errno.EFBIG,
+    "FileTooBig": errno.EFBIG,
+    "File size limit exceeded": errno.EFBIG,
+}
+"""What compilers say where they cannot write, and the number of that error."""
+
+
+def check_room(said: str, what: str) -> None:
+    """Raise OSError, with `what` as its file, if a compiler says that it has no room to write."""
+    for text, number in _NO_ROOM.items():
+        if text in said:
+            raise OSError(number, os.strerror(number), what)
+
+
 def _run(command: list[str], folder: Path) -> None:
     done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
     if done.returncode:
+        check_room(done.stderr, f"compiler {command[0]}")
         raise RuntimeError(f"{' '.join(command)}: {done.stderr.strip()[:2000]}")
 
 

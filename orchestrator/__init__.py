@@ -155,7 +155,7 @@ def size(
 
     >>> sized = size("nadir_day/day-dipole", stop="2 orbits", year=False, laws=False, flown=False)
     >>> sized.answer
-    'nadir_day/day-dipole: rods of 0.168 A m2 hold with a duty of 50 %...'
+    'nadir_day/day-dipole: rods of 0.168 A m2 are recommended: they hold ...'
 
     Raises DesatError for a craft without what it takes, RunError where a run does not complete.
     """

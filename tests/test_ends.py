@@ -6,16 +6,20 @@ import io
 import json
 import math
 import re
+import shutil
 import signal
 import subprocess
 import sys
+import zipfile
 from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
+import h5py
 import numpy as np
 import pytest
+from fuzz import commands
 from rich.table import Table
 from test_verdicts import FAILED, LATE_ONE, UNMET, WELL, cell
 
@@ -32,6 +36,9 @@ from desat.engine import checkpoint, child
 from desat.engine.child import Ended
 from desat.engine.instances.base import EndedError
 from desat.engine.master import Master
+from desat.export.web import module as web_module
+from desat.files.io import extract, is_full
+from desat.fmus import native
 from desat.numbers.text import Value
 from desat.papers import tables
 from desat.runs import run as runs
@@ -40,7 +47,7 @@ from desat.runs.run import Run
 from desat.runs.step_case import Outcome
 from desat.runs.stopping import LATE, Condition
 from desat.sizing import sizing
-from desat.studies import compare
+from desat.studies import compare, ranking
 from desat.system.errors import DesatError, Exit, RunError, nearest, plain
 from desat.system.options import Options
 
@@ -149,15 +156,321 @@ def test_a_full_disk_is_known_by_what_an_error_came_from():
         return error
 
     full, other = OSError(28, "full"), OSError(5, "read")
-    assert cli._is_full(full)
+    assert is_full(full)
     for cause, context, known in (
         (full, None, True), (None, full, True), (full, other, True), (other, full, False),
         (other, None, False), (None, chained(None, full), True),
     ):  # fmt: skip
-        assert cli._is_full(chained(cause, context)) == known
+        assert is_full(chained(cause, context)) == known
     own = chained(None, None)
     own.__cause__ = own
-    assert not cli._is_full(own)
+    assert not is_full(own)
+
+
+# --- input that is refused in one line ------------------------------------------------------------
+
+CRAFT = ["new", "craft", "made", "--size", "3U", "--altitude", "400km"]
+ELEMENTS = (
+    "1 25544U 98067A   19343.69339541  .00001764  00000-0  38792-4 0  9991",
+    "2 25544  51.6439 211.2001 0007417  17.6667  85.6398 15.50103472202482",
+)
+
+
+def refused_line(done) -> str:
+    """Return the one line of a command that refuses its input."""
+    assert done.returncode == Exit.INPUT
+    (line,) = done.stderr.splitlines()
+    assert line.startswith("error: ")
+    return line.removeprefix("error: ")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "text"),
+    [
+        (["new", "law", ""], "an argument: an empty text"),
+        (["new", "law", "."], "NAME .: a file's name is needed, as my_law"),
+        (["new", "law", "/"], "NAME /: a file's name is needed, as my_law"),
+        (["new", "block", "magnetometer", ""], "an argument: an empty text"),
+        (["new", "block", "magnetometer", "."], "NAME .: a file's name is needed, as my_block"),
+        (["new", "craft", "", "--force"], "an argument: an empty text"),
+        (["run", "nadir_day/day", "--out", ""], "--out: an empty text"),
+        (["run", "nadir_day/day", "--out="], "--out: an empty text"),
+        (["check", "nadir_day/day", "--trust", ""], "--trust: an empty text"),
+        (["run", "nadir_day/day", "--time-limit", "0"], "--time-limit 0: above 0 is needed"),
+        (["sweep", "nadir_day/day", "a.b=1", "--time-limit", "-0.0"], "--time-limit -0.0: above 0"),
+        (["tune", "nadir_day/day", "a.b", "--time-limit", "0s"], "--time-limit 0s: above 0"),
+        ([*CRAFT, "--rods", "rod 0.2Am2 60x8mm 1e-300mm 100mA"], "--rods 1e-300mm: 1e-06 to 100 m"),
+        ([*CRAFT, "--rods", "rod 0.2Am2 60x8mm 0.2mm 1e-300A"], "--rods 1e-300A: 1e-06 to 1000 A"),
+        ([*CRAFT, "--rods", "coil 300 80x80mm 1e-30mm 1A"], "--rods 1e-30mm: 1e-06 to 100 m"),
+        ([*CRAFT, "--rods", "coil 0.1 80x80mm 1mm 1A"], "--rods 0.1: turns 1 or more are needed"),
+    ],
+)
+def test_a_value_that_is_no_value_is_refused(desat, tmp_path, arguments, text):
+    done = desat(*arguments, cwd=tmp_path)
+    assert refused_line(done).startswith(text)
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("number", "old", "new", "field"),
+    [
+        (1, "19343.69339541", "19343 69339541", "day of the epoch"),
+        (1, "19343.69339541", "193436.9339541", "day of the epoch"),
+        (1, "19343.69339541", "1 343.69339541", "year of the epoch"),
+        (1, "38792-4", "3879x-4", "B*"),
+        (2, "51.6439", "51 6439", "inclination"),
+        (2, "0007417", "0.07417", "eccentricity"),
+        (2, "15.50103472", "1550.103472", "mean motion"),
+    ],
+)
+def test_an_element_that_lost_its_point_is_refused(desat, tmp_path, number, old, new, field):
+    lines = list(ELEMENTS)
+    body = lines[number - 1].replace(old, new)[:68]
+    digits = sum(int(c) if c.isdigit() else c == "-" for c in body)
+    lines[number - 1] = f"{body}{digits % 10}"
+    file = tmp_path / "iss.tle"
+    for written, code in ((ELEMENTS, 0), (lines, Exit.INPUT)):
+        file.write_text("\n".join(written))
+        done = desat("new", "craft", "made", "--force", "--tle", str(file), cwd=tmp_path)
+        assert done.returncode == code
+    assert refused_line(done).startswith(f"--tle {file}: line {number}, {field} (columns ")
+
+
+@pytest.mark.parametrize(
+    ("offers", "text"),
+    [
+        ('(Law("own", {"gain": float("nan")}),)', "Law own: gains: gain is nan; a finite number"),
+        ('(Law("own", {"gain": [1.0, 2.0]}),)', "Law own: gains: gain is [1.0, 2.0]; a finite"),
+        ('(Law("own", {"gian": 0.003}),)', "Law own: gains: no parameter gian; did you mean gain?"),
+        ('(Law("own", units={"x": "1"}),)', "Law own: units: no parameter x"),
+        ('(Law("own", {"gain": 1}, "rate"),)', "Law own: rate: 'rate' is none of its gains"),
+        ('(Law("own", None),)', "Law own: gains: a dict is needed"),
+        ('Law("own")', "a tuple is needed"),
+        ("3", "a tuple is needed"),
+        ('(("own", {}),)', "('own', {}) is no law with a name"),
+        ("(Law(3),)", "Law(name=3"),
+    ],
+)
+def test_laws_of_another_form_are_refused_before_anything_flies(
+    desat, tmp_path, monkeypatch, offers, text
+):
+    assert desat("new", "law", "own", cwd=tmp_path).returncode == 0
+    file = tmp_path / "own.py"
+    changed, count = re.subn(r"offers = .*", lambda _: f"offers = {offers}", file.read_text())
+    assert count == 1
+    file.write_text(changed)
+    monkeypatch.setattr(ranking, "_fly", lambda *_: pytest.fail("it flew"))
+    done = desat("compare", "nadir_day/day-dipole", "--law", str(file), "--blocks", cwd=tmp_path)
+    assert refused_line(done).startswith(f"own.py: offers: {text}")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "text"),
+    [
+        (["--laws", "foo"], "foo: no law and no manager"),
+        (["--laws", "all,foo"], "foo: no law and no manager"),
+        (["--laws", "all", "--law", "no.py"], "--law no.py: No such file"),
+        (["--laws", "all", "--law", "no.fmu"], "--law no.fmu: No such file"),
+    ],
+)
+def test_names_of_laws_are_looked_at_before_anything_flies(desat, monkeypatch, arguments, text):
+    monkeypatch.setattr(ranking, "_fly", lambda *_: pytest.fail("it flew"))
+    done = desat("compare", "nadir_day/day-dipole", "--blocks", *arguments)
+    assert refused_line(done).startswith(text)
+
+
+@pytest.mark.parametrize("number", [27, 28, 122])
+def test_an_archive_without_room_is_not_called_unreadable(tmp_path, monkeypatch, number):
+    archive = tmp_path / "a.fmu"
+    with zipfile.ZipFile(archive, "w") as made:
+        made.writestr("modelDescription.xml", "<x/>")
+
+    def fails(*_: object) -> None:
+        raise OSError(number, "no room")
+
+    monkeypatch.setattr(zipfile.ZipFile, "extractall", fails)
+    with pytest.raises(
+        DesatError, match=r"a\.fmu: it cannot be extracted to .* \(no room\)"
+    ) as full:
+        extract(archive, tmp_path / "new")
+    assert full.value.code == Exit.SPACE
+    assert not (tmp_path / "new").exists()
+
+
+@pytest.mark.parametrize(
+    ("said", "number"),
+    [("error: unable to open 'x.o': 'File too large'", 27), ("x.o: No space left on device", 28),
+     ("File size limit exceeded signal terminated program as", 27), ("x.c:1: error: no", None)],
+)  # fmt: skip
+@pytest.mark.parametrize("module", [native, web_module])
+def test_a_compiler_without_room_is_no_bug(tmp_path, module, said, number):
+    command = [sys.executable, "-c", f"import sys; sys.exit({said!r})"]
+    with pytest.raises(Exception) as ended:  # noqa: PT011
+        module._run(command, tmp_path)
+    assert getattr(ended.value, "errno", None) == number
+    assert is_full(ended.value) == (number is not None)
+
+
+def test_an_error_that_comes_from_a_full_disk_ends_as_that(desat, monkeypatch):
+    def fails(**_: object) -> None:
+        try:
+            raise OSError(28, "full")
+        except OSError as error:
+            raise DesatError("a.json: not written") from error
+
+    monkeypatch.setattr(cli, "get_command", lambda app: fails)
+    monkeypatch.setattr(cli, "spare", lambda command: None)
+    assert desat().returncode == Exit.SPACE
+
+
+# --- run folders that somebody has altered -------------------------------------------------------
+
+READERS = (
+    "export run bad --format csv --out made",
+    "export run bad --format parquet --out made",
+    "export run bad --format mat --out made",
+    "export run bad --format png --out made",
+    "report bad",
+    "compare bad good --html made.html",
+    "compare good bad --html made.html",
+    "bound bad",
+)
+
+
+@pytest.fixture(scope="module")
+def good_run(tmp_path_factory):
+    """The folder in which a run lies."""
+    folder = tmp_path_factory.mktemp("ends")
+    line = "run nadir_day/day-dipole --stop 40 --blocks --substeps 1 --out good"
+    assert commands.ended(line.split(), folder)[0] in (0, 1)
+    return folder
+
+
+@pytest.fixture
+def bad_run(good_run):
+    """The folder of a copy of it, to be damaged."""
+    bad = good_run / "bad"
+    shutil.rmtree(bad, ignore_errors=True)
+    shutil.rmtree(good_run / "made", ignore_errors=True)
+    (good_run / "made.html").unlink(missing_ok=True)
+    shutil.copytree(good_run / "good", bad)
+    return bad
+
+
+def assert_refused(bad, text):
+    """All commands that read a run folder refuse one in a line, and leave nothing behind."""
+    before = sorted(p.name for p in bad.iterdir())
+    for line in READERS:
+        code, said = commands.ended(line.split(), bad.parent)
+        assert code == Exit.INPUT, (line, said)
+        assert text in said, line
+        assert "internal" not in said
+        assert len(said.splitlines()) == 1
+    made = bad.parent / "made"
+    assert not made.exists() or not list(made.iterdir())
+    assert not (bad.parent / "made.html").exists()
+    assert sorted(p.name for p in bad.iterdir()) == before
+
+
+@pytest.mark.parametrize(
+    ("path", "value", "text"),
+    [
+        (["numbers"], [], "numbers has not the form that it needs"),
+        (["numbers", "*", "value"], "x", "value is 'x'; a number or null is needed"),
+        (["numbers", "*", "title"], None, "title is None; a text is needed"),
+        (["numbers", "*", "unit"], 3, "unit is 3; a text is needed"),
+        (["numbers", "*"], {"x": 1}, "numbers has not the form that it needs"),
+        (["parameters", "spacecraft"], 3, "parameters has not the form that it needs"),
+        (["parameters", "spacecraft", "inertia"], {}, "parameters has not the form that it needs"),
+        (["choices"], {"a.b": 3}, "choices.a.b is 3; a list is needed"),
+        (["stop"], "soon", "stop is 'soon'; a number is needed"),
+        (["stop"], 10**310, "stop is 1000"),
+        (["warnings"], [3], "warnings[1] is 3; a text is needed"),
+        (["momentum_balance"], 3, "no manifest of a run: "),
+        (["substep_choice"], {}, "substep_choice has not the form that it needs ('reached')"),
+        (["status"], None, "no manifest of a run (it has no status)"),
+    ],
+)
+def test_an_altered_manifest_is_refused_with_its_key(bad_run, path, value, text):
+    file = bad_run / "manifest.json"
+    told = table = json.loads(file.read_text())
+    if path == ["momentum_balance"]:
+        path = [residual.KEY]
+    for key in path[:-1]:
+        table = table[next(iter(table)) if key == "*" else key]
+    table[next(iter(table)) if path[-1] == "*" else path[-1]] = value
+    file.write_text(json.dumps(told))
+    assert_refused(bad_run, text)
+
+
+def _cut(file):
+    file.write_bytes(file.read_bytes()[:3000])
+
+
+def _without_time(file):
+    with h5py.File(file, "r+") as opened:
+        del opened["time"]
+
+
+def _time_stands_still(file):
+    with h5py.File(file, "r+") as opened:
+        opened["time"][3] = opened["time"][2]
+
+
+def _replace_series(value):
+    def change(file):
+        with h5py.File(file, "r+") as opened:
+            del opened["spacecraft/q_bi"]
+            opened["spacecraft/q_bi"] = value
+
+    return change
+
+
+def _group_is_a_series(file):
+    with h5py.File(file, "r+") as opened:
+        del opened["spacecraft"]
+        opened["spacecraft"] = np.zeros(3)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        _cut, _without_time, _time_stands_still, _replace_series(np.zeros((4, 4))),
+        _replace_series(3.0), _replace_series(b"text"), _replace_series(np.zeros((41, 2, 2))),
+        _group_is_a_series,
+    ],
+)  # fmt: skip
+def test_damaged_series_are_refused_with_their_file(bad_run, change):
+    change(bad_run / "series.h5")
+    assert_refused(bad_run, "bad: no readable series (")
+
+
+def test_a_series_without_its_unit_is_refused_with_its_name(bad_run):
+    with h5py.File(bad_run / "series.h5", "r+") as opened:
+        del opened["spacecraft/q_bi"].attrs["unit"]
+    line = "export run bad --format csv --out made"
+    code, said = commands.ended(line.split(), bad_run.parent)
+    assert code == Exit.INPUT
+    assert "series.h5: spacecraft.q_bi, attribute unit, cannot be read" in said
+    assert list((bad_run.parent / "made").iterdir()) == []
+
+
+@pytest.mark.parametrize("name", ["ger\u00e4t", "ger\udce4t", "ger\udcc3\udca4t"])
+def test_a_folder_of_any_name_is_written(tmp_path, good_run, name):
+    """Of UTF-8, of another encoding, and as Python has it where the locale is not UTF-8."""
+    lines = (
+        f"campaign nadir_day/day-dipole -n 1 --stop 20 --jobs 1 --blocks --substeps 1 --out {name}",
+        f"campaign report {name}",
+        f"run nadir_day/day-dipole --stop 20 --blocks --substeps 1 --csv --out run-{name}",
+        f"export run run-{name} --format parquet --out made-{name}",
+        f"report run-{name}",
+        f"compare run-{name} {good_run / 'good'} --html made-{name}.html",
+    )
+    for line in lines:
+        code, said = commands.ended(line.split(), tmp_path)
+        assert code in (0, 1), (line, said)
+    page = (tmp_path / f"made-{name}.html").read_bytes().decode()
+    assert ("ger\ufffdt" if name == "ger\udce4t" else "ger\u00e4t") in page
 
 
 # --- commands -------------------------------------------------------------------------------------

@@ -4,15 +4,32 @@ never long."""
 from __future__ import annotations
 
 import re
+import shlex
 
 import fuzz
 import pytest
+import typer
 from conftest import ROOT
-from fuzz import commands
-from fuzz.seeds import ABOUT, FILES, SSB, SSD, SSM, SSV, TARGETS, TOML, seeds
+from fuzz import commands, tree
+from fuzz.seeds import (
+    ABOUT,
+    BARE,
+    FILES,
+    SSB,
+    SSD,
+    SSM,
+    SSV,
+    TARGETS,
+    TOML,
+    forbidden_pairs,
+    plain_kind,
+    pointing_nowhere,
+    seeds,
+)
+from typer.main import get_command
 
 from desat.runs.prepare import prepare
-from desat.system.errors import DesatError
+from desat.system.errors import DesatError, Exit
 
 SEED, COUNT, LINES = 1, 2000, 150
 
@@ -32,8 +49,9 @@ def test_what_the_page_says_is_fuzzed_is():
     page = (ROOT / "docs/failures.md").read_text(encoding="utf-8")
     said = re.search(r"puts mutated files \(([\w, .]+)\)", page)
     assert said is not None
-    assert set(said[1].split(", ")) == {k for k in seeds() if k != "craft" and k[:3] != "xml"}
-    texts = [data for kind, data in seeds().items() if kind.startswith("xml")]
+    kinds = {plain_kind(k) for k in seeds()}
+    assert set(said[1].split(", ")) == {k for k in kinds if k != "craft" and k[:3] != "xml"}
+    texts = [seeds()[kind] for kind in ("xml", "xml1", "xml3")]
     assert [re.search(rb'fmiVersion="(.*?)"', t)[1] for t in texts] == [b"2.0", b"1.0", b"3.0"]
 
 
@@ -84,6 +102,53 @@ def test_what_once_was_internal_is_a_line(tmp_path, cause):
     with pytest.raises(DesatError) as refused:
         prepare(str(tmp_path / target), fuzz._options(kind)).or_raise()
     assert file.rpartition("/")[2] in str(refused.value)
+
+
+FAULTS = [(f"{kind}{end}", fault, data) for kind, fault, data in
+          (*forbidden_pairs(), *pointing_nowhere()) for end in ("", BARE)]  # fmt: skip
+
+
+@pytest.mark.parametrize(("kind", "data"), [(k, d) for k, _, d in FAULTS],
+                         ids=[f"{k}: {f}" for k, f, _ in FAULTS])  # fmt: skip
+def test_a_variable_that_the_standard_does_not_allow_is_refused_in_a_line(tmp_path, kind, data):
+    """Each forbidden causality and variability, and each reference to no variable."""
+    write_all(tmp_path)
+    target, file = TARGETS[kind]
+    (tmp_path / file).write_bytes(fuzz._wrapped(kind, data))
+    with pytest.raises(DesatError) as refused:
+        prepare(str(tmp_path / target), fuzz._options(kind)).or_raise()
+    assert refused.value.code == Exit.INPUT
+    line = str(refused.value).splitlines()[0]
+    assert re.search(r": (source|wheels): theirs.fmu/modelDescription.xml:\d+: \w+: \S", line)
+    assert "allowed" in line or "is needed" in line
+
+
+def test_each_command_and_option_is_in_a_seed():
+    """Also those that are added; and no seed is of a command or an option that is gone."""
+    known = tree.every_command()
+    there = {(where, name) for where, command in known.items() for o in tree.options_in(command)
+             for name in (*o.opts, *o.secondary_opts)}  # fmt: skip
+    seen, commands_seen = set(), set()
+    for line in (*commands.QUICK, *commands.SLOW):
+        words = shlex.split(line)
+        names = (" ".join(words[:2]), words[0], f"{words[0]} run")
+        where = next(name for name in names if name in known)
+        commands_seen.add(where)
+        seen |= {(where, w) for w in words if re.fullmatch("--?[a-z][a-z-]*", w)}
+    assert commands_seen == set(known)
+    assert there - seen == set()
+    assert seen - there == set()
+
+
+def test_an_option_that_is_added_is_in_a_seed_at_once():
+    app = typer.Typer(add_completion=False)
+
+    @app.command()
+    def added(target: str, new_one: int = 1, other: bool = False) -> None:
+        """Do something."""
+
+    lines = list(tree.lines_of("added", get_command(app), "nowhere", False))
+    assert lines == ["added nowhere", "added nowhere --new-one 1 --other --no-other"]
 
 
 def test_changed_command_lines_never_are_a_bug(tmp_path):

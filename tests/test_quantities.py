@@ -90,11 +90,11 @@ REFUSED = {
     "sweep mine manager.gain=1 --seed 3": "--seed: it goes with --samples",
     "run mine --stop nan": "--stop nan: a number is needed",
     "run mine --call-limit inf": "--call-limit inf: a number is needed",
-    "run mine --time-limit 1e300": "--time-limit 1e300: 0 to 1e+07 s are covered",
+    "run mine --time-limit 1e300": "--time-limit 1e300: above 0 is needed, 1e+07 s at most",
     "run mine --checkpoint nan": "--checkpoint nan: a number is needed",
     "campaign mine --case-limit inf": "--case-limit inf: a number is needed",
     "export c magnetometer --compiler '\"'": '--compiler ": no closing quotation',
-    "export c magnetometer --compiler ''": "--compiler : there is no such command",
+    "export c magnetometer --compiler ''": "--compiler: an empty text is given",
 }
 
 

@@ -397,12 +397,12 @@ def test_numbers_below_the_least_are_refused(arguments, told, desat):
 
 
 def test_what_size_recommends_by_default():
-    """As its page says: a duty of 50 %, a margin of 1.3, a tip-off of 5 deg/s, other laws, a year's
+    """As its page says: a duty of 50 %, a margin of 1.3, its own tip-off, other laws, a year's
     extremes and closed loops."""
     from desat.cli.commands.size import size
 
     usual = {name: p.default for name, p in inspect.signature(size).parameters.items()}
-    assert (usual["duty"], usual["margin"], usual["tip_off"]) == (50.0, 1.3, 5.0)
+    assert (usual["duty"], usual["margin"], usual["tip_off"]) == (50.0, 1.3, None)
     assert (usual["laws"], usual["year"], usual["loop"], usual["as_map"]) == (
         None,
         True,

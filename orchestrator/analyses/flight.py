@@ -361,7 +361,27 @@ def environment_block(component: Component, changes: Mapping[str, Any] | None = 
     return block
 
 
-def _guided(component: Component, inputs: Mapping[str, Array], times: Array) -> tuple[Array, Array]:
+def needless(system: System) -> dict[str, int]:
+    """Return what of an environment may be left out, as changes of its parameters.
+
+    A craft without coils and residual dipole needs no field, which takes most of the time.
+    """
+    craft = system.roles.get("spacecraft")
+    dipole = np.any(craft.values.get("residual_dipole_body", 0.0)) if craft is not None else True
+    if dipole or "torquers" in system.roles:
+        return {}
+    return without_field(system.roles["environment"])
+
+
+def without_field(environment: Component) -> dict[str, int]:
+    """Return the change of parameters by which an environment makes no field, if it has one."""
+    field = environment.interface.signals.get("field")
+    if field is None or "none" not in field.choices:
+        return {}
+    return {"field": field.choices.index("none")}
+
+
+def guided(component: Component, inputs: Mapping[str, Array], times: Array) -> tuple[Array, Array]:
     """The attitude (n, 4) and rate (n, 3) rad/s that a guidance of ours wants."""
     block = bare_block(component)
     q, omega, last = [], [], None
@@ -439,7 +459,7 @@ def flown_at(system: System, attitude: Attitude, inputs: dict[str, Array], times
         c = from_body(np.array([attitude.q]))[0].T
         omega = -rate[:, None] * c[:, 1]
     elif attitude.kind in GUIDED.values():
-        q, omega = _guided(system.roles["guidance"], inputs, times)
+        q, omega = guided(system.roles["guidance"], inputs, times)
     else:
         q = np.broadcast_to(np.array(attitude.q), (len(times), 4))
         omega = np.zeros((len(times), 3))

@@ -18,16 +18,20 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from desat.components.contract.block import BlockError
 from desat.components.contract.roles import Manager
 from desat.fmus.registry import block_class, names
 
 from ..language.content import content_of
-from ..numbers.derived import coil_impulse, matrices, rotate, rotate_back
+from ..numbers.derived import coil_impulse, matrices, pointing, rotate, rotate_back
 from ..numbers.text import Value
+from ..system.errors import DesatError
 from ..system.model import Component, System
 from ..system.wheels import axes_of, capacities, existing, smallest_capacity
 from . import Parts, with_titles
+from .flight import environment_block, guided, inputs_at, without_field
 from .manifest import Manifest
+from .motion import period_of
 from .residual import carrier_of, missing
 
 if TYPE_CHECKING:
@@ -49,6 +53,13 @@ FIELD = 3e-5
 """Of a low orbit (T)."""
 ACROSS = 1e-3
 """A target across the orbit's normal by more than this share of its size turns with the craft."""
+MOST_TURN = 0.05  # rad in an orbit, by which a bias may turn: the node's drift, the Sun's course
+TURN_ROWS = 97  # at which the wanted attitude is looked at
+NOTHING = 0.01  # share of what comes in below which a manager does nothing
+MOST_BRAKED = 90.0  # deg of rotation in a sample up to which B-dot brakes
+SETTLED = 0.5  # deg/s: B-dot leaves a craft turning with the field
+LONG_ENOUGH = 1800.0  # s: a run in which a law has had time to do something
+LOST = 30.0  # deg: an attitude error above it is no pointing
 _OF_WHEELS = ("saturated_wheel", "speed_wheel")
 Array = NDArray[Any]
 
@@ -72,6 +83,9 @@ class ManagementParts(Parts):
     """N m s, within which it does nothing"""
     brakes: bool = False
     """whether the law takes the rate out of a craft that tumbles"""
+    reference: str | None = None
+    """the series of the wanted attitude"""
+    manager: str = ""
 
 
 PARTS = ManagementParts
@@ -96,9 +110,16 @@ def applies(system: System) -> ManagementParts | None:
             thrusters.source if thrusters else None,
             _target(system, law), content_of(system.about).stop_when is None and _holds(law),
             law.values["h_deadband"] if "h_deadband" in law.interface.signals else 0.0,
-            _brakes(law),
+            _brakes(law), _reference(system), law.name,
         )  # fmt: skip
     return None
+
+
+def _reference(system: System) -> str | None:
+    """Return the series of the attitude that a controller is to follow."""
+    controller = system.roles.get("controller")
+    wire = None if controller is None else system.fed.get((controller.name, "q_ref_bi"))
+    return None if wire is None else wire.series
 
 
 def _target(system: System, law: Component) -> tuple[float, ...] | None:
@@ -134,7 +155,9 @@ def _brakes(law: Component) -> bool:
 
 def warnings(system: System) -> Iterator[str]:
     """A line for a law whose gain takes more out in a sample than there is: it overshoots, and
-    only the coils' limit keeps it from growing."""
+    only the coils' limit keeps it from growing; and for one that brakes a rotation which it samples
+    too seldom."""
+    yield from _aliased(system)
     for c in system.components.values():
         block = block_class(c.interface.model) if c.interface.model in names() else None
         if block is None or not issubclass(block, Manager):
@@ -155,25 +178,79 @@ def warnings(system: System) -> Iterator[str]:
                        f"{sample:g} s; usual is the orbit's rate, some 1e-3 1/s")  # fmt: skip
 
 
+def _aliased(system: System) -> Iterator[str]:
+    """Find whether a craft turns by more than 90 deg between two samples of a law that brakes it:
+    the field then seems to turn the other way."""
+    manager, craft = system.roles.get("manager"), system.roles.get("spacecraft")
+    if manager is None or craft is None or not _brakes(manager):
+        return
+    rate = float(np.linalg.norm(craft.values.get("omega_start_body", 0.0)))
+    magnetometer = system.roles.get("magnetometer")
+    samples = [system.step, float(manager.values.get("sample_time", 0.0))]
+    if magnetometer is not None:
+        samples.append(float(magnetometer.values.get("sample_time", 0.0)))
+    turn = np.degrees(rate * max(samples))
+    if turn > MOST_BRAKED:
+        where = craft.given.get("omega_start_body", system.where)
+        yield (
+            f"{where}: {craft.name} turns at {np.degrees(rate):.3g} deg/s, by {turn:.3g} deg in a "
+            f"sample of {max(samples):g} s: above {MOST_BRAKED:g} deg {manager.name} drives the "
+            f"rotation; {np.radians(MOST_BRAKED / 2.0) / rate:.2g} s would do"
+        )
+
+
 def problems(system: System) -> Iterator[str]:
-    """A line where a manager is to keep a bias across the orbit's normal, in a craft that turns
-    with its orbit: the bias would have to turn in eci, which no law here makes it do."""
-    guides = (c for c in system.components.values() if c.interface.model == "guidance_nadir")
-    managers = [c for c in system.components.values()
-                if c.interface.role == "manager" and _holds(c)]  # fmt: skip
-    for guide in guides:
-        for manager in managers:
-            wanted = np.array(_target(system, manager) or (0.0, 0.0, 0.0))
-            offset = guide.values["q_bo"]
-            normal = matrices(np.array([offset or [0.0, 0.0, 0.0, 1.0]]))[0] @ [0.0, -1.0, 0.0]
-            across = wanted - (wanted @ normal) * normal
-            if np.linalg.norm(across) > ACROSS * np.linalg.norm(wanted):
-                shown = ", ".join(f"{x:g}" for x in wanted.tolist())
-                where = manager.given.get("h_target_body", system.where)
-                yield (f"{where}: {manager.name}.h_target_body = ({shown}) N m s: the craft turns "
-                       "with its orbit, and no law turns a bias with it; only one along the "
-                       f"orbit's normal, ({', '.join(f'{x:.3g}' for x in normal)}) in body, stays"
-                       )  # fmt: skip
+    """Find managers that are to keep a bias which the wanted attitude turns in eci, a line each:
+    no law here makes a bias turn."""
+    guide, manager = system.roles.get("guidance"), system.roles.get("manager")
+    if guide is None or manager is None or not _holds(manager):
+        return
+    wanted = np.array(_target(system, manager) or (0.0, 0.0, 0.0), float)
+    if not wanted.any():
+        return
+    nadir = guide.interface.model == "guidance_nadir"
+    try:
+        turned = _turned(system, wanted)
+    except (DesatError, BlockError):
+        if not nadir:
+            return
+        turned = 0.0
+    normal = np.array([0.0, -1.0, 0.0])
+    if nadir:
+        offset = guide.values["q_bo"] or [0.0, 0.0, 0.0, 1.0]
+        normal = matrices(np.array([offset]))[0] @ normal
+        across = wanted - (wanted @ normal) * normal
+        share = float(np.linalg.norm(across) / np.linalg.norm(wanted))
+        turned = 2.0 * float(np.arcsin(min(1.0, share))) if share > ACROSS else 0.0
+    if turned <= MOST_TURN and not (nadir and turned > 0.0):
+        return
+    shown = ", ".join(f"{x:g}" for x in wanted.tolist())
+    where = manager.given.get("h_target_body", system.where)
+    only = (
+        f"; only one along the orbit's normal, ({', '.join(f'{x:.3g}' for x in normal)}) in body, "
+        "stays"
+    )
+    yield (
+        f"{where}: {manager.name}.h_target_body = ({shown}) N m s: {guide.interface.model} turns "
+        f"it by {np.degrees(turned):.3g} deg in eci, and no law turns a bias with it"
+        f"{only if nadir else ''}"
+    )
+
+
+def _turned(system: System, bias: Array) -> float:
+    """Return by how much (rad) a bias (3,), body, turns in eci within an orbit at the wanted
+    attitude. Raises DesatError or BlockError where guidance and environment are not our blocks."""
+    component = system.roles["environment"]
+    block = environment_block(component, without_field(component))
+    first = inputs_at(block, [system.start])
+    period = period_of(first["r_eci"][0], first["v_eci"][0])
+    times = np.linspace(system.start, min(system.stop, system.start + 2.0 * period), TURN_ROWS)
+    block = environment_block(component, without_field(component))
+    q, _ = guided(system.roles["guidance"], inputs_at(block, times.tolist()), times)
+    inertial = rotate_back(q, np.broadcast_to(bias / np.linalg.norm(bias), (len(q), 3)))
+    near = np.abs(times[:, None] - times) <= period * (1.0 + 1e-9)
+    angle = np.arccos(np.clip(inertial @ inertial.T, -1.0, 1.0))
+    return float((angle * near).max())
 
 
 def signals(parts: ManagementParts) -> list[str]:
@@ -290,6 +367,9 @@ def balanced(parts: ManagementParts) -> list[str]:
 def compare(manifest: Manifest, results: Results) -> tuple[float, float] | None:
     """The wheels' momentum less its target over the second half, and what it would have been
     without management: rms (N m s). None where too little is recorded or known."""
+    parts: ManagementParts = manifest.parts[KEY]
+    if parts.holds and _lost(parts, results) is not None:
+        return None
     held = balance(manifest, results)
     return None if held is None else off_target(held.times, held.stored, held.without, held.target)
 
@@ -409,23 +489,81 @@ def unchecked(manifest: Manifest, results: Results) -> dict[str, str]:
     parts: ManagementParts = manifest.parts[KEY]
     if why := missing(signals(parts), results):
         return dict.fromkeys(NUMBERS, why)
+    if parts.holds and (error := _lost(parts, results)) is not None:
+        return dict.fromkeys(OF_BALANCE, f"the attitude was lost ({error:.3g} deg)")
     if parts.holds and (why := missing(balanced(parts), results)):
-        return dict.fromkeys(("left_rms", "unmanaged_rms"), why)
+        return dict.fromkeys(OF_BALANCE, why)
     return {}
 
 
 def unmet(manifest: Manifest, results: Results) -> list[str]:
-    """A line where a law that is to hold the momentum leaves more than none would."""
+    """Say where a law that is to hold the momentum leaves more than none would, or does nothing;
+    and where one that brakes a rotation has made it faster."""
     parts: ManagementParts = manifest.parts[KEY]
-    compared = compare(manifest, results) if manifest.completed else None
-    if not parts.holds or compared is None:
+    if not manifest.completed:
         return []
+    lines = _driven(parts, results) if parts.brakes else []
+    if not parts.holds:
+        return lines
+    if _lost(parts, results) is not None:
+        return lines
+    if (share := removed(manifest, results)) is not None and share < NOTHING:
+        return [*lines, f"management: {parts.manager} is on and takes out {100.0 * share:.2g} % of "
+                "what comes in: it does nothing"]  # fmt: skip
+    compared = compare(manifest, results)
+    if compared is None:
+        return lines
     left, without = compared
     capacity = _capacity(manifest.values_of(parts.wheels or ""))
     if left <= (1.0 + ALIKE) * max(without, parts.deadband) + SMALL * capacity:
+        return lines
+    return [*lines, f"management: wheel momentum less its target is {left:.3g} N m s rms in the "
+            f"second half of the run, without management it would be {without:.3g}"]  # fmt: skip
+
+
+def _driven(parts: ManagementParts, results: Results) -> list[str]:
+    """Say where a law that brakes has left the craft turning faster than it began."""
+    series = f"{parts.spacecraft}.omega_bi_body"
+    if series not in set(results.names()):
         return []
-    return [f"management: wheel momentum less its target is {left:.3g} N m s rms in the second "
-            f"half of the run, without management it would be {without:.3g}"]  # fmt: skip
+    rates = np.degrees(np.linalg.norm(results.values(series), axis=1))
+    if len(rates) < 2 or rates[-1] <= (1.0 + ALIKE) * rates[0] + SETTLED:
+        return []
+    return [f"management: {parts.manager} is to brake a rotation, which began at {rates[0]:.3g} "
+            f"deg/s and ends at {rates[-1]:.3g} deg/s"]  # fmt: skip
+
+
+def _lost(parts: ManagementParts, results: Results) -> float | None:
+    """Return the largest attitude error in the second half (deg) where it is above LOST."""
+    series = [f"{parts.spacecraft}.q_bi", str(parts.reference)]
+    if missing(series, results):
+        return None
+    q, reference = (results.values(name) for name in series)
+    count = min(len(q), len(reference))
+    if count < 4:
+        return None
+    error = float(pointing(q[count // 2 : count], reference[count // 2 : count]).max())
+    return error if error > LOST else None
+
+
+def removed(manifest: Manifest, results: Results) -> float | None:
+    """Return what management takes out over what comes in, both at their largest.
+
+    What comes in is the external impulse without management's, and what the wheels hold beyond
+    their target at the start. None where that is nothing to speak of, or too little is recorded.
+    """
+    held = balance(manifest, results)
+    if held is None or held.times[-1] - held.times[0] < LONG_ENOUGH:
+        return None
+    begin = np.linalg.norm(held.stored[0] - held.target)
+    gained = held.without - held.without[0]
+    brought = float(max(begin, np.linalg.norm(gained, axis=1).max()))
+    parts: ManagementParts = manifest.parts[KEY]
+    capacity = _capacity(manifest.values_of(parts.wheels or ""))
+    if brought <= max(parts.deadband, SMALL * capacity) or brought == 0.0:
+        return None
+    taken = float(np.linalg.norm(held.stored - held.without, axis=1).max())
+    return taken / brought
 
 
 def _wheels_of(manifest: Manifest, parts: ManagementParts) -> Mapping[str, Any]:

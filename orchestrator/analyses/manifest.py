@@ -20,6 +20,7 @@ from ..system.expression import Table
 from ..system.model import Component, System
 from ..system.options import Options
 from ..system.parameters import Parameter, table
+from ..system.typed import fault_of
 from . import analyses
 
 AT_THE_END = {"stopped_when", "loop", "numbers", "verdicts", "unmet", "not_checked",
@@ -224,15 +225,31 @@ class Manifest(Mapping[str, Any]):
 
     @classmethod
     def from_json(cls, told: Mapping[str, Any]) -> Manifest:
-        """From a file, also one of an older version, which lacks some, or of a newer one."""
-        made = {f.name: told[f.name] for f in fields(cls) if f.name in told}
+        """Read a manifest, also one of an older version, which lacks some keys, or of a newer one.
+
+        Raises
+        ------
+        ValueError
+            If a key has not the form that it needs; the text names the key.
+        """
+        keys = {f.name for f in fields(cls)} - {"parts", "more"}
+        made = {key: x for key, x in told.items() if key in keys}
         for key, of in _TYPED.items():
             if made.get(key) is not None:
-                made[key] = of(made[key])
-        parts = {a.KEY: told[a.KEY] and a.PARTS.from_json(told[a.KEY])
-                 for a in analyses() if a.KEY in told}  # fmt: skip
+                made[key] = _read(key, of, made[key])
+        parts = {}
+        for analysis in analyses():
+            key = analysis.KEY
+            if key in told:
+                parts[key] = told[key] and _read(key, analysis.PARTS.from_json, told[key])
         more = {key: x for key, x in told.items() if key not in made and key not in parts}
-        return cls(**{**made, "parts": parts, "more": more})
+        manifest = cls(**{**made, "parts": parts, "more": more})
+        fault = fault_of(manifest, cls, "")
+        for key, part in parts.items():
+            fault = fault or (fault_of(part, type(part), key) if part else "")
+        if fault:
+            raise ValueError(fault)
+        return manifest
 
     @cached_property
     def _json(self) -> dict[str, Any]:
@@ -254,6 +271,14 @@ def _as_json(x: Any) -> Any:
     if isinstance(x, Mapping):
         return {key: _as_json(value) for key, value in x.items()}
     return dict(vars(x)) if is_dataclass(x) else x
+
+
+def _read(key: str, of: Callable[[Any], Any], told: Any) -> Any:
+    """Return the value of a key as `of` reads it. Raises ValueError, which names the key."""
+    try:
+        return of(told)
+    except (ValueError, TypeError, KeyError, AttributeError) as error:
+        raise ValueError(f"{key} has not the form that it needs ({error})") from error
 
 
 _TYPED: dict[str, Callable[[Any], Any]] = {

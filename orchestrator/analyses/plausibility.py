@@ -25,11 +25,18 @@ from ..system.errors import DesatError
 from ..system.model import Component, System
 from ..system.wheels import axes_of, capacities, existing, smallest_capacity
 from . import motion
-from .flight import Flight, environment_block, flown_at, inputs_at, wanted_attitude
+from .flight import (
+    Flight,
+    environment_block,
+    flown_at,
+    inputs_at,
+    needless,
+    wanted_attitude,
+)
 
 Array = NDArray[np.float64]
 
-ROWS = 181  # of an orbit that is looked at
+ROWS = 61  # of an orbit that is looked at
 LARGEST_FIELD = 6e-5  # T, at the ground near a pole
 HARMLESS = 0.5  # share of a wheel up to which an estimate of an orbit's momentum is enough
 LARGEST_COIL_POWER = 200.0  # W, each; the largest rods take some tens
@@ -211,9 +218,9 @@ def _given(system: System) -> float:
 
 def _orbit(system: System) -> Flight:
     """Fly an orbit, or a day in deep space, at the wanted attitude and without management."""
-    block = environment_block(system.roles["environment"])
+    block = environment_block(system.roles["environment"], needless(system))
     first = inputs_at(block, [system.start])
     period = motion.period_of(first["r_eci"][0], first["v_eci"][0])
     times = system.start + np.linspace(0.0, period, ROWS)
-    block = environment_block(system.roles["environment"])
+    block = environment_block(system.roles["environment"], needless(system))
     return flown_at(system, wanted_attitude(system), inputs_at(block, times.tolist()), times)

@@ -72,6 +72,8 @@ def _description(base: str, block: type[Block]) -> dict[str, Any]:
 
 
 def _write(file: Path, kind: str, more: Mapping[str, Any], force: bool) -> list[Path]:
+    if not file.name:
+        raise DesatError(f"NAME {file}: a file's name is needed, as my_{kind}")
     file = file if file.suffix == SUFFIX else file.with_name(file.name + SUFFIX)
     try:
         name = identifier(str(file))

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
+from math import inf, pi
 
 from desat.components.physics import coil
 
@@ -13,10 +14,11 @@ from ..system.quantity import Quantity
 
 FORMS = ("'coil TURNS 80x80mm WIRE CURRENT', as 'coil 300 80x80mm 0.2mm 100mA'",
          "'rod TURNS 60x8mm WIRE CURRENT', as 'rod 800 60x8mm 0.2mm 100mA'")  # fmt: skip
-TURNS = Quantity("--rods", "1", 0.0, 1e6, above=True, what="turns")
+TURNS = Quantity("--rods", "1", 1.0, 1e6, what="turns")
 DIPOLE = Quantity("--rods", "A.m2", 0.0, 1e5, above=True)
-LENGTH = Quantity("--rods", "m", 0.0, 100.0, above=True)
-CURRENT = Quantity("--rods", "A", 0.0, 1e3, above=True)
+LENGTH = Quantity("--rods", "m", 1e-6, 100.0)
+CURRENT = Quantity("--rods", "A", 1e-6, 1e3)
+MOST_DENSITY = 30.0  # A/mm2: in vacuum copper carries some 5
 PERMEABILITY = 20_000.0
 """Of a core: its length against its diameter decides then, not this."""
 
@@ -26,9 +28,17 @@ def is_made(text: str) -> bool:
     return text.split()[0:1] in (["coil"], ["rod"])
 
 
-def made(text: str) -> tuple[coil.Coil, str]:
-    """The coil that a text says, and how it is made, for people. TURNS may be a dipole (0.2Am2):
-    then there are as many as that takes. Raises DesatError."""
+def made(text: str, most_mass: float = inf) -> tuple[coil.Coil, str]:
+    """Return the coil that a text says, and how it is made, for people.
+
+    TURNS may be a dipole (0.2Am2): then there are as many as that takes.
+
+    Raises
+    ------
+    DesatError
+        For a text of another form, for a current that melts the wire, and for a coil heavier than
+        `most_mass` (kg).
+    """
     words = text.split()
     size = re.fullmatch(r"([\d.]+)x([\d.]+)(m|cm|mm)", words[2]) if len(words) == 5 else None
     if size is None:
@@ -48,8 +58,19 @@ def made(text: str) -> tuple[coil.Coil, str]:
         def build(turns: float) -> coil.Coil:
             return coil.rod(turns, a, b / 2.0, PERMEABILITY, wire, current)
 
+    density = 1e-6 * current / (pi * wire * wire / 4.0)
+    if density > MOST_DENSITY:
+        raise DesatError(
+            f"--rods {text}: {density:.3g} A/mm2 in the wire; up to {MOST_DENSITY:g} are possible, "
+            f"{1e9 * MOST_DENSITY * pi * wire * wire / 4.0:.3g} mA in {words[3]}"
+        )
     turns = TURNS(words[1]) if re.fullmatch(r"[\d.]+", words[1]) else _turns(words[1], build)
     found = build(turns)
+    if found.mass > most_mass:
+        raise DesatError(
+            f"--rods {text}: {turns:.3g} turns of {found.mass:.3g} kg; {most_mass:.3g} kg each is "
+            "a tenth of the craft: take a larger current"
+        )
     return found, (f"{words[0]} of {turns:.0f} turns, {words[2]}, wire of {words[3]}, {words[4]}: "
                    f"{found.power:.3g} W, {1e3 * found.mass:.3g} g each")  # fmt: skip
 

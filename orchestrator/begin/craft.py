@@ -244,6 +244,8 @@ def _template_values(wanted: CraftFacts, name: str, command: str) -> dict[str, A
     wheels = _wheels(wanted, inertia)
     rods = _rods(wanted, mass, orbit)
     thrusters = _thrusters(wanted, sides)
+    if wanted.propellant is not None and PROPELLANT(wanted.propellant) > 0.9 * mass:
+        raise DesatError(f"--propellant {wanted.propellant}: more than 90 % of {mass:g} kg")
     step = _step(orbit, inertia, wheels["torque_si"], sides, pointing in ("nadir", "yaw"))
     given_sample = None if wanted.sample is None else _given_sample(wanted.sample)
     step = step if given_sample is None else given_sample
@@ -661,7 +663,7 @@ def _rods(wanted: CraftFacts, mass: float, orbit: Orbit) -> dict[str, str] | Non
                          "there, as --thrusters '4 10mN' --dump 'thrusters 70:10'")  # fmt: skip
     text = wanted.rods or f"{0.02 * mass:.2g}"
     if coils.is_made(text):
-        found, why = coils.made(text)
+        found, why = coils.made(text, 0.1 * mass)
         return {"dipole": f"{found.dipole:.4g} A.m2", "lag": "20 ms", "why": why,
                 "resistance": f"{found.resistance:.4g}",
                 "resistance_why": "of its wire, at 20 deg C",

@@ -26,11 +26,13 @@ from ..system.errors import DesatError, nearest, plain
 from ..system.model import J2000
 from ..system.quantity import Quantity
 from .facts import CraftFacts
+from .two_line import check_layout
 
 ALTITUDES = 150.0, 2000.0
 """Of a circular orbit (km)."""
 FARTHEST = 400_000.0
 """The highest apogee (km): beyond, it is no orbit about the Earth alone."""
+MOST_ECCENTRIC = 0.95  # as environment_kepler has it
 AIR = 1000.0
 """From this perigee on (km) there is no air."""
 ORBITS = {
@@ -202,6 +204,12 @@ def _of_ends(text: str, given: str | None, epoch: float) -> Orbit:
         inclination, why = INCLINATION(given), "given"
     near, far = (EARTH_RADIUS + 1e3 * height for height in (low, high))
     axis, eccentricity = (near + far) / 2.0, (far - near) / (far + near)
+    if eccentricity > MOST_ECCENTRIC:
+        most = near * (1.0 + MOST_ECCENTRIC) / (1.0 - MOST_ECCENTRIC) - EARTH_RADIUS
+        raise DesatError(
+            f"--orbit {text}: an eccentricity of {eccentricity:.3g}; the environment has up to "
+            f"{MOST_ECCENTRIC:g}, an apogee of {most / 1e3:.0f} km over this perigee"
+        )
     air = low < AIR
     rows = (
         ("semi_major_axis", f'"{axis / 1e3:.9g} km"', f"{low:g} x {high:g} km above 6378.137 km"),
@@ -244,6 +252,7 @@ def _of_file(file: Path) -> dict[str, float]:
     lines = [x for x in text.splitlines() if x[:2] in ("1 ", "2 ")]
     if len(lines) != 2:
         raise DesatError(f"--tle {file}: two lines that begin with 1 and 2 are needed")
+    check_layout(lines, f"--tle {file}")
     try:
         return tle_parameters(lines[0], lines[1])
     except ValueError as error:  # BlockError is one

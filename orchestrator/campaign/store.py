@@ -79,7 +79,8 @@ def columns(path: Path) -> pa.Schema:
     """The columns of a Parquet file. Raises DesatError where it is damaged."""
     try:
         _check(path)
-        return pq.read_schema(path)
+        with path.open("rb") as file:  # pyarrow takes no name that is not UTF-8
+            return pq.read_schema(file)
     except (pa.ArrowException, OSError) as error:
         raise _summary(path, error) from error
 
@@ -88,7 +89,8 @@ def count(path: Path) -> int:
     """How many rows a Parquet file has, by its footer. Raises DesatError where it is damaged."""
     try:
         _check(path)
-        return int(pq.read_metadata(path).num_rows)
+        with path.open("rb") as file:
+            return int(pq.read_metadata(file).num_rows)
     except (pa.ArrowException, OSError) as error:
         raise _summary(path, error) from error
 
@@ -97,7 +99,7 @@ def rows_in(path: Path, wanted: Sequence[str] | None = None) -> pa.Table:
     """Its rows, of columns those of these that it has. Raises DesatError where it is damaged."""
     try:
         _check(path)
-        with pq.ParquetFile(path) as file:
+        with path.open("rb") as opened, pq.ParquetFile(opened) as file:
             names = file.schema_arrow.names
             return file.read(columns=wanted and [c for c in wanted if c in names])
     except (pa.ArrowException, OSError) as error:
@@ -328,8 +330,8 @@ def _write(folder: Path, block: int, rows: Sequence[CaseRow]) -> None:
 
 def _save(table: pa.Table, path: Path) -> None:
     part = path.with_suffix(".tmp")
-    with naming(path):
-        pq.write_table(table, part, compression="zstd")
+    with naming(path), part.open("wb") as opened:
+        pq.write_table(table, opened, compression="zstd")
     with part.open("rb") as file:
         os.fsync(file.fileno())
         replace(part, path, file.read())

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import errno
 import importlib
 import os
 import pkgutil
@@ -17,13 +16,13 @@ import typer
 from typer.main import get_command
 
 from ..engine.process_state import THREADS, stop_signals
+from ..files.io import is_full
 from ..system.errors import DesatError, Exit, nearest
 from . import commands
 from .console import app, err, out
 from .spare import spare
 
 REPEAT_AFTER = 0.05  # s: a callback of the interpreter or of ctypes is over by then
-FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 
 
 def _version(wanted: bool) -> None:
@@ -96,6 +95,7 @@ def main() -> None:
 def _code() -> int:
     """Do what the command line says; how it ended."""
     try:
+        _refuse_empty(sys.argv[1:])
         command = get_command(app_for(sys.argv[1:]))
         spare(command)
         # typer.Exit comes back as a number
@@ -105,13 +105,14 @@ def _code() -> int:
     except DesatError as error:
         for line in str(error).splitlines():
             _say(line)
-        return error.code
+        refused = error.code is Exit.INPUT
+        return Exit.SPACE if refused and is_full(error) else error.code
     except (typer.Abort, KeyboardInterrupt):
         return Exit.INTERRUPTED
     except OSError as error:
         what = error.strerror or str(error)
         _say(f"{error.filename}: {what}" if error.filename else what)
-        if not _is_full(error):
+        if not is_full(error):
             return Exit.INPUT
         _drop_output()
         return Exit.SPACE
@@ -123,6 +124,18 @@ def _code() -> int:
             traceback.print_exc()
         _say(f"internal: {type(error).__name__}: {error} (DESAT_TRACEBACK=1 shows where)")
         return Exit.BUG
+
+
+def _refuse_empty(words: Sequence[str]) -> None:
+    """Raise DesatError for an empty word, which a path would take for the current folder."""
+    for before, word in zip(("", *words), words, strict=False):
+        name, equals, value = word.partition("=")
+        if word == "":
+            name = before
+        elif not (name.startswith("--") and equals and not value):
+            continue
+        place = name if name.startswith("-") else "an argument"
+        raise DesatError(f"{place}: an empty text is given, a value is needed")
 
 
 def _say(text: str) -> None:
@@ -183,17 +196,6 @@ def _instead(name: str, known: Sequence[str]) -> str:
             return f"; did you mean {option}?"
     said = nearest(name, known)
     return said if "did you mean" in said else ""
-
-
-def _is_full(error: BaseException | None) -> bool:
-    """Whether an error, or one that it came from, says that the disk is full."""
-    seen: list[BaseException] = []  # an error may be its own cause
-    while error is not None and error not in seen:
-        if isinstance(error, OSError) and error.errno in FULL:
-            return True
-        seen.append(error)
-        error = error.__cause__ or error.__context__
-    return False
 
 
 def _drop_output() -> None:

@@ -179,4 +179,5 @@ def name_of(target: str) -> str:
         return path.name
     from ..files.scenario import name_of_file
 
-    return name_of_file(path) if path.suffix == ".toml" else path.stem
+    name = name_of_file(path) if path.suffix == ".toml" else path.stem
+    return os.fsdecode(name.encode("utf-8", "surrogateescape"))  # as the locale names files

@@ -183,7 +183,7 @@ DesignOption = Annotated[
 ]  # fmt: skip
 TimeLimit = Annotated[
     float | None,
-    number(Quantity("--time-limit", "s", 0.0, LONGEST), "SECONDS",
+    number(Quantity("--time-limit", "s", 0.0, LONGEST, above=True), "SECONDS",
            "Wall time that a run may take to step; what it has by then is kept, and the command "
            "ends with 5."),
 ]  # fmt: skip

@@ -8,7 +8,7 @@ png, pdf      the scenario's plots, a file each
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 import pyarrow as pa
@@ -33,24 +33,31 @@ def export(folder: Path, form: str, into: Path | None = None) -> tuple[list[Path
     if form in ("png", "pdf"):
         return _plots(run, form, folder, into), ""
     path, note = into / f"series.{form}", ""
-    with io.replacing(path) as part:
+    with io.replacing_file(path) as file:
         if form == "mat":
             from scipy.io import savemat
 
             structs = _structs(run)
-            savemat(part, structs, appendmat=False, do_compression=True, long_field_names=True)
+            savemat(file, structs, appendmat=False, do_compression=True, long_field_names=True)
         else:
             table, note = _table(run)
-            if form == "csv":
-                from pyarrow import csv
-
-                csv.write_csv(table.rename_columns([*map(no_formula, table.column_names)]), part)
-            else:
-                from pyarrow import parquet
-
-                parquet.write_table(table, part, compression="zstd", use_dictionary=False,
-                                    use_byte_stream_split=True)  # fmt: skip
+            _write_table(table, form, file)
     return [path], note
+
+
+def _write_table(table: pa.Table, form: str, file: BinaryIO) -> None:
+    """Write a table as csv or parquet."""
+    if form == "csv":
+        from pyarrow import csv
+
+        names = [no_formula(name) for name in table.column_names]
+        csv.write_csv(table.rename_columns(names), file)
+    else:
+        from pyarrow import parquet
+
+        parquet.write_table(
+            table, file, compression="zstd", use_dictionary=False, use_byte_stream_split=True
+        )
 
 
 def no_formula(text: str) -> str:

@@ -51,7 +51,7 @@ from ..system.model import Connection, Connector, Fmu
 from ..system.parameters import expand
 from ..system.quantity import Quantity
 from . import hardware, library, paths
-from .io import TomlTable, line_of, lines, parsed, text
+from .io import TomlTable, line_of, lines, parsed, text, utf8_name
 
 FILE = "craft.toml"
 ENDING = ".craft.toml"
@@ -91,6 +91,8 @@ class _Reader:
         name = path.resolve().parent.name if path.name == FILE else stem(path)
         if path.name.endswith(ENDING):
             name = f"{path.resolve().parent.name}_{name}"
+        if not name.isascii():
+            name = utf8_name(name)
         self.result = Draft(name, self.where)
         self.interfaces: dict[str, Interface] = {}
         self.roles: dict[str, str] = {}

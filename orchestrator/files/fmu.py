@@ -18,10 +18,11 @@ from desat.components.contract.block import Scalar
 from desat.components.contract.units import Unit
 from desat.fmus.description import TOOL
 
-from ..system.errors import DesatError
+from ..system.errors import DesatError, plain
 from ..system.interface import Interface, OutputClass, Signal, apart
 from ..system.parameters import known_unit
 from .io import contents
+from .model_structure import check_structure
 from .xml import parse_bytes
 
 LONGEST_NAME = 200
@@ -150,20 +151,36 @@ def _read(path: Path, called: str) -> tuple[Any, Any]:
             raise DesatError(f"{called}: {kind}: FMI 1.0, 2.0 or 3.0 for co-simulation is needed: "
                              "export it as that")  # fmt: skip
         _identifier(called, root)
-        return root, description_of(path)
+        check_structure(root, f"{called}/modelDescription.xml")
+        return root, description_of(path, called)
     except (OSError, KeyError, zipfile.BadZipFile, etree.XMLSyntaxError) as error:
         raise DesatError(f"{called}: not a readable FMU ({error})") from error
-    except DesatError:
-        raise
-    except Exception as error:  # fmpy raises plain Exception
-        said = str(error).splitlines() or [type(error).__name__]
-        raise DesatError(f"{called}: {said[0]}") from error
 
 
-def description_of(path: Path) -> Any:
-    """What fmpy makes of a model description (of a file or an extracted folder), whatever faults
-    against the standard it has."""
-    return read_model_description(path, validate=False)
+def description_of(path: Path, called: str = "") -> Any:
+    """Return what fmpy reads from the model description of an FMU.
+
+    Faults against the standard are not looked for.
+
+    Parameters
+    ----------
+    path
+        The FMU, a file or an extracted folder.
+    called
+        The name of its file in messages; by default that of `path`.
+
+    Raises
+    ------
+    DesatError
+        If the description cannot be read.
+    """
+    try:
+        return read_model_description(path, validate=False)
+    except Exception as error:  # fmpy raises plain Exception, KeyError, IndexError, ...
+        where = f"{called or path.name}/modelDescription.xml"
+        lines = str(error).splitlines() or [type(error).__name__]
+        kind = "" if type(error) is Exception else f"{type(error).__name__}: "
+        raise DesatError(f"{where}: {kind}{plain(lines[0])}") from error
 
 
 @lru_cache(maxsize=256)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import re
 import shutil
@@ -14,10 +15,24 @@ from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path, PurePosixPath, PureWindowsPath
-from typing import Any
+from typing import Any, BinaryIO
 
 from ..system.errors import DesatError, Exit, RunError
 from . import paths
+
+FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+"""The numbers of errors that say that a file has no room."""
+
+
+def is_full(error: BaseException | None) -> bool:
+    """Return whether an error, or one that it came from, says that the disk is full."""
+    seen: list[BaseException] = []  # an error may be its own cause
+    while error is not None and error not in seen:
+        if isinstance(error, OSError) and error.errno in FULL:
+            return True
+        seen.append(error)
+        error = error.__cause__ or error.__context__
+    return False
 
 
 @contextmanager
@@ -63,10 +78,40 @@ def replacing(path: Path) -> Iterator[Path]:
         raise
 
 
+@contextmanager
+def replacing_file(path: Path) -> Iterator[BinaryIO]:
+    """Open a file to write that takes the place of another as a whole (`replacing`).
+
+    For packages that take no name that is not UTF-8.
+    """
+    with replacing(path) as part, part.open("wb") as file:
+        yield file
+
+
+def encoded(text: str) -> bytes:
+    """Return a text as UTF-8, whatever file names are in it.
+
+    A name whose bytes Python could not read (a locale without UTF-8, or a name in another
+    encoding) holds them as surrogates: those that are UTF-8 come out as they are, others
+    as U+FFFD.
+    """
+    try:
+        return text.encode()
+    except UnicodeEncodeError:
+        readable = re.sub("[\ud800-\udc7f\udd00-\udfff]", "\ufffd", text)
+        as_named = readable.encode("utf-8", "surrogateescape")
+        return as_named.decode("utf-8", "replace").encode()
+
+
+def utf8_name(name: str) -> str:
+    """Return a file's name as a text that is UTF-8, for names of systems."""
+    return encoded(name).decode()
+
+
 def replace_text(path: Path, content: str | bytes) -> None:
     """Write a file as a whole (`replacing`). Raises OSError."""
     with replacing(path) as part:
-        part.write_bytes(content.encode() if isinstance(content, str) else content)
+        part.write_bytes(encoded(content) if isinstance(content, str) else content)
 
 
 # ------------------------------------------------------------------------------------------------
@@ -162,6 +207,12 @@ def extract(path: Path, folder: Path) -> None:
         raise
     except Exception as error:  # zipfile raises many kinds
         shutil.rmtree(folder, ignore_errors=True)
+        if is_full(error):
+            reason = getattr(error, "strerror", None) or error
+            raise RunError(
+                f"{paths.shown(path)}: it cannot be extracted to {folder.parent} ({reason})",
+                Exit.SPACE,
+            ) from error
         raise DesatError(f"{paths.shown(path)}: not a readable archive ({error})") from error
 
 

@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING, Any
 
 from ..system.errors import DesatError, nearest
 from . import paths
-from .io import TomlTable, at, toml
+from .io import TomlTable, at, toml, utf8_name
 from .merge import Origins, copy, fill, leave_out, merge, origin
 
 if TYPE_CHECKING:
@@ -273,9 +273,9 @@ def name_of_file(file: Path) -> str:
     folder's, with that of another scenario than its nominal one."""
     file = file.resolve()
     if not (file.parent / "craft.toml").is_file():
-        return file.stem
-    craft = file.parent.name
-    return craft if file.name == paths.NOMINAL else f"{craft}-{file.stem}"
+        return utf8_name(file.stem)
+    craft = utf8_name(file.parent.name)
+    return craft if file.name == paths.NOMINAL else f"{craft}-{utf8_name(file.stem)}"
 
 
 def own(file: Path) -> Scenario:

@@ -91,7 +91,7 @@ def _load(name: str, of_systems: bool) -> Family:
 
 def _file(name: str) -> Path:
     """Where a family of this folder is kept."""
-    where = hashlib.sha256(str(paths.SCENARIOS / name).encode()).hexdigest()[:16]
+    where = hashlib.sha256(os.fsencode(paths.SCENARIOS / name)).hexdigest()[:16]
     return paths.cache() / "lists" / f"{name}-{where}.json"
 
 
@@ -100,7 +100,7 @@ def _digest(name: str) -> str:
     made = hashlib.sha256(f"{sys.version}".encode())
     folder = paths.SCENARIOS / name
     for path in sorted(p for p in folder.rglob("*") if p.suffix in (".toml", ".ssd", ".fmu")):
-        made.update(f"\0{path.relative_to(folder)}\0".encode() + path.read_bytes())
+        made.update(os.fsencode(f"\0{path.relative_to(folder)}\0") + path.read_bytes())
     made.update(_code())
     return made.hexdigest()
 
@@ -117,5 +117,5 @@ def _code() -> bytes:
             for file in sorted(f for f in files if f.endswith(".py")):
                 path = os.path.join(folder, file)
                 stat = os.stat(path)
-                made.update(f"\0{path} {stat.st_size} {stat.st_mtime_ns}".encode())
+                made.update(os.fsencode(f"\0{path} {stat.st_size} {stat.st_mtime_ns}"))
     return made.digest()

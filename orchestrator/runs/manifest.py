@@ -133,12 +133,15 @@ def read_manifest(folder: Path) -> Manifest:
             where = str(folder / name)
             try:
                 told = json.loads(contents(folder / name, where))
-            except ValueError as error:
+            except (ValueError, RecursionError) as error:
                 raise DesatError(f"{where}: {error}") from error
             for key, kind in (("status", str), ("about", dict)):
                 if not isinstance(told, dict) or not isinstance(told.get(key), kind):
                     raise DesatError(f"{where}: no manifest of a run (it has no {key})")
-            return Manifest.from_json(told)
+            try:
+                return Manifest.from_json(told)
+            except ValueError as error:
+                raise DesatError(f"{where}: no manifest of a run: {error}") from error
     if (folder / paths.NOMINAL).is_file():
         runs = Path("runs") / folder.resolve().name
         there = f"; its run is {runs}" if (runs / MANIFEST).is_file() else ""

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from math import pi
+from math import isfinite, pi
 from pathlib import Path
 from typing import Any
 
@@ -113,10 +113,7 @@ def fitting(
     some = sorted(_laws_of(asked), key=lambda m: (m != own.interface.model, m != PLAINEST))
     refused: list[Refused] = []
     for manager in (*some, *others):
-        try:
-            block = _block(manager)
-        except OwnBlockError as error:
-            raise DesatError(str(error)) from error
+        block = _read_block(manager)
         label = manager if block is None or is_own(manager) else manager.removeprefix("manager_")
         if why := "" if block is None else _lacks(block, manager, system, terms):
             if manager != own.interface.model:
@@ -133,35 +130,41 @@ def fitting(
 
 
 def check_names(asked: Sequence[str], others: Sequence[str] = ()) -> None:
-    """Check that there are the laws and files that are asked for, before anything flies.
+    """Check laws, managers and files that are asked for, before anything flies.
 
-    Raises DesatError for a name that there is not, and a file that is no block.
+    Parameters
+    ----------
+    asked
+        Laws or managers of ours by name, or all.
+    others
+        Block files and FMUs of the user's own.
+
+    Raises
+    ------
+    DesatError
+        If there is no law, manager or file of a name, or if a file declares laws that
+        cannot be read.
     """
     _laws_of(asked)
-    for file in others:
-        if Path(file).suffix not in (".py", ".fmu"):
-            raise DesatError(f"{file}: a law of your own is a .py or an .fmu file")
-        if not Path(file).is_file():
-            raise DesatError(f"{file}: No such file or directory")
-        try:
-            _block(file)
-        except OwnBlockError as error:
-            raise DesatError(str(error)) from error
+    for manager in others:
+        if Path(manager).suffix not in (".py", ".fmu"):
+            raise DesatError(f"{manager}: a law of your own is a .py or an .fmu file")
+        if not Path(manager).is_file():
+            raise DesatError(f"--law {manager}: No such file or directory")
+        _laws(_read_block(manager), manager)
 
 
 def _laws_of(asked: Sequence[str]) -> list[str]:
     """The managers of these laws or managers."""
     every = managers()
-    if ALL in asked:
-        return every
     by_law = {law.name: m for m in every for law in _laws(block_class(m), m)}
     known = by_law | {m: m for m in every} | {m.removeprefix("manager_"): m for m in every}
     for name in asked:
-        if name not in known:
+        if name not in known and name != ALL:
             close = nearest(name, known).partition("; there is ")[0]
             laws = ", ".join(sorted(by_law))
             raise DesatError(f"{name}: no law and no manager{close}; there is {laws}")
-    return list(dict.fromkeys(known[name] for name in asked))
+    return every if ALL in asked else list(dict.fromkeys(known[name] for name in asked))
 
 
 def _is_asked(law: Law, manager: str, asked: Sequence[str], others: Sequence[str]) -> bool:
@@ -174,11 +177,55 @@ def _block(manager: str) -> type[Block] | None:
     return None if manager.endswith(".fmu") else block_class(manager)
 
 
+def _read_block(manager: str) -> type[Block] | None:
+    """Return the block of a manager. Raises DesatError for a file that cannot be one."""
+    try:
+        return _block(manager)
+    except OwnBlockError as error:
+        raise DesatError(str(error)) from error
+
+
 def _laws(block: type[Block] | None, manager: str) -> tuple[Law, ...]:
     """The laws of a manager; what is not ours and declares none flies with its own values."""
     declared = block.offers if block is not None and issubclass(block, Manager) else ()
     ours = manager in names()
+    if block is not None and not ours:
+        _check_offers(declared, block, Path(manager).name)
     return declared or (() if ours else (Law(Path(manager).stem.replace("_", " ")),))
+
+
+def _check_offers(declared: Any, block: type[Block], where: str) -> None:
+    """Raise DesatError for laws that a file declares in another form than `Law` has."""
+    if isinstance(declared, Law) or not isinstance(declared, (tuple, list)):
+        raise DesatError(f'{where}: offers: a tuple is needed, as offers = (Law("my law"),)')
+    parameters = {v.name for v in block.variables if v.causality == "parameter"}
+    for law in declared:
+        if not isinstance(law, Law) or not isinstance(law.name, str) or not law.name:
+            raise DesatError(f'{where}: offers: {law!r} is no law with a name, as Law("my law")')
+        at = f"{where}: offers: Law {law.name}"
+        for field, given in (("gains", law.gains), ("units", law.units)):
+            if not isinstance(given, Mapping):
+                raise DesatError(f'{at}: {field}: a dict is needed, as {{"gain": "craft.rate"}}')
+            for key in given:
+                if key not in parameters:
+                    raise DesatError(
+                        f"{at}: {field}: no parameter {key}{nearest(str(key), parameters)}"
+                    )
+        for key, rule in law.gains.items():
+            if not _is_rule(rule):
+                raise DesatError(
+                    f"{at}: gains: {key} is {rule!r}; a finite number, true or false, a choice by "
+                    "its name, or a product of numbers and component.parameter is needed"
+                )
+        if law.rate and law.rate not in law.gains:
+            raise DesatError(f"{at}: rate: {law.rate!r} is none of its gains")
+
+
+def _is_rule(rule: Any) -> bool:
+    """Return whether a gain of a law is a text, true or false, or a finite number."""
+    if isinstance(rule, (int, float)):
+        return isfinite(rule)
+    return isinstance(rule, str)
 
 
 def _lacks(block: type[Block], manager: str, system: System, terms: Terms) -> str:
@@ -255,7 +302,7 @@ def _gains(
         if isinstance(rule, bool) or rule in elements[0].choices:
             yield key, rule, str(rule)
             continue
-        number, unit = product(rule, known)
+        number, unit = product(str(rule), known)  # a number stands for itself
         number *= unit.factor
         shown = law.units.get(key, elements[0].unit_name)
         text = f"{rule} = {number:.4g} {shown}".removesuffix(" 1")

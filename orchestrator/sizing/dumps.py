@@ -39,6 +39,7 @@ from ..analyses.flight import (
     flown_at,
     hardware_of,
     inputs_at,
+    needless,
     values_of,
     wanted_attitude,
 )
@@ -406,7 +407,7 @@ def _through(
 ) -> Flight | None:  # fmt: skip
     """A flight of so long (s), over which orbit and Sun move, with many rows between two dumps;
     None where that takes too many."""
-    block = environment_block(system.components["environment"])
+    block = environment_block(system.components["environment"], needless(system))
     times = system.start + _nodes(block, system.start, flight, span, interval / BETWEEN)
     if len(times) > MOST_ROWS:
         return None
@@ -462,12 +463,12 @@ def _perigees(block: Any, start: float, period: float, span: float) -> list[floa
 def _flight(system: System, attitude: Attitude, since: float = 0.0) -> Flight:
     """Whole orbits at the wanted attitude, a day of them or one, `since` (s) after the start."""
     begin = system.start + since
-    block = environment_block(system.components["environment"])
+    block = environment_block(system.components["environment"], needless(system))
     first = inputs_at(block, [begin])
     period = period_of(first["r_eci"][0], first["v_eci"][0])
     orbits = max(1, round(86400.0 / period))
     times = begin + np.linspace(0.0, orbits * period, max(orbits * 90, NODES) + 1)
-    block = environment_block(system.components["environment"])
+    block = environment_block(system.components["environment"], needless(system))
     return flown_at(system, attitude, inputs_at(block, times.tolist()), times)
 
 
@@ -540,6 +541,7 @@ def _course(
     `goes_on`: the flight is repeated until there are as many, else it ends."""
     begin, spread = part * float(law["begin"]), hardware.spread()
     target = np.array(law["h_target_body"], float)
+    most_share = float(np.linalg.norm(spread, axis=1).max()) if law["fill"] == "wheels" else 1.0
     gained = flight.disturbance - flight.disturbance[0]
     # what the body itself has turns with it: wheels at rest begin with that as the whole
     total = rotate_back(flight.q[row : row + 1], flight.body[row : row + 1])[0]
@@ -554,7 +556,12 @@ def _course(
         if not full.any():
             if not goes_on:
                 return
-            total, begun, row = whole[-1], begun + span, 0
+            # as many repetitions at once as cannot bring the fill to its threshold
+            growth = float(np.linalg.norm(gained[-1])) * most_share
+            room = (begin - float(fill.max())) / growth if growth > 0.0 and row == 0 else 1.0
+            times_on = max(1, int(min(room, (LONGEST - begun) / span)))
+            total = whole[-1] + (times_on - 1) * gained[-1]
+            begun, row = begun + times_on * span, 0
             if not dumps and begun >= 3.0 * span and _stays(flight, law, fill):
                 return
             continue

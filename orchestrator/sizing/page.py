@@ -104,6 +104,7 @@ def rows_of(made: Sizing) -> list[tuple[str, str, str]]:
         ("Longest time in which 1.3 times that cannot undo s", duration(made.blind), ""),
         ("Rods along the direction where they do least, over the mean", f"{made.weakness:.3f}", ""),
         ("That direction, eci", ", ".join(f"{x:.2f}" for x in made.weakest), ""),
+        ("Rate after separation", f"{np.degrees(made.tip_off_rate):.4g}", "deg/s"),
         ("Momentum after separation", f"{1e3 * made.tip_off:.4g}", "mN m s"),
         ("Detumbling, least time by its rods at their limits", duration(made.detumbling), ""),
         ("First dump of it from the wheels, least time", duration(made.first_dump), ""),

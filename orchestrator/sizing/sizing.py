@@ -44,6 +44,7 @@ from ..analyses.flight import (
     flown_at,
     hardware_of,
     inputs_at,
+    needless,
     series_for,
     values_of,
 )
@@ -59,7 +60,7 @@ from ..system.errors import DesatError
 from ..system.model import Component, System
 from ..system.options import Options
 from .compatibility import Terms, fitting, prepare_with, terms_of
-from .law import Law, UnsuitedError, law_of
+from .law import STEP, Law, UnsuitedError, hold_of, law_of
 from .model import fly, in_body_of, track_of, useful
 
 Array = NDArray[Any]
@@ -73,6 +74,9 @@ FLOWN = (1.3,)
 """Rods that fly in the closed loop beside the recommended one, as multiples of the least."""
 WORST = "worst.toml"
 """The scenario beside a craft's own that what is recommended has to meet, too."""
+DETUMBLING = "detumbling.toml"
+OTHERS_STEP = 40.0  # s, samples of other laws than the craft's on the worst day
+TIP_OFF = 5.0 * pi / 180.0  # rad/s, where no scenario says it
 TRIES, STEP_UP = 6, 1.5
 """So often rods are made larger for it, each time by this where the model does not say by how
 much."""
@@ -102,8 +106,8 @@ class Wishes:
     """rad"""
     slew_time: float = 0.0
     """s"""
-    tip_off: float = 5.0 * pi / 180.0
-    """rad/s"""
+    tip_off: float | None = None
+    """rad/s; None: that of the craft's own scenario `detumbling`, else TIP_OFF"""
     arm: float | None = None
     """m, of thrusters; None: the craft's"""
     specific_impulse: float | None = None
@@ -126,7 +130,8 @@ class Wishes:
                              "attitude is of 180 deg at most; the angle is in deg")  # fmt: skip
         for quantity, value in ((quantities.ARM, self.arm),
                                 (quantities.ISP, self.specific_impulse),
-                                (quantities.TIP_OFF, float(np.degrees(self.tip_off)))):  # fmt: skip
+                                (quantities.TIP_OFF, None if self.tip_off is None
+                                 else float(np.degrees(self.tip_off)))):  # fmt: skip
             if value is not None:
                 quantity(value)
         if self.slew_time > 0.0:
@@ -323,11 +328,13 @@ class WorstDay:
 
 
 def on_worst_day(
-    worst: WorstDay, law: Law, hardware: Hardware, rods: Array
+    worst: WorstDay, law: Law, hardware: Hardware, rods: Array, longest: float = STEP
 ) -> tuple[Array, Array]:  # fmt: skip
     """Duty (1) and what the fullest wheel comes to (N m s) with each of these rods (A m2) under a
-    law. Raises UnsuitedError for a law that the model does not have."""
-    made = fly([track_of(worst.flight, law, hardware)], law, hardware, rods.tolist())
+    law, whose samples are taken together up to `longest` (s). Raises UnsuitedError for a law that
+    the model does not have."""
+    hold = hold_of(law, worst.flight, longest)
+    made = fly([track_of(worst.flight, law, hardware, hold=hold)], law, hardware, rods.tolist())
     return made.duty[0, 0], made.wheel[0, 0]
 
 
@@ -404,6 +411,16 @@ class Best:
     """A m2; None: there is none up to LARGEST times the least and the craft's own"""
 
 
+@dataclass(frozen=True)
+class RodsByCondition:
+    """The smallest rods that hold under a condition, law by law."""
+
+    condition: str
+    """for people"""
+    rods: Mapping[str, float | None]
+    """law -> A m2; None: none up to LARGEST times the least"""
+
+
 @dataclass(frozen=True, repr=False)
 class Sizing:
     """What a craft needs, beside what it has. Momenta N m s, torques N m, dipoles A m2, times s."""
@@ -442,6 +459,8 @@ class Sizing:
     """that the craft has"""
     best: tuple[Best, ...]
     """law by law, the craft's own first where the model has it"""
+    conditions: tuple[RodsByCondition, ...]
+    """the rods with the margin and the duty asked for, under conditions that are easier first"""
     law: str
     """of the recommended rods, the first of these"""
     recommended: float | None
@@ -464,6 +483,8 @@ class Sizing:
     """what they do there over what they do on the average of all directions"""
     blind: float
     """the longest time in which rods of 1.3 times the least cannot undo the secular torque"""
+    tip_off_rate: float
+    """rate of the body after separation, rad/s"""
     tip_off: float
     """momentum of the body after separation"""
     detumbling: float
@@ -521,8 +542,7 @@ class Sizing:
             rods = (f"no rods of up to {LARGEST:g} times the least, "
                     f"{max(self.least, self.least_year):.3g} A m2, do")  # fmt: skip
         else:
-            *others, last = self._held()
-            rods = f"{', '.join(others)}, and {last}," if others else last
+            rods = f"rods of {self.recommended:.3g} A m2 are recommended: they hold {self._held()}"
         text = f"{self.target}: {rods}{wished}; it has {self.rod:.4g} A m2. "
         if self.detumbling_recommended is not None and self.first_dump_recommended is not None:
             text += (f"With {self.recommended:.3g} A m2 detumbling takes at least "
@@ -533,21 +553,14 @@ class Sizing:
             return text + f"Its wheels need {momenta(needs)} each and have no limit."
         return text + f"Its wheels need {momenta(needs, has)} each."
 
-    def _held(self) -> Iterator[str]:
-        """What rods hold which conditions, the hardest first."""
-        rod, year, day = self.recommended, self.recommended_year, self.recommended_day
-        assert rod is not None
-        worst = self.worst_scenario and (year is None or rod > year)
-        if worst:
-            yield f"rods of {rod:.3g} A m2 hold {self.worst_scenario}"
-        if year is not None and self.worst_day:
-            begin = f"{year:.3g} A m2" if worst else f"rods of {year:.3g} A m2 hold"
-            yield f"{begin} the worst day of the year ({self.worst_day})"
-        begun = worst or bool(self.worst_day)
-        if day is not None and not begun:
-            yield f"rods of {day:.3g} A m2 hold"
-        elif day is not None and (year is None or day < year):
-            yield f"{day:.3g} A m2 the day of the scenario"
+    def _held(self) -> str:
+        """Return the hardest condition that the recommended rods hold, for people."""
+        rod, year = self.recommended, self.recommended_year
+        if self.worst_scenario and rod is not None and (year is None or rod > year):
+            return self.worst_scenario
+        if self.worst_day:
+            return f"the worst day of the year ({self.worst_day})"
+        return "the day of the scenario"
 
 
 def momenta(needed: float, has: float | None = None) -> str:
@@ -619,11 +632,21 @@ def size(
     law, day = (best[0].law, best[0].rod) if best else ("", None)
     model = next((x for x in laws if x.name == law), None)
     recommended = by_year = _for_the_year(day, hardest, model, hardware, least, wishes)
+    conditions = [RodsByCondition("the day of the scenario", {b.law: b.rod and _up(b.rod)
+                                                              for b in best})]  # fmt: skip
+    if hardest is not None and best:
+        others = {
+            b.law: _for_the_year(b.rod, hardest, x, hardware, least, wishes, OTHERS_STEP)
+            for b in best[1:] for x in laws if x.name == b.law
+        }  # fmt: skip
+        day_of_year = f"the worst day of the year ({_named(hardest, least)})"
+        conditions.append(RodsByCondition(day_of_year, {law: by_year, **others}))
     told: list[str] = []
     beside = beside_craft(source) if wishes.flown else None
     if beside is not None:
         recommended, unmet = _for_worst(beside, options, hardware, recommended, model, progress)
         told += unmet
+        conditions.append(RodsByCondition(f"{beside.text}, closed loop", {law: recommended}))
     filled = None
     if model is not None and hardest is not None and hardware.m_limit > 0.0:
         _, wheel = on_worst_day(hardest, model, hardware, np.array([hardware.m_limit]))
@@ -635,7 +658,8 @@ def size(
     needed, lasts = _wheels(flight, hardware, torque, cyclic, np.array(bias, float))
     where = geometry(flight, hardware, able, torque, least)
     slew = slew_of(hardware, wishes)
-    tip_off = float(np.linalg.eigvalsh(hardware.inertia)[-1]) * wishes.tip_off
+    rate = _tip_off(source, options) if wishes.tip_off is None else wishes.tip_off
+    tip_off = float(np.linalg.eigvalsh(hardware.inertia)[-1]) * rate
     start = float(np.linalg.norm(flight.h_start))
     tumbling, against = (max(x, 1e-300) for x in (where.tumbling, where.against))
 
@@ -649,11 +673,11 @@ def size(
         target, round(flight.whole / flight.period), flight.period, attitude.kind,
         tuple(torque.tolist()), float(np.linalg.norm(torque)) * flight.period, _span(cyclic),
         *shares_of(flight, torque), year, needed, *slew, room_of(hardware), hardware.torque_limit,
-        lasts, formula, least, rod, best, law, recommended, by_year,
+        lasts, formula, least, rod, best, tuple(conditions), law, recommended, by_year,
         day and _up(day), "" if hardest is None else _named(hardest, least),
         0.0 if hardest is None else max(least, hardest.least),
         "" if beside is None else beside.text,
-        tuple(where.weakest.tolist()), where.weakness, where.blind, tip_off,
+        tuple(where.weakest.tolist()), where.weakness, where.blind, rate, tip_off,
         takes(tip_off, tumbling, rod) or 0.0, takes(tip_off, against, rod) or 0.0,
         takes(tip_off, tumbling, recommended), takes(tip_off, against, recommended),
         start, takes(start, against, rod) or 0.0,
@@ -713,7 +737,7 @@ def _named(hardest: WorstDay, least: float) -> str:
 
 def _for_the_year(
     day: float | None, hardest: WorstDay | None, law: Law | None, hardware: Hardware, least: float,
-    wishes: Wishes,
+    wishes: Wishes, longest: float = STEP,
 ) -> float | None:  # fmt: skip
     """The rods (A m2) that hold on the scenario's day, which takes `day`, and on the worst one;
     None: there are none."""
@@ -726,8 +750,23 @@ def _for_the_year(
     most = max(LARGEST, hardware.m_limit / hardest.least)
     rods = np.array([_up(x) for x in np.geomspace(wishes.margin, most, 60) * hardest.least])
     rods = np.maximum(rods, _up(day))
-    found = _smallest(*on_worst_day(hardest, law, hardware, rods), room_of(hardware), wishes)
+    found = _smallest(
+        *on_worst_day(hardest, law, hardware, rods, longest), room_of(hardware), wishes
+    )
     return None if found is None else float(rods[found])
+
+
+def _tip_off(source: Target, options: Options) -> float:
+    """Return the rate after separation (rad/s): of the scenario `detumbling` beside a craft of
+    one's own, or TIP_OFF."""
+    file = source.scenario.file if source.scenario is not None else None
+    if file is None or not (there := file.parent / DETUMBLING).is_file():
+        return TIP_OFF
+    try:
+        system, _ = prepare(read(str(there)), replace(options, stop=None)).or_raise()
+    except DesatError:
+        return TIP_OFF
+    return float(np.linalg.norm(system.components["spacecraft"].values["omega_start_body"]))
 
 
 def beside_craft(source: Target) -> Target | None:
@@ -835,10 +874,10 @@ def days_of_year(
         raise DesatError(f"the attitude stays neither in eci nor in lvlh ("
                          f"{np.degrees(attitude.wanders):.3g} deg from its mean)")  # fmt: skip
     component = system.components["environment"]
-    block = environment_block(component)
+    block = environment_block(component, needless(system))
     first = inputs_at(block, [0.0])
     period = period_of(first["r_eci"][0], first["v_eci"][0])
-    span = period * int(86400.0 / period)
+    span = period * max(1, int(86400.0 / period))
     since = np.linspace(0.0, span, round(span / YEAR_STEP) + 1)
     levels = _activities(component, values_of(system)["spacecraft"], own)
     epoch = float(getattr(block, "epoch_j2000", 0.0))

@@ -162,7 +162,8 @@ def of_runs(
     ends = [run.manifest.end_time for run in runs]
     uneven = [
         f"{targets[0]} ends at {ends[0]:g} s, {target} at {end:g} s"
-        for target, end in zip(targets[1:], ends[1:], strict=True) if end != ends[0]
+        for target, end in zip(targets[1:], ends[1:], strict=True)
+        if end != ends[0] and end is not None and ends[0] is not None
     ]  # fmt: skip
     return Comparison(tuple(targets), tuple(runs), rows_of(runs), (*warnings, *uneven))
 

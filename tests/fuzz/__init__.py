@@ -27,7 +27,7 @@ from desat.runs.prepare import prepare
 from desat.system.errors import DesatError
 from desat.system.options import Options
 from fuzz.mutations import mutated
-from fuzz.seeds import FILES, TARGETS, seeds
+from fuzz.seeds import BARE, FILES, TARGETS, plain_kind, seeds
 
 LONGEST = 5.0
 """CPU time (s) that an input may take."""
@@ -71,7 +71,7 @@ def inputs(seed: int, count: int) -> Iterator[tuple[str, bytes]]:
     rng, known = random.Random(seed), seeds()
     for _ in range(count):
         kind = rng.choice(list(known))
-        yield kind, mutated(kind, known[kind], rng)
+        yield kind, mutated(plain_kind(kind), known[kind], rng)
 
 
 def run(folder: Path, seed: int, count: int) -> Outcome:
@@ -122,6 +122,8 @@ def _one(folder: Path, kind: str, data: bytes, traced: Outcome | None) -> str:
 
 
 def _options(kind: str) -> Options:
+    if kind.endswith(BARE):
+        return Options()
     theirs = kind in ("fmu", "ssp") or kind.startswith("xml")
     return Options(step=1.0, stop=2.0, blocks=not theirs)
 

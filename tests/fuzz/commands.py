@@ -24,6 +24,7 @@ from typing import Any
 
 from desat import cli
 from desat.system.errors import Exit
+from fuzz import tree
 from fuzz.mutations import STRANGE
 
 LONGEST = 20
@@ -33,7 +34,7 @@ TLE = """1 25544U 98067A   19343.69339541  .00001764  00000-0  38792-4 0  9991
 2 25544  51.6439 211.2001 0007417  17.6667  85.6398 15.50103472202482
 """
 FLIGHT = "--blocks --stop 3 --step 1 --substeps 1"
-QUICK = (
+WRITTEN = (
     "new craft made --force --altitude 400km --inclination 51.6deg --size 12U --rods 0.2",
     "new craft made --force --sso 500km --ltan 10:30 --mass 16kg --box 0.2,0.2,0.4 "
     "--inertia 0.2,0.2,0.1 --wheels '4 pyramid 30mNms' --thrusters '4 1N' --pointing inertial",
@@ -47,7 +48,6 @@ QUICK = (
     "export run nowhere --format csv --out exported",
     "export fmu nowhere --platforms linux64 --fmi 2 --stop 3 --step 1 --out made.fmu",
     f"run nowhere --checkpoint 1 --call-limit 9 --time-limit 9 --accuracy 1e-7 {FLIGHT}",
-    "page nowhere --draft 60 --into pages",
     "check mine",
     "show mine",
     "help keys",
@@ -57,8 +57,11 @@ QUICK = (
     f"campaign nowhere -n 1 --seed 1 --accuracy 1e-7 --case-limit 9 --jobs 1 {FLIGHT}",
     "campaign nowhere -n 1 --sampling random --keep every:1 --case-limit 10",
 )
+QUICK = (*WRITTEN, *tree.generated("nowhere"))
 """What ends at once: `nowhere` is no scenario, which is seen when the options have been read."""
+FLOWN = ("check", "show", "run", "compare", "sweep", "size", "tune", "campaign run", "export fmu")
 SLOW = (
+    *tree.generated("mine", flown=True, only=FLOWN),
     f"run mine --checkpoint 1 --call-limit 9 --time-limit 9 --accuracy 1e-7 {FLIGHT}",
     f"campaign mine -n 1 --seed 1 --jobs 1 {FLIGHT}",
     f"sweep mine manager.gain=1e-3,2e-3 --jobs 1 {FLIGHT}",
@@ -117,6 +120,8 @@ def _changed(line: list[str], rng: random.Random, seeds: Sequence[str]) -> list[
 def prepare(folder: Path) -> None:
     """The files that command lines name."""
     (folder / "iss.tle").write_text(TLE, encoding="utf-8")
+    (folder / "torque.csv").write_text("0,1e-6,0,0\n100,0,1e-6,0\n", encoding="utf-8")
+    (folder / "trusted.txt").write_text(f"{64 * 'a'}  a.fmu\n", encoding="utf-8")
     code, said = ended(["new", "craft", "mine", "--size", "3U", "--altitude", "400km"], folder)
     assert code == 0, said
 

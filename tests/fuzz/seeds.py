@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import io
 import json
+import re
 import zipfile
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from functools import cache
 
 SSD = b"""<?xml version="1.0" encoding="UTF-8"?>
@@ -300,6 +301,17 @@ OURS = (
 THEIRS = _system(b"theirs", b"theirs").replace(b"MORE", b"").replace(b"WIRES", b"")
 THEIRS = THEIRS.replace(b'endConnector="tau_cmd_wheel[', b'endConnector="u[')
 
+BARE = "bare"
+"""The end of the kinds of files in a system without stop time and step: its FMUs suggest them."""
+WITHOUT_TIMES = re.sub(
+    rb"<ssd:DefaultExperiment.*</ssd:DefaultExperiment>", b"", THEIRS, flags=re.S
+)
+
+
+def plain_kind(kind: str) -> str:
+    """Return the kind of a file without what says in which system it stands."""
+    return kind.removesuffix(BARE)
+
 
 @cache
 def seeds() -> dict[str, bytes]:
@@ -307,9 +319,19 @@ def seeds() -> dict[str, bytes]:
     fmu = _zip({"modelDescription.xml": XML, "binaries/linux64/theirs.so": b""})
     files = {"SystemStructure.ssd": THEIRS, "p.ssv": SSV, "p.ssm": SSM, "d.ssb": SSB,
              "extra/desat/scenario.json": ABOUT, "resources/theirs.fmu": fmu}  # fmt: skip
-    return {"ssd": OURS, "ssv": SSV, "ssm": SSM, "ssb": SSB, "json": ABOUT, "toml": TOML,
+    made = {"ssd": OURS, "ssv": SSV, "ssm": SSM, "ssb": SSB, "json": ABOUT, "toml": TOML,
             "craft": CRAFT, "xml": XML, "xml1": XML_1, "xml3": XML_3, "fmu": fmu,
             "ssp": _zip(files)}  # fmt: skip
+    files["SystemStructure.ssd"] = WITHOUT_TIMES
+    bare = {
+        "ssd": WITHOUT_TIMES,
+        "xml": XML,
+        "xml1": XML_1.replace(b' stopTime="1.0"', b' stopTime="1.0" stepSize="0.1"'),
+        "xml3": XML_3,
+        "fmu": fmu,
+        "ssp": _zip(files),
+    }
+    return made | {f"{kind}{BARE}": data for kind, data in bare.items()}
 
 
 TARGETS = {
@@ -325,6 +347,12 @@ TARGETS = {
     "xml3": ("theirs", "theirs/resources/theirs.fmu"),
     "fmu": ("theirs", "theirs/resources/theirs.fmu"),
     "ssp": ("packed.ssp", "packed.ssp"),
+    f"ssd{BARE}": (BARE, f"{BARE}/SystemStructure.ssd"),
+    f"xml{BARE}": (BARE, f"{BARE}/resources/theirs.fmu"),
+    f"xml1{BARE}": (BARE, f"{BARE}/resources/theirs.fmu"),
+    f"xml3{BARE}": (BARE, f"{BARE}/resources/theirs.fmu"),
+    f"fmu{BARE}": (BARE, f"{BARE}/resources/theirs.fmu"),
+    f"ssp{BARE}": (f"packed_{BARE}.ssp", f"packed_{BARE}.ssp"),
 }
 """What is prepared, and the file within that is mutated."""
 FILES: dict[str, Callable[[], bytes]] = {
@@ -340,5 +368,83 @@ FILES: dict[str, Callable[[], bytes]] = {
     "theirs/p.ssm": lambda: SSM,
     "theirs/d.ssb": lambda: SSB,
     "theirs/resources/theirs.fmu": lambda: seeds()["fmu"],
+    f"{BARE}/SystemStructure.ssd": lambda: WITHOUT_TIMES,
+    f"{BARE}/p.ssv": lambda: SSV,
+    f"{BARE}/p.ssm": lambda: SSM,
+    f"{BARE}/d.ssb": lambda: SSB,
+    f"{BARE}/resources/theirs.fmu": lambda: seeds()["fmu"],
 }
 """The files around."""
+
+
+# --- model descriptions with one fault each -----------------------------------------------------
+
+CAUSALITIES = {
+    b"2.0": ("parameter", "calculatedParameter", "input", "output", "local", "independent"),
+    b"3.0": ("parameter", "calculatedParameter", "structuralParameter", "input", "output", "local",
+             "independent"),
+}  # fmt: skip
+VARIABILITIES = ("constant", "fixed", "tunable", "discrete", "continuous")
+ALLOWED = {
+    "parameter": "fixed tunable",
+    "calculatedParameter": "fixed tunable",
+    "structuralParameter": "fixed tunable",
+    "input": "discrete continuous",
+    "output": "constant discrete continuous",
+    "local": "constant fixed tunable discrete continuous",
+    "independent": "continuous",
+}
+"""By the tables of the standards (FMI 2.0.4, 2.2.7; FMI 3.0.1, 2.4.7.4)."""
+NOWHERE = (b"0", b"99", b"-1", b"x", b"1.5", b"", b"18446744073709551616")
+
+
+def forbidden_pairs() -> Iterator[tuple[str, str, bytes]]:
+    """Yield kind, fault and model description for each forbidden causality and variability."""
+    for kind, text, old in (
+        ("xml", XML, b'name="n" valueReference="3" causality="parameter" variability="fixed"'),
+        ("xml3", XML_3, b'name="torque_limit" valueReference="8" causality="parameter" '
+                        b'variability="fixed"'),
+    ):  # fmt: skip
+        version = re.search(rb'fmiVersion="(.*?)"', text)[1]
+        place = old.partition(b" causality")[0]
+        for causality in CAUSALITIES[version]:
+            for variability in VARIABILITIES:
+                if variability in ALLOWED[causality].split():
+                    continue
+                for initial in ("", ' initial="exact"'):
+                    pair = f' causality="{causality}" variability="{variability}"{initial}'
+                    assert old in text
+                    yield kind, f"{pair[1:]} of {kind}", text.replace(old, place + pair.encode())
+
+
+POINTERS = (
+    ("xml", b'<Unknown index="3" dependencies="1"/>', (
+        b'<Unknown index="#" dependencies="1"/>', b'<Unknown index="3" dependencies="#"/>',
+        b'<Unknown index="3" dependencies="1 #"/>',
+    )),
+    ("xml", b'<Unknown index="4"/>', (b'<Unknown index="#"/>',)),
+    ("xml", b'<Real start="0"/>', (b'<Real start="0" derivative="#"/>',)),
+    ("xml3", b'<Output valueReference="5" dependencies="2"/>', (
+        b'<Output valueReference="#" dependencies="2"/>',
+        b'<Output valueReference="5" dependencies="#"/>',
+        b'<Output valueReference="5" dependencies="2 #"/>',
+    )),
+    ("xml3", b'<InitialUnknown valueReference="5"/>', (b'<InitialUnknown valueReference="#"/>',)),
+    ("xml3", b'<Dimension valueReference="1"/>', (b'<Dimension valueReference="#"/>',)),
+)  # fmt: skip
+"""Kind, what refers to another variable, and what takes its place; `#` is the reference."""
+
+
+def pointing_nowhere() -> Iterator[tuple[str, str, bytes]]:
+    """Yield kind, fault and model description for each reference to no variable."""
+    whole = {"xml": XML, "xml3": XML_3}
+    for kind, right, changes in POINTERS:
+        assert right in whole[kind]
+        for wrong in changes:
+            for reference in NOWHERE:
+                is_list = b"dependencies" in wrong.partition(b"#")[0]
+                is_time = kind == "xml3" and reference == b"0"
+                if is_time or (is_list and not reference):
+                    continue  # the standard allows these
+                made = wrong.replace(b"#", reference)
+                yield kind, made.decode(), whole[kind].replace(right, made, 1)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from math import radians
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -36,8 +36,13 @@ def size(
         str | None, typer.Option(metavar="DEG/S", help="A slew that wheels make: 60/300.")
     ] = None,
     tip_off: Annotated[
-        float, o.number(quantities.TIP_OFF, "DEG_PER_S", "Rate after separation.")
-    ] = 5.0,
+        float | None,
+        o.number(
+            quantities.TIP_OFF,
+            "DEG_PER_S",
+            "Rate after separation (default: that of detumbling.toml beside the craft, else 5).",
+        ),
+    ] = None,
     arm: Annotated[
         float | None, o.number(quantities.ARM, "M", "Of thrusters (default: the craft's).")
     ] = None,
@@ -103,7 +108,7 @@ def size(
         margin,
         radians(angle),
         seconds,
-        radians(tip_off),
+        None if tip_off is None else radians(tip_off),
         arm,
         isp,
         laws is not False,
@@ -227,10 +232,24 @@ def _print_sizing(made: Sizing) -> None:
             if r.law == made.curve[0].law or r.law == made.law:
                 table.add_row(*cells_of(r))
         out.print(table)
-        if others := [f"{b.law} {f'{b.rod:.4g}' if b.rod else 'none'}" for b in made.best[1:]]:
-            out.print(f"recommended under other laws, A m2: {', '.join(others)}", highlight=False)
+    if made.conditions and made.best:
+        out.print()
+        laws = [b.law for b in made.best]
+        table = _table(f"smallest rods (A m2), duty {100.0 * made.duty:g} %, margin "
+                       f"{made.wishes.margin:g}", *laws)  # fmt: skip
+        for found in made.conditions:
+            table.add_row(found.condition, *(_rod_cell(found.rods, law) for law in laws))
+        out.print(table)
     for line in made.notes:
         out.print(f"note: {line}", highlight=False, markup=False)
+
+
+def _rod_cell(rods: Mapping[str, float | None], law: str) -> str:
+    """Return the text of a law's rods (A m2): empty where it was not looked at."""
+    if law not in rods:
+        return ""
+    rod = rods[law]
+    return "none" if rod is None else f"{rod:.3g}"
 
 
 def _print_sized(as_json: bool) -> Callable[[DumpSizing], None]:

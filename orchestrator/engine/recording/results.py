@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...files.io import regular
-from ...system.errors import DesatError, nearest
+from ...system.errors import DesatError, nearest, plain
 from . import memory, shared_tables
 from .series_file import pack
 
@@ -78,6 +78,28 @@ def _row_count(manifest: Path) -> int:
         return sys.maxsize
 
 
+DAMAGED = (OSError, RuntimeError, LookupError, ValueError, TypeError, AttributeError)
+"""What h5py raises, and what follows, where a file is not as it was written."""
+
+
+def _reason(error: Exception) -> str:
+    """Return what an error says in one line."""
+    return plain(" ".join(str(error).split())) or type(error).__name__
+
+
+def _check_series(file: Any, rows: int | None) -> None:
+    """Raise ValueError unless a file that was closed has times and series of as many rows."""
+    times = np.asarray(file["time"][:rows], np.float64)
+    if times.ndim != 1 or not np.isfinite(times).all() or (np.diff(times) <= 0.0).any():
+        raise ValueError("its times do not increase")
+    for data in shared_tables.data_sets(file):
+        is_of_numbers = isinstance(data, h5py.Dataset) and data.dtype.kind in "fiub"
+        if not is_of_numbers or data.ndim not in (1, 2):
+            raise ValueError(f"{data.name}: it holds no series")
+        if rows is None and data.shape[0] not in (len(times) - 1, len(times)):
+            raise ValueError(f"{data.name}: {data.shape[0]} rows for {len(times)} times")
+
+
 class Results:
     """The series of a run."""
 
@@ -124,9 +146,12 @@ class Results:
             if file.suffix == ".part":
                 grown = min(_grown(opened), _row_count(file.with_name(MANIFEST)))
                 rows = grown if rows is None else min(grown, rows)
-            return cls(opened, rows)
-        except OSError as error:
-            raise DesatError(f"{path}: no readable series ({error})") from error
+            found = cls(opened, rows)
+            if file.suffix != ".part":
+                _check_series(opened, rows)
+            return found
+        except DAMAGED as error:
+            raise DesatError(f"{path}: no readable series ({_reason(error)})") from error
 
     def __enter__(self) -> Self:
         return self
@@ -161,27 +186,42 @@ class Results:
         components = (c for c in self._file if c != "time" and not c.startswith("."))
         return [f"{c}.{v}" for c in components for v in sorted(self._file[c])]
 
+    def _unreadable(self, what: str, error: Exception) -> DesatError:
+        """Return the error of a file that is damaged where it is read."""
+        file = getattr(self._file, "filename", SERIES)
+        return DesatError(f"{file}: {what} cannot be read ({_reason(error)})")
+
     def _find(self, name: str) -> Any:
         if name in self._index:
             return self._index[name]
         component, _, variable = name.partition(".")
-        if component not in self._file or variable not in self._file[component]:
-            raise DesatError(f"no series {name}{nearest(name, self.names())}")
-        return self._file[component][variable]
+        try:
+            if component in self._file and variable in self._file[component]:
+                return self._file[component][variable]
+            known = self.names()
+        except DAMAGED as error:
+            raise self._unreadable(name, error) from error
+        raise DesatError(f"no series {name}{nearest(name, known)}")
 
     def raw(self, path: str, rows: slice) -> NDArray[Any]:
         """Rows of a data set of the file."""
-        return np.asarray(self._file[path][rows])
+        try:
+            return np.asarray(self._file[path][rows])
+        except DAMAGED as error:
+            raise self._unreadable(path, error) from error
 
     def values(self, name: str, rows: slice = slice(None)) -> NDArray[Any]:
         """The rows of `component.variable` as (rows, elements), or (rows,) for a scalar; not to be
         written to."""
         last = rows.stop if self._rows is None else min(self._rows, rows.stop or self._rows)
         found = self._find(name)
-        if not isinstance(found, h5py.Dataset) or found.nbytes > RECENT // 16:
-            return np.asarray(found[rows.start : last])
-        whole = self.recent(("values", name), lambda: np.asarray(found[:]))
-        return whole[rows.start : last]
+        try:
+            if not isinstance(found, h5py.Dataset) or found.nbytes > RECENT // 16:
+                return np.asarray(found[rows.start : last])
+            whole = self.recent(("values", name), lambda: np.asarray(found[:]))
+            return whole[rows.start : last]
+        except DAMAGED as error:
+            raise self._unreadable(name, error) from error
 
     def count(self, name: str) -> int:
         """The number of rows of a series."""
@@ -190,13 +230,22 @@ class Results:
 
     def times(self, name: str | None = None) -> NDArray[np.float64]:
         """The time (s) of each row of a series (default: of all recorded steps)."""
-        whole = self.recent("time", lambda: np.asarray(self._file["time"][: self._rows]))
+        try:
+            whole = self.recent("time", lambda: np.asarray(self._file["time"][: self._rows]))
+        except DAMAGED as error:
+            raise self._unreadable("time", error) from error
         return whole if name is None else whole[: self._find(name).shape[0]]
 
     def attribute(self, name: str, key: str) -> str:
         """`unit`, `frame`, `description` or `class` of a series."""
-        return str(self._find(name).attrs[key])
+        try:
+            return str(self._find(name).attrs[key])
+        except DAMAGED as error:
+            raise self._unreadable(f"{name}, attribute {key},", error) from error
 
     def choices(self, name: str) -> tuple[str, ...]:
         """The names of an Integer's values, `-` for one that it never has; empty without names."""
-        return tuple(str(self._find(name).attrs.get("choices", "")).split())
+        try:
+            return tuple(str(self._find(name).attrs.get("choices", "")).split())
+        except DAMAGED as error:
+            raise self._unreadable(f"{name}, attribute choices,", error) from error

@@ -81,5 +81,6 @@ def compiled(found: dict[str, str]) -> bytes:
 def _run(command: Sequence[str], folder: Path) -> None:
     done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
     if done.returncode:
+        native.check_room(done.stderr, "compiler zig")
         said = (done.stderr.strip() or "no word").splitlines()
         raise DesatError(f"zig does not compile {command[-1]}: {said[0]}")

@@ -1,0 +1,130 @@
+"""Values that were read from JSON, held against the types that a dataclass declares."""
+
+from __future__ import annotations
+
+import types
+from collections.abc import Mapping, Sequence
+from dataclasses import fields, is_dataclass
+from functools import cache
+from typing import Any, Literal, Union, get_args, get_origin, get_type_hints
+
+from .errors import plain
+
+LARGEST = 1e300
+"""The largest size of a whole number that is a float, too."""
+_NEEDED = {
+    str: "a text",
+    bool: "true or false",
+    int: "a whole number",
+    float: "a number",
+    type(None): "null",
+}
+
+
+def fault_of(value: Any, declared: Any, where: str) -> str:
+    """Return what is wrong with a value of a declared type.
+
+    Parameters
+    ----------
+    value
+        What was read: a dataclass, or a value as JSON has it.
+    declared
+        The type, as `typing.get_type_hints` gives it.
+    where
+        The key of the value, for the message.
+
+    Returns
+    -------
+    str
+        The key, what it is and what is needed; empty if the value is of the type.
+    """
+    if declared is Any:
+        return ""
+    origin, arguments = get_origin(declared), get_args(declared)
+    if origin in (Union, types.UnionType):
+        return _fault_of_union(value, arguments, where)
+    if origin is Literal:
+        return "" if value in arguments else _fault(value, where, " or ".join(map(str, arguments)))
+    if isinstance(declared, type) and is_dataclass(declared):
+        return _fault_of_dataclass(value, declared, where)
+    kind = origin or declared
+    if isinstance(kind, type) and issubclass(kind, Mapping):
+        return _fault_of_mapping(value, arguments, where)
+    if isinstance(kind, type) and issubclass(kind, Sequence) and kind is not str:
+        return _fault_of_sequence(value, arguments, where)
+    return "" if _is_of(value, kind) else _fault(value, where, _name_of(kind))
+
+
+def _fault_of_union(value: Any, choices: Sequence[Any], where: str) -> str:
+    if not all(fault_of(value, choice, where) for choice in choices):
+        return ""
+    for choice in choices:
+        if isinstance(choice, type) and is_dataclass(choice) and isinstance(value, choice):
+            return fault_of(value, choice, where)
+    return _fault(value, where, " or ".join(_name_of(get_origin(c) or c) for c in choices))
+
+
+def _fault_of_dataclass(value: Any, declared: type, where: str) -> str:
+    if not isinstance(value, declared):
+        return _fault(value, where, "a table")
+    hints = _hints(declared)
+    faults = (
+        fault_of(getattr(value, f.name), hints[f.name], f"{where}.{f.name}".lstrip("."))
+        for f in fields(declared)
+    )
+    return next(filter(None, faults), "")
+
+
+def _fault_of_mapping(value: Any, arguments: Sequence[Any], where: str) -> str:
+    if not isinstance(value, Mapping):
+        return _fault(value, where, "a table")
+    if not arguments:
+        return ""
+    of_key, of_value = arguments
+    for key, entry in value.items():
+        inner = f"{where}.{key}"
+        if text := fault_of(key, of_key, inner) or fault_of(entry, of_value, inner):
+            return text
+    return ""
+
+
+def _fault_of_sequence(value: Any, arguments: Sequence[Any], where: str) -> str:
+    if not isinstance(value, (list, tuple)):
+        return _fault(value, where, "a list")
+    if not arguments:
+        return ""
+    is_of_any_length = len(arguments) == 1 or arguments[-1] is Ellipsis
+    if not is_of_any_length and len(value) != len(arguments):
+        return _fault(value, where, f"a list of {len(arguments)}")
+    declared = [arguments[0]] * len(value) if is_of_any_length else arguments
+    faults = (
+        fault_of(x, of, f"{where}[{i}]")
+        for i, (x, of) in enumerate(zip(value, declared, strict=True), 1)
+    )
+    return next(filter(None, faults), "")
+
+
+def _is_of(value: Any, kind: Any) -> bool:
+    """Return whether a value is of a plain type; a whole number is a number, too."""
+    if kind in (int, float) and isinstance(value, bool):
+        return False
+    if kind is float and isinstance(value, int):
+        return abs(value) < LARGEST
+    return not isinstance(kind, type) or isinstance(value, kind)
+
+
+def _name_of(kind: Any) -> str:
+    if kind in _NEEDED:
+        return _NEEDED[kind]
+    if isinstance(kind, type) and issubclass(kind, Sequence):
+        return "a list"
+    return "a table"
+
+
+def _fault(value: Any, where: str, needed: str) -> str:
+    return f"{where} is {plain(repr(value)[:60])}; {needed} is needed"
+
+
+@cache
+def _hints(declared: type) -> dict[str, Any]:
+    return get_type_hints(declared)
