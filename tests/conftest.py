@@ -13,6 +13,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import psutil
 import pytest
 from hypothesis import settings
 
@@ -113,6 +114,21 @@ def apart() -> Command:
         )  # fmt: skip
 
     return run
+
+
+@pytest.fixture
+def daemons(monkeypatch) -> Callable[[], list[psutil.Process]]:
+    """The daemons that an FMU of tests/failing.c has left, of this process' tests alone: others
+    run the same tests at the same time."""
+    name = f"daemon_{os.getpid()}"  # a name has 15 characters
+    monkeypatch.setenv("DAEMON", name)
+
+    def alive() -> list[psutil.Process]:
+        processes = psutil.process_iter(["name", "status"])
+        mine = [p for p in processes if p.info["name"] == name]
+        return [p for p in mine if p.info["status"] != psutil.STATUS_ZOMBIE]
+
+    return alive
 
 
 @pytest.fixture

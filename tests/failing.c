@@ -29,6 +29,12 @@ enum { NOTHING, SEGFAULT, ABORT, KILL, EXIT_0, EXIT_3, HANG, OVERFLOW, IN_FREE, 
 
 static int recurse(int n) { volatile char big[65536]; big[n & 65535] = 1; return recurse(n + 1) + big[0]; }
 
+static const char *daemon_name(void)
+{
+    const char *called = getenv("DAEMON");
+    return called ? called : "desat_daemon";
+}
+
 static void ruin(int how)
 {
     switch (how) {
@@ -106,7 +112,7 @@ int fmi2DoStep(component c, double t, double dt, int no)
     if (t < 2.5) return 0;
     ruin(me.how);
     if (me.how == FORK && t < 3.5) fork();
-    if (me.how == STAY && t < 3.5 && !fork()) prctl(PR_SET_NAME, "desat_daemon"), sleep(600);
+    if (me.how == STAY && t < 3.5 && !fork()) prctl(PR_SET_NAME, daemon_name()), sleep(600);
     if (me.how == LEAVE && !fork()) sleep(2), _exit(0);
     if (me.how == LEAVE) ruin(SEGFAULT);
     if (me.how == SCRIBBLE) into_all("scribble", 8);  // what it finds open is not its own
@@ -114,8 +120,7 @@ int fmi2DoStep(component c, double t, double dt, int no)
     if (me.how == KILL_GROUP) kill(0, SIGKILL);
     if (me.how == DAEMON && t < 3.5 && !fork()) {
         setsid();
-        const char *called = getenv("DAEMON");
-        if (!fork()) prctl(PR_SET_NAME, called ? called : "desat_daemon"), sleep(600);
+        if (!fork()) prctl(PR_SET_NAME, daemon_name()), sleep(600);
         _exit(0);
     }
     if (me.how == TRAPS) feenableexcept(FE_INVALID);

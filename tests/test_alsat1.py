@@ -619,13 +619,24 @@ def test_three_wheels_keep_the_craft_where_the_z_wheel_does_not():
 
 
 def test_another_manager_swaps_in_by_its_source():
-    firing = ",".join(["0"] * 24)
-    sets = ("manager.wheels=z", f"shared.schedule_tau_body={firing}", *NEAR)
+    """Its law is flown: the z wheel takes the firing's 1.5 mN m while it lasts, so that the craft
+    turns less than a tenth as fast about z; what it does not take of the craft's own is said."""
     swapped = execute("alsat1/firing-z-wheel", Options(
-        blocks=True, stop=60.0, sources=["manager=manager_boom_feedforward"], sets=list(sets)
+        blocks=True, stop=160.0, sources=["manager=manager_boom_feedforward"],
+        sets=["manager.wheels=z", *NEAR],
     ))  # fmt: skip
     assert swapped.ok
-    assert swapped.results.values("manager.mode")[-1] == 1
+    plain = run("firing-z-wheel", stop=160.0, sets=tuple(NEAR))
+    mode = swapped.results.values("manager.mode")
+    assert mode.tolist() == [1] * 100 + [2] * 30 + [1] * (len(mode) - 130)
+    torque = swapped.results.values("manager.tau_cmd_wheel")[:, 0]
+    assert torque[100:130] == pytest.approx(1.5e-3, rel=0.1)
+    assert np.abs(torque[[*range(90, 100), *range(130, 140)]]).max() < 0.5e-3
+    rates = [r.results.values("spacecraft.omega_bi_body")[:, 2] for r in (swapped, plain)]
+    turned = [np.abs(rate[100:] - rate[99]).max() for rate in rates]
+    assert turned[0] < 0.1 * turned[1]
+    (told,) = [w for w in swapped.manifest.warnings if "does not take" in w]
+    assert "manager_boom_feedforward does not take wheel, gain_dump, kp, kd" in told
 
 
 def test_schedules_that_differ_are_a_warning():

@@ -18,7 +18,6 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-import psutil
 import pytest
 from conftest import but
 from dying import dies_or_not
@@ -446,14 +445,14 @@ def test_crashes_and_hangs_leave_a_complete_dataset(tmp_path, binary):  # noqa: 
     )
 
 
-def test_daemons_do_not_outlive_a_campaign(tmp_path, binary, apart):  # noqa: F811
+def test_daemons_do_not_outlive_a_campaign(tmp_path, binary, apart, daemons):  # noqa: F811
     """They held the pipes of whoever called: this waits for their end."""
     system = drawn_to_fail(tmp_path / "s", binary, ["DAEMON"])
     done = apart("campaign", system, "-n", "3", "--step", "1", "--jobs", "2",
                  "--out", str(tmp_path / "campaign"))  # fmt: skip
     assert done.returncode == Exit.COMPLETED, done.stderr
     assert [r["status"] for r in store.read(tmp_path / "campaign").to_pylist()] == ["completed"] * 3
-    assert "desat_daemon" not in [p.info["name"] for p in psutil.process_iter(["name"])]
+    assert daemons() == []
 
 
 # --- what comes out -------------------------------------------------------------------------------

@@ -189,6 +189,18 @@ def test_a_dump_is_of_whole_pulses_which_the_wheels_take_up():
     assert (given[:, 1] != 0.0).all(), "an axis without a shortest pulse has any impulse"
 
 
+def test_what_a_sample_leaves_of_a_pulse_comes_with_the_next_samples():
+    """Of a torque that is a part of a pulse a sample about y, and three pulses and a part about x:
+    after each sample all that was wanted so far has been fired, to within a pulse."""
+    pulse, start = np.array([0.03, 0.05, 1e-9]), np.array([1.0, 0.2, 0.0])
+    rows = flown(law(pulse_body=tuple(pulse), end=0.05), start.tolist(), 8)
+    fired = np.cumsum([10.0 * n for _, _, n in rows], axis=0)
+    h = np.vstack([start, start + fired[:-1]])
+    wanted = np.cumsum(-0.1 * h / np.linalg.norm(h, axis=1)[:, None], axis=0)  # 0.01 N m, 10 s
+    assert abs(wanted[0, 1]) < pulse[1], "no sample alone fires about y"
+    assert (np.abs(fired - wanted) < pulse).all()
+
+
 def test_a_dump_whose_rest_is_no_pulse_ends():
     """It stayed in its dump for ever: less than half a pulse about each axis was left, and more
     than a sample's torque."""

@@ -8,6 +8,7 @@ import math
 import re
 import shutil
 import signal
+import subprocess
 import sys
 import zipfile
 from contextlib import nullcontext
@@ -118,6 +119,34 @@ def test_a_signal_to_stop_is_its_exit_code(number):
     with pytest.raises(SystemExit) as left:
         cli._terminate(number, None)
     assert left.value.code == 128 + number
+
+
+SWALLOWED = """
+import os, sys, time, weakref
+from desat import cli
+
+def fails(**given):
+    thing = set()
+    ref = weakref.ref(thing, lambda _: os.kill(os.getpid(), {number}))
+    del thing
+    time.sleep(30.0)
+    print("it went on")
+
+cli.get_command = lambda app: fails
+cli.spare = lambda command: None
+sys.argv[1:] = []
+cli.main()
+"""
+
+
+@pytest.mark.skipif(not hasattr(signal, "setitimer"), reason="needs POSIX")
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_to_stop_that_python_swallows_comes_again(number):
+    """Inside a weakref callback, as each import has one, its exception is printed and ignored."""
+    script = SWALLOWED.format(number=int(number))
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True,
+                          timeout=60, check=False)  # fmt: skip
+    assert (done.returncode, done.stdout, done.stderr) == (128 + number, "", "")
 
 
 def test_a_full_disk_is_known_by_what_an_error_came_from():

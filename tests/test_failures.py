@@ -332,7 +332,7 @@ WROTE = "bad: at t = 3 s it wrote into a file that is not its own; it was ended"
         ("STAY", ""),
     ],
 )
-def test_an_isolated_component_has_nothing_of_the_heads(system, apart, how, text):
+def test_an_isolated_component_has_nothing_of_the_heads(system, apart, daemons, how, text):
     """What it finds open, its process group and what it leaves behind are its own: it wrote into
     the files of the run, killed `desat`, and its daemons held the caller's pipes."""
     done = apart("run", str(system), "--step", "1", "--set", f"bad.how={HOW.index(how)}", "--json",
@@ -343,19 +343,21 @@ def test_an_isolated_component_has_nothing_of_the_heads(system, apart, how, text
     with load_run(system / "out").results as results:
         assert results.times().tolist() == [float(k) for k in range(4 if text else 11)]
         assert results.values("bad.y").tolist() == results.times().tolist()
-    assert [p for p in psutil.process_iter(["name"]) if p.info["name"] == "desat_daemon"] == []
+    assert daemons() == []
 
 
-def test_daemons_that_left_their_group_stay_where_nobody_watches(system):
+def test_daemons_that_left_their_group_stay_where_nobody_watches(system, daemons):
     """As the page says: of a run in the library that is not supervised."""
     script = f"""
 import desat
 desat.run({str(system)!r}, {{"bad.how": {HOW.index("DAEMON")}}}, step=1.0).or_raise("it")
 """
     subprocess.run([sys.executable, "-c", script], check=True, timeout=60, stdin=subprocess.DEVNULL,
-                   stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, cwd=ROOT,
-                   env={**os.environ, "DAEMON": "desat_stays"})  # fmt: skip
-    (one,) = (p for p in psutil.process_iter(["name"]) if p.info["name"] == "desat_stays")
+                   stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, cwd=ROOT)  # fmt: skip
+    deadline = time.monotonic() + 60.0
+    while not (stays := daemons()) and time.monotonic() < deadline:
+        time.sleep(0.05)  # it is forked before it takes its name
+    (one,) = stays
     one.kill()
 
 

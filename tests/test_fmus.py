@@ -161,6 +161,21 @@ def test_package_name_follows_the_contents(tmp_path, monkeypatch):
     assert old != new
 
 
+def test_they_are_as_large_as_the_page_of_hosts_says():
+    """Built for one platform; in kB, to a fiftieth."""
+    page = (ROOT / "docs" / "hosts.md").read_text(encoding="utf-8")
+    row = re.search(r"\| size \| (\d+) to (\d+) kB \| (\d+) to (\d+) kB \|", page)
+    assert row is not None
+    for folder, said in (("native", row.groups()[:2]), (".", row.groups()[2:])):
+        files = list((paths.fmus() / folder).glob("*.fmu"))
+        with zipfile.ZipFile(files[0]) as archive:
+            platforms = {n.split("/")[1] for n in archive.namelist() if n.startswith("binaries/")}
+        if len(platforms) > 2:
+            pytest.skip("built for all platforms")
+        sizes = [f.stat().st_size / 1e3 for f in files]
+        assert [min(sizes), max(sizes)] == pytest.approx([float(x) for x in said], rel=0.02)
+
+
 def test_interfaces_page_is_current():
     assert interfaces.PATH.read_text(encoding="utf-8") == interfaces.text(), "run `make fmus`"
 

@@ -209,6 +209,25 @@ def test_rods_by_their_dipole_have_the_turns_that_it_takes(tmp_path: Path) -> No
     assert rows["area_turns"] == pytest.approx(2.0, rel=0.01)
 
 
+def test_a_rod_is_as_thick_as_it_says(tmp_path: Path) -> None:
+    """60x8mm is a length of 60 mm and a diameter of 8 mm: dipole, power and mass by hand."""
+    length, radius, wire = 0.06, 0.004, 0.2e-3
+    write(tmp_path / "mine", CraftFacts(size="3U", rods="rod 800 60x8mm 0.2mm 100mA"), "")
+    text = (tmp_path / "mine" / "craft.toml").read_text()
+    rows = tomllib.loads(text)["parameters"]["torquers"]
+    slender = length / radius
+    demagnetising = 4 * (math.log(slender) - 1) / (slender**2 - 4 * math.log(slender))
+    core = 1 + 19_999 / (1 + 19_999 * demagnetising)
+    area = 800 * math.pi * radius**2 * core
+    assert rows["area_turns"] == pytest.approx(area, rel=1e-3)
+    assert float(rows["m_limit"].split()[0]) == pytest.approx(0.1 * area, rel=1e-3)
+    section, wound = math.pi * wire**2 / 4, 800 * 2 * math.pi * radius
+    resistance = 1.72e-8 * wound / section
+    mass = 8960 * wound * section + 8200 * math.pi * radius**2 * length
+    assert rows["resistance"] == pytest.approx(resistance, rel=1e-3)
+    assert f"{0.01 * resistance:.3g} W, {1e3 * mass:.3g} g each" in text
+
+
 # --- thrusters ------------------------------------------------------------------------------------
 
 

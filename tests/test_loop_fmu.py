@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib.util
 import json
+import re
 import subprocess
 from pathlib import Path
 from typing import Any
@@ -126,6 +127,15 @@ def test_every_series_is_that_of_a_run_bit_by_bit(name, tmp_path):
     compared, wrong = differing(path, run, tmp_path / "x", len(run.results.times()) - 1)
     assert compared > 40
     assert wrong == []
+
+
+def test_it_is_as_large_as_its_page_says(monkeypatch, tmp_path):
+    """Built as `desat export fmu` does, for this platform alone."""
+    monkeypatch.undo()
+    page = (ROOT / "docs" / "loop-fmu.md").read_text(encoding="utf-8")
+    (said,) = re.findall(r"`nadir_day/day-dipole` has (\d+) kB", page)
+    path = export("nadir_day/day-dipole", Options(), LoopEnds(), tmp_path / "loop.fmu")
+    assert path.stat().st_size == pytest.approx(1e3 * float(said), rel=0.03)
 
 
 NADIR = "integrated/mil-nadir"

@@ -7,6 +7,7 @@ import json
 import math
 import re
 import tomllib
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +17,8 @@ import desat as library
 from desat.begin.body import CUBESATS
 from desat.begin.craft import SCENARIOS, write
 from desat.begin.facts import CraftFacts
+from desat.begin.torques import given_torque
+from desat.components.physics.orbit import EARTH_RADIUS
 from desat.files.hardware import classes, quantity
 from desat.fmus import registry
 from desat.runs.prepare import prepare
@@ -27,6 +30,8 @@ TWELVE = CraftFacts(altitude="400km", inclination="51.6deg", size="12U", wheels=
                 rods="0.2", residual_dipole="0.05")  # fmt: skip
 AGILE = CraftFacts(sso="600km", ltan="10:30", mass="150kg", box="0.8,0.8,1.2",
                wheels="4 pyramid 4Nms", rods="30", thrusters="4 1N")  # fmt: skip
+LARGE = CraftFacts(mass="2500kg", box="2.5,2.5,3", rods="none", wheels="4 pyramid 50Nms",
+                   thrusters="4 10N", dump="thrusters 70:10")  # fmt: skip
 ISS = """1 25544U 98067A   19343.69339541  .00001764  00000-0  38792-4 0  9991
 2 25544  51.6439 211.2001 0007417  17.6667  85.6398 15.50103472202482
 """
@@ -64,6 +69,100 @@ def test_each_scenario_is_sound(tmp_path: Path, wanted: CraftFacts, scenario: st
     assert "usual is" not in text
     assert "another craft" not in text
     assert system.name == ("mine" if scenario == "nominal" else f"mine-{scenario}")
+
+
+HIGH = ("low", "moderate", "high").index("high")
+WORSE = {
+    "12u": (TWELVE, ("dipole", "air")),
+    "given": (replace(TWELVE, secular="1uNm", torque="torque.csv"), ("dipole", "constant", "rows")),
+    "deep space": (CraftFacts(sun="1.52AU", mass="500kg", box="1,1,1.5", rods="none",
+                              wheels="4 pyramid 12Nms", thrusters="4 1N",
+                              dump="thrusters 70:10"), ("light",)),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", WORSE)
+def test_the_worst_scenario_is_worse_in_all_that_it_names(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, case: str
+) -> None:
+    """Each disturbance grows, and the start is a turn of 10 deg and half full wheels."""
+    monkeypatch.chdir(tmp_path)
+    Path("torque.csv").write_text("0,1e-6,0,0\n60,0,2e-6,0\n", encoding="utf-8")
+    facts, sources = WORSE[case]
+    write(Path("mine"), facts, "")
+    usual, worst = (
+        {name: part.values for name, part in system.components.items()}
+        for system, _ in (
+            prepare(f"mine/{name}.toml", Options()).or_raise() for name in ("nominal", "worst")
+        )
+    )
+
+    def ratio(component: str, parameter: str) -> float:
+        return float(
+            np.linalg.norm(worst[component][parameter])
+            / np.linalg.norm(usual[component][parameter])
+        )
+
+    if "dipole" in sources:
+        assert ratio("spacecraft", "residual_dipole_body") == pytest.approx(2.0)
+    if "air" in sources:
+        assert usual["environment"]["solar_activity"] < HIGH
+        assert worst["environment"]["solar_activity"] == HIGH
+    if "light" in sources:
+        assert ratio("spacecraft", "area_radiation") == pytest.approx(1.3)
+    if "constant" in sources:
+        assert ratio("spacecraft", "tau_disturbance_body") == pytest.approx(1.3)
+    if "rows" in sources:
+        assert ratio("disturbance", "factor") == pytest.approx(1.3)
+    q, wanted = (np.array(x["spacecraft"]["q_start_bi"]) for x in (worst, usual))
+    assert math.degrees(2.0 * math.acos(abs(q @ wanted))) == pytest.approx(10.0, abs=0.01)
+    wheels = worst["wheels"]
+    capacity = np.array(wheels["inertia_wheel"]) * wheels["speed_limit"]
+    assert np.abs(wheels["h_start_wheel"]) == pytest.approx(0.5 * capacity, rel=0.01)
+    assert not np.any(usual["wheels"]["h_start_wheel"])
+
+
+@pytest.mark.parametrize(
+    ("orbit", "air"),
+    [("gto", True), ("molniya", True), ("geo", False), ("999x20000km", True),
+     ("1000x20000km", False)],
+)  # fmt: skip
+def test_there_is_air_where_the_perigee_is_low(tmp_path: Path, orbit: str, air: bool) -> None:
+    """As its environment has it at perigee, where it starts."""
+    write(tmp_path / "mine", replace(LARGE, orbit=orbit), "")
+    run = library.run(str(tmp_path / "mine"), stop=20.0)
+    assert (run.results.values("environment.density")[0] > 0.0) == air
+    assert ("drag" in run.manifest.content.description) == air
+
+
+def test_molniyas_perigee_is_the_farthest_south(tmp_path: Path) -> None:
+    """Its apogee stands over the north for most of its day: the craft starts at perigee, 504 km
+    above the equator's radius, at a latitude of -63.4349 deg."""
+    write(tmp_path / "mine", replace(LARGE, orbit="molniya"), "")
+    run = library.run(str(tmp_path / "mine"), stop=60.0)
+    r = run.results.values("environment.r_eci")
+    height = np.linalg.norm(r, axis=1)
+    assert height[0] == pytest.approx(EARTH_RADIUS + 504e3, abs=1.0)
+    assert (np.diff(height) > 0.0).all()
+    assert math.degrees(math.asin(r[0, 2] / height[0])) == pytest.approx(-63.4349, abs=1e-3)
+
+
+def test_the_torque_of_a_table_is_its_mean_over_time(tmp_path: Path) -> None:
+    """Linear between rows that are not evenly apart: what goes to and fro leaves nothing."""
+    row = {
+        "rise": ("0,0,0,0\n10,2e-6,0,0\n40,2e-6,0,0\n", 70.0 / 40.0 * 1e-6),
+        "turns": ("0,3e-6,0,4e-6\n30,3e-6,0,4e-6\n50,-3e-6,0,-4e-6\n70,3e-6,0,4e-6\n",
+                  5e-6 * 30.0 / 70.0),
+        "back": ("5,0,1e-6,0\n15,0,-1e-6,0\n", 0.0),
+        "single": ("0,3e-6,0,4e-6\n", 5e-6),
+    }  # fmt: skip
+    for name, (text, mean) in row.items():
+        file = tmp_path / f"{name}.csv"
+        file.write_text(text, encoding="utf-8")
+        for steady, beside in ((None, 0.0), ("2uNm", 2e-6)):
+            given = given_torque(CraftFacts(torque=f"{file} eci", secular=steady))
+            assert given is not None
+            assert given.size == pytest.approx(mean + beside, rel=1e-12, abs=1e-18), name
 
 
 def test_it_is_the_craft_that_was_asked_for(twelve: Path) -> None:

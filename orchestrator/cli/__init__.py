@@ -22,6 +22,8 @@ from . import commands
 from .console import app, err, out
 from .spare import spare
 
+REPEAT_AFTER = 0.05  # s: a callback of the interpreter or of ctypes is over by then
+
 
 def _version(wanted: bool) -> None:
     if wanted:
@@ -47,6 +49,26 @@ def _terminate(number: int, frame: Any) -> NoReturn:
     sys.exit(128 + number)
 
 
+def _repeat_swallowed(unraisable: Any) -> None:
+    """Send a signal to stop once more where Python swallowed the exception that it raised.
+
+    Python ignores an exception inside a weakref callback, a finaliser or a callback of ctypes, and
+    each import has a weakref callback: the signal would be lost, and a traceback printed.
+    """
+    error = unraisable.exc_value
+    number = 0
+    if isinstance(error, KeyboardInterrupt):
+        number = signal.SIGINT
+    elif isinstance(error, SystemExit) and isinstance(error.code, int):
+        number = error.code - 128
+    if number not in stop_signals() or not hasattr(signal, "setitimer"):
+        sys.__unraisablehook__(unraisable)
+        return
+    # to whatever handler there is then; at once would be inside this hook
+    signal.signal(signal.SIGALRM, lambda *_: os.kill(os.getpid(), number))
+    signal.setitimer(signal.ITIMER_REAL, REPEAT_AFTER)
+
+
 def app_for(words: Sequence[str]) -> typer.Typer:
     """The application with the command that these words begin with, where that has a file of its
     own: to make all of them takes as long as to list the families. Else with all."""
@@ -62,6 +84,7 @@ def main() -> None:
     for number in stop_signals():
         if number != signal.SIGINT:
             signal.signal(number, _terminate)
+    sys.unraisablehook = _repeat_swallowed
     if hasattr(
         signal, "SIGCHLD"
     ):  # some who start us ignore it: then nobody hears how a child ends
