@@ -340,3 +340,84 @@ def test_the_dumps_of_a_run_are_the_vector_sums_of_their_pulses(tmp_path):
     assert dumps >= 2
     taken = run.manifest.numbers["dump_momentum"].value
     assert taken == pytest.approx(sizes.max() - sizes[len(sizes) // 2 :].min(), rel=0.05)
+
+
+# --- what a sizing knows ----------------------------------------------------------
+
+
+def _fingerprint(system: Any) -> str:
+    """Everything that the momentum model takes from a system, as text."""
+    from desat.analyses.flight import (
+        environment_block,
+        flown_at,
+        hardware_of,
+        inputs_at,
+        wanted_attitude,
+    )
+    from desat.sizing.dumps import LAW
+
+    times = system.start + np.array([0.0, 500.0, 9000.0, 40000.0])
+    inputs = inputs_at(environment_block(system.components["environment"]), times.tolist())
+    flight = flown_at(system, wanted_attitude(system), inputs, times)
+    manager = system.components["manager"]
+    law = manager.values if manager.interface.model == LAW else {}
+    tank = system.components["thrusters"].values["tank"]
+    seen = (hardware_of(system), dict(law), tank, flight.q, flight.disturbance, flight.body)
+    with np.printoptions(precision=17, floatmode="unique"):
+        return repr(seen)
+
+
+def _changed(signals: Any, values: Any) -> list[Any]:
+    """Other values than a parameter has."""
+    made = []
+    for s, x in zip(signals, values, strict=True):
+        if s.kind == "Boolean":
+            made.append(not x)
+        elif s.choices:
+            made.append(s.choices[(x + 1) % len(s.choices)])
+        elif s.kind == "Integer":
+            made.append(x + 1)
+        else:
+            made.append(1.05 * x if x else 0.01 * (s.maximum or 1.0))
+    return made
+
+
+INACTIVE = {
+    "environment.dipole_earth", "environment.earth_angle_start",  # of a dipole's field
+    "environment.f107", "environment.ap",  # of an activity that is given
+    "environment.density_base", "environment.altitude_base", "environment.scale_height",
+    "environment.atmosphere_radius",  # of an exponential atmosphere
+    "environment.orbit_frame", "environment.r_start", "environment.v_start",  # of a start by state
+    "spacecraft.plates", "spacecraft.drive_plate",  # of plates
+}  # fmt: skip
+"""Parameters that another choice of the craft makes active, in the closed loop, too."""
+
+
+def _silent(target: str) -> set[str]:
+    """Parameters whose change neither moves the momentum model nor is said or refused."""
+    from desat.sizing.sizing import closed_loop_only
+
+    own, _ = prepare(target, Options()).or_raise()
+    known, silent = _fingerprint(own), set()
+    for component in own.components.values():
+        for name in dict.fromkeys(s.array for s in component.interface.parameters):
+            signals = component.interface.elements[name]
+            values = _changed(signals, [component.values[s.name] for s in signals])
+            given = values if len(signals) > 1 else values[0]
+            options = Options(values={f"{component.name}.{name}": given})
+            if list(closed_loop_only(own, options)):
+                continue
+            try:
+                system, _ = prepare(target, options).or_raise()
+                if _fingerprint(system) == known:
+                    silent.add(f"{component.name}.{name}")
+            except (DesatError, ValueError, RuntimeError):
+                continue  # refused
+    return silent
+
+
+def test_size_uses_each_parameter_of_a_craft_or_says_that_it_does_not(tmp_path):
+    geo = GEO | {"mass": "2500kg", "propellant": "15kg", "residual_dipole": "1"}
+    low = geo | {"orbit": None, "altitude": "420km", "pointing": "inertial", "box": "1,1.5,2"}
+    found = _silent(crafted(tmp_path / "geo", **geo)) & _silent(crafted(tmp_path / "low", **low))
+    assert not found - INACTIVE, " ".join(sorted(found - INACTIVE))

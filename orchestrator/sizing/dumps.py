@@ -63,6 +63,7 @@ from .sizing import (
     closed_loop_only,
     cost_of,
     days_of_year,
+    doubts,
     duration,
     finite,
     room_of,
@@ -328,7 +329,7 @@ def size(
         problems=(),
         notes=(),
     )
-    notes = list(closed_loop_only(system, options))
+    notes = [*doubts(system), *closed_loop_only(system, options)]
     made = replace(made, problems=tuple(_problems(made)), notes=(*notes, *_notes(made, wishes)))
     if not (wishes.flown and (steady.first < window or options.stop is not None)):
         return made

@@ -33,6 +33,7 @@ from numpy.typing import NDArray
 from desat.components.laws.least_firing import programme
 from desat.components.maths.allocation import least_on_times
 
+from ..analyses import attitude_loop, plausibility
 from ..analyses.flight import (
     Attitude,
     Flight,
@@ -603,7 +604,7 @@ def size(
     hardware = hardware_of(system)
     progress("the run at the wanted attitude")
     flight = fly_case(case, system)
-    notes: list[str] = list(closed_loop_only(system, options))
+    notes = [*doubts(system), *closed_loop_only(system, options)]
     try:
         own = law_of(system.components["manager"])
     except UnsuitedError as why:
@@ -702,14 +703,22 @@ LOOP_PARAMETERS = {
         "unbalance", "seed", "idle_power", "motor_constant", "h_start_wheel", "speed_gain",
         "speed_sample_time", "command_mode", "failed_from",
     },
-    "spacecraft": {"omega_start_body", "angle_limit"},
+    "spacecraft": {"q_start_bi", "omega_start_body", "start_frame", "angle_limit"},
     "tachometers": {"sample_time", "bias_wheel", "resolution", "full_scale", "fail_time", "seed"},
-    "thrusters": {"sample_time", "placement", "carried", "least_on_time", "least_pulse"},
+    "thrusters": {
+        "sample_time", "placement", "carried", "least_on_time", "least_pulse", "schedule_start",
+        "schedule_duration", "schedule_tau_body", "schedule_force_body",
+    },
     "torquers": {"lag", "resistance", "area_turns", "failed_coil", "failed_from", "failed_share",
                  "failure_known", "pulse_delay", "least_pulse"},
     "manager": {"delay", "wheel_sample_time", "null_gain", "gyroscopic", "feedforward"},
 }  # fmt: skip
 """Parameters of other roles that do so."""
+
+
+def doubts(system: System) -> list[str]:
+    """Say what is improbable in a craft, as `check` and `run` do."""
+    return [*plausibility.warnings(system), *attitude_loop.warnings(system)]
 
 
 def closed_loop_only(system: System, options: Options) -> Iterator[str]:
