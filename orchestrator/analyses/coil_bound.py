@@ -33,6 +33,10 @@ SIGNALS = (
 )  # fmt: skip
 
 
+START = 0.02  # share of a run that counts as its start
+WORTH = 0.01  # share of a run's energy below which the least for its start momentum says nothing
+
+
 @dataclass(frozen=True)
 class CoilBound:
     """What a run's coils took, and the least that they could have."""
@@ -62,11 +66,33 @@ class CoilBound:
 
 
 def of_run(manifest: Manifest, results: Results) -> CoilBound:
-    """The bound of a run. Raises DesatError where a series is not recorded."""
+    """Compute the bound of a run.
+
+    Raises
+    ------
+    DesatError
+        Where a series is not recorded, where the largest momentum is that of the start and
+        next to nothing keeps it, or where the programme cannot be solved.
+    """
     course, start = course_of(manifest, results)
     energy, wheels = (results.values(s) for s in SIGNALS[-2:])
-    used, peak = 2.0 * float(energy[-1]), float(np.abs(wheels).max())
-    least = offline.least_energy(course, peak, start) if peak > 0.0 else None
+    fullest = np.abs(wheels).max(axis=1)
+    used, peak = 2.0 * float(energy[-1]), float(fullest.max())
+    try:
+        with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
+            least = offline.least_energy(course, peak, start) if peak > 0.0 else None
+    except (ValueError, np.linalg.LinAlgError) as error:
+        raise DesatError(
+            f"{manifest.scenario}: no bound: the programme of the least energy cannot be solved "
+            f"({error})"
+        ) from error
+    at_start = int(fullest.argmax()) < START * len(fullest)
+    if at_start and least is not None and least < WORTH * used:
+        raise DesatError(
+            f"{manifest.scenario}: its largest momentum, {peak:.3g} N m s of a wheel, is that of "
+            f"the start, which {least:.2g} A2 m4 s keep of {used:.3g}: that says nothing of a law "
+            "that lowers it"
+        )
     above = 100.0 * (used / least - 1.0) if least else None
     return CoilBound(used, peak, least, above)
 
