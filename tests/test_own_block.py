@@ -301,3 +301,55 @@ def test_a_block_that_assigns_by_name_is_not_refused(tmp_path):
 def test_every_block_of_ours_assigns_its_outputs():
     found = {name: block_file.unassigned(block_class(name)) for name in names()}
     assert {name: lines for name, lines in found.items() if lines} == {}
+
+
+BODY = '''"""A spacecraft of one's own."""
+
+from __future__ import annotations
+
+from desat.components.blocks.spacecraft_rigid import SpacecraftRigid
+{imports}
+
+class MyBody(SpacecraftRigid):
+    """A spacecraft of one's own
+
+    As ours.
+    """
+{declared}
+'''
+IMPORTS = """from desat.components.contract.block import Output, Vec3
+from desat.components.maths.vector import dot, mat_vec
+from desat.components.physics.gyrostat import carrier_inertia
+
+"""
+DECLARED = """
+    momentum_eci: Vec3 = Output("N.m.s", "total momentum, eci")
+    energy: float = Output("J", "energy of the body without the wheels'")
+
+    def output(self, t: float) -> None:
+        super().output(t)
+        carrier = carrier_inertia(self.inertia, self.axes_wheel, self.inertia_wheel)
+        self.momentum_eci = self._momentum
+        self.energy = 0.5 * dot(self.omega_bi_body, mat_vec(carrier, self.omega_bi_body))
+"""
+
+
+@pytest.mark.parametrize("declares", [False, True])
+def test_a_spacecraft_of_ones_own_is_checked_by_what_it_declares(tmp_path, cache, declares):
+    file = tmp_path / "my_body.py"
+    imports, declared = (IMPORTS, DECLARED) if declares else ("", "")
+    file.write_text(BODY.format(imports=imports, declared=declared))
+    options = Options(sources=[f"spacecraft={file}"], stop=120.0, substeps=1)
+    run = execute(TARGET, options)
+    numbers = run.manifest.numbers
+    assert ("momentum_residual" in numbers) == declares
+    assert ("energy_mismatch" in numbers) == declares
+    assert "hidden_work" not in numbers
+    assert not any("residual" in line for line in run.manifest.not_met)
+    if declares:
+        assert numbers["momentum_residual"].value < 1e-12
+        assert numbers["energy_mismatch"].value < 1e-2
+    else:
+        told = "\n".join(run.manifest.warnings)
+        assert "not checked: momentum_residual" in told
+        assert "declares no total momentum (momentum_eci)" in told
