@@ -360,7 +360,9 @@ def test_motors_that_cannot_be_are_refused(parameters, message):
 
 
 def test_a_voltage_and_a_table_that_end_below_the_speed_limit_are_foreseen():
-    block = begin("wheels_motor", **{**MOTOR, **TABLE, "supply_voltage": 6.0})
+    one = (1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    given = {**MOTOR, **TABLE, "supply_voltage": 6.0, "axes_wheel": one}
+    block = begin("wheels_motor", **given)
     said = list(block.foresee(0.0, 10.0, frozenset()))
     assert any("supply_voltage = 6 V turns the wheels at 600 rad/s at most" in x for x in said)
     assert any("drag_speed ends at 700 rad/s, below speed_limit = 800" in x for x in said)

@@ -268,7 +268,8 @@ def test_a_case_of_the_exchange(case):
     assert truth <= promised
     assert single <= 2.0 * was
     assert 0.2 <= estimated / truth <= 5.0, name
-    assert not [w for w in warnings if "no wheel turns the craft" not in w]
+    known = ("no wheel turns the craft", "attitude control")
+    assert not [w for w in warnings if not any(x in w for x in known)]
 
 
 unit = st.floats(-1.0, 1.0)
@@ -330,9 +331,9 @@ def test_the_limits_are_what_the_cases_reach():
 
 
 def of_range(options):
-    """The warnings of a run, but for values that are not usual."""
+    """The warnings of a run, but for values that are not usual and an unstable loop."""
     found = prepare("gyrostat/full", options).checked.warnings
-    return [w for w in found if ": usual is" not in w]
+    return [w for w in found if ": usual is" not in w and "attitude control" not in w]
 
 
 def test_a_run_beyond_the_cases_warns():

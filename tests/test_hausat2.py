@@ -477,7 +477,8 @@ def test_what_makes_no_sense_is_refused(parameters, text):
          "sample_time = 5.0 s", "is outside (0, 2]: at 5 s detumbling"),
         ("[shared]\naxes_wheel = [[0,0,0,0], [0,0,0,0], [0,0,0,0]]", "shared.axes_wheel: manager",
          "axes_wheel has 0 wheels", "one along +y or -y is needed"),
-        ("[shared]\naxes_wheel = [[0,0,0,0], [-1,1,0,0], [0,0,0,0]]", "shared.axes_wheel: manager",
+        ("[shared]\ninertia_wheel = [3.43774677e-4, 3.43774677e-4, 0, 0]\n"
+         "axes_wheel = [[0,0,0,0], [-1,1,0,0], [0,0,0,0]]", "shared.axes_wheel: manager",
          "axes_wheel has 2 wheels", "one along +y or -y is needed"),
         ("[shared]\naxes_wheel = [[0.6,0,0,0], [-0.8,0,0,0], [0,0,0,0]]",
          "shared.axes_wheel: manager", "axis (0.6, -0.8, 0.0)", "is not along +y or -y"),

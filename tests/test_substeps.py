@@ -253,11 +253,11 @@ def test_jitter_has_its_place_in_the_warning(tmp_path):
     warned, q = flown_with(1)
     truth = flown_with(1000)[1]
     error = float(np.radians(pointing(q, truth)).max())
-    (line,) = (w for w in warned if "jitter" in w)
+    (line,) = (w for w in warned if "jitter of unbalanced" in w)
     said = float(line.split("error of about ")[1].split(" ")[0])
     assert 1.0 < said / error < 10.0
     quiet = {**values, "wheels.unbalance": 0.0}
-    assert not any("jitter" in w for w in prepare(target, Options(values=quiet)).checked.warnings)
+    assert not any("jitter of unbalanced" in w for w in prepare(target, Options(values=quiet)).checked.warnings)
 
 
 # --- how it is given, and what becomes of it ------------------------------------------------------

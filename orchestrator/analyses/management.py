@@ -206,7 +206,7 @@ def problems(system: System) -> Iterator[str]:
     if guide is None or manager is None or not _holds(manager):
         return
     wanted = np.array(_target(system, manager) or (0.0, 0.0, 0.0), float)
-    if not wanted.any():
+    if not wanted.any() or "environment" not in system.roles:
         return
     nadir = guide.interface.model == "guidance_nadir"
     try:

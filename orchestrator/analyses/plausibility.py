@@ -170,7 +170,7 @@ def _most_in_an_orbit(system: System, craft: Component) -> float:
     """Estimate from above what disturbances do in an orbit (N m s); inf where it is not known."""
     environment = system.roles.get("environment")
     if environment is None or environment.interface.model not in names():
-        return inf
+        return 0.0  # nothing is known of it
     try:
         block = environment_block(environment)
         block.output(system.start)

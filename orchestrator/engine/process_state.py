@@ -171,11 +171,16 @@ def fork() -> int:
 
 
 def die_with(parent: int, number: int) -> None:
-    """Of a process that was forked: let no fault of a component print a trace, and get a signal
-    when the parent dies (Linux)."""
+    """Let no fault of a component print a trace in a forked process, and let it get a signal when
+    its parent dies (Linux)."""
     faulthandler.disable()
     if sys.platform == "linux":
-        ctypes.CDLL(None).prctl(1, number)  # PR_SET_PDEATHSIG
+        libc = ctypes.CDLL(None)
+        if hasattr(libc, "on_exit"):  # glibc
+            # a component that calls exit() ends here: what the parent's libraries have registered
+            # for their end needs threads that a fork does not have
+            libc.on_exit(ctypes.cast(libc._exit, ctypes.c_void_p), None)
+        libc.prctl(1, number)  # PR_SET_PDEATHSIG
         if os.getppid() != parent:
             os.kill(os.getpid(), number)
 
