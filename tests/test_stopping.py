@@ -149,6 +149,6 @@ def test_the_time_limit(tmp_path):
 def test_the_command_ends_with_5_and_keeps_the_run(desat, tmp_path):
     done = desat("run", NAME, "--blocks", "--time-limit", "1e-9", "--out", str(tmp_path / "a"))
     assert done.returncode == 5
-    assert "\ntimed out: 1e-09 s of wall time over at t = " in done.stderr  # after a warning of jitter
+    assert "\ntimed out: 1e-09 s of wall time over at t = " in done.stderr  # after warnings
     assert json.loads((tmp_path / "a/manifest.json").read_text())["status"] == "timed out"
     assert (tmp_path / "a/report.html").exists()

@@ -257,7 +257,8 @@ def test_jitter_has_its_place_in_the_warning(tmp_path):
     said = float(line.split("error of about ")[1].split(" ")[0])
     assert 1.0 < said / error < 10.0
     quiet = {**values, "wheels.unbalance": 0.0}
-    assert not any("jitter of unbalanced" in w for w in prepare(target, Options(values=quiet)).checked.warnings)
+    warnings = prepare(target, Options(values=quiet)).checked.warnings
+    assert not any("jitter of unbalanced" in w for w in warnings)
 
 
 # --- how it is given, and what becomes of it ------------------------------------------------------

@@ -166,11 +166,28 @@ def warnings(system: System) -> Iterator[str]:
             yield _line(system, loop, condition, damping)
 
 
+_KNOWN: dict[tuple[object, ...], list[Condition]] = {}  # of the last systems, by all that counts
+MOST_KNOWN = 64
+
+
 def _looked_at(system: System) -> Iterator[tuple[Condition, AttitudeLoop]]:
+    """Look at each condition of a system's loop, if it has one of our blocks."""
     loop = loop_of(system)
-    if loop is not None:
-        for condition in conditions(system, loop):
-            yield condition, loop
+    if loop is None:
+        return
+    body = residual.rigid_body(system)
+    assert body is not None
+    wheels = system.components[body.wheels.partition(".")[0]]
+    axes, each, name = _full(system, wheels)
+    start = np.array(wheels.values.get("h_start_wheel", (0.0,) * 4))
+    loops = (x.tobytes() if isinstance(x, np.ndarray) else x for x in vars(loop).values())
+    key = (*loops, axes.tobytes(), each.tobytes(), start.tobytes(), name)
+    if key not in _KNOWN:
+        if len(_KNOWN) >= MOST_KNOWN:
+            _KNOWN.clear()
+        _KNOWN[key] = list(conditions(system, loop))
+    for condition in _KNOWN[key]:
+        yield condition, loop
 
 
 def _line(system: System, loop: AttitudeLoop, condition: Condition, what: str) -> str:

@@ -36,7 +36,7 @@ from .flight import (
 
 Array = NDArray[np.float64]
 
-ROWS = 61  # of an orbit that is looked at
+ROWS = 37  # of an orbit that is looked at
 LARGEST_FIELD = 6e-5  # T, at the ground near a pole
 HARMLESS = 0.5  # share of a wheel up to which an estimate of an orbit's momentum is enough
 LARGEST_COIL_POWER = 200.0  # W, each; the largest rods take some tens
