@@ -80,7 +80,9 @@ def test_a_design_of_another_scenario_follows_its_values():
     flight = "uosat12/fig2-flight-mec-1"
     (line,) = prepare(flight, Options(values={"torquers.quiet_time": 2.0})).checked.warnings
     assert "torquers.quiet_time = 0.0, now 2.0" in line
-    (line,) = prepare(flight, Options(values={"wheels.h_start_wheel": [1.0, 1.0, 1.0, 0.0]})).checked.warnings
+    (line,) = prepare(
+        flight, Options(values={"wheels.h_start_wheel": [1.0, 1.0, 1.0, 0.0]})
+    ).checked.warnings
     assert "that of uosat12/fig2-mec-1, which has no wheels.h_start_wheel" in line
 
 
