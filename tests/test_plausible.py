@@ -327,6 +327,15 @@ def test_a_bias_that_the_attitude_turns_is_refused(tmp_path, pointing):
     assert ("no law turns a bias with it" in told) == (pointing == "yaw")
 
 
+@pytest.mark.parametrize("begin", [1000.0, 40000.0])
+def test_a_bias_that_a_slew_turns_is_refused(tmp_path, begin):
+    target = crafted(tmp_path, size="12U", rods="0.3", pointing="inertial")
+    sets = ["manager.h_target_body=0,0.002,0", "guidance.q_end_bi=0.7071068,0,0,0.7071068",
+            f"guidance.t_begin={begin}", f"guidance.t_end={begin + 600.0}"]  # fmt: skip
+    slewed = Options(sources=["guidance=guidance_slew"], sets=sets)
+    assert "guidance_slew turns it by 90 deg" in "\n".join(prepare(target, slewed).checked.problems)
+
+
 def test_the_dumps_of_a_run_are_the_vector_sums_of_their_pulses(tmp_path):
     """Of a torque of 0.4, 1, 0.2 mN m the pulses turn as they go: their sizes add up to more."""
     (tmp_path / "t.csv").write_text("0,0.4e-3,1e-3,0.2e-3\n1e9,0.4e-3,1e-3,0.2e-3\n")

@@ -54,7 +54,7 @@ FIELD = 3e-5
 ACROSS = 1e-3
 """A target across the orbit's normal by more than this share of its size turns with the craft."""
 MOST_TURN = 0.05  # rad in an orbit, by which a bias may turn: the node's drift, the Sun's course
-TURN_ROWS = 97  # at which the wanted attitude is looked at
+TURN_ROWS = 193  # at which the wanted attitude is looked at, of two orbits and of a run
 NOTHING = 0.01  # share of what comes in below which a manager does nothing
 MOST_BRAKED = 90.0  # deg of rotation in a sample up to which B-dot brakes
 SETTLED = 0.5  # deg/s: B-dot leaves a craft turning with the field
@@ -244,7 +244,8 @@ def _turned(system: System, bias: Array) -> float:
     block = environment_block(component, without_field(component))
     first = inputs_at(block, [system.start])
     period = period_of(first["r_eci"][0], first["v_eci"][0])
-    times = np.linspace(system.start, min(system.stop, system.start + 2.0 * period), TURN_ROWS)
+    ends = min(system.stop, system.start + 2.0 * period), system.stop  # a slew may come late
+    times = np.unique([np.linspace(system.start, end, TURN_ROWS) for end in ends])
     block = environment_block(component, without_field(component))
     q, _ = guided(system.roles["guidance"], inputs_at(block, times.tolist()), times)
     inertial = rotate_back(q, np.broadcast_to(bias / np.linalg.norm(bias), (len(q), 3)))
