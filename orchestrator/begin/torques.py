@@ -12,7 +12,7 @@ from desat.components.blocks.disturbance_table import ROWS
 
 from ..files import io
 from ..system.errors import DesatError
-from ..system.quantity import Quantity
+from ..system.quantity import Quantity, is_float
 from .facts import CraftFacts
 
 FRAMES = ("body", "lvlh", "eci")
@@ -116,12 +116,4 @@ def _numbers(line: str) -> Row | None:
 
 def _has_number(line: str) -> bool:
     """Return whether a field of a line is a number, nan and inf among them: no heading then."""
-    return any(_is_number(field) for field in line.replace(";", ",").split(","))
-
-
-def _is_number(text: str) -> bool:
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return True
+    return any(is_float(field) for field in line.replace(";", ",").split(","))

@@ -25,6 +25,7 @@ from ..system.interface import KINDS, Signal, base_name, selects
 from ..system.model import Component, System
 from ..system.options import Options
 from ..system.parameters import expand, table
+from ..system.quantity import is_float
 from . import stopping
 
 Keys = tuple[str, ...]
@@ -229,7 +230,7 @@ def _lacks(
 def _parameters_named(value: Any) -> list[str]:
     """The parameters that a limit names."""
     factors = re.split(r"[*/]", value) if isinstance(value, str) else ()
-    return [base_name(x.strip()) for x in factors if not _is_number(x)]
+    return [base_name(x.strip()) for x in factors if not is_float(x)]
 
 
 def _elements(
@@ -298,14 +299,6 @@ def _entry_problems(
             yield "element", f"{number.measure} takes one element; there are {several}"
         if not quantity:
             yield from _element_problems(entry, len(elements))
-
-
-def _is_number(text: str) -> bool:
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return True
 
 
 def dispersion_problems(

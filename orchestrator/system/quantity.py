@@ -18,6 +18,15 @@ def is_number(text: str) -> bool:
     return _NUMBER.fullmatch(text) is not None
 
 
+def is_float(text: str) -> bool:
+    """Return whether Python takes it for a number: nan and inf among them."""
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
+
+
 @dataclass(frozen=True)
 class Quantity:
     """What an option takes: a number in `unit`, or in another that fits, from `least` to `most`."""
