@@ -33,9 +33,10 @@ HOURS ?= 1
 fuzz: fmus ## mutated files through all readers, changed command lines, for HOURS; what fails is kept in tests/fuzz/corpus
 	$(BIN)/python tests/fuzz --seed $$(date +%s) --hours $(HOURS)
 
-builds: fmus ## native FMUs by a second compiler (package ziglang, or CC) and under sanitizers: same bits?
+builds: fmus ## native FMUs by a second compiler (package ziglang, or CC), under sanitizers, for Windows: same bits?
 	$(BIN)/python tests/builds.py zig
 	$(BIN)/python tests/builds.py sanitizers
+	$(BIN)/python tests/builds.py windows
 
 bench: ssp .venv-basilisk/.tried ## microseconds per step of ours and of others, into benchmarks/latest.json
 	$(BIN)/python -m benchmarks.run

@@ -233,8 +233,9 @@ def test_a_loop_learns_the_friction():
 def test_the_blocks_converge_to_it(name, values, least_order):
     """With compensation more slowly: its loop takes friction as linear over a step. With stiction
     one wheel stands from 0.004 to 0.107 s, and two stop at once on their way through zero."""
-    name, options = f"gyrostat/{name}", Options(blocks=True, stop=40.0, values=values)
-    ideal = gyrostat(name, stop=40.0, **values).ideal()
+    stop = 16.0 if "torquers.drive" in values else 40.0  # its reference takes a second a pulse
+    name, options = f"gyrostat/{name}", Options(blocks=True, stop=stop, values=values)
+    ideal = gyrostat(name, stop=stop, **values).ideal()
     errors = []
     for step in (1.0, 0.5, 0.25):
         run = convergence.fly(name, replace(options, step=step))
@@ -304,9 +305,9 @@ def craft(draw):
 
 
 @given(craft())
-@settings(max_examples=50)
+@settings(max_examples=20)
 def test_the_estimate_of_any_craft(values):
-    """Within a factor of 10 for all 50; measured over 50 others, 20 s each: 0.85 to 2.63."""
+    """Within a factor of 10 for all 20; measured over 50 others, 20 s each: 0.85 to 2.63."""
     name, options = "gyrostat/full", Options(blocks=True, values=values, stop=5.0, step=1.0)
     system, _ = prepare(name, options).or_raise()
     ideal = Gyrostat(system).ideal()

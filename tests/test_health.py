@@ -293,7 +293,7 @@ def test_the_predictive_law_is_told_what_the_sensors_have(tmp_path, desat):
     new_craft.write(tmp_path / "agile", wanted, "desat new craft")
     target = str(tmp_path / "agile")
     done = desat("compare", target, "--laws", "cross product", "--laws", "predictive", "--json",
-                 "--stop", "43200", cwd=tmp_path)  # fmt: skip
+                 "--stop", "17400", cwd=tmp_path)  # fmt: skip
     assert done.returncode == 0, done.stderr
     untold = prepare(target, Options(sources=["manager=manager_predictive"]))
     assert any("manager.h_noise = 0.0001 N.m.s, but the craft's sensors have 0.004" in line
@@ -301,7 +301,7 @@ def test_the_predictive_law_is_told_what_the_sensors_have(tmp_path, desat):
     rows = {row["name"]: row for row in json.loads(done.stdout)["laws"]}
     assert "craft.h_noise = 0.004" in json.dumps(rows["predictive"])
     told = {f"manager.{n}": x for n, x in noise_of(untold.or_raise()[0]).items()}
-    both = [execute(target, replace(untold.options, stop=43200.0, values=v)) for v in ({}, told)]
+    both = [execute(target, replace(untold.options, stop=17400.0, values=v)) for v in ({}, told)]
     fill = [run.manifest.numbers["largest_momentum"].value for run in both]
     assert fill[1] < 0.8 * fill[0]
 

@@ -20,7 +20,7 @@ from desat.components.laws import cross_product
 from desat.fmus.registry import block_class
 from desat.numbers.derived import cross
 from desat.runs.prepare import prepare
-from desat.runs.run import Options
+from desat.runs.run import Options, execute
 from desat.sizing import map as sizing_map
 from desat.sizing import page as sizing_page
 from desat.sizing import sizing
@@ -570,17 +570,9 @@ def test_where_no_law_fits_the_least_rod_is_the_answer():
 # --- the worst day, the worst scenario, propellant by the layout --------------------------------
 
 
-@pytest.mark.parametrize("seed", [7])  # a minute of CPU each
-def test_what_is_recommended_is_accepted_and_meets_the_worst_scenario(tmp_path, seed):
-    """Of the crafts that `python -m benchmarks.sizing --crafts 30` draws; it was refused."""
-    found = bench.drawn_craft(seed, tmp_path)
-    assert found.recommended is not None
-    assert found.accepted == found.worst == []
-    assert found.refused, "0.7 of the least rod for any law on the worst day"
-
-
 def test_a_craft_whose_rods_do_not_hold_on_the_worst_day(tmp_path):
-    """It began, green, with the day of the scenario."""
+    """It began, green, with the day of the scenario; what is recommended then meets that day.
+    `make sizing` tries thirty crafts so."""
     wanted = CraftFacts(size="12U", altitude="400km", inclination="51.6deg", rods="0.2")
     new_craft.write(tmp_path / "my12u", wanted, "desat new craft")
     given = Options(values={"torquers.m_limit": 0.0384})
@@ -592,6 +584,8 @@ def test_a_craft_whose_rods_do_not_hold_on_the_worst_day(tmp_path):
     assert f"Rods of {made.recommended:.3g} A m2 do." in made.answer
     text = made.as_json()
     assert text["recommended"] == made.recommended > text["recommended_day"]
+    recommended = Options(values={"torquers.m_limit": made.recommended})
+    assert execute(str(tmp_path / "my12u" / "worst.toml"), recommended).manifest.not_met == []
     assert text["detumbling_recommended"] == pytest.approx(
         made.detumbling * 0.0384 / made.recommended
     )

@@ -131,10 +131,10 @@ def random_craft(seed):
 
 
 def test_auto_on_random_craft():
-    """Twenty that nothing was tuned with. One is refused only where the reference itself takes a
+    """Eight that nothing was tuned with. One is refused only where the reference itself takes a
     change of its start, of a hundredth of `accuracy`, beyond `accuracy`."""
     refused = 0
-    for seed in range(70_000, 70_020):
+    for seed in range(70_000, 70_008):
         name, values = random_craft(seed)
         case = prepare(name, Options(substeps=AUTO, stop=200.0, values=values))
         try:
@@ -147,7 +147,7 @@ def test_auto_on_random_craft():
         else:
             (error, _), manifest = flown(name, substeps=AUTO, stop=200.0, values=values)
             holds(manifest, error)
-    assert refused <= 2
+    assert refused <= 1
 
 
 def amplifies(name, values):

@@ -56,13 +56,15 @@ class SpacecraftRigid(Spacecraft, WheelInertias):
 
         a = dt (|omega| + sqrt(l . J_r l / det J_r)) + b
         b = dt^2 |J_r^-1| (|A tau_wheel| + |tau_ext|)
+        c = dt^2 |J_r^-1| (change of these torques within the step)
 
-    with l = C(q) H and the torques at their largest. RK4 errs by a (a^2 + b)^2, RK6 by
-    a (a^2 + b)^3 times a constant: where that is small they integrate the step at once, else
-    ceil(a / angle_limit) steps of order 8 do. The error of phase is then a few 1e-12 of the angle
-    turned, whatever the step. Without torque, the default angle_limit takes 1e-8 of the energy of
-    a nutation of 1 rad/s in a day, half of it 3e-11. `h_wheel` is read in initialisation mode only:
-    the copy starts from it.
+    with l = C(q) H and the torques at their largest. Times a constant, RK4 errs by
+    a (a^2 + b)^2 + b c and RK6 by a (a^2 + b)^3 + 2 b c^2, where c is large for a thruster's pulse
+    that is shorter than the step. Where that error is small they integrate the step at once, else
+    ceil((a + c / 2) / angle_limit) steps of order 8 do. The error of phase is then a few 1e-12 of
+    the angle turned, whatever the step. Without torque, the default angle_limit takes 1e-8 of the
+    energy of a nutation of 1 rad/s in a day, half of it 3e-11. `h_wheel` is read in initialisation
+    mode only: the copy starts from it.
 
     The air turns with the Earth about the z axis of eci. Where that is J2000's it is 0.15 deg off
     in 2026, and drag by 3e-4 of itself at most.
@@ -190,7 +192,11 @@ class SpacecraftRigid(Spacecraft, WheelInertias):
         torque = peak(motors) + peak(given) + self._largest_around()
         if magnetic:
             torque += peak(dipole) * norm(self.b_eci)
-        gained = dt * dt * self._inverse_size * torque
+        bend = norm(motors[1]) + norm(given[1])
+        if magnetic:
+            bend += norm(dipole[1]) * norm(self.b_eci)
+        turning = dt * dt * self._inverse_size
+        gained, bend = turning * torque, turning * bend
         angle = self._angle(dt, wheels, gained)
         square = angle * angle + gained
         field = place = None
@@ -203,12 +209,12 @@ class SpacecraftRigid(Spacecraft, WheelInertias):
             field, place, self._surfaces(dt),
         )  # fmt: skip
         y = (*self._q, *self._momentum)
-        if angle * square * square <= self._limit4:
+        if angle * square * square + gained * bend <= self._limit4:
             y = step4(slope, 0.0, y, 1.0, dt)
-        elif angle * square * square * square <= self._limit6:
+        elif angle * square * square * square + 2.0 * gained * bend * bend <= self._limit6:
             y = step6(slope, 0.0, y, 1.0, dt)
         else:
-            n = ceil(angle / self.angle_limit)
+            n = ceil((angle + 0.5 * bend) / self.angle_limit)
             for i in range(n):
                 y = step8(slope, i / n, y, 1.0 / n, dt / n)
         if not isfinite(y[3] + y[4] + y[5] + y[6]):
