@@ -70,6 +70,8 @@ def test_what_is_not_given_follows_from_what_is(tmp_path, facts, mass, side):
         ({"size": "3U", "inertia": "5,5,5"}, r"times that of a homogeneous box"),
         ({"mass": "10kg", "thrusters": "4 1N", "dump": "thrusters 70:10", "propellant": "20kg"},
          r"--propellant 20kg: more than 90 % of 10 kg"),
+        ({"rods": "coil 1e-9Am2 80x80mm 0.2mm 100mA"}, r"one turn gives 0\.00064 A m2"),
+        ({"rods": "rod 1e-300Am2 60x8mm 0.2mm 100mA"}, r"one turn gives 0\.000162 A m2"),
         ({"rods": "coil 300 80x80mm 0.2mm 100A"}, r"3\.18e\+03 A/mm2 in the wire"),
         ({"rods": "rod 0.2Am2 60x8mm 0.2mm 1uA"}, r"a tenth of the craft"),
         ({"orbit": "200x384400km"}, r"an eccentricity of 0\.967; the environment has up to 0\.95"),

@@ -76,6 +76,9 @@ def made(text: str, most_mass: float = inf) -> tuple[coil.Coil, str]:
 
 
 def _turns(dipole: str, build: Callable[[float], coil.Coil]) -> float:
-    """How many turns a dipole takes."""
-    wanted = DIPOLE(dipole)
-    return float(-(-wanted // build(1.0).dipole))
+    """How many turns a dipole takes. Raises DesatError where one turn gives more."""
+    wanted, one = DIPOLE(dipole), build(1.0).dipole
+    if wanted < one:
+        raise DesatError(f"--rods {dipole}: one turn gives {one:.3g} A m2: a smaller current or "
+                         "area is needed")  # fmt: skip
+    return float(-(-wanted // one))
