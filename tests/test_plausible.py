@@ -432,3 +432,22 @@ def test_size_uses_each_parameter_of_a_craft_or_says_that_it_does_not(tmp_path):
     low = geo | {"orbit": None, "altitude": "420km", "pointing": "inertial", "box": "1,1.5,2"}
     found = _silent(crafted(tmp_path / "geo", **geo)) & _silent(crafted(tmp_path / "low", **low))
     assert not found - INACTIVE, " ".join(sorted(found - INACTIVE))
+
+
+@pytest.mark.parametrize("size", [1e30, 1e39, 1e300])
+@pytest.mark.parametrize(
+    "name",
+    ["wheels.h_start_wheel", "wheels.speed_limit", "shared.inertia", "spacecraft.omega_start_body",
+     "spacecraft.residual_dipole_body", "torquers.m_limit", "environment.semi_major_axis",
+     "controller.kp"],
+)  # fmt: skip
+def test_a_value_beyond_all_quantities_is_a_problem_and_no_bug(name, size):
+    """Eigenvalues of a matrix that is not finite, an arc cosine of 1e50, overflows were met."""
+    count = {"wheels.h_start_wheel": 4, "shared.inertia": 9}.get(name, 3 * name.endswith("body"))
+    values = {name: [size] * count or size}
+    if name == "shared.inertia":
+        values = {name: [size if i % 4 == 0 else 0.0 for i in range(9)]}
+    for target in ("nadir_day/day-dipole", "gyrostat/saturating"):
+        found = prepare(target, Options(values=values)).checked
+        if size > 1e40:
+            assert any("a size of at most 1e+40 is needed" in line for line in found.problems)

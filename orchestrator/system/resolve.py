@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import defaultdict
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from itertools import islice
 
@@ -14,7 +14,7 @@ from desat.components.contract.units import conversion
 from .draft import Draft, DraftComponent
 from .errors import DesatError, nearest
 from .expression import evaluate
-from .interface import Interface, Signal
+from .interface import Interface, Signal, base_name
 from .model import Component, Connection, System
 from .parameters import expand, in_unit_of, known_unit
 
@@ -22,6 +22,7 @@ RESERVED = ("time", "shared")
 """What no component is called: the series of times, and parameters of all."""
 MOST = 100
 """Lines about one kind of problem; more help nobody."""
+LARGEST = 1e40  # SI; no quantity of a spacecraft is larger, and squares and cubes of it are numbers
 MOST_STEPS = 1e12
 """Of a run: one of a microsecond each takes eleven days."""
 
@@ -55,6 +56,7 @@ def resolve(draft: Draft) -> Resolved:
     }  # fmt: skip
     components, wrong = evaluate(components, references, draft.where)
     problems += wrong
+    problems += _too_large(draft, components.values())
     connections = _connections(draft, problems)
     problems = list(dict.fromkeys(problems))
     try:
@@ -129,6 +131,18 @@ def _parameters(
         except DesatError as error:
             problems.append(str(error))
     return parameters
+
+
+def _too_large(draft: Draft, components: Iterable[Component]) -> Iterator[str]:
+    """Find values of our roles that no quantity has, a line each."""
+    for component in components:
+        if not component.interface.role:
+            continue
+        for name, value in component.parameters.items():
+            if isinstance(value, float) and not abs(value) <= LARGEST:
+                where = component.given.get(base_name(name), draft.where)
+                yield (f"{where}: {component.name}.{name} = {value:g}: a size of at most "
+                       f"{LARGEST:g} is needed")  # fmt: skip
 
 
 def _warn(draft: Draft, line: str) -> None:

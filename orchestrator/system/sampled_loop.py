@@ -108,9 +108,13 @@ def stability(loop: AttitudeLoop, momentum: Array) -> Stability:
     """Compute the stability of a loop with constant wheel momentum (3,) N m s, body.
 
     A mode without oscillation counts as damped by 1. One whose eigenvalue is a negative number
-    turns by half a turn a period, the highest frequency that samples show.
+    turns by half a turn a period, the highest frequency that samples show. A loop that grows beyond
+    all numbers within a period is unstable.
     """
-    period, whole = _map_over_period(loop, momentum)
+    with np.errstate(over="ignore", invalid="ignore"):
+        period, whole = _map_over_period(loop, momentum)
+    if not np.isfinite(whole).all():
+        return Stability(growth=inf, damping=-1.0, stable=False)
     values = np.linalg.eigvals(whole)
     values = values[np.abs(values) > 1e-12]
     turns = np.log(values.astype(complex))  # of a period
