@@ -32,7 +32,7 @@ from ...numbers.numbers import scale
 from ...report.policy import part
 from ...report.report import data_element, render
 from ...runs import substep_choice
-from ...runs.prepare import Target, drafted, prepare, read
+from ...runs.prepare import Target, prepare, read
 from ...system.errors import DesatError
 from ...system.expression import Table, factor, product
 from ...system.interface import KINDS
@@ -142,7 +142,7 @@ def _flown(target: str, source: Target, name: str, options: Options) -> _Flown:
     if choice is not None:
         system = replace(system, substeps=choice.substeps)
         options = replace(options, substeps=choice.substeps, accuracy=None)
-    ordered = follows(drafted(source, options), system)
+    ordered = follows(system)
     return _Flown(name, options, system, ordered, dict(numbers_of(system)))
 
 
