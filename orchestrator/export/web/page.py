@@ -19,7 +19,6 @@ import numpy as np
 from markupsafe import Markup
 
 from ...analyses import management
-from ...analyses.residual import carrier
 from ...figures.plots import elements_of, parameter_of
 from ...figures.style import COLOURS, LIMIT, pretty_unit, time_axis
 from ...files import io
@@ -33,6 +32,7 @@ from ...report.policy import part
 from ...report.report import data_element, render
 from ...runs import substep_choice
 from ...runs.prepare import Target, prepare, read
+from ...system.craft import carrier
 from ...system.errors import DesatError
 from ...system.expression import Table, factor, product
 from ...system.interface import KINDS
