@@ -92,7 +92,8 @@ def with_draws(family: str) -> dict[str, Scenario]:
 
 def needed(family: str) -> dict[str, set[str]]:
     """Of each scenario with draws the numbers that rows of the family's paper are made of, its own
-    rows and those that compare another one with it. Pages ask for more (`Sources.draws_of`)."""
+    rows and those that compare another one with it. Pages ask for more
+    (`benchmarks/pages/sources.py`)."""
     found: dict[str, set[str]] = {name: set() for name in with_draws(family)}
     for name, scenario in scenarios(family).items():
         numbers = scenario.content.numbers

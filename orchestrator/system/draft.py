@@ -91,7 +91,7 @@ class Draft:
     """Who gave a time, or the class of an output: its key -> file and key, or option."""
     title: str = ""
     about: Told | None = None
-    """What its scenario says (`language/content.py`, `said`); None of a foreign system."""
+    """What its scenario says (`language/content.py`, `content_of`); None of a foreign system."""
     body: Body | None = None
     """Mass and sides, where its craft file says them."""
     problems: list[str] = field(default_factory=list)

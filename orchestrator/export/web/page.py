@@ -383,7 +383,7 @@ def _places(loop: LoopSource) -> tuple[list[Any], dict[str, Any], int]:
 def _numbers(
     flown: _Flown, lacking: Mapping[str, str], notes: list[str]
 ) -> Iterator[dict[str, Any]]:
-    """The scenario's numbers that the page has, each as `Flight.number` evaluates it."""
+    """The scenario's numbers that the page has, each as `engine.js` evaluates it."""
     there = _there(flown.system)
     for name, number in flown.content.numbers.items():
         missing = [s for s in number.signals if s not in there]
@@ -448,7 +448,7 @@ def _unit(system: System, series: str) -> str:
 
 
 def _plots(flown: _Flown, lacking: Mapping[str, str], notes: list[str]) -> Iterator[dict[str, Any]]:
-    """The scenario's plots that the page has, each as `Flight.plot` draws it."""
+    """The scenario's plots that the page has, each as `engine.js` draws it."""
     there = _there(flown.system)
     for name, plot in flown.content.plots.items():
         signals = [s for s in plot.signals if s in there]
