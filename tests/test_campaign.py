@@ -39,7 +39,7 @@ from desat.runs import prepare as prepare_module
 from desat.runs.prepare import prepare
 from desat.runs.prepare import read as read_source
 from desat.runs.run import simulate
-from desat.system import progress
+from desat.runs import progress
 from desat.system.check import check
 from desat.system.errors import DesatError, Exit
 from desat.system.options import Options

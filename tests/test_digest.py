@@ -18,7 +18,7 @@ from test_checkpoint import broken
 
 import desat as api
 from desat.campaign import cluster, coordinator, plan, report, store
-from desat.designs import origin
+from desat.papers.designs import origin
 from desat.engine import checkpoint
 from desat.files import identity, library
 from desat.files.scenario import find, scenarios

@@ -30,13 +30,13 @@ from desat.campaign import case as campaign_case
 from desat.campaign import coordinator, plan, store
 from desat.campaign import draws as study
 from desat.cli.commands import run as run_command
-from desat.cli.commands import tables as tables_command
+from desat.papers.commands import tables as tables_command
 from desat.cli.console import plain_console
 from desat.engine import checkpoint, child
 from desat.engine.child import Ended
 from desat.engine.instances.base import EndedError
 from desat.engine.master import Master
-from desat.export.web import module as web_module
+from desat.web import module as web_module
 from desat.files.io import extract, is_full
 from desat.fmus import native
 from desat.numbers.text import Value

@@ -19,7 +19,7 @@ from conftest import ROOT, but
 from benchmarks.pages.sources import Sources
 from benchmarks.pages.verbs import Verbs
 from desat.campaign import draws
-from desat.designs import making, origin
+from desat.papers.designs import making, origin
 from desat.engine import current_call, trial_initialisation
 from desat.files import library, paths
 from desat.files.io import toml

@@ -23,9 +23,9 @@ from lxml import html
 from typer.testing import CliRunner
 
 from desat import cli
-from desat.export.web import module, page
-from desat.export.web.script import numpy_source, script
-from desat.export.web.sliders import usual
+from desat.web import module, page
+from desat.web.script import numpy_source, script
+from desat.web.sliders import usual
 from desat.numbers.derived import QUANTITIES
 from desat.numbers.measures import MEASURES
 from desat.numbers.text import number

@@ -130,7 +130,7 @@ def code(scenario: Scenario) -> str:
     files |= {*(home / "numbers").glob("*.py"), home / "campaign" / "draws.py",
               home / "campaign" / "sampling.py", home / "language" / "content.py"}  # fmt: skip
     if scenario.each_draw:
-        files |= {*(home / "designs").rglob("*.py")}
+        files |= {*(home / "papers" / "designs").rglob("*.py")}
         files |= {*(COMPONENTS / "laws").glob("*_offline.py")}
     return meaning.of_files(files, imports=False)
 

@@ -13,17 +13,17 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from ..files.assembly import modify
-from ..files.reader import design
-from ..files.scenario import Scenario, find
-from ..language.scenario import Design, DesignFile
-from ..system.draft import Draft
-from ..system.errors import DesatError
-from ..system.interface import base_name
-from ..system.model import Connection, System
-from ..system.options import Options
-from ..system.parameters import parse_assignment, table
-from ..system.resolve import resolve
+from ...files.assembly import modify
+from ...files.reader import design
+from ...files.scenario import Scenario, find
+from ...language.scenario import Design, DesignFile
+from ...system.draft import Draft
+from ...system.errors import DesatError
+from ...system.interface import base_name
+from ...system.model import Connection, System
+from ...system.options import Options
+from ...system.parameters import parse_assignment, table
+from ...system.resolve import resolve
 
 TABLE = "made_of"
 

@@ -18,29 +18,29 @@ from typing import Any
 import numpy as np
 from markupsafe import Markup
 
-from ...analyses import management
-from ...analyses.residual import carrier
-from ...figures.plots import elements_of, parameter_of
-from ...figures.style import COLOURS, LIMIT, pretty_unit, time_axis
-from ...files import io
-from ...language.content import Content, content_of
-from ...language.scenario import Number, Plot
-from ...numbers import derived
-from ...numbers.derived import QUANTITIES, coil_impulse
-from ...numbers.measures import MEASURES, OWN_UNIT
-from ...numbers.numbers import scale
-from ...report.policy import part
-from ...report.report import data_element, render
-from ...runs import substep_choice
-from ...runs.prepare import Target, drafted, prepare, read
-from ...system.errors import DesatError
-from ...system.expression import Table, factor, product
-from ...system.interface import KINDS
-from ...system.model import System
-from ...system.options import Options, as_arguments, sets_of
-from ...system.parameters import table, unit_of
-from ...system.wheels import axes_of, existing, smallest_capacity
-from ..loop_fmu import LoopEnds, LoopSource, written_out
+from ..analyses import management
+from ..analyses.residual import carrier
+from ..export.loop_fmu import LoopEnds, LoopSource, written_out
+from ..figures.plots import elements_of, parameter_of
+from ..figures.style import COLOURS, LIMIT, pretty_unit, time_axis
+from ..files import io
+from ..language.content import Content, content_of
+from ..language.scenario import Number, Plot
+from ..numbers import derived
+from ..numbers.derived import QUANTITIES, coil_impulse
+from ..numbers.measures import MEASURES, OWN_UNIT
+from ..numbers.numbers import scale
+from ..report.policy import part
+from ..report.report import data_element, render
+from ..runs import substep_choice
+from ..runs.prepare import Target, drafted, prepare, read
+from ..system.errors import DesatError
+from ..system.expression import Table, factor, product
+from ..system.interface import KINDS
+from ..system.model import System
+from ..system.options import Options, as_arguments, sets_of
+from ..system.parameters import table, unit_of
+from ..system.wheels import axes_of, existing, smallest_capacity
 from . import module
 from .script import numpy_source, script
 from .sliders import Slider, asked_of, parts_of, refused, usual, usual_of

@@ -34,12 +34,12 @@ from desat.components.maths.attitude import matrix, normalised
 from desat.components.physics.orbit import elements_from_state, mean_motion
 from desat.components.physics.torques import gravity_gradient
 
-from ..files.scenario import Scenario
-from ..system.check import check
-from ..system.errors import DesatError
-from ..system.model import Component, System
-from ..system.options import Options
-from ..system.parameters import bare_block
+from ...files.scenario import Scenario
+from ...system.check import check
+from ...system.errors import DesatError
+from ...system.model import Component, System
+from ...system.options import Options
+from ...system.parameters import bare_block
 from . import MadeDesign, Parameters
 from .origin import design_of as asked_of
 from .origin import draft_of

@@ -8,13 +8,14 @@ from typing import Any
 
 import numpy as np
 
-from ..files.io import replace_text
-from ..files.reader import design as read_design
-from ..files.scenario import ROOT, Scenario, find, scenarios
-from ..system.check import check
-from ..system.errors import DesatError
-from ..system.model import System
-from ..system.options import Options
+from ...files.io import replace_text
+from ...files.reader import design as read_design
+from ...files.scenario import ROOT, Scenario, find, scenarios
+from ...runs.provider import NOW
+from ...system.check import check
+from ...system.errors import DesatError
+from ...system.model import System
+from ...system.options import Options
 from . import MadeDesign, Parameters, kinds
 from .origin import TABLE, design_of, draft_of, made_of, names_of, owner, system_of
 
@@ -22,8 +23,6 @@ PACKAGES = ("desat", "numpy", "scipy")
 COMMON = ("of", "assume", "each_draw")
 ROUNDING = 1e-12
 """Of what a kept design reached: the last bits of linear algebra are the machine's."""
-NOW = "now"
-"""`--design now`: made for the run, and not kept."""
 
 
 def designable(names: list[str]) -> list[Scenario]:
@@ -176,7 +175,7 @@ def confirm(scenario: Scenario) -> bool:
 
 
 def main() -> int:
-    """`python -m desat.designs.making`: stamp the kept designs that runs now confirm."""
+    """`python -m desat.papers.designs.making`: stamp the kept designs that runs now confirm."""
     failed = 0
     for scenario in designable([]):
         try:
