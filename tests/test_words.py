@@ -20,10 +20,11 @@ from conftest import ROOT
 
 TERMS = ROOT / "docs" / "terms.md"
 TEXTS = ("docs/**/*.md", "docs/*.template", "ssp/*/*.md", "ssp/*/scenarios/*.toml",
-         "ssp/*/family.toml", "orchestrator/templates/*.html", "orchestrator/templates/**/*.toml",
+         "ssp/*/family.toml", "orchestrator/**/*.html", "orchestrator/templates/**/*.toml",
          "benchmarks/*.md", "*.md")  # fmt: skip
 CODE = ("orchestrator", "components", "fmus")
-PRINTED = ("orchestrator/cli/commands/", "orchestrator/numbers/measures.py", "components/blocks/",
+PRINTED = ("orchestrator/cli/commands/", "orchestrator/papers/commands/",
+           "orchestrator/web/commands/", "orchestrator/numbers/measures.py", "components/blocks/",
            "orchestrator/__init__.py")  # fmt: skip
 """Code whose docstrings users read: help, measures, blocks, Python."""
 LEFT_OUT = {"CHANGELOG.md", "docs/terms.md"}
