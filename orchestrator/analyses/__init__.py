@@ -71,7 +71,7 @@ class Analysis:
 @cache
 def analyses() -> tuple[Analysis, ...]:
     """The analyses that there are, by the names of their files."""
-    found = discovery.imported(full for _, full in discovery.modules("analyses"))
+    found = discovery.load("analyses")
     return tuple(Analysis(module) for module in found if hasattr(module, "applies"))
 
 

@@ -70,9 +70,9 @@ def _repeat_swallowed(unraisable: Any) -> None:
 def app_for(words: Sequence[str]) -> typer.Typer:
     """The application with the command that these words begin with, where that has a file of its
     own: to make all of them takes as long as to list the families. Else with all."""
-    found = discovery.modules("commands")
-    wanted = [full for name, full in found if words and name == words[0]]
-    discovery.imported(wanted or (full for _, full in found))
+    one = words[0] if words and words[0].isidentifier() else "*"
+    if not discovery.load("commands", one):
+        discovery.load("commands")
     return app
 
 

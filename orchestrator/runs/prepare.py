@@ -37,11 +37,14 @@ from ..system.draft import Draft
 from ..system.errors import DesatError
 from ..system.interface import base_name
 from ..system.model import Component, System
-from ..system.options import Options, orbits
+from ..system.options import NOW, Options, orbits
 from ..system.parameters import bare_block, expand
 from ..system.resolve import resolve
 from ..system.schedule import Schedule
-from . import provider, validation
+from . import validation
+from .provider import provider
+
+DESIGNS = provider()
 
 
 @dataclass(frozen=True)
@@ -164,7 +167,7 @@ def _prepare(target: Target, options: Options) -> tuple[Case, Draft]:
     """As `prepare`, and the draft that was checked."""
     scenario = target.scenario
     if options.design is None and options.values and scenario and scenario.each_draw:
-        options = replace(options, design=provider.NOW)
+        options = replace(options, design=NOW)
     if options.design is not None and scenario is None:
         raise DesatError(f"--design {options.design}: {target.text} is no scenario with a [design]")
     draft = target.draft(options.blocks, options.design is None, options.outside)
@@ -177,9 +180,10 @@ def _prepare(target: Target, options: Options) -> tuple[Case, Draft]:
         (checked.problems if options.strict else checked.warnings).extend(faults)
     if (given := scenario or _packed_scenario(draft)) is not None:
         _hold(checked, draft, given, target, options)
-    if system is not None:
-        described = scenario or _packed_from(draft)
-        checked.warnings += provider.warnings(described, options, system)
+    if system is not None and options.design is None and (
+        described := scenario or _packed_from(draft)
+    ):  # fmt: skip
+        checked.warnings += DESIGNS.warnings(described, options, system)
     if system is not None and sound:
         checked.problems += [line for find in SYSTEMS for line in find(system)]
         checked.warnings += [line for find in WARNINGS for line in find(system)]
@@ -293,7 +297,13 @@ def resolved(target: str | Target, options: Options) -> tuple[System, Any]:
 
 def _modify(draft: Draft, scenario: Scenario | None, options: Options) -> None:
     """Change a system as the options say."""
-    designed = provider.designed(scenario, options)
+    designed = None
+    if scenario is not None and (options.design is not None or scenario.design is not None):
+        own = scenario.parameters(designed=False)
+        designed = {  # but for what the scenario gives itself
+            name: {k: v for k, v in values.items() if k not in own.get(name, {})}
+            for name, values in DESIGNS.parameters_for(scenario, options).items()
+        }
     modify(draft, options, designed, _drawn_from(draft, scenario, options))
     if options.fmus != "native":
         for component in draft.components.values():
@@ -381,7 +391,7 @@ RUNS: tuple[Callable[[System, Options], Iterable[str]], ...] = (
 )  # fmt: skip
 """What stands against a run with its options, each a line a problem."""
 SYSTEMS: tuple[Callable[[System], Iterable[str]], ...] = (
-    provider.problems, accounts.problems, management.problems, needs.problems,
+    DESIGNS.problems, accounts.problems, management.problems, needs.problems,
     attitude_loop.problems,
 )  # fmt: skip
 """What stands against running a system."""

@@ -8,7 +8,6 @@ that is absent adds nothing.
 from __future__ import annotations
 
 import importlib
-from collections.abc import Iterable
 from pathlib import Path
 from types import ModuleType
 
@@ -21,16 +20,12 @@ def folders(name: str) -> list[Path]:
     return [path for path in (HOME / name, *sorted(HOME.glob(f"*/{name}"))) if path.is_dir()]
 
 
-def modules(name: str) -> list[tuple[str, str]]:
-    """Return the modules in the folders of this name: file name and full name, in this order."""
-    files = (file for folder in folders(name) for file in folder.glob("*.py"))
-    return sorted(
-        (file.stem, ".".join([PACKAGE, *file.relative_to(HOME).with_suffix("").parts]))
-        for file in files
+def load(folder: str, name: str = "*") -> list[ModuleType]:
+    """Import the modules in the folders of this name, or those of one file name, in its order."""
+    files = [file for path in folders(folder) for file in path.glob(f"{name}.py")]
+    parts = [
+        file.relative_to(HOME).with_suffix("").parts
+        for file in sorted(files, key=lambda file: file.name)
         if file.stem != "__init__"
-    )
-
-
-def imported(names: Iterable[str]) -> list[ModuleType]:
-    """Return the modules of these full names, imported."""
-    return [importlib.import_module(name) for name in names]
+    ]
+    return [importlib.import_module(".".join([PACKAGE, *names])) for names in parts]

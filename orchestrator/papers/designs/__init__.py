@@ -46,5 +46,4 @@ class MadeDesign:
 @cache
 def kinds() -> tuple[ModuleType, ...]:
     """The kinds of design that there are, by the names of their files."""
-    found = discovery.imported(full for _, full in discovery.modules("designs"))
-    return tuple(module for module in found if hasattr(module, "applies"))
+    return tuple(m for m in discovery.load("designs") if hasattr(m, "applies"))

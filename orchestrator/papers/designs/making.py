@@ -11,11 +11,10 @@ import numpy as np
 from ...files.io import replace_text
 from ...files.reader import design as read_design
 from ...files.scenario import ROOT, Scenario, find, scenarios
-from ...runs.provider import NOW
 from ...system.check import check
 from ...system.errors import DesatError
 from ...system.model import System
-from ...system.options import Options
+from ...system.options import NOW, Options
 from . import MadeDesign, Parameters, kinds
 from .origin import TABLE, design_of, draft_of, made_of, names_of, owner, system_of
 
@@ -74,10 +73,12 @@ _made: dict[str, MadeDesign] = {}
 def parameters_for(scenario: Scenario, options: Options) -> dict[str, Parameters]:
     """The designed parameters, a table a component, that `options.design` asks for: a file, or
     made now for the values of the options. Raises DesatError where that cannot be."""
+    if options.design is None:
+        return {}
     if scenario.design is None:
         raise DesatError(f"--design {options.design}: {scenario.name} has no [design]")
     if options.design != NOW:
-        return dict(read_design(Path(options.design or "")).parameters)
+        return dict(read_design(Path(options.design)).parameters)
     other, fitting, _ = owner(scenario, options)
     key = repr((other.name, fitting))
     if key not in _made:
