@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from .begin.facts import Facts
     from .campaign.draws import Draws
     from .campaign.sampling import Sampling
-    from .papers.comparison import PaperCell
+    from .papers.tables import tables
     from .runs.prepare import Case, prepare
     from .runs.run import Run, simulate
     from .sizing.dumps import DumpSizing
@@ -35,7 +35,7 @@ __all__ = ["Case", "Options", "Run", "cases", "compare", "draws", "load", "new",
            "scenario", "simulate", "size", "tables", "tune"]  # fmt: skip
 _AT = {
     "Case": "runs.prepare", "prepare": "runs.prepare", "Run": "runs.run", "simulate": "runs.run",
-    "Options": "system.options",
+    "Options": "system.options", "tables": "papers.tables",
 }  # fmt: skip
 """Where a public name is, which is imported when it is asked for."""
 
@@ -46,7 +46,14 @@ def __getattr__(name: str) -> Any:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     from importlib import import_module
 
-    return getattr(import_module(f".{_AT[name]}", __name__), name)
+    try:
+        module = import_module(f".{_AT[name]}", __name__)
+    except ModuleNotFoundError as error:
+        room = f"{__name__}.{_AT[name].partition('.')[0]}"
+        if error.name != room:
+            raise
+        raise AttributeError(f"{__name__}.{name} needs {room}, which is not installed") from error
+    return getattr(module, name)
 
 
 def run(
@@ -83,9 +90,9 @@ def run(
     """
     from pathlib import Path
 
+    from .runs.progress import in_notebook
     from .runs.run import execute
     from .system.options import of_program
-    from .system.progress import in_notebook
 
     given = of_program(stop, step, sets, options)
     return execute(str(target), given, None if folder is None else Path(folder), in_notebook())
@@ -284,8 +291,8 @@ def draws(
     Raises DesatError for wrong input, and where there are no dispersions.
     """
     from .campaign import draws as study
+    from .runs.progress import in_notebook
     from .system.options import of_program
-    from .system.progress import in_notebook
 
     given = of_program(stop, step, sets, options)
     return study.draws(str(target), count, seed, given, jobs, in_notebook())
@@ -320,8 +327,8 @@ def cases(
     from pathlib import Path
 
     from .campaign import coordinator, report
+    from .runs.progress import in_notebook
     from .system.options import of_program
-    from .system.progress import in_notebook
 
     given = of_program(stop, step, sets, options)
     plan, _ = coordinator.planned(
@@ -331,20 +338,3 @@ def cases(
     coordinator.run(plan, Path(folder), jobs, cluster, in_notebook(), accept_versions)
     report.write(Path(folder))
     return load(folder)
-
-
-def tables(
-    family: str, *, jobs: int = 1, **options: Unpack[RunOptions]
-) -> list[PaperCell]:  # fmt: skip
-    """Run a family's scenarios and return the cells of its paper's tables: each the paper's value,
-    ours, unit and band. Medians of samples are the stored ones. `jobs` as for `draws`; `options`:
-    fields of `desat.Options`.
-
-    Raises DesatError for an unknown family, and RunError where a run does not complete.
-    """
-    from .papers import stored
-    from .papers import tables as study
-    from .system.options import of_program
-
-    drawn = stored.read(family) if stored.with_draws(family) else None
-    return study.rows(family, of_program(None, None, None, options), jobs, drawn)

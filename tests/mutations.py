@@ -160,7 +160,7 @@ VERDICTS = {
     "cli/commands/sweep.py": ("sweep",),
     "cli/commands/campaign.py": ("case", "_report"),
     "cli/commands/size.py": ("size",),
-    "cli/commands/tables.py": ("tables",),
+    "papers/commands/tables.py": ("tables",),
 }  # fmt: skip
 """What decides a verdict, an exit code or a bound: functions and constants (none: all) by file."""
 DECIDES = re.compile("Comparison|Not|AndWithOr|OrWithAnd|True|False")

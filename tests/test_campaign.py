@@ -37,10 +37,10 @@ from desat.campaign.workers import Local, Lost, results
 from desat.engine.master import Master
 from desat.files.builder import Builder
 from desat.runs import prepare as prepare_module
+from desat.runs import progress
 from desat.runs.prepare import prepare
 from desat.runs.prepare import read as read_source
 from desat.runs.run import simulate
-from desat.system import progress
 from desat.system.errors import DesatError, Exit
 from desat.system.options import Options
 

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import importlib
 import json
-import pkgutil
 import shutil
 from pathlib import Path
 
@@ -367,12 +365,11 @@ def test_what_is_left_open_is_listed(desat):
 
 def test_every_check_of_an_analysis_is_in_a_list():
     """A module of analyses/ with `problems` or `warnings` that no list names would say nothing."""
-    from desat import analyses
     from desat.runs import prepare as preparing
+    from desat.system import discovery
 
     listed = {*preparing.SYSTEMS, *preparing.WARNINGS}
-    names = [m.name for m in pkgutil.walk_packages(analyses.__path__, "desat.analyses.")]
-    modules = [importlib.import_module(name) for name in names]
+    modules = discovery.load("analyses")
     found = [getattr(m, kind) for m in modules for kind in ("problems", "warnings")
              if hasattr(m, kind)]  # fmt: skip
     assert len(found) > 8

@@ -12,24 +12,25 @@ from typing import Any
 
 import numpy as np
 import pytest
-from conftest import ROOT, but
+from conftest import ROOT, but, module_of
 from test_check import write_altitude
 from test_checkpoint import broken
 
 import desat as api
 from desat.campaign import cluster, coordinator, plan, report, store
-from desat.designs import origin
 from desat.engine import checkpoint
 from desat.files import identity, library
 from desat.files.scenario import find, scenarios
 from desat.language.kinds import declared
 from desat.language.scenario import ScenarioTable
-from desat.papers import stored
 from desat.runs.prepare import resolved
 from desat.runs.run import Options, load_run, prepare, resume, simulate
 from desat.system.digest import ASIDE, comparable, digest
 from desat.system.errors import DesatError, Exit
 from desat.system.model import Connection
+
+origin = module_of("desat.papers.designs.origin")
+stored = module_of("desat.papers.stored")
 
 # --- every field ----------------------------------------------------------------------------------
 

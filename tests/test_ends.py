@@ -19,6 +19,7 @@ from types import SimpleNamespace
 import h5py
 import numpy as np
 import pytest
+from conftest import module_of
 from fuzz import commands
 from rich.table import Table
 from test_verdicts import FAILED, LATE_ONE, UNMET, WELL, cell
@@ -30,17 +31,14 @@ from desat.campaign import case as campaign_case
 from desat.campaign import coordinator, plan, store
 from desat.campaign import draws as study
 from desat.cli.commands import run as run_command
-from desat.cli.commands import tables as tables_command
 from desat.cli.console import plain_console
 from desat.engine import checkpoint, child
 from desat.engine.child import Ended
 from desat.engine.instances.base import EndedError
 from desat.engine.master import Master
-from desat.export.web import module as web_module
 from desat.files.io import extract, is_full
 from desat.fmus import native
 from desat.numbers.text import Value
-from desat.papers import tables
 from desat.runs import run as runs
 from desat.runs import step_case, stopping
 from desat.runs.run import Run
@@ -50,6 +48,10 @@ from desat.sizing import sizing
 from desat.studies import compare, ranking
 from desat.system.errors import DesatError, Exit, RunError, nearest, plain
 from desat.system.options import Options
+
+tables = module_of("desat.papers.tables")
+tables_command = module_of("desat.papers.commands.tables")
+web_module = module_of("desat.web.module")
 
 
 def test_what_each_exit_code_is():

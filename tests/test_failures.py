@@ -25,10 +25,9 @@ from typing import Any
 
 import psutil
 import pytest
-from conftest import ROOT, python
+from conftest import ROOT, module_of, python
 
 from benchmarks import seen, soak
-from benchmarks.pages.sources import Sources
 from desat import cli
 from desat.campaign.draws import draws, sweep
 from desat.cli.console import plain_console
@@ -40,7 +39,6 @@ from desat.engine.recording.series_file import Packing
 from desat.export.packing import pack
 from desat.files import io, library
 from desat.fmus import native
-from desat.papers import tables
 from desat.report.report import write_report
 from desat.runs import prepare as preparing
 from desat.runs import run as case
@@ -48,6 +46,8 @@ from desat.runs import step_case, substep_choice
 from desat.runs.run import Options, load_run, prepare, simulate
 from desat.system.errors import DesatError, Exit, RunError
 
+pages = module_of("benchmarks.pages.sources")
+tables = module_of("desat.papers.tables")
 SOURCE = Path(__file__).with_name("failing.c")
 HOW = re.search(r"enum \{(.*?)\}", SOURCE.read_text(), re.S)[1].replace("\n", " ").split(",")
 HOW = [name.strip() for name in HOW]
@@ -598,8 +598,8 @@ def test_a_crash_in_a_sweep_is_named(system):
 
 def test_a_page_names_the_component_that_crashed(system, monkeypatch):
     """What pages are made of is watched, too."""
-    sources = Sources("uosat12", [], 1, None)
-    monkeypatch.setattr(Sources, "_needed", lambda self, name: ["bad.*"])
+    sources = pages.Sources("uosat12", [], 1, None)
+    monkeypatch.setattr(pages.Sources, "_needed", lambda self, name: ["bad.*"])
     change = {"bad.how": HOW.index("SEGFAULT")}
     with pytest.raises(RunError, match=r"failed: bad: the step from t = 3 s .*SIGSEGV") as error:
         sources.run(f"{system}/", change, step=1.0)

@@ -14,12 +14,9 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from conftest import ROOT, but
+from conftest import ROOT, but, module_of
 
-from benchmarks.pages.sources import Sources
-from benchmarks.pages.verbs import Verbs
 from desat.campaign import draws
-from desat.designs import making, origin
 from desat.engine import current_call, trial_initialisation
 from desat.files import library, paths
 from desat.files.io import toml
@@ -27,11 +24,14 @@ from desat.files.scenario import families, find, scenarios
 from desat.fmus import meaning, registry
 from desat.fmus.meaning import sources
 from desat.fmus.slave import _name
-from desat.papers import stored
 from desat.runs.prepare import Target, resolved
 from desat.runs.run import Options, execute, prepare
 from desat.system.errors import DesatError
 
+making = module_of("desat.papers.designs.making")
+origin = module_of("desat.papers.designs.origin")
+pages = module_of("benchmarks.pages.verbs")
+stored = module_of("desat.papers.stored")
 MEC = "uosat12/fig2-mec-1"
 START = "spacecraft.h_start_body=2,0,0"
 
@@ -393,8 +393,8 @@ def test_a_page_has_draws_made_anew_for_a_number_that_is_not_stored(monkeypatch,
 
     monkeypatch.setattr(stored, "draws", made)
     with pytest.raises(DesatError, match="null_rms of its draws is not stored; without --draft"):
-        Verbs(Sources("uosat12", [], 1, 60.0)).drawn("starts-dct", "null_rms")
-    verbs = Verbs(Sources("uosat12", [], 1, None))
+        pages.Verbs(pages.Sources("uosat12", [], 1, 60.0)).drawn("starts-dct", "null_rms")
+    verbs = pages.Verbs(pages.Sources("uosat12", [], 1, None))
     with pytest.raises(DesatError, match="draws have no number nul_rms; did you mean null_rms"):
         verbs.drawn("starts-dct", "nul_rms")
     assert verbs.drawn("starts-dct", "null_rms") == [float(i) for i in range(200)]

@@ -18,10 +18,10 @@ from typer.testing import CliRunner
 from desat import cli
 from desat.components.laws import magnetic, riccati
 from desat.components.laws import magnetic_offline as offline
-from desat.designs import making as design_module
 from desat.export.packing import pack_scenario
 from desat.files.scenario import find, scenarios
 from desat.fmus.registry import block_class
+from desat.papers.designs import making as design_module
 from desat.runs.run import Options, execute
 from desat.system.errors import DesatError
 

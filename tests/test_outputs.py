@@ -10,9 +10,9 @@ import stat
 from pathlib import Path
 
 import pytest
+from conftest import module_of
 from fuzz import commands
 
-from benchmarks.pages.verbs import Verbs
 from desat.begin.craft import write
 from desat.begin.facts import CraftFacts
 from desat.export.series import export
@@ -20,6 +20,8 @@ from desat.files import io
 from desat.runs.run import execute
 from desat.system.errors import DesatError
 from desat.system.options import Options
+
+pages = module_of("benchmarks.pages.verbs")
 
 ROOMS = Path(io.__file__).parents[1]
 QUICK = "--blocks --stop 3 --step 1 --substeps 1"
@@ -112,7 +114,7 @@ def test_a_loop_is_written_at_the_end_of_a_link(tmp_path):
 @pytest.mark.parametrize("name", ["../../escaped", "/escaped", "a/b", "..", "", "a\\b", ".hidden"])
 def test_a_figure_has_a_name_without_separators(name):
     with pytest.raises(DesatError, match=r"figure .*: a name of letters, digits and \. _ - is"):
-        Verbs._figure(Verbs.__new__(Verbs), name, "caption", "<svg/>")
+        pages.Verbs._figure(pages.Verbs.__new__(pages.Verbs), name, "caption", "<svg/>")
 
 
 def test_a_plot_is_not_written_outside(tmp_path):

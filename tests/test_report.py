@@ -101,7 +101,7 @@ def test_a_day_of_thirty_series_is_below_3_megabytes():
     figures = [figure(3, 86_400) for _ in range(10)]
     told = interactive.data_of(figures)
     size = len(json.dumps(told)) + sum(len(f.svg()) for f in figures)
-    script = sum(p.stat().st_size for p in Path(report.__file__).parents[1].glob("templates/**/*"))
+    script = sum(p.stat().st_size for p in Path(report.__file__).parents[1].rglob("templates/**/*"))
     assert 500_000 < size + script < 3_000_000
     assert len(told["grids"]) == 1  # of all plots
     assert {len(numbers(s)) for p in told["plots"] for s in p["series"]} == {told["most"]}

@@ -22,10 +22,10 @@ from desat.components.laws import momentum_management as laws
 from desat.components.laws import momentum_offline as offline
 from desat.components.maths.vector import IDENTITY, cross, dot, norm
 from desat.components.physics.wheel_array import pseudo_inverse, to_wheels
-from desat.designs import making, momentum_tables
 from desat.files.scenario import find, scenarios
 from desat.numbers import measures, numbers
 from desat.papers import stored, tables
+from desat.papers.designs import making, momentum_tables
 from desat.runs.run import Options, execute, prepare
 from desat.system.errors import DesatError
 

@@ -6,6 +6,7 @@ import json
 import re
 
 import pytest
+from conftest import module_of
 
 from desat.campaign.draws import axes_of, draws, one, sweep
 from desat.campaign.pairs import common, differences, each_draw
@@ -169,7 +170,7 @@ def test_commands(desat):
 
 
 def test_definitions_that_differ_in_their_baseline_are_one():
-    from desat.papers.tables import definitions
+    definitions = module_of("desat.papers.tables").definitions
 
     texts = [*(f"Saved (ratio of t to that of a-{i})" for i in (1, 2)), "Time (last)"]
     assert definitions(texts) == ["Saved (ratio of t to that of a-1, a-2, row by row)", texts[2]]

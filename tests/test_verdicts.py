@@ -12,6 +12,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from conftest import module_of
 from scipy.stats import beta
 from test_failures import binary, options, ssd, system
 
@@ -27,11 +28,12 @@ from desat.language.scenario import Requirement
 from desat.numbers import verdicts
 from desat.numbers.statistics import clopper_pearson
 from desat.numbers.text import Value, not_reached
-from desat.papers.comparison import Spread, _row, band_of, count, share_of
 from desat.runs.run import Run, load_run, prepare, simulate
 from desat.runs.stopping import LATE, Condition
 from desat.system.errors import Exit, RunError, nearest
 from desat.system.options import Options
+
+comparison = module_of("desat.papers.comparison")
 
 __all__ = ["binary", "system"]  # fixtures
 
@@ -300,25 +302,25 @@ def test_a_condition_at_its_limit_is_not_met_yet(how, values, met):
 )
 def test_what_counts_as_within_a_row(entry, band):
     row = {"table": "1", "quantity": "a_number", "unit": "1", **entry}
-    assert band_of(Entry.model_validate(row), {"x": 4.0}) == band
+    assert comparison.band_of(Entry.model_validate(row), {"x": 4.0}) == band
 
 
 def test_of_draws_the_limits_count_and_what_is_lacking_does_not():
     values = [1.0, 2.0, 3.0, None]
-    told = share_of(values, least=2.0, most=3.0)
+    told = comparison.share_of(values, least=2.0, most=3.0)
     assert (told.n, told.count) == (4, 2)
-    assert share_of(values, most=2.0).count == 2
-    assert share_of(values, least=-math.inf).count == 3
+    assert comparison.share_of(values, most=2.0).count == 2
+    assert comparison.share_of(values, least=-math.inf).count == 3
     assert told.interval == clopper_pearson(2, 4)
 
 
-def cell(ours: float | None, draws: Spread | None = None, **more: object):
+def cell(ours: float | None, draws: object | None = None, **more: object):
     """A row of a table; its band is 1 to 2."""
     content = SimpleNamespace(labels={}, numbers={})
     scenario = SimpleNamespace(content=content, cell={}, name="family/name")
     entry = {"table": "1", "quantity": "a_number", "unit": "1", "tolerance": [1.0, 2.0], **more}
     given = Entry.model_validate({k: v for k, v in entry.items() if v is not None})
-    return _row(scenario, given, ours, {}, draws)
+    return comparison._row(scenario, given, ours, {}, draws)
 
 
 @pytest.mark.parametrize(
@@ -337,7 +339,7 @@ def test_a_cell_at_the_edge_of_its_band_is_within(ours, within):
      (None, 4.0, 1.5, False), (3.0, None, 1.5, False), (3.0, 4.0, 2.5, False)],
 )  # fmt: skip
 def test_each_draw_of_a_cell_is_to_be_in_its_band(least, most, ours, within):
-    draws = Spread(2, least, most, (3.0, 4.0))
+    draws = comparison.Spread(2, least, most, (3.0, 4.0))
     assert cell(ours, draws).within is within
     assert cell(1.5, replace(draws, band=None)).within is True
 
@@ -349,7 +351,7 @@ def test_cells_are_counted_by_what_they_show():
         cell(1.5, values=1.5, in_sample="a choice"), cell(1.5), cell(3.0),
         cell(None, not_judged="why", tolerance=None), cell(1.5, tolerance=None),
     ]  # fmt: skip
-    assert count(rows) == {
+    assert comparison.count(rows) == {
         "rows": 10, "not_judged": 1, "banded": 8, "within": 6, "tuned": 2, "without_paper": 2,
         "in_sample": 1, "out_of_sample": 3, "out_of_sample_within": 2, "paper_outside": 1,
     }  # fmt: skip

@@ -23,9 +23,6 @@ from lxml import html
 from typer.testing import CliRunner
 
 from desat import cli
-from desat.export.web import module, page
-from desat.export.web.script import numpy_source, script
-from desat.export.web.sliders import usual
 from desat.numbers.derived import QUANTITIES
 from desat.numbers.measures import MEASURES
 from desat.numbers.text import number
@@ -35,6 +32,9 @@ from desat.studies import ranking
 from desat.studies.ranking import options_of_laws
 from desat.system.options import sets_of
 from desat.system.parameters import parse_assignment
+from desat.web import module, page
+from desat.web.script import numpy_source, script
+from desat.web.sliders import usual
 
 NODE = shutil.which("node")
 needs_node = pytest.mark.skipif(NODE is None, reason="no node")

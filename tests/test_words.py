@@ -1,4 +1,5 @@
-"""Words of the house that the field does not use are in no message, title, help or page.
+"""Words of the house that the field does not use are in no message, title, help or page; and names
+in backticks exist in the code.
 
 docs/terms.md lists them: left what was written until now, right what is written instead.
 """
@@ -6,8 +7,12 @@ docs/terms.md lists them: left what was written until now, right what is written
 from __future__ import annotations
 
 import ast
+import builtins
+import io
+import keyword
 import re
-from collections.abc import Iterator
+import tokenize
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 import pytest
@@ -15,10 +20,11 @@ from conftest import ROOT
 
 TERMS = ROOT / "docs" / "terms.md"
 TEXTS = ("docs/**/*.md", "docs/*.template", "ssp/*/*.md", "ssp/*/scenarios/*.toml",
-         "ssp/*/family.toml", "orchestrator/templates/*.html", "orchestrator/templates/**/*.toml",
+         "ssp/*/family.toml", "orchestrator/**/*.html", "orchestrator/templates/**/*.toml",
          "benchmarks/*.md", "*.md")  # fmt: skip
 CODE = ("orchestrator", "components", "fmus")
-PRINTED = ("orchestrator/cli/commands/", "orchestrator/numbers/measures.py", "components/blocks/",
+PRINTED = ("orchestrator/cli/commands/", "orchestrator/papers/commands/",
+           "orchestrator/web/commands/", "orchestrator/numbers/measures.py", "components/blocks/",
            "orchestrator/__init__.py")  # fmt: skip
 """Code whose docstrings users read: help, measures, blocks, Python."""
 LEFT_OUT = {"CHANGELOG.md", "docs/terms.md"}
@@ -94,3 +100,154 @@ def test_words_of_the_house_are_gone() -> None:
 )  # fmt: skip
 def test_a_word_is_found_where_it_stands_alone(text: str, is_found: bool) -> None:
     assert any(pattern(word).search(text) for word in words()) == is_found
+
+
+# --- names in backticks ------------------------------------------------------------------------
+
+IDENTIFIER = re.compile(r"[A-Za-z_]\w*")
+FILE_NAME = re.compile(r"[\w./]+\.(py|c|js|html|toml)")
+OWNED_NAME = re.compile(r"([A-Za-z_]\w*)\.([A-Za-z_]\w*)")
+COMMAND = re.compile(r"(desat|make|python) ")
+# names of other packages, of units, of SSP, of what a user writes, and placeholders
+OF_OTHERS = {
+    *("ds", "to_dataframe", "fenv_t", "typing", "kgm2", "uN", "s²", "inner_add"),
+    *("NAME.craft.toml", "my_ROLE.py", "PLOT", "UNIT"),
+}
+
+
+def is_text(node: ast.AST) -> bool:
+    """Return whether a statement is a docstring, or the text below a constant."""
+    return (
+        isinstance(node, ast.Expr)
+        and isinstance(node.value, ast.Constant)
+        and isinstance(node.value.value, str)
+    )
+
+
+class CodeNames:
+    """The names that the code of the package has."""
+
+    def __init__(self, trees: dict[Path, ast.Module]) -> None:
+        self.files: set[str] = set()
+        self.anywhere = {*dir(builtins), *keyword.kwlist}  # a definition, attribute, key or value
+        self.within: dict[Path, set[str]] = {}  # by file, every name and text of its code
+        self.members: dict[str, set[str]] = {}  # by module and class
+        for file, tree in trees.items():
+            module = file.parent.name if file.stem == "__init__" else file.stem
+            self.anywhere.update(file.with_suffix("").relative_to(ROOT).parts)
+            self.within[file] = set()
+            self._add_members(module, tree)
+            self._add_code(file, tree)
+        for folder in (*CODE, "tests", "benchmarks"):
+            self.files.update(path.name for path in (ROOT / folder).rglob("*"))
+        for file in (ROOT / "orchestrator").rglob("*"):
+            if file.suffix in (".c", ".js", ".html", ".toml", ".jinja"):
+                self.anywhere.update(IDENTIFIER.findall(file.read_text(encoding="utf-8")))
+
+    def _add_members(self, owner: str, tree: ast.Module | ast.ClassDef) -> None:
+        """Add what a module or a class defines, imports or assigns."""
+        found = self.members.setdefault(owner, set())
+        for node in ast.walk(tree):
+            if isinstance(node, ast.FunctionDef | ast.ClassDef):
+                found.add(node.name)
+            elif isinstance(node, ast.alias):
+                found.add(node.asname or node.name)
+            elif isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store):
+                found.add(node.id)
+            elif isinstance(node, ast.Attribute):
+                found.add(node.attr)
+            if isinstance(node, ast.ClassDef) and node is not tree:
+                self._add_members(node.name, node)
+
+    def _add_code(self, file: Path, tree: ast.Module) -> None:
+        """Add the names of a file: a local variable counts in its own file alone."""
+        texts = {id(node.value) for node in ast.walk(tree) if is_text(node)}
+        within = self.within[file]
+        for node in ast.walk(tree):
+            if isinstance(node, ast.FunctionDef | ast.ClassDef):
+                self.anywhere.add(node.name)
+            elif isinstance(node, ast.Name):
+                within.add(node.id)
+            elif isinstance(node, ast.arg | ast.keyword) and node.arg:
+                self.anywhere.add(node.arg)
+            elif isinstance(node, ast.Attribute):
+                self.anywhere.add(node.attr)
+            elif isinstance(node, ast.alias):
+                within.update(IDENTIFIER.findall(node.name))
+            elif isinstance(node, ast.Constant) and id(node) not in texts:
+                self._add_text(node.value, within)
+            if isinstance(node, ast.Module | ast.ClassDef):
+                self._add_assigned(node)
+
+    def _add_text(self, text: object, within: set[str]) -> None:
+        """Add the words of a text: one without spaces is a key or a value, known anywhere."""
+        if isinstance(text, str):
+            words = IDENTIFIER.findall(text)
+            within.update(words)
+            if " " not in text.strip():
+                self.anywhere.update(words)
+
+    def _add_assigned(self, owner: ast.Module | ast.ClassDef) -> None:
+        """Add the constants of a module and the fields of a class."""
+        for statement in owner.body:
+            targets = getattr(statement, "targets", [getattr(statement, "target", None)])
+            for target in targets:
+                names = ast.walk(target) if target is not None else ()
+                self.anywhere.update(n.id for n in names if isinstance(n, ast.Name))
+
+    def unknown_in(self, span: str, file: Path) -> list[str]:
+        """Return the names of a text in backticks that the package does not have."""
+        if COMMAND.match(span):
+            return []
+        if FILE_NAME.fullmatch(span):
+            name = Path(span).name
+            return [] if name in self.files | OF_OTHERS else [name]
+        owned = OWNED_NAME.match(span)
+        if owned is not None and owned[1] in self.members and owned[1] not in self.within[file]:
+            return [] if owned[2] in self.members[owned[1]] else [owned[0]]
+        known = self.anywhere | self.within[file] | OF_OTHERS
+        return [name for name in IDENTIFIER.findall(span) if name not in known]
+
+
+def texts_for_readers(source: str, tree: ast.Module) -> Iterator[tuple[int, str]]:
+    """Yield lines and texts of docstrings and comments."""
+    for node in ast.walk(tree):
+        if is_text(node):
+            yield node.lineno, node.value.value
+    for token in tokenize.generate_tokens(io.StringIO(source).readline):
+        if token.type == tokenize.COMMENT:
+            yield token.start[0], token.string
+
+
+def stale_names(files: Iterable[Path], known: CodeNames) -> Iterator[str]:
+    """Yield a line for each text in backticks that names what the package does not have."""
+    for file in files:
+        source = file.read_text(encoding="utf-8")
+        for line, text in texts_for_readers(source, ast.parse(source)):
+            for span in re.findall(r"`([^`]+)`", text):
+                if unknown := known.unknown_in(span, file):
+                    yield f"{file.relative_to(ROOT)}:{line}: `{span}`: no {', '.join(unknown)}"
+
+
+@pytest.fixture(scope="module")
+def code_names() -> CodeNames:
+    files = [file for folder in CODE for file in (ROOT / folder).rglob("*.py")]
+    return CodeNames({file: ast.parse(file.read_text(encoding="utf-8")) for file in files})
+
+
+def test_names_in_backticks_exist(code_names: CodeNames) -> None:
+    files = sorted((ROOT / "orchestrator").rglob("*.py"))
+    assert "\n".join(stale_names(files, code_names)) == ""
+
+
+@pytest.mark.parametrize(
+    ("span", "is_known"),
+    [
+        ("master.py", True), ("supervise.py", False), ("Master.initialise", True),
+        ("Master.no_such_method", False), ("manager.gain", True), ("no_such_name", False),
+        ("desat run NAME", True), ("options.stop", True),
+    ],
+)  # fmt: skip
+def test_a_stale_name_is_found(code_names: CodeNames, span: str, is_known: bool) -> None:
+    file = ROOT / "orchestrator" / "runs" / "prepare.py"
+    assert (code_names.unknown_in(span, file) == []) == is_known

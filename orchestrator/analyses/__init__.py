@@ -1,6 +1,6 @@
 """What is computed of a run beyond its numbers: a file an analysis, found by the folder.
 
-A module of this folder that has `applies` is an analysis:
+A module that has `applies` is an analysis, here and in a folder `analyses/` of another room:
 
     KEY = "rigid_body"                              # its place in the manifest
     PARTS                                           # its class, which component is what
@@ -24,8 +24,6 @@ it (`problems(system) -> lines`), are functions beside these; `runs/prepare.py` 
 
 from __future__ import annotations
 
-import importlib
-import pkgutil
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from functools import cache
@@ -33,6 +31,7 @@ from types import ModuleType
 from typing import Any, Self
 
 from ..numbers.text import Value
+from ..system import discovery
 
 
 @dataclass(frozen=True)
@@ -72,9 +71,8 @@ class Analysis:
 @cache
 def analyses() -> tuple[Analysis, ...]:
     """The analyses that there are, by the names of their files."""
-    found = sorted(m.name for m in pkgutil.iter_modules(__path__, f"{__name__}."))
-    modules = (importlib.import_module(name) for name in found)
-    return tuple(Analysis(m) for m in modules if hasattr(m, "applies"))
+    found = discovery.load("analyses")
+    return tuple(Analysis(module) for module in found if hasattr(module, "applies"))
 
 
 def with_titles(rows: Mapping[str, tuple[str, float | None, str]]) -> dict[str, Value]:

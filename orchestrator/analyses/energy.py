@@ -7,9 +7,9 @@ The kinetic energy of the body without the wheels' axial part, E = 1/2 omega . J
 (the wheels' own, h^2 / 2 J_s, changes by tau_wheel . h / J_s, which the momentum of each wheel
 fulfils by itself; the sum of both is tau_ext . omega + tau_wheel . Omega). Both integrals, of work
 and of impulse, are taken over each of the body's own steps: from the rows where these have them one
-by one, else while it runs (`Along`). Between the ends of a step `motion.py` knows the body, and
-`motion.py` the external torque from what reaches it: exact but for terms of order 6 in nutation
-times step. Where that torque is not known, its mean by the body's own impulse serves for the work,
+by one, else while it runs (`OnlineBalance`). Between the ends of a step `motion.py` knows the body
+and the external torque from what reaches it: exact but for terms of order 6 in nutation times
+step. Where that torque is not known, its mean by the body's own impulse serves for the work,
 which then errs by order 2 where the torque changes within a step.
 
 What stays of the energy is what the integrator takes or makes; what stays of the impulse is a
@@ -157,7 +157,7 @@ def _foreign(parts: EnergyParts) -> str:
 
 def blocks_of(manifest: Manifest, results: Results) -> Iterator[Steps]:
     """The steps of a run, a block at a time; none where the rows do not have them one by one:
-    `why_not`."""
+    `_not_of_rows`."""
     parts: EnergyParts | None = manifest.parts.get(KEY)
     if parts is None or _not_of_rows(manifest, results):
         return
@@ -433,7 +433,7 @@ def figures(manifest: Manifest, results: Results) -> list[tuple[str, Figure]]:
     return [(caption, fig)]
 
 
-# --- The balances of `py` made while a run goes on ---------------------------------------
+# --- The balances of `energy.py`, made while a run goes on ---------------------------------------
 # So where its rows do not have every step of the body: with substeps, step ratios, rows left out.
 #
 # The balances need what reaches the body at each of its own steps, which `engine/node.py` keeps for

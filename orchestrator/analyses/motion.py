@@ -133,7 +133,7 @@ class Steps:
 
 
 # ------------------------------------------------------------------------------------------------
-# The external torque on a rigid body, computed outside it from what the other components recorded
+# The external torque on a rigid body, computed outside it from what the other components recorded.
 # It uses none of the body's code, only its parameters, its attitude and the signals that reach it.
 
 

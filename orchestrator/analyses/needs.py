@@ -43,7 +43,7 @@ def problems(system: System) -> Iterator[str]:
 def design_problems(system: System, options: Options) -> Iterator[str]:
     """A line where a manager of ours needs tables made for one craft and has none: of one that is
     put in another's place, as a design is made with a manager that has none yet. Tables that say
-    what they are made for are looked at where they are made (`designs.momentum_tables`)."""
+    what they are made for are looked at by who provides designs (`runs/provider.py`)."""
     for c in system.components.values() if options.sources else ():
         if c.interface.role != "manager" or c.interface.model not in names():
             continue

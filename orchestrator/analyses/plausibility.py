@@ -18,8 +18,8 @@ from desat.components.physics.orbit import EARTH_RADIUS, MU
 from desat.components.physics.torques import SOLAR_PRESSURE
 from desat.fmus.registry import names
 
+from ..begin import cyclic
 from ..numbers.derived import rotate
-from ..system import cyclic
 from ..system.body import contradictions
 from ..system.craft import WheelArray, craft_of
 from ..system.errors import DesatError

@@ -44,12 +44,11 @@ from desat.components.physics.torques import SOLAR_PRESSURE
 
 from ..files import io
 from ..files.hardware import COMPENSATION, WHEEL_LAG, Figures, classes, friction, quantity, walk
-from ..system import cyclic
 from ..system.errors import DesatError, nearest, plain
 from ..system.model import J2000
 from ..system.quantity import Quantity, is_number
 from ..system.sampled_loop import SAMPLE_TIMES, AttitudeLoop, longest_sample, worst_momentum
-from . import coils
+from . import coils, cyclic
 from .body import body_of
 from .facts import CraftFacts
 from .orbits import Orbit, epoch_of, orbit_of

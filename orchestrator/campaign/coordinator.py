@@ -17,9 +17,9 @@ from ..language.content import Content, content_of, dispersions_of
 from ..runs.manifest import write_json
 from ..runs.prepare import Case, Target, prepare, with_stop
 from ..runs.prepare import read as read_source
+from ..runs.progress import progress as shown
 from ..system.errors import DesatError, Exit, RunError, nearest
 from ..system.options import Options
-from ..system.progress import progress as shown
 from . import store
 from .case import batch, repeat
 from .draws import lost, never, whole_numbers

@@ -15,11 +15,11 @@ from ..language.content import Content, content_of, overridden_by
 from ..numbers.numbers import late, ranks
 from ..numbers.statistics import median_interval
 from ..runs.prepare import Target, prepare, read, with_stop, with_values
+from ..runs.progress import progress as shown
 from ..runs.run import Options, Run, simulate
 from ..system.errors import DesatError, Exit, RunError
 from ..system.model import AUTO, System
 from ..system.parameters import parse_assignment
-from ..system.progress import progress as shown
 from .sampling import draw_of
 from .workers import Here, Local, Lost, Workers, results
 

@@ -1,10 +1,8 @@
-"""The command `desat`: a file of `commands/` each, or a few that belong together."""
+"""The command `desat`: a file of a folder `commands/` each, or a few that belong together."""
 
 from __future__ import annotations
 
-import importlib
 import os
-import pkgutil
 import re
 import signal
 import sys
@@ -17,8 +15,8 @@ from typer.main import get_command
 
 from ..engine.process_state import THREADS, stop_signals
 from ..files.io import is_full
+from ..system import discovery
 from ..system.errors import DesatError, Exit, nearest
-from . import commands
 from .console import app, err, out
 from .spare import spare
 
@@ -72,9 +70,9 @@ def _repeat_swallowed(unraisable: Any) -> None:
 def app_for(words: Sequence[str]) -> typer.Typer:
     """The application with the command that these words begin with, where that has a file of its
     own: to make all of them takes as long as to list the families. Else with all."""
-    names = [m.name for m in pkgutil.iter_modules(commands.__path__)]
-    for name in [w for w in words[:1] if w in names] or sorted(names):
-        importlib.import_module(f"{commands.__name__}.{name}")
+    one = words[0] if words and words[0].isidentifier() else "*"
+    if not discovery.load("commands", one):
+        discovery.load("commands")
     return app
 
 

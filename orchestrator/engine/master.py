@@ -105,7 +105,7 @@ class Master:
         self.unfreed: list[EndedError] = []
         """Of components that ended their process when they were freed."""
         self.spared = False
-        """Whether somebody keeps it for another run (`Spare`), who closes it."""
+        """Whether somebody keeps it for another run (`MasterPool`), who closes it."""
         self._rates = schedule.rates
         if not self._gauss_seidel:
             every = {name: c.step_ratio for name, c in system.components.items()}

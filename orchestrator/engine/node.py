@@ -178,7 +178,7 @@ def _gather(
 
 
 # ------------------------------------------------------------------------------------------------
-# What reaches a component at each of its own steps, also of those within a step of the master A
+# What reaches a component at each of its own steps, also of those within a step of the master. A
 # row of results has the means of several substeps joined, and none of the steps of a component
 # that is slower; who needs them one by one (`analyses/energy.py`) has them kept here until there is
 # no room for more.

@@ -258,7 +258,7 @@ def parameter_of(parameters: Table, name: str) -> Any:
 
 
 # ------------------------------------------------------------------------------------------------
-# The axis of times of a plot, over strips of coloured bands: what modes and phases were meanwhile
+# The axis of times of a plot, over strips of coloured bands: what modes and phases were meanwhile.
 # A strip stands for an Integer output whose values have names (`choices`).
 
 

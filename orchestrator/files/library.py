@@ -334,7 +334,7 @@ def interface_of(source: str, fmu: Fmu | None, blocks: bool) -> Interface:
 
 
 # ------------------------------------------------------------------------------------------------
-# Whose code an FMU is: ours, that of a list of hashes, or somebody's; and what it is built for A
+# Whose code an FMU is: ours, that of a list of hashes, or somebody's; and what it is built for. A
 # foreign FMU is native code that runs with the rights of who runs it. Ours are told by their hash,
 # for a description may say anything.
 

@@ -33,7 +33,6 @@ if TYPE_CHECKING:
 ROOT = paths.SCENARIOS
 ROLES = "roles"
 """Before the name of a role, whose standard numbers and plots a scenario extends."""
-"""The scenario that the folder of a craft of one's own stands for."""
 
 
 @dataclass(frozen=True)

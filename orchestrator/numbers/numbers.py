@@ -1,6 +1,6 @@
-"""Numbers from series: what a scenario's `[NAME]` gives of a run.
+"""Numbers from series: what a scenario's `[numbers.NAME]` gives of a run.
 
-    [wheels]
+    [numbers.wheels]
     title = "Mean wheel from 2 h on"
     signal = "wheels.h_wheel"        # or several, where the measure takes several
     measure = "mean_size"            # measures.py
@@ -10,7 +10,7 @@
                                      # of parameters, or a number in the measure's own unit
     unit = "%"                       # else: converted from the measure's unit
 
-    [roll]
+    [numbers.roll]
     signal = ["spacecraft.q_bi", "guidance.q_ref"]
     derive = "euler"                 # what is measured is derived of the signals: derived.py
     sequence = "321"

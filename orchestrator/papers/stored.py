@@ -91,7 +91,8 @@ def with_draws(family: str) -> dict[str, Scenario]:
 
 def needed(family: str) -> dict[str, set[str]]:
     """Of each scenario with draws the numbers that rows of the family's paper are made of, its own
-    rows and those that compare another one with it. Pages ask for more (`Sources.draws_of`)."""
+    rows and those that compare another one with it. Pages ask for more
+    (`benchmarks/pages/sources.py`)."""
     found: dict[str, set[str]] = {name: set() for name in with_draws(family)}
     for name, scenario in scenarios(family).items():
         numbers = scenario.content.numbers
@@ -123,7 +124,7 @@ def code(scenario: Scenario) -> str:
     files |= {*(home / "numbers").glob("*.py"), home / "campaign" / "draws.py",
               home / "campaign" / "sampling.py", home / "language" / "content.py"}  # fmt: skip
     if scenario.each_draw:
-        files |= {*(home / "designs").rglob("*.py")}
+        files |= {*(home / "papers" / "designs").rglob("*.py")}
         files |= {*(COMPONENTS / "laws").glob("*_offline.py")}
     return meaning.of_files(files, imports=False)
 

@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, replace
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
+from typing import Any, Unpack
 
 from ..campaign.draws import DrawnRow, spreads
 from ..campaign.draws import rows_of as rows_of_runs
@@ -25,12 +25,24 @@ from ..numbers.text import number
 from ..report.report import render, write_page
 from ..runs.validation import word_problems
 from ..system.errors import DesatError, Exit, RunError
-from ..system.options import Options
+from ..system.options import Options, RunOptions, of_program
+from . import stored
 from .comparison import Numbers, PaperCell, Share, Spread, count, rows_of
 from .stored import Provenance, StoredDraws, StoredScenario
 
 LARGEST = sys.float_info.max
 """The open end of a band in JSON."""
+
+
+def tables(family: str, *, jobs: int = 1, **options: Unpack[RunOptions]) -> list[PaperCell]:
+    """Run a family's scenarios and return the cells of its paper's tables: each the paper's value,
+    ours, unit and band. Medians of samples are the stored ones. `jobs` as for `draws`; `options`:
+    fields of `desat.Options`.
+
+    Raises DesatError for an unknown family, and RunError where a run does not complete.
+    """
+    drawn = stored.read(family) if stored.with_draws(family) else None
+    return rows(family, of_program(None, None, None, options), jobs, drawn)
 
 
 def rows(

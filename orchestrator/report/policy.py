@@ -5,9 +5,10 @@ from __future__ import annotations
 import base64
 import hashlib
 from collections.abc import Sequence
-from importlib.resources import files
 
 from markupsafe import Markup
+
+from ..system import discovery
 
 PLACEHOLDER = "POLICY-OF-THIS-PAGE"
 """Stands in page.html where the policy goes: which scripts a page runs is known at its end."""
@@ -19,8 +20,10 @@ FIXED = (
 
 
 def part(name: str) -> Markup:
-    """Return a part of pages from templates/ as it is."""
-    return Markup((files("desat") / "templates" / name).read_text(encoding="utf-8"))
+    """Return a part of pages from a folder `templates/` as it is."""
+    paths = (folder / name for folder in discovery.folders("templates"))
+    path = next(path for path in paths if path.exists())
+    return Markup(path.read_text(encoding="utf-8"))
 
 
 class PageScripts:

@@ -22,6 +22,7 @@ from ..files.scenario import abbreviations
 from ..language.scenario import Plot
 from ..numbers.text import number
 from ..runs.run import Run
+from ..system import discovery
 from .policy import PLACEHOLDER, PageScripts, part
 
 REPORT = "report.html"
@@ -29,12 +30,14 @@ REPORT = "report.html"
 
 def render(template: str, **values: Any) -> str:
     """Return a page made from one of our templates, with its Content Security Policy."""
-    from jinja2 import Environment, PackageLoader, StrictUndefined
+    from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
     environment = Environment(
-        loader=PackageLoader("desat"), autoescape=True, undefined=StrictUndefined,
+        loader=FileSystemLoader(discovery.folders("templates")),
+        autoescape=True,
+        undefined=StrictUndefined,
         trim_blocks=True,
-    )  # fmt: skip
+    )
     scripts = PageScripts()
     environment.globals["run_script"] = scripts.element
     text = environment.get_template(template).render(policy=PLACEHOLDER, **values)

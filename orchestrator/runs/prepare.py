@@ -26,7 +26,6 @@ from ..analyses import (
 )
 from ..analyses.manifest import Manifest
 from ..analyses.motion import period_of
-from ..designs import making, momentum_tables, origin
 from ..engine.instances.isolated import CAN
 from ..engine.master import MasterPool
 from ..files import craft, layers, library, paths, scenario, ssp
@@ -38,10 +37,13 @@ from ..system.errors import DesatError
 from ..system.interface import base_name
 from ..system.layer import Layer
 from ..system.model import Component, System
-from ..system.options import Options, orbits
+from ..system.options import NOW, Options, orbits
 from ..system.parameters import bare_block, expand
 from ..system.schedule import Schedule
 from . import validation
+from .provider import provider
+
+DESIGNS = provider()
 
 DEFAULT = Options()
 
@@ -170,7 +172,7 @@ def _prepare(target: Target, options: Options) -> Case:
     """As `prepare`, with a stop time in seconds."""
     scenario = target.scenario
     if options.design is None and options.values and scenario and scenario.each_draw:
-        options = replace(options, design=making.NOW)
+        options = replace(options, design=NOW)
     if options.design is not None and scenario is None:
         raise DesatError(f"--design {options.design}: {target.text} is no scenario with a [design]")
     builder = _with_options(target, options)
@@ -185,7 +187,7 @@ def _prepare(target: Target, options: Options) -> Case:
     if system is not None and options.design is None and (
         described := scenario or _packed_from(builder)
     ):  # fmt: skip
-        checked.warnings += origin.warnings(described, options, system)
+        checked.warnings += DESIGNS.warnings(described, options, system)
     if system is not None and sound:
         checked.problems += [line for find in SYSTEMS for line in find(system)]
         checked.warnings += [line for find in WARNINGS for line in find(system)]
@@ -286,11 +288,11 @@ def resolved(target: str | Target, options: Options) -> tuple[System, Any]:
 def _with_options(target: Target, options: Options) -> Builder:
     """Begin the system of a target and add the layer of the options."""
     builder, scenario, designed = target.builder(options), target.scenario, None
-    if scenario is not None and options.design is not None:
+    if scenario is not None and (options.design is not None or scenario.design is not None):
         own = scenario.parameters(designed=False)
         designed = {  # but for what the scenario gives itself
             name: {k: v for k, v in values.items() if k not in own.get(name, {})}
-            for name, values in making.parameters_for(scenario, options).items()
+            for name, values in DESIGNS.parameters_for(scenario, options).items()
         }
     sampled = _drawn_from(builder, scenario, options)
     return builder.add(layers.of_options(options, sampled, designed))
@@ -376,7 +378,7 @@ RUNS: tuple[Callable[[System, Options], Iterable[str]], ...] = (
 )  # fmt: skip
 """What stands against a run with its options, each a line a problem."""
 SYSTEMS: tuple[Callable[[System], Iterable[str]], ...] = (
-    momentum_tables.problems, accounts.problems, management.problems, needs.problems,
+    DESIGNS.problems, accounts.problems, management.problems, needs.problems,
     attitude_loop.problems,
 )  # fmt: skip
 """What stands against running a system."""

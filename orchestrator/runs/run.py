@@ -143,8 +143,9 @@ def simulate(
 
     A component that fails, a signal to stop and the time limits end the run early: what was
     recorded is kept, and the manifest's status says which. A run that its scenario's `stop_when`
-    ends is completed, and the manifest's `stopped_when` says when. With `options.supervised` it
-    runs in a process of its own, which a component may end (`supervise.py`).
+    ends is completed, and the manifest's `stopped_when` says when. With
+    `case.options.supervised` it runs in a process of its own, which a component may end
+    (`engine/child.py`).
     Raises DesatError where the run cannot begin, RunError where there is no room for it, and
     KeyboardInterrupt or SystemExit where a signal stops it before it has begun.
     """

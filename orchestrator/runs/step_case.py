@@ -22,11 +22,11 @@ from ..engine.recording.row_buffer import RowBuffer
 from ..system.errors import Exit
 from ..system.interface import selects
 from ..system.options import as_json
-from ..system.progress import progress as shown
 from ..system.refusal import explain as refused
 from . import stopping
 from .manifest import attributes, begin_manifest
 from .prepare import Case, isolated_in
+from .progress import progress as shown
 
 
 @dataclass

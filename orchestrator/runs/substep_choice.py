@@ -106,7 +106,7 @@ def _apart(system: System, options: Options, flying: Callable[[], T]) -> T:
 
 def settled(target: str, system: System) -> System:
     """A checked system with the substeps that a run of it begins with. Raises DesatError as
-    `chosen` does."""
+    `choose` does."""
     choice = choose(target, system, Options())
     return system if choice is None else replace(system, substeps=choice.substeps)
 
@@ -117,7 +117,7 @@ def choose_again(
     """Another choice for a run that has left the range of its flights, and is to be made again;
     None where it has not, or where they want no more substeps. `system` is as before the choice.
 
-    Raises DesatError as `chosen` does.
+    Raises DesatError as `choose` does.
     """
     parts = coverage.applies(system)
     if choice.reached is None or parts is None:

@@ -343,7 +343,7 @@ def _misfit(part: Part, variable: str, elements: Sequence[Signal], spec: Dispers
     return ""
 
 
-# --- [NAME]: what a campaign's cases are held against, as far as it is to be had ---
+# --- [requirements.NAME]: what a campaign's cases are held against, as far as it is to be had ---
 
 
 def requirement_problems(content: Content) -> Iterator[tuple[Keys, str]]:

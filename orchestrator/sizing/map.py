@@ -31,10 +31,10 @@ from ..analyses.flight import (
     values_of,
 )
 from ..runs.prepare import prepare, read
-from ..system import quantities
 from ..system.errors import DesatError
 from ..system.model import System
 from ..system.options import Options
+from . import quantities
 from .compatibility import terms_of
 from .law import Law, UnsuitedError, hold_of, law_of
 from .model import fly, track_of

@@ -56,10 +56,10 @@ from ..files.paths import NOMINAL
 from ..numbers.derived import cross, rotate, rotate_back
 from ..runs.prepare import Case, Target, prepare, read
 from ..runs.run import Run, simulate
-from ..system import quantities
 from ..system.errors import DesatError
 from ..system.model import Component, System
 from ..system.options import Options
+from . import quantities
 from .compatibility import Terms, fitting, prepare_with, terms_of
 from .law import STEP, Law, UnsuitedError, hold_of, law_of
 from .model import fly, in_body_of, track_of, useful

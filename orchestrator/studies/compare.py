@@ -96,7 +96,7 @@ class Comparison:
 
     @property
     def headings(self) -> list[str]:
-        """Of the columns of `Row.cells`."""
+        """Return the headings of a row's columns, the number's name left out."""
         first, *others = self.names
         return [*self.names, *(f"{first} less {x}" for x in others), "unit"]
 

@@ -283,7 +283,7 @@ def _value_text(c: Component, name: str) -> str:
 
 
 # ------------------------------------------------------------------------------------------------
-# What is known before a run: values outside of what is usual, and what blocks of ours foresee A
+# What is known before a run: values outside of what is usual, and what blocks of ours foresee. A
 # block foresees (`Block.foresee`) with its parameters and the times of the run: where it leaves
 # the range in which its model holds, and what it lacks to be of use. Another FMU says nothing of
 # that.

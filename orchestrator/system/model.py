@@ -170,7 +170,7 @@ class System:
     output_classes: Mapping[str, OutputClass] = field(default_factory=dict)
     """Overrides: `component.variable` -> class."""
     about: Told | None = None
-    """What its scenario says (`language/content.py`, `said`); None of a foreign system."""
+    """What its scenario says (`language/content.py`, `content_of`); None of a foreign system."""
     body: Body | None = None
     """Mass and sides, where its craft file says them."""
 

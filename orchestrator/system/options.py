@@ -14,6 +14,8 @@ from typing import Any, Literal, TypedDict, get_args
 from .errors import DesatError, nearest
 from .model import AUTO, MOST_SUBSTEPS, Substeps
 
+NOW = "now"  # `--design now`: made for the run, and not kept
+
 
 def as_json(target: str, options: Options) -> dict[str, Any]:
     """Target and options as JSON, with the folder that relative paths in them start from."""

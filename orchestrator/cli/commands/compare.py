@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from rich.table import Table
 
+from ...runs.progress import stages
 from ...system.errors import DesatError, Exit
-from ...system.progress import stages
 from .. import options as o
 from ..console import app, err, example, name_of, out, print_json, print_numbers, warn
 

@@ -13,8 +13,7 @@ from ..console import WithDefault, app, err, example, out, print_json
 exports = typer.Typer(
     cls=WithDefault, no_args_is_help=True, rich_markup_mode=None,
     help="Write a run, a loop or a law for other programs: `desat export RUN` series or plots, "
-    "`export fmu NAME` a loop as one FMU, `export web NAME` a page that flies it, `export c BLOCK` "
-    "a law alone.",
+    "`export fmu NAME` a loop as one FMU, `export c BLOCK` a law alone.",
 )  # fmt: skip
 app.add_typer(exports, name="export")
 
@@ -87,48 +86,6 @@ def fmu(
         print_json({"fmu": str(path)})
     else:
         out.print(str(path))
-
-
-@exports.command(epilog=example("desat export web my12u --law all"))
-def web(
-    target: o.Target,
-    laws: Annotated[
-        Names, typer.Option("--law", metavar="NAME", help="A law beside the craft's own, as "
-                            "`compare --laws` names it; all: each that fits. May be repeated.")
-    ] = None,
-    sliders: Annotated[
-        Names, typer.Option("--slider", metavar="NAME=FROM:TO", help="What moves, by the name that "
-                            "--set has for it, also shared.NAME. May be repeated (default: orbit, "
-                            "coils, residual dipole, gain, wheels; with thrusters their dumps').")
-    ] = None,
-    file: Annotated[
-        Path | None,
-        o.output_file("--out", "The file to write (default: NAME.html)."),
-    ] = None,
-    sets: o.Sets = None,
-    sources: o.Sources = None,
-    stop: o.Stop = None,
-    step: o.Step = None,
-    substeps: o.Substeps = None,
-    accuracy: o.Accuracy = None,
-    as_json: o.Json = False,
-) -> None:  # fmt: skip
-    """Write one HTML file that flies a scenario as its sliders move: no server, no network. It is
-    compiled by the package ziglang."""
-    from ...export.web.page import check_request, export
-    from ...studies.ranking import options_of_laws
-
-    options = o.options_of(sets, stop, step, o.Semantics.gauss_seidel, False, None, sources,
-                           substeps=substeps, accuracy=accuracy)  # fmt: skip
-    check_request(sliders or (), file)
-    made = export(target, options_of_laws(target, options, laws or ()), sliders or (), file)
-    for line in made.notes:
-        err.print(f"note: {line}")
-    if as_json:
-        print_json({"page": str(made.path), "digest": made.digest, "sliders": list(made.sliders),
-                    "notes": list(made.notes)})  # fmt: skip
-    else:
-        out.print(str(made.path))
 
 
 @exports.command(epilog=example("desat export c manager_cross_product"))

@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from rich.table import Table
 
-from ...system import quantities
+from ...runs.progress import stages
+from ...sizing import quantities
 from ...system.errors import DesatError, Exit
-from ...system.progress import stages
 from .. import options as o
 from ..console import app, err, example, name_of, out, print_json
 

@@ -7,8 +7,8 @@ from typing import Annotated
 import typer
 from rich.table import Table
 
+from ...runs.progress import stages
 from ...system.errors import DesatError, Exit
-from ...system.progress import stages
 from ...system.quantity import Quantity
 from .. import options as o
 from ..console import app, example, out, print_json, print_numbers

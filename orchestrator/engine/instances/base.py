@@ -2,8 +2,8 @@
 
 The master fills `inputs[kind]`, calls `push`, `step`, `pull`, and has the outputs in the arrays
 that it gave to `wire`; the arrays stay the same objects from then on, so nothing is allocated in a
-step. `fmu_instance.py` is an FMU through prepared ctypes calls, `isolated.py` one in a process of
-its own, `block_instance.py` the bare block.
+step. `fmu.py` is an FMU through prepared ctypes calls, `isolated.py` one in a process of
+its own, `block.py` the bare block.
 """
 
 from __future__ import annotations

@@ -4,7 +4,7 @@ The process is forked before any FMU is loaded. Inputs, outputs, the time of the
 lie in memory that both share; a byte each way over a socket says that a step is due, and that it is
 made: inputs are set, the step is made and outputs are read in one such turn. Calls that are rare go
 over the socket as they are. The end of the process closes the socket; one that does not answer in
-time is killed. `apart.py` is the other side.
+time is killed. The functions at the end of this file are the other side.
 """
 
 from __future__ import annotations
@@ -285,8 +285,8 @@ def cost_of_a_turn(count: int = 300) -> float:
 
 
 # ------------------------------------------------------------------------------------------------
-# The process of an isolated FMU: what it does there, and the memory that both processes share
-# `isolated.py` is the other side.
+# The process of an isolated FMU: what it does there, and the memory that both processes share.
+# The classes above are the other side.
 
 
 _VERBS = {"enter": ENTER, "exit": EXIT, "save": SAVE, "restore": RESTORE, "terminate": TERMINATE,

@@ -200,7 +200,7 @@ class Recorder:
             self._job = self._writer.submit(self._write, half)
 
     def _aside(self, work: Callable[..., T], *given: Any) -> T:
-        """Do it now; in the thread that writes where anything is packed (`packed.aside`)."""
+        """Do the work now; in the writer's thread where there is one (`_packing`)."""
         if self._packing is None:
             return work(*given)
         return self._writer.submit(work, *given).result()

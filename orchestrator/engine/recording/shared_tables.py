@@ -23,7 +23,7 @@ INDEX = ".index"
 ELEMENT = ".element."
 """Of vectors: the scale of their second axis, followed by how many elements they have."""
 INTERVAL = ".interval"
-"""The times of outputs that hold over an interval (`packed.py`)."""
+"""The times of outputs that hold over an interval (`series_file.py`)."""
 _SIDE = 64
 """Columns of a chunk: so many are read for one."""
 

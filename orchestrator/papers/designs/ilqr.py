@@ -9,9 +9,9 @@ from __future__ import annotations
 
 from desat.components.maths.vector import norm
 
-from ..files.scenario import Scenario
-from ..system.model import System
-from ..system.options import Options
+from ...files.scenario import Scenario
+from ...system.model import System
+from ...system.options import Options
 from . import MadeDesign, Parameters
 from .plant import Plant
 from .tuning import flies, shape, with_weight

@@ -34,11 +34,11 @@ from desat.components.maths.attitude import matrix, normalised
 from desat.components.physics.orbit import elements_from_state, mean_motion
 from desat.components.physics.torques import gravity_gradient
 
-from ..files.scenario import Scenario
-from ..system.errors import DesatError
-from ..system.model import Component, System
-from ..system.options import Options
-from ..system.parameters import bare_block
+from ...files.scenario import Scenario
+from ...system.errors import DesatError
+from ...system.model import Component, System
+from ...system.options import Options
+from ...system.parameters import bare_block
 from . import MadeDesign, Parameters
 from .origin import builder_of
 from .origin import design_of as asked_of

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from .quantity import Quantity
+from ..system.quantity import Quantity
 
 DUTY = Quantity("--duty", "%")
 MARGIN = Quantity("--margin", "1", 1.0, 100.0, what="a factor of")

@@ -18,29 +18,29 @@ from typing import Any
 import numpy as np
 from markupsafe import Markup
 
-from ...analyses import management
-from ...figures.plots import elements_of, parameter_of
-from ...figures.style import COLOURS, LIMIT, pretty_unit, time_axis
-from ...files import io
-from ...language.content import Content, content_of
-from ...language.scenario import Number, Plot
-from ...numbers import derived
-from ...numbers.derived import QUANTITIES, coil_impulse
-from ...numbers.measures import MEASURES, OWN_UNIT
-from ...numbers.numbers import scale
-from ...report.policy import part
-from ...report.report import data_element, render
-from ...runs import substep_choice
-from ...runs.prepare import Target, prepare, read
-from ...system.craft import carrier
-from ...system.errors import DesatError
-from ...system.expression import Table, factor, product
-from ...system.interface import KINDS
-from ...system.model import System
-from ...system.options import Options, as_arguments, sets_of
-from ...system.parameters import table, unit_of
-from ...system.wheels import axes_of, existing, smallest_capacity
-from ..loop_fmu import LoopEnds, LoopSource, written_out
+from ..analyses import management
+from ..export.loop_fmu import LoopEnds, LoopSource, written_out
+from ..figures.plots import elements_of, parameter_of
+from ..figures.style import COLOURS, LIMIT, pretty_unit, time_axis
+from ..files import io
+from ..language.content import Content, content_of
+from ..language.scenario import Number, Plot
+from ..numbers import derived
+from ..numbers.derived import QUANTITIES, coil_impulse
+from ..numbers.measures import MEASURES, OWN_UNIT
+from ..numbers.numbers import scale
+from ..report.policy import part
+from ..report.report import data_element, render
+from ..runs import substep_choice
+from ..runs.prepare import Target, prepare, read
+from ..system.craft import carrier
+from ..system.errors import DesatError
+from ..system.expression import Table, factor, product
+from ..system.interface import KINDS
+from ..system.model import System
+from ..system.options import Options, as_arguments, sets_of
+from ..system.parameters import table, unit_of
+from ..system.wheels import axes_of, existing, smallest_capacity
 from . import module
 from .script import numpy_source, script
 from .sliders import Slider, asked_of, parts_of, refused, usual, usual_of
@@ -383,7 +383,7 @@ def _places(loop: LoopSource) -> tuple[list[Any], dict[str, Any], int]:
 def _numbers(
     flown: _Flown, lacking: Mapping[str, str], notes: list[str]
 ) -> Iterator[dict[str, Any]]:
-    """The scenario's numbers that the page has, each as `Flight.number` evaluates it."""
+    """The scenario's numbers that the page has, each as `engine.js` evaluates it."""
     there = _there(flown.system)
     for name, number in flown.content.numbers.items():
         missing = [s for s in number.signals if s not in there]
@@ -448,7 +448,7 @@ def _unit(system: System, series: str) -> str:
 
 
 def _plots(flown: _Flown, lacking: Mapping[str, str], notes: list[str]) -> Iterator[dict[str, Any]]:
-    """The scenario's plots that the page has, each as `Flight.plot` draws it."""
+    """The scenario's plots that the page has, each as `engine.js` draws it."""
     there = _there(flown.system)
     for name, plot in flown.content.plots.items():
         signals = [s for s in plot.signals if s in there]

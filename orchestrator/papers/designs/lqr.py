@@ -13,10 +13,10 @@ import numpy as np
 from desat.components.blocks.manager_magnetic import CAPACITY
 from desat.components.laws import magnetic_offline as offline
 
-from ..files.scenario import Scenario
-from ..system.errors import DesatError
-from ..system.model import System
-from ..system.options import Options
+from ...files.scenario import Scenario
+from ...system.errors import DesatError
+from ...system.model import System
+from ...system.options import Options
 from . import MadeDesign, Parameters
 from .plant import Array, Plant
 from .tuning import flies, shape, with_weight

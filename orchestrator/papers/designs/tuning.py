@@ -8,9 +8,9 @@ from math import inf
 import numpy as np
 from scipy.optimize import brentq
 
-from ..engine.instances.base import ComponentError
-from ..system.errors import DesatError
-from ..system.model import System
+from ...engine.instances.base import ComponentError
+from ...system.errors import DesatError
+from ...system.model import System
 from . import MadeDesign, Parameters
 from .plant import Array, DesignFlight, Plant
 

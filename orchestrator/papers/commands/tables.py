@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from rich.table import Table
 
-from .. import options as o
-from ..console import app, err, example, out, print_json
+from ...cli import options as o
+from ...cli.console import app, err, example, out, print_json
 
 if TYPE_CHECKING:
-    from ...papers.stored import Provenance, StoredDraws
+    from ..stored import Provenance, StoredDraws
 
 
 @app.command(epilog=example("desat tables uosat12"))
@@ -41,7 +41,7 @@ def tables(
     """
     from rich.text import Text
 
-    from ...papers import tables as tables_module
+    from .. import tables as tables_module
 
     options = o.options_of(None, None, None, algorithm, blocks, fmus=fmus.value)
     drawn, origin = _draws_of(family, jobs, fresh, progress=not as_json)
@@ -78,7 +78,7 @@ def _draws_of(
     family: str, jobs: int, fresh: bool, progress: bool
 ) -> tuple[StoredDraws | None, Provenance | None]:
     """The samples of a family that has some, stored or made now, and where they are from."""
-    from ...papers import stored as stored_module
+    from .. import stored as stored_module
 
     if not stored_module.with_draws(family):
         return None, None

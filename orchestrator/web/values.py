@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Set
 from typing import Any
 
-from ...system.expression import Table, entry, is_name, parsed, product, scale_of
-from ...system.model import System
-from ...system.parameters import table, unit_of
+from ..system.expression import Table, entry, is_name, parsed, product, scale_of
+from ..system.model import System
+from ..system.parameters import table, unit_of
 
 Expression = dict[str, Any]
 """`factors`: of each `*` or `/`, and a number, or a parameter and its element (0: the whole);

@@ -9,10 +9,10 @@ from typing import Annotated
 import typer
 from rich.table import Table
 
+from ...cli import options as o
+from ...cli.console import app, example, out, print_json
+from ...runs.progress import progress
 from ...system.errors import DesatError
-from ...system.progress import progress
-from .. import options as o
-from ..console import app, example, out, print_json
 
 
 @app.command(epilog=example("desat design uosat12/fig2-ccpl-1"))
@@ -36,9 +36,9 @@ def design(
 
     They are kept in ssp/FAMILY/design/.
     """
-    from ...designs import making as design_module
     from ...figures.style import pretty_unit
     from ...files import paths
+    from ..designs import making as design_module
 
     if file is None:
         paths.writable("`desat design`", "--out FILE")

@@ -12,13 +12,13 @@ from desat.components.contract.units import conversion
 from desat.components.physics.orbit import EARTH_RADIUS
 from desat.fmus.registry import block_class, names
 
-from ...runs.prepare import Target, prepare
-from ...system.errors import DesatError, nearest
-from ...system.interface import Signal, base_name
-from ...system.model import System
-from ...system.options import Options, with_assignment
-from ...system.parameters import expand, parse_value, unit_of
-from ...system.wheels import smallest_capacity
+from ..runs.prepare import Target, prepare
+from ..system.errors import DesatError, nearest
+from ..system.interface import Signal, base_name
+from ..system.model import System
+from ..system.options import Options, with_assignment
+from ..system.parameters import expand, parse_value, unit_of
+from ..system.wheels import smallest_capacity
 from .values import differing, reached
 
 LOW_ORBIT = (2.0e5, 1.5e6)

@@ -18,13 +18,13 @@ scenario loader merges below the scenario's own (`origin.py`: what a file was ma
 
 from __future__ import annotations
 
-import importlib
-import pkgutil
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cache
 from types import ModuleType
 from typing import Any
+
+from ...system import discovery
 
 Parameters = Mapping[str, float | int | bool | str | list[Any]]
 """Values of a component's parameters, a choice by its name, an array as a list."""
@@ -46,6 +46,4 @@ class MadeDesign:
 @cache
 def kinds() -> tuple[ModuleType, ...]:
     """The kinds of design that there are, by the names of their files."""
-    names = sorted(m.name for m in pkgutil.iter_modules(__path__))
-    modules = (importlib.import_module(f"{__name__}.{name}") for name in names)
-    return tuple(m for m in modules if hasattr(m, "applies"))
+    return tuple(m for m in discovery.load("designs") if hasattr(m, "applies"))

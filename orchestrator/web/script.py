@@ -17,8 +17,8 @@ from typing import Any
 
 import numpy as np
 
-from ...numbers.derived import QUANTITIES
-from ...system.errors import DesatError
+from ..numbers.derived import QUANTITIES
+from ..system.errors import DesatError
 
 _NUMPY = (files(__package__) / "numpy.js").read_text(encoding="utf-8")
 _KNOWN = frozenset(re.findall(r"^  (\w+):", _NUMPY, re.M)) | set(

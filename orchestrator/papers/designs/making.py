@@ -8,12 +8,12 @@ from typing import Any
 
 import numpy as np
 
-from ..files.io import replace_text
-from ..files.reader import design as read_design
-from ..files.scenario import ROOT, Scenario, find, scenarios
-from ..system.errors import DesatError
-from ..system.model import System
-from ..system.options import Options
+from ...files.io import replace_text
+from ...files.reader import design as read_design
+from ...files.scenario import ROOT, Scenario, find, scenarios
+from ...system.errors import DesatError
+from ...system.model import System
+from ...system.options import NOW, Options
 from . import MadeDesign, Parameters, kinds
 from .origin import TABLE, builder_of, design_of, made_of, names_of, owner, system_of
 
@@ -21,8 +21,6 @@ PACKAGES = ("desat", "numpy", "scipy")
 COMMON = ("of", "assume", "each_draw")
 ROUNDING = 1e-12
 """Of what a kept design reached: the last bits of linear algebra are the machine's."""
-NOW = "now"
-"""`--design now`: made for the run, and not kept."""
 
 
 def designable(names: list[str]) -> list[Scenario]:
@@ -74,10 +72,12 @@ _made: dict[str, MadeDesign] = {}
 def parameters_for(scenario: Scenario, options: Options) -> dict[str, Parameters]:
     """The designed parameters, a table a component, that `options.design` asks for: a file, or
     made now for the values of the options. Raises DesatError where that cannot be."""
+    if options.design is None:
+        return {}
     if scenario.design is None:
         raise DesatError(f"--design {options.design}: {scenario.name} has no [design]")
     if options.design != NOW:
-        return dict(read_design(Path(options.design or "")).parameters)
+        return dict(read_design(Path(options.design)).parameters)
     other, fitting, _ = owner(scenario, options)
     key = repr((other.name, fitting))
     if key not in _made:
@@ -175,7 +175,7 @@ def confirm(scenario: Scenario) -> bool:
 
 
 def main() -> int:
-    """`python -m desat.designs.making`: stamp the kept designs that runs now confirm."""
+    """`python -m desat.papers.designs.making`: stamp the kept designs that runs now confirm."""
     failed = 0
     for scenario in designable([]):
         try:

@@ -6,9 +6,9 @@ final_momentum = 0.05         # N m s: the gain is tuned to this |h_f|
 
 from __future__ import annotations
 
-from ..files.scenario import Scenario
-from ..system.model import System
-from ..system.options import Options
+from ...files.scenario import Scenario
+from ...system.model import System
+from ...system.options import Options
 from . import MadeDesign
 from .plant import Plant
 from .tuning import GAIN_UNIT, flies, tune

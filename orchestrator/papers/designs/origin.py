@@ -13,16 +13,16 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from ..files import layers
-from ..files.builder import Builder
-from ..files.reader import design
-from ..files.scenario import Scenario, find
-from ..language.scenario import Design, DesignFile
-from ..system.interface import base_name
-from ..system.layer import Layer, Value
-from ..system.model import Connection, System
-from ..system.options import Options
-from ..system.parameters import parse_assignment, table
+from ...files import layers
+from ...files.builder import Builder
+from ...files.reader import design
+from ...files.scenario import Scenario, find
+from ...language.scenario import Design, DesignFile
+from ...system.interface import base_name
+from ...system.layer import Layer, Value
+from ...system.model import Connection, System
+from ...system.options import Options
+from ...system.parameters import parse_assignment, table
 
 TABLE = "made_of"
 

@@ -14,9 +14,9 @@ from pathlib import Path
 from desat.fmus import native
 from desat.fmus.compiler import NoCompilerError, zig
 
-from ...files import io
-from ...system.errors import DesatError
-from ..loop_fmu import LoopSource
+from ..export.loop_fmu import LoopSource
+from ..files import io
+from ..system.errors import DesatError
 
 _ASIDE = ("-O3", "-fPIC", "-fvisibility=hidden")
 _TARGET = ("-target", "wasm32-wasi", "-O2", "-mexception-handling", "-mllvm", "-wasm-enable-sjlj")

@@ -15,14 +15,14 @@ import numpy as np
 
 from desat.components.physics.orbit import mean_motion
 
-from ..numbers.derived import rotate, rotate_back, unit_rows
-from ..numbers.text import Value
-from ..system.model import System
-from . import Parts
-from .manifest import Manifest
+from ...analyses import Parts
+from ...analyses.manifest import Manifest
+from ...numbers.derived import rotate, rotate_back, unit_rows
+from ...numbers.text import Value
+from ...system.model import System
 
 if TYPE_CHECKING:
-    from ..engine.recording.results import Results
+    from ...engine.recording.results import Results
 
 KEY = "unloading"
 SPEEDS = (100, 200, 300)

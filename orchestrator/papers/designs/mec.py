@@ -12,10 +12,10 @@ import numpy as np
 
 from desat.components.laws import magnetic_offline as offline
 
-from ..files.scenario import Scenario, find
-from ..system.errors import DesatError
-from ..system.model import System
-from ..system.options import Options
+from ...files.scenario import Scenario, find
+from ...system.errors import DesatError
+from ...system.model import System
+from ...system.options import Options
 from . import MadeDesign, Parameters
 from .plant import Array, DesignFlight, Plant
 from .tuning import flies, needless, of_flight

@@ -21,15 +21,15 @@ from desat.components.maths.attitude import normalised, product, rotate
 from desat.components.maths.vector import norm, scale
 from desat.components.physics.orbit import lvlh_attitude
 
-from ..engine.loop import run, stepping
-from ..engine.master import Master
-from ..engine.recording.recorder import Recorder
-from ..files.scenario import Scenario
-from ..language.scenario import Design as Asked
-from ..system.errors import DesatError, nearest
-from ..system.model import Component
-from ..system.options import Options
-from ..system.parameters import bare_block, expand
+from ...engine.loop import run, stepping
+from ...engine.master import Master
+from ...engine.recording.recorder import Recorder
+from ...files.scenario import Scenario
+from ...language.scenario import Design as Asked
+from ...system.errors import DesatError, nearest
+from ...system.model import Component
+from ...system.options import Options
+from ...system.parameters import bare_block, expand
 from .origin import builder_of
 
 Array = NDArray[np.floating[Any]]

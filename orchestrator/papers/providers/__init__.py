@@ -1,0 +1,1 @@
+"""The layers of values that the papers provide (`runs/provider.py`)."""
