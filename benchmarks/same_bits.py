@@ -22,11 +22,10 @@ from typing import Any
 import numpy as np
 
 from desat.export.packing import pack_scenario
-from desat.files.assembly import modify
+from desat.files.layers import of_options
 from desat.files.scenario import find
 from desat.runs.prepare import read
 from desat.runs.run import Case, Options, prepare, simulate
-from desat.system.check import check
 
 from . import seen
 
@@ -56,13 +55,13 @@ def _case(target: str, options: Options, seed: int) -> Case:
     """A target prepared; with a seed, its components and connections in another order."""
     if not seed:
         return prepare(target, options)
-    draft, rng = read(target).draft(blocks=False), np.random.default_rng(seed)
-    names = list(draft.components)
+    builder, rng = read(target).builder(options), np.random.default_rng(seed)
+    names = list(builder.components)
     rng.shuffle(names)
-    draft.components = {n: draft.components[n] for n in names}
-    rng.shuffle(draft.connections)
-    modify(draft, options)
-    return Case(target, options, draft.where, check(draft))
+    builder.components = {n: builder.components[n] for n in names}
+    rng.shuffle(builder.connections)
+    builder.add(of_options(options))
+    return Case(target, options, builder.where, builder.check())
 
 
 def made(way: dict[str, Any]) -> dict[str, Any]:

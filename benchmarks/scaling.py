@@ -22,8 +22,8 @@ from desat.engine.recording.results import SERIES
 from desat.figures.canvas import Figure
 from desat.figures.style import COLOURS
 from desat.files import library, paths
-from desat.system.check import check
-from desat.system.draft import Draft, DraftComponent
+from desat.files.builder import Builder
+from desat.system.layer import Layer, Place
 from desat.system.model import Connection
 
 PLOT = Path(__file__).with_name("scaling.svg")
@@ -40,11 +40,13 @@ def _master(components: int, wired: int | None = None) -> Master:
     file = native if native.exists() else paths.fmus() / "magnetometer.fmu"
     fmu = library.load(file)
     names = [f"m{i:04}" for i in range(components)]
-    parts = {n: DraftComponent(n, file.name, fmu=fmu, interface=fmu.interface) for n in names}
+    places = [Place(n, file.name, fmu, fmu.interface) for n in names]
     wires = [Connection(a, f"b_body[{i}]", b, f"b_eci[{i}]")
              for a, b in list(pairwise(names))[:wired] for i in (1, 2, 3)]  # fmt: skip
-    draft = Draft("chain", "benchmarks/scaling.py", parts, wires, step=1.0, stop=1e7)
-    master = Master(*check(draft).or_raise(), watched=lambda c, s: False)
+    layer = Layer(
+        "benchmarks/scaling.py", "chain", places=places, connections=wires, step=1.0, stop=1e7
+    )
+    master = Master(*Builder(layer).check().or_raise(), watched=lambda c, s: False)
     master.initialise()
     return master
 

@@ -229,18 +229,17 @@ def test_a_pulsed_coil_is_bounded_by_its_duty_and_an_ideal_one_not():
 
 def test_nozzles_as_the_axis_pairs_have_the_same_bound():
     """The default nozzles are one each way about every axis."""
-    from desat.files.library import load_interfaces
     from desat.runs.prepare import read
-    from desat.system.check import check
+    from desat.system.interface import interface_of_block
 
     pairs = execute("uosat12/table3-dct-ilqr-2", Options(blocks=True))
     expected = lower_bound.of_run(pairs.manifest, pairs.results)
-    draft = read("uosat12/table3-dct-ilqr-2").draft(blocks=True)
-    nozzles = draft.components["thrusters"]
+    builder = read("uosat12/table3-dct-ilqr-2").builder(Options(blocks=True))
+    nozzles = builder.components["thrusters"]
     nozzles.source = "resources/thrusters_nozzles.fmu"
     nozzles.parameters = {k: v for k, v in nozzles.parameters.items() if "tau_level" not in k}
-    load_interfaces(draft, blocks=True)
-    system, _ = check(draft).or_raise()
+    nozzles.interface = interface_of_block("thrusters_nozzles")
+    system, _ = builder.check().or_raise()
     from desat.system.parameters import table
 
     thrusters = table(system.components.values())["thrusters"]

@@ -35,12 +35,12 @@ from desat.campaign.plan import CampaignPlan
 from desat.campaign.sampling import axes, draw_of
 from desat.campaign.workers import Local, Lost, results
 from desat.engine.master import Master
+from desat.files.builder import Builder
 from desat.runs import prepare as prepare_module
 from desat.runs import progress
 from desat.runs.prepare import prepare
 from desat.runs.prepare import read as read_source
 from desat.runs.run import simulate
-from desat.system.check import check
 from desat.system.errors import DesatError, Exit
 from desat.system.options import Options
 
@@ -147,7 +147,8 @@ def test_a_cut_normal_stays_within_and_leaves_the_other_draws_as_they_were(syste
     name = "wheels.h_start_wheel"
     written = copy.deepcopy(system.about.written["dispersions"])
     del written[name]["within"]
-    free = replace(system, about=but(system.about, dispersions=written))
+    free = copy.copy(system)
+    free.about = but(system.about, dispersions=written)
     cut, whole = ([draw_of(s, 1, i)[name] for i in range(100)] for s in (system, free))
     changed = [i for i in range(100) if cut[i] != whole[i]]
     assert changed == [i for i in range(100) if max(map(abs, whole[i])) > 0.02]
@@ -794,7 +795,8 @@ def test_a_master_that_begins_anew_makes_the_bits_of_a_new_one(tmp_path, monkeyp
 
 def test_a_worker_prepares_once(monkeypatch):
     made = []
-    monkeypatch.setattr(prepare_module, "check", lambda draft: made.append(1) or check(draft))
+    check = Builder.check
+    monkeypatch.setattr(Builder, "check", lambda builder: made.append(1) or check(builder))
     plan = CampaignPlan("alsat1/basin-y-wheel", "", 5, options=Options(stop=600.0))
     plan_module._source.cache_clear()
     for n in range(5):

@@ -12,7 +12,6 @@ from conftest import ROOT
 from desat.files import paths
 from desat.runs.prepare import read
 from desat.runs.run import Options, prepare
-from desat.system.check import check
 from desat.system.errors import DesatError
 
 SSD = ROOT / "ssp" / "uosat12" / "SystemStructure.ssd"
@@ -336,13 +335,13 @@ def test_an_input_that_is_given_counts_as_wired():
 
 def test_a_wired_input_that_needs_another():
     """A dipole without a field would have no effect."""
-    draft = read("gyrostat/full").draft(blocks=False)
-    spacecraft = draft.components["spacecraft"]
-    draft.connections = [
-        c for c in draft.connections if (c.target, c.input[:5]) != ("spacecraft", "b_eci")
+    builder = read("gyrostat/full").builder()
+    spacecraft = builder.components["spacecraft"]
+    builder.connections = [
+        c for c in builder.connections if (c.target, c.input[:5]) != ("spacecraft", "b_eci")
     ]
     spacecraft.connectors = {n: c for n, c in spacecraft.connectors.items() if n[:5] != "b_eci"}
-    (problem,) = check(draft).problems
+    (problem,) = builder.check().problems
     assert "spacecraft.m_mean_body is wired and needs b_eci, which is neither" in problem
 
 

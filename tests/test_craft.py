@@ -11,6 +11,7 @@ from conftest import ROOT
 from desat.components.contract import roles
 from desat.export import packing
 from desat.files import craft, paths, scenario, ssp
+from desat.files.builder import Builder
 from desat.runs.run import Options, execute
 from desat.system.errors import DesatError
 from desat.system.interface import elements, misfit, of_block, usual_sources
@@ -62,7 +63,7 @@ def wires(system) -> set[str]:
 def made(folder, text: str = GOOD):
     file = folder / "mine.toml"
     file.write_text(text, encoding="utf-8")
-    return craft.read(file)
+    return Builder(craft.read(file))
 
 
 @pytest.mark.parametrize("name", BY_HAND)
@@ -82,9 +83,9 @@ def test_all_511():
 def test_the_ssd_is_current_and_says_the_same(file):
     target = packing.target(file)
     assert target.read_text(encoding="utf-8") == packing.text(file), "run `desat pack --ssd`"
-    system = ssp.read(target)
+    system = Builder(ssp.read(target))
     assert system.problems == []
-    same_system(system, craft.read(file))
+    same_system(system, Builder(craft.read(file)))
 
 
 def same_system(a, b) -> None:
@@ -131,7 +132,7 @@ def test_what_a_craft_says_goes_before_the_usual(tmp_path):
     assert (file.name, written) == ("mine.ssd", True)
     assert packing.write(tmp_path / "mine.toml") == (file, False)
     (tmp_path / "resources").symlink_to(paths.fmus())
-    again = ssp.read(file)
+    again = Builder(ssp.read(file))
     assert again.problems == []
     same_system(again, system)
 
@@ -248,7 +249,7 @@ def family(tmp_path, monkeypatch):
 
 
 def test_a_family_is_a_craft_file_and_a_scenario(family):
-    system = scenario.find("mine/one").draft()
+    system = scenario.find("mine/one").builder()
     assert system.problems == []
     assert system.components["environment"].source == "resources/environment_kepler.fmu"
     run = execute("mine/one", Options())
@@ -268,7 +269,7 @@ def test_a_scenario_names_its_craft_or_its_ssd(family):
         scenario._cell.cache_clear()
         scenario.survey.cache_clear()
         scenario.scenarios.cache_clear()
-        return scenario.find("mine/one").draft()
+        return scenario.find("mine/one").builder()
 
     (family / "small.craft.toml").write_text(
         '[components]\nenvironment = "environment_orbit_dipole"\n'

@@ -37,7 +37,7 @@ stored = module_of("desat.papers.stored")
 MOVES_NO_BIT = {
     "System": {"name", "where"},
     # the code that these name stands beside, by its hash
-    "Component": {"source", "fmu", "connectors", "line", "given"},
+    "Component": {"source", "fmu", "connectors", "line", "given", "references"},
     "Connection": {"line", "converts"},
     "Interface": {"title"},
     "Signal": {"description", "unit_name", "reference", "choices", "minimum", "maximum", "shared",
@@ -347,14 +347,14 @@ def test_stored_draws_are_of_wiring_and_blocks_too(monkeypatch):
     slower = replace(scenario, content=but(scenario.content, stop=scenario.content.stop + 10.0))
     assert stored.digest(slower) != before
     with monkeypatch.context() as patch:
-        draft = type(scenario).draft
+        layers = type(scenario).layers
 
         def rewired(self: Any, *given: Any, **more: Any) -> Any:
-            made = draft(self, *given, **more)
-            made.connections.pop()
+            made = layers(self, *given, **more)
+            made[0].connections.pop()
             return made
 
-        patch.setattr(type(scenario), "draft", rewired)
+        patch.setattr(type(scenario), "layers", rewired)
         assert stored.digest(scenario) != before
     monkeypatch.setattr(library, "computes", lambda name, fmu: "other")
     assert stored.digest(scenario) != before

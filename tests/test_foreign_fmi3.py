@@ -22,12 +22,12 @@ from desat.engine.loop import run, stepping
 from desat.engine.master import Master
 from desat.engine.recording.recorder import Recorder
 from desat.files import library
+from desat.files.builder import Builder
 from desat.files.fmu import of_fmu
 from desat.fmus.build import DIST
 from desat.runs.run import Options, execute
-from desat.system.check import check
-from desat.system.draft import Draft, DraftComponent
 from desat.system.errors import DesatError
+from desat.system.layer import Layer, Place, Value
 from desat.system.model import Connection
 
 BOTH = ("compiled", "python")
@@ -120,11 +120,13 @@ def system(folder: Path, of: str = "b", **parameters: object):
         "a": {"u[1]": 0.5, "u[2]": 1.5, "u[3]": 7.0}, "b": {"u[1]": 0.5, "u[3]": 2.5},
     }  # fmt: skip
     given[of] |= parameters
-    parts = {
-        n: DraftComponent(n, "strange3.fmu", fmu=fmu, interface=fmu.interface, parameters=given[n])
-        for n in "ab"
-    }
-    return check(Draft("strange", "here", parts, list(WIRES), step=0.5, stop=1e6)).or_raise()
+    layer = Layer("here", "strange", connections=list(WIRES), step=0.5, stop=1e6)
+    for n in "ab":
+        layer.places.append(Place(n, "strange3.fmu", fmu))
+        layer.values += [
+            Value(n, name, x, "here", "here", unchecked=True) for name, x in given[n].items()
+        ]
+    return Builder(layer).check().or_raise()
 
 
 def rows(

@@ -636,7 +636,7 @@ def test_a_stored_draw_comes_out_again(current):
     from desat.runs.prepare import read
 
     name = "integrated/velocity-dumping"
-    values = values_of(read(name).draft(blocks=True), current["seed"], 0)
+    values = values_of(read(name).builder(Options(blocks=True)), current["seed"], 0)
     again = execute(name, Options(values=values)).manifest["numbers"]
     kept = current["scenarios"][name]["draws"][0]["numbers"]
     assert {k: again[k]["value"] for k in kept} == pytest.approx(kept, rel=1e-6)

@@ -97,12 +97,12 @@ def checked(name: str = "f/t-a") -> str:
     """What `desat check` says is wrong with the words and names of a scenario."""
     try:
         found = scenario.find(name)
-        draft = found.draft(blocks=True)
-        wrong = validation.content_problems(found.content, draft.components)
-        draft.problems += [f"{found.where(path)}: {text}" for path, text in wrong]
+        builder = found.builder(blocks=True)
+        wrong = validation.content_problems(found.content, builder.components)
+        builder.problems += [f"{found.where(path)}: {text}" for path, text in wrong]
     except DesatError as error:
         return str(error)
-    return "\n".join(draft.problems)
+    return "\n".join(builder.problems)
 
 
 def test_the_sound_file_is_silent(family):
@@ -383,7 +383,7 @@ def test_signs_and_one_of(family):
     spec = '{ signs = [0.1, 0.2, 0.3] }\n"environment.phase" = { one_of = [0.5, 1.5] }'
     family(t=BASE.replace("{ direction = 2.0 }", spec))
     assert checked() == ""
-    system = scenario.find("f/t-a").draft(blocks=True)
+    system = scenario.find("f/t-a").builder(blocks=True)
     found = [draw_of(system, 1, i) for i in range(40)]
     h = np.array([d["spacecraft.h_start_body"] for d in found])
     assert np.array_equal(np.abs(h), np.tile([0.1, 0.2, 0.3], (40, 1)))
@@ -471,7 +471,7 @@ def test_all_of_ours_are_sound():
     for name in [
         n for n in good if n.endswith(("-1", "dumping", "nadir", "cross-product", "full"))
     ]:
-        components = good[name].draft(blocks=True).components
+        components = good[name].builder(blocks=True).components
         problems += validation.content_problems(good[name].content, components)
     assert problems == []
 

@@ -27,11 +27,11 @@ from desat.engine.recording import series_file
 from desat.engine.recording.recorder import Recorder
 from desat.engine.recording.row_buffer import Layout, RowBuffer
 from desat.files import library
+from desat.files.builder import Builder
 from desat.fmus.compiler import NoCompilerError, compiler
 from desat.runs import step_case
 from desat.runs.run import Options, execute, prepare, simulate
-from desat.system.check import check
-from desat.system.draft import Draft, DraftComponent
+from desat.system.layer import Layer, Place, Value
 from desat.system.model import Connection
 
 
@@ -218,13 +218,13 @@ def _fmu(folder: Path) -> library.FmuFile:
 
 def system(folder: Path, wires=WIRES, stop: float = 1e6, **parameters: object):
     """Three of them in a row, b with these parameters."""
-    given = {"b": parameters}
-    parts = {
-        n: DraftComponent(n, "probe.fmu", fmu=_fmu(folder), interface=_fmu(folder).interface,
-                          parameters=given.get(n, {}), step_ratio=2 if n == "c" else 1)
-        for n in "abc"
-    }  # fmt: skip
-    return check(Draft("probes", "here", parts, list(wires), step=1.0, stop=stop)).or_raise()
+    fmu = _fmu(folder)
+    places = [Place(n, "probe.fmu", fmu, step_ratio=2 if n == "c" else 1) for n in "abc"]
+    values = [Value("b", name, x, "here", "here", unchecked=True) for name, x in parameters.items()]
+    layer = Layer(
+        "here", "probes", places=places, connections=list(wires), values=values, step=1.0, stop=stop
+    )
+    return Builder(layer).check().or_raise()
 
 
 def test_a_failure_is_the_same(probe):

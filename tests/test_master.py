@@ -19,15 +19,14 @@ from desat.engine.instances.base import ComponentError
 from desat.engine.loop import run, stepping
 from desat.engine.master import Master
 from desat.engine.recording.recorder import Recorder
+from desat.files.builder import Builder
 from desat.files.scenario import find, scenarios
 from desat.runs.prepare import read
 from desat.runs.run import Options, execute
-from desat.system.check import check
-from desat.system.draft import Draft, DraftComponent
 from desat.system.errors import DesatError
 from desat.system.interface import KINDS, Interface, Signal
+from desat.system.layer import Layer, Place
 from desat.system.model import Component, Connection, System
-from desat.system.resolve import resolve
 from desat.system.schedule import schedule
 
 SPECS: dict[str, dict] = {}
@@ -83,27 +82,25 @@ def real(name, causality, output_class="state", unit="1") -> Signal:
     return Signal(name, causality, "Real", 0, unit, unit_of(unit), output_class=output_class)
 
 
-def component(
-    name, inputs=0, step_ratio=1, outputs=("state", "interval"), **spec
-) -> DraftComponent:
+def component(name, inputs=0, step_ratio=1, outputs=("state", "interval"), **spec) -> Place:
     signals = [real(f"u{i}", "input") for i in range(inputs)]
     signals += [real(f"{o}_y", "output", o if o in ("state", "interval") else "undeclared")
                 for o in outputs]  # fmt: skip
     SPECS[name] = spec
     interface = Interface(name, name, {s.name: s for s in signals})
-    return DraftComponent(name, f"{name}.fmu", interface=interface, step_ratio=step_ratio)
+    return Place(name, f"{name}.fmu", interface=interface, step_ratio=step_ratio)
 
 
-def draft(components, wires, **more) -> Draft:
+def builder(components, wires, **more) -> Builder:
     connections = [Connection(*w[:4], **(w[4] if len(w) > 4 else {})) for w in wires]
-    return Draft("test", "test.ssd", {c.name: c for c in components}, connections,
-                 step=1.0, stop=10.0, **more)  # fmt: skip
+    times = {"step": 1.0, "stop": 10.0}
+    layer = Layer("test.ssd", "test", places=list(components), connections=connections,
+                  **{**times, **more})  # fmt: skip
+    return Builder(layer, load=False)
 
 
 def system(components, wires, **more) -> System:
-    resolved = resolve(draft(components, wires, **more))
-    assert resolved.problems == []
-    return resolved.system
+    return builder(components, wires, **more).system()
 
 
 @pytest.fixture(autouse=True)
@@ -217,11 +214,11 @@ def test_a_cycle_is_named():
 
 
 def test_undeclared_outputs_in_a_circle_are_late_with_a_warning():
-    parts = draft(
+    parts = builder(
         [component("a", 1, outputs=("undeclared",)), component("b", 1)],
         [("a", "undeclared_y", "b", "u0"), ("b", "interval_y", "a", "u0")],
     )
-    checked = check(parts)
+    checked = parts.check()
     assert not checked.problems
     assert (
         "a declares no dependencies: undeclared_y may depend on every input and are taken one "
@@ -229,7 +226,7 @@ def test_undeclared_outputs_in_a_circle_are_late_with_a_warning():
     )
     assert {when for _, when in checked.schedule.timing} == {"one step late", "over the step"}
     parts.output_classes["a.undeclared_y"] = "interval"
-    checked = check(parts)
+    checked = parts.check()
     assert "cycle" in checked.problems[0]
     assert not checked.warnings
 
@@ -370,13 +367,13 @@ def test_same_bits_under_permuted_components():
     name = "uosat12/table3-ocdc-ilqr-2"
     reference = None
     for seed in range(4):
-        shuffled = read(name).draft(blocks=False)
+        shuffled = read(name).builder()
         rng = np.random.default_rng(seed)
         names = list(shuffled.components)
         rng.shuffle(names)
         shuffled.components = {n: shuffled.components[n] for n in names}
         rng.shuffle(shuffled.connections)
-        with Master(*check(shuffled).or_raise()) as m:
+        with Master(*shuffled.check().or_raise()) as m:
             m.initialise()
             for _ in range(60):
                 m.advance()

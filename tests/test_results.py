@@ -38,6 +38,7 @@ from desat.engine.recording.results import Results
 from desat.export.series import export, no_formula
 from desat.figures.style import pretty_unit
 from desat.files import library, paths
+from desat.files.builder import Builder
 from desat.files.fmu import of_fmu
 from desat.fmus import registry
 from desat.language.scenario import Number
@@ -47,10 +48,9 @@ from desat.numbers.numbers import evaluate, problems, related, relative, scale
 from desat.runs.manifest import read_manifest
 from desat.runs.prepare import read
 from desat.runs.run import Options, execute, load_run
-from desat.system.check import check
-from desat.system.draft import Draft, DraftComponent
 from desat.system.errors import DesatError
 from desat.system.interface import of_block
+from desat.system.layer import Layer, Place, Value
 from desat.system.parameters import Parameter
 
 NAME = "uosat12/table3-ocdc-ilqr-1"
@@ -268,18 +268,14 @@ def test_a_run_is_a_data_set(folder, tmp_path):
 
 
 def test_a_failing_component_keeps_what_was_recorded(tmp_path):
-    h = [1e295, 0.0, 0.0]  # more pulses than there are numbers
-    values = {
-        "spacecraft.h_start_body": h,
-        "thrusters.tau_level": [1e-9] * 3,
-        "thrusters.least_pulse": 1e-6,
-    }
-    run = execute(NAME, Options(values=values), tmp_path / "bad")
+    """A torque that turns the craft too far within a step."""
+    values = {"spacecraft.tau_disturbance_body": [1e30, 0.0, 0.0]}
+    run = execute("nadir_day/day-dipole", Options(values=values), tmp_path / "bad")
     assert run.manifest["status"] == "failed"
-    assert run.manifest["message"].startswith("thrusters: the step from t = 0 s returned discard")
-    assert "OverflowError" in run.manifest["message"]
-    assert run.results.values("spacecraft.h_copy_wheel").tolist() == [[*h, 0]]
-    assert len(run.results.values("thrusters.tau_mean_thruster_body")) == 0
+    assert "spacecraft: in a step of 1 s body and nutation turn by" in run.manifest["message"]
+    start = run.manifest["parameters"]["wheels"]["h_start_wheel"]["value"]
+    assert run.results.values("spacecraft.h_copy_wheel").tolist() == [start]
+    assert len(run.results.values("wheels.tau_mean_wheel")) == 0
     assert (tmp_path / "bad" / "series.h5").exists()
 
 
@@ -348,8 +344,8 @@ def test_measures():
 
 
 def test_each_number_of_a_series_that_is_not_there_is_said():
-    draft = read("uosat12/table3-ocdc-ilqr-1").draft(blocks=True)
-    lines = problems(draft.about, {}, {})
+    builder = read("uosat12/table3-ocdc-ilqr-1").builder(Options(blocks=True))
+    lines = problems(builder.about, {}, {})
     assert lines
     assert {path[0] for path, _ in lines} == {"numbers"}
     assert all(re.fullmatch(r"signal [\w.]+: no such series", text) for _, text in lines), lines
@@ -515,8 +511,10 @@ def test_a_foreign_array_keeps_its_own_names(tmp_path, names, series):
     xml.write_text(text)
     b = {f"b_eci[{i + 1}]": 1e-5 * (i + 1) for i in range(3)}
     fmu = library.load(folder)
-    part = DraftComponent("mine", "mine.fmu", fmu=fmu, interface=fmu.interface, parameters=b)
-    checked = check(Draft("mine", "here", {"mine": part}, [], step=1.0, stop=3.0))
+    values = [Value("mine", name, value, "here", "here") for name, value in b.items()]
+    places = [Place("mine", "mine.fmu", fmu)]
+    layer = Layer("here", "mine", places=places, values=values, step=1.0, stop=3.0)
+    checked = Builder(layer).check()
     with Master(*checked.or_raise()) as m:
         m.initialise()
         recorder = Recorder(None, m)

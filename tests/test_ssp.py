@@ -18,7 +18,6 @@ from desat.files.scenario import families, find, scenarios
 from desat.files.xml import parse_bytes, validate
 from desat.runs.prepare import read
 from desat.runs.run import Options, execute
-from desat.system.check import check
 from desat.system.errors import DesatError
 
 NAME = "uosat12/table3-ocdc-ilqr-1"
@@ -135,9 +134,9 @@ def test_every_cell_of_tables_2_and_3_is_a_scenario():
 
 
 def test_what_others_would_misread_is_not_packed(tmp_path):
-    draft = read(NAME).draft(blocks=False)
-    draft.connections[0] = replace(draft.connections[0], factor=2.0)
-    system, _ = check(draft).or_raise()
+    builder = read(NAME).builder()
+    builder.connections[0] = replace(builder.connections[0], factor=2.0)
+    system, _ = builder.check().or_raise()
     with pytest.raises(DesatError, match="converts its value"):
         pack(system, tmp_path / "x.ssp")
     assert not list(tmp_path.iterdir())
@@ -251,9 +250,9 @@ def test_scenario_files(tmp_path, monkeypatch, scenario_module):
         scenario.find("f/q")
     read(t="[parameters.manger]\nduty = 0.5")
     with pytest.raises(DesatError, match="no component manger; did you mean manager"):
-        scenario.find("f/t").draft()
+        scenario.find("f/t").builder()
     read(t="[parameters.manager]\nduti = 0.5\n[shared]\nnothing = 1")
-    problems = scenario.find("f/t").draft().problems
+    problems = scenario.find("f/t").builder().problems
     assert "manager has no variable duti; did you mean duty?" in "\n".join(problems)
     assert "no component has a parameter nothing" in "\n".join(problems)
 

@@ -28,7 +28,6 @@ from desat.fmus import registry
 from desat.language.scenario import LimitLine
 from desat.runs.prepare import read
 from desat.runs.run import Options, execute
-from desat.system.check import check
 from desat.system.errors import DesatError
 from desat.system.parameters import Parameter
 
@@ -329,14 +328,14 @@ def test_the_place_falls_within_a_step():
 
 
 def test_a_shared_parameter_must_be_equal_everywhere():
-    draft = read("integrated/mil-nadir").draft(blocks=True)
-    draft.components["manager"].parameters["axes_wheel[1,2]"] = 0.5
-    found = check(draft)
+    builder = read("integrated/mil-nadir").builder(Options(blocks=True))
+    builder.components["manager"].parameters["axes_wheel[1,2]"] = 0.5
+    found = builder.check()
     assert found.problems == []  # a model onboard may err
     assert any("manager.axes_wheel[1,2] = 0.5, but spacecraft." in w for w in found.warnings)
-    draft.components["wheels"].parameters["axes_wheel[1,2]"] = 0.5
+    builder.components["wheels"].parameters["axes_wheel[1,2]"] = 0.5
     with pytest.raises(DesatError, match=r"axes_wheel\[1,2\] = .*the two must be equal"):
-        check(draft).or_raise()
+        builder.check().or_raise()
 
 
 @pytest.mark.parametrize("known", ["axes_wheel", "inertia_wheel"])

@@ -12,11 +12,10 @@ from conftest import python
 
 from benchmarks import seen
 from desat.export.packing import pack, pack_scenario
-from desat.files.library import load_interfaces
+from desat.files.builder import Builder
 from desat.files.scenario import find, own
 from desat.files.ssp import read
 from desat.runs.run import Options, execute
-from desat.system.check import check
 
 STEPS = 60
 SHORT = Options(algorithm="jacobi", stop=600.0)
@@ -64,8 +63,7 @@ print("ROWS " + json.dumps(rows))
 
 def real_outputs(path):
     """Every Real output of every component: {component: {variable: reference}}."""
-    system = read(path)
-    load_interfaces(system)
+    system = Builder(read(path))
     return {
         c.name: {s.name: s.reference for s in c.interface.of("output") if s.kind == "Real"}
         for c in system.components.values()
@@ -173,14 +171,14 @@ def test_libcosim_agrees_through_a_firing_whose_edges_are_inside_steps(law, star
 @pytest.mark.skipif(not importlib.util.find_spec("libcosimpy"), reason="libcosimpy not installable")
 def test_libcosim_agrees_on_components_that_step_less_often(tmp_path):
     """The lcm rule: an output moves when its source and its target are both due."""
-    draft = find("gyrostat/full").draft()
+    builder = find("gyrostat/full").builder()
     for name, step_ratio in {"controller": 2, "magnetometer": 3, "manager": 6}.items():
-        draft.components[name].step_ratio = step_ratio
-        draft.components[name].parameters["sample_time"] = 0.0
-    system, _ = check(draft).or_raise()
+        builder.components[name].step_ratio = step_ratio
+        builder.components[name].parameters["sample_time"] = 0.0
+    system, _ = builder.check().or_raise()
     path = tmp_path / "multirate.ssp"
     pack(system, path)
-    assert read(path).components["manager"].step_ratio == 6
+    assert Builder(read(path)).components["manager"].step_ratio == 6
     outputs = real_outputs(path)
     wanted = [(c, list(v.values())) for c, v in outputs.items()]
     theirs = rows_of(python(LIBCOSIM, str(path), json.dumps(wanted), str(STEPS)))

@@ -16,6 +16,7 @@ from desat.components.contract.roles import Manager
 from desat.fmus.registry import block_class, names
 
 from ..language.content import content_of
+from ..system.craft import RigidBody, craft_of
 from ..system.model import Component, System
 from ..system.sampled_loop import (
     LEAST_DAMPING,
@@ -26,8 +27,7 @@ from ..system.sampled_loop import (
     stability,
     worst_momentum,
 )
-from ..system.wheels import axes_of, capacities, existing
-from . import residual
+from ..system.wheels import axes_of
 
 Array = NDArray[np.float64]
 
@@ -45,35 +45,26 @@ class Condition(NamedTuple):
 
 def loop_of(system: System) -> AttitudeLoop | None:
     """Return the attitude loop of a system, or None where it is not of our blocks."""
-    body = residual.rigid_body(system)
-    controller, manager = system.roles.get("controller"), system.roles.get("manager")
+    craft = craft_of(system)
+    body, controller, manager = craft.rigid_body, craft.controller, craft.manager
     if body is None or controller is None or manager is None:
         return None
-    craft = system.components[body.spacecraft]
-    wheels = system.components[body.wheels.partition(".")[0]]
-    if not _is_closed(system, craft, wheels, controller, manager):
-        return None
-    axes, spin = axes_of(craft.values), np.array(craft.values["inertia_wheel"])
-    driven = axes * existing(wheels.values)
-    inertia = residual.carrier(np.reshape(craft.values["inertia"], (3, 3)), axes, spin)
-    if np.linalg.eigvalsh(inertia).min() <= 0.0:
+    if not _is_closed(system, body, controller, manager) or not body.is_possible:
         return None
     step = system.step / system.parts
     own = manager.values
     return AttitudeLoop(
-        inertia=inertia,
+        inertia=body.carrier,
         gain_matrix=np.reshape(controller.values["gain_matrix"], (3, 3)),
         kp=controller.values["kp"],
         kd=controller.values["kd"],
         ki=controller.values.get("ki", 0.0),
-        actuated=driven @ np.linalg.pinv(axes_of(manager.values)),
-        motor_lag=wheels.values.get("motor_lag", 0.0),
+        actuated=(body.axes * body.wheels.exist) @ np.linalg.pinv(axes_of(manager.values)),
+        motor_lag=body.wheels.component.values.get("motor_lag", 0.0),
         gyroscopic=bool(own.get("gyroscopic", True)),
         step=step,
-        gyro_sample=_sample(system, "gyro", step),
-        attitude_sample=max(
-            _sample(system, "determination", step), _sample(system, "star_tracker", step)
-        ),
+        gyro_sample=_sample(craft.gyro, step),
+        attitude_sample=max(_sample(craft.determination, step), _sample(craft.star_tracker, step)),
         controller_sample=controller.values["sample_time"] or step,
         wheel_sample=own.get("wheel_sample_time") or own["sample_time"] or step,
         controller_delay=controller.values.get("delay", 0.0),
@@ -81,15 +72,14 @@ def loop_of(system: System) -> AttitudeLoop | None:
     )
 
 
-def _is_closed(
-    system: System, craft: Component, wheels: Component, controller: Component, manager: Component
-) -> bool:
+def _is_closed(system: System, body: RigidBody, controller: Component, manager: Component) -> bool:
     """Return whether our controller and manager close the attitude loop by the wheels."""
     if controller.interface.model not in CONTROLLERS or manager.interface.model not in names():
         return False
     block = block_class(manager.interface.model)
     if not issubclass(block, Manager) or not block.passes_torque:
         return False
+    wheels = body.wheels.component
     if (wheels.name, "tau_cmd_wheel") not in system.fed or "axes_wheel" not in wheels.values:
         return False
     if wheels.values.get("command_mode", 0) != 0:
@@ -99,36 +89,30 @@ def _is_closed(
     )
 
 
-def _sample(system: System, role: str, step: float) -> float:
+def _sample(sensor: Component | None, step: float) -> float:
     """Return the sample time (s) of a sensor, or the step where there is none."""
-    sensor = system.roles.get(role)
     return step if sensor is None else sensor.values.get("sample_time", 0.0) or step
 
 
-def conditions(system: System, loop: AttitudeLoop) -> Iterator[Condition]:
+def conditions(system: System, loop: AttitudeLoop, body: RigidBody) -> Iterator[Condition]:
     """Look at a loop with wheels at rest, as they start, and full."""
-    body = residual.rigid_body(system)
-    assert body is not None
-    wheels = system.components[body.wheels.partition(".")[0]]
     yield Condition("with wheels at rest", np.zeros(3), stability(loop, np.zeros(3)))
-    start = axes_of(wheels.values) @ np.array(wheels.values.get("h_start_wheel", (0.0,) * 4))
+    start = axes_of(body.wheels.component.values) @ body.wheels.h_start
     if start.any():
         yield Condition("with the wheels' momentum at the start", start, stability(loop, start))
-    axes, each, name = _full(system, wheels)
+    each, name = _full(system, body)
     if np.isfinite(each).all():
-        momentum, found = worst_momentum(loop, axes, each)
+        momentum, found = worst_momentum(loop, body.wheels.axes, each)
         yield Condition(name, momentum, found, full=True)
 
 
-def _full(system: System, wheels: Component) -> tuple[Array, Array, str]:
-    """Return axes (3, n) and largest momenta (n,) N m s of the wheels, and what bounds these."""
-    there = existing(wheels.values)
-    axes, each = axes_of(wheels.values)[:, there], capacities(wheels.values)[there]
-    manager = system.roles["manager"]
-    begin = manager.values.get("begin")
-    if begin is not None and manager.interface.model == "manager_threshold":
-        return axes, np.minimum(each, begin), "with the wheels where dumps begin"
-    return axes, each, "with full wheels"
+def _full(system: System, body: RigidBody) -> tuple[Array, str]:
+    """Return the largest momenta (m,) N m s of the wheels, and what bounds these."""
+    each, manager = body.wheels.capacities, craft_of(system).manager
+    if manager is not None and manager.interface.model == "manager_threshold":
+        each = np.minimum(each, manager.values["begin"])
+        return each, "with the wheels where dumps begin"
+    return each, "with full wheels"
 
 
 def problems(system: System) -> Iterator[str]:
@@ -172,32 +156,29 @@ MOST_KNOWN = 64
 
 def _looked_at(system: System) -> Iterator[tuple[Condition, AttitudeLoop]]:
     """Look at each condition of a system's loop, if it has one of our blocks."""
-    loop = loop_of(system)
-    if loop is None:
+    loop, body = loop_of(system), craft_of(system).rigid_body
+    if loop is None or body is None:
         return
-    body = residual.rigid_body(system)
-    assert body is not None
-    wheels = system.components[body.wheels.partition(".")[0]]
-    axes, each, name = _full(system, wheels)
-    start = np.array(wheels.values.get("h_start_wheel", (0.0,) * 4))
+    wheels = body.wheels
+    each, name = _full(system, body)
     loops = (x.tobytes() if isinstance(x, np.ndarray) else x for x in vars(loop).values())
-    key = (*loops, axes.tobytes(), each.tobytes(), start.tobytes(), name)
+    key = (*loops, wheels.axes.tobytes(), each.tobytes(), wheels.h_start.tobytes(), name)
     if key not in _KNOWN:
         if len(_KNOWN) >= MOST_KNOWN:
             _KNOWN.clear()
-        _KNOWN[key] = list(conditions(system, loop))
+        _KNOWN[key] = list(conditions(system, loop, body))
     for condition in _KNOWN[key]:
         yield condition, loop
 
 
 def _line(system: System, loop: AttitudeLoop, condition: Condition, what: str) -> str:
-    controller = system.roles["controller"]
+    controller, body = craft_of(system).controller, craft_of(system).rigid_body
+    assert controller is not None
+    assert body is not None
     nutation = loop.nutation(condition.momentum)
     turns = f"nutates at {nutation:.3g} rad/s, {nutation * loop.sample():.3g} rad in a sample of "
     at = f", where the craft {turns}{loop.sample():g} s" if nutation > 0.0 else ""
-    body = residual.rigid_body(system)
-    assert body is not None
-    axes, each, _ = _full(system, system.components[body.wheels.partition(".")[0]])
+    axes, (each, _) = body.wheels.axes, _full(system, body)
     each = each if np.isfinite(each).all() else np.zeros(len(each))
     enough = longest_sample(loop, axes, each, SAMPLE_TIMES)
     remedy = "no sample time alone helps" if enough is None else f"{enough:g} s would do"

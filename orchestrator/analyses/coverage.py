@@ -32,9 +32,10 @@ from numpy.typing import NDArray
 
 from ..numbers.derived import rotate
 from ..numbers.text import Value
+from ..system.craft import craft_of
 from ..system.model import AUTO, System
 from ..system.wheels import existing
-from . import Parts, residual
+from . import Parts
 from .manifest import Manifest
 
 if TYPE_CHECKING:
@@ -97,19 +98,11 @@ class Body:
 def body_of(system: System) -> Body | None:
     """Of a checked system; None where there is no rigid body with wheels, or its inertia is none
     of a body, which is said when it starts."""
-    parts = residual.rigid_body(system)
-    if parts is None:
+    body = craft_of(system).rigid_body
+    if body is None or not body.is_possible:
         return None
-    craft = system.components[parts.spacecraft]
-    axes = np.reshape(craft.values["axes_wheel"], (3, 4))
-    spin = np.array(craft.values["inertia_wheel"])
-    inertia = np.reshape(craft.values["inertia"], (3, 3))
-    wheels = system.components[parts.wheels.partition(".")[0]]
-    carrier = inertia - (axes * spin) @ axes.T
-    if np.linalg.eigvalsh(carrier).min() <= 0.0:
-        return None
-    h_start = np.array(wheels.values.get("h_start_wheel", (0.0,) * 4))
-    return Body(carrier, axes, h_start, parts.spacecraft, wheels.name)
+    wheels = body.wheels
+    return Body(body.carrier, body.axes, wheels.h_start, body.component.name, wheels.component.name)
 
 
 def bound(system: System) -> StepCriteria | None:

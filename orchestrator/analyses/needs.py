@@ -11,6 +11,7 @@ from desat.components.contract.fitting import Need, needs_of
 from desat.components.contract.roles import Manager
 from desat.fmus.registry import block_class, names
 
+from ..system.craft import craft_of
 from ..system.model import Component, System
 from ..system.options import Options
 from ..system.wheels import axes_of, existing
@@ -59,7 +60,7 @@ def design_problems(system: System, options: Options) -> Iterator[str]:
 
 def _turns(system: System) -> bool:
     """Whether the craft's attitude is what torques make of it."""
-    craft = system.roles.get("spacecraft")
+    craft = craft_of(system).spacecraft
     return craft is not None and "omega_start_body" in craft.interface.arrays
 
 
@@ -70,12 +71,12 @@ def _is_off(manager: Component) -> bool:
 def instead(need: Need, system: System, manager: str) -> str:
     """What a craft has instead of what its manager needs; nothing where it has that, or where it is
     no matter of wires and hardware."""
-    roles, sends = system.roles, {output for name, output in system.read if name == manager}
+    craft, sends = craft_of(system), {output for name, output in system.read if name == manager}
     if need is Need.WHEELS:
-        axes = _axes(roles.get("spacecraft"))
+        axes = _axes(craft.spacecraft)
         return "" if axes == 3 else f"the craft's span {axes} of them"
     if need is Need.COILS:
-        coils = roles.get("torquers")
+        coils = craft.coils
         there = coils is None or "m_limit" not in coils.interface.signals or (
             coils.values["m_limit"] > 0.0
         )  # fmt: skip

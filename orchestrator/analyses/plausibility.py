@@ -21,9 +21,9 @@ from desat.fmus.registry import names
 from ..begin import cyclic
 from ..numbers.derived import rotate
 from ..system.body import contradictions
+from ..system.craft import WheelArray, craft_of
 from ..system.errors import DesatError
 from ..system.model import Component, System
-from ..system.wheels import axes_of, capacities, existing, smallest_capacity
 from . import motion
 from .flight import (
     Flight,
@@ -47,8 +47,8 @@ LARGEST_TANK = 0.9  # share of the mass
 def warnings(system: System) -> Iterator[str]:
     """Find what is improbable in a checked system, a line each."""
     yield from _body(system)
-    wheels = system.roles.get("wheels")
-    if wheels is not None and "inertia_wheel" in wheels.values:
+    wheels = craft_of(system).wheels
+    if wheels is not None and "inertia_wheel" in wheels.component.values:
         yield from _dumps(system, wheels)
         yield from _orbit_momentum(system, wheels)
     yield from _coils(system)
@@ -60,7 +60,7 @@ def _where(system: System, component: Component, name: str) -> str:
 
 def _body(system: System) -> Iterator[str]:
     """Check mass, sides, inertia and propellant against each other."""
-    craft, thrusters = system.roles.get("spacecraft"), system.roles.get("thrusters")
+    craft, thrusters = craft_of(system).spacecraft, craft_of(system).thrusters
     if system.body is None:
         return
     if craft is not None and "inertia" in craft.values:
@@ -75,20 +75,17 @@ def _body(system: System) -> Iterator[str]:
         )
 
 
-def _dumps(system: System, wheels: Component) -> Iterator[str]:
+def _dumps(system: System, wheels: WheelArray) -> Iterator[str]:
     """Check thresholds and torque of dumps against the wheels."""
-    manager = system.roles.get("manager")
+    manager = craft_of(system).manager
     if manager is None or manager.interface.model != "manager_threshold":
         return
-    begin, capacity = manager.values["begin"], smallest_capacity(wheels.values)
+    begin, capacity = manager.values["begin"], wheels.smallest_capacity
     if not 0.0 < capacity < inf:
         return
-    there = existing(wheels.values)
-    axes = axes_of(wheels.values)[:, there]
     most, whose = capacity, "a wheel holds"
     if manager.choice("fill") == "sum":
-        each = capacities(wheels.values)[there]
-        most = float(np.linalg.norm(np.abs(axes) @ each))
+        most = float(np.linalg.norm(np.abs(wheels.axes) @ wheels.capacities))
         whose = "the wheels hold no more than"
     where = _where(system, manager, "begin")
     if begin > most:
@@ -101,10 +98,10 @@ def _dumps(system: System, wheels: Component) -> Iterator[str]:
             f"{where}: {manager.name}.begin = {begin:g} N m s is {100.0 * begin / capacity:.2g} % "
             f"of a wheel's {capacity:.4g} N m s: is it a share of it?"
         )
-    torque, limit = manager.values["torque"], wheels.values.get("torque_limit", inf)
+    torque, limit = manager.values["torque"], wheels.component.values.get("torque_limit", inf)
     if manager.choice("by") != "thrusters" or not manager.values.get("feedforward", True):
         return
-    needed = torque * float(np.linalg.norm(np.linalg.pinv(axes), axis=1).max())
+    needed = torque * float(np.linalg.norm(np.linalg.pinv(wheels.axes), axis=1).max())
     if needed > limit * (1.0 + 1e-9):
         yield (
             f"{_where(system, manager, 'torque')}: {manager.name}.torque = {torque:g} N m asks up "
@@ -115,7 +112,7 @@ def _dumps(system: System, wheels: Component) -> Iterator[str]:
 
 def _coils(system: System) -> Iterator[str]:
     """Check the power of coils at their largest dipole."""
-    coils = system.roles.get("torquers")
+    coils = craft_of(system).coils
     if coils is None or not {"resistance", "area_turns", "m_limit"} <= coils.values.keys():
         return
     given = {"resistance", "area_turns"} & coils.given.keys()
@@ -132,12 +129,11 @@ def _coils(system: System) -> Iterator[str]:
 # --- What an orbit brings into the wheels ------------------------------------
 
 
-def _orbit_momentum(system: System, wheels: Component) -> Iterator[str]:
+def _orbit_momentum(system: System, wheels: WheelArray) -> Iterator[str]:
     """Check what an orbit brings into the wheels against what they hold."""
-    craft, capacity = system.roles.get("spacecraft"), smallest_capacity(wheels.values)
-    there = existing(wheels.values)
-    axes = axes_of(wheels.values)[:, there]
-    spans = there.any() and np.linalg.matrix_rank(axes, tol=1e-3) == 3
+    craft, capacity = craft_of(system).spacecraft, wheels.smallest_capacity
+    axes, name = wheels.axes, wheels.component.name
+    spans = axes.any() and np.linalg.matrix_rank(axes, tol=1e-3) == 3
     if craft is None or not spans or not 0.0 < capacity < inf:
         return
     if _most_in_an_orbit(system, craft) < HARMLESS * capacity:
@@ -156,19 +152,19 @@ def _orbit_momentum(system: System, wheels: Component) -> Iterator[str]:
     needs = float(np.abs(inside @ inverse.T).max())
     where = _where(system, craft, "residual_dipole_body")
     if needs > capacity:
-        yield f"{where}: {wheels.name}: {cyclic.shortfall(needs, capacity)}"
+        yield f"{where}: {name}: {cyclic.shortfall(needs, capacity)}"
     along = rotate(flight.q, np.broadcast_to(secular, (len(flight.q), 3)))
     brings = span * float(np.abs(along @ inverse.T).max())
     if brings > capacity:
         yield (
-            f"{where}: {wheels.name}: disturbances leave {brings:.3g} N m s in the fullest wheel "
+            f"{where}: {name}: disturbances leave {brings:.3g} N m s in the fullest wheel "
             f"in each orbit, and it holds {capacity:.3g} N m s"
         )
 
 
 def _most_in_an_orbit(system: System, craft: Component) -> float:
     """Estimate from above what disturbances do in an orbit (N m s); inf where it is not known."""
-    environment = system.roles.get("environment")
+    environment = craft_of(system).environment
     if environment is None or environment.interface.model not in names():
         return 0.0  # nothing is known of it
     try:
@@ -208,7 +204,7 @@ def _lever(values: Mapping[str, Any], option: str, area: str) -> float:
 
 def _given(system: System) -> float:
     """Return the largest torque (N m) of a table of torques."""
-    table = system.roles.get("disturbance")
+    table = craft_of(system).disturbance
     if table is None or "torque" not in table.values:
         return 0.0
     rows = np.reshape(table.values["torque"], (-1, 4))[:, 1:]

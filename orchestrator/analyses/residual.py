@@ -17,8 +17,10 @@ from numpy.typing import NDArray
 
 from ..numbers.derived import rotate_back
 from ..numbers.text import Value
+from ..system.craft import carrier_inertia, craft_of
 from ..system.model import System
 from ..system.parameters import Parameter
+from ..system.wheels import axes_of
 from . import Parts, not_checked
 from .manifest import Manifest
 
@@ -36,7 +38,6 @@ BOUND = 1e-9
 BLOCK = "spacecraft_rigid"
 TOTAL = "momentum_eci"  # N m s: the output by which a spacecraft declares its total momentum
 UNKNOWN = f"is no {BLOCK} of ours and declares no total momentum ({TOTAL})"
-_NEEDED = {"inertia", "axes_wheel", "inertia_wheel", "q_bi", "omega_bi_body", "impulse_eci"}
 
 
 @dataclass(frozen=True)
@@ -79,10 +80,8 @@ def applies(system: System) -> MomentumParts | None:
 
 def rigid_body(system: System) -> RigidBodyParts | None:
     """Return a component with the parameters of a rigid body with wheels, ours or not, or None."""
-    for body, wire in system.by_input["h_wheel"].items():
-        if system.components[body].interface.arrays.keys() >= _NEEDED:
-            return RigidBodyParts(body, wire.series)
-    return None
+    body = craft_of(system).rigid_body
+    return None if body is None else RigidBodyParts(body.component.name, body.wheel_series)
 
 
 class Momentum(NamedTuple):
@@ -128,14 +127,8 @@ def _momentum(manifest: Manifest, results: Results) -> Momentum | None:
 def carrier_of(given: Mapping[str, Parameter]) -> tuple[Array, Array]:
     """(J_r, axes) of a rigid body of these parameters: inertia (3, 3) without the wheels' axial
     part, kg m2, and the wheels' axes (3, 4)."""
-    axes = np.reshape(given["axes_wheel"].value, (3, 4))
-    spin = np.array(given["inertia_wheel"].value)
-    return carrier(np.reshape(given["inertia"].value, (3, 3)), axes, spin), axes
-
-
-def carrier(inertia: Array, axes: Array, spin: Array) -> Array:
-    """The inertia (3, 3) of a body without the axial part of rotors of these axes (3, n)."""
-    return inertia - (axes * spin) @ axes.T
+    values = {name: parameter.value for name, parameter in given.items()}
+    return carrier_inertia(values), axes_of(values)
 
 
 def balanced(parts: MomentumParts) -> list[str]:

@@ -10,13 +10,13 @@ from typing import Any, NotRequired, TypedDict
 
 from ..analyses import Analysis, analyses, coverage
 from ..analyses.manifest import Stopped
+from ..files.builder import Builder
 from ..language.content import Content, content_of, overridden_by
 from ..numbers.numbers import late, ranks
 from ..numbers.statistics import median_interval
 from ..runs.prepare import Target, prepare, read, with_stop, with_values
 from ..runs.progress import progress as shown
 from ..runs.run import Options, Run, simulate
-from ..system.draft import Draft
 from ..system.errors import DesatError, Exit, RunError
 from ..system.model import AUTO, System
 from ..system.parameters import parse_assignment
@@ -207,7 +207,7 @@ def _asks_for(content: Content, analysis: Analysis) -> bool:
     return bool(asked or wanted & set(analysis.NUMBERS))
 
 
-def never(system: Draft, options: Options) -> list[str]:
+def never(system: Builder, options: Options) -> list[str]:
     """What the options give a value that is drawn instead: a line each."""
     names = [*(text.partition("=")[0] for text in options.sets), *options.values]
     return [f"--set {name}: {'it' if name == what else what} is sampled, and so never has this "

@@ -10,12 +10,12 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
+from ..files.builder import Builder
 from ..files.identity import of_system, other, versions
 from ..runs.manifest import write_json
 from ..runs.prepare import Target, resolved
 from ..runs.prepare import read as read_source
 from ..system.digest import comparable
-from ..system.draft import Draft
 from ..system.errors import DesatError
 from ..system.options import Options, as_arguments
 from .sampling import FIXED, Drawn, Sampling, draw_of
@@ -183,7 +183,7 @@ def _source(target: str, digest: str) -> Target:
     return read_source(target)
 
 
-def system(plan: CampaignPlan) -> Draft:
+def system(plan: CampaignPlan) -> Builder:
     """A campaign's system to draw for, and its plots. Raises DesatError where it cannot be had."""
     return source(plan).to_draw(plan.options.blocks)
 

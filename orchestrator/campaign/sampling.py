@@ -26,9 +26,9 @@ from typing import Any, Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
+from ..files.builder import Builder
 from ..language.content import dispersions_of
 from ..language.scenario import Dispersion
-from ..system.draft import Draft
 from ..system.errors import DesatError, nearest
 
 Sampling = Literal["random", "latin-hypercube", "sobol", "saltelli"]
@@ -42,7 +42,7 @@ MOST = 10_000_000
 
 
 def draw_of(
-    system: Draft, seed: int, draw: int, sampling: Sampling = "random", count: int = 0
+    system: Builder, seed: int, draw: int, sampling: Sampling = "random", count: int = 0
 ) -> dict[str, Drawn]:
     """`component.variable` -> value for one draw of the system's dispersions, of `count` (which
     only the samplings of FIXED ask for)."""
@@ -61,17 +61,17 @@ def draw_of(
     }
 
 
-def axes(system: Draft) -> tuple[list[str], list[int]]:
+def axes(system: Builder) -> tuple[list[str], list[int]]:
     """The names that a sampling spreads (all but seeds), sorted, and the uniform numbers that each
     takes."""
     spread = {n: spec for n, spec in sorted(dispersions_of(system).items()) if spec.kind != "seed"}
     return list(spread), [1 if s.one_of else _size(system, n) for n, s in spread.items()]
 
 
-def _size(system: Draft, name: str) -> int:
+def _size(system: Builder, name: str) -> int:
     """The elements of a dispersed parameter. Raises DesatError where there is none."""
     owner, _, variable = name.partition(".")
-    component = system.component(owner, f"{system.where}: dispersions")
+    component = system.part(owner, f"{system.where}: dispersions")
     if size := len(component.elements(variable)):
         return size
     signals = component.interface.parameters if component.interface else ()
@@ -79,7 +79,7 @@ def _size(system: Draft, name: str) -> int:
                      f"{nearest(variable, {s.array for s in signals})}")  # fmt: skip
 
 
-def _random(system: Draft, name: str, spec: Dispersion, seed: int, draw: int) -> Any:
+def _random(system: Builder, name: str, spec: Dispersion, seed: int, draw: int) -> Any:
     """A value from a stream of its own."""
     size, kind = _size(system, name), spec.kind
     stream = np.random.default_rng([seed, draw, zlib.crc32(name.encode())])
@@ -127,7 +127,7 @@ def _directed(kind: str, given: Any, normal: NDArray[np.float64]) -> list[float]
     return [float(x) for x in (vector if kind == "attitude" else given * vector)]
 
 
-def allowed(sampling: Sampling, count: int, system: Draft) -> None:
+def allowed(sampling: Sampling, count: int, system: Builder) -> None:
     """Raises DesatError where a sampling has no such number of points."""
     if sampling in FIXED and count > MOST:
         raise DesatError(f"{sampling}: -n {count}: at most {MOST}")

@@ -20,13 +20,12 @@ from lxml import etree
 from desat.components.contract.roles import ECI
 
 from ..files import craft, library, paths, ssp
+from ..files.builder import Builder
 from ..files.io import place_of, replace_text
 from ..files.scenario import ROOT, Scenario, families
 from ..files.ssp import ABOUT, FILE, OMS, OSP, SSC, SSD, SSV
-from ..system.check import check
 from ..system.errors import DesatError, nearest
 from ..system.model import Component, System
-from ..system.resolve import resolve
 
 
 def pack_scenario(
@@ -51,7 +50,7 @@ def pack_scenario(
     newest = max(p.stat().st_mtime_ns for p in inputs)
     if not force and path.exists() and path.stat().st_mtime_ns > newest:
         return path
-    system, _ = check(scenario.draft()).or_raise()
+    system, _ = scenario.builder().check().or_raise()
     system = choose(system) if choose is not None else system
     pack(system, path, fmus)
     for text in otherwise(system):
@@ -238,8 +237,8 @@ def text(path: Path) -> str:
 
     Raises DesatError with everything that is wrong with the file.
     """
-    draft = craft.read(path)
-    name, title = quoteattr(draft.name), draft.title
+    builder = Builder(craft.read(path), load=False)
+    name, title = quoteattr(builder.name), builder.title
     about = f" description={quoteattr(title)}" if title else ""
     lines = [
         '<?xml version="1.0" encoding="UTF-8"?>',
@@ -250,20 +249,19 @@ def text(path: Path) -> str:
         f"  <ssd:System name={name}{about}>",
         "    <ssd:Elements>",
     ]
-    for component in resolve(draft).components.values():
+    for component in builder.build()[1].values():
         lines += _component_lines(component)
     lines += ["    </ssd:Elements>", "    <ssd:Connections>"]
     lines += [
         f"      <ssd:Connection startElement={quoteattr(c.source)}"
         f" startConnector={quoteattr(c.output)} endElement={quoteattr(c.target)}"
         f" endConnector={quoteattr(c.input)}/>"
-        for c in draft.connections
+        for c in builder.connections
     ]
     lines += ["    </ssd:Connections>", "  </ssd:System>"]
-    if draft.stop is not None:
-        lines.append(
-            f'  <ssd:DefaultExperiment startTime="{draft.start!r}" stopTime="{draft.stop!r}"/>'
-        )
+    if builder.stop is not None:
+        start, stop = builder.start, builder.stop
+        lines.append(f'  <ssd:DefaultExperiment startTime="{start!r}" stopTime="{stop!r}"/>')
     return "\n".join([*lines, "</ssd:SystemStructureDescription>"]) + "\n"
 
 

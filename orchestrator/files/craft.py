@@ -30,13 +30,13 @@ gives `SystemStructure.ssd`, `NAME.craft.toml` gives `NAME.ssd`.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from desat.fmus import registry
 
 from ..system.body import Body
-from ..system.draft import Draft, DraftComponent
 from ..system.errors import DesatError, nearest
 from ..system.interface import (
     Interface,
@@ -47,6 +47,7 @@ from ..system.interface import (
     names,
     usual_sources,
 )
+from ..system.layer import SHARED, Layer, Place, Value
 from ..system.model import Connection, Connector, Fmu
 from ..system.parameters import expand
 from ..system.quantity import Quantity
@@ -64,12 +65,15 @@ def files(folder: Path) -> list[Path]:
     return sorted([*folder.glob(FILE), *folder.glob(f"*{ENDING}")])
 
 
-def read(path: Path) -> Draft:
-    """The system that a craft file describes, with interfaces and without an SSD.
+def read(path: Path) -> Layer:
+    """Read the layer that a craft file is: components, connections and values.
 
-    Raises DesatError with everything that is wrong with the file, a line each.
+    Raises
+    ------
+    DesatError
+        With everything that is wrong with the file but for its values, a line each.
     """
-    return _Reader(path).system()
+    return _Reader(path).layer()
 
 
 def stem(path: Path) -> str:
@@ -93,11 +97,11 @@ class _Reader:
             name = f"{path.resolve().parent.name}_{name}"
         if not name.isascii():
             name = utf8_name(name)
-        self.result = Draft(name, self.where)
+        self.result = Layer(self.where, name=name)
         self.interfaces: dict[str, Interface] = {}
         self.roles: dict[str, str] = {}
 
-    def system(self) -> Draft:
+    def layer(self) -> Layer:
         self.top()
         self.body()
         for name, source in self.table("components").items():
@@ -107,8 +111,9 @@ class _Reader:
         for owner, interface in self.interfaces.items():
             for name in dict.fromkeys(s.array for s in interface.inputs):
                 self.feed(owner, name, wiring)
-        for component in self.result.components.values():
-            self.list_connectors(component)
+        self.result.places = [
+            replace(place, connectors=self.connectors_of(place)) for place in self.result.places
+        ]
         self.hardware()
         self.parameters()
         self.stop_here()
@@ -189,10 +194,9 @@ class _Reader:
             return
         if role := self.role(name, source, interface):
             self.roles[name], self.interfaces[name] = role, interface
-            self.result.components[name] = DraftComponent(
-                name, source if is_file else f"resources/{source}.fmu", line=self.line(key),
-                fmu=fmu, interface=interface,
-            )  # fmt: skip
+            file = source if is_file else f"resources/{source}.fmu"
+            place = Place(name, file, fmu, interface, line=self.line(key))
+            self.result.places.append(place)
 
     def from_file(self, source: str) -> tuple[Fmu, Interface]:
         path = self.folder / source
@@ -233,7 +237,7 @@ class _Reader:
                 component, _, variable = name.partition(".")
                 entries[component, variable] = value
         result: dict[tuple[str, str], str] = {}
-        components = self.result.components
+        components = self.interfaces
         for (name, variable), value in entries.items():
             key = f"wiring.{name}.{variable}".rstrip(".")
             if name not in components:
@@ -286,13 +290,13 @@ class _Reader:
         """Whether something of a component needs an input."""
         return any(s.needed_by for s in self.interfaces[target].arrays.get(name, ()))
 
-    def list_connectors(self, component: DraftComponent) -> None:
-        """List what is wired of a component, as an SSD does."""
-        own = self.interfaces[component.name]
-        wired = {c.input for c in self.result.connections if c.target == component.name}
-        wired |= {c.output for c in self.result.connections if c.source == component.name}
-        component.connectors = {
-            s.name: Connector(s.name, s.causality, s.kind, line=component.line)
+    def connectors_of(self, place: Place) -> dict[str, Connector]:
+        """Return what is wired of a component, as an SSD lists it."""
+        own = self.interfaces[place.name]
+        wired = {c.input for c in self.result.connections if c.target == place.name}
+        wired |= {c.output for c in self.result.connections if c.source == place.name}
+        return {
+            s.name: Connector(s.name, s.causality, s.kind, line=place.line)
             for s in (*own.inputs, *own.outputs)
             if s.name in wired
         }
@@ -322,14 +326,12 @@ class _Reader:
                 if parameter not in has:
                     self.problem(key, f" = {chosen}: {name} has no parameter {parameter}")
                     continue
-                for owner in self.owners(name, parameter):
-                    self.assign(owner, parameter, value, key)
+                self.give(self.owner(name, parameter), parameter, value, key)
 
-    def owners(self, name: str, parameter: str) -> list[str]:
-        """The component, and where its parameter is one that components share, those as well."""
-        if not any(s.shared for s in self.interfaces[name].elements.get(parameter, ())):
-            return [name]
-        return [n for n, i in self.interfaces.items() if elements(i, parameter, "parameter")]
+    def owner(self, name: str, parameter: str) -> str:
+        """Return the component, or SHARED where its parameter is one that components share."""
+        signals = self.interfaces[name].elements.get(parameter, ())
+        return SHARED if any(s.shared for s in signals) else name
 
     def number(self, owner: str, parameter: str) -> Any:
         """What the file gives a parameter, in SI, or its start value; an array flat."""
@@ -343,33 +345,19 @@ class _Reader:
 
     def parameters(self) -> None:
         """Give the components the values of [shared], then their own."""
-        own = self.table("parameters")
         for name, value in self.table("shared").items():
-            owners = [n for n, i in self.interfaces.items() if elements(i, name, "parameter")]
-            if not owners:
-                known = {p for i in self.interfaces.values() for p in names(i, "parameter")}
-                key = f"shared.{name}"
-                self.problem(key, f": no component has a parameter {name}{nearest(name, known)}")
-            for owner in owners:
-                self.assign(owner, name, value, f"shared.{name}")
-        for component, values in own.items():
+            self.give(SHARED, name, value, f"shared.{name}")
+        for component, values in self.table("parameters").items():
             key = f"parameters.{component}"
             if component not in self.interfaces:
-                self.problem(
-                    key, f": no component {component}{nearest(component, self.interfaces)}"
-                )
+                hint = nearest(component, self.interfaces)
+                self.problem(key, f": no component {component}{hint}")
             elif not isinstance(values, dict):
                 self.problem(key, f" = {values!r}: a table [{key}] is needed")
             else:
                 for name, value in values.items():
-                    self.assign(component, name, value, f"{key}.{name}")
+                    self.give(component, name, value, f"{key}.{name}")
 
-    def assign(self, owner: str, name: str, value: Any, key: str) -> None:
-        where = f"{self.at(key)}: {owner}"
-        try:
-            values = expand(self.interfaces[owner], name, value, where, typed=True)
-            component = self.result.components[owner]
-            component.parameters.update(values)
-            component.given[name] = self.at(key)
-        except DesatError as error:
-            self.problems.append(str(error))
+    def give(self, owner: str, name: str, value: Any, key: str) -> None:
+        origin = self.at(key)
+        self.result.values.append(Value(owner, name, value, origin, origin, raises=True))

@@ -20,7 +20,6 @@ from filelock import FileLock, Timeout
 
 from desat.fmus import meaning, registry
 
-from ..system.draft import Draft, DraftComponent
 from ..system.errors import DesatError, nearest
 from ..system.interface import Interface, interface_of_block
 from ..system.model import Component, Fmu, System
@@ -313,41 +312,25 @@ def _load_index(file: Path, *_: int) -> dict[str, dict[str, Any]]:
     return {e["sha256"]: e for e in json.loads(file.read_text(encoding="utf-8"))}
 
 
-def load_interfaces(draft: Draft, blocks: bool = False) -> None:
-    """Give every component its interface, from its FMU or (`blocks`) from the bare block of the
-    same name; what is missing becomes problems."""
-    for component in draft.components.values():
-        load_interface(draft, component, blocks)
+def interface_of(source: str, fmu: Fmu | None, blocks: bool) -> Interface:
+    """Return the interface of an FMU, or (`blocks`) of the bare block of the same name.
 
-
-def load_interface(draft: Draft, c: DraftComponent, blocks: bool) -> bool:
-    """Give a component its interface, and say whether there is one; else there is a problem more.
-
-    A bare block has no file: `fmu` is None from then on.
+    Raises
+    ------
+    DesatError
+        Where the FMU is missing, or there is no such block.
     """
-    c.interface = None
-    try:
-        c.interface = _interface(c, blocks)
-    except DesatError as error:
-        at = c.placed or f"{draft.where}:{c.line}"
-        draft.problems.append(f"{at}: {c.name}: {error}")
-    if blocks:
-        c.fmu = None
-    return c.interface is not None
-
-
-def _interface(c: DraftComponent, blocks: bool) -> Interface:
-    name = c.source.rpartition("/")[2].removesuffix(".fmu")
+    name = source.rpartition("/")[2].removesuffix(".fmu")
     if blocks:
         if name not in registry.names():
             raise DesatError(f"no block {name}{nearest(name, registry.names())}")
         return interface_of_block(name)
-    if c.fmu is None:
+    if fmu is None:
         known = {p.stem for p in paths.fmus().glob("*.fmu")}
         hint = nearest(name, known) or "; run `make fmus`"
         hint = hint if name not in known else ""  # a system of others does not run ours
-        raise DesatError(f"FMU {c.source} is missing{hint}")
-    return c.fmu.interface
+        raise DesatError(f"FMU {source} is missing{hint}")
+    return fmu.interface
 
 
 # ------------------------------------------------------------------------------------------------

@@ -27,7 +27,8 @@ from .merge import Origins, copy, fill, leave_out, merge, origin
 
 if TYPE_CHECKING:
     from ..language.content import Content
-    from ..system.draft import Draft
+    from ..system.layer import Layer
+    from .builder import Builder
 
 ROOT = paths.SCENARIOS
 ROLES = "roles"
@@ -108,15 +109,29 @@ class Scenario:
         merge(merged, self.content.parameters, {}, ("", ""))
         return merged
 
-    def draft(self, blocks: bool = False, designed: bool = True) -> Draft:
-        """The system that it describes, and what is wrong with it so far; `designed` False leaves
-        its design out."""
-        from . import assembly
+    def layers(self, designed: bool = True) -> list[Layer]:
+        """Read the layers of its craft and of itself; `designed` False leaves its design out.
+
+        Raises
+        ------
+        DesatError
+            Where it has no craft, or no design yet.
+        """
+        from . import layers
 
         where, parameters = paths.shown(self.file), self.parameters(designed)
-        draft = assembly.draft(self.content, parameters, self.folder, where, blocks, self.origin_of)
-        draft.name, draft.about = self.name, self.content
-        return draft
+        craft = layers.of_craft(self.content, self.folder, where, self.origin_of)
+        own = layers.of_scenario(
+            self.name, self.content, parameters, self.folder, where, self.origin_of
+        )
+        return [craft, own]
+
+    def builder(self, blocks: bool = False, designed: bool = True) -> Builder:
+        """Begin the system that it describes; `designed` False leaves its design out."""
+        from .builder import Builder
+
+        craft, own = self.layers(designed)
+        return Builder(craft, blocks).add(own)
 
 
 # --- finding ----------------------------------------------------------------------------------

@@ -23,9 +23,8 @@ from lxml import etree
 from desat.components.contract.block import Scalar
 from desat.components.contract.units import Unit
 
-from ..system.draft import Draft, DraftComponent
 from ..system.errors import DesatError
-from ..system.interface import base_name
+from ..system.layer import Layer, Place, Value
 from ..system.model import Connection, Connector, Fmu
 from ..system.parameters import known_unit, unit_of
 from . import library
@@ -44,10 +43,21 @@ ABOUT = "extra/desat/scenario.json"
 """Where a packed scenario keeps its description, numbers and plots; other tools pass it by."""
 
 
-def read(path: Path, outside: bool = False) -> Draft:
-    """A system from a .ssp, a folder with a SystemStructure.ssd, or an .ssd, interfaces not yet
-    loaded; `outside`: it may name files outside its folder. Raises DesatError where there is
-    nothing to go on with."""
+def read(path: Path, outside: bool = False) -> Layer:
+    """Read the layer that an SSP file is: components, connections and values.
+
+    Parameters
+    ----------
+    path
+        A .ssp, a folder with a SystemStructure.ssd, or an .ssd.
+    outside
+        Whether it may name files outside its folder.
+
+    Raises
+    ------
+    DesatError
+        Where there is nothing to go on with.
+    """
     if not path.exists():
         raise DesatError(f"{path}: no such file or folder")
     if not path.is_dir():
@@ -60,17 +70,16 @@ def read(path: Path, outside: bool = False) -> Draft:
     if not file.exists():
         raise DesatError(f"{path}: holds no {FILE}")
     reader = _Reader(folder, file, where + file.name if where else str(file), where, outside)
-    draft = reader.system()
+    layer = reader.layer()
     file = inside(folder, ABOUT)
     if file.exists():
         from .reader import read_packed  # pydantic, only where there is something to check
 
-        draft.about = content = read_packed(file, f"{where}{ABOUT}")
-        draft.output_classes.update(content.output_classes)
-        draft.substeps = content.substeps or 1  # what says none was packed before it was said
-        draft.accuracy = content.accuracy or draft.accuracy
-    draft.problems, draft.warnings = reader.problems, reader.warnings
-    return draft
+        layer.about = content = read_packed(file, f"{where}{ABOUT}")
+        layer.output_classes.update(content.output_classes)
+        layer.substeps = content.substeps or 1  # what says none was packed before it was said
+        layer.accuracy = content.accuracy or None
+    return layer
 
 
 PREFIXES = {"ssd": SSD, "ssc": SSC, "ssv": SSV, "ssm": SSM, "ssb": SSB, "osp": OSP, "oms": OMS}
@@ -136,9 +145,9 @@ class _Reader:
     def __init__(self, folder: Path, file: Path, where: str, prefix: str, outside: bool) -> None:
         self.outside = outside
         self.folder, self.file, self.where, self.prefix = folder, file, where, prefix
-        self.problems: list[str] = []
-        self.warnings: list[str] = []
-        self.components: dict[str, DraftComponent] = {}
+        self.result = Layer(where)
+        self.problems, self.warnings = self.result.problems, self.result.warnings
+        self.components: dict[str, Place] = {}
         """By path."""
         self.relays: dict[str, str] = {"": ""}
         """Systems and dictionaries by path -> the path that their connectors are known by."""
@@ -147,13 +156,13 @@ class _Reader:
         self.links: list[_Link] = []
         self.values: list[tuple[str, _Value]] = []
         """Where each is bound; what comes later stands."""
-        self.hints: list[tuple[DraftComponent, float]] = []
-        """Steps of single components (s)."""
+        self.hints: dict[str, float] = {}
+        """Steps of single components (s), by path."""
 
     def at(self, element: Any) -> str:
         return f"{self.where}:{element.sourceline}"
 
-    def system(self) -> Draft:
+    def layer(self) -> Layer:
         root = self.parse(self.file, self.where)
         if root.tag != f"{{{SSD}}}SystemStructureDescription":
             raise DesatError(f"{self.where}: not an SSP SystemStructureDescription")
@@ -161,22 +170,26 @@ class _Reader:
         element = root.find(f"{{{SSD}}}System")
         if element is None:
             raise DesatError(f"{self.where}: holds no System")
-        draft = Draft(element.get("name", ""), self.where)
+        layer = self.result
+        layer.name = element.get("name", "")
         self.walk(element, "")
         if not self.components:
             self.problems.append(f"{self.at(element)}: holds no component: nothing runs")
-        for path, component in self.components.items():
-            if component.name in draft.components:
-                self.problems.append(f"{self.where}:{component.line}: component {path} twice")
-            draft.components[component.name] = component
-        reached = self.flatten(draft)
+        names = set[str]()
+        for path, place in self.components.items():
+            if place.name in names:
+                self.problems.append(f"{self.where}:{place.line}: component {path} twice")
+            names.add(place.name)
+        reached = self.flatten()
         for path, value in self.values:
             self.give(path, value, value.name, reached)
-        self.experiment(root, draft)
-        for component, step in self.hints:
-            if draft.step:
-                component.step_ratio = max(1, round(step / draft.step))
-        return draft
+        self.experiment(root)
+        for path, step in self.hints.items():
+            if layer.step:
+                ratio = max(1, round(step / layer.step))
+                self.components[path] = replace(self.components[path], step_ratio=ratio)
+        layer.places = list(self.components.values())
+        return layer
 
     def parse(self, file: Path, where: str) -> Any:
         """The root of a file; known prefixes that it does not declare are, with a warning."""
@@ -250,8 +263,8 @@ class _Reader:
                     self.validate(root, "SystemStructureSignalDictionary.xsd", where)
         return made
 
-    def flatten(self, draft: Draft) -> dict[_End, list[_Link]]:
-        """Give the draft its connections from component to component; returned: how each connector
+    def flatten(self) -> dict[_End, list[_Link]]:
+        """Give the layer its connections from component to component; returned: how each connector
         of a system or dictionary reaches the components that it feeds. Raises DesatError."""
         into: dict[_End, _Link] = {}
         systems = set(self.relays.values())
@@ -276,7 +289,7 @@ class _Reader:
                     break
                 whole = whole.after(into[whole.start])
             else:
-                draft.connections.append(Connection(
+                self.result.connections.append(Connection(
                     self.named(whole.start.path), whole.start.connector, self.named(link.end.path),
                     link.end.connector, link.line, whole.factor, whole.offset, whole.converts,
                 ))  # fmt: skip
@@ -290,13 +303,13 @@ class _Reader:
         """Give a value to the component that a name means in a system, or to all that are fed by
         the connector of this name."""
         if path in self.components:
-            _give(self.components[path], name, value)
+            self.give_to(self.components[path], name, value)
             return
         if links := reached.get(_End(self.relays[path], name)):
             for link in links:
                 if (component := self.components.get(link.end.path)) is not None:
                     given = value.through(link.factor, link.offset, link.converts)
-                    _give(component, link.end.connector, given)
+                    self.give_to(component, link.end.connector, given)
             return
         element, _, rest = name.partition(".")
         within = f"{path}.{element}" if path else element
@@ -305,16 +318,32 @@ class _Reader:
         else:
             self.warnings.append(f"{value.at}: {value.name} reaches no component: left out")
 
-    def component(self, element: Any, path: str) -> DraftComponent:
+    def give_to(self, component: Place, name: str, value: _Value) -> None:
+        """Give a component's parameter the value that a parameter set has."""
+        where = f"{value.at}: {component.name}.{name}"
+        conflict = f"{value.at} and {value.also}: {name} is given twice" if value.also else ""
+        self.result.values.append(
+            Value(
+                component.name,
+                name,
+                value.value,
+                where,
+                where,
+                unit=value.unit,
+                conflict=conflict,
+                unchecked=True,
+            )
+        )
+
+    def component(self, element: Any, path: str) -> Place:
         source = unquote(element.get("source", "")).replace("\\", "/")
         if (proxy := re.fullmatch(r"proxyfmu://[^?]*\?file=(.+)", source)) is not None:
             source = proxy[1]
             self.warnings.append(f"{self.at(element)}: {path}: of proxyfmu its file alone is used: "
                                  f"{source} runs here")  # fmt: skip
-        component = DraftComponent(
-            self.named(path), source, line=element.sourceline,
-            fmu=library.find(source, self.folder) if self.inside(element, source) else None,
-        )  # fmt: skip
+        fmu = library.find(source, self.folder) if self.inside(element, source) else None
+        connectors: dict[str, Connector] = {}
+        name = self.named(path)
         for child in element.iterfind(f"{{{SSD}}}Connectors/{{{SSD}}}Connector"):
             kind = next((c for c in child if etree.QName(c).namespace == SSC), None)
             connector = Connector(
@@ -324,16 +353,14 @@ class _Reader:
                 "" if kind is None else kind.get("unit", ""),
                 child.sourceline,
             )
-            if connector.name in component.connectors:
-                self.problems.append(
-                    f"{self.at(child)}: {component.name}.{connector.name} is listed twice"
-                )
-            component.connectors[connector.name] = connector
+            if connector.name in connectors:
+                self.problems.append(f"{self.at(child)}: {name}.{connector.name} is listed twice")
+            connectors[connector.name] = connector
             self.kinds[_End(path, connector.name)] = connector.kind
         hint = element.find(f".//{{{OSP}}}StepSizeHint")
         if hint is not None:
-            self.hints.append((component, self.number(hint, "value", "0")))
-        return component
+            self.hints[path] = self.number(hint, "value", "0")
+        return Place(name, source, fmu, line=element.sourceline, connectors=connectors)
 
     def inside(self, element: Any, source: str) -> Path | None:
         """The path of a file that the system names; None, and a problem, for one outside."""
@@ -492,35 +519,36 @@ class _Reader:
             raise DesatError(f"{where}:{element.sourceline}: {text!r} is no {kind}") from error
         raise DesatError(f"{where}:{element.sourceline}: a {kind} value is not supported")
 
-    def experiment(self, root: Any, draft: Draft) -> None:
+    def experiment(self, root: Any) -> None:
         """Times of the file; where it has none, those of its FMUs, with a warning."""
+        layer = self.result
         experiment = root.find(f"{{{SSD}}}DefaultExperiment")
         if experiment is not None:
-            draft.start = self.number(experiment, "startTime", "0")
+            layer.start = self.number(experiment, "startTime", "0")
             if experiment.get("stopTime") is not None:
-                draft.stop = self.number(experiment, "stopTime")
+                layer.stop = self.number(experiment, "stopTime")
             for element in experiment.iter(f"{{{OSP}}}FixedStepAlgorithm"):
                 if element.get("baseStepSize"):
-                    draft.step = self.number(element, "baseStepSize")
+                    layer.step = self.number(element, "baseStepSize")
         for element in root.iterfind(
             f"{{{SSD}}}System/{{{SSD}}}Annotations//{{{OMS}}}FixedStepMaster"
         ):
-            if draft.step is None and element.get("stepSize"):
-                draft.step = self.number(element, "stepSize")
-        if draft.step is not None and draft.stop is not None:
+            if layer.step is None and element.get("stepSize"):
+                layer.step = self.number(element, "stepSize")
+        if layer.step is not None and layer.stop is not None:
             return
-        fmus = dict.fromkeys(c.fmu for c in draft.components.values() if c.fmu is not None)
+        fmus = dict.fromkeys(c.fmu for c in self.components.values() if c.fmu is not None)
         suggested = [(fmu.path, *_suggested(fmu)) for fmu in fmus]
         steps = [(step, path) for path, step, _ in suggested if step]
         stops = [(stop, path) for path, _, stop in suggested if stop]
-        if draft.step is None and steps:
-            draft.step, path = min(steps)
+        if layer.step is None and steps:
+            layer.step, path = min(steps)
             self.warnings.append(
-                f"{self.where}: no step: {draft.step:g} s of {path.name}, or --step"
+                f"{self.where}: no step: {layer.step:g} s of {path.name}, or --step"
             )
-        if draft.stop is None and stops:
-            draft.stop, path = max(stops)
-            self.warnings.append(f"{self.where}: no stop time: {draft.stop:g} s of {path.name}, or "
+        if layer.stop is None and stops:
+            layer.stop, path = max(stops)
+            self.warnings.append(f"{self.where}: no stop time: {layer.stop:g} s of {path.name}, or "
                                  "--stop")  # fmt: skip
 
 
@@ -533,17 +561,3 @@ def _suggested(fmu: Fmu) -> tuple[float | None, float | None]:
         return step and float(step), stop and float(stop)
     except (DesatError, OSError, ValueError):
         return None, None
-
-
-def _give(component: DraftComponent, name: str, value: _Value) -> None:
-    """Give a component's parameter the value that a parameter set has."""
-    where = f"{value.at}: {component.name}.{name}"
-    component.parameters[name] = value.value
-    component.given[name] = where
-    component.given.setdefault(base_name(name), where)
-    component.twice.pop(name, None)
-    if value.also:
-        component.twice[name] = f"{value.at} and {value.also}: {name} is given twice"
-    component.units.pop(name, None)
-    if value.unit is not None:
-        component.units[name] = value.unit

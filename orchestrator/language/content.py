@@ -5,13 +5,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from functools import cached_property
-from typing import Any, Self
+from typing import Any, Protocol, Self
 
 from pydantic import Field, FiniteFloat, PrivateAttr, ValidationError
 
-from ..system.draft import Draft
 from ..system.errors import DesatError
 from ..system.interface import base_name
+from ..system.model import Told
 from .kinds import TRAVELS, Bounds, Maybe, Text, declared
 from .paper import OfNumber, PaperRow, by_number
 from .scenario import Dispersion, ScenarioTable
@@ -144,21 +144,42 @@ def of_cell(rows: Mapping[str, Any], cell: Mapping[str, str]) -> dict[str, Any]:
 # --- What of a system is drawn, and how: its [dispersions] by component and variable ------------
 
 
-def dispersions_of(system: Draft) -> dict[str, Dispersion]:
+class Described(Protocol):
+    """Components, and what a scenario says of them."""
+
+    @property
+    def about(self) -> Told | None:
+        """What the scenario says."""
+
+    @property
+    def components(self) -> Mapping[str, Any]:
+        """By name, each with its `interface`, which may be None."""
+
+
+def dispersions_of(system: Described) -> dict[str, Dispersion]:
     """`component.variable` -> how it is drawn."""
     spread: dict[str, Dispersion] = {}
     for key, spec in content_of(system.about).dispersions.items():
         owner, _, variable = key.partition(".")
-        owners = [c.name for c in system.having(variable)] if owner == "*" else [owner]
+        owners = _having(system, variable) if owner == "*" else [owner]
         spread |= {f"{name}.{variable}": spec for name in owners}
     return spread
 
 
-def overridden_by(system: Draft, name: str) -> list[str]:
+def _having(system: Described, variable: str) -> list[str]:
+    """Return the components that have a variable."""
+    return [
+        name
+        for name, component in system.components.items()
+        if component.interface is not None and component.interface.elements.get(variable)
+    ]
+
+
+def overridden_by(system: Described, name: str) -> list[str]:
     """What is drawn of the parameters that a name gives a value: `component.parameter`, an element
     of it, or `shared.parameter`."""
     owner, variable = (part.strip() for part in base_name(name.strip()).split(".", 1))
     wanted = {f"{owner}.{variable}"}
     if owner == "shared" and owner not in system.components:
-        wanted = {f"{c.name}.{variable}" for c in system.having(variable)}
+        wanted = {f"{owner}.{variable}" for owner in _having(system, variable)}
     return sorted(wanted & dispersions_of(system).keys())

@@ -35,7 +35,6 @@ from ..language.paper import OfNumber
 from ..numbers.numbers import late
 from ..system.errors import DesatError, Exit, RunError
 from ..system.options import Options
-from ..system.resolve import resolve
 
 
 class StoredScenario(TypedDict):
@@ -111,13 +110,8 @@ def digest(scenario: Scenario) -> str:
     """The digest of all of a scenario that a draw's numbers depend on: its system, with the code of
     its blocks, before anything is drawn; and its design, where that is made for each draw. Raises
     DesatError where it has no system."""
-    draft = scenario.draft(blocks=True)
-    found = resolve(draft)
-    if found.system is None:
-        raise DesatError("\n".join(found.problems))
-    return identity.of_system(
-        found.system, Options(blocks=True), scenario.each_draw, identity.JUDGED
-    )
+    system = scenario.builder(blocks=True).system()
+    return identity.of_system(system, Options(blocks=True), scenario.each_draw, identity.JUDGED)
 
 
 def code(scenario: Scenario) -> str:

@@ -18,7 +18,6 @@ from ..files.scenario import Scenario
 from ..numbers.measures import LATE, MEASURES
 from ..system.errors import DesatError, nearest
 from ..system.interface import Signal, interface_of_block
-from ..system.resolve import resolve
 from . import validation
 
 
@@ -42,13 +41,13 @@ def _of_content(given: Scenario, of_systems: bool) -> list[str]:
         wrong = validation.word_problems(given.content)
         return [f"{given.where(path)}: {text}" for path, text in wrong]
     try:
-        draft = given.draft(blocks=True)
+        builder = given.builder(blocks=True)
     except DesatError as error:
         return str(error).splitlines()
-    if draft.problems:
-        return draft.problems
-    system = resolve(draft).system
-    wrong = validation.content_problems(given.content, draft.components, system)
+    if builder.problems:
+        return builder.problems
+    system, _ = builder.build()
+    wrong = validation.content_problems(given.content, builder.components, system)
     return [f"{given.where(path)}: {text}" for path, text in wrong]
 
 

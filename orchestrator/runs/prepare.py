@@ -28,23 +28,24 @@ from ..analyses.manifest import Manifest
 from ..analyses.motion import period_of
 from ..engine.instances.isolated import CAN
 from ..engine.master import MasterPool
-from ..files import craft, library, paths, scenario, ssp
-from ..files.assembly import modify
+from ..files import craft, layers, library, paths, scenario, ssp
+from ..files.builder import Builder
 from ..files.scenario import Scenario
 from ..language.content import NOTHING, content_of, dispersions_of
-from ..system.check import Checked, check, foresee, without_effect
-from ..system.draft import Draft
+from ..system.check import Checked, foresee, without_effect
 from ..system.errors import DesatError
 from ..system.interface import base_name
+from ..system.layer import Layer
 from ..system.model import Component, System
 from ..system.options import NOW, Options, orbits
 from ..system.parameters import bare_block, expand
-from ..system.resolve import resolve
 from ..system.schedule import Schedule
 from . import validation
 from .provider import provider
 
 DESIGNS = provider()
+
+DEFAULT = Options()
 
 
 @dataclass(frozen=True)
@@ -73,37 +74,41 @@ class Target:
     text: str
     scenario: Scenario | None
     """None for an SSP file or a folder."""
-    _drafts: dict[tuple[bool, bool, bool], Draft] = field(default_factory=dict)
-    _drawable: set[bool] = field(default_factory=set)
-    _first: dict[str, tuple[Case, Draft]] = field(default_factory=dict)
-    """Of options without values: the first case that was prepared, and its draft."""
+    _layers: dict[tuple[bool, bool], list[Layer]] = field(default_factory=dict)
+    _to_draw: dict[bool, Builder] = field(default_factory=dict)
+    _first: dict[str, Case] = field(default_factory=dict)
+    """Of options without values: the first case that was prepared."""
 
-    def draft(self, blocks: bool, designed: bool = True, outside: bool = False) -> Draft:
-        """Its system, to be changed by options, with what is wrong so far. `blocks`: of bare
-        blocks; `designed` False leaves its design out; `outside`: an SSP may name
-        files outside its folder. Raises DesatError where it has none."""
-        key = blocks, designed, outside
-        if key not in self._drafts:
-            if self.scenario is not None:
-                draft = self.scenario.draft(blocks, designed)
-            else:
-                draft = ssp.read(Path(self.text), outside)
-                library.load_interfaces(draft, blocks)
-            self._drafts[key] = draft
-        return self._drafts[key].copy()
+    def builder(self, options: Options = DEFAULT) -> Builder:
+        """Begin its system on bare blocks or FMUs, without its design where the options name one.
 
-    def to_draw(self, blocks: bool) -> Draft:
-        """Its system, to draw values for. Raises DesatError where something is wrong with it."""
-        draft = self.draft(blocks)
-        if blocks not in self._drawable:
-            given = self.scenario or _packed_scenario(draft)
-            if given is not None and not draft.problems:
-                found = validation.dispersion_problems(given.content, draft.components)
-                draft.problems += [f"{given.where(path)}: {text}" for path, text in found]
-            if draft.problems:
-                raise DesatError("\n".join(draft.problems))
-            self._drawable.add(blocks)
-        return draft
+        Raises
+        ------
+        DesatError
+            Where it has no system.
+        """
+        key = options.design is None, options.outside
+        if key not in self._layers:
+            self._layers[key] = (
+                [ssp.read(Path(self.text), options.outside)]
+                if self.scenario is None
+                else self.scenario.layers(designed=options.design is None)
+            )
+        first, *others = self._layers[key]
+        return Builder(first, options.blocks, options.fmus).add(*others)
+
+    def to_draw(self, blocks: bool) -> Builder:
+        """Return its system to draw values for. Raises DesatError where something is wrong."""
+        if blocks not in self._to_draw:
+            builder = self.builder(Options(blocks=blocks))
+            given = self.scenario or _packed_scenario(builder)
+            if given is not None and not builder.problems:
+                found = validation.dispersion_problems(given.content, builder.components)
+                builder.problems += [f"{given.where(path)}: {text}" for path, text in found]
+            if builder.problems:
+                raise DesatError("\n".join(builder.problems))
+            self._to_draw[blocks] = builder
+        return self._to_draw[blocks]
 
 
 def read(target: str) -> Target:
@@ -139,7 +144,7 @@ def prepare(target: str | Target, options: Options) -> Case:
     target = read(target) if isinstance(target, str) else target
     if isinstance(options.stop, str):
         options = with_stop(target, options)
-    return _prepare(target, options)[0]
+    return _prepare(target, options)
 
 
 def with_stop(target: str | Target, options: Options) -> Options:
@@ -163,25 +168,24 @@ def with_stop(target: str | Target, options: Options) -> Options:
     return replace(options, stop=system.start + max(1, steps) * system.step)
 
 
-def _prepare(target: Target, options: Options) -> tuple[Case, Draft]:
-    """As `prepare`, and the draft that was checked."""
+def _prepare(target: Target, options: Options) -> Case:
+    """As `prepare`, with a stop time in seconds."""
     scenario = target.scenario
     if options.design is None and options.values and scenario and scenario.each_draw:
         options = replace(options, design=NOW)
     if options.design is not None and scenario is None:
         raise DesatError(f"--design {options.design}: {target.text} is no scenario with a [design]")
-    draft = target.draft(options.blocks, options.design is None, options.outside)
-    _modify(draft, scenario, options)
-    checked = check(draft)
+    builder = _with_options(target, options)
+    checked = builder.check()
     system, sound = checked.system, checked.schedule is not None
     if system is not None:
         checked.problems += [line for find in RUNS for line in find(system, options)]
         faults = library.fault_warnings(system)
         (checked.problems if options.strict else checked.warnings).extend(faults)
-    if (given := scenario or _packed_scenario(draft)) is not None:
-        _hold(checked, draft, given, target, options)
+    if (given := scenario or _packed_scenario(builder)) is not None:
+        _hold(checked, builder, given, target, options)
     if system is not None and options.design is None and (
-        described := scenario or _packed_from(draft)
+        described := scenario or _packed_from(builder)
     ):  # fmt: skip
         checked.warnings += DESIGNS.warnings(described, options, system)
     if system is not None and sound:
@@ -189,22 +193,22 @@ def _prepare(target: Target, options: Options) -> tuple[Case, Draft]:
         checked.warnings += [line for find in WARNINGS for line in find(system)]
     if system is not None and checked.schedule is not None:
         checked.warnings += _run_warnings(system, checked.schedule, options)
-    return Case(target.text, options, draft.where, checked), draft
+    return Case(target.text, options, builder.where, checked)
 
 
 def _hold(
-    checked: Checked, draft: Draft, given: Scenario, target: Target, options: Options
+    checked: Checked, builder: Builder, given: Scenario, target: Target, options: Options
 ) -> None:  # fmt: skip
     """Add what of a scenario's content does not suit the system; what another FMU lacks, which the
     options put in a place, is left out of the content instead."""
     system = checked.system
     wrong = validation.content_problems(
-        given.content, draft.components, system if checked.schedule else None
+        given.content, builder.components, system if checked.schedule else None
     )
     if not options.sources or system is None:
         checked.problems += [f"{given.where(path)}: {text}" for path, text in wrong]
         return
-    own = target.draft(options.blocks, options.design is None, options.outside)
+    own = target.builder(options)
     known = [*validation.content_problems(given.content, own.components)]
     checked.problems += [f"{given.where(path)}: {text}" for path, text in known]
     content, left_out = validation.fit_to(given.content, system)
@@ -223,15 +227,14 @@ def with_values(target: Target, options: Options) -> Case:
         options = with_stop(target, options)
     key = repr(replace(options, values=dict.fromkeys(sorted(options.values))))
     if key not in target._first:
-        case, draft = _prepare(target, options)
+        case = _prepare(target, options)
         system, _ = case.or_raise()
         begun = Manifest.of(system, options, case.target)
-        case = replace(case, manifest=begun, spare=MasterPool())
-        target._first[key] = case, draft
-        return case
-    first, draft = target._first[key]
+        target._first[key] = replace(case, manifest=begun, spare=MasterPool())
+        return target._first[key]
+    first = target._first[key]
     system, schedule = first.or_raise()
-    changed = _changed(system, draft, options.values)
+    changed = _changed(system, options.values)
     if changed is None:
         return prepare(target, options)
     system = replace(system, components={**system.components, **changed})
@@ -244,12 +247,10 @@ def with_values(target: Target, options: Options) -> Case:
     return replace(first, options=options, checked=checked, manifest=manifest)
 
 
-def _changed(
-    system: System, draft: Draft, values: Mapping[str, Any]
-) -> dict[str, Component] | None:  # fmt: skip
+def _changed(system: System, values: Mapping[str, Any]) -> dict[str, Component] | None:
     """The components of a checked system that get other values; None where more than their own
     values would change by that, or one does not fit."""
-    texts = [t for c in draft.components.values() for t in c.references.values()]
+    texts = [t for c in system.components.values() for t in c.references.values()]
     told = [content_of(system.about).written.get(k) for k in ("numbers", "stop_when", "design")]
     named = set(re.findall(r"\w+", " ".join([*texts, repr(told)])))
     parameters: dict[str, dict[str, Scalar]] = {}
@@ -274,54 +275,40 @@ def _changed(
     }
 
 
-def drafted(target: Target, options: Options) -> Draft:
-    """The draft of a target with the options applied: values as they are given, references too.
-    Raises DesatError where it cannot be had."""
-    if isinstance(options.stop, str):
-        options = with_stop(target, options)
-    draft = target.draft(options.blocks, options.design is None, options.outside)
-    _modify(draft, target.scenario, options)
-    return draft
-
-
 def resolved(target: str | Target, options: Options) -> tuple[System, Any]:
     """The system of a target with the options applied, unchecked; and, where its design is made for
     the values of each draw, what its scenario says of it. Raises DesatError where it cannot be had.
     """
     target = read(target) if isinstance(target, str) else target
-    found = resolve(drafted(target, options))
-    if found.system is None:
-        raise DesatError("\n".join(found.problems))
-    return found.system, target.scenario and target.scenario.each_draw
+    options = with_stop(target, options)
+    system = _with_options(target, options).system()
+    return system, target.scenario and target.scenario.each_draw
 
 
-def _modify(draft: Draft, scenario: Scenario | None, options: Options) -> None:
-    """Change a system as the options say."""
-    designed = None
+def _with_options(target: Target, options: Options) -> Builder:
+    """Begin the system of a target and add the layer of the options."""
+    builder, scenario, designed = target.builder(options), target.scenario, None
     if scenario is not None and (options.design is not None or scenario.design is not None):
         own = scenario.parameters(designed=False)
         designed = {  # but for what the scenario gives itself
             name: {k: v for k, v in values.items() if k not in own.get(name, {})}
             for name, values in DESIGNS.parameters_for(scenario, options).items()
         }
-    modify(draft, options, designed, _drawn_from(draft, scenario, options))
-    if options.fmus != "native":
-        for component in draft.components.values():
-            if component.fmu is not None:
-                component.fmu = library.of_kind(component.fmu, options.fmus)
+    sampled = _drawn_from(builder, scenario, options)
+    return builder.add(layers.of_options(options, sampled, designed))
 
 
-def _drawn_from(draft: Draft, described: Scenario | None, options: Options) -> dict[str, str]:
+def _drawn_from(builder: Builder, described: Scenario | None, options: Options) -> dict[str, str]:
     """File and key of the dispersion of each value that is drawn: a draw has a value for each."""
-    spread = dispersions_of(draft)
+    spread = dispersions_of(builder)
     if not spread.keys() <= options.values.keys():
         return {}
-    given = content_of(draft.about).dispersions
+    given = content_of(builder.about).dispersions
     where = {}
     for name in spread:
         key = name if name in given else f"*.{name.partition('.')[2]}"
         path = ("dispersions", key)
-        file, key = described.origin_of(path) if described else (draft.where, ".".join(path))
+        file, key = described.origin_of(path) if described else (builder.where, ".".join(path))
         where[name] = f"{file}: {key}"
     return where
 
@@ -341,18 +328,18 @@ def _run_warnings(system: System, schedule: Schedule, options: Options) -> Itera
                "not conserved")  # fmt: skip
 
 
-def _packed_scenario(draft: Draft) -> Scenario | None:
+def _packed_scenario(builder: Builder) -> Scenario | None:
     """What a packed system says of itself, as a scenario; None where it says nothing."""
-    content = content_of(draft.about)
+    content = content_of(builder.about)
     if content is NOTHING:
         return None
-    file = Path(draft.where).parent / ssp.ABOUT
+    file = Path(builder.where).parent / ssp.ABOUT
     return Scenario(content, file, file.parent)
 
 
-def _packed_from(draft: Draft) -> Scenario | None:
+def _packed_from(builder: Builder) -> Scenario | None:
     """The scenario of ours that a packed system was packed from."""
-    return scenario.of_its_file(content_of(draft.about).name)
+    return scenario.of_its_file(content_of(builder.about).name)
 
 
 # --- Which components run in processes of their own, and what to say where there can be none ----

@@ -13,13 +13,13 @@ from pathlib import Path
 from typing import Any
 
 from ..analyses import analyses
+from ..files.builder import Part as BuiltPart
 from ..language.content import Content
 from ..language.paper import OfNumber
 from ..language.scenario import Dispersion, Number, Plot
 from ..numbers import derived
 from ..numbers.measures import MEASURES, OWN_UNIT, SCALARS, SIZES
 from ..numbers.numbers import problems, scale
-from ..system.draft import DraftComponent
 from ..system.errors import DesatError, nearest
 from ..system.interface import KINDS, Signal, base_name, selects
 from ..system.model import Component, System
@@ -29,7 +29,7 @@ from ..system.quantity import is_float
 from . import stopping
 
 Keys = tuple[str, ...]
-Part = DraftComponent | Component
+Part = BuiltPart | Component
 
 
 def options_of(measure: str) -> tuple[list[str], dict[str, Any]]:

@@ -3,28 +3,27 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
+from types import MappingProxyType
 
 from desat.components.contract.block import Block, BlockError, Scalar
 from desat.fmus.registry import block_class, names
 
-from .draft import Draft
 from .errors import DesatError, nearest
 from .expression import names_in, values_of
 from .interface import base_name, computers, interface_of_block
 from .model import Component, System
 from .parameters import table
 from .refusal import REFUSES, explain
-from .resolve import resolve
 from .schedule import Schedule, schedule
 
 
 @dataclass
 class Checked:
-    """What a check found; `system` where the draft could be resolved, `schedule` where nothing
-    stands against running it."""
+    """What a check found; `system` where it could be built, `schedule` where nothing stands
+    against running it."""
 
     problems: list[str]
     warnings: list[str]
@@ -41,26 +40,39 @@ class Checked:
         return self.system, self.schedule
 
 
-def check(draft: Draft) -> Checked:
-    """Resolve a draft and check what it comes to."""
-    resolved = resolve(draft)
-    system = resolved.system
-    checked = Checked(resolved.problems, list(draft.warnings), system=system)
+def check(
+    system: System | None,
+    problems: Sequence[str] = (),
+    warnings: Sequence[str] = (),
+    origins: Mapping[str, str] = MappingProxyType({}),
+) -> Checked:
+    """Check a system that was built.
+
+    Parameters
+    ----------
+    system
+        None where it could not be built.
+    problems, warnings
+        Of its building.
+    origins
+        Who gave the classes of outputs.
+    """
+    checked = Checked(list(problems), list(warnings), system=system)
     if system is None:
         return checked
     checked.problems += _inputs(system)
     checked.warnings += _at_start(system)
     _shared(system, checked)
     checked.problems += _samples(system)
-    checked.problems += _overrides(system, draft.given)
+    checked.problems += _overrides(system, origins)
     checked.unwired = unwired(system)
     checked.problems += without_effect(system, checked.unwired)
-    problems, warnings = foresee(system, checked.unwired)
-    checked.problems += problems
-    checked.warnings += warnings
+    foreseen, unusual = foresee(system, checked.unwired)
+    checked.problems += foreseen
+    checked.warnings += unusual
     checked.notes += filter(None, (ends.text(n) for n, ends in checked.unwired.items()))
     if not checked.problems:
-        checked.warnings += _follows(system, draft)
+        checked.warnings += _follows(system)
         try:
             checked.schedule = schedule(system)
             checked.warnings += checked.schedule.warnings
@@ -128,7 +140,7 @@ def _shared(system: System, checked: Checked) -> None:
     checked.warnings += err.values()
 
 
-def _follows(system: System, draft: Draft) -> Iterator[str]:
+def _follows(system: System) -> Iterator[str]:
     """Parameters that differ from what of the craft they usually are, as their blocks declare it
     (`follows`): where a scenario extends another craft's they may be that one's.
 
@@ -141,7 +153,7 @@ def _follows(system: System, draft: Draft) -> Iterator[str]:
     for c in system.components.values():
         for name, text in {s.array: s.follows for s in c.interface.parameters
                            if s.follows}.items():  # fmt: skip
-            if name in draft.components[c.name].references:
+            if name in c.references:
                 continue
             try:
                 usual = [float(x) for x in values_of(c, name, text, known).values()]

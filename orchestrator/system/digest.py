@@ -41,6 +41,7 @@ ASIDE: Mapping[str, Mapping[str, str]] = {
         "connectors": "what an SSD lists, held against the interface when it is resolved",
         "line": "of a file, for messages",
         "given": "who gave a value, for messages",
+        "references": "how values are given, which are resolved",
     },
     "Connection": {
         "line": "of a file, for messages",

@@ -1,6 +1,6 @@
 """A system of components: what a master runs, whichever file it came from. Nothing of it changes.
 
-`draft.py` has what is read from files, `resolve.py` makes a `System` of it.
+`layer.py` has what is read from files; `files/builder.py` builds a `System` of it.
 """
 
 from __future__ import annotations
@@ -120,6 +120,8 @@ class Component:
     line: int = 0
     given: Mapping[str, str] = field(default_factory=dict, compare=False, repr=False)
     """Who gave a variable its value: name -> file and key, or option."""
+    references: Mapping[str, str] = field(default_factory=dict, compare=False, repr=False)
+    """Parameters that are given as products of others: `gain_matrix = "shared.inertia"`."""
 
     @cached_property
     def values(self) -> Mapping[str, Any]:

@@ -19,7 +19,6 @@ import numpy as np
 from markupsafe import Markup
 
 from ..analyses import management
-from ..analyses.residual import carrier
 from ..export.loop_fmu import LoopEnds, LoopSource, written_out
 from ..figures.plots import elements_of, parameter_of
 from ..figures.style import COLOURS, LIMIT, pretty_unit, time_axis
@@ -33,7 +32,8 @@ from ..numbers.numbers import scale
 from ..report.policy import part
 from ..report.report import data_element, render
 from ..runs import substep_choice
-from ..runs.prepare import Target, drafted, prepare, read
+from ..runs.prepare import Target, prepare, read
+from ..system.craft import carrier
 from ..system.errors import DesatError
 from ..system.expression import Table, factor, product
 from ..system.interface import KINDS
@@ -142,7 +142,7 @@ def _flown(target: str, source: Target, name: str, options: Options) -> _Flown:
     if choice is not None:
         system = replace(system, substeps=choice.substeps)
         options = replace(options, substeps=choice.substeps, accuracy=None)
-    ordered = follows(drafted(source, options), system)
+    ordered = follows(system)
     return _Flown(name, options, system, ordered, dict(numbers_of(system)))
 
 

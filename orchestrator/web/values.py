@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Set
 from typing import Any
 
-from ..system.draft import Draft
 from ..system.expression import Table, entry, is_name, parsed, product, scale_of
 from ..system.model import System
 from ..system.parameters import table, unit_of
@@ -36,14 +35,14 @@ def names_of(of: Expression) -> set[str]:
     return {factor[0] for _, factor in of["factors"] if isinstance(factor, list)}
 
 
-def follows(draft: Draft, system: System) -> list[dict[str, Any]]:
+def follows(system: System) -> list[dict[str, Any]]:
     """The parameters of a system that are given as others, each after those that it is made of:
     its name, what it is (`of`), how many elements it has (0: it is no array), and whether it is
     another one as it is (`whole`)."""
     known = table(system.components.values())
     waiting = {
         f"{c.name}.{name}": _reference(system, c.name, name, text, known)
-        for c in draft.components.values() for name, text in c.references.items()
+        for c in system.components.values() for name, text in c.references.items()
     }  # fmt: skip
     ordered = []
     while waiting:  # there is no circle: the system is resolved

@@ -11,12 +11,11 @@ import numpy as np
 from ...files.io import replace_text
 from ...files.reader import design as read_design
 from ...files.scenario import ROOT, Scenario, find, scenarios
-from ...system.check import check
 from ...system.errors import DesatError
 from ...system.model import System
 from ...system.options import NOW, Options
 from . import MadeDesign, Parameters, kinds
-from .origin import TABLE, design_of, draft_of, made_of, names_of, owner, system_of
+from .origin import TABLE, builder_of, design_of, made_of, names_of, owner, system_of
 
 PACKAGES = ("desat", "numpy", "scipy")
 COMMON = ("of", "assume", "each_draw")
@@ -43,7 +42,7 @@ def design(scenario: Scenario, options: Options | None = None) -> MadeDesign:
     """Compute a scenario's design for the values of `options`. Raises DesatError where it cannot
     be made."""
     options = options or Options()
-    system, _ = check(draft_of(scenario, options)).or_raise()
+    system, _ = builder_of(scenario, options).check().or_raise()
     kind = next((k for k in kinds() if k.applies(system)), None)
     if kind is None:
         raise DesatError(f"{scenario.name}: {_no_kind(system)}")

@@ -35,14 +35,13 @@ from desat.components.physics.orbit import elements_from_state, mean_motion
 from desat.components.physics.torques import gravity_gradient
 
 from ...files.scenario import Scenario
-from ...system.check import check
 from ...system.errors import DesatError
 from ...system.model import Component, System
 from ...system.options import Options
 from ...system.parameters import bare_block
 from . import MadeDesign, Parameters
+from .origin import builder_of
 from .origin import design_of as asked_of
-from .origin import draft_of
 
 HALF_ORBIT, SPACING = 2850.0, 150.0
 """The desaturation period of H_NOM, half an orbit of 500 km in whole samples of 50 s; and the time
@@ -70,7 +69,7 @@ def applies(system: System) -> bool:
 
 def make(scenario: Scenario, options: Options) -> MadeDesign:
     """The tables of its manager."""
-    system, _ = check(draft_of(scenario, options)).or_raise()
+    system, _ = builder_of(scenario, options).check().or_raise()
     manager = system.components["manager"]
     dt = float(_value(manager, "sample_time"))
     period = round(HALF_ORBIT / dt)

@@ -13,17 +13,16 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from ...files.assembly import modify
+from ...files import layers
+from ...files.builder import Builder
 from ...files.reader import design
 from ...files.scenario import Scenario, find
 from ...language.scenario import Design, DesignFile
-from ...system.draft import Draft
-from ...system.errors import DesatError
 from ...system.interface import base_name
+from ...system.layer import Layer, Value
 from ...system.model import Connection, System
 from ...system.options import Options
 from ...system.parameters import parse_assignment, table
-from ...system.resolve import resolve
 
 TABLE = "made_of"
 
@@ -34,17 +33,18 @@ def design_of(scenario: Scenario) -> Design:
     return scenario.content.design
 
 
-def draft_of(scenario: Scenario, options: Options, designed: bool = False) -> Draft:
-    """The system, on bare blocks, that a scenario's design is made for: with the values of
+def builder_of(scenario: Scenario, options: Options, designed: bool = False) -> Builder:
+    """Begin the system, on bare blocks, that a scenario's design is made for: with the values of
     `options`, then what [design] assumes. `designed`: with the kept design, and nothing assumed."""
-    draft = scenario.draft(blocks=True, designed=designed)
-    modify(draft, replace(options, blocks=True))
-    assumed = scenario.content.design.assume if scenario.content.design and not designed else {}
-    for name, values in assumed.items():
-        for variable, value in values.items():
-            component = draft.component(name, draft.name)
-            component.assign(variable, value, f"{draft.name}: {name}")
-    return draft
+    name, assumed = scenario.name, Layer(scenario.name)
+    if scenario.content.design is not None and not designed:
+        assumed.values = [
+            Value(owner, variable, value, name, name, raises=True)
+            for owner, values in scenario.content.design.assume.items()
+            for variable, value in values.items()
+        ]
+    builder = scenario.builder(blocks=True, designed=designed)
+    return builder.add(layers.of_options(replace(options, blocks=True)), assumed)
 
 
 LONGEST = 12
@@ -54,10 +54,7 @@ LONGEST = 12
 def system_of(scenario: Scenario, options: Options) -> System:
     """The system that a scenario's design is made for, resolved, whatever FMU the options put in a
     place. Raises DesatError where it cannot be."""
-    found = resolve(draft_of(scenario, replace(options, sources=[])))
-    if found.system is None:
-        raise DesatError("\n".join(found.problems))
-    return found.system
+    return builder_of(scenario, replace(options, sources=[])).system()
 
 
 def made_of(
@@ -112,11 +109,11 @@ def owner(scenario: Scenario, options: Options) -> tuple[Scenario, Options, list
     if not (of := design_of(scenario).of):
         return scenario, options, []
     other = find(f"{scenario.family}/{of}")
-    draft = other.draft(blocks=True, designed=False)
+    components = other.builder(blocks=True, designed=False).components
     strange: list[str] = []
 
     def known(name: str, variable: str) -> bool:
-        if name in draft.components and draft.components[name].elements(base_name(variable)):
+        if name in components and components[name].elements(base_name(variable)):
             return True
         strange.append(f"{name}.{variable}")
         return False
@@ -125,7 +122,7 @@ def owner(scenario: Scenario, options: Options) -> tuple[Scenario, Options, list
         options,
         sets=[t for t in options.sets if known(*parse_assignment(t)[:2])],
         values={k: v for k, v in options.values.items() if known(*k.split(".", 1))},
-        sources=[t for t in options.sources if t.partition("=")[0] in draft.components],
+        sources=[t for t in options.sources if t.partition("=")[0] in components],
     ), strange  # fmt: skip
 
 

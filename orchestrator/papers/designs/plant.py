@@ -26,12 +26,11 @@ from ...engine.master import Master
 from ...engine.recording.recorder import Recorder
 from ...files.scenario import Scenario
 from ...language.scenario import Design as Asked
-from ...system.check import check
 from ...system.errors import DesatError, nearest
 from ...system.model import Component
 from ...system.options import Options
 from ...system.parameters import bare_block, expand
-from .origin import draft_of
+from .origin import builder_of
 
 Array = NDArray[np.floating[Any]]
 MOMENTUM, DIPOLE = "spacecraft.h_copy_wheel", "torquers.m_mean_body"
@@ -68,8 +67,8 @@ class Plant:
     def __init__(
         self, scenario: Scenario, options: Options | None = None, designed: bool = False
     ) -> None:
-        draft = draft_of(scenario, options or Options(), designed)
-        self.system, self._schedule = check(draft).or_raise()
+        builder = builder_of(scenario, options or Options(), designed)
+        self.system, self._schedule = builder.check().or_raise()
         self.asked = scenario.content.design or Asked()
         spacecraft = self._bare("spacecraft")
         if not isinstance(spacecraft, SpacecraftFixedAttitude):

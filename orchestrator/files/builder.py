@@ -1,0 +1,678 @@
+"""From layers of values to a system: FMUs in their places, values expanded, units converted."""
+
+from __future__ import annotations
+
+import math
+from collections import defaultdict
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from itertools import islice
+from pathlib import PurePath
+from typing import Any, Self
+
+from desat.components.contract.block import Scalar
+from desat.components.contract.units import Unit, conversion
+
+from ..system.body import Body
+from ..system.check import Checked, check
+from ..system.errors import DesatError, nearest
+from ..system.expression import evaluate
+from ..system.interface import Interface, OutputClass, Signal, base_name
+from ..system.layer import SHARED, Layer, Place, Value
+from ..system.model import (
+    ACCURACY,
+    AUTO,
+    Component,
+    Connection,
+    Connector,
+    Fmu,
+    Substeps,
+    System,
+    Told,
+)
+from ..system.parameters import expand, in_unit_of, is_quantity, known_unit
+from . import library
+
+RESERVED = ("time", SHARED)  # names of no component: the series of times, parameters of all
+MOST_LINES = 100  # about one kind of problem; more help nobody
+LARGEST = 1e40  # SI; no quantity of a spacecraft is larger, and squares and cubes of it are numbers
+MOST_STEPS = 1e12  # of a run: one of a microsecond each takes eleven days
+
+
+@dataclass
+class Part:
+    """A component while its system is built."""
+
+    name: str
+    source: str
+    line: int
+    fmu: Fmu | None
+    interface: Interface | None
+    connectors: dict[str, Connector]
+    step_ratio: int
+    parameters: dict[str, Scalar | str] = field(default_factory=dict)  # by element
+    references: dict[str, str] = field(default_factory=dict)  # given as products of parameters
+    units: dict[str, Unit | str] = field(default_factory=dict)  # where not the variable's own
+    conflicts: dict[str, str] = field(default_factory=dict)
+    origins: dict[str, str] = field(default_factory=dict)  # who gave a variable its value
+    placed_by: str = ""  # who put another FMU in its place
+
+    def elements(self, name: str) -> list[str]:
+        """Return the names of a variable's scalars; none where the interface is not known."""
+        return [s.name for s in self.interface.elements.get(name, ())] if self.interface else []
+
+    def assign(self, name: str, value: Any, where: str) -> None:
+        """Give a parameter (or input) its value, or the text of one that follows from others.
+
+        A text for a Real is a product of parameters (`expression.py`). Nothing is given where the
+        interface is not known: that it is missing is a problem already.
+
+        Raises
+        ------
+        DesatError
+            As `expand` does.
+        """
+        if self.interface is None:
+            return
+        signals = self.interface.elements.get(name, ())
+        is_text = isinstance(value, str) and not is_quantity(value)
+        if is_text and signals and signals[0].kind == "Real":
+            expand(self.interface, name, [s.start or 0.0 for s in signals], where)
+            self.references[name] = value
+            return
+        values = expand(self.interface, name, value, where, typed=True)
+        self.parameters.update(values)
+        self.references.pop(base_name(name), None)
+        for element in (*values, name):
+            self.units.pop(element, None)
+
+    def take(self, value: Value) -> None:
+        """Take a value of an SSP file, which is checked when all layers are known."""
+        name = value.name
+        self.parameters[name] = value.value
+        self.origins[name] = value.origin
+        self.origins.setdefault(base_name(name), value.origin)
+        self.conflicts.pop(name, None)
+        if value.conflict:
+            self.conflicts[name] = value.conflict
+        self.units.pop(name, None)
+        if value.unit is not None:
+            self.units[name] = value.unit
+
+
+class Builder:
+    """Builds a system from layers: the first has its components and connections.
+
+    Parameters
+    ----------
+    first
+        The layer of a craft or of an SSP file.
+    blocks
+        Whether components are bare blocks in place of FMUs.
+    kind
+        Which of our FMUs run: `native` or `python`.
+    load
+        Whether interfaces are loaded from FMUs or blocks; else those of the places count.
+    """
+
+    def __init__(
+        self, first: Layer, blocks: bool = False, kind: str = "native", load: bool = True
+    ) -> None:
+        self.blocks = blocks
+        self.kind = kind
+        self.load = load
+        self.where = first.where
+        self.name = first.name
+        self.title = ""
+        self.components: dict[str, Part] = {}
+        self.connections: list[Connection] = []
+        self.start = 0.0
+        self.stop: float | None = None
+        self.step: float | None = None
+        self.substeps: Substeps = AUTO
+        self.accuracy = ACCURACY
+        self.output_classes: dict[str, OutputClass] = {}
+        self.origins: dict[str, str] = {}
+        self.about: Told | None = None
+        self.body: Body | None = None
+        self.problems: list[str] = []
+        self.warnings: list[str] = []
+        self.add(first)
+
+    def add(self, *layers: Layer) -> Self:
+        """Add layers; a later one replaces what an earlier one says.
+
+        Raises
+        ------
+        DesatError
+            Where a layer names a component that there is not; and where values do not fit that
+            are to raise (`Value.raises`), with a line for each.
+        """
+        for layer in layers:
+            self.problems += layer.problems
+            self.warnings += layer.warnings
+            for key in ("name", "title", "start", "stop", "step", "substeps", "accuracy", "about",
+                        "body"):  # fmt: skip
+                if (value := getattr(layer, key)) not in (None, ""):
+                    setattr(self, key, value)
+            self.output_classes |= layer.output_classes
+            self.origins |= layer.origins
+            self.connections += layer.connections
+            replaced = self._fill(layer)
+            for name, ratio in layer.step_ratios.items():
+                self.part(name, f"{layer.where}: step_ratio").step_ratio = ratio
+            errors: list[str] = []
+            for value in layer.values:
+                self._give(value, layer, errors if value.raises else self.problems)
+            if errors:
+                raise DesatError("\n".join(dict.fromkeys(errors)))
+            for name in replaced:
+                self._adopt_shared(self.components[name])
+        return self
+
+    def part(self, name: str, where: str) -> Part:
+        """Return a component by its name. Raises DesatError, which begins with `where`."""
+        if name not in self.components:
+            raise DesatError(f"{where}: no component {name}{nearest(name, self.components)}")
+        return self.components[name]
+
+    # --- FMUs in their places -------------------------------------------------------------------
+
+    def _fill(self, layer: Layer) -> list[str]:
+        """Put the FMUs of a layer in their places; the names of those that replace others."""
+        replaced = []
+        for place in layer.places:
+            if not place.origin:
+                part = Part(
+                    place.name,
+                    place.source,
+                    place.line,
+                    place.fmu,
+                    place.interface,
+                    dict(place.connectors),
+                    place.step_ratio,
+                )
+                self.components[place.name] = part
+                if self.load:
+                    self._load_interface(part)
+            else:
+                self._replace(place, layer)
+                replaced.append(place.name)
+        return replaced
+
+    def _replace(self, place: Place, layer: Layer) -> None:
+        """Put another FMU in a component's place, with the values that it declares alike."""
+        where = place.origin if layer.of_options else f"{layer.where}: sources"
+        part = self.part(place.name, where)
+        part.placed_by = place.origin
+        part.source, part.fmu = place.source, place.fmu
+        before = part.interface
+        self._load_interface(part)
+        if part.interface is None:
+            return
+        given = dict(part.origins)
+        lost = _keep_alike(part, before)
+        if layer.of_options and lost:
+            self.warnings.append(
+                f"{part.name}: {place.label} does not take {', '.join(lost)} of the FMU that it "
+                "replaces"
+            )
+        own = [name for name in lost if f"parameters.{part.name}." in given.get(name, "")]
+        if own and not layer.of_options:
+            self.warnings.append(
+                f"{part.name}: {place.label} does not take {', '.join(own)} of the craft"
+            )
+        self._drop_unwanted(part)
+
+    def _load_interface(self, part: Part) -> None:
+        """Load the interface of a component from its FMU, or from the bare block of its name.
+
+        A bare block has no file: `fmu` is None from then on.
+        """
+        part.interface = None
+        try:
+            part.interface = library.interface_of(part.source, part.fmu, self.blocks)
+        except DesatError as error:
+            at = part.placed_by or f"{self.where}:{part.line}"
+            self.problems.append(f"{at}: {part.name}: {error}")
+        if self.blocks:
+            part.fmu = None
+
+    def _drop_unwanted(self, part: Part) -> None:
+        """Take out what is wired or listed for a replaced component and its FMU does not have.
+
+        An FMU in a role's place needs only the inputs that its law wants, and may lack an output
+        of the role (a manager without thrusters): who reads that keeps its start value. Where it
+        has none of those that are read, or a part of an array, they stay, so that the check
+        misses them.
+        """
+        assert part.interface is not None
+        name, signals = part.name, part.interface.signals
+        fmu, bases = PurePath(part.source).name, part.interface.arrays
+        unwanted = [c for c in self.connections if c.target == name and c.input not in signals]
+        if unwanted:
+            whole = {c.input_array for c in unwanted}.difference(bases)
+            names = {c.input_array if c.input_array in whole else c.input for c in unwanted}
+            self.warnings.append(
+                f"{name}: {fmu} has no input {', '.join(sorted(names))}: left unwired"
+            )
+        outgoing = [c for c in self.connections if c.source == name]
+        missing = [c for c in outgoing if c.output_array not in bases]
+        if len(missing) < len(outgoing):
+            for output, reads in sorted(_by_output(missing).items()):
+                hint = nearest(output, {s.array for s in part.interface.outputs})
+                self.warnings.append(
+                    f"{name}: {fmu} has no output {output}{hint}: {', '.join(reads)} "
+                    f"keep{'s' if len(reads) == 1 else ''} the start value"
+                )
+            for c in missing:
+                self.components[c.target].connectors.pop(c.input, None)
+            unwanted += missing
+        if unwanted:
+            self.connections = [c for c in self.connections if c not in unwanted]
+        read = {c.output for c in self.connections if c.source == name}
+        part.connectors = {
+            key: c for key, c in part.connectors.items() if key in signals or key in read
+        }
+
+    def _adopt_shared(self, part: Part) -> None:
+        """Give a replaced component the craft's values of the shared parameters that nobody gave
+        it, in place of its own defaults, which are another craft's."""
+        if part.interface is None:
+            return
+        shared = {s.array for s in part.interface.parameters if s.shared}
+        given = {base_name(name) for name in part.parameters} | part.references.keys()
+        for name in sorted(shared - given):
+            wanted = part.elements(name)
+            owner = next((p for p in self._sharing(name, wanted) if p is not part), None)
+            if owner is None or owner.interface is None:
+                continue
+            if name in owner.references:
+                part.references[name] = owner.references[name]
+            else:
+                for element in wanted:
+                    start = owner.interface.signals[element].start
+                    value = owner.parameters.get(element, start)
+                    if value is not None and not isinstance(value, str):
+                        part.parameters[element] = value
+                    if unit := owner.units.get(element):
+                        part.units[element] = unit
+            if name in owner.origins:
+                part.origins[name] = owner.origins[name]
+
+    def _sharing(self, name: str, elements: list[str]) -> Iterator[Part]:
+        """Find the components that share a parameter with these elements."""
+        for part in self.components.values():
+            if part.interface is None or part.elements(name) != elements:
+                continue
+            if part.interface.signals[elements[0]].shared:
+                yield part
+
+    # --- values ---------------------------------------------------------------------------------
+
+    def _give(self, value: Value, layer: Layer, errors: list[str]) -> None:
+        """Give a value to its component, or to all that share it; what does not fit is an error."""
+        for part in self._owners(value, errors):
+            if value.unchecked:
+                part.take(value)
+                continue
+            try:
+                if layer.of_options and value.owner != SHARED:
+                    self._check_open(part, value)
+                prefix = f"{value.prefix}: " if value.prefix else ""
+                part.assign(value.name, value.value, f"{prefix}{part.name}")
+                part.origins[base_name(value.name)] = value.origin
+            except DesatError as error:
+                errors.append(str(error))
+
+    def _owners(self, value: Value, errors: list[str]) -> list[Part]:
+        """Return the components that a value is for."""
+        if value.owner != SHARED or SHARED in self.components:
+            return [self.part(value.owner, value.origin)]
+        owners = [part for part in self.components.values() if part.elements(value.name)]
+        if not owners:
+            interfaces = [p.interface for p in self.components.values() if p.interface is not None]
+            known = {s.array for interface in interfaces for s in interface.parameters}
+            hint = nearest(value.name, known)
+            errors.append(f"{value.origin}: no component has a parameter {value.name}{hint}")
+        return owners
+
+    def _check_open(self, part: Part, value: Value) -> None:
+        """Raise DesatError where an output feeds the input that a value is for."""
+        name = value.name
+        for c in self.connections:
+            end = c.input if name != base_name(name) else c.input_array
+            if c.target == part.name and end == name:
+                raise DesatError(
+                    f"{value.origin}: {part.name}.{name}: {c.source}.{c.output} feeds it: it never "
+                    "has this value"
+                )
+
+    # --- building -------------------------------------------------------------------------------
+
+    def build(self) -> tuple[System | None, dict[str, Component]]:
+        """Build the system.
+
+        Returns
+        -------
+        tuple
+            The system, or None where there are `problems`; and the components whose interface is
+            known.
+        """
+        self.problems += self._names()
+        components: dict[str, Component] = {}
+        for part in self.components.values():
+            if part.interface is None:
+                continue
+            self.problems += islice(self._connectors(part, part.interface), MOST_LINES)
+            fmu = part.fmu
+            if fmu is not None and self.kind != "native":
+                fmu = library.of_kind(fmu, self.kind)
+            components[part.name] = Component(
+                part.name,
+                part.source,
+                part.interface,
+                self._parameters(part, part.interface),
+                fmu,
+                part.step_ratio,
+                part.connectors,
+                part.line,
+                part.origins,
+                part.references,
+            )
+        references = {
+            (name, parameter): text
+            for name, component in components.items()
+            for parameter, text in component.references.items()
+        }
+        components, wrong = evaluate(components, references, self.where)
+        self.problems += wrong
+        self.problems += self._too_large(components.values())
+        connections = self._connections()
+        self.problems = list(dict.fromkeys(self.problems))
+        try:
+            step, stop = self._times()
+        except DesatError as error:
+            self.problems.append(str(error))
+        if self.problems:
+            return None, components
+        system = System(
+            self.name,
+            self.where,
+            components,
+            connections,
+            step,
+            stop,
+            self.start,
+            self.substeps,
+            self.accuracy,
+            self.output_classes,
+            self.about,
+            self.body,
+        )
+        return system, components
+
+    def check(self) -> Checked:
+        """Build the system and check it."""
+        system, _ = self.build()
+        return check(system, self.problems, self.warnings, self.origins)
+
+    def system(self) -> System:
+        """Build the system. Raises DesatError with every problem, a line each."""
+        system, _ = self.build()
+        if system is None:
+            raise DesatError("\n".join(self.problems))
+        return system
+
+    def _names(self) -> Iterator[str]:
+        """Find names that those of variables and of series cannot begin with."""
+        for part in self.components.values():
+            name = part.name
+            bad = set("./[]*?=") & set(name) or not name.strip() or not name.isprintable()
+            if bad or name in RESERVED:
+                yield (
+                    f"{self.where}:{part.line}: component {name!r}: a name is needed without . / ["
+                    f" ] * ? = and other than {', '.join(RESERVED)}"
+                )
+
+    def _connectors(self, part: Part, interface: Interface) -> Iterator[str]:
+        """Find listed connectors that the FMU does not have, or has otherwise."""
+        for connector in part.connectors.values():
+            where = f"{self.where}:{connector.line}: {part.name}.{connector.name}"
+            signal = interface.signals.get(connector.name)
+            if part.placed_by and (signal is None or connector.kind != signal.causality):
+                continue  # one line names all of its connections
+            if signal is None:
+                hint = nearest(connector.name, interface.signals)
+                yield f"{where}: the FMU has no such variable{hint}"
+                continue
+            if connector.kind != signal.causality:
+                yield f"{where}: listed as {connector.kind}, but it is an {signal.causality}"
+            listed = "Integer" if connector.type == "Enumeration" else connector.type
+            if listed and listed != signal.kind:
+                yield f"{where}: listed as {connector.type}, but it is {signal.kind}"
+            if connector.unit and connector.unit != signal.unit_name and signal.unit is not None:
+                unit = known_unit(connector.unit)
+                if unit is None or conversion(unit, signal.unit) != (1.0, 0.0):
+                    own = signal.unit_name or 1
+                    yield f"{where}: listed in {connector.unit}, but it is in {own}"
+
+    def _parameters(self, part: Part, interface: Interface) -> dict[str, Scalar]:
+        """Return the values of a component by element, in the variables' own units."""
+        parameters: dict[str, Scalar] = {}
+        for name, value in part.parameters.items():
+            where = part.origins.get(name, self.where)
+            own = interface.signals.get(name)
+            signals = interface.elements.get(name, ()) if own is None else [own]
+            if not (signals or interface.role):  # SSP 1.0: what matches no variable is ignored
+                hint = nearest(name, interface.signals)
+                self._warn(f"{where}: {part.source} has no variable {name}{hint}: left out")
+                continue
+            if name in part.conflicts:
+                self.problems.append(part.conflicts[name])
+            unit = part.units.get(name)
+            try:
+                if unit is not None and signals:
+                    value = self._converted_value(name, value, unit, signals[0], interface, where)
+                parameters.update(expand(interface, name, value, f"{where}: {part.name}"))
+            except DesatError as error:
+                self.problems.append(str(error))
+        return parameters
+
+    def _converted_value(
+        self,
+        name: str,
+        value: Scalar | str,
+        unit: Unit | str,
+        signal: Signal,
+        interface: Interface,
+        where: str,
+    ) -> Scalar | str:
+        """Return a value that was given with a unit in that of its variable."""
+        if not (signal.unit_name or interface.role):
+            self._warn(
+                f"{where}: {name} has no unit: its value, which was given with one, is taken as it "
+                "is"
+            )
+            return value
+        if isinstance(value, str) or unit == signal.unit_name:
+            return value
+        return in_unit_of(signal, value, unit, where)
+
+    def _warn(self, line: str) -> None:
+        if line not in self.warnings:
+            self.warnings.append(line)
+
+    def _too_large(self, components: Iterable[Component]) -> Iterator[str]:
+        """Find values of our roles that no quantity has, a line each."""
+        for component in components:
+            if not component.interface.role:
+                continue
+            for name, value in component.parameters.items():
+                if isinstance(value, float) and not abs(value) <= LARGEST:
+                    where = component.given.get(base_name(name), self.where)
+                    yield (
+                        f"{where}: {component.name}.{name} = {value:g}: a size of at most "
+                        f"{LARGEST:g} is needed"
+                    )
+
+    def _connections(self) -> tuple[Connection, ...]:
+        """Return the connections, those between different units with their conversion."""
+        result = []
+        driven: dict[tuple[str, str], Connection] = {}
+        before = len(self.problems)
+        lacking: dict[str, dict[str, None]] = defaultdict(dict)
+        for c in self.connections:
+            if len(self.problems) > before + MOST_LINES:
+                break
+            source = self._end(c, "output", lacking)
+            target = self._end(c, "input", lacking)
+            if source is None or target is None:
+                continue
+            where = f"{self.where}:{c.line}"
+            if source.kind != target.kind:
+                self.problems.append(f"{where}: {c}: type {source.kind} does not fit {target.kind}")
+            other = driven.setdefault((c.target, c.input), c)
+            if other is not c:
+                self.problems.append(
+                    f"{where}: {c}: {c.target}.{c.input} has two sources, also "
+                    f"{other.source}.{other.output} (line {other.line})"
+                )
+            try:
+                result.append(_converted(c, source, target))
+            except DesatError as error:
+                self.problems.append(f"{where}: {c}: {error}")
+        for name, ends in lacking.items():
+            by = self.components[name].placed_by
+            self.problems.append(f"{by}: {name}: its FMU lacks what is wired: {', '.join(ends)}")
+        return tuple(result)
+
+    def _end(
+        self, c: Connection, causality: str, lacking: Mapping[str, dict[str, None]]
+    ) -> Signal | None:
+        """Return the variable at one end of a connection, or None where there is none that fits.
+
+        What an FMU lacks that was put in a component's place goes to `lacking`, by component.
+        """
+        outgoing = causality == "output"
+        owner, connector = (c.source, c.output) if outgoing else (c.target, c.input)
+        part = self.components.get(owner)
+        where = f"{self.where}:{c.line}"
+        if part is None:
+            hint = nearest(owner, self.components)
+            self.problems.append(f"{where}: {c}: no component {owner}{hint}")
+            return None
+        signals = part.interface.signals if part.interface else {}
+        known = part.connectors or signals
+        signal = signals.get(connector)
+        fits = signal is not None and signal.causality == causality
+        if part.placed_by and part.interface is not None and not fits:
+            whole = c.output_array if outgoing else c.input_array
+            in_part = part.interface.elements.get(whole, ()) and signal is None
+            lacking[owner][f"{causality} {connector if in_part else whole}"] = None
+            return None
+        if connector not in known:
+            hint = nearest(connector, known)
+            self.problems.append(f"{where}: {c}: {owner} has no connector {connector}{hint}")
+            return None
+        if signal is not None and signal.causality != causality:
+            end = "start" if outgoing else "end"
+            self.problems.append(
+                f"{where}: {c}: wrong direction: the {end} {owner}.{connector} is an "
+                f"{signal.causality}, an {causality} is needed"
+            )
+            return None
+        return signal
+
+    def _times(self) -> tuple[float, float]:
+        """Return step and stop time (s).
+
+        Raises
+        ------
+        DesatError
+            Where the steps from start to stop are not whole, or are too many.
+        """
+        start, step, stop = self.start, self.step, self.stop
+        if step is None or stop is None:
+            missing = "step" if step is None else "stop time"
+            raise DesatError(f"{self.where}: no {missing} is given; use --{missing.split()[0]}")
+        by_step, by_stop = (self.origins.get(key, self.where) for key in ("step", "stop"))
+        both = by_step if by_step == by_stop else f"{by_stop}, {by_step}"
+        if not (math.isfinite(step) and step > 0.0):
+            raise DesatError(f"{by_step}: step {step:g} s; a positive number is needed")
+        span = (stop - start) / step
+        if not 1.0 - 1e-9 <= span < math.inf:
+            raise DesatError(f"{both}: no step of {step:g} s from {start:g} s to {stop:g} s")
+        if span >= MOST_STEPS:
+            raise DesatError(
+                f"{both}: {span:.3g} steps of {step:g} s; at most {MOST_STEPS:g} are made"
+            )
+        if start + step == start or stop - step == stop:
+            raise DesatError(
+                f"{both}: from {start:g} s to {stop:g} s, time does not grow by a step of "
+                f"{step:g} s"
+            )
+        if abs(span - round(span)) > 1e-6:
+            raise DesatError(f"{both}: {stop - start:g} s is not a multiple of the step {step:g} s")
+        return step, stop
+
+
+def _keep_alike(part: Part, before: Interface | None) -> list[str]:
+    """Take away the values that a component's new interface does not declare as the old one did.
+
+    Returns
+    -------
+    list
+        The names of the variables that have lost their values.
+    """
+    old = before.signals if before else {}
+    new = part.interface.signals if part.interface else {}
+
+    def is_alike(key: str) -> bool:
+        if key not in old or key not in new:
+            return False
+        facts = ("causality", "kind", "unit", "choices")
+        return all(getattr(old[key], fact) == getattr(new[key], fact) for fact in facts)
+
+    given = part.parameters
+    part.parameters = {key: value for key, value in given.items() if is_alike(key)}
+    part.references = {
+        name: text
+        for name, text in part.references.items()
+        if before is not None and all(is_alike(s.name) for s in before.elements.get(name, ()))
+    }
+    return list(dict.fromkeys(base_name(k) for k in given if k not in part.parameters))
+
+
+def _by_output(connections: Iterable[Connection]) -> dict[str, list[str]]:
+    """Return the inputs that each output feeds, arrays as a whole."""
+    feeds: dict[str, dict[str, None]] = {}
+    for c in connections:
+        feeds.setdefault(c.output_array, {})[f"{c.target}.{c.input_array}"] = None
+    return {output: list(inputs) for output, inputs in feeds.items()}
+
+
+def _converted(c: Connection, source: Signal, target: Signal) -> Connection:
+    """Return a connection with the conversion of its units, where it has no other.
+
+    Raises
+    ------
+    DesatError
+        Where the units do not fit.
+    """
+    if not c.converts or not (source.unit_name and target.unit_name):
+        return c
+    if source.unit is None or target.unit is None:
+        if source.unit_name == target.unit_name:
+            return c
+        unknown = source.unit_name if source.unit is None else target.unit_name
+        raise DesatError(
+            f"unit {unknown} is not known: nothing says how {source.unit_name} becomes "
+            f"{target.unit_name}"
+        )
+    converted = conversion(source.unit, target.unit)
+    if converted is None:
+        raise DesatError(f"unit {source.unit_name} does not fit {target.unit_name}")
+    if (c.factor, c.offset) != (1.0, 0.0):
+        return c
+    return replace(c, factor=converted[0], offset=converted[1])

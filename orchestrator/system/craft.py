@@ -1,0 +1,106 @@
+"""What a spacecraft consists of, found once in its system."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import cached_property
+from math import inf
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .model import Component, Connection, System
+from .wheels import axes_of, capacities, existing
+
+Array = NDArray[np.float64]
+
+_RIGID = {"inertia", "axes_wheel", "inertia_wheel", "q_bi", "omega_bi_body", "impulse_eci"}
+
+
+def carrier(inertia: Array, axes: Array, spin: Array) -> Array:
+    """Return the inertia (3, 3) of a body without the axial part of rotors about axes (3, n)."""
+    return inertia - (axes * spin) @ axes.T
+
+
+def carrier_inertia(values: Mapping[str, Any]) -> Array:
+    """Return the inertia (3, 3), kg m2, of a body without the axial part of its rotors."""
+    inertia = np.reshape(np.array(values["inertia"], float), (3, 3))
+    return carrier(inertia, axes_of(values), np.array(values["inertia_wheel"]))
+
+
+class WheelArray:
+    """The reaction wheels of a spacecraft, as their own component has them."""
+
+    def __init__(self, component: Component) -> None:
+        values = component.values
+        self.component = component
+        self.exist = existing(values)  # (n,)
+        self.axes = axes_of(values)[:, self.exist]  # (3, m), body, of those that exist
+        zeros = np.zeros(len(self.exist))
+        self.h_start: Array = np.array(values.get("h_start_wheel", zeros), float)  # (n,) N m s
+
+    @cached_property
+    def capacities(self) -> Array:
+        """Largest momentum of each wheel that exists (m,), N m s."""
+        return capacities(self.component.values)[self.exist]
+
+    @property
+    def smallest_capacity(self) -> float:
+        """Capacity of the smallest wheel (N m s); 0 without wheels."""
+        return float(self.capacities.min(initial=inf)) if self.exist.any() else 0.0
+
+
+class RigidBody:
+    """A component with the parameters of a rigid body with wheels, ours or not."""
+
+    def __init__(self, component: Component, wire: Connection, wheels: Component) -> None:
+        self.component = component
+        self.wheels = WheelArray(wheels)
+        self.wheel_series = wire.series  # the output that gives it the wheels' momentum
+        self.axes = axes_of(component.values)  # (3, n), body, of all wheels
+        self.carrier = carrier_inertia(component.values)  # (3, 3), kg m2
+        # whether its inertia is that of a body
+        self.is_possible = bool(np.linalg.eigvalsh(self.carrier).min() > 0.0)
+
+
+class Craft:
+    """The parts of a spacecraft by what they are for; None where there is none.
+
+    Parameters
+    ----------
+    system
+        In which it flies. Of several components of a role the last counts.
+    """
+
+    def __init__(self, system: System) -> None:
+        roles = system.roles
+        self.spacecraft = roles.get("spacecraft")
+        self.environment = roles.get("environment")
+        self.guidance = roles.get("guidance")
+        self.controller = roles.get("controller")
+        self.manager = roles.get("manager")
+        self.coils = roles.get("torquers")
+        self.thrusters = roles.get("thrusters")
+        self.gyro = roles.get("gyro")
+        self.magnetometer = roles.get("magnetometer")
+        self.tachometers = roles.get("tachometers")
+        self.determination = roles.get("determination")
+        self.star_tracker = roles.get("star_tracker")
+        self.disturbance = roles.get("disturbance")
+        wheels = roles.get("wheels")
+        self.wheels = None if wheels is None else WheelArray(wheels)
+        self.rigid_body: RigidBody | None = None
+        for name, wire in system.by_input["h_wheel"].items():
+            component = system.components[name]
+            if component.interface.arrays.keys() >= _RIGID:
+                self.rigid_body = RigidBody(component, wire, system.components[wire.source])
+                break
+
+
+def craft_of(system: System) -> Craft:
+    """Return what the spacecraft of a system consists of, found once for each system."""
+    found: Craft | None = vars(system).get("craft")
+    if found is None:
+        found = vars(system)["craft"] = Craft(system)
+    return found
