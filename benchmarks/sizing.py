@@ -565,7 +565,7 @@ def _law_by_law(laws: Sequence[ranking.Ranking]) -> Iterator[str]:
     yield "|---" * (len(names) + 4) + "|"
     for made in laws:
         for k, e in enumerate(made.ranked):
-            told = dict(zip((c.title for c in made.by), made.cells(e), strict=True))
+            told = dict(zip((c.title for c in made.by), map(number, e.values), strict=True))
             cells = " | ".join(told.get(name, "") for name in names)
             name = f"`{made.target}`" if not k else ""
             yield (f"| {name} | {e.label} | {cells} | {'yes' if e.front else ''} | "

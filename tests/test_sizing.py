@@ -19,6 +19,7 @@ from desat.begin.facts import CraftFacts
 from desat.components.laws import cross_product
 from desat.fmus.registry import block_class
 from desat.numbers.derived import cross
+from desat.numbers.text import format_momenta
 from desat.runs.prepare import prepare
 from desat.runs.run import Options, execute
 from desat.sizing import map as sizing_map
@@ -478,7 +479,7 @@ def test_wheels_below_the_cyclic_momentum_and_no_rod_at_all_are_said(made):
     rods, wheels = sizing._problems(full)
     assert rods.startswith("no rod takes the secular torque out")
     assert wheels.startswith(
-        f"wheels of {sizing.momenta(full.wheel_capacity)}: the cyclic momentum"
+        f"wheels of {format_momenta(full.wheel_capacity)}: the cyclic momentum"
     )
     enough = replace(made, rod=made.least, margins=(), wheel_torque=inf,
                      wheel_capacity=made.wheel_needed + made.slew_momentum)  # fmt: skip
@@ -597,7 +598,7 @@ def test_a_craft_whose_rods_do_not_hold_on_the_worst_day(tmp_path):
      (0.633, 4.0, "0.633 of 4 N m s"), (2.0, None, "2 N m s"), (0.9, 1234.0, "0.9 of 1234 N m s")],
 )  # fmt: skip
 def test_needed_and_had_are_in_one_unit(needed, has, text):
-    assert sizing.momenta(needed, has) == text
+    assert format_momenta(needed, has) == text
 
 
 def test_a_rod_is_rounded_up_to_what_is_typed():

@@ -46,6 +46,7 @@ from ..analyses.flight import (
 from ..analyses.motion import BEYOND, period_of
 from ..campaign.draws import series_of_numbers
 from ..numbers.derived import rotate, rotate_back
+from ..numbers.text import format_duration
 from ..runs.prepare import prepare, read, resolved
 from ..runs.run import Run, simulate
 from ..system.errors import DesatError
@@ -64,7 +65,6 @@ from .sizing import (
     cost_of,
     days_of_year,
     doubts,
-    duration,
     finite,
     room_of,
     secular,
@@ -637,7 +637,7 @@ def _problems(made: DumpSizing) -> Iterator[str]:
 
 def _notes(made: DumpSizing, wishes: Wishes) -> Iterator[str]:
     if wishes.flown and not made.loop:
-        first = duration(made.steady.first) if made.steady.first < inf else "never"
+        first = format_duration(made.steady.first) if made.steady.first < inf else "never"
         yield f"the closed loop was not flown, the first dump is so far: {first} (--stop flies it)"
     dumps = made.loop.get("dumps")
     if made.loop and (dumps is None or dumps < 7):

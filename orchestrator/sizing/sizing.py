@@ -54,6 +54,7 @@ from ..analyses.motion import period_of
 from ..campaign.draws import series_of_numbers
 from ..files.paths import NOMINAL
 from ..numbers.derived import cross, rotate, rotate_back
+from ..numbers.text import format_duration, format_momenta
 from ..runs.prepare import Case, Target, prepare, read
 from ..runs.run import Run, simulate
 from ..system import quantities
@@ -547,12 +548,12 @@ class Sizing:
         text = f"{self.target}: {rods}{wished}; it has {self.rod:.4g} A m2. "
         if self.detumbling_recommended is not None and self.first_dump_recommended is not None:
             text += (f"With {self.recommended:.3g} A m2 detumbling takes at least "
-                     f"{duration(self.detumbling_recommended)}, the first dump "
-                     f"{duration(self.first_dump_recommended)}. ")  # fmt: skip
+                     f"{format_duration(self.detumbling_recommended)}, the first dump "
+                     f"{format_duration(self.first_dump_recommended)}. ")  # fmt: skip
         needs, has = self.wheel_needed + self.slew_momentum, self.wheel_capacity
         if has == inf:
-            return text + f"Its wheels need {momenta(needs)} each and have no limit."
-        return text + f"Its wheels need {momenta(needs, has)} each."
+            return text + f"Its wheels need {format_momenta(needs)} each and have no limit."
+        return text + f"Its wheels need {format_momenta(needs, has)} each."
 
     def _held(self) -> str:
         """Return the hardest condition that the recommended rods hold, for people."""
@@ -562,25 +563,6 @@ class Sizing:
         if self.worst_day:
             return f"the worst day of the year ({self.worst_day})"
         return "the day of the scenario"
-
-
-def momenta(needed: float, has: float | None = None) -> str:
-    """Momenta (N m s) for people, both in one unit."""
-    large = max(needed, has or 0.0) >= 1.0
-    factor, unit = (1.0, "N m s") if large else (1e3, "mN m s")
-    shown = [f"{factor * x:.3g}" if factor * x < 1000.0 else f"{factor * x:.0f}"
-             for x in ((needed,) if has is None else (needed, has))]  # fmt: skip
-    return f"{shown[0]} of {shown[1]} {unit}" if has is not None else f"{shown[0]} {unit}"
-
-
-def duration(seconds: float) -> str:
-    """A time (s) for people."""
-    if seconds == inf:
-        return "for ever"
-    for unit, name in ((86400.0, "d"), (3600.0, "h"), (60.0, "min")):
-        if seconds >= 2.0 * unit:
-            return f"{seconds / unit:.3g} {name}"
-    return f"{seconds:.3g} s"
 
 
 def finite(value: Any) -> Any:
@@ -1137,18 +1119,21 @@ def _problems(made: Sizing) -> list[str]:
             "A m2 with any law" for m in made.margins if "worst day" in m.name and m.ratio < 1.0
         ]  # fmt: skip
     lines += [
-        f"wheels of {momenta(m.has)}: {made.law} with its rods of {made.rod:.4g} A m2 lets the "
-        f"fullest one come to {momenta(m.needed)}{' on the worst day' * m.name.endswith('day')}"
+        f"wheels of {format_momenta(m.has)}: {made.law} with its rods of {made.rod:.4g} A m2 lets "
+        f"the fullest one come to {format_momenta(m.needed)}"
+        f"{' on the worst day' * m.name.endswith('day')}"
         for m in made.margins
         if m.name.startswith(f"wheels: {made.law} with its rods") and m.ratio < 1.0
     ]
     if made.wheel_needed > made.wheel_capacity:
-        lines.append(f"wheels of {momenta(made.wheel_capacity)}: the cyclic momentum alone needs "
-                     f"{momenta(made.wheel_needed)} of the fullest one")  # fmt: skip
+        lines.append(
+            f"wheels of {format_momenta(made.wheel_capacity)}: the cyclic momentum alone needs "
+            f"{format_momenta(made.wheel_needed)} of the fullest one"
+        )
     elif made.wheel_needed + made.slew_momentum > made.wheel_capacity:
         lines.append(
-            f"wheels of {momenta(made.wheel_capacity)}: cyclic momentum and slew need "
-            f"{momenta(made.wheel_needed + made.slew_momentum)} of the fullest one"
+            f"wheels of {format_momenta(made.wheel_capacity)}: cyclic momentum and slew need "
+            f"{format_momenta(made.wheel_needed + made.slew_momentum)} of the fullest one"
         )
     if made.slew_torque > made.wheel_torque:
         lines.append(f"wheels of {made.wheel_torque:.4g} N m: the slew needs "
