@@ -17,7 +17,7 @@ from ..report.table import Table
 from . import tables
 from .dumps import DumpSizing
 from .map import SizingMap
-from .sizing import Sizing
+from .result import Sizing
 
 SHADES = ("#fdf3c0", "#f6d36b", "#7ecb8f", "#35a3a0", "#2a6fb0", "#33307e", "#1a1037")
 """Of the smallest to the largest rod of a map."""
@@ -25,7 +25,7 @@ NONE = "#c9c9c9"
 
 
 def versions() -> str:
-    """Date and versions that a page was made with."""
+    """YearDate and versions that a page was made with."""
     return (
         f"{datetime.now(UTC).date().isoformat()}, desat {version('desat')}, numpy {np.__version__}"
     )

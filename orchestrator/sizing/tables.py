@@ -11,7 +11,10 @@ from ..numbers.text import format_duration
 from ..report.table import ROW_UNIT, Cell, Column, Row, Table, share
 from .dumps import DumpSizing
 from .map import SizingMap
-from .sizing import Date, Flown, Sizing, SourceShare
+from .momentum import SourceShare
+from .result import Sizing
+from .rods import SizingPoint
+from .year import YearDate
 
 QUANTITIES = (
     Column("", kind="text"),
@@ -110,7 +113,7 @@ def tabulate_sources(sources: Sequence[SourceShare], unexplained: float | None =
     return Table("What drives it", columns, rows, is_scaled=True)
 
 
-def tabulate_days(days: Sequence[Date]) -> Table:
+def tabulate_days(days: Sequence[YearDate]) -> Table:
     """Return the days of a year."""
     columns = [
         Column("day", kind="text"),
@@ -124,7 +127,7 @@ def tabulate_days(days: Sequence[Date]) -> Table:
     return Table("A year", columns, rows, is_scaled=True)
 
 
-def tabulate_extremes(days: Sequence[Date]) -> Table:
+def tabulate_extremes(days: Sequence[YearDate]) -> Table:
     """Return the days of a year that ask least and most of rods."""
     columns = [
         Column("of a year", kind="text"),
@@ -141,7 +144,7 @@ def tabulate_extremes(days: Sequence[Date]) -> Table:
     return Table("A year", columns, rows, is_scaled=True)
 
 
-def tabulate_points(points: Sequence[Flown]) -> Table:
+def tabulate_points(points: Sequence[SizingPoint]) -> Table:
     """Return sizes of rods law by law: the model, and the closed loop where it flew."""
     columns = [
         Column("law", kind="text"),
@@ -187,7 +190,8 @@ def _difference(model: float | None, loop: float | None) -> str:
 def tabulate_conditions(sizing: Sizing) -> Table:
     """Return the smallest rods that hold under each condition, law by law."""
     laws = [best.law for best in sizing.best]
-    title = f"smallest rods (A m2), duty {100.0 * sizing.duty:g} %, margin {sizing.wishes.margin:g}"
+    margin = sizing.requirements.margin
+    title = f"smallest rods (A m2), duty {100.0 * sizing.duty:g} %, margin {margin:g}"
     columns = [Column(title, kind="text"), *(Column(law, form=".3g") for law in laws)]
     rows = [
         (found.condition, *(_smallest_rod(found.rods, law) for law in laws))
@@ -272,7 +276,7 @@ def tabulate_dump_days(sizing: DumpSizing) -> Table:
     return Table("A year", columns, rows, is_scaled=True)
 
 
-def tabulate_dump_extremes(days: Sequence[Date]) -> Table:
+def tabulate_dump_extremes(days: Sequence[YearDate]) -> Table:
     """Return the days of a year with the least and the largest torque."""
     columns = [
         Column("of a year", kind="text"),
@@ -291,7 +295,7 @@ def describe_map(sizing: SizingMap, law: str) -> str:
     """Return what the cells of a map are for a law."""
     return (
         f"{law}: the smallest rod (A m2) that holds with a duty of "
-        f"{100.0 * sizing.wishes.duty:g} % and a margin of {sizing.wishes.margin:g}"
+        f"{100.0 * sizing.requirements.duty:g} % and a margin of {sizing.requirements.margin:g}"
     )
 
 

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from ...report.table import Table
     from ...sizing.dumps import DumpSizing
     from ...sizing.map import SizingMap
-    from ...sizing.sizing import Sizing
+    from ...sizing.result import Sizing
 
 
 @app.command(epilog=example("desat size my12u"))
@@ -96,6 +96,7 @@ def size(
     from ...sizing import dumps, sizing
     from ...sizing import map as sizing_map
     from ...sizing import page as sizing_page
+    from ...sizing.requirements import SizingRequirements
 
     options = o.options_of(sets, stop, None, o.Semantics.gauss_seidel, blocks, sources=sources)
     angle, seconds = _slew(slew)
@@ -103,17 +104,17 @@ def size(
     if by_thrusters:
         o.refuse(ctx, "it is of coils, and this craft dumps by thrusters", "duty", "margin",
                  "tip_off", "laws", "as_map")  # fmt: skip
-    wishes = sizing.Wishes(
-        duty / 100.0,
-        margin,
-        radians(angle),
-        seconds,
-        None if tip_off is None else radians(tip_off),
-        arm,
-        isp,
-        laws is not False,
-        year,
-        loop,
+    requirements = SizingRequirements(
+        duty=duty / 100.0,
+        margin=margin,
+        slew_angle=radians(angle),
+        slew_time=seconds,
+        tip_off=None if tip_off is None else radians(tip_off),
+        arm=arm,
+        specific_impulse=isp,
+        laws=laws is not False,
+        year=year,
+        flown=loop,
     )
     given = {"rods": (quantities.RODS, rods),
              "inclinations": (quantities.INCLINATIONS, inclinations),
@@ -131,11 +132,11 @@ def size(
                       for k, (quantity, text) in given.items()}  # fmt: skip
             values["altitudes"] = tuple(1e3 * x for x in values["altitudes"])
             axes = sizing_map.MapAxes(**values, laws=laws is True)
-            map_made = sizing_map.map_of(target, options, axes, wishes, jobs, progress)
+            map_made = sizing_map.map_of(target, options, axes, requirements, jobs, progress)
         elif by_thrusters:
-            found = dumps.size(target, options, wishes, progress, _print_sized(as_json))
+            found = dumps.size(target, options, requirements, progress, _print_sized(as_json))
         else:
-            made = sizing.size(target, options, wishes, progress)
+            made = sizing.size(target, options, requirements, progress)
     if by_thrusters:
         if as_json:
             print_json(found.as_json())
