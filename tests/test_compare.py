@@ -62,7 +62,7 @@ def test_runs_stand_side_by_side_with_their_differences(desat, craft):
     assert shown.returncode == 0
     cells = table(shown.stdout, "Total wheel momentum at the end (body frame)")
     values = [entry["values"]["mine"], entry["values"]["slow"], entry["differences"]["slow"]]
-    assert [1e-6 * float(x) for x in cells[:3]] == pytest.approx(values, rel=1e-3)
+    assert [1e-3 * float(x) for x in cells[:3]] == pytest.approx(values, rel=1e-3)
     assert cells[3:] == ["uN", "m", "s"]
     assert (craft / "a.html").is_file()
 
