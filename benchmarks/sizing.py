@@ -44,8 +44,13 @@ from desat.sizing import page as sizing_page
 from desat.sizing import sizing
 from desat.sizing.compatibility import ALL
 from desat.sizing.law import law_of
+from desat.sizing.least_rod import PROGRAMME_TIMES, least_by_formula, least_by_programme, reach
 from desat.sizing.model import fly, track_of
-from desat.sizing.sizing import Wishes
+from desat.sizing.momentum import secular
+from desat.sizing.requirements import SizingRequirements
+from desat.sizing.result import Sizing
+from desat.sizing.rods import SizingPoint, in_the_loop
+from desat.sizing.scenarios import WORST, fly_case
 from desat.studies import ranking
 from desat.system.options import Options
 
@@ -190,16 +195,16 @@ def beside(craft: Craft, multiples: Sequence[float], stop: float | None) -> tupl
     source = read(BASE)
     case = prepare(source, options)
     system, _ = case.or_raise()
-    hardware, flight = flights.hardware_of(system), sizing.fly_case(case, system)
-    torque, _ = sizing.secular(flight)
-    least = sizing.least_by_programme(sizing.reach(flight, hardware), torque)
+    hardware, flight = flights.hardware_of(system), fly_case(case, system)
+    torque, _ = secular(flight)
+    least = least_by_programme(reach(flight, hardware), torque)
     law = law_of(system.components["manager"])
     rods = [k * least for k in multiples]
     made = fly([track_of(flight, law, hardware)], law, hardware, rods)
     rows = []
     for k, rod in enumerate(rods):
-        model = sizing.Flown(law.name, rod, multiples[k], None, None, None, None)
-        flown = sizing.in_the_loop(model, source, options)
+        model = SizingPoint(law.name, rod, multiples[k], None, None, None, None)
+        flown = in_the_loop(model, source, options)
         assert flown.loop_duty is not None
         rows.append(Row(
             multiples[k], float(made.rms[0, 0, k] / (flown.loop_rms or inf)) - 1.0,
@@ -296,10 +301,10 @@ def dual(craft: Craft) -> tuple[float, float, float]:
 
     case = prepare(BASE, craft.options())
     system, _ = case.or_raise()
-    hardware, flight = flights.hardware_of(system), sizing.fly_case(case, system)
-    torque, _ = sizing.secular(flight)
-    able = sizing.reach(flight, hardware)
-    some = able[:: -(-len(able) // sizing.PROGRAMME)].reshape(-1, 3)
+    hardware, flight = flights.hardware_of(system), fly_case(case, system)
+    torque, _ = secular(flight)
+    able = reach(flight, hardware)
+    some = able[:: -(-len(able) // PROGRAMME_TIMES)].reshape(-1, 3)
     some = some / len(some) * hardware.axes_coil.shape[1]
     size = float(np.linalg.norm(torque))
     across = np.linalg.svd((torque / size)[None])[2][1:]
@@ -308,7 +313,7 @@ def dual(craft: Craft) -> tuple[float, float, float]:
                       method="Nelder-Mead", options={"xatol": 1e-12, "fatol": 1e-15,
                                                      "maxiter": 20000}).fun
              for start in ((0.0, 0.0), (0.5, -0.5))]  # fmt: skip
-    return (sizing.least_by_formula(able, torque), sizing.least_by_programme(able, torque),
+    return (least_by_formula(able, torque), least_by_programme(able, torque),
             size * scale / min(found))  # fmt: skip
 
 
@@ -317,10 +322,8 @@ def secular_of(craft: Craft) -> tuple[Array, float]:
     wandering."""
     case = prepare(BASE, craft.options())
     system, _ = case.or_raise()
-    flight = sizing.fly_case(case, system)
-    return sizing.secular(flight)[0], flights.attitude_of(
-        system, flight.q, flight.r, flight.v
-    ).wanders
+    flight = fly_case(case, system)
+    return secular(flight)[0], flights.attitude_of(system, flight.q, flight.r, flight.v).wanders
 
 
 def chosen() -> Iterator[ranking.Ranking]:
@@ -329,21 +332,23 @@ def chosen() -> Iterator[ranking.Ranking]:
         yield ranking.choose(name, Options(stop=stop), (), [ALL])
 
 
-def papers() -> Iterator[tuple[tuple[Any, ...], sizing.Sizing]]:
+def papers() -> Iterator[tuple[tuple[Any, ...], Sizing]]:
     """The five papers' crafts through `desat size`."""
     for row in track(PAPERS, "papers"):
-        yield row, sizing.size(row[0], Options(stop=row[1]), Wishes())
+        yield row, sizing.size(row[0], Options(stop=row[1]), SizingRequirements())
 
 
 def speed() -> dict[str, float]:
     """Seconds of a map of 600 crafts on two cores, of their work, and of one rod of the model."""
     begin, worked = time.perf_counter(), _worked()
-    made = sizing_map.map_of(BASE, TWELVE.options(20000.0), sizing_map.MapAxes(), Wishes(), 2)
+    made = sizing_map.map_of(
+        BASE, TWELVE.options(20000.0), sizing_map.MapAxes(), SizingRequirements(), 2
+    )
     whole, work = time.perf_counter() - begin, _worked() - worked
     (DOCS / "sizing.svg").write_text(sizing_page.heat_map(made, 0).svg() + "\n", encoding="utf-8")
     case = prepare(BASE, TWELVE.options())
     system, _ = case.or_raise()
-    hardware, flight = flights.hardware_of(system), sizing.fly_case(case, system)
+    hardware, flight = flights.hardware_of(system), fly_case(case, system)
     law = law_of(system.components["manager"])
     times = {}
     for count in (1, 60, 600):
@@ -412,7 +417,7 @@ def drawn_craft(seed: int, into: Path) -> DrawnCraft:
     """What `size` recommends for a drawn craft, tried."""
     folder, wanted = into / f"craft{seed}", drawn_wanted(seed)
     new_craft.write(folder, wanted, "desat new craft")
-    wishes = sizing.Wishes(laws=False)
+    wishes = SizingRequirements(laws=False)
 
     def sized(rod: float) -> list[str]:
         given = Options(values={"torquers.m_limit": rod})
@@ -425,7 +430,7 @@ def drawn_craft(seed: int, into: Path) -> DrawnCraft:
     if rod is not None:
         accepted = sized(rod)
         given = Options(values={"torquers.m_limit": rod})
-        worst = execute(str(folder / sizing.WORST), given).manifest.not_met
+        worst = execute(str(folder / WORST), given).manifest.not_met
     return DrawnCraft(wanted, made.rod, least, rod, accepted, worst, sized(0.7 * least))
 
 
@@ -565,7 +570,7 @@ def _law_by_law(laws: Sequence[ranking.Ranking]) -> Iterator[str]:
     yield "|---" * (len(names) + 4) + "|"
     for made in laws:
         for k, e in enumerate(made.ranked):
-            told = dict(zip((c.title for c in made.by), made.cells(e), strict=True))
+            told = dict(zip((c.title for c in made.by), map(number, e.values), strict=True))
             cells = " | ".join(told.get(name, "") for name in names)
             name = f"`{made.target}`" if not k else ""
             yield (f"| {name} | {e.label} | {cells} | {'yes' if e.front else ''} | "
@@ -584,7 +589,7 @@ def _law_by_law(laws: Sequence[ranking.Ranking]) -> Iterator[str]:
                f"{c.unit}{rest}{beaten}{alone}. {why}")  # fmt: skip
 
 
-def _why(name: str, made: sizing.Sizing) -> str:
+def _why(name: str, made: Sizing) -> str:
     """Why a paper's craft has what it has, where its disturbances ask for less."""
     given = flights.values_of(prepare(name, Options()).or_raise()[0])["manager"]
     family = name.partition("/")[0]

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from .runs.prepare import Case, prepare
     from .runs.run import Run, simulate
     from .sizing.dumps import DumpSizing
-    from .sizing.sizing import Sizing
+    from .sizing.result import Sizing
     from .studies.compare import Comparison
     from .studies.ranking import Ranking
     from .studies.tune import Tuned
@@ -167,12 +167,13 @@ def size(
     Raises DesatError for a craft without what it takes, RunError where a run does not complete.
     """
     from .sizing import dumps, sizing
+    from .sizing.requirements import SizingRequirements
     from .system.options import of_program
 
     given = of_program(stop, None, sets, options)
-    wishes = sizing.Wishes(duty, margin, laws=laws, year=year, flown=flown)
+    requirements = SizingRequirements(duty, margin, laws=laws, year=year, flown=flown)
     sized = dumps.size if dumps.is_of(str(target), given) else sizing.size
-    return sized(str(target), given, wishes)
+    return sized(str(target), given, requirements)
 
 
 def compare(

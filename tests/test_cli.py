@@ -16,17 +16,17 @@ from pathlib import Path
 
 import pytest
 from conftest import ROOT, python
-from rich.table import Table
 from typer.main import get_command
 
 from desat import cli
 from desat.campaign.draws import draws
 from desat.cli import console
-from desat.cli.console import print_numbers
+from desat.cli.console import print_table
 from desat.components.physics.orbit import MU
 from desat.engine.recording.results import Results
 from desat.files import paths
 from desat.files.scenario import families, scenarios, summary
+from desat.report.table import Column, Table
 from desat.system.errors import Exit
 from desat.system.options import Options
 from desat.system.quantity import Quantity
@@ -171,9 +171,8 @@ def test_usage_errors(desat):
 
 
 def test_numbers_are_printed_whole_in_however_many_columns(capsys):
-    table = Table(*map(str, range(60)), box=None)
-    table.add_row(*["1.234567e-05"] * 60)
-    print_numbers(table)
+    columns = [Column(str(i), kind="text") for i in range(60)]
+    print_table(Table("", columns, [["1.234567e-05"] * 60]))
     assert capsys.readouterr().out.count("1.234567e-05") == 60
 
 
@@ -305,6 +304,7 @@ def test_a_run_and_its_report_load_neither_matplotlib_nor_scipy(tmp_path):
     code = """
 import sys
 from pathlib import Path
+from desat.report.table import Column, Table
 from desat.runs.run import Options, execute
 from desat.report.report import write_report
 for name in sys.argv[2:]:

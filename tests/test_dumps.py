@@ -17,7 +17,7 @@ from desat.engine import loop
 from desat.numbers.measures import growth_between
 from desat.runs.prepare import prepare
 from desat.sizing import dumps
-from desat.sizing.sizing import Wishes
+from desat.sizing.requirements import SizingRequirements
 from desat.system.errors import DesatError
 from desat.system.options import Options
 
@@ -130,7 +130,7 @@ def geo(tmp_path_factory: pytest.TempPathFactory) -> str:
 def test_the_geo_of_the_notes_is_sized_from_one_line(geo):
     """76.9 uN m on 20 March 2027, 71.4 (12 June) to 80.3 (19 February) over the year, 0.918 dumps a
     week, 1.038 kg a year flown and 0.749 at least, by hand-made files and other code."""
-    made = dumps.size(geo, Options(), Wishes(flown=False))
+    made = dumps.size(geo, Options(), SizingRequirements(flown=False))
     assert np.linalg.norm(made.secular) == pytest.approx(76.9e-6, rel=0.005)
     least, most = (pick(made.year, key=lambda d: d.secular) for pick in (min, max))
     assert (least.day, most.day) == ("2027-06-12", "2028-02-19")
@@ -147,7 +147,9 @@ def test_the_model_is_within_5_percent_of_the_closed_loop(tmp_path):
     wanted = CraftFacts(sso="600km", size="12U", rods="none", thrusters="4 10mN",
                         dump="thrusters 70:10")  # fmt: skip
     write(tmp_path / "mine", wanted, "desat new craft mine")
-    made = dumps.size(str(tmp_path / "mine"), Options(stop=3.0 * 86400.0), Wishes(year=False))
+    made = dumps.size(
+        str(tmp_path / "mine"), Options(stop=3.0 * 86400.0), SizingRequirements(year=False)
+    )
     assert made.loop["dumps"] >= 7
     assert made.steady.a_week == pytest.approx(made.loop["dumps_a_week"], rel=0.05)
     assert made.steady.a_year == pytest.approx(made.loop["propellant_a_year"], rel=0.05)
@@ -239,8 +241,10 @@ def test_aligned_dumps_are_sized_as_they_fly_and_save_a_quarter(tmp_path):
     for name, dump in (("mine", "thrusters 70:10 aligned"), ("at_once", "thrusters 70:10")):
         facts = {k: v for k, v in vars(GEO).items() if v is not None}
         write(tmp_path / name, CraftFacts(**{**facts, "dump": dump}), "")
-    waits = dumps.size(str(tmp_path / "mine"), Options(), Wishes(year=False))
-    at_once = dumps.size(str(tmp_path / "at_once"), Options(), Wishes(year=False, flown=False))
+    waits = dumps.size(str(tmp_path / "mine"), Options(), SizingRequirements(year=False))
+    at_once = dumps.size(
+        str(tmp_path / "at_once"), Options(), SizingRequirements(year=False, flown=False)
+    )
     assert waits.steady.a_year == pytest.approx(waits.loop["propellant_a_year"], rel=0.05)
     assert waits.steady.a_year == pytest.approx(0.769, rel=0.05)
     assert waits.steady.a_year / at_once.steady.a_year == pytest.approx(0.74, abs=0.03)

@@ -20,7 +20,7 @@ from desat.components.maths.attitude import normalised, rotate
 from desat.components.physics import coil, torques
 from desat.runs.prepare import prepare
 from desat.sizing import dumps
-from desat.sizing.sizing import Wishes
+from desat.sizing.requirements import SizingRequirements
 from desat.sizing.sizing import size as size_of
 from desat.system.errors import DesatError
 from desat.system.options import Options
@@ -275,7 +275,7 @@ def test_a_craft_of_one_line_flies_as_it_is_wanted(tmp_path: Path, name: str) ->
 
 def test_a_sun_pointing_craft_is_sized_to_a_percent_of_its_loop(tmp_path: Path) -> None:
     write(tmp_path / "mine", CRAFTS["sun"], "")
-    made = size_of(str(tmp_path / "mine"), Options(), Wishes(year=False, laws=False))
+    made = size_of(str(tmp_path / "mine"), Options(), SizingRequirements(year=False, laws=False))
     assert made.attitude == "sun"
     flown = [r for r in made.curve if r.loop_rms is not None]
     assert flown
@@ -288,7 +288,7 @@ def test_deep_space_is_sized_to_some_percent_of_its_loop(tmp_path: Path) -> None
     write(tmp_path / "mine", CraftFacts(
         sun="0.9AU", size="12U", pointing="sun", wheels="3 axes 10mNms", thrusters="4 10mN",
         dump="thrusters 70:25", panel="0.6m2 0.2m"), "")  # fmt: skip
-    made = dumps.size(str(tmp_path / "mine"), Options(), Wishes())
+    made = dumps.size(str(tmp_path / "mine"), Options(), SizingRequirements())
     assert not made.problems
     assert made.loop["dumps"] >= 7
     assert made.steady.a_week == pytest.approx(made.loop["dumps_a_week"], rel=0.05)
@@ -297,7 +297,9 @@ def test_deep_space_is_sized_to_some_percent_of_its_loop(tmp_path: Path) -> None
 
 def test_a_secular_torque_is_what_size_finds(tmp_path: Path) -> None:
     write(tmp_path / "mine", CRAFTS["secular"], "")
-    made = size_of(str(tmp_path / "mine"), Options(), Wishes(year=False, laws=False, flown=False))
+    made = size_of(
+        str(tmp_path / "mine"), Options(), SizingRequirements(year=False, laws=False, flown=False)
+    )
     given = next(s for s in made.sources if s.name == "given torque")
     # about the orbit's normal, which J2 turns by 7 deg a day
     assert given.secular == pytest.approx(0.5e-6, rel=0.01)

@@ -22,7 +22,8 @@ from desat.components.physics.orbit import EARTH_RADIUS
 from desat.files.hardware import classes, quantity
 from desat.fmus import registry
 from desat.runs.prepare import prepare
-from desat.sizing.sizing import Wishes, size
+from desat.sizing.requirements import SizingRequirements
+from desat.sizing.sizing import size
 from desat.system.errors import DesatError
 from desat.system.options import Options
 
@@ -254,7 +255,7 @@ def test_what_wheels_must_hold_of_an_orbit_is_near_what_size_finds(
     sets = ["environment.field=dipole", "environment.dipole_earth=[0,0,-7.75e15]",
             "spacecraft.aerodynamics=none", "spacecraft.radiation=none"]  # fmt: skip
     made = size(str(tmp_path / "mine"), Options(stop=20000.0, sets=sets),
-                Wishes(year=False, laws=False, flown=False))  # fmt: skip
+                SizingRequirements(year=False, laws=False, flown=False))  # fmt: skip
     with pytest.raises(DesatError, match="in and out of the fullest") as refused:
         write(tmp_path / "less", CraftFacts(**wish, wheels="3 axes 1mNms"), "")  # type: ignore[arg-type]
     told = float(re.findall(r"turn ([\d.]+) mN m s", str(refused.value))[0]) * 1e-3

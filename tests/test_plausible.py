@@ -406,7 +406,7 @@ INACTIVE = {
 
 def _silent(target: str) -> set[str]:
     """Parameters whose change neither moves the momentum model nor is said or refused."""
-    from desat.sizing.sizing import closed_loop_only
+    from desat.sizing.scenarios import closed_loop_only
 
     own, _ = prepare(target, Options()).or_raise()
     known, silent = _fingerprint(own), set()

@@ -13,7 +13,7 @@ from fuzz import commands
 from desat.begin.craft import write
 from desat.begin.facts import CraftFacts
 from desat.begin.orbits import doubts
-from desat.sizing.sizing import Wishes
+from desat.sizing.requirements import SizingRequirements
 from desat.system.errors import DesatError
 from desat.system.quantity import Quantity
 
@@ -122,7 +122,7 @@ def test_a_compiler_of_the_environment_that_is_no_command_is_a_line(folder, monk
 @pytest.mark.parametrize("value", [float("inf"), float("nan"), 1e300])
 def test_a_program_is_refused_the_same(wish, value):
     with pytest.raises(DesatError):
-        Wishes(**{wish: value, **({"slew_angle": 1.0} if wish == "slew_time" else {})})
+        SizingRequirements(**{wish: value, **({"slew_angle": 1.0} if wish == "slew_time" else {})})
 
 
 def test_the_epoch_of_a_craft_is_that_of_its_elements(tmp_path):

@@ -19,21 +19,29 @@ from desat.begin.facts import CraftFacts
 from desat.components.laws import cross_product
 from desat.fmus.registry import block_class
 from desat.numbers.derived import cross
+from desat.numbers.text import format_momenta
 from desat.runs.prepare import prepare
 from desat.runs.run import Options, execute
 from desat.sizing import map as sizing_map
 from desat.sizing import page as sizing_page
 from desat.sizing import sizing
 from desat.sizing.law import UnsuitedError, ask, law_by, law_of
-from desat.sizing.model import fly, track_of
-from desat.sizing.sizing import (
-    Wishes,
-    geometry,
+from desat.sizing.least_rod import (
+    compute_geometry,
     least_by_formula,
     least_by_programme,
-    secular,
-    size,
+    reach,
+    solve_programme,
 )
+from desat.sizing.model import fly, track_of
+from desat.sizing.momentum import secular, smallest_wheel_capacity
+from desat.sizing.propellant import GRAVITY, YEAR, compute_propellant
+from desat.sizing.requirements import SizingRequirements
+from desat.sizing.result import find_margins, find_problems
+from desat.sizing.rods import CURVE_MULTIPLES, round_up
+from desat.sizing.scenarios import fly_case
+from desat.sizing.sizing import size
+from desat.sizing.year import YEAR_DATES
 from desat.system.errors import DesatError, Exit
 
 NAME = "nadir_day/day-dipole"
@@ -97,14 +105,14 @@ def test_secular_and_cyclic_are_told_apart_over_whole_orbits():
 )  # fmt: skip
 def test_the_least_rod_in_a_field_that_stays(torque, least):
     """Across the field the rod that works against it, each axis its own; along it none does."""
-    able = sizing.reach(still(torque=torque), craft())
+    able = reach(still(torque=torque), craft())
     programme = least_by_programme(able, np.array(torque))
     assert programme == pytest.approx(least, rel=1e-9)
     assert least_by_formula(able, np.array(torque)) <= programme * (1.0 + 1e-9)
 
 
 def test_without_a_secular_torque_no_rod_is_needed():
-    able = sizing.reach(still(), craft())
+    able = reach(still(), craft())
     assert least_by_formula(able, np.zeros(3)) == least_by_programme(able, np.zeros(3)) == 0.0
 
 
@@ -123,17 +131,17 @@ def test_the_programme_is_its_dual_by_another_solver(seed):
     starts = rng.normal(size=(2, 2))
     best = min(minimize(cost, x, method="Nelder-Mead", options=fine).fun for x in starts)
     expected = np.linalg.norm(torque) / (best / 1e3)
-    assert sizing._programme(able, torque) == pytest.approx(expected, rel=1e-7)
+    assert solve_programme(able, torque) == pytest.approx(expected, rel=1e-7)
 
 
 def test_where_the_field_stays_rods_do_nothing_along_it():
     flight, hardware = still(), craft()
-    able = sizing.reach(flight, hardware)
-    found = geometry(flight, hardware, able, np.array([0.0, 0.0, TORQUE]), TORQUE / FIELD)
+    able = reach(flight, hardware)
+    found = compute_geometry(flight, hardware, able, np.array([0.0, 0.0, TORQUE]), TORQUE / FIELD)
     assert abs(found.weakest[0]) > 0.99
     assert found.weakness < 0.15
     assert found.blind == 0.0
-    blind = geometry(flight, hardware, able, np.array([TORQUE, 0.0, 0.0]), 1.0).blind
+    blind = compute_geometry(flight, hardware, able, np.array([TORQUE, 0.0, 0.0]), 1.0).blind
     assert blind == pytest.approx(2.0 * PERIOD, abs=20.0)
 
 
@@ -228,8 +236,13 @@ def test_a_law_of_ones_own_is_one_of_the_model():
 
 @pytest.fixture(scope="module")
 def made():
-    return size(NAME, Options(stop=20000.0), Wishes(slew_angle=radians(60.0), slew_time=300.0,
-                                                    arm=0.3, specific_impulse=60.0))  # fmt: skip
+    return size(
+        NAME,
+        Options(stop=20000.0),
+        SizingRequirements(
+            slew_angle=radians(60.0), slew_time=300.0, arm=0.3, specific_impulse=60.0
+        ),
+    )
 
 
 def test_the_model_follows_the_closed_loop(made):
@@ -245,15 +258,15 @@ def test_the_model_follows_the_closed_loop(made):
 
 
 def test_a_slew_is_of_half_a_turn_at_most():
-    Wishes(slew_angle=pi, slew_time=60.0)
+    SizingRequirements(slew_angle=pi, slew_time=60.0)
     with pytest.raises(DesatError, match=r"5157 deg: a turn to any attitude is of 180 deg at most"):
-        Wishes(slew_angle=90.0, slew_time=60.0)
+        SizingRequirements(slew_angle=90.0, slew_time=60.0)
 
 
 def test_the_model_follows_a_loop_whose_tachometers_are_noisy(monkeypatch):
     """Without their noise it says 17 % less; the bar is 5 %."""
     options = Options(stop=14000.0, sets=["tachometers.noise=0.02"])
-    wishes = Wishes(laws=False, year=False)
+    wishes = SizingRequirements(laws=False, year=False)
 
     def errors():
         rows = [r for r in size(NAME, options, wishes).curve if r.loop_rms is not None]
@@ -270,7 +283,7 @@ def test_larger_rods_hold_less_and_work_less(made):
     for law in {row.law for row in made.curve}:
         rows = [row for row in made.curve if row.law == law]
         assert [r.rms for r in rows] == sorted((r.rms for r in rows), reverse=True)
-        assert len(rows) >= len(sizing.SIZES)
+        assert len(rows) >= len(CURVE_MULTIPLES)
     assert made.recommended >= made.recommended_day >= 1.3 * made.least
     assert made.recommended >= 1.3 * made.least_year
     assert [b.law for b in made.best] == ["cross product", "ccpl", "CP with gravity",
@@ -288,8 +301,8 @@ def test_its_own_rods_are_in_the_curve_and_judged(made):
     assert row.duty < 0.1
     assert "coils: duty by cross product with its rods" in [m.name for m in made.margins]
     full = replace(made, curve=(replace(row, filled=1.2),))
-    full = replace(full, margins=tuple(sizing._margins(full, 0.0)))
-    (line,) = sizing._problems(full)
+    full = replace(full, margins=tuple(find_margins(full, 0.0)))
+    (line,) = find_problems(full)
     assert "lets the fullest one come to" in line
 
 
@@ -313,7 +326,7 @@ def test_slew_propellant_and_what_follows_by_hand(made):
 
 def test_a_years_days_are_what_the_scenario_says_of_that_day(made):
     """A run begun at another date has the torque that the year says of it: within 1 %."""
-    assert len({d.day for d in made.year}) == sizing.DATES
+    assert len({d.day for d in made.year}) == YEAR_DATES
     assert {d.activity for d in made.year} == {"low", "high"}
     system, _ = prepare(NAME, Options()).or_raise()
     days = 28 * 4
@@ -323,9 +336,11 @@ def test_a_years_days_are_what_the_scenario_says_of_that_day(made):
             "environment.atmosphere": "activity", "environment.solar_activity": "high",
             "environment.raan": block.raan + block._drift[0] * 86400.0 * days}  # fmt: skip
     orbits = int(86400.0 / made.period) * made.period
-    then = size(NAME, Options(stop=float(round(orbits)) + 10.0, sets=[
-        f"{k}={v}" for k, v in sets.items()]), Wishes(flown=False, year=False, laws=False)
-    )  # fmt: skip
+    then = size(
+        NAME,
+        Options(stop=float(round(orbits)) + 10.0, sets=[f"{k}={v}" for k, v in sets.items()]),
+        SizingRequirements(flown=False, year=False, laws=False),
+    )
     (day,) = [d for d in made.year if d.activity == "high"][4:5]
     assert day.secular == pytest.approx(np.linalg.norm(then.secular), rel=0.01)
     assert day.least == pytest.approx(then.least_formula, rel=0.01)
@@ -335,7 +350,7 @@ def test_a_years_days_are_what_the_scenario_says_of_that_day(made):
 def day_of(name, stop=20000.0):
     case = prepare(name, Options(stop=stop))
     system, _ = case.or_raise()
-    return system, sizing.fly_case(case, system)
+    return system, fly_case(case, system)
 
 
 def test_a_flight_without_a_run_is_that_of_a_run():
@@ -403,11 +418,11 @@ def test_a_map_says_of_its_orbit_what_the_model_says_of_a_run(tmp_path):
     residual = float(np.linalg.norm([0.1, -0.05, 0.08]))
     axes = sizing_map.MapAxes((0.05, 0.02), (np.degrees(block.inclination), 40.0), (altitude,),
                            (residual, 0.0))  # fmt: skip
-    made = sizing_map.map_of(NAME, Options(stop=20000.0), axes, Wishes(), jobs=1)
+    made = sizing_map.map_of(NAME, Options(stop=20000.0), axes, SizingRequirements(), jobs=1)
     assert made.rms.shape == (1, 2, 1, 2, 2)
     hardware = flights.hardware_of(system)
     torque, _ = secular(run)
-    least = least_by_formula(sizing.reach(run, hardware), torque)
+    least = least_by_formula(reach(run, hardware), torque)
     assert made.least[0, 0, 0] == pytest.approx(least, rel=0.01)
     assert made.least[0, 0, 1] < made.least[0, 0, 0]
     assert made.laws == ("cross product",)
@@ -415,7 +430,7 @@ def test_a_map_says_of_its_orbit_what_the_model_says_of_a_run(tmp_path):
     law = law_of(system.components["manager"])
     empty = replace(run, h_start=run.body[5000:].mean(axis=0) - run.body[0])
     ours = fly([track_of(empty, law, hardware)], law, hardware, axes.rods)
-    share = ours.wheel[0, 0] / sizing.room_of(hardware)
+    share = ours.wheel[0, 0] / smallest_wheel_capacity(hardware)
     for name, wanted in (("rms", ours.rms[0, 0]), ("duty", ours.duty[0, 0]), ("filled", share)):
         assert getattr(made, name)[0, 0, 0, 0] == pytest.approx(wanted, rel=0.03), name
     assert made.as_json()["holds"] == made.holds.tolist()
@@ -439,7 +454,7 @@ def test_an_orbit_of_the_map_is_one_whatever_gives_the_scenarios():
 def test_a_map_of_a_craft_that_moves_is_refused():
     with pytest.raises(DesatError, match="attitude moves"):
         sizing_map.map_of("alsat1/slew-0.42", Options(stop=7000.0), sizing_map.MapAxes(),
-                          Wishes(), jobs=1)  # fmt: skip
+                          SizingRequirements(), jobs=1)  # fmt: skip
 
 
 # --- the command --------------------------------------------------------------------------------
@@ -475,22 +490,24 @@ def test_what_cannot_hold_ends_with_1(desat):
 
 def test_wheels_below_the_cyclic_momentum_and_no_rod_at_all_are_said(made):
     full = replace(made, wheel_capacity=0.9 * made.wheel_needed, least=np.inf)
-    rods, wheels = sizing._problems(full)
+    rods, wheels = find_problems(full)
     assert rods.startswith("no rod takes the secular torque out")
     assert wheels.startswith(
-        f"wheels of {sizing.momenta(full.wheel_capacity)}: the cyclic momentum"
+        f"wheels of {format_momenta(full.wheel_capacity)}: the cyclic momentum"
     )
     enough = replace(made, rod=made.least, margins=(), wheel_torque=inf,
                      wheel_capacity=made.wheel_needed + made.slew_momentum)  # fmt: skip
-    assert sizing._problems(enough) == []
-    assert "slew need" in sizing._problems(replace(enough, wheel_capacity=made.wheel_needed))[0]
-    assert "the slew needs" in sizing._problems(replace(enough, wheel_torque=1e-9))[0]
-    worst = replace(enough, margins=tuple(sizing._margins(enough, 3.0 * made.least_formula)))
-    assert "worst day of the year" in sizing._problems(worst)[0]
+    assert find_problems(enough) == []
+    assert "slew need" in find_problems(replace(enough, wheel_capacity=made.wheel_needed))[0]
+    assert "the slew needs" in find_problems(replace(enough, wheel_torque=1e-9))[0]
+    worst = replace(enough, margins=tuple(find_margins(enough, 3.0 * made.least_formula)))
+    assert "worst day of the year" in find_problems(worst)[0]
 
 
 def test_a_law_that_the_model_has_not_is_said():
-    made = size("integrated/mil-nadir", Options(stop=12000.0), Wishes(flown=False, year=False))
+    made = size(
+        "integrated/mil-nadir", Options(stop=12000.0), SizingRequirements(flown=False, year=False)
+    )
     assert made.law == "cross product"
     assert any("manager_integrated: closed loop only" in line for line in made.notes)
     assert made.least > 0.0
@@ -508,12 +525,12 @@ def test_a_law_that_the_model_has_not_is_said():
 )
 def test_what_cannot_be_sized_is_refused(target, options, given, text):
     with pytest.raises(DesatError, match=text):
-        size(target, options, Wishes(**given, flown=False, year=False))
+        size(target, options, SizingRequirements(**given, flown=False, year=False))
 
 
 def test_a_bias_fills_the_wheels(made):
     options = Options(stop=20000.0, sets=["manager.h_target_body=0,0.1,0"])
-    with_bias = size(NAME, options, Wishes(flown=False, year=False, laws=False))
+    with_bias = size(NAME, options, SizingRequirements(flown=False, year=False, laws=False))
     spread = np.abs(
         np.linalg.pinv(flights.hardware_of(prepare(NAME, options).or_raise()[0]).axes_wheel)
         @ [0.0, 0.1, 0.0]
@@ -562,7 +579,9 @@ def test_options_that_make_no_sense_are_refused(desat, arguments, text):
 
 def test_where_no_law_fits_the_least_rod_is_the_answer():
     """One wheel and a boom: a cross product that takes wheels about three axes was said to do."""
-    made = size("alsat1/ours-case-a", Options(stop=7000.0), Wishes(flown=False, year=False))
+    made = size(
+        "alsat1/ours-case-a", Options(stop=7000.0), SizingRequirements(flown=False, year=False)
+    )
     assert made.best == ()
     assert f"the least rod of any law is {made.least:.3g} A m2 (the model has no law" in made.answer
 
@@ -576,7 +595,7 @@ def test_a_craft_whose_rods_do_not_hold_on_the_worst_day(tmp_path):
     wanted = CraftFacts(size="12U", altitude="400km", inclination="51.6deg", rods="0.2")
     new_craft.write(tmp_path / "my12u", wanted, "desat new craft")
     given = Options(values={"torquers.m_limit": 0.0384})
-    made = size(str(tmp_path / "my12u"), given, Wishes(laws=False))
+    made = size(str(tmp_path / "my12u"), given, SizingRequirements(laws=False))
     assert made.least < 0.0384 < made.least_year < made.recommended
     assert any("the worst day of the year needs at least" in line for line in made.problems)
     assert any(line.startswith("worst.toml with its rods of 0.0384 A m2: momentum: ")
@@ -597,13 +616,13 @@ def test_a_craft_whose_rods_do_not_hold_on_the_worst_day(tmp_path):
      (0.633, 4.0, "0.633 of 4 N m s"), (2.0, None, "2 N m s"), (0.9, 1234.0, "0.9 of 1234 N m s")],
 )  # fmt: skip
 def test_needed_and_had_are_in_one_unit(needed, has, text):
-    assert sizing.momenta(needed, has) == text
+    assert format_momenta(needed, has) == text
 
 
 def test_a_rod_is_rounded_up_to_what_is_typed():
     for rod in (0.038312, 0.0384, 1.0, 123.4, 9.991):
-        assert rod <= sizing._up(rod) < 1.01 * rod
-        assert float(f"{sizing._up(rod):.3g}") == sizing._up(rod)
+        assert rod <= round_up(rod) < 1.01 * rod
+        assert float(f"{round_up(rod):.3g}") == round_up(rod)
 
 
 def geo(**sets):
@@ -632,8 +651,10 @@ def test_propellant_of_pairs_is_what_each_axis_takes():
     turned = np.roll(np.eye(3), 1, axis=0)  # the turning axis is the wheels' second
     hardware = replace(hardware, axes_wheel=turned @ GEO_WHEELS)
     system, _ = prepare(NAME, Options()).or_raise()
-    spent, least = sizing._propellant(system, flight, hardware, np.array([76.9e-6, 0, 0]), Wishes())
-    straight = 76.9e-6 * sizing.YEAR / (1.5 * 220.0 * sizing.GRAVITY)
+    spent, least = compute_propellant(
+        system, flight, hardware, np.array([76.9e-6, 0, 0]), SizingRequirements()
+    )
+    straight = 76.9e-6 * YEAR / (1.5 * 220.0 * GRAVITY)
     assert straight == pytest.approx(0.749, abs=2e-3)
     assert least == pytest.approx(straight, rel=1e-3)
     assert spent == pytest.approx(2.0**0.5 * straight, rel=1e-2)
@@ -642,8 +663,11 @@ def test_propellant_of_pairs_is_what_each_axis_takes():
 
 def test_propellant_of_nozzles_is_by_their_own_on_times(tmp_path):
     new_craft.write(tmp_path / "jets", CraftFacts(thrusters="50mN"), "desat new craft")
-    pairs = size(str(tmp_path / "jets"), Options(stop=12000.0), Wishes(year=False, flown=False,
-                                                                       laws=False))  # fmt: skip
+    pairs = size(
+        str(tmp_path / "jets"),
+        Options(stop=12000.0),
+        SizingRequirements(year=False, flown=False, laws=False),
+    )
     file = tmp_path / "jets" / "craft.toml"
     text = file.read_text()
     begin, end = text.index("[parameters.thrusters]"), len(text)
@@ -657,8 +681,11 @@ specific_impulse = "70 s"
 """
     )
     assert end > begin
-    made = size(str(tmp_path / "jets"), Options(stop=12000.0), Wishes(year=False, flown=False,
-                                                                      laws=False))  # fmt: skip
+    made = size(
+        str(tmp_path / "jets"),
+        Options(stop=12000.0),
+        SizingRequirements(year=False, flown=False, laws=False),
+    )
     assert made.propellant is not None
     # one nozzle at 0.4 m each way; the pair has the arm of half its largest side
     assert made.propellant == pytest.approx(pairs.propellant * 0.183 / 0.4, rel=0.02)

@@ -666,7 +666,7 @@ def test_a_value_outside_a_slider_is_refused_where_it_is_typed(browser, usual_pa
 @pytest.mark.parametrize(
     ("address", "said"),
     [
-        ("#torquers.m_limit=1000000", ["torquers.m_limit = 1000000 A m²: outside 0.015 to 0.6 A m²",
+        ("#torquers.m_limit=1000000", ["torquers.m_limit = 1000000 A m2: outside 0.015 to 0.6 A m2",
                                     "usual is"]),
         ("#law=nonsense", ["law=nonsense: no such law on this page; there is cross product, ccpl"]),
         ("#law=predictive&manager.gain=3", ["manager.gain=3: no slider of this page under the law "

@@ -23,13 +23,13 @@ import numpy as np
 from desat.campaign import sampling
 from desat.figures import plots
 from desat.figures.plots import lines_of, series_figure
-from desat.figures.style import pretty_unit
 from desat.files import paths
 from desat.files.scenario import find
 from desat.language.scenario import Plot
 from desat.numbers.numbers import late
 from desat.numbers.statistics import clopper_pearson, median_interval
 from desat.numbers.text import number as text_of
+from desat.numbers.text import spell_unit
 from desat.papers import comparison as cells
 from desat.papers import stored, tables
 from desat.runs.prepare import read
@@ -79,7 +79,7 @@ class Verbs:
     def about(self, scenario: str, number: str) -> dict[str, Any]:
         """What a number is: its `title`, its `unit` as people write it."""
         told = self._of.run(scenario).manifest.numbers[number]
-        return {**told.to_json(), "unit": pretty_unit(told.unit)}
+        return {**told.to_json(), "unit": spell_unit(told.unit)}
 
     def parameter(self, scenario: str, text: str, unit: str = "") -> float:
         """A parameter of a run, or a product of several, in a unit (default: its own)."""

@@ -433,7 +433,8 @@ def figures(manifest: Manifest, results: Results) -> list[tuple[str, Figure]]:
     if held is None or not held.h.shape[1]:
         return []
     from ..figures.plots import timeline  # heavy, and only for a report
-    from ..figures.style import COLOURS, DOTTED, LIMIT, figure, pretty_unit, time_axis
+    from ..figures.style import COLOURS, DOTTED, LIMIT, figure, time_axis
+    from ..numbers.text import spell_unit
 
     parts: ManagementParts = manifest.parts[KEY]
     fullest = np.abs(held.h).max(axis=1)
@@ -454,7 +455,7 @@ def figures(manifest: Manifest, results: Results) -> list[tuple[str, Figure]]:
         else:
             ax.plot([np.nan], [np.nan], LIMIT, width=0.9, dash=DOTTED, label=f"{text}: far beyond")
     timeline(ax, seconds, time_unit)
-    ax.y.label, ax.y.low = f"momentum [{pretty_unit(unit)}]", 0.0
+    ax.y.label, ax.y.low = f"momentum [{spell_unit(unit)}]", 0.0
     return [("Momentum of the fullest wheel, with management and without", fig)]
 
 

@@ -22,16 +22,16 @@ from ..figures.style import (
     LIMIT,
     axis_label,
     figure,
-    pretty_unit,
     time_axis,
 )
 from ..files.identity import COMPUTING
 from ..language.content import content_of, dispersions_of
 from ..language.scenario import Plot
 from ..numbers.numbers import late
-from ..numbers.text import not_reached
+from ..numbers.text import not_reached, spell_unit
 from ..numbers.text import number as shown
 from ..report.report import data_element, figures_of, render, write_page
+from ..report.table import ROW_UNIT, Column, Row, Table, or_not_reached
 from ..runs.manifest import write_json
 from ..runs.prepare import prepare
 from ..system.errors import DesatError
@@ -282,6 +282,31 @@ def _sobol(
     return indices
 
 
+TERMINAL_COLUMNS = (0, 2, 1, 3, 5, 6, 7, 8)  # without the percentile 99: lines stay short
+
+
+def tabulate_numbers(numbers: Mapping[str, NumberOfCases]) -> Table:
+    """Return the spread of each number over the cases."""
+    columns = [
+        Column("number", kind="text"),
+        Column("5 %", ROW_UNIT, is_detail=True),
+        Column("median", ROW_UNIT),
+        Column("95 %", ROW_UNIT, is_detail=True),
+        Column("99 %", ROW_UNIT, is_detail=True),
+        Column("min", ROW_UNIT),
+        Column("max", ROW_UNIT),
+        Column("unit", kind="unit"),
+        Column("not reached"),
+    ]
+    rows: list[Row] = []
+    for entry in numbers.values():
+        percentiles = (entry.get("p5"), entry.get("median"), entry.get("p95"), entry.get("p99"))
+        values = (*percentiles, entry.get("min"), entry.get("max"))
+        shown = map(or_not_reached, values)
+        rows.append((entry["title"], *shown, entry["unit"], not_reached(entry)))
+    return Table("", columns, rows)
+
+
 def write(folder: Path) -> tuple[Path, CampaignSummary]:
     """Write report.html and report.json of a campaign; their path and what they say."""
     plan, told = read(folder), summary(folder)
@@ -295,7 +320,7 @@ def write(folder: Path) -> tuple[Path, CampaignSummary]:
             "command": rerun(folder, "").rstrip(),
             "histograms": [{"edges": s.edges, "cases": s.cases, "counts": s.counts} for s in small],
         }),
-        number=shown, not_reached=not_reached, unit=pretty_unit,
+        number=shown, unit=spell_unit, numbers=tabulate_numbers(told["numbers"]),
         kept=sorted(p.name for p in (folder / "kept").glob("*")),
     )  # fmt: skip
     return write_page(folder / "report.html", text), told
@@ -375,7 +400,7 @@ def _histograms(folder: Path, told: CampaignSummary) -> list[_Small]:
         bar = np.clip(np.searchsorted(edges, values, "right") - 1, 0, len(count) - 1)
         made.append(_Small(
             entry["title"], Markup(fig.svg()),
-            "; ".join(f"{what} {shown(x)} {pretty_unit(entry['unit'])}" for what, x in lines),
+            "; ".join(f"{what} {shown(x)} {spell_unit(entry['unit'])}" for what, x in lines),
             [round(float(x), 4) for x in ax.across(edges) / (INCH * fig.width)],
             count.tolist(), [sorted(cases[bar == k].tolist())[:_NAMED] for k in range(len(count))],
         ))  # fmt: skip

@@ -13,10 +13,11 @@ from typing import Any
 import typer
 from rich.console import Console
 from rich.measure import Measurement
-from rich.table import Table
+from rich.table import Table as RichTable
 from rich.text import Text
 from typer.core import TyperGroup
 
+from ..report.table import Column, Table
 from ..system.errors import Exit, plain
 
 # a stream that is closed would be given to the next file that is opened, and written into
@@ -136,12 +137,29 @@ def print_json(data: Any) -> None:
     sys.stdout.write(json.dumps(data, indent=1) + "\n")
 
 
-def print_numbers(table: Table) -> None:
-    """A table of numbers on standard output, in its whole width: one that is cut is another one."""
+def print_table(table: Table, *, is_folded: bool = False) -> None:
+    """Print a table on standard output.
+
+    Parameters
+    ----------
+    table
+        Nothing is printed of one without rows.
+    is_folded
+        Whether long texts are folded to the width of the terminal. Numbers are not: one that is
+        cut is another one.
+    """
+    if not table.rows:
+        return
+    shown = RichTable(box=None, pad_edge=False, header_style="bold", show_header=table.has_header)
+    for heading, column in zip(table.headings(), table.columns, strict=True):
+        shown.add_column(heading, justify="right" if column.kind == "number" else "left")
+    for row in table.cells():
+        shown.add_row(*(str(cell.value) for cell in row))
     usual = out.width
-    whole = Measurement.get(out, out.options.update(max_width=10_000), table).maximum
-    out.width = max(usual, whole)  # `print` takes no greater one
-    out.print(table)
+    if not is_folded:
+        whole = Measurement.get(out, out.options.update(max_width=10_000), shown).maximum
+        out.width = max(usual, whole)  # `print` takes no greater one
+    out.print(shown)
     out.width = usual
 
 
@@ -160,14 +178,13 @@ def to_print(numbers: Iterable[str], judged: Container[str], everything: bool) -
 
 
 def print_rows(rows: list[dict[str, str]], as_json: bool) -> None:
-    """Rows of the same keys as a table, or for programs."""
+    """Print texts of the same keys as a table, or for programs."""
     if as_json:
         print_json(rows)
         return
-    table = Table(*rows[0], box=None, header_style="bold", pad_edge=False)
-    for row in rows:
-        table.add_row(*(str(value) for value in row.values()))
-    out.print(table)
+    columns = [Column(key, kind="text") for key in rows[0]]
+    texts = [[str(value) for value in row.values()] for row in rows]
+    print_table(Table("", columns, texts), is_folded=True)
 
 
 def name_of(target: str) -> str:

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import re
 import textwrap
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
-from .canvas import Axes, Figure, raised
+from ..numbers.text import spell_unit
+from .canvas import Axes, Figure
 
 COLOURS = ("#0b62a4", "#d1495b", "#2e8b57", "#8a5fbf", "#e08e0b", "#444444", "#1aa6b7", "#8b5a2b",
            "#a3b72c")  # fmt: skip
@@ -21,14 +21,6 @@ BINS = 240
 WIDTH, HEIGHT, PANELS = 7.2, 2.9, 4.9
 """in, of a figure with one pair of axes; the height of one with two."""
 DOTTED, DASHED = (1.0, 1.6), (5.0, 2.5)
-
-
-def pretty_unit(unit: str) -> str:
-    """A unit's name as people write it: `uN.m.s2` -> `µN m s²`; nothing for `1`."""
-    if unit == "1":
-        return ""
-    micro = re.sub(r"\bu(?=[A-Z])", "µ", unit)
-    return re.sub(r"(?<=[A-Za-z])-?\d+", lambda m: raised(int(m[0])), micro).replace(".", " ")
 
 
 def time_axis(times: np.ndarray[Any, Any]) -> tuple[float, str]:
@@ -47,7 +39,7 @@ def figure(height: float = HEIGHT) -> tuple[Figure, Axes]:
 
 def axis_label(what: str, unit: str, height: float) -> str:
     """`quantity [unit]` for an axis so many inches high, in lines that fit it."""
-    bracket = f"[{pretty_unit(unit)}]".replace(" ", "\u00a0") if pretty_unit(unit) else ""
+    bracket = f"[{spell_unit(unit)}]".replace(" ", "\u00a0") if spell_unit(unit) else ""
     return textwrap.fill(f"{what} {bracket}".strip(), max(14, int(height * 14)))
 
 

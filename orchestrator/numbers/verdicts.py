@@ -42,10 +42,15 @@ class Verdict:
         return min(shares, default=None)
 
     @property
+    def bounds(self) -> list[tuple[str, float]]:
+        """Return `at least` and `at most` with their limits, in the number's unit."""
+        bounds = (("at least", self.min), ("at most", self.max))
+        return [(word, x) for word, x in bounds if x is not None]
+
+    @property
     def limits(self) -> str:
-        """`at least 1, at most 2`, in the number's unit."""
-        told = (("at least", self.min), ("at most", self.max))
-        return ", ".join(f"{word} {number(x)}" for word, x in told if x is not None)
+        """Return the limits as `at least 1, at most 2`, in the number's unit."""
+        return ", ".join(f"{word} {number(x)}" for word, x in self.bounds)
 
     def to_json(self) -> dict[str, Any]:
         """As a manifest has it."""

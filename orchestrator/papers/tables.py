@@ -18,10 +18,9 @@ from typing import Any, Unpack
 from ..campaign.draws import DrawnRow, spreads
 from ..campaign.draws import rows_of as rows_of_runs
 from ..campaign.pairs import each_draw
-from ..figures.style import pretty_unit
 from ..files.identity import PACKAGES
 from ..files.scenario import Scenario, abbreviations, find, scenarios
-from ..numbers.text import number
+from ..numbers.text import number, spell_unit
 from ..report.report import render, write_page
 from ..runs.validation import word_problems
 from ..system.errors import DesatError, Exit, RunError
@@ -240,7 +239,7 @@ def groups(table: list[PaperCell]) -> list[tuple[str, list[PaperCell]]]:
     """(heading, rows) for each table and quantity."""
     groups: dict[str, list[PaperCell]] = {}
     for row in table:
-        unit = f" [{pretty_unit(row.unit)}]" if pretty_unit(row.unit) else ""
+        unit = f" [{spell_unit(row.unit)}]" if spell_unit(row.unit) else ""
         place = f"Table {row.table}" if row.table[0].isdigit() else row.table
         heading = f"{place}: {row.heading}{unit}"
         groups.setdefault(heading, []).append(row)

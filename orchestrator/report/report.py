@@ -16,14 +16,14 @@ from ..engine.recording.results import Results
 from ..figures import interactive
 from ..figures.canvas import Figure
 from ..figures.plots import series_figure
-from ..figures.style import pretty_unit
 from ..files.io import replace_text
 from ..files.scenario import abbreviations
 from ..language.scenario import Plot
-from ..numbers.text import number
+from ..numbers.text import number, spell_unit
 from ..runs.run import Run
 from ..system import discovery
 from .policy import PLACEHOLDER, PageScripts, part
+from .run_tables import tabulate_numbers, tabulate_verdicts
 
 REPORT = "report.html"
 
@@ -71,18 +71,10 @@ def write_report(folder: Path, run: Run, baseline: Run | None = None) -> Path:
     for analysis in analyses():
         if analysis.KEY != management.KEY:
             drawn += analysis.figures(manifest, run.results)
-    rows = [
-        {
-            "title": n.label,
-            "value": number(n.value),
-            "baseline": number(baseline.manifest.numbers[name].value)
-            if baseline and name in baseline.manifest.numbers
-            else "",
-            "unit": pretty_unit(n.unit),
-            "reference": n.reference,
-        }
-        for name, n in manifest.numbers.items()
-    ]
+    labels = [label for label, _, _ in runs]
+    numbers = tabulate_numbers(
+        manifest, baseline.manifest if baseline else None, labels, has_references=True
+    )
     text = render(
         "report.html",
         title=about.title or manifest.scenario,
@@ -90,19 +82,19 @@ def write_report(folder: Path, run: Run, baseline: Run | None = None) -> Path:
         description=about.description,
         spelt=abbreviations(
             manifest.scenario.partition("/")[0],
-            " ".join([about.title, *(label for label, _, _ in runs)]),
+            " ".join([about.title, *labels]),
         ),
         source=about.source,
         manifest=manifest,
-        rows=rows,
-        label=runs[0][0],
+        numbers=numbers,
+        verdicts=tabulate_verdicts(manifest.verdicts),
         baseline_label=runs[1][0] if baseline else "",
         baseline_name=baseline.manifest.scenario if baseline else "",
         lead=lead,
         law=_law(manifest),
         **figures_of(drawn),
         number=number,
-        unit=pretty_unit,
+        unit=spell_unit,
         value=lambda v: ", ".join(number(x) for x in v) if isinstance(v, list) else number(v),
     )
     return write_page(folder / REPORT, text)

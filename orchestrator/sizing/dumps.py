@@ -46,6 +46,7 @@ from ..analyses.flight import (
 from ..analyses.motion import BEYOND, period_of
 from ..campaign.draws import series_of_numbers
 from ..numbers.derived import rotate, rotate_back
+from ..numbers.text import format_duration
 from ..runs.prepare import prepare, read, resolved
 from ..runs.run import Run, simulate
 from ..system.errors import DesatError
@@ -53,24 +54,12 @@ from ..system.expression import factor
 from ..system.model import System
 from ..system.options import Options
 from ..system.parameters import bare_block, unit_of
-from .sizing import (
-    GRAVITY,
-    YEAR,
-    Date,
-    SourceShare,
-    Wishes,
-    beside_craft,
-    closed_loop_only,
-    cost_of,
-    days_of_year,
-    doubts,
-    duration,
-    finite,
-    room_of,
-    secular,
-    shares_of,
-    slew_of,
-)
+from .momentum import SourceShare, compute_slew, secular, shares_of, smallest_wheel_capacity
+from .propellant import GRAVITY, YEAR, thruster_cost
+from .requirements import SizingRequirements
+from .result import finite
+from .scenarios import closed_loop_only, doubts, find_worst_scenario
+from .year import YearDate, days_of_year
 
 Array = NDArray[Any]
 LAW = "manager_threshold"
@@ -148,7 +137,7 @@ class DumpSizing:
     a_day: float
     """N m s"""
     sources: tuple[SourceShare, ...]
-    year: tuple[Date, ...]
+    year: tuple[YearDate, ...]
     begin: float
     """N m s"""
     end: float
@@ -235,7 +224,7 @@ def is_of(target: str, options: Options) -> bool:
 
 
 def size(
-    target: str, options: Options, wishes: Wishes | None = None,
+    target: str, options: Options, requirements: SizingRequirements | None = None,
     progress: Callable[[str], None] = lambda text: None,
     sized: Callable[[DumpSizing], None] = lambda made: None,
 ) -> DumpSizing:  # fmt: skip
@@ -245,7 +234,7 @@ def size(
     ----------
     target, options
         The craft's scenario.
-    wishes
+    requirements
         What is asked beside it.
     progress
         Called with what is being done.
@@ -257,15 +246,15 @@ def size(
     DesatError
         For a craft without what it takes.
     """
-    wishes = wishes or Wishes()
+    requirements = requirements or SizingRequirements()
     case = prepare(read(target), options)
     system, _ = case.or_raise()
     if not applies(system):
         raise DesatError(f"{target}: its manager does not dump by thrusters between thresholds")
     hardware, values = hardware_of(system), values_of(system)
     law = _law_of(system)
-    cost = cost_of(system, hardware, wishes)
-    isp = wishes.specific_impulse or hardware.specific_impulse
+    cost = thruster_cost(system, hardware, requirements)
+    isp = requirements.specific_impulse or hardware.specific_impulse
     if cost is None or isp is None:
         raise DesatError(f"{target}: its thrusters have neither arm nor nozzles, or no specific "
                          "impulse: --arm and --isp say them")  # fmt: skip
@@ -285,10 +274,10 @@ def size(
         along = rates_of(whole, hardware, law, cost, isp, steady.interval)
         # a flight with fewer than two dumps has no rate of its own
         steady = along if along.interval < inf else replace(steady, first=along.first)
-    year: list[Date] = []
+    year: list[YearDate] = []
     each: list[Rates] = []
     own = ""
-    if wishes.year and float(np.linalg.norm(flight.r[0])) < BEYOND:
+    if requirements.year and float(np.linalg.norm(flight.r[0])) < BEYOND:
         progress("the days of a year")
         for date, there in days_of_year(system, hardware, attitude, own=True):
             day = flown_at(system, attitude, *there)
@@ -301,8 +290,8 @@ def size(
         for name in dict.fromkeys(d.activity for d in year)
     }  # fmt: skip
     of_own = [r for d, r in zip(year, each, strict=True) if d.activity == own] or [steady]
-    capacity = room_of(hardware)
-    slew_momentum, slew_torque = slew_of(hardware, wishes)
+    capacity = smallest_wheel_capacity(hardware)
+    slew_momentum, slew_torque = compute_slew(hardware, requirements)
     made = DumpSizing(
         target=target,
         period=flight.period,
@@ -330,8 +319,10 @@ def size(
         notes=(),
     )
     notes = [*doubts(system), *closed_loop_only(system, options)]
-    made = replace(made, problems=tuple(_problems(made)), notes=(*notes, *_notes(made, wishes)))
-    if not (wishes.flown and (steady.first < window or options.stop is not None)):
+    made = replace(
+        made, problems=tuple(_problems(made)), notes=(*notes, *_notes(made, requirements))
+    )
+    if not (requirements.flown and (steady.first < window or options.stop is not None)):
         return made
     sized(made)
     progress("the closed loop")
@@ -339,7 +330,7 @@ def size(
     loop = dict(_numbers_of(run))
     causes = list(_causes(system, law, hardware))
     unmet = [f"in the closed loop: {line}" for line in run.manifest.not_met]
-    beside = beside_craft(read(target))
+    beside = find_worst_scenario(read(target))
     if beside is not None:
         progress(f"{beside.text}: what is usually worse")
         some = min(window, max(86400.0, steady.first + WORST_DUMPS * steady.interval))
@@ -347,7 +338,7 @@ def size(
         unmet += [f"in {beside.text}: {line}" for line in worst.manifest.not_met]
     unmet = [f"{line} (likely by {'; '.join(causes)})" if causes else line for line in unmet]
     made = replace(made, loop=loop, problems=(*made.problems, *unmet))
-    return replace(made, notes=(*notes, *_notes(made, wishes)))
+    return replace(made, notes=(*notes, *_notes(made, requirements)))
 
 
 def _law_of(system: System) -> dict[str, Any]:
@@ -635,9 +626,9 @@ def _problems(made: DumpSizing) -> Iterator[str]:
         yield "its thrusters give no torque about some axis: no dump comes to its end"
 
 
-def _notes(made: DumpSizing, wishes: Wishes) -> Iterator[str]:
-    if wishes.flown and not made.loop:
-        first = duration(made.steady.first) if made.steady.first < inf else "never"
+def _notes(made: DumpSizing, requirements: SizingRequirements) -> Iterator[str]:
+    if requirements.flown and not made.loop:
+        first = format_duration(made.steady.first) if made.steady.first < inf else "never"
         yield f"the closed loop was not flown, the first dump is so far: {first} (--stop flies it)"
     dumps = made.loop.get("dumps")
     if made.loop and (dumps is None or dumps < 7):

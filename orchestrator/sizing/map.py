@@ -37,8 +37,12 @@ from ..system.options import Options
 from . import quantities
 from .compatibility import terms_of
 from .law import Law, UnsuitedError, hold_of, law_of
+from .least_rod import least_by_formula, reach
 from .model import fly, track_of
-from .sizing import Wishes, fly_case, least_by_formula, other_laws, reach, room_of, secular
+from .momentum import secular, smallest_wheel_capacity
+from .requirements import SizingRequirements
+from .rods import other_laws
+from .scenarios import fly_case
 
 Array = NDArray[Any]
 STEP = 10.0
@@ -79,7 +83,7 @@ class SizingMap:
     target: str
     axes: MapAxes
     laws: tuple[str, ...]
-    wishes: Wishes
+    requirements: SizingRequirements
     least: Array
     """the least rod, by the formula, A m2"""
     rms: Array
@@ -95,8 +99,10 @@ class SizingMap:
     @property
     def holds(self) -> Array:
         """(laws, inclinations, altitudes, dipoles, rods): margin and duty are as asked for."""
-        enough = np.asarray(self.axes.rods) >= self.wishes.margin * self.least[..., None]
-        return np.asarray(enough[None] & (self.duty <= self.wishes.duty) & (self.filled <= 1.0))
+        enough = np.asarray(self.axes.rods) >= self.requirements.margin * self.least[..., None]
+        return np.asarray(
+            enough[None] & (self.duty <= self.requirements.duty) & (self.filled <= 1.0)
+        )
 
     def as_json(self) -> dict[str, Any]:
         """What `--json` prints; a least rod without end is null."""
@@ -104,7 +110,7 @@ class SizingMap:
         least = np.where(np.isfinite(self.least), self.least, np.nan).tolist()
         return {
             "target": self.target, "axes": asdict(self.axes), "laws": list(self.laws),
-            "wishes": asdict(self.wishes), "least": _null(least), **tables,
+            "wishes": asdict(self.requirements), "least": _null(least), **tables,
             "holds": self.holds.tolist(), "notes": list(self.notes),
         }  # fmt: skip
 
@@ -129,7 +135,7 @@ class _Task:
 
 
 def map_of(
-    target: str, options: Options, axes: MapAxes, wishes: Wishes, jobs: int = 2,
+    target: str, options: Options, axes: MapAxes, requirements: SizingRequirements, jobs: int = 2,
     progress: Callable[[str], None] = lambda text: None,
 ) -> SizingMap:  # fmt: skip
     """A map of a scenario's craft. Raises DesatError for a craft whose law, attitude or environment
@@ -179,12 +185,20 @@ def map_of(
     tables = np.empty((4, len(laws), len(orbits), len(axes.dipoles), len(axes.rods)))
     for k, (some, made) in enumerate(parts):
         leasts[k::jobs], tables[:, :, k::jobs] = some, made
-    room = room_of(hardware)
+    capacity = smallest_wheel_capacity(hardware)
     rms, largest, wheel, duty = tables.reshape(4, len(laws), *shape, len(axes.rods))
     return SizingMap(
-        target, axes, tuple(law.name for law in laws), wishes, leasts.reshape(shape), rms, largest,
-        wheel / room if 0.0 < room < inf else np.zeros_like(wheel), duty, tuple(notes),
-    )  # fmt: skip
+        target=target,
+        axes=axes,
+        laws=tuple(law.name for law in laws),
+        requirements=requirements,
+        least=leasts.reshape(shape),
+        rms=rms,
+        largest=largest,
+        filled=wheel / capacity if 0.0 < capacity < inf else np.zeros_like(wheel),
+        duty=duty,
+        notes=tuple(notes),
+    )
 
 
 def _residual(system: System) -> Array:

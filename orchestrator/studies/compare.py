@@ -16,9 +16,8 @@ from ..campaign.pairs import Pairs, common, difference, differences
 from ..campaign.plan import PLAN
 from ..engine.recording.results import MANIFEST
 from ..figures.plots import series_figure
-from ..figures.style import pretty_unit
-from ..numbers.text import number
 from ..report.report import figures_of, render, write_page
+from ..report.table import ROW_UNIT, Column, Row, Table, or_not_reached
 from ..runs.prepare import prepare, read
 from ..runs.run import Options, Run, load_run, simulate
 from ..system.errors import DesatError
@@ -46,12 +45,14 @@ class ComparedNumber:
             None if first is None or x is None else difference(first, x) for x in others
         )  # fmt: skip
 
-    def cells(self) -> list[str]:
-        """As people read them: the values, the differences, the unit."""
-        values = [number(x) if is_there else "" for x, is_there in
-                  zip(self.values, self.there, strict=True)]  # fmt: skip
-        return [*values, *("" if x is None else number(x) for x in self.differences),
-                pretty_unit(self.unit)]  # fmt: skip
+    @property
+    def row(self) -> Row:
+        """Return the title, the values, the differences and the unit."""
+        values = [
+            or_not_reached(x) if is_there else None
+            for x, is_there in zip(self.values, self.there, strict=True)
+        ]
+        return [self.title, *values, *self.differences, self.unit]
 
 
 @dataclass(frozen=True, repr=False)
@@ -95,10 +96,16 @@ class Comparison:
         return scenarios if len(set(scenarios)) == len(scenarios) else self.targets
 
     @property
-    def headings(self) -> list[str]:
-        """Return the headings of a row's columns, the number's name left out."""
+    def table(self) -> Table:
+        """Return the numbers side by side, with the first's less each other's."""
         first, *others = self.names
-        return [*self.names, *(f"{first} less {x}" for x in others), "unit"]
+        titles = [*self.names, *(f"{first} less {x}" for x in others)]
+        columns = [
+            Column("", kind="text"),
+            *(Column(title, ROW_UNIT) for title in titles),
+            Column("unit", kind="unit"),
+        ]
+        return Table("", columns, [row.row for row in self.rows.values()])
 
     def as_json(self) -> dict[str, Any]:
         """For programs; a run that lacks a number is not among its values, None: not reached."""

@@ -19,10 +19,11 @@ from ..analyses.motion import period_of
 from ..campaign.draws import series_of_numbers
 from ..engine.recording.results import Results
 from ..figures.canvas import Figure
-from ..figures.style import COLOURS, DASHED, figure, pretty_unit
+from ..figures.style import COLOURS, DASHED, figure
 from ..language.content import content_of
 from ..numbers.derived import pointing
-from ..numbers.text import number
+from ..numbers.text import number, spell_unit
+from ..report.table import Column, Table
 from ..runs.prepare import Target, prepare, read
 from ..runs.run import Options, Run, simulate
 from ..sizing.compatibility import (
@@ -63,7 +64,7 @@ class Criterion(NamedTuple):
     @property
     def heading(self) -> str:
         """Of a column, and of an axis."""
-        return f"{self.title} [{pretty_unit(self.unit)}]"
+        return f"{self.title} [{spell_unit(self.unit)}]"
 
 
 def _filled(manifest: Manifest, results: Results) -> float | None:
@@ -159,7 +160,7 @@ class Ranking:
         more = f"; not dominated: {', '.join(front)}" if len(self.by) > 1 else ""
         more += ". One run each, gains by rule: `desat tune` may change the order"
         return (f"{self.target}: {best.name} has the least {c.title}, {number(best.values[0])} "
-                f"{pretty_unit(c.unit)}{more}.")  # fmt: skip
+                f"{spell_unit(c.unit)}{more}.")  # fmt: skip
 
     @property
     def numbers(self) -> DataFrame:
@@ -181,9 +182,25 @@ class Ranking:
             why.setdefault(each.why, []).append(each.name)
         return [(", ".join(names), text) for text, names in why.items()]
 
-    def cells(self, entry: RankedLaw) -> list[str]:
-        """The values of a law as people read them."""
-        return [number(x) if np.isfinite(x) else "" for x in entry.values]
+    @property
+    def table(self) -> Table:
+        """Return the laws in their order."""
+        columns = [
+            Column("law", kind="text"),
+            *(Column(criterion.heading) for criterion in self.by),
+            Column("not dominated", kind="text"),
+            Column("requirements", kind="text"),
+        ]
+        rows = [
+            (
+                entry.label,
+                *(x if np.isfinite(x) else None for x in entry.values),
+                "yes" if entry.front else "",
+                "; ".join(entry.not_met) or "met",
+            )
+            for entry in self.ranked
+        ]
+        return Table("", columns, rows)
 
     def as_json(self) -> dict[str, Any]:
         """For programs; a value that cannot be told is null."""

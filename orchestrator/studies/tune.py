@@ -26,6 +26,8 @@ from ..campaign.pairs import PairSpread, confident, difference
 from ..language.content import Content, content_of, overridden_by
 from ..numbers.numbers import late
 from ..numbers.text import number as text_of
+from ..numbers.text import spell_unit
+from ..report.table import Cell, Column, Table
 from ..runs.prepare import Target, prepare, read
 from ..runs.run import Options
 from ..system.errors import DesatError, nearest
@@ -118,6 +120,23 @@ class Tuned:
             f"{text_of(told['median_own'])}{unit} over {told['n']} unseen samples, better in "
             f"{won}{verdict}."
         )
+
+    @property
+    def table(self) -> Table:
+        """Return the values that were tried."""
+        columns = [
+            Column(f"{self.parameter} [{spell_unit(self.unit)}]", form=".4g", kind="text"),
+            Column(
+                f"{self.number} [{spell_unit(self.number_unit)}], median of {self.draws} "
+                "tuning samples"
+            ),
+            Column("samples that miss a requirement", form="d"),
+        ]
+        notes = {self.best: "best", self.own: "own"}
+        rows = [
+            (Cell(p.value, note=notes.get(p.value, "")), p.median, p.missed) for p in self.points
+        ]
+        return Table("", columns, rows)
 
     def as_json(self) -> dict[str, Any]:
         """For programs; what is not finite is null."""

@@ -21,7 +21,7 @@ from markupsafe import Markup
 from ..analyses import management
 from ..export.loop_fmu import LoopEnds, LoopSource, written_out
 from ..figures.plots import elements_of, parameter_of
-from ..figures.style import COLOURS, LIMIT, pretty_unit, time_axis
+from ..figures.style import COLOURS, LIMIT, time_axis
 from ..files import io
 from ..language.content import Content, content_of
 from ..language.scenario import Number, Plot
@@ -29,6 +29,7 @@ from ..numbers import derived
 from ..numbers.derived import QUANTITIES, coil_impulse
 from ..numbers.measures import MEASURES, OWN_UNIT
 from ..numbers.numbers import scale
+from ..numbers.text import spell_unit
 from ..report.policy import part
 from ..report.report import data_element, render
 from ..runs import substep_choice
@@ -337,7 +338,7 @@ def _law(
         "follows": [f for f in flown.ordered if f["name"] in flown.values],
         "slots": slots, "series": series, "width": width, "numbers": numbers, "plots": plots,
         "managed": managed,
-        "sliders": [{**s.told(), "shown": pretty_unit(s.unit)} for s in sliders],
+        "sliders": [{**s.told(), "shown": spell_unit(s.unit)} for s in sliders],
         "usual": _usual_ranges(flown.system, {name for name, _ in slots}),
     }  # fmt: skip
 
@@ -396,7 +397,7 @@ def _numbers(
             notes.append(f"no number {name}: {why}")
         else:
             yield {
-                "name": name, "title": number.title, "unit": pretty_unit(number.unit),
+                "name": name, "title": number.title, "unit": spell_unit(number.unit),
                 **_number(number, flown), "required": _required(flown.content, name),
             }  # fmt: skip
 
@@ -473,7 +474,7 @@ def _plot(name: str, plot: Plot, signals: list[str], flown: _Flown) -> dict[str,
     return {
         "name": name, "title": plot.title, "signals": signals, "derive": plot.derive,
         **_how(plot, flown), "norm": plot.norm, "log": plot.log, "lines": lines,
-        "label": f"{plot.axis or plot.title} [{pretty_unit(unit)}]".removesuffix(" []"),
+        "label": f"{plot.axis or plot.title} [{spell_unit(unit)}]".removesuffix(" []"),
         "scales": [scale(u, unit) for u in own],
         "limits": [*_limits(plot, flown, unit)],
     }  # fmt: skip
@@ -535,10 +536,10 @@ def _managed(flown: _Flown) -> dict[str, Any] | None:
         "series": series, "there": there.tolist(), "target": list(parts.target),
         "inverse": np.linalg.pinv(axes[:, there]).tolist(), "of": names,
         "coils": _coils(system, torquers), "values": [*names.values(), f"{torquers}.m_limit"],
-        "label": f"fullest wheel [{pretty_unit(unit)}]", "scale": scale("N.m.s", unit),
+        "label": f"fullest wheel [{spell_unit(unit)}]", "scale": scale("N.m.s", unit),
         "names": {"momentum": management.OF_MOMENTUM, "coils": management.OF_COILS,
                   "wheels": management.OF_WHEELS, "balance": management.OF_BALANCE},
-        "titles": {k: (t, pretty_unit(u)) for k, (t, u) in management.TITLES.items()},
+        "titles": {k: (t, spell_unit(u)) for k, (t, u) in management.TITLES.items()},
         "required": {k: r for k in management.TITLES if (r := _required(flown.content, k))},
     }  # fmt: skip
 

@@ -21,7 +21,7 @@ from desat.components.physics.orbit import EARTH_RADIUS, MU, mean_motion
 from desat.numbers import derived
 from desat.runs.prepare import prepare
 from desat.sizing import dumps
-from desat.sizing.sizing import Wishes
+from desat.sizing.requirements import SizingRequirements
 from desat.sizing.sizing import size as size_of
 from desat.system.errors import DesatError
 from desat.system.options import Options
@@ -60,8 +60,9 @@ def test_firesat_wheel_and_slew(tmp_path: Path) -> None:
     """A slew of 30 deg in 10 min with 90 kg m2 takes 5.2e-4 N m of the wheels."""
     write(tmp_path / "mine", CraftFacts(altitude="700km", mass="150kg", inertia="90,90,90",
                                         wheels="3 axes 4Nms", rods="30"), "")  # fmt: skip
-    wishes = Wishes(slew_angle=math.radians(30.0), slew_time=600.0, year=False, laws=False,
-                    flown=False)  # fmt: skip
+    wishes = SizingRequirements(
+        slew_angle=math.radians(30.0), slew_time=600.0, year=False, laws=False, flown=False
+    )
     made = size_of(str(tmp_path / "mine"), Options(stop=6000.0), wishes)
     assert made.slew_torque == pytest.approx(5.2e-4, rel=0.01)
 
@@ -261,7 +262,7 @@ def test_a_geostationary_craft(tmp_path: Path) -> None:
         orbit="geo", mass="2500kg", box="2.5,2.5,3", wheels="4 pyramid 50Nms", rods="none",
         thrusters="4 10N", dump="thrusters 70:10", panel="13m2 1.35m", epoch="2027-03-20"),
         "")  # fmt: skip
-    made = dumps.size(str(tmp_path / "geo"), Options(), Wishes(flown=False))
+    made = dumps.size(str(tmp_path / "geo"), Options(), SizingRequirements(flown=False))
     light = next(s for s in made.sources if s.name == "radiation")
     at_one_unit = 13.0 * 1.35 * torques.SOLAR_PRESSURE
     assert at_one_unit == pytest.approx(80.03e-6, rel=1e-4)

@@ -6,10 +6,10 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.table import Table
 
+from ...report.table import Column, Table
 from .. import options as o
-from ..console import app, err, example, out, print_json
+from ..console import app, err, example, print_json, print_table
 
 
 @app.command(epilog=example("desat bound uosat12/table3-ocdc-ilqr-1"))
@@ -39,15 +39,15 @@ def bound(
         return
     if least.least is None and not coils:
         err.print("no momentum left: more than can be dumped in this time")
-    table = Table(box=None, pad_edge=False, show_header=False)
-    table.add_column()
-    table.add_column(justify="right")
+    columns = [Column("", kind="text"), Column(""), Column("", kind="unit")]
+    rows = []
     if isinstance(least, lower_bound.LowerBound):
-        table.add_row("Thruster firing time of the run", f"{least.seconds:.2f}", "s")
+        rows.append(("Thruster firing time of the run", f"{least.seconds:.2f}", "s"))
     for n in least.numbers().values():
         assert n.value is not None
-        table.add_row(n.title, f"{n.value:{'.4g' if abs(n.value) >= 1e5 else '.2f'}}", n.unit)
-    out.print(table)
+        form = ".4g" if abs(n.value) >= 1e5 else ".2f"
+        rows.append((n.title, format(n.value, form), n.unit))
+    print_table(Table("", columns, rows, has_header=False), is_folded=True)
 
 
 def _by_coils(target: str) -> bool:

@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
-from rich.table import Table
 
 from ...system.errors import Exit
 from ...system.quantity import Quantity
@@ -19,7 +18,7 @@ from ..console import (
     name_of,
     out,
     print_json,
-    print_numbers,
+    print_table,
     to_print,
     warn,
 )
@@ -168,25 +167,15 @@ def case(
 
 
 def _print_numbers(told: CampaignSummary, everything: bool) -> None:
-    """The spread of the numbers over the cases, a row each."""
-    from ...figures.style import pretty_unit
-    from ...numbers.text import not_reached, number
+    """Print the spread of the numbers over the cases, a row each."""
+    from ...campaign.report import TERMINAL_COLUMNS, tabulate_numbers
 
+    names = list(told["numbers"])
     judged = {r["number"] for r in told["requirements"].values()}
-    names = to_print(told["numbers"], judged, everything)
-    table = Table("number", box=None, header_style="bold", pad_edge=False)
-    for column in ("median", "5 %", "95 %", "min", "max"):
-        table.add_column(column, justify="right")
-    table.add_column("unit")
-    table.add_column("not reached", justify="right")
-    for name in names:
-        entry = told["numbers"][name]
-        values = [entry.get(key) for key in ("median", "p5", "p95", "min", "max")]
-        table.add_row(entry["title"], *map(number, values), pretty_unit(entry["unit"]),
-                      not_reached(entry))  # fmt: skip
-    if table.row_count:
-        print_numbers(table)
-    if rest := len(told["numbers"]) - len(names):
+    shown = to_print(names, judged, everything)
+    table = tabulate_numbers(told["numbers"])
+    print_table(table.part(TERMINAL_COLUMNS, [names.index(name) for name in shown]))
+    if rest := len(names) - len(shown):
         out.print(f"{rest} more numbers in the report; --all prints them")
 
 

@@ -7,12 +7,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
-from rich.table import Table
 
+from ...report.table import ROW_UNIT, Column, Row, Table
 from ...runs.progress import stages
 from ...system.errors import DesatError, Exit
 from .. import options as o
-from ..console import app, err, example, name_of, out, print_json, print_numbers, warn
+from ..console import app, err, example, name_of, out, print_json, print_table, warn
 
 if TYPE_CHECKING:
     from ...campaign.pairs import Pairs
@@ -122,15 +122,7 @@ def _laws(
         print_json({**made.as_json(), "page": str(page)})
     else:
         out.print(made.answer, highlight=False, markup=False)
-        table = Table("law", box=None, header_style="bold", pad_edge=False)
-        for c in made.by:
-            table.add_column(c.heading, justify="right")
-        table.add_column("not dominated")
-        table.add_column("requirements")
-        for e in made.ranked:
-            table.add_row(e.label, *made.cells(e), "yes" if e.front else "",
-                          "; ".join(e.not_met) or "met")  # fmt: skip
-        print_numbers(table)
+        print_table(made.table)
         for names, why in made.declined():
             out.print(f"does not fit: {names}: {why}", highlight=False, markup=False)
         out.print(f"page: {page.resolve()}")
@@ -162,12 +154,7 @@ def _show(made: Comparison, page: Path, as_json: bool) -> None:
     if as_json:
         print_json({**made.as_json(), "page": str(page)})
     else:
-        table = Table("", box=None, header_style="bold", pad_edge=False)
-        for heading in made.headings:
-            table.add_column(heading, justify="right")
-        for row in made.rows.values():
-            table.add_row(row.title, *row.cells())
-        print_numbers(table)
+        print_table(made.table)
         out.print(f"page: {page.resolve()}")
     unmet = [(t, line) for t, run in zip(made.targets, made.runs, strict=True)
              for line in run.manifest.not_met]  # fmt: skip
@@ -178,28 +165,41 @@ def _show(made: Comparison, page: Path, as_json: bool) -> None:
 
 
 def show_pairs(told: Sequence[Pairs], as_json: bool) -> None:
-    """Paired differences (`pairs.compare`) as tables, or for programs: one alone, or a list."""
-    from ...figures.style import pretty_unit
-    from ...numbers.text import number
-
+    """Print paired differences (`pairs.compare`) as tables, or for programs: one, or a list."""
     for each in told:
         warn(each["warnings"])
     if as_json:
         print_json(told[0] if len(told) == 1 else list(told))
         return
     for each in told:
-        table = Table("number", box=None, header_style="bold", pad_edge=False)
-        for column in ("median", "from", "to", "lower %", "from", "to", "higher %", "pairs"):
-            table.add_column(column, justify="right")
-        table.add_column("unit")
-        for name, entry in each["numbers"].items():
-            if entry["n"]:
-                few = not entry["interval_holds"]  # too few for an interval of the median
-                within = ("", "") if few else tuple(map(number, entry["interval"]))
-                cells = (entry["share_lower"], *entry["share_lower_interval"],
-                         100.0 * entry["higher"] / entry["n"])  # fmt: skip
-                table.add_row(name, number(entry["median"]), *within, *map(number, cells),
-                              str(entry["n"]), pretty_unit(entry["unit"]))  # fmt: skip
-        out.print(f"{each['first']} less {each['second']}, {each['pairs']} pairs; intervals of "
-                  "95 %:")  # fmt: skip
-        print_numbers(table)
+        out.print(
+            f"{each['first']} less {each['second']}, {each['pairs']} pairs; intervals of 95 %:"
+        )
+        print_table(_tabulate_pairs(each))
+
+
+def _tabulate_pairs(pairs: Pairs) -> Table:
+    """Return the differences: median with its interval, shares of samples below and above."""
+    columns = [
+        Column("number", kind="text"),
+        Column("median", ROW_UNIT),
+        Column("from", ROW_UNIT),
+        Column("to", ROW_UNIT),
+        Column("lower %"),
+        Column("from"),
+        Column("to"),
+        Column("higher %"),
+        Column("pairs", form="d"),
+        Column("unit", kind="unit"),
+    ]
+    rows: list[Row] = []
+    for name, entry in pairs["numbers"].items():
+        count = entry["n"]
+        if not count:
+            continue
+        # there may be too few pairs for an interval of the median
+        interval = entry["interval"] if entry["interval_holds"] else (None, None)
+        higher = 100.0 * entry["higher"] / count
+        shares = (entry["share_lower"], *entry["share_lower_interval"], higher)
+        rows.append((name, entry["median"], *interval, *shares, count, entry["unit"]))
+    return Table("", columns, rows)

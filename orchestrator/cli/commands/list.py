@@ -6,12 +6,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from rich.table import Table
 
 from ...files.paths import NOMINAL
+from ...report.table import Column, Table
 from ...system.errors import DesatError
 from .. import options as o
-from ..console import app, example, out, print_json
+from ..console import app, example, out, print_json, print_table
 
 if TYPE_CHECKING:
     from ...runs.catalogue import Family
@@ -62,19 +62,21 @@ def list_command(
 
 
 def _print_scenarios(families: list[Family]) -> None:
-    table = Table("scenario", "what it is", box=None, header_style="bold", pad_edge=False)
-    for family in families:
-        for name, title in family.scenarios.items():
-            table.add_row(name, title)
-    out.print(table)
+    columns = [Column("scenario", kind="text"), Column("what it is", kind="text")]
+    rows = [scenario for family in families for scenario in family.scenarios.items()]
+    print_table(Table("", columns, rows), is_folded=True)
 
 
 def _print_families(families: list[Family]) -> None:
-    table = Table("family", "scenarios", "what it is", "such as", box=None, header_style="bold",
-                  pad_edge=False)  # fmt: skip
-    table.columns[1].justify = "right"
-    for family in families:
-        first = next(iter(family.scenarios), "")
-        table.add_row(family.name, str(len(family.scenarios)), family.title, first)
-    out.print(table)
+    columns = [
+        Column("family", kind="text"),
+        Column("scenarios", form="d"),
+        Column("what it is", kind="text"),
+        Column("such as", kind="text"),
+    ]
+    rows = [
+        (family.name, len(family.scenarios), family.title, next(iter(family.scenarios), ""))
+        for family in families
+    ]
+    print_table(Table("", columns, rows), is_folded=True)
     out.print("`desat list FAMILY` has a family's scenarios, `desat list --all` all of them")

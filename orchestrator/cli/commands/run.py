@@ -10,16 +10,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from rich.table import Table
 
 from ...files import io
 from ...system.errors import DesatError, Exit, RunError
 from ...system.quantity import Quantity
 from .. import options as o
-from ..console import app, err, example, name_of, out, print_json, to_print, warn
+from ..console import app, err, example, name_of, out, print_json, print_table, to_print, warn
 
 if TYPE_CHECKING:
-    from ...analyses.manifest import Manifest
     from ...runs.run import Case, Options, Run
 
 BASELINE = "baseline"
@@ -230,23 +228,12 @@ def _run_baseline(finished: Run, options: Options, folder: Path) -> Run | None:
     return other
 
 
-def _verdicts(manifest: Manifest) -> dict[str, str]:
-    """What is required of a run's numbers, by their names, and whether it is met."""
-    told: dict[str, list[str]] = {}
-    for v in manifest.verdicts.values():
-        margin = "" if v.margin is None or not v.met else f" (margin {100.0 * v.margin:.3g} %)"
-        line = f"{v.limits}: {'met' if v.met else 'NOT MET'}{margin}"
-        told.setdefault(v.number, []).append(line)
-    return {number: "; ".join(lines) for number, lines in told.items()}
-
-
 def _report_run(
     finished: Run, other: Run | None, folder: Path, page: Path | None, everything: bool,
     as_json: bool,
 ) -> None:  # fmt: skip
     from ...engine.recording.results import SERIES
-    from ...figures.style import pretty_unit
-    from ...numbers.text import number
+    from ...report.run_tables import tabulate_numbers
 
     manifest = finished.manifest
     if as_json:
@@ -260,26 +247,14 @@ def _report_run(
         err.print(f"not met: {line}")
     for line in other.manifest.not_met if other else ():
         err.print(f"baseline: not met: {line}")
-    said = _verdicts(manifest)
-    table = Table(box=None, pad_edge=False, header_style="bold",
-                  show_header=other is not None or bool(said))  # fmt: skip
-    baseline, required = ["baseline"] * bool(other), ["required"] * bool(said)
-    for column in ["", "this run", *baseline, "", *required]:
-        table.add_column(
-            column, justify="right" if "run" in column or column == "baseline" else "left"
-        )
-    shown = to_print(manifest.numbers, said, everything)
-    for name in shown:
-        n = manifest.numbers[name]
-        row = [n.label, number(n.value)]
-        if other:
-            theirs = other.manifest.numbers.get(name)
-            row.append(number(theirs.value) if theirs else "")
-        table.add_row(*row, pretty_unit(n.unit), *([said.get(name, "")] if said else []))
-    for name, why in manifest.not_checked.items():
-        table.add_row(name, "not checked", *([""] if other else []), why)
-    if table.row_count:
-        out.print(table)
+    titles = ["this run", *(["baseline"] if other else [])]
+    table = tabulate_numbers(manifest, other.manifest if other else None, titles, has_verdicts=True)
+    names = list(manifest.numbers)
+    judged = {v.number for v in manifest.verdicts.values()}
+    shown = to_print(names, judged, everything)
+    rows = [names.index(name) for name in shown]
+    rows += range(len(names), len(table.rows))
+    print_table(table.part(range(len(table.columns)), rows), is_folded=True)
     if rest := len(manifest.numbers) - len(shown):
         out.print(f"{rest} more numbers in the report; --all prints them")
     report = f"\nreport: {page.resolve()}" if page else ""

@@ -2,24 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Sequence
 from math import radians
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from rich.table import Table
 
 from ...runs.progress import stages
 from ...sizing import quantities
 from ...system.errors import DesatError, Exit
 from .. import options as o
-from ..console import app, err, example, name_of, out, print_json
+from ..console import app, err, example, name_of, out, print_json, print_table
 
 if TYPE_CHECKING:
+    from ...report.table import Table
     from ...sizing.dumps import DumpSizing
     from ...sizing.map import SizingMap
-    from ...sizing.sizing import Sizing
+    from ...sizing.result import Sizing
 
 
 @app.command(epilog=example("desat size my12u"))
@@ -96,6 +96,7 @@ def size(
     from ...sizing import dumps, sizing
     from ...sizing import map as sizing_map
     from ...sizing import page as sizing_page
+    from ...sizing.requirements import SizingRequirements
 
     options = o.options_of(sets, stop, None, o.Semantics.gauss_seidel, blocks, sources=sources)
     angle, seconds = _slew(slew)
@@ -103,17 +104,17 @@ def size(
     if by_thrusters:
         o.refuse(ctx, "it is of coils, and this craft dumps by thrusters", "duty", "margin",
                  "tip_off", "laws", "as_map")  # fmt: skip
-    wishes = sizing.Wishes(
-        duty / 100.0,
-        margin,
-        radians(angle),
-        seconds,
-        None if tip_off is None else radians(tip_off),
-        arm,
-        isp,
-        laws is not False,
-        year,
-        loop,
+    requirements = SizingRequirements(
+        duty=duty / 100.0,
+        margin=margin,
+        slew_angle=radians(angle),
+        slew_time=seconds,
+        tip_off=None if tip_off is None else radians(tip_off),
+        arm=arm,
+        specific_impulse=isp,
+        laws=laws is not False,
+        year=year,
+        flown=loop,
     )
     given = {"rods": (quantities.RODS, rods),
              "inclinations": (quantities.INCLINATIONS, inclinations),
@@ -131,11 +132,11 @@ def size(
                       for k, (quantity, text) in given.items()}  # fmt: skip
             values["altitudes"] = tuple(1e3 * x for x in values["altitudes"])
             axes = sizing_map.MapAxes(**values, laws=laws is True)
-            map_made = sizing_map.map_of(target, options, axes, wishes, jobs, progress)
+            map_made = sizing_map.map_of(target, options, axes, requirements, jobs, progress)
         elif by_thrusters:
-            found = dumps.size(target, options, wishes, progress, _print_sized(as_json))
+            found = dumps.size(target, options, requirements, progress, _print_sized(as_json))
         else:
-            made = sizing.size(target, options, wishes, progress)
+            made = sizing.size(target, options, requirements, progress)
     if by_thrusters:
         if as_json:
             print_json(found.as_json())
@@ -191,65 +192,34 @@ def _slew(text: str | None) -> tuple[float, float]:
 
 
 def _print_sizing(made: Sizing) -> None:
-    from ...sizing.page import cells_of, rows_of
+    from ...sizing import tables
 
     out.print(made.answer, highlight=False, markup=False)
-    out.print()
-    rows = Table(box=None, show_header=False, pad_edge=False)
-    rows.add_column()
-    rows.add_column(justify="right")
-    for row in rows_of(made):
-        rows.add_row(*row)
-    out.print(rows)
-    if made.margins:
-        out.print()
-        table = _table("margin", "needed", "has", "unit", "times")
-        for m in made.margins:
-            table.add_row(m.name, f"{m.needed:.4g}", f"{m.has:.4g}", m.unit, f"{m.ratio:.3g}")
-        out.print(table)
-    if made.sources:
-        out.print()
-        table = _table("source", "secular, uN m", "along the total, %", "an orbit, mN m s",
-                       "cyclic, mN m s")  # fmt: skip
-        for s in made.sources:
-            table.add_row(s.name, f"{1e6 * s.secular:.4g}", f"{100.0 * s.along:.1f}",
-                          f"{1e3 * s.per_orbit:.4g}", f"{1e3 * s.cyclic:.4g}")  # fmt: skip
-        out.print(table)
+    shown = [
+        tables.tabulate_quantities(made),
+        tables.tabulate_margins(made),
+        tables.tabulate_sources(made.sources),
+    ]
     if made.year:
-        out.print()
-        table = _table(
-            "of a year", "day", "activity of the Sun", "secular, uN m", "least rod, A m2"
-        )
-        for name, pick in (("least", min), ("most", max)):
-            d = pick(made.year, key=lambda x: x.least)
-            table.add_row(name, d.day, d.activity, f"{1e6 * d.secular:.4g}", f"{d.least:.4g}")
-        out.print(table)
-    if made.curve:
-        out.print()
-        table = _table("law", "rod, A m2", "times the least", "rms, mN m s", "largest",
-                       "wheel, %", "duty, %", "closed loop: rms", "largest", "duty, %")  # fmt: skip
-        for r in made.curve:
-            if r.law == made.curve[0].law or r.law == made.law:
-                table.add_row(*cells_of(r))
-        out.print(table)
-    if made.conditions and made.best:
-        out.print()
-        laws = [b.law for b in made.best]
-        table = _table(f"smallest rods (A m2), duty {100.0 * made.duty:g} %, margin "
-                       f"{made.wishes.margin:g}", *laws)  # fmt: skip
-        for found in made.conditions:
-            table.add_row(found.condition, *(_rod_cell(found.rods, law) for law in laws))
-        out.print(table)
-    for line in made.notes:
+        shown.append(tables.tabulate_extremes(made.year))
+    laws = (made.curve[0].law, made.law) if made.curve else ()
+    shown.append(tables.tabulate_points([r for r in made.curve if r.law in laws]))
+    if made.best:
+        shown.append(tables.tabulate_conditions(made))
+    _print_tables(shown)
+    _print_notes(made.notes)
+
+
+def _print_tables(tables: Sequence[Table]) -> None:
+    for table in tables:
+        if table.rows:
+            out.print()
+            print_table(table, is_folded=True)
+
+
+def _print_notes(notes: Iterable[str]) -> None:
+    for line in notes:
         out.print(f"note: {line}", highlight=False, markup=False)
-
-
-def _rod_cell(rods: Mapping[str, float | None], law: str) -> str:
-    """Return the text of a law's rods (A m2): empty where it was not looked at."""
-    if law not in rods:
-        return ""
-    rod = rods[law]
-    return "none" if rod is None else f"{rod:.3g}"
 
 
 def _print_sized(as_json: bool) -> Callable[[DumpSizing], None]:
@@ -263,54 +233,22 @@ def _print_sized(as_json: bool) -> Callable[[DumpSizing], None]:
 
 
 def _print_dumps(made: DumpSizing) -> None:
-    from ...sizing.page import dump_rows
+    from ...sizing import tables
 
     out.print(made.answer, highlight=False, markup=False)
-    out.print()
-    rows = _table("dumps by thrusters", "sized", "closed loop")
-    for row in dump_rows(made):
-        rows.add_row(*row)
-    out.print(rows)
-    if made.sources:
-        out.print()
-        table = _table("source", "secular, uN m", "along the total, %")
-        for s in made.sources:
-            table.add_row(s.name, f"{1e6 * s.secular:.4g}", f"{100.0 * s.along:.1f}")
-        out.print(table)
+    shown = [tables.tabulate_dumps(made), tables.tabulate_dump_sources(made.sources)]
     if made.year:
-        out.print()
-        table = _table("of a year", "day", "secular, uN m")
-        for name, pick in (("least", min), ("most", max)):
-            d = pick(made.year, key=lambda x: x.secular)
-            table.add_row(name, d.day, f"{1e6 * d.secular:.4g}")
-        out.print(table)
-    for line in made.notes:
-        out.print(f"note: {line}", highlight=False, markup=False)
-
-
-def _table(*columns: str) -> Table:
-    table = Table(box=None, header_style="bold", pad_edge=False)
-    for i, name in enumerate(columns):
-        table.add_column(name, justify="right" if i else "left")
-    return table
+        shown.append(tables.tabulate_dump_extremes(made.year))
+    _print_tables(shown)
+    _print_notes(made.notes)
 
 
 def _print_map(made: SizingMap) -> None:
-    order = sorted(range(len(made.axes.rods)), key=lambda i: made.axes.rods[i])
-    for k, law in enumerate(made.laws):
-        out.print(f"{law}: the smallest rod (A m2) that holds with a duty of "
-                  f"{100.0 * made.wishes.duty:g} % and a margin of {made.wishes.margin:g}",
-                  highlight=False)  # fmt: skip
-        table = _table("residual dipole, A m2", "altitude, km",
-                       *(f"{i:g} deg" for i in made.axes.inclinations))  # fmt: skip
-        for d, dipole in enumerate(made.axes.dipoles):
-            for a, altitude in enumerate(made.axes.altitudes):
-                cells = []
-                for i in range(len(made.axes.inclinations)):
-                    held = [j for j in order if made.holds[k, i, a, d, j]]
-                    cells.append(f"{made.axes.rods[held[0]]:.3g}" if held else "-")
-                table.add_row(f"{dipole:.3g}", f"{altitude / 1e3:g}", *cells)
-        out.print(table)
+    from ...sizing import tables
+
+    for k in range(len(made.laws)):
+        table = tables.tabulate_map(made, k)
+        out.print(table.title, highlight=False)
+        print_table(table, is_folded=True)
         out.print()
-    for line in made.notes:
-        out.print(f"note: {line}", highlight=False, markup=False)
+    _print_notes(made.notes)

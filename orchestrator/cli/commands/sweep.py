@@ -5,10 +5,11 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
-from rich.table import Table
 
+from ...numbers.text import not_reached
+from ...report.table import ROW_UNIT, Cell, Column, Row, Table, or_not_reached
 from .. import options as o
-from ..console import app, err, example, out, print_json, print_numbers, warn
+from ..console import app, err, example, out, print_json, print_table, warn
 
 if TYPE_CHECKING:
     from ...campaign.draws import Sweep, SweepPoint
@@ -65,33 +66,46 @@ def sweep(
 
 
 def _print(result: Sweep) -> None:
-    from ...figures.style import pretty_unit
-    from ...numbers.text import not_reached, number
-
-    def cell(point: SweepPoint, name: str) -> str:
-        share = not_reached(point["summary"][name]) if name in point.get("summary", {}) else ""
-        return number(point["numbers"].get(name)) + (f" (not reached: {share})" if share else "")
-
-    points, units = result["points"], result["units"]
-    rows = [[*result["axes"], *units]]
-    rows += [
-        [*map(_cell, p["values"].values()), *(cell(p, n) for n in units)]
-        for p in points
-    ]  # fmt: skip
-    rows.append([*("" for _ in result["axes"]), *map(pretty_unit, units.values())])
-    if len(units) > len(points):  # the longer side goes down the page
-        rows = [list(row) for row in zip(*rows, strict=True)]
-    table = Table(box=None, pad_edge=False, show_header=False)
-    for i, _ in enumerate(rows[0]):
-        table.add_column(justify="right" if i else "left")
-    for row in rows:
-        table.add_row(*row)
-    print_numbers(table)
+    print_table(_tabulate(result))
     if result["draws"]:
         out.print(f"medians of {result['draws']} draws")
 
 
-def _cell(value: Any) -> str:
+def _tabulate(result: Sweep) -> Table:
+    """Return the numbers by value; the longer side goes down the page."""
+    points, units = result["points"], result["units"]
+    if len(units) <= len(points):
+        columns = [
+            *(Column(name) for name in result["axes"]),
+            *(Column(name, unit) for name, unit in units.items()),
+        ]
+        rows: list[Row] = [
+            [*map(_text, point["values"].values()), *(_cell(point, name) for name in units)]
+            for point in points
+        ]
+        return Table("", columns, rows)
+    columns = [
+        Column("", kind="text"),
+        *(Column("", ROW_UNIT) for _ in points),
+        Column("", kind="unit"),
+    ]
+    rows = [
+        [axis, *(_text(point["values"][axis]) for point in points), ""] for axis in result["axes"]
+    ]
+    rows += [
+        [name, *(_cell(point, name) for point in points), unit] for name, unit in units.items()
+    ]
+    return Table("", columns, rows, has_header=False)
+
+
+def _cell(point: SweepPoint, name: str) -> Cell:
+    """Return a number at a point, and in how many samples it is not reached."""
+    missing = not_reached(point["summary"][name]) if name in point.get("summary", {}) else ""
+    value = or_not_reached(point["numbers"].get(name))
+    return Cell(value, note=f"not reached: {missing}" if missing else "")
+
+
+def _text(value: Any) -> str:
     if isinstance(value, list):
-        return ", ".join(_cell(x) for x in value)
+        return ", ".join(_text(x) for x in value)
     return f"{value:g}" if isinstance(value, float) else str(value)

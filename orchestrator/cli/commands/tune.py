@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
-from rich.table import Table
 
 from ...runs.progress import stages
 from ...system.errors import DesatError, Exit
 from ...system.quantity import Quantity
 from .. import options as o
-from ..console import app, example, out, print_json, print_numbers
+from ..console import app, example, out, print_json, print_table
+
+if TYPE_CHECKING:
+    from ...studies.tune import Tuned
 
 BETWEEN = Quantity("--between")
 
@@ -81,26 +83,18 @@ def tune(
         raise typer.Exit(Exit.UNMET)
 
 
-def _print(made: object) -> None:
-    from ...figures.style import pretty_unit
-    from ...numbers.text import number
-    from ...studies.tune import Tuned
+def _print(made: Tuned) -> None:
+    from ...numbers.text import number, spell_unit
 
-    assert isinstance(made, Tuned)
     out.print(made.answer, highlight=False, markup=False)
-    table = Table(f"{made.parameter} [{pretty_unit(made.unit)}]", box=None, header_style="bold",
-                  pad_edge=False)  # fmt: skip
-    table.add_column(f"{made.number} [{pretty_unit(made.number_unit)}], median of {made.draws} "
-                     "tuning samples", justify="right")  # fmt: skip
-    table.add_column("samples that miss a requirement", justify="right")
-    for p in made.points:
-        mark = " (own)" if p.value == made.own else " (best)" if p.value == made.best else ""
-        table.add_row(f"{p.value:.4g}{mark}", number(p.median), str(p.missed))
-    print_numbers(table)
-    told = made.unseen
+    print_table(made.table)
+    unseen = made.unseen
     within = "too few for an interval"
-    if told["interval_holds"]:
-        within = f"{number(told['interval'][0])} to {number(told['interval'][1])}"
-    out.print(f"unseen samples, own less best: median {number(told['median'])} ({within}, 95 %) "
-              f"{pretty_unit(made.number_unit)}, {told['n']} pairs; a requirement is missed in "
-              f"{told['missed_own']} and {told['missed_best']}", highlight=False)  # fmt: skip
+    if unseen["interval_holds"]:
+        within = f"{number(unseen['interval'][0])} to {number(unseen['interval'][1])}"
+    out.print(
+        f"unseen samples, own less best: median {number(unseen['median'])} ({within}, 95 %) "
+        f"{spell_unit(made.number_unit)}, {unseen['n']} pairs; a requirement is missed in "
+        f"{unseen['missed_own']} and {unseen['missed_best']}",
+        highlight=False,
+    )

@@ -36,8 +36,8 @@ def design(
 
     They are kept in ssp/FAMILY/design/.
     """
-    from ...figures.style import pretty_unit
     from ...files import paths
+    from ...numbers.text import spell_unit
     from ..designs import making as design_module
 
     if file is None:
@@ -63,7 +63,7 @@ def design(
     table = Table("scenario", "reached", "tuned", box=None, header_style="bold", pad_edge=False)
     for s, d, _ in made:
         columns = (
-            ", ".join(f"{n} = {v:.6g} {pretty_unit(u)}" for n, (v, u) in entries.items()
+            ", ".join(f"{n} = {v:.6g} {spell_unit(u)}" for n, (v, u) in entries.items()
                       if isinstance(v, float))
             for entries in (d.reached, d.tuned)
         )  # fmt: skip

@@ -1,0 +1,99 @@
+"""The tables of a run: its numbers and the verdicts on them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from ..analyses.manifest import Manifest
+from ..numbers.verdicts import Verdict
+from .table import ROW_UNIT, Cell, Column, Row, Table, or_not_reached
+
+
+def tabulate_numbers(
+    manifest: Manifest,
+    baseline: Manifest | None,
+    titles: Sequence[str],
+    *,
+    has_verdicts: bool = False,
+    has_references: bool = False,
+) -> Table:
+    """Return the numbers of a run, then what was not checked.
+
+    Parameters
+    ----------
+    manifest, baseline
+        The run, and the one whose numbers stand beside its own.
+    titles
+        What stands above the numbers of each.
+    has_verdicts
+        Whether a column says what is required of a number, and whether that is met.
+    has_references
+        Whether titles name the scenario that a number compares with.
+    """
+    manifests = [manifest] if baseline is None else [manifest, baseline]
+    columns = [
+        Column("", kind="text"),
+        *(Column(title, ROW_UNIT) for title in titles),
+        Column("", kind="unit"),
+    ]
+    required = _required(manifest) if has_verdicts else {}
+    if required:
+        columns.append(Column("required", ROW_UNIT, kind="text"))
+    rows: list[Row] = []
+    for name, value in manifest.numbers.items():
+        is_related = has_references and value.reference
+        title = Cell(value.label, note=f"against {value.reference}" if is_related else "")
+        row = [title, *(_number(m, name) for m in manifests), value.unit]
+        rows.append([*row, required.get(name)] if required else row)
+    for name, why in manifest.not_checked.items():
+        row = [name, "not checked", *([None] if baseline else []), Cell(why)]
+        rows.append([*row, None] if required else row)
+    has_header = len(manifests) > 1 or bool(required)
+    return Table("", columns, rows, has_header=has_header)
+
+
+def _number(manifest: Manifest, name: str) -> str | float | None:
+    """Return a number of a run; None if it has none of the name."""
+    found = manifest.numbers.get(name)
+    return None if found is None else or_not_reached(found.value)
+
+
+def _required(manifest: Manifest) -> dict[str, Cell]:
+    """Return what is required of numbers, by their names, and whether it is met."""
+    texts: dict[str, list[str]] = {}
+    limits: dict[str, list[float]] = {}
+    for v in manifest.verdicts.values():
+        margin = "" if v.margin is None or not v.met else f" (margin {100.0 * v.margin:.3g} %)"
+        text = f"{_limits_text(v)}: {'met' if v.met else 'NOT MET'}{margin}"
+        texts.setdefault(v.number, []).append(text)
+        limits.setdefault(v.number, []).extend(x for _, x in v.bounds)
+    return {name: Cell("; ".join(lines), limits[name]) for name, lines in texts.items()}
+
+
+def _limits_text(verdict: Verdict) -> str:
+    """Return the limits with places for their numbers."""
+    return ", ".join(f"{word} {{}}" for word, _ in verdict.bounds)
+
+
+def tabulate_verdicts(verdicts: Mapping[str, Verdict]) -> Table:
+    """Return the requirements with the numbers of a run."""
+    columns = [
+        Column("requirement", kind="text"),
+        Column("", kind="text"),
+        Column("this run", ROW_UNIT),
+        Column("required", ROW_UNIT),
+        Column("unit", kind="unit"),
+        Column("margin %", form=".3g", is_detail=True),
+    ]
+    rows: list[Row] = [
+        (
+            v.title,
+            Cell("met", mark="ok") if v.met else Cell("NOT MET", mark="bad"),
+            or_not_reached(v.value),
+            Cell(_limits_text(v), [x for _, x in v.bounds]),
+            v.unit,
+            None if v.margin is None else 100.0 * v.margin,
+        )
+        for v in verdicts.values()
+    ]
+    return Table("", columns, rows)

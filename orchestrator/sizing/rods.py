@@ -1,0 +1,383 @@
+"""The rods of laws: their momentum and duty over sizes, and the smallest that meet requirements."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from math import ceil, floor, inf, log10
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..analyses.flight import Flight, Hardware, flight_of, hardware_of, series_for
+from ..analyses.manifest import Manifest
+from ..campaign.draws import series_of_numbers
+from ..runs.prepare import Target, prepare
+from ..runs.run import Run, simulate
+from ..system.errors import DesatError
+from ..system.model import System
+from ..system.options import Options
+from .compatibility import Terms, fitting, prepare_with
+from .law import STEP, Law, UnsuitedError, hold_of, law_of
+from .model import Course, fly, track_of, useful
+from .momentum import smallest_wheel_capacity
+from .requirements import SizingRequirements
+from .scenarios import WORST
+from .year import WorstDay
+
+Array = NDArray[Any]
+CURVE_MULTIPLES = (0.8, 1.0, 1.15, 1.3, 1.6, 2.0, 3.0, 5.0, 8.0)
+#: Rods of a curve, as multiples of the least. From 1.15 on model and closed loop agree within 5 %.
+LARGEST_MULTIPLE = 30.0  # largest rod that is looked at, or the craft's own if larger
+LOOP_MULTIPLES = (1.3,)  # rods that fly in the closed loop beside the recommended one
+LOOP_TRIES = 6  # flights of the worst scenario with larger and larger rods
+LOOP_STEP = 1.5  # by which they grow where the model does not say by how much
+GRID_SIZES = 60  # rods of a search by the model
+
+
+def other_laws(source: Target, options: Options, terms: Terms, notes: list[str]) -> Iterator[Law]:
+    """Yield the laws that fit the craft besides its own (`compatibility.py`), as the model has
+    them; what it has not is added to the notes."""
+    without = []
+    for each in fitting(source, options, terms)[0][1:]:
+        system, _ = prepare_with(source, each).or_raise()
+        try:
+            yield law_of(system.components["manager"])
+        except UnsuitedError:
+            without.append(each.name)
+    if without:
+        notes.append(
+            f"closed loop only, by `desat compare {source.text} --laws all`: {', '.join(without)}"
+        )
+
+
+@dataclass(frozen=True)
+class SizingPoint:
+    """A size of rods (A m2) under a law: the model, and the closed loop where it flew."""
+
+    law: str
+    rod: float
+    multiple: float
+    """of the least rod"""
+    rms: float | None
+    """N m s; None: closed loop only"""
+    largest: float | None
+    filled: float | None
+    """the fullest wheel in the second half, share of its capacity; None: without a limit"""
+    duty: float | None
+    """1"""
+    loop_rms: float | None = None
+    loop_largest: float | None = None
+    loop_duty: float | None = None
+
+
+def round_up(rod: float) -> float:
+    """Return a rod (A m2) rounded up to three digits: as it is printed, and typed again."""
+    if not 0.0 < rod < inf:
+        return rod
+    digit = 10.0 ** (floor(log10(rod)) - 2)
+    return float(f"{ceil(rod / digit * (1.0 - 1e-12)) * digit:.3g}")
+
+
+def rod_grid(least: float, requirements: SizingRequirements, hardware: Hardware) -> Array:
+    """Return rods (A m2) from the margin over the least one to the largest that is looked at."""
+    largest = max(LARGEST_MULTIPLE, hardware.m_limit / least)
+    return np.geomspace(requirements.margin, largest, GRID_SIZES) * least
+
+
+def fly_rods(
+    flight: Flight, law: Law, hardware: Hardware, rods: Array, longest: float | None = None
+) -> Course:
+    """Fly the model with rods of several sizes.
+
+    Parameters
+    ----------
+    flight, law, hardware
+        What it flies.
+    rods
+        (n,) A m2.
+    longest
+        Time (s) up to which samples of the law are taken together; None: they are not.
+
+    Returns
+    -------
+    Course
+        (n,) each.
+
+    Raises
+    ------
+    UnsuitedError
+        For a law that the model does not have.
+    """
+    if longest is None:
+        track = track_of(flight, law, hardware)
+    else:
+        track = track_of(flight, law, hardware, hold=hold_of(law, flight, longest))
+    course = fly([track], law, hardware, rods.tolist())
+    return Course(*(table[0, 0] for table in course))
+
+
+def find_smallest(rods: Array, is_enough: Array) -> float | None:
+    """Return the first rod (A m2) that is enough; None if there is none."""
+    return float(rods[np.argmax(is_enough)]) if is_enough.any() else None
+
+
+def meets(course: Course, hardware: Hardware, requirements: SizingRequirements) -> Array:
+    """Return for which rods the duty is as required and the wheels hold with the margin."""
+    capacity = smallest_wheel_capacity(hardware)
+    holds = course.wheel * requirements.margin <= capacity
+    return np.asarray((course.duty <= requirements.duty) & holds)
+
+
+def curve_of(
+    flight: Flight, law: Law, hardware: Hardware, least: float, requirements: SizingRequirements
+) -> tuple[tuple[SizingPoint, ...], float | None]:
+    """Compute the momentum and duty of a law over sizes of rods.
+
+    Returns
+    -------
+    points
+        Of the sizes of CURVE_MULTIPLES, of the craft's own and of the smallest that meets the
+        requirements.
+    smallest
+        That rod (A m2); None if there is none.
+
+    Raises
+    ------
+    UnsuitedError
+        For a law that the model does not have.
+    """
+    grid = rod_grid(least, requirements, hardware)
+    own = [hardware.m_limit] if hardware.m_limit else []
+    rods = np.array([*grid, *(k * least for k in CURVE_MULTIPLES), *own])
+    course = fly_rods(flight, law, hardware, rods)
+    is_enough = meets(course, hardware, requirements)[: len(grid)]
+    smallest = find_smallest(grid, is_enough)
+    rows = [*range(len(grid), len(rods))]
+    if smallest is not None:
+        rows.append(int(np.argmax(is_enough)))
+    capacity = smallest_wheel_capacity(hardware)
+    points = tuple(
+        SizingPoint(
+            law=law.name,
+            rod=float(rods[i]),
+            multiple=float(rods[i]) / least,
+            rms=float(course.rms[i]),
+            largest=float(course.largest[i]),
+            filled=float(course.wheel[i]) / capacity if capacity < inf else None,
+            duty=float(course.duty[i]),
+        )
+        for i in sorted(rows, key=lambda i: rods[i])
+    )
+    return points, smallest
+
+
+@dataclass(frozen=True)
+class Best:
+    """The rods of the model for the duty and the margin asked for, under a law."""
+
+    law: str
+    rod: float | None
+    """A m2; None: there is none up to LARGEST_MULTIPLE times the least and the craft's own"""
+
+
+def compute_curves(
+    flight: Flight,
+    hardware: Hardware,
+    laws: Sequence[Law],
+    least: float,
+    requirements: SizingRequirements,
+    progress: Callable[[str], None],
+    notes: list[str],
+) -> tuple[tuple[SizingPoint, ...], tuple[Best, ...]]:
+    """Return the curves of the laws, the craft's own first, and the rods to recommend under
+    each."""
+    if not 0.0 < least < inf:
+        return (), ()
+    rows: tuple[SizingPoint, ...] = ()
+    best: tuple[Best, ...] = ()
+    for law in laws:
+        progress(f"the model of {law.name}")
+        try:
+            more, recommended = curve_of(flight, law, hardware, least, requirements)
+        except UnsuitedError as why:
+            notes.append(f"{law.name}: closed loop only; {why}")
+            continue
+        rows, best = rows + more, (*best, Best(law.name, recommended))
+    return rows, best
+
+
+def find_rod_for_year(
+    day: float | None,
+    hardest: WorstDay | None,
+    law: Law | None,
+    hardware: Hardware,
+    requirements: SizingRequirements,
+    longest: float = STEP,
+) -> float | None:
+    """Return the smallest rod (A m2) that holds on the scenario's day and on the worst one.
+
+    Parameters
+    ----------
+    day
+        Rod (A m2) that the scenario's day takes; None: none holds.
+    hardest
+        The worst day; None: there is no other.
+    law, hardware, requirements
+        What holds.
+    longest
+        Time (s) up to which samples of the law are taken together.
+    """
+    if day is None or law is None:
+        return None
+    if hardest is None or hardest.least == 0.0:
+        return round_up(day)
+    if hardest.least == inf:
+        return None
+    grid = [round_up(x) for x in rod_grid(hardest.least, requirements, hardware)]
+    rods = np.maximum(grid, round_up(day))
+    course = fly_rods(hardest.flight, law, hardware, rods, longest)
+    return find_smallest(rods, meets(course, hardware, requirements))
+
+
+def find_rod_for_worst(
+    source: Target,
+    options: Options,
+    hardware: Hardware,
+    rod: float | None,
+    law: Law | None,
+    progress: Callable[[str], None],
+) -> tuple[float | None, list[str]]:
+    """Return rods (A m2), from `rod` on, with which a scenario meets its requirements in the closed
+    loop; None: there are none. And a line for each requirement that it misses with the craft's
+    own."""
+
+    def fly_with(size: float) -> tuple[Manifest, Flight | None]:
+        progress(f"{WORST} with rods of {size:.4g} A m2")
+        run = _with_rods(source, options, size, more=series_of_numbers)
+        with run.results as results:
+            try:
+                found = flight_of(prepare(source, options).or_raise()[0], results)
+            except DesatError:  # it is shorter than an orbit
+                found = None
+        return run.manifest, found
+
+    known: dict[float, tuple[Manifest, Flight | None]] = {}
+    own, largest = hardware.m_limit, max(LARGEST_MULTIPLE * (rod or 0.0), hardware.m_limit)
+    while rod is not None:
+        if rod not in known:
+            known[rod] = fly_with(rod)
+        manifest, found = known[rod]
+        if not manifest.not_met:
+            break
+        if len(known) == LOOP_TRIES:
+            rod = None
+        else:
+            rod = _find_larger(manifest, found, hardware, rod, law, largest)
+    missed: list[str] = []
+    if own > 0.0 and (rod is None or own < rod):
+        missed = (known.get(own) or fly_with(own))[0].not_met
+    return rod, [f"{WORST} with its rods of {own:.4g} A m2: {line}" for line in missed]
+
+
+def _find_larger(
+    manifest: Manifest,
+    flight: Flight | None,
+    hardware: Hardware,
+    rod: float,
+    law: Law | None,
+    largest: float,
+) -> float | None:
+    """Return the next rod to try where a run with `rod` misses a requirement: by the model where
+    that is one on the wheels' largest momentum, in a craft that keeps its attitude. None: it is
+    larger than all that are looked at."""
+    over = [
+        v.value / v.max
+        for v in manifest.verdicts.values()
+        if not v.met and v.max and v.value and v.number == "largest_momentum"
+    ]
+    step = round_up(LOOP_STEP * rod)
+    if over and flight is not None and law is not None and not manifest.unmet:
+        rods = np.array([round_up(x) for x in np.geomspace(rod, max(largest, 1.01 * rod), 40)])
+        peak = fly_rods(flight, law, hardware, rods).peak
+        smallest = find_smallest(rods, peak <= 0.99 * peak[0] / max(over))
+        step = inf if smallest is None else max(step, smallest)
+    return step if step <= largest else None
+
+
+def add_closed_loop(
+    curve: tuple[SizingPoint, ...],
+    recommended: float | None,
+    source: Target,
+    options: Options,
+    system: System,
+    own: Law | None,
+    least: float,
+    progress: Callable[[str], None],
+) -> tuple[SizingPoint, ...]:
+    """Return the rows of the craft's own manager with the closed loop at the sizes that count; rows
+    of the closed loop alone where the model does not have its law."""
+    name = own.name if own is not None and curve and curve[0].law == own.name else ""
+    closed = [*(k * least for k in LOOP_MULTIPLES), *([recommended] if recommended else [])]
+    if name:
+        return tuple(
+            in_the_loop(row, source, options, progress)
+            if row.law == name and any(abs(row.rod - m) < 1e-9 * m for m in closed)
+            else row
+            for row in curve
+        )
+    alone = [
+        SizingPoint(manager_name(system), m, m / least, None, None, None, None)
+        for m in sorted(closed)
+    ]
+    return (*(in_the_loop(row, source, options, progress) for row in alone), *curve)
+
+
+def in_the_loop(
+    row: SizingPoint,
+    source: Target,
+    options: Options,
+    progress: Callable[[str], None] = lambda text: None,
+) -> SizingPoint:
+    """Return a size of rods with what the closed loop makes of it."""
+    progress(f"the closed loop with rods of {row.rod:.4g} A m2")
+    run = _with_rods(source, options, row.rod).or_raise(source.text)
+    system, _ = prepare(source, options).or_raise()
+    with run.results as results:
+        wheels = "wheels.h_wheel" in results.names()
+        h = results.values("wheels.h_wheel" if wheels else "spacecraft.h_copy_wheel")
+        m = results.values("torquers.m_mean_body")
+        counts = useful(results.values("environment.b_eci")[: len(m)])
+    hardware = hardware_of(system)
+    sizes = np.linalg.norm(h @ hardware.axes_wheel.T, axis=1)
+    coils = m @ np.linalg.pinv(hardware.axes_coil).T
+    return replace(
+        row,
+        loop_rms=float(np.sqrt((sizes**2).mean())),
+        loop_largest=float(sizes.max()),
+        loop_duty=float(np.abs(coils[: len(counts)][counts]).mean()) / row.rod,
+    )
+
+
+def _with_rods(
+    source: Target,
+    options: Options,
+    rod: float,
+    more: Callable[[System], Iterable[str]] = lambda system: (),
+) -> Run:
+    """Return a run with rods of this size (A m2), which has recorded what a flight takes, and
+    more."""
+    plain, _ = prepare(source, options).or_raise()
+    values = {**options.values, "torquers.m_limit": rod}
+    if "m_limit" in plain.components["manager"].interface.signals:
+        values["manager.m_limit"] = rod
+    case = prepare(source, replace(options, values=values))
+    system, _ = case.or_raise()
+    record = tuple(sorted({*series_for(system), *more(system)}))
+    return simulate(replace(case, options=replace(case.options, record=record, every=1)))
+
+
+def manager_name(system: System) -> str:
+    """Return the name of the file of a craft's manager."""
+    return system.components["manager"].source.rpartition("/")[2].removesuffix(".fmu")

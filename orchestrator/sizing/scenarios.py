@@ -1,0 +1,124 @@
+"""What a sizing takes from the scenarios of a craft, and what of them its model does not have."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from math import pi
+
+import numpy as np
+
+from ..analyses import attitude_loop, plausibility
+from ..analyses.flight import Flight, flight_of, series_for
+from ..files.paths import NOMINAL
+from ..runs.prepare import Case, Target, prepare, read
+from ..runs.run import simulate
+from ..system.errors import DesatError
+from ..system.model import System
+from ..system.options import Options
+
+WORST = "worst.toml"  # the scenario beside a craft's own that what is recommended has to meet, too
+DETUMBLING = "detumbling.toml"
+TIP_OFF = 5.0 * pi / 180.0  # rad/s, where no scenario says it
+LOOP_ROLES = (
+    "magnetometer",
+    "gyro",
+    "determination",
+    "star_tracker",
+    "sun_sensor",
+    "controller",
+)  #: Roles whose parameters act in the closed loop alone.
+LOOP_PARAMETERS = {
+    "wheels": {
+        "motor_lag",
+        "viscous",
+        "coulomb",
+        "friction_speed",
+        "compensation",
+        "stiction",
+        "unbalance",
+        "seed",
+        "idle_power",
+        "motor_constant",
+        "h_start_wheel",
+        "speed_gain",
+        "speed_sample_time",
+        "command_mode",
+        "failed_from",
+    },
+    "spacecraft": {"q_start_bi", "omega_start_body", "start_frame", "angle_limit"},
+    "tachometers": {"sample_time", "bias_wheel", "resolution", "full_scale", "fail_time", "seed"},
+    "thrusters": {
+        "sample_time",
+        "placement",
+        "carried",
+        "least_on_time",
+        "least_pulse",
+        "schedule_start",
+        "schedule_duration",
+        "schedule_tau_body",
+        "schedule_force_body",
+    },
+    "torquers": {
+        "lag",
+        "resistance",
+        "area_turns",
+        "failed_coil",
+        "failed_from",
+        "failed_share",
+        "failure_known",
+        "pulse_delay",
+        "least_pulse",
+    },
+    "manager": {"delay", "wheel_sample_time", "null_gain", "gyroscopic", "feedforward"},
+}
+"""Parameters of other roles that do so."""
+
+
+def doubts(system: System) -> list[str]:
+    """Say what is improbable in a craft, as `check` and `run` do."""
+    return [*plausibility.warnings(system), *attitude_loop.warnings(system)]
+
+
+def closed_loop_only(system: System, options: Options) -> Iterator[str]:
+    """Name the parameters that options set and the momentum model does not have, in a line."""
+    changed = [x.partition("=")[0].strip() for x in options.sets] + [*options.values]
+    names = []
+    for name in dict.fromkeys(changed):
+        owner, _, parameter = name.partition(".")
+        component = system.components.get(owner)
+        role = owner if component is None else component.interface.role
+        parameter = parameter.partition("[")[0]
+        if role in LOOP_ROLES or parameter in LOOP_PARAMETERS.get(role, ()):
+            names.append(name)
+    if names:
+        yield f"{', '.join(names)}: in the closed loop only, the sizes do not know it"
+
+
+def find_tip_off(source: Target, options: Options) -> float:
+    """Return the rate after separation (rad/s): of the scenario `detumbling` beside a craft of
+    one's own, or TIP_OFF."""
+    file = source.scenario.file if source.scenario is not None else None
+    if file is None or not (there := file.parent / DETUMBLING).is_file():
+        return TIP_OFF
+    try:
+        system, _ = prepare(read(str(there)), replace(options, stop=None)).or_raise()
+    except DesatError:
+        return TIP_OFF
+    return float(np.linalg.norm(system.components["spacecraft"].values["omega_start_body"]))
+
+
+def find_worst_scenario(source: Target) -> Target | None:
+    """Return the worst scenario of a craft of one's own, where the source is its nominal one."""
+    file = source.scenario.file if source.scenario is not None else None
+    if file is None or file.name != NOMINAL or not (there := file.parent / WORST).is_file():
+        return None
+    return read(str(there))
+
+
+def fly_case(case: Case, system: System) -> Flight:
+    """Return the flight of a prepared case, flown now. Raise DesatError if it does not complete."""
+    recording = replace(case.options, record=series_for(system), every=1)
+    run = simulate(replace(case, options=recording)).or_raise(case.target)
+    with run.results as results:
+        return flight_of(system, results)

@@ -1,0 +1,333 @@
+"""The tables of a sizing, as a terminal and a page show them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from math import inf
+
+import numpy as np
+
+from ..numbers.text import format_duration
+from ..report.table import ROW_UNIT, Cell, Column, Row, Table, share
+from .dumps import DumpSizing
+from .map import SizingMap
+from .momentum import SourceShare
+from .result import Sizing
+from .rods import SizingPoint
+from .year import YearDate
+
+QUANTITIES = (
+    Column("", kind="text"),
+    Column("", ROW_UNIT, ".4g"),
+    Column("", kind="unit"),
+)  #: Columns of a table of quantities: name, value, unit.
+UNEXPLAINED = "of no source"
+
+
+def tabulate_quantities(sizing: Sizing) -> Table:
+    """Return what drives a sizing and what follows from it."""
+    secular = float(np.linalg.norm(sizing.secular))
+    weakest = ", ".join(f"{x:.2f}" for x in sizing.weakest)
+    rows: list[Row] = [
+        ("Secular torque", secular, "N.m"),
+        ("Secular momentum of an orbit", sizing.per_orbit, "N.m.s"),
+        ("Cyclic momentum, largest about its middle", sizing.cyclic, "N.m.s"),
+        ("Fullest wheel, beside what is dumped", sizing.wheel_needed, "N.m.s"),
+        _duration("Time without dumping until a wheel is full", sizing.time_without),
+        ("Least rod, |s| / mean Σ |(a × B) · n|", sizing.least_formula, "A.m2"),
+        ("Least rod for any law, linear programme", sizing.least, "A.m2"),
+    ]
+    if sizing.least_year > 0.0:
+        title = f"The same on the worst day of the year ({sizing.worst_day})"
+        rows.append((title, sizing.least_year, "A.m2"))
+    rows += [
+        _duration("Longest time in which 1.3 times that cannot undo s", sizing.blind),
+        (
+            "Rods along the direction where they do least, over the mean",
+            f"{sizing.weakness:.3f}",
+            "",
+        ),
+        ("That direction, eci", weakest, ""),
+        ("Rate after separation", float(np.degrees(sizing.tip_off_rate)), "deg/s"),
+        ("Momentum after separation", sizing.tip_off, "N.m.s"),
+        _duration("Detumbling, least time by its rods at their limits", sizing.detumbling),
+        _duration("First dump of it from the wheels, least time", sizing.first_dump),
+    ]
+    detumbling, first_dump = sizing.detumbling_recommended, sizing.first_dump_recommended
+    if detumbling is not None and first_dump is not None:
+        rows.append(_duration(f"Detumbling with {sizing.recommended:.3g} A m2", detumbling))
+        rows.append(_duration("First dump with these", first_dump))
+    if sizing.start_momentum > 0.0:
+        rows.append(("Wheels at the start", sizing.start_momentum, "N.m.s"))
+        rows.append(_duration("Dump of that, least time", sizing.start_dump))
+    if sizing.slew_momentum > 0.0:
+        title = "Slew, momentum of the fullest wheel, 2 I θ / T"
+        rows.append((title, sizing.slew_momentum, "N.m.s"))
+        rows.append(("Slew, torque of it, 4 I θ / T²", sizing.slew_torque, "N.m"))
+    if sizing.propellant is not None and sizing.propellant_least is not None:
+        title = "Propellant a year by thrusters alone, dumps as a wheel is full"
+        rows.append(_propellant(title, sizing.propellant))
+        title = "The same, each dump where it costs least"
+        rows.append(_propellant(title, sizing.propellant_least))
+    return Table("Numbers", QUANTITIES, rows, has_header=False, is_scaled=True)
+
+
+def _duration(title: str, seconds: float) -> Row:
+    return title, format_duration(seconds), ""
+
+
+def _propellant(title: str, mass: float) -> Row:
+    if mass == inf:
+        return title, "no layout gives it", ""
+    return title, mass, "kg"
+
+
+def tabulate_margins(sizing: Sizing) -> Table:
+    """Return what is needed beside what the craft has."""
+    columns = [
+        Column("margin", kind="text"),
+        Column("needed", ROW_UNIT, ".4g"),
+        Column("has", ROW_UNIT, ".4g"),
+        Column("unit", kind="unit"),
+        Column("times", form=".3g"),
+    ]
+    rows = [
+        (m.name, m.needed, m.has, m.unit, Cell(m.ratio, mark="bad" if m.ratio < 1.0 else "ok"))
+        for m in sizing.margins
+    ]
+    return Table("Margins", columns, rows, is_scaled=True)
+
+
+def tabulate_sources(sources: Sequence[SourceShare], unexplained: float | None = None) -> Table:
+    """Return the momentum of each source of disturbance, and the torque that is of none."""
+    columns = [
+        Column("source", kind="text"),
+        Column("secular", "N.m", ".4g"),
+        Column("along the total", "%", ".1f"),
+        Column("an orbit", "N.m.s", ".4g"),
+        Column("cyclic", "N.m.s", ".4g"),
+    ]
+    rows: list[Row] = [(s.name, s.secular, 100.0 * s.along, s.per_orbit, s.cyclic) for s in sources]
+    if unexplained is not None:
+        rows.append((UNEXPLAINED, unexplained, None, None, None))
+    return Table("What drives it", columns, rows, is_scaled=True)
+
+
+def tabulate_days(days: Sequence[YearDate]) -> Table:
+    """Return the days of a year."""
+    columns = [
+        Column("day", kind="text"),
+        Column("activity of the Sun", kind="text"),
+        Column("secular", "N.m", ".4g"),
+        Column("an orbit", "N.m.s", ".4g", is_detail=True),
+        Column("cyclic", "N.m.s", ".4g", is_detail=True),
+        Column("least rod", "A.m2", ".4g"),
+    ]
+    rows = [(d.day, d.activity, d.secular, d.per_orbit, d.cyclic, d.least) for d in days]
+    return Table("A year", columns, rows, is_scaled=True)
+
+
+def tabulate_extremes(days: Sequence[YearDate]) -> Table:
+    """Return the days of a year that ask least and most of rods."""
+    columns = [
+        Column("of a year", kind="text"),
+        Column("day", kind="text"),
+        Column("activity of the Sun", kind="text"),
+        Column("secular", "N.m", ".4g"),
+        Column("least rod", "A.m2", ".4g"),
+    ]
+    extremes = {
+        "least": min(days, key=lambda d: d.least),
+        "most": max(days, key=lambda d: d.least),
+    }
+    rows = [(name, d.day, d.activity, d.secular, d.least) for name, d in extremes.items()]
+    return Table("A year", columns, rows, is_scaled=True)
+
+
+def tabulate_points(points: Sequence[SizingPoint]) -> Table:
+    """Return sizes of rods law by law: the model, and the closed loop where it flew."""
+    columns = [
+        Column("law", kind="text"),
+        Column("rod", "A.m2", ".4g"),
+        Column("times the least", form=".3g", is_detail=True),
+        Column("rms", "N.m.s", ".4g"),
+        Column("largest", "N.m.s", ".4g", is_detail=True),
+        Column("wheel", "%", ".4g"),
+        Column("duty", "%", ".4g"),
+        Column("closed loop: rms", "N.m.s", ".4g", is_detail=True),
+        Column("largest", "N.m.s", ".4g", is_detail=True),
+        Column("duty", "%", ".4g", is_detail=True),
+    ]
+    rows = [
+        (
+            point.law,
+            point.rod,
+            point.multiple,
+            point.rms,
+            point.largest,
+            _percent(point.filled),
+            _percent(point.duty),
+            Cell(point.loop_rms, note=_difference(point.rms, point.loop_rms)),
+            Cell(point.loop_largest, note=_difference(point.largest, point.loop_largest)),
+            _percent(point.loop_duty),
+        )
+        for point in points
+    ]
+    return Table("Rods", columns, rows, is_scaled=True)
+
+
+def _percent(share: float | None) -> float | None:
+    return None if share is None else 100.0 * share
+
+
+def _difference(model: float | None, loop: float | None) -> str:
+    """Return by how much the model is above the closed loop."""
+    if model is None or loop is None:
+        return ""
+    return f"{100.0 * (model / loop - 1.0):+.1f} %"
+
+
+def tabulate_conditions(sizing: Sizing) -> Table:
+    """Return the smallest rods that hold under each condition, law by law."""
+    laws = [best.law for best in sizing.best]
+    margin = sizing.requirements.margin
+    title = f"smallest rods (A m2), duty {100.0 * sizing.duty:g} %, margin {margin:g}"
+    columns = [Column(title, kind="text"), *(Column(law, form=".3g") for law in laws)]
+    rows = [
+        (found.condition, *(_smallest_rod(found.rods, law) for law in laws))
+        for found in sizing.conditions
+    ]
+    return Table("Smallest rods", columns, rows)
+
+
+def _smallest_rod(rods: Mapping[str, float | None], law: str) -> str | float:
+    """Return a law's rod (A m2); empty where the law was not looked at."""
+    rod = rods.get(law)
+    if rod is None:
+        return "none" if law in rods else ""
+    return rod
+
+
+def tabulate_dumps(sizing: DumpSizing) -> Table:
+    """Return what dumps come to, as sized and in the closed loop."""
+    columns = [
+        Column("dumps by thrusters", kind="text"),
+        Column("sized", ROW_UNIT, ".4g"),
+        Column("closed loop", ROW_UNIT, ".4g"),
+        Column("", kind="unit"),
+    ]
+    loop, steady = sizing.loop, sizing.steady
+    first = loop.get("first_dump")
+    loop_first = "" if first is None else format_duration(first)
+    apart = f"{steady.least_a_week:.4g} to {steady.most_a_week:.4g}"
+    rows: list[Row] = [
+        ("first dump, from wheels at rest", format_duration(steady.first), loop_first, ""),
+        ("dumps a week", steady.a_week, loop.get("dumps_a_week"), ""),
+        ("the same, thresholds 1 % apart", apart, "", ""),
+        ("momentum of a dump", steady.momentum, loop.get("dump_momentum"), "N.m.s"),
+        ("propellant of a dump", steady.propellant, loop.get("dump_propellant"), "kg"),
+        (
+            "propellant a year as in this time",
+            steady.a_year,
+            loop.get("propellant_a_year"),
+            "kg",
+        ),
+        ("propellant a year, mean over its days", sizing.a_year, None, "kg"),
+    ]
+    for name, mass in sizing.by_activity.items():
+        rows.append((f"the same with {name} solar activity", mass, None, "kg"))
+    rows += [
+        ("the same, each dump at its cheapest attitude", sizing.least_a_year, None, "kg"),
+        ("momentum of a day", sizing.a_day, None, "N.m.s"),
+        ("largest pointing error", None, loop.get("pointing_largest"), "deg"),
+        ("wheels that dump once a week", share(sizing.weekly, sizing.capacity), None, "N.m.s"),
+    ]
+    if sizing.slew_momentum > 0.0:
+        momentum = share(sizing.slew_momentum, sizing.capacity)
+        torque = share(sizing.slew_torque, sizing.wheel_torque)
+        rows.append(("slew: momentum of the fullest wheel", momentum, None, "N.m.s"))
+        rows.append(("slew: torque of it", torque, None, "N.m"))
+    return Table("Dumps", columns, rows, is_scaled=True)
+
+
+def tabulate_dump_sources(sources: Sequence[SourceShare]) -> Table:
+    """Return the secular torque of each source of disturbance."""
+    columns = [
+        Column("source", kind="text"),
+        Column("secular", "N.m", ".4g"),
+        Column("along the total", "%", ".1f"),
+    ]
+    rows = [(s.name, s.secular, 100.0 * s.along) for s in sources]
+    return Table("What drives it", columns, rows, is_scaled=True)
+
+
+def tabulate_dump_days(sizing: DumpSizing) -> Table:
+    """Return the days of a year with the propellant of a year of such days."""
+    columns = [
+        Column("day", kind="text"),
+        Column("activity of the Sun", kind="text"),
+        Column("secular", "N.m", ".4g"),
+        Column("propellant a year", "kg", ".4g"),
+    ]
+    rows = [
+        (d.day, d.activity, d.secular, mass)
+        for d, mass in zip(sizing.year, sizing.each_year, strict=True)
+    ]
+    return Table("A year", columns, rows, is_scaled=True)
+
+
+def tabulate_dump_extremes(days: Sequence[YearDate]) -> Table:
+    """Return the days of a year with the least and the largest torque."""
+    columns = [
+        Column("of a year", kind="text"),
+        Column("day", kind="text"),
+        Column("secular", "N.m", ".4g"),
+    ]
+    extremes = {
+        "least": min(days, key=lambda d: d.secular),
+        "most": max(days, key=lambda d: d.secular),
+    }
+    rows = [(name, d.day, d.secular) for name, d in extremes.items()]
+    return Table("A year", columns, rows, is_scaled=True)
+
+
+def describe_map(sizing: SizingMap, law: str) -> str:
+    """Return what the cells of a map are for a law."""
+    return (
+        f"{law}: the smallest rod (A m2) that holds with a duty of "
+        f"{100.0 * sizing.requirements.duty:g} % and a margin of {sizing.requirements.margin:g}"
+    )
+
+
+def tabulate_map(sizing: SizingMap, law: int) -> Table:
+    """Return the smallest rods of a map that hold under a law, by orbit and residual dipole."""
+    axes = sizing.axes
+    order = np.argsort(axes.rods, kind="stable")
+    columns = [
+        Column("residual dipole", "A.m2", ".3g", kind="text"),
+        Column("altitude", "km", "g"),
+        *(Column(f"{i:g} deg", form=".3g") for i in axes.inclinations),
+    ]
+    rows: list[Row] = []
+    for d, dipole in enumerate(axes.dipoles):
+        for a, altitude in enumerate(axes.altitudes):
+            cells: list[float | str] = []
+            for i in range(len(axes.inclinations)):
+                holding = [axes.rods[j] for j in order if sizing.holds[law, i, a, d, j]]
+                cells.append(holding[0] if holding else "-")
+            rows.append((dipole, altitude / 1e3, *cells))
+    return Table(describe_map(sizing, sizing.laws[law]), columns, rows)
+
+
+def tabulate_least_rods(sizing: SizingMap, dipole: int) -> Table:
+    """Return the least rods of any law over the orbits of a map, with a residual dipole."""
+    axes = sizing.axes
+    columns = [
+        Column("altitude", "km", "g", kind="text"),
+        *(Column(f"{i:g} deg", form=".3g") for i in axes.inclinations),
+    ]
+    rows = [
+        (altitude / 1e3, *sizing.least[:, a, dipole].tolist())
+        for a, altitude in enumerate(axes.altitudes)
+    ]
+    return Table(f"Residual dipole {axes.dipoles[dipole]:.3g} A m2", columns, rows)

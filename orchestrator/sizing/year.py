@@ -1,0 +1,139 @@
+"""The days of a year, flown by the environment's own block at the attitude that a run has shown."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime, timedelta
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..analyses.flight import (
+    Attitude,
+    Flight,
+    Hardware,
+    between,
+    environment_block,
+    flown_at,
+    inputs_at,
+    needless,
+    values_of,
+)
+from ..analyses.motion import period_of
+from ..system.errors import DesatError
+from ..system.model import Component, System
+from .least_rod import least_by_formula, least_by_programme, reach
+from .momentum import cyclic_span, secular
+
+Array = NDArray[Any]
+YEAR_DATES = 13  # days of a year that are looked at
+YEAR_DATE_SPACING = 28  # d
+YEAR_ROW_SPACING = 120.0  # s
+WORST_DAY_ROW_SPACING = 10.0  # s
+
+
+@dataclass(frozen=True)
+class YearDate:
+    """A day of the year."""
+
+    day: str
+    activity: str
+    """of the Sun; empty: as the scenario has it"""
+    secular: float
+    """N m"""
+    per_orbit: float
+    """N m s"""
+    cyclic: float
+    """N m s"""
+    least: float
+    """rod, by the formula, A m2"""
+
+
+@dataclass(frozen=True)
+class WorstDay:
+    """The day of the year that asks most of rods."""
+
+    day: str
+    activity: str
+    """of the Sun; empty: as the scenario has it"""
+    least: float
+    """rod for any law, by the linear programme, A m2"""
+    flight: Flight
+
+
+def days_of_year(
+    system: System, hardware: Hardware, attitude: Attitude, own: bool = False
+) -> Iterator[tuple[YearDate, tuple[dict[str, Array], Array]]]:
+    """Yield the days of a year, one after the other, each with what the environment gives and the
+    times (s); `own`: with the scenario's own solar activity first, then with low and high. Raises
+    DesatError where they cannot be asked for."""
+    if attitude.kind == "moving":
+        raise DesatError(
+            f"the attitude stays neither in eci nor in lvlh ("
+            f"{np.degrees(attitude.wanders):.3g} deg from its mean)"
+        )
+    component = system.components["environment"]
+    block = environment_block(component, needless(system))
+    first = inputs_at(block, [0.0])
+    period = period_of(first["r_eci"][0], first["v_eci"][0])
+    span = period * max(1, int(86400.0 / period))
+    since = np.linspace(0.0, span, round(span / YEAR_ROW_SPACING) + 1)
+    levels = _activities(component, values_of(system)["spacecraft"], own)
+    epoch = float(getattr(block, "epoch_j2000", 0.0))
+    begin = datetime(2000, 1, 1, 12, tzinfo=UTC) + timedelta(seconds=epoch)
+    for k in range(YEAR_DATES):
+        times = since + 86400.0 * YEAR_DATE_SPACING * k
+        inputs = inputs_at(block, times.tolist())
+        for name, changes in levels:
+            if changes:
+                air = environment_block(component, changes)
+                inputs = inputs | {"density": inputs_at(air, times.tolist())["density"]}
+            flight = flown_at(system, attitude, inputs, times)
+            torque, cyclic = secular(flight)
+            size = float(np.linalg.norm(torque))
+            date = YearDate(
+                day=(begin + timedelta(days=YEAR_DATE_SPACING * k)).date().isoformat(),
+                activity=name,
+                secular=size,
+                per_orbit=size * flight.period,
+                cyclic=cyclic_span(cyclic),
+                least=least_by_formula(reach(flight, hardware), torque),
+            )
+            yield date, (inputs, times)
+
+
+def _activities(
+    component: Component, craft: Mapping[str, Any], own: bool
+) -> list[tuple[str, dict[str, int]]]:
+    """Return low and high activity of the Sun, as changes of an environment that makes no field,
+    where the air matters and it knows them; else as it is. `own`: the scenario's before them."""
+    signals = component.interface.signals
+    thin = craft.get("aerodynamics", "none") == "none"
+    if thin or "solar_activity" not in signals or "density" not in component.interface.signals:
+        return [("", {})]
+
+    def number(name: str, choice: str) -> int:
+        return signals[name].choices.index(choice)
+
+    still = {"field": number("field", "none"), "atmosphere": number("atmosphere", "activity")}
+    levels = [(x, still | {"solar_activity": number("solar_activity", x)}) for x in ("low", "high")]
+    if not own or component.choice("atmosphere") != "activity":
+        return levels if not own else [("", {})]
+    mine = component.choice("solar_activity")
+    return [(mine, {}), *((name, changes) for name, changes in levels if name != mine)]
+
+
+def find_worst_day(
+    system: System, hardware: Hardware, attitude: Attitude, days: Sequence[tuple[YearDate, Any]]
+) -> WorstDay:
+    """Return the day of the largest least rod, flown at rows that the model can take."""
+    date, (inputs, nodes) = max(days, key=lambda d: d[0].least)
+    times = np.linspace(
+        nodes[0], nodes[-1], round((nodes[-1] - nodes[0]) / WORST_DAY_ROW_SPACING) + 1
+    )
+    flight = flown_at(system, attitude, between(inputs, nodes, times), times)
+    torque, _ = secular(flight)
+    least = least_by_programme(reach(flight, hardware), torque)
+    return WorstDay(day=date.day, activity=date.activity, least=least, flight=flight)
