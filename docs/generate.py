@@ -16,24 +16,12 @@ from typer.main import get_command
 from desat.cli import app_for
 from desat.fmus import registry
 from desat.runs import explain
+from desat.system.interface import role_classes
 
 ROOT = Path(__file__).parents[1]
 FOLDER = "generated"
 BESIDE = {"CONTRIBUTING.md": "contributing.md", "CHANGELOG.md": "changelog.md"}
 """Pages beside docs/, and what they are called here."""
-ROLES = {
-    "environment": "Environment: orbit, field, Sun and air",
-    "spacecraft": "Spacecraft: motion of the body",
-    "disturbance": "Disturbance torques",
-    "magnetometer": "Sensors: magnetic field", "gyro": "Sensors: angular rate",
-    "star_tracker": "Sensors: star trackers", "sun_sensor": "Sensors: direction to the Sun",
-    "tachometers": "Sensors: wheel momentum", "determination": "Attitude determination",
-    "guidance": "Reference attitude",
-    "controller": "Attitude control", "manager": "Momentum management",
-    "torquers": "Actuators: magnetic torquers", "thrusters": "Actuators: thrusters",
-    "wheels": "Actuators: reaction wheels",
-}  # fmt: skip
-"""The roles in the order of a loop, with a title."""
 
 
 def link(app: Any, page: str, source: list[str]) -> None:
@@ -71,15 +59,15 @@ def _table(heads: list[str], rows: list[list[str]]) -> str:
 
 def _blocks() -> str:
     rows = explain.blocks(None)[1]
-    found = {row["role"] for row in rows}
+    found, roles = {row["role"] for row in rows}, role_classes()
     lines = ["# Blocks", "", "Each block is an FMU: a file of `components/blocks/`, of which "
              "`make fmus` builds one of Python and one of C. Its page has the text, the equations "
              "and the variables that `desat help blocks NAME` prints. All blocks of a role have "
              "the role's connectors, so that one can stand for another.", ""]  # fmt: skip
-    for role in [*(r for r in ROLES if r in found), *sorted(found - set(ROLES))]:
+    for role in [*(r for r in roles if r in found), *sorted(found - set(roles))]:
         of = [[f"[`{r['block']}`](blocks/{r['block']}.md)", r["title"]]
               for r in rows if r["role"] == role]  # fmt: skip
-        said = ROLES.get(role)
+        said = roles[role].role_title if role in roles else ""
         lines += [f"## {said or role}", "", f"Role `{role}`.", "", _table(["block", ""], of), ""]
     lines += ["```{toctree}", ":hidden:", "", *(f"{n} <blocks/{n}>" for n in registry.names()),
               "```", ""]  # fmt: skip

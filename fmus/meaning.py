@@ -53,8 +53,10 @@ def computed(which: str) -> dict[str, Any]:
     files = sources(which)
     if own.is_own(which):
         return {"computes": of_files([Path(which), *files])}
+    data = [p for p in files if p.suffix != ".py"]
+    said = {*used_by(files[0]), *(p.read_text(encoding="utf-8") for p in data)}
     return {
-        "computes": of_files(files),
+        "computes": _hash_of(said),
         "files": [p.relative_to(COMPONENTS).as_posix() for p in files],
         "files_sha256": _hashed(files),
     }
@@ -80,7 +82,11 @@ def of_files(files: Iterable[Path], imports: bool = True) -> str:
     """sha256 of what files define, whichever of them it is in: of Python the definitions, of others
     (C, tables of numbers) the text."""
     texts = ((p.suffix, p.read_text(encoding="utf-8")) for p in files)
-    said = {x for kind, t in texts for x in (definitions(t, imports) if kind == ".py" else {t})}
+    return _hash_of({x for kind, t in texts
+                     for x in (definitions(t, imports) if kind == ".py" else {t})})  # fmt: skip
+
+
+def _hash_of(said: Iterable[str]) -> str:
     return hashlib.sha256("\0".join(sorted(said)).encode()).hexdigest()
 
 
@@ -120,3 +126,124 @@ def _is_aside(node: Any) -> bool:
         and isinstance(node.value, ast.Constant)
         and isinstance(node.value.value, str)
     )
+
+
+# --- What a file uses of the files that it imports --------------------------------------------
+
+
+class _Module:
+    """The top-level statements of a file, the names that they define, and its imports."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.statements: list[ast.stmt] = []
+        self.defined: dict[str, list[int]] = {}  # name -> statements that define it
+        self.always: list[int] = []  # statements that define no name, and run
+        self.local: dict[str, tuple[Path, str]] = {}  # name -> file, and name in it; "": the file
+        self.outside: dict[str, str] = {}  # name -> what is imported from another package
+        for node in ast.parse(path.read_text(encoding="utf-8")).body:
+            if isinstance(node, (ast.Import, ast.ImportFrom)):
+                self._add_import(node)
+            elif not _is_aside(node):
+                self._add(node)
+
+    def _add_import(self, node: ast.Import | ast.ImportFrom) -> None:
+        of = (node.module or "") if isinstance(node, ast.ImportFrom) else ""
+        for alias in node.names:
+            name = alias.asname or alias.name
+            if not (isinstance(node, ast.ImportFrom) and node.level):
+                self.outside[name] = f"{of}.{alias.name}"
+                continue
+            base = self.path.parents[node.level - 1].joinpath(*of.split(".")) if of else (
+                self.path.parents[node.level - 1]
+            )  # fmt: skip
+            module, inside = (base / alias.name).with_suffix(".py"), base.with_suffix(".py")
+            if module.is_file():
+                self.local[name] = module, ""
+            else:
+                self.local[name] = (
+                    (inside if inside.is_file() else base / "__init__.py"),
+                    alias.name,
+                )
+
+    def _add(self, node: ast.stmt) -> None:
+        place = len(self.statements)
+        self.statements.append(node)
+        names = _names_defined(node)
+        for name in names:
+            self.defined.setdefault(name, []).append(place)
+        if not names:
+            self.always.append(place)
+
+
+@cache
+def _module(path: Path, _modified: int) -> _Module:
+    return _Module(path)
+
+
+def _names_defined(node: ast.stmt) -> list[str]:
+    """Return the names that a top-level statement defines."""
+    if isinstance(node, (ast.FunctionDef, ast.ClassDef)):
+        return [node.name]
+    targets: list[ast.expr] = []
+    if isinstance(node, ast.Assign):
+        targets = node.targets
+    elif isinstance(node, (ast.AnnAssign, ast.AugAssign)):
+        targets = [node.target]
+    return [x.id for t in targets for x in ast.walk(t) if isinstance(x, ast.Name)]
+
+
+def used_by(path: Path) -> set[str]:
+    """Return what a file defines, and what that uses of the files that it imports.
+
+    Parameters
+    ----------
+    path
+        A file of components/; all of it counts, of others what is used, directly or not.
+
+    Returns
+    -------
+    set
+        A text for each definition, and for each name of another package.
+    """
+    texts = set[str]()
+    done = set[tuple[Path, int]]()
+    first = _module(path, path.stat().st_mtime_ns)
+    todo = [(first, place) for place in range(len(first.statements))]
+    while todo:
+        module, place = todo.pop()
+        if (module.path, place) in done:
+            continue
+        done.add((module.path, place))
+        node = module.statements[place]
+        texts.add(_dump(node, True))
+        todo += [(module, other) for other in module.always]
+        for name, attribute in _names_used(node):
+            if name in module.defined:
+                todo += [(module, other) for other in module.defined[name]]
+            elif name in module.outside:
+                texts.add(f"import {module.outside[name]}")
+            elif name in module.local:
+                todo += _found(*module.local[name], attribute)
+    return texts
+
+
+def _found(path: Path, name: str, attribute: str) -> list[tuple[_Module, int]]:
+    """Return the statements of a file that a name stands for; without one, all or an attribute."""
+    module = _module(path, path.stat().st_mtime_ns)
+    wanted = name or attribute
+    if wanted in module.defined:
+        return [(module, place) for place in module.defined[wanted]]
+    if wanted in module.local:  # it hands on what it imports
+        return _found(*module.local[wanted], "")
+    return [(module, place) for place in range(len(module.statements))]
+
+
+def _names_used(node: ast.AST) -> set[tuple[str, str]]:
+    """Return the names that a statement reads, each with the attribute that is taken of it."""
+    attributes = {
+        id(x.value): x.attr
+        for x in ast.walk(node)
+        if isinstance(x, ast.Attribute) and isinstance(x.value, ast.Name)
+    }
+    return {(x.id, attributes.get(id(x), "")) for x in ast.walk(node) if isinstance(x, ast.Name)}

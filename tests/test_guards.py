@@ -291,9 +291,46 @@ def test_draws_are_stamped_only_if_they_come_out_again(monkeypatch, tmp_path):
     assert stored.confirm("uosat12", 1, 1) == []
     assert stored.outdated(stored.read("uosat12")) == []
     row = kept["scenarios"][name]["draws"][0]["numbers"]
-    row["firing_time"] *= 1.0 + 1e-9
+    row["firing_time"] *= 1.0 + 1e-6
     stored.write(kept)
     assert stored.confirm("uosat12", 1, 1) == [name]
+
+
+def test_stale_samples_are_told_with_cause_and_command(monkeypatch):
+    kept = stored.read("uosat12")
+    monkeypatch.setattr(stored, "outdated", lambda _: ["uosat12/starts-dct"])
+    kept["scenarios"]["uosat12/starts-dct"]["code_sha256"] = "another"
+    with pytest.raises(DesatError, match="of other code of engine, measures or sampling") as error:
+        stored.require_current(kept)
+    assert "python -m desat.papers.stored uosat12" in str(error.value)
+
+
+def test_a_block_is_of_what_it_uses_of_other_files(monkeypatch, tmp_path):
+    """A class more in the file of roles made all stored samples stale."""
+    copy = tmp_path / "components"
+    shutil.copytree(meaning.COMPONENTS, copy, ignore=shutil.ignore_patterns("__pycache__"))
+    monkeypatch.setattr(meaning, "COMPONENTS", copy)
+    names = ("wheels", "magnetometer", "manager_predictive", "spacecraft_rigid")
+
+    def computes():
+        return {name: meaning.computed(name)["computes"] for name in names}
+
+    before = computes()
+    roles, vector = copy / "contract" / "roles.py", copy / "maths" / "vector.py"
+    text = roles.read_text(encoding="utf-8")
+    roles.write_text(text + "\n\nclass EarthSensor(Sampled):\n    role = 'earth_sensor'\n")
+    assert computes() == before
+    roles.write_text(text.replace('"measured field, body"', '"the measured field, body"'))
+    assert {n for n, x in computes().items() if x != before[n]} == {"magnetometer"}
+    roles.write_text(text)
+    text = vector.read_text(encoding="utf-8")
+    assert "def norm(" in text
+    vector.write_text(text.replace("def norm(", "EXTRA = 1.0\n\n\ndef norm("))
+    assert computes() == before
+    changed = text.replace("def norm(a: Vec3) -> float:", "def norm(a: Vec3) -> float:\n    a = a")
+    assert changed != text
+    vector.write_text(changed)
+    assert "spacecraft_rigid" in {n for n, x in computes().items() if x != before[n]}
 
 
 def test_what_is_imported_counts_for_a_block_but_not_from_which_folder():

@@ -411,7 +411,7 @@ def drawn():
 @pytest.fixture
 def current(drawn):
     """The stored draws, which are of this code."""
-    assert stored.outdated(drawn) == []
+    stored.require_current(drawn)
     return drawn
 
 

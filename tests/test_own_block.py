@@ -13,12 +13,12 @@ import numpy as np
 import pytest
 from fmpy.validation import validate_fmu
 
-from desat.begin import block as new_block
 from desat.files import own
 from desat.fmus import own as block_file
 from desat.fmus.registry import block_class, names
 from desat.runs.run import Options, execute
 from desat.system.errors import DesatError
+from desat.system.interface import role_classes
 
 LAW = '''"""A law of one's own."""
 
@@ -211,7 +211,7 @@ def test_a_new_law_that_cannot_be(desat, tmp_path, name, text):
     assert (tmp_path / "test_there.py").is_file()
 
 
-@pytest.mark.parametrize("role", sorted(new_block.PLAIN))
+@pytest.mark.parametrize("role", sorted(r for r, c in role_classes().items() if c.typical_block))
 def test_a_new_block_is_what_it_begins_with(desat, tmp_path, monkeypatch, role):
     """It has the role's interface, its own test holds, and that fails once it gives another."""
     desat("new", "block", role, cwd=tmp_path, check=True)

@@ -279,6 +279,9 @@ class Block:
     """Base of all blocks. The docstring of a block is its page: Markdown, first line the title."""
 
     role: ClassVar[str] = ""
+    role_title: ClassVar[str] = ""  # of a role, for people
+    typical_block: ClassVar[str] = ""  # that a new block of a role begins with
+    is_sensor: ClassVar[bool] = False  # of a role whose `valid` a health check looks at
     """The instance name that a block of this interface has in a scenario."""
 
     variables: ClassVar[tuple[Variable, ...]] = ()

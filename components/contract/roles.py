@@ -107,6 +107,8 @@ class Environment(Block):
     """
 
     role = "environment"
+    role_title = "Environment: orbit, field, Sun and air"
+    typical_block = "environment_kepler"
 
     # for orbits that firings change; the usual ones read nothing, so no craft wires these unasked
     force_mean_thruster_body: Vec3 = Input(
@@ -132,6 +134,8 @@ class Spacecraft(Block):
     """Attitude dynamics: the body, with its own copy of the wheels' momentum."""
 
     role = "spacecraft"
+    role_title = "Spacecraft: motion of the body"
+    typical_block = "spacecraft_rigid"
 
     r_eci: Vec3 = Input("m", "position, eci", start=(7.0e6, 0.0, 0.0), source="environment.r_eci")
     v_eci: Vec3 = Input("m/s", "velocity, eci", start=(0.0, 7.5e3, 0.0), source="environment.v_eci")
@@ -203,6 +207,8 @@ class Disturbance(Block):
     """A torque from outside that is known by itself: measured, or computed elsewhere."""
 
     role = "disturbance"
+    role_title = "Disturbance torques"
+    typical_block = "disturbance_table"
 
     q_bi: Vec4 = Input(
         "1", "attitude: body from eci, scalar last", start=UPRIGHT, source="spacecraft.q_bi"
@@ -220,6 +226,9 @@ class Magnetometer(Sampled):
     """Measures the geomagnetic field."""
 
     role = "magnetometer"
+    role_title = "Sensors: magnetic field"
+    typical_block = "magnetometer"
+    is_sensor = True
 
     b_eci: Vec3 = Input("T", "geomagnetic field, eci", source="environment.b_eci")
     q_bi: Vec4 = Input(
@@ -238,6 +247,9 @@ class Tachometers(Sampled):
     """Measure the wheels' momentum."""
 
     role = "tachometers"
+    role_title = "Sensors: wheel momentum"
+    typical_block = "tachometers"
+    is_sensor = True
 
     h_wheel: Vec4 = Input(
         "N.m.s",
@@ -257,6 +269,9 @@ class RateGyro(Sampled):
     """Measures the angular rate."""
 
     role = "gyro"
+    role_title = "Sensors: angular rate"
+    typical_block = "rate_gyro"
+    is_sensor = True
 
     omega_bi_body: Vec3 = Input(
         "rad/s", "angular rate of the body relative to eci, body", source="spacecraft.omega_bi_body"
@@ -271,6 +286,9 @@ class AttitudeDetermination(Sampled):
     """Estimates the attitude, whatever sensors and filters stand behind it."""
 
     role = "determination"
+    role_title = "Attitude determination"
+    typical_block = "attitude_determination"
+    is_sensor = True
 
     q_bi: Vec4 = Input(
         "1", "attitude: body from eci, scalar last", start=UPRIGHT, source="spacecraft.q_bi"
@@ -285,6 +303,9 @@ class SunSensor(Sampled):
     """Measures the direction to the Sun."""
 
     role = "sun_sensor"
+    role_title = "Sensors: direction to the Sun"
+    typical_block = "sun_sensor"
+    is_sensor = True
 
     sun_eci: Vec3 = Input("1", "unit vector to the Sun, eci", source="environment.sun_eci")
     sunlight: float = Input(
@@ -315,6 +336,9 @@ class StarTracker(Sampled):
     """
 
     role = "star_tracker"
+    role_title = "Sensors: star trackers"
+    typical_block = "star_tracker"
+    is_sensor = True
 
     q_bi: Vec4 = Input(
         "1", "attitude: body from eci, scalar last", start=UPRIGHT, source="spacecraft.q_bi"
@@ -346,6 +370,8 @@ class Guidance(Sampled):
     """Says which attitude is wanted."""
 
     role = "guidance"
+    role_title = "Reference attitude"
+    typical_block = "guidance_nadir"
 
     r_eci: Vec3 = Input("m", "position, eci", start=(7.0e6, 0.0, 0.0), source="environment.r_eci")
     v_eci: Vec3 = Input("m/s", "velocity, eci", start=(0.0, 7.5e3, 0.0), source="environment.v_eci")
@@ -372,6 +398,8 @@ class Controller(Computer):
     valid."""
 
     role = "controller"
+    role_title = "Attitude control"
+    typical_block = "controller_pid"
 
     q_bi: Vec4 = Input(
         "1",
@@ -425,6 +453,7 @@ class Manager(Computer):
     valid is not used."""
 
     role = "manager"
+    role_title = "Momentum management"
 
     craft_needs: ClassVar[tuple[Need, ...]] = ()
     """What a craft must have for it to be of use, besides what its bases say."""
@@ -543,6 +572,8 @@ class Torquers(Sampled):
     """Magnetic torquers: a dipole, not a torque."""
 
     role = "torquers"
+    role_title = "Actuators: magnetic torquers"
+    typical_block = "torquers"
 
     # for those without a command
     b_eci: Vec3 = Input("T", "geomagnetic field, eci", source="environment.b_eci", asked=True)
@@ -565,6 +596,8 @@ class Thrusters(Sampled):
     """Thrusters: a torque."""
 
     role = "thrusters"
+    role_title = "Actuators: thrusters"
+    typical_block = "thrusters"
 
     tau_cmd_thruster_body: Vec3 = Input(
         "N.m", "torque command, body", source="manager.tau_cmd_thruster_body"
@@ -584,6 +617,8 @@ class Wheels(Block):
     """Reaction wheels: up to four rotors about fixed axes."""
 
     role = "wheels"
+    role_title = "Actuators: reaction wheels"
+    typical_block = "wheels"
 
     tau_cmd_wheel: Vec4 = Input(
         "N.m", "torque command to each rotor", source="manager.tau_cmd_wheel"

@@ -10,7 +10,8 @@ import numpy as np
 
 from ..numbers.derived import pointing
 from ..numbers.text import Value
-from ..system.model import System
+from ..system.interface import role_classes
+from ..system.model import Component, System
 from . import Parts
 from .manifest import Manifest
 
@@ -31,7 +32,6 @@ FULL = 0.01
 """Of the time: wheels at their limit for longer are said to be full."""
 BRAKES = "velocity_dumping"
 """A manager's option that lets the attitude go while the craft turns fast."""
-_SENSORS = ("determination", "gyro", "magnetometer", "star_tracker", "sun_sensor", "tachometers")
 
 
 @dataclass(frozen=True)
@@ -47,12 +47,18 @@ class HealthParts(Parts):
 PARTS = HealthParts
 
 
+def _is_sensor(component: Component) -> bool:
+    """Return whether the role of a component is that of a sensor."""
+    role = role_classes().get(component.interface.role)
+    return role is not None and role.is_sensor
+
+
 def applies(system: System) -> HealthParts | None:
     """What of a system can go wrong; None: nothing that is known of."""
     read = {source for source, _ in system.read}
     sensors = tuple(
         c.name for c in system.components.values()
-        if c.interface.role in _SENSORS and c.name in read and "valid" in c.interface.arrays
+        if _is_sensor(c) and c.name in read and "valid" in c.interface.arrays
         and not _fails_at_once(system, c.name)
     )  # fmt: skip
     wheels = next((c.name for c in system.components.values()

@@ -15,16 +15,8 @@ from desat.fmus.registry import block_class, names
 
 from ..files import io
 from ..system.errors import DesatError, nearest
+from ..system.interface import role_classes
 
-PLAIN = {
-    "environment": "environment_kepler", "spacecraft": "spacecraft_rigid", "wheels": "wheels",
-    "magnetometer": "magnetometer", "gyro": "rate_gyro", "sun_sensor": "sun_sensor",
-    "star_tracker": "star_tracker",
-    "determination": "attitude_determination", "tachometers": "tachometers",
-    "guidance": "guidance_nadir", "controller": "controller_pid", "torquers": "torquers",
-    "thrusters": "thrusters", "disturbance": "disturbance_table",
-}  # fmt: skip
-"""The block of ours that one of a role begins with."""
 LAW = "law"
 
 
@@ -38,13 +30,13 @@ def write_law(file: Path, force: bool = False) -> list[Path]:
 def write(what: str, file: Path | None, force: bool = False) -> list[Path]:
     """Write a block of a role, or one that derives from a block of ours, and its test, as
     `write_law`; without a file `my_ROLE.py`. Raises DesatError for what is neither, too."""
-    roles = {*PLAIN, Manager.role}
+    roles = role_classes()
     if what not in roles and what not in names():
         raise DesatError(f"{what}: no role and no block of ours{nearest(what, {*roles, *names()})}")
     file = file or Path(f"my_{what}")
     if what == Manager.role:
         return write_law(file, force)
-    base = PLAIN.get(what, what)
+    base = roles[what].typical_block if what in roles else what
     return _write(file, "block", _description(base, block_class(base)), force)
 
 

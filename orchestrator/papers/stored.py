@@ -15,10 +15,10 @@ import json
 import math
 import os
 import platform
+import re
 from collections.abc import Collection, Iterable, Mapping
 from datetime import UTC, datetime
 from functools import partial
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any, TypedDict, cast
 
@@ -27,7 +27,6 @@ from desat.fmus.meaning import COMPONENTS
 
 from ..campaign.draws import DrawnRow, Summary, draws, spreads
 from ..files import identity, paths
-from ..files.identity import PACKAGES
 from ..files.io import replace_text
 from ..files.scenario import Scenario, families, scenarios
 from ..language.content import NOTHING
@@ -70,8 +69,7 @@ class Provenance(TypedDict):
 
 
 SEED = 1
-ROUNDING = 1e-12
-"""The last bit of a solved programme (a bound) is the processor's."""
+ROUNDING = 1e-7  # relative; processors and libm differ by up to 3e-8 after an unstable rollout
 
 
 def file_of(family: str) -> Path:
@@ -181,9 +179,19 @@ def compute(
         "date": f"{datetime.now(UTC):%Y-%m-%d}",
         "seed": SEED,
         "components_as": "FMUs",
-        "versions": {**{p: version(p) for p in PACKAGES}, "python": platform.python_version()},
+        "versions": {**identity.versions(), "processor": _processor()},
         "scenarios": made,
     }
+
+
+def _processor() -> str:
+    """Return the processor's name, where the system tells it."""
+    try:
+        text = Path("/proc/cpuinfo").read_text(encoding="utf-8")
+    except OSError:
+        return platform.processor()
+    found = re.search(r"model name\s*: (.*)", text)
+    return found[1] if found else platform.processor()
 
 
 def write(result: StoredDraws) -> Path:
@@ -284,6 +292,37 @@ def outdated(stored: StoredDraws) -> list[str]:
         or not of_rows[name] <= kept[name]["units"].keys()
         or not _is_current(kept[name], scenario)
     ]  # fmt: skip
+
+
+def require_current(stored: StoredDraws) -> None:
+    """Raise DesatError where stored samples are not of today's scenarios and code.
+
+    The message names the scenarios, what has changed, and the command that confirms or renews.
+    """
+    names = outdated(stored)
+    if not names:
+        return
+    kept, family = stored["scenarios"], stored["family"]
+    known = with_draws(family)
+    causes = {
+        "missing, too few or without a number that is needed": [n for n in names if n not in kept],
+        "of another scenario or other blocks": [
+            n for n in names if n in kept and kept[n]["sha256"] != digest(known[n])
+        ],
+        "of other code of engine, measures or sampling": [
+            n for n in names if n in kept and kept[n].get("code_sha256") != code(known[n])
+        ],
+    }
+    lines = [
+        f"{family}: {len(of)} of {len(known)} stored samples are {cause}: {', '.join(of[:3])}"
+        for cause, of in causes.items()
+        if of
+    ]
+    remedy = (
+        f"`python -m desat.papers.stored {family}` stamps those that runs of today reproduce, "
+        "`make papers` makes the others anew"
+    )
+    raise DesatError("\n".join([*lines, remedy]))
 
 
 def _is_current(kept: StoredScenario, scenario: Scenario) -> bool:

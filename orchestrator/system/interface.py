@@ -196,32 +196,35 @@ def of_block(name: str, block: type[Block]) -> Interface:
 
 
 @cache
-def usual_sources() -> dict[str, dict[str, tuple[str, ...]]]:
-    """What usually feeds each input: role -> input -> `role.output`, the best first."""
+def role_classes() -> dict[str, type[Block]]:
+    """Return the class that declares each role, in the order of `components/contract/roles.py`."""
     return {
-        c.role: {v.name: v.source for v in c.variables if v.causality == "input"}
+        c.role: c
         for c in vars(roles).values()
-        if isinstance(c, type) and issubclass(c, Block) and c.role
+        if isinstance(c, type) and issubclass(c, Block) and "role" in vars(c) and c.role
+    }
+
+
+@cache
+def usual_sources() -> dict[str, dict[str, tuple[str, ...]]]:
+    """Return what usually feeds each input: role -> input -> `role.output`, the best first."""
+    return {
+        role: {v.name: v.source for v in c.variables if v.causality == "input"}
+        for role, c in role_classes().items()
     }
 
 
 @cache
 def asked_for() -> frozenset[tuple[str, str]]:
-    """Role and input of those that are fed only where something of the block needs them."""
-    return frozenset(
-        (c.role, v.name) for c in vars(roles).values()
-        if isinstance(c, type) and issubclass(c, Block) and c.role
-        for v in c.variables if v.asked
-    )  # fmt: skip
+    """Return role and input of those that are fed only where something of the block needs them."""
+    inputs = [(role, v) for role, c in role_classes().items() for v in c.variables]
+    return frozenset((role, v.name) for role, v in inputs if v.asked)
 
 
 @cache
 def computers() -> frozenset[str]:
-    """The roles of flight computers, which know the craft by a model of it."""
-    return frozenset(
-        c.role for c in vars(roles).values()
-        if isinstance(c, type) and issubclass(c, roles.Computer) and c.role
-    )  # fmt: skip
+    """Return the roles of flight computers, which know the craft by a model of it."""
+    return frozenset(r for r, c in role_classes().items() if issubclass(c, roles.Computer))
 
 
 def names(interface: Interface, causality: str) -> dict[str, None]:
