@@ -22,7 +22,7 @@ def folders(name: str) -> list[Path]:
 
 def load(folder: str, name: str = "*") -> list[ModuleType]:
     """Import the modules in the folders of this name, or those of one file name, in its order."""
-    files = [file for path in folders(folder) for file in path.glob(f"{name}.py")]
+    files = [*HOME.glob(f"{folder}/{name}.py"), *HOME.glob(f"*/{folder}/{name}.py")]
     parts = [
         file.relative_to(HOME).with_suffix("").parts
         for file in sorted(files, key=lambda file: file.name)
