@@ -10,6 +10,7 @@ import pytest
 
 from desat.analyses.flight import hardware_of, values_of
 from desat.files import craft
+from desat.files.builder import Builder
 from desat.files.hardware import KINDS, figures, known_figures, quantity, values
 from desat.fmus.registry import block_class
 from desat.runs.prepare import prepare
@@ -41,7 +42,7 @@ RPM = math.pi / 30.0
 
 def made(folder, text: str, base: str = CRAFT):
     (folder / "mine.toml").write_text(base + text, encoding="utf-8")
-    return craft.read(folder / "mine.toml").components
+    return Builder(craft.read(folder / "mine.toml")).components
 
 
 def test_a_class_gives_what_is_typical(tmp_path):
@@ -74,7 +75,7 @@ arm = "0.25 m"
     assert found["gyro"].parameters == pytest.approx({"angle_random_walk": math.radians(0.002)})
     assert found["determination"].parameters["markov_sigma"] == pytest.approx(math.radians(0.01))
     assert found["thrusters"].parameters["tau_level[2]"] == pytest.approx(2 * 0.05 * 0.25)
-    assert found["wheels"].given["torque_limit"].endswith("mine.toml:14: hardware.wheels")
+    assert found["wheels"].origins["torque_limit"].endswith("mine.toml:14: hardware.wheels")
 
 
 def test_a_product_gives_its_figures_and_no_more_and_a_craft_goes_before(tmp_path):

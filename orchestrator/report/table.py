@@ -1,7 +1,7 @@
 """Tables of results: rows are made once, and shown on a terminal or on a page.
 
-`cli.console.print_table` prints a table and the macro of `templates/table.html` renders it, both
-from `Table.headings` and `Table.cells`. Within a table a quantity has one unit. What `--json`
+`print_table` (`cli/console.py`) prints a table and the macro of `templates/table.html` renders it,
+both from `Table.headings` and `Table.cells`. Within a table a quantity has one unit. What `--json`
 prints is made of the results themselves, whose units stay as they are.
 """
 
