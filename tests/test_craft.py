@@ -213,6 +213,23 @@ def test_a_bad_craft_file_is_one_line(what, tmp_path):
     assert expected in line
 
 
+def test_a_craft_file_gives_a_parameter_as_another(tmp_path):
+    """As a scenario may; it took texts for choices alone."""
+    text = GOOD.replace(
+        "[parameters.manager]", '[parameters.manager]\nduty = "0.5 * manager.duty_of"'
+    )
+    with pytest.raises(DesatError, match="duty"):
+        made(tmp_path, text.replace("duty =", "dutty ="))
+    text = GOOD.replace(
+        "[parameters.manager]", '[parameters.manager]\nm_limit = "torquers.m_limit"'
+    )
+    builder = made(tmp_path, text)
+    assert builder.components["manager"].references == {"m_limit": "torquers.m_limit"}
+    _, components = builder.build()
+    limit = components["torquers"].values["m_limit"]
+    assert components["manager"].values["m_limit"] == limit
+
+
 def test_no_file_and_no_utf8(tmp_path):
     with pytest.raises(DesatError, match=r"none.toml: no such file"):
         craft.read(tmp_path / "none.toml")
