@@ -28,7 +28,7 @@ from desat.engine.master import Master
 from desat.engine.recording.recorder import Recorder
 from desat.files.scenario import families, scenarios
 from desat.runs.run import Options, prepare
-from desat.system.options import Loop
+from desat.system.choices import Loop
 
 STEPS = 600
 STORE = Path(__file__).with_name("equality.json")

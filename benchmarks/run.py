@@ -37,8 +37,8 @@ from desat.export.packing import pack_scenario
 from desat.files import paths
 from desat.files.scenario import find
 from desat.runs.run import Options, prepare
+from desat.system.choices import Loop
 from desat.system.interface import KINDS
-from desat.system.options import Loop
 
 from . import campaign, commands, plants, scaling
 

@@ -228,7 +228,7 @@ def test_a_crash_of_the_trial_is_a_line(monkeypatch):
 
 
 def test_stored_draws_are_stale_when_their_code_changes(monkeypatch, tmp_path):
-    """That of a block, of what it imports, of the engine; not a comment."""
+    """That of a block, of what it uses of others, of the engine; not a comment."""
     name = "uosat12/starts-dct"
     kept = stored.read("uosat12")
     kept["scenarios"][name] |= {"sha256": stored.digest(find(name)),
@@ -239,7 +239,8 @@ def test_stored_draws_are_stale_when_their_code_changes(monkeypatch, tmp_path):
     for file, text, stale in (
         ("blocks/manager_combined.py", "# a comment", False),
         ("maths/vector.py", "# a comment", False),
-        ("maths/vector.py", "ONE_MORE = 1.0", True),
+        ("maths/vector.py", "ONE_MORE = 1.0", False),
+        ("maths/vector.py", "def norm(a: Vec3) -> float:\n    return 1.0", True),
         ("blocks/manager_combined.py", "ONE_MORE = 1.0", True),
     ):
         library._hash_of.cache_clear()

@@ -12,8 +12,9 @@ from desat.analyses.manifest import SubstepChoice
 from desat.figures.canvas import Ticks
 from desat.figures.style import COLOURS, DASHED, figure
 from desat.runs.run import Options, prepare, simulate
+from desat.system.choices import Algorithm
 from desat.system.errors import DesatError
-from desat.system.options import ALGORITHMS, Algorithm
+from desat.system.options import ALGORITHMS
 
 from .estimate import companion, difference, estimate
 from .reference import Gyrostat, Trajectory

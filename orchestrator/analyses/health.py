@@ -11,7 +11,7 @@ import numpy as np
 from ..numbers.derived import pointing
 from ..numbers.text import Value
 from ..system.interface import role_classes
-from ..system.model import Component, System
+from ..system.model import System
 from . import Parts
 from .manifest import Manifest
 
@@ -47,18 +47,14 @@ class HealthParts(Parts):
 PARTS = HealthParts
 
 
-def _is_sensor(component: Component) -> bool:
-    """Return whether the role of a component is that of a sensor."""
-    role = role_classes().get(component.interface.role)
-    return role is not None and role.is_sensor
-
-
 def applies(system: System) -> HealthParts | None:
     """What of a system can go wrong; None: nothing that is known of."""
     read = {source for source, _ in system.read}
+    of_roles = role_classes()
     sensors = tuple(
         c.name for c in system.components.values()
-        if _is_sensor(c) and c.name in read and "valid" in c.interface.arrays
+        if c.name in read and getattr(of_roles.get(c.interface.role), "is_sensor", False)
+        and "valid" in c.interface.arrays
         and not _fails_at_once(system, c.name)
     )  # fmt: skip
     wheels = next((c.name for c in system.components.values()

@@ -3,58 +3,22 @@
 from __future__ import annotations
 
 import os
-from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from ..system import choices
 from ..system.errors import DesatError
 from ..system.quantity import Quantity
 from .console import SHOWN
 
 if TYPE_CHECKING:
-    from ..system.options import Algorithm, Options
+    from ..system.options import Options
 
 
 LONGEST = 1e7
 """Of a wall time that can be asked for (s)."""
-
-
-class Semantics(StrEnum):
-    """How values move between components."""
-
-    gauss_seidel = "gauss_seidel"
-    jacobi = "jacobi"
-
-
-class Stepping(StrEnum):
-    """What makes the steps of a run."""
-
-    compiled = "compiled"
-    python = "python"
-
-
-class Isolated(StrEnum):
-    """Which FMUs run in processes of their own."""
-
-    all = "all"
-    foreign = "foreign"
-    none = "none"
-
-
-class FmuKind(StrEnum):
-    """Which of our FMUs run."""
-
-    native = "native"
-    python = "python"
-
-
-class FmiVersion(StrEnum):
-    """Which FMI an FMU that is written is of."""
-
-    two = "2"
-    three = "3"
 
 
 def complete_name(incomplete: str) -> list[str]:
@@ -150,17 +114,17 @@ Accuracy = Annotated[
            "Bound of the estimated attitude error (rad) for --substeps auto."),
 ]  # fmt: skip
 Alg = Annotated[
-    Semantics,
+    choices.Algorithm,
     typer.Option(help="gauss_seidel: no delay in the loop; jacobi: as libcosim and Ecos do."),
 ]
 LoopOption = Annotated[
-    Stepping,
+    choices.Loop,
     typer.Option("--loop", help="compiled: in C, where a compiler is there and all components are "
                  "FMUs, else python; the same bits."),
 ]  # fmt: skip
 Blocks = Annotated[bool, typer.Option("--blocks", help="Bare blocks instead of FMUs.")]
 Fmus = Annotated[
-    FmuKind,
+    choices.Fmus,
     typer.Option("--fmus", help="Which of our FMUs: native ones where there are such, or those of "
                  "Python; the same bits."),
 ]  # fmt: skip
@@ -208,16 +172,22 @@ Platforms = Annotated[
                  help="Native for these platforms: all, or linux64,win64,darwin64,aarch64-linux "
                  "(`pip install ziglang`). Default: this one.", show_default=False),
 ]  # fmt: skip
-Fmi = Annotated[FmiVersion, typer.Option(help="Of FMI 2.0 or of FMI 3.0.")]
+Fmi = Annotated[choices.FmiVersion, typer.Option(help="Of FMI 2.0 or of FMI 3.0.")]
 Jobs = Annotated[int, typer.Option(help="Processes.", min=1)]
 CPUS = os.cpu_count() or 1
 
 
 def options_of(
-    sets: list[str] | None, stop: str | float | None, step: float | None, algorithm: Semantics,
-    blocks: bool, classes: list[str] | None = None, sources: list[str] | None = None, **more: Any,
-) -> Options:  # fmt: skip
-    """What the options of a command say."""
+    sets: list[str] | None,
+    stop: str | float | None,
+    step: float | None,
+    algorithm: choices.Algorithm,
+    blocks: bool,
+    classes: list[str] | None = None,
+    sources: list[str] | None = None,
+    **more: Any,
+) -> Options:
+    """Return what the options of a command say."""
     from ..system.options import Options
 
     overrides: dict[str, str] = {}
@@ -232,11 +202,16 @@ def options_of(
         more["substeps"] = (
             substeps if substeps == "auto" else _whole(f"--substeps {substeps}", substeps)
         )
-    name: Algorithm = "jacobi" if algorithm is Semantics.jacobi else "gauss_seidel"
     return Options(
-        sets=list(sets or []), sources=list(sources or []), stop=stop, step=step, algorithm=name,
-        blocks=blocks, output_classes=overrides, **more,
-    )  # fmt: skip
+        sets=list(sets or []),
+        sources=list(sources or []),
+        stop=stop,
+        step=step,
+        algorithm=algorithm,
+        blocks=blocks,
+        output_classes=overrides,
+        **more,
+    )
 
 
 def _whole(where: str, text: str) -> int:

@@ -25,8 +25,8 @@ import numpy as np
 from desat.fmus.compiler import NoCompilerError, compiler
 
 from ..files import paths
+from ..system.choices import Loop
 from ..system.interface import KINDS
-from ..system.options import Loop
 from . import current_call
 from .ending import Ending
 from .instances.fmu import FmuInstance

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any, Protocol
 
-from ..system.options import Loop
+from ..system.choices import Loop
 from .checkpoint import Checkpoints
 from .compiled import CompiledSteps, NotCompiledError
 from .ending import NEVER, Ending

@@ -29,10 +29,11 @@ from typing import Any, Self
 
 import numpy as np
 
+from ..system.choices import Algorithm
 from ..system.errors import DesatError
 from ..system.interface import KINDS, Kind, Signal
 from ..system.model import Component, Connection, System
-from ..system.options import ALGORITHMS, Algorithm
+from ..system.options import ALGORITHMS
 from ..system.schedule import Rates, Schedule, graded
 from .current_call import (
     ENTER,

@@ -9,8 +9,9 @@ from dataclasses import asdict, dataclass, field, fields, replace
 from math import inf
 from numbers import Real
 from pathlib import Path
-from typing import Any, Literal, TypedDict, get_args
+from typing import Any, TypedDict, get_args
 
+from .choices import Algorithm, Fmus, Isolate, Loop
 from .errors import DesatError, nearest
 from .model import AUTO, MOST_SUBSTEPS, Substeps
 
@@ -76,11 +77,7 @@ def as_arguments(options: Options) -> str:
     return flags + "".join(f" --{name} {shlex.quote(text)}" for name, text in given)
 
 
-Algorithm = Literal["gauss_seidel", "jacobi"]
 ALGORITHMS: tuple[Algorithm, ...] = get_args(Algorithm)
-Loop = Literal["compiled", "python"]
-Fmus = Literal["native", "python"]
-Isolate = Literal["all", "foreign", "none"]
 _CHOICES = {"fmus": Fmus, "loop": Loop, "isolate": Isolate}
 _ORBITS = re.compile(r"\s*(\d+\.?\d*|\.\d+)\s*orbits?\s*")
 

@@ -7,8 +7,10 @@ an SSD does not matter.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
-from heapq import heapify, heappop, heappush
+from graphlib import CycleError, TopologicalSorter
+from heapq import heappop, heappush
 from itertools import accumulate, pairwise
 from math import lcm
 
@@ -244,20 +246,19 @@ def _undeclared(
 
 
 def _order(before: dict[str, set[str]]) -> list[str]:
-    """The names, each after those before it, else by the alphabet; without those in a circle."""
-    after: dict[str, list[str]] = {name: [] for name in before}
-    open_ends = {name: len(needs) for name, needs in before.items()}
-    for name, needs in before.items():
-        for need in needs:
-            after[need].append(name)
-    ready, order = [name for name, count in open_ends.items() if not count], []
-    heapify(ready)
-    while ready:
+    """Return the names, each after those before it, else by the alphabet; without circles."""
+    sorter = TopologicalSorter(before)
+    with suppress(CycleError):
+        sorter.prepare()
+    ready: list[str] = []
+    order: list[str] = []
+    while sorter.is_active():
+        for name in sorter.get_ready():
+            heappush(ready, name)
+        if not ready:
+            break  # what is left is in a circle, or after one
         order.append(heappop(ready))
-        for name in after[order[-1]]:
-            open_ends[name] -= 1
-            if not open_ends[name]:
-                heappush(ready, name)
+        sorter.done(order[-1])
     return order
 
 

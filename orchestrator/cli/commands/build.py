@@ -23,7 +23,7 @@ def build(
                      show_default=False),
     ] = None,
     platforms: o.Platforms = "",
-    fmi: o.Fmi = o.FmiVersion.two,
+    fmi: o.Fmi = "2",
     as_json: o.Json = False,
 ) -> None:  # fmt: skip
     """Build a block file of your own as FMUs.
@@ -36,7 +36,7 @@ def build(
 
     made = own.build(file, platforms)
     folder = into or file.parent
-    third = fmi is o.FmiVersion.three
+    third = fmi == "3"
     wanted = {"fmi3": made.fmi3} if third else {"python": made.python, "native": made.native}
     if third and made.fmi3 is None:
         raise DesatError(f"{file.name}: FMI 3.0 is for native FMUs, and there is none of it: "

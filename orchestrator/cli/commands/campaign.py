@@ -60,9 +60,9 @@ def run(
     step: o.Step = None,
     substeps: o.Substeps = None,
     accuracy: o.Accuracy = None,
-    algorithm: o.Alg = o.Semantics.gauss_seidel,
+    algorithm: o.Alg = "gauss_seidel",
     blocks: o.Blocks = False,
-    fmus: o.Fmus = o.FmuKind.native,
+    fmus: o.Fmus = "native",
     design: o.DesignOption = None,
     keep: Annotated[
         list[str] | None,
@@ -100,7 +100,7 @@ def run(
     plan, warnings = coordinator.planned(
         target, count, seed=seed, sampling=sampling,  # type: ignore[arg-type]
         options=o.options_of(sets, stop, step, algorithm, blocks, substeps=substeps,
-                             accuracy=accuracy, sources=sources, fmus=fmus.value, design=design),
+                             accuracy=accuracy, sources=sources, fmus=fmus, design=design),
         curves=curve, keep=kept, limit=limit,
     )  # fmt: skip
     warn(warnings)

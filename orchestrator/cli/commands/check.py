@@ -84,7 +84,7 @@ def check(
     from ...runs.prepare import prepare
     from ...system.refusal import explain
 
-    options = o.options_of(sets, stop, step, o.Semantics.gauss_seidel, blocks, classes, sources,
+    options = o.options_of(sets, stop, step, "gauss_seidel", blocks, classes, sources,
                          substeps=substeps, accuracy=accuracy, design=design, trust=trust,
                          strict=strict, outside=outside)  # fmt: skip
     case = prepare(target, options)

@@ -55,7 +55,7 @@ def compare(
     substeps: o.Substeps = None,
     accuracy: o.Accuracy = None,
     blocks: o.Blocks = False,
-    fmus: o.Fmus = o.FmuKind.native,
+    fmus: o.Fmus = "native",
     time_limit: o.TimeLimit = None,
     jobs: o.Jobs = o.CPUS,
     html: Annotated[
@@ -74,8 +74,8 @@ def compare(
     from ...campaign import pairs
     from ...studies import compare as study
 
-    options = o.options_of(sets, stop, step, o.Semantics.gauss_seidel, blocks, substeps=substeps,
-                           accuracy=accuracy, time_limit=time_limit, fmus=fmus.value)  # fmt: skip
+    options = o.options_of(sets, stop, step, "gauss_seidel", blocks, substeps=substeps,
+                           accuracy=accuracy, time_limit=time_limit, fmus=fmus)  # fmt: skip
     if count is None:
         o.refuse(ctx, "it goes with -n", "seed")
     if laws is not None or law:

@@ -70,18 +70,18 @@ def fmu(
     substeps: o.Substeps = None,
     accuracy: o.Accuracy = None,
     platforms: o.Platforms = "",
-    fmi: o.Fmi = o.FmiVersion.two,
+    fmi: o.Fmi = "2",
     as_json: o.Json = False,
 ) -> None:  # fmt: skip
     """Write the loop of a scenario as one native FMU, with the same bits as `desat run`."""
     from ...export.loop_fmu import LoopEnds, export
 
     options = o.options_of(
-        sets, stop, step, o.Semantics.gauss_seidel, False, None, sources, substeps=substeps,
+        sets, stop, step, "gauss_seidel", False, None, sources, substeps=substeps,
         accuracy=accuracy,
     )  # fmt: skip
     wanted = LoopEnds(outputs or (), inputs or (), parameters or (), without or ())
-    path = export(target, options, wanted, file, platforms, third=fmi is o.FmiVersion.three)
+    path = export(target, options, wanted, file, platforms, third=fmi == "3")
     if as_json:
         print_json({"fmu": str(path)})
     else:

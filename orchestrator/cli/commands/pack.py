@@ -10,6 +10,7 @@ from typing import Annotated
 
 import typer
 
+from ...system import choices
 from .. import options as o
 from ..console import app, err, example, out, print_json
 
@@ -31,7 +32,7 @@ def pack(
         typer.Option("--ssd", help="Instead, write the standard SSD of crafts beside their files."),
     ] = False,
     fmus: Annotated[
-        o.FmuKind | None,
+        choices.Fmus | None,
         typer.Option(
             help="Which of our FMUs (default: native ones as soon as they are for linux64 "
             "and win64, `make fmus PLATFORMS=all`; else those of Python).",
@@ -53,7 +54,7 @@ def pack(
         o.refuse(ctx, "an SSD names FMUs, it has none inside", "fmus")
         _write_ssds(names or [], as_json)
         return
-    kind = fmus.value if fmus else "native" if library.portable() else "python"
+    kind = fmus if fmus else "native" if library.portable() else "python"
     files = [Path(n) for n in names or () if n.endswith(".toml")]
     ours = [find(n) for n in names if not n.endswith(".toml")] if names else scenarios().values()
     wanted = [*((own(f), f.with_suffix(".ssp")) for f in files), *((s, None) for s in ours)]

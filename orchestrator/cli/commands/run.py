@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from ...files import io
+from ...system import choices
 from ...system.errors import DesatError, Exit, RunError
 from ...system.quantity import Quantity
 from .. import options as o
@@ -33,9 +34,9 @@ def run(
     step: o.Step = None,
     substeps: o.Substeps = None,
     accuracy: o.Accuracy = None,
-    algorithm: o.Alg = o.Semantics.gauss_seidel,
+    algorithm: o.Alg = "gauss_seidel",
     blocks: o.Blocks = False,
-    fmus: o.Fmus = o.FmuKind.native,
+    fmus: o.Fmus = "native",
     design: o.DesignOption = None,
     folder: Annotated[
         Path | None, typer.Option("--out", help="Run folder (default: a new one under runs/).")
@@ -54,17 +55,17 @@ def run(
     ] = True,
     classes: o.Classes = None,
     time_limit: o.TimeLimit = None,
-    loop: o.LoopOption = o.Stepping.compiled,
+    loop: o.LoopOption = "compiled",
     call_limit: Annotated[
         float,
         o.number(Quantity("--call-limit", "s", 0.1, o.LONGEST), "SECONDS",
                  "Wall time that one call of a component may take; the command then ends with 5."),
     ] = 300.0,
     isolate: Annotated[
-        o.Isolated,
+        choices.Isolate,
         typer.Option(help="FMUs that run in a process each, so that one that crashes or hangs ends "
                      "no other: those that are not ours, all, or none."),
-    ] = o.Isolated.foreign,
+    ] = "foreign",
     trust: o.Trust = None,
     strict: o.Strict = False,
     outside: o.Outside = False,
@@ -90,10 +91,10 @@ def run(
     options = o.options_of(
         sets, stop, step, algorithm, blocks, classes, sources, record=tuple(record or ("*",)),
         every=every, design=design, substeps=substeps, accuracy=accuracy,
-        time_limit=time_limit, loop=loop.value, fmus=fmus.value, trust=trust, strict=strict,
+        time_limit=time_limit, loop=loop, fmus=fmus, trust=trust, strict=strict,
         outside=outside,
         supervised=True,
-        call_limit=call_limit, checkpoint=checkpoint, halvings=halve, isolate=isolate.value,
+        call_limit=call_limit, checkpoint=checkpoint, halvings=halve, isolate=isolate,
     )  # fmt: skip
     _free(folder)
     case = prepare(target, options)

@@ -98,7 +98,7 @@ def size(
     from ...sizing import page as sizing_page
     from ...sizing.requirements import SizingRequirements
 
-    options = o.options_of(sets, stop, None, o.Semantics.gauss_seidel, blocks, sources=sources)
+    options = o.options_of(sets, stop, None, "gauss_seidel", blocks, sources=sources)
     angle, seconds = _slew(slew)
     by_thrusters = dumps.is_of(target, options)
     if by_thrusters:

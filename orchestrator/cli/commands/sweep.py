@@ -36,9 +36,9 @@ def sweep(
     step: o.Step = None,
     substeps: o.Substeps = None,
     accuracy: o.Accuracy = None,
-    algorithm: o.Alg = o.Semantics.gauss_seidel,
+    algorithm: o.Alg = "gauss_seidel",
     blocks: o.Blocks = False,
-    fmus: o.Fmus = o.FmuKind.native,
+    fmus: o.Fmus = "native",
     time_limit: o.TimeLimit = None,
     jobs: o.Jobs = o.CPUS,
     as_json: o.Json = False,
@@ -49,7 +49,7 @@ def sweep(
     if not draws:
         o.refuse(ctx, "it goes with --samples", "seed")
     options = o.options_of(sets, stop, step, algorithm, blocks, substeps=substeps,
-                         accuracy=accuracy, time_limit=time_limit, fmus=fmus.value)  # fmt: skip
+                         accuracy=accuracy, time_limit=time_limit, fmus=fmus)  # fmt: skip
     result = study.sweep(target, study.axes_of(axes), options, jobs, not as_json, draws=draws,
                          seed=seed)  # fmt: skip
     warn(result["warnings"])

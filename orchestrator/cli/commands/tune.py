@@ -49,7 +49,7 @@ def tune(
     substeps: o.Substeps = None,
     accuracy: o.Accuracy = None,
     blocks: o.Blocks = False,
-    fmus: o.Fmus = o.FmuKind.native,
+    fmus: o.Fmus = "native",
     time_limit: o.TimeLimit = None,
     jobs: o.Jobs = o.CPUS,
     as_json: o.Json = False,
@@ -61,8 +61,8 @@ def tune(
     """
     from ...studies import tune as study
 
-    options = o.options_of(sets, stop, step, o.Semantics.gauss_seidel, blocks, substeps=substeps,
-                           accuracy=accuracy, time_limit=time_limit, fmus=fmus.value)  # fmt: skip
+    options = o.options_of(sets, stop, step, "gauss_seidel", blocks, substeps=substeps,
+                           accuracy=accuracy, time_limit=time_limit, fmus=fmus)  # fmt: skip
     ends = None
     if between is not None:
         numbers = BETWEEN.many(between)

@@ -42,7 +42,7 @@ def design(
 
     if file is None:
         paths.writable("`desat design`", "--out FILE")
-    options = o.options_of(sets, stop, step, o.Semantics.gauss_seidel, True)
+    options = o.options_of(sets, stop, step, "gauss_seidel", True)
     wanted = design_module.designable(names or [])
     if file is not None and len(wanted) != 1:
         raise DesatError(f"--out {file}: one scenario is needed")

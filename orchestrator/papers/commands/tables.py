@@ -20,9 +20,9 @@ def tables(
     family: Annotated[
         str, typer.Argument(help="Scenario family, as uosat12.", autocompletion=o.complete_family)
     ],
-    algorithm: o.Alg = o.Semantics.gauss_seidel,
+    algorithm: o.Alg = "gauss_seidel",
     blocks: o.Blocks = False,
-    fmus: o.Fmus = o.FmuKind.native,
+    fmus: o.Fmus = "native",
     jobs: o.Jobs = o.CPUS,
     html: Annotated[
         Path | None, typer.Option(help="Where the page goes (default: runs/tables-FAMILY.html).")
@@ -43,7 +43,7 @@ def tables(
 
     from .. import tables as tables_module
 
-    options = o.options_of(None, None, None, algorithm, blocks, fmus=fmus.value)
+    options = o.options_of(None, None, None, algorithm, blocks, fmus=fmus)
     drawn, origin = _draws_of(family, jobs, fresh, progress=not as_json)
     rows = tables_module.rows(family, options, jobs, drawn)
     if as_json:

@@ -41,7 +41,7 @@ def web(
     from ...studies.ranking import options_of_laws
     from ..page import check_request, export
 
-    options = o.options_of(sets, stop, step, o.Semantics.gauss_seidel, False, None, sources,
+    options = o.options_of(sets, stop, step, "gauss_seidel", False, None, sources,
                            substeps=substeps, accuracy=accuracy)  # fmt: skip
     check_request(sliders or (), file)
     made = export(target, options_of_laws(target, options, laws or ()), sliders or (), file)
