@@ -131,10 +131,10 @@ def random_craft(seed):
 
 
 def test_auto_on_random_craft():
-    """Eight that nothing was tuned with. One is refused only where the reference itself takes a
+    """Five that nothing was tuned with. One is refused only where the reference itself takes a
     change of its start, of a hundredth of `accuracy`, beyond `accuracy`."""
     refused = 0
-    for seed in range(70_000, 70_008):
+    for seed in range(70_000, 70_005):
         name, values = random_craft(seed)
         case = prepare(name, Options(substeps=AUTO, stop=200.0, values=values))
         try:
