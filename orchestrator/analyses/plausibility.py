@@ -24,6 +24,7 @@ from ..system.body import contradictions
 from ..system.craft import WheelArray, craft_of
 from ..system.errors import DesatError
 from ..system.model import Component, System
+from ..system.wheels import smallest_capacity
 from . import motion
 from .flight import (
     Flight,
@@ -80,7 +81,7 @@ def _dumps(system: System, wheels: WheelArray) -> Iterator[str]:
     manager = craft_of(system).manager
     if manager is None or manager.interface.model != "manager_threshold":
         return
-    begin, capacity = manager.values["begin"], wheels.smallest_capacity
+    begin, capacity = manager.values["begin"], smallest_capacity(wheels.component.values)
     if not 0.0 < capacity < inf:
         return
     most, whose = capacity, "a wheel holds"
@@ -131,7 +132,7 @@ def _coils(system: System) -> Iterator[str]:
 
 def _orbit_momentum(system: System, wheels: WheelArray) -> Iterator[str]:
     """Check what an orbit brings into the wheels against what they hold."""
-    craft, capacity = craft_of(system).spacecraft, wheels.smallest_capacity
+    craft, capacity = craft_of(system).spacecraft, smallest_capacity(wheels.component.values)
     axes, name = wheels.axes, wheels.component.name
     spans = axes.any() and np.linalg.matrix_rank(axes, tol=1e-3) == 3
     if craft is None or not spans or not 0.0 < capacity < inf:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from functools import cached_property
-from math import inf
 from typing import Any
 
 import numpy as np
@@ -45,11 +44,6 @@ class WheelArray:
         """Largest momentum of each wheel that exists (m,), N m s."""
         return capacities(self.component.values)[self.exist]
 
-    @property
-    def smallest_capacity(self) -> float:
-        """Capacity of the smallest wheel (N m s); 0 without wheels."""
-        return float(self.capacities.min(initial=inf)) if self.exist.any() else 0.0
-
 
 class RigidBody:
     """A component with the parameters of a rigid body with wheels, ours or not."""
@@ -77,13 +71,11 @@ class Craft:
         roles = system.roles
         self.spacecraft = roles.get("spacecraft")
         self.environment = roles.get("environment")
-        self.guidance = roles.get("guidance")
         self.controller = roles.get("controller")
         self.manager = roles.get("manager")
         self.coils = roles.get("torquers")
         self.thrusters = roles.get("thrusters")
         self.gyro = roles.get("gyro")
-        self.magnetometer = roles.get("magnetometer")
         self.tachometers = roles.get("tachometers")
         self.determination = roles.get("determination")
         self.star_tracker = roles.get("star_tracker")
