@@ -69,8 +69,10 @@ def facts(kind: str, r: random.Random) -> list[str]:
                 r.choice(["4 pyramid 4Nms", "3 axes 4Nms"]), "--rods", "none", "--thrusters",
                 r.choice(["4 1N", "4 10N"]), "--dump", dump, "--panel",
                 f"{u(4, 10):.1f}m2 {u(0.5, 1.2):.2f}m"]  # fmt: skip
-    return ["--sun", f"{u(0.7, 1.6):.2f}AU", "--pointing", r.choice(["sun", "inertial"]), "--mass",
-            f"{u(12, 60):.0f}kg", "--size", r.choice(["6U", "12U", "16U"]), "--wheels",
+    sun, pointing = u(0.7, 1.6), r.choice(["sun", "inertial"])
+    kg_per_unit, units = u(1.1, 2.0), r.choice([6, 12, 16])  # as CubeSats are flown
+    return ["--sun", f"{sun:.2f}AU", "--pointing", pointing, "--mass",
+            f"{kg_per_unit * units:.0f}kg", "--size", f"{units}U", "--wheels",
             r.choice(["3 axes 10mNms", "4 pyramid 15mNms", "3 axes 15mNms"]), "--thrusters",
             r.choice(["4 10mN", "4 50mN"]), "--dump", dump, "--panel",
             f"{u(0.3, 0.8):.2f}m2 {u(0.05, 0.2):.2f}m"]  # fmt: skip
