@@ -16,6 +16,7 @@ from ..files import paths, reader, scenario
 from ..files.merge import origin
 from ..files.scenario import Scenario
 from ..numbers.measures import LATE, MEASURES
+from ..numbers.numbers import options_of
 from ..system.errors import DesatError, nearest
 from ..system.interface import Signal, interface_of_block
 from . import validation
@@ -38,7 +39,7 @@ def readable(
 def _of_content(given: Scenario, of_systems: bool) -> list[str]:
     """What is wrong with what a scenario says, and with its system on bare blocks."""
     if not of_systems:
-        wrong = validation.word_problems(given.content)
+        wrong = validation.content_problems(given.content, None)
         return [f"{given.where(path)}: {text}" for path, text in wrong]
     try:
         builder = given.builder(blocks=True)
@@ -137,7 +138,7 @@ def measures() -> list[dict[str, str]]:
     """Every measure: how many series, its options, its sentence."""
     rows = []
     for name in sorted(MEASURES):
-        series, options = validation.options_of(name)
+        series, options, _ = options_of(name)
         texts = [o if d is inspect.Parameter.empty else f"{o} = {d}" for o, d in options.items()]
         what = " ".join((MEASURES[name].__doc__ or "").split())
         what += " If never, it is not reached." if name in LATE else ""

@@ -103,8 +103,10 @@ class Target:
             builder = self.builder(Options(blocks=blocks))
             given = self.scenario or _packed_scenario(builder)
             if given is not None and not builder.problems:
-                found = validation.dispersion_problems(given.content, builder.components)
-                builder.problems += [f"{given.where(path)}: {text}" for path, text in found]
+                found = validation.content_problems(given.content, builder.components)
+                builder.problems += [
+                    f"{given.where(path)}: {text}" for path, text in found if "dispersions" in path
+                ]
             if builder.problems:
                 raise DesatError("\n".join(builder.problems))
             self._to_draw[blocks] = builder

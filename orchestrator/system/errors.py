@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from enum import IntEnum
+from typing import TypeVar
+
+T = TypeVar("T")
 
 
 class Exit(IntEnum):
@@ -41,6 +44,14 @@ class DesatError(Exception):
     code: Exit = Exit.INPUT
 
 
+class MisfitError(DesatError):
+    """A value of a file that does not fit; `keys` lead to it within its table."""
+
+    def __init__(self, text: str, *keys: str) -> None:
+        super().__init__(text)
+        self.keys = keys
+
+
 class RunError(DesatError):
     """A run that did not complete: a component failed, or somebody stopped it."""
 
@@ -69,3 +80,16 @@ def nearest(name: str, known: Iterable[str]) -> str:
     if len(known) > 12:
         known = [*known[:12], "…"]
     return f"; there is {', '.join(known)}" if known else ""
+
+
+def look_up(name: str, known: Mapping[str, T], what: str, where: str = "") -> T:
+    """Return what a name stands for.
+
+    Raises
+    ------
+    DesatError
+        If it stands for nothing: `where`, `what` there is not, and the nearest name.
+    """
+    if name not in known:
+        raise DesatError(f"{where}{what} {name}{nearest(name, known)}")
+    return known[name]

@@ -20,13 +20,14 @@ from markupsafe import Markup
 
 from ..analyses import management
 from ..export.loop_fmu import LoopEnds, LoopSource, written_out
-from ..figures.plots import elements_of, parameter_of
+from ..figures.plots import elements_of
 from ..figures.style import COLOURS, LIMIT, time_axis
 from ..files import io
 from ..language.content import Content, content_of
 from ..language.scenario import Number, Plot
 from ..numbers import derived
 from ..numbers.derived import QUANTITIES, coil_impulse
+from ..numbers.limits import parameter_of
 from ..numbers.measures import MEASURES, OWN_UNIT
 from ..numbers.numbers import scale
 from ..numbers.text import spell_unit
