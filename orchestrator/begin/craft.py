@@ -414,12 +414,17 @@ def _step(
     ), 1.0)  # fmt: skip
 
 
+def _is_multiple(time: float, step: float) -> bool:
+    """Return whether a sample time (s) is a whole number of steps (s), one at least."""
+    count = time / step
+    return round(count) >= 1 and abs(count - round(count)) <= 1e-9
+
+
 def _given_sample(text: str) -> float:
     """Return the sample time (s) of --sample. Raises DesatError where 10 s are no multiple of it:
     coils and manager sample every 10 s."""
     sample = SAMPLE(text)
-    count = 10.0 / sample
-    if abs(count - round(count)) > 1e-9:
+    if not _is_multiple(10.0, sample):
         raise DesatError(f"--sample {text}: 10 s over a whole number is needed, as 0.5s, 0.2s")
     return sample
 
@@ -562,7 +567,8 @@ def _dump(
         if float(thrusters["torque_si"]) < torque:
             torque, why = float(thrusters["torque_si"]), "what a pair gives"
         room = 8.0 * inertia * DEVIATION
-        sample = max(step, next((x for x in SAMPLES if torque * x * x <= room), 0.0))
+        longest = (x for x in SAMPLES if torque * x * x <= room and _is_multiple(x, step))
+        sample = next(longest, step)
         if torque * sample * sample > room:
             torque, why = room / sample**2, "no pulse turns the craft by more than 0.1 deg"
     return {"by": by, "percent": (f"{begin:g}", f"{end:g}"),
