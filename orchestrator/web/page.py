@@ -513,15 +513,18 @@ def _managed(flown: _Flown) -> dict[str, Any] | None:
     """What the numbers of management are made of, and the curve without; None where they do not
     apply."""
     parts, system = management.applies(flown.system), flown.system
-    if parts is None or parts.wheels is None or parts.field is None or parts.target is None:
+    if parts is None or parts.wheels is None or parts.target is None:
+        return None
+    if not management.balanced(parts):
         return None
     body, wheels, torquers = parts.spacecraft, parts.wheels, parts.torquers
     series = {
         "h": f"{wheels}.h_wheel", "q": f"{body}.q_bi", "omega": f"{body}.omega_bi_body",
         "copy": f"{body}.h_copy_wheel", "impulse": f"{body}.impulse_eci",
-        "dipole": f"{torquers}.m_mean_body", "field": parts.field,
         "saturated": f"{wheels}.saturated_wheel", "speed": f"{wheels}.speed_wheel",
     }  # fmt: skip
+    if torquers and parts.field:
+        series |= {"dipole": f"{torquers}.m_mean_body", "field": parts.field}
     if parts.thrusters:
         series["fired"] = f"{parts.thrusters}.tau_mean_thruster_body"
     own = system.components[body].values
@@ -536,7 +539,8 @@ def _managed(flown: _Flown) -> dict[str, Any] | None:
     return {
         "series": series, "there": there.tolist(), "target": list(parts.target),
         "inverse": np.linalg.pinv(axes[:, there]).tolist(), "of": names,
-        "coils": _coils(system, torquers), "values": [*names.values(), f"{torquers}.m_limit"],
+        "coils": _coils(system, torquers) if torquers else None,
+        "values": [*names.values(), *([f"{torquers}.m_limit"] if torquers else [])],
         "label": f"fullest wheel [{spell_unit(unit)}]", "scale": scale("N.m.s", unit),
         "names": {"momentum": management.OF_MOMENTUM, "coils": management.OF_COILS,
                   "wheels": management.OF_WHEELS, "balance": management.OF_BALANCE},
