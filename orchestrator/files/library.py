@@ -20,7 +20,7 @@ from filelock import FileLock, Timeout
 
 from desat.fmus import meaning, registry
 
-from ..system.errors import DesatError, nearest
+from ..system.errors import DesatError, nearest, require
 from ..system.interface import Interface, interface_of_block
 from ..system.model import Component, Fmu, System
 from ..system.options import Options
@@ -322,8 +322,7 @@ def interface_of(source: str, fmu: Fmu | None, blocks: bool) -> Interface:
     """
     name = source.rpartition("/")[2].removesuffix(".fmu")
     if blocks:
-        if name not in registry.names():
-            raise DesatError(f"no block {name}{nearest(name, registry.names())}")
+        require(name, registry.names(), "no block")
         return interface_of_block(name)
     if fmu is None:
         known = {p.stem for p in paths.fmus().glob("*.fmu")}

@@ -30,7 +30,7 @@ from ..numbers.text import spell_unit
 from ..report.table import Cell, Column, Table
 from ..runs.prepare import Target, prepare, read
 from ..runs.run import Options
-from ..system.errors import DesatError, nearest
+from ..system.errors import DesatError, nearest, require
 from ..system.interface import Signal, names
 
 SPAN = 10.0
@@ -219,8 +219,7 @@ def _parameter(source: Target, options: Options, name: str) -> tuple[Signal, flo
     for one that cannot be tuned."""
     system, _ = prepare(source, options).or_raise()
     owner, _, variable = name.partition(".")
-    if owner not in system.components:
-        raise DesatError(f"{name}: no component {owner}{nearest(owner, system.components)}")
+    require(owner, system.components, f"{name}: no component")
     component = system.components[owner]
     known = names(component.interface, "parameter")
     signal = component.interface.signals.get(variable)

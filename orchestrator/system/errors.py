@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from enum import IntEnum
 from typing import TypeVar
 
@@ -82,14 +82,19 @@ def nearest(name: str, known: Iterable[str]) -> str:
     return f"; there is {', '.join(known)}" if known else ""
 
 
-def look_up(name: str, known: Mapping[str, T], what: str, where: str = "") -> T:
-    """Return what a name stands for.
+def require(name: str, known: Collection[str], what: str) -> None:
+    """Check that a name is known.
 
     Raises
     ------
     DesatError
-        If it stands for nothing: `where`, `what` there is not, and the nearest name.
+        If it is not: `what` there is not, as "no component", and the nearest name.
     """
     if name not in known:
-        raise DesatError(f"{where}{what} {name}{nearest(name, known)}")
+        raise DesatError(f"{what} {name}{nearest(name, known)}")
+
+
+def look_up(name: str, known: Mapping[str, T], what: str) -> T:
+    """Return what a name stands for. Raises DesatError as `require`."""
+    require(name, known, what)
     return known[name]
