@@ -26,7 +26,7 @@ from ..language.content import content_of
 from ..numbers.derived import coil_impulse, matrices, pointing, rotate, rotate_back
 from ..numbers.text import Value
 from ..system.errors import DesatError
-from ..system.model import Component, System
+from ..system.model import Component, System, Values
 from ..system.wheels import axes_of, capacities, existing, smallest_capacity
 from . import Parts, with_titles
 from .flight import environment_block, guided, inputs_at, without_field
@@ -617,20 +617,20 @@ def removed(manifest: Manifest, results: Results) -> float | None:
     return taken / brought
 
 
-def _wheels_of(manifest: Manifest, parts: ManagementParts) -> Mapping[str, Any]:
+def _wheels_of(manifest: Manifest, parts: ManagementParts) -> Values:
     """Return the parameters that say which wheels there are: the wheels', else the craft's."""
     wheels = manifest.values_of(parts.wheels or "")
     return wheels if "axes_wheel" in wheels else manifest.values_of(parts.spacecraft)
 
 
-def _capacity(wheels: Mapping[str, Any]) -> float:
+def _capacity(wheels: Values) -> float:
     """Return the capacity of the smallest wheel that exists (N m s); 0 where it is not known."""
     if "inertia_wheel" not in wheels or "speed_limit" not in wheels:
         return 0.0
     return smallest_capacity(wheels)
 
 
-def most_of_coils(given: Mapping[str, Any]) -> float | None:
+def most_of_coils(given: Values) -> float | None:
     """The largest dipole of a coil (A m2) by the parameters of torquers, of pulsed ones in the mean
     of a period; None where it has no limit or is not known."""
     most = given.get("m_limit", 0.0)
@@ -639,7 +639,7 @@ def most_of_coils(given: Mapping[str, Any]) -> float | None:
     return float(most * given["duty_max"] if given.get("drive") == "pulsed" else most)
 
 
-def rows_a_period(given: Mapping[str, Any], step: float) -> int:
+def rows_a_period(given: Values, step: float) -> int:
     """Over how many rows the dipole of coils counts in the mean: of pulsed ones those of a
     period."""
     return max(1, round(given["sample_time"] / step)) if given.get("drive") == "pulsed" else 1

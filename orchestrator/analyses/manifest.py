@@ -17,7 +17,7 @@ from ..numbers.text import Value
 from ..numbers.verdicts import Verdict
 from ..system.digest import wiring
 from ..system.expression import Table
-from ..system.model import Component, System
+from ..system.model import Component, System, Values
 from ..system.options import Options
 from ..system.parameters import Parameter, table
 from ..system.typed import fault_of
@@ -206,7 +206,7 @@ class Manifest(Mapping[str, Any]):
         """A line for each bound and each requirement that is not met."""
         return [*self.unmet, *verdicts.lines(self.verdicts)]
 
-    def values_of(self, component: str) -> Mapping[str, Any]:
+    def values_of(self, component: str) -> Values:
         """The values of a component's parameters by name; none where it is not there."""
         return {name: p.value for name, p in self.parameters.get(component, {}).items()}
 

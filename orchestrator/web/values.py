@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Set
+from collections.abc import Iterator, Set
 from typing import Any
 
 from ..system.expression import Table, entry, is_name, parsed, product, scale_of
-from ..system.model import System
+from ..system.model import System, Values
 from ..system.parameters import table, unit_of
 
 Expression = dict[str, Any]
@@ -88,6 +88,6 @@ def differing(a: System, b: System) -> set[str]:
     return {name for name, value in one.items() if other[name] != value}
 
 
-def _all(system: System) -> Mapping[str, Any]:
+def _all(system: System) -> Values:
     known = table(system.components.values())
     return {f"{owner}.{n}": p.value for owner, of in known.items() for n, p in of.items()}
