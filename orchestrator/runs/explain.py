@@ -19,6 +19,7 @@ from ..numbers.measures import LATE, MEASURES
 from ..numbers.numbers import options_of
 from ..system.errors import DesatError, nearest
 from ..system.interface import Signal, interface_of_block
+from ..system.typed import JsonObject
 from . import validation
 
 
@@ -62,7 +63,7 @@ def _design(given: Scenario) -> list[str]:
     return []
 
 
-def _tables() -> dict[str, Any]:
+def _tables() -> JsonObject:
     from ..language import paper as p
     from ..language import scenario as l
 
@@ -128,9 +129,9 @@ def _row(*cells: str) -> str:
     return "| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |"
 
 
-def schema() -> dict[str, Any]:
+def schema() -> JsonObject:
     """The language as a JSON schema, for editors."""
-    made: dict[str, Any] = _tables()["scenario"].model_json_schema()
+    made: JsonObject = _tables()["scenario"].model_json_schema()
     return made
 
 
@@ -147,7 +148,7 @@ def measures() -> list[dict[str, str]]:
     return rows
 
 
-def show(name: str) -> list[dict[str, Any]]:
+def show(name: str) -> list[JsonObject]:
     """Every value of a scenario as merged, and the file, axis cell or design it comes from."""
     nominal = Path(name) / paths.NOMINAL
     given = nominal if nominal.is_file() else Path(name)

@@ -55,6 +55,7 @@ from ..system.expression import factor
 from ..system.model import System
 from ..system.options import Options
 from ..system.parameters import bare_block, unit_of
+from ..system.typed import JsonObject
 from .momentum import SourceShare, compute_slew, secular, shares_of, smallest_wheel_capacity
 from .propellant import GRAVITY, YEAR, thruster_cost
 from .requirements import SizingRequirements
@@ -181,7 +182,7 @@ class DumpSizing:
             return nan
         return self.tank / self.a_year if self.a_year > 0.0 else inf
 
-    def as_json(self) -> dict[str, Any]:
+    def as_json(self) -> JsonObject:
         """What `--json` prints; what is without end, or not known, is null."""
         steady = asdict(self.steady) | {"a_week": self.steady.a_week, "a_year": self.steady.a_year}
         told = {k: finite(x) for k, x in asdict(self).items()}

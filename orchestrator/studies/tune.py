@@ -32,6 +32,7 @@ from ..runs.prepare import Target, prepare, read
 from ..runs.run import Options
 from ..system.errors import DesatError, nearest, require
 from ..system.interface import Signal, names
+from ..system.typed import JsonObject
 
 SPAN = 10.0
 """Without a range: so many times below and above the craft's own value."""
@@ -138,7 +139,7 @@ class Tuned:
         ]
         return Table("", columns, rows)
 
-    def as_json(self) -> dict[str, Any]:
+    def as_json(self) -> JsonObject:
         """For programs; what is not finite is null."""
         told = asdict(self) | {"confirmed": self.confirmed, "answer": self.answer}
         for point in told["points"]:

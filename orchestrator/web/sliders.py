@@ -18,6 +18,7 @@ from ..system.interface import Signal, base_name
 from ..system.model import System, Values
 from ..system.options import Options, with_assignment
 from ..system.parameters import expand, parse_value, unit_of
+from ..system.typed import JsonObject
 from ..system.wheels import smallest_capacity
 from .values import differing, reached
 
@@ -54,7 +55,7 @@ class Slider:
     """Whether it is a radius from the Earth's centre."""
     asked: bool = False
 
-    def told(self) -> dict[str, Any]:
+    def told(self) -> JsonObject:
         """Return what the page is told of it."""
         return {k: v for k, v in asdict(self).items() if k != "asked"}
 
