@@ -421,10 +421,10 @@ def test_the_stored_draws_say_where_they_are_from(drawn):
     for found in drawn["scenarios"].values():
         assert len(found["draws"]) >= 20
         for name, s in found["summary"].items():
-            given = [d["numbers"][name] for d in found["draws"]]
+            given = [d.numbers[name] for d in found["draws"]]
             values = [math.inf if x is None else x for x in given]  # a time not reached: later
-            assert s["n"] == len(values) - given.count(None)
-            assert s["min"] == min(values)
+            assert s.n == len(values) - given.count(None)
+            assert s.levels["min"] == min(values)
             for key, value in (("max", max(values)), ("median", np.median(values))):
                 assert (math.inf if s[key] is None else s[key]) == value
 
@@ -459,7 +459,7 @@ AGAINST = {
 
 def test_bands_of_the_draws_are_met_but_for_those_that_are_known(current):
     banded, missed = 0, set()
-    medians = {name: {k: s["median"] for k, s in found["summary"].items()}
+    medians = {name: {k: s.levels["median"] for k, s in found["summary"].items()}
                for name, found in current["scenarios"].items()}  # fmt: skip
     for name, found in current["scenarios"].items():
         scenario, values = find(name), medians[name]
@@ -638,7 +638,7 @@ def test_a_stored_draw_comes_out_again(current):
     name = "integrated/velocity-dumping"
     values = values_of(read(name).builder(Options(blocks=True)), current["seed"], 0)
     again = execute(name, Options(values=values)).manifest["numbers"]
-    kept = current["scenarios"][name]["draws"][0]["numbers"]
+    kept = current["scenarios"][name]["draws"][0].numbers
     assert {k: again[k]["value"] for k in kept} == pytest.approx(kept, rel=1e-6)
 
 
@@ -667,9 +667,12 @@ def test_rows_of_draws_have_the_median_and_the_file_is_named(drawn, monkeypatch)
     assert {"date", "seed", "versions"} <= set(data["run"])
     row = next(r for r in data["rows"] if r["quantity"] == "pointing")
     summary = drawn["scenarios"]["integrated/mil-nadir"]["summary"]["pointing"]
-    assert row["ours"] == summary["median"]
+    assert row["ours"] == summary.levels["median"]
     assert row["draws"]["n"] >= 20
-    assert (row["draws"]["min"], row["draws"]["max"]) == (summary["min"], summary["max"])
+    assert (row["draws"]["min"], row["draws"]["max"]) == (
+        summary.levels["min"],
+        summary.levels["max"],
+    )
     assert row["within"] is True
     lost = replace(rows("integrated", Options(), drawn=drawn)[0], draws=None)
     assert tables.texts_of(lost)["draws"] == ""

@@ -8,9 +8,10 @@ from __future__ import annotations
 
 import math
 import statistics
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, TypedDict
+from typing import Any
 
 from ..language.content import dispersions_of
 from ..numbers.statistics import clopper_pearson
@@ -18,43 +19,30 @@ from ..runs.prepare import Target
 from ..runs.run import Options
 from ..system.errors import DesatError
 from . import store
-from .draws import DrawnRow, Draws
+from .draws import Draws, RunRow
 from .plan import CampaignPlan, read, system
 from .report import flat
 from .sampling import draw_of
+from .spread import Spread
 
 EQUAL = 1e-12
 """Relative difference up to which two numbers are equal."""
 
 
-class PairSpread(TypedDict, total=False):
-    """Of differences: median, least, largest, how many there are, are below, above and at 0; and,
-    with confidence, the median's interval, whether there are enough for one, and the share (%)
-    below 0 with its own."""
-
-    unit: str
-    median: float | None
-    min: float | None
-    max: float | None
-    n: int
-    lower: int
-    higher: int
-    equal: int
-    not_reached: int
-    interval: list[float]
-    interval_holds: bool
-    share_lower: float
-    share_lower_interval: list[float]
-
-
-class Pairs(TypedDict):
-    """What `compare` gives: the first's numbers less the second's."""
+@dataclass(frozen=True)
+class Pairs:
+    """The differences of each number over pairs of runs: the first's less the second's."""
 
     first: str
     second: str
     pairs: int
-    warnings: list[str]
-    numbers: dict[str, PairSpread]
+    warnings: Sequence[str]
+    numbers: Mapping[str, Spread]
+
+    def to_json(self) -> dict[str, Any]:
+        """Return what `desat compare --json` prints."""
+        numbers = {name: spread.to_json() for name, spread in self.numbers.items()}
+        return {**vars(self), "numbers": numbers}
 
 
 def common(
@@ -84,51 +72,37 @@ def common(
 
 
 def each_draw(
-    ours: Iterable[DrawnRow], theirs: Iterable[DrawnRow], name: str, ratio: bool = False
+    ours: Iterable[RunRow], theirs: Iterable[RunRow], name: str, ratio: bool = False
 ) -> dict[int | None, float]:  # fmt: skip
     """Of each draw of two lots of the same ones a number of ours less that of theirs, or over it.
     Draws where one has not reached it, or theirs is 0 and would divide, are left out."""
-    other = {row["draw"]: row["numbers"].get(name) for row in theirs}
+    other = {row.number: row.numbers.get(name) for row in theirs}
     found = {}
     for row in ours:
-        a, b = row["numbers"].get(name), other.get(row["draw"])
+        a, b = row.numbers.get(name), other.get(row.number)
         if a is not None and b is not None and (b or not ratio):
-            found[row["draw"]] = a / b if ratio else difference(a, b)
+            found[row.number] = a / b if ratio else difference(a, b)
     return found
 
 
-def differences(ours: Draws, theirs: Draws) -> dict[str, PairSpread]:
+def differences(ours: Draws, theirs: Draws) -> dict[str, Spread]:
     """Of each number that two results of the same draws have by name and unit: ours less theirs of
     each draw, in all. Draws where one has not reached it count as `not_reached` alone."""
-    rows = [[r for r in x["draws"] if r["numbers"]] for x in (ours, theirs)]
-    both = len({r["draw"] for r in rows[0]} & {r["draw"] for r in rows[1]})
-    compared: dict[str, PairSpread] = {}
-    for name, entry in ours["summary"].items():
-        if name in theirs["summary"] and theirs["summary"][name]["unit"] == entry["unit"]:
+    rows = [[row for row in x.rows if row.numbers] for x in (ours, theirs)]
+    both = len({row.number for row in rows[0]} & {row.number for row in rows[1]})
+    compared: dict[str, Spread] = {}
+    for name, spread in ours.summary.items():
+        if name in theirs.summary and theirs.summary[name].unit == spread.unit:
             each = each_draw(rows[0], rows[1], name)
-            compared[name] = {
-                "unit": entry["unit"], **confident(list(each.values())),
-                "not_reached": both - len(each),
-            }  # fmt: skip
+            compared[name] = replace(
+                confident(list(each.values())), unit=spread.unit, not_reached=both - len(each)
+            )
     return compared
 
 
 def difference(ours: float, theirs: float) -> float:
     """Ours less theirs, 0 where they are equal but for rounding (EQUAL)."""
     return 0.0 if math.isclose(ours, theirs, rel_tol=EQUAL) else ours - theirs
-
-
-def spread_of(each: Sequence[float]) -> PairSpread:
-    """Median, least and largest of differences, how many are below, above and at 0."""
-    return {
-        "median": statistics.median(each) if each else None,
-        "min": min(each, default=None),
-        "max": max(each, default=None),
-        "n": len(each),
-        "lower": sum(x < 0.0 for x in each),
-        "higher": sum(x > 0.0 for x in each),
-        "equal": sum(x == 0.0 for x in each),
-    }
 
 
 # --- Two campaigns over the same cases, in pairs ------------------------------------------------
@@ -157,13 +131,12 @@ def compare(first: Path, second: Path, level: float = 0.95) -> Pairs:
         n for n in tables[0].column_names if n.startswith("out.") and n in tables[1].column_names
     ]
     units = _same_units(first, second, names)
-    return {
-        "first": str(first), "second": str(second), "pairs": len(cases),
-        "warnings": [*_warnings(one, other), *_apart(tables, rows)],
-        "numbers": {
-            n[4:]: {"unit": units[n], **_differences(tables, rows, cases, n, level)} for n in names
-        },
-    }  # fmt: skip
+    numbers = {
+        name[4:]: replace(_differences(tables, rows, cases, name, level), unit=units[name])
+        for name in names
+    }
+    warnings = [*_warnings(one, other), *_apart(tables, rows)]
+    return Pairs(str(first), str(second), len(cases), warnings, numbers)
 
 
 def _warnings(one: CampaignPlan, other: CampaignPlan) -> list[str]:
@@ -223,7 +196,7 @@ def _same_units(first: Path, second: Path, names: list[str]) -> dict[str, str]:
 
 def _differences(
     tables: list[Any], rows: list[dict[int, int]], cases: list[int], name: str, level: float
-) -> PairSpread:  # fmt: skip
+) -> Spread:  # fmt: skip
     a, b = (
         flat(t[name].to_pylist())[[r[c] for c in cases]] for t, r in zip(tables, rows, strict=True)
     )
@@ -234,18 +207,35 @@ def _differences(
     return confident(each, level)
 
 
-def confident(each: Sequence[float], level: float = 0.95) -> PairSpread:
-    """`spread` of differences, the interval of their median (order statistics), and the share of
-    those below 0 with its interval (Clopper-Pearson), both at a level."""
-    told, each = spread_of(each), sorted(each)
-    if not (n := len(each)):
-        return told
+def confident(each: Sequence[float], level: float = 0.95) -> Spread:
+    """Return the spread of differences.
+
+    The median has its interval (order statistics), and the share below 0 its own
+    (Clopper-Pearson), both at a level.
+    """
+    n, ordered = len(each), sorted(each)
+    lower = sum(x < 0.0 for x in each)
+    spread = Spread(
+        levels={
+            "median": statistics.median(each) if each else None,
+            "min": min(each, default=None),
+            "max": max(each, default=None),
+        },
+        n=n,
+        lower=lower,
+        higher=sum(x > 0.0 for x in each),
+        equal=each.count(0.0),
+    )
+    if not n:
+        return spread
     # the k-th least and the k-th largest hold the median with at least this confidence
     from scipy.stats import binom  # half a second
 
     k = int(binom.ppf((1.0 - level) / 2.0, n, 0.5))
-    return {
-        **told, "interval": [each[max(k - 1, 0)], each[min(n - k, n - 1)]],
-        "interval_holds": k > 0, "share_lower": 100.0 * told["lower"] / n,
-        "share_lower_interval": clopper_pearson(told["lower"], n, level),
-    }  # fmt: skip
+    return replace(
+        spread,
+        interval=[ordered[max(k - 1, 0)], ordered[min(n - k, n - 1)]],
+        interval_holds=k > 0,
+        share_lower=100.0 * lower / n,
+        share_lower_interval=clopper_pearson(lower, n, level),
+    )
