@@ -18,8 +18,8 @@ from ..runs.run import Options, Run, simulate
 from ..system.errors import DesatError, Exit, RunError
 from ..system.model import AUTO, System
 from ..system.parameters import parse_assignment
-from .sampling import draw_of
-from .spread import Spread, spreads
+from .sampling import Drawn, draw_of
+from .spread import JsonObject, Spread, spreads, to_json
 from .workers import Here, Local, Lost, Workers, results
 
 STOPPED = 128
@@ -36,7 +36,7 @@ class RunRow:
     unmet: Sequence[str] = ()
     stopped_when: Stopped | None = None
     numbers: Mapping[str, float | None] = field(default_factory=dict)
-    values: Mapping[str, Any] = field(default_factory=dict)
+    values: Mapping[str, Drawn] = field(default_factory=dict)
     described: Mapping[str, dict[str, str]] = field(default_factory=dict)
     """Title and unit of the numbers, and of what else a row has."""
     number: int | None = None
@@ -47,7 +47,7 @@ class RunRow:
         """Whether the run reached its end."""
         return self.status == "completed"
 
-    def to_json(self) -> dict[str, Any]:
+    def to_json(self) -> JsonObject:
         """As `draws` gives it."""
         return {
             "draw": self.number, "status": self.status, "code": self.code,
@@ -67,14 +67,14 @@ class Draws:
     summary: Mapping[str, Spread]
     warnings: Sequence[str]
 
-    def to_json(self) -> dict[str, Any]:
+    def to_json(self) -> JsonObject:
         """Return what `desat.draws` gives."""
         return {
             "scenario": self.scenario,
             "seed": self.seed,
             "draws": [row.to_json() for row in self.rows],
             "stopped": _count_stopped(self.rows),
-            "summary": {name: spread.to_json() for name, spread in self.summary.items()},
+            "summary": to_json(self.summary),
             "warnings": self.warnings,
         }
 
@@ -104,7 +104,7 @@ class SweepPoint:
         has_both = self.has_draws and worst.message
         return f"draw {worst.number}: {worst.message}" if has_both else worst.message
 
-    def to_json(self) -> dict[str, Any]:
+    def to_json(self) -> JsonObject:
         """Return values, medians and worst end; with draws also the spreads."""
         entry = {
             "values": self.values,
@@ -115,7 +115,7 @@ class SweepPoint:
             "message": self.message,
         }
         if self.has_draws:
-            entry["summary"] = {name: spread.to_json() for name, spread in self.summary.items()}
+            entry["summary"] = to_json(self.summary)
         return entry
 
 
@@ -131,7 +131,7 @@ class Sweep:
     points: Sequence[SweepPoint]
     warnings: Sequence[str]
 
-    def to_json(self) -> dict[str, Any]:
+    def to_json(self) -> JsonObject:
         """Return what `desat sweep --json` prints."""
         return {**vars(self), "points": [point.to_json() for point in self.points]}
 

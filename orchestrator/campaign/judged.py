@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..language.scenario import Requirement
 from ..numbers.statistics import clopper_pearson
@@ -48,7 +49,7 @@ class CaseVerdict:
 
 def requirement(
     entry: Requirement,
-    out: Mapping[str, Any],
+    out: Mapping[str, NDArray[np.float64]],
     completed: Any,
     cases: Any,
     folder: Path,

@@ -11,7 +11,7 @@ import statistics
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 from ..language.content import dispersions_of
 from ..numbers.statistics import clopper_pearson
@@ -21,9 +21,11 @@ from ..system.errors import DesatError
 from . import store
 from .draws import Draws, RunRow
 from .plan import CampaignPlan, read, system
-from .report import flat
 from .sampling import draw_of
-from .spread import Spread
+from .spread import JsonObject, Spread, to_json
+
+if TYPE_CHECKING:
+    from pandas import DataFrame, Index  # type: ignore[import-untyped]
 
 EQUAL = 1e-12
 """Relative difference up to which two numbers are equal."""
@@ -39,10 +41,9 @@ class Pairs:
     warnings: Sequence[str]
     numbers: Mapping[str, Spread]
 
-    def to_json(self) -> dict[str, Any]:
+    def to_json(self) -> JsonObject:
         """Return what `desat compare --json` prints."""
-        numbers = {name: spread.to_json() for name, spread in self.numbers.items()}
-        return {**vars(self), "numbers": numbers}
+        return {**vars(self), "numbers": to_json(self.numbers)}
 
 
 def common(
@@ -119,23 +120,22 @@ def compare(first: Path, second: Path, level: float = 0.95) -> Pairs:
         if getattr(one, key) != getattr(other, key):
             raise DesatError(f"{first} and {second}: {key} is {getattr(one, key)} and "
                              f"{getattr(other, key)}; pairs need the same")  # fmt: skip
-    tables = [store.read(first), store.read(second)]
-    rows = [{c: i for i, (c, s) in enumerate(zip(t["case"].to_pylist(), t["status"].to_pylist(),
-                                                 strict=True)) if s == "completed"}
-            for t in tables]  # fmt: skip
-    cases = sorted(rows[0].keys() & rows[1].keys())
-    if not cases:
-        raise DesatError(f"{first} and {second}: no case is completed in both")
-    _same_inputs(first, second, tables, rows, cases)
-    names = [
-        n for n in tables[0].column_names if n.startswith("out.") and n in tables[1].column_names
+    frames = [
+        store.read(folder).to_pandas(integer_object_nulls=True).set_index("case").sort_index()
+        for folder in (first, second)
     ]
+    completed = [frame[frame["status"] == "completed"] for frame in frames]
+    cases = completed[0].index.intersection(completed[1].index)
+    if cases.empty:
+        raise DesatError(f"{first} and {second}: no case is completed in both")
+    paired = [frame.loc[cases] for frame in completed]
+    _same_inputs(first, second, paired)
+    names = [n for n in frames[0].columns if n.startswith("out.") and n in frames[1].columns]
     units = _same_units(first, second, names)
     numbers = {
-        name[4:]: replace(_differences(tables, rows, cases, name, level), unit=units[name])
-        for name in names
+        name[4:]: replace(_differences(paired, name, level), unit=units[name]) for name in names
     }
-    warnings = [*_warnings(one, other), *_apart(tables, rows)]
+    warnings = [*_warnings(one, other), *_apart(frames, cases)]
     return Pairs(str(first), str(second), len(cases), warnings, numbers)
 
 
@@ -151,34 +151,35 @@ def _warnings(one: CampaignPlan, other: CampaignPlan) -> list[str]:
     return [f"the first runs until {ends[0]:g} s, the second until {ends[1]:g} s"]
 
 
-def _apart(tables: list[Any], rows: list[dict[int, int]]) -> list[str]:
+def _apart(frames: Sequence[DataFrame], cases: Index) -> list[str]:
     """That cases which one of the two has completed failed in the other."""
     lines = []
-    for i, (own, other) in enumerate((("first", "second"), ("second", "first"))):
-        made = set(tables[1 - i]["case"].to_pylist())
-        failed = sorted(rows[i].keys() & made - rows[1 - i].keys())
-        if failed:
-            told = f"case {failed[0]}" + (f" and {len(failed) - 1} more" if failed[1:] else "")
+    both = frames[0].index.intersection(frames[1].index)
+    for frame, own, other in zip(frames, ("first", "second"), ("second", "first"), strict=True):
+        completed = frame.index[frame["status"] == "completed"]
+        failed = completed.intersection(both).difference(cases)
+        if len(failed):
+            told = f"case {failed[0]}" + (f" and {len(failed) - 1} more" if len(failed) > 1 else "")
             lines.append(f"{told}: completed in the {own}, failed in the {other}: in no pair")
     return lines
 
 
-def _same_inputs(
-    first: Path, second: Path, tables: list[Any], rows: list[dict[int, int]], cases: list[int]
-) -> None:  # fmt: skip
+def _same_inputs(first: Path, second: Path, paired: Sequence[DataFrame]) -> None:
     """Raises DesatError where the two drew other values under one name, or nothing alike."""
-    columns = [{n for n in t.column_names if n.startswith("in.")} for t in tables]
-    shared = sorted(columns[0] & columns[1])
+    shared = sorted(
+        n for n in paired[0].columns.intersection(paired[1].columns) if n.startswith("in.")
+    )
     if not shared:
         raise DesatError(f"{first} and {second}: the two sample nothing in common")
     for name in shared:
-        a, b = (t[name].to_pylist() for t in tables)
-        for case in cases:
-            if a[rows[0][case]] != b[rows[1][case]]:
-                raise DesatError(
-                    f"{first} and {second}: {name[3:]} of case {case} is {a[rows[0][case]]} "
-                    f"and {b[rows[1][case]]}; pairs need the same samples"
-                )
+        ours, theirs = (frame[name] for frame in paired)
+        differing = ours.index[(ours != theirs) & (ours.notna() | theirs.notna())]
+        if len(differing):
+            case = differing[0]
+            raise DesatError(
+                f"{first} and {second}: {name[3:]} of case {case} is {ours[case]} "
+                f"and {theirs[case]}; pairs need the same samples"
+            )
 
 
 def _same_units(first: Path, second: Path, names: list[str]) -> dict[str, str]:
@@ -194,16 +195,11 @@ def _same_units(first: Path, second: Path, names: list[str]) -> dict[str, str]:
     return units
 
 
-def _differences(
-    tables: list[Any], rows: list[dict[int, int]], cases: list[int], name: str, level: float
-) -> Spread:  # fmt: skip
-    a, b = (
-        flat(t[name].to_pylist())[[r[c] for c in cases]] for t, r in zip(tables, rows, strict=True)
-    )
+def _differences(paired: Sequence[DataFrame], name: str, level: float) -> Spread:
+    a, b = (frame[name].to_list() for frame in paired)
     each = [
-        difference(x, y) for x, y in zip(a.tolist(), b.tolist(), strict=True)
-        if math.isfinite(x) and math.isfinite(y)
-    ]  # fmt: skip
+        difference(x, y) for x, y in zip(a, b, strict=True) if math.isfinite(x) and math.isfinite(y)
+    ]
     return confident(each, level)
 
 

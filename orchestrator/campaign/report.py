@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+import pyarrow as pa
 from markupsafe import Markup
 from numpy.typing import NDArray
 
@@ -42,7 +43,7 @@ from .case import POINTS
 from .judged import CaseVerdict, requirement, rerun
 from .plan import CampaignPlan, changed, read, source, system
 from .sampling import axes, sensitivity, unit_cube
-from .spread import Spread
+from .spread import JsonObject, Spread, to_json
 
 
 @dataclass(frozen=True)
@@ -86,7 +87,7 @@ class CampaignSummary:
     sobol: Mapping[str, Any] | None
     folder: Path
 
-    def to_json(self) -> dict[str, Any]:
+    def to_json(self) -> JsonObject:
         """Return what report.json has."""
         failed = [
             {
@@ -101,7 +102,7 @@ class CampaignSummary:
             **vars(self),
             "failed": failed,
             "versions": [vars(x) for x in self.versions],
-            "numbers": {name: spread.to_json() for name, spread in self.numbers.items()},
+            "numbers": to_json(self.numbers),
             "requirements": {name: x.to_json() for name, x in self.requirements.items()},
             "drivers": [vars(x) for x in self.drivers],
         }
@@ -128,14 +129,13 @@ def summary(folder: Path) -> CampaignSummary:
     plan = read(folder)
     about = content_of(system(plan).about)
     table, told = store.read(folder), store.described(folder)
-    status = table["status"].to_pylist()
-    completed = np.array([s == "completed" for s in status])
+    completed = _completed(table)
     cases = np.array(table["case"].to_pylist())
-    out = {n[4:]: flat(table[n].to_pylist()) for n in table.column_names if n.startswith("out.")}
+    out = {n[4:]: flat(table[n]) for n in table.column_names if n.startswith("out.")}
     first = [name for name in about.numbers if name in out]
     out = {name: out[name] for name in dict.fromkeys([*first, *out])}
     inputs = {
-        n[3:]: flat(table[n].to_pylist()) for n in table.column_names
+        n[3:]: flat(table[n]) for n in table.column_names
         if n.startswith("in.") and not n.endswith(".seed") and _is_number(table[n])
     }  # fmt: skip
     times = late(about)
@@ -143,11 +143,9 @@ def summary(folder: Path) -> CampaignSummary:
         name: _number(name, told.get(name, {}), values[completed], cases[completed], name in times)
         for name, values in out.items()
     }
-    codes, messages = table["code"].to_pylist(), table["message"].to_pylist()
     failed = [
-        store.CaseRow(s, code, message, number=int(c))
-        for c, s, code, message in zip(cases, status, codes, messages, strict=True)
-        if s != "completed"
+        store.CaseRow(row["status"], row["code"], row["message"], number=row["case"])
+        for row in table.filter(~completed).to_pylist()
     ]
     if lost := [n for n in out if n not in told]:
         raise DesatError(f"{folder / store.NUMBERS}: damaged: it has nothing of {lost[0]}")
@@ -171,7 +169,7 @@ def summary(folder: Path) -> CampaignSummary:
         failed=failed,
         changed=changed(plan),
         versions=_versions(table["versions"].to_pylist()),
-        seconds=float(np.nansum(flat(table["seconds"].to_pylist()))),
+        seconds=float(np.nansum(flat(table["seconds"]))),
         digest=store.digest(folder),
         numbers=numbers,
         unmet=unmet,
@@ -241,7 +239,7 @@ def _number(
     )
 
 
-def _drivers(inputs: Mapping[str, Any], out: Mapping[str, Any]) -> list[Driver]:
+def _drivers(inputs: Mapping[str, Array], out: Mapping[str, Array]) -> list[Driver]:
     """Rank correlations (Spearman) between inputs and numbers, the strong ones, strongest first.
     Of some hundred pairs several would be beyond a level meant for one, so CHANCE is for all."""
     from scipy.stats import spearmanr  # half a second
@@ -260,7 +258,7 @@ def _drivers(inputs: Mapping[str, Any], out: Mapping[str, Any]) -> list[Driver]:
 
 
 def _sobol(
-    plan: CampaignPlan, cases: Any, completed: Any, out: Mapping[str, Any]
+    plan: CampaignPlan, cases: Any, completed: Any, out: Mapping[str, Array]
 ) -> Mapping[str, Any] | None:
     """Sobol indices of first and total order, where the cases were sampled for them and all are
     there."""
@@ -349,12 +347,12 @@ class _Figure(NamedTuple):
 def _figures(folder: Path, plan: CampaignPlan, told: CampaignSummary) -> list[_Figure]:
     made = [*_curves(folder, plan)]
     table = store.read(folder)
-    good = np.array([s == "completed" for s in table["status"].to_pylist()])
+    good = _completed(table)
     described = store.described(folder)
     strongest = {d.number: d for d in reversed(told.drivers)}  # of each number
     for driver in sorted(strongest.values(), key=lambda d: -abs(d.correlation))[:_SCATTERS]:
-        x = flat(table[f"in.{driver.input}"].to_pylist())[good]
-        y = flat(table[f"out.{driver.number}"].to_pylist())[good]
+        x = flat(table[f"in.{driver.input}"])[good]
+        y = flat(table[f"out.{driver.number}"])[good]
         spread = told.numbers[driver.number]
         caption = f"{spread.title} over {driver.input}, rank correlation {driver.correlation:.2f}"
         label = axis_label(spread.title or "", spread.unit or "", 2.4)
@@ -397,10 +395,10 @@ def _histograms(folder: Path, told: CampaignSummary) -> list[_Small]:
         known = limits.setdefault(entry.number, [])
         known += [(what, value) for what, value in own if value is not None]
     table, made = store.read(folder), []
-    good = np.array([s == "completed" for s in table["status"].to_pylist()])
+    good = _completed(table)
     numbers = np.array(table["case"].to_pylist())[good]
     for name, spread in told.numbers.items():
-        values = flat(table[f"out.{name}"].to_pylist())[good]
+        values = flat(table[f"out.{name}"])[good]
         there = np.isfinite(values)
         cases, values = numbers[there], values[there]
         if not len(values) or np.ptp(values) <= 1e-9 * np.abs(values).max():
@@ -445,14 +443,10 @@ def _curves(folder: Path, plan: CampaignPlan) -> list[_Figure]:
     for name in plan.curves:
         if name not in table.column_names:
             continue
-        rows = [
-            (c, r)
-            for c, r in zip(table["case"].to_pylist(), table[name].to_pylist(), strict=True)
-            if r
-        ]
-        curves = np.array([r for _, r in rows], dtype=float)
+        rows = [row for row in table.select(["case", name]).to_pylist() if row[name]]
+        curves = np.array([row[name] for row in rows], dtype=float)
         largest = np.nanmax(np.where(np.isfinite(curves), curves, -np.inf), axis=1)
-        order = sorted(range(len(rows)), key=lambda i: (-largest[i], rows[i][0]))[:_WORST]
+        order = sorted(range(len(rows)), key=lambda i: (-largest[i], rows[i]["case"]))[:_WORST]
         plot = plots[name]
         unit = told.get(f"curve.{name}", {}).get("unit", "")
         title = f"{plot.axis or plot.title}, largest size"
@@ -460,7 +454,7 @@ def _curves(folder: Path, plan: CampaignPlan) -> list[_Figure]:
             f"{plot.title}: largest size of any line in each of {POINTS} parts of the run, "
             f"percentiles over {len(rows)} cases"
         )
-        worst = [(rows[i][0], curves[i]) for i in order]
+        worst = [(rows[i]["case"], curves[i]) for i in order]
         figure = percentiles(title, unit, times, curves, worst, _limits(plan, plot, unit))
         made.append(_Figure(caption, figure, [rerun(folder, case) for case, _ in worst]))
     return made
@@ -516,6 +510,11 @@ def histogram(
     return fig, ax
 
 
-def flat(values: Any) -> Array:
-    """A column as an array of floats, nan where it has nothing."""
-    return np.array([np.nan if v is None else float(v) for v in values], dtype=float)
+def flat(column: pa.ChunkedArray) -> Array:
+    """Return a column as floats, nan where it has nothing."""
+    return np.array(column.to_pylist(), dtype=float)
+
+
+def _completed(table: pa.Table) -> Any:
+    """Return which cases completed."""
+    return np.array([status == "completed" for status in table["status"].to_pylist()])

@@ -10,13 +10,15 @@ from typing import Any
 from ..numbers.numbers import ranks
 from ..numbers.statistics import median_interval
 
+JsonObject = dict[str, Any]
+
 
 @dataclass(frozen=True)
 class Spread:
     """The spread of a number over runs, in its unit.
 
     Levels and percentiles are None where they are a time that is not reached. Other fields are
-    None, and not in JSON, where they do not apply.
+    None or empty, and not in JSON, where they do not apply.
     """
 
     title: str | None = None
@@ -29,13 +31,13 @@ class Spread:
     """Differences below 0."""
     higher: int | None = None
     equal: int | None = None
-    interval: Sequence[float] | None = None
+    interval: Sequence[float] = ()
     """Interval of the median of differences."""
     interval_holds: bool | None = None
     """Whether there are enough differences for that interval."""
     share_lower: float | None = None
     """Share of differences below 0 (%)."""
-    share_lower_interval: Sequence[float] | None = None
+    share_lower_interval: Sequence[float] = ()
     not_reached: int | None = None
     """Runs that do not reach the number."""
     infinite: int | None = None
@@ -51,15 +53,20 @@ class Spread:
         count = self.n + missing
         return f"{missing} of {count} ({100.0 * missing / count:.3g} %)" if missing else ""
 
-    def to_json(self) -> dict[str, Any]:
+    def to_json(self) -> JsonObject:
         """Return the fields that apply, and the levels under their own names."""
-        entry: dict[str, Any] = {}
+        entry: JsonObject = {}
         for name, value in vars(self).items():
             if isinstance(value, Mapping):
                 entry |= value
-            elif value is not None:
+            elif value not in (None, ()):
                 entry[name] = value
         return entry
+
+
+def to_json(numbers: Mapping[str, Spread]) -> dict[str, JsonObject]:
+    """Return the spreads of numbers by name."""
+    return {name: spread.to_json() for name, spread in numbers.items()}
 
 
 def spreads(

@@ -94,7 +94,7 @@ class Tuned:
         """Whether the unseen samples say that it is better, with 95 % confidence, and miss no
         requirement more often."""
         told = self.unseen
-        if self.best == self.own or told.interval is None or not told.interval_holds:
+        if self.best == self.own or not told.interval_holds:
             return False
         low, high = told.interval
         better = high < 0.0 if self.most else low > 0.0

@@ -196,8 +196,8 @@ def _tabulate_pairs(pairs: Pairs) -> Table:
         if not spread.n:
             continue
         # there may be too few pairs for an interval of the median
-        interval = (spread.interval if spread.interval_holds else None) or (None, None)
+        interval = spread.interval if spread.interval_holds else (None, None)
         higher = 100.0 * (spread.higher or 0) / spread.n
-        shares = (spread.share_lower, *(spread.share_lower_interval or ()), higher)
+        shares = (spread.share_lower, *spread.share_lower_interval, higher)
         rows.append((name, spread.levels["median"], *interval, *shares, spread.n, spread.unit))
     return Table("", columns, rows)

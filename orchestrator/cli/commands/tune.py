@@ -90,7 +90,7 @@ def _print(made: Tuned) -> None:
     print_table(made.table)
     unseen = made.unseen
     within = "too few for an interval"
-    if unseen.interval and unseen.interval_holds:
+    if unseen.interval_holds:
         within = " to ".join(map(number, unseen.interval))
     out.print(
         f"unseen samples, own less best: median {number(unseen.levels['median'])} ({within}, 95 %) "
