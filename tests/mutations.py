@@ -146,7 +146,7 @@ VERDICTS = {
     "campaign/judged.py": (),
     "campaign/case.py": ("row", "kept"),
     "campaign/draws.py": ("one", "ran", "_asked", "lost", "summary"),
-    "campaign/spread.py": ("missing", "spreads"),
+    "campaign/spread.py": ("not_reached_text", "spreads"),
     "runs/run.py": ("ok", "code", "or_raise", "_measure", "_supervised", "_cut_short"),
     "engine/child.py": ("apart", "stopped"),
     "runs/step_case.py": ("stepped", "_add"),

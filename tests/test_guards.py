@@ -372,11 +372,14 @@ def test_stored_draws_come_back(monkeypatch, tmp_path):
     """All bits, and the same bytes again; a line of stamps a scenario; a number that a draw has not
     is None; a family leaves the others as they are."""
     monkeypatch.setattr(paths, "DRAWS", tmp_path)
-    rows = [stored._stored(0, {"a": 0.1, "b": None}), stored._stored(2, {"a": None, "b": 1e-300})]
+    rows = [
+        stored.row_of_draw(0, {"a": 0.1, "b": None}),
+        stored.row_of_draw(2, {"a": None, "b": 1e-300}),
+    ]
     units = {"a": "s", "b": "1"}
     of_x = spreads([r.numbers for r in rows], units, set())
     x = {"sha256": "1", "units": units, "summary": of_x, "draws": rows}
-    y = {"sha256": "2", "units": {"a": "s"}, "draws": [stored._stored(0, {"a": -0.0})]}
+    y = {"sha256": "2", "units": {"a": "s"}, "draws": [stored.row_of_draw(0, {"a": -0.0})]}
     y["summary"] = spreads([r.numbers for r in y["draws"]], y["units"], set())
     for family in ("f", "e"):
         scenarios = {f"{family}/x": x, f"{family}/y": y}
@@ -419,7 +422,7 @@ def test_a_page_has_draws_made_anew_for_a_number_that_is_not_stored(monkeypatch,
         asked.append((target, count, first))
         had = [r.numbers for r in kept["scenarios"][name]["draws"]]
         rows = [
-            stored._stored(i, {**had[i], "null_rms": float(i), "x": 1.0})
+            stored.row_of_draw(i, {**had[i], "null_rms": float(i), "x": 1.0})
             for i in range(first, count)
         ]
         units = {**kept["scenarios"][name]["units"], "null_rms": "N.m.s", "x": "1"}
@@ -447,7 +450,7 @@ def test_more_draws_are_flown_after_those_that_are_kept(monkeypatch, tmp_path):
     monkeypatch.setattr(paths, "DRAWS", tmp_path)
     shown = whole["draws"][0].numbers["firing_time"]
     first = whole["draws"][:-1]
-    first[0] = stored._stored(0, dict.fromkeys(first[0].numbers, 1.0))
+    first[0] = stored.row_of_draw(0, dict.fromkeys(first[0].numbers, 1.0))
     kept["scenarios"] = {name: {**whole, "draws": first}}
     stored.write(kept)
     assert stored.outdated(stored.read("uosat12")) == [name]

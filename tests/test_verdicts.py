@@ -142,9 +142,9 @@ def test_more_than_ten_million_cases_are_not_told_of():
 
 
 def test_a_time_that_is_not_reached_counts_in_the_share():
-    assert Spread(n=3, not_reached=1).missing == "1 of 4 (25 %)"
-    assert Spread(n=5, not_reached=2).missing == "2 of 7 (28.6 %)"
-    assert Spread(n=4, not_reached=0).missing == ""
+    assert Spread(n=3, not_reached=1).not_reached_text == "1 of 4 (25 %)"
+    assert Spread(n=5, not_reached=2).not_reached_text == "2 of 7 (28.6 %)"
+    assert Spread(n=4, not_reached=0).not_reached_text == ""
 
 
 # --- exit codes, bounds and conditions at their limits ------------------------------------------

@@ -41,10 +41,10 @@ class CaseVerdict:
 
     def to_json(self) -> dict[str, Any]:
         """Return the requirement as it is written, and the verdict."""
-        told = {name: value for name, value in vars(self).items() if name != "requirement"}
+        verdict = {name: value for name, value in vars(self).items() if name != "requirement"}
         entry = self.requirement
         levels = {"probability": entry.probability, "confidence": entry.confidence}
-        return {**entry.written, **levels, **told}
+        return {**entry.written, **levels, **verdict}
 
 
 def requirement(

@@ -128,12 +128,12 @@ def compare(first: Path, second: Path, level: float = 0.95) -> Pairs:
     cases = completed[0].index.intersection(completed[1].index)
     if cases.empty:
         raise DesatError(f"{first} and {second}: no case is completed in both")
-    paired = [frame.loc[cases] for frame in completed]
-    _same_inputs(first, second, paired)
+    matched = [frame.loc[cases] for frame in completed]
+    _same_inputs(first, second, matched)
     names = [n for n in frames[0].columns if n.startswith("out.") and n in frames[1].columns]
     units = _same_units(first, second, names)
     numbers = {
-        name[4:]: replace(_differences(paired, name, level), unit=units[name]) for name in names
+        name[4:]: replace(_differences(matched, name, level), unit=units[name]) for name in names
     }
     warnings = [*_warnings(one, other), *_apart(frames, cases)]
     return Pairs(str(first), str(second), len(cases), warnings, numbers)
@@ -164,15 +164,15 @@ def _apart(frames: Sequence[DataFrame], cases: Index) -> list[str]:
     return lines
 
 
-def _same_inputs(first: Path, second: Path, paired: Sequence[DataFrame]) -> None:
+def _same_inputs(first: Path, second: Path, matched: Sequence[DataFrame]) -> None:
     """Raises DesatError where the two drew other values under one name, or nothing alike."""
     shared = sorted(
-        n for n in paired[0].columns.intersection(paired[1].columns) if n.startswith("in.")
+        n for n in matched[0].columns.intersection(matched[1].columns) if n.startswith("in.")
     )
     if not shared:
         raise DesatError(f"{first} and {second}: the two sample nothing in common")
     for name in shared:
-        ours, theirs = (frame[name] for frame in paired)
+        ours, theirs = (frame[name] for frame in matched)
         differing = ours.index[(ours != theirs) & (ours.notna() | theirs.notna())]
         if len(differing):
             case = differing[0]
@@ -195,8 +195,8 @@ def _same_units(first: Path, second: Path, names: list[str]) -> dict[str, str]:
     return units
 
 
-def _differences(paired: Sequence[DataFrame], name: str, level: float) -> Spread:
-    a, b = (frame[name].to_list() for frame in paired)
+def _differences(matched: Sequence[DataFrame], name: str, level: float) -> Spread:
+    a, b = (frame[name].to_list() for frame in matched)
     each = [
         difference(x, y) for x, y in zip(a, b, strict=True) if math.isfinite(x) and math.isfinite(y)
     ]

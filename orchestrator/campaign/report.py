@@ -129,7 +129,7 @@ def summary(folder: Path) -> CampaignSummary:
     plan = read(folder)
     about = content_of(system(plan).about)
     table, told = store.read(folder), store.described(folder)
-    completed = _completed(table)
+    completed = _completed_cases(table)
     cases = np.array(table["case"].to_pylist())
     out = {n[4:]: flat(table[n]) for n in table.column_names if n.startswith("out.")}
     first = [name for name in about.numbers if name in out]
@@ -312,7 +312,7 @@ def tabulate_numbers(numbers: Mapping[str, Spread]) -> Table:
     names = ("p5", "median", "p95", "p99", "min", "max")
     for spread in numbers.values():
         levels = (or_not_reached(spread.percentiles.get(name)) for name in names)
-        rows.append((spread.title, *levels, spread.unit, spread.missing))
+        rows.append((spread.title, *levels, spread.unit, spread.not_reached_text))
     return Table("", columns, rows)
 
 
@@ -347,7 +347,7 @@ class _Figure(NamedTuple):
 def _figures(folder: Path, plan: CampaignPlan, told: CampaignSummary) -> list[_Figure]:
     made = [*_curves(folder, plan)]
     table = store.read(folder)
-    good = _completed(table)
+    good = _completed_cases(table)
     described = store.described(folder)
     strongest = {d.number: d for d in reversed(told.drivers)}  # of each number
     for driver in sorted(strongest.values(), key=lambda d: -abs(d.correlation))[:_SCATTERS]:
@@ -395,7 +395,7 @@ def _histograms(folder: Path, told: CampaignSummary) -> list[_Small]:
         known = limits.setdefault(entry.number, [])
         known += [(what, value) for what, value in own if value is not None]
     table, made = store.read(folder), []
-    good = _completed(table)
+    good = _completed_cases(table)
     numbers = np.array(table["case"].to_pylist())[good]
     for name, spread in told.numbers.items():
         values = flat(table[f"out.{name}"])[good]
@@ -515,6 +515,6 @@ def flat(column: pa.ChunkedArray) -> Array:
     return np.array(column.to_pylist(), dtype=float)
 
 
-def _completed(table: pa.Table) -> Any:
+def _completed_cases(table: pa.Table) -> Any:
     """Return which cases completed."""
     return np.array([status == "completed" for status in table["status"].to_pylist()])

@@ -47,7 +47,7 @@ class Spread:
     """`min_case` and `max_case`."""
 
     @property
-    def missing(self) -> str:
+    def not_reached_text(self) -> str:
         """Return in how many runs it is not reached: `3 of 20 (15 %)`; "" for none."""
         missing = self.not_reached or 0
         count = self.n + missing

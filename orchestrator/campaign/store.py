@@ -77,7 +77,7 @@ def _as_signed(path: Path, said: str, *_: int) -> None:
 
 
 @contextmanager
-def _opened(path: Path) -> Iterator[BinaryIO]:
+def _open_parquet(path: Path) -> Iterator[BinaryIO]:
     """Open a Parquet file. Raises DesatError where it, or what is read of it, is damaged."""
     try:
         _check(path)
@@ -89,19 +89,19 @@ def _opened(path: Path) -> Iterator[BinaryIO]:
 
 def columns(path: Path) -> pa.Schema:
     """The columns of a Parquet file. Raises DesatError where it is damaged."""
-    with _opened(path) as file:
+    with _open_parquet(path) as file:
         return pq.read_schema(file)
 
 
 def count(path: Path) -> int:
     """How many rows a Parquet file has, by its footer. Raises DesatError where it is damaged."""
-    with _opened(path) as file:
+    with _open_parquet(path) as file:
         return int(pq.read_metadata(file).num_rows)
 
 
 def rows_in(path: Path, wanted: Sequence[str] | None = None) -> pa.Table:
     """Its rows, of columns those of these that it has. Raises DesatError where it is damaged."""
-    with _opened(path) as opened, pq.ParquetFile(opened) as file:
+    with _open_parquet(path) as opened, pq.ParquetFile(opened) as file:
         names = file.schema_arrow.names
         return file.read(columns=wanted and [c for c in wanted if c in names])
 
@@ -343,7 +343,7 @@ def _save(table: pa.Table, path: Path) -> None:
         replace(part, path, file.read())
 
 
-_KINDS = {
+_COLUMN_TYPES = {
     "case": pa.int64(),
     "code": pa.int32(),
     "attempts": pa.int32(),
@@ -356,7 +356,8 @@ _KINDS = {
 def _table(rows: Sequence[CaseRow]) -> pa.Table:
     """Rows as columns: how each ended, `in.` what was drawn, `out.` its numbers."""
     columns: dict[str, pa.Array] = {
-        name: pa.array([getattr(row, name) for row in rows], kind) for name, kind in _KINDS.items()
+        name: pa.array([getattr(row, name) for row in rows], kind)
+        for name, kind in _COLUMN_TYPES.items()
     }
     ends = [row.stopped_when and row.stopped_when.time for row in rows]
     columns["stopped_when"] = pa.array(ends, pa.float64())

@@ -160,7 +160,9 @@ def compute(
         for row in result.rows:
             if not row.completed:
                 raise RunError(f"{name}: draw {row.number}: {row.message}", Exit(row.code))
-            rows.append(_stored(row.number, {n: x for n, x in row.numbers.items() if n in wanted}))
+            rows.append(
+                row_of_draw(row.number, {n: x for n, x in row.numbers.items() if n in wanted})
+            )
         summed = result.summary or (old["summary"] if old else {})
         units = {n: summed[n].unit or "" for n in sorted(wanted & summed.keys())}
         made[name] = {
@@ -181,7 +183,7 @@ def compute(
     }
 
 
-def _stored(draw: int | None, numbers: Mapping[str, float | None]) -> RunRow:
+def row_of_draw(draw: int | None, numbers: Mapping[str, float | None]) -> RunRow:
     """Return the row of a draw with what is stored of it; all of these completed."""
     return RunRow("completed", 0, "", numbers=numbers, number=draw)
 
@@ -274,7 +276,7 @@ def read(family: str) -> StoredDraws:
     result = cast(StoredDraws, head)
     for name, kept in result["scenarios"].items():
         kept["draws"] = [
-            _stored(columns["draw"][i], {n: columns[n][i] for n in kept["units"]})
+            row_of_draw(columns["draw"][i], {n: columns[n][i] for n in kept["units"]})
             for i in places_of.get(name, ())
         ]
         of = known[name].content if name in known else NOTHING

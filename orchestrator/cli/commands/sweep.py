@@ -99,7 +99,7 @@ def _cell(point: SweepPoint, name: str) -> Cell:
     """Return a number at a point, and in how many samples it is not reached."""
     spread = point.summary.get(name)
     value = or_not_reached(spread.levels["median"] if spread else None)
-    missing = spread.missing if spread and point.has_draws else ""
+    missing = spread.not_reached_text if spread and point.has_draws else ""
     return Cell(value, note=f"not reached: {missing}" if missing else "")
 
 
