@@ -300,7 +300,7 @@ def page_s_draws() -> tuple[Starts, dict[str, list[float | None]]]:
 
     kept = stored.read("hausat2")
     times = {
-        name: [r["numbers"]["detumbled"] for r in kept["scenarios"][f"hausat2/{name}"]["draws"]]
+        name: [r.numbers["detumbled"] for r in kept["scenarios"][f"hausat2/{name}"]["draws"]]
         for name in cases()
     }
     system = read("hausat2/gain-k-1e5").to_draw(blocks=True)

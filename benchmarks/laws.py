@@ -121,11 +121,11 @@ def wanted(rows: tuple[Row, ...]) -> list[tuple[str, tuple[str, ...]]]:
 def flown(scenario: str, seed: int, count: int, given: tuple[str, ...]) -> Numbers:
     """The numbers of each draw; a draw that did not complete ends all."""
     options = Options(sets=list(given))
-    draws = draw(scenario, count, seed, options, jobs=os.cpu_count() or 1)["draws"]
-    bad = [d["message"] for d in draws if d["status"] != "completed"]
+    draws = draw(scenario, count, seed, options, jobs=os.cpu_count() or 1).rows
+    bad = [row.message for row in draws if not row.completed]
     if bad or len(draws) != count:
         raise SystemExit(f"{scenario}: {bad[0] if bad else 'not all were made'}")
-    return [dict(d["numbers"]) for d in draws]
+    return [dict(row.numbers) for row in draws]
 
 
 def least_at(curve: list[tuple[float, float]], energy: float) -> float:

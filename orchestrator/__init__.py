@@ -19,7 +19,6 @@ if TYPE_CHECKING:
     from xarray import Dataset
 
     from .begin.facts import Facts
-    from .campaign.draws import Draws
     from .campaign.sampling import Sampling
     from .papers.tables import tables
     from .runs.prepare import Case, prepare
@@ -281,7 +280,7 @@ def draws(
     step: float | None = None,
     jobs: int = 1,
     **options: Unpack[RunOptions],
-) -> Draws:
+) -> dict[str, Any]:
     """Run seeded samples of a system's dispersions; arguments as for `run`.
 
     Return a dict: `draws`, a row each with status, numbers and sampled values; and `summary`,
@@ -296,7 +295,7 @@ def draws(
     from .system.options import of_program
 
     given = of_program(stop, step, sets, options)
-    return study.draws(str(target), count, seed, given, jobs, in_notebook())
+    return study.draws(str(target), count, seed, given, jobs, in_notebook()).to_json()
 
 
 def cases(

@@ -137,7 +137,6 @@ OF_RUNS = {
 VERDICTS = {
     "system/errors.py": (),
     "numbers/statistics.py": (),
-    "numbers/text.py": ("not_reached",),
     "analyses/__init__.py": ("not_checked",),
     "analyses/residual.py": ("BOUND", "unmet", "beyond", "unchecked", "missing", "numbers"),
     "analyses/energy.py": ("BOUND", "ENERGY_BOUND", "unmet", "unchecked", "_not_of_rows", "numbers",
@@ -146,7 +145,8 @@ VERDICTS = {
     "analyses/coverage.py": ("LIMITS", "TOGETHER", "JITTER", "_beyond", "_of_jitter", "remarks"),
     "campaign/judged.py": (),
     "campaign/case.py": ("row", "kept"),
-    "campaign/draws.py": ("one", "ran", "_asked", "lost", "summary", "spreads"),
+    "campaign/draws.py": ("one", "ran", "_asked", "lost", "summary"),
+    "campaign/spread.py": ("not_reached_text", "spreads"),
     "runs/run.py": ("ok", "code", "or_raise", "_measure", "_supervised", "_cut_short"),
     "engine/child.py": ("apart", "stopped"),
     "runs/step_case.py": ("stepped", "_add"),

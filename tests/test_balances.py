@@ -298,9 +298,9 @@ unit = "rad/s"
 """
     target = mine(tmp_path, text)
     assert "energy_bound = 1e-30" in execute(target, Options()).manifest["unmet"][0]
-    told = report.summary(flown(target, tmp_path / "campaign"))
+    told = report.summary(flown(target, tmp_path / "campaign")).to_json()
     assert told["unmet"]
     assert all("hidden_work" in line for line in told["unmet"])
-    rows = draws(target, 2, 1, Options(), jobs=1)["draws"]
+    rows = draws(target, 2, 1, Options(), jobs=1).to_json()["draws"]
     assert all(len(r["unmet"]) == 1 for r in rows)
     assert json.dumps(rows)

@@ -439,7 +439,7 @@ def test_crashes_and_hangs_leave_a_complete_dataset(tmp_path, binary):  # noqa: 
     assert by["EXIT_0"]["message"].startswith(f"{text} ended its process: exit(0)")
     assert "did not return within 1.5 s" in by["HANG"]["message"]
     assert by["HANG"]["attempts"] == 2
-    told = report.summary(folder)
+    told = report.summary(folder).to_json()
     assert told["completed"] + len(told["failed"]) == 30
     assert (
         told["failed"][0]["command"] == f"desat campaign case {folder} {told['failed'][0]['case']}"
@@ -512,8 +512,8 @@ def test_what_drives_a_number_is_named():
     a, b, c = rng.normal(size=(3, 400))
     a[7] = np.nan
     (found,) = report._drivers({"a": a, "b": b}, {"falls": -np.exp(a), "other": c})
-    assert (found["input"], found["number"], found["n"]) == ("a", "falls", 399)
-    assert found["correlation"] == pytest.approx(-1.0, abs=1e-12)
+    assert (found.input, found.number, found.n) == ("a", "falls", 399)
+    assert found.correlation == pytest.approx(-1.0, abs=1e-12)
 
 
 def test_a_flag_drives_a_number_and_what_does_not_change_drives_none():
@@ -522,7 +522,7 @@ def test_a_flag_drives_a_number_and_what_does_not_change_drives_none():
     (found,) = report._drivers(
         inputs, {"jumps": flag + 1e-3 * np.arange(40.0), "never": 0.0 * flag}
     )
-    assert (found["input"], found["number"]) == ("flag", "jumps")
+    assert (found.input, found.number) == ("flag", "jumps")
 
 
 def test_what_one_of_many_inputs_does_by_chance_is_not_named():
@@ -534,7 +534,7 @@ def test_what_one_of_many_inputs_does_by_chance_is_not_named():
     assert of.statistic > 0.2
     assert 0.001 < of.pvalue < 0.01
     (found,) = report._drivers({"a": a}, {"y": y})
-    assert found["correlation"] == of.statistic
+    assert found.correlation == of.statistic
     others = {f"c{k}": np.zeros(150) for k in range(9)}
     assert report._drivers({"a": a, **others}, {"y": y}) == []
 
@@ -568,7 +568,7 @@ def test_campaigns_are_compared_case_by_case(whole, own, tmp_path):
     folder = tmp_path / "campaign"
     plan, _ = coordinator.planned(str(other), 30)
     coordinator.run(plan, folder, 2, progress=False)
-    told = compare(whole, folder)
+    told = compare(whole, folder).to_json()
     entry = told["numbers"]["coil_load"]
     assert told["pairs"] == entry["n"] <= 30
     assert told["warnings"] == []

@@ -100,13 +100,13 @@ probability = 0.3
     target = scenario(tmp_path)
     Path(target).write_text(OWN.replace("[numbers", more.partition("[")[0] + "[numbers")
                             + more[more.index("[") :])  # fmt: skip
-    told = report.summary(flown(target, tmp_path / "campaign"))
+    told = report.summary(flown(target, tmp_path / "campaign")).to_json()
     assert told["requirements"]["residual"]["outside"] == 0
     assert told["requirements"]["residual"]["lacking"] == 0
     assert len(told["unmet"]) == 6, told["unmet"]
     assert all("above" in line for line in told["unmet"])
-    rows = draws(target, 2, 1, Options(), jobs=1)["draws"]
-    assert [len(r["unmet"]) for r in rows] == [2, 2]
+    rows = draws(target, 2, 1, Options(), jobs=1).rows
+    assert [len(r.unmet) for r in rows] == [2, 2]
 
 
 def test_an_infinite_number_is_outside(tmp_path):
@@ -114,9 +114,9 @@ def test_an_infinite_number_is_outside(tmp_path):
     for entry in ({"min": 0.0}, {"max": 2.0}):
         told = judged.requirement(Requirement(number="x", **entry), {"x": values}, np.ones(4, bool),
                                   np.arange(4), tmp_path)  # fmt: skip
-        assert (told["within"], told["lacking"]) == (1, 3)
+        assert (told.within, told.lacking) == (1, 3)
     told = report._number("x", {}, values, np.arange(4))
-    assert (told["n"], told["not_reached"], told["infinite"]) == (1, 1, 2)
+    assert (told.n, told.not_reached, told.infinite) == (1, 1, 2)
 
 
 def test_how_many_more_cases_show_it_for_good():
@@ -271,7 +271,7 @@ def test_damaged_folders_are_named(three, tmp_path, desat):
 def test_few_pairs_have_no_interval(three, own, tmp_path, desat):
     """Five pairs hold a median with 94 % at most; and a case that fails in one is said."""
     told = pairs.compare(three, three)
-    assert not told["numbers"]["rate"]["interval_holds"]
+    assert not told.numbers["rate"].interval_holds
     result = desat("compare", str(three), str(shutil.copytree(three, tmp_path / "same")))
     (line,) = [x.split() for x in result.stdout.splitlines() if x.startswith("rate ")]
     assert len(line) == 8, "median, share with its interval, share, pairs, unit"
@@ -281,7 +281,7 @@ def test_few_pairs_have_no_interval(three, own, tmp_path, desat):
     rows[1] = dataclasses.replace(rows[1], status="failed")
     store._write(other, 0, rows)
     told = pairs.compare(three, other)
-    assert told["warnings"] == ["case 1: completed in the first, failed in the second: in no pair"]
+    assert told.warnings == ["case 1: completed in the first, failed in the second: in no pair"]
 
 
 def test_the_last_value_of_several_is_refused(tmp_path):
@@ -346,7 +346,7 @@ def test_an_element_is_not_drawn_alone(tmp_path):
 def test_numbers_that_differ_by_rounding_have_no_figure(three):
     """Nor are they an error of the histogram's."""
     plan, told = coordinator.read(three), report.summary(three)
-    names = list(told["numbers"])
+    names = list(told.numbers)
     assert len(report._figures(three, plan, told)) <= len(names) + 1
     close = 1.0 + np.array([0.0, 2e-16, 4e-16])
     assert np.ptp(close) > 0.0

@@ -177,9 +177,10 @@ def test_numbers_are_printed_whole_in_however_many_columns(capsys):
 
 
 def test_draws_do_not_depend_on_count_or_processes():
-    three, four = draws(NAME, 3, 5, Options(), 1), draws(NAME, 4, 5, Options(), 2)
+    three = draws(NAME, 3, 5, Options(), 1).to_json()
+    four = draws(NAME, 4, 5, Options(), 2).to_json()
     assert three["draws"] == four["draws"][:3]
-    assert draws(NAME, 1, 6, Options())["draws"][0]["numbers"] != three["draws"][0]["numbers"]
+    assert draws(NAME, 1, 6, Options()).rows[0].numbers != three["draws"][0]["numbers"]
     times = sorted(d["numbers"]["firing_time"] for d in three["draws"])
     assert three["summary"]["firing_time"] == {
         "unit": "s", "median": times[1], "low": times[0], "high": times[2], "min": times[0],
@@ -195,11 +196,11 @@ def test_a_small_campaign_prints_statistics_of_the_same_draws(desat, tmp_path):
                                "not", "reached"]  # fmt: skip
     assert said[7].endswith("more numbers in the report; --all prints them")
     told = json.loads(desat("campaign", "report", "c", "--json", cwd=tmp_path, check=True).stdout)
-    drawn = draws(NAME, 3, 5, Options(), 1)["summary"]
+    drawn = draws(NAME, 3, 5, Options(), 1).summary
     assert len(drawn) > 5
     for name, entry in drawn.items():
         assert [told["numbers"][name][k] for k in ("median", "min", "max")] == [
-            entry[k] for k in ("median", "min", "max")]  # fmt: skip
+            entry.levels[k] for k in ("median", "min", "max")]  # fmt: skip
 
 
 LEAN_MANAGER = '''
@@ -541,7 +542,7 @@ def test_a_stop_time_in_orbits_is_that_of_the_craft(desat, tmp_path):
                             check=True).stdout)  # fmt: skip
     period = 2.0 * pi * sqrt(6778137.0**3 / MU)
     assert told["end_time"] == pytest.approx(0.1 * period, rel=2e-3)
-    assert draws(str(tmp_path / "mine"), 1, 1, Options(stop="0.01 orbits"), 1)["draws"]
+    assert draws(str(tmp_path / "mine"), 1, 1, Options(stop="0.01 orbits"), 1).rows
 
 
 def test_a_crafts_folder_is_known_to_all_that_take_a_target(desat, tmp_path):

@@ -80,14 +80,14 @@ def test_draws_are_compared_in_pairs(desat, craft):
     made = json.loads(told.stdout)
     one, two = (draws(str(craft / x), 7, 1, Options(stop=100.0), jobs=1)
                 for x in ("mine", "mine/slow.toml"))  # fmt: skip
-    before = differences(one, two)
+    before = {n: x.to_json() for n, x in differences(one, two).items()}
     assert made["pairs"] == 7
     assert made["numbers"].keys() == before.keys()
     for name, entry in made["numbers"].items():
         for key in ("median", "min", "max", "n", "lower", "higher", "equal", "not_reached"):
             assert entry[key] == before[name][key]
     entry = made["numbers"]["final_momentum"]
-    each = each_draw(one["draws"], two["draws"], "final_momentum").values()
+    each = each_draw(one.rows, two.rows, "final_momentum").values()
     assert entry["interval"] == [min(each), max(each)], "98 % with seven pairs"
     assert entry["share_lower"] == pytest.approx(100.0 * sum(x < 0.0 for x in each) / 7)
 
@@ -148,8 +148,8 @@ def test_numbers_of_other_units_have_no_difference():
 
 
 def test_no_differences_have_no_interval():
-    assert pairs.confident([])["n"] == 0
-    assert "interval" not in pairs.confident([])
+    assert pairs.confident([]).n == 0
+    assert "interval" not in pairs.confident([]).to_json()
 
 
 # --- law by law ---------------------------------------------------------------------------------

@@ -403,7 +403,7 @@ def test_other_versions_are_refused_or_accepted(mine, tmp_path, desat, monkeypat
     after = store.read(folder).to_pylist()
     assert [r["versions"] for r in after[:2]] == [r["versions"] for r in before]
     assert [json.loads(r["versions"])["numpy"] for r in after[2:]] == ["0.1-other"] * 2
-    assert {v["cases"] for v in report.summary(folder)["versions"]} == {2}
+    assert {v.cases for v in report.summary(folder).versions} == {2}
     assert "2 with numpy 0.1-other" in (folder / "report.html").read_text()
 
 

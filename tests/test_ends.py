@@ -477,8 +477,7 @@ def test_a_folder_of_any_name_is_written(tmp_path, good_run, name):
 
 # --- commands -------------------------------------------------------------------------------------
 
-DRAWS = {"scenario": "a", "warnings": [], "draws": [], "summary": {}, "stopped": 0, "points": [],
-         "units": {}, "axes": {}}  # fmt: skip
+SWEPT = study.Sweep("a", {}, 0, None, {}, [], [])
 
 
 @pytest.mark.parametrize("as_json", [True, False])
@@ -499,7 +498,7 @@ def test_progress_is_shown_to_people_alone(desat, monkeypatch, arguments, module
             raise DesatError("enough")
         if name == "size":
             return SimpleNamespace(as_json=lambda: {"x": 1}, problems=[])
-        return DRAWS
+        return SWEPT
 
     monkeypatch.setattr(module, name, made)
     monkeypatch.setattr("desat.cli.commands.size._print_sizing", lambda made: print("people"))
@@ -536,8 +535,7 @@ def test_a_craft_that_cannot_hold_ends_with_1(desat, monkeypatch, problems, code
      ([WELL], [WELL], 0)],
 )  # fmt: skip
 def test_paired_draws_end_as_the_worst_of_both(desat, monkeypatch, rows, others, code):
-    both = [{"scenario": name, "warnings": [f"w{name}"],
-             "draws": [{"draw": 0, **row} for row in x]}
+    both = [study.Draws(name, 1, [replace(row, number=0) for row in x], {}, [f"w{name}"])
             for name, x in (("a", rows), ("b", others))]  # fmt: skip
     monkeypatch.setattr(compare, "are_campaigns", lambda targets: False)
     monkeypatch.setattr(compare, "paired_draws", lambda *_, **__: ([], both))

@@ -569,10 +569,10 @@ def test_supervised_runs_have_the_same_bits(tmp_path):
 
 def test_a_crash_among_draws_leaves_the_other_rows(tmp_path, binary):
     target = drawn_to_fail(tmp_path / "s", binary, ["NOTHING", "SEGFAULT"])
-    rows = draws(target, 8, 1, Options(step=1.0), jobs=2)["draws"]
-    ended = [row["values"]["bad.how"] != HOW.index("NOTHING") for row in rows]
-    assert [row["code"] for row in rows] == [int(Exit.COMPONENT) * e for e in ended]
-    assert {row["numbers"]["y"] for row in rows if row["status"] == "completed"} == {10.0}
+    rows = draws(target, 8, 1, Options(step=1.0), jobs=2).rows
+    ended = [row.values["bad.how"] != HOW.index("NOTHING") for row in rows]
+    assert [row.code for row in rows] == [int(Exit.COMPONENT) * e for e in ended]
+    assert {row.numbers["y"] for row in rows if row.completed} == {10.0}
     assert 0 < sum(ended) < 8
 
 
@@ -586,7 +586,7 @@ def test_tables_name_the_scenario_and_component_that_crashed(system):
 
 def test_a_crash_in_a_sweep_is_named(system):
     axes = {"bad.how": [HOW.index(how) for how in ("NOTHING", "SEGFAULT")]}
-    well, badly = sweep(str(system), axes, Options(step=1.0), 1)["points"]
+    well, badly = sweep(str(system), axes, Options(step=1.0), 1).to_json()["points"]
     assert well["status"] == "completed"
     assert badly["code"] == Exit.COMPONENT
     assert badly["message"] == f"{ALONE}SIGSEGV"

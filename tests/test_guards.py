@@ -17,6 +17,7 @@ import pytest
 from conftest import ROOT, but, module_of
 
 from desat.campaign import draws
+from desat.campaign.spread import spreads
 from desat.engine import current_call, trial_initialisation
 from desat.files import library, paths
 from desat.files.io import toml
@@ -291,7 +292,7 @@ def test_draws_are_stamped_only_if_they_come_out_again(monkeypatch, tmp_path):
     assert stored.outdated(stored.read("uosat12")) == [name]
     assert stored.confirm("uosat12", 1, 1) == []
     assert stored.outdated(stored.read("uosat12")) == []
-    row = kept["scenarios"][name]["draws"][0]["numbers"]
+    row = kept["scenarios"][name]["draws"][0].numbers
     row["firing_time"] *= 1.0 + 1e-6
     stored.write(kept)
     assert stored.confirm("uosat12", 1, 1) == [name]
@@ -371,13 +372,15 @@ def test_stored_draws_come_back(monkeypatch, tmp_path):
     """All bits, and the same bytes again; a line of stamps a scenario; a number that a draw has not
     is None; a family leaves the others as they are."""
     monkeypatch.setattr(paths, "DRAWS", tmp_path)
-    rows = [{"draw": 0, "numbers": {"a": 0.1, "b": None}},
-            {"draw": 2, "numbers": {"a": None, "b": 1e-300}}]  # fmt: skip
+    rows = [
+        stored.row_of_draw(0, {"a": 0.1, "b": None}),
+        stored.row_of_draw(2, {"a": None, "b": 1e-300}),
+    ]
     units = {"a": "s", "b": "1"}
-    of_x = draws.spreads([r["numbers"] for r in rows], units, set())
+    of_x = spreads([r.numbers for r in rows], units, set())
     x = {"sha256": "1", "units": units, "summary": of_x, "draws": rows}
-    y = {"sha256": "2", "units": {"a": "s"}, "draws": [{"draw": 0, "numbers": {"a": -0.0}}]}
-    y["summary"] = draws.spreads([r["numbers"] for r in y["draws"]], y["units"], set())
+    y = {"sha256": "2", "units": {"a": "s"}, "draws": [stored.row_of_draw(0, {"a": -0.0})]}
+    y["summary"] = spreads([r.numbers for r in y["draws"]], y["units"], set())
     for family in ("f", "e"):
         scenarios = {f"{family}/x": x, f"{family}/y": y}
         kept = {"family": family, "seed": 1, "scenarios": scenarios}
@@ -387,7 +390,7 @@ def test_stored_draws_come_back(monkeypatch, tmp_path):
     assert len(stored.provenance_file().read_text().splitlines()) == 2 + 2 * 4
     back = stored.read("e")
     assert back == kept
-    assert math.copysign(1.0, back["scenarios"]["e/y"]["draws"][0]["numbers"]["a"]) == -1.0
+    assert math.copysign(1.0, back["scenarios"]["e/y"]["draws"][0].numbers["a"]) == -1.0
     assert stored.read("f")["scenarios"]["f/x"] == x
     file.write_bytes(stored.file_of("f").read_bytes())
     with pytest.raises(DesatError, match=r"e/draws.parquet: not the file that .*draws.json is of"):
@@ -417,17 +420,13 @@ def test_a_page_has_draws_made_anew_for_a_number_that_is_not_stored(monkeypatch,
 
     def made(target, count, *rest, first=0):
         asked.append((target, count, first))
-        had = [r["numbers"] for r in kept["scenarios"][name]["draws"]]
+        had = [r.numbers for r in kept["scenarios"][name]["draws"]]
         rows = [
-            {
-                "draw": i,
-                "status": "completed",
-                "numbers": {**had[i], "null_rms": float(i), "x": 1.0},
-            }
+            stored.row_of_draw(i, {**had[i], "null_rms": float(i), "x": 1.0})
             for i in range(first, count)
         ]
         units = {**kept["scenarios"][name]["units"], "null_rms": "N.m.s", "x": "1"}
-        return {"draws": rows, "summary": draws.spreads([r["numbers"] for r in rows], units, set())}
+        return draws.Draws(name, 1, rows, spreads([r.numbers for r in rows], units, set()), [])
 
     monkeypatch.setattr(stored, "draws", made)
     with pytest.raises(DesatError, match="null_rms of its draws is not stored; without --draft"):
@@ -449,17 +448,17 @@ def test_more_draws_are_flown_after_those_that_are_kept(monkeypatch, tmp_path):
     whole["sha256"], whole["code_sha256"] = stored.digest(scenario), stored.code(scenario)
     monkeypatch.setattr(stored, "with_draws", lambda family: {name: scenario})
     monkeypatch.setattr(paths, "DRAWS", tmp_path)
-    shown = whole["draws"][0]["numbers"]["firing_time"]
+    shown = whole["draws"][0].numbers["firing_time"]
     first = whole["draws"][:-1]
-    first[0] = {"draw": 0, "numbers": dict.fromkeys(first[0]["numbers"], 1.0)}
+    first[0] = stored.row_of_draw(0, dict.fromkeys(first[0].numbers, 1.0))
     kept["scenarios"] = {name: {**whole, "draws": first}}
     stored.write(kept)
     assert stored.outdated(stored.read("uosat12")) == [name]
     made = stored.renew("uosat12", 1)["scenarios"][name]
     assert made["draws"][1:] == whole["draws"][1:]
     assert made["draws"][0] == first[0] != shown, "a draw that is kept is not flown again"
-    assert made["summary"]["firing_time"]["n"] == scenario.content.samples
-    assert made["summary"]["firing_time"]["min"] == 1.0
+    assert made["summary"]["firing_time"].n == scenario.content.samples
+    assert made["summary"]["firing_time"].levels["min"] == 1.0
 
 
 def test_an_instance_that_is_named_by_its_file_has_the_components_name():

@@ -708,10 +708,10 @@ def drawn():
 def test_a_difference_of_draws_is_the_median_of_the_differences_draw_by_draw():
     kept = drawn()
     ours, theirs = (
-        [r["numbers"]["detumbled"] for r in kept[f"hausat2/detumbling-{law}"]["draws"]]
+        [r.numbers["detumbled"] for r in kept[f"hausat2/detumbling-{law}"]["draws"]]
         for law in ("b-dot", "wheel")
     )
-    found = tables._pairs_of(find("hausat2/detumbling-b-dot"), kept)["summary"]["longer"]
+    found = tables._pairs_of(find("hausat2/detumbling-b-dot"), kept)["summary"]["longer"].levels
     assert found["median"] == pytest.approx(np.median(np.subtract(ours, theirs)), abs=1e-9)
     assert 40.0 <= found["median"] <= 65.0  # the paper's 50 min
     assert found["median"] != pytest.approx(np.median(ours) - np.median(theirs), abs=1e-3)
@@ -734,7 +734,7 @@ def test_the_verdict_of_each_claim_is_that_of_its_draws():
 
 
 def medians_of(stored_):
-    return {name: number["median"] for name, number in stored_["summary"].items()}
+    return {name: number.levels["median"] for name, number in stored_["summary"].items()}
 
 
 MISSED = {
@@ -752,7 +752,12 @@ def outside() -> set[tuple[str, str, str]]:
             number = row.of
             if number in summary and row.each and not isinstance(row.tolerance, OfNumber):
                 low, high = row.each
-                if not low <= summary[number]["min"] <= summary[number]["max"] <= high:
+                if (
+                    not low
+                    <= summary[number].levels["min"]
+                    <= summary[number].levels["max"]
+                    <= high
+                ):
                     missed.add((name, key, number))
     return missed
 

@@ -14,7 +14,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from test_blocks import begin, fresh
 
-from desat.campaign import draws
+from desat.campaign import draws, spread
+from desat.campaign.draws import RunRow
 from desat.components.laws import integrated
 from desat.components.laws.margins import pid_margins
 from desat.components.maths.vector import cross, dot, norm, sub
@@ -421,12 +422,12 @@ def test_the_stored_draws_say_where_they_are_from(drawn):
     for found in drawn["scenarios"].values():
         assert len(found["draws"]) >= 20
         for name, s in found["summary"].items():
-            given = [d["numbers"][name] for d in found["draws"]]
+            given = [d.numbers[name] for d in found["draws"]]
             values = [math.inf if x is None else x for x in given]  # a time not reached: later
-            assert s["n"] == len(values) - given.count(None)
-            assert s["min"] == min(values)
+            assert s.n == len(values) - given.count(None)
+            assert s.levels["min"] == min(values)
             for key, value in (("max", max(values)), ("median", np.median(values))):
-                assert (math.inf if s[key] is None else s[key]) == value
+                assert (math.inf if s.levels[key] is None else s.levels[key]) == value
 
 
 AGAINST = {
@@ -459,7 +460,7 @@ AGAINST = {
 
 def test_bands_of_the_draws_are_met_but_for_those_that_are_known(current):
     banded, missed = 0, set()
-    medians = {name: {k: s["median"] for k, s in found["summary"].items()}
+    medians = {name: {k: s.levels["median"] for k, s in found["summary"].items()}
                for name, found in current["scenarios"].items()}  # fmt: skip
     for name, found in current["scenarios"].items():
         scenario, values = find(name), medians[name]
@@ -489,13 +490,13 @@ def test_intervals_of_shares():
     assert comparison.clopper_pearson(20, 20) == pytest.approx([100 * 0.025**0.05, 100.0])
     low, high = comparison.clopper_pearson(30, 100)
     assert low < 30.0 < high
-    draws = [{"numbers": {"x": value}} for value in (1.0, 2.0, 3.0, None)]
-    values = comparison.values_of(draws, "x", NOTHING)
+    rows = [RunRow("completed", 0, "", numbers={"x": x}) for x in (1.0, 2.0, 3.0, None)]
+    values = comparison.values_of(rows, "x", NOTHING)
     assert comparison.share_of(values, least=2.0).count == 2
     assert comparison.share_of(values, most=1.0).count == 1
     assert comparison.share_of(values).n == 4
     number = {"title": "x", "signal": "a.b", "measure": "until_below"}
-    late = comparison.values_of(draws, "x", Content(numbers={"x": number}))
+    late = comparison.values_of(rows, "x", Content(numbers={"x": number}))
     assert comparison.share_of(late, least=2.0).count == 3, "one that is not reached is later"
     assert comparison.share_of(late, most=9e9).count == 3
 
@@ -503,9 +504,12 @@ def test_intervals_of_shares():
 def test_a_row_of_a_share_says_its_interval_and_is_held_against_its_band():
     scenario = find("integrated/ideal-inertial")
     names = {*scenario.content.numbers, "limit_time"}
-    made = [{"draw": i, "numbers": {**dict.fromkeys(names, 1.0), "saturated": float(i < 3)}}
-            for i in range(20)]  # fmt: skip
-    summary = {n: {"n": 20, "min": 1.0, "max": 1.0, "median": 1.0} for n in names}
+    made = [
+        RunRow("completed", 0, "", numbers={**dict.fromkeys(names, 1.0), "saturated": float(i < 3)})
+        for i in range(20)
+    ]
+    levels = dict.fromkeys(("median", "min", "max"), 1.0)
+    summary = {n: spread.Spread(n=20, levels=levels) for n in names}
     values = dict.fromkeys(names, 1.0)
     found = {r.quantity: r for r in comparison.rows_of(
         scenario, values, {}, {"summary": summary, "draws": made})}  # fmt: skip
@@ -638,7 +642,7 @@ def test_a_stored_draw_comes_out_again(current):
     name = "integrated/velocity-dumping"
     values = values_of(read(name).builder(Options(blocks=True)), current["seed"], 0)
     again = execute(name, Options(values=values)).manifest["numbers"]
-    kept = current["scenarios"][name]["draws"][0]["numbers"]
+    kept = current["scenarios"][name]["draws"][0].numbers
     assert {k: again[k]["value"] for k in kept} == pytest.approx(kept, rel=1e-6)
 
 
@@ -667,9 +671,12 @@ def test_rows_of_draws_have_the_median_and_the_file_is_named(drawn, monkeypatch)
     assert {"date", "seed", "versions"} <= set(data["run"])
     row = next(r for r in data["rows"] if r["quantity"] == "pointing")
     summary = drawn["scenarios"]["integrated/mil-nadir"]["summary"]["pointing"]
-    assert row["ours"] == summary["median"]
+    assert row["ours"] == summary.levels["median"]
     assert row["draws"]["n"] >= 20
-    assert (row["draws"]["min"], row["draws"]["max"]) == (summary["min"], summary["max"])
+    assert (row["draws"]["min"], row["draws"]["max"]) == (
+        summary.levels["min"],
+        summary.levels["max"],
+    )
     assert row["within"] is True
     lost = replace(rows("integrated", Options(), drawn=drawn)[0], draws=None)
     assert tables.texts_of(lost)["draws"] == ""

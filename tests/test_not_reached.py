@@ -11,7 +11,8 @@ import pytest
 from benchmarks.pages.sources import Sources
 from benchmarks.pages.verbs import Verbs
 from desat.campaign import report
-from desat.campaign.draws import draws, spreads
+from desat.campaign.draws import draws
+from desat.campaign.spread import spreads
 from desat.files.scenario import find
 from desat.numbers import measures
 from desat.numbers.numbers import late
@@ -56,7 +57,7 @@ def test_cases_that_never_slow_say_so_with_their_share(desat, own, tmp_path):
 
 
 def test_some_that_are_not_reached_are_later_than_all_others(own):
-    told = draws(own(SOME), 4, 1, Options(blocks=True), jobs=1)
+    told = draws(own(SOME), 4, 1, Options(blocks=True), jobs=1).to_json()
     each = [row["numbers"]["detumbled"] for row in told["draws"]]
     there = sorted(x for x in each if x is not None)
     assert 0 < len(there) < 4
@@ -85,31 +86,31 @@ def test_every_measure_of_a_time_is_late():
 
 def test_medians_rank_what_is_not_reached():
     rows = [{"t": x, "y": x} for x in (3.0, None, 1.0, None, 2.0)]
-    told = spreads(rows, {"t": "s", "y": "s"}, {"t"})
+    told = {n: x.to_json() for n, x in spreads(rows, {"t": "s", "y": "s"}, {"t"}).items()}
     assert told["t"] == {"unit": "s", "median": 3.0, "low": 1.0, "high": None, "min": 1.0,
                          "max": None, "n": 3, "not_reached": 2}  # fmt: skip
     assert (told["y"]["median"], told["y"]["max"]) == (2.0, 3.0), "no time: of those that have it"
     diverged = [{"y": math.inf}] * 3
-    assert spreads(diverged, {"y": "s"}, set())["y"]["max"] == math.inf
+    assert spreads(diverged, {"y": "s"}, set())["y"].levels["max"] == math.inf
 
 
 def test_percentiles_of_a_campaign_rank_it_too():
     values, cases = np.array([4.0, np.nan, 2.0, 3.0, np.nan, 1.0]), np.arange(10, 16)
-    told = report._number("t", {}, values, cases, True)
+    told = report._number("t", {}, values, cases, True).to_json()
     assert (told["min"], told["min_case"], told["n"], told["not_reached"]) == (1.0, 15, 4, 2)
     assert told["median"] == 3.5
     assert (told["p95"], told["p99"], told["max"], told["max_case"]) == (None, None, None, 11)
-    told = report._number("y", {}, values, cases, False)
+    told = report._number("y", {}, values, cases, False).to_json()
     assert (told["median"], told["max"], told["max_case"]) == (2.5, 4.0, 10)
 
 
 def test_a_row_of_a_table_is_not_within_where_a_draw_never_gets_there():
     scenario = find("integrated/mil-fast")
     drawn = stored.read("integrated")["scenarios"][scenario.name]
-    values = {name: entry["median"] for name, entry in drawn["summary"].items()}
+    values = {name: entry.levels["median"] for name, entry in drawn["summary"].items()}
     rows = {r.quantity: r for r in comparison.rows_of(scenario, values, {}, drawn)}
     row = rows["time_to_dump_build_up"]
-    never = sum(d["numbers"]["dumped"] is None for d in drawn["draws"])
+    never = sum(d.numbers["dumped"] is None for d in drawn["draws"])
     assert never == 88
     assert row.draws.max is None
     assert row.within is False
@@ -125,7 +126,7 @@ def test_stored_draws_have_no_end_of_a_run_for_a_time():
                 if entry.unit not in ("s", "min") or number not in kept["units"]:
                     continue
                 scale = 60.0 if entry.unit == "min" else 1.0
-                values = [d["numbers"][number] for d in kept["draws"]]
+                values = [d.numbers[number] for d in kept["draws"]]
                 end = scenario.content.stop / scale
                 assert all(x is None or x < end for x in values), f"{name}: {number}"
 

@@ -16,6 +16,7 @@ from test_blocks import begin, fresh
 from benchmarks.pages import telescope
 from desat.analyses import coil_bound
 from desat.campaign import pairs
+from desat.campaign.draws import RunRow
 from desat.components.contract.block import BlockError
 from desat.components.laws import momentum_learning as learning
 from desat.components.laws import momentum_management as laws
@@ -638,7 +639,9 @@ def test_the_mixed_law_multiplies_less_than_the_open_loop():
 
 def test_a_paired_ratio_is_of_the_same_draw():
     def drawn(*values):
-        return [{"draw": i, "numbers": {"e": x}} for i, x in enumerate(values)]
+        return [
+            RunRow("completed", 0, "", numbers={"e": x}, number=i) for i, x in enumerate(values)
+        ]
 
     found = pairs.each_draw(drawn(2.0, 9.0, None, 8.0), drawn(1.0, 3.0, 5.0, 0.0), "e", ratio=True)
     assert found == {0: 2.0, 1: 3.0}

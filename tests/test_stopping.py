@@ -145,7 +145,7 @@ def test_the_time_limit(tmp_path):
     assert late.code == Exit.TIMEOUT == 5
     assert late.manifest["steps_done"] == len(late.results.times()) - 1 == 1
     result = draws("uosat12/flight-ocdc-1", 1, 1, Options(blocks=True, time_limit=0.0), jobs=1)
-    assert result["draws"][0]["code"] == 5
+    assert result.rows[0].code == 5
 
 
 def test_the_command_ends_with_5_and_keeps_the_run(desat, tmp_path):

@@ -8,8 +8,9 @@ import re
 import pytest
 from conftest import module_of
 
-from desat.campaign.draws import axes_of, draws, one, sweep
+from desat.campaign.draws import Draws, RunRow, axes_of, draws, one, sweep
 from desat.campaign.pairs import common, differences, each_draw
+from desat.campaign.spread import Spread
 from desat.runs.prepare import read
 from desat.runs.run import Options, execute
 from desat.system.errors import DesatError
@@ -32,9 +33,10 @@ def other(tmp_path):
 def test_paired_differences_are_those_of_the_draws(other):
     target = other("parameters.manager.gain = 1e-3")
     both = [draws(n, 3, 4, SHORT, 1) for n in (NAME, target)]
-    result, (ours, theirs) = differences(*both), (x["draws"] for x in both)
-    for name, entry in result.items():
-        each = [a["numbers"][name] for a in ours], [b["numbers"][name] for b in theirs]
+    result, (ours, theirs) = differences(*both), (x.rows for x in both)
+    for name, spread in result.items():
+        entry = spread.to_json()
+        each = [a.numbers[name] for a in ours], [b.numbers[name] for b in theirs]
         if None in (*each[0], *each[1]):
             assert entry["n"] == 0
             assert entry["median"] is None
@@ -44,16 +46,16 @@ def test_paired_differences_are_those_of_the_draws(other):
         assert list(found.values()) == pytest.approx(expected, abs=1e-9)
         assert entry["lower"] + entry["higher"] + entry["equal"] == 3
         assert entry["min"] <= entry["median"] <= entry["max"]
-    assert result["coil_load"]["equal"] < 3
-    assert [r["values"] for r in ours] == [r["values"] for r in theirs]
+    assert result["coil_load"].equal < 3
+    assert [r.values for r in ours] == [r.values for r in theirs]
     found = common(read(NAME), read(target), 4, SHORT, SHORT)
     assert found["drawn_only_in_it"] == found["drawn_only_in_the_other"] == []
 
 
 def test_a_scenario_against_itself_is_equal_in_all():
     result = differences(*(draws(NAME, 2, 1, SHORT, 1) for _ in range(2)))
-    assert all(e["equal"] == e["n"] for e in result.values())
-    assert any(e["n"] == 2 for e in result.values())
+    assert all(e.equal == e.n for e in result.values())
+    assert any(e.n == 2 for e in result.values())
 
 
 def test_what_is_drawn_otherwise_is_refused_and_what_one_draws_is_said(other):
@@ -92,19 +94,20 @@ def test_a_drawn_value_that_is_refused_is_named(other):
 
 def test_numbers_of_another_unit_are_not_compared():
     def result(unit, *values):
-        rows = [{"draw": i, "numbers": {"x": v}} for i, v in enumerate(values)]
-        return {"summary": {"x": {"unit": unit}}, "draws": rows}
+        rows = [RunRow("completed", 0, "", numbers={"x": v}, number=i)
+                for i, v in enumerate(values)]  # fmt: skip
+        return Draws("s", 1, rows, {"x": Spread(unit=unit)}, [])
 
     assert differences(result("s", 1.0), result("min", 1.0)) == {}
     found = differences(result("s", 1.0, 2.0, None, 3.0), result("s", 2.0, 2.0, 1.0, 1.0))["x"]
-    assert [found[k] for k in ("n", "lower", "equal", "higher")] == [3, 1, 1, 1]
-    rows = (result("s", 1.0, 2.0, None, 3.0)["draws"], result("s", 2.0, 2.0, 1.0, 1.0)["draws"])
+    assert [found.n, found.lower, found.equal, found.higher] == [3, 1, 1, 1]
+    rows = (result("s", 1.0, 2.0, None, 3.0).rows, result("s", 2.0, 2.0, 1.0, 1.0).rows)
     assert each_draw(*rows, "x") == {0: -1.0, 1: 0.0, 3: 2.0}
 
 
 def test_a_sweep_is_its_runs():
     axes = axes_of(["manager.gain=1e-3,5e-3", "manager.velocity_dumping=true,false"])
-    result = sweep(NAME, axes, SHORT, jobs=1)
+    result = sweep(NAME, axes, SHORT, jobs=1).to_json()
     assert [p["values"] for p in result["points"]] == [
         {"manager.gain": g, "manager.velocity_dumping": v}
         for g in (1e-3, 5e-3) for v in (True, False)
@@ -120,7 +123,7 @@ def test_a_sweep_is_its_runs():
 def test_a_sweep_with_draws_has_their_medians():
     result = sweep(NAME, {"manager.gain": [5e-3]}, SHORT, 1, draws=2, seed=3)
     options = Options(blocks=True, stop=100.0, values={"manager.gain": 5e-3})
-    assert result["points"][0]["summary"] == draws(NAME, 2, 3, options, 1)["summary"]
+    assert result.points[0].summary == draws(NAME, 2, 3, options, 1).summary
 
 
 def test_axes():
@@ -151,7 +154,7 @@ def test_a_drawn_parameter_is_no_axis_of_draws():
     with pytest.raises(DesatError, match=f"{name} is sampled"):
         sweep(NAME, {name: [1.0]}, SHORT, 1, draws=2)
     given = draws(NAME, 1, 1, Options(blocks=True, stop=10.0, sets=[f"{name}=1"]), 1)
-    assert f"--set {name}: it is sampled, and so never has this value" in given["warnings"]
+    assert f"--set {name}: it is sampled, and so never has this value" in given.warnings
 
 
 def test_commands(desat):

@@ -461,7 +461,7 @@ def test_a_foreign_fmu_is_flown_too_where_it_has_a_process_of_its_own(tmp_path):
 def test_draws_sweeps_and_campaigns_take_substeps_as_a_run_does(desat, tmp_path):
     name, short = "integrated/mil-nadir", ("--stop", "60", "--jobs", "1")
     made = [draws(name, 2, 1, Options(stop=60.0, substeps=n), jobs=1) for n in (1, 4)]
-    numbers = [[row["numbers"] for row in x["draws"]] for x in made]
+    numbers = [[row.numbers for row in x.rows] for x in made]
     assert numbers[0] != numbers[1]
     chosen = ("--substeps", "auto", "--accuracy", "1e-3", "--out", str(tmp_path / "c"))
     done = desat("campaign", "run", name, "-n", "1", *short, *chosen)

@@ -198,8 +198,8 @@ def test_a_stored_draw_is_what_the_fmus_give():
     name = "uosat12/starts-receding_horizon"
     kept = stored.read("uosat12")
     stored.require_current(kept)
-    (now,) = draws(name, 1, kept["seed"], Options(), 1)["draws"]
-    first = kept["scenarios"][name]["draws"][0]["numbers"]
+    (now,) = draws(name, 1, kept["seed"], Options(), 1).rows
+    first = kept["scenarios"][name]["draws"][0].numbers
     # HiGHS may round otherwise on another processor, and that may be a pulse
-    assert now["numbers"]["firing_time"] == pytest.approx(first["firing_time"], abs=0.1)
-    assert now["numbers"]["bound"] == pytest.approx(first["bound"], rel=1e-6)
+    assert now.numbers["firing_time"] == pytest.approx(first["firing_time"], abs=0.1)
+    assert now.numbers["bound"] == pytest.approx(first["bound"], rel=1e-6)

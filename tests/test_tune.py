@@ -109,7 +109,8 @@ def tuned(best=2.0, **told):
               **told}  # fmt: skip
     points = tuple(study.Point(x, x, 0) for x in (1.0, 2.0, 3.0, 4.0))
     most = unseen.pop("most", False)
-    return study.Tuned("t", "c.p", "s", "n", "", most, 5.0, best, (1.0, 4.0), 8, points, unseen)
+    return study.Tuned("t", "c.p", "s", "n", "", most, 5.0, best, (1.0, 4.0), 8, points,
+                       study.Unseen(**unseen))  # fmt: skip
 
 
 def test_the_edge_of_the_range_is_its_first_or_last_value_alone(model):
@@ -173,7 +174,7 @@ def test_the_command_flies_and_says_both(desat, home):
     assert values == sorted(values)
     best_gain = [f"manager.gain={made['best']!r}"]
     again = draws(str(home / "mine"), 1, 1, Options(stop=60.0, sets=best_gain), jobs=1)
-    duty = again["draws"][0]["numbers"]["coil_duty"]
+    duty = again.rows[0].numbers["coil_duty"]
     (best,) = [p for p in made["points"] if p["value"] == made["best"]]
     assert best["median"] == duty
 

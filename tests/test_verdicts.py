@@ -21,13 +21,15 @@ from desat.analyses import residual
 from desat.analyses.manifest import Manifest
 from desat.campaign import draws as study
 from desat.campaign import report
-from desat.campaign.judged import for_half_the_width, more, requirement
+from desat.campaign.judged import CaseVerdict, for_half_the_width, more, requirement
+from desat.campaign.spread import Spread
+from desat.campaign.store import CaseRow
 from desat.engine.checkpoint import newest
 from desat.language.content import Content, Entry
 from desat.language.scenario import Requirement
 from desat.numbers import verdicts
 from desat.numbers.statistics import clopper_pearson
-from desat.numbers.text import Value, not_reached
+from desat.numbers.text import Value
 from desat.runs.run import Run, load_run, prepare, simulate
 from desat.runs.stopping import LATE, Condition
 from desat.system.errors import Exit, RunError, nearest
@@ -41,7 +43,9 @@ __all__ = ["binary", "system"]  # fixtures
 def judged(values: list[float], completed: list[bool], **bounds: float) -> dict[str, object]:
     cases = np.arange(len(values))
     entry = Requirement(number="x", **bounds)
-    return requirement(entry, {"x": np.array(values)}, np.array(completed), cases, Path("c"))
+    return requirement(
+        entry, {"x": np.array(values)}, np.array(completed), cases, Path("c")
+    ).to_json()
 
 
 def test_a_case_that_failed_is_outside_whatever_its_numbers():
@@ -138,9 +142,9 @@ def test_more_than_ten_million_cases_are_not_told_of():
 
 
 def test_a_time_that_is_not_reached_counts_in_the_share():
-    assert not_reached({"n": 3, "not_reached": 1}) == "1 of 4 (25 %)"
-    assert not_reached({"n": 5, "not_reached": 2}) == "2 of 7 (28.6 %)"
-    assert not_reached({"n": 4, "not_reached": 0}) == ""
+    assert Spread(n=3, not_reached=1).not_reached_text == "1 of 4 (25 %)"
+    assert Spread(n=5, not_reached=2).not_reached_text == "2 of 7 (28.6 %)"
+    assert Spread(n=4, not_reached=0).not_reached_text == ""
 
 
 # --- exit codes, bounds and conditions at their limits ------------------------------------------
@@ -204,10 +208,10 @@ def test_a_run_within_its_range_has_no_remark():
     assert run.code == Exit.COMPLETED
 
 
-WELL = {"status": "completed", "message": "", "code": 0, "unmet": []}
-UNMET = WELL | {"code": 1, "unmet": ["x = 2: above [b]"]}
-FAILED = WELL | {"status": "failed", "code": 4, "message": "h_wheel[b] is nan"}
-LATE_ONE = WELL | {"status": LATE, "code": 5, "message": "after 1 s"}
+WELL = study.RunRow("completed", 0, "")
+UNMET = study.RunRow("completed", 1, "", unmet=["x = 2: above [b]"])
+FAILED = study.RunRow("failed", 4, "h_wheel[b] is nan")
+LATE_ONE = study.RunRow(LATE, 5, "after 1 s")
 
 
 @pytest.mark.parametrize(
@@ -220,16 +224,18 @@ LATE_ONE = WELL | {"status": LATE, "code": 5, "message": "after 1 s"}
     ],
 )  # fmt: skip
 def test_a_sweep_ends_as_the_worst_of_its_points(desat, monkeypatch, rows, code, lines):
-    points = [{"values": {"a.k": k}, **row} for k, row in enumerate(rows)]
-    monkeypatch.setattr(study, "sweep", lambda *_, **__: {"warnings": [], "points": points})
+    points = [study.SweepPoint({"a.k": k}, [row], {}) for k, row in enumerate(rows)]
+    swept = study.Sweep("NAME", {"a.k": [0, 1]}, 0, None, {}, points, [])
+    monkeypatch.setattr(study, "sweep", lambda *_, **__: swept)
     done = desat("sweep", "NAME", "a.k=0,1", "--json")
     assert done.returncode == code
     assert done.stderr.splitlines() == lines
 
 
-def asked(met: bool, lacking: int = 0) -> dict[str, object]:
-    return {"met": met, "interval_outside": [0.0, 5.0], "outside": 1, "n": 20, "number": "x",
-            "lacking": lacking}  # fmt: skip
+def asked(met: bool, lacking: int = 0) -> CaseVerdict:
+    entry, cases = Requirement(number="x", max=1.0), np.arange(20)
+    verdict = requirement(entry, {"x": cases - 17.5}, np.ones(20, bool), cases, Path("c"))
+    return replace(verdict, met=met, interval_outside=[0.0, 5.0], lacking=lacking, more_cases=None)
 
 
 @pytest.mark.parametrize(
@@ -244,12 +250,11 @@ def asked(met: bool, lacking: int = 0) -> dict[str, object]:
     ],
 )
 def test_a_campaign_ends_as_what_it_shows(desat, monkeypatch, requirements, unmet, failed, code):
-    told = {
-        "changed": "", "versions": [], "completed": 20, "count": 20 + len(failed), "unmet": unmet,
-        "numbers": {},
-        "requirements": {f"r{k}": asked(met, k) for k, met in enumerate(requirements)},
-        "failed": [{"case": k, "message": "h[b] is nan", "code": c} for k, c in enumerate(failed)],
-    }  # fmt: skip
+    told = SimpleNamespace(
+        changed="", versions=[], completed=20, count=20 + len(failed), unmet=unmet, numbers={},
+        requirements={f"r{k}": asked(met, k) for k, met in enumerate(requirements)},
+        failed=[CaseRow("failed", c, "h[b] is nan", number=k) for k, c in enumerate(failed)],
+    )  # fmt: skip
     monkeypatch.setattr(report, "write", lambda folder: (folder / "[b].html", told))
     done = desat("campaign", "report", "c")
     assert done.returncode == code
@@ -257,7 +262,8 @@ def test_a_campaign_ends_as_what_it_shows(desat, monkeypatch, requirements, unme
     assert shown[0] == f"20 of {20 + len(failed)} completed, {len(failed)} failed"
     for k, met in enumerate(requirements):
         lacking = f", {k} without x" if k else ""
-        verdict = "met" if met else "NOT SHOWN"
+        level = "that 95 % are within, with a confidence of 95 %"
+        verdict = "met" if met else f"NOT SHOWN {level}"
         assert shown[1 + k] == f"r{k}: 1 of 20 outside{lacking} (0 to 5 %): {verdict}"
     assert shown[-1].endswith("[b].html")
     lines = [f"case {k}: h[b] is nan" for k in range(len(failed))]

@@ -6,5 +6,6 @@ store.py    the folder: Parquet files of whole blocks of cases, journals of the 
 cluster.py  the cases on a Dask cluster
 coordinator.py  what hands out cases and keeps rows
 draws.py, pairs.py  draws and sweeps in memory, and pairs
+spread.py   the spread of a number over runs
 judged.py, report.py  what comes out
 """

@@ -22,6 +22,7 @@ from ..runs.run import Run, simulate
 from ..system.errors import DesatError, Exit
 from .draws import STOPPED, ran
 from .plan import CampaignPlan, source, system
+from .sampling import Drawn
 from .store import Batch, CaseRow
 
 POINTS = 200
@@ -50,7 +51,7 @@ def row(plan: CampaignPlan, number: int, attempt: int = 1, versions: str = "") -
                    versions=versions)  # fmt: skip
 
 
-def _ran(plan: CampaignPlan, values: Mapping[str, Any], supervised: bool) -> CaseRow:
+def _ran(plan: CampaignPlan, values: Mapping[str, Drawn], supervised: bool) -> CaseRow:
     options = plan.options
     if supervised:
         options = replace(options, supervised=True, call_limit=plan.limit)
@@ -69,7 +70,7 @@ def _ran(plan: CampaignPlan, values: Mapping[str, Any], supervised: bool) -> Cas
 
 
 def _described(
-    plots: Mapping[str, Plot], values: Mapping[str, Any], run: Run
+    plots: Mapping[str, Plot], values: Mapping[str, Drawn], run: Run
 ) -> dict[str, dict[str, str]]:  # fmt: skip
     """Title and unit of what is drawn, `in.component.variable`, and of envelopes, `curve.PLOT`."""
     told = {}

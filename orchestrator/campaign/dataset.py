@@ -57,10 +57,10 @@ def _column(folder: Path, name: str, cases: Any) -> Callable[[Any], Any]:
         table = store.read(folder, columns=["case", name])
         if name not in table.column_names:
             return np.full(len(cases), np.nan)[key]
-        there = {case: row for row, case in enumerate(table["case"].to_pylist())}
-        if lost := [int(case) for case in cases if int(case) not in there]:
+        column = table.to_pandas().set_index("case")[name]
+        if lost := [case for case in cases if case not in column.index]:
             raise DesatError(f"{folder}: case {lost[0]} is not there any more: load it again")
-        return table[name].to_pandas().to_numpy()[[there[int(case)] for case in cases]][key]
+        return column.loc[cases].to_numpy()[key]
 
     return read
 

@@ -3,96 +3,27 @@
 from __future__ import annotations
 
 import itertools
-import math
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, NotRequired, TypedDict
+from typing import Any
 
 from ..analyses import Analysis, analyses, coverage
 from ..analyses.manifest import Stopped
 from ..files.builder import Builder
 from ..language.content import Content, content_of, overridden_by
-from ..numbers.numbers import late, ranks
-from ..numbers.statistics import median_interval
+from ..numbers.numbers import late
 from ..runs.prepare import Target, prepare, read, with_stop, with_values
 from ..runs.progress import progress as shown
 from ..runs.run import Options, Run, simulate
 from ..system.errors import DesatError, Exit, RunError
 from ..system.model import AUTO, System
 from ..system.parameters import parse_assignment
-from .sampling import draw_of
+from .sampling import Drawn, draw_of
+from .spread import JsonObject, Spread, spreads, to_json
 from .workers import Here, Local, Lost, Workers, results
 
 STOPPED = 128
 """Exit codes above are those of somebody who stopped the run."""
-
-
-class DrawnRow(TypedDict):
-    """The numbers of a draw, as they are stored."""
-
-    draw: int | None
-    numbers: Mapping[str, float | None]
-
-
-class RunEntry(DrawnRow):
-    """A draw's run as JSON has it: `RunRow`."""
-
-    status: str
-    code: int
-    message: str
-    unmet: list[str]
-    stopped_when: Mapping[str, Any] | None
-    values: Mapping[str, Any]
-
-
-class Summary(TypedDict):
-    """A number over runs: median with its 95 % interval, least, largest, how many `n` have reached
-    it, and how many have not."""
-
-    unit: str
-    median: float | None
-    low: float | None
-    high: float | None
-    min: float | None
-    max: float | None
-    n: int
-    not_reached: int
-
-
-class Draws(TypedDict):
-    """What `draws` gives."""
-
-    scenario: str
-    seed: int
-    draws: list[RunEntry]
-    stopped: int
-    """how many ended early"""
-    summary: dict[str, Summary]
-    warnings: list[str]
-
-
-class SweepPoint(TypedDict):
-    """A combination of values, and what came of it."""
-
-    values: Mapping[str, Any]
-    numbers: dict[str, float | None]
-    stopped: int
-    status: str
-    code: int
-    message: str
-    summary: NotRequired[dict[str, Summary]]
-
-
-class Sweep(TypedDict):
-    """What `sweep` gives."""
-
-    scenario: str
-    axes: dict[str, list[Any]]
-    draws: int
-    seed: int | None
-    units: dict[str, str]
-    points: list[SweepPoint]
-    warnings: list[str]
 
 
 @dataclass(frozen=True)
@@ -105,7 +36,7 @@ class RunRow:
     unmet: Sequence[str] = ()
     stopped_when: Stopped | None = None
     numbers: Mapping[str, float | None] = field(default_factory=dict)
-    values: Mapping[str, Any] = field(default_factory=dict)
+    values: Mapping[str, Drawn] = field(default_factory=dict)
     described: Mapping[str, dict[str, str]] = field(default_factory=dict)
     """Title and unit of the numbers, and of what else a row has."""
     number: int | None = None
@@ -116,7 +47,7 @@ class RunRow:
         """Whether the run reached its end."""
         return self.status == "completed"
 
-    def to_json(self) -> RunEntry:
+    def to_json(self) -> JsonObject:
         """As `draws` gives it."""
         return {
             "draw": self.number, "status": self.status, "code": self.code,
@@ -124,6 +55,90 @@ class RunRow:
             "stopped_when": None if self.stopped_when is None else self.stopped_when.to_json(),
             "numbers": dict(self.numbers), "values": dict(self.values),
         }  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Draws:
+    """Draws of a scenario: a row each, and the spreads of their numbers."""
+
+    scenario: str
+    seed: int
+    rows: Sequence[RunRow]
+    summary: Mapping[str, Spread]
+    warnings: Sequence[str]
+
+    def to_json(self) -> JsonObject:
+        """Return what `desat.draws` gives."""
+        return {
+            "scenario": self.scenario,
+            "seed": self.seed,
+            "draws": [row.to_json() for row in self.rows],
+            "stopped": _count_stopped(self.rows),
+            "summary": to_json(self.summary),
+            "warnings": self.warnings,
+        }
+
+
+@dataclass(frozen=True)
+class SweepPoint:
+    """A combination of values, and the rows of its runs."""
+
+    values: Mapping[str, Any]
+    rows: Sequence[RunRow]
+    summary: Mapping[str, Spread]
+
+    @property
+    def has_draws(self) -> bool:
+        """Return whether its runs are draws."""
+        return self.worst.number is not None
+
+    @property
+    def worst(self) -> RunRow:
+        """Return the row with the largest exit code."""
+        return max(self.rows, key=lambda row: row.code)
+
+    @property
+    def message(self) -> str:
+        """Return the message of the worst row, with its draw."""
+        worst = self.worst
+        has_both = self.has_draws and worst.message
+        return f"draw {worst.number}: {worst.message}" if has_both else worst.message
+
+    def to_json(self) -> JsonObject:
+        """Return values, medians and worst end; with draws also the spreads."""
+        entry = {
+            "values": self.values,
+            "numbers": {name: spread.levels["median"] for name, spread in self.summary.items()},
+            "stopped": _count_stopped(self.rows),
+            "status": self.worst.status,
+            "code": self.worst.code,
+            "message": self.message,
+        }
+        if self.has_draws:
+            entry["summary"] = to_json(self.summary)
+        return entry
+
+
+@dataclass(frozen=True)
+class Sweep:
+    """A system at every combination of some parameters' values."""
+
+    scenario: str
+    axes: Mapping[str, Sequence[Any]]
+    draws: int
+    seed: int | None
+    units: Mapping[str, str]
+    points: Sequence[SweepPoint]
+    warnings: Sequence[str]
+
+    def to_json(self) -> JsonObject:
+        """Return what `desat sweep --json` prints."""
+        return {**vars(self), "points": [point.to_json() for point in self.points]}
+
+
+def _count_stopped(rows: Sequence[RunRow]) -> int:
+    """Return how many runs ended early."""
+    return sum(row.stopped_when is not None for row in rows)
 
 
 class One:
@@ -275,11 +290,7 @@ def draws(
     warnings += never(system, options)
     tasks = [(target, options, seed, draw) for draw in range(first, count)]
     rows = rows_of(tasks, jobs, target, progress, source)
-    return {
-        "scenario": target, "seed": seed, "draws": [row.to_json() for row in rows],
-        "stopped": sum(row.stopped_when is not None for row in rows),
-        "summary": summary(rows, late(content_of(system.about))), "warnings": warnings,
-    }  # fmt: skip
+    return Draws(target, seed, rows, summary(rows, late(content_of(system.about))), warnings)
 
 
 def whole_numbers(target: str, **given: tuple[Any, int]) -> None:
@@ -289,34 +300,12 @@ def whole_numbers(target: str, **given: tuple[Any, int]) -> None:
             raise DesatError(f"{target}: {name} = {value!r}: an integer from {least} on is needed")
 
 
-def summary(rows: list[RunRow], late: Collection[str]) -> dict[str, Summary]:
+def summary(rows: Sequence[RunRow], late: Collection[str]) -> dict[str, Spread]:
     """`spreads` of each number of the draws that completed."""
     whole = [r for r in rows if r.completed]
     described = whole[0].described if whole else {}
     units = {name: d["unit"] for name, d in described.items()}
     return spreads([r.numbers for r in whole], units, late)
-
-
-def spreads(
-    rows: Sequence[Mapping[str, Any]], units: Mapping[str, str], late: Collection[str]
-) -> dict[str, Summary]:  # fmt: skip
-    """Of each number that has a unit here what rows come to. Of those in `late` (`numbers.late`)
-    it is of all rows, None where not reached; of others of the rows that have them."""
-    numbers: dict[str, Summary] = {}
-    for name, unit in units.items():
-        given = [r.get(name) for r in rows]
-        values = [x for x in ranks(given, name in late) if x is not None]
-        middle, low, high = median_interval(values) if values else (None, None, None)
-        ends = middle, low, high, min(values, default=None), max(values, default=None)
-        middle, low, high, least, most = (
-            None if name in late and x == math.inf else x for x in ends
-        )
-        there = sum(x is not None for x in given)
-        numbers[name] = {
-            "unit": unit, "median": middle, "low": low, "high": high, "min": least, "max": most,
-            "n": there, "not_reached": len(rows) - there,
-        }  # fmt: skip
-    return numbers
 
 
 # --- `desat sweep`: a system at every combination of some parameters' values, and its numbers ---
@@ -343,8 +332,7 @@ def sweep(
 ) -> Sweep:  # fmt: skip
     """Run a system at the product of the axes' values ("component.parameter" -> values in SI).
 
-    Returns "points": of each combination its "values", and its "numbers"; with `draws`, of so many
-    seeded draws, the numbers are medians and "summary" has more; and "units" of the numbers.
+    With `draws`, so many seeded draws are run at each combination, and its numbers are medians.
     Raises DesatError for what is unknown or out of bounds, and for an axis that is drawn.
     """
     options = options or Options()
@@ -365,27 +353,21 @@ def sweep(
     ]  # fmt: skip
     rows = rows_of(tasks, jobs, target, progress, source)
     count = max(draws, 1)
-    made, times = list[SweepPoint](), late(content_of(system.about))
+    times = late(content_of(system.about))
+    made = []
     for i, point in enumerate(points):
         own = rows[i * count : (i + 1) * count]
-        worst = max(own, key=lambda row: row.code)
-        of_draws = summary(own, times)
-        made.append({
-            "values": point,
-            "numbers": {name: entry["median"] for name, entry in of_draws.items()},
-            "stopped": sum(row.stopped_when is not None for row in own),
-            "status": worst.status, "code": worst.code,
-            "message": f"draw {worst.number}: {worst.message}"
-            if worst.message and draws else worst.message,
-        })  # fmt: skip
-        if draws:
-            made[-1]["summary"] = of_draws
-    units = {n: e["unit"] for n, e in summary(rows, times).items()}
-    return {
-        "scenario": target, "axes": {name: list(values) for name, values in axes.items()},
-        "draws": draws, "seed": seed if draws else None, "units": units, "points": made,
-        "warnings": warnings,
-    }  # fmt: skip
+        made.append(SweepPoint(point, own, summary(own, times)))
+    units = {name: spread.unit or "" for name, spread in summary(rows, times).items()}
+    return Sweep(
+        scenario=target,
+        axes={name: list(values) for name, values in axes.items()},
+        draws=draws,
+        seed=seed if draws else None,
+        units=units,
+        points=made,
+        warnings=warnings,
+    )
 
 
 def _warnings(source: Target, axes: Mapping[str, Sequence[Any]], options: Options) -> list[str]:

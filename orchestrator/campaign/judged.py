@@ -5,43 +5,56 @@ from __future__ import annotations
 import math
 import shlex
 from bisect import bisect_left
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, TypedDict, cast
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..language.scenario import Requirement
 from ..numbers.statistics import clopper_pearson
 
 
-class CaseVerdict(TypedDict, total=False):
-    """A requirement, as it is written, over the cases: how many are within and outside, with which
-    interval, and whether that shows that it is met; how many more would."""
+@dataclass(frozen=True)
+class CaseVerdict:
+    """A requirement over the cases: how many are within and outside, with which interval, and
+    whether that shows that it is met; how many more would. Shares are in %."""
 
-    number: str
-    max: float
-    min: float
-    unit: str
-    probability: float
-    confidence: float
+    requirement: Requirement
     n: int
     within: int
     outside: int
     lacking: int
     share_outside: float
-    interval_outside: list[float]
+    interval_outside: Sequence[float]
     shown_within: float
     met: bool
-    cases_outside: list[int]
-    commands: list[str]
+    cases_outside: Sequence[int]
+    """The first ten."""
+    commands: Sequence[str]
+    """Of the first three, to make them again."""
     more_cases: int | None
     for_half_the_width: int | None
+    unit: str
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the requirement as it is written, and the verdict."""
+        verdict = {name: value for name, value in vars(self).items() if name != "requirement"}
+        entry = self.requirement
+        levels = {"probability": entry.probability, "confidence": entry.confidence}
+        return {**entry.written, **levels, **verdict}
 
 
 def requirement(
-    entry: Requirement, out: Mapping[str, Any], completed: Any, cases: Any, folder: Path
-) -> CaseVerdict:  # fmt: skip
+    entry: Requirement,
+    out: Mapping[str, NDArray[np.float64]],
+    completed: Any,
+    cases: Any,
+    folder: Path,
+    unit: str = "",
+) -> CaseVerdict:
     """How many cases are within a requirement, and whether that shows that it is met. A case that
     failed, or has not the number, or an infinite one, is outside."""
     probability, confidence = entry.probability, entry.confidence
@@ -51,19 +64,22 @@ def requirement(
     # one-sided at the confidence: a two-sided interval with twice the tail
     shown = clopper_pearson(inside, n, 2.0 * confidence - 1.0)[0] / 100.0
     outside = [int(c) for c in cases[~within][:10]]
-    return {
-        **cast(CaseVerdict, entry.written),
-        "probability": probability, "confidence": confidence,
-        "n": n, "within": inside, "outside": n - inside,
-        "lacking": int((completed & ~np.isfinite(values)).sum()),
-        "share_outside": 100.0 * (n - inside) / n,
-        "interval_outside": clopper_pearson(n - inside, n, confidence),
-        "shown_within": 100.0 * shown, "met": shown >= probability,
-        "cases_outside": outside,
-        "commands": [rerun(folder, c) for c in outside[:3]],
-        "more_cases": more(n, inside, probability, confidence),
-        "for_half_the_width": for_half_the_width(n, n - inside, confidence),
-    }  # fmt: skip
+    return CaseVerdict(
+        requirement=entry,
+        n=n,
+        within=inside,
+        outside=n - inside,
+        lacking=int((completed & ~np.isfinite(values)).sum()),
+        share_outside=100.0 * (n - inside) / n,
+        interval_outside=clopper_pearson(n - inside, n, confidence),
+        shown_within=100.0 * shown,
+        met=shown >= probability,
+        cases_outside=outside,
+        commands=[rerun(folder, c) for c in outside[:3]],
+        more_cases=more(n, inside, probability, confidence),
+        for_half_the_width=for_half_the_width(n, n - inside, confidence),
+        unit=unit,
+    )
 
 
 def more(n: int, inside: int, probability: float, confidence: float) -> int | None:

@@ -8,9 +8,10 @@ from __future__ import annotations
 
 import math
 import statistics
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, TypedDict
+from typing import TYPE_CHECKING
 
 from ..language.content import dispersions_of
 from ..numbers.statistics import clopper_pearson
@@ -18,43 +19,31 @@ from ..runs.prepare import Target
 from ..runs.run import Options
 from ..system.errors import DesatError
 from . import store
-from .draws import DrawnRow, Draws
+from .draws import Draws, RunRow
 from .plan import CampaignPlan, read, system
-from .report import flat
 from .sampling import draw_of
+from .spread import JsonObject, Spread, to_json
+
+if TYPE_CHECKING:
+    from pandas import DataFrame, Index  # type: ignore[import-untyped]
 
 EQUAL = 1e-12
 """Relative difference up to which two numbers are equal."""
 
 
-class PairSpread(TypedDict, total=False):
-    """Of differences: median, least, largest, how many there are, are below, above and at 0; and,
-    with confidence, the median's interval, whether there are enough for one, and the share (%)
-    below 0 with its own."""
-
-    unit: str
-    median: float | None
-    min: float | None
-    max: float | None
-    n: int
-    lower: int
-    higher: int
-    equal: int
-    not_reached: int
-    interval: list[float]
-    interval_holds: bool
-    share_lower: float
-    share_lower_interval: list[float]
-
-
-class Pairs(TypedDict):
-    """What `compare` gives: the first's numbers less the second's."""
+@dataclass(frozen=True)
+class Pairs:
+    """The differences of each number over pairs of runs: the first's less the second's."""
 
     first: str
     second: str
     pairs: int
-    warnings: list[str]
-    numbers: dict[str, PairSpread]
+    warnings: Sequence[str]
+    numbers: Mapping[str, Spread]
+
+    def to_json(self) -> JsonObject:
+        """Return what `desat compare --json` prints."""
+        return {**vars(self), "numbers": to_json(self.numbers)}
 
 
 def common(
@@ -84,51 +73,37 @@ def common(
 
 
 def each_draw(
-    ours: Iterable[DrawnRow], theirs: Iterable[DrawnRow], name: str, ratio: bool = False
+    ours: Iterable[RunRow], theirs: Iterable[RunRow], name: str, ratio: bool = False
 ) -> dict[int | None, float]:  # fmt: skip
     """Of each draw of two lots of the same ones a number of ours less that of theirs, or over it.
     Draws where one has not reached it, or theirs is 0 and would divide, are left out."""
-    other = {row["draw"]: row["numbers"].get(name) for row in theirs}
+    other = {row.number: row.numbers.get(name) for row in theirs}
     found = {}
     for row in ours:
-        a, b = row["numbers"].get(name), other.get(row["draw"])
+        a, b = row.numbers.get(name), other.get(row.number)
         if a is not None and b is not None and (b or not ratio):
-            found[row["draw"]] = a / b if ratio else difference(a, b)
+            found[row.number] = a / b if ratio else difference(a, b)
     return found
 
 
-def differences(ours: Draws, theirs: Draws) -> dict[str, PairSpread]:
+def differences(ours: Draws, theirs: Draws) -> dict[str, Spread]:
     """Of each number that two results of the same draws have by name and unit: ours less theirs of
     each draw, in all. Draws where one has not reached it count as `not_reached` alone."""
-    rows = [[r for r in x["draws"] if r["numbers"]] for x in (ours, theirs)]
-    both = len({r["draw"] for r in rows[0]} & {r["draw"] for r in rows[1]})
-    compared: dict[str, PairSpread] = {}
-    for name, entry in ours["summary"].items():
-        if name in theirs["summary"] and theirs["summary"][name]["unit"] == entry["unit"]:
+    rows = [[row for row in x.rows if row.numbers] for x in (ours, theirs)]
+    both = len({row.number for row in rows[0]} & {row.number for row in rows[1]})
+    compared: dict[str, Spread] = {}
+    for name, spread in ours.summary.items():
+        if name in theirs.summary and theirs.summary[name].unit == spread.unit:
             each = each_draw(rows[0], rows[1], name)
-            compared[name] = {
-                "unit": entry["unit"], **confident(list(each.values())),
-                "not_reached": both - len(each),
-            }  # fmt: skip
+            compared[name] = replace(
+                confident(list(each.values())), unit=spread.unit, not_reached=both - len(each)
+            )
     return compared
 
 
 def difference(ours: float, theirs: float) -> float:
     """Ours less theirs, 0 where they are equal but for rounding (EQUAL)."""
     return 0.0 if math.isclose(ours, theirs, rel_tol=EQUAL) else ours - theirs
-
-
-def spread_of(each: Sequence[float]) -> PairSpread:
-    """Median, least and largest of differences, how many are below, above and at 0."""
-    return {
-        "median": statistics.median(each) if each else None,
-        "min": min(each, default=None),
-        "max": max(each, default=None),
-        "n": len(each),
-        "lower": sum(x < 0.0 for x in each),
-        "higher": sum(x > 0.0 for x in each),
-        "equal": sum(x == 0.0 for x in each),
-    }
 
 
 # --- Two campaigns over the same cases, in pairs ------------------------------------------------
@@ -145,25 +120,23 @@ def compare(first: Path, second: Path, level: float = 0.95) -> Pairs:
         if getattr(one, key) != getattr(other, key):
             raise DesatError(f"{first} and {second}: {key} is {getattr(one, key)} and "
                              f"{getattr(other, key)}; pairs need the same")  # fmt: skip
-    tables = [store.read(first), store.read(second)]
-    rows = [{c: i for i, (c, s) in enumerate(zip(t["case"].to_pylist(), t["status"].to_pylist(),
-                                                 strict=True)) if s == "completed"}
-            for t in tables]  # fmt: skip
-    cases = sorted(rows[0].keys() & rows[1].keys())
-    if not cases:
-        raise DesatError(f"{first} and {second}: no case is completed in both")
-    _same_inputs(first, second, tables, rows, cases)
-    names = [
-        n for n in tables[0].column_names if n.startswith("out.") and n in tables[1].column_names
+    frames = [
+        store.read(folder).to_pandas(integer_object_nulls=True).set_index("case").sort_index()
+        for folder in (first, second)
     ]
+    completed = [frame[frame["status"] == "completed"] for frame in frames]
+    cases = completed[0].index.intersection(completed[1].index)
+    if cases.empty:
+        raise DesatError(f"{first} and {second}: no case is completed in both")
+    matched = [frame.loc[cases] for frame in completed]
+    _same_inputs(first, second, matched)
+    names = [n for n in frames[0].columns if n.startswith("out.") and n in frames[1].columns]
     units = _same_units(first, second, names)
-    return {
-        "first": str(first), "second": str(second), "pairs": len(cases),
-        "warnings": [*_warnings(one, other), *_apart(tables, rows)],
-        "numbers": {
-            n[4:]: {"unit": units[n], **_differences(tables, rows, cases, n, level)} for n in names
-        },
-    }  # fmt: skip
+    numbers = {
+        name[4:]: replace(_differences(matched, name, level), unit=units[name]) for name in names
+    }
+    warnings = [*_warnings(one, other), *_apart(frames, cases)]
+    return Pairs(str(first), str(second), len(cases), warnings, numbers)
 
 
 def _warnings(one: CampaignPlan, other: CampaignPlan) -> list[str]:
@@ -178,34 +151,35 @@ def _warnings(one: CampaignPlan, other: CampaignPlan) -> list[str]:
     return [f"the first runs until {ends[0]:g} s, the second until {ends[1]:g} s"]
 
 
-def _apart(tables: list[Any], rows: list[dict[int, int]]) -> list[str]:
+def _apart(frames: Sequence[DataFrame], cases: Index) -> list[str]:
     """That cases which one of the two has completed failed in the other."""
     lines = []
-    for i, (own, other) in enumerate((("first", "second"), ("second", "first"))):
-        made = set(tables[1 - i]["case"].to_pylist())
-        failed = sorted(rows[i].keys() & made - rows[1 - i].keys())
-        if failed:
-            told = f"case {failed[0]}" + (f" and {len(failed) - 1} more" if failed[1:] else "")
+    both = frames[0].index.intersection(frames[1].index)
+    for frame, own, other in zip(frames, ("first", "second"), ("second", "first"), strict=True):
+        completed = frame.index[frame["status"] == "completed"]
+        failed = completed.intersection(both).difference(cases)
+        if len(failed):
+            told = f"case {failed[0]}" + (f" and {len(failed) - 1} more" if len(failed) > 1 else "")
             lines.append(f"{told}: completed in the {own}, failed in the {other}: in no pair")
     return lines
 
 
-def _same_inputs(
-    first: Path, second: Path, tables: list[Any], rows: list[dict[int, int]], cases: list[int]
-) -> None:  # fmt: skip
+def _same_inputs(first: Path, second: Path, matched: Sequence[DataFrame]) -> None:
     """Raises DesatError where the two drew other values under one name, or nothing alike."""
-    columns = [{n for n in t.column_names if n.startswith("in.")} for t in tables]
-    shared = sorted(columns[0] & columns[1])
+    shared = sorted(
+        n for n in matched[0].columns.intersection(matched[1].columns) if n.startswith("in.")
+    )
     if not shared:
         raise DesatError(f"{first} and {second}: the two sample nothing in common")
     for name in shared:
-        a, b = (t[name].to_pylist() for t in tables)
-        for case in cases:
-            if a[rows[0][case]] != b[rows[1][case]]:
-                raise DesatError(
-                    f"{first} and {second}: {name[3:]} of case {case} is {a[rows[0][case]]} "
-                    f"and {b[rows[1][case]]}; pairs need the same samples"
-                )
+        ours, theirs = (frame[name] for frame in matched)
+        differing = ours.index[(ours != theirs) & (ours.notna() | theirs.notna())]
+        if len(differing):
+            case = differing[0]
+            raise DesatError(
+                f"{first} and {second}: {name[3:]} of case {case} is {ours[case]} "
+                f"and {theirs[case]}; pairs need the same samples"
+            )
 
 
 def _same_units(first: Path, second: Path, names: list[str]) -> dict[str, str]:
@@ -221,31 +195,43 @@ def _same_units(first: Path, second: Path, names: list[str]) -> dict[str, str]:
     return units
 
 
-def _differences(
-    tables: list[Any], rows: list[dict[int, int]], cases: list[int], name: str, level: float
-) -> PairSpread:  # fmt: skip
-    a, b = (
-        flat(t[name].to_pylist())[[r[c] for c in cases]] for t, r in zip(tables, rows, strict=True)
-    )
+def _differences(matched: Sequence[DataFrame], name: str, level: float) -> Spread:
+    a, b = (frame[name].to_list() for frame in matched)
     each = [
-        difference(x, y) for x, y in zip(a.tolist(), b.tolist(), strict=True)
-        if math.isfinite(x) and math.isfinite(y)
-    ]  # fmt: skip
+        difference(x, y) for x, y in zip(a, b, strict=True) if math.isfinite(x) and math.isfinite(y)
+    ]
     return confident(each, level)
 
 
-def confident(each: Sequence[float], level: float = 0.95) -> PairSpread:
-    """`spread` of differences, the interval of their median (order statistics), and the share of
-    those below 0 with its interval (Clopper-Pearson), both at a level."""
-    told, each = spread_of(each), sorted(each)
-    if not (n := len(each)):
-        return told
+def confident(each: Sequence[float], level: float = 0.95) -> Spread:
+    """Return the spread of differences.
+
+    The median has its interval (order statistics), and the share below 0 its own
+    (Clopper-Pearson), both at a level.
+    """
+    n, ordered = len(each), sorted(each)
+    lower = sum(x < 0.0 for x in each)
+    spread = Spread(
+        levels={
+            "median": statistics.median(each) if each else None,
+            "min": min(each, default=None),
+            "max": max(each, default=None),
+        },
+        n=n,
+        lower=lower,
+        higher=sum(x > 0.0 for x in each),
+        equal=each.count(0.0),
+    )
+    if not n:
+        return spread
     # the k-th least and the k-th largest hold the median with at least this confidence
     from scipy.stats import binom  # half a second
 
     k = int(binom.ppf((1.0 - level) / 2.0, n, 0.5))
-    return {
-        **told, "interval": [each[max(k - 1, 0)], each[min(n - k, n - 1)]],
-        "interval_holds": k > 0, "share_lower": 100.0 * told["lower"] / n,
-        "share_lower_interval": clopper_pearson(told["lower"], n, level),
-    }  # fmt: skip
+    return replace(
+        spread,
+        interval=[ordered[max(k - 1, 0)], ordered[min(n - k, n - 1)]],
+        interval_holds=k > 0,
+        share_lower=100.0 * lower / n,
+        share_lower_interval=clopper_pearson(lower, n, level),
+    )

@@ -6,10 +6,12 @@ import json
 import warnings
 from collections import Counter
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, NamedTuple, TypedDict, cast
+from typing import Any, NamedTuple
 
 import numpy as np
+import pyarrow as pa
 from markupsafe import Markup
 from numpy.typing import NDArray
 
@@ -29,8 +31,8 @@ from ..language.content import content_of, dispersions_of
 from ..language.scenario import Plot
 from ..numbers.limits import limits_of
 from ..numbers.numbers import late
-from ..numbers.text import not_reached, spell_unit
 from ..numbers.text import number as shown
+from ..numbers.text import spell_unit
 from ..report.report import data_element, figures_of, render, write_page
 from ..report.table import ROW_UNIT, Column, Row, Table, or_not_reached
 from ..runs.manifest import write_json
@@ -42,9 +44,11 @@ from .case import POINTS
 from .judged import CaseVerdict, requirement, rerun
 from .plan import CampaignPlan, changed, read, source, system
 from .sampling import axes, sensitivity, unit_cube
+from .spread import JsonObject, Spread, to_json
 
 
-class VersionSet(TypedDict):
+@dataclass(frozen=True)
+class VersionSet:
     """How many cases were made with some versions, and in words what is not the same for all."""
 
     cases: int
@@ -52,26 +56,8 @@ class VersionSet(TypedDict):
     text: str
 
 
-class NumberOfCases(TypedDict, total=False):
-    """A number over the completed cases: percentiles, ends and their cases, None where that is a
-    time that is not reached; how many have it, have not reached it, or have it infinite."""
-
-    title: str
-    unit: str
-    n: int
-    not_reached: int
-    infinite: int
-    p5: float | None
-    median: float | None
-    p95: float | None
-    p99: float | None
-    min: float | None
-    max: float | None
-    min_case: int
-    max_case: int
-
-
-class Driver(TypedDict):
+@dataclass(frozen=True)
+class Driver:
     """The rank correlation of a number with what is drawn."""
 
     input: str
@@ -80,16 +66,8 @@ class Driver(TypedDict):
     correlation: float
 
 
-class FailedCase(TypedDict):
-    """A case that did not complete, and the command that makes it again."""
-
-    case: int
-    code: int
-    message: str
-    command: str
-
-
-class CampaignSummary(TypedDict):
+@dataclass(frozen=True)
+class CampaignSummary:
     """Everything that a campaign's report says."""
 
     target: str
@@ -98,16 +76,39 @@ class CampaignSummary(TypedDict):
     count: int
     done: int
     completed: int
-    failed: list[FailedCase]
+    failed: Sequence[store.CaseRow]
     changed: str
-    versions: list[VersionSet]
+    versions: Sequence[VersionSet]
     seconds: float
     digest: str
-    numbers: dict[str, NumberOfCases]
-    unmet: list[str]
-    requirements: dict[str, CaseVerdict]
-    drivers: list[Driver]
+    numbers: Mapping[str, Spread]
+    unmet: Sequence[str]
+    requirements: Mapping[str, CaseVerdict]
+    drivers: Sequence[Driver]
     sobol: Mapping[str, Any] | None
+    folder: Path
+
+    def to_json(self) -> JsonObject:
+        """Return what report.json has."""
+        failed = [
+            {
+                "case": row.case,
+                "code": row.code,
+                "message": row.message,
+                "command": rerun(self.folder, row.case),
+            }
+            for row in self.failed
+        ]
+        entry = {
+            **vars(self),
+            "failed": failed,
+            "versions": [vars(x) for x in self.versions],
+            "numbers": to_json(self.numbers),
+            "requirements": {name: x.to_json() for name, x in self.requirements.items()},
+            "drivers": [vars(x) for x in self.drivers],
+        }
+        del entry["folder"]
+        return entry
 
 
 STRONG = 0.2
@@ -121,21 +122,21 @@ _WORST, _SCATTERS = 3, 4
 _BARS, _NAMED = 40, 12
 """Of a histogram at the most; the cases of a bar that are named."""
 _NEVER = 1e300
+LEVELS = (5.0, 50.0, 95.0, 99.0)  # %
 
 
 def summary(folder: Path) -> CampaignSummary:
-    """Everything that the report says, for programs. Raises DesatError where there is no case."""
+    """Return everything that the report says. Raises DesatError where there is no case."""
     plan = read(folder)
     about = content_of(system(plan).about)
     table, told = store.read(folder), store.described(folder)
-    status = table["status"].to_pylist()
-    completed = np.array([s == "completed" for s in status])
+    completed = _completed_cases(table)
     cases = np.array(table["case"].to_pylist())
-    out = {n[4:]: flat(table[n].to_pylist()) for n in table.column_names if n.startswith("out.")}
+    out = {n[4:]: flat(table[n]) for n in table.column_names if n.startswith("out.")}
     first = [name for name in about.numbers if name in out]
     out = {name: out[name] for name in dict.fromkeys([*first, *out])}
     inputs = {
-        n[3:]: flat(table[n].to_pylist()) for n in table.column_names
+        n[3:]: flat(table[n]) for n in table.column_names
         if n.startswith("in.") and not n.endswith(".seed") and _is_number(table[n])
     }  # fmt: skip
     times = late(about)
@@ -143,12 +144,10 @@ def summary(folder: Path) -> CampaignSummary:
         name: _number(name, told.get(name, {}), values[completed], cases[completed], name in times)
         for name, values in out.items()
     }
-    failed: list[FailedCase] = [
-        {"case": int(c), "code": code, "message": m, "command": rerun(folder, int(c))}
-        for c, s, m, code in zip(cases, status, table["message"].to_pylist(),
-                                 table["code"].to_pylist(), strict=True)
-        if s != "completed"
-    ]  # fmt: skip
+    failed = [
+        store.CaseRow(row["status"], row["code"], row["message"], number=row["case"])
+        for row in table.filter(~completed).to_pylist()
+    ]
     if lost := [n for n in out if n not in told]:
         raise DesatError(f"{folder / store.NUMBERS}: damaged: it has nothing of {lost[0]}")
     unmet = [
@@ -157,34 +156,43 @@ def summary(folder: Path) -> CampaignSummary:
     ]  # fmt: skip
     apart = _apart(plan, cases)
     each = {n: v[apart] for n, v in out.items()}
-    return {
-        "target": plan.target, "seed": plan.seed, "sampling": plan.sampling, "count": plan.count,
-        "done": len(cases), "completed": int(completed.sum()), "failed": failed,
-        "changed": changed(plan), "versions": _versions(table["versions"].to_pylist()),
-        "seconds": float(np.nansum(flat(table["seconds"].to_pylist()))),
-        "digest": store.digest(folder),
-        "numbers": numbers, "unmet": unmet,
-        "requirements": {
-            name: {**requirement(entry, each, completed[apart], cases[apart], folder),
-                   "unit": told.get(entry.number, {}).get("unit", "")}
-            for name, entry in about.requirements.items()
-        },
-        "drivers": _drivers({n: v[completed & apart] for n, v in inputs.items()},
-                            {n: v[completed & apart] for n, v in out.items()}),
-        "sobol": _sobol(plan, cases, completed, out),
-    }  # fmt: skip
+    verdicts = {}
+    for name, entry in about.requirements.items():
+        unit = told.get(entry.number, {}).get("unit", "")
+        verdicts[name] = requirement(entry, each, completed[apart], cases[apart], folder, unit)
+    return CampaignSummary(
+        target=plan.target,
+        seed=plan.seed,
+        sampling=plan.sampling,
+        count=plan.count,
+        done=len(cases),
+        completed=int(completed.sum()),
+        failed=failed,
+        changed=changed(plan),
+        versions=_versions(table["versions"].to_pylist()),
+        seconds=float(np.nansum(flat(table["seconds"]))),
+        digest=store.digest(folder),
+        numbers=numbers,
+        unmet=unmet,
+        requirements=verdicts,
+        drivers=_drivers(
+            {n: v[completed & apart] for n, v in inputs.items()},
+            {n: v[completed & apart] for n, v in out.items()},
+        ),
+        sobol=_sobol(plan, cases, completed, out),
+        folder=folder,
+    )
 
 
 def _versions(rows: Sequence[str]) -> list[VersionSet]:
-    """The sets of versions that cases were made with: how many `cases`, the `versions`, and in
-    words what of them is not the same for all that there are."""
+    """Return the sets of versions that cases were made with."""
     sets = [(json.loads(text), n) for text, n in sorted(Counter(rows).items())]
     various = [n for n in COMPUTING if len({one.get(n) for one, _ in sets}) > 1]
-    return [
-        {"cases": n, "versions": one,
-         "text": f"{n} with {', '.join(f'{k} {one.get(k)}' for k in various)}" if various else ""}
-        for one, n in sets
-    ]  # fmt: skip
+    made = []
+    for one, n in sets:
+        text = f"{n} with {', '.join(f'{k} {one.get(k)}' for k in various)}" if various else ""
+        made.append(VersionSet(n, one, text))
+    return made
 
 
 def _apart(plan: CampaignPlan, cases: Any) -> Any:
@@ -203,36 +211,41 @@ def _is_number(column: Any) -> bool:
 
 def _number(
     name: str, entry: Mapping[str, str], values: Any, cases: Any, is_late: bool = False
-) -> NumberOfCases:
-    """A number over all completed cases that have it; a time over all completed cases, those that
-    do not reach it last, and None where it is one of theirs."""
+) -> Spread:
+    """Return the spread of a number over all completed cases that have it; of a time over all
+    completed cases, those that do not reach it last."""
     there = np.isfinite(values)
-    told: NumberOfCases = {"title": entry.get("title", name), "unit": entry.get("unit", ""),
-                             "n": int(there.sum()), "not_reached": int(np.isnan(values).sum()),
-                             "infinite": int(np.isinf(values).sum())}  # fmt: skip
-    if there.any():
-        last = values[there].max()
-        counted = np.isfinite(values) | (np.isnan(values) if is_late else False)
-        # in place of nan a number that every percentile between it and others shows
-        values, cases = np.nan_to_num(values[counted], nan=_NEVER), cases[counted]
-        ends = [(key, int(pick(values))) for key, pick in (("min", np.argmin), ("max", np.argmax))]
-        levels = {
-            **dict(zip(("p5", "median", "p95", "p99"),
-                       np.percentile(values, (5.0, 50.0, 95.0, 99.0)), strict=True)),
-            **{key: values[i] for key, i in ends},
-        }  # fmt: skip
-        shown_levels = {key: float(x) if x <= last else None for key, x in levels.items()}
-        found_in = {f"{key}_case": int(cases[i]) for key, i in ends}
-        told |= cast(NumberOfCases, {**shown_levels, **found_in})
-    return told
+    spread = Spread(
+        title=entry.get("title", name),
+        unit=entry.get("unit", ""),
+        n=int(there.sum()),
+        not_reached=int(np.isnan(values).sum()),
+        infinite=int(np.isinf(values).sum()),
+    )
+    if not there.any():
+        return spread
+    last = values[there].max()
+    counted = np.isfinite(values) | (np.isnan(values) if is_late else False)
+    # in place of nan a number that every percentile between it and others shows
+    values, cases = np.nan_to_num(values[counted], nan=_NEVER), cases[counted]
+    ends = {"min": int(np.argmin(values)), "max": int(np.argmax(values))}
+    names = ("p5", "median", "p95", "p99", *ends)
+    levels = [*np.percentile(values, LEVELS), *(values[i] for i in ends.values())]
+    return replace(
+        spread,
+        percentiles={
+            key: float(x) if x <= last else None for key, x in zip(names, levels, strict=True)
+        },
+        cases={f"{key}_case": int(cases[i]) for key, i in ends.items()},
+    )
 
 
-def _drivers(inputs: Mapping[str, Any], out: Mapping[str, Any]) -> list[Driver]:
+def _drivers(inputs: Mapping[str, Array], out: Mapping[str, Array]) -> list[Driver]:
     """Rank correlations (Spearman) between inputs and numbers, the strong ones, strongest first.
     Of some hundred pairs several would be beyond a level meant for one, so CHANCE is for all."""
     from scipy.stats import spearmanr  # half a second
 
-    drivers = list[Driver]()
+    drivers = []
     level = CHANCE / max(len(inputs) * len(out), 1)
     for number, y in out.items():
         for name, x in inputs.items():
@@ -241,15 +254,12 @@ def _drivers(inputs: Mapping[str, Any], out: Mapping[str, Any]) -> list[Driver]:
                 continue
             result = spearmanr(x[there], y[there])
             if abs(result.statistic) >= STRONG and result.pvalue < level:
-                drivers.append({
-                    "input": name, "number": number, "n": int(there.sum()),
-                    "correlation": float(result.statistic),
-                })  # fmt: skip
-    return sorted(drivers, key=lambda d: (-abs(d["correlation"]), d["input"], d["number"]))
+                drivers.append(Driver(name, number, int(there.sum()), float(result.statistic)))
+    return sorted(drivers, key=lambda d: (-abs(d.correlation), d.input, d.number))
 
 
 def _sobol(
-    plan: CampaignPlan, cases: Any, completed: Any, out: Mapping[str, Any]
+    plan: CampaignPlan, cases: Any, completed: Any, out: Mapping[str, Array]
 ) -> Mapping[str, Any] | None:
     """Sobol indices of first and total order, where the cases were sampled for them and all are
     there."""
@@ -286,7 +296,7 @@ def _sobol(
 TERMINAL_COLUMNS = (0, 2, 1, 3, 5, 6, 7, 8)  # without the percentile 99: lines stay short
 
 
-def tabulate_numbers(numbers: Mapping[str, NumberOfCases]) -> Table:
+def tabulate_numbers(numbers: Mapping[str, Spread]) -> Table:
     """Return the spread of each number over the cases."""
     columns = [
         Column("number", kind="text"),
@@ -300,28 +310,28 @@ def tabulate_numbers(numbers: Mapping[str, NumberOfCases]) -> Table:
         Column("not reached"),
     ]
     rows: list[Row] = []
-    for entry in numbers.values():
-        percentiles = (entry.get("p5"), entry.get("median"), entry.get("p95"), entry.get("p99"))
-        values = (*percentiles, entry.get("min"), entry.get("max"))
-        shown = map(or_not_reached, values)
-        rows.append((entry["title"], *shown, entry["unit"], not_reached(entry)))
+    names = ("p5", "median", "p95", "p99", "min", "max")
+    for spread in numbers.values():
+        levels = (or_not_reached(spread.percentiles.get(name)) for name in names)
+        rows.append((spread.title, *levels, spread.unit, spread.not_reached_text))
     return Table("", columns, rows)
 
 
 def write(folder: Path) -> tuple[Path, CampaignSummary]:
     """Write report.html and report.json of a campaign; their path and what they say."""
     plan, told = read(folder), summary(folder)
-    write_json(folder / "report.json", told)
+    entry = told.to_json()
+    write_json(folder / "report.json", entry)
     drawn = _figures(folder, plan, told)
     text = render(
-        "campaign.html", told=told, plan=plan, title=f"Campaign of {told['target']}",
+        "campaign.html", told=entry, plan=plan, title=f"Campaign of {told.target}",
         **figures_of([(f.caption, f.figure) for f in drawn]), commands=[f.commands for f in drawn],
         small=(small := _histograms(folder, told)),
         data=data_element({
             "command": rerun(folder, "").rstrip(),
             "histograms": [{"edges": s.edges, "cases": s.cases, "counts": s.counts} for s in small],
         }),
-        number=shown, unit=spell_unit, numbers=tabulate_numbers(told["numbers"]),
+        number=shown, unit=spell_unit, numbers=tabulate_numbers(told.numbers),
         kept=sorted(p.name for p in (folder / "kept").glob("*")),
     )  # fmt: skip
     return write_page(folder / "report.html", text), told
@@ -338,19 +348,17 @@ class _Figure(NamedTuple):
 def _figures(folder: Path, plan: CampaignPlan, told: CampaignSummary) -> list[_Figure]:
     made = [*_curves(folder, plan)]
     table = store.read(folder)
-    good = np.array([s == "completed" for s in table["status"].to_pylist()])
+    good = _completed_cases(table)
     described = store.described(folder)
-    strongest = {d["number"]: d for d in reversed(told["drivers"])}  # of each number
-    for driver in sorted(strongest.values(), key=lambda d: -abs(d["correlation"]))[:_SCATTERS]:
-        x = flat(table[f"in.{driver['input']}"].to_pylist())[good]
-        y = flat(table[f"out.{driver['number']}"].to_pylist())[good]
-        entry = told["numbers"][driver["number"]]
-        caption = (
-            f"{entry['title']} over {driver['input']}, rank correlation {driver['correlation']:.2f}"
-        )
-        label = axis_label(entry["title"], entry["unit"], 2.4)
-        unit = described.get(f"in.{driver['input'].partition('[')[0]}", {}).get("unit", "")
-        below = axis_label(_of_input(plan, driver["input"]), unit, 6.0)
+    strongest = {d.number: d for d in reversed(told.drivers)}  # of each number
+    for driver in sorted(strongest.values(), key=lambda d: -abs(d.correlation))[:_SCATTERS]:
+        x = flat(table[f"in.{driver.input}"])[good]
+        y = flat(table[f"out.{driver.number}"])[good]
+        spread = told.numbers[driver.number]
+        caption = f"{spread.title} over {driver.input}, rank correlation {driver.correlation:.2f}"
+        label = axis_label(spread.title or "", spread.unit or "", 2.4)
+        unit = described.get(f"in.{driver.input.partition('[')[0]}", {}).get("unit", "")
+        below = axis_label(_of_input(plan, driver.input), unit, 6.0)
         made.append(_Figure(caption, scattered({"": (x, y)}, below, label, size=2.0)))
     return made
 
@@ -382,26 +390,28 @@ class _Small(NamedTuple):
 def _histograms(folder: Path, told: CampaignSummary) -> list[_Small]:
     """Of each number that is not the same in all cases."""
     limits: dict[str, list[tuple[str, float]]] = {}
-    for name, judged in told["requirements"].items():
-        own = [(f"{name}, max", judged.get("max")), (f"{name}, min", judged.get("min"))]
-        known = limits.setdefault(judged["number"], [])
+    for name, verdict in told.requirements.items():
+        entry = verdict.requirement
+        own = [(f"{name}, max", entry.max), (f"{name}, min", entry.min)]
+        known = limits.setdefault(entry.number, [])
         known += [(what, value) for what, value in own if value is not None]
     table, made = store.read(folder), []
-    good = np.array([s == "completed" for s in table["status"].to_pylist()])
+    good = _completed_cases(table)
     numbers = np.array(table["case"].to_pylist())[good]
-    for name, entry in told["numbers"].items():
-        values = flat(table[f"out.{name}"].to_pylist())[good]
+    for name, spread in told.numbers.items():
+        values = flat(table[f"out.{name}"])[good]
         there = np.isfinite(values)
         cases, values = numbers[there], values[there]
         if not len(values) or np.ptp(values) <= 1e-9 * np.abs(values).max():
             continue
         lines = limits.get(name, [])
         count, edges = np.histogram(values, min(_BARS, max(8, int(np.sqrt(len(values))))))
-        fig, ax = histogram(name, entry["unit"], count, edges, [value for _, value in lines])
+        unit = spread.unit or ""
+        fig, ax = histogram(name, unit, count, edges, [value for _, value in lines])
         bar = np.clip(np.searchsorted(edges, values, "right") - 1, 0, len(count) - 1)
         made.append(_Small(
-            entry["title"], Markup(fig.svg()),
-            "; ".join(f"{what} {shown(x)} {spell_unit(entry['unit'])}" for what, x in lines),
+            spread.title or "", Markup(fig.svg()),
+            "; ".join(f"{what} {shown(x)} {spell_unit(unit)}" for what, x in lines),
             [round(float(x), 4) for x in ax.across(edges) / (INCH * fig.width)],
             count.tolist(), [sorted(cases[bar == k].tolist())[:_NAMED] for k in range(len(count))],
         ))  # fmt: skip
@@ -434,14 +444,10 @@ def _curves(folder: Path, plan: CampaignPlan) -> list[_Figure]:
     for name in plan.curves:
         if name not in table.column_names:
             continue
-        rows = [
-            (c, r)
-            for c, r in zip(table["case"].to_pylist(), table[name].to_pylist(), strict=True)
-            if r
-        ]
-        curves = np.array([r for _, r in rows], dtype=float)
+        rows = [row for row in table.select(["case", name]).to_pylist() if row[name]]
+        curves = np.array([row[name] for row in rows], dtype=float)
         largest = np.nanmax(np.where(np.isfinite(curves), curves, -np.inf), axis=1)
-        order = sorted(range(len(rows)), key=lambda i: (-largest[i], rows[i][0]))[:_WORST]
+        order = sorted(range(len(rows)), key=lambda i: (-largest[i], rows[i]["case"]))[:_WORST]
         plot = plots[name]
         unit = told.get(f"curve.{name}", {}).get("unit", "")
         title = f"{plot.axis or plot.title}, largest size"
@@ -449,7 +455,7 @@ def _curves(folder: Path, plan: CampaignPlan) -> list[_Figure]:
             f"{plot.title}: largest size of any line in each of {POINTS} parts of the run, "
             f"percentiles over {len(rows)} cases"
         )
-        worst = [(rows[i][0], curves[i]) for i in order]
+        worst = [(rows[i]["case"], curves[i]) for i in order]
         figure = percentiles(title, unit, times, curves, worst, _limits(plan, plot, unit))
         made.append(_Figure(caption, figure, [rerun(folder, case) for case, _ in worst]))
     return made
@@ -459,7 +465,6 @@ def _curves(folder: Path, plan: CampaignPlan) -> list[_Figure]:
 
 
 Array = NDArray[np.float64]
-LEVELS = (5.0, 50.0, 95.0, 99.0)
 
 
 def percentiles(
@@ -506,6 +511,11 @@ def histogram(
     return fig, ax
 
 
-def flat(values: Any) -> Array:
-    """A column as an array of floats, nan where it has nothing."""
-    return np.array([np.nan if v is None else float(v) for v in values], dtype=float)
+def flat(column: pa.ChunkedArray) -> Array:
+    """Return a column as floats, nan where it has nothing."""
+    return np.array(column.to_pylist(), dtype=float)
+
+
+def _completed_cases(table: pa.Table) -> Any:
+    """Return which cases completed."""
+    return np.array([status == "completed" for status in table["status"].to_pylist()])

@@ -19,10 +19,11 @@ import json
 import math
 import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, fields
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import pyarrow as pa
 import pyarrow.parquet as pq
@@ -75,35 +76,34 @@ def _as_signed(path: Path, said: str, *_: int) -> None:
         raise _summary(path, ValueError("its sha256 is another"))
 
 
-def columns(path: Path) -> pa.Schema:
-    """The columns of a Parquet file. Raises DesatError where it is damaged."""
+@contextmanager
+def _open_parquet(path: Path) -> Iterator[BinaryIO]:
+    """Open a Parquet file. Raises DesatError where it, or what is read of it, is damaged."""
     try:
         _check(path)
         with path.open("rb") as file:  # pyarrow takes no name that is not UTF-8
-            return pq.read_schema(file)
+            yield file
     except (pa.ArrowException, OSError) as error:
         raise _summary(path, error) from error
+
+
+def columns(path: Path) -> pa.Schema:
+    """The columns of a Parquet file. Raises DesatError where it is damaged."""
+    with _open_parquet(path) as file:
+        return pq.read_schema(file)
 
 
 def count(path: Path) -> int:
     """How many rows a Parquet file has, by its footer. Raises DesatError where it is damaged."""
-    try:
-        _check(path)
-        with path.open("rb") as file:
-            return int(pq.read_metadata(file).num_rows)
-    except (pa.ArrowException, OSError) as error:
-        raise _summary(path, error) from error
+    with _open_parquet(path) as file:
+        return int(pq.read_metadata(file).num_rows)
 
 
 def rows_in(path: Path, wanted: Sequence[str] | None = None) -> pa.Table:
     """Its rows, of columns those of these that it has. Raises DesatError where it is damaged."""
-    try:
-        _check(path)
-        with path.open("rb") as opened, pq.ParquetFile(opened) as file:
-            names = file.schema_arrow.names
-            return file.read(columns=wanted and [c for c in wanted if c in names])
-    except (pa.ArrowException, OSError) as error:
-        raise _summary(path, error) from error
+    with _open_parquet(path) as opened, pq.ParquetFile(opened) as file:
+        names = file.schema_arrow.names
+        return file.read(columns=wanted and [c for c in wanted if c in names])
 
 
 def _summary(path: Path, error: Exception) -> DesatError:
@@ -150,8 +150,8 @@ class CaseRow(RunRow):
         """As a journal has it."""
         curves = {} if self.curves is None else {"curves": dict(self.curves)}
         own = {name: getattr(self, name) for name in OWN}
-        entry = {k: v for k, v in self.to_json().items() if k != "draw"}
-        return json.dumps({"case": self.number, **entry, **curves, **own}) + "\n"
+        entry = self.to_json()
+        return json.dumps({"case": entry.pop("draw"), **entry, **curves, **own}) + "\n"
 
     @classmethod
     def from_json(cls, told: Mapping[str, Any]) -> CaseRow:
@@ -319,13 +319,19 @@ def _journal(folder: Path) -> Iterator[CaseRow]:
 
 def _write(folder: Path, block: int, rows: Sequence[CaseRow]) -> None:
     """Write the files of a block, each under another name first; that of the cases last."""
-    curves = [r.curves or {} for r in rows]
-    names = sorted({n for c in curves for n in c})
-    columns: dict[str, Any] = {"case": pa.array([r.case for r in rows], pa.int64())}
-    columns |= {n: pa.array([c.get(n) for c in curves], pa.list_(pa.float64())) for n in names}
-    if names:
-        _save(pa.table(columns), _part(folder, CURVES, block))
+    curves = _curves_table(rows)
+    if curves.num_columns > 1:
+        _save(curves, _part(folder, CURVES, block))
     _save(_table(rows), _part(folder, CASES, block))
+
+
+def _curves_table(rows: Sequence[CaseRow]) -> pa.Table:
+    """Return the envelopes of cases, a column a curve."""
+    curves = [row.curves or {} for row in rows]
+    columns = {"case": pa.array([row.case for row in rows], pa.int64())}
+    for name in sorted({name for each in curves for name in each}):
+        columns[name] = pa.array([each.get(name) for each in curves], pa.list_(pa.float64()))
+    return pa.table(columns)
 
 
 def _save(table: pa.Table, path: Path) -> None:
@@ -337,20 +343,24 @@ def _save(table: pa.Table, path: Path) -> None:
         replace(part, path, file.read())
 
 
+_COLUMN_TYPES = {
+    "case": pa.int64(),
+    "code": pa.int32(),
+    "attempts": pa.int32(),
+    "seconds": pa.float64(),
+    "unmet": pa.list_(pa.string()),
+    **dict.fromkeys(("status", "message", "worker", "versions"), pa.string()),
+}
+
+
 def _table(rows: Sequence[CaseRow]) -> pa.Table:
     """Rows as columns: how each ended, `in.` what was drawn, `out.` its numbers."""
-    texts = ("status", "message", "worker", "versions")
-    columns: dict[str, Any] = {
-        "case": pa.array([r.case for r in rows], pa.int64()),
-        "code": pa.array([r.code for r in rows], pa.int32()),
-        "attempts": pa.array([r.attempts for r in rows], pa.int32()),
-        "seconds": pa.array([r.seconds for r in rows], pa.float64()),
-        "unmet": pa.array([list(r.unmet) for r in rows], pa.list_(pa.string())),
-        "stopped_when": pa.array(
-            [r.stopped_when and r.stopped_when.time for r in rows], pa.float64()
-        ),
-        **{name: pa.array([getattr(r, name) for r in rows], pa.string()) for name in texts},
+    columns: dict[str, pa.Array] = {
+        name: pa.array([getattr(row, name) for row in rows], kind)
+        for name, kind in _COLUMN_TYPES.items()
     }
+    ends = [row.stopped_when and row.stopped_when.time for row in rows]
+    columns["stopped_when"] = pa.array(ends, pa.float64())
     drawn = [dict(_flat(r.values)) for r in rows]
     for name in sorted({n for d in drawn for n in d}):
         columns[f"in.{name}"] = pa.array([d.get(name) for d in drawn])
@@ -410,9 +420,7 @@ def read(folder: Path, kind: str = CASES, columns: Sequence[str] | None = None) 
         names = last.column_names
         tables.append(last if columns is None else last.select([c for c in columns if c in names]))
     elif rows and any(r.curves is not None for r in rows):
-        names = sorted({n for r in rows for n in r.curves or {}})
-        columns_ = {n: [(r.curves or {}).get(n) for r in rows] for n in names}
-        tables.append(pa.table({"case": [r.case for r in rows], **columns_}))
+        tables.append(_curves_table(rows))
     if not tables:
         if kind == CURVES:
             return pa.table({"case": pa.array([], pa.int64())})

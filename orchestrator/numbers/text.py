@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from math import inf
 from typing import Any
@@ -43,13 +42,6 @@ def format_momenta(momentum: float, capacity: float | None = None) -> str:
     # three significant digits, but never 1e+03
     texts = [f"{factor * x:.0f}" if factor * x >= 999.5 else f"{factor * x:.3g}" for x in momenta]
     return f"{' of '.join(texts)} {unit}"
-
-
-def not_reached(entry: Mapping[str, Any]) -> str:
-    """Of a number over several runs, in how many it is not reached: `3 of 20 (15 %)`; empty where
-    there is none."""
-    missing, count = entry["not_reached"], entry["n"] + entry["not_reached"]
-    return f"{missing} of {count} ({100.0 * missing / count:.3g} %)" if missing else ""
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from ..campaign.draws import DrawnRow
+from ..campaign.draws import RunRow
 from ..files.scenario import Scenario
 from ..language.content import Content, Entry
 from ..language.paper import OfNumber
@@ -142,13 +142,14 @@ def _spread_of(
         return None
     number = content.numbers.get(entry.of)
     is_time = number is not None and number.measure in LATE
-    missing = len(drawn["draws"]) - summary["n"] if is_time else 0
-    return Spread(summary["n"], summary["min"], summary["max"], entry.each or None, missing)
+    missing = len(drawn["draws"]) - summary.n if is_time else 0
+    least, most = summary.levels["min"], summary.levels["max"]
+    return Spread(summary.n, least, most, entry.each or None, missing)
 
 
-def values_of(draws: Iterable[DrawnRow], name: str, content: Content) -> list[Any]:
+def values_of(draws: Iterable[RunRow], name: str, content: Content) -> list[Any]:
     """A number of each draw of a scenario, as `ranked` has it."""
-    return ranks([d["numbers"].get(name) for d in draws], name in late(content))
+    return ranks([row.numbers.get(name) for row in draws], name in late(content))
 
 
 def share_of(values: list[Any], least: float = -math.inf, most: float = math.inf) -> Share:

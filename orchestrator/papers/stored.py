@@ -25,7 +25,8 @@ from typing import Any, TypedDict, cast
 from desat.fmus import meaning
 from desat.fmus.meaning import COMPONENTS
 
-from ..campaign.draws import DrawnRow, Summary, draws, spreads
+from ..campaign.draws import RunRow, draws
+from ..campaign.spread import Spread, spreads
 from ..files import identity, paths
 from ..files.io import replace_text
 from ..files.scenario import Scenario, families, scenarios
@@ -43,8 +44,8 @@ class StoredScenario(TypedDict):
     code_sha256: str
     date: str
     units: dict[str, str]
-    summary: dict[str, Summary]
-    draws: list[DrawnRow]
+    summary: dict[str, Spread]
+    draws: list[RunRow]
 
 
 class StoredDraws(TypedDict):
@@ -152,26 +153,24 @@ def compute(
             continue
         count = scenario.content.samples
         wanted = {*of_rows[name], *(old["units"] if old else ()), *(also or {}).get(name, ())}
-        rows = list[DrawnRow]()
+        rows = list[RunRow]()
         if old and wanted <= old["units"].keys() and _is_current(old, scenario):
             rows = old["draws"][:count]
         result = draws(name, count, SEED, Options(), jobs, progress, first=len(rows))
-        if failed := [r for r in result["draws"] if r["status"] != "completed"]:
-            worst = failed[0]
-            text = f"{name}: draw {worst['draw']}: {worst['message']}"
-            raise RunError(text, Exit(worst["code"]))
-        rows += [
-            {"draw": r["draw"], "numbers": {n: x for n, x in r["numbers"].items() if n in wanted}}
-            for r in result["draws"]
-        ]
-        summed = result["summary"] or (old["summary"] if old else {})
-        units = {n: summed[n]["unit"] for n in sorted(wanted & summed.keys())}
+        for row in result.rows:
+            if not row.completed:
+                raise RunError(f"{name}: draw {row.number}: {row.message}", Exit(row.code))
+            rows.append(
+                row_of_draw(row.number, {n: x for n, x in row.numbers.items() if n in wanted})
+            )
+        summed = result.summary or (old["summary"] if old else {})
+        units = {n: summed[n].unit or "" for n in sorted(wanted & summed.keys())}
         made[name] = {
             "sha256": digest(scenario),
             "code_sha256": code(scenario),
             "date": f"{datetime.now(UTC):%Y-%m-%d}",
             "units": units,
-            "summary": spreads([r["numbers"] for r in rows], units, late(scenario.content)),
+            "summary": spreads([r.numbers for r in rows], units, late(scenario.content)),
             "draws": rows,
         }
     return {
@@ -182,6 +181,11 @@ def compute(
         "versions": {**identity.versions(), "processor": _processor()},
         "scenarios": made,
     }
+
+
+def row_of_draw(draw: int | None, numbers: Mapping[str, float | None]) -> RunRow:
+    """Return the row of a draw with what is stored of it; all of these completed."""
+    return RunRow("completed", 0, "", numbers=numbers, number=draw)
 
 
 def _processor() -> str:
@@ -235,8 +239,8 @@ def _pack(scenarios: Mapping[str, StoredScenario]) -> bytes:
     names = sorted({n for kept in scenarios.values() for n in kept["units"]})
     columns = {
         "scenario": pa.array([name for name, _ in rows], pa.string()),
-        "draw": pa.array([r["draw"] for _, r in rows], pa.int32()),
-        **{n: pa.array([r["numbers"].get(n) for _, r in rows], pa.float64()) for n in names},
+        "draw": pa.array([r.number for _, r in rows], pa.int32()),
+        **{n: pa.array([r.numbers.get(n) for _, r in rows], pa.float64()) for n in names},
     }
     sink = pa.BufferOutputStream()
     pq.write_table(
@@ -272,11 +276,11 @@ def read(family: str) -> StoredDraws:
     result = cast(StoredDraws, head)
     for name, kept in result["scenarios"].items():
         kept["draws"] = [
-            {"draw": columns["draw"][i], "numbers": {n: columns[n][i] for n in kept["units"]}}
+            row_of_draw(columns["draw"][i], {n: columns[n][i] for n in kept["units"]})
             for i in places_of.get(name, ())
         ]
         of = known[name].content if name in known else NOTHING
-        numbers = [r["numbers"] for r in kept["draws"]]
+        numbers = [r.numbers for r in kept["draws"]]
         kept["summary"] = spreads(numbers, kept["units"], late(of))
     return result
 
@@ -354,9 +358,8 @@ def confirm(family: str, count: int, jobs: int) -> list[str]:
     for name in outdated(known):
         scenario, kept = with_draws(family)[name], known["scenarios"].get(name)
         if kept is not None:
-            again = draws(name, count, known["seed"], Options(), jobs)["draws"]
-            numbers = [r["numbers"] for r in again]
-            if _alike(numbers, [r["numbers"] for r in kept["draws"][:count]]):
+            again = draws(name, count, known["seed"], Options(), jobs).rows
+            if _alike([r.numbers for r in again], [r.numbers for r in kept["draws"][:count]]):
                 kept["sha256"], kept["code_sha256"] = digest(scenario), code(scenario)
                 write(known)
                 continue

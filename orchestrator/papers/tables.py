@@ -15,9 +15,9 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, Unpack
 
-from ..campaign.draws import DrawnRow, spreads
 from ..campaign.draws import rows_of as rows_of_runs
 from ..campaign.pairs import each_draw
+from ..campaign.spread import spreads
 from ..files.identity import PACKAGES
 from ..files.scenario import Scenario, abbreviations, find, scenarios
 from ..numbers.text import number, spell_unit
@@ -67,7 +67,7 @@ def rows(
     if not given:
         raise DesatError(f"{family}: no samples; `desat tables {family} --fresh` makes them")
     values: dict[str, Numbers] = {
-        n: {k: d["median"] for k, d in kept[n]["summary"].items()} for n in kept
+        n: {k: d.levels["median"] for k, d in kept[n]["summary"].items()} for n in kept
     }
     alone = {**given, **_references(given.values())}
     values |= _single([s for n, s in alone.items() if n not in values], options, jobs)
@@ -102,7 +102,7 @@ def _pairs_of(scenario: Scenario, drawn: Mapping[str, StoredScenario]) -> Stored
     """The stored draws of a scenario, with what its numbers of form `difference` or `paired_ratio`
     are draw by draw, and their summaries."""
     own = drawn[scenario.name]
-    summary, draws = dict(own["summary"]), [dict(row["numbers"]) for row in own["draws"]]
+    summary, draws = dict(own["summary"]), [dict(row.numbers) for row in own["draws"]]
     for name, entry in scenario.content.numbers.items():
         theirs = drawn.get(f"{scenario.family}/{entry.reference}")
         if theirs is None or entry.form not in ("difference", "paired_ratio"):
@@ -110,12 +110,10 @@ def _pairs_of(scenario: Scenario, drawn: Mapping[str, StoredScenario]) -> Stored
         paired = entry.form == "paired_ratio"
         each = each_draw(own["draws"], theirs["draws"], entry.of, paired)
         for row, numbers in zip(own["draws"], draws, strict=True):
-            if row["draw"] in each:
-                numbers[name] = each[row["draw"]]
+            if row.number in each:
+                numbers[name] = each[row.number]
         summary |= spreads(draws, {name: "1" if paired else own["units"][entry.of]}, ())
-    rows: list[DrawnRow] = [
-        {"draw": row["draw"], "numbers": x} for row, x in zip(own["draws"], draws, strict=True)
-    ]
+    rows = [replace(row, numbers=x) for row, x in zip(own["draws"], draws, strict=True)]
     return {**own, "summary": summary, "draws": rows}
 
 

@@ -224,13 +224,13 @@ def paired_draws(
     made = [draws(s, count, seed, options, jobs, progress) for s in sources]
     pairs = list[Pairs]()
     for target, other, names in zip(targets[1:], made[1:], shared, strict=True):
-        whole = [{r["draw"] for r in x["draws"] if r["status"] == "completed"}
-                 for x in (made[0], other)]  # fmt: skip
-        pairs.append({
-            "first": targets[0], "second": target, "pairs": len(whole[0] & whole[1]),
-            "warnings": [f"drawn in {whose} alone: {', '.join(names[key])}" for key, whose in (
-                ("drawn_only_in_it", targets[0]), ("drawn_only_in_the_other", target),
-            ) if names[key]],
-            "numbers": differences(made[0], other),
-        })  # fmt: skip
+        first, second = ({r.number for r in x.rows if r.completed} for x in (made[0], other))
+        alone = {"drawn_only_in_it": targets[0], "drawn_only_in_the_other": target}
+        warnings = [
+            f"drawn in {whose} alone: {', '.join(names[key])}"
+            for key, whose in alone.items()
+            if names[key]
+        ]
+        numbers = differences(made[0], other)
+        pairs.append(Pairs(targets[0], target, len(first & second), warnings, numbers))
     return pairs, made

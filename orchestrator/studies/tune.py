@@ -22,7 +22,8 @@ from desat.fmus import registry
 
 from ..analyses import analyses
 from ..campaign.draws import RunRow, rows_of
-from ..campaign.pairs import PairSpread, confident, difference
+from ..campaign.pairs import confident, difference
+from ..campaign.spread import Spread
 from ..language.content import Content, content_of, overridden_by
 from ..numbers.numbers import late
 from ..numbers.text import number as text_of
@@ -57,9 +58,9 @@ class Point:
     """samples that miss a requirement"""
 
 
-class Unseen(PairSpread, total=False):
-    """`confident` of own less best, draw by draw, the medians, and draws that miss a
-    requirement."""
+@dataclass(frozen=True, kw_only=True)
+class Unseen(Spread):
+    """The spread of own less best, draw by draw, the medians, and draws that miss a requirement."""
 
     median_own: float
     median_best: float
@@ -94,11 +95,11 @@ class Tuned:
         """Whether the unseen samples say that it is better, with 95 % confidence, and miss no
         requirement more often."""
         told = self.unseen
-        if self.best == self.own or not told.get("interval_holds"):
+        if self.best == self.own or not told.interval_holds:
             return False
-        low, high = told["interval"]
+        low, high = told.interval
         better = high < 0.0 if self.most else low > 0.0
-        return bool(better and told["missed_best"] <= told["missed_own"])
+        return bool(better and told.missed_best <= told.missed_own)
 
     @property
     def answer(self) -> str:
@@ -111,14 +112,14 @@ class Tuned:
             return (
                 f"{self.parameter} = {self.own:.4g} {self.unit} is the best of its range already."
             )
-        won = told["higher"] if not self.most else told["lower"]
+        won = told.lower if self.most else told.higher
         edge = self.best in self.searched
         verdict = ", at the edge of its range" if edge else ""
         verdict += "" if self.confirmed else "; that is not confirmed"
         return (
             f"{self.parameter} = {self.best:.4g} {self.unit} instead of {self.own:.4g}: "
-            f"{self.number} {text_of(told['median_best'])}{unit} instead of "
-            f"{text_of(told['median_own'])}{unit} over {told['n']} unseen samples, better in "
+            f"{self.number} {text_of(told.median_best)}{unit} instead of "
+            f"{text_of(told.median_own)}{unit} over {told.n} unseen samples, better in "
             f"{won}{verdict}."
         )
 
@@ -141,7 +142,9 @@ class Tuned:
 
     def as_json(self) -> JsonObject:
         """For programs; what is not finite is null."""
-        told = asdict(self) | {"confirmed": self.confirmed, "answer": self.answer}
+        told = asdict(self) | {
+            "unseen": self.unseen.to_json(), "confirmed": self.confirmed, "answer": self.answer
+        }  # fmt: skip
         for point in told["points"]:
             point["median"] = point["median"] if math.isfinite(point["median"]) else None
         return told
@@ -302,12 +305,12 @@ def _verdict(
     whole = [(a, b) for a, b in pairs if a is not None and b is not None]
     if not whole:
         raise DesatError(f"no unseen sample has {number} with both values")
-    told: Unseen = {
-        **confident([difference(a, b) for a, b in whole]),
-        "median_own": statistics.median(a for a, _ in whole),
-        "median_best": statistics.median(b for _, b in whole),
-        "missed_own": sum(_misses(content, r) for r in own),
-        "missed_best": sum(_misses(content, r) for r in best),
-    }  # fmt: skip
+    told = Unseen(
+        **vars(confident([difference(a, b) for a, b in whole])),
+        median_own=statistics.median(a for a, _ in whole),
+        median_best=statistics.median(b for _, b in whole),
+        missed_own=sum(_misses(content, r) for r in own),
+        missed_best=sum(_misses(content, r) for r in best),
+    )
     unit = next(r.described[number]["unit"] for r in own if number in r.described)
     return told, unit

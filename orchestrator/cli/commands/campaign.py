@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -170,10 +170,10 @@ def _print_numbers(told: CampaignSummary, everything: bool) -> None:
     """Print the spread of the numbers over the cases, a row each."""
     from ...campaign.report import TERMINAL_COLUMNS, tabulate_numbers
 
-    names = list(told["numbers"])
-    judged = {r["number"] for r in told["requirements"].values()}
+    names = list(told.numbers)
+    judged = {verdict.requirement.number for verdict in told.requirements.values()}
     shown = to_print(names, judged, everything)
-    table = tabulate_numbers(told["numbers"])
+    table = tabulate_numbers(told.numbers)
     print_table(table.part(TERMINAL_COLUMNS, [names.index(name) for name in shown]))
     if rest := len(names) - len(shown):
         out.print(f"{rest} more numbers in the report; --all prints them")
@@ -181,11 +181,12 @@ def _print_numbers(told: CampaignSummary, everything: bool) -> None:
 
 def _asked(told: CaseVerdict) -> str:
     """What a requirement asks for where that is not shown, and how many more cases would do."""
-    if told["met"] or "probability" not in told:
+    if told.met:
         return ""
-    more = told.get("more_cases")
+    more = told.more_cases
     enough = f"; {more} more cases like these would show it" if more else ""
-    share, confidence = 100.0 * told["probability"], 100.0 * told["confidence"]
+    entry = told.requirement
+    share, confidence = 100.0 * entry.probability, 100.0 * entry.confidence
     return f" that {share:g} % are within, with a confidence of {confidence:g} %{enough}"
 
 
@@ -198,32 +199,30 @@ def _report(folder: Path, as_json: bool, everything: bool) -> None:
     from ...numbers.text import number
 
     path, told = of.write(folder)
-    if told["changed"]:
-        warn([f"{told['changed']}: limits and titles are those of now"])
-    if mixed := [v["text"] for v in told["versions"] if v["text"]]:
+    if told.changed:
+        warn([f"{told.changed}: limits and titles are those of now"])
+    if mixed := [v.text for v in told.versions if v.text]:
         warn([f"cases were made with different versions: {'; '.join(mixed)}"])
-    for f in told["failed"][:_REASONS]:
-        err.print(f"case {f['case']}: {f['message']}")
+    for row in told.failed[:_REASONS]:
+        err.print(f"case {row.case}: {row.message}")
     if as_json:
-        print_json(told)
+        print_json(told.to_json())
     else:
-        out.print(f"{told['completed']} of {told['count']} completed, {len(told['failed'])} failed")
+        out.print(f"{told.completed} of {told.count} completed, {len(told.failed)} failed")
         _print_numbers(told, everything)
-        for name, r in told["requirements"].items():
-            verdict = "met" if r["met"] else "NOT SHOWN"
-            low, high = map(number, r["interval_outside"])
-            lacking = f", {r['lacking']} without {r['number']}" if r["lacking"] else ""
-            out.print(f"{name}: {r['outside']} of {r['n']} outside{lacking} "
+        for name, r in told.requirements.items():
+            verdict = "met" if r.met else "NOT SHOWN"
+            low, high = map(number, r.interval_outside)
+            lacking = f", {r.lacking} without {r.requirement.number}" if r.lacking else ""
+            out.print(f"{name}: {r.outside} of {r.n} outside{lacking} "
                       f"({low} to {high} %): {verdict}{_asked(r)}")  # fmt: skip
         out.print(str(path))
-    codes: list[Any] = (
-        [Exit.UNMET] if any(not r["met"] for r in told["requirements"].values()) else []
-    )
-    if told["unmet"]:
-        err.print(f"{len(told['unmet'])} not met of what each run is held against, first: "
-                  f"{told['unmet'][0]}")  # fmt: skip
+    codes = [Exit.UNMET for verdict in told.requirements.values() if not verdict.met]
+    if told.unmet:
+        err.print(f"{len(told.unmet)} not met of what each run is held against, first: "
+                  f"{told.unmet[0]}")  # fmt: skip
         codes.append(Exit.UNMET)
-    if failed := {f["code"] for f in told["failed"]}:
+    if failed := {row.code for row in told.failed}:
         codes.append(Exit.TIMEOUT if failed == {Exit.TIMEOUT} else Exit.COMPONENT)
     if codes:
         raise typer.Exit(max(codes))

@@ -137,15 +137,15 @@ def _draws(
 
     told, made = paired_draws(targets, count, seed, options, jobs, progress=not as_json)
     for each in made:
-        warn(f"{each['scenario']}: {line}" for line in each["warnings"])
+        warn(f"{each.scenario}: {line}" for line in each.warnings)
     show_pairs(told, as_json)
-    rows = [(each["scenario"], row) for each in made for row in each["draws"]]
+    rows = [(each.scenario, row) for each in made for row in each.rows]
     for target, row in rows:
-        if row["status"] != "completed":
-            err.print(f"{target}: draw {row['draw']}: {row['status']}: {row['message']}")
-        if row["unmet"]:
-            err.print(f"{target}: draw {row['draw']}: not met: {'; '.join(row['unmet'])}")
-    if code := max(row["code"] for _, row in rows):
+        if not row.completed:
+            err.print(f"{target}: draw {row.number}: {row.status}: {row.message}")
+        if row.unmet:
+            err.print(f"{target}: draw {row.number}: not met: {'; '.join(row.unmet)}")
+    if code := max(row.code for _, row in rows):
         raise typer.Exit(code)
 
 
@@ -167,14 +167,13 @@ def _show(made: Comparison, page: Path, as_json: bool) -> None:
 def show_pairs(told: Sequence[Pairs], as_json: bool) -> None:
     """Print paired differences (`pairs.compare`) as tables, or for programs: one, or a list."""
     for each in told:
-        warn(each["warnings"])
+        warn(each.warnings)
     if as_json:
-        print_json(told[0] if len(told) == 1 else list(told))
+        entries = [each.to_json() for each in told]
+        print_json(entries[0] if len(entries) == 1 else entries)
         return
     for each in told:
-        out.print(
-            f"{each['first']} less {each['second']}, {each['pairs']} pairs; intervals of 95 %:"
-        )
+        out.print(f"{each.first} less {each.second}, {each.pairs} pairs; intervals of 95 %:")
         print_table(_tabulate_pairs(each))
 
 
@@ -193,13 +192,12 @@ def _tabulate_pairs(pairs: Pairs) -> Table:
         Column("unit", kind="unit"),
     ]
     rows: list[Row] = []
-    for name, entry in pairs["numbers"].items():
-        count = entry["n"]
-        if not count:
+    for name, spread in pairs.numbers.items():
+        if not spread.n:
             continue
         # there may be too few pairs for an interval of the median
-        interval = entry["interval"] if entry["interval_holds"] else (None, None)
-        higher = 100.0 * entry["higher"] / count
-        shares = (entry["share_lower"], *entry["share_lower_interval"], higher)
-        rows.append((name, entry["median"], *interval, *shares, count, entry["unit"]))
+        interval = spread.interval if spread.interval_holds else (None, None)
+        higher = 100.0 * (spread.higher or 0) / spread.n
+        shares = (spread.share_lower, *spread.share_lower_interval, higher)
+        rows.append((name, spread.levels["median"], *interval, *shares, spread.n, spread.unit))
     return Table("", columns, rows)

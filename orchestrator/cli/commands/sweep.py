@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from ...numbers.text import not_reached
 from ...report.table import ROW_UNIT, Cell, Column, Row, Table, or_not_reached
 from .. import options as o
 from ..console import app, err, example, out, print_json, print_table, warn
@@ -52,35 +51,35 @@ def sweep(
                          accuracy=accuracy, time_limit=time_limit, fmus=fmus)  # fmt: skip
     result = study.sweep(target, study.axes_of(axes), options, jobs, not as_json, draws=draws,
                          seed=seed)  # fmt: skip
-    warn(result["warnings"])
+    warn(result.warnings)
     if as_json:
-        print_json(result)
+        print_json(result.to_json())
     else:
         _print(result)
-    failed = [p for p in result["points"] if p["status"] != "completed"]
+    failed = [point for point in result.points if not point.worst.completed]
     for point in failed:
-        at = ", ".join(f"{name} = {value}" for name, value in point["values"].items())
-        err.print(f"{at}: {point['status']}: {point['message']}")
+        at = ", ".join(f"{name} = {value}" for name, value in point.values.items())
+        err.print(f"{at}: {point.worst.status}: {point.message}")
     if failed:
-        raise typer.Exit(max(point["code"] for point in failed))
+        raise typer.Exit(max(point.worst.code for point in failed))
 
 
 def _print(result: Sweep) -> None:
     print_table(_tabulate(result))
-    if result["draws"]:
-        out.print(f"medians of {result['draws']} draws")
+    if result.draws:
+        out.print(f"medians of {result.draws} draws")
 
 
 def _tabulate(result: Sweep) -> Table:
     """Return the numbers by value; the longer side goes down the page."""
-    points, units = result["points"], result["units"]
+    points, units = result.points, result.units
     if len(units) <= len(points):
         columns = [
-            *(Column(name) for name in result["axes"]),
+            *(Column(name) for name in result.axes),
             *(Column(name, unit) for name, unit in units.items()),
         ]
         rows: list[Row] = [
-            [*map(_text, point["values"].values()), *(_cell(point, name) for name in units)]
+            [*map(_text, point.values.values()), *(_cell(point, name) for name in units)]
             for point in points
         ]
         return Table("", columns, rows)
@@ -89,9 +88,7 @@ def _tabulate(result: Sweep) -> Table:
         *(Column("", ROW_UNIT) for _ in points),
         Column("", kind="unit"),
     ]
-    rows = [
-        [axis, *(_text(point["values"][axis]) for point in points), ""] for axis in result["axes"]
-    ]
+    rows = [[axis, *(_text(point.values[axis]) for point in points), ""] for axis in result.axes]
     rows += [
         [name, *(_cell(point, name) for point in points), unit] for name, unit in units.items()
     ]
@@ -100,8 +97,9 @@ def _tabulate(result: Sweep) -> Table:
 
 def _cell(point: SweepPoint, name: str) -> Cell:
     """Return a number at a point, and in how many samples it is not reached."""
-    missing = not_reached(point["summary"][name]) if name in point.get("summary", {}) else ""
-    value = or_not_reached(point["numbers"].get(name))
+    spread = point.summary.get(name)
+    value = or_not_reached(spread.levels["median"] if spread else None)
+    missing = spread.not_reached_text if spread and point.has_draws else ""
     return Cell(value, note=f"not reached: {missing}" if missing else "")
 
 

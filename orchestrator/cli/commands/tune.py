@@ -90,11 +90,11 @@ def _print(made: Tuned) -> None:
     print_table(made.table)
     unseen = made.unseen
     within = "too few for an interval"
-    if unseen["interval_holds"]:
-        within = f"{number(unseen['interval'][0])} to {number(unseen['interval'][1])}"
+    if unseen.interval_holds:
+        within = " to ".join(map(number, unseen.interval))
     out.print(
-        f"unseen samples, own less best: median {number(unseen['median'])} ({within}, 95 %) "
-        f"{spell_unit(made.number_unit)}, {unseen['n']} pairs; a requirement is missed in "
-        f"{unseen['missed_own']} and {unseen['missed_best']}",
+        f"unseen samples, own less best: median {number(unseen.levels['median'])} ({within}, 95 %) "
+        f"{spell_unit(made.number_unit)}, {unseen.n} pairs; a requirement is missed in "
+        f"{unseen.missed_own} and {unseen.missed_best}",
         highlight=False,
     )

@@ -1,0 +1,96 @@
+"""The spread of a number over runs: draws, cases of a campaign, or pairs of either."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from ..numbers.numbers import ranks
+from ..numbers.statistics import median_interval
+
+JsonObject = dict[str, Any]
+
+
+@dataclass(frozen=True)
+class Spread:
+    """The spread of a number over runs, in its unit.
+
+    Levels and percentiles are None where they are a time that is not reached. Other fields are
+    None or empty, and not in JSON, where they do not apply.
+    """
+
+    title: str | None = None
+    unit: str | None = None
+    levels: Mapping[str, float | None] = field(default_factory=dict)
+    """`median`, `min`, `max`; of draws also `low` and `high`, the median's 95 % interval."""
+    n: int = 0
+    """Runs that have the number."""
+    lower: int | None = None
+    """Differences below 0."""
+    higher: int | None = None
+    equal: int | None = None
+    interval: Sequence[float] = ()
+    """Interval of the median of differences."""
+    interval_holds: bool | None = None
+    """Whether there are enough differences for that interval."""
+    share_lower: float | None = None
+    """Share of differences below 0 (%)."""
+    share_lower_interval: Sequence[float] = ()
+    not_reached: int | None = None
+    """Runs that do not reach the number."""
+    infinite: int | None = None
+    percentiles: Mapping[str, float | None] = field(default_factory=dict)
+    """Of a campaign: `p5`, `median`, `p95`, `p99`, `min`, `max`."""
+    cases: Mapping[str, int] = field(default_factory=dict)
+    """`min_case` and `max_case`."""
+
+    @property
+    def not_reached_text(self) -> str:
+        """Return in how many runs it is not reached: `3 of 20 (15 %)`; "" for none."""
+        missing = self.not_reached or 0
+        count = self.n + missing
+        return f"{missing} of {count} ({100.0 * missing / count:.3g} %)" if missing else ""
+
+    def to_json(self) -> JsonObject:
+        """Return the fields that apply, and the levels under their own names."""
+        entry: JsonObject = {}
+        for name, value in vars(self).items():
+            if isinstance(value, Mapping):
+                entry |= value
+            elif value not in (None, ()):
+                entry[name] = value
+        return entry
+
+
+def to_json(numbers: Mapping[str, Spread]) -> dict[str, JsonObject]:
+    """Return the spreads of numbers by name."""
+    return {name: spread.to_json() for name, spread in numbers.items()}
+
+
+def spreads(
+    rows: Sequence[Mapping[str, float | None]], units: Mapping[str, str], late: Collection[str]
+) -> dict[str, Spread]:
+    """Return the spread of each number that has a unit here.
+
+    Numbers in `late` (`numbers.late`) are ranked over all rows, others over the rows that have
+    them.
+    """
+    numbers: dict[str, Spread] = {}
+    for name, unit in units.items():
+        column = [row.get(name) for row in rows]
+        values = [x for x in ranks(column, name in late) if x is not None]
+        middle, low, high = median_interval(values) if values else (None, None, None)
+        levels = {
+            "median": middle,
+            "low": low,
+            "high": high,
+            "min": min(values, default=None),
+            "max": max(values, default=None),
+        }
+        if name in late:
+            levels = {key: None if x == math.inf else x for key, x in levels.items()}
+        there = sum(x is not None for x in column)
+        numbers[name] = Spread(unit=unit, levels=levels, n=there, not_reached=len(rows) - there)
+    return numbers
