@@ -14,10 +14,10 @@ from conftest import ROOT
 SSP = "the .ssp of nadir_day/day-dipole"
 LIMITS = {
     # target -> functions, all calls
-    "uosat12/table3-ocdc-ilqr-1": (272, 13_100),
-    "nadir_day/day-dipole": (301, 9_700),
-    "space_telescope/ours-nominal": (350, 51_600),
-    SSP: (298, 9_300),
+    "uosat12/table3-ocdc-ilqr-1": (269, 13_100),
+    "nadir_day/day-dipole": (296, 9_700),
+    "space_telescope/ours-nominal": (347, 51_600),
+    SSP: (293, 9_300),
 }
 
 
