@@ -72,6 +72,27 @@ def test_each_scenario_is_sound(tmp_path: Path, wanted: CraftFacts, scenario: st
     assert system.name == ("mine" if scenario == "nominal" else f"mine-{scenario}")
 
 
+GTO = CraftFacts(orbit="300x35786km", mass="838kg", box="1.16,1.54,1.21", rods="none",
+                 wheels="4 pyramid 4Nms", thrusters="4 1N", dump="thrusters 60:10")  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    "wanted",
+    [GTO, replace(GTO, mass="300kg", dump="thrusters 80:20"), replace(GTO, sample="2s"),
+     replace(LARGE, orbit="geo", sample="2.5s"), replace(AGILE, dump="thrusters 70:10", rods="none",
+                                                         sample="0.4s")],
+    ids=["2 s", "lighter", "given 2 s", "given 2.5 s", "given 0.4 s"],
+)  # fmt: skip
+def test_thrusters_sample_at_whole_steps(tmp_path: Path, wanted: CraftFacts) -> None:
+    folder = tmp_path / "mine"
+    write(folder, wanted, "desat new craft mine")
+    for scenario in ("nominal", "worst"):
+        system, _ = prepare(str(folder / f"{scenario}.toml"), Options()).or_raise()
+        sample = system.components["thrusters"].values["sample_time"]
+        assert sample >= system.step
+        assert sample / system.step == pytest.approx(round(sample / system.step), abs=1e-9)
+
+
 HIGH = ("low", "moderate", "high").index("high")
 WORSE = {
     "12u": (TWELVE, ("dipole", "air")),

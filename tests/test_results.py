@@ -43,11 +43,12 @@ from desat.fmus import registry
 from desat.language.scenario import Number
 from desat.numbers import derived
 from desat.numbers.measures import MEASURES
-from desat.numbers.numbers import evaluate, problems, related, relative, scale
+from desat.numbers.numbers import evaluate, related, relative, scale
 from desat.numbers.text import spell_unit
 from desat.runs.manifest import read_manifest
 from desat.runs.prepare import read
 from desat.runs.run import Options, execute, load_run
+from desat.runs.validation import content_problems
 from desat.system.errors import DesatError
 from desat.system.interface import of_block
 from desat.system.layer import Layer, Place, Value
@@ -345,10 +346,15 @@ def test_measures():
 
 def test_each_number_of_a_series_that_is_not_there_is_said():
     builder = read("uosat12/table3-ocdc-ilqr-1").builder(Options(blocks=True))
-    lines = problems(builder.about, {}, {})
-    assert lines
-    assert {path[0] for path, _ in lines} == {"numbers"}
-    assert all(re.fullmatch(r"signal [\w.]+: no such series", text) for _, text in lines), lines
+    content = builder.about
+    del builder.components["manager"], builder.components["spacecraft"]
+    lines = [x for x in content_problems(content, builder.components) if x[0][0] == "numbers"]
+    gone = ("manager.", "spacecraft.")
+    expected = {n for n, x in content.numbers.items() if any(s.startswith(gone) for s in x.signals)}
+    assert expected
+    assert {path[1] for path, _ in lines} == expected
+    assert all(path[2:] == ("signal",) for path, _ in lines), lines
+    assert all(re.match(r"no component (manager|spacecraft)", text) for _, text in lines), lines
 
 
 def test_scales_of_units():

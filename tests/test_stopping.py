@@ -13,7 +13,7 @@ from conftest import but
 from desat.campaign.draws import draws
 from desat.runs import stopping
 from desat.runs.run import Options, execute, prepare
-from desat.system.errors import DesatError, Exit
+from desat.system.errors import DesatError, Exit, MisfitError
 
 NAME = "integrated/mil-nadir"
 RATE = "spacecraft.omega_bi_body"
@@ -132,7 +132,9 @@ def test_a_replaced_component_without_the_signal_is_refused(scenario):
     system, _ = prepare(target, Options(blocks=True)).or_raise()
     about = but(system.about, stop_when={"signal": "manager.nothing", "reaches": 1})
     system = replace(system, about=about)
-    ((key, text),) = stopping.problems(system)
+    with pytest.raises(MisfitError) as refused:
+        stopping.condition(system)
+    key, text = refused.value.keys, str(refused.value)
     assert key == ("stop_when", "signal")
     assert "manager has no output nothing" in text
 

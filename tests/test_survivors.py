@@ -23,9 +23,9 @@ from desat.components.laws import (
 from desat.components.laws import magnetic_offline as offline
 from desat.components.maths import attitude, moments
 from desat.components.physics import averaging, gyrostat, orbit, rotor, torques, wheel_array
-from desat.figures import plots
 from desat.fmus import registry
 from desat.language.scenario import LimitLine
+from desat.numbers.limits import limits_of
 from desat.runs.prepare import read
 from desat.runs.run import Options, execute
 from desat.system.errors import DesatError
@@ -354,9 +354,9 @@ def test_what_blocks_know_of_the_wheels_is_shared(known):
 def test_a_limit_is_left_out_where_its_unless_holds():
     parameters = {"torquers": {"drive": Parameter("ideal", ""), "m_limit": Parameter(40.0, "A.m2")}}
     limits = [LimitLine(value="torquers.m_limit", unless={"torquers.drive": "ideal"})]
-    assert plots.limits_of(limits, parameters, "A.m2") == []
+    assert limits_of(limits, parameters, "A.m2") == []
     parameters["torquers"]["drive"] = Parameter("pulsed", "")
-    assert [x[1] for x in plots.limits_of(limits, parameters, "A.m2")] == [40.0]
+    assert [x[1] for x in limits_of(limits, parameters, "A.m2")] == [40.0]
 
 
 # --- the laws that are designed ---------------------------------------------------------------

@@ -247,6 +247,31 @@ def test_a_flight_is_that_of_a_run_with_what_follows_from_sliders(made, craft, l
         n: number(x) for n, x in numbers.items()}  # fmt: skip
 
 
+@needs_node
+@needs_zig
+@pytest.mark.parametrize("start", [0.0, 38.0], ids=["fills", "dumps"])
+def test_a_craft_that_dumps_by_thrusters_has_the_standard_numbers_on_its_page(
+    desat, tmp_path, start
+):
+    desat("new", "craft", "c", *shlex.split(GEO), check=True, cwd=tmp_path)
+    target = str(tmp_path / "c")
+    sets = [f"wheels.h_start_wheel={start},{start},{start},{start}"]
+    options = Options(stop=3000.0, sets=sets)
+    told = page.export(target, {"threshold": options}, [], tmp_path / "page.html")
+    run = execute(target, options, None)
+    found = flown(told.path, 0, {})
+    standard = {"sum_rms", "momentum_margin", "limit_time", "left_rms", "unmanaged_rms"}
+    assert standard <= found["numbers"].keys() & run.manifest.numbers.keys()
+    assert "coil_duty" not in run.manifest.numbers
+    assert {n: number(x) for n, x in found["numbers"].items()} == {
+        n: number(run.manifest.numbers[n].value) for n in found["numbers"]}  # fmt: skip
+    numbers = {n: x.value for n, x in run.manifest.numbers.items()}
+    if not start:  # no dump: what is left is what there would be without
+        assert numbers["left_rms"] == pytest.approx(numbers["unmanaged_rms"], rel=1e-6)
+    else:
+        assert numbers["left_rms"] < 0.8 * numbers["unmanaged_rms"]
+
+
 def text_of(slider: dict[str, Any], value: float, values: dict[str, Any]) -> str:
     """`NAME=VALUE` of a slider as the page is told of it."""
     fields = {k: v for k, v in slider.items() if k != "shown"}

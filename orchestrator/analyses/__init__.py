@@ -32,6 +32,7 @@ from typing import Any, Self
 
 from ..numbers.text import Value
 from ..system import discovery
+from ..system.typed import JsonObject
 
 
 @dataclass(frozen=True)
@@ -39,11 +40,11 @@ class Parts:
     """Which component of a system is what."""
 
     @classmethod
-    def from_json(cls, told: Mapping[str, Any]) -> Self:
+    def from_json(cls, told: JsonObject) -> Self:
         """From a manifest, also one of another version."""
         return cls(**{f.name: told[f.name] for f in fields(cls) if f.name in told})
 
-    def to_json(self) -> dict[str, Any]:
+    def to_json(self) -> JsonObject:
         """As a manifest has it: what is not there is left out, but for `feeds`."""
         told = {k: v for k, v in vars(self).items() if v is not None or k == "feeds"}
         return {k: list(v) if isinstance(v, tuple) else v for k, v in told.items()}

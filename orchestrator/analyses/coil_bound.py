@@ -21,6 +21,7 @@ from desat.components.laws import momentum_offline as offline
 from ..numbers.derived import from_body, rotate_back, unit_rows
 from ..numbers.text import Value
 from ..system.errors import DesatError
+from ..system.typed import JsonObject
 from . import with_titles
 from .manifest import Manifest
 
@@ -60,7 +61,7 @@ class CoilBound:
         }
         return with_titles(rows)
 
-    def as_json(self) -> dict[str, Any]:
+    def as_json(self) -> JsonObject:
         """What `--json` prints."""
         return asdict(self)
 

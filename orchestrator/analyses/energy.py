@@ -43,6 +43,7 @@ from ..system.expression import Table
 from ..system.interface import Signal
 from ..system.model import Component, System
 from ..system.schedule import graded
+from ..system.typed import JsonObject
 from ..system.wheels import axes_of
 from . import motion, not_checked, residual
 from .manifest import Manifest
@@ -512,7 +513,7 @@ class OnlineBalance:
         parts = np.array([w * step for _, w in graded(substeps)])
         return parts[(self._steps + np.arange(n)) % substeps][:, None]
 
-    def finish(self, master: Master, failed: bool) -> dict[str, Any] | None:
+    def finish(self, master: Master, failed: bool) -> JsonObject | None:
         """The totals at the end of a run, which `failed` within a step or ended after one; None
         where it has not made a step of the body."""
         if not failed:
@@ -522,7 +523,7 @@ class OnlineBalance:
             self._add(*rest)
         return None if self._totals.start is None else asdict(self._totals)
 
-    def state(self) -> dict[str, Any]:
+    def state(self) -> JsonObject:
         """As JSON what goes on from here, beside what is kept, depends on."""
         return {"totals": asdict(self._totals), "steps": self._steps}
 

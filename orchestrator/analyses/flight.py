@@ -24,7 +24,7 @@ from desat.fmus.registry import names
 
 from ..numbers.derived import coil_impulse, cross, from_body, rotate_back
 from ..system.errors import DesatError
-from ..system.model import Component, System
+from ..system.model import Component, System, Values
 from ..system.parameters import Parameter, bare_block, table
 from ..system.wheels import capacities, existing
 from . import motion
@@ -50,7 +50,7 @@ _MOVES = "environment_propagated"
 """It integrates its orbit: it cannot begin at another date."""
 
 
-NO_COILS: Mapping[str, Any] = {"axes_coil": np.zeros((3, 0)), "m_limit": 0.0, "drive": "limited"}
+NO_COILS: Values = {"axes_coil": np.zeros((3, 0)), "m_limit": 0.0, "drive": "limited"}
 """Of a craft without torquers."""
 
 
@@ -136,7 +136,7 @@ class Attitude(NamedTuple):
     """rad: the angle from it, for 95 % of the time below"""
 
 
-def values_of(system: System) -> dict[str, dict[str, Any]]:
+def values_of(system: System) -> Mapping[str, Values]:
     """`role` -> parameter -> value, of all components. Raises DesatError for a role that the
     system has not."""
     lacking = [r for r in ROLES if r not in system.components]
@@ -162,7 +162,7 @@ def hardware_of(system: System) -> Hardware:
     rotors = np.broadcast_to(craft.get("inertia_wheel", 0.0), 4)
     flat = (tuple(np.ravel(x).tolist()) for x in (inertia, axes, rotors))
     carrier = np.reshape(carrier_inertia(*flat), (3, 3))
-    capacity = capacities({"axes_wheel": axes} | wheels)
+    capacity = capacities({"axes_wheel": axes, **wheels})
     works = existing(wheels or {"axes_wheel": axes}) & ~_failed(system)
     axes, capacity = axes * works, capacity * works
     axes_coil = np.reshape(coils["axes_coil"], (3, -1))
@@ -190,7 +190,7 @@ def _failed(system: System) -> NDArray[np.bool_]:
     return failed
 
 
-def _largest_dipole(coils: Mapping[str, Any]) -> float:
+def _largest_dipole(coils: Values) -> float:
     """What a coil can hold (A m2): its limit, or what its supply drives through it."""
     limit, voltage = float(coils["m_limit"]), coils.get("supply_voltage", 0.0)
     if voltage == 0.0:
@@ -255,7 +255,7 @@ def torques(system: System, inputs: dict[str, Array], q: Array) -> dict[str, Arr
     """The torque (rows, 3) N m, eci, of each source on a spacecraft of ours at these inputs, which
     are (rows, elements) each."""
     given = table([system.components["spacecraft"]])["spacecraft"]
-    off: dict[str, Any] = {
+    off: Values = {
         "gravity_gradient": False, "aerodynamics": "none", "radiation": "none",
         "residual_dipole_body": [0.0, 0.0, 0.0], "tau_disturbance_body": [0.0, 0.0, 0.0],
     }  # fmt: skip
@@ -344,7 +344,7 @@ def wanted_attitude(system: System) -> Attitude:
     return Attitude(kind, (x, y, z, w), 0.0)
 
 
-def environment_block(component: Component, changes: Mapping[str, Any] | None = None) -> Block:
+def environment_block(component: Component, changes: Values | None = None) -> Block:
     """The bare block of an environment with its parameters, some of them changed. Raises DesatError
     for one that cannot be flown by itself: not ours, or one that integrates its orbit."""
     model = component.interface.model

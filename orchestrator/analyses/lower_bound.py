@@ -13,7 +13,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import asdict, dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +23,7 @@ from ..numbers.spline import Spline
 from ..numbers.text import Value
 from ..system.errors import DesatError
 from ..system.model import System
+from ..system.typed import JsonObject
 from . import Parts, with_titles
 from .manifest import Manifest
 
@@ -73,7 +74,7 @@ class LowerBound:
         }  # fmt: skip
         return with_titles(rows)
 
-    def as_json(self) -> dict[str, Any]:
+    def as_json(self) -> JsonObject:
         """What `--json` prints."""
         return asdict(self)
 

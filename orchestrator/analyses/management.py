@@ -26,7 +26,7 @@ from ..language.content import content_of
 from ..numbers.derived import coil_impulse, matrices, pointing, rotate, rotate_back
 from ..numbers.text import Value
 from ..system.errors import DesatError
-from ..system.model import Component, System
+from ..system.model import Component, System, Values
 from ..system.wheels import axes_of, capacities, existing, smallest_capacity
 from . import Parts, with_titles
 from .flight import environment_block, guided, inputs_at, without_field
@@ -66,25 +66,20 @@ Array = NDArray[Any]
 
 @dataclass(frozen=True)
 class ManagementParts(Parts):
-    """Which component is what; no `wheels` where they are ideal ones within the craft."""
+    """Which component is what."""
 
     spacecraft: str
-    torquers: str
-    wheels: str | None = None
-    field: str | None = None
-    """the series of the geomagnetic field, eci"""
-    thrusters: str | None = None
-    """whose firings are all management's"""
+    torquers: str | None = None  # None: no coils manage the momentum
+    wheels: str | None = None  # None: they are ideal ones within the craft
+    field: str | None = None  # the series of the geomagnetic field, eci
+    thrusters: str | None = None  # whose firings are all management's
+    # N m s, body: the sum of the wheels' momentum that is wanted; None: it changes, or nobody
+    # manages it
     target: tuple[float, ...] | None = None
-    """N m s, body: the sum of the wheels' momentum that is wanted; None: it changes"""
-    holds: bool = False
-    """whether the law is to hold the momentum there as long as the run lasts"""
-    deadband: float = 0.0
-    """N m s, within which it does nothing"""
-    brakes: bool = False
-    """whether the law takes the rate out of a craft that tumbles"""
-    reference: str | None = None
-    """the series of the wanted attitude"""
+    holds: bool = False  # whether the law is to hold it there as long as the run lasts
+    deadband: float = 0.0  # N m s, within which it does nothing
+    brakes: bool = False  # whether the law takes the rate out of a craft that tumbles
+    reference: str | None = None  # the series of the wanted attitude
     manager: str = ""
 
 
@@ -92,27 +87,62 @@ PARTS = ManagementParts
 
 
 def applies(system: System) -> ManagementParts | None:
-    """By the connections; None where no manager commands coils of a craft with wheels."""
+    """Return what manages the wheels' momentum, by the connections; None of a craft without wheels.
+
+    Of a craft whose momentum only thrusters manage, or nobody, no law is judged: dumps between
+    thresholds leave momentum until the next one.
+    """
     for torquers, wire in system.by_input["m_cmd_body"].items():
-        manager, body = wire.source, system.takers.get((torquers, "m_mean_body"))
-        if body is None or "h_copy_wheel" not in system.components[body].interface.arrays:
-            continue
-        wheels = system.takers.get((manager, "tau_cmd_wheel"))
-        if wheels and not (
-            system.components[wheels].interface.arrays.keys() >= set(_OF_WHEELS)
-        ):  # fmt: skip
-            wheels = None
-        law = system.components[manager]
-        thrusters = system.fed.get((body, "tau_mean_thruster_body"))
-        field = system.fed.get((body, "b_eci"))
-        return ManagementParts(
-            body, torquers, wheels, field.series if field else None,
-            thrusters.source if thrusters else None,
-            _target(system, law), content_of(system.about).stop_when is None and _holds(law),
-            law.values["h_deadband"] if "h_deadband" in law.interface.signals else 0.0,
-            _brakes(law), _reference(system), law.name,
-        )  # fmt: skip
+        body = system.takers.get((torquers, "m_mean_body"))
+        if body is not None and "h_copy_wheel" in system.components[body].interface.arrays:
+            return _by_coils(system, torquers, system.components[wire.source], body)
+    for body, wire in system.by_input["h_wheel"].items():
+        if "h_copy_wheel" in system.components[body].interface.arrays:
+            return _without_coils(system, body, wire.source)
     return None
+
+
+def _by_coils(system: System, torquers: str, law: Component, body: str) -> ManagementParts:
+    """Return the parts of a craft whose manager commands coils."""
+    thrusters = system.fed.get((body, "tau_mean_thruster_body"))
+    field = system.fed.get((body, "b_eci"))
+    return ManagementParts(
+        spacecraft=body,
+        torquers=torquers,
+        wheels=_with_speed(system, system.takers.get((law.name, "tau_cmd_wheel"))),
+        field=field.series if field else None,
+        thrusters=thrusters.source if thrusters else None,
+        target=_target(system, law),
+        holds=content_of(system.about).stop_when is None and _holds(law),
+        deadband=law.values["h_deadband"] if "h_deadband" in law.interface.signals else 0.0,
+        brakes=_brakes(law),
+        reference=_reference(system),
+        manager=law.name,
+    )
+
+
+def _without_coils(system: System, body: str, wheels: str) -> ManagementParts:
+    """Return the parts of a craft whose wheels only thrusters unload, or nothing."""
+    thrusters = system.fed.get((body, "tau_mean_thruster_body"))
+    law = None
+    if thrusters is not None:
+        command = system.fed.get((thrusters.source, "tau_cmd_thruster_body"))
+        law = system.components.get(command.source) if command else None
+    return ManagementParts(
+        spacecraft=body,
+        wheels=_with_speed(system, wheels),
+        thrusters=thrusters.source if thrusters else None,
+        target=_target(system, law) if law else None,
+        reference=_reference(system),
+        manager=law.name if law else "",
+    )
+
+
+def _with_speed(system: System, wheels: str | None) -> str | None:
+    """Return the component of the wheels where it says their speed and whether they saturate."""
+    if wheels is None or not system.components[wheels].interface.arrays.keys() >= {*_OF_WHEELS}:
+        return None
+    return wheels
 
 
 def _reference(system: System) -> str | None:
@@ -256,7 +286,8 @@ def _turned(system: System, bias: Array) -> float:
 
 def signals(parts: ManagementParts) -> list[str]:
     """The series that the numbers are made of."""
-    names = [f"{parts.spacecraft}.h_copy_wheel", f"{parts.torquers}.m_mean_body"]
+    names = [f"{parts.spacecraft}.h_copy_wheel"]
+    names += [f"{parts.torquers}.m_mean_body"] if parts.torquers else []
     return names + [f"{parts.wheels}.{n}" for n in _OF_WHEELS if parts.wheels]
 
 
@@ -273,12 +304,8 @@ def numbers(manifest: Manifest, results: Results) -> dict[str, Value]:
     times = results.times()
     known = dict[str, float](zip(OF_MOMENTUM, of_momentum(times, h, axes, np.linalg.pinv(axes)),
                                  strict=True))  # fmt: skip
-    m, coils = results.values(f"{parts.torquers}.m_mean_body"), manifest.values_of(parts.torquers)
-    if (most := most_of_coils(coils)) is not None:
-        axes_coil = np.reshape(coils["axes_coil"], (3, -1))
-        inverse = np.linalg.pinv(axes_coil[:, np.linalg.norm(axes_coil, axis=0) > 0.0])
-        if len(m) >= (period := rows_a_period(coils, manifest.step)):
-            known |= zip(OF_COILS, of_coils(m, inverse, most, period), strict=True)
+    if parts.torquers:
+        known |= _of_their_coils(parts.torquers, manifest, results)
     if parts.wheels:
         own = manifest.values_of(parts.wheels)
         if "inertia_wheel" in own and "speed_limit" in own and there.any():
@@ -290,6 +317,20 @@ def numbers(manifest: Manifest, results: Results) -> dict[str, Value]:
     if (least := _least_braking(manifest, results)) is not None:
         known["least_braking"] = least
     return with_titles({n: (TITLES[n][0], x, TITLES[n][1]) for n, x in known.items()})
+
+
+def _of_their_coils(torquers: str, manifest: Manifest, results: Results) -> dict[str, float]:
+    """Return the numbers of a run's coils; none where they have no limit, or less than a period was
+    recorded."""
+    m, coils = results.values(f"{torquers}.m_mean_body"), manifest.values_of(torquers)
+    if (most := most_of_coils(coils)) is None:
+        return {}
+    axes = np.reshape(coils["axes_coil"], (3, -1))
+    inverse = np.linalg.pinv(axes[:, np.linalg.norm(axes, axis=0) > 0.0])
+    period = rows_a_period(coils, manifest.step)
+    if len(m) < period:
+        return {}
+    return dict(zip(OF_COILS, of_coils(m, inverse, most, period), strict=True))
 
 
 TITLES: Mapping[str, tuple[str, str]] = {
@@ -329,9 +370,11 @@ def _least_braking(manifest: Manifest, results: Results) -> float | None:
     start: a rod across the field B gives m |B|, and half of that in the mean over the attitudes of
     a craft that tumbles. None where it is not known, or the run is shorter."""
     parts: ManagementParts = manifest.parts[KEY]
+    if not parts.brakes or not parts.torquers:
+        return None
     given, coils = manifest.parameters.get(parts.spacecraft, {}), manifest.values_of(parts.torquers)
     series = f"{parts.spacecraft}.omega_bi_body", str(parts.field)
-    if not parts.brakes or missing(list(series), results) or "inertia" not in given:
+    if missing(list(series), results) or "inertia" not in given:
         return None
     if coils.get("drive") == "ideal" or "m_limit" not in coils or "axes_coil" not in coils:
         return None
@@ -356,13 +399,14 @@ def _rms(values: Array, times: Array) -> float:
 
 
 def balanced(parts: ManagementParts) -> list[str]:
-    """The series that `compare` is made of; none where it cannot be made."""
-    if parts.field is None:
+    """Return the series that `compare` is made of; none where it cannot be made."""
+    if (parts.torquers and parts.field is None) or not parts.manager:
         return []
     own = [f"{parts.spacecraft}.{n}" for n in ("q_bi", "omega_bi_body", "impulse_eci")]
-    fired = [f"{parts.thrusters}.tau_mean_thruster_body"] if parts.thrusters else []
-    return [*own, f"{parts.spacecraft}.h_copy_wheel", f"{parts.torquers}.m_mean_body",
-            parts.field, *fired]  # fmt: skip
+    own.append(f"{parts.spacecraft}.h_copy_wheel")
+    if parts.torquers and parts.field:
+        own += [f"{parts.torquers}.m_mean_body", parts.field]
+    return own + [f"{parts.thrusters}.tau_mean_thruster_body"] * bool(parts.thrusters)
 
 
 def compare(manifest: Manifest, results: Results) -> tuple[float, float] | None:
@@ -400,25 +444,30 @@ def balance(manifest: Manifest, results: Results) -> Balance | None:
 def _balance(manifest: Manifest, results: Results) -> Balance | None:
     parts: ManagementParts = manifest.parts[KEY]
     given = manifest.parameters.get(parts.spacecraft, {})
-    if (
-        parts.field is None or parts.target is None or manifest.algorithm != "gauss_seidel"
-        or missing(balanced(parts), results)
-    ):  # fmt: skip
+    needed = balanced(parts)
+    if not needed or parts.target is None or manifest.algorithm != "gauss_seidel":
+        return None
+    if missing(needed, results):
         return None
     if parts.thrusters and any(np.ravel(manifest.values_of(parts.thrusters).get(
             "schedule_duration", 0.0)).tolist()):  # fmt: skip
         return None  # the torque of what is scheduled is a disturbance
-    q, omega, impulse, h, dipole, b, *fired = (results.values(s) for s in balanced(parts))
-    count = min(len(q), len(b), len(dipole) + 1)
+    q, omega, impulse, h, *actuators = (results.values(s) for s in needed)
+    fired = actuators.pop() if parts.thrusters else None
+    intervals = [x for x in (fired, *actuators[:1]) if x is not None]
+    count = min(len(q), *(len(b) for b in actuators[1:]), *(len(x) + 1 for x in intervals))
     times, q, omega, impulse, h = (x[:count] for x in (results.times(), q, omega, impulse, h))
     if count < 4:
         return None
     known_wheels = _wheels_of(manifest, parts)
     axes = axes_of(known_wheels)
     body = omega @ carrier_of(given)[0].T if {"inertia", "inertia_wheel"} <= given.keys() else 0.0
-    managed = coil_impulse(times, b[:count], q, dipole[: count - 1])
-    for torque in fired:
-        managed = managed + fired_impulse(times, q, torque)
+    managed = np.zeros((count, 3))
+    if actuators:
+        dipole, b = actuators
+        managed = managed + coil_impulse(times, b[:count], q, dipole[: count - 1])
+    if fired is not None:
+        managed = managed + fired_impulse(times, q, fired)
     stored = h @ axes.T
     without = unmanaged(q, impulse, stored, body, managed)
     there = existing(known_wheels)
@@ -568,20 +617,20 @@ def removed(manifest: Manifest, results: Results) -> float | None:
     return taken / brought
 
 
-def _wheels_of(manifest: Manifest, parts: ManagementParts) -> Mapping[str, Any]:
+def _wheels_of(manifest: Manifest, parts: ManagementParts) -> Values:
     """Return the parameters that say which wheels there are: the wheels', else the craft's."""
     wheels = manifest.values_of(parts.wheels or "")
     return wheels if "axes_wheel" in wheels else manifest.values_of(parts.spacecraft)
 
 
-def _capacity(wheels: Mapping[str, Any]) -> float:
+def _capacity(wheels: Values) -> float:
     """Return the capacity of the smallest wheel that exists (N m s); 0 where it is not known."""
     if "inertia_wheel" not in wheels or "speed_limit" not in wheels:
         return 0.0
     return smallest_capacity(wheels)
 
 
-def most_of_coils(given: Mapping[str, Any]) -> float | None:
+def most_of_coils(given: Values) -> float | None:
     """The largest dipole of a coil (A m2) by the parameters of torquers, of pulsed ones in the mean
     of a period; None where it has no limit or is not known."""
     most = given.get("m_limit", 0.0)
@@ -590,7 +639,7 @@ def most_of_coils(given: Mapping[str, Any]) -> float | None:
     return float(most * given["duty_max"] if given.get("drive") == "pulsed" else most)
 
 
-def rows_a_period(given: Mapping[str, Any], step: float) -> int:
+def rows_a_period(given: Values, step: float) -> int:
     """Over how many rows the dipole of coils counts in the mean: of pulsed ones those of a
     period."""
     return max(1, round(given["sample_time"] / step)) if given.get("drive") == "pulsed" else 1

@@ -17,10 +17,10 @@ from ..numbers.text import Value
 from ..numbers.verdicts import Verdict
 from ..system.digest import wiring
 from ..system.expression import Table
-from ..system.model import Component, System
+from ..system.model import Component, System, Values
 from ..system.options import Options
 from ..system.parameters import Parameter, table
-from ..system.typed import fault_of
+from ..system.typed import JsonObject, fault_of
 from . import analyses
 
 AT_THE_END = {"stopped_when", "loop", "numbers", "verdicts", "unmet", "not_checked",
@@ -37,7 +37,7 @@ class Stopped:
     condition: str
     time: float
 
-    def to_json(self) -> dict[str, Any]:
+    def to_json(self) -> JsonObject:
         """As a manifest has it; a campaign's columns keep the time alone."""
         return dict(vars(self)) if self.condition else {"time": self.time}
 
@@ -78,12 +78,12 @@ class SubstepChoice:
     seconds: float = 0.0
     """CPU time that choosing took"""
 
-    def to_json(self) -> dict[str, Any]:
+    def to_json(self) -> JsonObject:
         """As the manifest has it."""
         return {**vars(self), "tried": {str(n): e for n, e in self.tried.items()}}
 
     @classmethod
-    def from_json(cls, told: Mapping[str, Any]) -> SubstepChoice:
+    def from_json(cls, told: JsonObject) -> SubstepChoice:
         """From a manifest."""
         seen = told["reached"]
         tried = {int(n): e for n, e in told["tried"].items()}
@@ -206,11 +206,11 @@ class Manifest(Mapping[str, Any]):
         """A line for each bound and each requirement that is not met."""
         return [*self.unmet, *verdicts.lines(self.verdicts)]
 
-    def values_of(self, component: str) -> Mapping[str, Any]:
+    def values_of(self, component: str) -> Values:
         """The values of a component's parameters by name; none where it is not there."""
         return {name: p.value for name, p in self.parameters.get(component, {}).items()}
 
-    def to_json(self) -> dict[str, Any]:
+    def to_json(self) -> JsonObject:
         """As `manifest.json` has it."""
         told: dict[str, Any] = {}
         for f in fields(self):
@@ -224,7 +224,7 @@ class Manifest(Mapping[str, Any]):
         return told
 
     @classmethod
-    def from_json(cls, told: Mapping[str, Any]) -> Manifest:
+    def from_json(cls, told: JsonObject) -> Manifest:
         """Read a manifest, also one of an older version, which lacks some keys, or of a newer one.
 
         Raises
@@ -252,7 +252,7 @@ class Manifest(Mapping[str, Any]):
         return manifest
 
     @cached_property
-    def _json(self) -> dict[str, Any]:
+    def _json(self) -> JsonObject:
         return self.to_json()
 
     def __getitem__(self, key: str) -> Any:

@@ -5,9 +5,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from math import inf, pi, sqrt
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,7 +22,7 @@ from ..numbers.derived import rotate
 from ..system.body import contradictions
 from ..system.craft import WheelArray, craft_of
 from ..system.errors import DesatError
-from ..system.model import Component, System
+from ..system.model import Component, System, Values
 from ..system.wheels import smallest_capacity
 from . import motion
 from .flight import (
@@ -193,7 +192,7 @@ def _most_in_an_orbit(system: System, craft: Component) -> float:
     return float(motion.period_of(r, v) * (torque + _given(system)))
 
 
-def _lever(values: Mapping[str, Any], option: str, area: str) -> float:
+def _lever(values: Values, option: str, area: str) -> float:
     """Return area times lever (m3) of drag or light, 0 where they are off, inf of plates."""
     if not values.get(option, 0):
         return 0.0

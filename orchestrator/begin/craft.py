@@ -95,6 +95,49 @@ SAMPLES = (10.0, 5.0, 2.0, 1.0)
 """Of thrusters (s): the longest that keeps within it, at least a step."""
 
 
+@dataclass(frozen=True)
+class NewWheels:
+    """The wheels of a new craft: texts for its files, and numbers in SI."""
+
+    count: int
+    inertia_si: float  # kg m2, of a rotor
+    axes_si: list[list[float]]  # (3, 4), body; zero where there is no wheel
+    axes: list[str]  # its rows
+    layout_why: str
+    null: bool  # whether some momenta of the wheels add up to nothing
+    capacity: str
+    speed: str  # largest
+    class_name: str
+    inertia: str  # of each rotor
+    torque: str
+    torque_si: float  # N m
+    capacity_si: float  # N m s, of each
+    why: str  # where the torque is from
+    viscous: str
+    coulomb: str
+    lag: str
+    compensation: str
+    noise: str  # N m s, of the momentum that is measured
+    half: str  # half the capacity of each
+
+
+@dataclass(frozen=True)
+class NewDumps:
+    """How a new craft dumps momentum between thresholds: texts for its files, and numbers in SI."""
+
+    by: str
+    percent: tuple[str, str]  # of a wheel's capacity: where a dump begins and ends
+    begin: str  # N m s
+    end: str  # N m s
+    torque: str  # N m
+    why: str  # where the torque is from
+    sample: float  # s, of thrusters or coils
+    large: bool  # whether the momentum is printed in N m s, not mN m s
+    most: str  # %: the fill that is required
+    aligned: bool  # whether a dump waits until its momentum lies along an axis
+    room: float  # N m s, between the thresholds
+
+
 class Assumption(NamedTuple):
     """A figure of a new craft, and where it is from."""
 
@@ -163,12 +206,12 @@ def _assumptions(wanted: CraftFacts, made: Mapping[str, Any]) -> Iterator[Assump
     yield Assumption("pointing", made["pointing"], "", "given" if wanted.pointing else "class")
     yield Assumption(
         "wheels",
-        f"{wheels['count']} x {wheels['capacity_si']:g}",
+        f"{wheels.count} x {wheels.capacity_si:g}",
         "N m s",
         f"{'given' if wanted.wheels else 'class: 1 deg/s of the craft, thrice'}; "
-        f"{wheels['layout_why']}",
+        f"{wheels.layout_why}",
     )
-    yield Assumption("torque of a wheel", f"{wheels['torque_si']:.3g}", "N m", wheels["why"])
+    yield Assumption("torque of a wheel", f"{wheels.torque_si:.3g}", "N m", wheels.why)
     if rods := made["rods"]:
         number, _, _ = rods["dipole"].partition(" ")
         yield Assumption("rods, each axis", number, "A m2", rods["why"])
@@ -198,9 +241,9 @@ def _assumptions(wanted: CraftFacts, made: Mapping[str, Any]) -> Iterator[Assump
             yield Assumption("propellant", number, unit, "given")
     if dump := made["dump"]:
         yield Assumption(
-            "a dump begins, ends", f"{dump['begin']}, {dump['end']}", "N m s", "given: --dump"
+            "a dump begins, ends", f"{dump.begin}, {dump.end}", "N m s", "given: --dump"
         )
-        yield Assumption("torque of a dump", dump["torque"], "N m", dump["why"])
+        yield Assumption("torque of a dump", dump.torque, "N m", dump.why)
     yield Assumption("sample time and step", f"{made['step']:g}", "s", made["step_why"])
 
 
@@ -245,11 +288,11 @@ def _template_values(wanted: CraftFacts, name: str, command: str) -> dict[str, A
     thrusters = _thrusters(wanted, sides)
     if wanted.propellant is not None and PROPELLANT(wanted.propellant) > 0.9 * mass:
         raise DesatError(f"--propellant {wanted.propellant}: more than 90 % of {mass:g} kg")
-    step = _step(orbit, inertia, wheels["torque_si"], sides, pointing in ("nadir", "yaw"))
+    step = _step(orbit, inertia, wheels.torque_si, sides, pointing in ("nadir", "yaw"))
     given_sample = None if wanted.sample is None else _given_sample(wanted.sample)
     step = step if given_sample is None else given_sample
     quick = 0.1 / step
-    bandwidth = min(quick, math.sqrt(wheels["torque_si"] / (max(inertia) * math.radians(5.0))))
+    bandwidth = min(quick, math.sqrt(wheels.torque_si / (max(inertia) * math.radians(5.0))))
     fullest = 1.0 if wanted.dump is None else min(_thresholds(wanted.dump)[0] + 10.0, 98.0) / 100.0
     loop = _attitude_loop(inertia, wheels, bandwidth, step)
     step = _stable_sample(loop, wheels, fullest, given_sample is not None)
@@ -285,12 +328,12 @@ def _template_values(wanted: CraftFacts, name: str, command: str) -> dict[str, A
         "description": f"{mass:.4g} kg, {pointing} pointing under "
         + _torques(orbit, sources) + "; " + (
             "a cross-product law takes the momentum that they leave in the wheels out through the "
-            "coils." if dump is None else f"dumps by {dump['by']} take the momentum that they "
-            f"leave in the wheels out from {dump['percent'][0]} % of a wheel's capacity to "
-            f"{dump['percent'][1]} %."),
+            "coils." if dump is None else f"dumps by {dump.by} take the momentum that they "
+            f"leave in the wheels out from {dump.percent[0]} % of a wheel's capacity to "
+            f"{dump.percent[1]} %."),
         "limits": _limits(mass, orbit, thrusters),
         "step": step, "step_why": step_why,
-        "substeps": _substeps(step, wheels["torque_si"] / min(inertia), dump),
+        "substeps": _substeps(step, wheels.torque_si / min(inertia), dump),
         "stop": _stop(orbit, dump, _secular(orbit, sources, light, centre, dipole),
                              step),
         "inertia": {"value": "[" + ", ".join(_list([x if i == j else 0.0 for j in range(3)])
@@ -313,7 +356,7 @@ def _template_values(wanted: CraftFacts, name: str, command: str) -> dict[str, A
             "why": f"fast beside the orbit, slow beside a sample of {0.1 / quick:g} s" if enough
             else "what the wheels' torque turns an error of 5 deg with",
             "yaw": _text(YAW_ERROR * bandwidth**2),
-            "manager": _text(rate), "start": _text(0.1 * wheels["capacity_si"]),
+            "manager": _text(rate), "start": _text(0.1 * wheels.capacity_si),
             "b_dot": _text(BRAKING * rate * sum(inertia) / 3.0),
         },
         "tumbling": {"step": min(1.0, step), "substeps": max(1, round(8.0 * min(1.0, step))),
@@ -414,21 +457,26 @@ def _step(
     ), 1.0)  # fmt: skip
 
 
+def _is_multiple(time: float, step: float) -> bool:
+    """Return whether a sample time (s) is a whole number of steps (s), one at least."""
+    count = time / step
+    return round(count) >= 1 and abs(count - round(count)) <= 1e-9
+
+
 def _given_sample(text: str) -> float:
     """Return the sample time (s) of --sample. Raises DesatError where 10 s are no multiple of it:
     coils and manager sample every 10 s."""
     sample = SAMPLE(text)
-    count = 10.0 / sample
-    if abs(count - round(count)) > 1e-9:
+    if not _is_multiple(10.0, sample):
         raise DesatError(f"--sample {text}: 10 s over a whole number is needed, as 0.5s, 0.2s")
     return sample
 
 
 def _attitude_loop(
-    inertia: Sequence[float], wheels: Mapping[str, Any], bandwidth: float, step: float
+    inertia: Sequence[float], wheels: NewWheels, bandwidth: float, step: float
 ) -> AttitudeLoop:
     """Return the attitude loop of a new craft, all of it sampled at every step (s)."""
-    axes, rotor = np.array(wheels["axes_si"]), wheels["inertia_si"]
+    axes, rotor = np.array(wheels.axes_si), wheels.inertia_si
     whole = np.diag(inertia)
     kp, kd, ki = _gains(bandwidth)
     return AttitudeLoop(
@@ -438,7 +486,7 @@ def _attitude_loop(
         kd=kd,
         ki=ki,
         actuated=np.eye(3),
-        motor_lag=quantity("", wheels["lag"], "s"),
+        motor_lag=quantity("", wheels.lag, "s"),
         gyroscopic=True,
         step=step,
         gyro_sample=step,
@@ -453,9 +501,7 @@ def _gains(bandwidth: float) -> tuple[float, float, float]:
     return 2.0 * bandwidth**2, 1.4 * bandwidth, 0.2 * bandwidth**3
 
 
-def _stable_sample(
-    loop: AttitudeLoop, wheels: Mapping[str, Any], fullest: float, given: bool
-) -> float:
+def _stable_sample(loop: AttitudeLoop, wheels: NewWheels, fullest: float, given: bool) -> float:
     """Return the sample time (s) at which the attitude loop is well damped.
 
     Parameters
@@ -469,8 +515,8 @@ def _stable_sample(
     given
         Whether the sample time is the user's, who is then told instead.
     """
-    axes = np.array(wheels["axes_si"])[:, : wheels["count"]]
-    each = np.full(wheels["count"], fullest * wheels["capacity_si"])
+    axes = np.array(wheels.axes_si)[:, : wheels.count]
+    each = np.full(wheels.count, fullest * wheels.capacity_si)
     own = loop.sample()
     found = longest_sample(loop, axes, each, (own, *SAMPLE_TIMES))
     if found == own:
@@ -517,7 +563,7 @@ def _bend(orbit: Orbit) -> float:
     return float(2.0 * orbit.rate**2 * e * bend.max() / (1.0 - e * e) ** 3)
 
 
-def _substeps(step: float, acceleration: float, dump: Mapping[str, Any] | None) -> int:
+def _substeps(step: float, acceleration: float, dump: NewDumps | None) -> int:
     """As many as `coverage.LIMITS` asks of wheels that all turn the craft at their torque (rad/s2
     each), where dumps make runs long; eight of a day's run."""
     if dump is None:
@@ -526,22 +572,22 @@ def _substeps(step: float, acceleration: float, dump: Mapping[str, Any] | None) 
 
 
 def _stop(
-    orbit: Orbit, dump: Mapping[str, Any] | None, torque: float, step: float
+    orbit: Orbit, dump: NewDumps | None, torque: float, step: float
 ) -> float:  # fmt: skip
     """How long a scenario lasts (s): a day, ten orbits of a slow one, or until there have been
     DUMPS dumps; all wheels of a pyramid hold 1.7 times what one does."""
     days = 1.0
     if orbit.period >= SLOW:
         days = math.ceil(10.0 * orbit.period / 86400.0) if orbit.of_earth else 10.0
-    if dump is not None and dump["by"] == "thrusters":
-        days = max(days, math.ceil(DUMPS * 1.7 * dump["room"] / max(torque, 1e-12) / 86400.0))
+    if dump is not None and dump.by == "thrusters":
+        days = max(days, math.ceil(DUMPS * 1.7 * dump.room / max(torque, 1e-12) / 86400.0))
     return 86400.0 * max(1.0, min(days, math.floor(MOST_STEPS * step / 86400.0)))
 
 
 def _dump(
-    wanted: CraftFacts, wheels: Mapping[str, Any], thrusters: Mapping[str, str] | None, rods: bool,
+    wanted: CraftFacts, wheels: NewWheels, thrusters: Mapping[str, str] | None, rods: bool,
     inertia: float, step: float,
-) -> dict[str, Any] | None:  # fmt: skip
+) -> NewDumps | None:  # fmt: skip
     """What dumps between thresholds are made with; None: a law that dumps all the time."""
     if wanted.dump is None:
         if not rods:
@@ -555,22 +601,30 @@ def _dump(
         raise DesatError(f"--dump {wanted.dump}: aligned is of thrusters, which pay for each axis")
     if by == "thrusters" and thrusters is None:
         raise DesatError(f"--dump {wanted.dump}: --thrusters says which, as --thrusters '4 1N'")
-    capacity = wheels["capacity_si"]
-    torque, sample = 0.5 * wheels["torque_si"], 10.0
+    capacity = wheels.capacity_si
+    torque, sample = 0.5 * wheels.torque_si, 10.0
     why = "half of what the wheels give"
     if thrusters is not None and by == "thrusters":
         if float(thrusters["torque_si"]) < torque:
             torque, why = float(thrusters["torque_si"]), "what a pair gives"
         room = 8.0 * inertia * DEVIATION
-        sample = max(step, next((x for x in SAMPLES if torque * x * x <= room), 0.0))
+        longest = (x for x in SAMPLES if torque * x * x <= room and _is_multiple(x, step))
+        sample = next(longest, step)
         if torque * sample * sample > room:
             torque, why = room / sample**2, "no pulse turns the craft by more than 0.1 deg"
-    return {"by": by, "percent": (f"{begin:g}", f"{end:g}"),
-            "begin": _text(begin / 100.0 * capacity), "end": _text(end / 100.0 * capacity),
-            "torque": _text(torque), "why": why, "sample": sample, "large": capacity >= 1.0,
-            "most": f"{min(begin + 10.0, 98.0):g}",
-            "aligned": aligned,
-            "room": (begin - end) / 100.0 * capacity}  # fmt: skip
+    return NewDumps(
+        by=by,
+        percent=(f"{begin:g}", f"{end:g}"),
+        begin=_text(begin / 100.0 * capacity),
+        end=_text(end / 100.0 * capacity),
+        torque=_text(torque),
+        why=why,
+        sample=sample,
+        large=capacity >= 1.0,
+        most=f"{min(begin + 10.0, 98.0):g}",
+        aligned=aligned,
+        room=(begin - end) / 100.0 * capacity,
+    )
 
 
 def _thresholds(text: str) -> tuple[float, float, str, bool]:
@@ -596,7 +650,7 @@ def _thresholds(text: str) -> tuple[float, float, str, bool]:
 
 
 def _holds(
-    pointing: str, orbit: Orbit, inertia: list[float], wheels: Mapping[str, Any],
+    pointing: str, orbit: Orbit, inertia: list[float], wheels: NewWheels,
     dipole: list[float], start: Mapping[str, Any],
 ) -> None:  # fmt: skip
     """Raises DesatError where the fullest wheel cannot hold what an orbit alone brings."""
@@ -606,7 +660,7 @@ def _holds(
         to_earth, orbit.rate, orbit.inclination, (a, 0.0, 0.0, 0.0, b, 0.0, 0.0, 0.0, c), dipole,
         None if to_earth else start["turned"],
     )  # fmt: skip
-    needs, has = cyclic.fullest(np.array(wheels["axes_si"]), momentum), wheels["capacity_si"]
+    needs, has = cyclic.fullest(np.array(wheels.axes_si), momentum), wheels.capacity_si
     if needs > has:
         raise DesatError(
             f"--wheels: {cyclic.shortfall(needs, has)}: take at least "
@@ -615,7 +669,8 @@ def _holds(
         )
 
 
-def _wheels(wanted: CraftFacts, inertia: list[float]) -> dict[str, Any]:
+def _wheels(wanted: CraftFacts, inertia: list[float]) -> NewWheels:
+    """Return the wheels that the facts ask for, or those of its class."""
     largest = max(inertia)
     # a class of its own: what turns it at 1 deg/s, thrice
     size = 3.0 * largest * math.radians(1.0)
@@ -639,19 +694,28 @@ def _wheels(wanted: CraftFacts, inertia: list[float]) -> dict[str, Any]:
     rotor = capacity / speed
     viscous, coulomb = friction(torque, speed)
     held = "a pyramid along (+-1, +-1, 1)" if count == 4 else "one wheel along each axis"
-    return {
-        "count": count, "inertia_si": rotor, "axes_si": axes,
-        "axes": ["[" + ", ".join(f"{x:.16g}" for x in row) + "]" for row in axes],
-        "layout_why": held, "null": count == 4,
-        "capacity": f"{capacity * 1e3:g} mN m s", "speed": figures["speed"], "class": name,
-        "inertia": "[" + ", ".join([f"{rotor:.9g}"] * count + ["0.0"] * (4 - count)) + "]",
-        "torque": f"{torque * 1e3:.4g} mN.m", "torque_si": torque, "capacity_si": capacity,
-        "why": f"class: {name}" + ("" if abs(share - 1.0) < 1e-9 else f" times {share:.3g}"),
-        "viscous": f"{viscous:.3g}", "coulomb": f"{coulomb:.3g}",
-        "lag": WHEEL_LAG, "compensation": COMPENSATION,
-        "noise": f"{1e-3 * capacity:.3g}",
-        "half": _list([0.5 * capacity * (i < count) for i in range(4)]),
-    }  # fmt: skip
+    return NewWheels(
+        count=count,
+        inertia_si=rotor,
+        axes_si=axes,
+        axes=["[" + ", ".join(f"{x:.16g}" for x in row) + "]" for row in axes],
+        layout_why=held,
+        null=count == 4,
+        capacity=f"{capacity * 1e3:g} mN m s",
+        speed=figures["speed"],
+        class_name=name,
+        inertia="[" + ", ".join([f"{rotor:.9g}"] * count + ["0.0"] * (4 - count)) + "]",
+        torque=f"{torque * 1e3:.4g} mN.m",
+        torque_si=torque,
+        capacity_si=capacity,
+        why=f"class: {name}" + ("" if abs(share - 1.0) < 1e-9 else f" times {share:.3g}"),
+        viscous=f"{viscous:.3g}",
+        coulomb=f"{coulomb:.3g}",
+        lag=WHEEL_LAG,
+        compensation=COMPENSATION,
+        noise=f"{1e-3 * capacity:.3g}",
+        half=_list([0.5 * capacity * (i < count) for i in range(4)]),
+    )
 
 
 def _rods(wanted: CraftFacts, mass: float, orbit: Orbit) -> dict[str, str] | None:

@@ -16,7 +16,7 @@ from markupsafe import Markup
 from numpy.typing import NDArray
 
 from ..figures.canvas import INCH, Axes, Figure
-from ..figures.plots import limits_of, scattered
+from ..figures.plots import scattered
 from ..figures.style import (
     COLOURS,
     DASHED,
@@ -29,6 +29,7 @@ from ..figures.style import (
 from ..files.identity import COMPUTING
 from ..language.content import content_of, dispersions_of
 from ..language.scenario import Plot
+from ..numbers.limits import limits_of
 from ..numbers.numbers import late
 from ..numbers.text import number as shown
 from ..numbers.text import spell_unit

@@ -137,6 +137,9 @@ def print_json(data: Any) -> None:
     sys.stdout.write(json.dumps(data, indent=1) + "\n")
 
 
+MARKS = {"": "", "ok": "green", "bad": "red"}  # colours of good and bad values
+
+
 def print_table(table: Table, *, is_folded: bool = False) -> None:
     """Print a table on standard output.
 
@@ -154,7 +157,7 @@ def print_table(table: Table, *, is_folded: bool = False) -> None:
     for heading, column in zip(table.headings(), table.columns, strict=True):
         shown.add_column(heading, justify="right" if column.kind == "number" else "left")
     for row in table.cells():
-        shown.add_row(*(str(cell.value) for cell in row))
+        shown.add_row(*(Text(plain(str(cell.value)), MARKS[cell.mark]) for cell in row))
     usual = out.width
     if not is_folded:
         whole = Measurement.get(out, out.options.update(max_width=10_000), shown).maximum

@@ -20,6 +20,7 @@ from typing import Any
 import numpy as np
 
 from ..system.errors import DesatError
+from ..system.typed import JsonObject
 from .current_call import RESTORE, SAVE, time, word
 from .ending import Ending
 from .instances.base import Array
@@ -38,10 +39,10 @@ class Checkpoint:
     k: int
     rows: int
     """Rows of the series until then."""
-    ending: dict[str, Any]
+    ending: JsonObject
     messages: dict[str, list[str]]
     """What each component had logged."""
-    about: dict[str, Any]
+    about: JsonObject
     """What the caller wanted to find again."""
     arrays: dict[str, Array]
     states: dict[str, bytes]

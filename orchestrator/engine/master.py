@@ -21,7 +21,7 @@ from __future__ import annotations
 
 import weakref
 from collections import defaultdict
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection
 from functools import partial
 from math import inf
 from types import TracebackType
@@ -32,7 +32,7 @@ import numpy as np
 from ..system.choices import Algorithm
 from ..system.errors import DesatError
 from ..system.interface import KINDS, Kind, Signal
-from ..system.model import Component, Connection, System
+from ..system.model import Component, Connection, System, Values
 from ..system.options import ALGORITHMS
 from ..system.schedule import Rates, Schedule, graded
 from .current_call import (
@@ -244,7 +244,7 @@ class Master:
                 clocks[member.every],
             )
 
-    def parameters(self, member: Node) -> Mapping[str, Any]:
+    def parameters(self, member: Node) -> Values:
         """A component's parameters; a sample at every step is one at every whole step."""
         given = member.component.parameters
         inner = len(self._rates.parts) > 1 and member.every == 1

@@ -9,11 +9,12 @@ from __future__ import annotations
 
 import base64
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..system.typed import JsonObject
 from .canvas import Axes, Figure, Mark
 
 Array = NDArray[np.float64]
@@ -23,7 +24,7 @@ FEWEST, MOST = 400, 20_000
 """Values of a line."""
 
 
-def data_of(figures: Sequence[Figure]) -> dict[str, Any]:
+def data_of(figures: Sequence[Figure]) -> JsonObject:
     """`grids`: values of x (of times s), base64 of little-endian doubles; `plots`: a figure each,
     None for one that the script cannot draw, of which the SVG stays; `most`: values of a line."""
     lines = [_lines(f.axes[0]) if _drawable(f) else [] for f in figures]
@@ -99,7 +100,7 @@ def _drawable(figure: Figure) -> bool:
     return all(len(line.x) and bool((np.diff(line.x) > 0.0).all()) for line in _lines(ax))
 
 
-def _plot(ax: Axes, lines: Sequence[_Line], room: int, grids: dict[bytes, int]) -> dict[str, Any]:
+def _plot(ax: Axes, lines: Sequence[_Line], room: int, grids: dict[bytes, int]) -> JsonObject:
     seconds = ax.x.seconds
     x, columns = thinned([(line.x, line.y) for line in lines], room)
     label = " ".join(ax.y.label.split("\n"))
@@ -171,7 +172,7 @@ def _ends(y: Array, starts: NDArray[np.intp]) -> Array:
     return ends.ravel()
 
 
-def _encode(values: Array) -> dict[str, Any]:
+def _encode(values: Array) -> JsonObject:
     """Values as base64 of little-endian floats, less an offset where they hardly differ."""
     known = values[np.isfinite(values)]
     low, high = (float(known.min()), float(known.max())) if len(known) else (0.0, 0.0)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -10,10 +10,10 @@ import numpy as np
 
 from ..engine.recording.results import Results
 from ..numbers import derived
+from ..numbers.limits import limits_of
 from ..numbers.numbers import scale
 from ..system.errors import DesatError, nearest
-from ..system.expression import Table, factor, product
-from ..system.expression import entry as value_of
+from ..system.expression import Table
 from .canvas import INCH, Axes, Figure, Strip
 from .style import (
     BANDS,
@@ -31,7 +31,7 @@ from .style import (
 )
 
 if TYPE_CHECKING:
-    from ..language.scenario import LimitLine, Plot
+    from ..language.scenario import Plot
 
 Run = tuple[str, Results, Table]
 """label, series, parameters as a manifest has them"""
@@ -229,32 +229,6 @@ def elements_of(signal: str, count: int) -> list[str]:
     if kind in ("body", "eci", "lvlh") and count == len("xyz"):
         return list("xyz")
     return [str(i + 1) for i in range(count)]
-
-
-def limits_of(
-    given: Iterable[LimitLine], parameters: Table, unit: str
-) -> list[tuple[str, float, bool]]:
-    """(name, value, filled) of the limit lines, or bands about zero: products of parameters, or
-    numbers, that hold in this run."""
-    limits = []
-    for limit in given:
-        if any(parameter_of(parameters, k) == v for k, v in limit.unless.items()):
-            continue
-        value, name = limit.value, "limit"
-        if isinstance(value, str):
-            name = value.partition("[")[0]
-            value, own = product(value, parameters)
-            value *= factor(own, unit, f'of "{limit.value}"')
-        limits.append((limit.name or name, float(value), limit.fill))
-    return limits
-
-
-def parameter_of(parameters: Table, name: str) -> Any:
-    """The value of `component.parameter` or `component.parameter[i]`; None if unknown."""
-    try:
-        return value_of(name, parameters)[0]
-    except DesatError:
-        return None
 
 
 # ------------------------------------------------------------------------------------------------

@@ -15,7 +15,7 @@ from desat.components.contract.units import Unit, conversion
 
 from ..system.body import Body
 from ..system.check import Checked, check
-from ..system.errors import DesatError, nearest
+from ..system.errors import DesatError, nearest, require
 from ..system.expression import evaluate
 from ..system.interface import Interface, OutputClass, Signal, base_name
 from ..system.layer import SHARED, Layer, Place, Value
@@ -172,8 +172,7 @@ class Builder:
 
     def part(self, name: str, where: str) -> Part:
         """Return a component by its name. Raises DesatError, which begins with `where`."""
-        if name not in self.components:
-            raise DesatError(f"{where}: no component {name}{nearest(name, self.components)}")
+        require(name, self.components, f"{where}: no component")
         return self.components[name]
 
     # --- FMUs in their places -------------------------------------------------------------------

@@ -17,6 +17,7 @@ from importlib.resources import files
 from typing import Any
 
 from ..system.errors import DesatError, nearest
+from ..system.model import Values
 from ..system.quantity import Quantity
 
 Figures = Mapping[str, str]
@@ -61,7 +62,7 @@ def figures(role: str, text: str) -> tuple[bool, Figures]:
 
 
 def values(
-    role: str, typical: bool, of: Figures, parameters: frozenset[str], present: Mapping[str, Any]
+    role: str, typical: bool, of: Figures, parameters: frozenset[str], present: Values
 ) -> dict[str, Any]:
     """What a component's parameters become: name -> value, as a craft file may write it.
 

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from ..system.errors import DesatError
 from ..system.layer import SHARED, Layer, Place, Value
-from ..system.model import J2000, Fmu
+from ..system.model import J2000, Fmu, Values
 from ..system.options import Options
 from ..system.parameters import parse_assignment
 from . import craft, library, own, paths, ssp
@@ -128,7 +128,7 @@ def _place(component: str, source: str, folder: Path, origin: str) -> Place:
 def of_options(
     options: Options,
     sampled: Mapping[str, str] | None = None,
-    designed: Mapping[str, Mapping[str, Any]] | None = None,
+    designed: Mapping[str, Values] | None = None,
 ) -> Layer:
     """Make the layer of a command's options.
 
@@ -167,7 +167,7 @@ def of_options(
     return layer
 
 
-def _designed_values(parameters: Mapping[str, Mapping[str, Any]]) -> Iterator[Value]:
+def _designed_values(parameters: Mapping[str, Values]) -> Iterator[Value]:
     """Yield the values of a design."""
     for component, values in parameters.items():
         for variable, value in values.items():

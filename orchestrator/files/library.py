@@ -20,10 +20,11 @@ from filelock import FileLock, Timeout
 
 from desat.fmus import meaning, registry
 
-from ..system.errors import DesatError, nearest
+from ..system.errors import DesatError, nearest, require
 from ..system.interface import Interface, interface_of_block
 from ..system.model import Component, Fmu, System
 from ..system.options import Options
+from ..system.typed import JsonObject
 from . import io, own, paths
 from .fmu import description_of, faults, of_fmu
 from .io import contents, regular, text
@@ -284,7 +285,7 @@ def _hash_of(name: str) -> str:
     return str(meaning.computed(name)["computes"])
 
 
-def index() -> dict[str, dict[str, Any]]:
+def index() -> dict[str, JsonObject]:
     """What is said of our built FMUs, by the sha256 of their files; empty where there are none."""
     if not paths.are_built():
         return {}
@@ -308,7 +309,7 @@ def python_alone() -> list[str]:
 
 
 @lru_cache(maxsize=4)
-def _load_index(file: Path, *_: int) -> dict[str, dict[str, Any]]:
+def _load_index(file: Path, *_: int) -> dict[str, JsonObject]:
     return {e["sha256"]: e for e in json.loads(file.read_text(encoding="utf-8"))}
 
 
@@ -322,8 +323,7 @@ def interface_of(source: str, fmu: Fmu | None, blocks: bool) -> Interface:
     """
     name = source.rpartition("/")[2].removesuffix(".fmu")
     if blocks:
-        if name not in registry.names():
-            raise DesatError(f"no block {name}{nearest(name, registry.names())}")
+        require(name, registry.names(), "no block")
         return interface_of_block(name)
     if fmu is None:
         known = {p.stem for p in paths.fmus().glob("*.fmu")}

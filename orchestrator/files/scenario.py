@@ -20,7 +20,7 @@ from functools import cache, lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ..system.errors import DesatError, nearest
+from ..system.errors import DesatError, nearest, require
 from . import paths
 from .io import TomlTable, at, toml, utf8_name
 from .merge import Origins, copy, fill, leave_out, merge, origin
@@ -375,8 +375,7 @@ def _ours(name: str, where: str, origins: Origins, seen: tuple[Path, ...]) -> To
     """What a scenario file that is not one of ours extends as FAMILY/NAME: a scenario, or a file
     of the family. Its `family` says which."""
     family, _, stem = name.partition("/")
-    if family not in families():
-        raise DesatError(f"{where}: extends: no family {family}{nearest(family, families())}")
+    require(family, families(), f"{where}: extends: no family")
     file = paths.SCENARIOS / family / "scenarios" / f"{stem}.toml"
     if not file.is_file() or "axes" in (data := load(file, origins, seen)):
         try:

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..system.errors import DesatError, nearest
+from ..system.errors import MisfitError, nearest
 
 if TYPE_CHECKING:
     from ..language.scenario import Number, Plot
@@ -69,23 +69,26 @@ def quantity(
 
 
 def of_entry(entry: Number | Plot) -> tuple[DerivedQuantity, dict[str, Any]] | None:
-    """What a number or plot derives, and its options; None where it derives nothing. Raises
-    DesatError for what there is not, and where it takes other series."""
-    if not (name := entry.derive):
+    """Return what a number or plot derives, and its options; None where it derives nothing.
+
+    Raises
+    ------
+    MisfitError
+        If there is no such quantity, or it takes other series or no sequence.
+    """
+    name = entry.derive
+    if name and name not in QUANTITIES:
+        raise MisfitError(f"no {name}{nearest(name, QUANTITIES)}", "derive")
+    if entry.sequence and entry.derive not in ("euler", "euler_lvlh"):
+        raise MisfitError('only with derive = "euler" or "euler_lvlh"', "sequence")
+    if not name:
         return None
-    if name not in QUANTITIES:
-        raise DesatError(f"no {name}{nearest(name, QUANTITIES)}")
     quantity = QUANTITIES[name]
     if len(entry.signals) != len(quantity.series):
-        raise DesatError(
-            f"{name} takes {len(quantity.series)} signals, {', '.join(quantity.series)}"
+        raise MisfitError(
+            f"{name} takes {len(quantity.series)} signals, {', '.join(quantity.series)}", "derive"
         )
     return quantity, {"sequence": entry.sequence} if entry.sequence else {}
-
-
-def takes_parameters(name: str) -> bool:
-    """Whether there is such a quantity, and it takes parameters."""
-    return name in QUANTITIES and bool(QUANTITIES[name].own)
 
 
 @quantity("x", "y", "z", unit="", own=("axes_wheel",))

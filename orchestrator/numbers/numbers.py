@@ -25,19 +25,19 @@ from __future__ import annotations
 
 import inspect
 import math
-from collections.abc import Callable, Sequence
-from functools import partial
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable, Mapping, Sequence
+from functools import cache, partial
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from desat.components.contract.units import Unit
 
-from ..system.errors import DesatError, nearest
+from ..system.errors import DesatError, MisfitError, nearest
 from ..system.expression import Table, entry, factor, product
 from ..system.parameters import unit_of
 from . import derived
-from .measures import LATE, MEASURES, OWN_UNIT
+from .measures import LATE, MEASURES, OWN_UNIT, SCALARS, SIZES, Measure
 
 if TYPE_CHECKING:
     from ..engine.recording.results import Results
@@ -48,29 +48,205 @@ OPEN_END = 1e9
 """A window that ends here or later (s) ends with the run."""
 
 
-def evaluate(number: Number, results: Results, parameters: Table) -> float | None:
-    """The number that a scenario describes.
+class SeriesUnit(NamedTuple):
+    """What a number must know of a series before it is measured."""
 
-    None where the run does not reach it: no row in its window, or nothing there to measure.
-    Raises DesatError for a series that is not there, a unit that does not fit, and a product of
-    parameters that has no value.
+    unit: str
+    width: int  # elements; 0: not known
+
+
+SeriesLookup = Callable[[str], SeriesUnit | None]
+"""Unit and elements of `component.output`; None where the component's FMU is missing.
+
+It raises DesatError where there is no such series.
+"""
+
+
+class BoundNumber(NamedTuple):
+    """A number of a scenario with what it takes from the system or run that it is bound to."""
+
+    number: Number
+    measure: Measure
+    quantity: derived.DerivedQuantity | None
+    derive_options: dict[str, Any]
+    options: dict[str, Any]  # of the measure, as numbers
+    convert: Callable[[float], float]  # from the measure's unit to the number's
+
+    def evaluate(self, results: Results) -> float | None:
+        """Return its value in a run, in its unit.
+
+        None where the run does not reach it: no row in its window, or nothing there to measure.
+        """
+        columns = self._columns(results)
+        rows = min(len(c) for c in columns)
+        times = results.times()[:rows]
+        if self.number.window:
+            begin, end = self.number.window
+            inside = (times >= begin - 1e-6) & (times <= end + 1e-6)
+            times, columns = times[inside], [c[:rows][inside] for c in columns]
+            rows = len(times)
+        if rows == 0:
+            return None
+        with np.errstate(over="ignore"):  # a run that diverges has infinite numbers
+            value = self.measure(times, *(c[:rows] for c in columns), **self.options)
+        return None if math.isnan(value) else self.convert(value)
+
+    def _columns(self, results: Results) -> list[derived.Array]:
+        """Return what is measured, (rows, elements) each: the series, or what is derived of them.
+
+        Several numbers measure the same.
+        """
+
+        def column(signal: str) -> derived.Array:
+            values = results.values(signal)
+            return (values if values.ndim > 1 else values[:, None]).astype(float)
+
+        number = self.number
+        columns = [results.recent(name, partial(column, name)) for name in number.signals]
+        if self.quantity is not None:
+            key = (number.derive, *number.signals, number.sequence)
+            options = self.derive_options
+            make = partial(self.quantity.rows, results.times(), columns, options)
+            columns = [results.recent(key, make)]
+        if element := number.element:
+            if element > columns[0].shape[1]:
+                raise DesatError(f"element {element}: there are {columns[0].shape[1]}")
+            columns[0] = columns[0][:, element - 1 : element]
+        return columns
+
+
+def bind(number: Number, series: SeriesLookup, parameters: Table | None) -> BoundNumber:
+    """Bind a number to the series and parameters of a system or of a run.
+
+    Without `parameters`, which a system that cannot be built lacks, what follows from them is left
+    out: it is a check then.
+
+    Raises
+    ------
+    MisfitError
+        If measure, option, derived quantity, series, element, unit or parameter does not fit.
     """
-    units = _units(number, [results.attribute(s, "unit") for s in number.signals])
-    conversion = _conversion(number, units, parameters)
-    options = _options(number, units, parameters)
-    columns = _columns(number, results, parameters)
-    rows = min(len(c) for c in columns)
-    times = results.times()[:rows]
-    if number.window:
-        begin, end = number.window
-        kept = (times >= begin - 1e-6) & (times <= end + 1e-6)
-        times, columns = times[kept], [c[:rows][kept] for c in columns]
-        rows = len(times)
-    if rows == 0:
-        return None
-    with np.errstate(over="ignore"):  # a run that diverges has infinite numbers
-        value = MEASURES[number.measure](times, *(c[:rows] for c in columns), **options)
-    return None if math.isnan(value) else conversion(value)
+    check_words(number)
+    measure = MEASURES[number.measure]
+    quantity, derive_options = derived.of_entry(number) or (None, {})
+    signals = []
+    for name in number.signals:
+        try:
+            signal = series(name)
+        except DesatError as error:
+            raise MisfitError(str(error), "signal") from error
+        if signal is not None:
+            signals.append(signal)
+    if len(signals) < len(number.signals):
+        return BoundNumber(number, measure, quantity, {}, {}, float)
+    texts = [s.unit for s in signals]
+    if quantity is not None:
+        texts = [quantity.unit or signals[0].unit]
+    units = [unit_of(text) for text in texts]
+    _check_elements(number, len(quantity.names) if quantity else signals[0].width)
+    try:
+        convert = _conversion(number, texts[0], parameters)
+    except DesatError as error:
+        raise MisfitError(str(error), "unit") from error
+    options = dict(number.options)
+    if parameters is not None:
+        options = _options(number, units, parameters)
+        owner = number.signals[0].partition(".")[0]
+        for name in quantity.own if quantity else ():
+            derive_options[name] = entry(f"{owner}.{name}", parameters)[0]
+    return BoundNumber(number, measure, quantity, derive_options, options, convert)
+
+
+def evaluate(number: Number, results: Results, parameters: Table) -> float | None:
+    """Return the value of a scenario's number in a run; None where the run does not reach it.
+
+    Raises
+    ------
+    DesatError
+        If the run lacks a series, a unit does not fit, or a product of parameters has no value.
+    """
+
+    def series(name: str) -> SeriesUnit:
+        return SeriesUnit(results.attribute(name, "unit"), 0)
+
+    return bind(number, series, parameters).evaluate(results)
+
+
+# --- What is wrong with a number by itself -------------------------------------------------------
+
+
+class MeasureOptions(NamedTuple):
+    """What a measure takes after the times."""
+
+    series: list[str]
+    defaults: Mapping[str, Any]  # of its options, or inspect.Parameter.empty
+    kinds: Mapping[str, str]  # of its options, as annotated
+
+
+@cache
+def options_of(measure: str) -> MeasureOptions:
+    """Return the series and options that a measure takes."""
+    parameters = list(inspect.signature(MEASURES[measure]).parameters.values())[1:]
+    series = [p.name for p in parameters if p.annotation == "Array"]
+    options = [p for p in parameters if p.annotation != "Array"]
+    return MeasureOptions(
+        series, {p.name: p.default for p in options}, {p.name: p.annotation for p in options}
+    )
+
+
+def check_words(number: Number) -> None:
+    """Check the measure of a number, its options, and what it derives, without any system.
+
+    Raises
+    ------
+    MisfitError
+        For the first thing that there is not, or that does not fit.
+    """
+    measure = number.measure
+    if measure not in MEASURES:
+        raise MisfitError(f"no measure {measure}{nearest(measure, MEASURES)}", "measure")
+    series, defaults, kinds = options_of(measure)
+    derived.of_entry(number)
+    if number.element and len(series) > 1:
+        raise MisfitError(f"{measure} takes {len(series)} series; only with one", "element")
+    count = 1 if number.derive else len(number.signals)
+    if count != len(series):
+        raise MisfitError(f"{count} given; {measure} takes {len(series)}", "signal")
+    for option, value in number.options.items():
+        if option not in defaults:
+            hint = nearest(option, defaults) or "; it has none"
+            raise MisfitError(f"{measure} has no option {option}{hint}", "options", option)
+        if needed := _needed_instead(option, kinds[option], value):
+            raise MisfitError(f"got {value!r}; {needed} is needed", "options", option)
+    for option, default in defaults.items():
+        if default is inspect.Parameter.empty and option not in number.options:
+            raise MisfitError(f"{measure} needs {option}", "options")
+
+
+def _needed_instead(option: str, annotation: str, value: Any) -> str:
+    """Return what an option of a measure needs in place of a value; empty where that is right.
+
+    A text may stand for a number: it names parameters.
+    """
+    if option == "kind":
+        return "" if value in SIZES else " or ".join(SIZES)
+    if annotation.startswith("list"):
+        is_list = isinstance(value, list) and all(type(x) in (int, float) for x in value)
+        return "" if is_list else "a list of numbers"
+    if annotation == "int":
+        return "" if type(value) is int else "a whole number"
+    return "" if type(value) in (int, float, str) else "a number"
+
+
+def _check_elements(number: Number, count: int) -> None:
+    """Raise MisfitError where a number measures an element that there is not, or several as one."""
+    if not count:
+        return
+    if (number.element or 0) > count:
+        what = number.derive or "the signal"
+        raise MisfitError(f"got {number.element}; {what} has {count}", "element")
+    if not number.element and count > 1 and number.measure in SCALARS:
+        raise MisfitError(f"{number.measure} takes one element; there are {count}", "element")
 
 
 def late(content: Content) -> set[str]:
@@ -87,55 +263,26 @@ def ranks(values: Sequence[float | None], is_late: bool) -> list[Any]:
     return [math.inf if x is None and is_late else x for x in values]
 
 
-def _columns(
-    number: Number, results: Results, parameters: Table
-) -> list[derived.Array]:  # fmt: skip
-    """What is measured, (rows, elements) each: the series, or what is derived of them. Several
-    numbers measure the same."""
-
-    def column(signal: str) -> derived.Array:
-        values = results.values(signal)
-        return (values if values.ndim > 1 else values[:, None]).astype(float)
-
-    columns = [results.recent(name, partial(column, name)) for name in number.signals]
-    if derivation := derived.of_entry(number):
-        quantity, options = derivation
-        key = (number.derive, *number.signals, *options.items())
-        options = {**options, **_own(number, quantity, parameters)}
-        make = partial(quantity.rows, results.times(), columns, options)
-        columns = [results.recent(key, make)]
-    if element := number.element:
-        if element > columns[0].shape[1]:
-            raise DesatError(f"element {element}: there are {columns[0].shape[1]}")
-        columns[0] = columns[0][:, element - 1 : element]
-    return columns
-
-
-def _own(
-    number: Number, quantity: derived.DerivedQuantity, parameters: Table
-) -> dict[str, Any]:  # fmt: skip
-    """The parameters that a derived quantity takes. Raises DesatError where there are none."""
-    owner = number.signals[0].partition(".")[0]
-    return {name: entry(f"{owner}.{name}", parameters)[0] for name in quantity.own}
-
-
-def _units(number: Number, signals: list[str]) -> list[Unit]:
-    """The unit of each of what is measured, from those of the signals."""
-    if derivation := derived.of_entry(number):
-        signals = [derivation[0].unit or signals[0]]
-    return [unit_of(s) for s in signals]
-
-
 def _conversion(
-    number: Number, units: list[Unit], parameters: Table
+    number: Number, own_unit: str, parameters: Table | None
 ) -> Callable[[float], float]:  # fmt: skip
-    """From the measure's unit to the number's. Raises DesatError where they do not fit."""
+    """Return the conversion from the measure's unit, of a series in `own_unit`, to the number's.
+
+    Raises
+    ------
+    DesatError
+        If they do not fit.
+    """
     name, unit = number.measure, number.unit
-    source = OWN_UNIT[name](units[0]) if name in OWN_UNIT else units[0]
+    source, shown = unit_of(own_unit), own_unit
+    if name in OWN_UNIT:
+        source, shown = OWN_UNIT[name](source), f"of {name}"
     if (whole := number.percent_of) is not None:
         if unit != "%":
             raise DesatError(f"unit {unit or None}: a number with percent_of is in %")
         if isinstance(whole, str):
+            if parameters is None:
+                return float
             text, (whole, own) = whole, product(whole, parameters)
             if own.dimension != source.dimension:
                 raise DesatError(f'percent_of = "{text}": its unit is not that of {name}')
@@ -146,7 +293,7 @@ def _conversion(
         return lambda value: 100.0 * value / share
     if not unit or (name not in OWN_UNIT and unit_of(unit) == source):
         return lambda value: value
-    scaled = factor(source, unit, f"of {name}")
+    scaled = factor(source, unit, shown)
     return lambda value: value * scaled
 
 
@@ -154,9 +301,9 @@ def _options(number: Number, units: list[Unit], parameters: Table) -> dict[str, 
     """The measure's options; a product of parameters has the unit of one of its series."""
     options = dict(number.options)
     texts = {key: value for key, value in options.items() if isinstance(value, str)}
-    accepted = inspect.signature(MEASURES[number.measure]).parameters if texts else {}
+    kinds = options_of(number.measure).kinds
     for key, value in texts.items():
-        if accepted[key].annotation == "float":
+        if kinds[key] == "float":
             options[key], unit = product(value, parameters)
             if all(unit.dimension != u.dimension for u in units):
                 raise DesatError(f'{key} = "{value}": its unit is that of no signal')
@@ -182,28 +329,6 @@ def defined(number: Number | None) -> str:
     if number.percent_of is not None:
         parts.append(f"in % of {number.written['percent_of']}")
     return f"{number.title} ({'; '.join(parts)})"
-
-
-def problems(
-    content: Content, units: dict[str, str], parameters: Table
-) -> list[tuple[tuple[str, ...], str]]:
-    """What is wrong with a system's numbers before it runs, keys and text; `units`: of every series
-    there is."""
-    wrong: list[tuple[tuple[str, ...], str]] = []
-    for name, number in content.numbers.items():
-        try:
-            signals = number.signals
-            if missing := [s for s in signals if s not in units]:
-                raise DesatError(f"signal {missing[0]}: no such series{nearest(missing[0], units)}")
-            if signals:
-                known = _units(number, [units[s] for s in signals])
-                _conversion(number, known, parameters)
-                _options(number, known, parameters)
-                if derivation := derived.of_entry(number):
-                    _own(number, derivation[0], parameters)
-        except DesatError as error:
-            wrong.append((("numbers", name), str(error)))
-    return wrong
 
 
 def scale(source: str, target: str) -> float:

@@ -6,6 +6,8 @@ from dataclasses import dataclass
 from math import inf
 from typing import Any
 
+from ..system.typed import JsonObject
+
 
 def number(x: Any) -> str:
     """A number for people: four significant digits, thousands apart."""
@@ -59,6 +61,6 @@ class Value:
         """Its title, with what there is to say of it."""
         return f"{self.title} ({self.note})" if self.note else self.title
 
-    def to_json(self) -> dict[str, Any]:
+    def to_json(self) -> JsonObject:
         """As a manifest has it."""
         return {k: v for k, v in vars(self).items() if v or k not in ("note", "reference")}

@@ -5,10 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from ..system.expression import factor
 from ..system.parameters import unit_of
+from ..system.typed import JsonObject
 from .numbers import late
 from .text import Value, number
 
@@ -52,7 +53,7 @@ class Verdict:
         """Return the limits as `at least 1, at most 2`, in the number's unit."""
         return ", ".join(f"{word} {number(x)}" for word, x in self.bounds)
 
-    def to_json(self) -> dict[str, Any]:
+    def to_json(self) -> JsonObject:
         """As a manifest has it."""
         return {k: v for k, v in vars(self).items() if v is not None or k == "value"}
 

@@ -22,7 +22,7 @@ from ..files.identity import PACKAGES
 from ..files.scenario import Scenario, abbreviations, find, scenarios
 from ..numbers.text import number, spell_unit
 from ..report.report import render, write_page
-from ..runs.validation import word_problems
+from ..runs.validation import content_problems
 from ..system.errors import DesatError, Exit, RunError
 from ..system.options import Options, RunOptions, of_program
 from . import stored
@@ -56,7 +56,7 @@ def rows(
     if wrong := [
         f"{s.where(path)}: {text}"
         for s in given.values()
-        for path, text in word_problems(s.content)
+        for path, text in content_problems(s.content, None)
     ]:
         raise DesatError("\n".join(dict.fromkeys(wrong)))
     if not given:

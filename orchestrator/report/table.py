@@ -23,6 +23,9 @@ SCALES: Mapping[str, Mapping[str, float]] = {
 SI_UNITS = {unit: si for si, units in SCALES.items() for unit in units}
 
 
+Mark = Literal["", "ok", "bad"]
+
+
 @dataclass(frozen=True)
 class Column:
     """A column of a table.
@@ -67,7 +70,7 @@ class Cell:
     value: str | float | None
     numbers: Sequence[float] = ()
     note: str = ""
-    mark: Literal["", "ok", "bad"] = ""
+    mark: Mark = ""
 
 
 Row = Sequence[str | float | Cell | None]

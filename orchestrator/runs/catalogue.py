@@ -18,7 +18,7 @@ from functools import cache
 from pathlib import Path
 
 from ..files import paths
-from ..system.errors import DesatError, nearest
+from ..system.errors import DesatError, require
 
 
 @dataclass(frozen=True)
@@ -40,8 +40,7 @@ def families() -> list[str]:
 def family(name: str, of_systems: bool = True) -> Family:
     """A family; with `of_systems` False what is wrong is said as far as files say it alone, unless
     all is known. Raises DesatError where there is none."""
-    if name not in families():
-        raise DesatError(f"no family {name}{nearest(name, families())}")
+    require(name, families(), "no family")
     digest, kept = _digest(name), _file(name)
     with suppress(OSError, ValueError, KeyError, TypeError):
         known = json.loads(kept.read_text(encoding="utf-8"))

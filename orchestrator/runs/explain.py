@@ -16,8 +16,10 @@ from ..files import paths, reader, scenario
 from ..files.merge import origin
 from ..files.scenario import Scenario
 from ..numbers.measures import LATE, MEASURES
+from ..numbers.numbers import options_of
 from ..system.errors import DesatError, nearest
 from ..system.interface import Signal, interface_of_block
+from ..system.typed import JsonObject
 from . import validation
 
 
@@ -38,7 +40,7 @@ def readable(
 def _of_content(given: Scenario, of_systems: bool) -> list[str]:
     """What is wrong with what a scenario says, and with its system on bare blocks."""
     if not of_systems:
-        wrong = validation.word_problems(given.content)
+        wrong = validation.content_problems(given.content, None)
         return [f"{given.where(path)}: {text}" for path, text in wrong]
     try:
         builder = given.builder(blocks=True)
@@ -61,7 +63,7 @@ def _design(given: Scenario) -> list[str]:
     return []
 
 
-def _tables() -> dict[str, Any]:
+def _tables() -> JsonObject:
     from ..language import paper as p
     from ..language import scenario as l
 
@@ -127,9 +129,9 @@ def _row(*cells: str) -> str:
     return "| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |"
 
 
-def schema() -> dict[str, Any]:
+def schema() -> JsonObject:
     """The language as a JSON schema, for editors."""
-    made: dict[str, Any] = _tables()["scenario"].model_json_schema()
+    made: JsonObject = _tables()["scenario"].model_json_schema()
     return made
 
 
@@ -137,7 +139,7 @@ def measures() -> list[dict[str, str]]:
     """Every measure: how many series, its options, its sentence."""
     rows = []
     for name in sorted(MEASURES):
-        series, options = validation.options_of(name)
+        series, options, _ = options_of(name)
         texts = [o if d is inspect.Parameter.empty else f"{o} = {d}" for o, d in options.items()]
         what = " ".join((MEASURES[name].__doc__ or "").split())
         what += " If never, it is not reached." if name in LATE else ""
@@ -146,7 +148,7 @@ def measures() -> list[dict[str, str]]:
     return rows
 
 
-def show(name: str) -> list[dict[str, Any]]:
+def show(name: str) -> list[JsonObject]:
     """Every value of a scenario as merged, and the file, axis cell or design it comes from."""
     nominal = Path(name) / paths.NOMINAL
     given = nominal if nominal.is_file() else Path(name)

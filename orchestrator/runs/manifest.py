@@ -21,6 +21,7 @@ from ..system.digest import comparable
 from ..system.errors import DesatError
 from ..system.expression import Table
 from ..system.model import J2000
+from ..system.typed import JsonObject
 
 _ROOM = 64_000
 """Bytes that the manifest of a run under way is longer than it needs."""
@@ -37,7 +38,7 @@ def attributes(manifest: Manifest) -> dict[str, str]:
     }  # fmt: skip
 
 
-def resumed(now: Manifest, before: Mapping[str, Any], folder: str, again: str) -> Manifest:
+def resumed(now: Manifest, before: JsonObject, folder: str, again: str) -> Manifest:
     """The manifest of a run that goes on, which is the one that it had. Raises DesatError where
     the target, its wiring, an FMU, a package or this machine is not what it was, or where that
     cannot be told; `again`: the command that begins anew."""

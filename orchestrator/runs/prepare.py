@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -36,7 +36,7 @@ from ..system.check import Checked, foresee, without_effect
 from ..system.errors import DesatError
 from ..system.interface import base_name
 from ..system.layer import Layer
-from ..system.model import Component, System
+from ..system.model import Component, System, Values
 from ..system.options import NOW, Options, orbits
 from ..system.parameters import bare_block, expand
 from ..system.schedule import Schedule
@@ -103,8 +103,10 @@ class Target:
             builder = self.builder(Options(blocks=blocks))
             given = self.scenario or _packed_scenario(builder)
             if given is not None and not builder.problems:
-                found = validation.dispersion_problems(given.content, builder.components)
-                builder.problems += [f"{given.where(path)}: {text}" for path, text in found]
+                found = validation.content_problems(given.content, builder.components)
+                builder.problems += [
+                    f"{given.where(path)}: {text}" for path, text in found if "dispersions" in path
+                ]
             if builder.problems:
                 raise DesatError("\n".join(builder.problems))
             self._to_draw[blocks] = builder
@@ -247,7 +249,7 @@ def with_values(target: Target, options: Options) -> Case:
     return replace(first, options=options, checked=checked, manifest=manifest)
 
 
-def _changed(system: System, values: Mapping[str, Any]) -> dict[str, Component] | None:
+def _changed(system: System, values: Values) -> dict[str, Component] | None:
     """The components of a checked system that get other values; None where more than their own
     values would change by that, or one does not fit."""
     texts = [t for c in system.components.values() for t in c.references.values()]

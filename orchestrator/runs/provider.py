@@ -7,21 +7,19 @@ The core computes none. A module of a folder `providers/` (`papers/` has one) ha
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from typing import Any, cast
+from typing import cast
 
 from ..files.scenario import Scenario
 from ..system import discovery
 from ..system.errors import DesatError
-from ..system.model import System
+from ..system.model import System, Values
 from ..system.options import Options
 
 
 class LayerProvider:
     """What a provider does, and what is done where there is none."""
 
-    def parameters_for(
-        self, scenario: Scenario, options: Options
-    ) -> Mapping[str, Mapping[str, Any]]:
+    def parameters_for(self, scenario: Scenario, options: Options) -> Mapping[str, Values]:
         """Return the values, by component, that `options.design` asks for; none without it.
 
         They are a layer below what the scenario gives itself. Called for a scenario that has a

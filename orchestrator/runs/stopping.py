@@ -28,9 +28,9 @@ from ..engine.master import Master
 from ..engine.node import Slot
 from ..language.content import content_of
 from ..language.scenario import StopWhen
-from ..system.errors import DesatError, nearest
+from ..system.errors import DesatError, MisfitError, nearest
 from ..system.expression import factor, product
-from ..system.interface import Signal
+from ..system.interface import Signal, find_elements
 from ..system.model import System
 from ..system.parameters import table, unit_of
 
@@ -62,8 +62,13 @@ class Condition:
 
 
 def condition(system: System) -> Condition | None:
-    """The condition of a system, interfaces loaded; None where it has none. Raises DesatError,
-    which begins with the key, for what does not fit the system."""
+    """Return the condition of a system, interfaces loaded; None where it has none.
+
+    Raises
+    ------
+    MisfitError
+        If it does not fit the system.
+    """
     if (given := content_of(system.about).stop_when) is None:
         return None
     signal = _signal(system, given.signal)
@@ -78,44 +83,26 @@ def condition(system: System) -> Condition | None:
     return Condition(owner, variable, how, limit, given.held, text)
 
 
-def problems(system: System) -> list[tuple[tuple[str, ...], str]]:
-    """What is wrong with a system's condition, key and text: one, or none."""
-    if content_of(system.about).stop_when is None:
-        return []
-    try:
-        condition(system)
-    except DesatError as error:
-        key, _, text = str(error).partition(": ")
-        return [(tuple(key.split(".")), text)]
-    return []
-
-
 def _signal(system: System, name: str) -> Signal:
-    """The first element of the signal."""
-    owner, _, variable = name.partition(".")
-    component = system.components.get(owner)
-    if component is None:
-        hint = nearest(owner, system.components)
-        raise DesatError(f"stop_when.signal: no component {owner}{hint}")
-    elements = component.interface.elements.get(variable, ())
-    if not elements or elements[0].causality != "output" or elements[0].series != variable:
-        known = {s.series for s in component.interface.outputs}
-        hint = nearest(variable, known)
-        raise DesatError(f"stop_when.signal: {owner} has no output {variable}{hint}")
-    return elements[0]
+    """Return the first element of the signal."""
+    try:
+        return find_elements(system.components, name, "output")[0]
+    except DesatError as error:
+        raise MisfitError(str(error), "stop_when", "signal") from error
 
 
 def _reaches(signal: Signal, value: Any) -> int:
-    """The number that the signal is to have."""
-    where = f"stop_when.reaches: got {value!r}; {signal.array} is"
+    """Return the number that the signal is to have."""
+    where = f"got {value!r}; {signal.array} is"
+    keys = ("stop_when", "reaches")
     if signal.kind == "Real":
-        raise DesatError(f"{where} a Real, which has below and above")
+        raise MisfitError(f"{where} a Real, which has below and above", *keys)
     if (signal.kind == "Boolean") != isinstance(value, bool):
         needed = "Boolean: true or false" if signal.kind == "Boolean" else "an Integer"
-        raise DesatError(f"{where} {needed}")
+        raise MisfitError(f"{where} {needed}", *keys)
     if isinstance(value, str):
         if value not in signal.choices:
-            raise DesatError(f"stop_when.reaches: no value {value}{nearest(value, signal.choices)}")
+            raise MisfitError(f"no value {value}{nearest(value, signal.choices)}", *keys)
         return signal.choices.index(value)
     return int(value)
 
@@ -123,9 +110,10 @@ def _reaches(signal: Signal, value: Any) -> int:
 def _limit(
     system: System, signal: Signal, given: StopWhen, how: Literal["below", "above"]
 ) -> tuple[float, str]:  # fmt: skip
-    """The limit in the signal's unit, and as people read it."""
+    """Return the limit in the signal's unit, and as people read it."""
     if signal.kind != "Real":
-        raise DesatError(f"stop_when.{how}: {given.signal} is of type {signal.kind}; `reaches`")
+        text = f"{given.signal} is of type {signal.kind}; `reaches`"
+        raise MisfitError(text, "stop_when", how)
     value = getattr(given, how)
     own, unit = signal.unit_name, given.unit or signal.unit_name
     try:
@@ -134,7 +122,7 @@ def _limit(
             value = number * factor(of, unit, f'of "{value}"')
         scale = 1.0 if unit == own else factor(unit_of(unit), own, f"{unit} of the limit")
     except DesatError as error:
-        raise DesatError(f"stop_when.{how}: {error}") from error
+        raise MisfitError(str(error), "stop_when", how) from error
     return value * scale, f"{value:g} {'' if unit == '1' else unit}".rstrip()
 
 

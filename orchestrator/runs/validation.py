@@ -1,360 +1,287 @@
-"""What a scenario means, beyond its words: measures and their options; and, of a system that it
-describes, series, units, limits and dispersions. A line for each thing that is not there."""
+"""What a scenario says, held against the system that it describes: each entry is bound, or refused.
+
+Numbers, plots, requirements, rows of a paper, dispersions and the stop condition have one function
+each that binds them; what it raises is what `check` reports.
+"""
 
 from __future__ import annotations
 
-import inspect
-import re
 import shutil
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from copy import deepcopy
+from dataclasses import replace
+from functools import partial
 from math import inf
 from pathlib import Path
 from typing import Any
 
 from ..analyses import analyses
 from ..files.builder import Part as BuiltPart
-from ..language.content import Content
+from ..language.content import Content, Entry
 from ..language.paper import OfNumber
-from ..language.scenario import Dispersion, Number, Plot
+from ..language.scenario import Dispersion, Number, Plot, Requirement
 from ..numbers import derived
-from ..numbers.measures import MEASURES, OWN_UNIT, SCALARS, SIZES
-from ..numbers.numbers import problems, scale
-from ..system.errors import DesatError, nearest
-from ..system.interface import KINDS, Signal, base_name, selects
+from ..numbers.limits import limits_of
+from ..numbers.numbers import SeriesUnit, bind, check_words, scale
+from ..system.errors import DesatError, MisfitError, nearest
+from ..system.expression import Table, product
+from ..system.interface import KINDS, Signal, find_elements, selects
 from ..system.model import Component, System
 from ..system.options import Options
 from ..system.parameters import expand, table
-from ..system.quantity import is_float
 from . import stopping
 
 Keys = tuple[str, ...]
 Part = BuiltPart | Component
-
-
-def options_of(measure: str) -> tuple[list[str], dict[str, Any]]:
-    """The series that a measure takes after the times, and its options with their defaults (or
-    `inspect.Parameter.empty`)."""
-    given = list(inspect.signature(MEASURES[measure]).parameters.values())[1:]
-    series = [p.name for p in given if p.annotation == "Array"]
-    return series, {p.name: p.default for p in given if p.name not in series}
+Components = Mapping[str, Part]
+Check = Callable[[], object]
 
 
 def content_problems(
-    content: Content, components: Mapping[str, Part], system: System | None = None
+    content: Content, components: Components | None, system: System | None = None
 ) -> Iterator[tuple[Keys, str]]:
-    """What is wrong with what a scenario says, keys and text: by itself; if it is right, held
-    against components, of which some interfaces may be missing; and if it fits them, against the
-    system that they make."""
-    lines = list(word_problems(content))
-    if not lines:
-        lines = [*_series_problems(content, components), *dispersion_problems(content, components)]
-    if not lines and system is not None:
-        lines = [*_analysis_problems(content, system), *stopping.problems(system)]
-        lines += number_problems(content, system)
-    yield from lines
+    """Yield keys and text of each entry of a scenario that cannot be bound.
+
+    Parameters
+    ----------
+    components
+        What it is held against, of which some interfaces may be missing; None: by its words alone.
+    system
+        That they make, where they make one: values of parameters and analyses are known then.
+    """
+    for path, check in _checks(content, components, system):
+        try:
+            check()
+        except MisfitError as error:
+            yield (*path, *error.keys), str(error)
+        except DesatError as error:
+            yield path, str(error)
 
 
-def word_problems(content: Content) -> Iterator[tuple[Keys, str]]:
-    """Measures, options and derived quantities that there are not; no system is needed."""
-    yield from _plain_problems(content)
-    yield from requirement_problems(content)
-    yield from _row_problems(content)
-
-
-def _plain_problems(content: Content) -> Iterator[tuple[Keys, str]]:
+def _checks(
+    content: Content, components: Components | None, system: System | None
+) -> Iterator[tuple[Keys, Check]]:  # fmt: skip
+    """Yield the keys of each entry, and the function that binds it."""
+    parameters = None if system is None else table(system.components.values())
     for name, number in content.numbers.items():
-        problems = _measure_problems(number) if number.signals else ()
-        yield from ((("numbers", name, *path), text) for path, text in problems)
-        if number.of:
-            yield from _unknown(content, number.of, ("numbers", name, "of"))
-        yield from ((("numbers", name, key), text) for key, text in _derive_problems(number))
+        yield ("numbers", name), partial(bind_number, content, number, components, parameters)
     for name, plot in content.plots.items():
-        yield from ((("plots", name, key), text) for key, text in _derive_problems(plot))
-        if derived.takes_parameters(plot.derive):
-            yield ("plots", name, "derive"), f"{plot.derive} is of numbers only"
+        yield ("plots", name), partial(bind_plot, plot, components, parameters)
+    for name, requirement in content.requirements.items():
+        yield ("requirements", name), partial(bind_requirement, content, requirement)
+    for name, row in content.judged.items():
+        yield ("paper", name), partial(bind_row, content, row, system)
+    if components is not None:
+        for name, dispersion in content.dispersions.items():
+            yield ("dispersions", name), partial(bind_dispersion, name, dispersion, components)
+    if system is not None:
+        yield (), partial(stopping.condition, system)
 
 
-def _unknown(content: Content, name: str, path: Keys) -> Iterator[tuple[Keys, str]]:
-    """A line where no number of a name is computed of a run."""
+def bind_number(
+    content: Content, number: Number, components: Components | None, parameters: Table | None
+) -> None:  # fmt: skip
+    """Bind a number to components. Raises MisfitError for what does not fit."""
+    if number.of:
+        _require_number(content, number.of, "of")
+    if not number.signals:
+        derived.of_entry(number)
+    elif components is None:
+        check_words(number)
+    else:
+        bind(number, partial(_series, components), parameters)
+
+
+def bind_plot(plot: Plot, components: Components | None, parameters: Table | None) -> None:
+    """Bind a plot to components: its signals, unit and limits.
+
+    Raises
+    ------
+    MisfitError
+        For the first of them that does not fit.
+    """
+    quantity, _ = derived.of_entry(plot) or (None, {})
+    if quantity and quantity.own:
+        raise MisfitError(f"{plot.derive} is of numbers only", "derive")
+    if components is None:
+        return
+    try:
+        signals = [_series(components, name) for name in plot.signals]
+    except DesatError as error:
+        raise MisfitError(str(error), "signals") from error
+    known = [signal for signal in signals if signal is not None]
+    if quantity:
+        known = [SeriesUnit(quantity.unit or x.unit, len(quantity.names)) for x in known[:1]]
+    for unit, count in known:
+        if len(plot.components) > count:
+            text = f"{len(plot.components)} names for {count} elements"
+            raise MisfitError(text, "components")
+        if plot.unit:
+            try:
+                scale(unit, plot.unit)
+            except DesatError as error:
+                raise MisfitError(str(error), "unit") from error
+    if known and parameters is not None:
+        try:
+            limits_of(plot.limits, parameters, plot.unit or known[0].unit)
+        except DesatError as error:
+            raise MisfitError(str(error), "limits") from error
+
+
+def bind_requirement(content: Content, entry: Requirement) -> None:
+    """Bind a requirement to a number of a run.
+
+    Raises
+    ------
+    MisfitError
+        If nobody computes the number, it compares runs, or nothing can be within.
+    """
+    _require_number(content, entry.number, "number")
+    number = content.numbers.get(entry.number)
+    if number is not None and number.of:
+        raise MisfitError(f"{entry.number} compares runs: a case has no such number", "number")
+    if entry.min is not None and entry.max is not None and entry.min > entry.max:
+        raise MisfitError("it is above max: nothing can be within", "min")
+
+
+def bind_row(content: Content, row: Entry, system: System | None) -> None:
+    """Bind a row of a paper's table to numbers of a run.
+
+    Raises
+    ------
+    MisfitError
+        If nobody computes them, or an analysis that does not apply to the system.
+    """
+    _require_number(content, row.of, "number" if row.number else "quantity")
+    if isinstance(row.tolerance, OfNumber):
+        _require_number(content, row.tolerance.of, "tolerance")
+    if system is None or row.of in content.numbers:
+        return
+    if not any(row.of in a.NUMBERS and a.applies(system) for a in analyses()):
+        raise MisfitError(f"no number {row.of} of this system")
+
+
+def bind_dispersion(key: str, spec: Dispersion, components: Components) -> None:
+    """Bind a dispersion to the parameters that it draws. Raises MisfitError where it has none."""
+    owner, _, variable = key.partition(".")
+    owners = [owner]
+    if owner == "*":
+        owners = [
+            n for n, c in components.items() if c.interface and variable in c.interface.arrays
+        ]
+        if not owners and all(c.interface for c in components.values()):
+            raise MisfitError(f"no component has a parameter {variable}")
+    for name in owners:
+        elements = find_elements(components, f"{name}.{variable}", "parameter", "input")
+        if elements:
+            _check_dispersion(components[name], variable, elements, spec)
+
+
+def _check_dispersion(
+    part: Part, variable: str, elements: Sequence[Signal], spec: Dispersion
+) -> None:  # fmt: skip
+    """Raise MisfitError where a parameter cannot have what a dispersion draws."""
+    kind, count = spec.kind, len(elements)
+    values = getattr(spec, kind)
+    needed = {"signs": len(values) if kind == "signs" else 0, "attitude": 4, "seed": 1}
+    if count != needed.get(kind, count):
+        raise MisfitError(f"{kind}: {variable} has {count} elements, not {needed[kind]}")
+    if kind == "direction" and count < 2:
+        raise MisfitError(f"direction: {variable} is no vector")
+    if kind != "one_of":
+        type_ = "Integer" if kind == "seed" else "Real"
+        if elements[0].kind != type_:
+            raise MisfitError(f"{kind}: {variable} is of type {elements[0].kind}, not {type_}")
+        return
+    assert part.interface is not None
+    for value in values:
+        try:
+            expand(part.interface, variable, value, part.name)
+        except DesatError as error:
+            raise MisfitError(f"one_of: {error}") from error
+
+
+def _require_number(content: Content, name: str, key: str) -> None:
+    """Raise MisfitError where no number of this name is computed of a run."""
     if name in content.numbers:
         return
     known = {*content.numbers, *(n for a in analyses() for n in a.NUMBERS)}
     if name not in known:
-        yield path, f"no number {name}{nearest(name, known)}"
+        raise MisfitError(f"no number {name}{nearest(name, known)}", key)
 
 
-def _measure_problems(number: Number) -> Iterator[tuple[Keys, str]]:
-    """What is wrong with the measure of a number, its series and options."""
-    measure, given = number.measure, number.options
-    if measure not in MEASURES:
-        yield ("measure",), f"no measure {measure}{nearest(measure, MEASURES)}"
-        return
-    series, options = options_of(measure)
-    count = 1 if number.derive else len(number.signals)
-    if number.element and len(series) > 1:
-        yield ("element",), f"{measure} takes {len(series)} series; only with one"
-    if count != len(series):
-        yield ("signal",), f"{count} given; {measure} takes {len(series)}"
-    kinds = inspect.get_annotations(MEASURES[measure])
-    for option, value in given.items():
-        path = ("options", option)
-        if option not in options:
-            yield (
-                path,
-                f"{measure} has no option {option}{nearest(option, options) or '; it has none'}",
-            )
-        elif wanted := _unfit(option, kinds[option], value):
-            yield path, f"got {value!r}; {wanted} is needed"
-    if given.keys() <= options.keys():  # else what is missing may be misspelt
-        for option, default in options.items():
-            if default is inspect.Parameter.empty and option not in given:
-                yield ("options",), f"{measure} needs {option}"
+def _series(components: Components, name: str) -> SeriesUnit | None:
+    """Return unit and elements of `component.output`; None where the FMU is missing."""
+    elements = find_elements(components, name, "output")
+    return SeriesUnit(elements[0].unit_name, len(elements)) if elements else None
 
 
-def _row_problems(content: Content) -> Iterator[tuple[Keys, str]]:
-    """Rows of a paper's table whose number nobody computes."""
-    for row, entry in content.judged.items():
-        named = [("number" if entry.number else "quantity", entry.of)]
-        if isinstance(entry.tolerance, OfNumber):
-            named.append(("tolerance", entry.tolerance.of))
-        for key, number in named:
-            yield from _unknown(content, number, ("paper", row, key))
+# --- A scenario whose system has other FMUs in place of its own ----------------------------------
 
-
-def _analysis_problems(content: Content, system: System) -> Iterator[tuple[Keys, str]]:
-    """Rows whose number is of an analysis that does not apply to the system."""
-    for row, entry in content.judged.items():
-        if entry.of not in content.numbers and not any(
-            entry.of in a.NUMBERS and a.applies(system) for a in analyses()
-        ):  # fmt: skip
-            yield ("paper", row), f"no number {entry.of} of this system"
-
-
-def _derive_problems(entry: Number | Plot) -> Iterator[tuple[str, str]]:
-    """What is wrong with what a number or plot derives: key and text."""
-    try:
-        quantity = derived.of_entry(entry)
-    except DesatError as error:
-        yield "derive", str(error)
-        return
-    if entry.sequence and entry.derive not in ("euler", "euler_lvlh"):
-        yield "sequence", 'only with derive = "euler" or "euler_lvlh"'
-    if quantity is not None:
-        yield from _element_problems(entry, len(quantity[0].names), entry.derive)
-
-
-def _element_problems(
-    entry: Number | Plot, count: int, what: str = "the signal"
-) -> Iterator[tuple[str, str]]:
-    """Where more elements are named, or a further one is meant, than there are."""
-    if isinstance(entry, Number):
-        if (entry.element or 0) > count:
-            yield "element", f"got {entry.element}; {what} has {count}"
-    elif len(entry.components) > count:
-        yield "components", f"{len(entry.components)} names for {count} elements"
-
-
-def _unfit(option: str, annotation: str, value: Any) -> str:
-    """What an option of a measure needs, where the value is not that. A text may stand for a
-    number: it names parameters."""
-    if option == "kind":
-        return "" if value in SIZES else " or ".join(SIZES)
-    if annotation.startswith("list"):
-        good = isinstance(value, list) and all(type(x) in (int, float) for x in value)
-        return "" if good else "a list of numbers"
-    if annotation == "int":
-        return "" if type(value) is int else "a whole number"
-    return "" if type(value) in (int, float, str) else "a number"
-
-
-def number_problems(content: Content, system: System) -> list[tuple[Keys, str]]:
-    """What is wrong with the numbers that a scenario wants of a resolved system."""
-    units = {
-        f"{c.name}.{s.series}": s.unit_name
-        for c in system.components.values() for s in c.interface.outputs
-    }  # fmt: skip
-    return problems(content, units, table(system.components.values()))
+_LEFT_OUT = {
+    "requirements": "left out, not checked",
+    "stop_when": "left out, the run goes on to its stop time",
+}
 
 
 def fit_to(content: Content, system: System) -> tuple[Content, list[tuple[Keys, str]]]:
-    """A scenario's content for a system in which other FMUs are: without the numbers, plots, limits
-    and conditions that name what these lack; and what is left out, keys and text."""
-    told = deepcopy(content.written)
-    tables = {t: told.get(t, {}) for t in ("numbers", "plots", "requirements", "paper")}
-    left: dict[Keys, str] = {}
-    lines = [*_series_problems(content, system.components), *number_problems(content, system)]
-    for path, text in lines:
-        what, name, *key = path
-        if name not in tables[what]:
-            continue
-        entry = tables[what][name]
-        some = [
-            x for x in entry.get("signals", []) if not _lacks(x, system.components, ("output",))
-        ]
-        if key == ["limits"]:
-            entry["limits"] = [x for x in entry["limits"] if not _lacks(x, system.components)]
-        elif key == ["signals"] and some and "derive" not in entry:
-            entry["signals"] = some
-        else:
-            del tables[what][name]
-        left[path] = f"{text}: left out"
-    gone = set(content.numbers) - tables["numbers"].keys()
-    while more := {n for n, x in tables["numbers"].items() if x.get("of") in gone}:
-        for name in more:
-            del tables["numbers"][name]
-            left["numbers", name] = f"of {content.numbers[name].of}: left out"
-        gone |= more
-    for name, entry in content.requirements.items():
-        if entry.number in gone:
-            del tables["requirements"][name]
-            left["requirements", name] = f"of {entry.number}: left out, not checked"
-    for path, text in _analysis_problems(content, system):
-        tables["paper"].pop(path[1], None)
-        left[path] = f"{text}: left out"
-    for path, text in stopping.problems(system):
-        told.pop("stop_when", None)
-        left[path] = f"{text}: left out, the run goes on to its stop time"
-    return (Content.model_validate(told) if left else content), list(left.items())
+    """Leave out what of a scenario's content does not bind to a system with other FMUs.
+
+    Returns
+    -------
+    tuple
+        The content, and keys and text of each entry that is left out.
+    """
+    data, left_out = deepcopy(content.written), dict[Keys, str]()
+    while problems := list(
+        content_problems(content, system.components, replace(system, about=content))
+    ):
+        for path, text in problems:
+            _leave_out(data, path, system)
+            left_out[path] = f"{text}: {_LEFT_OUT.get(path[0], 'left out')}"
+        content = Content.model_validate(data)
+    return content, list(left_out.items())
 
 
-def _lacks(
-    written: Any, components: Mapping[str, Part], kinds: tuple[str, ...] = ("parameter", "input")
-) -> bool:  # fmt: skip
-    """Whether a limit or signal of a plot, as it is written, names a variable that is not there."""
-    value = written.get("value") if isinstance(written, dict) else written
-    names = _parameters_named(value)
-    return any(isinstance(_elements(components, name, kinds), str) for name in names)
+def _leave_out(data: dict[str, Any], path: Keys, system: System) -> None:
+    """Remove an entry from a scenario's data; of a plot only the signals or limits that lack."""
+    what, *names = path
+    if what == "stop_when":
+        data.pop(what, None)
+        return
+    entry = data[what][names[0]] if names and names[0] in data.get(what, {}) else {}
+    if names[1:] == ["limits"]:
+        parameters = table(system.components.values())
+        limits = [x for x in entry["limits"] if not _lacks_parameter(x, parameters)]
+        if len(limits) < len(entry["limits"]):
+            entry["limits"] = limits
+            return
+    if names[1:] == ["signals"] and "derive" not in entry:
+        signals = [x for x in entry["signals"] if _has_series(system, x)]
+        if 0 < len(signals) < len(entry["signals"]):
+            entry["signals"] = signals
+            return
+    data.get(what, {}).pop(names[0], None)
 
 
-def _parameters_named(value: Any) -> list[str]:
-    """The parameters that a limit names."""
-    factors = re.split(r"[*/]", value) if isinstance(value, str) else ()
-    return [base_name(x.strip()) for x in factors if not is_float(x)]
-
-
-def _elements(
-    components: Mapping[str, Part], name: str, causalities: tuple[str, ...]
-) -> Sequence[Signal] | str:
-    """The elements of `component.variable`, or what is wrong with the name; none where the
-    component's FMU is missing, which is said elsewhere."""
-    owner, _, variable = name.partition(".")
-    component = components.get(owner)
-    if component is None:
-        return f"no component {owner}{nearest(owner, components)}"
-    if component.interface is None:
-        return ()
-    elements = component.interface.elements.get(variable, ())
-    if not elements or elements[0].causality not in causalities or (
-        elements[0].causality == "output" and elements[0].series != variable
-    ):  # fmt: skip
-        known = {s.series for c in causalities for s in component.interface.of(c)}
-        return f"{owner} has no {causalities[0]} {variable}{nearest(variable, known)}"
-    return elements
-
-
-def _unit(own: str, unit: str) -> str:
-    """What is wrong with a unit in place of another."""
+def _has_series(system: System, name: str) -> bool:
+    """Return whether a system has an output `component.variable`."""
     try:
-        scale(own, unit)
-    except DesatError as error:
-        return str(error)
-    return ""
+        return bool(find_elements(system.components, name, "output"))
+    except DesatError:
+        return False
 
 
-def _series_problems(
-    content: Content, components: Mapping[str, Part]
-) -> Iterator[tuple[Keys, str]]:  # fmt: skip
-    entries: list[tuple[Keys, str, Number | Plot]] = [
-        *((("numbers", name), "signal", number) for name, number in content.numbers.items()),
-        *((("plots", name), "signals", plot) for name, plot in content.plots.items()),
-    ]
-    for path, key, entry in entries:
-        ends = [_elements(components, signal, ("output",)) for signal in entry.signals]
-        yield from (((*path, key), problem) for problem in ends if isinstance(problem, str))
-        known = [e for e in ends if not isinstance(e, str) and e]
-        first = isinstance(entry, Number) or entry.derive
-        for what, text in _entry_problems(entry, known[:1] if first else known):
-            yield (*path, what), text
-    for name, plot in content.plots.items():
-        for limit in plot.limits:
-            for parameter in _parameters_named(limit.value):
-                problem = _elements(components, parameter, ("parameter", "input"))
-                if isinstance(problem, str):
-                    yield ("plots", name, "limits"), problem
-
-
-def _entry_problems(
-    entry: Number | Plot, signals: Sequence[Sequence[Signal]]
-) -> Iterator[tuple[str, str]]:  # fmt: skip
-    """What of a number or plot does not fit the elements of its signals: key and text."""
-    quantity, number = derived.of_entry(entry), entry if isinstance(entry, Number) else None
-    own = number and (number.measure in OWN_UNIT or number.percent_of is not None)
-    for elements in signals:
-        unit = (quantity[0].unit if quantity else "") or elements[0].unit_name
-        if not own and entry.unit and (text := _unit(unit, entry.unit)):
-            yield "unit", text
-        several = len(quantity[0].names if quantity else elements)
-        if number and not number.element and several > 1 and number.measure in SCALARS:
-            yield "element", f"{number.measure} takes one element; there are {several}"
-        if not quantity:
-            yield from _element_problems(entry, len(elements))
-
-
-def dispersion_problems(
-    content: Content, components: Mapping[str, Part]
-) -> Iterator[tuple[Keys, str]]:  # fmt: skip
-    """Dispersions that do not fit the components."""
-    for key, spec in content.dispersions.items():
-        path = ("dispersions", key)
-        owner, _, variable = key.partition(".")
-        owners = [owner]
-        if owner == "*":
-            owners = [n for n, c in components.items()
-                      if c.interface and variable in c.interface.arrays]  # fmt: skip
-            if not owners and all(c.interface for c in components.values()):
-                yield path, f"no component has a parameter {variable}"
-        for name in owners:
-            elements = _elements(components, f"{name}.{variable}", ("parameter", "input"))
-            if isinstance(elements, str):
-                yield path, elements
-            elif elements and (text := _misfit(components[name], variable, elements, spec)):
-                yield path, text
-
-
-def _misfit(part: Part, variable: str, elements: Sequence[Signal], spec: Dispersion) -> str:
-    kind = spec.kind
-    given = getattr(spec, kind)
-    wanted = {"signs": len(given) if kind == "signs" else 0, "attitude": 4, "seed": 1}
-    if len(elements) != wanted.get(kind, len(elements)):
-        return f"{kind}: {variable} has {len(elements)} elements, not {wanted[kind]}"
-    if kind == "direction" and len(elements) < 2:
-        return f"direction: {variable} is no vector"
-    if kind != "one_of":
-        type_ = "Integer" if kind == "seed" else "Real"
-        other = elements[0].kind != type_
-        return f"{kind}: {variable} is of type {elements[0].kind}, not {type_}" if other else ""
-    assert part.interface is not None
-    for value in given:
-        try:
-            expand(part.interface, variable, value, part.name)
-        except DesatError as error:
-            return f"one_of: {error}"
-    return ""
-
-
-# --- [requirements.NAME]: what a campaign's cases are held against, as far as it is to be had ---
-
-
-def requirement_problems(content: Content) -> Iterator[tuple[Keys, str]]:
-    """Requirements of a number that nobody computes, or that nothing can meet."""
-    for name, entry in content.requirements.items():
-        path, number = ("requirements", name), entry.number
-        yield from _unknown(content, number, (*path, "number"))
-        if number in content.numbers and content.numbers[number].of:
-            yield (*path, "number"), f"{number} compares runs: a case has no such number"
-        if entry.min is not None and entry.max is not None and entry.min > entry.max:
-            yield (*path, "min"), "it is above max: nothing can be within"
+def _lacks_parameter(written: Any, parameters: Table) -> bool:
+    """Return whether a limit, as it is written, names a parameter that is not there."""
+    value = written.get("value") if isinstance(written, dict) else written
+    if not isinstance(value, str):
+        return False
+    try:
+        product(value, parameters)
+    except DesatError:
+        return True
+    return False
 
 
 # ------------------------------------------------------------------------------------------------

@@ -22,12 +22,13 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from itertools import pairwise
 from math import ceil, hypot, inf, nan, pi, sqrt
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from desat.components.bases.dumping import DUMPING
+from desat.components.blocks.manager_threshold import ManagerThreshold
 from desat.components.physics.orbit import MU
 
 from ..analyses import attitude_loop
@@ -54,6 +55,7 @@ from ..system.expression import factor
 from ..system.model import System
 from ..system.options import Options
 from ..system.parameters import bare_block, unit_of
+from ..system.typed import JsonObject
 from .momentum import SourceShare, compute_slew, secular, shares_of, smallest_wheel_capacity
 from .propellant import GRAVITY, YEAR, thruster_cost
 from .requirements import SizingRequirements
@@ -180,7 +182,7 @@ class DumpSizing:
             return nan
         return self.tank / self.a_year if self.a_year > 0.0 else inf
 
-    def as_json(self) -> dict[str, Any]:
+    def as_json(self) -> JsonObject:
         """What `--json` prints; what is without end, or not known, is null."""
         steady = asdict(self.steady) | {"a_week": self.steady.a_week, "a_year": self.steady.a_year}
         told = {k: finite(x) for k, x in asdict(self).items()}
@@ -300,8 +302,8 @@ def size(
         a_day=float(np.linalg.norm(torque)) * 86400.0,
         sources=shares_of(flight, torque)[0],
         year=tuple(year),
-        begin=float(law["begin"]),
-        end=float(law["end"]),
+        begin=law.begin,
+        end=law.end,
         capacity=capacity,
         steady=steady,
         a_year=float(np.mean([r.a_year for r in of_own])),
@@ -310,7 +312,7 @@ def size(
         least_a_year=float(np.mean([r.least_a_year for r in of_own])),
         weekly=capacity * WEEK / steady.interval if steady.interval > 0.0 else inf,
         tank=float(values["thrusters"].get("tank", 0.0)),
-        pulse=max(law["pulse_body"]),
+        pulse=law.pulse,
         slew_momentum=slew_momentum,
         slew_torque=slew_torque,
         wheel_torque=hardware.torque_limit,
@@ -341,18 +343,43 @@ def size(
     return replace(made, notes=(*notes, *_notes(made, requirements)))
 
 
-def _law_of(system: System) -> dict[str, Any]:
-    """Return the parameters of the law, and its block, which dumps at once and samples alone."""
+class ThresholdLaw(NamedTuple):
+    """A law that dumps between thresholds, by the values of its manager."""
+
+    begin: float  # N m s, of the fill
+    end: float  # N m s
+    target: Array  # (3,) N m s, body: the sum of the wheels' momentum that is wanted
+    of_wheels: bool  # whether the fill is that of the fullest wheel, not of their sum
+    pulse: float  # N m, the largest along an axis
+    sample_time: float  # s
+    aligned: float  # |h|_1 / |h| up to which a dump begins; 0: it does not wait
+    longest_wait: float  # s
+    block: ManagerThreshold  # its own, which dumps at once and samples alone
+
+
+def _law_of(system: System) -> ThresholdLaw:
+    """Return the law of a system's manager."""
     manager = system.components["manager"]
-    block = bare_block(manager)
+    block, values = bare_block(manager), manager.values
     block.aligned, block.delay, block.wheel_sample_time = 0.0, 0.0, 0.0
     block.check()
-    return {**manager.values, "fill": manager.choice("fill"), "block": block}
+    assert isinstance(block, ManagerThreshold)
+    return ThresholdLaw(
+        begin=float(values["begin"]),
+        end=float(values["end"]),
+        target=np.array(values["h_target_body"], float),
+        of_wheels=manager.choice("fill") == "wheels",
+        pulse=max(values["pulse_body"]),
+        sample_time=float(values["sample_time"]),
+        aligned=float(values["aligned"]),
+        longest_wait=float(values["longest_wait"]),
+        block=block,
+    )
 
 
-def _causes(system: System, law: Mapping[str, Any], hardware: Hardware) -> Iterator[str]:
+def _causes(system: System, law: ThresholdLaw, hardware: Hardware) -> Iterator[str]:
     """Find what of a craft makes its closed loop miss its requirements, for people."""
-    kick = max(law["pulse_body"]) * float(law["sample_time"])
+    kick = law.pulse * law.sample_time
     turn = np.degrees(kick / float(np.linalg.eigvalsh(hardware.inertia)[0]) / 8.0)
     if turn > COARSE_TURN:
         yield f"coarse pulses: the shortest turns the craft by {turn:.2g} deg before wheels take it"
@@ -465,7 +492,7 @@ def _flight(system: System, attitude: Attitude, since: float = 0.0) -> Flight:
 
 
 def rates_of(
-    flight: Flight, hardware: Hardware, law: Mapping[str, Any], cost: Callable[[Array], float],
+    flight: Flight, hardware: Hardware, law: ThresholdLaw, cost: Callable[[Array], float],
     isp: float, interval: float = 0.0,
 ) -> Rates:  # fmt: skip
     """The dumps of a flight that goes on as it is: the mean over WAYS. One with an `interval` (s)
@@ -524,16 +551,16 @@ def mean_of(each: Sequence[Rates]) -> Rates:
 
 
 def _course(
-    flight: Flight, hardware: Hardware, law: Mapping[str, Any], part: float, row: int,
+    flight: Flight, hardware: Hardware, law: ThresholdLaw, part: float, row: int,
     goes_on: bool, most: int,
 ) -> Iterator[tuple[float, Array, Array]]:  # fmt: skip
     """The first dumps, `most` of them, of wheels that are at rest at a row: when (s), and the
     momentum (3,) N m s that is taken out, body and eci. `part`: of the threshold at which they
     begin;
     `goes_on`: the flight is repeated until there are as many, else it ends."""
-    begin, spread = part * float(law["begin"]), hardware.spread()
-    target = np.array(law["h_target_body"], float)
-    most_share = float(np.linalg.norm(spread, axis=1).max()) if law["fill"] == "wheels" else 1.0
+    begin, spread = part * law.begin, hardware.spread()
+    target = law.target
+    most_share = float(np.linalg.norm(spread, axis=1).max()) if law.of_wheels else 1.0
     gained = flight.disturbance - flight.disturbance[0]
     # what the body itself has turns with it: wheels at rest begin with that as the whole
     total = rotate_back(flight.q[row : row + 1], flight.body[row : row + 1])[0]
@@ -542,7 +569,7 @@ def _course(
     while dumps < most and begun < LONGEST:
         whole = total + gained[row:] - gained[row]
         held = rotate(flight.q[row:], whole) - flight.body[row:] - target
-        fill = (np.abs(held @ spread.T).max(axis=1) if law["fill"] == "wheels"
+        fill = (np.abs(held @ spread.T).max(axis=1) if law.of_wheels
                 else np.linalg.norm(held, axis=1))  # fmt: skip
         full = fill >= begin
         if not full.any():
@@ -568,11 +595,11 @@ def _course(
 
 
 def _taken(
-    law: Mapping[str, Any], held: Array, fill: float, spread: Array, target: Array
+    law: ThresholdLaw, held: Array, fill: float, spread: Array, target: Array
 ) -> Array:  # fmt: skip
     """What the law's own block takes out (3,) N m s, body, of a momentum that is held beyond the
     target, in a craft that does not turn meanwhile."""
-    block = law["block"]
+    block = law.block
     block.begin = max(0.999 * fill, 1.001 * block.end)
     block.start()
     left, t = held, 0.0
@@ -587,21 +614,21 @@ def _taken(
     return held - left
 
 
-def _begins(law: Mapping[str, Any], held: Array, times: Array, due: int) -> int:
+def _begins(law: ThresholdLaw, held: Array, times: Array, due: int) -> int:
     """The row at which a dump begins that is due at one: at once, or where its momentum (rows, 3)
     lies near an axis, but no later than `longest_wait`."""
-    if float(law["aligned"]) == 0.0:
+    if law.aligned == 0.0:
         return due
-    last = int(np.searchsorted(times, times[due] + float(law["longest_wait"]), side="right"))
+    last = int(np.searchsorted(times, times[due] + law.longest_wait, side="right"))
     waiting = held[due : max(last, due + 1)]
-    lies = np.abs(waiting).sum(axis=1) <= float(law["aligned"]) * np.linalg.norm(waiting, axis=1)
+    lies = np.abs(waiting).sum(axis=1) <= law.aligned * np.linalg.norm(waiting, axis=1)
     return due + (int(np.argmax(lies)) if lies.any() else len(waiting) - 1)
 
 
-def _stays(flight: Flight, law: Mapping[str, Any], sizes: Array) -> bool:
+def _stays(flight: Flight, law: ThresholdLaw, sizes: Array) -> bool:
     """Whether wheels that have not come to their threshold never will in LONGEST."""
     torque, _ = secular(flight)
-    return bool(float(sizes.max()) + float(np.linalg.norm(torque)) * LONGEST < law["begin"])
+    return bool(float(sizes.max()) + float(np.linalg.norm(torque)) * LONGEST < law.begin)
 
 
 def _problems(made: DumpSizing) -> Iterator[str]:

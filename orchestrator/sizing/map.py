@@ -34,6 +34,7 @@ from ..runs.prepare import prepare, read
 from ..system.errors import DesatError
 from ..system.model import System
 from ..system.options import Options
+from ..system.typed import JsonObject
 from . import quantities
 from .compatibility import terms_of
 from .law import Law, UnsuitedError, hold_of, law_of
@@ -104,7 +105,7 @@ class SizingMap:
             enough[None] & (self.duty <= self.requirements.duty) & (self.filled <= 1.0)
         )
 
-    def as_json(self) -> dict[str, Any]:
+    def as_json(self) -> JsonObject:
         """What `--json` prints; a least rod without end is null."""
         tables = {n: getattr(self, n).tolist() for n in ("rms", "largest", "filled", "duty")}
         least = np.where(np.isfinite(self.least), self.least, np.nan).tolist()

@@ -11,6 +11,7 @@ import numpy as np
 
 from ..analyses.flight import Attitude
 from ..numbers.text import format_duration, format_momenta
+from ..system.typed import JsonObject
 from .momentum import SourceShare
 from .requirements import SizingRequirements
 from .rods import LARGEST_MULTIPLE, Best, SizingPoint
@@ -131,7 +132,7 @@ class Sizing:
     problems: tuple[str, ...]
     notes: tuple[str, ...]
 
-    def as_json(self) -> dict[str, Any]:
+    def as_json(self) -> JsonObject:
         """Return what `--json` prints; what is without end is null."""
         data = {name: finite(value) for name, value in asdict(self).items()}
         for row, margin in zip(data["margins"], self.margins, strict=True):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from typing import Any
@@ -23,7 +23,7 @@ from ..analyses.flight import (
 )
 from ..analyses.motion import period_of
 from ..system.errors import DesatError
-from ..system.model import Component, System
+from ..system.model import Component, System, Values
 from .least_rod import least_by_formula, least_by_programme, reach
 from .momentum import cyclic_span, secular
 
@@ -104,9 +104,7 @@ def days_of_year(
             yield date, (inputs, times)
 
 
-def _activities(
-    component: Component, craft: Mapping[str, Any], own: bool
-) -> list[tuple[str, dict[str, int]]]:
+def _activities(component: Component, craft: Values, own: bool) -> list[tuple[str, dict[str, int]]]:
     """Return low and high activity of the Sun, as changes of an environment that makes no field,
     where the air matters and it knows them; else as it is. `own`: the scenario's before them."""
     signals = component.interface.signals

@@ -21,6 +21,7 @@ from ..report.table import ROW_UNIT, Column, Row, Table, or_not_reached
 from ..runs.prepare import prepare, read
 from ..runs.run import Options, Run, load_run, simulate
 from ..system.errors import DesatError
+from ..system.typed import JsonObject
 
 if TYPE_CHECKING:
     from pandas import DataFrame  # type: ignore[import-untyped]
@@ -107,7 +108,7 @@ class Comparison:
         ]
         return Table("", columns, [row.row for row in self.rows.values()])
 
-    def as_json(self) -> dict[str, Any]:
+    def as_json(self) -> JsonObject:
         """For programs; a run that lacks a number is not among its values, None: not reached."""
         return {
             "targets": list(self.targets), "warnings": list(self.warnings),

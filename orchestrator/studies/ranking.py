@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
 from html import escape
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from markupsafe import Markup
@@ -39,6 +39,7 @@ from ..sizing.compatibility import (
 )
 from ..system.errors import DesatError, RunError, nearest
 from ..system.model import System
+from ..system.typed import JsonObject
 from .compare import Comparison, of_runs, write
 
 if TYPE_CHECKING:
@@ -202,7 +203,7 @@ class Ranking:
         ]
         return Table("", columns, rows)
 
-    def as_json(self) -> dict[str, Any]:
+    def as_json(self) -> JsonObject:
         """For programs; a value that cannot be told is null."""
         return {
             "target": self.target, "answer": self.answer, "by": [c.name for c in self.by],

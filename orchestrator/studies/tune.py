@@ -31,8 +31,9 @@ from ..numbers.text import spell_unit
 from ..report.table import Cell, Column, Table
 from ..runs.prepare import Target, prepare, read
 from ..runs.run import Options
-from ..system.errors import DesatError, nearest
+from ..system.errors import DesatError, nearest, require
 from ..system.interface import Signal, names
+from ..system.typed import JsonObject
 
 SPAN = 10.0
 """Without a range: so many times below and above the craft's own value."""
@@ -139,7 +140,7 @@ class Tuned:
         ]
         return Table("", columns, rows)
 
-    def as_json(self) -> dict[str, Any]:
+    def as_json(self) -> JsonObject:
         """For programs; what is not finite is null."""
         told = asdict(self) | {
             "unseen": self.unseen.to_json(), "confirmed": self.confirmed, "answer": self.answer
@@ -222,8 +223,7 @@ def _parameter(source: Target, options: Options, name: str) -> tuple[Signal, flo
     for one that cannot be tuned."""
     system, _ = prepare(source, options).or_raise()
     owner, _, variable = name.partition(".")
-    if owner not in system.components:
-        raise DesatError(f"{name}: no component {owner}{nearest(owner, system.components)}")
+    require(owner, system.components, f"{name}: no component")
     component = system.components[owner]
     known = names(component.interface, "parameter")
     signal = component.interface.signals.get(variable)

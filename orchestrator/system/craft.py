@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from .model import Component, Connection, System
+from .model import Component, Connection, System, Values
 from .wheels import axes_of, capacities, existing
 
 Array = NDArray[np.float64]
@@ -22,7 +20,7 @@ def carrier(inertia: Array, axes: Array, spin: Array) -> Array:
     return inertia - (axes * spin) @ axes.T
 
 
-def carrier_inertia(values: Mapping[str, Any]) -> Array:
+def carrier_inertia(values: Values) -> Array:
     """Return the inertia (3, 3), kg m2, of a body without the axial part of its rotors."""
     inertia = np.reshape(np.array(values["inertia"], float), (3, 3))
     return carrier(inertia, axes_of(values), np.array(values["inertia_wheel"]))

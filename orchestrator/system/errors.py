@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable, Mapping
 from enum import IntEnum
+from typing import TypeVar
+
+T = TypeVar("T")
 
 
 class Exit(IntEnum):
@@ -41,6 +44,14 @@ class DesatError(Exception):
     code: Exit = Exit.INPUT
 
 
+class MisfitError(DesatError):
+    """A value of a file that does not fit; `keys` lead to it within its table."""
+
+    def __init__(self, text: str, *keys: str) -> None:
+        super().__init__(text)
+        self.keys = keys
+
+
 class RunError(DesatError):
     """A run that did not complete: a component failed, or somebody stopped it."""
 
@@ -69,3 +80,21 @@ def nearest(name: str, known: Iterable[str]) -> str:
     if len(known) > 12:
         known = [*known[:12], "…"]
     return f"; there is {', '.join(known)}" if known else ""
+
+
+def require(name: str, known: Collection[str], what: str) -> None:
+    """Check that a name is known.
+
+    Raises
+    ------
+    DesatError
+        If it is not: `what` there is not, as "no component", and the nearest name.
+    """
+    if name not in known:
+        raise DesatError(f"{what} {name}{nearest(name, known)}")
+
+
+def look_up(name: str, known: Mapping[str, T], what: str) -> T:
+    """Return what a name stands for. Raises DesatError as `require`."""
+    require(name, known, what)
+    return known[name]

@@ -19,7 +19,7 @@ from typing import Any, NamedTuple
 from desat.components.contract.block import Scalar
 from desat.components.contract.units import Unit, conversion, times
 
-from .errors import DesatError, nearest
+from .errors import DesatError, nearest, require
 from .interface import Signal, base_name, computers
 from .model import Component
 from .parameters import Parameter, expand, table, unit_of
@@ -98,8 +98,7 @@ def entry(name: str, table: Table) -> Entry:
     owner, parameter, index = match.groups()
     if owner == "shared":
         owner = _owner_of_shared(parameter, table)
-    if owner not in table:
-        raise DesatError(f"no component {owner}{nearest(owner, table)}")
+    require(owner, table, "no component")
     if parameter not in table[owner]:
         hint = nearest(parameter, table[owner])
         raise DesatError(f"{owner} has no parameter {parameter}{hint}")

@@ -6,18 +6,20 @@ Read from an FMU's model description (`files/fmu.py`) or from a bare block; both
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from fnmatch import fnmatch
 from functools import cache, lru_cache
 from itertools import product
-from typing import Any, Literal
+from typing import Any, Literal, Protocol
 
 from desat.components.contract import roles
 from desat.components.contract.block import Block, Scalar
 from desat.components.contract.units import Unit, conversion, unit_of
 from desat.fmus.description import describe, title
 from desat.fmus.registry import block_class
+
+from .errors import DesatError, look_up, nearest
 
 Kind = Literal["Real", "Integer", "Boolean"]
 KINDS: tuple[Kind, ...] = ("Real", "Integer", "Boolean")
@@ -252,6 +254,36 @@ def misfit(outputs: dict[str, Signal], inputs: dict[str, Signal]) -> str:
         if source.unit and target.unit and conversion(source.unit, target.unit) is None:
             return f"unit {source.unit_name}, {target.unit_name} is needed"
     return ""
+
+
+class HasInterface(Protocol):
+    """A component, built or while its system is built."""
+
+    @property
+    def interface(self) -> Interface | None:
+        """Its variables; None where its FMU is missing."""
+
+
+def find_elements(
+    components: Mapping[str, HasInterface], name: str, *causalities: str
+) -> Sequence[Signal]:
+    """Return the elements of `component.variable`; none where the component's FMU is missing.
+
+    Raises
+    ------
+    DesatError
+        If there is none of these causalities.
+    """
+    owner, _, variable = name.partition(".")
+    interface = look_up(owner, components, "no component").interface
+    if interface is None:
+        return ()
+    elements = interface.elements.get(variable, ())
+    is_right = bool(elements) and elements[0].causality in causalities
+    if not is_right or (elements[0].causality == "output" and elements[0].series != variable):
+        known = {s.series for c in causalities for s in interface.of(c)}
+        raise DesatError(f"{owner} has no {causalities[0]} {variable}{nearest(variable, known)}")
+    return elements
 
 
 def selects(patterns: Iterable[str], component: str, signal: Signal) -> bool:

@@ -28,6 +28,9 @@ ACCURACY = 1e-7
 """Attitude error (rad) that a run which chooses its substeps keeps below, where none is given.
 """
 
+Values = Mapping[str, Any]
+"""Values of a component's parameters by name, arrays as lists."""
+
 
 @dataclass(frozen=True)
 class Connector:
@@ -124,7 +127,7 @@ class Component:
     """Parameters that are given as products of others: `gain_matrix = "shared.inertia"`."""
 
     @cached_property
-    def values(self) -> Mapping[str, Any]:
+    def values(self) -> Values:
         """The value of each variable, in its own unit: the scenario's, or the start value of its
         declaration. An array stands by its name with the list of its elements, and each of these
         by its own."""

@@ -14,17 +14,18 @@ from typing import Any, TypedDict, get_args
 from .choices import Algorithm, Fmus, Isolate, Loop
 from .errors import DesatError, nearest
 from .model import AUTO, MOST_SUBSTEPS, Substeps
+from .typed import JsonObject
 
 NOW = "now"  # `--design now`: made for the run, and not kept
 
 
-def as_json(target: str, options: Options) -> dict[str, Any]:
+def as_json(target: str, options: Options) -> JsonObject:
     """Target and options as JSON, with the folder that relative paths in them start from."""
     given = {**asdict(options), "trusted": options.trusted and sorted(options.trusted)}
     return {"target": target, "options": given, "from": str(Path.cwd())}
 
 
-def from_json(told: Mapping[str, Any]) -> Options:
+def from_json(told: JsonObject) -> Options:
     """The options that `asked` gave."""
     given = dict(told["options"])
     given["record"] = tuple(given["record"])

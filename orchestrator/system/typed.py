@@ -20,6 +20,9 @@ _NEEDED = {
     type(None): "null",
 }
 
+JsonObject = dict[str, Any]
+"""An object of a JSON file, or of what `--json` prints."""
+
 
 def fault_of(value: Any, declared: Any, where: str) -> str:
     """Return what is wrong with a value of a declared type.

@@ -5,17 +5,17 @@ A block of wheels refuses values that contradict each other (`components/blocks/
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from math import inf
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from .model import Values
+
 Array = NDArray[np.float64]
 
 
-def axes_of(values: Mapping[str, Any]) -> Array:
+def axes_of(values: Values) -> Array:
     """Return the wheels' axes (3, n), body, zero where there is no wheel.
 
     A craft without wheels of its own has ideal ones inside, one along each body axis.
@@ -23,7 +23,7 @@ def axes_of(values: Mapping[str, Any]) -> Array:
     return np.reshape(np.array(values.get("axes_wheel", np.eye(3, 4)), float), (3, -1))
 
 
-def existing(values: Mapping[str, Any]) -> NDArray[np.bool_]:
+def existing(values: Values) -> NDArray[np.bool_]:
     """Return which wheels exist (n,), by the parameters of a spacecraft or of its wheels."""
     there: NDArray[np.bool_] = np.linalg.norm(axes_of(values), axis=0) > 0.0
     if "inertia_wheel" not in values:
@@ -31,7 +31,7 @@ def existing(values: Mapping[str, Any]) -> NDArray[np.bool_]:
     return np.asarray(there & (np.broadcast_to(values["inertia_wheel"], there.shape) > 0.0))
 
 
-def capacities(values: Mapping[str, Any]) -> Array:
+def capacities(values: Values) -> Array:
     """Return the largest momentum of each wheel (n,), N m s.
 
     It is 0 where there is no wheel, and infinite where a wheel has no limit of speed or no spin
@@ -42,14 +42,14 @@ def capacities(values: Mapping[str, Any]) -> Array:
     return np.where(there, np.where(there, spin, 1.0) * largest_speed(values), 0.0)
 
 
-def largest_speed(values: Mapping[str, Any]) -> float:
+def largest_speed(values: Values) -> float:
     """Return the speed (rad/s) that wheels reach: their limit, or that of their supply."""
     voltage = float(values.get("supply_voltage", 0.0))
     no_load = voltage / float(values["torque_constant"]) if voltage > 0.0 else inf
     return float(min(values.get("speed_limit", inf), no_load))
 
 
-def smallest_capacity(values: Mapping[str, Any]) -> float:
+def smallest_capacity(values: Values) -> float:
     """Return the capacity of the smallest wheel that exists (N m s); 0 without wheels."""
     found = capacities(values)[existing(values)]
     return float(found.min()) if len(found) else 0.0

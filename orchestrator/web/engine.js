@@ -204,15 +204,16 @@ class Flight {
 
   account() {
     const { of, series, there } = this.law.managed;
-    const [q, b, dipole] = ["q", "field", "dipole"].map((k) => this.series(series[k]));
-    const count = Math.min($.len(q), $.len(b), $.len(dipole) + 1);
+    const rows = (k, more = 0) => (series[k] ? $.len(this.series(series[k])) + more : Infinity);
+    const count = Math.min(rows("q"), rows("field"), rows("dipole", 1), rows("fired", 1));
     if (count < 4) return null;
     const cut = (k, n = count) => $.get(this.series(series[k]), [{ slice: [0, n] }]);
     const value = (k, ...shape) => $.reshape($.array(this.table[of[k]]), ...shape);
     const times = this.times(count);
     const axes = value("axes", 3, 4);
     const body = $.matmul(cut("omega"), $.T(measures.carrier(value("inertia", 3, 3), axes, value("spin", 4))));
-    let managed = measures.coil_impulse(times, cut("field"), cut("q"), cut("dipole", count - 1));
+    let managed = $.mul(cut("impulse"), 0);
+    if (series.dipole) managed = $.add(managed, measures.coil_impulse(times, cut("field"), cut("q"), cut("dipole", count - 1)));
     if (series.fired) managed = $.add(managed, measures.fired_impulse(times, cut("q"), this.series(series.fired)));
     const stored = $.matmul(cut("copy"), $.T(axes));
     const without = measures.unmanaged(cut("q"), cut("impulse"), stored, body, managed);
@@ -230,8 +231,8 @@ class Flight {
     const { times, stored, without, axes, h, columns } = known;
     const own = $.array(inverse.map((r) => $.array(r)));
     keep(names.momentum, measures.of_momentum(this.times($.len(h)), h, axes, own));
-    const dipole = this.series(series.dipole);
-    if (coils && $.len(dipole) >= coils.period) {
+    const dipole = series.dipole && this.series(series.dipole);
+    if (coils && dipole && $.len(dipole) >= coils.period) {
       const most = this.table[coils.most[0]] * coils.most[1];
       keep(names.coils, measures.of_coils(dipole, $.array(coils.inverse.map((r) => $.array(r))), most, coils.period));
     }

@@ -20,13 +20,14 @@ from markupsafe import Markup
 
 from ..analyses import management
 from ..export.loop_fmu import LoopEnds, LoopSource, written_out
-from ..figures.plots import elements_of, parameter_of
+from ..figures.plots import elements_of
 from ..figures.style import COLOURS, LIMIT, time_axis
 from ..files import io
 from ..language.content import Content, content_of
 from ..language.scenario import Number, Plot
 from ..numbers import derived
 from ..numbers.derived import QUANTITIES, coil_impulse
+from ..numbers.limits import parameter_of
 from ..numbers.measures import MEASURES, OWN_UNIT
 from ..numbers.numbers import scale
 from ..numbers.text import spell_unit
@@ -41,6 +42,7 @@ from ..system.interface import KINDS
 from ..system.model import System
 from ..system.options import Options, as_arguments, sets_of
 from ..system.parameters import table, unit_of
+from ..system.typed import JsonObject
 from ..system.wheels import axes_of, existing, smallest_capacity
 from . import module
 from .script import numpy_source, script
@@ -63,8 +65,8 @@ class _Flown:
     options: Options
     """Of a run with it."""
     system: System
-    ordered: list[dict[str, Any]]
-    values: dict[str, Any]
+    ordered: list[JsonObject]
+    values: JsonObject
 
     @property
     def content(self) -> Content:
@@ -288,7 +290,7 @@ def _told(
     sliders: Sequence[Sequence[Slider]],
     loops: Sequence[LoopSource],
     notes: list[str],
-) -> tuple[str, dict[str, Any]]:
+) -> tuple[str, JsonObject]:
     """The JavaScript of measures, and all else that the page is made of."""
     first = flown[0].system
     used = {n.measure for f in flown for n in f.content.numbers.values() if n.signals}
@@ -318,7 +320,7 @@ def _law(
     loop: LoopSource,
     lacking: Mapping[str, str],
     notes: list[str],
-) -> dict[str, Any]:
+) -> JsonObject:
     """What the page is told of a law."""
     numbers = [*_numbers(flown, lacking, notes)]
     plots = [*_plots(flown, lacking, notes)]
@@ -343,7 +345,7 @@ def _law(
     }  # fmt: skip
 
 
-def _usual_ranges(system: System, names: set[str]) -> list[dict[str, Any]]:
+def _usual_ranges(system: System, names: set[str]) -> list[JsonObject]:
     """Return the parameters that have a range that is usual, outside of which `desat run` warns."""
     found = []
     for name in sorted(names):
@@ -365,7 +367,7 @@ def _usual_ranges(system: System, names: set[str]) -> list[dict[str, Any]]:
     return found
 
 
-def _places(loop: LoopSource) -> tuple[list[Any], dict[str, Any], int]:
+def _places(loop: LoopSource) -> tuple[list[Any], JsonObject, int]:
     """Of a loop's parameters the name and the place of the first element among all variables; of
     its series where they are in a row of outputs; and how many these are."""
     slots, series = [], {}
@@ -381,9 +383,7 @@ def _places(loop: LoopSource) -> tuple[list[Any], dict[str, Any], int]:
     return slots, series, at
 
 
-def _numbers(
-    flown: _Flown, lacking: Mapping[str, str], notes: list[str]
-) -> Iterator[dict[str, Any]]:
+def _numbers(flown: _Flown, lacking: Mapping[str, str], notes: list[str]) -> Iterator[JsonObject]:
     """The scenario's numbers that the page has, each as `engine.js` evaluates it."""
     there = _there(flown.system)
     for name, number in flown.content.numbers.items():
@@ -402,7 +402,7 @@ def _numbers(
             }  # fmt: skip
 
 
-def _number(number: Number, flown: _Flown) -> dict[str, Any]:
+def _number(number: Number, flown: _Flown) -> JsonObject:
     """How a number is made of series."""
     units = [_unit(flown.system, s) for s in number.signals]
     entry = derived.of_entry(number)
@@ -425,7 +425,7 @@ def _number(number: Number, flown: _Flown) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _how(entry: Number | Plot, flown: _Flown) -> dict[str, Any]:
+def _how(entry: Number | Plot, flown: _Flown) -> JsonObject:
     """The options of what is derived, and the parameters that it takes."""
     made = derived.of_entry(entry)
     if made is None:
@@ -448,7 +448,7 @@ def _unit(system: System, series: str) -> str:
     return system.components[owner].interface.arrays[name][0].unit_name or "1"
 
 
-def _plots(flown: _Flown, lacking: Mapping[str, str], notes: list[str]) -> Iterator[dict[str, Any]]:
+def _plots(flown: _Flown, lacking: Mapping[str, str], notes: list[str]) -> Iterator[JsonObject]:
     """The scenario's plots that the page has, each as `engine.js` draws it."""
     there = _there(flown.system)
     for name, plot in flown.content.plots.items():
@@ -460,7 +460,7 @@ def _plots(flown: _Flown, lacking: Mapping[str, str], notes: list[str]) -> Itera
         yield _plot(name, plot, signals, flown)
 
 
-def _plot(name: str, plot: Plot, signals: list[str], flown: _Flown) -> dict[str, Any]:
+def _plot(name: str, plot: Plot, signals: list[str], flown: _Flown) -> JsonObject:
     """A plot: its lines' names a series, empty for one that is not shown, and its limits."""
     entry = derived.of_entry(plot)
     own = [_unit(flown.system, s) for s in signals]
@@ -494,7 +494,7 @@ def _line(plot: Plot, signal: str, name: str) -> str:
     return f"{prefix} {name}".strip()
 
 
-def _limits(plot: Plot, flown: _Flown, unit: str) -> Iterator[dict[str, Any]]:
+def _limits(plot: Plot, flown: _Flown, unit: str) -> Iterator[JsonObject]:
     """The limit lines of a plot."""
     for limit in plot.limits:
         value: float | Expression | str = limit.value
@@ -508,19 +508,22 @@ def _limits(plot: Plot, flown: _Flown, unit: str) -> Iterator[dict[str, Any]]:
         yield {"name": limit.name or name, "value": value, "filled": limit.fill}
 
 
-def _managed(flown: _Flown) -> dict[str, Any] | None:
+def _managed(flown: _Flown) -> JsonObject | None:
     """What the numbers of management are made of, and the curve without; None where they do not
     apply."""
     parts, system = management.applies(flown.system), flown.system
-    if parts is None or parts.wheels is None or parts.field is None or parts.target is None:
+    if parts is None or parts.wheels is None or parts.target is None:
+        return None
+    if not management.balanced(parts):
         return None
     body, wheels, torquers = parts.spacecraft, parts.wheels, parts.torquers
     series = {
         "h": f"{wheels}.h_wheel", "q": f"{body}.q_bi", "omega": f"{body}.omega_bi_body",
         "copy": f"{body}.h_copy_wheel", "impulse": f"{body}.impulse_eci",
-        "dipole": f"{torquers}.m_mean_body", "field": parts.field,
         "saturated": f"{wheels}.saturated_wheel", "speed": f"{wheels}.speed_wheel",
     }  # fmt: skip
+    if torquers and parts.field:
+        series |= {"dipole": f"{torquers}.m_mean_body", "field": parts.field}
     if parts.thrusters:
         series["fired"] = f"{parts.thrusters}.tau_mean_thruster_body"
     own = system.components[body].values
@@ -535,7 +538,8 @@ def _managed(flown: _Flown) -> dict[str, Any] | None:
     return {
         "series": series, "there": there.tolist(), "target": list(parts.target),
         "inverse": np.linalg.pinv(axes[:, there]).tolist(), "of": names,
-        "coils": _coils(system, torquers), "values": [*names.values(), f"{torquers}.m_limit"],
+        "coils": _coils(system, torquers) if torquers else None,
+        "values": [*names.values(), *([f"{torquers}.m_limit"] if torquers else [])],
         "label": f"fullest wheel [{spell_unit(unit)}]", "scale": scale("N.m.s", unit),
         "names": {"momentum": management.OF_MOMENTUM, "coils": management.OF_COILS,
                   "wheels": management.OF_WHEELS, "balance": management.OF_BALANCE},
@@ -544,7 +548,7 @@ def _managed(flown: _Flown) -> dict[str, Any] | None:
     }  # fmt: skip
 
 
-def _coils(system: System, torquers: str) -> dict[str, Any] | None:
+def _coils(system: System, torquers: str) -> JsonObject | None:
     """What the duty of coils is made of; None where they have no limit."""
     component = system.components[torquers]
     known = dict(component.values)
@@ -567,7 +571,7 @@ def _asset(name: str) -> str:
     return (files(__package__) / name).read_text(encoding="utf-8")
 
 
-def _page(told: dict[str, Any], code: str) -> str:
+def _page(told: JsonObject, code: str) -> str:
     """The HTML."""
     worker = "\n".join([numpy_source(), code, _asset("engine.js"), _asset("worker.js")])
     return render(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
@@ -15,9 +15,10 @@ from desat.fmus.registry import block_class, names
 from ..runs.prepare import Target, prepare
 from ..system.errors import DesatError, nearest
 from ..system.interface import Signal, base_name
-from ..system.model import System
+from ..system.model import System, Values
 from ..system.options import Options, with_assignment
 from ..system.parameters import expand, parse_value, unit_of
+from ..system.typed import JsonObject
 from ..system.wheels import smallest_capacity
 from .values import differing, reached
 
@@ -54,7 +55,7 @@ class Slider:
     """Whether it is a radius from the Earth's centre."""
     asked: bool = False
 
-    def told(self) -> dict[str, Any]:
+    def told(self) -> JsonObject:
         """Return what the page is told of it."""
         return {k: v for k, v in asdict(self).items() if k != "asked"}
 
@@ -194,7 +195,7 @@ def _range(slider: Slider, name: str, system: System) -> Slider | None:
     return replace(slider, low=first, high=last)
 
 
-def _manager_values(system: System) -> Mapping[str, Any]:
+def _manager_values(system: System) -> Values:
     """Return the parameters of the manager."""
     manager = system.roles.get("manager")
     return {} if manager is None else manager.values

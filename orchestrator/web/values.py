@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Set
+from collections.abc import Iterator, Set
 from typing import Any
 
 from ..system.expression import Table, entry, is_name, parsed, product, scale_of
-from ..system.model import System
+from ..system.model import System, Values
 from ..system.parameters import table, unit_of
+from ..system.typed import JsonObject
 
 Expression = dict[str, Any]
 """`factors`: of each `*` or `/`, and a number, or a parameter and its element (0: the whole);
@@ -35,7 +36,7 @@ def names_of(of: Expression) -> set[str]:
     return {factor[0] for _, factor in of["factors"] if isinstance(factor, list)}
 
 
-def follows(system: System) -> list[dict[str, Any]]:
+def follows(system: System) -> list[JsonObject]:
     """The parameters of a system that are given as others, each after those that it is made of:
     its name, what it is (`of`), how many elements it has (0: it is no array), and whether it is
     another one as it is (`whole`)."""
@@ -53,7 +54,7 @@ def follows(system: System) -> list[dict[str, Any]]:
 
 def _reference(
     system: System, owner: str, name: str, text: str, known: Table
-) -> dict[str, Any]:  # fmt: skip
+) -> JsonObject:  # fmt: skip
     signals = system.components[owner].interface.elements[name]
     whole = is_name(text)
     unit = unit_of(entry(text, known).unit) if whole else product(text, known)[1]
@@ -64,7 +65,7 @@ def _reference(
     }  # fmt: skip
 
 
-def reached(moved: Set[str], ordered: list[dict[str, Any]]) -> set[str]:
+def reached(moved: Set[str], ordered: list[JsonObject]) -> set[str]:
     """Parameters, and all that follow from them."""
     found = set(moved)
     for each in ordered:
@@ -88,6 +89,6 @@ def differing(a: System, b: System) -> set[str]:
     return {name for name, value in one.items() if other[name] != value}
 
 
-def _all(system: System) -> Mapping[str, Any]:
+def _all(system: System) -> Values:
     known = table(system.components.values())
     return {f"{owner}.{n}": p.value for owner, of in known.items() for n, p in of.items()}

@@ -7,12 +7,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from rich.table import Table
-from rich.text import Text
 
+from ...report.table import Column, Table
 from ...system.errors import Exit, plain
 from .. import options as o
-from ..console import app, err, example, out, print_json
+from ..console import app, err, example, out, print_json, print_table
 
 if TYPE_CHECKING:
     from ...files.inspection import InspectedFmu
@@ -124,10 +123,8 @@ def check(
             out.print(f"{target}: no problem: {parts[0]} components, {parts[1]} connections")
         if schedule is not None and schedule_too:
             out.print("steps in this order: " + ", ".join(schedule.order))
-            table = Table("connection", "moves", box=None, header_style="bold", pad_edge=False)
-            for key, when in timing.items():
-                table.add_row(key, when)
-            out.print(table)
+            columns = [Column("connection", kind="text"), Column("moves", kind="text")]
+            print_table(Table("", columns, list(timing.items())))
     if checked.problems:
         if not as_json:
             err.print(f"{len(checked.problems)} problem(s) in {target}")
@@ -166,10 +163,10 @@ def _print_fmu(found: InspectedFmu) -> None:
     whose = " (ours)" if found.ours else ""
     out.print(f"sha256: {found.sha256}{whose}", markup=False)
     for causality, variables in found.of_causality().items():
-        table = Table(causality, "type", "unit", "", box=None, header_style="bold", pad_edge=False)
+        rows = []
         for v in variables:
             size = f"[{','.join(map(str, v.shape))}]" if v.shape else ""
-            cells = (f"{v.name}{size}", v.type, v.unit, v.description)
-            table.add_row(*(Text(plain(cell)) for cell in cells))
+            rows.append((f"{v.name}{size}", v.type, v.unit, v.description))
+        columns = [Column(title, kind="text") for title in (causality, "type", "unit", "")]
         out.print()
-        out.print(table)
+        print_table(Table("", columns, rows))

@@ -8,10 +8,10 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.table import Table
 
+from ...report.table import Column, Table
 from .. import options as o
-from ..console import app, example, out, print_json, warn
+from ..console import app, example, out, print_json, print_table, warn
 
 news = typer.Typer(no_args_is_help=True, rich_markup_mode=None,
                    help="Begin something of your own: a craft, a law, a block.")  # fmt: skip
@@ -122,12 +122,8 @@ def craft(
         return
     names = ", ".join(x.name for x in made.files)
     out.print(f"{shown(folder)}: {names}", highlight=False, markup=False)
-    table = Table(box=None, header_style="bold", pad_edge=False)
-    for name in ("quantity", "value", "unit", "from"):
-        table.add_column(name)
-    for row in made.assumptions:
-        table.add_row(*row)
-    out.print(table)
+    columns = [Column(title, kind="text") for title in ("quantity", "value", "unit", "from")]
+    print_table(Table("", columns, made.assumptions), is_folded=True)
     out.print(f"desat run {shown(folder)}    # nominal; desat size {shown(folder)} what it "
               "needs", highlight=False, markup=False)  # fmt: skip
 

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.table import Table
 
 from ...cli import options as o
-from ...cli.console import app, example, out, print_json
+from ...cli.console import app, example, out, print_json, print_table
+from ...numbers.text import spell_unit
+from ...report.table import Column, Table
 from ...runs.progress import progress
 from ...system.errors import DesatError
 
@@ -37,7 +39,6 @@ def design(
     They are kept in ssp/FAMILY/design/.
     """
     from ...files import paths
-    from ...numbers.text import spell_unit
     from ..designs import making as design_module
 
     if file is None:
@@ -60,14 +61,17 @@ def design(
     if as_json:
         print_json([design_module.as_json(*each) for each in made])
         return
-    table = Table("scenario", "reached", "tuned", box=None, header_style="bold", pad_edge=False)
-    for s, d, _ in made:
-        columns = (
-            ", ".join(f"{n} = {v:.6g} {spell_unit(u)}" for n, (v, u) in entries.items()
-                      if isinstance(v, float))
-            for entries in (d.reached, d.tuned)
-        )  # fmt: skip
-        table.add_row(s.name, *columns)
-    out.print(table)
+    columns = [Column(title, kind="text") for title in ("scenario", "reached", "tuned")]
+    rows = [(s.name, _values(d.reached), _values(d.tuned)) for s, d, _ in made]
+    print_table(Table("", columns, rows), is_folded=True)
     for folder in sorted({path.parent for _, _, path in made}):
         out.print(f"written to {os.path.relpath(folder)}")
+
+
+def _values(entries: Mapping[str, tuple[object, str]]) -> str:
+    """Return the numbers among values by name, each with its unit."""
+    return ", ".join(
+        f"{name} = {value:.6g} {spell_unit(unit)}"
+        for name, (value, unit) in entries.items()
+        if isinstance(value, float)
+    )

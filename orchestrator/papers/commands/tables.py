@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, cast
 
 import typer
-from rich.table import Table
 
 from ...cli import options as o
-from ...cli.console import app, err, example, out, print_json
+from ...cli.console import app, err, example, out, print_json, print_table
+from ...report.table import Cell, Column, Mark, Table
 
 if TYPE_CHECKING:
     from ..stored import Provenance, StoredDraws
@@ -39,8 +39,6 @@ def tables(
 
     Scenarios with samples give their median; these are read from docs/papers/FAMILY/draws.parquet.
     """
-    from rich.text import Text
-
     from .. import tables as tables_module
 
     options = o.options_of(None, None, None, algorithm, blocks, fmus=fmus)
@@ -50,18 +48,20 @@ def tables(
         print_json(tables_module.as_json(family, rows, origin))
         return
     for heading, group in tables_module.groups(rows):
-        table = Table(title=heading, title_justify="left", box=None, header_style="bold",
-                      pad_edge=False)  # fmt: skip
         lines = [tables_module.texts_of(row) for row in group]
         shown = tables_module.columns(lines)
-        for column, text in shown.items():
-            table.add_column(text, justify="right" if column in tables_module.NUMBERS else "left")
-        for line in lines:
-            style = {"ok": "green", "bad": "red", "": ""}[line["mark"]]
-            table.add_row(*(Text(line[c], style if c == "verdict" else "") for c in shown))
+        columns = [
+            Column(text, kind="number" if column in tables_module.NUMBERS else "text")
+            for column, text in shown.items()
+        ]
+        cells = [
+            [Cell(line[c], mark=cast(Mark, line["mark"] if c == "verdict" else "")) for c in shown]
+            for line in lines
+        ]
         for text in tables_module.definitions(row.definition for row in group):
             out.print(text, style="dim")
-        out.print(table)
+        out.print(heading, style="italic")
+        print_table(Table(heading, columns, cells), is_folded=True)
         out.print()
     out.print(tables_module.summed_up(rows))
     if spelt := tables_module.spelt(family, rows):
@@ -92,6 +92,6 @@ def _draws_of(
         for names, what in ((stale, "are not of this version"),
                             (left_out, "are not there: their rows are left out")):  # fmt: skip
             if names:
-                err.print(f"warning: the stored samples of {', '.join(names)} {what}; --fresh "
-                          "computes them")  # fmt: skip
+                shown = ", ".join(names[:3]) + (f" and {len(names) - 3} more" if names[3:] else "")
+                err.print(f"warning: the stored samples of {shown} {what}; --fresh computes them")
     return kept, stored_module.provenance(kept, fresh=False)

@@ -1,0 +1,39 @@
+"""The limit lines of a plot: numbers, or products of parameters."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import TYPE_CHECKING, Any
+
+from ..system.errors import DesatError
+from ..system.expression import Table, factor, product
+from ..system.expression import entry as value_of
+
+if TYPE_CHECKING:
+    from ..language.scenario import LimitLine
+
+
+def limits_of(
+    given: Iterable[LimitLine], parameters: Table, unit: str
+) -> list[tuple[str, float, bool]]:
+    """(name, value, filled) of the limit lines, or bands about zero: products of parameters, or
+    numbers, that hold in this run."""
+    limits = []
+    for limit in given:
+        if any(parameter_of(parameters, k) == v for k, v in limit.unless.items()):
+            continue
+        value, name = limit.value, "limit"
+        if isinstance(value, str):
+            name = value.partition("[")[0]
+            value, own = product(value, parameters)
+            value *= factor(own, unit, f'of "{limit.value}"')
+        limits.append((limit.name or name, float(value), limit.fill))
+    return limits
+
+
+def parameter_of(parameters: Table, name: str) -> Any:
+    """The value of `component.parameter` or `component.parameter[i]`; None if unknown."""
+    try:
+        return value_of(name, parameters)[0]
+    except DesatError:
+        return None
