@@ -20,6 +20,7 @@ from ..runs.prepare import read as read_source
 from ..runs.progress import progress as shown
 from ..system.errors import DesatError, Exit, RunError, nearest
 from ..system.options import Options
+from ..system.typed import JsonObject
 from . import store
 from .case import batch, repeat
 from .draws import lost, never, whole_numbers
@@ -371,7 +372,7 @@ class Progressed:
         """Cases a second since this head began."""
         return (self.done - self.first) / max(time.monotonic() - self.began, 1e-9)
 
-    def as_json(self, state: str) -> dict[str, Any]:
+    def as_json(self, state: str) -> JsonObject:
         """What `status.json` says."""
         left = (self.count - self.done) / self.rate if self.rate else None
         return {"state": state, "count": self.count, "done": self.done, "failed": self.failed,
@@ -380,7 +381,7 @@ class Progressed:
                 "head": f"{platform.node()}:{os.getpid()}", "written": time.time()}  # fmt: skip
 
 
-def status(folder: Path) -> dict[str, Any]:
+def status(folder: Path) -> JsonObject:
     """How far a campaign is, as its head wrote last. Raises DesatError where there is none."""
     plan = read(folder)
     blank = {"state": "running", "count": plan.count, "done": 0, "failed": 0}

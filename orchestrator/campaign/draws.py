@@ -18,8 +18,9 @@ from ..runs.run import Options, Run, simulate
 from ..system.errors import DesatError, Exit, RunError
 from ..system.model import AUTO, System
 from ..system.parameters import parse_assignment
+from ..system.typed import JsonObject
 from .sampling import Drawn, draw_of
-from .spread import JsonObject, Spread, spreads, to_json
+from .spread import Spread, spreads, to_json
 from .workers import Here, Local, Lost, Workers, results
 
 STOPPED = 128

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from ..language.scenario import Requirement
 from ..numbers.statistics import clopper_pearson
+from ..system.typed import JsonObject
 
 
 @dataclass(frozen=True)
@@ -39,7 +40,7 @@ class CaseVerdict:
     for_half_the_width: int | None
     unit: str
 
-    def to_json(self) -> dict[str, Any]:
+    def to_json(self) -> JsonObject:
         """Return the requirement as it is written, and the verdict."""
         verdict = {name: value for name, value in vars(self).items() if name != "requirement"}
         entry = self.requirement

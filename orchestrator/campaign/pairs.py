@@ -18,11 +18,12 @@ from ..numbers.statistics import clopper_pearson
 from ..runs.prepare import Target
 from ..runs.run import Options
 from ..system.errors import DesatError
+from ..system.typed import JsonObject
 from . import store
 from .draws import Draws, RunRow
 from .plan import CampaignPlan, read, system
 from .sampling import draw_of
-from .spread import JsonObject, Spread, to_json
+from .spread import Spread, to_json
 
 if TYPE_CHECKING:
     from pandas import DataFrame, Index  # type: ignore[import-untyped]

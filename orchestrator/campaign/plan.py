@@ -18,6 +18,7 @@ from ..runs.prepare import read as read_source
 from ..system.digest import comparable
 from ..system.errors import DesatError
 from ..system.options import Options, as_arguments
+from ..system.typed import JsonObject
 from .sampling import FIXED, Drawn, Sampling, draw_of
 
 PLAN = "campaign.json"
@@ -72,7 +73,7 @@ class CampaignPlan:
         """`component.parameter` -> value of a case."""
         return draw_of(system(self), self.seed, number, self.sampling, self.count)
 
-    def to_json(self) -> dict[str, Any]:
+    def to_json(self) -> JsonObject:
         """As its file has it: of the options those that are not as by default."""
         usual = vars(Options())
         told = {k: v for k, v in vars(self.options).items() if v != usual[k]}
@@ -92,7 +93,7 @@ def read(folder: Path) -> CampaignPlan:
     try:
         data = json.loads(file.read_text(encoding="utf-8"))
         known = {f.name for f in fields(CampaignPlan)}
-        given: dict[str, Any] = {k: v for k, v in data.items() if k in known}
+        given: JsonObject = {k: v for k, v in data.items() if k in known}
         given["curves"] = tuple(given.get("curves", ()))
         given["keep"] = tuple(map(KeptSeries.parsed, given.get("keep", ())))
         given["options"] = Options(**given.get("options", {}))

@@ -39,12 +39,13 @@ from ..runs.manifest import write_json
 from ..runs.prepare import prepare
 from ..system.errors import DesatError
 from ..system.parameters import table as parameters_of
+from ..system.typed import JsonObject
 from . import store
 from .case import POINTS
 from .judged import CaseVerdict, requirement, rerun
 from .plan import CampaignPlan, changed, read, source, system
 from .sampling import axes, sensitivity, unit_cube
-from .spread import JsonObject, Spread, to_json
+from .spread import Spread, to_json
 
 
 @dataclass(frozen=True)

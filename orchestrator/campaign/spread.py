@@ -5,12 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
 
 from ..numbers.numbers import ranks
 from ..numbers.statistics import median_interval
-
-JsonObject = dict[str, Any]
+from ..system.typed import JsonObject
 
 
 @dataclass(frozen=True)

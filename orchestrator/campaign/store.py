@@ -32,6 +32,7 @@ from ..analyses.manifest import Stopped
 from ..files.io import naming, replace_text
 from ..runs.manifest import write_json
 from ..system.errors import DesatError
+from ..system.typed import JsonObject
 from .draws import RunRow
 
 # --- A campaign's files as they are read: one that is damaged is a line that says what to do ----
@@ -112,7 +113,7 @@ def _summary(path: Path, error: Exception) -> DesatError:
                       "command makes its cases again")  # fmt: skip
 
 
-def table(path: Path) -> dict[str, Any]:
+def table(path: Path) -> JsonObject:
     """A JSON file that is a table. Raises DesatError where it is none."""
     try:
         if isinstance(found := json.loads(path.read_text(encoding="utf-8")), dict):
@@ -154,7 +155,7 @@ class CaseRow(RunRow):
         return json.dumps({"case": entry.pop("draw"), **entry, **curves, **own}) + "\n"
 
     @classmethod
-    def from_json(cls, told: Mapping[str, Any]) -> CaseRow:
+    def from_json(cls, told: JsonObject) -> CaseRow:
         """From the journal, or a row of columns."""
         stopped = told["stopped_when"]
         when = stopped and Stopped(stopped.get("condition", ""), stopped["time"])
