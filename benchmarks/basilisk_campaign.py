@@ -1,11 +1,11 @@
-"""Basilisk's own Monte Carlo over the day of basilisk_day.py; `benchmarks.campaign` runs it in its
-own environment.
+"""Basilisk's own Monte Carlo over the day of basilisk_day.py; `benchmarks.campaign`
+runs it in its own environment.
 
     python basilisk_campaign.py CASES PROCESSES STEPS
 
-Each case starts at another attitude, at other rates. Kept of each: pointing error and wheel speeds,
-as a user would. Prints RESULT {"seconds"}: wall seconds of all cases, set-up of the controller
-left out.
+Each case starts at another attitude, at other rates. Kept of each: pointing error and
+wheel speeds, as a user would. Prints RESULT {"seconds"}: wall seconds of all cases,
+set-up of the controller left out.
 """
 
 import json
@@ -51,7 +51,9 @@ def main() -> None:
     control.setShowProgressBar(False)
     control.setArchiveDir(tempfile.mkdtemp() + "/cases")
     control.addDispersion(UniformEulerAngleMRPDispersion("craft.hub.sigma_BNInit"))
-    control.addDispersion(NormalVectorCartDispersion("craft.hub.omega_BN_BInit", 0.0, 1.7e-3))
+    control.addDispersion(
+        NormalVectorCartDispersion("craft.hub.omega_BN_BInit", 0.0, 1.7e-3)
+    )
     keep = RetentionPolicy()
     keep.addMessageLog("error", ["sigma_BR"])
     keep.addMessageLog("speeds", ["wheelSpeeds"])

@@ -2,14 +2,15 @@
 
     python basilisk_day.py dipole|IGRF.json STEPS [FILE.npz]
 
-A craft of 80 kg points to nadir for STEPS s with four wheels and three coils: 16 modules of theirs,
-all at 1 s, each message that has a counterpart among our series recorded at every step. Prints
-RESULT {"seconds", "us_per_step", "modules", "pointing_deg", "momentum"}: wall seconds of stepping,
-set-up left out, and pointing error and the wheels' momentum (N m s) at the end, to see that it
-flies. With a FILE the recorded series are written there, as a user would keep them.
+A craft of 80 kg points to nadir for STEPS s with four wheels and three coils: 16
+modules of theirs, all at 1 s, each message that has a counterpart among our series
+recorded at every step. Prints RESULT {"seconds", "us_per_step", "modules",
+"pointing_deg", "momentum"}: wall seconds of stepping, set-up left out, and pointing
+error and the wheels' momentum (N m s) at the end, to see that it flies. With a FILE the
+recorded series are written there, as a user would keep them.
 
-The field is their dipole, or their spherical harmonics (WMM, degree 12) with the coefficients of
-our IGRF-14 table for 2025 to 2030.
+The field is their dipole, or their spherical harmonics (WMM, degree 12) with the
+coefficients of our IGRF-14 table for 2025 to 2030.
 """
 
 import json
@@ -58,7 +59,8 @@ AXES = np.array([(1, 1, 1), (-1, 1, 1), (-1, -1, 1), (1, -1, 1)]) / math.sqrt(3.
 
 
 def coefficients(igrf: Path, into: Path) -> None:
-    """Our table as the file that their module reads: g, h of 2025 and their change a year (nT)."""
+    """Our table as the file that their module reads: g, h of 2025 and their change a
+    year (nT)."""
     table = json.loads(igrf.read_text(encoding="utf-8"))
     key = next(k for k, v in table.items() if isinstance(v, list) and k != "years")
     at = {(int(r[0]), int(r[1])): r[2:] for r in table[key]}
@@ -69,14 +71,16 @@ def coefficients(igrf: Path, into: Path) -> None:
             g = at[n, m]
             h = at[n, -m] if m else [0.0] * len(g)
             change = [(x[last] - x[first]) / 5.0 for x in (g, h)]
-            lines.append(f"{n:3d}{m:3d}{g[first]:11.1f}{h[first]:10.1f}"
-                         f"{change[0]:12.1f}{change[1]:10.1f}")  # fmt: skip
+            lines.append(
+                f"{n:3d}{m:3d}{g[first]:11.1f}{h[first]:10.1f}"
+                f"{change[0]:12.1f}{change[1]:10.1f}"
+            )
     into.write_text("\n".join([*lines, "9" * 48, "9" * 48]) + "\n", encoding="utf-8")
 
 
 def built(environment: str) -> tuple[Any, dict[str, Any], int]:
-    """The simulation, its recorders by name, and how many modules it has. `environment`: dipole, or
-    our table of IGRF."""
+    """The simulation, its recorders by name, and how many modules it has.
+    `environment`: dipole, or our table of IGRF."""
     sim = SimulationBaseClass.SimBaseClass()
     second = macros.sec2nano(1.0)
     sim.CreateNewProcess("process").addTask(sim.CreateNewTask("task", second))
@@ -137,10 +141,18 @@ def built(environment: str) -> tuple[Any, dict[str, Any], int]:
     factory = simIncludeRW.rwFactory()
     for axis, h in zip(AXES, H_START, strict=True):
         factory.create(
-            "custom", axis.tolist(), Omega=h / SPIN * 30 / math.pi, Js=SPIN, Omega_max=600.0 * 30
-            / math.pi, u_max=5e-3, fCoulomb=2e-5, cViscous=1e-7, useRWfriction=True,
-            rWB_B=[0.0, 0.0, 0.0], RWModel=messaging.BalancedWheels,
-        )  # fmt: skip
+            "custom",
+            axis.tolist(),
+            Omega=h / SPIN * 30 / math.pi,
+            Js=SPIN,
+            Omega_max=600.0 * 30 / math.pi,
+            u_max=5e-3,
+            fCoulomb=2e-5,
+            cViscous=1e-7,
+            useRWfriction=True,
+            rWB_B=[0.0, 0.0, 0.0],
+            RWModel=messaging.BalancedWheels,
+        )
     factory.addToSpacecraft("wheels", wheels, craft)
     add(wheels, 95)
 
@@ -152,7 +164,9 @@ def built(environment: str) -> tuple[Any, dict[str, Any], int]:
     navigation.scStateInMsg.subscribeTo(craft.scStateOutMsg)
     noise = np.diag([1.0] * 3 + [0.01] * 3 + [5e-5] * 3 + [1e-5] * 3 + [0.0] * 6)
     navigation.PMatrix = noise.tolist()
-    navigation.walkBounds = [100.0] * 3 + [0.1] * 3 + [2e-4] * 3 + [5e-5] * 3 + [0.0] * 6
+    navigation.walkBounds = (
+        [100.0] * 3 + [0.1] * 3 + [2e-4] * 3 + [5e-5] * 3 + [0.0] * 6
+    )
     add(navigation, 93)
     sensor = magnetometer.Magnetometer()
     sensor.stateInMsg.subscribeTo(craft.scStateOutMsg)
@@ -209,13 +223,19 @@ def built(environment: str) -> tuple[Any, dict[str, Any], int]:
     coils.magInMsg.subscribeTo(field.envOutMsgs[0])
 
     recorded = {
-        "craft": craft.scStateOutMsg, "field": field.envOutMsgs[0], "air": air.envOutMsgs[0],
-        "navigation": navigation.attOutMsg, "orbit": navigation.transOutMsg,
-        "sensor": sensor.tamDataOutMsg, "reference": hill.attRefOutMsg,
-        "error": error.attGuidOutMsg, "control": control.cmdTorqueOutMsg,
-        "speeds": wheels.rwSpeedOutMsg, "torques": manager.rwMotorTorqueOutMsg,
+        "craft": craft.scStateOutMsg,
+        "field": field.envOutMsgs[0],
+        "air": air.envOutMsgs[0],
+        "navigation": navigation.attOutMsg,
+        "orbit": navigation.transOutMsg,
+        "sensor": sensor.tamDataOutMsg,
+        "reference": hill.attRefOutMsg,
+        "error": error.attGuidOutMsg,
+        "control": control.cmdTorqueOutMsg,
+        "speeds": wheels.rwSpeedOutMsg,
+        "torques": manager.rwMotorTorqueOutMsg,
         "dipole": manager.mtbCmdOutMsg,
-    }  # fmt: skip
+    }
     logs = {name: message.recorder(second) for name, message in recorded.items()}
     for log in logs.values():
         sim.AddModelToTask("task", log)
@@ -254,13 +274,20 @@ def main() -> None:
     seconds = time.perf_counter() - began
 
     if len(sys.argv) > 3:
-        fields = {"craft": ("r_BN_N", "v_BN_N", "sigma_BN", "omega_BN_B"),
-                  "field": ("magField_N",), "air": ("neutralDensity",),
-                  "navigation": ("sigma_BN", "omega_BN_B"), "orbit": ("r_BN_N", "v_BN_N"),
-                  "sensor": ("tam_S",), "reference": ("sigma_RN", "omega_RN_N"),
-                  "error": ("sigma_BR", "omega_BR_B"), "control": ("torqueRequestBody",),
-                  "speeds": ("wheelSpeeds",), "torques": ("motorTorque",),
-                  "dipole": ("mtbDipoleCmds",)}  # fmt: skip
+        fields = {
+            "craft": ("r_BN_N", "v_BN_N", "sigma_BN", "omega_BN_B"),
+            "field": ("magField_N",),
+            "air": ("neutralDensity",),
+            "navigation": ("sigma_BN", "omega_BN_B"),
+            "orbit": ("r_BN_N", "v_BN_N"),
+            "sensor": ("tam_S",),
+            "reference": ("sigma_RN", "omega_RN_N"),
+            "error": ("sigma_BR", "omega_BR_B"),
+            "control": ("torqueRequestBody",),
+            "speeds": ("wheelSpeeds",),
+            "torques": ("motorTorque",),
+            "dipole": ("mtbDipoleCmds",),
+        }
         kept: dict[str, Any] = {
             f"{n}.{f}": np.asarray(getattr(logs[n], f))
             for n, names in fields.items()
@@ -270,10 +297,12 @@ def main() -> None:
     sigma = float(np.linalg.norm(logs["error"].sigma_BR[-1]))
     momentum = SPIN * np.asarray(logs["speeds"].wheelSpeeds[-1])[:4]
     result = {
-        "seconds": seconds, "us_per_step": 1e6 * seconds / steps, "modules": modules,
+        "seconds": seconds,
+        "us_per_step": 1e6 * seconds / steps,
+        "modules": modules,
         "pointing_deg": math.degrees(4.0 * math.atan(sigma)),
         "momentum": float(np.linalg.norm(AXES.T @ momentum)),
-    }  # fmt: skip
+    }
     print("RESULT " + json.dumps(result))
 
 

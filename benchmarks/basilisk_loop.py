@@ -1,26 +1,28 @@
-"""The closed loop of a `nadir_day/witness-*` scenario in Basilisk; `benchmarks.witness` runs it.
+"""The closed loop of a `nadir_day/witness-*` scenario in Basilisk; `benchmarks.witness`
+runs it.
 
     python basilisk_loop.py CASE.json STEP FILE.npz
 
-Spacecraft, wheels, gravity, gravity gradient, field and coils are Basilisk's modules, by its RK4
-with STEP (s). Controller and manager are written here from their equations (paper 004, eqs. 7 to
-11, 16 and 19), once more and in numpy, so that nothing of what is compared is shared. They sample
-at 1 s what the dynamics have then, and their commands act from then on: the modules that hand
-commands on stand before the spacecraft in the task. (Behind it, which is the usual order, they act
-one step late; with CASE.late true it flies so.) The field is held over each step, which makes an
-error of first order in STEP.
+Spacecraft, wheels, gravity, gravity gradient, field and coils are Basilisk's modules,
+by its RK4 with STEP (s). Controller and manager are written here from their equations
+(paper 004, eqs. 7 to 11, 16 and 19), once more and in numpy, so that nothing of what is
+compared is shared. They sample at 1 s what the dynamics have then, and their commands
+act from then on: the modules that hand commands on stand before the spacecraft in the
+task. (Behind it, which is the usual order, they act one step late; with CASE.late true
+it flies so.) The field is held over each step, which makes an error of first order in
+STEP.
 
-CASE.laws "modules" flies Basilisk's own flight software instead: hillPoint, attTrackingError,
-mrpFeedback, rwMotorTorque and mtbMomentumManagement (Hogan & Schaub, 2015). A list flies the
-equations here with its terms in place of ours, by name:
+CASE.laws "modules" flies Basilisk's own flight software instead: hillPoint,
+attTrackingError, mrpFeedback, rwMotorTorque and mtbMomentumManagement (Hogan & Schaub,
+2015). A list flies the equations here with its terms in place of ours, by name:
 
     mrp          K sigma, K = 2 kp, where ours is kp e
     gyroscopic   omega_r x (J omega + A h) - J (omega x omega_r), where ours is omega x A h
     null_space   the wheels' momentum is driven to nothing in the null space, too
     relative     the momentum to dump is J_s Omega, where ours is J_s (Omega + g . omega)
 
-FILE has q_bi (rows, 4; scalar last), omega (rows, 3; rad/s, body) and h (rows, 4; N m s, axial,
-absolute) at every CASE.every s.
+FILE has q_bi (rows, 4; scalar last), omega (rows, 3; rad/s, body) and h (rows, 4; N m
+s, axial, absolute) at every CASE.every s.
 """
 
 import json
@@ -82,12 +84,18 @@ class Earth(sysModel.SysModel):  # type: ignore[misc]
 
 
 class Flight(sysModel.SysModel):  # type: ignore[misc]
-    """Nadir guidance, attitude controller and momentum manager, each at 1 s, by perfect sensors."""
+    """Nadir guidance, attitude controller and momentum manager, each at 1 s, by perfect
+    sensors."""
 
-    def __init__(self, case: dict[str, Any], craft: Any, field: Any, wheels: Any) -> None:
+    def __init__(
+        self, case: dict[str, Any], craft: Any, field: Any, wheels: Any
+    ) -> None:
         super().__init__()
         self.case, self.craft, self.field, self.wheels = case, craft, field, wheels
-        self.torque, self.dipole = messaging.ArrayMotorTorqueMsg(), messaging.MTBCmdMsg()
+        self.torque, self.dipole = (
+            messaging.ArrayMotorTorqueMsg(),
+            messaging.MTBCmdMsg(),
+        )
         self.axes = np.array(case["axes_wheel"])
         self.to_wheels = np.linalg.pinv(self.axes)
         self.inertia = np.array(case["inertia"])
@@ -116,12 +124,16 @@ class Flight(sysModel.SysModel):  # type: ignore[misc]
         error = body @ wanted.T
         beta = RigidBodyKinematics.C2EP(error)  # scalar first, not negative
         e = np.array(beta[1:]) * math.copysign(1.0, beta[0])
-        omega_r = error @ np.array([0.0, -np.linalg.norm(np.cross(r, v)) / (r @ r), 0.0])
+        omega_r = error @ np.array(
+            [0.0, -np.linalg.norm(np.cross(r, v)) / (r @ r), 0.0]
+        )
         too_fast = omega - omega_r
         self.integral = self.integral + SAMPLE * e
         proportional = 2.0 * e / (1.0 + abs(beta[0])) if "mrp" in terms else e
         control = -np.array(case["gain_matrix"]) @ (
-            case["kp"] * proportional + case["kd"] * too_fast + case["ki"] * self.integral
+            case["kp"] * proportional
+            + case["kd"] * too_fast
+            + case["ki"] * self.integral
         )
 
         b = body @ np.array(self.field.envOutMsgs[0].read().magField_N)
@@ -132,7 +144,9 @@ class Flight(sysModel.SysModel):  # type: ignore[misc]
         gyroscopic = np.cross(omega, stored)
         if "gyroscopic" in terms:
             whole = self.inertia @ omega + stored
-            gyroscopic = np.cross(omega_r, whole) - self.inertia @ np.cross(omega, omega_r)
+            gyroscopic = np.cross(omega_r, whole) - self.inertia @ np.cross(
+                omega, omega_r
+            )
         torque = self.to_wheels @ (np.cross(dipole, b) - control - gyroscopic)
         if "null_space" in terms:
             torque -= case["gain"] * (dumped - self.to_wheels @ (self.axes @ dumped))
@@ -148,8 +162,8 @@ class Flight(sysModel.SysModel):  # type: ignore[misc]
 def modules(
     case: dict[str, Any], craft: Any, field: Any, wheels: Any, layout: Any, bars: Any
 ) -> Any:
-    """Basilisk's own flight software, first to last, and the messages of its last: torques of the
-    wheels and dipoles."""
+    """Basilisk's own flight software, first to last, and the messages of its last:
+    torques of the wheels and dipoles."""
     navigation = simpleNav.SimpleNav()
     navigation.scStateInMsg.subscribeTo(craft.scStateOutMsg)
     sensor = magnetometer.Magnetometer()
@@ -160,7 +174,9 @@ def modules(
     link.tamInMsg.subscribeTo(sensor.tamDataOutMsg)
     hill = hillPoint.hillPoint()
     hill.transNavInMsg.subscribeTo(navigation.transOutMsg)
-    to_lvlh = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, -1.0], [-1.0, 0.0, 0.0]])  # from Hill's axes
+    to_lvlh = np.array(
+        [[0.0, 1.0, 0.0], [0.0, 0.0, -1.0], [-1.0, 0.0, 0.0]]
+    )  # from Hill's axes
     error = attTrackingError.attTrackingError()
     error.sigma_R0R = RigidBodyKinematics.C2MRP(to_lvlh.T).tolist()
     error.attRefInMsg.subscribeTo(hill.attRefOutMsg)
@@ -236,14 +252,27 @@ def main() -> None:
     factory = simIncludeRW.rwFactory()
     axes = np.array(case["axes_wheel"])
     rubs = case["viscous"] > 0.0 or case["coulomb"] > 0.0
-    for g, h, inertia in zip(axes.T, case["h_wheel"], case["inertia_wheel"], strict=True):
+    for g, h, inertia in zip(
+        axes.T, case["h_wheel"], case["inertia_wheel"], strict=True
+    ):
         speed = h / inertia - g @ np.array(omega)
         factory.create(
-            "custom", g.tolist(), Omega=speed * 30 / math.pi, Js=inertia, Omega_max=1e6, u_max=1e3,
-            rWB_B=[0.0, 0.0, 0.0], useRWfriction=rubs, fCoulomb=case["coulomb"],
-            fStatic=case["coulomb"], betaStatic=-1.0, cViscous=case["viscous"],
-            useMinTorque=False, useMaxTorque=False, RWModel=messaging.BalancedWheels,
-        )  # fmt: skip
+            "custom",
+            g.tolist(),
+            Omega=speed * 30 / math.pi,
+            Js=inertia,
+            Omega_max=1e6,
+            u_max=1e3,
+            rWB_B=[0.0, 0.0, 0.0],
+            useRWfriction=rubs,
+            fCoulomb=case["coulomb"],
+            fStatic=case["coulomb"],
+            betaStatic=-1.0,
+            cViscous=case["viscous"],
+            useMinTorque=False,
+            useMaxTorque=False,
+            RWModel=messaging.BalancedWheels,
+        )
     factory.addToSpacecraft("wheels", wheels, craft)
 
     flight = Flight(case, craft, field, wheels)
@@ -276,8 +305,12 @@ def main() -> None:
     sim.ExecuteSimulation()
 
     rows = np.array(flight.rows)[:: case["every"]]
-    q_bi = np.array([RigidBodyKinematics.MRP2EP(s) for s in rows[:, 1:4]])[:, [1, 2, 3, 0]]
-    np.savez(sys.argv[3], t=rows[:, 0] * 1e-9, q_bi=q_bi, omega=rows[:, 4:7], h=rows[:, 7:])
+    q_bi = np.array([RigidBodyKinematics.MRP2EP(s) for s in rows[:, 1:4]])[
+        :, [1, 2, 3, 0]
+    ]
+    np.savez(
+        sys.argv[3], t=rows[:, 0] * 1e-9, q_bi=q_bi, omega=rows[:, 4:7], h=rows[:, 7:]
+    )
 
 
 if __name__ == "__main__":

@@ -1,9 +1,10 @@
-"""Basilisk on one of the bench's plants; `benchmarks.run` runs it in its own environment.
+"""Basilisk on one of the bench's plants; `benchmarks.run` runs it in its own
+environment.
 
     python basilisk_plant.py PLANT.json STEP rk4|rkf78
 
-prints RESULT {"seconds": …, "rows": [[q1, q2, q3, q0], …]}: CPU seconds of all, set-up left out,
-and the attitude (scalar last, body from eci) at every interval of the truth.
+prints RESULT {"seconds": …, "rows": [[q1, q2, q3, q0], …]}: CPU seconds of all, set-up
+left out, and the attitude (scalar last, body from eci) at every interval of the truth.
 """
 
 import json
@@ -21,7 +22,12 @@ from Basilisk.simulation import (
     spacecraft,
     svIntegrators,
 )
-from Basilisk.utilities import RigidBodyKinematics, SimulationBaseClass, macros, simIncludeRW
+from Basilisk.utilities import (
+    RigidBodyKinematics,
+    SimulationBaseClass,
+    macros,
+    simIncludeRW,
+)
 
 
 def main() -> None:
@@ -38,7 +44,9 @@ def main() -> None:
     craft.hub.mHub = 100.0
     craft.hub.r_BcB_B = [[0.0], [0.0], [0.0]]
     axes, spin = np.array(given["axes"]), given["inertia_wheel"]
-    craft.hub.IHubPntBc_B = given["inertia"]  # balanced wheels: the hub has them, locked
+    craft.hub.IHubPntBc_B = given[
+        "inertia"
+    ]  # balanced wheels: the hub has them, locked
     craft.hub.r_CN_NInit = [[x] for x in given["r0"]]
     craft.hub.v_CN_NInit = [[x] for x in given["v0"]]
     q = np.array(given["q0"]) / np.linalg.norm(given["q0"])
@@ -55,10 +63,18 @@ def main() -> None:
     factory = simIncludeRW.rwFactory()
     for i in range(4):
         factory.create(
-            "custom", axes[:, i].tolist(), Omega=given["speeds"][i] * 30 / math.pi, Js=spin[i],
-            Omega_max=1e6, u_max=1.0, rWB_B=[0.0, 0.0, 0.0], useRWfriction=False,
-            useMinTorque=False, useMaxTorque=False, RWModel=messaging.BalancedWheels,
-        )  # fmt: skip
+            "custom",
+            axes[:, i].tolist(),
+            Omega=given["speeds"][i] * 30 / math.pi,
+            Js=spin[i],
+            Omega_max=1e6,
+            u_max=1.0,
+            rWB_B=[0.0, 0.0, 0.0],
+            useRWfriction=False,
+            useMinTorque=False,
+            useMaxTorque=False,
+            RWModel=messaging.BalancedWheels,
+        )
     factory.addToSpacecraft("wheels", wheels, craft)
 
     gradient = GravityGradientEffector.GravityGradientEffector()
@@ -91,7 +107,9 @@ def main() -> None:
         sim.ExecuteSimulation()
         seconds += time.process_time() - began
 
-    rows = np.array([RigidBodyKinematics.MRP2EP(s) for s in log.sigma_BN])[:, [1, 2, 3, 0]]
+    rows = np.array([RigidBodyKinematics.MRP2EP(s) for s in log.sigma_BN])[
+        :, [1, 2, 3, 0]
+    ]
     print("RESULT " + json.dumps({"seconds": seconds, "rows": rows.tolist()}))
 
 

@@ -2,10 +2,11 @@
 
     python -m benchmarks.before_after FILE          # writes FILE; where it exists, compares
 
-Answers are: the check of every scenario, each problem, warning and note word for word; of a
-selection of them, cut to a few steps, the sha256 of every recorded series, and the manifest; draws
-of one; and what is said of wrong files, made from the scenario files by a seeded mutation of one
-value or key each. Ends with 1 where something differs, and prints what.
+Answers are: the check of every scenario, each problem, warning and note word for word;
+of a selection of them, cut to a few steps, the sha256 of every recorded series, and the
+manifest; draws of one; and what is said of wrong files, made from the scenario files by
+a seeded mutation of one value or key each. Ends with 1 where something differs, and
+prints what.
 """
 
 from __future__ import annotations
@@ -35,9 +36,26 @@ WRONG = 900
 STEPS = 40
 EVERY = 9
 """Of all scenarios one in so many is flown."""
-ASIDE = ("began", "seconds", "created", "host", "machine", "versions", "desat", "timing", "cpu",
-         "started", "finished", "wall", "speed", "processes", "folder", "run", "memory",
-         "us_per")  # fmt: skip
+ASIDE = (
+    "began",
+    "seconds",
+    "created",
+    "host",
+    "machine",
+    "versions",
+    "desat",
+    "timing",
+    "cpu",
+    "started",
+    "finished",
+    "wall",
+    "speed",
+    "processes",
+    "folder",
+    "run",
+    "memory",
+    "us_per",
+)
 
 
 def checked(target: str) -> tuple[str, Any]:
@@ -52,7 +70,11 @@ def _said(target: str) -> Any:
         return {"refused": str(error)}
     except Exception as error:
         return {"traceback": f"{type(error).__name__}: {error}"}
-    return {"problems": found.problems, "warnings": found.warnings, "notes": found.notes}
+    return {
+        "problems": found.problems,
+        "warnings": found.warnings,
+        "notes": found.notes,
+    }
 
 
 def flown(target: str) -> tuple[str, Any]:
@@ -63,8 +85,12 @@ def flown(target: str) -> tuple[str, Any]:
         stop = system.start + min(STEPS, system.steps) * system.step
         with tempfile.TemporaryDirectory() as folder:
             run = simulate(prepare(target, Options(stop=stop)), Path(folder) / "run")
-            series = {n: hashlib.sha256(np.ascontiguousarray(run.results.values(n)).tobytes())
-                      .hexdigest()[:16] for n in sorted(run.results.names())}  # fmt: skip
+            series = {
+                n: hashlib.sha256(
+                    np.ascontiguousarray(run.results.values(n)).tobytes()
+                ).hexdigest()[:16]
+                for n in sorted(run.results.names())
+            }
             run.results.close()
             text = (Path(folder) / "run" / "manifest.json").read_text()
             manifest = json.loads(text.replace(folder, "FOLDER"))
@@ -97,16 +123,25 @@ def _mutated(data: dict[str, Any], rng: random.Random) -> dict[str, Any]:
     for key in path[:-1]:
         place = place[key]
     key, value = path[-1], place[path[-1]]
-    what = rng.choice(("drop", "misspell", "text", "number", "large", "list", "table", "negative"))
+    what = rng.choice(
+        ("drop", "misspell", "text", "number", "large", "list", "table", "negative")
+    )
     if what == "drop":
         place.pop(key)
     elif what == "misspell" and isinstance(key, str):
         place[key[:-1] + "q"] = place.pop(key)
     elif what == "misspell" or what == "text":
-        place[key] = f"{value[:-1]}q" if isinstance(value, str) and value else "no.such_thing"
+        place[key] = (
+            f"{value[:-1]}q" if isinstance(value, str) and value else "no.such_thing"
+        )
     else:
-        place[key] = {"number": 3.7, "large": 1e30, "list": [1.0, 2.0], "table": {"a": 1},
-                      "negative": -1}[what]  # fmt: skip
+        place[key] = {
+            "number": 3.7,
+            "large": 1e30,
+            "list": [1.0, 2.0],
+            "table": {"a": 1},
+            "negative": -1,
+        }[what]
     return data
 
 
@@ -115,7 +150,11 @@ def _toml(data: dict[str, Any]) -> str:
 
     def of(x: Any) -> str:
         if isinstance(x, dict):
-            return "{" + ", ".join(f"{json.dumps(k)} = {of(v)}" for k, v in x.items()) + "}"
+            return (
+                "{"
+                + ", ".join(f"{json.dumps(k)} = {of(v)}" for k, v in x.items())
+                + "}"
+            )
         if isinstance(x, list):
             return f"[{', '.join(map(of, x))}]"
         if isinstance(x, (str, bool)):
@@ -152,8 +191,11 @@ def wrong(folder: Path) -> list[str]:
             data = copy.deepcopy(scenario.find(rng.choice(names)).content.data)
             data = _mutated(data, rng)
             data.pop("family", None)
-            data["extends"] = [f"{family}/{file.stem}"] if "axes" not in tomllib.loads(
-                file.read_text(encoding="utf-8")) else []  # fmt: skip
+            data["extends"] = (
+                [f"{family}/{file.stem}"]
+                if "axes" not in tomllib.loads(file.read_text(encoding="utf-8"))
+                else []
+            )
         path = folder / f"{k:04d}-{family}-{file.stem}.toml"
         path.write_text(_toml(data), encoding="utf-8")
         made.append(str(path))
@@ -170,7 +212,9 @@ def answers() -> dict[str, Any]:
         with tempfile.TemporaryDirectory() as folder:
             for path, said in pool.imap_unordered(checked, wrong(Path(folder)), 8):
                 told = json.dumps(said, ensure_ascii=False)
-                told = told.replace(f"{folder}/", "").replace(Path(path).parent.name, "FOLDER")
+                told = told.replace(f"{folder}/", "").replace(
+                    Path(path).parent.name, "FOLDER"
+                )
                 found[f"wrong {Path(path).name}"] = json.loads(told)
     return dict(sorted(found.items()))
 

@@ -1,5 +1,6 @@
-"""Cases a second of a campaign: through the pool and through Dask, on one and two cores; what of
-that is no case; memory and bytes; and Basilisk's own Monte Carlo on the same kind of day.
+"""Cases a second of a campaign: through the pool and through Dask, on one and two
+cores; what of that is no case; memory and bytes; and Basilisk's own Monte Carlo on the
+same kind of day.
 
     python -m benchmarks.campaign FOLDER CASES pool:N|local:N SECONDS [NAME]  # one, in its process
     python -m benchmarks.campaign split CASES SECONDS NAME                    # where its time goes
@@ -39,14 +40,18 @@ KINDS = {
 BASILISK = Path(__file__).parent.parent / ".venv-basilisk" / "bin" / "python"
 
 
-def one(folder: str, cases: str, how: str, stop: str, name: str = NAME) -> dict[str, Any]:
-    """A campaign of cases until `stop` (s): wall seconds, those within cases, the head's own CPU
-    and that of all, and peaks of memory (MB)."""
+def one(
+    folder: str, cases: str, how: str, stop: str, name: str = NAME
+) -> dict[str, Any]:
+    """A campaign of cases until `stop` (s): wall seconds, those within cases, the
+    head's own CPU and that of all, and peaks of memory (MB)."""
     from desat.campaign import coordinator, store
     from desat.system.options import Options
 
     where, kind, size = Path(folder), *how.split(":")
-    plan, _ = coordinator.planned(name, int(cases), options=Options(stop=float(stop)), curves=())
+    plan, _ = coordinator.planned(
+        name, int(cases), options=Options(stop=float(stop)), curves=()
+    )
     began, cpu = time.perf_counter(), time.process_time()
     cluster = how if kind == "local" else None
     coordinator.run(plan, where, int(size), cluster, progress=False)
@@ -55,17 +60,23 @@ def one(folder: str, cases: str, how: str, stop: str, name: str = NAME) -> dict[
     own = [s for s in rows["seconds"].to_pylist() if s is not None]
     files = [p for p in where.rglob("*") if p.is_file()]
     who = {"head": resource.RUSAGE_SELF, "worker": resource.RUSAGE_CHILDREN}
-    peak = {name: resource.getrusage(what).ru_maxrss / 1024.0 for name, what in who.items()}
+    peak = {
+        name: resource.getrusage(what).ru_maxrss / 1024.0 for name, what in who.items()
+    }
     used = [resource.getrusage(what) for what in who.values()]
     return {
-        "cases": int(cases), "completed": len(own),
+        "cases": int(cases),
+        "completed": len(own),
         "cpu_seconds": sum(x.ru_utime + x.ru_stime for x in used),
-        "seconds": seconds, "in_cases": sum(own), "least": min(own),
+        "seconds": seconds,
+        "in_cases": sum(own),
+        "least": min(own),
         "head_ms_per_case": 1e3 * cpu / int(cases),
-        "head_mb": peak["head"], "worker_mb": peak["worker"],
+        "head_mb": peak["head"],
+        "worker_mb": peak["worker"],
         "bytes_per_case": sum(p.stat().st_size for p in files) / int(cases),
         "digest": store.digest(where),
-    }  # fmt: skip
+    }
 
 
 def measure() -> dict[str, Any]:
@@ -93,20 +104,31 @@ def measure() -> dict[str, Any]:
     for how, entry in few.items():
         size = int(how.partition(":")[2])
         entry["cases_per_second"] = CASES / entry["seconds"]
-        entry["ms_per_case_beside_it"] = 1e3 * (size * entry["seconds"] - entry["in_cases"]) / CASES
+        entry["ms_per_case_beside_it"] = (
+            1e3 * (size * entry["seconds"] - entry["in_cases"]) / CASES
+        )
     return {
-        "system": f"{NAME}, {ORBIT:g} s at 1 s", "cases": CASES, "same_bits": len(digests) == 1,
+        "system": f"{NAME}, {ORBIT:g} s at 1 s",
+        "cases": CASES,
+        "same_bits": len(digests) == 1,
         **few,
         **{n: {**m, "cases_per_second": MANY / m["seconds"]} for n, m in many.items()},
         "day": day,
-        "marginal": marginal, "split": split, "head_dask_ms": dask["head_ms"],
+        "marginal": marginal,
+        "split": split,
+        "head_dask_ms": dask["head_ms"],
         "date": str(date.today()),
         "basilisk": {
             f"processes:{n}": {"cases_per_second": CASES / statistics.median(seconds)}
-            for n, seconds in basilisk.items() if seconds
-        } | ({"many": {"cases": MANY, "cases_per_second": MANY / many_basilisk}}
-             if many_basilisk else {}),
-    }  # fmt: skip
+            for n, seconds in basilisk.items()
+            if seconds
+        }
+        | (
+            {"many": {"cases": MANY, "cases_per_second": MANY / many_basilisk}}
+            if many_basilisk
+            else {}
+        ),
+    }
 
 
 def _basilisk(cases: int, processes: int) -> float:
@@ -121,12 +143,21 @@ def _split(kind: str) -> dict[str, float]:
     cases = "20" if stop == DAY else "100"
     with one_thread():
         return _result(
-            [sys.executable, "-m", "benchmarks.campaign", "split", cases, str(stop), name]
+            [
+                sys.executable,
+                "-m",
+                "benchmarks.campaign",
+                "split",
+                cases,
+                str(stop),
+                name,
+            ]
         )
 
 
 def split(cases: str, stop: str, name: str) -> dict[str, float]:
-    """CPU of a case in its worker (ms): its steps, its numbers and verdicts, and all else."""
+    """CPU of a case in its worker (ms): its steps, its numbers and verdicts, and all
+    else."""
     from desat.campaign import case, coordinator
     from desat.engine.compiled import CompiledSteps
     from desat.runs import run
@@ -144,7 +175,9 @@ def split(cases: str, stop: str, name: str) -> dict[str, float]:
 
         return timed
 
-    plan, _ = coordinator.planned(name, 1000, options=Options(stop=float(stop)), curves=())
+    plan, _ = coordinator.planned(
+        name, 1000, options=Options(stop=float(stop)), curves=()
+    )
     for i in range(3):
         case.row(plan, i)
     CompiledSteps.some = clocked("steps", CompiledSteps.some)  # type: ignore[method-assign]
@@ -159,7 +192,7 @@ def split(cases: str, stop: str, name: str) -> dict[str, float]:
 
 def _marginal(
     folder: str, kind: str, how: str = "pool:1", most: int = MORE
-) -> dict[str, float]:  # fmt: skip
+) -> dict[str, float]:
     """CPU of a case (ms), start-up left out: of all, and of the head. Least of ROUNDS."""
     name, stop = KINDS[kind]
     rounds = []
@@ -170,7 +203,9 @@ def _marginal(
         )
         head = [x["head_ms_per_case"] * x["cases"] for x in (fewer, more)]
         cpu = more["cpu_seconds"] - fewer["cpu_seconds"]
-        rounds.append((1e3 * cpu / (most - FEWER), (head[1] - head[0]) / (most - FEWER)))
+        rounds.append(
+            (1e3 * cpu / (most - FEWER), (head[1] - head[0]) / (most - FEWER))
+        )
     return {"ms": min(x for x, _ in rounds), "head_ms": min(x for _, x in rounds)}
 
 
@@ -180,8 +215,13 @@ def _median(rows: list[dict[str, Any]]) -> dict[str, Any]:
 
 
 def _run(
-    folder: str, name: str, cases: int, how: str, stop: float = ORBIT, system: str = NAME
-) -> dict[str, Any]:  # fmt: skip
+    folder: str,
+    name: str,
+    cases: int,
+    how: str,
+    stop: float = ORBIT,
+    system: str = NAME,
+) -> dict[str, Any]:
     where = str(Path(folder) / name.replace(":", "-"))
     arguments = where, str(cases), how, str(stop), system
     return _result([sys.executable, "-m", "benchmarks.campaign", *arguments])

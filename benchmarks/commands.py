@@ -1,8 +1,8 @@
-"""What commands cost: CPU (user and system) and wall seconds, the least of five, in turn, over
-those of importing what all of them need.
+"""What commands cost: CPU (user and system) and wall seconds, the least of five, in
+turn, over those of importing what all of them need.
 
-Each is run in an empty folder, once before it counts, so that bytecode and the lists of scenarios
-are kept as after a first use; of `list_first` the lists are not.
+Each is run in an empty folder, once before it counts, so that bytecode and the lists of
+scenarios are kept as after a first use; of `list_first` the lists are not.
 """
 
 from __future__ import annotations
@@ -41,22 +41,34 @@ def commands() -> dict[str, list[str]]:
     }
     if BASILISK.exists():
         made["basilisk_day"] = [
-            str(BASILISK), str(HERE / "basilisk_day.py"), "dipole", "86400", "series.npz"
-        ]  # fmt: skip
+            str(BASILISK),
+            str(HERE / "basilisk_day.py"),
+            "dipole",
+            "86400",
+            "series.npz",
+        ]
     return made
 
 
 def cost(command: list[str], cache: Path) -> tuple[float, float]:
-    """CPU and wall seconds of a command and its processes. Raises CalledProcessError where it
-    fails."""
-    environment = {k: v for k, v in os.environ.items() if k != "PYTHONDONTWRITEBYTECODE"}
-    environment |= {"DESAT_CACHE": str(cache / "desat"), "PYTHONPYCACHEPREFIX": str(cache / "pyc")}
+    """CPU and wall seconds of a command and its processes. Raises CalledProcessError
+    where it fails."""
+    environment = {
+        k: v for k, v in os.environ.items() if k != "PYTHONDONTWRITEBYTECODE"
+    }
+    environment |= {
+        "DESAT_CACHE": str(cache / "desat"),
+        "PYTHONPYCACHEPREFIX": str(cache / "pyc"),
+    }
     with tempfile.TemporaryDirectory() as folder:
         began = time.perf_counter()
         process = subprocess.Popen(
-            command, cwd=folder, env=environment, stdout=subprocess.DEVNULL,
+            command,
+            cwd=folder,
+            env=environment,
+            stdout=subprocess.DEVNULL,
             stderr=subprocess.DEVNULL,
-        )  # fmt: skip
+        )
         _, status, used = os.wait4(process.pid, 0)
         wall = time.perf_counter() - began
     process.returncode = os.waitstatus_to_exitcode(status)
@@ -66,13 +78,15 @@ def cost(command: list[str], cache: Path) -> tuple[float, float]:
 
 
 def measure(lines: dict[str, list[str]], rounds: int = ROUNDS) -> dict[str, Any]:
-    """Of each command its least CPU and wall seconds, the largest CPU seconds, and the least over
-    the least of `base`."""
+    """Of each command its least CPU and wall seconds, the largest CPU seconds, and the
+    least over the least of `base`."""
     load = os.getloadavg()[0]
     found: dict[str, list[tuple[float, float]]] = {name: [] for name in lines}
     with tempfile.TemporaryDirectory() as folder:
         cache = Path(folder)
-        for number in track(range(rounds + 1), "commands", disable=not sys.stderr.isatty()):
+        for number in track(
+            range(rounds + 1), "commands", disable=not sys.stderr.isatty()
+        ):
             for name, command in lines.items():
                 if name == FIRST:
                     shutil.rmtree(cache / "desat" / "lists", ignore_errors=True)

@@ -1,4 +1,5 @@
-"""What `make demo` ends with: one dump of the paper's, its value beside ours, the least possible.
+"""What `make demo` ends with: one dump of the paper's, its value beside ours, the least
+possible.
 
 python -m benchmarks.demo RUN
 """

@@ -1,11 +1,13 @@
-"""Paper 003's detumbling simulated again, by arrays of draws at once: none of the blocks, laws or
-measures of this repository, of which only the Gauss coefficients and the values drawn are taken.
+"""Paper 003's detumbling simulated again, by arrays of draws at once: none of the
+blocks, laws or measures of this repository, of which only the Gauss coefficients and
+the values drawn are taken.
 
     python -m benchmarks.detumbling [same|other|choices|starts [NAME ...]]
 
-writes docs/papers/hausat2/independent.json, from which the page tells how far medians hang on the
-draws: the page's own draws flown here, other draws, and choices that the paper leaves open. Draws
-are the last axis of every array: (3, draws), (4, draws), (draws,).
+writes docs/papers/hausat2/independent.json, from which the page tells how far medians
+hang on the draws: the page's own draws flown here, other draws, and choices that the
+paper leaves open. Draws are the last axis of every array: (3, draws), (4, draws),
+(draws,).
 """
 
 from __future__ import annotations
@@ -31,7 +33,9 @@ COEFFICIENTS = HERE / "components" / "physics" / "igrf14.json"
 MU, EARTH, REFERENCE = 3.986004418e14, 7.2921158553e-5, 6371.2e3  # m3/s2, rad/s, m
 RADIUS, INCLINATION, DEGREE = 7028137.0, 1.71, 10
 YEAR = 2005.0 + 151.0 / 365.0  # 2005-06-01
-SIDEREAL = math.radians((280.46061837 + 360.98564736629 * (2453522.5 - 2451545.0)) % 360.0)
+SIDEREAL = math.radians(
+    (280.46061837 + 360.98564736629 * (2453522.5 - 2451545.0)) % 360.0
+)
 INERTIA = np.array([0.3078, 0.2865, 0.2747])
 ROTOR = 3.43774677e-4  # kg m2, about -y
 DIPOLE, LIMIT, START = 2.0, 0.003, 0.1  # A m2, rad/s, rad/s
@@ -42,7 +46,14 @@ COUNT, CHANGED = 400, 100
 
 GAINS = {"1e5": 1e5, "3e5": 3e5, "5e5": 5e5, "1e6": 1e6, "3e6": 3e6, "1e7": 1e7}
 JUDGED = ("gain-k-5e5", "gain-k-3e6", "gain-k-1e7", "gain-kw-1e-6")
-TORQUES = {"1e-6": 1e-6, "5e-6": 5e-6, "1e-5": 1e-5, "3e-5": 3e-5, "5e-5": 5e-5, "1e-4": 1e-4}
+TORQUES = {
+    "1e-6": 1e-6,
+    "5e-6": 5e-6,
+    "1e-5": 1e-5,
+    "3e-5": 3e-5,
+    "5e-5": 5e-5,
+    "1e-4": 1e-4,
+}
 
 
 @dataclass(frozen=True)
@@ -74,26 +85,29 @@ VARIANTS = {
 }
 
 
-# --- the field ----------------------------------------------------------------------------------
+# --- the field ------------------------------------------------------------------------
 
 
 def _gauss() -> dict[tuple[int, int], tuple[float, float]]:
     """(n, m) -> g, h in T at YEAR, Schmidt semi-normalised."""
     data = json.loads(COEFFICIENTS.read_text(encoding="utf-8"))
     years = data["years"]
-    found = {(n, m): float(np.interp(YEAR, years, v)) for n, m, *v in data["coefficients"]}
+    found = {
+        (n, m): float(np.interp(YEAR, years, v)) for n, m, *v in data["coefficients"]
+    }
     return {
         (n, m): (1e-9 * found[n, m], 1e-9 * found.get((n, -m), 0.0) if m else 0.0)
-        for n in range(1, DEGREE + 1) for m in range(n + 1)
-    }  # fmt: skip
+        for n in range(1, DEGREE + 1)
+        for m in range(n + 1)
+    }
 
 
 GAUSS = _gauss()
 
 
 def field(r: Array, angle: float) -> Array:
-    """B (T, eci) at r (m, eci), the Earth turned by `angle` (rad): the textbook's sum over
-    Schmidt's functions of colatitude, in north, east and down."""
+    """B (T, eci) at r (m, eci), the Earth turned by `angle` (rad): the textbook's sum
+    over Schmidt's functions of colatitude, in north, east and down."""
     size = np.linalg.norm(r, axis=0)
     cos_t = r[2] / size
     sin_t = np.sqrt(1.0 - cos_t**2)
@@ -112,8 +126,9 @@ def field(r: Array, angle: float) -> Array:
             a = (2 * n - 1) / math.sqrt(n * n - m * m)
             b = math.sqrt(((n - 1) ** 2 - m * m) / (n * n - m * m))
             p[n, m] = a * cos_t * p[n - 1, m] - b * p.get((n - 2, m), zero)
-            d[n, m] = (a * (cos_t * d[n - 1, m] - sin_t * p[n - 1, m])
-                       - b * d.get((n - 2, m), zero))  # fmt: skip
+            d[n, m] = a * (cos_t * d[n - 1, m] - sin_t * p[n - 1, m]) - b * d.get(
+                (n - 2, m), zero
+            )
     around = [(np.cos(m * longitude), np.sin(m * longitude)) for m in range(DEGREE + 1)]
     for n in range(1, DEGREE + 1):
         falling = (REFERENCE / size) ** (n + 2)
@@ -129,13 +144,13 @@ def field(r: Array, angle: float) -> Array:
     return np.asarray(out * up + south * to_south + east * to_east)
 
 
-# --- the craft ----------------------------------------------------------------------------------
+# --- the craft ------------------------------------------------------------------------
 
 
 @dataclass(frozen=True)
 class Starts:
-    """What is drawn: attitude (4, draws), scalar last; rates (3, draws), rad/s; place in the orbit
-    and node (draws,), rad."""
+    """What is drawn: attitude (4, draws), scalar last; rates (3, draws), rad/s; place
+    in the orbit and node (draws,), rad."""
 
     attitude: Array
     rates: Array
@@ -148,9 +163,11 @@ def others(count: int, seed: int = SEED) -> Starts:
     rng = np.random.default_rng(seed)
     q = rng.normal(size=(4, count))
     return Starts(
-        q / np.linalg.norm(q, axis=0), START * rng.choice([-1.0, 1.0], size=(3, count)),
-        rng.uniform(0.0, 2.0 * math.pi, count), rng.uniform(0.0, 2.0 * math.pi, count),
-    )  # fmt: skip
+        q / np.linalg.norm(q, axis=0),
+        START * rng.choice([-1.0, 1.0], size=(3, count)),
+        rng.uniform(0.0, 2.0 * math.pi, count),
+        rng.uniform(0.0, 2.0 * math.pi, count),
+    )
 
 
 def _place(starts: Starts, t: float) -> tuple[Array, Array]:
@@ -160,7 +177,11 @@ def _place(starts: Starts, t: float) -> tuple[Array, Array]:
     c, s, ci, si = np.cos(u), np.sin(u), math.cos(INCLINATION), math.sin(INCLINATION)
     cn, sn = np.cos(node), np.sin(node)
     r = RADIUS * np.stack([cn * c - sn * ci * s, sn * c + cn * ci * s, si * s])
-    v = RADIUS * motion * np.stack([-cn * s - sn * ci * c, -sn * s + cn * ci * c, si * c])
+    v = (
+        RADIUS
+        * motion
+        * np.stack([-cn * s - sn * ci * c, -sn * s + cn * ci * c, si * c])
+    )
     return r, v
 
 
@@ -171,13 +192,18 @@ def _to_body(q: Array, v: Array) -> Array:
 
 
 def _cross(a: Array, b: Array) -> Array:
-    return np.stack([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2],
-                     a[0] * b[1] - a[1] * b[0]])  # fmt: skip
+    return np.stack(
+        [
+            a[1] * b[2] - a[2] * b[1],
+            a[2] * b[0] - a[0] * b[2],
+            a[0] * b[1] - a[1] * b[0],
+        ]
+    )
 
 
 def _slope(y: Array, b: Array, r: Array | None, m: Array, torque: Array) -> Array:
-    """y': of rates, attitude, the wheel's momentum along -y. b, r: eci; m (A m2) and the wheel's
-    torque on the body about +y (N m)."""
+    """y': of rates, attitude, the wheel's momentum along -y. b, r: eci; m (A m2) and
+    the wheel's torque on the body about +y (N m)."""
     w, q, h = y[:3], y[3:7], y[7]
     body = INERTIA.copy()
     body[1] -= ROTOR
@@ -188,10 +214,14 @@ def _slope(y: Array, b: Array, r: Array | None, m: Array, torque: Array) -> Arra
         u = _to_body(q, r) / RADIUS
         total += 3.0 * MU / RADIUS**3 * _cross(u, INERTIA[:, None] * u)
     total[1] += torque
-    turn = 0.5 * np.stack([
-        w[2] * q[1] - w[1] * q[2] + w[0] * q[3], -w[2] * q[0] + w[0] * q[2] + w[1] * q[3],
-        w[1] * q[0] - w[0] * q[1] + w[2] * q[3], -w[0] * q[0] - w[1] * q[1] - w[2] * q[2],
-    ])  # fmt: skip
+    turn = 0.5 * np.stack(
+        [
+            w[2] * q[1] - w[1] * q[2] + w[0] * q[3],
+            -w[2] * q[0] + w[0] * q[2] + w[1] * q[3],
+            w[1] * q[0] - w[0] * q[1] + w[2] * q[3],
+            -w[0] * q[0] - w[1] * q[1] - w[2] * q[2],
+        ]
+    )
     return np.concatenate([total / body[:, None], turn, torque[None]])
 
 
@@ -209,9 +239,11 @@ def _command(
     return m, torques * np.where(across >= 0.0, 1.0, -1.0)
 
 
-def detumbled(starts: Starts, cases: Sequence[tuple[float, float]], choices: Choices) -> Array:
-    """Minutes until all rates are below LIMIT at once, (cases, draws); nan: not within STOP.
-    Cases: gain (A m2 s/T) and torque of the wheel (N m), 0: B-dot."""
+def detumbled(
+    starts: Starts, cases: Sequence[tuple[float, float]], choices: Choices
+) -> Array:
+    """Minutes until all rates are below LIMIT at once, (cases, draws); nan: not within
+    STOP. Cases: gain (A m2 s/T) and torque of the wheel (N m), 0: B-dot."""
     count, step = len(starts.anomaly), choices.sample_time
     draw = np.tile(np.arange(count), len(cases))  # which draw and case a lane is
     case = np.repeat(np.arange(len(cases)), count)
@@ -276,13 +308,17 @@ def detumbled(starts: Starts, cases: Sequence[tuple[float, float]], choices: Cho
         if k % 600 == 599:  # fields of draws that no lane flies any more are not needed
             left = np.unique(draw[active])
             kept = np.searchsorted(flying, left)
-            there = Starts(there.attitude[:, kept], there.rates[:, kept], there.anomaly[kept],
-                           there.node[kept])  # fmt: skip
+            there = Starts(
+                there.attitude[:, kept],
+                there.rates[:, kept],
+                there.anomaly[kept],
+                there.node[kept],
+            )
             flying, r, v, b = left, r[:, kept], v[:, kept], b[:, kept]
     return found
 
 
-# --- what is written ----------------------------------------------------------------------------
+# --- what is written ------------------------------------------------------------------
 
 
 def cases() -> dict[str, tuple[float, float]]:
@@ -300,18 +336,25 @@ def page_s_draws() -> tuple[Starts, dict[str, list[float | None]]]:
 
     kept = stored.read("hausat2")
     times = {
-        name: [r.numbers["detumbled"] for r in kept["scenarios"][f"hausat2/{name}"]["draws"]]
+        name: [
+            r.numbers["detumbled"]
+            for r in kept["scenarios"][f"hausat2/{name}"]["draws"]
+        ]
         for name in cases()
     }
     system = read("hausat2/gain-k-1e5").to_draw(blocks=True)
     count = min(map(len, times.values()))
     drawn = [sampling.draw_of(system, kept["seed"], i) for i in range(count)]
     return Starts(
-        *(np.array([d[f"spacecraft.{n}"] for d in drawn]).T
-          for n in ("q_start_bi", "omega_start_body")),
-        *(np.array([d[f"environment.{n}"] for d in drawn]).ravel()
-          for n in ("mean_anomaly", "raan")),
-    ), {name: list(x[:count]) for name, x in times.items()}  # fmt: skip
+        *(
+            np.array([d[f"spacecraft.{n}"] for d in drawn]).T
+            for n in ("q_start_bi", "omega_start_body")
+        ),
+        *(
+            np.array([d[f"environment.{n}"] for d in drawn]).ravel()
+            for n in ("mean_anomaly", "raan")
+        ),
+    ), {name: list(x[:count]) for name, x in times.items()}
 
 
 def median(times: Array) -> float:
@@ -325,11 +368,13 @@ def compared(ours: list[float | None], theirs: Array) -> dict[str, Any]:
     apart = np.abs(mine - theirs)
     return {
         "draws": len(mine),
-        "done": int(np.isfinite(mine).sum()), "done_here": int(np.isfinite(theirs).sum()),
-        "median": median(mine), "median_here": median(theirs),
+        "done": int(np.isfinite(mine).sum()),
+        "done_here": int(np.isfinite(theirs).sum()),
+        "median": median(mine),
+        "median_here": median(theirs),
         "median_apart": float(np.nanmedian(apart)),
         "within_1_min": float((apart[np.isfinite(apart)] < 1.0).mean()),
-    }  # fmt: skip
+    }
 
 
 def spread(times: Array) -> dict[str, Any]:
@@ -340,12 +385,18 @@ def spread(times: Array) -> dict[str, Any]:
         sets = rng.choice(len(times), size=(4000, many))
         with np.errstate(all="ignore"):
             found = np.nanmedian(times[sets], axis=1)
-        medians[f"medians_of_{many}"] = [float(np.nanquantile(found, x)) for x in (0.05, 0.95)]
+        medians[f"medians_of_{many}"] = [
+            float(np.nanquantile(found, x)) for x in (0.05, 0.95)
+        ]
     return {
-        "draws": len(times), "done": int(np.isfinite(times).sum()), "median": median(times),
-        "least": float(np.nanmin(times)), "most": float(np.nanmax(times)),
-        "below_40_min": float((times < 40.0).mean()), **medians,
-    }  # fmt: skip
+        "draws": len(times),
+        "done": int(np.isfinite(times).sum()),
+        "median": median(times),
+        "least": float(np.nanmin(times)),
+        "most": float(np.nanmax(times)),
+        "below_40_min": float((times < 40.0).mean()),
+        **medians,
+    }
 
 
 def same(names: Sequence[str]) -> dict[str, Any]:
@@ -367,23 +418,34 @@ def choices(names: Sequence[str]) -> dict[str, Any]:
     plain = detumbled(starts, given, Choices())
     return {
         name: {
-            n: {"times_the_median": median(x) / median(y),
-                "most_apart": float(np.nanmax(np.abs(x - y)))}
-            for n, x, y in zip(JUDGED, detumbled(starts, given, VARIANTS[name]), plain, strict=True)
+            n: {
+                "times_the_median": median(x) / median(y),
+                "most_apart": float(np.nanmax(np.abs(x - y))),
+            }
+            for n, x, y in zip(
+                JUDGED, detumbled(starts, given, VARIANTS[name]), plain, strict=True
+            )
         }
         for name in names
-    }  # fmt: skip
+    }
 
 
 def starts(names: Sequence[str]) -> dict[str, Any]:
-    """The mean field (uT) where the page's draws and the others begin, and its standard error."""
+    """The mean field (uT) where the page's draws and the others begin, and its standard
+    error."""
     of = {"page": page_s_draws()[0], "other": others(COUNT)}
-    found = {n: 1e6 * np.linalg.norm(field(_place(of[n], 0.0)[0], SIDEREAL), axis=0) for n in names}
+    found = {
+        n: 1e6 * np.linalg.norm(field(_place(of[n], 0.0)[0], SIDEREAL), axis=0)
+        for n in names
+    }
     return {
-        n: {"draws": len(x), "field": float(x.mean()),
-            "standard_error": float(x.std() / math.sqrt(len(x)))}
+        n: {
+            "draws": len(x),
+            "field": float(x.mean()),
+            "standard_error": float(x.std() / math.sqrt(len(x))),
+        }
         for n, x in found.items()
-    }  # fmt: skip
+    }
 
 
 PARTS = {"same": same, "other": other, "choices": choices, "starts": starts}
@@ -403,17 +465,22 @@ def main() -> int:
     """Measure and write a part, of the scenarios or choices that are named, or all."""
     data = json.loads(FILE.read_text(encoding="utf-8")) if FILE.exists() else {}
     known: dict[str, Iterable[str]] = {
-        "same": cases(), "other": cases(), "choices": VARIANTS, "starts": ("page", "other"),
-    }  # fmt: skip
+        "same": cases(),
+        "other": cases(),
+        "choices": VARIANTS,
+        "starts": ("page", "other"),
+    }
     for part in sys.argv[1:2] or PARTS:
         names = sys.argv[2:] or list(known[part])
         made = rounded(PARTS[part](names))
         kept = data.get(part, {}).get("cases", {}) | made
         data[part] = {
-            "date": f"{datetime.now(UTC):%Y-%m-%d}", "seed": SEED, "draws": FLOWN.get(part),
+            "date": f"{datetime.now(UTC):%Y-%m-%d}",
+            "seed": SEED,
+            "draws": FLOWN.get(part),
             "versions": {"numpy": np.__version__, "python": platform.python_version()},
             "cases": {n: kept[n] for n in known[part] if n in kept},
-        }  # fmt: skip
+        }
         FILE.write_text(json.dumps(data, indent=1) + "\n", encoding="utf-8")
     return 0
 

@@ -1,5 +1,5 @@
-"""docs/sizing-thrusters.md: crafts of eight kinds, drawn by a seed, what `desat size` says of each
-beside its closed loop.
+"""docs/sizing-thrusters.md: crafts of eight kinds, drawn by a seed, what `desat size`
+says of each beside its closed loop.
 
 python -m benchmarks.dumps [--seed N]
 """
@@ -39,47 +39,136 @@ def facts(kind: str, r: random.Random) -> list[str]:
     u = r.uniform
     dump = f"thrusters {r.choice([60, 70, 80])}:{r.choice([10, 20])}"
     if kind == "3U, Sun-synchronous":
-        return ["--size", "3U", "--sso", f"{u(450, 700):.0f}km", "--ltan",
-                r.choice(["06:00", "10:30", "13:30", "22:00"])]  # fmt: skip
+        return [
+            "--size",
+            "3U",
+            "--sso",
+            f"{u(450, 700):.0f}km",
+            "--ltan",
+            r.choice(["06:00", "10:30", "13:30", "22:00"]),
+        ]
     if kind == "12U":
-        return ["--size", "12U", "--altitude", f"{u(400, 700):.0f}km", "--inclination",
-                f"{u(35, 97):.1f}deg", "--mass", f"{u(14, 24):.1f}kg"]  # fmt: skip
+        return [
+            "--size",
+            "12U",
+            "--altitude",
+            f"{u(400, 700):.0f}km",
+            "--inclination",
+            f"{u(35, 97):.1f}deg",
+            "--mass",
+            f"{u(14, 24):.1f}kg",
+        ]
     if kind == "150 kg":
-        return ["--mass", f"{u(100, 200):.0f}kg", "--box", _box(r, (0.6, 0.9), (0.8, 1.3)), "--sso",
-                f"{u(500, 800):.0f}km", "--wheels",
-                r.choice(["4 pyramid 4Nms", "3 axes 4Nms", "4 pyramid 1Nms"])]  # fmt: skip
+        return [
+            "--mass",
+            f"{u(100, 200):.0f}kg",
+            "--box",
+            _box(r, (0.6, 0.9), (0.8, 1.3)),
+            "--sso",
+            f"{u(500, 800):.0f}km",
+            "--wheels",
+            r.choice(["4 pyramid 4Nms", "3 axes 4Nms", "4 pyramid 1Nms"]),
+        ]
     if kind == "6U to the Sun":
-        return ["--size", "6U", "--altitude", f"{u(450, 700):.0f}km", "--inclination",
-                f"{u(30, 98):.1f}deg", "--pointing", "sun"]  # fmt: skip
+        return [
+            "--size",
+            "6U",
+            "--altitude",
+            f"{u(450, 700):.0f}km",
+            "--inclination",
+            f"{u(30, 98):.1f}deg",
+            "--pointing",
+            "sun",
+        ]
     if kind == "GEO":
-        return ["--orbit", "geo", "--mass", f"{u(1500, 4000):.0f}kg", "--box",
-                _box(r, (2.0, 3.0), (2.5, 4.0)), "--wheels",
-                r.choice(["4 pyramid 50Nms", "3 axes 50Nms", "4 pyramid 15Nms"]), "--rods", "none",
-                "--thrusters", "4 10N", "--dump", dump, "--panel",
-                f"{u(8, 30):.1f}m2 {u(0.5, 2.0):.2f}m", "--epoch",
-                f"2027-{r.randint(1, 12):02d}-15"]  # fmt: skip
+        return [
+            "--orbit",
+            "geo",
+            "--mass",
+            f"{u(1500, 4000):.0f}kg",
+            "--box",
+            _box(r, (2.0, 3.0), (2.5, 4.0)),
+            "--wheels",
+            r.choice(["4 pyramid 50Nms", "3 axes 50Nms", "4 pyramid 15Nms"]),
+            "--rods",
+            "none",
+            "--thrusters",
+            "4 10N",
+            "--dump",
+            dump,
+            "--panel",
+            f"{u(8, 30):.1f}m2 {u(0.5, 2.0):.2f}m",
+            "--epoch",
+            f"2027-{r.randint(1, 12):02d}-15",
+        ]
     if kind == "GTO":
-        return ["--orbit", r.choice(["gto", "300x35786km"]), "--mass", f"{u(300, 900):.0f}kg",
-                "--box", _box(r, (1.0, 1.6), (1.2, 2.0)), "--wheels",
-                r.choice(["3 axes 4Nms", "4 pyramid 4Nms"]), "--rods", "none", "--thrusters",
-                "4 1N", "--dump", dump]  # fmt: skip
+        return [
+            "--orbit",
+            r.choice(["gto", "300x35786km"]),
+            "--mass",
+            f"{u(300, 900):.0f}kg",
+            "--box",
+            _box(r, (1.0, 1.6), (1.2, 2.0)),
+            "--wheels",
+            r.choice(["3 axes 4Nms", "4 pyramid 4Nms"]),
+            "--rods",
+            "none",
+            "--thrusters",
+            "4 1N",
+            "--dump",
+            dump,
+        ]
     if kind == "Molniya":
-        return ["--orbit", r.choice(["molniya", "600x39800km"]), "--mass",
-                f"{u(200, 1500):.0f}kg", "--box", _box(r, (1.0, 1.8), (1.2, 2.5)), "--wheels",
-                r.choice(["4 pyramid 4Nms", "3 axes 4Nms"]), "--rods", "none", "--thrusters",
-                r.choice(["4 1N", "4 10N"]), "--dump", dump, "--panel",
-                f"{u(4, 10):.1f}m2 {u(0.5, 1.2):.2f}m"]  # fmt: skip
+        return [
+            "--orbit",
+            r.choice(["molniya", "600x39800km"]),
+            "--mass",
+            f"{u(200, 1500):.0f}kg",
+            "--box",
+            _box(r, (1.0, 1.8), (1.2, 2.5)),
+            "--wheels",
+            r.choice(["4 pyramid 4Nms", "3 axes 4Nms"]),
+            "--rods",
+            "none",
+            "--thrusters",
+            r.choice(["4 1N", "4 10N"]),
+            "--dump",
+            dump,
+            "--panel",
+            f"{u(4, 10):.1f}m2 {u(0.5, 1.2):.2f}m",
+        ]
     sun, pointing = u(0.7, 1.6), r.choice(["sun", "inertial"])
     kg_per_unit, units = u(1.1, 2.0), r.choice([6, 12, 16])  # as CubeSats are flown
-    return ["--sun", f"{sun:.2f}AU", "--pointing", pointing, "--mass",
-            f"{kg_per_unit * units:.0f}kg", "--size", f"{units}U", "--wheels",
-            r.choice(["3 axes 10mNms", "4 pyramid 15mNms", "3 axes 15mNms"]), "--thrusters",
-            r.choice(["4 10mN", "4 50mN"]), "--dump", dump, "--panel",
-            f"{u(0.3, 0.8):.2f}m2 {u(0.05, 0.2):.2f}m"]  # fmt: skip
+    return [
+        "--sun",
+        f"{sun:.2f}AU",
+        "--pointing",
+        pointing,
+        "--mass",
+        f"{kg_per_unit * units:.0f}kg",
+        "--size",
+        f"{units}U",
+        "--wheels",
+        r.choice(["3 axes 10mNms", "4 pyramid 15mNms", "3 axes 15mNms"]),
+        "--thrusters",
+        r.choice(["4 10mN", "4 50mN"]),
+        "--dump",
+        dump,
+        "--panel",
+        f"{u(0.3, 0.8):.2f}m2 {u(0.05, 0.2):.2f}m",
+    ]
 
 
-KINDS = ("3U, Sun-synchronous", "12U", "150 kg", "6U to the Sun", "GEO", "GTO", "Molniya",
-         "deep space")  # fmt: skip
+KINDS = (
+    "3U, Sun-synchronous",
+    "12U",
+    "150 kg",
+    "6U to the Sun",
+    "GEO",
+    "GTO",
+    "Molniya",
+    "deep space",
+)
 
 
 def drawn(seed: int) -> list[tuple[str, list[str]]]:
@@ -92,14 +181,17 @@ def drawn(seed: int) -> list[tuple[str, list[str]]]:
 
 
 def sized(options: Sequence[str]) -> tuple[dict[str, Any], float]:
-    """What `desat size --json` says of a craft, and the CPU seconds. Raises SystemExit where it
-    cannot."""
+    """What `desat size --json` says of a craft, and the CPU seconds. Raises SystemExit
+    where it cannot."""
     with tempfile.TemporaryDirectory() as folder:
         for command in (["new", "craft", "mine", *options], ["size", "mine", "--json"]):
             done = subprocess.run(
-                [sys.executable, "-c", _CHILD, *command], cwd=folder, text=True,
-                capture_output=True, check=False,
-            )  # fmt: skip
+                [sys.executable, "-c", _CHILD, *command],
+                cwd=folder,
+                text=True,
+                capture_output=True,
+                check=False,
+            )
             if done.returncode > 1:
                 raise SystemExit(f"{' '.join(options)}: {done.stderr[-2000:]}")
         cpu = float(done.stderr.rpartition("cpu ")[2])
@@ -125,20 +217,28 @@ def beside(told: dict[str, Any]) -> dict[str, tuple[float, float]]:
         loop, steady = told["loop"], told["steady"]
         if not loop.get("dumps_a_week"):
             return {}
-        return {"dumps a week": (steady["a_week"], loop["dumps_a_week"]),
-                "kg a year": (steady["a_year"], loop["propellant_a_year"])}  # fmt: skip
-    rows = [r for r in told["curve"] if r["loop_rms"] is not None and r["rms"] is not None]
+        return {
+            "dumps a week": (steady["a_week"], loop["dumps_a_week"]),
+            "kg a year": (steady["a_year"], loop["propellant_a_year"]),
+        }
+    rows = [
+        r for r in told["curve"] if r["loop_rms"] is not None and r["rms"] is not None
+    ]
     row = max(rows, key=lambda r: r["rod"])
-    return {"rms, mN m s": (1e3 * row["rms"], 1e3 * row["loop_rms"]),
-            "duty, %": (100.0 * row["duty"], 100.0 * row["loop_duty"])}  # fmt: skip
+    return {
+        "rms, mN m s": (1e3 * row["rms"], 1e3 * row["loop_rms"]),
+        "duty, %": (100.0 * row["duty"], 100.0 * row["loop_duty"]),
+    }
 
 
 def cells(pairs: dict[str, tuple[float, float]]) -> list[str]:
     """Of a row of the table."""
     if not pairs:
         return ["no dump", "", ""]
-    shown = [f"{name}: {a:.4g}, {b:.4g} ({100.0 * (a / b - 1.0):+.1f} %)"
-             for name, (a, b) in pairs.items()]  # fmt: skip
+    shown = [
+        f"{name}: {a:.4g}, {b:.4g} ({100.0 * (a / b - 1.0):+.1f} %)"
+        for name, (a, b) in pairs.items()
+    ]
     worst = max(abs(a / b - 1.0) for a, b in pairs.values())
     return [*shown, "yes" if worst <= BAR else "**no**"]
 
@@ -158,13 +258,26 @@ def main(arguments: Sequence[str] | None = None) -> int:
         none += not pairs
         dumps = told["loop"].get("dumps") if "steady" in told else None
         count = "" if dumps is None else f"{dumps:.0f}"
-        row = [kind, shlex.join(options), *made[:2], count, made[2], "; ".join(told["problems"])]
+        row = [
+            kind,
+            shlex.join(options),
+            *made[:2],
+            count,
+            made[2],
+            "; ".join(told["problems"]),
+        ]
         rows.append(f"| {' | '.join(row)} | {cpu:.0f} |")
     text = TEXT.read_text(encoding="utf-8").format(
-        date=datetime.now(UTC).date(), version=version("desat"), seed=seed, held=held,
-        of=len(crafts) - none, none=none, rows="\n".join(rows), bar=f"{100.0 * BAR:g}",
+        date=datetime.now(UTC).date(),
+        version=version("desat"),
+        seed=seed,
+        held=held,
+        of=len(crafts) - none,
+        none=none,
+        rows="\n".join(rows),
+        bar=f"{100.0 * BAR:g}",
         most=math.ceil(max(cpu for _, cpu in found)),
-    )  # fmt: skip
+    )
     (DOCS / "sizing-thrusters.md").write_text(text, encoding="utf-8")
     print(f"{held} of {len(crafts) - none} within {100.0 * BAR:g} %")
     return 0

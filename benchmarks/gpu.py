@@ -2,12 +2,13 @@
 
     python -m benchmarks.gpu [CASES [STEPS]] [write]      # `write`: into latest.json
 
-The loop of a scenario (`loop_unit.py`) is compiled by nvcc as a kernel, a case a thread: states of
-drawn cases, initialised by the FMU, go in, and states at the end come out. A failure ends its
-thread, whose status says its kind; there is no text. With a GPU the kernel runs, and the states are
-held against those of the FMU (1e-12 relative) and its speed against the processor's. Without one it
-is compiled, and the same file, compiled by g++, steps the cases one after the other: its states are
-held against the FMU's bit by bit.
+The loop of a scenario (`loop_unit.py`) is compiled by nvcc as a kernel, a case a
+thread: states of drawn cases, initialised by the FMU, go in, and states at the end come
+out. A failure ends its thread, whose status says its kind; there is no text. With a GPU
+the kernel runs, and the states are held against those of the FMU (1e-12 relative) and
+its speed against the processor's. Without one it is compiled, and the same file,
+compiled by g++, steps the cases one after the other: its states are held against the
+FMU's bit by bit.
 """
 
 from __future__ import annotations
@@ -115,17 +116,28 @@ int main(int count, char **given)
     return fwrite(states.data(), loop::size, n, stdout) != (size_t)n;
 }
 """
-NVCC = ("-std=c++20", "-O3", "--fmad=false", "--expt-relaxed-constexpr", "-arch=native",
-        "-diag-suppress=177,550,20012")  # fmt: skip
+NVCC = (
+    "-std=c++20",
+    "-O3",
+    "--fmad=false",
+    "--expt-relaxed-constexpr",
+    "-arch=native",
+    "-diag-suppress=177,550,20012",
+)
 
 
-def differs(states: NDArray[np.uint8], ends: NDArray[np.uint8], layout: Layout) -> float:
-    """The largest difference of any number of states (cases, bytes), relative to its own size or,
-    below 1, absolute."""
+def differs(
+    states: NDArray[np.uint8], ends: NDArray[np.uint8], layout: Layout
+) -> float:
+    """The largest difference of any number of states (cases, bytes), relative to its
+    own size or, below 1, absolute."""
     worst = 0.0
     for (at, size), (_, _, number) in zip(layout.plain, layout.wide, strict=True):
         if number and size == 8:
-            a, b = (np.ascontiguousarray(x[:, at : at + 8]).view(float) for x in (states, ends))
+            a, b = (
+                np.ascontiguousarray(x[:, at : at + 8]).view(float)
+                for x in (states, ends)
+            )
             both = np.isfinite(a) & np.isfinite(b)
             off = np.abs(a - b)[both] / np.maximum(1.0, np.abs(b)[both])
             worst = max(worst, float(off.max(initial=0.0)))
@@ -135,60 +147,97 @@ def differs(states: NDArray[np.uint8], ends: NDArray[np.uint8], layout: Layout) 
 def has_gpu() -> bool:
     """Whether a driver lists one."""
     lister = shutil.which("nvidia-smi")
-    return lister is not None and not subprocess.run([lister, "-L"], capture_output=True).returncode
+    return (
+        lister is not None
+        and not subprocess.run([lister, "-L"], capture_output=True).returncode
+    )
 
 
 def measure(count: int, steps: int) -> dict[str, Any]:
     """What could be compiled and run here, and what came of it."""
-    found: dict[str, Any] = {"system": NAME, "steps": steps, "date": str(date.today()),
-                             "gpu": has_gpu(), "compiled": False}  # fmt: skip
+    found: dict[str, Any] = {
+        "system": NAME,
+        "steps": steps,
+        "date": str(date.today()),
+        "gpu": has_gpu(),
+        "compiled": False,
+    }
     with TemporaryDirectory() as temporary:
         folder = Path(temporary)
         names = tuple(draw_of(read(NAME).to_draw(blocks=False), 1, 0))
-        unit = Unit(export(NAME, Options(), LoopEnds(parameters=names), folder / "loop.fmu"),
-                    folder / "fmu")  # fmt: skip
+        unit = Unit(
+            export(NAME, Options(), LoopEnds(parameters=names), folder / "loop.fmu"),
+            folder / "fmu",
+        )
         text = unit.text()
         layout = Layout(text, 1)
         source = folder / "loop.cu"
         source.write_text(_HEAD + text + _MAIN)
         on_host = folder / "host"
         subprocess.run(
-            ["g++", "-x", "c++", "-std=c++20", "-O3", "-ffp-contract=off", "-w", "-fpermissive",
-             "-o", str(on_host), str(source)], check=True,
-        )  # fmt: skip
+            [
+                "g++",
+                "-x",
+                "c++",
+                "-std=c++20",
+                "-O3",
+                "-ffp-contract=off",
+                "-w",
+                "-fpermissive",
+                "-o",
+                str(on_host),
+                str(source),
+            ],
+            check=True,
+        )
         if nvcc := shutil.which("nvcc"):
             flags = [f if found["gpu"] else f.replace("native", "sm_80") for f in NVCC]
             done = subprocess.run(
                 [nvcc, *flags, "-Xptxas", "-v", "-o", str(folder / "gpu"), str(source)],
-                capture_output=True, text=True, check=False,
-            )  # fmt: skip
+                capture_output=True,
+                text=True,
+                check=False,
+            )
             if done.returncode:
                 sys.exit(done.stderr[:9000])
-            used = re.search(r"Function properties for .*step_all.*\n\s*(.*)\n.*Used (\d+)",
-                             done.stderr)  # fmt: skip
-            found |= {"compiled": True, "ptxas": used and f"{used[1]}, {used[2]} registers"}
+            used = re.search(
+                r"Function properties for .*step_all.*\n\s*(.*)\n.*Used (\d+)",
+                done.stderr,
+            )
+            found |= {
+                "compiled": True,
+                "ptxas": used and f"{used[1]}, {used[2]} registers",
+            }
         few, ends = cases(unit, layout.sizes[0], min(count, 8), steps)
         made, seconds, failures = _run(on_host, few, steps)
         found["processor"] = {
-            "cases": len(few), "failed": failures, "us_per_step": 1e6 * seconds / len(few) / steps,
+            "cases": len(few),
+            "failed": failures,
+            "us_per_step": 1e6 * seconds / len(few) / steps,
             "equal": bool((made == ends).all()),
-        }  # fmt: skip
+        }
         if found["compiled"] and found["gpu"]:
             many = np.resize(few, (count, few.shape[1]))
             made, seconds, failures = _run(folder / "gpu", many, steps)
             found["kernel"] = {
-                "cases": count, "failed": failures, "us_per_step": 1e6 * seconds / count / steps,
+                "cases": count,
+                "failed": failures,
+                "us_per_step": 1e6 * seconds / count / steps,
                 "differs": differs(made[: len(few)], ends, layout),
                 "tolerance": TOLERANCE,
-            }  # fmt: skip
+            }
     return found
 
 
 def _run(
     program: Path, states: NDArray[np.uint8], steps: int
-) -> tuple[NDArray[np.uint8], float, int]:  # fmt: skip
-    done = subprocess.run([str(program), str(len(states)), str(steps)], input=states.tobytes(),
-                          capture_output=True, check=False)  # fmt: skip
+) -> tuple[NDArray[np.uint8], float, int]:
+    done = subprocess.run(
+        [str(program), str(len(states)), str(steps)],
+        input=states.tobytes(),
+        capture_output=True,
+        check=False,
+    )
     if done.returncode:
         sys.exit(done.stderr.decode())
     seconds, failures = done.stderr.split()
@@ -203,7 +252,9 @@ def main() -> int:
     print(json.dumps(found, indent=1))
     if "write" in sys.argv:
         data = json.loads(LATEST.read_text())
-        LATEST.write_text(json.dumps({**data, "gpu": found}, indent=1) + "\n", encoding="utf-8")
+        LATEST.write_text(
+            json.dumps({**data, "gpu": found}, indent=1) + "\n", encoding="utf-8"
+        )
     return 0
 
 

@@ -1,10 +1,12 @@
-"""Scenarios with a rigid body, their first steps flown as they are and with 64 substeps: how far
-is the attitude off, and how much work do steps hide (`analyses/energy.py`)?
+"""Scenarios with a rigid body, their first steps flown as they are and with 64
+substeps: how far is the attitude off, and how much work do steps hide
+(`analyses/energy.py`)?
 
     python -m benchmarks.hidden_work [FAMILY ...]
 
-writes docs/papers/gyrostat/hidden_work.json after each scenario; the page of `gyrostat` reads it.
-What was flown on the day of the file already is kept, so that it may be stopped and go on.
+writes docs/papers/gyrostat/hidden_work.json after each scenario; the page of `gyrostat`
+reads it. What was flown on the day of the file already is kept, so that it may be
+stopped and go on.
 """
 
 from __future__ import annotations
@@ -47,8 +49,12 @@ def main() -> int:
             if name in [r["name"] for r in runs] or (row := of(name)) is None:
                 continue
             runs.append(row)
-            data = {"date": today, "steps": STEPS, "runs": runs,
-                    "versions": {p: version(p) for p in ("desat", "numpy")}}  # fmt: skip
+            data = {
+                "date": today,
+                "steps": STEPS,
+                "runs": runs,
+                "versions": {p: version(p) for p in ("desat", "numpy")},
+            }
             file.write_text(json.dumps(data, indent=1) + "\n", encoding="utf-8")
     return 0
 

@@ -1,9 +1,11 @@
-"""`python -m benchmarks.hosts`: every FMU of ours in every host here, into docs/hosts.md.
+"""`python -m benchmarks.hosts`: every FMU of ours in every host here, into
+docs/hosts.md.
 
-Each block, as Python FMU, native FMU and FMI 3.0, is set up with its start values and makes 20
-steps of 1 s, alone in a system where a host wants one. All Real outputs at the end are held
-against those that FMPy gets of the native FMU, bit by bit. A host runs in a process of its own; an
-FMU that ends the process is told by its name, and the others are tried in a new one.
+Each block, as Python FMU, native FMU and FMI 3.0, is set up with its start values and
+makes 20 steps of 1 s, alone in a system where a host wants one. All Real outputs at the
+end are held against those that FMPy gets of the native FMU, bit by bit. A host runs in
+a process of its own; an FMU that ends the process is told by its name, and the others
+are tried in a new one.
 """
 
 from __future__ import annotations
@@ -48,16 +50,24 @@ def files(kind: str) -> list[Path]:
     return sorted((paths.fmus() / ("" if kind == "python" else kind)).glob("*.fmu"))
 
 
-# --- what runs in a process of its own: a host, and FMUs whose outputs it prints ------------------
+# --- what runs in a process of its own: a host, and FMUs whose outputs it prints ------
 
 
 def by_fmpy(fmu: Path) -> dict[str, float]:
-    """All Real outputs at the end; before it the file is validated. Raises what fmpy raises."""
+    """All Real outputs at the end; before it the file is validated. Raises what fmpy
+    raises."""
     described = fmpy.read_model_description(fmu)
-    outputs = [v.name for v in described.modelVariables
-               if v.causality == "output" and v.type in ("Real", "Float64")]  # fmt: skip
+    outputs = [
+        v.name
+        for v in described.modelVariables
+        if v.causality == "output" and v.type in ("Real", "Float64")
+    ]
     made = fmpy.simulate_fmu(
-        str(fmu), stop_time=float(STEPS), step_size=1.0, output_interval=1.0, output=outputs
+        str(fmu),
+        stop_time=float(STEPS),
+        step_size=1.0,
+        output_interval=1.0,
+        output=outputs,
     )
     last = made[-1]
     return {key: x for n in outputs for key, x in _elements(n, last[n])}
@@ -68,10 +78,14 @@ def _elements(name: str, value: Any) -> list[tuple[str, float]]:
     shape = getattr(value, "shape", ())
     if not shape:
         return [(name, float(value))]
-    places = [(i,) for i in range(shape[0])] if len(shape) == 1 else [
-        (i, j) for i in range(shape[0]) for j in range(shape[1])
-    ]  # fmt: skip
-    return [(f"{name}[{','.join(str(k + 1) for k in p)}]", float(value[p])) for p in places]
+    places = (
+        [(i,) for i in range(shape[0])]
+        if len(shape) == 1
+        else [(i, j) for i in range(shape[0]) for j in range(shape[1])]
+    )
+    return [
+        (f"{name}[{','.join(str(k + 1) for k in p)}]", float(value[p])) for p in places
+    ]
 
 
 def alone(fmu: Path, folder: Path) -> Path:
@@ -94,13 +108,16 @@ def alone(fmu: Path, folder: Path) -> Path:
 def reals(fmu: Path) -> dict[str, int]:
     """The Real outputs of an FMU of FMI 2.0, and their value references."""
     described = fmpy.read_model_description(fmu, validate=False)
-    return {v.name: v.valueReference for v in described.modelVariables
-            if v.causality == "output" and v.type == "Real"}  # fmt: skip
+    return {
+        v.name: v.valueReference
+        for v in described.modelVariables
+        if v.causality == "output" and v.type == "Real"
+    }
 
 
 def by_desat(fmu: Path) -> dict[str, float]:
-    """Our own calls, those of the Python loop; a system of one component, of which nobody takes
-    what it commands, is refused. Raises DesatError."""
+    """Our own calls, those of the Python loop; a system of one component, of which
+    nobody takes what it commands, is refused. Raises DesatError."""
     of = library.load(fmu)
     clock = Clock(0.0, 1.0)
     outputs = {k: [s for s in of.interface.outputs if s.kind == k] for k in KINDS_OF}
@@ -115,7 +132,9 @@ def by_desat(fmu: Path) -> dict[str, float]:
             raise it.failed("step", status)
     it.pull()
     it.close()
-    return dict(zip((s.name for s in outputs["Real"]), map(float, into["Real"]), strict=True))
+    return dict(
+        zip((s.name for s in outputs["Real"]), map(float, into["Real"]), strict=True)
+    )
 
 
 def by_libcosim(fmu: Path) -> dict[str, float]:
@@ -136,7 +155,11 @@ def by_libcosim(fmu: Path) -> dict[str, float]:
             raise RuntimeError("a step failed")
     (info,) = execution.slave_infos()
     return dict(
-        zip(wanted, observer.last_real_values(info.index, list(wanted.values())), strict=True)
+        zip(
+            wanted,
+            observer.last_real_values(info.index, list(wanted.values())),
+            strict=True,
+        )
     )
 
 
@@ -164,22 +187,37 @@ def by_c(fmu: Path) -> None:
     described = fmpy.read_model_description(fmu, validate=False)
     with tempfile.TemporaryDirectory() as folder:
         host = Path(folder) / "host"
-        subprocess.run([*compiler(), "-std=gnu11", "-w", str(HOST_C), "-ldl", "-o", str(host)],
-                       check=True)  # fmt: skip
+        subprocess.run(
+            [*compiler(), "-std=gnu11", "-w", str(HOST_C), "-ldl", "-o", str(host)],
+            check=True,
+        )
         fmpy.extract(fmu, folder)
         (library,) = Path(folder).glob("binaries/*linux*/*.so")
-        done = subprocess.run(["/usr/bin/env", "-i", str(host), str(library), described.guid],
-                              capture_output=True, text=True, check=False)  # fmt: skip
+        done = subprocess.run(
+            ["/usr/bin/env", "-i", str(host), str(library), described.guid],
+            capture_output=True,
+            text=True,
+            check=False,
+        )
     if done.returncode != 0:
-        said = (done.stdout + done.stderr).strip().splitlines() or [f"ended by {done.returncode}"]
+        said = (done.stdout + done.stderr).strip().splitlines() or [
+            f"ended by {done.returncode}"
+        ]
         raise RuntimeError(said[0].rpartition(": ")[2])
 
 
 HOSTS = {
-    "C": by_c, "FMPy": by_fmpy, "libcosim": by_libcosim, "Ecos": by_ecos, "desat": by_desat,
-}  # fmt: skip
-NOT_FOR = {("C", "fmi3"): "FMI 2.0 alone", ("libcosim", "fmi3"): "FMI 1.0 and 2.0 alone",
-           ("Ecos", "fmi3"): "FMI 1.0 and 2.0 alone"}  # fmt: skip
+    "C": by_c,
+    "FMPy": by_fmpy,
+    "libcosim": by_libcosim,
+    "Ecos": by_ecos,
+    "desat": by_desat,
+}
+NOT_FOR = {
+    ("C", "fmi3"): "FMI 2.0 alone",
+    ("libcosim", "fmi3"): "FMI 1.0 and 2.0 alone",
+    ("Ecos", "fmi3"): "FMI 1.0 and 2.0 alone",
+}
 NEEDS = {"libcosim": "libcosimpy", "Ecos": "ecospy"}
 
 
@@ -189,7 +227,9 @@ def child(host: str, fmus: list[str]) -> None:
         try:
             told: dict[str, Any] = {"outputs": HOSTS[host](Path(name))}
         except Exception as error:  # whatever a host raises is what is told
-            told = {"why": (str(error).strip().splitlines() or [type(error).__name__])[0]}
+            told = {
+                "why": (str(error).strip().splitlines() or [type(error).__name__])[0]
+            }
         print("TOLD " + json.dumps({"fmu": name, **told}), flush=True)
 
 
@@ -200,18 +240,25 @@ def tried(host: str, fmus: list[Path]) -> dict[str, Any]:
     while left:
         done = subprocess.run(
             [sys.executable, "-m", "benchmarks.hosts", "--host", host, *left],
-            capture_output=True, text=True, check=False, timeout=LIMIT,
-        )  # fmt: skip
-        lines = [json.loads(x[5:]) for x in done.stdout.splitlines() if x.startswith("TOLD ")]
+            capture_output=True,
+            text=True,
+            check=False,
+            timeout=LIMIT,
+        )
+        lines = [
+            json.loads(x[5:]) for x in done.stdout.splitlines() if x.startswith("TOLD ")
+        ]
         for line in lines:
             told[Path(line.pop("fmu")).stem] = line
         left = left[len(lines) :]
         if left:
-            told[Path(left.pop(0)).stem] = {"why": f"ends the process ({done.returncode})"}
+            told[Path(left.pop(0)).stem] = {
+                "why": f"ends the process ({done.returncode})"
+            }
     return told
 
 
-# --- the table ------------------------------------------------------------------------------------
+# --- the table ------------------------------------------------------------------------
 
 
 def main() -> None:
@@ -223,7 +270,9 @@ def main() -> None:
     usual = tried("FMPy", files("native"))
     cells = [(kind, host) for kind in KINDS for host in HOSTS]
     found: dict[tuple[str, str], str] = {}
-    for kind, host in track(cells, "hosts", transient=True, disable=not sys.stderr.isatty()):
+    for kind, host in track(
+        cells, "hosts", transient=True, disable=not sys.stderr.isatty()
+    ):
         if why := NOT_FOR.get((host, kind)) or _missing(host):
             found[kind, host] = why
             continue
@@ -231,14 +280,22 @@ def main() -> None:
         alike = 0
         for name, line in told.items():
             if "why" in line:
-                failures[host, kind, re.sub(r"\b" + name + r"\b", "NAME", line["why"])].append(name)
-            elif line["outputs"] is None or name not in usual or same(line["outputs"], usual[name]):
+                failures[
+                    host, kind, re.sub(r"\b" + name + r"\b", "NAME", line["why"])
+                ].append(name)
+            elif (
+                line["outputs"] is None
+                or name not in usual
+                or same(line["outputs"], usual[name])
+            ):
                 alike += 1
             else:
                 failures[host, kind, "other values"].append(name)
         found[kind, host] = f"{alike} of {len(told)}"
     for kind, called in KINDS.items():
-        rows.append(f"| {called} | " + " | ".join(found[kind, host] for host in HOSTS) + " |")
+        rows.append(
+            f"| {called} | " + " | ".join(found[kind, host] for host in HOSTS) + " |"
+        )
     said = [
         f"- {host}, {KINDS[kind]}: {why}: "
         + (", ".join(which) if len(which) < 6 else f"{len(which)} blocks")
@@ -260,25 +317,42 @@ def _missing(host: str) -> str:
         except NoCompilerError:
             return "no compiler here"
     package = NEEDS.get(host)
-    return "not installed here" if package and not importlib.util.find_spec(package) else ""
+    return (
+        "not installed here"
+        if package and not importlib.util.find_spec(package)
+        else ""
+    )
 
 
 def write(rows: list[str], said: list[str]) -> None:
     """Put the table between its marks on the page."""
-    versions = ", ".join(f"{name} {version(name)}" for name in ("FMPy", *NEEDS.values())
-                         if importlib.util.find_spec(name.lower()))  # fmt: skip
+    versions = ", ".join(
+        f"{name} {version(name)}"
+        for name in ("FMPy", *NEEDS.values())
+        if importlib.util.find_spec(name.lower())
+    )
     table = [
         BEGIN,
-        fill(f"{date.today()}, {fmpy.platform_tuple}, {versions}: FMUs of {len(names())} blocks "
-             f"that are set up with their start values, make {STEPS} steps of 1 s and have, in all "
-             "Real outputs, the bits that FMPy gets of the native one, where there is one (C: no "
-             "failure; it saves, restores and frees, too; FMPy: validated before).", 120), "",
-        "| FMU | " + " | ".join(HOSTS) + " |", "|---" * (len(HOSTS) + 1) + "|", *rows, "", *said,
+        fill(
+            f"{date.today()}, {fmpy.platform_tuple}, {versions}: FMUs of {len(names())} blocks "
+            f"that are set up with their start values, make {STEPS} steps of 1 s and have, in all "
+            "Real outputs, the bits that FMPy gets of the native one, where there is one (C: no "
+            "failure; it saves, restores and frees, too; FMPy: validated before).",
+            120,
+        ),
+        "",
+        "| FMU | " + " | ".join(HOSTS) + " |",
+        "|---" * (len(HOSTS) + 1) + "|",
+        *rows,
+        "",
+        *said,
         END,
-    ]  # fmt: skip
+    ]
     text = PAGE.read_text(encoding="utf-8")
     before, _, rest = text.partition(BEGIN)
-    PAGE.write_text(before + "\n".join(table) + rest.partition(END)[2], encoding="utf-8")
+    PAGE.write_text(
+        before + "\n".join(table) + rest.partition(END)[2], encoding="utf-8"
+    )
 
 
 if __name__ == "__main__":

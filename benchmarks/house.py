@@ -1,10 +1,11 @@
-"""Print how long the way of a target to its run is, the size of the package, its commands' cost.
+"""Print how long the way of a target to its run is, the size of the package, its
+commands' cost.
 
     make house
 
-Ways are counted by tests/way.py, a process each, after one that makes what is made once for a user.
-CPU is the least of five (`commands.py`), in seconds and over importing numpy, h5py, lxml, typer and
-rich (B).
+Ways are counted by tests/way.py, a process each, after one that makes what is made once
+for a user. CPU is the least of five (`commands.py`), in seconds and over importing
+numpy, h5py, lxml, typer and rich (B).
 """
 
 from __future__ import annotations
@@ -22,29 +23,51 @@ from . import commands
 
 HOME = Path(__file__).parents[1]
 PACKAGE = HOME / "orchestrator"
-TARGETS = ("uosat12/table3-ocdc-ilqr-1", "nadir_day/day-dipole", "space_telescope/ours-nominal")
+TARGETS = (
+    "uosat12/table3-ocdc-ilqr-1",
+    "nadir_day/day-dipole",
+    "space_telescope/ours-nominal",
+)
 FUNCTIONS = (190, 190, 215, 190)  # aims for TARGETS and the .ssp of the second
 ASIDE = ("papers", "web")  # rooms that are not of the core
-AIMS = {"tokens of the core": 225_000, "dict[str, Any] and Mapping[str, Any]": 140,
-        "TypedDicts of campaign": 3}  # fmt: skip
-LAYOUT = {tokenize.COMMENT, tokenize.NL, tokenize.NEWLINE, tokenize.INDENT, tokenize.DEDENT,
-          tokenize.ENCODING, tokenize.ENDMARKER}  # fmt: skip
+AIMS = {
+    "tokens of the core": 225_000,
+    "dict[str, Any] and Mapping[str, Any]": 140,
+    "TypedDicts of campaign": 3,
+}
+LAYOUT = {
+    tokenize.COMMENT,
+    tokenize.NL,
+    tokenize.NEWLINE,
+    tokenize.INDENT,
+    tokenize.DEDENT,
+    tokenize.ENCODING,
+    tokenize.ENDMARKER,
+}
 COMMANDS = {
-    "run_day": (4.5, "B"), "run_60_steps": (2.6, "B"), "check": (1.7, "B"),
-    commands.FIRST: (0.8, "s"), "help": (0.13, "s"), "tables": (5.0, "s of wall"),
-}  # fmt: skip
+    "run_day": (4.5, "B"),
+    "run_60_steps": (2.6, "B"),
+    "check": (1.7, "B"),
+    commands.FIRST: (0.8, "s"),
+    "help": (0.13, "s"),
+    "tables": (5.0, "s of wall"),
+}
 """Command of `commands.py` -> aim."""
 
 
 def ways(folder: Path) -> list[dict[str, int]]:
     """The counts of the three targets and of the .ssp of the second."""
     (folder / "day.toml").write_text('extends = "nadir_day/day-dipole"\n')
-    subprocess.run([*desat(), "pack", "day.toml"], check=True, cwd=folder, capture_output=True)
+    subprocess.run(
+        [*desat(), "pack", "day.toml"], check=True, cwd=folder, capture_output=True
+    )
     found = []
     for target in (*TARGETS, str(folder / "day.ssp")):
         command = [sys.executable, str(HOME / "tests" / "way.py"), target]
         for _ in range(2):
-            done = subprocess.run(command, check=True, cwd=folder, capture_output=True, text=True)
+            done = subprocess.run(
+                command, check=True, cwd=folder, capture_output=True, text=True
+            )
         found.append(json.loads(done.stdout))
     return found
 
@@ -109,8 +132,10 @@ def main() -> int:
     for name, (wanted, unit) in COMMANDS.items():
         of = costs[name]
         found = {"B": of["over_base"], "s": of["cpu"], "s of wall": of["wall"]}[unit]
-        print(f"{' '.join(lines[name][3:])}: {found:.2f} {unit}, {of['cpu']:.2f} s "
-              f"(aim {wanted:g} {unit})")  # fmt: skip
+        print(
+            f"{' '.join(lines[name][3:])}: {found:.2f} {unit}, {of['cpu']:.2f} s "
+            f"(aim {wanted:g} {unit})"
+        )
     return 0
 
 

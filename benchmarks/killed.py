@@ -1,8 +1,8 @@
-"""Runs with checkpoints that are killed at random moments, and go on: the bits of a run without a
-break?
+"""Runs with checkpoints that are killed at random moments, and go on: the bits of a run
+without a break?
 
-`python -m benchmarks.killed [COUNT [SEED]]` (100, 1) makes so many of them and prints a line each.
-With `--keep` what came of it goes to seen.json.
+`python -m benchmarks.killed [COUNT [SEED]]` (100, 1) makes so many of them and prints a
+line each. With `--keep` what came of it goes to seen.json.
 """
 
 from __future__ import annotations
@@ -51,7 +51,11 @@ def differences(one: Path, other: Path) -> list[str]:
     ours, theirs = series(one), series(other)
     assert len(ours) > 5
     manifests = [json.loads((x / "manifest.json").read_text()) for x in (one, other)]
-    lines = [f"series {n}" for n in ours.keys() | theirs.keys() if ours.get(n) != theirs.get(n)]
+    lines = [
+        f"series {n}"
+        for n in ours.keys() | theirs.keys()
+        if ours.get(n) != theirs.get(n)
+    ]
     for key in set().union(*manifests) - OF_WALL_TIME:
         if manifests[0].get(key) != manifests[1].get(key):
             lines.append(f"manifest {key}")
@@ -59,9 +63,13 @@ def differences(one: Path, other: Path) -> list[str]:
 
 
 def command(*given: str) -> subprocess.Popen[str]:
-    return subprocess.Popen([sys.executable, "-m", "desat.cli", *given], text=True,
-                            stdout=subprocess.DEVNULL, stderr=subprocess.PIPE,
-                            start_new_session=True)  # fmt: skip
+    return subprocess.Popen(
+        [sys.executable, "-m", "desat.cli", *given],
+        text=True,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+        start_new_session=True,
+    )
 
 
 def children(process: int) -> list[int]:
@@ -78,9 +86,12 @@ def kill(process: subprocess.Popen[str], whom: str) -> None:
             os.kill(number, signal.SIGKILL)
 
 
-def trials(count: int, given: tuple[str, ...], folder: Path, seed: int) -> Iterator[str]:
-    """Runs that are killed at random moments, and again while they go on, until one is left to
-    complete. Of each how it went; it begins with `equal` where nothing differs."""
+def trials(
+    count: int, given: tuple[str, ...], folder: Path, seed: int
+) -> Iterator[str]:
+    """Runs that are killed at random moments, and again while they go on, until one is
+    left to complete. Of each how it went; it begins with `equal` where nothing
+    differs."""
     chance = random.Random(seed)
     began = time.monotonic()
     error = command("run", *given, "--out", str(folder / "whole")).communicate()[1]
@@ -92,7 +103,11 @@ def trials(count: int, given: tuple[str, ...], folder: Path, seed: int) -> Itera
         place, kills, started = folder / str(i), [], False
         for attempt in range(4):
             whom = chance.choice(("both", "parent", "child"))
-            verb = ("resume", str(place)) if started else ("run", *given, "--out", str(place))
+            verb = (
+                ("resume", str(place))
+                if started
+                else ("run", *given, "--out", str(place))
+            )
             process = command(*verb)
             moment = chance.uniform(0.3, 0.9) * seconds if attempt < 3 else 600.0
             with suppress(subprocess.TimeoutExpired):
@@ -128,7 +143,11 @@ def main() -> int:
             kills += line.count(" at ")
             print(line, flush=True)
             if keep:
-                seen.keep("killed", f"seed {seed}", {"runs": made, "equal": equal, "kills": kills})
+                seen.keep(
+                    "killed",
+                    f"seed {seed}",
+                    {"runs": made, "equal": equal, "kills": kills},
+                )
     print(f"{equal} of {count} equal to the run without a break, killed {kills} times")
     return int(equal < count)
 

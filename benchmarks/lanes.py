@@ -2,11 +2,11 @@
 
     python -m benchmarks.lanes [write]        # `write`: into latest.json
 
-The loop of a scenario (`loop_unit.py`) is compiled with `double` as a vector of 4 or 8 lanes, from
-the same translated C: arithmetic of all lanes at once, functions of libm lane by lane, so that the
-bits are those of the scalar code. A branch that lanes do not take alike, and an integer in which
-they differ, would have to be made lane by lane: of drawn cases it is counted in how many steps of
-each block that is so.
+The loop of a scenario (`loop_unit.py`) is compiled with `double` as a vector of 4 or 8
+lanes, from the same translated C: arithmetic of all lanes at once, functions of libm
+lane by lane, so that the bits are those of the scalar code. A branch that lanes do not
+take alike, and an integer in which they differ, would have to be made lane by lane: of
+drawn cases it is counted in how many steps of each block that is so.
 """
 
 from __future__ import annotations
@@ -35,9 +35,23 @@ from .run import LATEST
 
 NAME = "nadir_day/day-dipole"
 WIDTHS = {4: ["-mavx2"], 8: ["-mavx512f", "-mavx512dq", "-mprefer-vector-width=512"]}
-FLAGS = ["-std=c++20", "-O3", "-ffp-contract=off", "-w", "-fpermissive", "-shared", "-fPIC"]
+FLAGS = [
+    "-std=c++20",
+    "-O3",
+    "-ffp-contract=off",
+    "-w",
+    "-fpermissive",
+    "-shared",
+    "-fPIC",
+]
 ROUNDS, STEPS = 3, 20_000
-_C = {"double": (8, 8), "uint64_t": (8, 8), "int64_t": (8, 8), "int32_t": (4, 4), "bool": (1, 1)}
+_C = {
+    "double": (8, 8),
+    "uint64_t": (8, 8),
+    "int64_t": (8, 8),
+    "int32_t": (4, 4),
+    "bool": (1, 1),
+}
 _HEAD = """
 #include <cmath>
 #include <cstddef>
@@ -161,11 +175,15 @@ class Layout:
         parts = re.findall(r"sizeof\((\w+)::block\)", rooms[0])
         for name in ["loop", *parts]:
             self._types: dict[str, list[tuple[str, int, str]]] = {}
-            for body, of in re.findall(r"^typedef struct \{(.*?)\} (\w+);$", found[name], re.M):
+            for body, of in re.findall(
+                r"^typedef struct \{(.*?)\} (\w+);$", found[name], re.M
+            ):
                 self._types[of] = self._fields(body)
             block = re.search(r"^struct block \{(.*?)^\};", found[name], re.M | re.S)
             assert block is not None
-            self._types["block"] = self._fields(re.sub(r"/\*.*?\*/", "", block[1], flags=re.S))
+            self._types["block"] = self._fields(
+                re.sub(r"/\*.*?\*/", "", block[1], flags=re.S)
+            )
             self._room("block")
         self.sizes = tuple(self._at)
 
@@ -236,7 +254,9 @@ class Layout:
         """The states (lanes, bytes)."""
         states = np.zeros((self._lanes, self.sizes[0]), np.uint8)
         for (a, size), (b, _, is_lane) in zip(self.plain, self.wide, strict=True):
-            part = wide[b : b + size * (self._lanes if is_lane else 1)].reshape(-1, size)
+            part = wide[b : b + size * (self._lanes if is_lane else 1)].reshape(
+                -1, size
+            )
             states[:, a : a + size] = self._seeds.get(a, part)
         return states
 
@@ -254,27 +274,33 @@ def built(text: str, folder: Path, lanes: int, flags: list[str]) -> Any:
 
 
 def counted(text: str) -> str:
-    """Its blocks timed, and counted in how many steps the lanes of each are not alike: then it goes
-    on with the next one, so that only counts are right."""
-    call = re.compile(r"(\w+::do_advance\(c->part\[(\d+)\], [^;]*\); \w+::do_output\([^;]*\);)")
+    """Its blocks timed, and counted in how many steps the lanes of each are not alike:
+    then it goes on with the next one, so that only counts are right."""
+    call = re.compile(
+        r"(\w+::do_advance\(c->part\[(\d+)\], [^;]*\); \w+::do_output\([^;]*\);)"
+    )
     return _COUNTED + call.sub(
         r"{ unsigned long before = __builtin_ia32_rdtsc(); try { \1 } catch (diverged &) "
-        r"{ apart[\2]++; } ticks[\2] += __builtin_ia32_rdtsc() - before; }", text,
-    )  # fmt: skip
+        r"{ apart[\2]++; } ticks[\2] += __builtin_ia32_rdtsc() - before; }",
+        text,
+    )
 
 
 def advance(library: Any, state: NDArray[np.uint8], steps: int) -> float:
     """The seconds that steps of a state take, which is changed."""
     began = time.perf_counter()
-    failed = library.loop_advance(ctypes.c_void_p(state.ctypes.data), ctypes.c_int64(steps))
+    failed = library.loop_advance(
+        ctypes.c_void_p(state.ctypes.data), ctypes.c_int64(steps)
+    )
     assert not failed
     return time.perf_counter() - began
 
 
 def cases(
     unit: Unit, size: int, count: int, steps: int = 0
-) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:  # fmt: skip
-    """The states (count, bytes) that drawn cases begin with, and those after so many steps."""
+) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
+    """The states (count, bytes) that drawn cases begin with, and those after so many
+    steps."""
     draft = read(NAME).to_draw(blocks=False)
     known = unit.parameters()
     states = []
@@ -282,16 +308,20 @@ def cases(
         values: dict[str, Any] = {}
         for name, value in draw_of(draft, 1, draw).items():
             of = value if isinstance(value, list) else [value]
-            names = [name] if name in known else [f"{name}[{i}]" for i in range(1, len(of) + 1)]
+            names = (
+                [name]
+                if name in known
+                else [f"{name}[{i}]" for i in range(1, len(of) + 1)]
+            )
             values |= zip(names, of, strict=True)
         states.append(unit.states(values, size, steps))
     return np.stack([x for x, _ in states]), np.stack([x for _, x in states])
 
 
 def measure() -> dict[str, Any]:
-    """Of each width that this processor has: how much faster lanes of one and the same case are,
-    whether their bits are those of the scalar code, and of drawn cases each block's share of the
-    time and of the steps in which its lanes go apart."""
+    """Of each width that this processor has: how much faster lanes of one and the same
+    case are, whether their bits are those of the scalar code, and of drawn cases each
+    block's share of the time and of the steps in which its lanes go apart."""
     has = Path("/proc/cpuinfo").read_text()
     draws = draw_of(read(NAME).to_draw(blocks=False), 1, 0)
     found: dict[str, Any] = {"system": NAME, "steps": STEPS, "date": str(date.today())}
@@ -309,7 +339,7 @@ def measure() -> dict[str, Any]:
 
 def _with(
     unit: Unit, text: str, folder: Path, lanes: int, flags: list[str]
-) -> dict[str, Any]:  # fmt: skip
+) -> dict[str, Any]:
     layout = Layout(text, lanes)
     scalar, wide = built(text, folder, 1, flags), built(text, folder, lanes, flags)
     assert (scalar.loop_size(), wide.loop_size()) == layout.sizes
@@ -322,19 +352,26 @@ def _with(
         ratios.append(lanes * seconds / advance(wide, together, STEPS))
     equal = bool((layout.take(together) == one).all())
     clocked = "struct diverged {};\n" + counted(text)
-    scalar, wide = built(clocked, folder, 1, flags), built(counted(text), folder, lanes, flags)
+    scalar, wide = (
+        built(clocked, folder, 1, flags),
+        built(counted(text), folder, lanes, flags),
+    )
     advance(scalar, drawn_cases[0].copy(), STEPS)
     advance(wide, layout.put(drawn_cases), STEPS)
     ticks = [list((ctypes.c_ulong * 64).in_dll(x, "ticks")) for x in (scalar, wide)]
     apart = list((ctypes.c_long * 64).in_dll(wide, "apart"))
     return {
-        "alike": max(ratios), "equal": equal,
+        "alike": max(ratios),
+        "equal": equal,
         "blocks": {
-            name: {"share": ticks[0][i] / sum(ticks[0]), "apart": apart[i] / STEPS,
-                   "faster": lanes * ticks[0][i] / ticks[1][i]}
+            name: {
+                "share": ticks[0][i] / sum(ticks[0]),
+                "apart": apart[i] / STEPS,
+                "faster": lanes * ticks[0][i] / ticks[1][i],
+            }
             for i, name in enumerate(unit.parts)
         },
-    }  # fmt: skip
+    }
 
 
 def main() -> int:
@@ -343,7 +380,9 @@ def main() -> int:
     print(json.dumps(found, indent=1))
     if sys.argv[1:] == ["write"]:
         data = json.loads(LATEST.read_text())
-        LATEST.write_text(json.dumps({**data, "lanes": found}, indent=1) + "\n", encoding="utf-8")
+        LATEST.write_text(
+            json.dumps({**data, "lanes": found}, indent=1) + "\n", encoding="utf-8"
+        )
     return 0
 
 

@@ -1,9 +1,11 @@
-"""The predictive law beside each family's own: draws of the same seeds, paired, and their page.
+"""The predictive law beside each family's own: draws of the same seeds, paired, and
+their page.
 
-`python -m benchmarks.laws [--draws N] [FAMILY ...]` flies the rows of these families (default: all)
-with the seed of the judged column, or with `--tuned` of those that settings were tuned on, keeps
-their numbers in `laws.json`, and writes `docs/laws.md` from `docs/laws.template`. `--page` writes
-the page alone, `--cost` measures what a plan takes. All rows with 200 draws: `--draws 200`.
+`python -m benchmarks.laws [--draws N] [FAMILY ...]` flies the rows of these families
+(default: all) with the seed of the judged column, or with `--tuned` of those that
+settings were tuned on, keeps their numbers in `laws.json`, and writes `docs/laws.md`
+from `docs/laws.template`. `--page` writes the page alone, `--cost` measures what a plan
+takes. All rows with 200 draws: `--draws 200`.
 """
 
 from __future__ import annotations
@@ -40,11 +42,13 @@ Numbers = list[dict[str, float | None]]
 
 @dataclass(frozen=True)
 class Row:
-    """A comparison: a scenario, what it is held against, in which number and form, and the aim.
+    """A comparison: a scenario, what it is held against, in which number and form, and
+    the aim.
 
-    form: `ratio` or `difference` of two scenarios by draw; `equal`: the ratio to the least that the
-    cross product has with any of GAINS at no more energy; `bound`: less `bound_same_end` of the
-    same run, or, where `other` is given, of that scenario in the same draw; `value`: as it is.
+    form: `ratio` or `difference` of two scenarios by draw; `equal`: the ratio to the
+    least that the cross product has with any of GAINS at no more energy; `bound`: less
+    `bound_same_end` of the same run, or, where `other` is given, of that scenario in
+    the same draw; `value`: as it is.
     """
 
     scenario: str
@@ -63,34 +67,71 @@ def _rows() -> tuple[Row, ...]:
         rows.append(Row(name, label, "peak_momentum", "equal", other, 0.35))
         rows.append(Row(name, label, "energy_per_orbit", "value"))
     telescope = {
-        "nominal": ("nominal", 1.05), "dead-known": ("a coil dead, known", 1.05),
+        "nominal": ("nominal", 1.05),
+        "dead-known": ("a coil dead, known", 1.05),
         "dead-unknown": ("a coil dead, unknown", 1.12),
         "gravity-0-8": ("gravity gradient known as 0.8", 1.05),
-    }  # fmt: skip
+    }
     for case, (label, energy) in telescope.items():
-        name, other = f"space_telescope/predictive-{case}", f"space_telescope/ours-{case}"
+        name, other = (
+            f"space_telescope/predictive-{case}",
+            f"space_telescope/ours-{case}",
+        )
         rows.append(Row(name, label, "peak_speed", "ratio", other, 1.0))
         rows.append(Row(name, label, "rms_momentum", "ratio", other, 1.0))
         rows.append(Row(name, label, "energy_per_orbit", "ratio", other, energy))
     turned = ("torquers.failed_coil=1", "torquers.failed_share=-1")
     name, other = "space_telescope/predictive-flipped", "space_telescope/ours-nominal"
-    rows.append(Row(name, "a coil turned, unknown", "peak_speed", "ratio", other, 0.3, turned))
-    rows.append(Row(name, "a coil turned, unknown", "energy_per_orbit", "ratio", other, 1, turned))
+    rows.append(
+        Row(name, "a coil turned, unknown", "peak_speed", "ratio", other, 0.3, turned)
+    )
+    rows.append(
+        Row(
+            name,
+            "a coil turned, unknown",
+            "energy_per_orbit",
+            "ratio",
+            other,
+            1,
+            turned,
+        )
+    )
     emptied = {
-        "nominal": ("nominal", 0.10), "dead_known": ("y coil dead, known", 0.10),
-        "field_weak": ("field 10 % weaker", 0.10), "field_strong": ("field 10 % stronger", 0.10),
-        "noise": ("1 uT of noise", 0.5), "roll": ("attitude 5 deg off in roll", 0.5),
-        "dead_unknown": ("y coil dead, unknown", None), "thrusters_0_7": ("thrusters of 0.7", None),
-    }  # fmt: skip
+        "nominal": ("nominal", 0.10),
+        "dead_known": ("y coil dead, known", 0.10),
+        "field_weak": ("field 10 % weaker", 0.10),
+        "field_strong": ("field 10 % stronger", 0.10),
+        "noise": ("1 uT of noise", 0.5),
+        "roll": ("attitude 5 deg off in roll", 0.5),
+        "dead_unknown": ("y coil dead, unknown", None),
+        "thrusters_0_7": ("thrusters of 0.7", None),
+    }
     for case, (label, aim) in emptied.items():
         name = f"uosat12/predictive-{case}"
         rows.append(Row(name, label, "firing_time", "bound", "", aim))
-        rows.append(Row(name, label, "final_momentum", "value", "",
-                        0.1 if case == "thrusters_0_7" else 0.01))  # fmt: skip
+        rows.append(
+            Row(
+                name,
+                label,
+                "final_momentum",
+                "value",
+                "",
+                0.1 if case == "thrusters_0_7" else 0.01,
+            )
+        )
     name = "uosat12/predictive-flipped"
-    rows.append(Row(name, "y coil turned, unknown", "firing_time", "bound",
-                    "uosat12/predictive-nominal"))  # fmt: skip
-    rows.append(Row(name, "y coil turned, unknown", "final_momentum", "value", "", 0.01))
+    rows.append(
+        Row(
+            name,
+            "y coil turned, unknown",
+            "firing_time",
+            "bound",
+            "uosat12/predictive-nominal",
+        )
+    )
+    rows.append(
+        Row(name, "y coil turned, unknown", "final_momentum", "value", "", 0.01)
+    )
     name, other = "integrated/predictive", "integrated/mil-nadir"
     for number in ("dumped", "pointing", "near_zero", "coil_load", "coil_load_steady"):
         rows.append(Row(name, "nadir, noisy sensors", number, "difference", other, 0.0))
@@ -129,13 +170,15 @@ def flown(scenario: str, seed: int, count: int, given: tuple[str, ...]) -> Numbe
 
 
 def least_at(curve: list[tuple[float, float]], energy: float) -> float:
-    """The least number that a law has at no more than an energy, of (energy, number) by gain:
-    between gains, linear in logarithms."""
+    """The least number that a law has at no more than an energy, of (energy, number) by
+    gain: between gains, linear in logarithms."""
     best = min((n for e, n in curve if e <= energy), default=math.inf)
     for (e0, n0), (e1, n1) in itertools.pairwise(curve):
         if min(e0, e1) <= energy <= max(e0, e1) and e0 != e1:
             share = math.log(energy / e0) / math.log(e1 / e0)
-            best = min(best, math.exp((1.0 - share) * math.log(n0) + share * math.log(n1)))
+            best = min(
+                best, math.exp((1.0 - share) * math.log(n0) + share * math.log(n1))
+            )
     if best == math.inf:  # it never takes so little: where it takes least
         best = min(curve)[1]
     return best
@@ -157,19 +200,25 @@ def values(row: Row, seed: int, kept: dict[str, Any]) -> list[float] | None:
             return [number(x, row.number) for x in ours]
         if row.form == "bound":
             theirs = of(row.other) if row.other else ours
-            return [number(x, row.number) - number(y, "bound_same_end")
-                    for x, y in zip(ours, theirs, strict=True)]  # fmt: skip
+            return [
+                number(x, row.number) - number(y, "bound_same_end")
+                for x, y in zip(ours, theirs, strict=True)
+            ]
         if row.form == "equal":
             all_gains = [of(row.other, (f"manager.gain={g:g}",)) for g in GAINS]
             result = []
             for k, x in enumerate(ours):
-                curve = [(number(g[k], "energy_per_orbit"), number(g[k], row.number))
-                         for g in all_gains]  # fmt: skip
+                curve = [
+                    (number(g[k], "energy_per_orbit"), number(g[k], row.number))
+                    for g in all_gains
+                ]
                 least = least_at(curve, number(x, "energy_per_orbit"))
                 result.append(number(x, row.number) / least)
             return result
-        pairs = [(number(x, row.number), number(y, row.number))
-                 for x, y in zip(ours, of(row.other, row.set), strict=True)]  # fmt: skip
+        pairs = [
+            (number(x, row.number), number(y, row.number))
+            for x, y in zip(ours, of(row.other, row.set), strict=True)
+        ]
     except KeyError:
         return None
     if row.form == "ratio":
@@ -194,8 +243,8 @@ def shown(x: float) -> str:
 
 
 def cost() -> dict[str, str]:
-    """What a plan takes on this machine: a native FMU of the law, alone, with the recorded inputs
-    of flights; and the memory that `desat export c` states by gcc."""
+    """What a plan takes on this machine: a native FMU of the law, alone, with the
+    recorded inputs of flights; and the memory that `desat export c` states by gcc."""
     from fmpy import extract, read_model_description
     from fmpy.fmi2 import FMU2Slave
 
@@ -209,7 +258,9 @@ def cost() -> dict[str, str]:
         unpacked = extract(str(path), unzipdir=str(Path(folder) / "fmu"))
         described = read_model_description(unpacked)
         variables = {v.name: v for v in described.modelVariables}
-        choices = {v.name: v.choices for v in block_class("manager_predictive").variables}
+        choices = {
+            v.name: v.choices for v in block_class("manager_predictive").variables
+        }
         for name, scenario, stop in (
             ("hold", "nadir_day/laws-predictive-dipole", 40000.0),
             ("igrf", "nadir_day/laws-predictive-igrf", 40000.0),
@@ -218,17 +269,22 @@ def cost() -> dict[str, str]:
         ):
             run = execute(scenario, Options(stop=stop), Path(folder) / name)
             slave = FMU2Slave(
-                guid=described.guid, unzipDirectory=unpacked, instanceName="manager",
+                guid=described.guid,
+                unzipDirectory=unpacked,
+                instanceName="manager",
                 modelIdentifier=described.coSimulation.modelIdentifier,
-            )  # fmt: skip
+            )
             slave.instantiate()
             slave.setupExperiment(startTime=0.0)
             slave.enterInitializationMode()
 
             def put(key: str, value: Any, slave: Any = slave) -> None:
                 flat = np.ravel(np.asarray(value)).tolist()
-                names = [key] if key in variables else [
-                    n for n in variables if n.startswith(key + "[")]  # fmt: skip
+                names = (
+                    [key]
+                    if key in variables
+                    else [n for n in variables if n.startswith(key + "[")]
+                )
                 for n, x in zip(names, flat, strict=True):
                     variable = variables[n]
                     if variable.type == "Real":
@@ -262,7 +318,9 @@ def cost() -> dict[str, str]:
                 for key, values_ in inputs.items():
                     put(key, values_[min(k * every, len(values_) - 2)])
                 begin = time.thread_time_ns()
-                slave.doStep(currentCommunicationPoint=k * period, communicationStepSize=period)
+                slave.doStep(
+                    currentCommunicationPoint=k * period, communicationStepSize=period
+                )
                 plans.append(1e-3 * (time.thread_time_ns() - begin))
             assert slave.getInteger([steps])[0] > 0
             slave.terminate()
@@ -274,15 +332,20 @@ def cost() -> dict[str, str]:
 
 
 FORMS = {
-    "ratio": "over that of", "difference": "less that of", "equal": "over the best of",
-    "bound": "above the bound", "value": "",
-}  # fmt: skip
+    "ratio": "over that of",
+    "difference": "less that of",
+    "equal": "over the best of",
+    "bound": "above the bound",
+    "value": "",
+}
 
 
 def table(rows: tuple[Row, ...], kept: dict[str, Any]) -> list[str]:
     """The lines of the table of some rows."""
-    lines = ["| case | number | aim | tuned on | judged by | worst draw | draws | met |",
-             "|---|---|---|---|---|---|---|---|"]  # fmt: skip
+    lines = [
+        "| case | number | aim | tuned on | judged by | worst draw | draws | met |",
+        "|---|---|---|---|---|---|---|---|",
+    ]
     for row in rows:
         cells = []
         for seed in (TUNED[row.scenario.split("/")[0]], JUDGED):
@@ -299,8 +362,10 @@ def table(rows: tuple[Row, ...], kept: dict[str, Any]) -> list[str]:
         name = f"{row.number} {FORMS[row.form]} {against}".strip()
         met = "" if row.aim is None or n == 0 else "yes" if median <= row.aim else "no"
         aim = "" if row.aim is None else f"{row.aim:g}"
-        lines.append(f"| {row.label} | {name} | {aim} | {tuned} | {judged} | {worst} | "
-                     f"{n_tuned}, {n} | {met} |")  # fmt: skip
+        lines.append(
+            f"| {row.label} | {name} | {aim} | {tuned} | {judged} | {worst} | "
+            f"{n_tuned}, {n} | {met} |"
+        )
     return lines
 
 
@@ -321,7 +386,9 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("families", nargs="*")
     parser.add_argument("--draws", type=int, default=20)
-    parser.add_argument("--tuned", action="store_true", help="the draws that were tuned on")
+    parser.add_argument(
+        "--tuned", action="store_true", help="the draws that were tuned on"
+    )
     parser.add_argument("--page", action="store_true", help="write the page alone")
     parser.add_argument("--cost", action="store_true", help="measure what a plan takes")
     given = parser.parse_args()
@@ -330,8 +397,11 @@ def main() -> int:
         kept["cost"] = cost()
         STORE.write_text(json.dumps(kept, indent=1, sort_keys=True) + "\n")
     elif not given.page:
-        rows = tuple(r for r in ROWS if not given.families
-                     or r.scenario.split("/")[0] in given.families)  # fmt: skip
+        rows = tuple(
+            r
+            for r in ROWS
+            if not given.families or r.scenario.split("/")[0] in given.families
+        )
         numbers = {r.number for r in ROWS} | {"energy_per_orbit", "bound_same_end"}
         jobs = wanted(rows)
         for k, (scenario, sets) in enumerate(jobs):
@@ -340,7 +410,9 @@ def main() -> int:
             draws = flown(scenario, seed, given.draws, sets)
             kept[key(scenario, seed, sets)] = {
                 "date": datetime.now(UTC).date().isoformat(),
-                "numbers": [{n: d[n] for n in sorted(numbers) if n in d} for d in draws],
+                "numbers": [
+                    {n: d[n] for n in sorted(numbers) if n in d} for d in draws
+                ],
             }
             STORE.write_text(json.dumps(kept, indent=1, sort_keys=True) + "\n")
     (DOCS / "laws.md").write_text(page(kept))

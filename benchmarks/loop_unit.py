@@ -1,7 +1,8 @@
-"""The loop of a scenario as one C++ file: the C of its blocks and of what a master does in a step,
-as `desat export fmu` writes them, each in a namespace, without texts and without a way to catch a
-failure. A state goes in, so many steps are made, and a state comes out. `gpu.py` and `lanes.py`
-compile it, each with a head of its own, which says what DEVICE, `failed` and `double` are.
+"""The loop of a scenario as one C++ file: the C of its blocks and of what a master does
+in a step, as `desat export fmu` writes them, each in a namespace, without texts and
+without a way to catch a failure. A state goes in, so many steps are made, and a state
+comes out. `gpu.py` and `lanes.py` compile it, each with a head of its own, which says
+what DEVICE, `failed` and `double` are.
 """
 
 from __future__ import annotations
@@ -23,7 +24,9 @@ _STATIC = re.compile(r"^static (?!inline)(.*)$", re.M)
 _MEMORY = re.compile(r"^ +static PY_THREAD (struct \{.*\}) (\w+);$", re.M)
 _VARIABLE = re.compile(r"^    \{\"[^\"]*\", (offsetof\(.*?), '[RIB]', ", re.M)
 _ENDS = re.compile(r"^static void do_(?:output|advance).*?^}", re.M | re.S)
-_COPY = re.compile(r"memcpy\(&(self->[\w.]+)\[(\d+)\], &(self->[\w.]+)\[(\d+)\], (\d+) \* [^;]*;")
+_COPY = re.compile(
+    r"memcpy\(&(self->[\w.]+)\[(\d+)\], &(self->[\w.]+)\[(\d+)\], (\d+) \* [^;]*;"
+)
 _CALL = re.compile(r"\b(REAL|INTEGER|BOOLEAN)\((\d+), (\d+)\)")
 _KIND = {"REAL": "double", "INTEGER": "int64_t", "BOOLEAN": "bool"}
 
@@ -66,8 +69,9 @@ class Unit:
         with zipfile.ZipFile(fmu) as archive:
             self._sources = {
                 Path(n).stem: _PREFIX.sub("", archive.read(n).decode())
-                for n in archive.namelist() if n.startswith("sources/") and n.endswith(".c")
-            }  # fmt: skip
+                for n in archive.namelist()
+                if n.startswith("sources/") and n.endswith(".c")
+            }
             self._header = _PREFIX.sub("", archive.read("sources/block.h").decode())
         assert self._description.coSimulation is not None
         self._loop = self._sources[self._description.coSimulation.modelIdentifier]
@@ -82,40 +86,61 @@ class Unit:
         """Python's, of block.h and runtime.c."""
         header = self._header.partition("static inline double py_sqrt")
         inline = (header[1] + header[2]).partition("/* --- what a block is")[0]
-        inline = re.sub(r"^static inline double py_(min|max)\(.*\n", "", inline, flags=re.M)
+        inline = re.sub(
+            r"^static inline double py_(min|max)\(.*\n", "", inline, flags=re.M
+        )
         inline = re.sub(r"^(?! )[\w ]+\*?\w+\([^)]*\);\n", "", inline, flags=re.M)
-        floats = self._sources["runtime"].partition("/* --- floats ---")[2].partition("\n")[2]
+        floats = (
+            self._sources["runtime"]
+            .partition("/* --- floats ---")[2]
+            .partition("\n")[2]
+        )
         floats = re.sub(r"^    errno = 0;\n", "", floats, flags=re.M)
         floats = floats.replace("(errno == ERANGE && r != 0.0)", "false")
         yield _FAILURES
         yield inline.replace("static inline", "DEVICE static inline")
-        yield re.sub(r"^(?:static )?(?=(?:double|int64_t) \w+\()", "DEVICE static ", floats,
-                     flags=re.M)  # fmt: skip
+        yield re.sub(
+            r"^(?:static )?(?=(?:double|int64_t) \w+\()",
+            "DEVICE static ",
+            floats,
+            flags=re.M,
+        )
         yield "constexpr size_t block_room(size_t size) { return (size + 15) / 16 * 16; }"
 
     def _blocks(self) -> Iterator[str]:
         for name in dict.fromkeys(self.parts):
-            code, _, table = self._sources[name].partition("static const block at_start")
+            code, _, table = self._sources[name].partition(
+                "static const block at_start"
+            )
             table = table.partition("static const block_variable variables[]")[2]
             places = _VARIABLE.findall(table)
-            code = code.replace('#include "block.h"', "").replace("typedef struct block block;",
-                                                                  "struct block;")  # fmt: skip
+            code = code.replace('#include "block.h"', "").replace(
+                "typedef struct block block;", "struct block;"
+            )
             ends = "\n".join(
-                re.findall(r"^static void do_(?:output|advance).*?^}", table, re.M | re.S)
+                re.findall(
+                    r"^static void do_(?:output|advance).*?^}", table, re.M | re.S
+                )
             )
             ends = re.sub(r"\(void \*self", "(void *given", ends)
-            ends = re.sub(r"^    (\w+\()self", r"    \1(block *)given", ends, flags=re.M)
+            ends = re.sub(
+                r"^    (\w+\()self", r"    \1(block *)given", ends, flags=re.M
+            )
             yield f"namespace {name} {{"
             yield _device(code)
             yield _device(ends)
-            yield from (f"constexpr size_t at_{i} = {place};" for i, place in enumerate(places))
+            yield from (
+                f"constexpr size_t at_{i} = {place};" for i, place in enumerate(places)
+            )
             yield "}"
 
     def _steps(self) -> Iterator[str]:
         code = self._loop
         struct = re.search(r"^struct block \{.*?^\};", code, re.M | re.S)
         assert struct is not None
-        body = code[code.index("static void do_0_") : code.index("static void parameters(")]
+        body = code[
+            code.index("static void do_0_") : code.index("static void parameters(")
+        ]
         body = _CALL.sub(self._place, body)
         body = re.sub(r"\bstepped\(c, (\d+), ([^;]*), ([^;]*)\);", self._step, body)
         body = _COPY.sub(r"for (int i = 0; i < \5; i++) \1[\2 + i] = \3[\4 + i];", body)
@@ -135,7 +160,9 @@ class Unit:
         yield "    context made, *c = &made;"
         yield "    char *at = (char *)state + block_room(sizeof(block));"
         yield "    c->self = (block *)state;"
-        yield from (f"    c->part[{i}] = at; at += {room};" for i, room in enumerate(rooms))
+        yield from (
+            f"    c->part[{i}] = at; at += {room};" for i, room in enumerate(rooms)
+        )
         yield f"    for (int64_t n = 0; n < steps; n++, c->self->k++) switch (c->self->k % {count})"
         yield f"    {{ {cases} }}"
         yield "    shown(c);"
@@ -144,32 +171,40 @@ class Unit:
 
     def _place(self, found: re.Match[str]) -> str:
         kind, part, variable = found[1], int(found[2]), found[3]
-        return f"(*({_KIND[kind]} *)(c->part[{part}] + {self.parts[part]}::at_{variable}))"
+        return (
+            f"(*({_KIND[kind]} *)(c->part[{part}] + {self.parts[part]}::at_{variable}))"
+        )
 
     def _step(self, found: re.Match[str]) -> str:
         part, t, dt = int(found[1]), found[2], found[3]
         name = self.parts[part]
-        return (f"{name}::do_advance(c->part[{part}], {t}, {dt}); "
-                f"{name}::do_output(c->part[{part}], {t} + {dt});")  # fmt: skip
+        return (
+            f"{name}::do_advance(c->part[{part}], {t}, {dt}); "
+            f"{name}::do_output(c->part[{part}], {t} + {dt});"
+        )
 
     def parameters(self) -> set[str]:
         """The names of the FMU's parameters."""
         variables = self._description.modelVariables
         return {v.name for v in variables if v.causality == "parameter"}
 
-    # --- states -----------------------------------------------------------------------------------
+    # --- states -----------------------------------------------------------------------
 
     def states(
         self, values: Mapping[str, Any], size: int, steps: int
-    ) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:  # fmt: skip
-        """The bytes of a case's loop when it begins, and after so many steps of 1 s of the FMU
-        itself. `values`: of the FMU's parameters."""
-        references = {v.name: v.valueReference for v in self._description.modelVariables}
+    ) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
+        """The bytes of a case's loop when it begins, and after so many steps of 1 s of
+        the FMU itself. `values`: of the FMU's parameters."""
+        references = {
+            v.name: v.valueReference for v in self._description.modelVariables
+        }
         assert self._description.coSimulation is not None
         fmu = FMU2Slave(
-            guid=self._description.guid, unzipDirectory=self._folder, instanceName="loop",
+            guid=self._description.guid,
+            unzipDirectory=self._folder,
+            instanceName="loop",
             modelIdentifier=self._description.coSimulation.modelIdentifier,
-        )  # fmt: skip
+        )
         fmu.instantiate()
         try:
             fmu.setupExperiment(startTime=0.0)
@@ -195,7 +230,10 @@ class Unit:
 def _device(code: str) -> str:
     """Functions of the device; what C converts and C++ does not."""
     code = re.sub(r"\bPY_APART\b ?", "", code)
-    code = _STATIC.sub(lambda m: f"{'DATA' if '=' in m[1] else 'DEVICE'} static {m[1]}", code)
-    # what a function remembers would be shared by all threads: it is not there, and fails
+    code = _STATIC.sub(
+        lambda m: f"{'DATA' if '=' in m[1] else 'DEVICE'} static {m[1]}", code
+    )
+    # what a function remembers would be shared by all threads: it is not there, and
+    # fails
     code = _MEMORY.sub(r"    \1 \2; failed(PY_RUNTIME_ERROR);", code)
     return re.sub(r"\bif \(PY_TRY\(\w+\)\)", "if (true)", code)

@@ -1,6 +1,6 @@
-"""100,000 cases of one orbit through the pool, and the first 20,000 of them through a local Dask
-cluster of two workers, of which one is killed, and later the head: seconds, memory, and whether the
-data are equal.
+"""100,000 cases of one orbit through the pool, and the first 20,000 of them through a
+local Dask cluster of two workers, of which one is killed, and later the head: seconds,
+memory, and whether the data are equal.
 
     python -m benchmarks.many_cases FOLDER [SECONDS]    # what is left of it, for so long at most
     python -m benchmarks.many_cases FOLDER write        # into latest.json
@@ -31,17 +31,33 @@ _PATIENCE = 90.0
 
 
 def go_on(folder: Path, how: str, end: float) -> bool:
-    """A head until it is done, killed or out of time; what was seen goes to HOW.json. True
-    when all cases are there."""
+    """A head until it is done, killed or out of time; what was seen goes to HOW.json.
+    True when all cases are there."""
     where, notes = folder / how, folder / f"{how}.json"
-    seen: dict[str, Any] = json.loads(notes.read_text()) if notes.exists() else {
-        "heads": [], "killed": [], "memory": []
-    }  # fmt: skip
-    command = [sys.executable, "-m", "desat.cli", "campaign", NAME, "-n", str(CASES[how]), "--stop",
-               ORBIT, *HOWS[how], "--out", str(where)]  # fmt: skip
+    seen: dict[str, Any] = (
+        json.loads(notes.read_text())
+        if notes.exists()
+        else {"heads": [], "killed": [], "memory": []}
+    )
+    command = [
+        sys.executable,
+        "-m",
+        "desat.cli",
+        "campaign",
+        NAME,
+        "-n",
+        str(CASES[how]),
+        "--stop",
+        ORBIT,
+        *HOWS[how],
+        "--out",
+        str(where),
+    ]
     head: dict[str, Any] = {"from": _done(where)[1]}
     began, load = time.monotonic(), [os.getloadavg()[0]]
-    with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as process:
+    with subprocess.Popen(
+        command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
+    ) as process:
         while process.poll() is None:
             time.sleep(2.0)
             load.append(os.getloadavg()[0])
@@ -87,8 +103,11 @@ def _workers(pid: int) -> list[int]:
     for thread in Path(f"/proc/{pid}/task").glob("*/children"):
         try:
             children = [int(p) for p in thread.read_text().split()]
-            processes += [p for p in children
-                      if b"spawn_main" in Path(f"/proc/{p}/cmdline").read_bytes()]  # fmt: skip
+            processes += [
+                p
+                for p in children
+                if b"spawn_main" in Path(f"/proc/{p}/cmdline").read_bytes()
+            ]
         except OSError:  # it has just ended
             continue
     return sorted(processes)
@@ -100,7 +119,9 @@ def _memory(pid: int) -> float:
         text = Path(f"/proc/{pid}/status").read_text()
     except OSError:
         return 0.0
-    return next((int(x.split()[1]) / 1024 for x in text.splitlines() if x[:6] == "VmRSS:"), 0.0)
+    return next(
+        (int(x.split()[1]) / 1024 for x in text.splitlines() if x[:6] == "VmRSS:"), 0.0
+    )
 
 
 def judged(folder: Path) -> dict[str, Any]:
@@ -108,34 +129,44 @@ def judged(folder: Path) -> dict[str, Any]:
     from desat.campaign import store
     from desat.campaign.cluster import SETTINGS
 
-    result: dict[str, Any] = {"system": f"{NAME}, {ORBIT} s at 10 s", "date": str(date.today())}
+    result: dict[str, Any] = {
+        "system": f"{NAME}, {ORBIT} s at 10 s",
+        "date": str(date.today()),
+    }
     for how, wanted in CASES.items():
         seen = json.loads((folder / f"{how}.json").read_text())
-        rows = store.read(folder / how, columns=["case", "status", "attempts", "seconds"])
+        rows = store.read(
+            folder / how, columns=["case", "status", "attempts", "seconds"]
+        )
         cases, heads = rows["case"].to_pylist(), seen["heads"]
         seconds = sum(h.get("cases_seconds", h["seconds"]) for h in heads)
         files = [p for p in (folder / how).rglob("*.parquet") if p.is_file()]
         result[how] = {
-            "cases": wanted, "rows": len(cases), "each_case_once": cases == list(range(wanted)),
+            "cases": wanted,
+            "rows": len(cases),
+            "each_case_once": cases == list(range(wanted)),
             "completed": rows["status"].to_pylist().count("completed"),
             "made_again": sum(a > 1 for a in rows["attempts"].to_pylist()),
-            "heads": len(heads), "workers_killed": len(seen["killed"]),
+            "heads": len(heads),
+            "workers_killed": len(seen["killed"]),
             "worker_killed_at": [x["at"] for x in seen["killed"]],
             "head_killed_at": [h["killed_at"] for h in heads if "killed_at" in h],
-            "seconds": seconds, "cases_per_second": wanted / seconds,
+            "seconds": seconds,
+            "cases_per_second": wanted / seconds,
             "ms_per_case": 1e3 * statistics.median(rows["seconds"].to_pylist()),
             "report_seconds": heads[-1]["seconds"] - heads[-1]["cases_seconds"],
             "bytes_per_case": sum(p.stat().st_size for p in files) / wanted,
             "load": [round(h["load"], 1) for h in heads if "load" in h],
             "memory_mb": _memory_over(seen["memory"], wanted),
             "digest": store.digest(folder / how),
-        }  # fmt: skip
+        }
     common = min(CASES.values())
     digests = {store.digest(folder / how, first=common) for how in HOWS}
     return result | {
-        "common": common, "same_bits": len(digests) == 1,
+        "common": common,
+        "same_bits": len(digests) == 1,
         "profiled": SETTINGS["distributed.worker.profile.enabled"],
-    }  # fmt: skip
+    }
 
 
 def _memory_over(samples: list[list[float]], cases: int) -> list[dict[str, float]]:
@@ -145,8 +176,13 @@ def _memory_over(samples: list[list[float]], cases: int) -> list[dict[str, float
         low, high = i * cases / 10, (i + 1) * cases / 10
         part = [s for s in samples if low < s[0] <= high]
         if part:
-            largest.append({"cases": high, "head": round(max(s[1] for s in part), 1),
-                          "worker": round(max(s[2] for s in part), 1)})  # fmt: skip
+            largest.append(
+                {
+                    "cases": high,
+                    "head": round(max(s[1] for s in part), 1),
+                    "worker": round(max(s[2] for s in part), 1),
+                }
+            )
     return largest
 
 

@@ -1,13 +1,14 @@
 """The day of paper 004 as one loop over numpy arrays, to be held beside the FMUs.
 
-What one writes without components: the model of `integrated/mil-nadir` (sensors with noise, nadir
-guidance, PID, integrated manager, wheels with lag and compensated friction, lagging coils, rigid
-body with gravity gradient, dipole, drag and radiation) in one function, vectors as numpy arrays,
-at the same steps and with the same equations. It exists twice: with numpy's own `cross` and matrix
-products (`Plain`), and with these few written out in floats (`Tuned`), as one does after profiling;
-then not much of numpy is left in it. Orbit, field, Sun and density are asked of the same
-plain-float code that the environment's FMU has inside; so only what is on board and the craft are
-numpy. Noise is numpy's own, so runs agree where all noise is off (`compare`).
+What one writes without components: the model of `integrated/mil-nadir` (sensors with
+noise, nadir guidance, PID, integrated manager, wheels with lag and compensated
+friction, lagging coils, rigid body with gravity gradient, dipole, drag and radiation)
+in one function, vectors as numpy arrays, at the same steps and with the same equations.
+It exists twice: with numpy's own `cross` and matrix products (`Plain`), and with these
+few written out in floats (`Tuned`), as one does after profiling; then not much of numpy
+is left in it. Orbit, field, Sun and density are asked of the same plain-float code that
+the environment's FMU has inside; so only what is on board and the craft are numpy.
+Noise is numpy's own, so runs agree where all noise is off (`compare`).
 """
 
 from __future__ import annotations
@@ -27,8 +28,13 @@ from desat.system.parameters import table
 
 Array = NDArray[np.float64]
 SCENARIO = "integrated/mil-nadir"
-NOISE_OFF = ("determination.markov_sigma", "gyro.noise", "magnetometer.noise", "tachometers.noise",
-             "wheels.unbalance")  # fmt: skip
+NOISE_OFF = (
+    "determination.markov_sigma",
+    "gyro.noise",
+    "magnetometer.noise",
+    "tachometers.noise",
+    "wheels.unbalance",
+)
 
 
 def values(sets: list[str]) -> dict[str, dict[str, Any]]:
@@ -45,7 +51,7 @@ def values(sets: list[str]) -> dict[str, dict[str, Any]]:
     return found
 
 
-# --- vectors ----------------------------------------------------------------------------------
+# --- vectors --------------------------------------------------------------------------
 
 
 class Plain:
@@ -61,7 +67,9 @@ class Plain:
         """C(q): body from eci."""
         v, w = q[:3], q[3]
         skew = np.array(((0.0, -v[2], v[1]), (v[2], 0.0, -v[0]), (-v[1], v[0], 0.0)))
-        return np.asarray((w * w - v @ v) * np.eye(3) + 2.0 * np.outer(v, v) - 2.0 * w * skew)
+        return np.asarray(
+            (w * w - v @ v) * np.eye(3) + 2.0 * np.outer(v, v) - 2.0 * w * skew
+        )
 
     @staticmethod
     def product(a: Array, b: Array) -> Array:
@@ -82,20 +90,38 @@ class Tuned(Plain):
     @staticmethod
     def matrix(q: Array) -> Array:
         x, y, z, w = q.tolist()
-        return np.array((
-            (x * x - y * y - z * z + w * w, 2 * (x * y + z * w), 2 * (x * z - y * w)),
-            (2 * (x * y - z * w), -x * x + y * y - z * z + w * w, 2 * (y * z + x * w)),
-            (2 * (x * z + y * w), 2 * (y * z - x * w), -x * x - y * y + z * z + w * w),
-        ))  # fmt: skip
+        return np.array(
+            (
+                (
+                    x * x - y * y - z * z + w * w,
+                    2 * (x * y + z * w),
+                    2 * (x * z - y * w),
+                ),
+                (
+                    2 * (x * y - z * w),
+                    -x * x + y * y - z * z + w * w,
+                    2 * (y * z + x * w),
+                ),
+                (
+                    2 * (x * z + y * w),
+                    2 * (y * z - x * w),
+                    -x * x - y * y + z * z + w * w,
+                ),
+            )
+        )
 
     @staticmethod
     def product(a: Array, b: Array) -> Array:
         a1, a2, a3, a4 = a.tolist()
         b1, b2, b3, b4 = b.tolist()
-        return np.array((
-            a4 * b1 + a3 * b2 - a2 * b3 + a1 * b4, -a3 * b1 + a4 * b2 + a1 * b3 + a2 * b4,
-            a2 * b1 - a1 * b2 + a4 * b3 + a3 * b4, -a1 * b1 - a2 * b2 - a3 * b3 + a4 * b4,
-        ))  # fmt: skip
+        return np.array(
+            (
+                a4 * b1 + a3 * b2 - a2 * b3 + a1 * b4,
+                -a3 * b1 + a4 * b2 + a1 * b3 + a2 * b4,
+                a2 * b1 - a1 * b2 + a4 * b3 + a3 * b4,
+                -a1 * b1 - a2 * b2 - a3 * b3 + a4 * b4,
+            )
+        )
 
 
 def turned(ops: type[Plain], q: Array, angle: Array) -> Array:
@@ -113,7 +139,9 @@ def from_matrix(c: Array) -> Array:
     trace = c[0, 0] + c[1, 1] + c[2, 2]
     k = int(np.argmax((c[0, 0], c[1, 1], c[2, 2], trace)))
     if k == 3:
-        q = np.array((c[1, 2] - c[2, 1], c[2, 0] - c[0, 2], c[0, 1] - c[1, 0], 1.0 + trace))
+        q = np.array(
+            (c[1, 2] - c[2, 1], c[2, 0] - c[0, 2], c[0, 1] - c[1, 0], 1.0 + trace)
+        )
     else:
         i, j = (k + 1) % 3, (k + 2) % 3
         q = np.zeros(4)
@@ -124,14 +152,19 @@ def from_matrix(c: Array) -> Array:
     return q if q[3] >= 0.0 else -q
 
 
-# --- the loop ---------------------------------------------------------------------------------
+# --- the loop -------------------------------------------------------------------------
 
 
 def run(
-    steps: int, sets: list[str], every: int = 0, ops: type[Plain] = Plain, nutation: float = 0.25
+    steps: int,
+    sets: list[str],
+    every: int = 0,
+    ops: type[Plain] = Plain,
+    nutation: float = 0.25,
 ) -> dict[str, Array]:
-    """So many steps from the scenario's start: attitude and wheel momentum at the end, and with
-    `every` at every n-th step (`q`, `h`: rows). A substep turns at most `nutation` (rad)."""
+    """So many steps from the scenario's start: attitude and wheel momentum at the end,
+    and with `every` at every n-th step (`q`, `h`: rows). A substep turns at most
+    `nutation` (rad)."""
     cross, matrix, product = ops.cross, ops.matrix, ops.product
     p = values(sets)
     dt = float(p["run"]["step"])
@@ -146,7 +179,10 @@ def run(
 
     craft, wheel, coil = p["spacecraft"], p["wheels"], p["torquers"]
     control, manage = p["controller"], p["manager"]
-    sigma_q, tau_q = p["determination"]["markov_sigma"], p["determination"]["correlation_time"]
+    sigma_q, tau_q = (
+        p["determination"]["markov_sigma"],
+        p["determination"]["correlation_time"],
+    )
     sigma_w, sigma_b = p["gyro"]["noise"], p["magnetometer"]["noise"]
     sigma_h = p["tachometers"]["noise"]
     gains = control["gain_matrix"].reshape(3, 3)
@@ -162,7 +198,11 @@ def run(
     markov = sigma_q * random.standard_normal(3)
     xi, q_ref = np.zeros(3), np.array((0.0, 0.0, 0.0, 1.0))
     unloading, emergency = np.zeros(4, bool), False
-    on, off, capacity = manage["threshold_on"], manage["threshold_off"], manage["h_limit"]
+    on, off, capacity = (
+        manage["threshold_on"],
+        manage["threshold_off"],
+        manage["h_limit"],
+    )
     jitter, jitter_noise, second = np.zeros(3), np.zeros((4, 3)), -1
     kept_q, kept_h = [q], [h]
 
@@ -172,14 +212,20 @@ def run(
         r, v = np.array(environment.r_eci), np.array(environment.v_eci)
         b, b1, b2 = (
             np.array(x)
-            for x in (environment.b_eci, environment.b_rate_eci, environment.b_accel_eci)
+            for x in (
+                environment.b_eci,
+                environment.b_rate_eci,
+                environment.b_accel_eci,
+            )
         )
         c = matrix(q)
         omega = inverse @ (c @ momentum - axes @ h)
 
         # sensors
         if k:
-            markov = decay * markov + sigma_q * sqrt(1.0 - decay**2) * random.standard_normal(3)
+            markov = decay * markov + sigma_q * sqrt(
+                1.0 - decay**2
+            ) * random.standard_normal(3)
         q_meas = turned(ops, q, markov)
         omega_meas = omega + sigma_w * random.standard_normal(3)
         b_meas = c @ b + sigma_b * random.standard_normal(3)
@@ -197,13 +243,17 @@ def run(
         error = product(q_meas, q_ref * (-1.0, -1.0, -1.0, 1.0))
         e = error[:3] if error[3] >= 0.0 else -error[:3]
         d_omega = omega_meas - matrix(error) @ omega_ref
-        grown = np.clip(xi + dt * e, -control["integral_limit"], control["integral_limit"])
+        grown = np.clip(
+            xi + dt * e, -control["integral_limit"], control["integral_limit"]
+        )
         limit = control["torque_limit"]
 
         def pid(
             xi: Array, e: Array = e, d_omega: Array = d_omega, limit: float = limit
         ) -> tuple[Array, bool]:
-            wanted = -gains @ (control["kp"] * e + control["kd"] * d_omega + control["ki"] * xi)
+            wanted = -gains @ (
+                control["kp"] * e + control["kd"] * d_omega + control["ki"] * xi
+            )
             cut = np.clip(wanted, -limit, limit)
             return cut, bool((cut != wanted).any())
 
@@ -250,8 +300,10 @@ def run(
             if int(t + 1e-6) != second:
                 second, jitter_noise = int(t + 1e-6), random.standard_normal((4, 3))
             forces = wheel["unbalance"] * (h / spin - rates) ** 2
-            jitter = sum(f * cross(a, n) for f, a, n in zip(forces, axes.T, jitter_noise,
-                                                           strict=True))  # fmt: skip
+            jitter = sum(
+                f * cross(a, n)
+                for f, a, n in zip(forces, axes.T, jitter_noise, strict=True)
+            )
         command = np.clip(command, -wheel["torque_limit"], wheel["torque_limit"])
         h_new, motor, learnt, integral = _wheels(
             wheel, spin, h, motor, learnt, command, rates, then, dt
@@ -261,8 +313,11 @@ def run(
 
         # body: attitude and inertial momentum by RK4
         spin_rate = sqrt(omega @ omega)
-        n = max(1, ceil(spin_rate * dt / 0.025),
-                ceil(sqrt(momentum @ momentum) * stiffest * dt / nutation))  # fmt: skip
+        n = max(
+            1,
+            ceil(spin_rate * dt / 0.025),
+            ceil(sqrt(momentum @ momentum) * stiffest * dt / nutation),
+        )
         w0 = axes @ h
         w2 = 0.5 * dt * (axes @ tau_slope)
         w1 = dt * (axes @ tau_mean) - w2
@@ -275,11 +330,22 @@ def run(
         de = 1.0 / n
 
         def slopes(
-            s: float, q: Array, momentum: Array, outer: Array,
-            w0: Array = w0, w1: Array = w1, w2: Array = w2, b: Array = b, b1: Array = b1,
-            b2: Array = b2, r: Array = r, v: Array = v, fall: float = fall,
-            residual: Array = residual, m_slope: Array = m_slope,
-        ) -> tuple[Array, Array]:  # fmt: skip
+            s: float,
+            q: Array,
+            momentum: Array,
+            outer: Array,
+            w0: Array = w0,
+            w1: Array = w1,
+            w2: Array = w2,
+            b: Array = b,
+            b1: Array = b1,
+            b2: Array = b2,
+            r: Array = r,
+            v: Array = v,
+            fall: float = fall,
+            residual: Array = residual,
+            m_slope: Array = m_slope,
+        ) -> tuple[Array, Array]:
             c = matrix(q)
             omega = inverse @ (c @ momentum - (w0 + s * (w1 + s * w2)))
             x = s * dt
@@ -291,10 +357,14 @@ def run(
             torque = torque + 3.0 * MU / far**5 * cross(place, inertia @ place)
             wx, wy, wz = (0.5 * omega).tolist()
             q1, q2, q3, q4 = q.tolist()
-            return np.array((
-                wz * q2 - wy * q3 + wx * q4, -wz * q1 + wx * q3 + wy * q4,
-                wy * q1 - wx * q2 + wz * q4, -wx * q1 - wy * q2 - wz * q3,
-            )), c.T @ torque  # fmt: skip
+            return np.array(
+                (
+                    wz * q2 - wy * q3 + wx * q4,
+                    -wz * q1 + wx * q3 + wy * q4,
+                    wy * q1 - wx * q2 + wz * q4,
+                    -wx * q1 - wy * q2 - wz * q3,
+                )
+            ), c.T @ torque
 
         for i in range(n):
             s, step = i * de, de * dt
@@ -304,10 +374,16 @@ def run(
             outer = outer + cross(
                 craft["centre_drag_body"], -0.5 * density * sqrt(flow @ flow) * flow
             )
-            outer = outer + cross(craft["centre_radiation_body"], -pressure * (c_half @ sun))
+            outer = outer + cross(
+                craft["centre_radiation_body"], -pressure * (c_half @ sun)
+            )
             q1, p1 = slopes(s, q, momentum, outer)
-            q2, p2 = slopes(s + 0.5 * de, q + 0.5 * step * q1, momentum + 0.5 * step * p1, outer)
-            q3, p3 = slopes(s + 0.5 * de, q + 0.5 * step * q2, momentum + 0.5 * step * p2, outer)
+            q2, p2 = slopes(
+                s + 0.5 * de, q + 0.5 * step * q1, momentum + 0.5 * step * p1, outer
+            )
+            q3, p3 = slopes(
+                s + 0.5 * de, q + 0.5 * step * q2, momentum + 0.5 * step * p2, outer
+            )
             q4, p4 = slopes(s + de, q + step * q3, momentum + step * p3, outer)
             q = q + step / 6.0 * (q1 + 2.0 * (q2 + q3) + q4)
             momentum = momentum + step / 6.0 * (p1 + 2.0 * (p2 + p3) + p4)
@@ -321,10 +397,18 @@ def run(
 
 
 def _wheels(
-    wheel: dict[str, Any], spin: Array, h: Array, motor: Array, learnt: Array, command: Array,
-    rate0: Array, rate1: Array, dt: float,
-) -> tuple[Array, Array, Array, Array]:  # fmt: skip
-    """Momentum, motor torque, learnt friction after a step, and the integral of the momentum."""
+    wheel: dict[str, Any],
+    spin: Array,
+    h: Array,
+    motor: Array,
+    learnt: Array,
+    command: Array,
+    rate0: Array,
+    rate1: Array,
+    dt: float,
+) -> tuple[Array, Array, Array, Array]:
+    """Momentum, motor torque, learnt friction after a step, and the integral of the
+    momentum."""
     lag, viscous, coulomb = wheel["motor_lag"], wheel["viscous"], wheel["coulomb"]
     eps, loop = wheel["friction_speed"], wheel["compensation"]
     limit = spin * wheel["speed_limit"]
@@ -361,9 +445,16 @@ def _wheels(
             gone = np.where(new != h, new - h, 1.0)
             share = np.clip(np.where(new != h, (edge - h) / gone, 0.0), 0.0, 1.0)
             at_edge = part * (share * 0.5 * (h + edge) + (1.0 - share) * edge)
-            new, integral = np.where(stopped, edge, new), np.where(stopped, at_edge, integral)
+            new, integral = (
+                np.where(stopped, edge, new),
+                np.where(stopped, at_edge, integral),
+            )
         total = total + integral
-        h, motor, learnt = new, command + excess / lag * after, end - steady - rest * (1.0 - grown)
+        h, motor, learnt = (
+            new,
+            command + excess / lag * after,
+            end - steady - rest * (1.0 - grown),
+        )
     return h, motor, learnt, total
 
 
@@ -380,9 +471,9 @@ def _environment(given: dict[str, Any]) -> EnvironmentKepler:
 
 
 def compare(seconds: float, nutation: float = 0.25) -> dict[str, dict[str, float]]:
-    """The largest differences of runs without noise from that of the components: attitude (rad),
-    wheel momentum (N m s). At `nutation` = 0.25 they are the truncation of the RK4 here: the
-    craft's own integrator is of higher order."""
+    """The largest differences of runs without noise from that of the components:
+    attitude (rad), wheel momentum (N m s). At `nutation` = 0.25 they are the truncation
+    of the RK4 here: the craft's own integrator is of higher order."""
     sets = [f"{name}=0" for name in NOISE_OFF]
     ours = execute(SCENARIO, Options(sets=sets, stop=seconds, blocks=True)).results
     q, h = ours.values("spacecraft.q_bi"), ours.values("wheels.h_wheel")
@@ -392,7 +483,9 @@ def compare(seconds: float, nutation: float = 0.25) -> dict[str, dict[str, float
         sign = np.sign((q * theirs["q"]).sum(axis=1, keepdims=True))
         found[ops.__name__.lower()] = {
             "seconds": seconds,
-            "attitude_rad": float(2.0 * np.linalg.norm(q - sign * theirs["q"], axis=1).max()),
+            "attitude_rad": float(
+                2.0 * np.linalg.norm(q - sign * theirs["q"], axis=1).max()
+            ),
             "wheel_momentum": float(np.abs(h - theirs["h"]).max()),
         }
     return found

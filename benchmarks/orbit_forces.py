@@ -1,9 +1,11 @@
-"""How far a day's orbit of environment_propagated (J2 to J4) is from one with the forces that it
-leaves out, and what that does to the field and to the gravity gradient: `of_a_day`.
+"""How far a day's orbit of environment_propagated (J2 to J4) is from one with the
+forces that it leaves out, and what that does to the field and to the gravity gradient:
+`of_a_day`.
 
-Left out are the harmonics of EGM96 that turn with the Earth (here to degree and order 4), the Sun
-and the Moon, in whose place stand point masses on orbits of a few arc minutes' accuracy. Integrated
-by scipy's DOP853 to 1e-12; the harmonics by Cunningham's recursion. Drag is in neither.
+Left out are the harmonics of EGM96 that turn with the Earth (here to degree and order
+4), the Sun and the Moon, in whose place stand point masses on orbits of a few arc
+minutes' accuracy. Integrated by scipy's DOP853 to 1e-12; the harmonics by Cunningham's
+recursion. Drag is in neither.
 """
 
 from __future__ import annotations
@@ -16,7 +18,13 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 from desat.components.physics import earth, geomagnetic
-from desat.components.physics.orbit import EARTH_RATE, MU, Elements, gravity, state_from_elements
+from desat.components.physics.orbit import (
+    EARTH_RATE,
+    MU,
+    Elements,
+    gravity,
+    state_from_elements,
+)
 
 Array = NDArray[np.float64]
 
@@ -25,7 +33,8 @@ MU_SUN, MU_MOON = 1.32712440018e20, 4.9028e12
 EPOCH = 820497600.0
 """2026-01-01, s since J2000"""
 NODE, NODES = 1.0, 12
-"""Right ascension of the ascending node (rad), and how many others are looked at besides."""
+"""Right ascension of the ascending node (rad), and how many others are looked at
+besides."""
 # EGM96, fully normalised: n, m, C, S. The zonals are those of `gravity`.
 TESSERALS = (
     (2, 2, 2.43914352398e-06, -1.40016683654e-06),
@@ -40,8 +49,8 @@ TESSERALS = (
 
 
 def tesserals(r: Array) -> Array:
-    """Acceleration (m/s2) by TESSERALS at r (m), both Earth-fixed: Montenbruck & Gill, Satellite
-    Orbits, section 3.2.5."""
+    """Acceleration (m/s2) by TESSERALS at r (m), both Earth-fixed: Montenbruck & Gill,
+    Satellite Orbits, section 3.2.5."""
     x, y, z = r
     square = r @ r
     rho = RADIUS / square
@@ -55,10 +64,14 @@ def tesserals(r: Array) -> Array:
             before = (n + m - 1) / (n - m) * rho * RADIUS
             for of in (v, w):
                 older = of[n - 2, m] if n > m + 1 else 0.0
-                of[n, m] = (2 * n - 1) / (n - m) * z * rho * of[n - 1, m] - before * older
+                of[n, m] = (2 * n - 1) / (n - m) * z * rho * of[
+                    n - 1, m
+                ] - before * older
     a = np.zeros(3)
     for n, m, c, s in TESSERALS:
-        norm = math.sqrt(2 * (2 * n + 1) * math.factorial(n - m) / math.factorial(n + m))
+        norm = math.sqrt(
+            2 * (2 * n + 1) * math.factorial(n - m) / math.factorial(n + m)
+        )
         c, s, f = c * norm, s * norm, (n - m + 2) * (n - m + 1) / 2.0
         a += (
             0.5 * (-c * v[n + 1, m + 1] - s * w[n + 1, m + 1])
@@ -72,31 +85,44 @@ def tesserals(r: Array) -> Array:
 
 
 def moon(epoch: float) -> Array:
-    """The Moon (m, of date): the largest terms of its motion (Astronomical Almanac; 0.3 deg)."""
+    """The Moon (m, of date): the largest terms of its motion (Astronomical Almanac; 0.3
+    deg)."""
     c = epoch / (36525.0 * 86400.0)
 
     def angle(start: float, rate: float) -> float:
         return math.radians((start + rate * c) % 360.0)
 
     longitude = math.radians(218.32 + 481267.8813 * c) + math.radians(
-        6.29 * math.sin(angle(134.9, 477198.85)) - 1.27 * math.sin(angle(259.2, -413335.38))
-        + 0.66 * math.sin(angle(235.7, 890534.23)) + 0.21 * math.sin(angle(269.9, 954397.70))
-        - 0.19 * math.sin(angle(357.5, 35999.05)) - 0.11 * math.sin(angle(186.6, 966404.05))
-    )  # fmt: skip
+        6.29 * math.sin(angle(134.9, 477198.85))
+        - 1.27 * math.sin(angle(259.2, -413335.38))
+        + 0.66 * math.sin(angle(235.7, 890534.23))
+        + 0.21 * math.sin(angle(269.9, 954397.70))
+        - 0.19 * math.sin(angle(357.5, 35999.05))
+        - 0.11 * math.sin(angle(186.6, 966404.05))
+    )
     latitude = math.radians(
-        5.13 * math.sin(angle(93.3, 483202.03)) + 0.28 * math.sin(angle(228.2, 960400.87))
-        - 0.28 * math.sin(angle(318.3, 6003.18)) - 0.17 * math.sin(angle(217.6, -407332.20))
-    )  # fmt: skip
+        5.13 * math.sin(angle(93.3, 483202.03))
+        + 0.28 * math.sin(angle(228.2, 960400.87))
+        - 0.28 * math.sin(angle(318.3, 6003.18))
+        - 0.17 * math.sin(angle(217.6, -407332.20))
+    )
     parallax = math.radians(
-        0.9508 + 0.0518 * math.cos(angle(134.9, 477198.85))
+        0.9508
+        + 0.0518 * math.cos(angle(134.9, 477198.85))
         + 0.0095 * math.cos(angle(259.2, -413335.38))
-        + 0.0078 * math.cos(angle(235.7, 890534.23)) + 0.0028 * math.cos(angle(269.9, 954397.70))
-    )  # fmt: skip
+        + 0.0078 * math.cos(angle(235.7, 890534.23))
+        + 0.0028 * math.cos(angle(269.9, 954397.70))
+    )
     size, tilt = 6378137.0 / math.sin(parallax), math.radians(23.4393)
     x = math.cos(latitude) * math.cos(longitude)
     y, z = math.cos(latitude) * math.sin(longitude), math.sin(latitude)
-    return size * np.array([x, math.cos(tilt) * y - math.sin(tilt) * z,
-                            math.sin(tilt) * y + math.cos(tilt) * z])  # fmt: skip
+    return size * np.array(
+        [
+            x,
+            math.cos(tilt) * y - math.sin(tilt) * z,
+            math.sin(tilt) * y + math.cos(tilt) * z,
+        ]
+    )
 
 
 def third(r: Array, body: Array, mu: float) -> Array:
@@ -107,9 +133,14 @@ def third(r: Array, body: Array, mu: float) -> Array:
 
 
 def day(
-    altitude: float, inclination: float, forces: tuple[str, ...], seconds: float, node: float = NODE
-) -> Array:  # fmt: skip
-    """Position and velocity (rows, 6) each minute of an orbit (m, rad) under J2 to J4 and more."""
+    altitude: float,
+    inclination: float,
+    forces: tuple[str, ...],
+    seconds: float,
+    node: float = NODE,
+) -> Array:
+    """Position and velocity (rows, 6) each minute of an orbit (m, rad) under J2 to J4
+    and more."""
     start = Elements(6378137.0 + altitude, 1e-3, inclination, node, 0.5, 0.3)
     angle = earth.earth_angle(EPOCH)
 
@@ -129,28 +160,41 @@ def day(
 
     times = np.arange(0.0, seconds + 1.0, 60.0)
     r, v = state_from_elements(start)
-    found = solve_ivp(slope, (0.0, seconds), np.array([*r, *v]), "DOP853", times,
-                      rtol=1e-12, atol=1e-6)  # fmt: skip
+    found = solve_ivp(
+        slope,
+        (0.0, seconds),
+        np.array([*r, *v]),
+        "DOP853",
+        times,
+        rtol=1e-12,
+        atol=1e-6,
+    )
     rows: Array = found.y.T
     return rows
 
 
-def by_node(altitude: float, inclination: float, seconds: float = 86400.0) -> tuple[float, float]:
-    """The least and the largest of the largest distance by all that is left out (m), over nodes all
-    around: where the Earth's tesseral harmonics stand as the orbit begins decides it."""
+def by_node(
+    altitude: float, inclination: float, seconds: float = 86400.0
+) -> tuple[float, float]:
+    """The least and the largest of the largest distance by all that is left out (m),
+    over nodes all around: where the Earth's tesseral harmonics stand as the orbit
+    begins decides it."""
     found = []
     for k in range(NODES):
         node = 2.0 * math.pi * k / NODES
         kept, whole = (
-            day(altitude, inclination, f, seconds, node) for f in ((), ("tesserals", "sun", "moon"))
+            day(altitude, inclination, f, seconds, node)
+            for f in ((), ("tesserals", "sun", "moon"))
         )
         found.append(float(np.linalg.norm((whole - kept)[:, :3], axis=1).max()))
     return min(found), max(found)
 
 
-def of_a_day(altitude: float, inclination: float, seconds: float = 86400.0) -> dict[str, Any]:
-    """By force left out: the largest distance (m), by all also the largest difference of field (T),
-    as a share of it, and of the direction to nadir (rad)."""
+def of_a_day(
+    altitude: float, inclination: float, seconds: float = 86400.0
+) -> dict[str, Any]:
+    """By force left out: the largest distance (m), by all also the largest difference
+    of field (T), as a share of it, and of the direction to nadir (rad)."""
     kept = day(altitude, inclination, (), seconds)
     every = ("tesserals", "sun", "moon")
     away = {f: day(altitude, inclination, (f,), seconds) for f in every}
@@ -165,16 +209,28 @@ def of_a_day(altitude: float, inclination: float, seconds: float = 86400.0) -> d
         return np.asarray(turn.T @ fixed)
 
     rows = range(0, len(kept), 5)
-    fields = [(field(60.0 * k, kept[k, :3]), field(60.0 * k, whole[k, :3])) for k in rows]
-    up = [x[:, :3] / np.linalg.norm(x[:, :3], axis=1, keepdims=True) for x in (kept, whole)]
+    fields = [
+        (field(60.0 * k, kept[k, :3]), field(60.0 * k, whole[k, :3])) for k in rows
+    ]
+    up = [
+        x[:, :3] / np.linalg.norm(x[:, :3], axis=1, keepdims=True)
+        for x in (kept, whole)
+    ]
     return {
-        "altitude": altitude, "inclination": inclination, "seconds": seconds,
+        "altitude": altitude,
+        "inclination": inclination,
+        "seconds": seconds,
         "distance": {
-            **{f: float(np.linalg.norm((x - kept)[:, :3], axis=1).max()) for f, x in away.items()},
+            **{
+                f: float(np.linalg.norm((x - kept)[:, :3], axis=1).max())
+                for f, x in away.items()
+            },
             "all": float(np.linalg.norm((whole - kept)[:, :3], axis=1).max()),
         },
         "by_node": by_node(altitude, inclination, seconds),
         "field": max(float(np.linalg.norm(a - b)) for a, b in fields),
-        "field_share": max(float(np.linalg.norm(a - b) / np.linalg.norm(a)) for a, b in fields),
+        "field_share": max(
+            float(np.linalg.norm(a - b) / np.linalg.norm(a)) for a, b in fields
+        ),
         "nadir": float(np.linalg.norm(up[0] - up[1], axis=1).max()),
-    }  # fmt: skip
+    }

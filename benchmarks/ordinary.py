@@ -1,10 +1,11 @@
-"""An ordinary user without a home directory, in several locales, in folders with spaces and
-umlauts: do commands end well, two runs at once in one folder, too?
+"""An ordinary user without a home directory, in several locales, in folders with spaces
+and umlauts: do commands end well, two runs at once in one folder, too?
 
-`python -m benchmarks.ordinary [PLACE ...]` (all) makes them as uid 65534, who owns nothing but the
-folder that he works in and a temporary one, and prints a line each; it needs root and setpriv, to
-become another user, and says so where they are not. He may read all, as Python may be in a folder
-of root's, and write nothing that is not his. With `--keep` what came of it goes to seen.json.
+`python -m benchmarks.ordinary [PLACE ...]` (all) makes them as uid 65534, who owns
+nothing but the folder that he works in and a temporary one, and prints a line each; it
+needs root and setpriv, to become another user, and says so where they are not. He may
+read all, as Python may be in a folder of root's, and write nothing that is not his.
+With `--keep` what came of it goes to seen.json.
 """
 
 from __future__ import annotations
@@ -22,28 +23,62 @@ from desat.engine.recording.results import Results
 from . import seen
 
 USER = 65534
-BECOME = ("setpriv", f"--reuid={USER}", f"--regid={USER}", "--clear-groups",
-          "--inh-caps=+dac_read_search", "--ambient-caps=+dac_read_search")  # fmt: skip
+BECOME = (
+    "setpriv",
+    f"--reuid={USER}",
+    f"--regid={USER}",
+    "--clear-groups",
+    "--inh-caps=+dac_read_search",
+    "--ambient-caps=+dac_read_search",
+)
 RUN = ("run", "nadir_day/day-dipole", "--stop", "20")
-OTHERS = (("list",), ("check", "nadir_day/day-dipole"),
-          ("run", "nadir_day/day-dipole", "--stop", "20", "--checkpoint", "5", "--out", "c ö"),
-          ("campaign", "nadir_day/day-dipole", "-n", "2", "--stop", "20"))  # fmt: skip
+OTHERS = (
+    ("list",),
+    ("check", "nadir_day/day-dipole"),
+    (
+        "run",
+        "nadir_day/day-dipole",
+        "--stop",
+        "20",
+        "--checkpoint",
+        "5",
+        "--out",
+        "c ö",
+    ),
+    ("campaign", "nadir_day/day-dipole", "-n", "2", "--stop", "20"),
+)
 PLACES: dict[str, tuple[dict[str, str], str]] = {
     "HOME unset, LC_ALL=C": ({"LC_ALL": "C"}, "Größe und Maß"),
-    "HOME empty, LC_ALL=POSIX": ({"HOME": "", "LC_ALL": "POSIX", "PYTHONUTF8": "0"}, "ö ü"),
-    "HOME not there, LC_ALL=C.UTF-8": ({"HOME": "/nowhere", "LC_ALL": "C.UTF-8"}, "Größe und Maß"),
+    "HOME empty, LC_ALL=POSIX": (
+        {"HOME": "", "LC_ALL": "POSIX", "PYTHONUTF8": "0"},
+        "ö ü",
+    ),
+    "HOME not there, LC_ALL=C.UTF-8": (
+        {"HOME": "/nowhere", "LC_ALL": "C.UTF-8"},
+        "Größe und Maß",
+    ),
     "HOME another's": ({"HOME": "/root"}, "a b c"),
 }
 """Environments, and the folder in which he works."""
 
 
-def started(folder: Path, environment: dict[str, str], *given: str) -> subprocess.Popen[str]:
+def started(
+    folder: Path, environment: dict[str, str], *given: str
+) -> subprocess.Popen[str]:
     """A command of his."""
     return subprocess.Popen(
-        [*BECOME, sys.executable, "-m", "desat.cli", *given], cwd=folder, text=True,
-        stdout=subprocess.PIPE, stderr=subprocess.PIPE, errors="replace",
-        env={"PATH": os.environ["PATH"], "TMPDIR": str(folder.parent / "tmp ö"), **environment},
-    )  # fmt: skip
+        [*BECOME, sys.executable, "-m", "desat.cli", *given],
+        cwd=folder,
+        text=True,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        errors="replace",
+        env={
+            "PATH": os.environ["PATH"],
+            "TMPDIR": str(folder.parent / "tmp ö"),
+            **environment,
+        },
+    )
 
 
 def ended(processes: list[subprocess.Popen[str]]) -> list[tuple[int, str]]:
@@ -52,7 +87,8 @@ def ended(processes: list[subprocess.Popen[str]]) -> list[tuple[int, str]]:
 
 
 def tried(environment: dict[str, str], name: str, root: Path) -> dict[str, Any]:
-    """What came of all commands in one environment: how many, and what was not as it should be."""
+    """What came of all commands in one environment: how many, and what was not as it
+    should be."""
     folder, wrong = root / name, []
     for new in (folder, root / "tmp ö"):
         new.mkdir()
@@ -62,15 +98,22 @@ def tried(environment: dict[str, str], name: str, root: Path) -> dict[str, Any]:
     made = [Results.open(p.parent) for p in sorted(folder.glob("runs/*/series.h5"))]
     bits = {r.values("wheels.h_wheel").tobytes() for r in made}
     if (len(made), len(bits)) != (2, 1):
-        wrong.append(f"two at once made {len(made)} runs, {len(bits)} of them different")
+        wrong.append(
+            f"two at once made {len(made)} runs, {len(bits)} of them different"
+        )
     one = ended([started(folder, environment, *RUN, "--out", "one") for _ in range(2)])
-    if sorted(code for code, _ in one) != [0, 2] or not (folder / "one/report.html").exists():
+    if (
+        sorted(code for code, _ in one) != [0, 2]
+        or not (folder / "one/report.html").exists()
+    ):
         wrong.append(f"two at once into one folder: {one}")
     for given in OTHERS:
         ((code, said),) = ended([started(folder, environment, *given)])
         if code or [x for x in said.splitlines() if not x.startswith("note: ")]:
             wrong.append(f"{given[0]}: {code} {said}")
-    left = [p.name for p in (root / "tmp ö").iterdir() if p.name != f"desat-cache-{USER}"]
+    left = [
+        p.name for p in (root / "tmp ö").iterdir() if p.name != f"desat-cache-{USER}"
+    ]
     wrong += [f"left in the temporary folder: {left}"] if left else []
     return {"commands": 4 + len(OTHERS), "wrong": wrong}
 
@@ -79,7 +122,10 @@ def main() -> int:
     """A line an environment; 1 where something was not as it should be."""
     keep, bad = seen.asked(), False
     given = sys.argv[1:] or PLACES
-    if not shutil.which("setpriv") or subprocess.run([*BECOME, "true"], check=False).returncode:
+    if (
+        not shutil.which("setpriv")
+        or subprocess.run([*BECOME, "true"], check=False).returncode
+    ):
         print("skipped: it needs root and setpriv, to become another user")
         return 0
     for name in given:

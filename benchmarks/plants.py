@@ -1,8 +1,10 @@
-"""Two plants under given torques: ours and Basilisk's, error against the truth over CPU time.
+"""Two plants under given torques: ours and Basilisk's, error against the truth over CPU
+time.
 
-`kind` is a heavy, slow craft (`plant/reference`); `light` one of 3 kg m2 with 0.83 N m s in its
-wheels and rates to 0.15 rad/s (`plant/light`), where a low order or a long step shows. Basilisk
-runs by its RK4 and by its RKF78, at the step of its task; ours at the master's step.
+`kind` is a heavy, slow craft (`plant/reference`); `light` one of 3 kg m2 with 0.83 N m
+s in its wheels and rates to 0.15 rad/s (`plant/light`), where a low order or a long
+step shows. Basilisk runs by its RK4 and by its RKF78, at the step of its task; ours at
+the master's step.
 """
 
 from __future__ import annotations
@@ -31,7 +33,8 @@ PLANTS = {
     "kind": ("plant/reference", "plant_reference_highprec.csv", 10, (1, 2, 3, 4)),
     "light": ("plant/light", "plant_light.csv", 100, (4, 1, 2, 3)),
 }
-"""Of each: scenario, its truth, the truth's interval (s), its columns of q0, q1, q2, q3."""
+"""Of each: scenario, its truth, the truth's interval (s), its columns of q0, q1, q2,
+q3."""
 
 
 def truth(plant: str) -> NDArray[np.float64]:
@@ -61,9 +64,10 @@ def ours(plant: str, step: float) -> dict[str, Any]:
     with Master(system, schedule, watched=attitude) as master:
         master.initialise()
         index = sorted(
-            s.index for s in master.slots
+            s.index
+            for s in master.slots
             if s.component == "spacecraft" and s.signal.name.startswith("q_bi")
-        )  # fmt: skip
+        )
         rows.append(master.live["Real"][index].copy())
         stepper = stepping(master, None)
         for _ in range(SECONDS // every):
@@ -76,9 +80,10 @@ def ours(plant: str, step: float) -> dict[str, Any]:
 
 
 def description(plant: str) -> dict[str, Any]:
-    """The plant as another tool needs it, from our scenario: SI units; `r0`, `v0` in eci, `q0`
-    scalar last, body from eci, `speeds` of the rotors relative to the body, `torque` as
-    bias + amplitude sin(2 pi t / period + phase), held for `hold` seconds."""
+    """The plant as another tool needs it, from our scenario: SI units; `r0`, `v0` in
+    eci, `q0` scalar last, body from eci, `speeds` of the rotors relative to the body,
+    `torque` as bias + amplitude sin(2 pi t / period + phase), held for `hold`
+    seconds."""
     system, _ = prepare(PLANTS[plant][0], Options(blocks=True)).or_raise()
     p = {
         component: {name: entry.value for name, entry in entries.items()}
@@ -90,12 +95,17 @@ def description(plant: str) -> dict[str, Any]:
             value = p["environment"][variable.name]
             if variable.choices:
                 value = variable.choices.index(value)
-            setattr(environment, variable.name, tuple(value) if variable.shape else value)
+            setattr(
+                environment, variable.name, tuple(value) if variable.shape else value
+            )
     environment.start()
     environment.output(0.0)
     axes = np.reshape(p["wheels"]["axes_wheel"], (3, 4))
     omega = np.array(p["spacecraft"]["omega_start_body"])
-    speeds = np.array(p["wheels"]["h_start_wheel"]) / p["wheels"]["inertia_wheel"] - axes.T @ omega
+    speeds = (
+        np.array(p["wheels"]["h_start_wheel"]) / p["wheels"]["inertia_wheel"]
+        - axes.T @ omega
+    )
     manager = p["manager"]
     return {
         "mu": p["environment"]["mu"],

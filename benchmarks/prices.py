@@ -1,9 +1,9 @@
 """What safety costs: `python -m benchmarks.prices [STEPS]` (2000).
 
-The nadir day, all ways in turns, the least of each kept: processes of their own for its FMUs
-(both in the Python loop), the process that watches a run, and checkpoints (both in the compiled
-loop, ten times the steps). Wall time, and CPU time of all processes. With `--keep` it goes to
-seen.json, too.
+The nadir day, all ways in turns, the least of each kept: processes of their own for its
+FMUs (both in the Python loop), the process that watches a run, and checkpoints (both in
+the compiled loop, ten times the steps). Wall time, and CPU time of all processes. With
+`--keep` it goes to seen.json, too.
 """
 
 from __future__ import annotations
@@ -33,8 +33,12 @@ def _cost(options: Options) -> tuple[float, float, float, int]:
         run = execute(TARGET, options, Path(folder) / "run")
         run.results.close()
         found = run.manifest
-        return (1e-6 * found["us_per_step"] * found["steps_done"], time.perf_counter() - wall,
-                _cpu() - cpu, len(found["fmus"]))  # fmt: skip
+        return (
+            1e-6 * found["us_per_step"] * found["steps_done"],
+            time.perf_counter() - wall,
+            _cpu() - cpu,
+            len(found["fmus"]),
+        )
 
 
 def measured(steps: int) -> dict[str, float]:
@@ -49,14 +53,18 @@ def measured(steps: int) -> dict[str, float]:
         "watched": Options(stop=many, supervised=True),
         "saved": Options(stop=many, checkpoint=many / CHECKPOINTS),
     }
-    turns = [{name: _cost(options) for name, options in ways.items()} for _ in range(TURNS)]
+    turns = [
+        {name: _cost(options) for name, options in ways.items()} for _ in range(TURNS)
+    ]
 
     def least(name: str, which: int) -> float:
         return min(turn[name][which] for turn in turns)
 
     fmus = turns[0]["apart"][3]
     each = 1e6 / steps / fmus
-    started = {i: least("apart, started", i) - least("together, started", i) for i in (1, 2)}
+    started = {
+        i: least("apart, started", i) - least("together, started", i) for i in (1, 2)
+    }
     return {
         "isolation: wall, us a step and component": each
         * (least("apart", 0) - least("together", 0)),
@@ -65,11 +73,17 @@ def measured(steps: int) -> dict[str, float]:
         "without: wall, us a step and component": each * least("together", 0),
         "isolation: wall, ms to start each": 1e3 * started[1] / fmus,
         "isolation: CPU, ms to start each": 1e3 * started[2] / fmus,
-        "watching: wall, us a step": 1e6 / many * (least("watched", 0) - least("alone", 0)),
+        "watching: wall, us a step": 1e6
+        / many
+        * (least("watched", 0) - least("alone", 0)),
         "without: compiled loop, us a step": 1e6 / many * least("alone", 0),
         "watching: CPU, ms a run": 1e3 * (least("watched", 2) - least("alone", 2)),
-        "a checkpoint: wall, ms": 1e3 * (least("saved", 0) - least("alone", 0)) / CHECKPOINTS,
-        "a checkpoint: CPU, ms": 1e3 * (least("saved", 2) - least("alone", 2)) / CHECKPOINTS,
+        "a checkpoint: wall, ms": 1e3
+        * (least("saved", 0) - least("alone", 0))
+        / CHECKPOINTS,
+        "a checkpoint: CPU, ms": 1e3
+        * (least("saved", 2) - least("alone", 2))
+        / CHECKPOINTS,
     }
 
 

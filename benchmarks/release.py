@@ -27,24 +27,35 @@ from pathlib import Path
 ROOT = Path(__file__).parents[1]
 PYTHONS = ("3.11", "3.12", "3.13")
 COMMANDS = (
-    "desat --version", "desat list", "desat help own-block",
+    "desat --version",
+    "desat list",
+    "desat help own-block",
     "desat new craft my12u --size 12U --altitude 400km --rods 0.2",
-    "desat run my12u --stop 10min", "desat size my12u --stop 2orbits --no-year --own-law --no-loop",
-)  # fmt: skip
+    "desat run my12u --stop 10min",
+    "desat size my12u --stop 2orbits --no-year --own-law --no-loop",
+)
 """What is tried with the wheel, from an empty folder."""
 DATE = (1980, 1, 1, 0, 0, 0)
 
 
 def do(*command: str | Path, cwd: Path | None = None, **more: str) -> str:
     """What a command prints. Raises RuntimeError, with its last lines, where it fails."""
-    environment = {k: v for k, v in os.environ.items() if not k.startswith(("PYTHON", "DESAT"))}
+    environment = {
+        k: v for k, v in os.environ.items() if not k.startswith(("PYTHON", "DESAT"))
+    }
     done = subprocess.run(
-        [str(x) for x in command], cwd=cwd or ROOT, env={**environment, **more}, text=True,
-        capture_output=True, check=False,
-    )  # fmt: skip
+        [str(x) for x in command],
+        cwd=cwd or ROOT,
+        env={**environment, **more},
+        text=True,
+        capture_output=True,
+        check=False,
+    )
     if done.returncode:
         last = "\n".join((done.stdout + done.stderr).strip().splitlines()[-8:])
-        raise RuntimeError(f"{' '.join(map(str, command))}: exit code {done.returncode}\n{last}")
+        raise RuntimeError(
+            f"{' '.join(map(str, command))}: exit code {done.returncode}\n{last}"
+        )
     return done.stdout
 
 
@@ -58,39 +69,62 @@ def packed(folder: Path, file: Path, form: str = "**/*") -> None:
 
 
 def found(python: str) -> str | None:
-    """The interpreter of a version that is here, of pyenv's too; None where there is none."""
+    """The interpreter of a version that is here, of pyenv's too; None where there is
+    none."""
     folders = sorted((Path.home() / ".pyenv" / "versions").glob(f"{python}.*/bin"))
-    for path in (shutil.which(f"python{python}"), *(str(p / "python") for p in folders)):
+    for path in (
+        shutil.which(f"python{python}"),
+        *(str(p / "python") for p in folders),
+    ):
         if path is None:
             continue
-        asked = subprocess.run([path, "-c", "import sys; print('%d.%d' % sys.version_info[:2])"],
-                               capture_output=True, text=True, check=False)  # fmt: skip
+        asked = subprocess.run(
+            [path, "-c", "import sys; print('%d.%d' % sys.version_info[:2])"],
+            capture_output=True,
+            text=True,
+            check=False,
+        )
         if asked.stdout.strip() == python:
             return path
     return None
 
 
 def tried(wheel: Path, python: str, work: Path) -> tuple[Path, list[tuple[str, str]]]:
-    """The environment of a trial, and how each command ended there. Raises RuntimeError for one
-    that failed."""
+    """The environment of a trial, and how each command ended there. Raises RuntimeError
+    for one that failed."""
     environment, empty = work / f"env-{python}", work / f"empty-{python}"
     empty.mkdir()
     do(str(found(python)), "-m", "venv", environment)
-    do(environment / "bin/python", "-m", "pip", "install", "-q", "--disable-pip-version-check",
-       wheel)  # fmt: skip
+    do(
+        environment / "bin/python",
+        "-m",
+        "pip",
+        "install",
+        "-q",
+        "--disable-pip-version-check",
+        wheel,
+    )
     ended = []
     for line in COMMANDS:
         name, *rest = line.split()
-        said = do(environment / "bin" / name, *rest, cwd=empty,
-                  DESAT_CACHE=str(work / f"cache-{python}"))  # fmt: skip
-        ended.append((line, next((x for x in said.splitlines() if x.strip()), "").strip()[:90]))
+        said = do(
+            environment / "bin" / name,
+            *rest,
+            cwd=empty,
+            DESAT_CACHE=str(work / f"cache-{python}"),
+        )
+        ended.append(
+            (line, next((x for x in said.splitlines() if x.strip()), "").strip()[:90])
+        )
     return environment, ended
 
 
 def main() -> None:
     """Make it all, and say what came of it."""
     number = version("desat")
-    if not re.search(rf"^## {re.escape(number)}\b", (ROOT / "CHANGELOG.md").read_text(), re.M):
+    if not re.search(
+        rf"^## {re.escape(number)}\b", (ROOT / "CHANGELOG.md").read_text(), re.M
+    ):
         raise SystemExit(f"CHANGELOG.md says nothing of {number}")
     out = ROOT / "build" / "release" / f"desat-{number}"
     shutil.rmtree(out, ignore_errors=True)
@@ -116,23 +150,60 @@ def main() -> None:
                 environment, ended = tried(wheel, python, work)
             except RuntimeError as error:
                 failed = True
-                lines += [f"- Python {python}: FAILED", "", *(f"      {x}" for x in
-                          str(error).splitlines()), ""]  # fmt: skip
+                lines += [
+                    f"- Python {python}: FAILED",
+                    "",
+                    *(f"      {x}" for x in str(error).splitlines()),
+                    "",
+                ]
                 continue
-            listed = json.loads(do(environment / "bin/python", "-m", "pip", "list", "--format",
-                                   "json", "--disable-pip-version-check"))  # fmt: skip
-            shown = ("numpy", "scipy", "fmpy", "pythonfmu", "typer", "pydantic", "pandas")
-            versions = ", ".join(f"{x['name']} {x['version']}" for x in listed
-                                 if x["name"].lower() in shown)  # fmt: skip
-            lines += [f"- Python {python}: all commands end well; {versions}",
-                      *(f"  - `{line}`: {said}" for line, said in ended)]  # fmt: skip
+            listed = json.loads(
+                do(
+                    environment / "bin/python",
+                    "-m",
+                    "pip",
+                    "list",
+                    "--format",
+                    "json",
+                    "--disable-pip-version-check",
+                )
+            )
+            shown = (
+                "numpy",
+                "scipy",
+                "fmpy",
+                "pythonfmu",
+                "typer",
+                "pydantic",
+                "pandas",
+            )
+            versions = ", ".join(
+                f"{x['name']} {x['version']}"
+                for x in listed
+                if x["name"].lower() in shown
+            )
+            lines += [
+                f"- Python {python}: all commands end well; {versions}",
+                *(f"  - `{line}`: {said}" for line, said in ended),
+            ]
             bill = out / f"desat-{number}.cdx.json"
             if not bill.exists():
-                do(sys.executable, "-m", "cyclonedx_py", "environment", "--of", "JSON", "-o", bill,
-                   environment / "bin/python")  # fmt: skip
+                do(
+                    sys.executable,
+                    "-m",
+                    "cyclonedx_py",
+                    "environment",
+                    "--of",
+                    "JSON",
+                    "-o",
+                    bill,
+                    environment / "bin/python",
+                )
     (out / "TRIED.md").write_text("\n".join(lines) + "\n", encoding="utf-8")
     files = sorted(p for p in out.iterdir() if p.name != "SHA256SUMS")
-    sums = "".join(f"{hashlib.sha256(p.read_bytes()).hexdigest()}  {p.name}\n" for p in files)
+    sums = "".join(
+        f"{hashlib.sha256(p.read_bytes()).hexdigest()}  {p.name}\n" for p in files
+    )
     (out / "SHA256SUMS").write_text(sums, encoding="utf-8")
     print("\n".join(lines))
     for path in [*files, out / "SHA256SUMS"]:

@@ -1,11 +1,12 @@
-"""Momentum of every scenario of a family, flown whole: does what craft and wheels have add up to
-their start and the external impulse?
+"""Momentum of every scenario of a family, flown whole: does what craft and wheels have
+add up to their start and the external impulse?
 
     python -m benchmarks.residuals FAMILY ...
 
-writes docs/papers/FAMILY/residuals.json: of each scenario the largest residual (N m s, computed
-outside the spacecraft: `analyses/residual.py`), the largest momentum, and one over the other. What
-was flown on the day of the file already is kept, so that it may be stopped and go on.
+writes docs/papers/FAMILY/residuals.json: of each scenario the largest residual (N m s,
+computed outside the spacecraft: `analyses/residual.py`), the largest momentum, and one
+over the other. What was flown on the day of the file already is kept, so that it may be
+stopped and go on.
 """
 
 from __future__ import annotations
@@ -24,8 +25,11 @@ from desat.files.scenario import scenarios
 from desat.runs.run import Options, execute
 
 RECORDED = (
-    "spacecraft.q_bi", "spacecraft.omega_bi_body", "spacecraft.impulse_eci", "wheels.h_wheel",
-)  # fmt: skip
+    "spacecraft.q_bi",
+    "spacecraft.omega_bi_body",
+    "spacecraft.impulse_eci",
+    "wheels.h_wheel",
+)
 
 
 def of(name: str) -> dict[str, Any]:
@@ -34,8 +38,12 @@ def of(name: str) -> dict[str, Any]:
     found = residual.momentum(run.manifest, run.results)
     assert found is not None, name
     largest = float(np.linalg.norm(found.residual, axis=1).max())
-    row = {"steps": run.manifest["steps_done"], "residual": largest, "momentum": found.largest,
-           "share": largest / found.largest}  # fmt: skip
+    row = {
+        "steps": run.manifest["steps_done"],
+        "residual": largest,
+        "momentum": found.largest,
+        "share": largest / found.largest,
+    }
     run.results.close()
     return row
 
@@ -49,8 +57,11 @@ def measure(family: str) -> None:
     runs: dict[str, Any] = {}
     for name in scenarios(family):
         runs[name] = kept.get(name) or of(name)
-        data = {"date": today, "versions": {p: version(p) for p in ("desat", "numpy")},
-                "runs": runs}  # fmt: skip
+        data = {
+            "date": today,
+            "versions": {p: version(p) for p in ("desat", "numpy")},
+            "runs": runs,
+        }
         file.write_text(json.dumps(data, indent=1) + "\n", encoding="utf-8")
 
 

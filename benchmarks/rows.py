@@ -1,5 +1,5 @@
-"""The first 20 cases of a scenario of every family: are a campaign's rows the same bits as those of
-another checkout's code?
+"""The first 20 cases of a scenario of every family: are a campaign's rows the same bits
+as those of another checkout's code?
 
     python -m benchmarks.rows OTHER/.venv/bin/python [--keep]    # `--keep`: into seen.json
 """
@@ -19,18 +19,36 @@ from desat.campaign import store
 from . import seen
 
 NAMES = (
-    "alsat1/basin-y-wheel", "hausat2/start-up-ours", "integrated/mil-nadir",
-    "nadir_day/day-dipole", "nadir_day/day-igrf", "space_telescope/ours-nominal",
+    "alsat1/basin-y-wheel",
+    "hausat2/start-up-ours",
+    "integrated/mil-nadir",
+    "nadir_day/day-dipole",
+    "nadir_day/day-igrf",
+    "space_telescope/ours-nominal",
     "uosat12/robust-ocdc-nominal",
-)  # fmt: skip
+)
 CASES = 20
 
 
 def rows(python: str, name: str, folder: Path) -> pa.Table:
-    """The rows of a campaign of that code, but for what is of the machine and the versions."""
-    command = [python, "-m", "desat.cli", "campaign", name, "-n", str(CASES), "--jobs", "2",
-               "--out", str(folder)]  # fmt: skip
-    subprocess.run(command, check=False, capture_output=True, cwd=Path(python).parents[2])
+    """The rows of a campaign of that code, but for what is of the machine and the
+    versions."""
+    command = [
+        python,
+        "-m",
+        "desat.cli",
+        "campaign",
+        name,
+        "-n",
+        str(CASES),
+        "--jobs",
+        "2",
+        "--out",
+        str(folder),
+    ]
+    subprocess.run(
+        command, check=False, capture_output=True, cwd=Path(python).parents[2]
+    )
     table = store.read(folder)
     return table.select([n for n in table.column_names if n not in store.OWN])
 
@@ -39,12 +57,16 @@ def differences(ours: pa.Table, theirs: pa.Table) -> list[str]:
     """The columns that one lacks, or that differ."""
     names = sorted(set(ours.column_names) | set(theirs.column_names))
     both = set(ours.column_names) & set(theirs.column_names)
-    return [n for n in names if n not in both
-            or repr(ours[n].to_pylist()) != repr(theirs[n].to_pylist())]  # fmt: skip
+    return [
+        n
+        for n in names
+        if n not in both or repr(ours[n].to_pylist()) != repr(theirs[n].to_pylist())
+    ]
 
 
 def largest(ours: pa.Table, theirs: pa.Table) -> float:
-    """The largest difference of a number that both have, relative to the larger of the two."""
+    """The largest difference of a number that both have, relative to the larger of the
+    two."""
     worst = 0.0
     for name in set(ours.column_names) & set(theirs.column_names):
         for x, y in zip(ours[name].to_pylist(), theirs[name].to_pylist(), strict=True):
@@ -55,8 +77,9 @@ def largest(ours: pa.Table, theirs: pa.Table) -> float:
 
 def _revision(python: str) -> str:
     command = ["git", "rev-parse", "--short", "HEAD"]
-    done = subprocess.run(command, cwd=Path(python).parents[2], check=True, capture_output=True,
-                          text=True)  # fmt: skip
+    done = subprocess.run(
+        command, cwd=Path(python).parents[2], check=True, capture_output=True, text=True
+    )
     return done.stdout.strip()
 
 
@@ -72,10 +95,13 @@ def main() -> int:
                 for i, python in enumerate((sys.executable, other))
             )
         found[name] = {
-            "cases": len(ours), "columns": len(ours.column_names),
-            "differing": differences(ours, theirs), "largest": largest(ours, theirs),
-            "of": revisions[0], "other": revisions[1],
-        }  # fmt: skip
+            "cases": len(ours),
+            "columns": len(ours.column_names),
+            "differing": differences(ours, theirs),
+            "largest": largest(ours, theirs),
+            "of": revisions[0],
+            "other": revisions[1],
+        }
         print(name, found[name], flush=True)
         if asked:
             seen.keep("rows", name, found[name])

@@ -1,8 +1,8 @@
-"""`make bench`: microseconds per macro step, ours and others in turn, and what commands cost, into
-benchmarks/latest.json.
+"""`make bench`: microseconds per macro step, ours and others in turn, and what commands
+cost, into benchmarks/latest.json.
 
-Every measurement is a process of its own; the tools take turns, so that a slow spell of the
-machine hits all of them; medians over the rounds are written.
+Every measurement is a process of its own; the tools take turns, so that a slow spell of
+the machine hits all of them; medians over the rounds are written.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ ROUNDS = 5
 BASILISK = HERE.parent / ".venv-basilisk" / "bin" / "python"
 
 
-# --- one measurement, in its own process ------------------------------------------------------
+# --- one measurement, in its own process ----------------------------------------------
 
 
 def _master(path: str, blocks: bool, watched: bool = False) -> Master:
@@ -77,7 +77,9 @@ def desat(path: str, steps: int) -> dict[str, Any]:
 def blocks(path: str, steps: int) -> dict[str, Any]:
     """Our master on the bare blocks of the scenario that the file was packed from."""
     file = Path(path)
-    with _master(f"{file.parent.name}/{file.name.partition('.')[0]}", blocks=True) as master:
+    with _master(
+        f"{file.parent.name}/{file.name.partition('.')[0]}", blocks=True
+    ) as master:
         return {"us": _timed(master, steps)}
 
 
@@ -119,11 +121,17 @@ def fmpy(path: str, steps: int) -> dict[str, Any]:
         fmu.setupExperiment(startTime=0.0)
         fmu.enterInitializationMode()
 
-    def of_kind(name: str, connectors: Iterable[str], kind: str) -> list[tuple[str, int]]:
+    def of_kind(
+        name: str, connectors: Iterable[str], kind: str
+    ) -> list[tuple[str, int]]:
         signals = system.components[name].interface.signals
-        return [(c, signals[c].reference) for c in connectors if signals[c].kind == kind]
+        return [
+            (c, signals[c].reference) for c in connectors if signals[c].kind == kind
+        ]
 
-    outputs = {n: sorted({c.output for c in system.connections if c.source == n}) for n in fmus}
+    outputs = {
+        n: sorted({c.output for c in system.connections if c.source == n}) for n in fmus
+    }
     sources = {(c.target, c.input): (c.source, c.output) for c in system.connections}
     inputs = {n: [i for target, i in sources if target == n] for n in fmus}
     gets, sets = [], []
@@ -133,7 +141,9 @@ def fmpy(path: str, steps: int) -> dict[str, Any]:
                 keys, references = zip(*(((n, c), r) for c, r in found), strict=True)
                 gets.append((getattr(fmu, f"get{kind}"), keys, list(references)))
             if found := of_kind(n, inputs[n], kind):
-                keys, references = zip(*((sources[n, c], r) for c, r in found), strict=True)
+                keys, references = zip(
+                    *((sources[n, c], r) for c, r in found), strict=True
+                )
                 sets.append((getattr(fmu, f"set{kind}"), keys, list(references)))
     values: dict[tuple[str, str], Any] = {}
 
@@ -179,12 +189,18 @@ def day(path: str, steps: int) -> dict[str, Any]:
         while master.k < steps:
             stepper.some(steps - master.k)
         seconds = time.perf_counter() - began
-    return {"wall_seconds": round(seconds, 3), "us_per_step": round(1e6 * seconds / steps, 2)}
+    return {
+        "wall_seconds": round(seconds, 3),
+        "us_per_step": round(1e6 * seconds / steps, 2),
+    }
 
 
 def recorded(path: str, steps: int, loop: Loop = "compiled") -> dict[str, Any]:
     """So many steps of a scenario from its start, all outputs recorded in a file."""
-    with _master(path, blocks=False, watched=True) as master, TemporaryDirectory() as folder:
+    with (
+        _master(path, blocks=False, watched=True) as master,
+        TemporaryDirectory() as folder,
+    ):
         stepper_of = partial(stepping, master, ending=NEVER, loop=loop)
         began = time.perf_counter()
         recorder = Recorder(Path(folder) / SERIES, master)
@@ -203,8 +219,9 @@ def command(path: str, steps: int) -> dict[str, Any]:
         began = time.perf_counter()
         subprocess.run(
             [sys.executable, "-m", "desat.cli", "run", path, "--out", f"{folder}/run"],
-            check=True, capture_output=True,
-        )  # fmt: skip
+            check=True,
+            capture_output=True,
+        )
         seconds = time.perf_counter() - began
     after = resource.getrusage(resource.RUSAGE_CHILDREN)
     cpu = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
@@ -212,12 +229,14 @@ def command(path: str, steps: int) -> dict[str, Any]:
 
 
 def shares(path: str, steps: int) -> dict[str, Any]:
-    """Where our microseconds go, in the loop in Python: the calls of each component, and the loop
-    itself."""
+    """Where our microseconds go, in the loop in Python: the calls of each component,
+    and the loop itself."""
     with _master(path, blocks=False) as master:
         clock, spent = time.perf_counter, {name: [0.0, 0.0] for name in master.members}
 
-        def wrapped(call: Callable[[], int], cell: list[float], which: int) -> Callable[[], int]:
+        def wrapped(
+            call: Callable[[], int], cell: list[float], which: int
+        ) -> Callable[[], int]:
             def timed() -> int:
                 began = clock()
                 result = call()
@@ -255,12 +274,16 @@ def memory(path: str, steps: int) -> dict[str, Any]:
         early = resident()
         while master.k < steps:
             stepper.some(steps - master.k)
-        return {"steps": steps, "mib_after_a_tenth": early, "mib_at_the_end": resident()}
+        return {
+            "steps": steps,
+            "mib_after_a_tenth": early,
+            "mib_at_the_end": resident(),
+        }
 
 
 def law(path: str, runs: int, *sets: str) -> dict[str, Any]:
-    """One manager FMU's updates in so many runs of 60 samples: microseconds in its do_step, the
-    mean over a run and the first update, medians of the runs."""
+    """One manager FMU's updates in so many runs of 60 samples: microseconds in its
+    do_step, the mean over a run and the first update, medians of the runs."""
     means, firsts = [], []
     for _ in range(runs + 1):  # the first run is for what is made once
         system, schedule = prepare(path, Options(sets=list(sets))).or_raise()
@@ -274,7 +297,10 @@ def law(path: str, runs: int, *sets: str) -> dict[str, Any]:
                 master.advance()
         means.append(1e6 * statistics.mean(took))
         firsts.append(1e6 * took[0])
-    return {"us": statistics.median(means[1:]), "first_us": statistics.median(firsts[1:])}
+    return {
+        "us": statistics.median(means[1:]),
+        "first_us": statistics.median(firsts[1:]),
+    }
 
 
 def _calls(master: Master) -> Iterator[Call]:
@@ -302,7 +328,10 @@ def numpy_loop(path: str, steps: int, tuned: bool = False) -> dict[str, Any]:
     began = time.perf_counter()
     monolith.run(steps, [], ops=monolith.Tuned if tuned else monolith.Plain)
     seconds = time.perf_counter() - began
-    return {"wall_seconds": round(seconds, 3), "us_per_step": round(1e6 * seconds / steps, 2)}
+    return {
+        "wall_seconds": round(seconds, 3),
+        "us_per_step": round(1e6 * seconds / steps, 2),
+    }
 
 
 def numpy_loop_tuned(path: str, steps: int) -> dict[str, Any]:
@@ -337,15 +366,19 @@ MEASUREMENTS: dict[str, Callable[..., dict[str, Any]]] = {
 }
 
 
-# --- all of them ------------------------------------------------------------------------------
+# --- all of them ----------------------------------------------------------------------
 
 
 def _measure(tool: str, path: str, steps: int, *more: str) -> dict[str, Any]:
-    return _result([sys.executable, "-m", "benchmarks.run", tool, path, str(steps), *more])
+    return _result(
+        [sys.executable, "-m", "benchmarks.run", tool, path, str(steps), *more]
+    )
 
 
 def _result(command: list[str]) -> dict[str, Any]:
-    result = subprocess.run(command, capture_output=True, text=True, check=False, cwd=HERE.parent)
+    result = subprocess.run(
+        command, capture_output=True, text=True, check=False, cwd=HERE.parent
+    )
     lines = [x for x in result.stdout.splitlines() if x.startswith("RESULT ")]
     if result.returncode or not lines:
         raise SystemExit(f"{' '.join(command)}: {result.stderr[-2000:]}")
@@ -354,14 +387,17 @@ def _result(command: list[str]) -> dict[str, Any]:
 
 
 def packed(scenario: str, fmus: str = "python") -> str:
-    """The path of a scenario's .ssp, packed now if needed; of native FMUs beside that of others."""
-    target = paths.packed_folder() / f"{scenario}.native.ssp" if fmus == "native" else None
+    """The path of a scenario's .ssp, packed now if needed; of native FMUs beside that
+    of others."""
+    target = (
+        paths.packed_folder() / f"{scenario}.native.ssp" if fmus == "native" else None
+    )
     return str(pack_scenario(find(scenario), target, fmus=fmus))
 
 
 def uosat12() -> dict[str, Any]:
-    """All tools in turn on one scenario of the paper's tables: ours on native FMUs where they are
-    built, the others on Python ones."""
+    """All tools in turn on one scenario of the paper's tables: ours on native FMUs
+    where they are built, the others on Python ones."""
     scenario, steps = "uosat12/table3-ocdc-ilqr-1", 20000
     path = packed(scenario)
     tools = ["desat", "blocks", "fmpy"]
@@ -373,11 +409,15 @@ def uosat12() -> dict[str, Any]:
         for tool in tools:
             rounds[tool].append(_measure(tool, files[tool], steps)["us"])
     result: dict[str, Any] = {
-        f"{t}_us_per_step": round(statistics.median(rounds[t]), 2) if t in rounds else None
+        f"{t}_us_per_step": round(statistics.median(rounds[t]), 2)
+        if t in rounds
+        else None
         for t in ("desat", "blocks", "libcosim", "fmpy")
     }
     if "libcosim" in rounds:
-        pairs = [a / b for a, b in zip(rounds["desat"], rounds["libcosim"], strict=True)]
+        pairs = [
+            a / b for a, b in zip(rounds["desat"], rounds["libcosim"], strict=True)
+        ]
         result["desat_over_libcosim"] = round(statistics.median(pairs), 3)
     result.update(where_the_time_goes(files["desat"], steps))
     result["memory"] = _measure("memory", files["desat"], 1_000_000)
@@ -415,29 +455,34 @@ LAWS: dict[str, tuple[str, tuple[str, ...]]] = {
 
 
 def laws() -> dict[str, Any]:
-    """Microseconds per update of each law's manager, as an FMU in CPython and as a native one: the
-    mean over 60 samples, and the first, which for LQR and MEC prepares and for the receding horizon
-    has all to plan."""
+    """Microseconds per update of each law's manager, as an FMU in CPython and as a
+    native one: the mean over 60 samples, and the first, which for LQR and MEC prepares
+    and for the receding horizon has all to plan."""
     result: dict[str, Any] = {}
     for name in track(list(LAWS), "laws", disable=not sys.stderr.isatty()):
         scenario, sets = LAWS[name]
         for kind, prefix in (("python", ""), ("native", "native_")):
             measured = _measure("law", packed(scenario, kind), 5, *sets)
-            result.setdefault(name, {}).update({
-                f"{prefix}us_per_update": round(measured["us"], 1),
-                f"{prefix}first_us": round(measured["first_us"], 1),
-            })  # fmt: skip
+            result.setdefault(name, {}).update(
+                {
+                    f"{prefix}us_per_update": round(measured["us"], 1),
+                    f"{prefix}first_us": round(measured["first_us"], 1),
+                }
+            )
     return result
 
 
 def nadir_day() -> dict[str, Any]:
-    """24 h of nadir pointing, four wheels, three coils, 1 s steps, all components as FMUs; and a
-    day of the same kind in Basilisk, which has 15 modules for it. Ours and Basilisk's record at
-    every step; libcosim, whose file of all variables would cost more than its steps, does not."""
+    """24 h of nadir pointing, four wheels, three coils, 1 s steps, all components as
+    FMUs; and a day of the same kind in Basilisk, which has 15 modules for it. Ours and
+    Basilisk's record at every step; libcosim, whose file of all variables would cost
+    more than its steps, does not."""
     result: dict[str, Any] = {}
     whole, igrf = 86400, HERE.parent / "components" / "physics" / "igrf14.json"
     for field in ("dipole", "igrf"):
-        python, fast = (packed(f"nadir_day/day-{field}", kind) for kind in ("python", "native"))
+        python, fast = (
+            packed(f"nadir_day/day-{field}", kind) for kind in ("python", "native")
+        )
         theirs = field if field == "dipole" else str(igrf)
         tools: dict[str, tuple[str, Callable[[], dict[str, Any]]]] = {
             "python": ("us", partial(_measure, "recorded", python, 4000, "python")),
@@ -462,7 +507,9 @@ def nadir_day() -> dict[str, Any]:
             row[key] = round(statistics.median(found), 2)
         if "basilisk" in rounds:
             pairs = zip(rounds["loop"], rounds["basilisk"], strict=True)
-            row["loop_over_basilisk"] = round(statistics.median(a / b for a, b in pairs), 3)
+            row["loop_over_basilisk"] = round(
+                statistics.median(a / b for a, b in pairs), 3
+            )
         result[field] = {**row, **where_the_time_goes(fast, 10000)}
     return result
 
@@ -470,7 +517,7 @@ def nadir_day() -> dict[str, Any]:
 def _basilisk_day(field: str, steps: int, *file: str) -> dict[str, Any]:
     return _result(
         [str(BASILISK), str(HERE / "basilisk_day.py"), field, str(steps), *file]
-    )  # fmt: skip
+    )
 
 
 def _basilisk_command(field: str, steps: int) -> dict[str, Any]:
@@ -482,9 +529,10 @@ def _basilisk_command(field: str, steps: int) -> dict[str, Any]:
 
 
 def integrated_day() -> dict[str, Any]:
-    """24 h of paper 004 at 0.5 s with all components as native FMUs, once; and slices of it in turn
-    by these, by Python FMUs and by a loop over numpy arrays of the same model, plain and tuned: a
-    whole day of one of the last three takes minutes and says no more."""
+    """24 h of paper 004 at 0.5 s with all components as native FMUs, once; and slices
+    of it in turn by these, by Python FMUs and by a loop over numpy arrays of the same
+    model, plain and tuned: a whole day of one of the last three takes minutes and says
+    no more."""
     scenario, steps, slice_ = "integrated/mil-nadir", 172800, 4000
     native, path = packed(scenario, "native"), packed(scenario)
     tools = {
@@ -515,19 +563,27 @@ def integrated_day() -> dict[str, Any]:
 
 
 def start_up() -> dict[str, Any]:
-    """250 min of paper 003 at 1 s, all components as FMUs, native and Python ones: a body that
-    tumbles takes more substeps, so its first 20 min by themselves too; over the day's step of
-    the same rounds."""
+    """250 min of paper 003 at 1 s, all components as FMUs, native and Python ones: a
+    body that tumbles takes more substeps, so its first 20 min by themselves too; over
+    the day's step of the same rounds."""
     result: dict[str, Any] = {}
     for kind in ("native", "python"):
         path = packed("hausat2/start-up-conventional", kind)
         day = packed("nadir_day/day-dipole", kind)
-        parts = {"mission": (path, 15000), "tumbling": (path, 1200), "day": (day, 15000)}
+        parts = {
+            "mission": (path, 15000),
+            "tumbling": (path, 1200),
+            "day": (day, 15000),
+        }
         rounds: dict[str, list[float]] = {name: [] for name in parts}
-        for _ in track(range(ROUNDS), f"start-up, {kind}", disable=not sys.stderr.isatty()):
+        for _ in track(
+            range(ROUNDS), f"start-up, {kind}", disable=not sys.stderr.isatty()
+        ):
             for name, (file, steps) in parts.items():
                 rounds[name].append(_measure("day", file, steps)["us_per_step"])
-        row = {name: round(statistics.median(found), 2) for name, found in rounds.items()}
+        row = {
+            name: round(statistics.median(found), 2) for name, found in rounds.items()
+        }
         for name in ("mission", "tumbling"):
             pairs = [a / b for a, b in zip(rounds[name], rounds["day"], strict=True)]
             row[f"{name}_over_day"] = round(statistics.median(pairs), 2)
@@ -540,15 +596,23 @@ def start_up_draws() -> dict[str, Any]:
     """20 draws of 600 min of paper 003 by one process and by two."""
     scenario, count, before = "hausat2/start-up-conventional", 20, os.getloadavg()[0]
     found = draws_over_cores(scenario, count)
-    return {"scenario": scenario, "draws": count, "load_before": round(before, 1), **found}
+    return {
+        "scenario": scenario,
+        "draws": count,
+        "load_before": round(before, 1),
+        **found,
+    }
 
 
 def boom() -> dict[str, Any]:
-    """20 orbits of paper 002 at 1 s, control every 10 s, by the published law and by ours, all
-    components as native FMUs, and 4,000 steps as Python FMUs; over the day's step of the same
-    rounds."""
-    names = {"z_wheel": "alsat1/firing-z-wheel", "ours": "alsat1/firing-ours",
-             "day": "nadir_day/day-dipole"}  # fmt: skip
+    """20 orbits of paper 002 at 1 s, control every 10 s, by the published law and by
+    ours, all components as native FMUs, and 4,000 steps as Python FMUs; over the day's
+    step of the same rounds."""
+    names = {
+        "z_wheel": "alsat1/firing-z-wheel",
+        "ours": "alsat1/firing-ours",
+        "day": "nadir_day/day-dipole",
+    }
     steps = {"day": 86400}
     parts = {n: (packed(s, "native"), steps.get(n, 122570)) for n, s in names.items()}
     parts |= {f"{n}_python": (packed(s), 4000) for n, s in names.items()}
@@ -556,11 +620,15 @@ def boom() -> dict[str, Any]:
     for _ in track(range(ROUNDS), "alsat1", disable=not sys.stderr.isatty()):
         for name, (file, count) in parts.items():
             rounds[name].append(_measure("day", file, count)["us_per_step"])
-    result: dict[str, Any] = {n: round(statistics.median(r), 1) for n, r in rounds.items()}
+    result: dict[str, Any] = {
+        n: round(statistics.median(r), 1) for n, r in rounds.items()
+    }
     for kind in ("", "_python"):
         for name in ("z_wheel", "ours"):
             pairs = zip(rounds[name + kind], rounds[f"day{kind}"], strict=True)
-            result[f"{name}{kind}_over_day"] = round(statistics.median(a / b for a, b in pairs), 2)
+            result[f"{name}{kind}_over_day"] = round(
+                statistics.median(a / b for a, b in pairs), 2
+            )
     result["memory"] = _measure("memory", parts["ours"][0], 122570)
     return result | {"draws": draws_over_cores("alsat1/firing-z-wheel", 8)}
 
@@ -569,20 +637,36 @@ def draws() -> dict[str, Any]:
     """20 draws of 24 h of paper 004 by one process and by two, once."""
     scenario, count, before = "integrated/mil-nadir", 20, os.getloadavg()[0]
     found = draws_over_cores(scenario, count, rounds=1)
-    return {"scenario": scenario, "draws": count, "load_before": round(before, 1), **found}
+    return {
+        "scenario": scenario,
+        "draws": count,
+        "load_before": round(before, 1),
+        **found,
+    }
 
 
 def draws_over_cores(scenario: str, count: int, rounds: int = 3) -> dict[str, Any]:
-    """So many draws of a scenario by one process and by two, in turns: wall and processor time
-    (s), and how many cores were at work, medians."""
+    """So many draws of a scenario by one process and by two, in turns: wall and
+    processor time (s), and how many cores were at work, medians."""
     taken: dict[int, list[tuple[float, float]]] = {1: [], 2: []}
     for _ in track(range(rounds), "draws", disable=not sys.stderr.isatty()):
         for jobs, kept in taken.items():
             before, began = os.times(), time.perf_counter()
-            command = [sys.executable, "-m", "desat.cli", "campaign", scenario, "-n", str(count)]
+            command = [
+                sys.executable,
+                "-m",
+                "desat.cli",
+                "campaign",
+                scenario,
+                "-n",
+                str(count),
+            ]
             with TemporaryDirectory() as folder:
-                subprocess.run([*command, "--jobs", str(jobs), "--json", "--out", f"{folder}/c"],
-                               check=False, stdout=subprocess.DEVNULL)  # fmt: skip
+                subprocess.run(
+                    [*command, "--jobs", str(jobs), "--json", "--out", f"{folder}/c"],
+                    check=False,
+                    stdout=subprocess.DEVNULL,
+                )
             wall, after = time.perf_counter() - began, os.times()
             used = after.children_user + after.children_system
             kept.append((wall, used - before.children_user - before.children_system))
@@ -592,12 +676,19 @@ def draws_over_cores(scenario: str, count: int, rounds: int = 3) -> dict[str, An
             "cores": round(statistics.median(c / w for w, c in kept), 2),
         }
         for jobs, kept in taken.items()
-    } | {"times_as_fast": round(statistics.median(
-        a / b for (a, _), (b, _) in zip(taken[1], taken[2], strict=True)), 2)}  # fmt: skip
+    } | {
+        "times_as_fast": round(
+            statistics.median(
+                a / b for (a, _), (b, _) in zip(taken[1], taken[2], strict=True)
+            ),
+            2,
+        )
+    }
 
 
 def telescope() -> dict[str, Any]:
-    """Eight orbits of paper 001 in steps of 5 s, over the day's step of the same rounds."""
+    """Eight orbits of paper 001 in steps of 5 s, over the day's step of the same
+    rounds."""
     parts = {
         "mission": packed("space_telescope/mixed-me-nominal", "native"),
         "day": packed("nadir_day/day-dipole", "native"),
@@ -607,13 +698,15 @@ def telescope() -> dict[str, Any]:
         for name, file in parts.items():
             rounds[name].append(_measure("day", file, 9120)["us_per_step"])
     pairs = [a / b for a, b in zip(rounds["mission"], rounds["day"], strict=True)]
-    result: dict[str, Any] = {n: round(statistics.median(r), 1) for n, r in rounds.items()}
+    result: dict[str, Any] = {
+        n: round(statistics.median(r), 1) for n, r in rounds.items()
+    }
     return result | {"mission_over_day": round(statistics.median(pairs), 2)}
 
 
 def both_plants() -> dict[str, Any]:
-    """Error over CPU time of two plants: ours and Basilisk's, its RK4 and its RKF78, in turn; and
-    what each takes at the goal."""
+    """Error over CPU time of two plants: ours and Basilisk's, its RK4 and its RKF78, in
+    turn; and what each takes at the goal."""
     result: dict[str, Any] = {"goal": plants.GOAL}
     tools: dict[str, tuple[float, ...]] = {
         "desat": (10.0, 5.0, 2.0, 1.0),
@@ -626,10 +719,18 @@ def both_plants() -> dict[str, Any]:
             for tool, steps in tools.items():
                 for step in steps:
                     if tool == "desat":
-                        command = [sys.executable, "-m", "benchmarks.plants", plant, str(step)]
+                        command = [
+                            sys.executable,
+                            "-m",
+                            "benchmarks.plants",
+                            plant,
+                            str(step),
+                        ]
                         measured = _result(command)
                     elif BASILISK.exists():
-                        command = plants.basilisk(str(BASILISK), plant, step, tool.split("_")[1])
+                        command = plants.basilisk(
+                            str(BASILISK), plant, step, tool.split("_")[1]
+                        )
                         measured = plants.judged(plant, _result(command))
                     else:
                         continue  # not installable here
@@ -638,17 +739,23 @@ def both_plants() -> dict[str, Any]:
     return result
 
 
-def _at_the_goal(tool: str, rounds: dict[tuple[str, float], list[dict[str, Any]]]) -> Any:
+def _at_the_goal(
+    tool: str, rounds: dict[tuple[str, float], list[dict[str, Any]]]
+) -> Any:
     rows = [
         {"step": step, **sorted(runs, key=lambda r: r["seconds"])[len(runs) // 2]}
         for (name, step), runs in rounds.items()
         if name == tool
     ]
     good = [r for r in rows if r["attitude_error"] < plants.GOAL]
-    return {
-        "rows": rows,
-        "at_the_goal": min(good, key=lambda r: r["seconds"]) if good else None,
-    } if rows else None  # fmt: skip
+    return (
+        {
+            "rows": rows,
+            "at_the_goal": min(good, key=lambda r: r["seconds"]) if good else None,
+        }
+        if rows
+        else None
+    )
 
 
 CASES: dict[str, Callable[[], dict[str, Any]]] = {
@@ -672,7 +779,10 @@ def main() -> int:
     """Measure every case, or run one measurement when arguments name it."""
     if len(sys.argv) >= 4 and sys.argv[1] in MEASUREMENTS:
         tool, path, steps, *more = sys.argv[1:]
-        print("RESULT " + json.dumps(MEASUREMENTS[tool](path, int(steps), *more)), flush=True)
+        print(
+            "RESULT " + json.dumps(MEASUREMENTS[tool](path, int(steps), *more)),
+            flush=True,
+        )
         return 0
     names = sys.argv[1:] or list(CASES)
     data = json.loads(LATEST.read_text()) if LATEST.exists() else {}
@@ -685,7 +795,9 @@ def main() -> int:
         "platform": platform.platform(),
         "cores": os.cpu_count(),
         "versions": {
-            p: version(p) for p in packages if importlib.util.find_spec(p) or p == "desat"
+            p: version(p)
+            for p in packages
+            if importlib.util.find_spec(p) or p == "desat"
         },
     }
     LATEST.write_text(json.dumps(data, indent=1) + "\n", encoding="utf-8")

@@ -1,9 +1,11 @@
-"""A whole day at nadir in many ways: is every output, at each of its 86,400 steps, the same bits?
+"""A whole day at nadir in many ways: is every output, at each of its 86,400 steps, the
+same bits?
 
-`python -m benchmarks.same_bits [--of SCENARIO] [WAY ...]` makes the day once as it is and once in
-each of the ways below (default: all of them), each in a process of its own, and prints a line for
-each: whether all is equal, how many values are compared, and the beginning of their sha256. It ends
-with 1 where something differs. With `--keep` the lines go to seen.json, too.
+`python -m benchmarks.same_bits [--of SCENARIO] [WAY ...]` makes the day once as it is
+and once in each of the ways below (default: all of them), each in a process of its own,
+and prints a line for each: whether all is equal, how many values are compared, and the
+beginning of their sha256. It ends with 1 where something differs. With `--keep` the
+lines go to seen.json, too.
 """
 
 from __future__ import annotations
@@ -44,11 +46,12 @@ WAYS: dict[str, dict[str, Any]] = {
     "Python loop": {"options": {"loop": "python"}},
     "FMUs of Python": {"options": {"fmus": "python"}},
     "FMUs of Python, Python loop, another hash seed": {
-        "options": {"fmus": "python", "loop": "python"}, "hash_seed": "99",
+        "options": {"fmus": "python", "loop": "python"},
+        "hash_seed": "99",
     },
     "bare blocks": {"options": {"blocks": True}},
     "each FMU in a process of its own": {"options": {"isolate": "all"}},
-}  # fmt: skip
+}
 
 
 def _case(target: str, options: Options, seed: int) -> Case:
@@ -65,7 +68,8 @@ def _case(target: str, options: Options, seed: int) -> Case:
 
 
 def made(way: dict[str, Any]) -> dict[str, Any]:
-    """A day: the sha256 of all that was recorded, how many values, and how long it took."""
+    """A day: the sha256 of all that was recorded, how many values, and how long it
+    took."""
     options = Options(**way.get("options", {}))
     if "stop" in way:
         options = replace(options, stop=way["stop"])
@@ -74,16 +78,26 @@ def made(way: dict[str, Any]) -> dict[str, Any]:
         target = str(pack_scenario(find(target)))
     digest, values, began = hashlib.sha256(), 0, time.perf_counter()
     with tempfile.TemporaryDirectory() as folder:
-        run = simulate(_case(target, options, way.get("permuted", 0)), Path(folder) / "run")
+        run = simulate(
+            _case(target, options, way.get("permuted", 0)), Path(folder) / "run"
+        )
         seconds = time.perf_counter() - began
         for name in ["", *sorted(run.results.names())]:
             series = run.results.values(name) if name else run.results.times()
-            digest.update(name.encode() + b"\0" + np.ascontiguousarray(series).tobytes())
+            digest.update(
+                name.encode() + b"\0" + np.ascontiguousarray(series).tobytes()
+            )
             values += series.size
         steps, loop = run.manifest["steps_done"], run.manifest["loop"]["name"]
         run.results.close()
-    return {"sha256": digest.hexdigest(), "values": values, "steps": steps, "loop": loop,
-            "seconds": round(seconds, 1), "status": run.manifest["status"]}  # fmt: skip
+    return {
+        "sha256": digest.hexdigest(),
+        "values": values,
+        "steps": steps,
+        "loop": loop,
+        "seconds": round(seconds, 1),
+        "status": run.manifest["status"],
+    }
 
 
 def apart(way: dict[str, Any]) -> dict[str, Any]:
@@ -93,7 +107,9 @@ def apart(way: dict[str, Any]) -> dict[str, Any]:
     spin = [sys.executable, "-c", "while True: pass"]
     beside = [subprocess.Popen(spin) for _ in range(2 if way.get("busy") else 0)]
     try:
-        done = subprocess.run(command, env=environment, stdout=subprocess.PIPE, check=True)
+        done = subprocess.run(
+            command, env=environment, stdout=subprocess.PIPE, check=True
+        )
     finally:
         for process in beside:
             process.kill()
@@ -105,7 +121,8 @@ def apart(way: dict[str, Any]) -> dict[str, Any]:
 def differing(
     ways: dict[str, dict[str, Any]], more: dict[str, Any], keep: bool = False
 ) -> list[str]:
-    """The ways in which something differs; prints a line for each. `more` holds for all of them."""
+    """The ways in which something differs; prints a line for each. `more` holds for all
+    of them."""
     reference, found = apart(more), []
     print(f"{REFERENCE}: {reference}", flush=True)
     for name, way in ways.items():
@@ -113,9 +130,12 @@ def differing(
         keys = ("sha256", "values", "steps", "status")
         equal = all(got[k] == reference[k] for k in keys)
         found += [] if equal else [name]
-        print(f"{'equal' if equal else 'DIFFERS'}: {name}: {got['values']} values in "
-              f"{got['steps']} steps, {got['sha256'][:16]}, {got['loop']} loop, "
-              f"{got['seconds']} s", flush=True)  # fmt: skip
+        print(
+            f"{'equal' if equal else 'DIFFERS'}: {name}: {got['values']} values in "
+            f"{got['steps']} steps, {got['sha256'][:16]}, {got['loop']} loop, "
+            f"{got['seconds']} s",
+            flush=True,
+        )
         if keep:
             of = f"{seen.OF}{more['of']}" if "of" in more else "same bits"
             seen.keep(of, name, {**got, "equal": equal})

@@ -1,6 +1,8 @@
-"""What a step costs as systems grow: magnetometers in a chain, native FMUs where they are built.
+"""What a step costs as systems grow: magnetometers in a chain, native FMUs where they
+are built.
 
-Each point is the least of some rounds of processor time, with the compiled loop where there is one.
+Each point is the least of some rounds of processor time, with the compiled loop where
+there is one.
 """
 
 from __future__ import annotations
@@ -34,17 +36,25 @@ CHAIN = 32
 
 
 def _master(components: int, wired: int | None = None) -> Master:
-    """A chain: the field that a magnetometer measures is the field of the next one, for so many of
-    them (default: all)."""
+    """A chain: the field that a magnetometer measures is the field of the next one, for
+    so many of them (default: all)."""
     native = paths.fmus() / "native" / "magnetometer.fmu"
     file = native if native.exists() else paths.fmus() / "magnetometer.fmu"
     fmu = library.load(file)
     names = [f"m{i:04}" for i in range(components)]
     places = [Place(n, file.name, fmu, fmu.interface) for n in names]
-    wires = [Connection(a, f"b_body[{i}]", b, f"b_eci[{i}]")
-             for a, b in list(pairwise(names))[:wired] for i in (1, 2, 3)]  # fmt: skip
+    wires = [
+        Connection(a, f"b_body[{i}]", b, f"b_eci[{i}]")
+        for a, b in list(pairwise(names))[:wired]
+        for i in (1, 2, 3)
+    ]
     layer = Layer(
-        "benchmarks/scaling.py", "chain", places=places, connections=wires, step=1.0, stop=1e7
+        "benchmarks/scaling.py",
+        "chain",
+        places=places,
+        connections=wires,
+        step=1.0,
+        stop=1e7,
     )
     master = Master(*Builder(layer).check().or_raise(), watched=lambda c, s: False)
     master.initialise()
@@ -52,8 +62,8 @@ def _master(components: int, wired: int | None = None) -> Master:
 
 
 def _seconds(master: Master, steps: int, kept: int | None = None) -> float:
-    """Processor seconds of so many further steps; recorded in a file with the outputs of so many
-    components."""
+    """Processor seconds of so many further steps; recorded in a file with the outputs
+    of so many components."""
     with TemporaryDirectory() as folder:
         patterns = [f"m{i:04}.*" for i in range(kept or 0)]
         file = Path(folder) / SERIES
@@ -71,29 +81,36 @@ def _seconds(master: Master, steps: int, kept: int | None = None) -> float:
     return seconds
 
 
-def _varied(values: list[int], make: Callable[[int], Master], keep: bool = False) -> list[Any]:
-    """[value, us a step] for each value, which with `keep` is the number of components recorded."""
+def _varied(
+    values: list[int], make: Callable[[int], Master], keep: bool = False
+) -> list[Any]:
+    """[value, us a step] for each value, which with `keep` is the number of components
+    recorded."""
     rows = []
     for value in values:
         with make(value) as master:
-            least = min(_seconds(master, STEPS, value if keep else None) for _ in range(ROUNDS))
+            least = min(
+                _seconds(master, STEPS, value if keep else None) for _ in range(ROUNDS)
+            )
         rows.append([value, round(1e6 * least / STEPS, 3)])
     return rows
 
 
 def _line(rows: list[Any]) -> dict[str, Any]:
-    """The rows, and the straight line through them: cost of one more, and the largest distance
-    from it as a share of the largest cost."""
+    """The rows, and the straight line through them: cost of one more, and the largest
+    distance from it as a share of the largest cost."""
     x, y = np.array(rows, dtype=float).T
     slope, start = np.polyfit(x, y, 1)
     return {
-        "rows": rows, "of_one_more": round(float(slope), 8),
+        "rows": rows,
+        "of_one_more": round(float(slope), 8),
         "off_the_line": round(float(np.abs(y - start - slope * x).max() / y.max()), 3),
-    }  # fmt: skip
+    }
 
 
 def _steps(counts: list[int]) -> tuple[list[Any], dict[str, float]]:
-    """[steps, seconds] of one system; and the memory (MiB) after the first and the last of them."""
+    """[steps, seconds] of one system; and the memory (MiB) after the first and the last
+    of them."""
     page = resource.getpagesize()
     rows, resident = [], []
     with _master(3) as master:
@@ -111,13 +128,20 @@ def measure() -> dict[str, Any]:
         "steps": _line(counts),
         "components": _line(_varied([1, 8, 16, 32, 64, 128], lambda n: _master(n))),
         "connections": _line(
-            [[3 * n, us] for n, us in _varied([0, 8, 16, 24, 31], lambda n: _master(CHAIN, n))]
+            [
+                [3 * n, us]
+                for n, us in _varied([0, 8, 16, 24, 31], lambda n: _master(CHAIN, n))
+            ]
         ),
         "recorded": _line(
-            [[3 * n, us]
-             for n, us in _varied([0, 8, 16, 24, 31], lambda n: _master(CHAIN), keep=True)]
+            [
+                [3 * n, us]
+                for n, us in _varied(
+                    [0, 8, 16, 24, 31], lambda n: _master(CHAIN), keep=True
+                )
+            ]
         ),
-    }  # fmt: skip
+    }
     _draw(found)
     return {**found, "memory": memory}
 
@@ -130,6 +154,8 @@ def _draw(found: dict[str, Any]) -> None:
         x, y = np.array(found[name]["rows"], dtype=float).T
         ax.plot(x / 1e6 if name == "steps" else x, y, COLOURS[i], marker=3.0)
         ax.size, ax.y.low = 75.0, 0.0
-        ax.x.label = {"recorded": "recorded signals", "steps": "steps, millions"}.get(name, name)
+        ax.x.label = {"recorded": "recorded signals", "steps": "steps, millions"}.get(
+            name, name
+        )
         ax.y.label = "time [s]" if name == "steps" else "time of a step [µs]"
     PLOT.write_text(fig.svg(), encoding="utf-8")

@@ -1,4 +1,5 @@
-"""`make sizing`: what `desat size` says, held against closed loops and others: docs/sizing.md.
+"""`make sizing`: what `desat size` says, held against closed loops and others:
+docs/sizing.md.
 
 - Ten crafts that nobody chose (`drawn`: mass, box, orbit, attitude, dipole, surfaces, wheels and
   law by a seed): the model beside the closed loop at sizes of rods above 1.15 times the least.
@@ -44,7 +45,12 @@ from desat.sizing import page as sizing_page
 from desat.sizing import sizing
 from desat.sizing.compatibility import ALL
 from desat.sizing.law import law_of
-from desat.sizing.least_rod import PROGRAMME_TIMES, least_by_formula, least_by_programme, reach
+from desat.sizing.least_rod import (
+    PROGRAMME_TIMES,
+    least_by_formula,
+    least_by_programme,
+    reach,
+)
 from desat.sizing.model import fly, track_of
 from desat.sizing.momentum import secular
 from desat.sizing.requirements import SizingRequirements
@@ -62,12 +68,27 @@ MULTIPLES = (1.2, 1.6, 2.5, 5.0)
 BAR = 0.05
 ENOUGH = 8
 PAPERS = (
-    ("uosat12/flight-dct-3", 86400.0, "000", "three rods of 40 A m2, wheels of 4.2 N m s"),
-    ("space_telescope/closed-me-nominal", None, "001", "four coils of 4000 A m2, four wheels"),
+    (
+        "uosat12/flight-dct-3",
+        86400.0,
+        "000",
+        "three rods of 40 A m2, wheels of 4.2 N m s",
+    ),
+    (
+        "space_telescope/closed-me-nominal",
+        None,
+        "001",
+        "four coils of 4000 A m2, four wheels",
+    ),
     ("alsat1/ours-case-a", 86400.0, "002", "three coils of 3.6 A m2 and a boom"),
     ("hausat2/start-up-ours", 86400.0, "003", "three coils of 2 A m2, one wheel"),
-    ("integrated/mil-cross-product", 86400.0, "004", "three coils of 0.3 A m2, 20 mN m s a wheel"),
-)  # fmt: skip
+    (
+        "integrated/mil-cross-product",
+        86400.0,
+        "004",
+        "three coils of 0.3 A m2, 20 mN m s a wheel",
+    ),
+)
 """Scenario, how long it flies (s), paper, what it has."""
 LAWS = ("normalised", "ccpl", "manager_closed_loop", "manager_magnetic_ilqr")
 
@@ -112,19 +133,25 @@ class Craft:
         scale = float(np.trace(self.inertia())) / 26.0  # of nadir_day's own
         law = {"normalised": "normalised", "ccpl": "ccpl"}.get(self.law)
         values: dict[str, Any] = {
-            "shared.inertia": self.inertia(), "shared.inertia_wheel": [self.capacity / 600.0] * 4,
+            "shared.inertia": self.inertia(),
+            "shared.inertia_wheel": [self.capacity / 600.0] * 4,
             "environment.semi_major_axis": 6378137.0 + self.altitude,
-            "environment.inclination": self.inclination, "environment.raan": self.raan,
+            "environment.inclination": self.inclination,
+            "environment.raan": self.raan,
             "spacecraft.residual_dipole_body": self.dipole,
             "spacecraft.omega_start_body": [0.0] * 3,
-            "spacecraft.area_drag": self.area(), "spacecraft.area_radiation": 1.5 * self.area(),
+            "spacecraft.area_drag": self.area(),
+            "spacecraft.area_radiation": 1.5 * self.area(),
             "spacecraft.centre_drag_body": self.centre,
             "spacecraft.centre_radiation_body": self.centre,
-            "wheels.h_start_wheel": [0.0] * 4, "wheels.torque_limit": 5e-3 * scale,
-            "controller.torque_limit": 5e-3 * scale, "wheels.coulomb": 2e-5 * scale,
-            "wheels.viscous": 1e-7 * scale, "tachometers.noise": 1e-4 * self.capacity / 0.38,
+            "wheels.h_start_wheel": [0.0] * 4,
+            "wheels.torque_limit": 5e-3 * scale,
+            "controller.torque_limit": 5e-3 * scale,
+            "wheels.coulomb": 2e-5 * scale,
+            "wheels.viscous": 1e-7 * scale,
+            "tachometers.noise": 1e-4 * self.capacity / 0.38,
             "torquers.m_limit": self.rods,
-        }  # fmt: skip
+        }
         sources = []
         if law is None:
             sources.append(f"manager={self.law}")
@@ -137,11 +164,16 @@ class Craft:
             values |= {"manager.momentum_weight": [(self.rate / 3.3e-5) ** 2] * 3}
         if self.inertial:
             sources.append("guidance=guidance_inertial")
-            values |= {"guidance.q_target_bi": [0.1, 0.3, -0.2, 0.9273618],
-                       "spacecraft.start_frame": "eci",
-                       "spacecraft.q_start_bi": [0.1, 0.3, -0.2, 0.9273618]}  # fmt: skip
-        return Options(sets=[f"{k}={_text(v)}" for k, v in values.items()], sources=sources,
-                       stop=stop)  # fmt: skip
+            values |= {
+                "guidance.q_target_bi": [0.1, 0.3, -0.2, 0.9273618],
+                "spacecraft.start_frame": "eci",
+                "spacecraft.q_start_bi": [0.1, 0.3, -0.2, 0.9273618],
+            }
+        return Options(
+            sets=[f"{k}={_text(v)}" for k, v in values.items()],
+            sources=sources,
+            stop=stop,
+        )
 
 
 def _text(value: Any) -> str:
@@ -150,10 +182,32 @@ def _text(value: Any) -> str:
     return ",".join(f"{x:.12g}" for x in np.ravel(value))
 
 
-TWELVE = Craft("12U", 20.0, (0.23, 0.23, 0.36), 400e3, 0.9006, 1.0, (0.03, -0.03, 0.026),
-               (0.005, 0.005, 0.02), 0.03, 0.2, (0.02, -0.015, 0.01))  # fmt: skip
-AGILE = Craft("150 kg", 150.0, (0.6, 0.6, 0.9), 600e3, 1.7066, 3.3, (0.2, -0.15, 0.1),
-              (0.02, 0.01, 0.05), 4.0, 30.0, (0.015, -0.01, 0.02))  # fmt: skip
+TWELVE = Craft(
+    "12U",
+    20.0,
+    (0.23, 0.23, 0.36),
+    400e3,
+    0.9006,
+    1.0,
+    (0.03, -0.03, 0.026),
+    (0.005, 0.005, 0.02),
+    0.03,
+    0.2,
+    (0.02, -0.015, 0.01),
+)
+AGILE = Craft(
+    "150 kg",
+    150.0,
+    (0.6, 0.6, 0.9),
+    600e3,
+    1.7066,
+    3.3,
+    (0.2, -0.15, 0.1),
+    (0.02, 0.01, 0.05),
+    4.0,
+    30.0,
+    (0.015, -0.01, 0.02),
+)
 
 
 def drawn(count: int, seed: int = 27) -> list[Craft]:
@@ -168,19 +222,31 @@ def drawn(count: int, seed: int = 27) -> list[Craft]:
         dipole *= 2.5e-3 * mass * rng.uniform(0.3, 1.5) / np.linalg.norm(dipole)
         a, b, c = rng.uniform(-0.05, 0.05, 3) * side
         p, q, r = rng.uniform(-0.03, 0.03, 3)
-        crafts.append(Craft(
-            f"craft {k + 1}", mass, (float(x), float(y), float(z)),
-            float(rng.uniform(420e3, 800e3)), float(rng.uniform(0.5, 1.75)),
-            float(rng.uniform(0.0, 2.0 * pi)), tuple(dipole.tolist()), (a, b, c),
-            2e-3 * mass, 0.02 * mass, (p, q, r), LAWS[k % len(LAWS)],
-            float(np.exp(rng.uniform(np.log(3e-4), np.log(2e-3)))), bool(k % 5 == 4),
-        ))  # fmt: skip
+        crafts.append(
+            Craft(
+                f"craft {k + 1}",
+                mass,
+                (float(x), float(y), float(z)),
+                float(rng.uniform(420e3, 800e3)),
+                float(rng.uniform(0.5, 1.75)),
+                float(rng.uniform(0.0, 2.0 * pi)),
+                tuple(dipole.tolist()),
+                (a, b, c),
+                2e-3 * mass,
+                0.02 * mass,
+                (p, q, r),
+                LAWS[k % len(LAWS)],
+                float(np.exp(rng.uniform(np.log(3e-4), np.log(2e-3)))),
+                bool(k % 5 == 4),
+            )
+        )
     return crafts
 
 
 @dataclass(frozen=True)
 class Row:
-    """A craft with rods of one size: the model over the closed loop, less 1, and the duties."""
+    """A craft with rods of one size: the model over the closed loop, less 1, and the
+    duties."""
 
     multiple: float
     rms: float
@@ -189,7 +255,9 @@ class Row:
     loop_duty: float
 
 
-def beside(craft: Craft, multiples: Sequence[float], stop: float | None) -> tuple[float, list[Row]]:
+def beside(
+    craft: Craft, multiples: Sequence[float], stop: float | None
+) -> tuple[float, list[Row]]:
     """The least rod (A m2), and the model beside the closed loop at multiples of it."""
     options = craft.options(stop)
     source = read(BASE)
@@ -206,11 +274,15 @@ def beside(craft: Craft, multiples: Sequence[float], stop: float | None) -> tupl
         model = SizingPoint(law.name, rod, multiples[k], None, None, None, None)
         flown = in_the_loop(model, source, options)
         assert flown.loop_duty is not None
-        rows.append(Row(
-            multiples[k], float(made.rms[0, 0, k] / (flown.loop_rms or inf)) - 1.0,
-            float(made.largest[0, 0, k] / (flown.loop_largest or inf)) - 1.0,
-            float(made.duty[0, 0, k]), flown.loop_duty,
-        ))  # fmt: skip
+        rows.append(
+            Row(
+                multiples[k],
+                float(made.rms[0, 0, k] / (flown.loop_rms or inf)) - 1.0,
+                float(made.largest[0, 0, k] / (flown.loop_largest or inf)) - 1.0,
+                float(made.duty[0, 0, k]),
+                flown.loop_duty,
+            )
+        )
     return least, rows
 
 
@@ -219,72 +291,125 @@ def held(rows: Sequence[Row]) -> bool:
     return all(abs(r.rms) <= BAR and abs(r.largest) <= BAR for r in rows)
 
 
-# --- an estimate that uses nothing of ours ------------------------------------------------------
+# --- an estimate that uses nothing of ours --------------------------------------------
 
 
 def estimated(craft: Craft) -> Array:
-    """The secular torque (3,) N m, eci, of a craft that points to nadir, over whole orbits of a
-    day from 2026-01-01 on: a circular orbit whose node J2 turns, IGRF by ppigrf, Vallado's air."""
+    """The secular torque (3,) N m, eci, of a craft that points to nadir, over whole
+    orbits of a day from 2026-01-01 on: a circular orbit whose node J2 turns, IGRF by
+    ppigrf, Vallado's air."""
     import ppigrf  # of the tests
 
     mu, radius, turn = 3.986004418e14, 6378137.0, 7.292115e-5
     a = radius + craft.altitude
     n = sqrt(mu / a**3)
     drift = -1.5 * 1.0826e-3 * n * (radius / a) ** 2 * np.cos(craft.inclination)
-    k = 0.75 * n * 1.0826e-3 * (radius / a) ** 2 * (3.0 * np.cos(craft.inclination) ** 2 - 1.0)
-    w = 0.75 * n * 1.0826e-3 * (radius / a) ** 2 * (5.0 * np.cos(craft.inclination) ** 2 - 1.0)
+    k = (
+        0.75
+        * n
+        * 1.0826e-3
+        * (radius / a) ** 2
+        * (3.0 * np.cos(craft.inclination) ** 2 - 1.0)
+    )
+    w = (
+        0.75
+        * n
+        * 1.0826e-3
+        * (radius / a) ** 2
+        * (5.0 * np.cos(craft.inclination) ** 2 - 1.0)
+    )
     period = 2.0 * pi / n
     span = period * int(86400.0 / period)
     t = np.linspace(0.0, span, 3000, endpoint=False)
     u, node = (n + k + w) * t, craft.raan + drift * t
     ci, si = np.cos(craft.inclination), np.sin(craft.inclination)
-    up = np.stack([np.cos(node) * np.cos(u) - np.sin(node) * np.sin(u) * ci,
-                   np.sin(node) * np.cos(u) + np.cos(node) * np.sin(u) * ci,
-                   np.sin(u) * si], axis=1)  # fmt: skip
-    normal = np.stack([np.sin(node) * si, -np.cos(node) * si, np.full_like(t, ci)], axis=1)
+    up = np.stack(
+        [
+            np.cos(node) * np.cos(u) - np.sin(node) * np.sin(u) * ci,
+            np.sin(node) * np.cos(u) + np.cos(node) * np.sin(u) * ci,
+            np.sin(u) * si,
+        ],
+        axis=1,
+    )
+    normal = np.stack(
+        [np.sin(node) * si, -np.cos(node) * si, np.full_like(t, ci)], axis=1
+    )
     along = np.cross(normal, up)
     axes = np.stack([along, -normal, -up], axis=2)  # body to eci, at nadir
 
     # the field, in a frame that turns with the Earth
-    sidereal = np.radians(100.4606184 + 0.9856473662862 * 9496.5) + turn * t  # 2026-01-01 0 h
+    sidereal = (
+        np.radians(100.4606184 + 0.9856473662862 * 9496.5) + turn * t
+    )  # 2026-01-01 0 h
     c, s = np.cos(sidereal), np.sin(sidereal)
     x, y, z = c * up[:, 0] + s * up[:, 1], c * up[:, 1] - s * up[:, 0], up[:, 2]
     theta, phi = np.arccos(z), np.arctan2(y, x)
-    br, bt, bp = (np.ravel(v) * 1e-9 for v in ppigrf.igrf_gc(
-        a / 1e3, np.degrees(theta), np.degrees(phi), datetime(2026, 1, 1)))  # fmt: skip
-    south = np.stack([np.cos(theta) * np.cos(phi), np.cos(theta) * np.sin(phi), -np.sin(theta)])
+    br, bt, bp = (
+        np.ravel(v) * 1e-9
+        for v in ppigrf.igrf_gc(
+            a / 1e3, np.degrees(theta), np.degrees(phi), datetime(2026, 1, 1)
+        )
+    )
+    south = np.stack(
+        [np.cos(theta) * np.cos(phi), np.cos(theta) * np.sin(phi), -np.sin(theta)]
+    )
     east = np.stack([-np.sin(phi), np.cos(phi), np.zeros_like(phi)])
     fixed = br * np.stack([x, y, z]) + bt * south + bp * east
-    b = np.stack([c * fixed[0] - s * fixed[1], s * fixed[0] + c * fixed[1], fixed[2]], axis=1)
+    b = np.stack(
+        [c * fixed[0] - s * fixed[1], s * fixed[0] + c * fixed[1], fixed[2]], axis=1
+    )
 
     # torques, eci
     down = np.array([0.0, 0.0, 1.0])
     gravity = 3.0 * mu / a**3 * np.cross(down, craft.inertia() @ down)
-    flat = (1.0 - 1.0 / 298.257) / np.sqrt(1.0 - (1.0 - (1.0 - 1.0 / 298.257) ** 2) * (
-        1.0 - up[:, 2] ** 2))  # fmt: skip
+    flat = (1.0 - 1.0 / 298.257) / np.sqrt(
+        1.0 - (1.0 - (1.0 - 1.0 / 298.257) ** 2) * (1.0 - up[:, 2] ** 2)
+    )
     height = a - radius * flat
-    table = np.array([(350e3, 9.518e-12, 53298.0), (400e3, 3.725e-12, 58515.0),
-                      (450e3, 1.585e-12, 60828.0), (500e3, 6.967e-13, 63822.0),
-                      (600e3, 1.454e-13, 71835.0), (700e3, 3.614e-14, 88667.0)])  # fmt: skip
+    table = np.array(
+        [
+            (350e3, 9.518e-12, 53298.0),
+            (400e3, 3.725e-12, 58515.0),
+            (450e3, 1.585e-12, 60828.0),
+            (500e3, 6.967e-13, 63822.0),
+            (600e3, 1.454e-13, 71835.0),
+            (700e3, 3.614e-14, 88667.0),
+        ]
+    )
     row = table[np.searchsorted(table[:, 0], height) - 1]
     density = row[:, 1] * np.exp((row[:, 0] - height) / row[:, 2])
     wind = n * a * along - np.cross([0.0, 0.0, turn], a * up)
     arms = axes @ np.array(craft.centre)
-    force = -0.5 * 2.2 * craft.area() * (density * np.linalg.norm(wind, axis=1))[:, None] * wind
+    force = (
+        -0.5
+        * 2.2
+        * craft.area()
+        * (density * np.linalg.norm(wind, axis=1))[:, None]
+        * wind
+    )
     day = 9496.5 + t / 86400.0
     g = np.radians(357.528 + 0.9856003 * day)
-    lon = np.radians(280.460 + 0.9856474 * day + 1.915 * np.sin(g) + 0.02 * np.sin(2.0 * g))
+    lon = np.radians(
+        280.460 + 0.9856474 * day + 1.915 * np.sin(g) + 0.02 * np.sin(2.0 * g)
+    )
     tilt = np.radians(23.439)
-    sun = np.stack([np.cos(lon), np.cos(tilt) * np.sin(lon), np.sin(tilt) * np.sin(lon)], axis=1)
+    sun = np.stack(
+        [np.cos(lon), np.cos(tilt) * np.sin(lon), np.sin(tilt) * np.sin(lon)], axis=1
+    )
     toward = (sun * up).sum(axis=1)
     dark = (toward < 0.0) & (a * np.sqrt(1.0 - toward**2) < radius)
-    push = -4.56e-6 * 1.033 * 1.5 * craft.area() * (~dark)[:, None] * sun  # 1.033: near perihelion
-    total = axes @ gravity + np.cross(axes @ np.array(craft.dipole), b) + np.cross(
-        arms, force + push)  # fmt: skip
+    push = (
+        -4.56e-6 * 1.033 * 1.5 * craft.area() * (~dark)[:, None] * sun
+    )  # 1.033: near perihelion
+    total = (
+        axes @ gravity
+        + np.cross(axes @ np.array(craft.dipole), b)
+        + np.cross(arms, force + push)
+    )
     return np.asarray(total.mean(axis=0))
 
 
-# --- all of it ----------------------------------------------------------------------------------
+# --- all of it ------------------------------------------------------------------------
 
 
 def unseen(count: int) -> Iterator[dict[str, Any]]:
@@ -295,8 +420,8 @@ def unseen(count: int) -> Iterator[dict[str, Any]]:
 
 
 def dual(craft: Craft) -> tuple[float, float, float]:
-    """The least rod (A m2) of a craft by the formula, by the linear programme, and by its dual,
-    which is convex in two unknowns: Nelder and Mead's method."""
+    """The least rod (A m2) of a craft by the formula, by the linear programme, and by
+    its dual, which is convex in two unknowns: Nelder and Mead's method."""
     from scipy.optimize import minimize
 
     case = prepare(BASE, craft.options())
@@ -309,21 +434,31 @@ def dual(craft: Craft) -> tuple[float, float, float]:
     size = float(np.linalg.norm(torque))
     across = np.linalg.svd((torque / size)[None])[2][1:]
     scale = 1.0 / np.abs(some @ (torque / size)).sum()
-    found = [minimize(lambda u: np.abs(some @ (torque / size + u @ across)).sum() * scale, start,
-                      method="Nelder-Mead", options={"xatol": 1e-12, "fatol": 1e-15,
-                                                     "maxiter": 20000}).fun
-             for start in ((0.0, 0.0), (0.5, -0.5))]  # fmt: skip
-    return (least_by_formula(able, torque), least_by_programme(able, torque),
-            size * scale / min(found))  # fmt: skip
+    found = [
+        minimize(
+            lambda u: np.abs(some @ (torque / size + u @ across)).sum() * scale,
+            start,
+            method="Nelder-Mead",
+            options={"xatol": 1e-12, "fatol": 1e-15, "maxiter": 20000},
+        ).fun
+        for start in ((0.0, 0.0), (0.5, -0.5))
+    ]
+    return (
+        least_by_formula(able, torque),
+        least_by_programme(able, torque),
+        size * scale / min(found),
+    )
 
 
 def secular_of(craft: Craft) -> tuple[Array, float]:
-    """The secular torque (3,) N m, eci, by `desat size`, and the angle (rad) of the attitude's
-    wandering."""
+    """The secular torque (3,) N m, eci, by `desat size`, and the angle (rad) of the
+    attitude's wandering."""
     case = prepare(BASE, craft.options())
     system, _ = case.or_raise()
     flight = fly_case(case, system)
-    return secular(flight)[0], flights.attitude_of(system, flight.q, flight.r, flight.v).wanders
+    return secular(flight)[0], flights.attitude_of(
+        system, flight.q, flight.r, flight.v
+    ).wanders
 
 
 def chosen() -> Iterator[ranking.Ranking]:
@@ -339,13 +474,16 @@ def papers() -> Iterator[tuple[tuple[Any, ...], Sizing]]:
 
 
 def speed() -> dict[str, float]:
-    """Seconds of a map of 600 crafts on two cores, of their work, and of one rod of the model."""
+    """Seconds of a map of 600 crafts on two cores, of their work, and of one rod of the
+    model."""
     begin, worked = time.perf_counter(), _worked()
     made = sizing_map.map_of(
         BASE, TWELVE.options(20000.0), sizing_map.MapAxes(), SizingRequirements(), 2
     )
     whole, work = time.perf_counter() - begin, _worked() - worked
-    (DOCS / "sizing.svg").write_text(sizing_page.heat_map(made, 0).svg() + "\n", encoding="utf-8")
+    (DOCS / "sizing.svg").write_text(
+        sizing_page.heat_map(made, 0).svg() + "\n", encoding="utf-8"
+    )
     case = prepare(BASE, TWELVE.options())
     system, _ = case.or_raise()
     hardware, flight = flights.hardware_of(system), fly_case(case, system)
@@ -367,16 +505,19 @@ def _worked() -> float:
     """Seconds of CPU of this process and of those that it has ended."""
     return sum(
         u.ru_utime + u.ru_stime
-        for u in map(resource.getrusage, (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
+        for u in map(
+            resource.getrusage, (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)
+        )
     )
 
 
-# --- crafts of `desat new craft`: what is recommended, and how they are braked -------------------
+# --- crafts of `desat new craft`: what is recommended, and how they are braked --------
 
 
 @dataclass(frozen=True)
 class DrawnCraft:
-    """A craft of `desat new craft`, drawn by a seed, and what became of what `size` said of it."""
+    """A craft of `desat new craft`, drawn by a seed, and what became of what `size`
+    said of it."""
 
     wanted: CraftFacts
     rod: float
@@ -393,7 +534,8 @@ class DrawnCraft:
 
 
 def drawn_wanted(seed: int) -> CraftFacts:
-    """1U to 200 kg, 350 to 900 km, Sun-synchronous or of any inclination, nadir or inertial."""
+    """1U to 200 kg, 350 to 900 km, Sun-synchronous or of any inclination, nadir or
+    inertial."""
     draw = random.Random(seed)
     given: dict[str, str] = {}
     if draw.random() < 2.0 / 3.0:
@@ -402,7 +544,9 @@ def drawn_wanted(seed: int) -> CraftFacts:
         mass = 10.0 ** draw.uniform(log10(30.0), log10(200.0))
         side = (mass / 250.0) ** (1.0 / 3.0)
         given["mass"] = f"{mass:.1f}kg"
-        given["box"] = ",".join(f"{side * draw.uniform(0.7, 1.4):.3f}" for _ in range(3))
+        given["box"] = ",".join(
+            f"{side * draw.uniform(0.7, 1.4):.3f}" for _ in range(3)
+        )
     if draw.random() < 0.4:
         given["sso"] = f"{draw.uniform(400.0, 900.0):.3f}km"
     else:
@@ -439,8 +583,8 @@ BRAKES = (0.003, 0.0045, 0.006, 0.0075, 0.009, 0.011, 0.014, 0.02, 0.03)
 
 
 def braked(seed: int, into: Path) -> tuple[float, float]:
-    """Time (h) in which a drawn craft is detumbled as `new craft` writes it, and the least of a
-    sweep of gains."""
+    """Time (h) in which a drawn craft is detumbled as `new craft` writes it, and the
+    least of a sweep of gains."""
     folder = into / f"craft{seed}"
     if not folder.exists():
         new_craft.write(folder, drawn_wanted(seed), "desat new craft")
@@ -451,8 +595,11 @@ def braked(seed: int, into: Path) -> tuple[float, float]:
     own = system.components["manager"].values["gain"]
 
     def takes(gain: float) -> float:
-        given = Options(values={"manager.gain": gain}, stop=40000.0,
-                        record=("spacecraft.omega_bi_body",))  # fmt: skip
+        given = Options(
+            values={"manager.gain": gain},
+            stop=40000.0,
+            record=("spacecraft.omega_bi_body",),
+        )
         found = execute(target, given).manifest.numbers["detumbled"].value
         return inf if found is None else found
 
@@ -462,40 +609,51 @@ def braked(seed: int, into: Path) -> tuple[float, float]:
 
 def new_crafts(count: int) -> tuple[list[DrawnCraft], list[tuple[float, float]]]:
     """So many drawn crafts, and how they are braked, side by side."""
-    with tempfile.TemporaryDirectory() as folder, ProcessPoolExecutor(
-        mp_context=get_context("spawn")
-    ) as pool:  # fmt: skip
+    with (
+        tempfile.TemporaryDirectory() as folder,
+        ProcessPoolExecutor(mp_context=get_context("spawn")) as pool,
+    ):
         there = [Path(folder)] * count
         crafts = list(pool.map(drawn_craft, range(count), there))
         return crafts, list(pool.map(braked, range(count), there))
 
 
-def _of_drawn(crafts: Sequence[DrawnCraft], brakes: Sequence[tuple[float, float]]) -> Iterator[str]:
+def _of_drawn(
+    crafts: Sequence[DrawnCraft], brakes: Sequence[tuple[float, float]]
+) -> Iterator[str]:
     have = [c for c in crafts if c.recommended is not None]
     good = [c for c in have if not c.accepted and not c.worst]
     quick = [own / best for own, best in brakes if best < inf]
     yield "## Crafts of `desat new craft`"
     yield ""
-    yield (f"{len(crafts)} crafts of 1U to 200 kg are drawn by a seed, each with what its class "
-           f"has. `size` recommends rods for {len(have)}; with them it accepts the craft, and the "
-           f"craft's own `worst.toml` meets its requirements, in {len(good)} of these. With 0.7 of "
-           "the least rods for any law on the worst day it refuses "
-           f"{sum(bool(c.refused) for c in crafts)} of {len(crafts)}.")  # fmt: skip
+    yield (
+        f"{len(crafts)} crafts of 1U to 200 kg are drawn by a seed, each with what its class "
+        f"has. `size` recommends rods for {len(have)}; with them it accepts the craft, and the "
+        f"craft's own `worst.toml` meets its requirements, in {len(good)} of these. With 0.7 of "
+        "the least rods for any law on the worst day it refuses "
+        f"{sum(bool(c.refused) for c in crafts)} of {len(crafts)}."
+    )
     yield ""
     yield "| craft | orbit | rods, A m2 | least, worst day | recommended | accepted, worst met |"
     yield "|---|---|---|---|---|---|"
     for c in crafts:
         w = c.wanted
-        orbit = f"{w.sso}, Sun-synchronous" if w.sso else f"{w.altitude}, {w.inclination}"
+        orbit = (
+            f"{w.sso}, Sun-synchronous" if w.sso else f"{w.altitude}, {w.inclination}"
+        )
         rod = "none" if c.recommended is None else f"{c.recommended:.3g}"
         held = "; ".join([*c.accepted, *c.worst]) or ("yes" if c.recommended else "")
-        yield (f"| {w.size or w.mass}, {w.pointing} | {orbit} | {c.rod:.3g} | {c.least:.3g} "
-               f"| {rod} | {held} |")  # fmt: skip
+        yield (
+            f"| {w.size or w.mass}, {w.pointing} | {orbit} | {c.rod:.3g} | {c.least:.3g} "
+            f"| {rod} | {held} |"
+        )
     yield ""
-    yield ("B-dot's gain that `new craft` writes, beside the quickest of "
-           f"{len(BRAKES)} gains from {BRAKES[0]:g} to {BRAKES[-1]:g} 1/s times the mean moment of "
-           f"inertia: within 1.3 of it for {sum(x <= 1.3 for x in quick)} of {len(quick)}, at the "
-           f"most {max(quick):.2f} times as long.")  # fmt: skip
+    yield (
+        "B-dot's gain that `new craft` writes, beside the quickest of "
+        f"{len(BRAKES)} gains from {BRAKES[0]:g} to {BRAKES[-1]:g} 1/s times the mean moment of "
+        f"inertia: within 1.3 of it for {sum(x <= 1.3 for x in quick)} of {len(quick)}, at the "
+        f"most {max(quick):.2f} times as long."
+    )
     yield ""
 
 
@@ -503,25 +661,44 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """All of it, into docs/sizing.md; 1 where the bar is not held."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--crafts", type=int, default=10)
-    parser.add_argument("--drawn", type=int, default=30, help="crafts of `desat new craft`")
+    parser.add_argument(
+        "--drawn", type=int, default=30, help="crafts of `desat new craft`"
+    )
     given = parser.parse_args(arguments)
     found = list(unseen(given.crafts))
     good = sum(x["held"] for x in found)
     others = [(c, secular_of(c), estimated(c), dual(c)) for c in (TWELVE, AGILE)]
-    text = _page(found, list(papers()), list(chosen()), others, speed(), new_crafts(given.drawn))
+    text = _page(
+        found, list(papers()), list(chosen()), others, speed(), new_crafts(given.drawn)
+    )
     (DOCS / "sizing.md").write_text(text, encoding="utf-8")
-    print(f"{good} of {len(found)} crafts within {100.0 * BAR:g} %: {DOCS / 'sizing.md'}")
+    print(
+        f"{good} of {len(found)} crafts within {100.0 * BAR:g} %: {DOCS / 'sizing.md'}"
+    )
     return 0 if good >= ENOUGH * len(found) / 10.0 else 1
 
 
-def _page(found: Sequence[dict[str, Any]], made: Sequence[Any], laws: Sequence[ranking.Ranking],
-          others: Sequence[Any], took: dict[str, float],
-          of_new: tuple[list[DrawnCraft], list[tuple[float, float]]]) -> str:  # fmt: skip
+def _page(
+    found: Sequence[dict[str, Any]],
+    made: Sequence[Any],
+    laws: Sequence[ranking.Ranking],
+    others: Sequence[Any],
+    took: dict[str, float],
+    of_new: tuple[list[DrawnCraft], list[tuple[float, float]]],
+) -> str:
     today = datetime.now(UTC).date().isoformat()
     good = sum(x["held"] for x in found)
-    lines = [_HEAD.format(today=today, desat=version("desat"), numpy=version("numpy"),
-                          scipy=version("scipy"), good=good, count=len(found),
-                          bar=100.0 * BAR)]  # fmt: skip
+    lines = [
+        _HEAD.format(
+            today=today,
+            desat=version("desat"),
+            numpy=version("numpy"),
+            scipy=version("scipy"),
+            good=good,
+            count=len(found),
+            bar=100.0 * BAR,
+        )
+    ]
     lines += [
         "| | kg | km | deg | law, attitude | least, A m² | rms, % | largest, % | duty, points |",
         "|---|---|---|---|---|---|---|---|---|",
@@ -536,27 +713,43 @@ def _page(found: Sequence[dict[str, Any]], made: Sequence[Any], laws: Sequence[r
             f"{_three(100.0 * (r.duty - r.loop_duty) for r in rows)} |"
         )
     lines += ["", *_of_drawn(*of_new)]
-    lines += [_PAPERS, "| scenario | paper has | secular, µN m | least rod, any law | "
-              "recommended | wheels need / have, mN m s | dump of the start, detumbling |",
-              "|---|---|---|---|---|---|---|"]  # fmt: skip
+    lines += [
+        _PAPERS,
+        "| scenario | paper has | secular, µN m | least rod, any law | "
+        "recommended | wheels need / have, mN m s | dump of the start, detumbling |",
+        "|---|---|---|---|---|---|---|",
+    ]
     for (name, _, paper, has), m in made:
         rod = "none" if m.recommended is None else f"{m.recommended:.3g} ({m.law})"
-        room = "no limit" if m.wheel_capacity == inf else f"{1e3 * m.wheel_capacity:.4g}"
+        room = (
+            "no limit" if m.wheel_capacity == inf else f"{1e3 * m.wheel_capacity:.4g}"
+        )
         lines.append(
             f"| `{name}` ({paper}) | {has} | {1e6 * float(np.linalg.norm(m.secular)):.3g} | "
             f"{m.least:.3g} | {rod} | {1e3 * m.wheel_needed:.3g} / {room} | "
             f"{m.start_dump / 60.0:.3g} min, {m.detumbling / 3600.0:.3g} h |"
         )
-    lines += ["", *(f"- `{name}`: {m.answer.removeprefix(name + ': ')} {_why(name, m)}".rstrip()
-                    for (name, *_), m in made)]  # fmt: skip
+    lines += [
+        "",
+        *(
+            f"- `{name}`: {m.answer.removeprefix(name + ': ')} {_why(name, m)}".rstrip()
+            for (name, *_), m in made
+        ),
+    ]
     lines += ["", *_law_by_law(laws)]
-    lines += ["", _OTHERS, "| craft | secular torque by `size`, µN m, eci | estimated anew | "
-              "difference | formula, A m² | programme | its dual, another solver |",
-              "|---|---|---|---|---|---|---|"]  # fmt: skip
+    lines += [
+        "",
+        _OTHERS,
+        "| craft | secular torque by `size`, µN m, eci | estimated anew | "
+        "difference | formula, A m² | programme | its dual, another solver |",
+        "|---|---|---|---|---|---|---|",
+    ]
     for craft, (torque, _), anew, (formula, programme, other) in others:
         off = float(np.linalg.norm(torque - anew) / np.linalg.norm(torque))
-        lines.append(f"| {craft.name} | {_vector(torque)} | {_vector(anew)} | {100.0 * off:.1f} % "
-                     f"| {formula:.6g} | {programme:.6g} | {other:.6g} |")  # fmt: skip
+        lines.append(
+            f"| {craft.name} | {_vector(torque)} | {_vector(anew)} | {100.0 * off:.1f} % "
+            f"| {formula:.6g} | {programme:.6g} | {other:.6g} |"
+        )
     lines += ["", _SPEED.format(**{f"t{k}": v for k, v in took.items()})]
     return "\n".join(lines)
 
@@ -570,23 +763,33 @@ def _law_by_law(laws: Sequence[ranking.Ranking]) -> Iterator[str]:
     yield "|---" * (len(names) + 4) + "|"
     for made in laws:
         for k, e in enumerate(made.ranked):
-            told = dict(zip((c.title for c in made.by), map(number, e.values), strict=True))
+            told = dict(
+                zip((c.title for c in made.by), map(number, e.values), strict=True)
+            )
             cells = " | ".join(told.get(name, "") for name in names)
             name = f"`{made.target}`" if not k else ""
-            yield (f"| {name} | {e.label} | {cells} | {'yes' if e.front else ''} | "
-                   f"{'not met' if e.not_met else 'met'} |")  # fmt: skip
+            yield (
+                f"| {name} | {e.label} | {cells} | {'yes' if e.front else ''} | "
+                f"{'not met' if e.not_met else 'met'} |"
+            )
     yield ""
     for made in laws:
         (own,) = [e for e in made.ranked if e.law.own]
         c, first = made.by[0], made.ranked[0]
         rest = "" if own is first else f", {first.name} {number(first.values[0])}"
-        better = [e.name for e in made.ranked if e is not own and all(
-            a <= b for a, b in zip(e.values, own.values, strict=True))]  # fmt: skip
+        better = [
+            e.name
+            for e in made.ranked
+            if e is not own
+            and all(a <= b for a, b in zip(e.values, own.values, strict=True))
+        ]
         beaten = f"; better in all: {', '.join(better)}" if better else ""
         alone = ": no other law of ours fits it" if len(made.ranked) == 1 else ""
         why = _CHOSEN[made.target.partition("/")[0]]
-        yield (f"- `{made.target}`: {c.title} by {own.name}, its own, {number(own.values[0])} "
-               f"{c.unit}{rest}{beaten}{alone}. {why}")  # fmt: skip
+        yield (
+            f"- `{made.target}`: {c.title} by {own.name}, its own, {number(own.values[0])} "
+            f"{c.unit}{rest}{beaten}{alone}. {why}"
+        )
 
 
 def _why(name: str, made: Sizing) -> str:
@@ -594,7 +797,9 @@ def _why(name: str, made: Sizing) -> str:
     given = flights.values_of(prepare(name, Options()).or_raise()[0])["manager"]
     family = name.partition("/")[0]
     if family == "uosat12":
-        alone = flights.values_of(prepare("uosat12/fig2-lqr-1", Options()).or_raise()[0])
+        alone = flights.values_of(
+            prepare("uosat12/fig2-lqr-1", Options()).or_raise()[0]
+        )
         return (
             "Nadir pointing without disturbances but gravity: the rods are for dumping. At their "
             f"limits they take the start's {1e3 * made.start_momentum:.0f} mN m s out in "

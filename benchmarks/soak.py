@@ -1,13 +1,14 @@
-"""Many short runs in one process, or one of very many steps: do handles, memory and temporary files
-stay what they are?
+"""Many short runs in one process, or one of very many steps: do handles, memory and
+temporary files stay what they are?
 
-`python -m benchmarks.soak native [RUNS]` (1000) makes runs of native FMUs, `python [RUNS]` (200) of
-Python FMUs, both in memory, into a folder, and in processes of their own, in turn; `steps [STEPS]`
-(10,000,000) makes one run of so many steps, which records two outputs at each. A line a tenth of
-them is printed. With `--keep` the lines go to seen.json, too.
+`python -m benchmarks.soak native [RUNS]` (1000) makes runs of native FMUs,
+`python [RUNS]` (200) of Python FMUs, both in memory, into a folder, and in processes of
+their own, in turn; `steps [STEPS]` (10,000,000) makes one run of so many steps, which
+records two outputs at each. A line a tenth of them is printed. With `--keep` the lines
+go to seen.json, too.
 
-pythonfmu's library makes the class of an FMU of Python anew for each instance, where the entry
-script lets it, and never lets go of it: `classes` counts them.
+pythonfmu's library makes the class of an FMU of Python anew for each instance, where
+the entry script lets it, and never lets go of it: `classes` counts them.
 """
 
 from __future__ import annotations
@@ -38,19 +39,23 @@ ROW = 8 * (1 + 3)
 
 
 def used() -> dict[str, int]:
-    """What this process holds (Linux): open files, private memory (kB), temporary files, classes
-    of FMUs of Python."""
+    """What this process holds (Linux): open files, private memory (kB), temporary
+    files, classes of FMUs of Python."""
     status = Path("/proc/self/status").read_text(encoding="utf-8")
     return {
         "handles": len(os.listdir("/proc/self/fd")),
         "memory_kB": int(status.split("RssAnon:")[1].split()[0]),
         "temporary": sum(1 for _ in library._root().rglob("*")),
-        "classes": sum(isinstance(x, ABCMeta) and x.__name__.endswith("Fmu")
-                       for x in gc.get_objects()),
-    }  # fmt: skip
+        "classes": sum(
+            isinstance(x, ABCMeta) and x.__name__.endswith("Fmu")
+            for x in gc.get_objects()
+        ),
+    }
 
 
-def runs(count: int, fmus: Literal["native", "python"] = "native") -> Iterator[dict[str, int]]:
+def runs(
+    count: int, fmus: Literal["native", "python"] = "native"
+) -> Iterator[dict[str, int]]:
     """Make so many runs; what is used after each tenth of them."""
     with tempfile.TemporaryDirectory() as folder:
         for i in range(count):
@@ -63,12 +68,15 @@ def runs(count: int, fmus: Literal["native", "python"] = "native") -> Iterator[d
 
 
 def steps(count: int) -> Iterator[dict[str, int]]:
-    """One run of so many steps, in another thread; what is used after each tenth of them."""
+    """One run of so many steps, in another thread; what is used after each tenth of
+    them."""
     step = 0.01
     options = Options(step=step, stop=step * count, record=("wheels.h_wheel",))
     with tempfile.TemporaryDirectory() as folder:
         place = Path(folder) / "run"
-        thread = threading.Thread(target=execute, args=(LONG, options, place), daemon=True)
+        thread = threading.Thread(
+            target=execute, args=(LONG, options, place), daemon=True
+        )
         thread.start()
         part, said = place / "series.h5.part", 0
         while thread.is_alive():

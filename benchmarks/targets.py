@@ -1,10 +1,10 @@
 """Targets of make that are killed at random moments, and started again: the same files?
 
-`python -m benchmarks.targets [TARGET [KILLS [SEED]]]` (demo, 6, 1) makes a copy of what git has of
-this checkout, with its packages but without what was built, and runs `make TARGET` there in a
-process group that is killed (SIGKILL) so many times at random moments; then it is left to end. All
-files below fmus/ and ssp/ are compared with those that the target makes in one go. With `--keep`
-what came of it goes to seen.json.
+`python -m benchmarks.targets [TARGET [KILLS [SEED]]]` (demo, 6, 1) makes a copy of what
+git has of this checkout, with its packages but without what was built, and runs
+`make TARGET` there in a process group that is killed (SIGKILL) so many times at random
+moments; then it is left to end. All files below fmus/ and ssp/ are compared with those
+that the target makes in one go. With `--keep` what came of it goes to seen.json.
 """
 
 from __future__ import annotations
@@ -29,8 +29,11 @@ LONGEST = {"fmus": 30.0, "ssp": 90.0, "demo": 120.0}
 
 
 def copied(folder: Path) -> dict[str, str]:
-    """A copy of the checkout without what is built; the environment in which `desat` is it."""
-    listed = subprocess.run(["git", "ls-files", "-z"], cwd=ROOT, capture_output=True, check=True)
+    """A copy of the checkout without what is built; the environment in which `desat` is
+    it."""
+    listed = subprocess.run(
+        ["git", "ls-files", "-z"], cwd=ROOT, capture_output=True, check=True
+    )
     for name in listed.stdout.decode().split("\0"):
         if (ROOT / name).is_file():
             (folder / name).parent.mkdir(parents=True, exist_ok=True)
@@ -40,13 +43,21 @@ def copied(folder: Path) -> dict[str, str]:
     for entry in (ROOT / ".venv").iterdir():
         if entry.name not in ("names", ".installed"):
             (folder / ".venv" / entry.name).symlink_to(entry)
-    for entry in (*(folder / "orchestrator").iterdir(), folder / "components", folder / "fmus"):
+    for entry in (
+        *(folder / "orchestrator").iterdir(),
+        folder / "components",
+        folder / "fmus",
+    ):
         (names / entry.name).symlink_to(entry)
     (folder / ".venv/.installed").touch()  # newer than pyproject.toml
     cache, temporary = folder / "cache", folder / "tmp"
     temporary.mkdir()
-    return {**os.environ, "PYTHONPATH": str(names.parent), "DESAT_CACHE": str(cache),
-            "TMPDIR": str(temporary)}  # fmt: skip
+    return {
+        **os.environ,
+        "PYTHONPATH": str(names.parent),
+        "DESAT_CACHE": str(cache),
+        "TMPDIR": str(temporary),
+    }
 
 
 def hashes(root: Path) -> dict[str, str]:
@@ -59,14 +70,17 @@ def hashes(root: Path) -> dict[str, str]:
     }
 
 
-def made(target: str, folder: Path, environment: dict[str, str], until: float | None) -> float:
-    """Run a target, which is killed after so many seconds; how long it took, negative where it was
-    killed. Raises CalledProcessError where it ends otherwise than well."""
+def made(
+    target: str, folder: Path, environment: dict[str, str], until: float | None
+) -> float:
+    """Run a target, which is killed after so many seconds; how long it took, negative
+    where it was killed. Raises CalledProcessError where it ends otherwise than well."""
     began = time.monotonic()
     with (folder / "log").open("w") as log:
         command = ["make", "-C", str(folder), target]
-        process = subprocess.Popen(command, env=environment, stdout=log, stderr=log,
-                                   start_new_session=True)  # fmt: skip
+        process = subprocess.Popen(
+            command, env=environment, stdout=log, stderr=log, start_new_session=True
+        )
         try:
             process.wait(until)
         except subprocess.TimeoutExpired:
@@ -85,11 +99,16 @@ def tried(target: str, kills: int, seed: int, folder: Path) -> dict[str, Any]:
     environment = copied(folder)
     given = hashes(folder)
     while len(killed) < kills:
-        seconds = made(target, folder, environment, chance.uniform(1.0, LONGEST[target]))
+        seconds = made(
+            target, folder, environment, chance.uniform(1.0, LONGEST[target])
+        )
         if seconds > 0.0:  # it was quicker
             break
         killed.append(round(-seconds, 1))
-        print(f"killed after {killed[-1]} s; {len(hashes(folder)) - len(given)} files", flush=True)
+        print(
+            f"killed after {killed[-1]} s; {len(hashes(folder)) - len(given)} files",
+            flush=True,
+        )
     made(target, folder, environment, None)
     broken = hashes(folder)
     for path in broken.keys() - given.keys():
@@ -98,10 +117,14 @@ def tried(target: str, kills: int, seed: int, folder: Path) -> dict[str, Any]:
     whole = hashes(folder)
     names = sorted(broken.keys() | whole.keys())
     return {
-        "killed_after": killed, "files": len(whole.keys() - given.keys()),
-        "different": [n for n in names if ".part" not in n and broken.get(n) != whole.get(n)],
-        "parts": [n for n in names if ".part" in n], "seconds": round(seconds, 1),
-    }  # fmt: skip
+        "killed_after": killed,
+        "files": len(whole.keys() - given.keys()),
+        "different": [
+            n for n in names if ".part" not in n and broken.get(n) != whole.get(n)
+        ],
+        "parts": [n for n in names if ".part" in n],
+        "seconds": round(seconds, 1),
+    }
 
 
 def main() -> int:

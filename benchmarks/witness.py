@@ -1,12 +1,12 @@
 """`make witness`: the closed loops of `nadir_day/witness-*` beside Basilisk's dynamics.
 
-Each flies in Basilisk (`basilisk_loop.py`) with five steps, each half of the one before; what they
-tend to is extrapolated (Romberg's scheme for all orders: the field held over a step makes an error
-of first order). How far it moves without the longest or without the shortest step is taken for the
-error of Basilisk's trajectory. Trajectories go to tests/authorities/witness.npz, which the tests
-hold ours against, differences and errors to witness.json beside it and to docs/witness.md. Where
-there are stored ones already, how far the new ones are from them is printed; `--write` replaces
-them.
+Each flies in Basilisk (`basilisk_loop.py`) with five steps, each half of the one
+before; what they tend to is extrapolated (Romberg's scheme for all orders: the field
+held over a step makes an error of first order). How far it moves without the longest or
+without the shortest step is taken for the error of Basilisk's trajectory. Trajectories
+go to tests/authorities/witness.npz, which the tests hold ours against, differences and
+errors to witness.json beside it and to docs/witness.md. Where there are stored ones
+already, how far the new ones are from them is printed; `--write` replaces them.
 """
 
 from __future__ import annotations
@@ -45,8 +45,15 @@ STORED = HERE.parent / "tests" / "authorities" / "witness.npz"
 TOLD = STORED.with_suffix(".json")
 DOCS = HERE.parent / "docs" / "witness.md"
 LAWS = "laws"
-CASES = {"light": 1, "orbit": 20, "coils-off": 1, "friction": 10, "tumbling": 10,
-         "heavy-wheels": 10, LAWS: 20}  # fmt: skip
+CASES = {
+    "light": 1,
+    "orbit": 20,
+    "coils-off": 1,
+    "friction": 10,
+    "tumbling": 10,
+    "heavy-wheels": 10,
+    LAWS: 20,
+}
 """Cases and every how many seconds a row is kept."""
 STEPS = (0.1, 0.05, 0.025, 0.0125, 0.00625)
 INNER = (1, 8, 64)
@@ -61,33 +68,56 @@ TERMS = {
 }
 ORBITS = (550e3, 1.7033), (650e3, 1.7100), (400e3, 0.9006)
 """Altitude (m) and inclination (rad)."""
-SERIES = {"q_bi": "spacecraft.q_bi", "omega": "spacecraft.omega_bi_body", "h": "wheels.h_wheel"}
+SERIES = {
+    "q_bi": "spacecraft.q_bi",
+    "omega": "spacecraft.omega_bi_body",
+    "h": "wheels.h_wheel",
+}
 
 
 def case_of(run: Run, every: int) -> dict[str, Any]:
     """What Basilisk is told of a run: its parameters and its start."""
-    of = {c: run.manifest.values_of(c) for c in
-          ("environment", "spacecraft", "wheels", "controller", "manager")}  # fmt: skip
+    of = {
+        c: run.manifest.values_of(c)
+        for c in ("environment", "spacecraft", "wheels", "controller", "manager")
+    }
     orbit, craft, control = of["environment"], of["spacecraft"], of["controller"]
-    start = {name: run.results.values(series)[0].tolist() for name, series in SERIES.items()}
+    start = {
+        name: run.results.values(series)[0].tolist() for name, series in SERIES.items()
+    }
     return {
-        "every": every, "stop": float(run.manifest.stop), "mu": MU,
-        **{k: orbit[k] for k in ("semi_major_axis", "inclination", "raan", "earth_rate",
-                                 "dipole_earth")},
+        "every": every,
+        "stop": float(run.manifest.stop),
+        "mu": MU,
+        **{
+            k: orbit[k]
+            for k in (
+                "semi_major_axis",
+                "inclination",
+                "raan",
+                "earth_rate",
+                "dipole_earth",
+            )
+        },
         "earth_angle": orbit["earth_angle_start"],
         "inertia": np.reshape(craft["inertia"], (3, 3)).tolist(),
         "axes_wheel": np.reshape(craft["axes_wheel"], (3, 4)).tolist(),
         "inertia_wheel": craft["inertia_wheel"],
-        "q_bi": start["q_bi"], "omega": start["omega"], "h_wheel": start["h"],
+        "q_bi": start["q_bi"],
+        "omega": start["omega"],
+        "h_wheel": start["h"],
         **{k: of["wheels"][k] for k in ("viscous", "coulomb")},
         **{k: control[k] for k in ("kp", "kd", "ki")},
         "gain_matrix": np.reshape(control["gain_matrix"], (3, 3)).tolist(),
-        "laws": [], "late": False,
+        "laws": [],
+        "late": False,
         **{k: of["manager"][k] for k in ("gain", "m_limit")},
-    }  # fmt: skip
+    }
 
 
-def flown(case: dict[str, Any], steps: Sequence[float] = STEPS) -> list[dict[str, Array]]:
+def flown(
+    case: dict[str, Any], steps: Sequence[float] = STEPS
+) -> list[dict[str, Array]]:
     """The trajectories of Basilisk, a step each."""
     with tempfile.TemporaryDirectory() as folder:
         told = Path(folder) / "case.json"
@@ -126,8 +156,11 @@ def extrapolated(rows: list[Array]) -> Array:
 
 
 def apart(a: Mapping[str, Array], b: Mapping[str, Array]) -> dict[str, float]:
-    """The largest differences: attitude (rad), rate (rad/s), momentum of a wheel (N m s)."""
-    attitude = 2.0 * np.linalg.norm(a["q_bi"] - aligned(b["q_bi"], a["q_bi"]), axis=1).max()
+    """The largest differences: attitude (rad), rate (rad/s), momentum of a wheel (N m
+    s)."""
+    attitude = (
+        2.0 * np.linalg.norm(a["q_bi"] - aligned(b["q_bi"], a["q_bi"]), axis=1).max()
+    )
     return {
         "attitude": float(attitude),
         "rate": float(np.abs(a["omega"] - b["omega"]).max()),
@@ -156,16 +189,23 @@ def measured(name: str, every: int) -> tuple[dict[str, Array], dict[str, Any]]:
     )
     errors = apart(best, coarse), apart(best, fine)
     return best, {
-        "stop": case["stop"], "every": every, "seconds": round(seconds, 1),
-        "basilisk": {str(step): apart(best, f) for step, f in zip(STEPS, flights, strict=True)},
+        "stop": case["stop"],
+        "every": every,
+        "seconds": round(seconds, 1),
+        "basilisk": {
+            str(step): apart(best, f) for step, f in zip(STEPS, flights, strict=True)
+        },
         "error": {k: max(e[k] for e in errors) for k in errors[0]},
-        "desat": {str(substeps): apart(best, ours(name, substeps, every)) for substeps in INNER},
-    }  # fmt: skip
+        "desat": {
+            str(substeps): apart(best, ours(name, substeps, every))
+            for substeps in INNER
+        },
+    }
 
 
 def laws() -> tuple[dict[str, Array], dict[str, Any]]:
-    """The trajectories of our laws and of Basilisk's own in Basilisk's dynamics, and what of their
-    difference each term makes."""
+    """The trajectories of our laws and of Basilisk's own in Basilisk's dynamics, and
+    what of their difference each term makes."""
     run = desat.run(f"nadir_day/witness-{LAWS}")
     every = CASES[LAWS]
     case = case_of(run, every)
@@ -176,21 +216,29 @@ def laws() -> tuple[dict[str, Array], dict[str, Any]]:
     mine, theirs = fly(), fly(laws="modules")
     kept = {f"{LAWS}.{key}": theirs[key] for key in SERIES}
     return kept, {
-        "stop": case["stop"], "every": every, "step": STEPS[0],
-        "equations": apart(mine, {k: run.results.values(s)[::every] for k, s in SERIES.items()}),
+        "stop": case["stop"],
+        "every": every,
+        "step": STEPS[0],
+        "equations": apart(
+            mine, {k: run.results.values(s)[::every] for k, s in SERIES.items()}
+        ),
         "modules": apart(mine, theirs),
         "all_terms": apart(theirs, fly(laws=list(TERMS))),
         "without": {
-            term: apart(theirs, fly(laws=[x for x in TERMS if x != term])) for term in TERMS
+            term: apart(theirs, fly(laws=[x for x in TERMS if x != term]))
+            for term in TERMS
         },
-    }  # fmt: skip
+    }
 
 
 def late() -> dict[str, float]:
     """How far the light craft goes astray with the effectors behind the spacecraft."""
     run = desat.run("nadir_day/witness-light")
     case = case_of(run, 1)
-    (orderly,), (late,) = flown(case, STEPS[:1]), flown(case | {"late": True}, STEPS[:1])
+    (orderly,), (late,) = (
+        flown(case, STEPS[:1]),
+        flown(case | {"late": True}, STEPS[:1]),
+    )
     return apart(orderly, late)
 
 
@@ -202,16 +250,30 @@ def drawn(kept: Mapping[str, Array]) -> str:
     mine = {k: run.results.values(s)[::every] for k, s in SERIES.items()}
     theirs = {k: kept[f"{LAWS}.{k}"] for k in SERIES}
     minutes = run.results.times()[::every] / 60.0
-    flights = (mine, COLOURS[0], "desat", ()), (theirs, COLOURS[1], "Basilisk", (4.0, 3.0))
+    flights = (
+        (mine, COLOURS[0], "desat", ()),
+        (theirs, COLOURS[1], "Basilisk", (4.0, 3.0)),
+    )
     fig = Figure(9.0, 3.0)
-    for i, label in enumerate(("pointing error [deg]", "momentum of each wheel [mN m s]")):
+    for i, label in enumerate(
+        ("pointing error [deg]", "momentum of each wheel [mN m s]")
+    ):
         ax = fig.add(left=0.07 + 0.44 * i, right=0.57 - 0.44 * i, top=0.06, bottom=0.17)
         ax.x.label, ax.y.label, ax.y.log = "time [min]", label, i == 0
         for flight, colour, who, dash in flights:
-            y = 1e3 * flight["h"] if i else pointing(flight["q_bi"][: len(wanted)], wanted)[:, None]
+            y = (
+                1e3 * flight["h"]
+                if i
+                else pointing(flight["q_bi"][: len(wanted)], wanted)[:, None]
+            )
             for k, column in enumerate(y.T):
-                ax.plot(minutes[: len(column)], column, colour, label=who if i and not k else "",
-                        dash=dash)  # fmt: skip
+                ax.plot(
+                    minutes[: len(column)],
+                    column,
+                    colour,
+                    label=who if i and not k else "",
+                    dash=dash,
+                )
     return fig.svg()
 
 
@@ -219,20 +281,26 @@ def page(told: Mapping[str, Any]) -> str:
     """docs/witness.md of what is stored."""
     about, laws, orbit = told["about"], told["laws"], told["orbits"]
     exact = [
-        f"| `{name}` | {c['stop']:g} s | " + " | ".join(
+        f"| `{name}` | {c['stop']:g} s | "
+        + " | ".join(
             f"{c['desat'][str(n)]['attitude']:.1e}, {c['desat'][str(n)]['momentum']:.1e}"
             for n in INNER
-        ) + f" | {c['error']['attitude']:.1e}, {c['error']['momentum']:.1e}"
+        )
+        + f" | {c['error']['attitude']:.1e}, {c['error']['momentum']:.1e}"
         f" | {c['basilisk'][str(STEPS[0])]['attitude']:.1e} |"
         for name, c in told["cases"].items()
-    ]  # fmt: skip
+    ]
     terms = [
         f"| {text} | {left['attitude']:.1e} | {left['momentum']:.1e} |"
-        for text, left in ((text, laws["without"][term]) for term, text in TERMS.items())
+        for text, left in (
+            (text, laws["without"][term]) for term, text in TERMS.items()
+        )
     ]
     orbits = [
         f"| {o['altitude'] / 1e3:.0f} km, {np.degrees(o['inclination']):.1f} deg | "
-        + " | ".join(f"{o['distance'][f]:,.0f}" for f in ("tesserals", "sun", "moon", "all"))
+        + " | ".join(
+            f"{o['distance'][f]:,.0f}" for f in ("tesserals", "sun", "moon", "all")
+        )
         + f" | {1e9 * o['field']:.0f} nT, {100 * o['field_share']:.2f} % "
         f"| {np.degrees(o['nadir']):.3f} "
         f"| {o['by_node'][0] / 1e3:.1f} to {o['by_node'][1] / 1e3:.1f} km |"
@@ -240,12 +308,21 @@ def page(told: Mapping[str, Any]) -> str:
     ]
     most = max(c["desat"]["64"]["attitude"] for c in told["cases"].values())
     return PAGE.format(
-        date=about["date"], basilisk=about["basilisk"], desat=about["desat"],
-        most=most, steps=", ".join(map(str, STEPS)), exact="\n".join(exact),
-        late=told["late"]["attitude"], late_step=STEPS[0],
-        modules=laws["modules"], all_terms=laws["all_terms"], equations=laws["equations"],
-        terms="\n".join(terms), laws_step=laws["step"], orbits="\n".join(orbits),
-    )  # fmt: skip
+        date=about["date"],
+        basilisk=about["basilisk"],
+        desat=about["desat"],
+        most=most,
+        steps=", ".join(map(str, STEPS)),
+        exact="\n".join(exact),
+        late=told["late"]["attitude"],
+        late_step=STEPS[0],
+        modules=laws["modules"],
+        all_terms=laws["all_terms"],
+        equations=laws["equations"],
+        terms="\n".join(terms),
+        laws_step=laws["step"],
+        orbits="\n".join(orbits),
+    )
 
 
 PAGE = """# Independent verification against Basilisk
@@ -311,7 +388,9 @@ def main() -> int:
     parser.add_argument("--write", action="store_true", help="replace what is stored")
     given = parser.parse_args()
     if not BASILISK.exists():
-        print("Basilisk is not installed here (make .venv-basilisk/.tried): nothing was compared")
+        print(
+            "Basilisk is not installed here (make .venv-basilisk/.tried): nothing was compared"
+        )
         return 1
     rows: dict[str, Array] = {}
     cases: dict[str, Any] = {}
@@ -321,11 +400,17 @@ def main() -> int:
     kept, of_laws = laws()
     rows |= kept
     told = {
-        "about": {"date": datetime.now(UTC).date().isoformat(), "basilisk": "2.12.1",
-                  "desat": version("desat"), "steps": STEPS},
-        "cases": cases, "laws": of_laws, "late": late(),
+        "about": {
+            "date": datetime.now(UTC).date().isoformat(),
+            "basilisk": "2.12.1",
+            "desat": version("desat"),
+            "steps": STEPS,
+        },
+        "cases": cases,
+        "laws": of_laws,
+        "late": late(),
         "orbits": [of_a_day(*o) for o in ORBITS],
-    }  # fmt: skip
+    }
     beyond = []
     if STORED.exists():
         before = json.loads(TOLD.read_text(encoding="utf-8"))["cases"]
@@ -336,8 +421,10 @@ def main() -> int:
                     apart(a, b),
                     {k: e + before[name]["error"][k] for k, e in case["error"].items()},
                 )
-                print(f"{name}: from what is stored by {moved['attitude']:.1e} rad, "
-                      f"{moved['momentum']:.1e} N m s")  # fmt: skip
+                print(
+                    f"{name}: from what is stored by {moved['attitude']:.1e} rad, "
+                    f"{moved['momentum']:.1e} N m s"
+                )
                 beyond += [name for k in moved if moved[k] > most[k]]
     if given.write or not STORED.exists():
         np.savez_compressed(STORED, **rows)  # type: ignore[arg-type]
@@ -345,7 +432,9 @@ def main() -> int:
         DOCS.with_suffix(".svg").write_text(drawn(rows), encoding="utf-8")
         DOCS.write_text(page(told), encoding="utf-8")
     elif beyond:
-        print(f"further from what is stored than both may err: {', '.join(sorted(set(beyond)))}")
+        print(
+            f"further from what is stored than both may err: {', '.join(sorted(set(beyond)))}"
+        )
         return 1
     return 0
 

@@ -1,4 +1,5 @@
-"""docs/your-craft.md: three crafts from the first command to the answer, by the commands.
+"""docs/your-craft.md: three crafts from the first command to the answer, by the
+commands.
 
 python -m benchmarks.your_craft
 """
@@ -31,28 +32,54 @@ CRAFTS = {
         "A CubeSat of 12 units",
         "--altitude 400km --inclination 51.6deg --size 12U --wheels '4 pyramid 30mNms' --rods 0.2 "
         "--residual-dipole 0.05",
-        [["size", "my12u"], ["run", "my12u"], ["run", "my12u/worst.toml"],
-         ["run", "my12u/detumbling.toml"], ["compare", "my12u", "--laws", "all"],
-         ["tune", "my12u", "manager.gain", "--for", "sum_rms", "--stop", "12000"],
-         ["campaign", "my12u", "-n", "200", "--stop", "6000"]],
+        [
+            ["size", "my12u"],
+            ["run", "my12u"],
+            ["run", "my12u/worst.toml"],
+            ["run", "my12u/detumbling.toml"],
+            ["compare", "my12u", "--laws", "all"],
+            ["tune", "my12u", "manager.gain", "--for", "sum_rms", "--stop", "12000"],
+            ["campaign", "my12u", "-n", "200", "--stop", "6000"],
+        ],
     ),
     "geo": (
         "A geostationary craft with thrusters",
         "--orbit geo --mass 2500kg --box 2.5,2.5,3 --wheels '4 pyramid 50Nms' --rods none "
         "--thrusters '4 10N' --dump 'thrusters 70:10' --panel '13m2 1.35m' --propellant 15kg",
-        [["size", "geo"], ["run", "geo"], ["run", "geo/worst.toml"],
-         ["campaign", "geo", "-n", "200", "--stop", "1728000"]],
+        [
+            ["size", "geo"],
+            ["run", "geo"],
+            ["run", "geo/worst.toml"],
+            ["campaign", "geo", "-n", "200", "--stop", "1728000"],
+        ],
     ),
     "sun6u": (
         "A CubeSat of 6 units that points to the Sun",
         "--sso 550km --ltan 10:30 --size 6U --pointing sun",
-        [["size", "sun6u"], ["run", "sun6u"], ["run", "sun6u/worst.toml"],
-         ["run", "sun6u/detumbling.toml"], ["compare", "sun6u", "--laws", "all"]],
+        [
+            ["size", "sun6u"],
+            ["run", "sun6u"],
+            ["run", "sun6u/worst.toml"],
+            ["run", "sun6u/detumbling.toml"],
+            ["compare", "sun6u", "--laws", "all"],
+        ],
     ),
-}  # fmt: skip
-NUMBERS = ("pointing", "pointing_largest", "largest_momentum", "largest_speed", "final_momentum",
-           "detumbled", "last_rate", "coil_duty", "first_dump", "between_dumps", "dump_momentum",
-           "dumps_a_week", "propellant_a_year")  # fmt: skip
+}
+NUMBERS = (
+    "pointing",
+    "pointing_largest",
+    "largest_momentum",
+    "largest_speed",
+    "final_momentum",
+    "detumbled",
+    "last_rate",
+    "coil_duty",
+    "first_dump",
+    "between_dumps",
+    "dump_momentum",
+    "dumps_a_week",
+    "propellant_a_year",
+)
 HEAD = """# Your craft
 
 Three crafts of one's own, from the first command to the answer: every number is of the commands as
@@ -63,11 +90,17 @@ yours to change.
 
 
 def ran(command: list[str], folder: Path) -> tuple[str, float]:
-    """What a command prints, and its CPU seconds. Raises SystemExit where it cannot run."""
+    """What a command prints, and its CPU seconds. Raises SystemExit where it cannot
+    run."""
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
-    done = subprocess.run([sys.executable, "-m", "desat.cli", *command], cwd=folder, text=True,
-                          capture_output=True, check=False,
-                          env={**os.environ, "COLUMNS": "100"})  # fmt: skip
+    done = subprocess.run(
+        [sys.executable, "-m", "desat.cli", *command],
+        cwd=folder,
+        text=True,
+        capture_output=True,
+        check=False,
+        env={**os.environ, "COLUMNS": "100"},
+    )
     if done.returncode > 1:
         raise SystemExit(f"{shlex.join(command)}: {done.stderr[-2000:]}")
     after = resource.getrusage(resource.RUSAGE_CHILDREN)
@@ -80,15 +113,22 @@ def told(command: list[str], text: str, folder: Path) -> str:
     if command[0] == "size":
         return text.partition("\n\n")[0]
     if command[0] in ("compare", "tune"):
-        return "\n".join(x.rstrip() for x in text.splitlines() if not x.startswith("page: "))
+        return "\n".join(
+            x.rstrip() for x in text.splitlines() if not x.startswith("page: ")
+        )
     if command[0] == "campaign":
         lines = [x for x in text.splitlines() if x and not x.startswith("runs/")]
         return "\n".join(lines)
     name = command[1].removesuffix(".toml").replace("/", "-")
-    manifest = json.loads((folder / "runs" / name / "manifest.json").read_text(encoding="utf-8"))
+    manifest = json.loads(
+        (folder / "runs" / name / "manifest.json").read_text(encoding="utf-8")
+    )
     rows: dict[str, Any] = manifest["numbers"]
-    return "\n".join(f"{rows[n]['title']}: {rows[n]['value']:.4g} {rows[n]['unit']}"
-                     for n in NUMBERS if n in rows and rows[n]["value"] is not None)  # fmt: skip
+    return "\n".join(
+        f"{rows[n]['title']}: {rows[n]['value']:.4g} {rows[n]['unit']}"
+        for n in NUMBERS
+        if n in rows and rows[n]["value"] is not None
+    )
 
 
 def drawn(name: str, folder: Path, plot: str) -> str:
@@ -101,17 +141,23 @@ def drawn(name: str, folder: Path, plot: str) -> str:
 
 
 def with_and_without(craft: Path) -> str:
-    """The momentum of the wheels together over a day, managed and not, and one wheel's capacity, as
-    SVG."""
+    """The momentum of the wheels together over a day, managed and not, and one wheel's
+    capacity, as SVG."""
     fig, ax = figure(2.8)
-    for on, label, colour in ((False, "nothing takes it out", COLOURS[1]),
-                              (True, "coils take it out", COLOURS[0])):  # fmt: skip
+    for on, label, colour in (
+        (False, "nothing takes it out", COLOURS[1]),
+        (True, "coils take it out", COLOURS[0]),
+    ):
         run = desat.run(str(craft), {"manager.enable": on}).or_raise(str(craft))
         axes = np.reshape(run.manifest.values_of("wheels")["axes_wheel"], (3, 4))
         size = np.linalg.norm(run.results.values("wheels.h_wheel") @ axes.T, axis=1)
         hours = run.results.times()[: len(size)] / 3600.0
         ax.plot(hours, 1e3 * size, colour, width=1.5, label=label)
-    ax.x.label, ax.y.label, ax.y.low = "time [h]", "momentum of the\nwheels [mN m s]", 0.0
+    ax.x.label, ax.y.label, ax.y.low = (
+        "time [h]",
+        "momentum of the\nwheels [mN m s]",
+        0.0,
+    )
     return fig.svg()
 
 
@@ -126,14 +172,27 @@ def main() -> int:
             for command in every:
                 out, cpu = ran(command, folder)
                 whole += cpu
-                answer = out.splitlines()[0] if command is first else told(command, out, folder)
-                line = f"new craft {name} {options}" if command is first else shlex.join(command)
+                answer = (
+                    out.splitlines()[0]
+                    if command is first
+                    else told(command, out, folder)
+                )
+                line = (
+                    f"new craft {name} {options}"
+                    if command is first
+                    else shlex.join(command)
+                )
                 parts.append(f"    desat {line}\n\n```text\n{answer}\n```\n")
                 if command == ["run", "my12u"]:
                     picture = with_and_without(folder / name)
-                    (DOCS / "with-and-without.svg").write_text(picture, encoding="utf-8")
+                    (DOCS / "with-and-without.svg").write_text(
+                        picture, encoding="utf-8"
+                    )
                 if command == ["run", name]:
-                    for plot in ("momentum", "dipole" if "--rods none" not in options else "speed"):
+                    for plot in (
+                        "momentum",
+                        "dipole" if "--rods none" not in options else "speed",
+                    ):
                         file = DOCS / f"your-craft-{name}-{plot}.svg"
                         file.write_text(drawn(name, folder, plot), encoding="utf-8")
                         parts.append(f"![{plot} over the run]({file.name})\n")

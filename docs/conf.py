@@ -18,7 +18,9 @@ html_title = "desat"
 html_static_path = ["_static"]
 html_css_files = ["site.css"]
 live = Path(__file__).parents[1] / "build" / "live" / "page"
-html_extra_path = [str(live)] if live.is_dir() else []  # the loop of the first page, by `make site`
+html_extra_path = (
+    [str(live)] if live.is_dir() else []
+)  # the loop of the first page, by `make site`
 html_show_sphinx = html_show_copyright = html_copy_source = False
 myst_enable_extensions = ["dollarmath"]
 myst_heading_anchors = 4

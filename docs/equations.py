@@ -5,16 +5,45 @@ from __future__ import annotations
 import re
 
 GREEK = {
-    "alpha", "beta", "gamma", "delta", "epsilon", "theta", "lambda", "mu", "nu", "xi", "pi", "rho",
-    "sigma", "tau", "phi", "psi", "omega", "Omega", "Gamma", "Delta",
-}  # fmt: skip
+    "alpha",
+    "beta",
+    "gamma",
+    "delta",
+    "epsilon",
+    "theta",
+    "lambda",
+    "mu",
+    "nu",
+    "xi",
+    "pi",
+    "rho",
+    "sigma",
+    "tau",
+    "phi",
+    "psi",
+    "omega",
+    "Omega",
+    "Gamma",
+    "Delta",
+}
 FUNCTIONS = ("exp", "sin", "cos", "tan", "tanh", "min", "max", "det")
 OPERATORS = ("atan2", "clip", "unit", "sgn", "sign", "diag", "friction", "mean")
 SIGNS = {
-    "=": "=", "<=": r"\le", ">=": r"\ge", "<": "<", ">": ">", "+": "+", "-": "-", "+-": r"\pm",
-    "-+": r"\mp", "+=": r"\mathrel{+}=", "<-": r"\leftarrow", ",": r",\;", ";": r";\;",
+    "=": "=",
+    "<=": r"\le",
+    ">=": r"\ge",
+    "<": "<",
+    ">": ">",
+    "+": "+",
+    "-": "-",
+    "+-": r"\pm",
+    "-+": r"\mp",
+    "+=": r"\mathrel{+}=",
+    "<-": r"\leftarrow",
+    ",": r",\;",
+    ";": r";\;",
     "in": r"\in",
-}  # fmt: skip
+}
 TOKEN = re.compile(
     r"(?P<space> +)|(?P<kron>\(x\))|(?P<tight>/(?! ))|(?P<sign><=|>=|\+=|<-|\+-|-\+|[=<>+\-,;])"
     r"|(?P<code>`\w+`)|(?P<words>on-time)"
@@ -34,7 +63,8 @@ class NoEquationError(ValueError):
 
 
 def block(lines: list[str]) -> str | None:
-    """The LaTeX of an indented block, a row each statement; None where a line does not parse."""
+    """The LaTeX of an indented block, a row each statement; None where a line does not
+    parse."""
     rows = []
     try:
         for line in lines:
@@ -52,13 +82,17 @@ def _rows(line: str) -> list[str]:
     label = LABEL.match(line)
     head = rf"\text{{{_text(label[1])}:}}\quad " if label else ""
     rows = []
-    for part in re.split(r"[,;]?  +(?=[^\s(=])", line[label.end() :] if label else line):
+    for part in re.split(
+        r"[,;]?  +(?=[^\s(=])", line[label.end() :] if label else line
+    ):
         words = WORDS.search(part)
         left = part[: words.start()] if words else part
         row = r"\quad " if depth or part.startswith(("+ ", "- ")) else ""
         row += _Parser(left).whole()
         if words:
-            row += (r"\quad " if left.strip() else "") + rf"\text{{{_text(words[0].strip(' ,'))}}}"
+            row += (
+                r"\quad " if left.strip() else ""
+            ) + rf"\text{{{_text(words[0].strip(' ,'))}}}"
         rows.append(r"\displaystyle " + head + row)
         head = ""
     return rows
@@ -70,8 +104,9 @@ def _text(words: str) -> str:
 
 
 class _Parser:
-    """Recursive descent: what stands before a spaced `/` within a term is its numerator, one factor
-    after it the denominator; `/` without spaces binds its two neighbours alone."""
+    """Recursive descent: what stands before a spaced `/` within a term is its
+    numerator, one factor after it the denominator; `/` without spaces binds its two
+    neighbours alone."""
 
     def __init__(self, text: str) -> None:
         self.tokens: list[tuple[str, str]] = []
@@ -108,7 +143,9 @@ class _Parser:
         made: list[str] = []
         while True:
             kind, text = self.peek(skip=True)
-            if kind in ("end", "close") or (kind == "bar" and self.bars and self._closes()):
+            if kind in ("end", "close") or (
+                kind == "bar" and self.bars and self._closes()
+            ):
                 while self.peek()[0] == "space":
                     self.at += 1
                 return " ".join(made)
@@ -155,7 +192,9 @@ class _Parser:
     def _is_cross(self) -> bool:
         """An `x` between two factors, or at a bracket's end, is the cross product."""
         after = [kind for kind, _ in self.tokens[self.at + 1 : self.at + 3]]
-        return after[:1] == ["close"] or (after[:1] == ["space"] and after[1:] != ["sign"])
+        return after[:1] == ["close"] or (
+            after[:1] == ["space"] and after[1:] != ["sign"]
+        )
 
     def tight(self) -> str:
         made = self.factor()
@@ -202,7 +241,9 @@ class _Parser:
             elif text == "_":
                 self.take()
                 sub = self.factor()
-                made += "_{" + (r"\perp" if sub == r"\mathrm{perp}" else _bare(sub)) + "}"
+                made += (
+                    "_{" + (r"\perp" if sub == r"\mathrm{perp}" else _bare(sub)) + "}"
+                )
             else:
                 return made
 
@@ -282,7 +323,8 @@ def _sub(text: str) -> str:
 
 
 def name(text: str) -> str:
-    """A variable: letters and Greek with subscripts, words upright as the variable's own name."""
+    """A variable: letters and Greek with subscripts, words upright as the variable's
+    own name."""
     base, _, sub = text.partition("_")
     digits = re.fullmatch(r"([A-Za-z]|[a-z]{2})(\d+)", base)
     if digits:

@@ -1,4 +1,5 @@
-"""The pages of the site that are made of the code: blocks, commands, and files beside docs/."""
+"""The pages of the site that are made of the code: blocks, commands, and files beside
+docs/."""
 
 from __future__ import annotations
 
@@ -26,8 +27,11 @@ BESIDE = {"CONTRIBUTING.md": "contributing.md", "CHANGELOG.md": "changelog.md"}
 
 def link(app: Any, page: str, source: list[str]) -> None:
     """Links to what is made here, in a page that names the file of the repository."""
-    source[0] = re.sub(r"\]\(\.\./((?:\.\./)*)fmus/interfaces\.md", rf"](\1{FOLDER}/blocks.md",
-                       source[0])  # fmt: skip
+    source[0] = re.sub(
+        r"\]\(\.\./((?:\.\./)*)fmus/interfaces\.md",
+        rf"](\1{FOLDER}/blocks.md",
+        source[0],
+    )
 
 
 def write(docs: Path) -> None:
@@ -53,24 +57,51 @@ def write(docs: Path) -> None:
 def _table(heads: list[str], rows: list[list[str]]) -> str:
     """A table, without the columns that are empty throughout."""
     full = [i for i in range(len(heads)) if any(row[i] for row in rows)]
-    lines = [[heads[i] for i in full], ["---"] * len(full), *([r[i] for i in full] for r in rows)]
-    return "\n".join("| " + " | ".join(x.replace("|", "\\|") for x in r) + " |" for r in lines)
+    lines = [
+        [heads[i] for i in full],
+        ["---"] * len(full),
+        *([r[i] for i in full] for r in rows),
+    ]
+    return "\n".join(
+        "| " + " | ".join(x.replace("|", "\\|") for x in r) + " |" for r in lines
+    )
 
 
 def _blocks() -> str:
     rows = explain.blocks(None)[1]
     found, roles = {row["role"] for row in rows}, role_classes()
-    lines = ["# Blocks", "", "Each block is an FMU: a file of `components/blocks/`, of which "
-             "`make fmus` builds one of Python and one of C. Its page has the text, the equations "
-             "and the variables that `desat help blocks NAME` prints. All blocks of a role have "
-             "the role's connectors, so that one can stand for another.", ""]  # fmt: skip
+    lines = [
+        "# Blocks",
+        "",
+        "Each block is an FMU: a file of `components/blocks/`, of which "
+        "`make fmus` builds one of Python and one of C. Its page has the text, the equations "
+        "and the variables that `desat help blocks NAME` prints. All blocks of a role have "
+        "the role's connectors, so that one can stand for another.",
+        "",
+    ]
     for role in [*(r for r in roles if r in found), *sorted(found - set(roles))]:
-        of = [[f"[`{r['block']}`](blocks/{r['block']}.md)", r["title"]]
-              for r in rows if r["role"] == role]  # fmt: skip
+        of = [
+            [f"[`{r['block']}`](blocks/{r['block']}.md)", r["title"]]
+            for r in rows
+            if r["role"] == role
+        ]
         said = roles[role].role_title if role in roles else ""
-        lines += [f"## {said or role}", "", f"Role `{role}`.", "", _table(["block", ""], of), ""]
-    lines += ["```{toctree}", ":hidden:", "", *(f"{n} <blocks/{n}>" for n in registry.names()),
-              "```", ""]  # fmt: skip
+        lines += [
+            f"## {said or role}",
+            "",
+            f"Role `{role}`.",
+            "",
+            _table(["block", ""], of),
+            "",
+        ]
+    lines += [
+        "```{toctree}",
+        ":hidden:",
+        "",
+        *(f"{n} <blocks/{n}>" for n in registry.names()),
+        "```",
+        "",
+    ]
     return "\n".join(lines)
 
 
@@ -79,15 +110,40 @@ def _block(name: str) -> str:
     block = registry.block_class(name)
     said = inspect.getdoc(block) or name
     title, _, body = said.partition("\n")
-    lines = [f"# {title}", "", f"Block `{name}`, role `{block.role}` "
-             f"([all blocks](../blocks.md)).", "", _body(body)]  # fmt: skip
+    lines = [
+        f"# {title}",
+        "",
+        f"Block `{name}`, role `{block.role}` ([all blocks](../blocks.md)).",
+        "",
+        _body(body),
+    ]
     if laws := text.removeprefix(said).strip():
         lines += ["## Where it fits", "", *(f"- {x}" for x in laws.splitlines()), ""]
-    heads = ["name", "meaning", "unit", "size", "start", "allowed", "usually", "needed by"]
-    for kind, says in (("parameter", "Parameters"), ("input", "Inputs"), ("output", "Outputs")):
+    heads = [
+        "name",
+        "meaning",
+        "unit",
+        "size",
+        "start",
+        "allowed",
+        "usually",
+        "needed by",
+    ]
+    for kind, says in (
+        ("parameter", "Parameters"),
+        ("input", "Inputs"),
+        ("output", "Outputs"),
+    ):
         of = [_variable(row) for row in rows if row["kind"] == kind]
         if of:
-            lines += [f"## {says}", "", "```{container} wide", _table(heads, of), "```", ""]
+            lines += [
+                f"## {says}",
+                "",
+                "```{container} wide",
+                _table(heads, of),
+                "```",
+                "",
+            ]
     return "\n".join(lines)
 
 
@@ -96,14 +152,26 @@ def _variable(row: dict[str, str]) -> list[str]:
     needed = ", ".join(f"`{x}`" for x in row["needed by"].split(", ") if x)
     unit = "" if row["unit"] == "1" else row["unit"]
     usually = f"`{row['usually']}`" if row["usually"] else ""
-    return [f"`{plain}`", _escaped(row["meaning"]), unit, size.rstrip(")"), _start(row["start"]),
-            row["allowed"], usually, needed]  # fmt: skip
+    return [
+        f"`{plain}`",
+        _escaped(row["meaning"]),
+        unit,
+        size.rstrip(")"),
+        _start(row["start"]),
+        row["allowed"],
+        usually,
+        needed,
+    ]
 
 
 def _start(text: str) -> str:
     """A start value as short as it can be."""
     short = re.sub(r"\d+\.\d{7,}", lambda x: f"{float(x[0]):.6g}", text)
-    return re.sub(r"\.0\b(?!e)", "", short).replace("True", "true").replace("False", "false")
+    return (
+        re.sub(r"\.0\b(?!e)", "", short)
+        .replace("True", "true")
+        .replace("False", "false")
+    )
 
 
 def _body(text: str) -> str:
@@ -123,14 +191,21 @@ def _body(text: str) -> str:
 def _escaped(text: str) -> str:
     """Plain text whose signs are no Markdown, but for code and bold."""
     parts = re.split(r"(`[^`]*`|\*\*)", text)
-    return "".join(p if i % 2 else re.sub(r"([<\[\]*_$|])", r"\\\1", p)
-                   for i, p in enumerate(parts))  # fmt: skip
+    return "".join(
+        p if i % 2 else re.sub(r"([<\[\]*_$|])", r"\\\1", p)
+        for i, p in enumerate(parts)
+    )
 
 
 def _commands() -> str:
-    lines = ["# Commands", "", "Made from the commands themselves: the same text as "
-             "`desat COMMAND --help`. What each is for: [reference](../reference.md#commands); "
-             "exit codes: [reference](../reference.md#exit-codes-and-checks).", ""]  # fmt: skip
+    lines = [
+        "# Commands",
+        "",
+        "Made from the commands themselves: the same text as "
+        "`desat COMMAND --help`. What each is for: [reference](../reference.md#commands); "
+        "exit codes: [reference](../reference.md#exit-codes-and-checks).",
+        "",
+    ]
     root = get_command(app_for([]))
     assert isinstance(root, TyperGroup)
     for words, command in _walk(["desat"], root):
@@ -138,10 +213,18 @@ def _commands() -> str:
             continue
         context = typer.Context(command, info_name=" ".join(words))
         usage = " ".join([*words, *command.collect_usage_pieces(context)])
-        lines += [f"## {' '.join(words)}", "", f"    {usage}", "",
-                  _escaped(inspect.cleandoc(command.help or "")), ""]  # fmt: skip
+        lines += [
+            f"## {' '.join(words)}",
+            "",
+            f"    {usage}",
+            "",
+            _escaped(inspect.cleandoc(command.help or "")),
+            "",
+        ]
         told = [p.get_help_record(context) for p in command.params if not p.hidden]
-        if rows := [[f"`{names}`", _escaped(what)] for names, what in filter(None, told)]:
+        if rows := [
+            [f"`{names}`", _escaped(what)] for names, what in filter(None, told)
+        ]:
             lines += ["```{container} wide", _table(["", ""], rows), "```", ""]
     return "\n".join(lines)
 

@@ -1,7 +1,8 @@
-"""A block's C alone, without FMI: a header with its struct, and a C99 file without heap and text.
+"""A block's C alone, without FMI: a header with its struct, and a C99 file without heap
+and text.
 
-What an FMU has of it in `sources/` is put into one file: Python's arithmetic of block.h and
-runtime.c, the block, and three functions around it.
+What an FMU has of it in `sources/` is put into one file: Python's arithmetic of block.h
+and runtime.c, the block, and three functions around it.
 """
 
 from __future__ import annotations
@@ -18,8 +19,16 @@ from textwrap import fill
 
 FAILURES = Path(__file__).with_name("alone.c")
 FLAGS = ("-std=c99", "-O2", "-ffp-contract=off")
-KINDS = ("BLOCK_ERROR", "VALUE_ERROR", "ZERO_DIVISION", "OVERFLOW", "INDEX_ERROR", "TYPE_ERROR",
-         "RUNTIME_ERROR", "STOP_ITERATION")  # fmt: skip
+KINDS = (
+    "BLOCK_ERROR",
+    "VALUE_ERROR",
+    "ZERO_DIVISION",
+    "OVERFLOW",
+    "INDEX_ERROR",
+    "TYPE_ERROR",
+    "RUNTIME_ERROR",
+    "STOP_ITERATION",
+)
 _TYPE = re.compile(r"^typedef (struct \{.*\}) desat_(\w+);$", re.M)
 _VARIABLE = re.compile(
     r"^    \{\"(.*?)\", (offsetof\(.*?), '([RIB])', '([iop])', (.*?), (.*?), \"", re.M
@@ -31,9 +40,10 @@ _PROTOTYPE = re.compile(r"^(?! )(?=(?:double|int64_t) \w+\()", re.M)
 
 @dataclass(frozen=True)
 class Size:
-    """What a compiler makes of a block alone: bytes of its struct, of code and constants, of static
-    memory, and of the stack of the deepest of its functions, without those of libm; None: that
-    calls itself, or what tells it is not there (`size` of the compiler's, a gcc for the stack)."""
+    """What a compiler makes of a block alone: bytes of its struct, of code and
+    constants, of static memory, and of the stack of the deepest of its functions,
+    without those of libm; None: that calls itself, or what tells it is not there
+    (`size` of the compiler's, a gcc for the stack)."""
 
     compiler: str
     struct: int | None
@@ -46,18 +56,25 @@ class Size:
             "not known" if x is None else f"{x:,} bytes"
             for x in (self.struct, self.code, self.static, self.stack)
         )
-        return (f"{self.compiler}: struct {struct}, code and constants {code}, static memory "
-                f"{static}, stack without libm's {stack}")  # fmt: skip
+        return (
+            f"{self.compiler}: struct {struct}, code and constants {code}, static memory "
+            f"{static}, stack without libm's {stack}"
+        )
 
 
-def alone(fmu: Path, compilers: Sequence[Sequence[str]] = ()) -> tuple[dict[str, str], list[Size]]:
-    """The files NAME.h and NAME.c of a native FMU's block by their names, and what each compiler
-    makes of them, which stands in the header. Raises RuntimeError where one does not compile them.
+def alone(
+    fmu: Path, compilers: Sequence[Sequence[str]] = ()
+) -> tuple[dict[str, str], list[Size]]:
+    """The files NAME.h and NAME.c of a native FMU's block by their names, and what each
+    compiler makes of them, which stands in the header. Raises RuntimeError where one
+    does not compile them.
     """
     name = fmu.stem
     with zipfile.ZipFile(fmu) as archive:
-        files = {n: archive.read(f"sources/{n}").decode()
-                 for n in (f"{name}.c", "block.h", "runtime.c")}  # fmt: skip
+        files = {
+            n: archive.read(f"sources/{n}").decode()
+            for n in (f"{name}.c", "block.h", "runtime.c")
+        }
     code, _, table = files[f"{name}.c"].partition(_AT_START)
     struct = re.search(r"^struct desat_block \{.*?^\};\n", code, re.M | re.S)
     assert struct is not None
@@ -72,9 +89,12 @@ def alone(fmu: Path, compilers: Sequence[Sequence[str]] = ()) -> tuple[dict[str,
 
 
 def _header(
-    name: str, about: str, struct: str, types: list[tuple[str, str]],
+    name: str,
+    about: str,
+    struct: str,
+    types: list[tuple[str, str]],
     variables: list[tuple[str, str, str, str, str, str]],
-) -> str:  # fmt: skip
+) -> str:
     def renamed(text: str) -> str:
         for _, of in types:
             text = re.sub(rf"\bdesat_{of}\b", f"{name}_{of}", text)
@@ -85,10 +105,15 @@ def _header(
     for element, _, _, causality, _, _ in variables:
         of[causality][element.partition("[")[0]] = None
     listed = "\n".join(
-        fill(f"{words[c]}: {', '.join(names)}", 96, initial_indent=" " * 3,
-             subsequent_indent=" " * 6)
-        for c, names in of.items() if names
-    )  # fmt: skip
+        fill(
+            f"{words[c]}: {', '.join(names)}",
+            96,
+            initial_indent=" " * 3,
+            subsequent_indent=" " * 6,
+        )
+        for c, names in of.items()
+        if names
+    )
     guard, upper = f"{name.upper()}_H", name.upper()
     kinds = ", ".join(f"{upper}_{kind}" for kind in KINDS)
     return f"""{about.rstrip().removesuffix("*/").rstrip()}
@@ -130,16 +155,24 @@ int {name}_step({name} *self, double t, double dt);
 def _source(name: str, files: dict[str, str], code: str, table: str) -> str:
     upper = name.upper()
     header = files["block.h"]
-    inline = "static inline double py_sqrt" + header.partition("static inline double py_sqrt")[2]
+    inline = (
+        "static inline double py_sqrt"
+        + header.partition("static inline double py_sqrt")[2]
+    )
     inline = inline.partition("/* --- what a block is")[0]
-    early = [line for line in header.splitlines()
-             if re.match(r"(?:double|int64_t) py_\w+\(", line)]  # fmt: skip
+    early = [
+        line
+        for line in header.splitlines()
+        if re.match(r"(?:double|int64_t) py_\w+\(", line)
+    ]
     inline = "\n".join(line for line in inline.splitlines() if line not in early)
     floats = files["runtime.c"].partition("/* --- floats ---")[2].partition("\n")[2]
     body = code.partition('#include "block.h"')[2].replace(
         "typedef struct desat_block desat_block;", ""
     )
-    aliases = "".join(f"typedef {name}_{of} desat_{of};\n" for _, of in _TYPE.findall(code))
+    aliases = "".join(
+        f"typedef {name}_{of} desat_{of};\n" for _, of in _TYPE.findall(code)
+    )
     body = _TYPE.sub("", body)
     start = table.partition("static const block_variable")[0]
     bounded = [
@@ -244,7 +277,7 @@ int {name}_step({name} *self, double t, double dt)
 """
 
 
-# --- what a compiler makes of it ------------------------------------------------------------------
+# --- what a compiler makes of it ------------------------------------------------------
 
 
 def measured(name: str, files: dict[str, str], compiler: Sequence[str]) -> Size:
@@ -255,19 +288,31 @@ def measured(name: str, files: dict[str, str], compiler: Sequence[str]) -> Size:
             (folder / file).write_text(text, encoding="utf-8")
         probe = f'#include "{name}.h"\nchar size_of[sizeof({name})];\n'
         (folder / "probe.c").write_text(probe, encoding="utf-8")
-        graph = [] if _run([*compiler, "-fcallgraph-info=su", "-c", "probe.c"], folder)[0] else [
-            "-fcallgraph-info=su"
-        ]  # fmt: skip
+        graph = (
+            []
+            if _run([*compiler, "-fcallgraph-info=su", "-c", "probe.c"], folder)[0]
+            else ["-fcallgraph-info=su"]
+        )
         for file in ("probe", name):
             failed, said = _run([*compiler, *FLAGS, *graph, "-c", f"{file}.c"], folder)
             if failed:
                 raise RuntimeError(f"{shlex.join(compiler)}: {said.strip()[:600]}")
-        printed = _run([*compiler, "-print-prog-name=size"], folder)[1].strip() or "size"
-        probed, made = (_run([printed, f"{file}.o"], folder)[1].split() for file in ("probe", name))
+        printed = (
+            _run([*compiler, "-print-prog-name=size"], folder)[1].strip() or "size"
+        )
+        probed, made = (
+            _run([printed, f"{file}.o"], folder)[1].split() for file in ("probe", name)
+        )
         struct = code = static = None
-        if len(probed) > 8 and len(made) > 8:  # after the words of its head: text, data, bss
+        if (
+            len(probed) > 8 and len(made) > 8
+        ):  # after the words of its head: text, data, bss
             read_only, data, zeroed = map(int, made[6:9])
-            struct, code, static = int(probed[7]) + int(probed[8]), read_only + data, data + zeroed
+            struct, code, static = (
+                int(probed[7]) + int(probed[8]),
+                read_only + data,
+                data + zeroed,
+            )
         version = _run([*compiler, "--version"], folder)[1].splitlines()
         shown = " ".join([version[0] if version else compiler[0], *compiler[1:]])
         stack = _deepest((folder / f"{name}.ci").read_text()) if graph else None
@@ -276,15 +321,17 @@ def measured(name: str, files: dict[str, str], compiler: Sequence[str]) -> Size:
 
 def _run(command: Sequence[str], folder: Path) -> tuple[int, str]:
     try:
-        done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+        done = subprocess.run(
+            command, cwd=folder, capture_output=True, text=True, check=False
+        )
     except OSError as error:
         return 1, str(error)
     return done.returncode, done.stdout or done.stderr
 
 
 def _deepest(graph: str) -> int | None:
-    """The bytes of stack of the longest chain of calls; None where a function calls itself, or has
-    no bound of its own."""
+    """The bytes of stack of the longest chain of calls; None where a function calls
+    itself, or has no bound of its own."""
     own: dict[str, int] = {}
     for of, label in re.findall(r'node: \{ title: "(.*?)" label: "(.*?)"', graph):
         found = re.search(r"(\d+) bytes \((\w+)", label)
@@ -292,7 +339,9 @@ def _deepest(graph: str) -> int | None:
             return None
         own[of] = int(found[1]) if found else 0
     calls: dict[str, set[str]] = {}
-    for caller, called in re.findall(r'edge: \{ sourcename: "(.*?)" targetname: "(.*?)"', graph):
+    for caller, called in re.findall(
+        r'edge: \{ sourcename: "(.*?)" targetname: "(.*?)"', graph
+    ):
         calls.setdefault(caller, set()).add(called)
     known: dict[str, int] = {}
 

@@ -1,11 +1,13 @@
-"""`python -m desat.fmus.build [NAME ...]`: build the FMUs of the blocks into fmus/dist/.
+"""`python -m desat.fmus.build [NAME ...]`: build the FMUs of the blocks into
+fmus/dist/.
 
-Three of each block. Of Python, in dist/NAME.fmu: built by pythonfmu, each in a process of its own,
-then packed anew: our model description and documentation, entries sorted, deflated, dated 1980, so
-that the same sources give the same bytes. Such an FMU ships the block, what it imports and the
-adapter in a package whose name is a hash of its contents: FMUs share one interpreter, and equal
-names would share code. Native, in dist/native/NAME.fmu, where the block is in the subset that
-translates to C (`native.py`), and the same as FMI 3.0 in dist/fmi3/NAME.fmu (`fmi3.py`).
+Three of each block. Of Python, in dist/NAME.fmu: built by pythonfmu, each in a process
+of its own, then packed anew: our model description and documentation, entries sorted,
+deflated, dated 1980, so that the same sources give the same bytes. Such an FMU ships
+the block, what it imports and the adapter in a package whose name is a hash of its
+contents: FMUs share one interpreter, and equal names would share code. Native, in
+dist/native/NAME.fmu, where the block is in the subset that translates to C
+(`native.py`), and the same as FMI 3.0 in dist/fmi3/NAME.fmu (`fmi3.py`).
 dist/index.json lists them; what is made of the same is not built again.
 """
 
@@ -68,8 +70,11 @@ except NameError:
 
 
 def contents(which: str) -> dict[str, bytes]:
-    """Path in the package -> bytes, for a block, the adapter included. Raises OwnBlockError."""
-    files = {p.relative_to(COMPONENTS).as_posix(): p.read_bytes() for p in sources(which)}
+    """Path in the package -> bytes, for a block, the adapter included. Raises
+    OwnBlockError."""
+    files = {
+        p.relative_to(COMPONENTS).as_posix(): p.read_bytes() for p in sources(which)
+    }
     if is_own(which):
         files[f"blocks/{identifier(which)}.py"] = shipped(which).encode()
     files["slave.py"] = (HERE / "slave.py").read_bytes()
@@ -77,8 +82,8 @@ def contents(which: str) -> dict[str, bytes]:
 
 
 def build(which: str, dist: Path = DIST) -> Path:
-    """Build the Python FMU of a block, one of ours by its name or a file of the user's own, in this
-    process and return its path."""
+    """Build the Python FMU of a block, one of ours by its name or a file of the user's
+    own, in this process and return its path."""
     block, name = block_class(which), identifier(which)
     files = contents(which)
     digest = hashlib.sha256(f"{name} {pythonfmu.__version__}".encode())
@@ -95,7 +100,8 @@ def build(which: str, dist: Path = DIST) -> Path:
             target.write_bytes(data)
         script = root / f"{name}_{digest.hexdigest()[:16]}.py"
         script.write_text(
-            ENTRY.format(name=name, package=package, block=block.__name__), encoding="utf-8"
+            ENTRY.format(name=name, package=package, block=block.__name__),
+            encoding="utf-8",
         )
         sys.dont_write_bytecode = True
         with contextlib.redirect_stdout(io.StringIO()):
@@ -103,7 +109,9 @@ def build(which: str, dist: Path = DIST) -> Path:
                 script, dest=root / "raw.fmu", project_files=[root / package]
             )
         with zipfile.ZipFile(raw) as archive:
-            members = {n: archive.read(n) for n in archive.namelist() if "__pycache__" not in n}
+            members = {
+                n: archive.read(n) for n in archive.namelist() if "__pycache__" not in n
+            }
     members["modelDescription.xml"] = model_description(
         block, name, f"{{{guid}}}", DATE, version("desat")
     )
@@ -115,8 +123,9 @@ def build(which: str, dist: Path = DIST) -> Path:
 
 @contextlib.contextmanager
 def without_fmus_on_the_path() -> Iterator[None]:
-    """Within: no folder of an FMU that this process has loaded, whose own pythonfmu has no binaries
-    to put into an FMU, is where a process that it starts looks for modules."""
+    """Within: no folder of an FMU that this process has loaded, whose own pythonfmu has
+    no binaries to put into an FMU, is where a process that it starts looks for
+    modules."""
     before = list(sys.path)
     sys.path[:] = [p for p in before if not (Path(p) / "slavemodule.txt").is_file()]
     try:
@@ -135,27 +144,46 @@ def build_all(which: tuple[str, ...], dist: Path = DIST) -> list[Path]:
     ):
         results = pool.map(build, which, [dist] * len(which))
         return list(
-            track(results, "FMUs", total=len(which), transient=True,
-                  disable=not sys.stderr.isatty())
-        )  # fmt: skip
+            track(
+                results,
+                "FMUs",
+                total=len(which),
+                transient=True,
+                disable=not sys.stderr.isatty(),
+            )
+        )
 
 
 def build_native(
-    which: tuple[str, ...], dist: Path, targets: Sequence[native.Target] = (native.HERE_ALONE,)
-) -> dict[str, str]:  # fmt: skip
-    """Build the native FMUs of some blocks below `dist`; name -> why there is none, of the others.
+    which: tuple[str, ...],
+    dist: Path,
+    targets: Sequence[native.Target] = (native.HERE_ALONE,),
+) -> dict[str, str]:
+    """Build the native FMUs of some blocks below `dist`; name -> why there is none, of
+    the others.
 
     Raises NoCompilerError.
     """
     with tempfile.TemporaryDirectory() as shared:
         native.compile_wrapper(Path(shared), targets)
-        with ProcessPoolExecutor(os.cpu_count(), mp_context=get_context("spawn")) as pool:
+        with ProcessPoolExecutor(
+            os.cpu_count(), mp_context=get_context("spawn")
+        ) as pool:
             n = len(which)
             results = pool.map(
-                native.tried, which, [dist / "native"] * n, [Path(shared)] * n, [targets] * n
+                native.tried,
+                which,
+                [dist / "native"] * n,
+                [Path(shared)] * n,
+                [targets] * n,
             )
-            tracked = track(results, "native FMUs", total=n, transient=True,
-                            disable=not sys.stderr.isatty())  # fmt: skip
+            tracked = track(
+                results,
+                "native FMUs",
+                total=n,
+                transient=True,
+                disable=not sys.stderr.isatty(),
+            )
             return {name: why for name, why in zip(which, tracked, strict=True) if why}
 
 
@@ -176,12 +204,18 @@ def _entry(kind: str, name: str, dist: Path, made_of: str, why: str) -> dict[str
     path = dist / ("" if kind == "python" else kind) / f"{name}.fmu"
     data = path.read_bytes()
     with zipfile.ZipFile(path) as archive:
-        platforms = sorted({n.split("/")[1] for n in archive.namelist() if n.startswith("binar")})
+        platforms = sorted(
+            {n.split("/")[1] for n in archive.namelist() if n.startswith("binar")}
+        )
     entry = {
-        "name": name, "kind": kind, "file": path.relative_to(dist).as_posix(),
-        "platforms": platforms, "bytes": len(data), "sha256": hashlib.sha256(data).hexdigest(),
+        "name": name,
+        "kind": kind,
+        "file": path.relative_to(dist).as_posix(),
+        "platforms": platforms,
+        "bytes": len(data),
+        "sha256": hashlib.sha256(data).hexdigest(),
         "made_of": made_of,
-    }  # fmt: skip
+    }
     return {**entry, "why": why} if why else entry
 
 
@@ -202,22 +236,30 @@ def made_of(which: str, platforms: str = "") -> str:
     return _native_digest(_digest(which), _compiled(platforms))
 
 
-def update(wanted: tuple[str, ...], dist: Path, platforms: str = "") -> list[dict[str, Any]]:
-    """Build what of some blocks' FMUs is not there yet, for these platforms (`native.targets_of`);
-    write and return the index."""
+def update(
+    wanted: tuple[str, ...], dist: Path, platforms: str = ""
+) -> list[dict[str, Any]]:
+    """Build what of some blocks' FMUs is not there yet, for these platforms
+    (`native.targets_of`); write and return the index."""
     compiled = _compiled(platforms)
     called = {identifier(which): which for which in wanted}
     try:
         known = json.loads((dist / INDEX).read_text(encoding="utf-8"))
     except (OSError, ValueError):
         known = []
-    kept = {(e["kind"], e["name"]): e for e in known if e["name"] in {*names(), *called}}
+    kept = {
+        (e["kind"], e["name"]): e for e in known if e["name"] in {*names(), *called}
+    }
 
     def is_current(kind: str, name: str, made_of: str) -> bool:
         e = kept.get((kind, name))
         path = dist / e["file"] if e else dist
-        return bool(e and e["made_of"] == made_of and path.is_file()
-                    and hashlib.sha256(path.read_bytes()).hexdigest() == e["sha256"])  # fmt: skip
+        return bool(
+            e
+            and e["made_of"] == made_of
+            and path.is_file()
+            and hashlib.sha256(path.read_bytes()).hexdigest() == e["sha256"]
+        )
 
     made = {name: _digest(which) for name, which in called.items()}
     anew = hashlib.sha256((HERE / "fmi3.py").read_bytes()).hexdigest()
@@ -233,26 +275,38 @@ def update(wanted: tuple[str, ...], dist: Path, platforms: str = "") -> list[dic
         why = dict.fromkeys(called, "no C compiler where it was built")
     else:
         python = {n: kept.get(("python", n), {}) for n in called}
-        refused = {n: e["why"] for n, e in python.items()
-                   if e.get("why") and e.get("with") == both[n]}  # fmt: skip
-        todo = tuple(which for n, which in called.items() if n not in refused
-                     and not is_current("native", n, both[n]))  # fmt: skip
+        refused = {
+            n: e["why"]
+            for n, e in python.items()
+            if e.get("why") and e.get("with") == both[n]
+        }
+        todo = tuple(
+            which
+            for n, which in called.items()
+            if n not in refused and not is_current("native", n, both[n])
+        )
         now = build_native(todo, dist, native.targets_of(platforms)) if todo else {}
         why = {**refused, **{identifier(which): text for which, text in now.items()}}
     for name, which in called.items():
         old_entry = kept.get(("python", name), {})
-        told = {k: old_entry[k] for k in ("computes", "files", "files_sha256")} if (
-            meaning.is_as(old_entry)) else meaning.computed(which)  # fmt: skip
+        told = (
+            {k: old_entry[k] for k in ("computes", "files", "files_sha256")}
+            if (meaning.is_as(old_entry))
+            else meaning.computed(which)
+        )
         kept["python", name] = {
-            **_entry("python", name, dist, made[name], why.get(name, "")), "with": both[name],
+            **_entry("python", name, dist, made[name], why.get(name, "")),
+            "with": both[name],
             **told,
-        }  # fmt: skip
+        }
         if name in why:
             for kind in ("native", "fmi3"):
                 kept.pop((kind, name), None)
                 (dist / kind / f"{name}.fmu").unlink(missing_ok=True)
             continue
-        compiled_by = f"ziglang {version('ziglang')}" if platforms else native.compiler_version()
+        compiled_by = (
+            f"ziglang {version('ziglang')}" if platforms else native.compiler_version()
+        )
         of_c = {"computes": told["computes"], "compiler": compiled_by}
         kept["native", name] = {**_entry("native", name, dist, both[name], ""), **of_c}
         third = _native_digest(both[name], anew)
@@ -263,7 +317,9 @@ def update(wanted: tuple[str, ...], dist: Path, platforms: str = "") -> list[dic
     return _write(kept, dist)
 
 
-def _write(kept: dict[tuple[str, str], dict[str, Any]], dist: Path) -> list[dict[str, Any]]:
+def _write(
+    kept: dict[tuple[str, str], dict[str, Any]], dist: Path
+) -> list[dict[str, Any]]:
     """The index, native before FMI 3.0 before Python, written."""
     order = ("native", "fmi3", "python")
     index = [kept[key] for key in sorted(kept, key=lambda k: (k[1], order.index(k[0])))]
@@ -286,7 +342,8 @@ def _unusable(wanted: tuple[str, ...]) -> dict[str, str]:
 
 
 def _print_table(index: list[dict[str, Any]]) -> None:
-    """A line a block: sizes in kB of its native and its Python FMU, or why there is no native."""
+    """A line a block: sizes in kB of its native and its Python FMU, or why there is no
+    native."""
     by_name: dict[str, dict[str, dict[str, Any]]] = {}
     for e in index:
         by_name.setdefault(e["name"], {})[e["kind"]] = e
@@ -294,16 +351,28 @@ def _print_table(index: list[dict[str, Any]]) -> None:
     for name, kinds in by_name.items():
         size = f"{kinds['native']['bytes'] / 1e3:.0f}" if "native" in kinds else "-"
         why = kinds["python"].get("why", "")
-        print(f"{name:28} {size:>7} {kinds['python']['bytes'] / 1e3:>7.0f}  {why}".rstrip())
+        print(
+            f"{name:28} {size:>7} {kinds['python']['bytes'] / 1e3:>7.0f}  {why}".rstrip()
+        )
 
 
 def main() -> int:
     """Command line: build all blocks, or those named."""
-    parser = argparse.ArgumentParser(description="Build the FMUs of the blocks into fmus/dist/.")
-    parser.add_argument("names", nargs="*", metavar="NAME",
-                        help="blocks, or files of your own (default: all of ours)")  # fmt: skip
-    parser.add_argument("--into", type=Path, help="another folder, and nothing else is written")
-    parser.add_argument("--platforms", default="", help="all, or linux64,win64,...: for these")
+    parser = argparse.ArgumentParser(
+        description="Build the FMUs of the blocks into fmus/dist/."
+    )
+    parser.add_argument(
+        "names",
+        nargs="*",
+        metavar="NAME",
+        help="blocks, or files of your own (default: all of ours)",
+    )
+    parser.add_argument(
+        "--into", type=Path, help="another folder, and nothing else is written"
+    )
+    parser.add_argument(
+        "--platforms", default="", help="all, or linux64,win64,...: for these"
+    )
     given = parser.parse_args()
     try:
         native.targets_of(given.platforms)
@@ -313,11 +382,16 @@ def main() -> int:
     wanted = tuple(given.names) or names()
     own = [which for which in wanted if is_own(which)]
     if own and given.into is None:
-        print(f"error: {own[0]}: --into is needed: fmus/dist/ holds ours alone", file=sys.stderr)
+        print(
+            f"error: {own[0]}: --into is needed: fmus/dist/ holds ours alone",
+            file=sys.stderr,
+        )
         return 2
     if unknown := sorted({*wanted} - {*own, *names()}):
-        print(f"error: no block {', '.join(unknown)}; blocks are {', '.join(names())}",
-              file=sys.stderr)  # fmt: skip
+        print(
+            f"error: no block {', '.join(unknown)}; blocks are {', '.join(names())}",
+            file=sys.stderr,
+        )
         return 2
     dist, whole = given.into or DIST, len(wanted) == len(names())
     for why in (wrong := _unusable(wanted)).values():
@@ -326,10 +400,14 @@ def main() -> int:
     index = update(wanted, dist, given.platforms)
     if given.into is None and whole and not wrong:
         for stale in {
-            path for where in ("", "native/", "fmi3/") for path in dist.glob(f"{where}*.fmu")
+            path
+            for where in ("", "native/", "fmi3/")
+            for path in dist.glob(f"{where}*.fmu")
         } - {dist / e["file"] for e in index}:
             stale.unlink()
-        for left in dist.rglob("*.part"):  # of a build that was killed; one is written at once
+        for left in dist.rglob(
+            "*.part"
+        ):  # of a build that was killed; one is written at once
             if time.time() - left.stat().st_mtime > 60.0:
                 left.unlink(missing_ok=True)
         interfaces.write()
@@ -344,8 +422,11 @@ def main() -> int:
     try:
         compiler()
     except NoCompilerError as error:
-        print(f"warning: {error}. Only the FMUs of Python were built: they need a Python where "
-              "they run, and run slower.", file=sys.stderr)  # fmt: skip
+        print(
+            f"warning: {error}. Only the FMUs of Python were built: they need a Python where "
+            "they run, and run slower.",
+            file=sys.stderr,
+        )
     return min(len(wrong), 1)
 
 

@@ -1,4 +1,5 @@
-"""The C compiler of this machine: what native FMUs and the compiled loop are built with."""
+"""The C compiler of this machine: what native FMUs and the compiled loop are built
+with."""
 
 from __future__ import annotations
 
@@ -23,7 +24,9 @@ def compiler() -> tuple[str, ...]:
     try:
         wanted = shlex.split(os.environ.get("CC", ""))
     except ValueError as error:
-        raise NoCompilerError(f"CC = {os.environ['CC']}: {str(error).lower()}") from None
+        raise NoCompilerError(
+            f"CC = {os.environ['CC']}: {str(error).lower()}"
+        ) from None
     for command in [wanted] if wanted else (["gcc"], ["cc"], ["clang"]):
         if found := shutil.which(command[0]):
             return (found, *command[1:])
@@ -38,11 +41,13 @@ def compiler() -> tuple[str, ...]:
 
 
 def zig() -> tuple[str, ...]:
-    """The command of the C compiler of the package ziglang, which knows other machines, too.
+    """The command of the C compiler of the package ziglang, which knows other machines,
+    too.
 
     Raises NoCompilerError.
     """
     if not find_spec("ziglang"):
-        raise NoCompilerError("for other platforms the package ziglang is needed: "
-                              "`pip install ziglang`")  # fmt: skip
+        raise NoCompilerError(
+            "for other platforms the package ziglang is needed: `pip install ziglang`"
+        )
     return (sys.executable, "-m", "ziglang", "cc", "-fno-sanitize=undefined")

@@ -15,10 +15,10 @@ from desat.components.contract.units import unit_of
 
 BASE_UNIT_EXPONENTS = ("kg", "m", "s", "A", "K", "rad")
 TOOL = "desat"
-"""Name of our annotations: a block's role, the names of a mode's values, shared parameters, which
-parameters (or inputs) have no effect without an input or output, the range of usual values, which
-output is the mean over a step of a quantity whose integral counts, with its slope, and which input
-is read at the start."""
+"""Name of our annotations: a block's role, the names of a mode's values, shared
+parameters, which parameters (or inputs) have no effect without an input or output, the
+range of usual values, which output is the mean over a step of a quantity whose integral
+counts, with its slope, and which input is read at the start."""
 GENERATION_TOOL, NATIVE_TOOL = "desat with PythonFMU", "desat"
 """What an FMU of ours says of who made it: of Python, or native."""
 ONE_SECOND = {"startTime": 0.0, "stepSize": 1.0}
@@ -37,16 +37,22 @@ def title(block: type[Block]) -> str:
 
 
 def model_description(
-    block: type[Block], identifier: str, guid: str, date: str, version: str,
-    sources: Sequence[str] = (), depends: Mapping[str, Collection[str]] | None = None,
+    block: type[Block],
+    identifier: str,
+    guid: str,
+    date: str,
+    version: str,
+    sources: Sequence[str] = (),
+    depends: Mapping[str, Collection[str]] | None = None,
     experiment: Mapping[str, float] = ONE_SECOND,
-) -> bytes:  # fmt: skip
+) -> bytes:
     """The FMI 2.0 model description of a block as UTF-8 XML.
 
-    State outputs have no dependencies, interval outputs depend on all inputs, or on those that
-    `depends` says; every output is an initial unknown that depends on the parameters and on the
-    inputs it starts from. `sources`: the C files of a native FMU; one without needs Python in its
-    host. `experiment`: startTime, stopTime, stepSize (s), of those that there are.
+    State outputs have no dependencies, interval outputs depend on all inputs, or on
+    those that `depends` says; every output is an initial unknown that depends on the
+    parameters and on the inputs it starts from. `sources`: the C files of a native FMU;
+    one without needs Python in its host. `experiment`: startTime, stopTime, stepSize
+    (s), of those that there are.
     """
     root = etree.Element(
         "fmiModelDescription",
@@ -87,7 +93,9 @@ def model_description(
     index_of: dict[str, list[int]] = {}
     count = 0
     for variable in block.variables:
-        for element, start in zip(variable.elements(), variable.flat_start(), strict=True):
+        for element, start in zip(
+            variable.elements(), variable.flat_start(), strict=True
+        ):
             _scalar_variable(variables, variable, element, count, start)
             count += 1
             index_of.setdefault(variable.name, []).append(count)
@@ -97,34 +105,46 @@ def model_description(
     initial = etree.SubElement(structure, "InitialUnknowns")
     for v, on, start_on in unknowns(block, depends):
         now, starts_from = (
-            sorted(i for name in names for i in index_of[name]) for names in (on, start_on)
+            sorted(i for name in names for i in index_of[name])
+            for names in (on, start_on)
         )
         for index in index_of[v.name]:
             _unknown(outputs, index, now)
             _unknown(initial, index, starts_from)
-    return bytes(etree.tostring(root, xml_declaration=True, encoding="UTF-8", pretty_print=True))
+    return bytes(
+        etree.tostring(root, xml_declaration=True, encoding="UTF-8", pretty_print=True)
+    )
 
 
 def unknowns(
     block: type[Block], depends: Mapping[str, Collection[str]] | None = None
 ) -> Iterator[tuple[Variable, list[str], list[str]]]:
-    """Each output, what it depends on in a step (`depends` as in `model_description`), and what at
-    the start."""
+    """Each output, what it depends on in a step (`depends` as in `model_description`),
+    and what at the start."""
     inputs = [v.name for v in block.variables if v.causality == "input"]
     parameters = [v.name for v in block.variables if v.causality == "parameter"]
     for v in block.variables:
         if v.causality == "output":
-            on = inputs if depends is None else [n for n in inputs if n in depends.get(v.name, ())]
+            on = (
+                inputs
+                if depends is None
+                else [n for n in inputs if n in depends.get(v.name, ())]
+            )
             yield v, on if v.interval else [], [*parameters, *v.starts_from]
 
 
 def _unknown(parent: Any, index: int, dependencies: list[int]) -> None:
     etree.SubElement(
-        parent, "Unknown", index=str(index), dependencies=" ".join(map(str, dependencies))
+        parent,
+        "Unknown",
+        index=str(index),
+        dependencies=" ".join(map(str, dependencies)),
     )
 
 
-def _scalar_variable(parent: Any, v: Variable, name: str, reference: int, start: Any) -> None:
+def _scalar_variable(
+    parent: Any, v: Variable, name: str, reference: int, start: Any
+) -> None:
     attributes = {"name": name, "valueReference": str(reference), **common(v)}
     element = etree.SubElement(parent, "ScalarVariable", attributes)
     value = etree.SubElement(element, v.type)
@@ -137,13 +157,17 @@ def _scalar_variable(parent: Any, v: Variable, name: str, reference: int, start:
     if v.causality != "output":
         value.set("start", start_value(start))
     if note := annotation(v, name):
-        tool = etree.SubElement(etree.SubElement(element, "Annotations"), "Tool", name=TOOL)
+        tool = etree.SubElement(
+            etree.SubElement(element, "Annotations"), "Tool", name=TOOL
+        )
         etree.SubElement(tool, "Variable", note)
 
 
 def units_of(v: Variable) -> dict[str, str]:
     """The unit of a Real, and in which people read it, where that is another."""
-    return {"unit": v.unit} | ({"displayUnit": DISPLAY[v.unit]} if v.unit in DISPLAY else {})
+    return {"unit": v.unit} | (
+        {"displayUnit": DISPLAY[v.unit]} if v.unit in DISPLAY else {}
+    )
 
 
 def start_value(x: Scalar) -> str:
@@ -156,14 +180,18 @@ def common(v: Variable) -> dict[str, str]:
     attributes = {
         "description": describe(v),
         "causality": v.causality,
-        "variability": "fixed" if v.causality == "parameter"
-        else "continuous" if v.type == "Real" else "discrete",
-    }  # fmt: skip
+        "variability": "fixed"
+        if v.causality == "parameter"
+        else "continuous"
+        if v.type == "Real"
+        else "discrete",
+    }
     return attributes | ({"initial": "calculated"} if v.causality == "output" else {})
 
 
 def annotation(v: Variable, name: str) -> dict[str, str]:
-    """What our annotation of a variable, or of its element `name`, says; nothing for most."""
+    """What our annotation of a variable, or of its element `name`, says; nothing for
+    most."""
     said = {
         "choices": " ".join(v.choices),
         "shared": "true" if v.shared else "",
@@ -213,7 +241,9 @@ def unit_definitions(root: Any, block: type[Block]) -> None:
 def log_categories(root: Any) -> None:
     """Add what the messages are about."""
     categories = etree.SubElement(root, "LogCategories")
-    etree.SubElement(categories, "Category", name="logStatusError", description="Failures")
+    etree.SubElement(
+        categories, "Category", name="logStatusError", description="Failures"
+    )
 
 
 def default_experiment(root: Any, experiment: Mapping[str, float]) -> None:
@@ -257,11 +287,15 @@ def documentation(block: type[Block], identifier: str) -> str:
     tables = [
         (heading, [_row(v) for v in block.variables if v.causality == causality])
         for heading, causality in (
-            ("Inputs", "input"), ("Outputs", "output"), ("Parameters", "parameter")
+            ("Inputs", "input"),
+            ("Outputs", "output"),
+            ("Parameters", "parameter"),
         )
-    ]  # fmt: skip
+    ]
     page = Environment(autoescape=True).from_string(_PAGE)
-    return page.render(name=identifier, role=block.role, text=Markup(text), tables=tables)
+    return page.render(
+        name=identifier, role=block.role, text=Markup(text), tables=tables
+    )
 
 
 def _row(v: Variable) -> dict[str, str]:
@@ -290,7 +324,9 @@ def start_text(v: Variable) -> str:
     flat = v.flat_start()
     if len(set(flat)) == 1:
         return _number(flat[0])
-    return json.dumps([float(_number(x)) if not isinstance(x, bool) else x for x in flat])
+    return json.dumps(
+        [float(_number(x)) if not isinstance(x, bool) else x for x in flat]
+    )
 
 
 def _number(x: Any) -> str:

@@ -1,6 +1,6 @@
-"""FMI 3.0: a native FMU packed anew. The library that it has for FMI 2.0 has both faces (c/fmi3.c),
-so that nothing is compiled again; arrays are arrays, modes and choices are enumerations, and what a
-block usually takes from another is a terminal.
+"""FMI 3.0: a native FMU packed anew. The library that it has for FMI 2.0 has both faces
+(c/fmi3.c), so that nothing is compiled again; arrays are arrays, modes and choices are
+enumerations, and what a block usually takes from another is a terminal.
 """
 
 from __future__ import annotations
@@ -34,26 +34,34 @@ from .description import (
 from .native import pack
 
 PLATFORMS = {
-    "linux64": ("x86_64-linux",), "linux32": ("x86-linux",), "win64": ("x86_64-windows",),
-    "win32": ("x86-windows",), "darwin64": ("x86_64-darwin", "aarch64-darwin"),
-}  # fmt: skip
+    "linux64": ("x86_64-linux",),
+    "linux32": ("x86-linux",),
+    "win64": ("x86_64-windows",),
+    "win32": ("x86-windows",),
+    "darwin64": ("x86_64-darwin", "aarch64-darwin"),
+}
 """What FMI 3.0 calls the platforms of FMI 2.0; others are called the same."""
 _TYPE = {"Real": "Float64", "Integer": "Int64", "Boolean": "Boolean"}
 
 
 def repack(
-    native: Path, block: type[Block], target: Path,
+    native: Path,
+    block: type[Block],
+    target: Path,
     depends: Mapping[str, Collection[str]] | None = None,
     experiment: Mapping[str, float] = ONE_SECOND,
-) -> Path:  # fmt: skip
-    """Write a native FMU (FMI 2.0) of a block as one of FMI 3.0, and return its path; `depends` and
-    `experiment` as in `description.model_description`, as they were for that one."""
+) -> Path:
+    """Write a native FMU (FMI 2.0) of a block as one of FMI 3.0, and return its path;
+    `depends` and `experiment` as in `description.model_description`, as they were for
+    that one."""
     with zipfile.ZipFile(native) as archive:
         old = {n: archive.read(n) for n in archive.namelist()}
     root = etree.fromstring(old.pop("modelDescription.xml"))
     identifier, token = str(root.get("modelName")), str(root.get("guid"))
     members = {
-        "modelDescription.xml": model_description(block, identifier, token, depends, experiment)
+        "modelDescription.xml": model_description(
+            block, identifier, token, depends, experiment
+        )
     }
     for name, data in old.items():
         kind, _, rest = name.partition("/")
@@ -72,22 +80,36 @@ def repack(
 
 
 def model_description(
-    block: type[Block], identifier: str, token: str,
-    depends: Mapping[str, Collection[str]] | None, experiment: Mapping[str, float],
-) -> bytes:  # fmt: skip
-    """The FMI 3.0 model description of a block as UTF-8 XML. An array's value reference is that of
-    its first element in FMI 2.0; time has the one after the last."""
+    block: type[Block],
+    identifier: str,
+    token: str,
+    depends: Mapping[str, Collection[str]] | None,
+    experiment: Mapping[str, float],
+) -> bytes:
+    """The FMI 3.0 model description of a block as UTF-8 XML. An array's value reference
+    is that of its first element in FMI 2.0; time has the one after the last."""
     root = etree.Element(
-        "fmiModelDescription", fmiVersion="3.0", modelName=identifier, instantiationToken=token,
-        description=title(block), version=version("desat"), generationTool=NATIVE_TOOL,
-        generationDateAndTime=DATE, variableNamingConvention="structured",
-    )  # fmt: skip
+        "fmiModelDescription",
+        fmiVersion="3.0",
+        modelName=identifier,
+        instantiationToken=token,
+        description=title(block),
+        version=version("desat"),
+        generationTool=NATIVE_TOOL,
+        generationDateAndTime=DATE,
+        variableNamingConvention="structured",
+    )
     etree.SubElement(
-        root, "CoSimulation", modelIdentifier=identifier, needsExecutionTool="false",
-        canBeInstantiatedOnlyOncePerProcess="false", canGetAndSetFMUState="true",
-        canSerializeFMUState="true", providesDirectionalDerivatives="false",
+        root,
+        "CoSimulation",
+        modelIdentifier=identifier,
+        needsExecutionTool="false",
+        canBeInstantiatedOnlyOncePerProcess="false",
+        canGetAndSetFMUState="true",
+        canSerializeFMUState="true",
+        providesDirectionalDerivatives="false",
         canHandleVariableCommunicationStepSize="true",
-    )  # fmt: skip
+    )
     made_by(root, block)
     unit_definitions(root, block)
     _type_definitions(root, block)
@@ -101,26 +123,37 @@ def model_description(
         _variable(variables, v, count)
         count += v.size
     etree.SubElement(
-        variables, "Float64", name="time", valueReference=str(count), causality="independent",
-        variability="continuous", description="time (s)",
-    )  # fmt: skip
+        variables,
+        "Float64",
+        name="time",
+        valueReference=str(count),
+        causality="independent",
+        variability="continuous",
+        description="time (s)",
+    )
     structure = etree.SubElement(root, "ModelStructure")
     for kind in ("Output", "InitialUnknown"):
         for v, now, start in unknowns(block, depends):
             on = now if kind == "Output" else start
             found = " ".join(sorted((references[name] for name in on), key=int))
-            etree.SubElement(structure, kind, valueReference=references[v.name], dependencies=found)
+            etree.SubElement(
+                structure, kind, valueReference=references[v.name], dependencies=found
+            )
     if block.role:
         _annotate(root, "Block", {"name": identifier, "role": block.role})
     return _xml(root)
 
 
 def _xml(root: Any) -> bytes:
-    return bytes(etree.tostring(root, xml_declaration=True, encoding="UTF-8", pretty_print=True))
+    return bytes(
+        etree.tostring(root, xml_declaration=True, encoding="UTF-8", pretty_print=True)
+    )
 
 
 def _annotate(parent: Any, what: str, attributes: dict[str, str]) -> None:
-    made = etree.SubElement(etree.SubElement(parent, "Annotations"), "Annotation", type=TOOL)
+    made = etree.SubElement(
+        etree.SubElement(parent, "Annotations"), "Annotation", type=TOOL
+    )
     etree.SubElement(made, what, attributes)
 
 
@@ -136,7 +169,9 @@ def _variable(parent: Any, v: Variable, reference: int) -> None:
                 attributes[key] = repr(bound)
     if v.causality != "output":
         attributes["start"] = " ".join(map(start_value, v.flat_start()))
-    element = etree.SubElement(parent, "Enumeration" if v.choices else _TYPE[v.type], attributes)
+    element = etree.SubElement(
+        parent, "Enumeration" if v.choices else _TYPE[v.type], attributes
+    )
     if note := annotation(v, v.name):
         _annotate(element, "Variable", note)
     for length in v.shape:
@@ -156,13 +191,15 @@ def _type_definitions(root: Any, block: type[Block]) -> None:
 
 
 def terminals(block: type[Block]) -> bytes:
-    """Icon and terminals of a block as UTF-8 XML: a terminal of its role, with all its outputs, and
-    one of each role that its inputs usually come from, whose members are called as that one's
-    outputs are; none for a loop of blocks."""
+    """Icon and terminals of a block as UTF-8 XML: a terminal of its role, with all its
+    outputs, and one of each role that its inputs usually come from, whose members are
+    called as that one's outputs are; none for a loop of blocks."""
     root = etree.Element("fmiTerminalsAndIcons", fmiVersion="3.0")
     drawn = etree.SubElement(root, "GraphicalRepresentation")
     corners = {"x1": "-100", "y1": "-100", "x2": "100", "y2": "100"}
-    etree.SubElement(drawn, "CoordinateSystem", {**corners, "suggestedScalingFactorTo_mm": "0.1"})
+    etree.SubElement(
+        drawn, "CoordinateSystem", {**corners, "suggestedScalingFactorTo_mm": "0.1"}
+    )
     etree.SubElement(drawn, "Icon", corners)
     if not block.role:
         return _xml(root)
@@ -176,13 +213,20 @@ def terminals(block: type[Block]) -> bytes:
     made = etree.SubElement(root, "Terminals")
     for role, names in members.items():
         terminal = etree.SubElement(
-            made, "Terminal", name=role, matchingRule="bus", terminalKind=f"{TOOL}.{role}"
+            made,
+            "Terminal",
+            name=role,
+            matchingRule="bus",
+            terminalKind=f"{TOOL}.{role}",
         )
         for name, variable in names.items():
             etree.SubElement(
-                terminal, "TerminalMemberVariable", variableName=variable, memberName=name,
+                terminal,
+                "TerminalMemberVariable",
+                variableName=variable,
+                memberName=name,
                 variableKind="signal",
-            )  # fmt: skip
+            )
     return _xml(root)
 
 

@@ -1,4 +1,5 @@
-"""interfaces.md: every role's interface and every block's variables, generated from the blocks."""
+"""interfaces.md: every role's interface and every block's variables, generated from the
+blocks."""
 
 from __future__ import annotations
 
@@ -25,9 +26,10 @@ def text() -> str:
         "*interval* outputs to the step just made. Every FMU has the output `fault`.",
     ]
     role_classes = [
-        c for c in vars(roles).values()
+        c
+        for c in vars(roles).values()
         if isinstance(c, type) and issubclass(c, Block) and c.role
-    ]  # fmt: skip
+    ]
     for role in role_classes:
         shared = [v for v in role.variables if v.name != "fault"]
         lines += ["", f"## Role `{role.role}`", "", (role.__doc__ or "").strip(), ""]
@@ -42,7 +44,8 @@ def text() -> str:
 
 
 def _as_in(role: type[Block], variable: Variable) -> bool:
-    """True where the role declares the variable alike; what needs it is each block's own."""
+    """True where the role declares the variable alike; what needs it is each block's
+    own."""
     return any(replace(variable, needed_by=v.needed_by) == v for v in role.variables)
 
 
@@ -59,7 +62,9 @@ def _table(variables: list[Variable]) -> list[str]:
         start = "" if v.causality == "output" else start_text(v)
         needs = "; needs " + ", ".join(f"`{n}`" for n in v.needs) if v.needs else ""
         usual = f"; usually {v.usual[0]:g} to {v.usual[1]:g}" if v.usual else ""
-        rows.append(f"| {name} | {kind} | {v.unit} | {start} | {describe(v)}{usual}{needs} |")
+        rows.append(
+            f"| {name} | {kind} | {v.unit} | {start} | {describe(v)}{usual}{needs} |"
+        )
     return rows
 
 

@@ -1,5 +1,5 @@
-"""What blocks, and Python files, compute, as a hash in which texts, layout and the place of a file
-do not count."""
+"""What blocks, and Python files, compute, as a hash in which texts, layout and the
+place of a file do not count."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ COMPONENTS = Path(__file__).parents[1] / "components"
 
 
 def sources(which: str) -> list[Path]:
-    """The files of components/ that a block needs, found through its imports: of ours itself first;
-    one of the user's own is not among them."""
+    """The files of components/ that a block needs, found through its imports: of ours
+    itself first; one of the user's own is not among them."""
     place = COMPONENTS / "blocks" / f"{own.identifier(which)}.py"
     todo, found = [place], list[Path]()
     if own.is_own(which):
@@ -40,16 +40,22 @@ def _imported(path: Path, text: str) -> list[Path]:
     found = []
     for node in ast.walk(ast.parse(text)):
         if isinstance(node, ast.ImportFrom) and node.level:
-            base = path.parents[node.level - 1].joinpath(*(node.module or "").split("."))
+            base = path.parents[node.level - 1].joinpath(
+                *(node.module or "").split(".")
+            )
             candidates = (base, *(base / alias.name for alias in node.names))
-            found += [c.with_suffix(".py") for c in candidates if c.with_suffix(".py").is_file()]
+            found += [
+                c.with_suffix(".py")
+                for c in candidates
+                if c.with_suffix(".py").is_file()
+            ]
     return found
 
 
 def computed(which: str) -> dict[str, Any]:
-    """What a block computes: `computes`, its hash; the files that it is of, and the hash of their
-    bytes, by which it is told in a moment whether they are still the same (`is_as`); those not of
-    one of the user's own, whose file may be gone."""
+    """What a block computes: `computes`, its hash; the files that it is of, and the
+    hash of their bytes, by which it is told in a moment whether they are still the same
+    (`is_as`); those not of one of the user's own, whose file may be gone."""
     files = sources(which)
     if own.is_own(which):
         return {"computes": of_files([Path(which), *files])}
@@ -63,11 +69,14 @@ def computed(which: str) -> dict[str, Any]:
 
 
 def is_as(entry: dict[str, Any]) -> bool:
-    """Whether the files of a block are as they were when an entry of the index was made."""
+    """Whether the files of a block are as they were when an entry of the index was
+    made."""
     files = [COMPONENTS / file for file in entry.get("files", ())]
-    return bool(files) and all(f.is_file() for f in files) and (
-        _hashed(files) == entry["files_sha256"]
-    )  # fmt: skip
+    return (
+        bool(files)
+        and all(f.is_file() for f in files)
+        and (_hashed(files) == entry["files_sha256"])
+    )
 
 
 def _hashed(files: list[Path]) -> str:
@@ -79,11 +88,16 @@ def _hashed(files: list[Path]) -> str:
 
 
 def of_files(files: Iterable[Path], imports: bool = True) -> str:
-    """sha256 of what files define, whichever of them it is in: of Python the definitions, of others
-    (C, tables of numbers) the text."""
+    """sha256 of what files define, whichever of them it is in: of Python the
+    definitions, of others (C, tables of numbers) the text."""
     texts = ((p.suffix, p.read_text(encoding="utf-8")) for p in files)
-    return _hash_of({x for kind, t in texts
-                     for x in (definitions(t, imports) if kind == ".py" else {t})})  # fmt: skip
+    return _hash_of(
+        {
+            x
+            for kind, t in texts
+            for x in (definitions(t, imports) if kind == ".py" else {t})
+        }
+    )
 
 
 def _hash_of(said: Iterable[str]) -> str:
@@ -92,23 +106,31 @@ def _hash_of(said: Iterable[str]) -> str:
 
 @cache
 def definitions(text: str, imports: bool = True) -> frozenset[str]:
-    """What a Python file defines: the syntax trees of its statements, without comments, docstrings
-    and layout. Of an import the names count, and the file's, not its folder; none without
-    `imports`, for files that are moved and renamed."""
+    """What a Python file defines: the syntax trees of its statements, without comments,
+    docstrings and layout. Of an import the names count, and the file's, not its folder;
+    none without `imports`, for files that are moved and renamed."""
     tree = ast.parse(text)
     if imports:
         for node in ast.walk(tree):
             if isinstance(node, ast.ImportFrom):
                 node.level, node.module = 0, (node.module or "").rpartition(".")[2]
-    kept = [x for x in tree.body if imports or not isinstance(x, (ast.Import, ast.ImportFrom))]
+    kept = [
+        x
+        for x in tree.body
+        if imports or not isinstance(x, (ast.Import, ast.ImportFrom))
+    ]
     return frozenset(_dump(x, imports) for x in kept if not _is_aside(x))
 
 
 def _dump(node: Any, imports: bool) -> str:
-    """A syntax tree as a text that is the same for every version of Python: unlike `ast.dump`, it
-    leaves out every field that is empty."""
+    """A syntax tree as a text that is the same for every version of Python: unlike
+    `ast.dump`, it leaves out every field that is empty."""
     if isinstance(node, list):
-        kept = [x for x in node if imports or not isinstance(x, (ast.Import, ast.ImportFrom))]
+        kept = [
+            x
+            for x in node
+            if imports or not isinstance(x, (ast.Import, ast.ImportFrom))
+        ]
         return f"[{','.join(_dump(x, imports) for x in kept if not _is_aside(x))}]"
     if not isinstance(node, ast.AST):
         return repr(node)
@@ -117,8 +139,8 @@ def _dump(node: Any, imports: bool) -> str:
 
 
 def _is_aside(node: Any) -> bool:
-    """True for a statement that computes nothing: what is for types alone, and what is only a text,
-    as a docstring."""
+    """True for a statement that computes nothing: what is for types alone, and what is
+    only a text, as a docstring."""
     if isinstance(node, ast.If):
         return isinstance(node.test, ast.Name) and node.test.id == "TYPE_CHECKING"
     return (
@@ -128,7 +150,7 @@ def _is_aside(node: Any) -> bool:
     )
 
 
-# --- What a file uses of the files that it imports --------------------------------------------
+# --- What a file uses of the files that it imports ------------------------------------
 
 
 class _Module:
@@ -139,8 +161,12 @@ class _Module:
         self.statements: list[ast.stmt] = []
         self.defined: dict[str, list[int]] = {}  # name -> statements that define it
         self.always: list[int] = []  # statements that define no name, and run
-        self.local: dict[str, tuple[Path, str]] = {}  # name -> file, and name in it; "": the file
-        self.outside: dict[str, str] = {}  # name -> what is imported from another package
+        self.local: dict[
+            str, tuple[Path, str]
+        ] = {}  # name -> file, and name in it; "": the file
+        self.outside: dict[
+            str, str
+        ] = {}  # name -> what is imported from another package
         for node in ast.parse(path.read_text(encoding="utf-8")).body:
             if isinstance(node, (ast.Import, ast.ImportFrom)):
                 self._add_import(node)
@@ -154,10 +180,15 @@ class _Module:
             if not (isinstance(node, ast.ImportFrom) and node.level):
                 self.outside[name] = f"{of}.{alias.name}"
                 continue
-            base = self.path.parents[node.level - 1].joinpath(*of.split(".")) if of else (
-                self.path.parents[node.level - 1]
-            )  # fmt: skip
-            module, inside = (base / alias.name).with_suffix(".py"), base.with_suffix(".py")
+            base = (
+                self.path.parents[node.level - 1].joinpath(*of.split("."))
+                if of
+                else (self.path.parents[node.level - 1])
+            )
+            module, inside = (
+                (base / alias.name).with_suffix(".py"),
+                base.with_suffix(".py"),
+            )
             if module.is_file():
                 self.local[name] = module, ""
             else:
@@ -229,7 +260,8 @@ def used_by(path: Path) -> set[str]:
 
 
 def _found(path: Path, name: str, attribute: str) -> list[tuple[_Module, int]]:
-    """Return the statements of a file that a name stands for; without one, all or an attribute."""
+    """Return the statements of a file that a name stands for; without one, all or an
+    attribute."""
     module = _module(path, path.stat().st_mtime_ns)
     wanted = name or attribute
     if wanted in module.defined:
@@ -240,10 +272,15 @@ def _found(path: Path, name: str, attribute: str) -> list[tuple[_Module, int]]:
 
 
 def _names_used(node: ast.AST) -> set[tuple[str, str]]:
-    """Return the names that a statement reads, each with the attribute that is taken of it."""
+    """Return the names that a statement reads, each with the attribute that is taken of
+    it."""
     attributes = {
         id(x.value): x.attr
         for x in ast.walk(node)
         if isinstance(x, ast.Attribute) and isinstance(x.value, ast.Name)
     }
-    return {(x.id, attributes.get(id(x), "")) for x in ast.walk(node) if isinstance(x, ast.Name)}
+    return {
+        (x.id, attributes.get(id(x), ""))
+        for x in ast.walk(node)
+        if isinstance(x, ast.Name)
+    }

@@ -1,7 +1,9 @@
-"""Native FMUs: a block's C, made from its Python, compiled with the FMI wrapper and packed.
+"""Native FMUs: a block's C, made from its Python, compiled with the FMI wrapper and
+packed.
 
-They need no Python where they run, only libc and libm, and carry their sources. The same bits come
-out of them as of the Python FMUs on one machine; `translate` refuses what it cannot make so.
+They need no Python where they run, only libc and libm, and carry their sources. The
+same bits come out of them as of the Python FMUs on one machine; `translate` refuses
+what it cannot make so.
 """
 
 from __future__ import annotations
@@ -33,21 +35,28 @@ from .translate.types import SubsetError
 HERE = Path(__file__).parent
 WRAPPER = HERE / "c"
 UNITS = tuple(sorted(p.stem for p in WRAPPER.glob("*.c")))
-"""What all libraries have beside their block: each has both faces, FMI 2.0 and FMI 3.0."""
+"""What all libraries have beside their block: each has both faces, FMI 2.0 and FMI 3.0.
+"""
 FLAGS = (
-    "-std=c11", "-O3", "-fPIC", "-fvisibility=hidden",
+    "-std=c11",
+    "-O3",
+    "-fPIC",
+    "-fvisibility=hidden",
     "-ffp-contract=off",  # no a * b + c in one rounding
     "-fno-builtin-pow",  # pow(x, 2.0) is not x * x to the last bit
-    "-fno-math-errno", "-fno-trapping-math",  # a root or a choice need not be a call or a jump
+    "-fno-math-errno",
+    "-fno-trapping-math",  # a root or a choice need not be a call or a jump
     "-fwrapv",
-    "-Werror=incompatible-pointer-types", "-Werror=int-conversion",
-)  # fmt: skip
-"""Those about arithmetic are what makes the bits equal; they stand in no optimiser's way."""
+    "-Werror=incompatible-pointer-types",
+    "-Werror=int-conversion",
+)
+"""Those about arithmetic are what makes the bits equal; they stand in no optimiser's
+way."""
 PINNED = {
     "environment_tle": "SGP4 is the package sgp4's",
 }
-"""Blocks that stay Python, and why: the one list of them. Any other is native, or `make check`
-fails."""
+"""Blocks that stay Python, and why: the one list of them. Any other is native, or
+`make check` fails."""
 
 LINK = ("-shared", "-s", "-Wl,--build-id=none", "-Wl,-z,defs")
 
@@ -55,7 +64,9 @@ LINK = ("-shared", "-s", "-Wl,--build-id=none", "-Wl,-z,defs")
 @cache
 def compiler_version() -> str:
     """The first line that the compiler says of itself."""
-    done = subprocess.run([*compiler(), "--version"], capture_output=True, text=True, check=True)
+    done = subprocess.run(
+        [*compiler(), "--version"], capture_output=True, text=True, check=True
+    )
     return done.stdout.partition("\n")[0]
 
 
@@ -72,8 +83,8 @@ def library_suffix() -> str:
 
 @dataclass(frozen=True)
 class Target:
-    """What a library is made for: FMI's name of the platform, and zig's of the target; without one
-    it is made by this machine's compiler."""
+    """What a library is made for: FMI's name of the platform, and zig's of the target;
+    without one it is made by this machine's compiler."""
 
     platform: str
     suffix: str
@@ -94,13 +105,14 @@ EVERYWHERE = (
     Target("darwin64", ".dylib", "aarch64-macos"),
     Target("aarch64-linux", ".so", "aarch64-linux-gnu.2.17", LINK),
 )
-"""All platforms that the package ziglang makes libraries for; linux64 for glibc from 2012 on."""
+"""All platforms that the package ziglang makes libraries for; linux64 for glibc from
+2012 on."""
 _PAGE = 1 << 14
 
 
 def targets_of(platforms: str) -> tuple[Target, ...]:
-    """The targets that platforms name: nothing for this machine, `all`, or names with commas.
-    Raises NoCompilerError, ValueError for another name."""
+    """The targets that platforms name: nothing for this machine, `all`, or names with
+    commas. Raises NoCompilerError, ValueError for another name."""
     if not platforms:
         return (HERE_ALONE,)
     zig()
@@ -112,8 +124,13 @@ def targets_of(platforms: str) -> tuple[Target, ...]:
 
 
 def made_of(targets: Sequence[Target] = (HERE_ALONE,)) -> bytes:
-    """A digest of all that native FMUs are made of beside their blocks; raises NoCompilerError."""
-    by = [compiler_version()] if HERE_ALONE in targets else [version("ziglang"), repr(targets)]
+    """A digest of all that native FMUs are made of beside their blocks; raises
+    NoCompilerError."""
+    by = (
+        [compiler_version()]
+        if HERE_ALONE in targets
+        else [version("ziglang"), repr(targets)]
+    )
     digest = hashlib.sha256(" ".join((*FLAGS, *LINK, *by)).encode())
     translator = sorted((HERE / "translate").glob("*.py"))
     for path in (*sorted(WRAPPER.iterdir()), *translator, HERE / "native.py"):
@@ -122,16 +139,19 @@ def made_of(targets: Sequence[Target] = (HERE_ALONE,)) -> bytes:
 
 
 def sources(which: str) -> tuple[dict[str, str], str]:
-    """The C files of a block by their name, and the guid that they give; raises SubsetError."""
+    """The C files of a block by their name, and the guid that they give; raises
+    SubsetError."""
     block, name = block_class(which), identifier(which)
     described = model_description(block, name, "", DATE, version("desat"))
     return with_wrapper({f"{name}.c": translate(block, name, "@GUID@")}, described)
 
 
 def with_wrapper(own: dict[str, str], described: bytes) -> tuple[dict[str, str], str]:
-    """C files, one of which has `@GUID@` for its guid, with those of the wrapper, and the guid that
-    they and a model description without one give."""
-    files = {p.name: p.read_text(encoding="utf-8") for p in sorted(WRAPPER.iterdir())} | own
+    """C files, one of which has `@GUID@` for its guid, with those of the wrapper, and
+    the guid that they and a model description without one give."""
+    files = {
+        p.name: p.read_text(encoding="utf-8") for p in sorted(WRAPPER.iterdir())
+    } | own
     digest = hashlib.sha256(" ".join(FLAGS).encode())
     digest.update(described)
     for file, text in sorted(files.items()):
@@ -152,14 +172,17 @@ _NO_ROOM = {
 
 
 def check_room(said: str, what: str) -> None:
-    """Raise OSError, with `what` as its file, if a compiler says that it has no room to write."""
+    """Raise OSError, with `what` as its file, if a compiler says that it has no room to
+    write."""
     for text, number in _NO_ROOM.items():
         if text in said:
             raise OSError(number, os.strerror(number), what)
 
 
 def _run(command: list[str], folder: Path) -> None:
-    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+    done = subprocess.run(
+        command, cwd=folder, capture_output=True, text=True, check=False
+    )
     if done.returncode:
         check_room(done.stderr, f"compiler {command[0]}")
         raise RuntimeError(f"{' '.join(command)}: {done.stderr.strip()[:2000]}")
@@ -173,18 +196,26 @@ def compile_wrapper(shared: Path, targets: Sequence[Target] = (HERE_ALONE,)) -> 
         for path in WRAPPER.iterdir():
             (folder / path.name).write_bytes(path.read_bytes())
         for name in UNITS:
-            _run([*target.compiler, *FLAGS, "-c", f"{name}.c", "-o", f"{name}.o"], folder)
+            _run(
+                [*target.compiler, *FLAGS, "-c", f"{name}.c", "-o", f"{name}.o"], folder
+            )
 
 
 def compile_block(
-    files: dict[str, str], name: str, folder: Path, shared: Path, target: Target = HERE_ALONE
-) -> Path:  # fmt: skip
-    """Compile the C of a block, or of a loop of blocks, and link it with what `compile_wrapper` has
-    put into `shared`; the library, in `folder`."""
+    files: dict[str, str],
+    name: str,
+    folder: Path,
+    shared: Path,
+    target: Target = HERE_ALONE,
+) -> Path:
+    """Compile the C of a block, or of a loop of blocks, and link it with what
+    `compile_wrapper` has put into `shared`; the library, in `folder`."""
     shared_objects = [f"{unit}.o" for unit in UNITS]
     for file in shared_objects:
         shutil.copy(shared / target.triple / file, folder / file)
-    own = [file for file in files if not (WRAPPER / file).exists() or file.endswith(".h")]
+    own = [
+        file for file in files if not (WRAPPER / file).exists() or file.endswith(".h")
+    ]
     for file in own:
         (folder / file).write_text(files[file], encoding="utf-8")
     units = [file.removesuffix(".c") for file in own if file.endswith(".c")]
@@ -202,27 +233,34 @@ def compile_block(
 
 def build(
     which: str, dist: Path, shared: Path, targets: Sequence[Target] = (HERE_ALONE,)
-) -> Path:  # fmt: skip
+) -> Path:
     """Build the native FMU of a block and return its path.
 
-    `which`: one of ours by its name, or a file of the user's own. `shared`: a folder in which
-    `compile_wrapper` has been. Raises SubsetError, NoCompilerError.
+    `which`: one of ours by its name, or a file of the user's own. `shared`: a folder in
+    which `compile_wrapper` has been. Raises SubsetError, NoCompilerError.
     """
     files, guid = sources(which)
     block, name = block_class(which), identifier(which)
     units = sorted(f for f in files if f.endswith(".c"))
-    described = model_description(block, name, guid, DATE, version("desat"), sources=units)
+    described = model_description(
+        block, name, guid, DATE, version("desat"), sources=units
+    )
     dist.mkdir(parents=True, exist_ok=True)
     page = documentation(block, name)
     return assemble(files, name, described, page, shared, dist / f"{name}.fmu", targets)
 
 
 def assemble(
-    files: dict[str, str], name: str, described: bytes, page: str, shared: Path, file: Path,
+    files: dict[str, str],
+    name: str,
+    described: bytes,
+    page: str,
+    shared: Path,
+    file: Path,
     targets: Sequence[Target] = (HERE_ALONE,),
-) -> Path:  # fmt: skip
-    """Compile and pack a native FMU: its C files by their name, its model description, its page as
-    HTML. Raises NoCompilerError."""
+) -> Path:
+    """Compile and pack a native FMU: its C files by their name, its model description,
+    its page as HTML. Raises NoCompilerError."""
     made: dict[str, list[bytes]] = {}
     for target in targets:
         with tempfile.TemporaryDirectory() as folder:
@@ -248,15 +286,17 @@ def undated(library: bytes) -> bytes:
 
 
 def universal(binaries: Sequence[bytes]) -> bytes:
-    """Libraries of macOS for several processors as one, each on a page of its own; a single one as
-    it is."""
+    """Libraries of macOS for several processors as one, each on a page of its own; a
+    single one as it is."""
     if len(binaries) == 1:
         return binaries[0]
     at = _PAGE
     head, body = struct.pack(">II", 0xCAFEBABE, len(binaries)), b""
     for binary in binaries:
         processor, kind = struct.unpack_from("<II", binary, 4)
-        head += struct.pack(">IIIII", processor, kind, at, len(binary), _PAGE.bit_length() - 1)
+        head += struct.pack(
+            ">IIIII", processor, kind, at, len(binary), _PAGE.bit_length() - 1
+        )
         room = -len(binary) % _PAGE
         body += binary + bytes(room)
         at += len(binary) + room
@@ -265,7 +305,7 @@ def universal(binaries: Sequence[bytes]) -> bytes:
 
 def tried(
     which: str, dist: Path, shared: Path, targets: Sequence[Target] = (HERE_ALONE,)
-) -> str:  # fmt: skip
+) -> str:
     """Build the native FMU of a block; why there is none, or nothing."""
     if which in PINNED:
         return PINNED[which]
@@ -273,13 +313,21 @@ def tried(
         build(which, dist, shared, targets)
     except SubsetError as refused:
         return str(refused)
-    except (ArithmeticError, AttributeError, LookupError, RuntimeError, TypeError, ValueError) as e:
+    except (
+        ArithmeticError,
+        AttributeError,
+        LookupError,
+        RuntimeError,
+        TypeError,
+        ValueError,
+    ) as e:
         return f"a bug of the translator: {type(e).__name__}: {e}"
     return ""
 
 
 def pack(members: dict[str, bytes], target: Path) -> Path:
-    """Write an archive: entries sorted, deflated, dated 1980, so that equal contents are equal."""
+    """Write an archive: entries sorted, deflated, dated 1980, so that equal contents
+    are equal."""
     part = target.with_name(f"{target.name}.{os.getpid()}.part")
     with zipfile.ZipFile(part, "w", zipfile.ZIP_DEFLATED, compresslevel=9) as archive:
         for member, data in sorted(members.items()):

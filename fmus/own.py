@@ -1,8 +1,8 @@
 """A block file of the user's own: one Python file, anywhere, that holds one block.
 
 It is written as those of components/blocks/ are, with absolute imports
-(`from desat.components.contract.roles import Manager`); in an FMU it stands among the others, and
-imports them as they do each other.
+(`from desat.components.contract.roles import Manager`); in an FMU it stands among the
+others, and imports them as they do each other.
 """
 
 from __future__ import annotations
@@ -29,7 +29,8 @@ _OURS = "desat.components."
 
 
 class OwnBlockError(Exception):
-    """A file that cannot be a block: the text names file, line, and what to write instead."""
+    """A file that cannot be a block: the text names file, line, and what to write
+    instead."""
 
 
 def is_own(which: str) -> bool:
@@ -38,23 +39,27 @@ def is_own(which: str) -> bool:
 
 
 def identifier(which: str) -> str:
-    """The name of a block and of its FMU: a name of ours, or that of a file without its suffix.
-    Raises OwnBlockError where it cannot be one."""
+    """The name of a block and of its FMU: a name of ours, or that of a file without its
+    suffix. Raises OwnBlockError where it cannot be one."""
     if not is_own(which):
         return which
     file = Path(which)
     if not (file.stem.isascii() and file.stem.isidentifier()):
         better = re.sub(r"\W", "_", file.stem, flags=re.ASCII)
         better = f"block_{better}" if better[:1].isdigit() else better
-        raise OwnBlockError(f"{file.name}: its name becomes one of C: call it {better}{SUFFIX}")
+        raise OwnBlockError(
+            f"{file.name}: its name becomes one of C: call it {better}{SUFFIX}"
+        )
     if file.stem in (m.name for m in pkgutil.iter_modules(blocks.__path__)):
-        raise OwnBlockError(f"{file.name}: a block of ours has this name: call the file otherwise")
+        raise OwnBlockError(
+            f"{file.name}: a block of ours has this name: call the file otherwise"
+        )
     return file.stem
 
 
 def shipped(which: str) -> str:
-    """The text of a block file as it stands among ours in an FMU, line by line the same. Raises
-    OwnBlockError for an import that cannot go with it."""
+    """The text of a block file as it stands among ours in an FMU, line by line the
+    same. Raises OwnBlockError for an import that cannot go with it."""
     path = Path(which)
     text = _text(path)
     lines = text.splitlines(keepends=True)
@@ -63,19 +68,25 @@ def shipped(which: str) -> str:
             continue
         at = f"{path.name}:{node.lineno}"
         if isinstance(node, ast.ImportFrom) and node.level:
-            raise OwnBlockError(f"{at}: a relative import: write `from desat.components...`, and "
-                                "put functions of your own into this file")  # fmt: skip
+            raise OwnBlockError(
+                f"{at}: a relative import: write `from desat.components...`, and "
+                "put functions of your own into this file"
+            )
         if isinstance(node, ast.ImportFrom) and (node.module or "").startswith(_OURS):
             line = lines[node.lineno - 1]
             head, tail = line[: node.col_offset], line[node.col_offset :]
             found = re.match(r"from\s+desat\.components\.", tail)
             if found is None:
-                raise OwnBlockError(f"{at}: write `from {node.module} import` on one line")
+                raise OwnBlockError(
+                    f"{at}: write `from {node.module} import` on one line"
+                )
             lines[node.lineno - 1] = f"{head}from ..{tail[found.end() :]}"
             continue
-        names = [node.module or ""] if isinstance(node, ast.ImportFrom) else [
-            alias.name for alias in node.names
-        ]  # fmt: skip
+        names = (
+            [node.module or ""]
+            if isinstance(node, ast.ImportFrom)
+            else [alias.name for alias in node.names]
+        )
         for name in names:
             _importable(name, path, at)
     return "".join(lines)
@@ -85,58 +96,86 @@ def _importable(name: str, path: Path, at: str) -> None:
     """Raise OwnBlockError for a module that an FMU would not find."""
     top = name.partition(".")[0]
     if top == "desat":
-        raise OwnBlockError(f"{at}: import of {name}: a block uses desat.components alone, as in "
-                            "`from desat.components.maths import vector`")  # fmt: skip
+        raise OwnBlockError(
+            f"{at}: import of {name}: a block uses desat.components alone, as in "
+            "`from desat.components.maths import vector`"
+        )
     if top in sys.stdlib_module_names:
         return
-    if (path.parent / f"{top}.py").exists() or (path.parent / top / "__init__.py").exists():
-        raise OwnBlockError(f"{at}: import of {name}, which lies beside it: one file is one FMU: "
-                            "put what it needs into this file")  # fmt: skip
+    if (path.parent / f"{top}.py").exists() or (
+        path.parent / top / "__init__.py"
+    ).exists():
+        raise OwnBlockError(
+            f"{at}: import of {name}, which lies beside it: one file is one FMU: "
+            "put what it needs into this file"
+        )
     if find_spec(top) is None:
         raise OwnBlockError(f"{at}: import of {name}: there is no such module")
 
 
 def block_class(which: str) -> type[Block]:
-    """The block that a file holds. Raises OwnBlockError where it is not one, and as `shipped`."""
+    """The block that a file holds. Raises OwnBlockError where it is not one, and as
+    `shipped`."""
     path = Path(which)
     name = identifier(which)
     shipped(which)
     text = _text(path)
-    module = ModuleType(f"desat_own_{name}_{hashlib.sha256(text.encode()).hexdigest()[:16]}")
+    module = ModuleType(
+        f"desat_own_{name}_{hashlib.sha256(text.encode()).hexdigest()[:16]}"
+    )
     module.__file__ = str(path.absolute())
     sys.modules[module.__name__] = module
     try:
         exec(compile(text, module.__file__, "exec", dont_inherit=True), vars(module))
     except Exception as error:
-        here = [f.lineno for f in traceback.extract_tb(error.__traceback__)
-                if f.filename == module.__file__]  # fmt: skip
+        here = [
+            f.lineno
+            for f in traceback.extract_tb(error.__traceback__)
+            if f.filename == module.__file__
+        ]
         line = f":{here[-1]}" if here else ""
-        raise OwnBlockError(f"{path.name}{line}: {type(error).__name__}: {error}") from error
+        raise OwnBlockError(
+            f"{path.name}{line}: {type(error).__name__}: {error}"
+        ) from error
     found = [
-        c for c in vars(module).values()
-        if inspect.isclass(c) and issubclass(c, Block) and c.__module__ == module.__name__
-    ]  # fmt: skip
+        c
+        for c in vars(module).values()
+        if inspect.isclass(c)
+        and issubclass(c, Block)
+        and c.__module__ == module.__name__
+    ]
     if len(found) != 1:
-        raise OwnBlockError(f"{path.name}: it must hold one class that derives from a role of "
-                            "desat.components.contract.roles, or from Block; it has "
-                            f"{len(found)}")  # fmt: skip
+        raise OwnBlockError(
+            f"{path.name}: it must hold one class that derives from a role of "
+            "desat.components.contract.roles, or from Block; it has "
+            f"{len(found)}"
+        )
     (block,) = found
-    first = next(n.lineno for n in ast.walk(_tree(path, text))
-                if isinstance(n, ast.ClassDef) and n.name == block.__name__)  # fmt: skip
-    open_ = [n for n in dir(block) if getattr(getattr(block, n), "__isabstractmethod__", False)]
+    first = next(
+        n.lineno
+        for n in ast.walk(_tree(path, text))
+        if isinstance(n, ast.ClassDef) and n.name == block.__name__
+    )
+    open_ = [
+        n
+        for n in dir(block)
+        if getattr(getattr(block, n), "__isabstractmethod__", False)
+    ]
     if open_:
-        raise OwnBlockError(f"{path.name}:{first}: {block.__name__} lacks what its role leaves to "
-                            f"it: write `def {open_[0]}`")  # fmt: skip
+        raise OwnBlockError(
+            f"{path.name}:{first}: {block.__name__} lacks what its role leaves to "
+            f"it: write `def {open_[0]}`"
+        )
     if left := unassigned(block):
         raise OwnBlockError(f"{path.name}:{first}: {block.__name__}.{left[0]}")
     return block
 
 
 def unassigned(block: type[Block]) -> list[str]:
-    """The outputs of a block that keep their start value for ever, a line each: those that neither
-    `start` nor `output` (of a state), `advance` (of an interval output), or what these call,
-    assign; and those that `start` alone does, where another name that is nearest to theirs is
-    assigned and not declared."""
+    """The outputs of a block that keep their start value for ever, a line each: those
+    that neither `start` nor `output` (of a state), `advance` (of an interval output),
+    or what these call, assign; and those that `start` alone does, where another name
+    that is nearest to theirs is assigned and not declared."""
     declared = {v.name for v in block.variables}
     begun, *rest = (_assigned(block, name) for name in ("start", "output", "advance"))
     if any("*" in names for names in (begun, *rest)):
@@ -149,14 +188,16 @@ def unassigned(block: type[Block]) -> list[str]:
             continue
         meant = difflib.get_close_matches(v.name, strange, 1)
         if meant or v.name not in begun:
-            hint = f"; it assigns self.{meant[0]}, which is not declared" if meant else ""
+            hint = (
+                f"; it assigns self.{meant[0]}, which is not declared" if meant else ""
+            )
             lines.append(f"{v.name}: {method} does not assign this output{hint}")
     return lines
 
 
 def _assigned(block: type[Block], method: str) -> set[str]:
-    """The attributes of `self` that a method and what it calls of the block assign; `*` where some
-    are by setattr or vars."""
+    """The attributes of `self` that a method and what it calls of the block assign; `*`
+    where some are by setattr or vars."""
     mro, found = block.__mro__[:-1], set[str]()
     seen, todo = set[Any](), [(method, mro)]
     while todo:
@@ -196,4 +237,6 @@ def _tree(path: Path, text: str) -> ast.Module:
     except (SyntaxError, ValueError) as error:
         line = getattr(error, "lineno", None)
         said = getattr(error, "msg", str(error))
-        raise OwnBlockError(f"{path.name}{f':{line}' if line else ''}: {said}") from error
+        raise OwnBlockError(
+            f"{path.name}{f':{line}' if line else ''}: {said}"
+        ) from error

@@ -1,15 +1,16 @@
 """The FMI 2.0 adapter: everything between pythonfmu and a block, for every block.
 
-An FMU carries this file, the block and what the block imports, in a package of a name of its own.
-Nothing here knows what a block computes; a block knows nothing of this file.
+An FMU carries this file, the block and what the block imports, in a package of a name
+of its own. Nothing here knows what a block computes; a block knows nothing of this
+file.
 
-Noise is keyed by the instance's name: a master that names instances otherwise than the system names
-its components gets other streams, of the same statistics.
+Noise is keyed by the instance's name: a master that names instances otherwise than the
+system names its components gets other streams, of the same statistics.
 
-Two rules of pythonfmu's library shape it: an exception that leaves an entry point takes the host
-down, so none does (it becomes a log message, the output `fault`, and `do_step` returning False);
-and each instantiation releases the entry module's globals once too often, so each instance adds
-a reference.
+Two rules of pythonfmu's library shape it: an exception that leaves an entry point takes
+the host down, so none does (it becomes a log message, the output `fault`, and `do_step`
+returning False); and each instantiation releases the entry module's globals once too
+often, so each instance adds a reference.
 """
 
 from __future__ import annotations
@@ -32,7 +33,8 @@ _Selection = tuple[list[int], Any, bool]
 
 
 class Slave(Fmi2Slave):  # type: ignore[misc]
-    """A block behind FMI. The entry script of an FMU derives from it and sets `block_class`."""
+    """A block behind FMI. The entry script of an FMU derives from it and sets
+    `block_class`."""
 
     block_class: ClassVar[Any]
 
@@ -57,16 +59,18 @@ class Slave(Fmi2Slave):  # type: ignore[misc]
         """The FMU's name; the entry script overrides it."""
         return type(self).__name__
 
-    # --- failures -----------------------------------------------------------------------------
+    # --- failures ---------------------------------------------------------------------
 
     def _fail(self, what: str, error: BaseException | str) -> None:
         self._block.fault = True
         text = error if isinstance(error, str) else f"{type(error).__name__}: {error}"
         self.log(f"{self.instance_name}: {what}: {text}", Fmi2Status.error)
 
-    # --- life ---------------------------------------------------------------------------------
+    # --- life -------------------------------------------------------------------------
 
-    def setup_experiment(self, start_time: float, stop_time: Any, tolerance: Any) -> None:
+    def setup_experiment(
+        self, start_time: float, stop_time: Any, tolerance: Any
+    ) -> None:
         if self._phase != _INSTANTIATED:
             self._fail("set up the experiment", RuntimeError("it has begun"))
             return
@@ -90,8 +94,9 @@ class Slave(Fmi2Slave):  # type: ignore[misc]
         self._phase = _TERMINATED
 
     def _refresh(self, ends: bool = False) -> None:
-        """Initialisation mode: bring the outputs up to date with inputs and parameters; that the
-        block cannot start is logged when the mode ends: until then inputs may not have arrived."""
+        """Initialisation mode: bring the outputs up to date with inputs and parameters;
+        that the block cannot start is logged when the mode ends: until then inputs may
+        not have arrived."""
         if not self._stale or self._phase != _INITIALISING:
             return
         self._stale = False
@@ -116,7 +121,9 @@ class Slave(Fmi2Slave):  # type: ignore[misc]
             if not 0.0 < step_size < math.inf:
                 raise RuntimeError(f"a step of {step_size} s")
             if not abs(current_time - self._time) <= 1e-6 * step_size:
-                raise RuntimeError(f"a step from t = {current_time} s, but it is {self._time} s")
+                raise RuntimeError(
+                    f"a step from t = {current_time} s, but it is {self._time} s"
+                )
             block = self._block
             block.advance(current_time, step_size)
             self._time = end = current_time + step_size
@@ -126,7 +133,7 @@ class Slave(Fmi2Slave):  # type: ignore[misc]
             self._fail(f"step from t = {current_time} s", error)
             return False
 
-    # --- values -------------------------------------------------------------------------------
+    # --- values -----------------------------------------------------------------------
 
     def _select(self, vrs: list[int], kind: str) -> _Selection:
         """Raises TypeError where a variable is not of type `kind`."""
@@ -134,7 +141,11 @@ class Slave(Fmi2Slave):  # type: ignore[misc]
         for vr, variable in zip(vrs, found, strict=True):
             if variable.type != kind:
                 raise TypeError(f"value reference {vr} ({variable.name}) is not {kind}")
-        return vrs, self._block.access(vrs), any(v.causality == "parameter" for v in found)
+        return (
+            vrs,
+            self._block.access(vrs),
+            any(v.causality == "parameter" for v in found),
+        )
 
     def _get(self, vrs: list[int], kind: str, failed: Any) -> list[Any]:
         try:
@@ -156,15 +167,23 @@ class Slave(Fmi2Slave):  # type: ignore[misc]
         try:
             known, access, parameter = self._writing[kind]
             if vrs != known:
-                if outputs := [vr for vr in vrs if self._scalars[vr][0].causality == "output"]:
-                    raise ValueError(f"{self._name_of(outputs[0])}: an output is not set")
+                if outputs := [
+                    vr for vr in vrs if self._scalars[vr][0].causality == "output"
+                ]:
+                    raise ValueError(
+                        f"{self._name_of(outputs[0])}: an output is not set"
+                    )
                 self._writing[kind] = _, access, parameter = self._select(vrs, kind)
             for vr, value in zip(vrs, values, strict=True) if kind == "Real" else ():
                 if value != value:
                     raise ValueError(f"{self._name_of(vr)}: nan is no number")
             if parameter and self._phase >= _STEPPING:
-                names = ", ".join(dict.fromkeys(self._scalars[vr][0].name for vr in vrs))
-                raise RuntimeError(f"{names}: a parameter is fixed once the simulation runs")
+                names = ", ".join(
+                    dict.fromkeys(self._scalars[vr][0].name for vr in vrs)
+                )
+                raise RuntimeError(
+                    f"{names}: a parameter is fixed once the simulation runs"
+                )
             access.write(values)
             self._stale = self._phase == _INITIALISING
         except BaseException as error:
@@ -195,7 +214,7 @@ class Slave(Fmi2Slave):  # type: ignore[misc]
     def set_string(self, vrs: list[int], values: list[str]) -> None:
         self._fail("set String", "there are no strings here")
 
-    # --- state --------------------------------------------------------------------------------
+    # --- state ------------------------------------------------------------------------
 
     def _get_fmu_state(self) -> dict[str, Any]:
         return {
@@ -208,7 +227,11 @@ class Slave(Fmi2Slave):  # type: ignore[misc]
     def _set_fmu_state(self, state: dict[str, Any]) -> None:
         try:
             values = {name: _frozen(x) for name, x in state["values"].items()}
-            self._phase, self._time, self._stale = state["phase"], state["time"], state["stale"]
+            self._phase, self._time, self._stale = (
+                state["phase"],
+                state["time"],
+                state["stale"],
+            )
             self._values.clear()
             self._values.update(values)
         except BaseException as error:
@@ -227,11 +250,14 @@ class Slave(Fmi2Slave):  # type: ignore[misc]
 
 
 def _name(instance: str) -> str:
-    """The instance's name, by which noise is keyed; of a path, as Ecos gives, the file's stem."""
+    """The instance's name, by which noise is keyed; of a path, as Ecos gives, the
+    file's stem."""
     if not instance.endswith(".fmu"):
         return instance
     return instance.replace("\\", "/").rpartition("/")[2].removesuffix(".fmu")
 
 
 def _frozen(value: Any) -> Any:
-    return tuple(_frozen(x) for x in value) if isinstance(value, (list, tuple)) else value
+    return (
+        tuple(_frozen(x) for x in value) if isinstance(value, (list, tuple)) else value
+    )

@@ -1,9 +1,10 @@
 """Runs systems of FMUs: scenarios, SSP, check, master, results, command line.
 
-`new`, `scenario`, `run`, `size`, `compare`, `tune`, `draws`, `cases`, `load` and `tables` do what
-the commands do, with their options, and return objects; `prepare`, `simulate`, `Options`, `Case`
-and `Run` are what they are made of. What they import is imported when they are called. Bad input
-raises `desat.system.errors.DesatError` with one line for people.
+`new`, `scenario`, `run`, `size`, `compare`, `tune`, `draws`, `cases`, `load` and
+`tables` do what the commands do, with their options, and return objects; `prepare`,
+`simulate`, `Options`, `Case` and `Run` are what they are made of. What they import is
+imported when they are called. Bad input raises `desat.system.errors.DesatError` with
+one line for people.
 """
 
 from __future__ import annotations
@@ -30,12 +31,31 @@ if TYPE_CHECKING:
     from .studies.tune import Tuned
     from .system.options import Options, RunOptions
 
-__all__ = ["Case", "Options", "Run", "cases", "compare", "draws", "load", "new", "prepare", "run",
-           "scenario", "simulate", "size", "tables", "tune"]  # fmt: skip
+__all__ = [
+    "Case",
+    "Options",
+    "Run",
+    "cases",
+    "compare",
+    "draws",
+    "load",
+    "new",
+    "prepare",
+    "run",
+    "scenario",
+    "simulate",
+    "size",
+    "tables",
+    "tune",
+]
 _AT = {
-    "Case": "runs.prepare", "prepare": "runs.prepare", "Run": "runs.run", "simulate": "runs.run",
-    "Options": "system.options", "tables": "papers.tables",
-}  # fmt: skip
+    "Case": "runs.prepare",
+    "prepare": "runs.prepare",
+    "Run": "runs.run",
+    "simulate": "runs.run",
+    "Options": "system.options",
+    "tables": "papers.tables",
+}
 """Where a public name is, which is imported when it is asked for."""
 
 
@@ -51,7 +71,9 @@ def __getattr__(name: str) -> Any:
         room = f"{__name__}.{_AT[name].partition('.')[0]}"
         if error.name != room:
             raise
-        raise AttributeError(f"{__name__}.{name} needs {room}, which is not installed") from error
+        raise AttributeError(
+            f"{__name__}.{name} needs {room}, which is not installed"
+        ) from error
     return getattr(module, name)
 
 
@@ -66,15 +88,15 @@ def run(
 ) -> Run:
     """Run a system and return its manifest and series.
 
-    `target`: a scenario's name, a scenario file (.toml), an .ssp, an .ssd or a folder with one.
-    `sets`: "component.variable" -> value in SI: a number, a choice's name, a list (an array, rows
-    in lists). `stop`: seconds, or
-    "2 orbits"; `step`: seconds. `folder`: where manifest and series are written; None keeps
-    the series in memory. `options`: further fields of `desat.Options`.
+    `target`: a scenario's name, a scenario file (.toml), an .ssp, an .ssd or a folder
+    with one. `sets`: "component.variable" -> value in SI: a number, a choice's name, a
+    list (an array, rows in lists). `stop`: seconds, or "2 orbits"; `step`: seconds.
+    `folder`: where manifest and series are written; None keeps the series in memory.
+    `options`: further fields of `desat.Options`.
 
-    `.numbers` is a pandas frame of the scenario's numbers: title, value, unit, limit, met; `.data`
-    an xarray Dataset of the series; `.plot("momentum")` a figure. As a mapping `.manifest` is the
-    run's JSON file.
+    `.numbers` is a pandas frame of the scenario's numbers: title, value, unit, limit,
+    met; `.data` an xarray Dataset of the series; `.plot("momentum")` a figure. As a
+    mapping `.manifest` is the run's JSON file.
 
     >>> run = run("nadir_day/day-dipole", {"manager.gain": 2e-3}, stop="0.1 orbit")
     >>> run.ok
@@ -84,8 +106,8 @@ def run(
     >>> run.data["wheels.h_wheel"].dims
     ('time', 'wheel')
 
-    Raises DesatError for wrong input. A component that fails ends the run early: see `.ok`,
-    `.manifest.message`; `.or_raise(name)` makes a RunError of that.
+    Raises DesatError for wrong input. A component that fails ends the run early: see
+    `.ok`, `.manifest.message`; `.or_raise(name)` makes a RunError of that.
     """
     from pathlib import Path
 
@@ -94,12 +116,16 @@ def run(
     from .system.options import of_program
 
     given = of_program(stop, step, sets, options)
-    return execute(str(target), given, None if folder is None else Path(folder), in_notebook())
+    return execute(
+        str(target), given, None if folder is None else Path(folder), in_notebook()
+    )
 
 
-def new(folder: str | PathLike[str], *, force: bool = False, **facts: Unpack[Facts]) -> Path:
-    """Begin a craft, as `desat new craft` does, and return its folder; `facts` are its options as
-    texts. What is not given is typical of the craft's class.
+def new(
+    folder: str | PathLike[str], *, force: bool = False, **facts: Unpack[Facts]
+) -> Path:
+    """Begin a craft, as `desat new craft` does, and return its folder; `facts` are its
+    options as texts. What is not given is typical of the craft's class.
 
     >>> import tempfile
     >>> with tempfile.TemporaryDirectory() as here:
@@ -117,8 +143,10 @@ def new(folder: str | PathLike[str], *, force: bool = False, **facts: Unpack[Fac
     from .system.errors import DesatError, nearest
 
     if unknown := [name for name in facts if name not in Facts.__annotations__]:
-        raise DesatError(f"{unknown[0]}: no fact of a craft"
-                         f"{nearest(unknown[0], Facts.__annotations__)}")  # fmt: skip
+        raise DesatError(
+            f"{unknown[0]}: no fact of a craft"
+            f"{nearest(unknown[0], Facts.__annotations__)}"
+        )
     typed = [f"--{name.replace('_', '-')}={value}" for name, value in facts.items()]
     command = shlex.join(["desat", "new", "craft", str(folder), *typed])
     write(Path(folder), CraftFacts(**facts), command, force)
@@ -126,8 +154,8 @@ def new(folder: str | PathLike[str], *, force: bool = False, **facts: Unpack[Fac
 
 
 def scenario(target: str | PathLike[str]) -> DataFrame:
-    """The values of a scenario as merged, by their keys: `value`, the file that it is `from` and
-    the axis' `cell`, as `desat show` prints them.
+    """The values of a scenario as merged, by their keys: `value`, the file that it is
+    `from` and the axis' `cell`, as `desat show` prints them.
 
     >>> scenario("nadir_day/day-dipole").loc["stop", "value"]
     86400.0
@@ -153,17 +181,20 @@ def size(
     margin: float = 1.3,
     **options: Unpack[RunOptions],
 ) -> Sizing | DumpSizing:
-    """Size a craft, as `desat size` does: its `answer` is a sentence, `as_json()` all of it. A
-    craft that dumps by thrusters between thresholds gives a `DumpSizing`, any other a `Sizing`.
+    """Size a craft, as `desat size` does: its `answer` is a sentence, `as_json()` all
+    of it. A craft that dumps by thrusters between thresholds gives a `DumpSizing`, any
+    other a `Sizing`.
 
-    `year`: other days of a year, too; `laws`: other laws, too; `flown`: the closed loop beside;
-    `duty` (1) and `margin` (1): what rods are recommended for. The rest as for `run`.
+    `year`: other days of a year, too; `laws`: other laws, too; `flown`: the closed loop
+    beside; `duty` (1) and `margin` (1): what rods are recommended for. The rest as for
+    `run`.
 
     >>> sized = size("nadir_day/day-dipole", stop="2 orbits", year=False, laws=False, flown=False)
     >>> sized.answer
     'nadir_day/day-dipole: rods of 0.168 A m2 are recommended: they hold ...'
 
-    Raises DesatError for a craft without what it takes, RunError where a run does not complete.
+    Raises DesatError for a craft without what it takes, RunError where a run does not
+    complete.
     """
     from .sizing import dumps, sizing
     from .sizing.requirements import SizingRequirements
@@ -184,9 +215,10 @@ def compare(
     step: float | None = None,
     **options: Unpack[RunOptions],
 ) -> Comparison | Ranking:
-    """Hold scenarios (flown now) and run folders against the first, as `desat compare` does; or,
-    with `laws`, fly one craft law by law: "all", names of laws, or files of your own. `by`: what
-    laws are ranked by, "peak,duty". The rest as for `run`. `.numbers` is a pandas frame.
+    """Hold scenarios (flown now) and run folders against the first, as `desat compare`
+    does; or, with `laws`, fly one craft law by law: "all", names of laws, or files of
+    your own. `by`: what laws are ranked by, "peak,duty". The rest as for `run`.
+    `.numbers` is a pandas frame.
 
     >>> compared = compare("nadir_day/day-dipole", "nadir_day/day-igrf", stop=600.0)
     >>> list(compared.numbers.columns[2:])
@@ -232,9 +264,10 @@ def tune(
     step: float | None = None,
     **options: Unpack[RunOptions],
 ) -> Tuned:
-    """Find the value of `component.parameter` with the least (`most`: the largest) median of a
-    number over `count` samples, judged by `unseen` others, as `desat tune` does. `.best` is it,
-    `.answer` a sentence. `jobs` as for `draws`; the rest as for `run`.
+    """Find the value of `component.parameter` with the least (`most`: the largest)
+    median of a number over `count` samples, judged by `unseen` others, as `desat tune`
+    does. `.best` is it, `.answer` a sentence. `jobs` as for `draws`; the rest as for
+    `run`.
 
     Raises DesatError for what there is not, RunError where a run does not complete.
     """
@@ -242,19 +275,30 @@ def tune(
     from .system.options import of_program
 
     given = of_program(stop, step, sets, options)
-    return study.tune(str(target), parameter, number, given, most=most, between=between,
-                      draws=count, unseen=unseen, seed=seed, jobs=jobs)  # fmt: skip
+    return study.tune(
+        str(target),
+        parameter,
+        number,
+        given,
+        most=most,
+        between=between,
+        draws=count,
+        unseen=unseen,
+        seed=seed,
+        jobs=jobs,
+    )
 
 
 def load(folder: str | PathLike[str], *, curves: bool = False) -> Dataset:
-    """The results in a run's or a campaign's folder, also of one that was killed, as an xarray
-    Dataset that is read where it is looked at.
+    """The results in a run's or a campaign's folder, also of one that was killed, as an
+    xarray Dataset that is read where it is looked at.
 
-    Of a run: `ds["wheels.h_wheel"]` over `time` and `wheel`, vectors over `axis`, means over steps
-    over `interval`, with units, frame, description and choices as attributes; `ds.attrs` has
-    scenario, epoch, versions, numbers and the manifest, as JSON. Of a campaign: `in.*` and `out.*`
-    over `case`, a row each in `ds.to_dataframe()`; `curves`: instead, the envelopes of its curves
-    over `case` and `part`.
+    Of a run: `ds["wheels.h_wheel"]` over `time` and `wheel`, vectors over `axis`, means
+    over steps over `interval`, with units, frame, description and choices as
+    attributes; `ds.attrs` has scenario, epoch, versions, numbers and the manifest, as
+    JSON. Of a campaign: `in.*` and `out.*` over `case`, a row each in
+    `ds.to_dataframe()`; `curves`: instead, the envelopes of its curves over `case` and
+    `part`.
 
     Raises DesatError where it is neither.
     """
@@ -283,10 +327,10 @@ def draws(
 ) -> dict[str, Any]:
     """Run seeded samples of a system's dispersions; arguments as for `run`.
 
-    Return a dict: `draws`, a row each with status, numbers and sampled values; and `summary`,
-    of each number its unit, median, min, max and n. Sample i of a seed is the same whatever
-    `count` and `jobs`, processes; with more than one, the caller's script needs `if __name__ ==
-    "__main__":`.
+    Return a dict: `draws`, a row each with status, numbers and sampled values; and
+    `summary`, of each number its unit, median, min, max and n. Sample i of a seed is
+    the same whatever `count` and `jobs`, processes; with more than one, the caller's
+    script needs `if __name__ == "__main__":`.
 
     Raises DesatError for wrong input, and where there are no dispersions.
     """
@@ -316,13 +360,13 @@ def cases(
     accept_versions: bool = False,
     **options: Unpack[RunOptions],
 ) -> Dataset:
-    """Make the cases of a campaign that its folder has not yet, and its report; return it as `load`
-    does. What `desat campaign run` does: `sets`, `stop`, `step`, `options` as for `run`; `keep`,
-    `limit` (s), `cluster`, `accept_versions` as its options; `curves`: plots by name, None the
-    first.
+    """Make the cases of a campaign that its folder has not yet, and its report; return
+    it as `load` does. What `desat campaign run` does: `sets`, `stop`, `step`, `options`
+    as for `run`; `keep`, `limit` (s), `cluster`, `accept_versions` as its options;
+    `curves`: plots by name, None the first.
 
-    The caller's script needs `if __name__ == "__main__":`, as there are processes. Raises
-    DesatError for wrong input, and where the folder has another campaign.
+    The caller's script needs `if __name__ == "__main__":`, as there are processes.
+    Raises DesatError for wrong input, and where the folder has another campaign.
     """
     from pathlib import Path
 
@@ -332,9 +376,15 @@ def cases(
 
     given = of_program(stop, step, sets, options)
     plan, _ = coordinator.planned(
-        str(target), count, seed=seed, sampling=sampling, options=given, curves=curves, keep=keep,
+        str(target),
+        count,
+        seed=seed,
+        sampling=sampling,
+        options=given,
+        curves=curves,
+        keep=keep,
         limit=limit,
-    )  # fmt: skip
+    )
     coordinator.run(plan, Path(folder), jobs, cluster, in_notebook(), accept_versions)
     report.write(Path(folder))
     return load(folder)

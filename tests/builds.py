@@ -1,11 +1,13 @@
-"""`make builds`: native FMUs of a second compiler, and under sanitizers, beside the usual ones.
+"""`make builds`: native FMUs of a second compiler, and under sanitizers, beside the
+usual ones.
 
-`python tests/builds.py windows` runs one block's libraries for Linux and Windows beside each other.
-`python tests/builds.py zig` or `sanitizers` builds all of them into a temporary folder. Each block,
-its Python FMU, its usual native FMU and the other one get the inputs of test_native.py, and one
-scenario of each family runs its first 600 steps with both builds: all bits must be equal. zig needs
-the package ziglang; under sanitizers the first complaint ends the process. With names of scenarios
-only these and their blocks are tried.
+`python tests/builds.py windows` runs one block's libraries for Linux and Windows beside
+each other. `python tests/builds.py zig` or `sanitizers` builds all of them into a
+temporary folder. Each block, its Python FMU, its usual native FMU and the other one get
+the inputs of test_native.py, and one scenario of each family runs its first 600 steps
+with both builds: all bits must be equal. zig needs the package ziglang; under
+sanitizers the first complaint ends the process. With names of scenarios only these and
+their blocks are tried.
 """
 
 from __future__ import annotations
@@ -29,10 +31,15 @@ from desat.fmus.compiler import compiler
 from desat.runs.run import Options, execute, prepare
 
 SCENARIOS = (
-    "nadir_day/day-igrf", "integrated/mil-nadir", "uosat12/flight-receding_horizon-1",
-    "alsat1/firing-ours", "hausat2/start-up-ours", "gyrostat/stress", "plant/light",
+    "nadir_day/day-igrf",
+    "integrated/mil-nadir",
+    "uosat12/flight-receding_horizon-1",
+    "alsat1/firing-ours",
+    "hausat2/start-up-ours",
+    "gyrostat/stress",
+    "plant/light",
     "space_telescope/preview-nominal",
-)  # fmt: skip
+)
 """One of each family."""
 SEEDS = 10
 SANE = ("-fsanitize=address,undefined", "-fno-sanitize-recover=all")
@@ -40,19 +47,31 @@ ZIG = f"{sys.executable} -m ziglang cc -fno-sanitize=undefined"
 
 
 def prepared(kind: str) -> None:
-    """Set the compiler and its flags; start anew where the environment has to be another."""
+    """Set the compiler and its flags; start anew where the environment has to be
+    another."""
     if kind == "zig":
         if "CC" not in os.environ and importlib.util.find_spec("ziglang") is None:
-            raise SystemExit("the package ziglang is not installed, and CC names no compiler")
+            raise SystemExit(
+                "the package ziglang is not installed, and CC names no compiler"
+            )
         os.environ.setdefault("CC", ZIG)
         compiler.cache_clear()
         return
-    asked = subprocess.run([*compiler(), "-print-file-name=libasan.so"], capture_output=True,
-                           text=True, check=True)  # fmt: skip
+    asked = subprocess.run(
+        [*compiler(), "-print-file-name=libasan.so"],
+        capture_output=True,
+        text=True,
+        check=True,
+    )
     if "LD_PRELOAD" not in os.environ:
-        options = {"LD_PRELOAD": asked.stdout.strip(), "ASAN_OPTIONS": "detect_leaks=0",
-                   "UBSAN_OPTIONS": "print_stacktrace=1"}  # fmt: skip
-        os.execve(sys.executable, [sys.executable, *sys.argv], {**os.environ, **options})
+        options = {
+            "LD_PRELOAD": asked.stdout.strip(),
+            "ASAN_OPTIONS": "detect_leaks=0",
+            "UBSAN_OPTIONS": "print_stacktrace=1",
+        }
+        os.execve(
+            sys.executable, [sys.executable, *sys.argv], {**os.environ, **options}
+        )
     native.FLAGS = (*native.FLAGS, "-g", "-w", *SANE)
     native.HERE_ALONE = replace(native.HERE_ALONE, link=("-shared", *SANE))
     compiled.FLAGS = (*compiled.FLAGS, *SANE)
@@ -99,7 +118,10 @@ def main(kind: str, *scenarios: str) -> int:
     """Build, compare, and say how much was compared."""
     if kind == "windows":
         with tempfile.TemporaryDirectory() as temporary:
-            print(test_platforms.same_bits_for_linux_and_windows(Path(temporary)), flush=True)
+            print(
+                test_platforms.same_bits_for_linux_and_windows(Path(temporary)),
+                flush=True,
+            )
         return 0
     prepared(kind)
     names = blocks_of(scenarios)
@@ -111,18 +133,26 @@ def main(kind: str, *scenarios: str) -> int:
         usual = test_native.path
 
         def path(name: str, which: str = "native") -> Path:
-            return folder / "native" / f"{name}.fmu" if which == kind else usual(name, which)
+            return (
+                folder / "native" / f"{name}.fmu"
+                if which == kind
+                else usual(name, which)
+            )
 
         test_native.path = path
         test_native.KINDS.append(kind)
-        alike = test_native.test_block_and_both_fmus_are_bitwise_alike.hypothesis.inner_test
+        alike = (
+            test_native.test_block_and_both_fmus_are_bitwise_alike.hypothesis.inner_test
+        )
         for name in names:
             for seed in range(SEEDS):
                 alike(name=name, seed=seed)
         kinds = ", ".join(test_native.KINDS)
         print(f"{len(names)} blocks alike: bare, {kinds}", flush=True)
         for scenario in scenarios or SCENARIOS:
-            print(f"{scenario}: {same_run(scenario, folder)} series are equal", flush=True)
+            print(
+                f"{scenario}: {same_run(scenario, folder)} series are equal", flush=True
+            )
     return 0
 
 

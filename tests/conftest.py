@@ -1,4 +1,5 @@
-"""What several tests need. The FMUs are built by `make fmus`, which `make test` runs first."""
+"""What several tests need. The FMUs are built by `make fmus`, which `make test` runs
+first."""
 
 from __future__ import annotations
 
@@ -30,16 +31,25 @@ settings.load_profile("desat")
 ROOT = Path(__file__).resolve().parent.parent
 
 
-# --- rooms behind walls: the package works without them -----------------------------------------
+# --- rooms behind walls: the package works without them -------------------------------
 
 TESTS_OF = {
     "papers": (
-        *("alsat1", "hausat2", "integrated", "magnetic", "not_reached", "space_telescope"),
+        *(
+            "alsat1",
+            "hausat2",
+            "integrated",
+            "magnetic",
+            "not_reached",
+            "space_telescope",
+        ),
         *("pages", "tables_uosat12"),
     ),
     "web": ("web",),
 }
-ABSENT = [room for room in TESTS_OF if importlib.util.find_spec(f"desat.{room}") is None]
+ABSENT = [
+    room for room in TESTS_OF if importlib.util.find_spec(f"desat.{room}") is None
+]
 collect_ignore = [f"test_{name}.py" for room in ABSENT for name in TESTS_OF[room]]
 
 
@@ -54,7 +64,8 @@ class AbsentModule:
 
 
 def module_of(name: str) -> Any:
-    """Return a module that needs a room that may be absent: who uses it is skipped where it is."""
+    """Return a module that needs a room that may be absent: who uses it is skipped
+    where it is."""
     try:
         return importlib.import_module(name)
     except ModuleNotFoundError as error:
@@ -80,23 +91,28 @@ def started(name: str, **values: object):
     return made
 
 
-# --- a browser ------------------------------------------------------------------------------------
+# --- a browser ------------------------------------------------------------------------
 
-CHROMIUM = os.environ.get("DESAT_CHROMIUM") or shutil.which("chromium") or shutil.which(
-    "google-chrome")  # fmt: skip
+CHROMIUM = (
+    os.environ.get("DESAT_CHROMIUM")
+    or shutil.which("chromium")
+    or shutil.which("google-chrome")
+)
 
 
 @pytest.fixture(scope="session")
 def browser():
-    """Chromium, by its name or that of DESAT_CHROMIUM, driven by the package playwright."""
+    """Chromium, by its name or that of DESAT_CHROMIUM, driven by the package
+    playwright."""
     api = pytest.importorskip("playwright.sync_api", reason="no playwright")
     if CHROMIUM is None:
         pytest.skip("no Chromium")
     with api.sync_playwright() as started:
         made = started.chromium.launch(
-            executable_path=CHROMIUM, timeout=30_000,
+            executable_path=CHROMIUM,
+            timeout=30_000,
             args=["--no-sandbox", "--headless", "--lang=en-US"],
-        )  # fmt: skip
+        )
         yield made
         made.close()
 
@@ -104,7 +120,8 @@ def browser():
 def wait_until(tab: Any, expression: str, seconds: float = 20.0) -> None:
     """Wait until an expression is true in a page.
 
-    Playwright's own function makes code of text in the page, which the page's policy forbids.
+    Playwright's own function makes code of text in the page, which the page's policy
+    forbids.
     """
     end = time.monotonic() + seconds
     while not tab.evaluate(expression):
@@ -120,7 +137,8 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 
 def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
-    """Say whether the tests in a browser ran, and which tests did not for want of a room."""
+    """Say whether the tests in a browser ran, and which tests did not for want of a
+    room."""
     for room in ABSENT:
         files = ", ".join(f"test_{name}.py" for name in TESTS_OF[room])
         terminalreporter.write_line(f"desat.{room} is absent: not run: {files}")
@@ -128,7 +146,8 @@ def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
         how: [
             report
             for report in terminalreporter.getreports(how)
-            if "in_browser" in getattr(report, "keywords", ())  # of a file that is left out: none
+            if "in_browser"
+            in getattr(report, "keywords", ())  # of a file that is left out: none
         ]
         for how in ("passed", "failed", "skipped")
     }
@@ -151,17 +170,21 @@ def apart() -> Command:
     def run(*arguments: str, check: bool = False, **options: object):
         return subprocess.run(
             [sys.executable, "-m", "desat.cli", *arguments],
-            capture_output=True, text=True, cwd=options.pop("cwd", ROOT), check=check, timeout=300,
+            capture_output=True,
+            text=True,
+            cwd=options.pop("cwd", ROOT),
+            check=check,
+            timeout=300,
             **options,
-        )  # fmt: skip
+        )
 
     return run
 
 
 @pytest.fixture
 def daemons(monkeypatch) -> Callable[[], list[psutil.Process]]:
-    """The daemons that an FMU of tests/failing.c has left, of this process' tests alone: others
-    run the same tests at the same time."""
+    """The daemons that an FMU of tests/failing.c has left, of this process' tests
+    alone: others run the same tests at the same time."""
     name = f"daemon_{os.getpid()}"  # a name has 15 characters
     monkeypatch.setenv("DAEMON", name)
 
@@ -180,12 +203,16 @@ def desat(monkeypatch) -> Command:
     def run(*arguments: str, check: bool = False, cwd: Path = ROOT):
         out, err = io.StringIO(), io.StringIO()
         with (
-            monkeypatch.context() as patch, contextlib.chdir(cwd),
-            contextlib.redirect_stdout(out), contextlib.redirect_stderr(err),
-        ):  # fmt: skip
+            monkeypatch.context() as patch,
+            contextlib.chdir(cwd),
+            contextlib.redirect_stdout(out),
+            contextlib.redirect_stderr(err),
+        ):
             patch.setattr(sys, "argv", ["desat", *arguments])
             code = int(cli._code())
-        done = subprocess.CompletedProcess(arguments, code, out.getvalue(), err.getvalue())
+        done = subprocess.CompletedProcess(
+            arguments, code, out.getvalue(), err.getvalue()
+        )
         if check:
             done.check_returncode()
         return done
@@ -209,11 +236,17 @@ def python(
     """Run Python code in a process of its own."""
     return subprocess.run(
         [sys.executable, "-c", code, *arguments],
-        capture_output=True, text=True, cwd=ROOT, timeout=timeout, check=False, env=env,
-    )  # fmt: skip
+        capture_output=True,
+        text=True,
+        cwd=ROOT,
+        timeout=timeout,
+        check=False,
+        env=env,
+    )
 
 
 def but(content, **changes):
-    """What a scenario says with other keys, as they would be written; None leaves one out."""
+    """What a scenario says with other keys, as they would be written; None leaves one
+    out."""
     data = {k: v for k, v in {**content.written, **changes}.items() if v is not None}
     return type(content).model_validate(data)

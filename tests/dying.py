@@ -1,4 +1,5 @@
-"""A call of a process that may die, by itself: a process that is begun for it imports little."""
+"""A call of a process that may die, by itself: a process that is begun for it imports
+little."""
 
 from __future__ import annotations
 

@@ -1,8 +1,8 @@
 """A campaign of a component that now and then ends its process, or never returns:
 `python tests/misbehaving.py [--keep] [CASES]` (3000), in 1 % and in 0.1 % of the cases.
 
-Every case has to have its row, those that were drawn to fail, and no others, one that says how.
-With `--keep` what came of it goes to benchmarks/seen.json.
+Every case has to have its row, those that were drawn to fail, and no others, one that
+says how. With `--keep` what came of it goes to benchmarks/seen.json.
 """
 
 from __future__ import annotations
@@ -25,7 +25,10 @@ from desat.runs.run import Options  # noqa: E402
 WAYS = ["NOTHING"] * 989 + ["SEGFAULT"] * 10 + ["HANG"]
 LIMIT = 2.0
 """Seconds that a case may take."""
-SAID = {"SEGFAULT": "ended its process: SIGSEGV", "HANG": f"did not return within {LIMIT:g} s"}
+SAID = {
+    "SEGFAULT": "ended its process: SIGSEGV",
+    "HANG": f"did not return within {LIMIT:g} s",
+}
 
 
 def flown(folder: Path, cases: int) -> dict[str, object]:
@@ -38,15 +41,19 @@ def flown(folder: Path, cases: int) -> dict[str, object]:
     rows = store.read(folder / "campaign").to_pylist()
     drawn = Counter(HOW[r["in.bad.how"]] for r in rows)
     wrong = [
-        r["case"] for r in rows
+        r["case"]
+        for r in rows
         if (r["status"] == "completed") != (HOW[r["in.bad.how"]] == "NOTHING")
         or SAID.get(HOW[r["in.bad.how"]], "") not in r["message"]
-    ]  # fmt: skip
+    ]
     return {
-        "cases": cases, "each_once": [r["case"] for r in rows] == list(range(cases)),
-        "crashed": drawn["SEGFAULT"], "hung": drawn["HANG"], "wrong": wrong,
+        "cases": cases,
+        "each_once": [r["case"] for r in rows] == list(range(cases)),
+        "crashed": drawn["SEGFAULT"],
+        "hung": drawn["HANG"],
+        "wrong": wrong,
         "seconds": round(seconds, 1),
-    }  # fmt: skip
+    }
 
 
 def main() -> int:

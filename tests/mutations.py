@@ -1,17 +1,20 @@
-"""`python tests/mutations.py PART SECONDS FOLDER`: mutations of a part of the code against the
-quick tests that run the mutated line; results in build/mutations.json, the page from them.
+"""`python tests/mutations.py PART SECONDS FOLDER`: mutations of a part of the code
+against the quick tests that run the mutated line; results in build/mutations.json, the
+page from them.
 
-A part is a seeded sample of mutations of some folders, or all of some functions (PARTS).
+A part is a seeded sample of mutations of some folders, or all of some functions
+(PARTS).
 
-Mutations are cosmic-ray's (`pip install cosmic-ray coverage`, both are no dependencies of desat).
-It goes on where an earlier call stopped: FOLDER keeps a copy of the repository, in which files are
-mutated, and which test runs which line. The FMUs of that copy are empty, so that no test can fail
-because an FMU is of other code than the mutated block; those of the orchestrator's are the real
-ones. A test that fails as well where the file has a line more that does nothing (it compares hashes
-of code) kills nothing. What the quick tests do not kill runs with `--all` against every quick test
-that runs its line, the tests that its entry names as `also`, and of blocks the files of tests that
-name its module and the test that fmus/interfaces.md is of this code. Tests that were changed
-meanwhile are copied and mapped anew.
+Mutations are cosmic-ray's (`pip install cosmic-ray coverage`, both are no dependencies
+of desat). It goes on where an earlier call stopped: FOLDER keeps a copy of the
+repository, in which files are mutated, and which test runs which line. The FMUs of that
+copy are empty, so that no test can fail because an FMU is of other code than the
+mutated block; those of the orchestrator's are the real ones. A test that fails as well
+where the file has a line more that does nothing (it compares hashes of code) kills
+nothing. What the quick tests do not kill runs with `--all` against every quick test
+that runs its line, the tests that its entry names as `also`, and of blocks the files of
+tests that name its module and the test that fmus/interfaces.md is of this code. Tests
+that were changed meanwhile are copied and mapped anew.
 """
 
 from __future__ import annotations
@@ -53,8 +56,8 @@ LONGEST = 3.0
 BUDGET, MOST = 5.0, 15
 """Of the quick tests of a mutation: seconds in all, and how many."""
 CPU = 15
-"""Processor time [s] of a mutation's tests beyond thrice what they take, and half its time on the
-clock; a mutation that takes longer is called killed."""
+"""Processor time [s] of a mutation's tests beyond thrice what they take, and half its
+time on the clock; a mutation that takes longer is called killed."""
 
 # Without operators that hardly any test can miss (for ** a bit operation and the like).
 OPERATORS = [
@@ -122,7 +125,8 @@ OF_BLOCKS = {
 }
 
 
-# These hold pages and FMUs against the code, make folders of their own from it, or take long.
+# These hold pages and FMUs against the code, make folders of their own from it, or take
+# long.
 OF_RUNS = {
     "fmus",
     "native",
@@ -138,11 +142,32 @@ VERDICTS = {
     "system/errors.py": (),
     "numbers/statistics.py": (),
     "analyses/__init__.py": ("not_checked",),
-    "analyses/residual.py": ("BOUND", "unmet", "beyond", "unchecked", "missing", "numbers"),
-    "analyses/energy.py": ("BOUND", "ENERGY_BOUND", "unmet", "unchecked", "_not_of_rows", "numbers",
-                           "add"),
+    "analyses/residual.py": (
+        "BOUND",
+        "unmet",
+        "beyond",
+        "unchecked",
+        "missing",
+        "numbers",
+    ),
+    "analyses/energy.py": (
+        "BOUND",
+        "ENERGY_BOUND",
+        "unmet",
+        "unchecked",
+        "_not_of_rows",
+        "numbers",
+        "add",
+    ),
     "analyses/fixed.py": ("unmet", "unchecked", "_why_not", "numbers", "mismatch"),
-    "analyses/coverage.py": ("LIMITS", "TOGETHER", "JITTER", "_beyond", "_of_jitter", "remarks"),
+    "analyses/coverage.py": (
+        "LIMITS",
+        "TOGETHER",
+        "JITTER",
+        "_beyond",
+        "_of_jitter",
+        "remarks",
+    ),
     "campaign/judged.py": (),
     "campaign/case.py": ("row", "kept"),
     "campaign/draws.py": ("one", "ran", "_asked", "lost", "summary"),
@@ -161,16 +186,17 @@ VERDICTS = {
     "cli/commands/campaign.py": ("case", "_report"),
     "cli/commands/size.py": ("size",),
     "papers/commands/tables.py": ("tables",),
-}  # fmt: skip
-"""What decides a verdict, an exit code or a bound: functions and constants (none: all) by file."""
+}
+"""What decides a verdict, an exit code or a bound: functions and constants (none: all)
+by file."""
 DECIDES = re.compile("Comparison|Not|AndWithOr|OrWithAnd|True|False")
 """Operators of these are tried before others, of a part that is tried whole."""
 
 
 @dataclass(frozen=True)
 class Part:
-    """Mutations of some folders; `sample` None: all of those in `functions`, else so many of those
-    that are in none of them."""
+    """Mutations of some folders; `sample` None: all of those in `functions`, else so
+    many of those that are in none of them."""
 
     title: str
     folders: tuple[str, ...]
@@ -190,18 +216,32 @@ class Part:
         return decides == (self.sample is None)
 
 
-ROOMS = tuple(f"orchestrator/{room}" for room in
-              ("system", "engine", "numbers", "analyses", "runs", "campaign"))  # fmt: skip
+ROOMS = tuple(
+    f"orchestrator/{room}"
+    for room in ("system", "engine", "numbers", "analyses", "runs", "campaign")
+)
 PARTS = {
-    "components": Part("what a block does", ("components",), frozenset(OF_BLOCKS), empty=True),
-    "orchestrator": Part("how a system is checked, stepped, measured and drawn", ROOMS,
-                         frozenset(OF_RUNS), sample=210, functions=VERDICTS),
-    "verdicts": Part("a verdict, an exit code or a bound", (*ROOMS, "orchestrator/papers",
-                     "orchestrator/cli"), frozenset(OF_RUNS), None, VERDICTS),
-}  # fmt: skip
+    "components": Part(
+        "what a block does", ("components",), frozenset(OF_BLOCKS), empty=True
+    ),
+    "orchestrator": Part(
+        "how a system is checked, stepped, measured and drawn",
+        ROOMS,
+        frozenset(OF_RUNS),
+        sample=210,
+        functions=VERDICTS,
+    ),
+    "verdicts": Part(
+        "a verdict, an exit code or a bound",
+        (*ROOMS, "orchestrator/papers", "orchestrator/cli"),
+        frozenset(OF_RUNS),
+        None,
+        VERDICTS,
+    ),
+}
 
 
-# --- the copy, and which test runs which line -------------------------------------------------
+# --- the copy, and which test runs which line -----------------------------------------
 
 
 def copied(folder: Path, empty: bool) -> Path:
@@ -213,7 +253,9 @@ def copied(folder: Path, empty: bool) -> Path:
             shutil.copy2(file, old)
             (folder / f"map.{file.stem[5:]}.json").unlink(missing_ok=True)
     if not tree.exists():
-        given = subprocess.run(["git", "ls-files", "-z"], cwd=ROOT, capture_output=True, check=True)
+        given = subprocess.run(
+            ["git", "ls-files", "-z"], cwd=ROOT, capture_output=True, check=True
+        )
         for name in given.stdout.decode().split("\0"):
             if name and (ROOT / name).is_file():
                 (tree / name).parent.mkdir(parents=True, exist_ok=True)
@@ -226,14 +268,18 @@ def copied(folder: Path, empty: bool) -> Path:
             shutil.copytree(ROOT / "fmus" / "dist", tree / "fmus" / "dist")
         names = tree / ".names" / "desat"
         names.mkdir(parents=True)
-        for target in (*(tree / "orchestrator").iterdir(), tree / "components", tree / "fmus"):
+        for target in (
+            *(tree / "orchestrator").iterdir(),
+            tree / "components",
+            tree / "fmus",
+        ):
             (names / target.name).symlink_to(target)
     return tree
 
 
 class Lines:
-    """A plugin of pytest: the lines that each test runs, in forked processes too, and how long it
-    takes."""
+    """A plugin of pytest: the lines that each test runs, in forked processes too, and
+    how long it takes."""
 
     def __init__(self, tree: Path, part: Part, children: Path) -> None:
         import coverage
@@ -289,7 +335,11 @@ def _too_long(*_: object) -> None:
 
 def mapped(tree: Path, folder: Path, part: Part, until: float) -> bool:
     """Write FOLDER/map.FILE.json for each file of tests; True where all are there."""
-    files = [p for p in sorted((tree / "tests").glob("test_*.py")) if p.stem[5:] not in part.left]
+    files = [
+        p
+        for p in sorted((tree / "tests").glob("test_*.py"))
+        if p.stem[5:] not in part.left
+    ]
     for file in files:
         kept = folder / f"map.{file.stem[5:]}.json"
         if kept.exists():
@@ -304,7 +354,9 @@ def mapped(tree: Path, folder: Path, part: Part, until: float) -> bool:
                 break
         if not kept.exists():
             kept.write_text("{}")
-        print(f"{file.stem}: {len(json.loads(kept.read_text()))} quick tests", flush=True)
+        print(
+            f"{file.stem}: {len(json.loads(kept.read_text()))} quick tests", flush=True
+        )
     return True
 
 
@@ -327,12 +379,21 @@ def _map_file(tree: Path, part: Part, file: Path, kept: Path) -> int:
     return int(code)
 
 
-QUIET = ["-n", "0", "-p", "no:cacheprovider", "--no-header", "--tb=line", "-W", "ignore"]
+QUIET = [
+    "-n",
+    "0",
+    "-p",
+    "no:cacheprovider",
+    "--no-header",
+    "--tb=line",
+    "-W",
+    "ignore",
+]
 
 
 def waited(pid: int, seconds: float) -> int | None:
-    """How a forked child ended; None where it did not for so long, and was killed with its group,
-    as it is where this process is told to end."""
+    """How a forked child ended; None where it did not for so long, and was killed with
+    its group, as it is where this process is told to end."""
     until = time.time() + seconds
     try:
         while time.time() < until:
@@ -350,7 +411,8 @@ def waited(pid: int, seconds: float) -> int | None:
 
 
 def _quiet(log: Path, seconds: int) -> None:
-    """What a forked child does first: a log of its own and a limit of its processor time."""
+    """What a forked child does first: a log of its own and a limit of its processor
+    time."""
     os.setpgid(0, 0)
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
     out = os.open(log, os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
@@ -359,26 +421,33 @@ def _quiet(log: Path, seconds: int) -> None:
     resource.setrlimit(resource.RLIMIT_CPU, (seconds, seconds + 5))
 
 
-# --- the sample -------------------------------------------------------------------------------
+# --- the sample -----------------------------------------------------------------------
 
 
 def places_of(text: str) -> list[tuple[str, int, int]]:
     """Name, first and last line of the functions and of the constants of a module."""
     parsed = ast.parse(text)
     found = [(n.name, n) for n in ast.walk(parsed) if isinstance(n, ast.FunctionDef)]
-    found += [(t.id, n) for n in parsed.body if isinstance(n, ast.Assign)
-              for t in n.targets if isinstance(t, ast.Name)]  # type: ignore[misc] # fmt: skip
+    found += [
+        (t.id, n)
+        for n in parsed.body
+        if isinstance(n, ast.Assign)
+        for t in n.targets
+        if isinstance(t, ast.Name)
+    ]  # type: ignore[misc]
     return [(name, n.lineno, n.end_lineno or 0) for name, n in found]
 
 
 def listed(tree: Path, part: Part) -> list[tuple[str, int, str, int]]:
-    """All mutations of a part: file, line, operator, which of its places. Raises ValueError for
-    a name in `functions` that its file has not: it was renamed."""
+    """All mutations of a part: file, line, operator, which of its places. Raises
+    ValueError for a name in `functions` that its file has not: it was renamed."""
     from cosmic_ray.ast import ast_nodes, get_ast
     from cosmic_ray.plugins import get_operator
 
     for file, names in part.functions.items():
-        has = {name for name, *_ in places_of((tree / "orchestrator" / file).read_text())}
+        has = {
+            name for name, *_ in places_of((tree / "orchestrator" / file).read_text())
+        }
         if lost := set(names) - has:
             raise ValueError(f"{file} has no {', '.join(sorted(lost))}")
     found = []
@@ -398,8 +467,8 @@ def listed(tree: Path, part: Part) -> list[tuple[str, int, str, int]]:
 
 
 def drawn(tree: Path, part: Part) -> dict[str, Any]:
-    """A sample (or all) without those that change nothing, in the order in which it is run: so the
-    first of them are a sample, too."""
+    """A sample (or all) without those that change nothing, in the order in which it is
+    run: so the first of them are a sample, too."""
     from cosmic_ray.mutating import mutate_code
     from cosmic_ray.plugins import get_operator
 
@@ -416,17 +485,28 @@ def drawn(tree: Path, part: Part) -> dict[str, Any]:
             same = True
         if new is None or same:
             continue
-        change = [x for x in difflib.unified_diff(old.splitlines(), new.splitlines(), n=0)
-                  if x[0] in "+-" and x[:3] not in ("+++", "---")]  # fmt: skip
-        sample.append({"file": path, "line": line, "operator": name, "place": k,
-                       "was": change[0][1:].strip(), "is": change[-1][1:].strip()})  # fmt: skip
+        change = [
+            x
+            for x in difflib.unified_diff(old.splitlines(), new.splitlines(), n=0)
+            if x[0] in "+-" and x[:3] not in ("+++", "---")
+        ]
+        sample.append(
+            {
+                "file": path,
+                "line": line,
+                "operator": name,
+                "place": k,
+                "was": change[0][1:].strip(),
+                "is": change[-1][1:].strip(),
+            }
+        )
     return {"seed": SEED, "drawn": len(taken), "of": len(every), "mutations": sample}
 
 
 def renewed(tree: Path, part: Part, old: dict[str, Any]) -> dict[str, Any]:
-    """All drawn anew, of today's code. What was said of a mutation stays: why it changes nothing or
-    is open, and the tests that were added for it; where its function has not changed, how it ended,
-    too."""
+    """All drawn anew, of today's code. What was said of a mutation stays: why it
+    changes nothing or is open, and the tests that were added for it; where its function
+    has not changed, how it ended, too."""
     before: dict[str, str] = {}
     for path in sorted(p for f in part.folders for p in (ROOT / f).rglob("*.py")):
         name = str(path.relative_to(ROOT))
@@ -458,40 +538,60 @@ def mutated(tree: Path, m: dict[str, Any]) -> str:
     return str(mutate_code(old, get_operator(f"core/{m['operator']}")(), m["place"]))
 
 
-# --- one mutation -----------------------------------------------------------------------------
+# --- one mutation ---------------------------------------------------------------------
 
 
 def chosen(
-    tree: Path, part: Part, m: dict[str, Any], tests: dict[str, Any], every: bool,
+    tree: Path,
+    part: Part,
+    m: dict[str, Any],
+    tests: dict[str, Any],
+    every: bool,
     kills: Mapping[tuple[str, str], int],
-) -> list[str]:  # fmt: skip
-    """The tests that run the mutated statement: first which killed most other mutations of its
-    file (`kills` by file and test), then those whose file names its function or module, then the
-    quickest; where it is run at import, those that run most of the file. Of a condition those that
-    meet it and those that do not in turn."""
+) -> list[str]:
+    """The tests that run the mutated statement: first which killed most other mutations
+    of its file (`kills` by file and test), then those whose file names its function or
+    module, then the quickest; where it is run at import, those that run most of the
+    file. Of a condition those that meet it and those that do not in turn."""
     source = (tree / m["file"]).read_text(encoding="utf-8")
     text = ast.parse(source)
     inside, lines, met = False, {m["line"]}, set[int]()
     for node in ast.walk(text):
-        if isinstance(node, ast.stmt) and node.lineno <= m["line"] <= (node.end_lineno or 0):
+        if isinstance(node, ast.stmt) and node.lineno <= m["line"] <= (
+            node.end_lineno or 0
+        ):
             if isinstance(node, ast.FunctionDef):
                 inside = inside or node.lineno < m["line"]
             elif isinstance(node, ast.If) and m["line"] < node.body[0].lineno:
-                met = {n.lineno for x in node.body for n in ast.walk(x) if isinstance(n, ast.stmt)}
-            elif not isinstance(node, ast.ClassDef | ast.If | ast.For | ast.While | ast.With):
+                met = {
+                    n.lineno
+                    for x in node.body
+                    for n in ast.walk(x)
+                    if isinstance(n, ast.stmt)
+                }
+            elif not isinstance(
+                node, ast.ClassDef | ast.If | ast.For | ast.While | ast.With
+            ):
                 lines = set(range(node.lineno, (node.end_lineno or 0) + 1))
     runs = {t: set(x["lines"].get(m["file"], ())) for t, x in tests.items()}
     names = [t for t, own in runs.items() if (own & lines if inside else own)]
     if not names and not part.empty:  # a process that was killed, or not forked, ran it
         inside, names = False, [t for t, own in runs.items() if own]
     stem = Path(m["file"].removesuffix("/__init__.py")).stem
-    subjects = {stem, *(name for name, a, b in places_of(source) if a <= m["line"] <= b)}
+    subjects = {
+        stem,
+        *(name for name, a, b in places_of(source) if a <= m["line"] <= b),
+    }
     files = {t.partition("::")[0] for t in names}
     near = {f: len(subjects & _words(tree / f)) for f in files}
-    names.sort(key=lambda t: (
-        -kills.get((m["file"], t), 0), -near[t.partition("::")[0]], 0 if inside else -len(runs[t]),
-        tests[t]["s"],
-    ))  # fmt: skip
+    names.sort(
+        key=lambda t: (
+            -kills.get((m["file"], t), 0),
+            -near[t.partition("::")[0]],
+            0 if inside else -len(runs[t]),
+            tests[t]["s"],
+        )
+    )
     others = [t for t in names if not runs[t] & met]
     if met and others and len(others) < len(names):
         both = ([t for t in names if runs[t] & met], others)
@@ -510,8 +610,14 @@ def chosen(
         return out
     module = Path(m["file"]).stem
     named = re.compile(rf"\b({module}|{module.title().replace('_', '')})\b")
-    files = (f for f in sorted((tree / "tests").glob("test_*.py")) if f.stem[5:] not in part.left)
-    whole = [f"tests/{f.name}" for f in files if named.search(f.read_text(encoding="utf-8"))]
+    files = (
+        f
+        for f in sorted((tree / "tests").glob("test_*.py"))
+        if f.stem[5:] not in part.left
+    )
+    whole = [
+        f"tests/{f.name}" for f in files if named.search(f.read_text(encoding="utf-8"))
+    ]
     own = [x for x in out if x.partition("::")[0] not in whole]
     return [PUBLISHED, *own, *whole]
 
@@ -528,9 +634,9 @@ PUBLISHED = "tests/test_fmus.py::test_interfaces_page_is_current"
 
 def tried(
     tree: Path, m: dict[str, Any], names: list[str], log: Path, text: str, limit: int
-) -> str:  # fmt: skip
-    """Run tests with a file's text replaced, for so many seconds of processor time (twice as many
-    of the clock): killed, survived, or what else."""
+) -> str:
+    """Run tests with a file's text replaced, for so many seconds of processor time
+    (twice as many of the clock): killed, survived, or what else."""
     import pytest
 
     path = tree / m["file"]
@@ -546,7 +652,9 @@ def tried(
             os.environ["PYTHONDONTWRITEBYTECODE"] = "1"  # nor what is started from it
             _quiet(log, limit)
             if not replaced(m, text):
-                for name in [n for n in sys.modules if n.partition(".")[0] in ("desat", *OURS)]:
+                for name in [
+                    n for n in sys.modules if n.partition(".")[0] in ("desat", *OURS)
+                ]:
                     del sys.modules[name]
             code = int(pytest.main([*QUIET, "-x", *names]))
             sys.stdout.flush()
@@ -558,19 +666,25 @@ def tried(
         return "survived"
     if status is None or status < 0:
         return "killed: too long"
-    broken = "while loading conftest" in log.read_text()  # the blocks cannot even be imported
+    broken = (
+        "while loading conftest" in log.read_text()
+    )  # the blocks cannot even be imported
     killed = status in (1, 2) or (status == 4 and broken)
     return "killed" if killed else f"pytest ended with {status}"
 
 
 def replaced(m: dict[str, Any], text: str) -> bool:
-    """Give the function of a mutation, imported already, the code of the file's text: so nothing
-    is imported anew. False where the line is run at import."""
+    """Give the function of a mutation, imported already, the code of the file's text:
+    so nothing is imported anew. False where the line is run at import."""
     path = []
     node: Any = ast.parse(text)
     while node is not None:
-        substeps = [n for n in node.body if isinstance(n, ast.FunctionDef | ast.ClassDef)
-                 and n.lineno <= m["line"] <= (n.end_lineno or 0)]  # fmt: skip
+        substeps = [
+            n
+            for n in node.body
+            if isinstance(n, ast.FunctionDef | ast.ClassDef)
+            and n.lineno <= m["line"] <= (n.end_lineno or 0)
+        ]
         node = substeps[0] if substeps else None
         path += substeps
         if substeps and isinstance(node, ast.FunctionDef):
@@ -584,9 +698,13 @@ def replaced(m: dict[str, Any], text: str) -> bool:
     code = compile(text, at.__file__, "exec", dont_inherit=True)
     for part in path:
         at = vars(at).get(part.name)
-        at = next((getattr(at, k) for k in ("fget", "__func__", "func") if hasattr(at, k)), at)
+        at = next(
+            (getattr(at, k) for k in ("fget", "__func__", "func") if hasattr(at, k)), at
+        )
         began = min([part.lineno, *(d.lineno for d in part.decorator_list)])
-        code = next(c for c in code.co_consts if getattr(c, "co_firstlineno", 0) == began)
+        code = next(
+            c for c in code.co_consts if getattr(c, "co_firstlineno", 0) == began
+        )
     function = inspect.unwrap(at)
     if getattr(function, "__code__", code).co_firstlineno != code.co_firstlineno:
         return False
@@ -595,11 +713,15 @@ def replaced(m: dict[str, Any], text: str) -> bool:
 
 
 def judged(
-    tree: Path, m: dict[str, Any], names: list[str], log: Path, limit: int,
+    tree: Path,
+    m: dict[str, Any],
+    names: list[str],
+    log: Path,
+    limit: int,
     ruled_out: dict[tuple[str, str], bool],
-) -> tuple[str, str]:  # fmt: skip
-    """How a mutation ended, and the test that killed it. One that fails as well where nothing is
-    mutated is ruled out for the file."""
+) -> tuple[str, str]:
+    """How a mutation ended, and the test that killed it. One that fails as well where
+    nothing is mutated is ruled out for the file."""
     control = (tree / m["file"]).read_text(encoding="utf-8") + "\nCONTROL = 1\n"
     while True:
         names = [n for n in names if not ruled_out.get((m["file"], n))]
@@ -609,7 +731,11 @@ def judged(
         if outcome != "killed":
             return outcome, ""
         line = failing(log)
-        by = max((n for n in names if line.startswith(n) and "::" in n), key=len, default=line)
+        by = max(
+            (n for n in names if line.startswith(n) and "::" in n),
+            key=len,
+            default=line,
+        )
         if "::" in by and (m["file"], by) not in ruled_out:
             unmutated = tried(tree, m, [by], log.with_name("log.c"), control, limit)
             ruled_out[m["file"], by] = unmutated != "survived"
@@ -624,11 +750,13 @@ def judged(
 
 def failing(log: Path) -> str:
     """The first test that failed, as pytest's summary names it."""
-    found = re.search(r"^(?:FAILED|ERROR) (.+?)(?: - .*)?$", log.read_text(), re.MULTILINE)
+    found = re.search(
+        r"^(?:FAILED|ERROR) (.+?)(?: - .*)?$", log.read_text(), re.MULTILINE
+    )
     return found[1] if found else "?"
 
 
-# --- the page ---------------------------------------------------------------------------------
+# --- the page -------------------------------------------------------------------------
 
 
 def score(result: dict[str, Any]) -> dict[str, Any]:
@@ -636,9 +764,13 @@ def score(result: dict[str, Any]) -> dict[str, Any]:
     ran = [m for m in result["mutations"] if "outcome" in m]
     killed = [m for m in ran if m["outcome"].startswith("killed")]
     equal = [m for m in ran if m.get("equivalent")]
-    return {"ran": len(ran), "killed": len(killed), "equivalent": len(equal),
-            "open": [m for m in ran if m not in killed and m not in equal],
-            "slow": sum(m["outcome"] == "killed: too long" for m in ran)}  # fmt: skip
+    return {
+        "ran": len(ran),
+        "killed": len(killed),
+        "equivalent": len(equal),
+        "open": [m for m in ran if m not in killed and m not in equal],
+        "slow": sum(m["outcome"] == "killed: too long" for m in ran),
+    }
 
 
 def section(part: Part, result: dict[str, Any]) -> list[str]:
@@ -652,13 +784,18 @@ def section(part: Part, result: dict[str, Any]) -> list[str]:
     added = sum(bool(m.get("added")) for m in result["mutations"])
     once = sum(not m.get("all") for m in n["open"])
     places = ", ".join(f"`{f}/`" for f in part.folders)
-    order = "the first as drawn" if part.sample is not None else "comparisons and conditions first"
+    order = (
+        "the first as drawn"
+        if part.sample is not None
+        else "comparisons and conditions first"
+    )
     drawn = (
         f"{result['drawn']:,} were drawn at random with seed {result['seed']} of the "
-        f"{result['of']:,} mutations of {places}" if part.sample is not None else
-        f"All {result['of']:,} mutations of the functions that decide them (`VERDICTS` in "
+        f"{result['of']:,} mutations of {places}"
+        if part.sample is not None
+        else f"All {result['of']:,} mutations of the functions that decide them (`VERDICTS` in "
         "`tests/mutations.py`) count"
-    )  # fmt: skip
+    )
     if part.sample is not None and part.functions:
         drawn += ", but for functions that decide a verdict, an exit code or a bound"
     versions = result.get("versions", {}).items()
@@ -669,7 +806,11 @@ def section(part: Part, result: dict[str, Any]) -> list[str]:
         "",
         f"{n['killed']} of {real} mutations that change {part.title} are killed: "
         f"{100 * n['killed'] / real:.1f} %"
-        + (f" (95 % interval {low:.0f} to {high:.0f} %, Clopper-Pearson)." if part.sample else "."),
+        + (
+            f" (95 % interval {low:.0f} to {high:.0f} %, Clopper-Pearson)."
+            if part.sample
+            else "."
+        ),
         "",
         f"{drawn}; {len(result['mutations'])} of these change the code, and "
         + (
@@ -689,18 +830,33 @@ def section(part: Part, result: dict[str, Any]) -> list[str]:
         "|---|---|---|---|---|",
     ]
     for folder in sorted({m["file"].split("/")[1] for m in result["mutations"]}):
-        own = score({"mutations": [m for m in result["mutations"]
-                                   if m["file"].split("/")[1] == folder]})  # fmt: skip
+        own = score(
+            {
+                "mutations": [
+                    m for m in result["mutations"] if m["file"].split("/")[1] == folder
+                ]
+            }
+        )
         if own["ran"]:
-            lines.append(f"| {folder} | {own['ran']} | {own['killed']} | {own['equivalent']} "
-                         f"| {len(own['open'])} |")  # fmt: skip
+            lines.append(
+                f"| {folder} | {own['ran']} | {own['killed']} | {own['equivalent']} "
+                f"| {len(own['open'])} |"
+            )
     for title, given in (
-        ("They change nothing that can be seen", [m for m in result["mutations"]
-                                                  if m.get("equivalent")]),
+        (
+            "They change nothing that can be seen",
+            [m for m in result["mutations"] if m.get("equivalent")],
+        ),
         ("Open", n["open"]),
-    ):  # fmt: skip
+    ):
         if given:
-            lines += ["", f"### {title}", "", "| place | was | is | why |", "|---|---|---|---|"]
+            lines += [
+                "",
+                f"### {title}",
+                "",
+                "| place | was | is | why |",
+                "|---|---|---|---|",
+            ]
         for m in given:
             was, new = (m[k].replace("|", "&#124;") for k in ("was", "is"))
             why = m.get("equivalent") or m.get("why") or m["outcome"]
@@ -747,11 +903,19 @@ def main() -> int:
     parser.add_argument("part", choices=PARTS)
     parser.add_argument("seconds", type=float, help="0: only the page")
     parser.add_argument("folder", type=Path)
-    parser.add_argument("--all", action="store_true", help="survivors against all that run it")
+    parser.add_argument(
+        "--all", action="store_true", help="survivors against all that run it"
+    )
     parser.add_argument("--anew", action="store_true", help="draw of today's code")
     given = parser.parse_args()
-    signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))  # the mutated file is put back
-    until, folder, part = time.time() + given.seconds, given.folder.resolve(), PARTS[given.part]
+    signal.signal(
+        signal.SIGTERM, lambda *_: sys.exit(143)
+    )  # the mutated file is put back
+    until, folder, part = (
+        time.time() + given.seconds,
+        given.folder.resolve(),
+        PARTS[given.part],
+    )
     folder.mkdir(parents=True, exist_ok=True)
     tree = copied(folder, part.empty)
     os.environ["DESAT_CACHE"] = str(folder / "cache")
@@ -779,9 +943,15 @@ def main() -> int:
             continue
         names = [*m.get("also", ()), *chosen(tree, part, m, tests, given.all, kills)]
         m["tests"], m["all"] = len(names), given.all
-        mapped_as = (x["s"] for t, x in tests.items() if t in names or t.partition("[")[0] in names)
+        mapped_as = (
+            x["s"]
+            for t, x in tests.items()
+            if t in names or t.partition("[")[0] in names
+        )
         limit = int((1 if part.sample is None else 5) * CPU + 3 * sum(mapped_as))
-        m["outcome"], m["by"] = judged(tree, m, names, folder / f"log.{k}", limit, ruled_out)
+        m["outcome"], m["by"] = judged(
+            tree, m, names, folder / f"log.{k}", limit, ruled_out
+        )
         kills[m["file"], m["by"]] += 1
         if names and k % 10 == 0:  # a control: the same tests, nothing mutated
             text = (tree / m["file"]).read_text(encoding="utf-8") + "\nCONTROL = 1\n"
@@ -806,7 +976,10 @@ def main() -> int:
 def _versions() -> dict[str, str]:
     """Of what mutates and tests."""
     names = ("cosmic-ray", "coverage", "pytest")
-    return {"python": platform.python_version(), **{n: metadata.version(n) for n in names}}
+    return {
+        "python": platform.python_version(),
+        **{n: metadata.version(n) for n in names},
+    }
 
 
 def _stored() -> dict[str, Any]:
@@ -816,10 +989,24 @@ def _stored() -> dict[str, Any]:
 
 def _warm() -> None:
     """Import once what is not ours: children are forks."""
-    for name in ("fmpy", "h5py", "hypothesis", "jinja2", "lxml.etree", "matplotlib.figure",
-                 "numpy.testing", "pydantic", "pytest", "rich.progress", "scipy.integrate",
-                 "scipy.linalg", "scipy.optimize", "scipy.spatial.transform", "scipy.special",
-                 "xarray"):  # fmt: skip
+    for name in (
+        "fmpy",
+        "h5py",
+        "hypothesis",
+        "jinja2",
+        "lxml.etree",
+        "matplotlib.figure",
+        "numpy.testing",
+        "pydantic",
+        "pytest",
+        "rich.progress",
+        "scipy.integrate",
+        "scipy.linalg",
+        "scipy.optimize",
+        "scipy.spatial.transform",
+        "scipy.special",
+        "xarray",
+    ):
         importlib.import_module(name)
 
 
@@ -830,7 +1017,11 @@ OURS: list[str] = []
 def _warm_ours(tree: Path, part: Part) -> None:
     """Import the orchestrator and its tests, whose assertions need no rewriting."""
     for path in sorted(p for f in part.folders for p in (tree / f).rglob("*.py")):
-        name = str(path.relative_to(tree / "orchestrator")).removesuffix(".py").replace("/", ".")
+        name = (
+            str(path.relative_to(tree / "orchestrator"))
+            .removesuffix(".py")
+            .replace("/", ".")
+        )
         importlib.import_module(f"desat.{name.removesuffix('.__init__')}")
     for path in sorted((tree / "tests").glob("test_*.py")):
         if path.stem[5:] not in part.left:

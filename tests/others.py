@@ -1,10 +1,11 @@
 """What other tools do where an FMU fails: `python tests/others.py [--keep] [TOOL ...]`.
 
-failing.c, packed with our pack, fails in its fourth step of 1 s of ten. Each failure and tool is a
-process of its own, which says each step that it has made; what is seen is how the process ended,
-and the values that it had. `Ecos, proxyfmu` has each FMU in a process, by the program that its
-package brings. With `--keep` it goes to benchmarks/seen.json. A tool that is not installed is left
-out, and said; OMSimulator's package could not be installed (docs/failures.md).
+failing.c, packed with our pack, fails in its fourth step of 1 s of ten. Each failure
+and tool is a process of its own, which says each step that it has made; what is seen is
+how the process ended, and the values that it had. `Ecos, proxyfmu` has each FMU in a
+process, by the program that its package brings. With `--keep` it goes to
+benchmarks/seen.json. A tool that is not installed is left out, and said; OMSimulator's
+package could not be installed (docs/failures.md).
 """
 
 from __future__ import annotations
@@ -68,8 +69,12 @@ with EcosSimulation(ssp_path=sys.argv[1], step_size=1.0) as sim:
         print("ROW", went, sim.get_real("bad::y"), flush=True)
 print("FREED", flush=True)
 """
-PACKAGES = {"desat": "desat", "libcosim": "libcosimpy", "Ecos": "ecospy",
-            "Ecos, proxyfmu": "ecospy"}  # fmt: skip
+PACKAGES = {
+    "desat": "desat",
+    "libcosim": "libcosimpy",
+    "Ecos": "ecospy",
+    "Ecos, proxyfmu": "ecospy",
+}
 SOURCE = b'source="resources/bad.fmu"'
 
 
@@ -87,29 +92,54 @@ def through_proxy(path: Path, folder: Path) -> tuple[str, Path, dict[str, str]]:
     """Interpreter, system and environment with which Ecos has each FMU in a process."""
     folder.mkdir(exist_ok=True)
     for program in (Path(sys.executable), SITE / "ecospy/binaries/proxyfmu"):
-        shutil.copy(program, folder / program.name)  # it is looked for beside the interpreter
+        shutil.copy(
+            program, folder / program.name
+        )  # it is looked for beside the interpreter
         (folder / program.name).chmod(0o755)
     system = folder / path.name
     with zipfile.ZipFile(path) as given, zipfile.ZipFile(system, "w") as made:
         for name in given.namelist():
             data = given.read(name)
-            proxied = SOURCE.replace(b"resources", b"proxyfmu://localhost?file=resources")
-            made.writestr(name, data.replace(SOURCE, proxied) if name.endswith(".ssd") else data)
-    environment = {"PYTHONHOME": sys.base_prefix, "PYTHONPATH": str(SITE),
-                   "LD_LIBRARY_PATH": str(SITE.parents[1])}  # fmt: skip
+            proxied = SOURCE.replace(
+                b"resources", b"proxyfmu://localhost?file=resources"
+            )
+            made.writestr(
+                name, data.replace(SOURCE, proxied) if name.endswith(".ssd") else data
+            )
+    environment = {
+        "PYTHONHOME": sys.base_prefix,
+        "PYTHONPATH": str(SITE),
+        "LD_LIBRARY_PATH": str(SITE.parents[1]),
+    }
     return str(folder / Path(sys.executable).name), system, environment
 
 
 def ours(path: Path, folder: Path) -> dict[str, Any]:
     """The same of `desat run`, of what its folder holds then."""
     process = subprocess.run(
-        [sys.executable, "-m", "desat.cli", "run", str(path), "--out", str(folder / "out"),
-         "--call-limit", "2"], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, check=False,
-    )  # fmt: skip
+        [
+            sys.executable,
+            "-m",
+            "desat.cli",
+            "run",
+            str(path),
+            "--out",
+            str(folder / "out"),
+            "--call-limit",
+            "2",
+        ],
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+        check=False,
+    )
     with Results.open(folder / "out") as results:
         times, values = results.times()[1:], results.values("bad.y")[1:]
-    return {"ended": f"exit({process.returncode})", "rows": len(times), "refused": 0,
-            "wrong": int((times != values).sum())}  # fmt: skip
+    return {
+        "ended": f"exit({process.returncode})",
+        "rows": len(times),
+        "refused": 0,
+        "wrong": int((times != values).sum()),
+    }
 
 
 def outcome(tool: str, path: Path, folder: Path) -> dict[str, Any]:
@@ -121,9 +151,14 @@ def outcome(tool: str, path: Path, folder: Path) -> dict[str, Any]:
         interpreter, path, more = through_proxy(path, folder / "bin")
     code = LIBCOSIM if tool == "libcosim" else ECOS
     process = subprocess.Popen(
-        [interpreter, "-c", code, str(path)], env={**os.environ, **more}, text=True,
-        stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, start_new_session=True, cwd=folder,
-    )  # fmt: skip
+        [interpreter, "-c", code, str(path)],
+        env={**os.environ, **more},
+        text=True,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+        start_new_session=True,
+        cwd=folder,
+    )
     try:
         out, _ = process.communicate(timeout=PATIENCE)
         number = process.returncode
@@ -145,8 +180,9 @@ def outcome(tool: str, path: Path, folder: Path) -> dict[str, Any]:
 
 
 def all_of(tool: str, failures: Iterable[str] = FAILURES) -> dict[str, dict[str, Any]]:
-    """What came of each failure in a tool. `rows`: the steps that were made, of them `refused`
-    those of which it said that they failed, `wrong` those whose value is not that of their time."""
+    """What came of each failure in a tool. `rows`: the steps that were made, of them
+    `refused` those of which it said that they failed, `wrong` those whose value is not
+    that of their time."""
     found = {}
     with tempfile.TemporaryDirectory() as made:
         binary = compiled(Path(made))

@@ -1,4 +1,5 @@
-"""Actuators as they are bought, beside closed forms, quadrature and scipy's integrators."""
+"""Actuators as they are bought, beside closed forms, quadrature and scipy's
+integrators."""
 
 from __future__ import annotations
 
@@ -17,10 +18,16 @@ CURRENT, VOLTAGE = range(2)
 amount = st.floats(-15, 15)
 command = st.tuples(amount, amount, amount)
 
-# --- rods ---------------------------------------------------------------------------------------
+# --- rods -----------------------------------------------------------------------------
 
-DRIVEN = {"supply_voltage": 9.0, "inductance": 12.0, "resistance": 40.0, "area_turns": 60.0,
-          "m_limit": 10.0, "sample_time": 1.0}  # fmt: skip
+DRIVEN = {
+    "supply_voltage": 9.0,
+    "inductance": 12.0,
+    "resistance": 40.0,
+    "area_turns": 60.0,
+    "m_limit": 10.0,
+    "sample_time": 1.0,
+}
 """0.3 s of time constant; 13.5 A m2 held at 293 K."""
 
 
@@ -31,25 +38,39 @@ def driven(**parameters):
 @pytest.mark.parametrize("drive", [IDEAL, LIMITED, PULSED])
 @pytest.mark.parametrize("lag", [0.0, 0.3])
 def test_without_its_options_a_rod_is_a_torquer(drive, lag):
-    same = {"drive": drive, "lag": lag, "sample_time": 2.0, "quiet_time": 0.3, "duty_max": 0.6,
-            "axes_coil": tuple(SKEWED.ravel()), "failed_coil": 2, "failed_from": 5.1,
-            "failed_share": -0.5}  # fmt: skip
+    same = {
+        "drive": drive,
+        "lag": lag,
+        "sample_time": 2.0,
+        "quiet_time": 0.3,
+        "duty_max": 0.6,
+        "axes_coil": tuple(SKEWED.ravel()),
+        "failed_coil": 2,
+        "failed_from": 5.1,
+        "failed_share": -0.5,
+    }
     plain, rods = begin("torquers", **same), begin("torquers_rods", **same)
     for k in range(9):
         for block in (plain, rods):
             block.m_cmd_body = (10.0 - 7.0 * k, 50.0 * (-1) ** k, 3.0 * k)
-        a, b = run(plain, 0.5, 2.0 * (k + 1), 2.0 * k), run(rods, 0.5, 2.0 * (k + 1), 2.0 * k)
+        a, b = (
+            run(plain, 0.5, 2.0 * (k + 1), 2.0 * k),
+            run(rods, 0.5, 2.0 * (k + 1), 2.0 * k),
+        )
         assert np.array(b) == pytest.approx(np.array(a), rel=1e-12, abs=1e-11)
         for name in ("m_coil", "power", "on_time", "dipole_energy", "electric_energy"):
-            assert getattr(rods, name) == pytest.approx(getattr(plain, name), rel=1e-12, abs=1e-11)
+            assert getattr(rods, name) == pytest.approx(
+                getattr(plain, name), rel=1e-12, abs=1e-11
+            )
 
 
 @pytest.mark.parametrize("remanence", [0.01, 0.05])
 def test_what_remains_and_what_a_cycle_loses(remanence):
     """Rayleigh's law: m_limit at m_limit, `remanence` of it at 0, the area of the loop."""
     block = begin("torquers_rods", remanence=remanence, m_limit=10.0)
-    path = np.concatenate([np.linspace(0, 10, 101), np.linspace(10, -10, 201),
-                           np.linspace(-10, 10, 201)])  # fmt: skip
+    path = np.concatenate(
+        [np.linspace(0, 10, 101), np.linspace(10, -10, 201), np.linspace(-10, 10, 201)]
+    )
     found = []
     for k, u in enumerate(path):
         block.m_cmd_body = (u, 0.0, 0.0)
@@ -64,14 +85,17 @@ def test_what_remains_and_what_a_cycle_loses(remanence):
     area = abs(np.trapezoid(np.append(loop, loop[0]), np.append(x, x[0])))
     exact = 8.0 / 3.0 * remanence * 10.0**2 * (1.0 + 0.5 / rod.PLAYS**2)
     assert area == pytest.approx(exact, rel=2e-3)  # of paths of 0.1 A m2
-    # on the way up first: (1 - 2 rho) x + 2 rho x^2 / X, Rayleigh's parabola, but for eight plays
+    # on the way up first: (1 - 2 rho) x + 2 rho x^2 / X, Rayleigh's parabola, but for
+    # eight plays
     parabola = (1 - 2 * remanence) * path[:101] + 0.2 * remanence * path[:101] ** 2
-    assert m[:101] == pytest.approx(parabola, abs=10.0 * remanence / (2 * rod.PLAYS**2) * 1.01)
+    assert m[:101] == pytest.approx(
+        parabola, abs=10.0 * remanence / (2 * rod.PLAYS**2) * 1.01
+    )
 
 
 def reference(block, u: float, x0: float, regulation: int, stop: float) -> np.ndarray:
-    """Dipole of a rod from m = 0, x = x0 over fine steps: the current by Euler's method of small
-    steps, the plays one by one."""
+    """Dipole of a rod from m = 0, x = x0 over fine steps: the current by Euler's method
+    of small steps, the plays one by one."""
     n = 100_000
     dt, x = stop / n, x0
     ohm = 40.0 * (1.0 + 0.00393 * (block.temperature - 293.15))
@@ -92,9 +116,15 @@ def reference(block, u: float, x0: float, regulation: int, stop: float) -> np.nd
     return found
 
 
-@pytest.mark.parametrize(("regulation", "temperature", "u"), [
-    (CURRENT, 293.15, 9.0), (CURRENT, 373.15, -10.0), (CURRENT, 460.0, 10.0), (VOLTAGE, 353.0, 8.0),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("regulation", "temperature", "u"),
+    [
+        (CURRENT, 293.15, 9.0),
+        (CURRENT, 373.15, -10.0),
+        (CURRENT, 460.0, 10.0),
+        (VOLTAGE, 353.0, 8.0),
+    ],
+)
 def test_rise_of_a_rod(regulation, temperature, u):
     block = driven(regulation=regulation, temperature=temperature, remanence=0.05)
     fine = reference(block, u, 0.0, regulation, 1.0)
@@ -124,12 +154,27 @@ def test_current_is_there_when_the_supply_has_driven_it():
     assert block.m_coil[0] == pytest.approx(0.0, abs=1e-12)
 
 
-@pytest.mark.parametrize(("parameters", "wanted", "share"), [
-    ({"temperature": 373.15}, 10.0, 1.0),
-    ({"temperature": 393.15, "supply_voltage": 6.0}, 10.0, 60.0 * 6.0 / (40.0 * 1.393) / 10.0),
-    ({"temperature": 253.15, "regulation": VOLTAGE}, 8.0, 1.0 / (1.0 - 0.00393 * 40.0)),
-    ({"temperature": 353.15, "regulation": VOLTAGE}, -8.0, 1.0 / (1.0 + 0.00393 * 60.0)),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("parameters", "wanted", "share"),
+    [
+        ({"temperature": 373.15}, 10.0, 1.0),
+        (
+            {"temperature": 393.15, "supply_voltage": 6.0},
+            10.0,
+            60.0 * 6.0 / (40.0 * 1.393) / 10.0,
+        ),
+        (
+            {"temperature": 253.15, "regulation": VOLTAGE},
+            8.0,
+            1.0 / (1.0 - 0.00393 * 40.0),
+        ),
+        (
+            {"temperature": 353.15, "regulation": VOLTAGE},
+            -8.0,
+            1.0 / (1.0 + 0.00393 * 60.0),
+        ),
+    ],
+)
 def test_what_supply_and_temperature_hold(parameters, wanted, share):
     block = driven(**parameters)
     block.m_cmd_body = (wanted, 0.0, 0.0)
@@ -141,26 +186,50 @@ def test_what_supply_and_temperature_hold(parameters, wanted, share):
 
 @settings(max_examples=40)
 @given(
-    commands=st.tuples(command, command, command), count=st.integers(2, 60),
-    drive=st.sampled_from([LIMITED, PULSED]), regulation=st.sampled_from([CURRENT, VOLTAGE]),
-    quiet=st.floats(0, 3), remanence=st.sampled_from([0.0, 0.05]), failed=st.integers(0, 4),
-    failed_from=st.floats(0, 30), share=st.sampled_from([0.0, 0.5, -1.0]),
-)  # fmt: skip
+    commands=st.tuples(command, command, command),
+    count=st.integers(2, 60),
+    drive=st.sampled_from([LIMITED, PULSED]),
+    regulation=st.sampled_from([CURRENT, VOLTAGE]),
+    quiet=st.floats(0, 3),
+    remanence=st.sampled_from([0.0, 0.05]),
+    failed=st.integers(0, 4),
+    failed_from=st.floats(0, 30),
+    share=st.sampled_from([0.0, 0.5, -1.0]),
+)
 def test_small_steps_of_rods_add_up_to_large_ones(
     commands, count, drive, regulation, quiet, remanence, failed, failed_from, share
 ):
     found = []
     for dt in (10.0, 10.0 / count):
-        block = driven(axes_coil=tuple(SKEWED.ravel()), drive=drive, regulation=regulation,
-                       sample_time=10.0, quiet_time=quiet, duty_max=0.6, pulse_delay=0.7,
-                       remanence=remanence, failed_coil=failed, failed_from=failed_from,
-                       failed_share=share, temperature=333.0)  # fmt: skip
+        block = driven(
+            axes_coil=tuple(SKEWED.ravel()),
+            drive=drive,
+            regulation=regulation,
+            sample_time=10.0,
+            quiet_time=quiet,
+            duty_max=0.6,
+            pulse_delay=0.7,
+            remanence=remanence,
+            failed_coil=failed,
+            failed_from=failed_from,
+            failed_share=share,
+            temperature=333.0,
+        )
         row = []
         for k, m in enumerate(commands):
             block.m_cmd_body = m
             row += [*run(block, dt, 10.0 * (k + 1), 10.0 * k)]
-        found.append(np.hstack([*row, block.m_coil, block.dipole_energy, block.electric_energy,
-                                block.on_time]))  # fmt: skip
+        found.append(
+            np.hstack(
+                [
+                    *row,
+                    block.m_coil,
+                    block.dipole_energy,
+                    block.electric_energy,
+                    block.on_time,
+                ]
+            )
+        )
     size = max(1.0, np.abs(found[0]).max())
     assert found[1] == pytest.approx(found[0], rel=1e-10, abs=1e-11 * size)
 
@@ -171,8 +240,15 @@ def test_a_turned_coil_is_turned_at_every_sample(drive, lag):
     """`failed_share` of a coil with lag: the same steps, the same dipole turned."""
     made = []
     for share in (1.0, -1.0):
-        block = begin("torquers", drive=drive, lag=lag, sample_time=2.0, duty_max=0.5,
-                      failed_coil=1, failed_share=share)  # fmt: skip
+        block = begin(
+            "torquers",
+            drive=drive,
+            lag=lag,
+            sample_time=2.0,
+            duty_max=0.5,
+            failed_coil=1,
+            failed_share=share,
+        )
         block.m_cmd_body = (30.0, 0.0, 0.0)
         row = []
         for k in range(12):
@@ -200,20 +276,32 @@ def test_rods_that_cannot_be_are_refused(parameters, message):
 
 
 def test_a_supply_that_does_not_reach_the_limit_is_foreseen():
-    said = list(driven(supply_voltage=5.0).foresee(0.0, 10.0, frozenset({"m_cmd_body"})))
-    assert any("supply_voltage = 5 V holds 7.5 A m2 at 293.15 K" in line for line in said)
+    said = list(
+        driven(supply_voltage=5.0).foresee(0.0, 10.0, frozenset({"m_cmd_body"}))
+    )
+    assert any(
+        "supply_voltage = 5 V holds 7.5 A m2 at 293.15 K" in line for line in said
+    )
     assert not list(driven().foresee(0.0, 10.0, frozenset({"m_cmd_body"})))
 
 
-# --- wheels -------------------------------------------------------------------------------------
+# --- wheels ---------------------------------------------------------------------------
 
 J = 2e-5
-MOTOR = {"inertia_wheel": (J, 0.0, 0.0, 0.0), "torque_limit": 2e-3, "speed_limit": 800.0,
-         "supply_voltage": 8.0, "torque_constant": 0.01, "motor_constant": 2e-3,
-         "friction_speed": 1.0}  # fmt: skip
+MOTOR = {
+    "inertia_wheel": (J, 0.0, 0.0, 0.0),
+    "torque_limit": 2e-3,
+    "speed_limit": 800.0,
+    "supply_voltage": 8.0,
+    "torque_constant": 0.01,
+    "motor_constant": 2e-3,
+    "friction_speed": 1.0,
+}
 """800 rad/s without load, K_m^2 = 4e-6: 2 mN m up to 300 rad/s, J / K_m^2 = 5 s."""
-TABLE = {"drag_speed": (0.0, 50.0, 200.0, 700.0, 0.0, 0.0, 0.0, 0.0),
-         "drag_torque": (2e-5, 3e-5, 9e-5, 1.5e-4, 0.0, 0.0, 0.0, 0.0)}  # fmt: skip
+TABLE = {
+    "drag_speed": (0.0, 50.0, 200.0, 700.0, 0.0, 0.0, 0.0, 0.0),
+    "drag_torque": (2e-5, 3e-5, 9e-5, 1.5e-4, 0.0, 0.0, 0.0, 0.0),
+}
 
 
 def spun(stop: float, dt: float, command: float = 0.0, **parameters):
@@ -230,9 +318,17 @@ def spun(stop: float, dt: float, command: float = 0.0, **parameters):
 
 
 def test_without_its_options_a_motor_turns_as_any_wheel():
-    same = {"torque_limit": 3e-3, "viscous": 2e-6, "coulomb": 1e-4, "motor_lag": 0.1,
-            "compensation": 0.4, "failed": 2, "failed_from": 3.3, "motor_constant": 0.01,
-            "h_start_wheel": (1.0, -2.0, 0.3, 0.0)}  # fmt: skip
+    same = {
+        "torque_limit": 3e-3,
+        "viscous": 2e-6,
+        "coulomb": 1e-4,
+        "motor_lag": 0.1,
+        "compensation": 0.4,
+        "failed": 2,
+        "failed_from": 3.3,
+        "motor_constant": 0.01,
+        "h_start_wheel": (1.0, -2.0, 0.3, 0.0),
+    }
     plain, other = begin("wheels", **same), begin("wheels_motor", **same)
     for k in range(20):
         for block in (plain, other):
@@ -240,7 +336,13 @@ def test_without_its_options_a_motor_turns_as_any_wheel():
             block.omega_bi_body = (1e-3 * k, 0.0, -2e-3)
             block.advance(0.5 * k, 0.5)
             block.output(0.5 * (k + 1))
-        for name in ("h_wheel", "tau_mean_wheel", "tau_slope_wheel", "power", "saturated_wheel"):
+        for name in (
+            "h_wheel",
+            "tau_mean_wheel",
+            "tau_slope_wheel",
+            "power",
+            "saturated_wheel",
+        ):
             assert getattr(other, name) == getattr(plain, name)
 
 
@@ -258,23 +360,36 @@ def test_a_motor_on_its_curve(dt):
     assert first == pytest.approx(10.0 * J * speed - integral, rel=1e-8)
     assert not block.saturated_wheel[0]
     drive = 4e-6 * (800.0 - speed)
-    assert block.power == pytest.approx(8.0 * drive / 0.01, rel=1e-6)  # voltage times current
+    assert block.power == pytest.approx(
+        8.0 * drive / 0.01, rel=1e-6
+    )  # voltage times current
 
 
 def test_a_motor_brakes_with_its_whole_torque_and_beyond_no_load_by_itself():
     block, *_ = spun(1.0, 0.5, -0.5, h_start_wheel=(J * 700.0, 0.0, 0.0, 0.0))
     assert block.h_wheel[0] == pytest.approx(J * 700.0 - 2e-3, rel=1e-12)
-    block, *_ = spun(1.0, 0.5, 0.0, h_start_wheel=(J * 750.0, 0.0, 0.0, 0.0), supply_voltage=5.0)
-    assert block.h_wheel[0] == pytest.approx(J * (500.0 + 250.0 * math.exp(-0.2)), rel=1e-9)
-    failed = {"failed": 1, "h_start_wheel": (J * 750.0, 0.0, 0.0, 0.0), "supply_voltage": 5.0}
+    block, *_ = spun(
+        1.0, 0.5, 0.0, h_start_wheel=(J * 750.0, 0.0, 0.0, 0.0), supply_voltage=5.0
+    )
+    assert block.h_wheel[0] == pytest.approx(
+        J * (500.0 + 250.0 * math.exp(-0.2)), rel=1e-9
+    )
+    failed = {
+        "failed": 1,
+        "h_start_wheel": (J * 750.0, 0.0, 0.0, 0.0),
+        "supply_voltage": 5.0,
+    }
     block, *_ = spun(1.0, 0.5, 0.0, **failed)
     assert block.h_wheel[0] == pytest.approx(J * 750.0, rel=1e-14)  # nothing drives it
 
 
 def test_a_wheel_coasts_as_its_table_says():
-    """Between two entries the speed decays exponentially; times from one entry to the next."""
-    block = begin("wheels_motor", **{**MOTOR, **TABLE, "failed": 1,
-                                     "h_start_wheel": (J * 700.0, 0.0, 0.0, 0.0)})  # fmt: skip
+    """Between two entries the speed decays exponentially; times from one entry to the
+    next."""
+    block = begin(
+        "wheels_motor",
+        **{**MOTOR, **TABLE, "failed": 1, "h_start_wheel": (J * 700.0, 0.0, 0.0, 0.0)},
+    )
     slope, rest = (1.5e-4 - 9e-5) / 500.0, 9e-5 - 200.0 * (1.5e-4 - 9e-5) / 500.0
     decays = slope / J
     to_200 = math.log((700.0 + rest / slope) / (200.0 + rest / slope)) / decays
@@ -294,14 +409,22 @@ def test_a_wheel_coasts_as_its_table_says():
 @pytest.mark.parametrize("way", [1.0, -1.0])
 @pytest.mark.parametrize(("lag", "compensation"), [(0.0, 0.0), (0.3, 0.0), (0.3, 0.8)])
 def test_all_of_a_motor_beside_scipy(lag, compensation, way):
-    """Curve, table, lag and compensation, from 350 rad/s through a reversal, while the body
-    turns."""
+    """Curve, table, lag and compensation, from 350 rad/s through a reversal, while the
+    body turns."""
     from scipy.integrate import solve_ivp
 
     start = (way * J * 350.0, 0.0, 0.0, 0.0)
-    block = begin("wheels_motor", **{**MOTOR, **TABLE, "motor_lag": lag, "speed_limit": 1000.0,
-                                     "compensation": compensation,
-                                     "h_start_wheel": start})  # fmt: skip
+    block = begin(
+        "wheels_motor",
+        **{
+            **MOTOR,
+            **TABLE,
+            "motor_lag": lag,
+            "speed_limit": 1000.0,
+            "compensation": compensation,
+            "h_start_wheel": start,
+        },
+    )
     speeds, drags = TABLE["drag_speed"][:4], TABLE["drag_torque"][:4]
     state = np.array([way * J * 350.0, 0.0, 0.0])
     turning = 0.02
@@ -309,10 +432,16 @@ def test_all_of_a_motor_beside_scipy(lag, compensation, way):
     def derivative(t, y, command, rate):
         omega = y[0] / J - rate - turning * t
         drag = np.interp(abs(omega), speeds, drags) * math.tanh(omega)
-        drive = np.clip((y[1] if lag else command) + y[2], 4e-6 * (-800.0 - omega),
-                        4e-6 * (800.0 - omega))  # fmt: skip
-        return [np.clip(drive, -2e-3, 2e-3) - drag, (command - y[1]) / lag if lag else 0.0,
-                compensation * (drag - y[2])]  # fmt: skip
+        drive = np.clip(
+            (y[1] if lag else command) + y[2],
+            4e-6 * (-800.0 - omega),
+            4e-6 * (800.0 - omega),
+        )
+        return [
+            np.clip(drive, -2e-3, 2e-3) - drag,
+            (command - y[1]) / lag if lag else 0.0,
+            compensation * (drag - y[2]),
+        ]
 
     for k, command in enumerate([2e-3] * 4 + [-2e-3] * 6 + [1e-4] * 3):
         rate = turning * k
@@ -321,8 +450,16 @@ def test_all_of_a_motor_beside_scipy(lag, compensation, way):
         if k < 2:  # until the block foresees that the body turns
             block._past = (((rate - turning, 0.0, 0.0, 0.0), 1.0),) * 2
         block.advance(float(k), 1.0)
-        state = solve_ivp(derivative, (0.0, 1.0), state, args=(way * command, rate), rtol=1e-10,
-                          atol=1e-14, max_step=0.005, method="DOP853").y[:, -1]  # fmt: skip
+        state = solve_ivp(
+            derivative,
+            (0.0, 1.0),
+            state,
+            args=(way * command, rate),
+            rtol=1e-10,
+            atol=1e-14,
+            max_step=0.005,
+            method="DOP853",
+        ).y[:, -1]
         block.output(k + 1.0)
         assert block.h_wheel[0] == pytest.approx(state[0], abs=J * 3e-6)
     assert abs(state[0]) < J * 350.0
@@ -349,9 +486,18 @@ ROW = (0.0,) * 4
         ({"stiction": 1e-4}, "stiction = 0.0001 N m: not with"),
         ({"drag_torque": (1e-5,) * 8}, "drag_torque is given, but no drag_speed"),
         ({**TABLE, "viscous": 1e-6}, "the table of the drag stands for both"),
-        ({"drag_speed": (0.0, 50.0, 50.0, 60.0, *ROW)}, r"drag_speed\[3\] = 50.0 rad/s is not"),
-        ({"drag_speed": (1.0, 50.0, 60.0, 70.0, *ROW)}, r"drag_speed\[1\] = 1.0 rad/s: the table"),
-        ({"drag_torque": (-1e-5, *ROW, 0.0, 0.0, 0.0)}, r"drag_torque\[1\] = -1e-05 is outside"),
+        (
+            {"drag_speed": (0.0, 50.0, 50.0, 60.0, *ROW)},
+            r"drag_speed\[3\] = 50.0 rad/s is not",
+        ),
+        (
+            {"drag_speed": (1.0, 50.0, 60.0, 70.0, *ROW)},
+            r"drag_speed\[1\] = 1.0 rad/s: the table",
+        ),
+        (
+            {"drag_torque": (-1e-5, *ROW, 0.0, 0.0, 0.0)},
+            r"drag_torque\[1\] = -1e-05 is outside",
+        ),
     ],
 )
 def test_motors_that_cannot_be_are_refused(parameters, message):
@@ -364,11 +510,15 @@ def test_a_voltage_and_a_table_that_end_below_the_speed_limit_are_foreseen():
     given = {**MOTOR, **TABLE, "supply_voltage": 6.0, "axes_wheel": one}
     block = begin("wheels_motor", **given)
     said = list(block.foresee(0.0, 10.0, frozenset()))
-    assert any("supply_voltage = 6 V turns the wheels at 600 rad/s at most" in x for x in said)
-    assert any("drag_speed ends at 700 rad/s, below speed_limit = 800" in x for x in said)
+    assert any(
+        "supply_voltage = 6 V turns the wheels at 600 rad/s at most" in x for x in said
+    )
+    assert any(
+        "drag_speed ends at 700 rad/s, below speed_limit = 800" in x for x in said
+    )
 
 
-# --- thrusters ----------------------------------------------------------------------------------
+# --- thrusters ------------------------------------------------------------------------
 
 CLOSED, OPEN = range(2)
 torque = st.floats(-0.06, 0.06)
@@ -379,29 +529,41 @@ def valves(**parameters):
 
 
 def test_without_their_options_valves_are_nozzles():
-    same = {"sample_time": 5.0, "placement": 1, "schedule_start": (7.0,) + (0.0,) * 7,
-            "schedule_duration": (3.3,) + (0.0,) * 7,
-            "schedule_nozzle": (0.0, 0.5, 0.0, 1.0) + (0.0,) * 60}  # fmt: skip
+    same = {
+        "sample_time": 5.0,
+        "placement": 1,
+        "schedule_start": (7.0,) + (0.0,) * 7,
+        "schedule_duration": (3.3,) + (0.0,) * 7,
+        "schedule_nozzle": (0.0, 0.5, 0.0, 1.0) + (0.0,) * 60,
+    }
     plain, other = begin("thrusters_nozzles", **same), begin("thrusters_valves", **same)
-    for k, wanted in enumerate([(0.01, -0.02, 0.03), (-0.1, 0.0012, -0.04), (0.0, 0.02, 0.0)]):
+    for k, wanted in enumerate(
+        [(0.01, -0.02, 0.03), (-0.1, 0.0012, -0.04), (0.0, 0.02, 0.0)]
+    ):
         made = []
         for block in (plain, other):
             block.tau_cmd_thruster_body = wanted
             made.append(np.hstack(run(block, 0.5, 5.0 * (k + 1), 5.0 * k)))
         assert made[1] == pytest.approx(made[0], rel=1e-12, abs=1e-13)
         for name in ("on_time", "propellant", "on_time_nozzle", "schedule_propellant"):
-            assert getattr(other, name) == pytest.approx(getattr(plain, name), rel=1e-13)
+            assert getattr(other, name) == pytest.approx(
+                getattr(plain, name), rel=1e-13
+            )
 
 
 @pytest.mark.parametrize("dt", [0.1, 0.5, 10.0])
 def test_impulse_and_centre_of_a_pulse_with_edges(dt):
-    """Of 2 s from 4 s on: u (1 - exp) and its decay; all of the impulse is there, later."""
+    """Of 2 s from 4 s on: u (1 - exp) and its decay; all of the impulse is there,
+    later."""
     rise, decay = 0.2, 0.35
     block = valves(rise_time=rise, decay_time=decay, placement=1)
     block.tau_cmd_thruster_body = (0.04 * 0.2, 0.0, 0.0)
     impulse, first = run(block, dt, 10.0)
     end, gone = 1.0 - math.exp(-2.0 / rise), math.exp(-4.0 / decay)
-    up, down = 2.0 - rise * end, decay * end * (1.0 - gone)  # of s while the valve is open, shut
+    up, down = (
+        2.0 - rise * end,
+        decay * end * (1.0 - gone),
+    )  # of s while the valve is open, shut
     assert impulse[0] == pytest.approx(0.04 * (up + down), rel=1e-11)
     moment = 2.0 - rise * (rise * end - 2.0 * (1.0 - end))  # int t s dt, from 4 s on
     moment += decay * end * ((2.0 + decay) * (1.0 - gone) - 4.0 * gone)
@@ -413,19 +575,30 @@ def test_impulse_and_centre_of_a_pulse_with_edges(dt):
 
 @settings(max_examples=40)
 @given(
-    commands=st.tuples(*[st.tuples(torque, torque, torque)] * 3), count=st.integers(2, 60),
-    rise=st.sampled_from([0.0, 0.03, 2.0]), decay=st.sampled_from([0.0, 0.05, 3.0]),
-    stuck=st.integers(0, 6), how=st.sampled_from([CLOSED, OPEN]), since=st.floats(0, 30),
-    known=st.booleans(), scatter=st.sampled_from([0.0, 0.1]),
-)  # fmt: skip
+    commands=st.tuples(*[st.tuples(torque, torque, torque)] * 3),
+    count=st.integers(2, 60),
+    rise=st.sampled_from([0.0, 0.03, 2.0]),
+    decay=st.sampled_from([0.0, 0.05, 3.0]),
+    stuck=st.integers(0, 6),
+    how=st.sampled_from([CLOSED, OPEN]),
+    since=st.floats(0, 30),
+    known=st.booleans(),
+    scatter=st.sampled_from([0.0, 0.1]),
+)
 def test_small_steps_of_valves_add_up_to_large_ones(
     commands, count, rise, decay, stuck, how, since, known, scatter
 ):
     found = []
     for dt in (10.0, 10.0 / count):
-        block = valves(rise_time=rise, decay_time=decay, stuck_nozzle=stuck, stuck=how,
-                       stuck_from=since, impulse_scatter=scatter,
-                       failure_known=known)  # fmt: skip
+        block = valves(
+            rise_time=rise,
+            decay_time=decay,
+            stuck_nozzle=stuck,
+            stuck=how,
+            stuck_from=since,
+            impulse_scatter=scatter,
+            failure_known=known,
+        )
         row = []
         for k, wanted in enumerate(commands):
             block.tau_cmd_thruster_body = wanted
@@ -471,7 +644,8 @@ def test_a_valve_stuck_closed_and_one_stuck_open():
 
 @pytest.mark.parametrize("dt", [0.5, 0.01])
 def test_a_tank_blows_down_and_ends(dt):
-    """thrust = F p, p = 1 / (1 + (B - 1) m / M): m + (B - 1) m^2 / (2 M) = F t / (g0 I_sp)."""
+    """thrust = F p, p = 1 / (1 + (B - 1) m / M): m + (B - 1) m^2 / (2 M) = F t / (g0
+    I_sp)."""
     flow = 0.1 / (9.80665 * 68.0)
     tank = 20.0 * flow
     block = valves(tank=tank, blowdown=3.0, stuck_nozzle=1, stuck=OPEN, sample_time=dt)
@@ -497,8 +671,14 @@ def test_a_tank_blows_down_and_ends(dt):
     ("parameters", "message"),
     [
         ({"stuck_nozzle": 7}, "stuck_nozzle = 7: its thrust or direction is 0: no"),
-        ({"stuck_nozzle": 1, "schedule_nozzle": (0.5,) + (0.0,) * 63}, "not beside scheduled"),
-        ({"tank": 1.0, "schedule_duration": (1.0,) + (0.0,) * 7}, "tank = 1.0 kg: not beside"),
+        (
+            {"stuck_nozzle": 1, "schedule_nozzle": (0.5,) + (0.0,) * 63},
+            "not beside scheduled",
+        ),
+        (
+            {"tank": 1.0, "schedule_duration": (1.0,) + (0.0,) * 7},
+            "tank = 1.0 kg: not beside",
+        ),
         ({"blowdown": 4.0}, "blowdown = 4.0 needs a tank above 0 kg"),
         ({"impulse_scatter": -0.1}, "impulse_scatter = -0.1 is outside"),
     ],

@@ -22,7 +22,10 @@ STEPS = (0.01, 0.05, 0.1, 0.125, 0.25, 0.5, 1.0, 2.0, 10.0)
 IDEAL, LIMITED, PULSED = range(3)
 CENTRED = 1
 # four coils in general position, as columns
-SKEWED = np.array([[1.0, -1.0, -1.0, 1.0], [1.0, 1.0, -1.0, -1.0], [1.0, 1.0, 1.0, 1.0]]) / 3**0.5
+SKEWED = (
+    np.array([[1.0, -1.0, -1.0, 1.0], [1.0, 1.0, -1.0, -1.0], [1.0, 1.0, 1.0, 1.0]])
+    / 3**0.5
+)
 OUTPUT = {"torquers": "m_{}_body", "thrusters": "tau_{}_thruster_body"}
 
 dipole = st.floats(-60, 60)
@@ -42,10 +45,15 @@ def begin(name: str, **parameters) -> Block:
 
 def moments_of(block: Block) -> tuple[np.ndarray, np.ndarray]:
     """Mean and slope of the step just made."""
-    return tuple(np.array(getattr(block, OUTPUT[block.role].format(x))) for x in ("mean", "slope"))  # type: ignore[return-value]
+    return tuple(
+        np.array(getattr(block, OUTPUT[block.role].format(x)))
+        for x in ("mean", "slope")
+    )  # type: ignore[return-value]
 
 
-def run(block: Block, dt: float, stop: float, begin: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
+def run(
+    block: Block, dt: float, stop: float, begin: float = 0.0
+) -> tuple[np.ndarray, np.ndarray]:
     """Impulse, and first moment about t = begin, over the steps to `stop`."""
     impulse, first = np.zeros(3), np.zeros(3)
     for k in range(round((stop - begin) / dt)):
@@ -65,7 +73,7 @@ def response(t: float, u: float, lag: float, on: float, off: float) -> float:
     return u * (up - down)
 
 
-# --- moments ------------------------------------------------------------------------------------
+# --- moments --------------------------------------------------------------------------
 
 
 @given(st.floats(0, 20), st.floats(0, 20), st.floats(0, 10), st.floats(0.01, 10))
@@ -90,30 +98,48 @@ def test_first_order(x0, x1, ratio):
     first = quad(lambda s: 12 * (s - 0.5) * x(s), 0, 1, points=knee)[0]
     assert slope == pytest.approx(first, rel=1e-8, abs=1e-8)
     assert end == pytest.approx(x(1), abs=1e-12)
-    assert square == pytest.approx(quad(lambda s: x(s) ** 2, 0, 1, points=knee)[0], 1e-9, 1e-9)
+    assert square == pytest.approx(
+        quad(lambda s: x(s) ** 2, 0, 1, points=knee)[0], 1e-9, 1e-9
+    )
 
 
-# --- torquers -----------------------------------------------------------------------------------
+# --- torquers -------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
     ("quiet", "drive", "off"),
-    [(0.0, LIMITED, 10.0), (1.3, LIMITED, 10.0), (0.0, PULSED, 5.0), (1.3, PULSED, 6.3)],
+    [
+        (0.0, LIMITED, 10.0),
+        (1.3, LIMITED, 10.0),
+        (0.0, PULSED, 5.0),
+        (1.3, PULSED, 6.3),
+    ],
 )
 @pytest.mark.parametrize("lag", [0.08, 0.5, 30.0])
 def test_lag_mean_slope_and_energy(quiet, drive, off, lag):
     """One step of 10 s with all edges inside it, against quadrature of the closed form."""
     u = 20.0 if drive == PULSED else 10.0
-    block = begin("torquers", lag=lag, sample_time=10.0, quiet_time=quiet, drive=drive,
-                  m_limit=20.0, duty_max=0.8, least_pulse=0.1, resistance=25.0,
-                  area_turns=150.0)  # fmt: skip
+    block = begin(
+        "torquers",
+        lag=lag,
+        sample_time=10.0,
+        quiet_time=quiet,
+        drive=drive,
+        m_limit=20.0,
+        duty_max=0.8,
+        least_pulse=0.1,
+        resistance=25.0,
+        area_turns=150.0,
+    )
     block.m_cmd_body = (0.0, -10.0, 0.0)
     impulse, first = run(block, 10.0, 10.0)
 
     def integral(f):
         knees = [quiet, quiet + lag, quiet + 8 * lag, off, off + lag, off + 8 * lag]
         points = sorted({p for p in knees if 0.0 < p < 10.0})
-        return quad(f, 0.0, 10.0, points=points, epsabs=1e-12, epsrel=1e-12, limit=200)[0]
+        return quad(f, 0.0, 10.0, points=points, epsabs=1e-12, epsrel=1e-12, limit=200)[
+            0
+        ]
 
     def m(t):
         return response(t, -u, lag, quiet, off)
@@ -153,26 +179,46 @@ def test_small_steps_add_up_to_large_ones(
     """Impulse, first moment, energies and on-time do not depend on the step."""
     found = []
     for dt in (10.0, 10.0 / count):
-        block = begin("torquers", axes_coil=tuple(SKEWED.ravel()), drive=drive, lag=lag,
-                      sample_time=10.0, quiet_time=quiet, duty_max=0.6, pulse_delay=0.7,
-                      failed_coil=failed, failed_from=failed_from,
-                      failure_known=known)  # fmt: skip
+        block = begin(
+            "torquers",
+            axes_coil=tuple(SKEWED.ravel()),
+            drive=drive,
+            lag=lag,
+            sample_time=10.0,
+            quiet_time=quiet,
+            duty_max=0.6,
+            pulse_delay=0.7,
+            failed_coil=failed,
+            failed_from=failed_from,
+            failure_known=known,
+        )
         row = []
         for k, m in enumerate(commands):
             block.m_cmd_body = m
             row += [*run(block, dt, 10.0 * (k + 1), 10.0 * k)]
-        found.append(np.hstack([*row, block.dipole_energy, block.electric_energy, block.on_time]))
+        found.append(
+            np.hstack([*row, block.dipole_energy, block.electric_energy, block.on_time])
+        )
     size = max(1.0, np.abs(found[0]).max())
     assert found[1] == pytest.approx(found[0], rel=1e-11, abs=1e-12 * size)
 
 
 @pytest.mark.parametrize("dt", STEPS)
 def test_pulses_are_quantised_and_capped(dt):
-    block = begin("torquers", drive=PULSED, sample_time=10.0, m_limit=40.0, duty_max=0.8,
-                  least_pulse=0.2, pulse_delay=0.5)  # fmt: skip
+    block = begin(
+        "torquers",
+        drive=PULSED,
+        sample_time=10.0,
+        m_limit=40.0,
+        duty_max=0.8,
+        least_pulse=0.2,
+        pulse_delay=0.5,
+    )
     block.m_cmd_body = (10.3, -2.0, 70.0)
     impulse, first = run(block, dt, 10.0)
-    widths = np.array([2.6, 0.6, 8.0])  # 2.575 and 0.5 (the half upwards) to 0.2; 80 % of 10
+    widths = np.array(
+        [2.6, 0.6, 8.0]
+    )  # 2.575 and 0.5 (the half upwards) to 0.2; 80 % of 10
     sign = (1, -1, 1)
     assert impulse == pytest.approx(40.0 * widths * sign, rel=1e-12)
     assert first == pytest.approx(impulse * (0.5 + widths / 2), rel=1e-12)
@@ -183,8 +229,14 @@ def test_pulses_are_quantised_and_capped(dt):
 
 @pytest.mark.parametrize("drive", [IDEAL, LIMITED, PULSED])
 def test_no_dipole_in_the_quiet_time(drive):
-    block = begin("torquers", drive=drive, sample_time=1.0, quiet_time=0.25, duty_max=0.5,
-                  least_pulse=0.125)  # fmt: skip
+    block = begin(
+        "torquers",
+        drive=drive,
+        sample_time=1.0,
+        quiet_time=0.25,
+        duty_max=0.5,
+        least_pulse=0.125,
+    )
     block.m_cmd_body = (30.0, 30.0, -30.0)
     for k in range(3000):
         block.advance(k * 1e-3, 1e-3)
@@ -192,7 +244,9 @@ def test_no_dipole_in_the_quiet_time(drive):
         quiet = k % 1000 < 250
         on = not quiet and (drive != PULSED or k % 1000 < 750)  # 0.5 s of 1 s
         mean, _ = moments_of(block)
-        assert np.abs(mean) == pytest.approx((30.0 if drive != PULSED else 40.0) * on, abs=1e-8)
+        assert np.abs(mean) == pytest.approx(
+            (30.0 if drive != PULSED else 40.0) * on, abs=1e-8
+        )
         assert block.m_body == pytest.approx(mean, abs=1e-8)
 
 
@@ -224,15 +278,23 @@ def test_each_coil_has_its_limit():
 @pytest.mark.parametrize("known", [True, False])
 @pytest.mark.parametrize("axes", [np.eye(3, 4), SKEWED])
 def test_failed_coil(axes, known, lag):
-    """Dead from 1.25 s on, inside a step and a sample period; allocated anew from the sample on."""
-    block = begin("torquers", axes_coil=tuple(axes.ravel()), failed_coil=2, failed_from=1.25,
-                  failure_known=known, sample_time=1.0, lag=lag)  # fmt: skip
+    """Dead from 1.25 s on, inside a step and a sample period; allocated anew from the
+    sample on."""
+    block = begin(
+        "torquers",
+        axes_coil=tuple(axes.ravel()),
+        failed_coil=2,
+        failed_from=1.25,
+        failure_known=known,
+        sample_time=1.0,
+        lag=lag,
+    )
     block.m_cmd_body = wanted = np.array((5.0, -8.0, 3.0))
     alive = axes * [1, 0, 1, 1]
     before = np.linalg.pinv(axes) @ wanted
-    after = (np.linalg.pinv(alive) if known else np.diag([1, 0, 1, 1]) @ np.linalg.pinv(axes)) @ (
-        wanted
-    )
+    after = (
+        np.linalg.pinv(alive) if known else np.diag([1, 0, 1, 1]) @ np.linalg.pinv(axes)
+    ) @ (wanted)
     run(block, 0.5, 1.0)
     assert block.m_coil == pytest.approx(before)
     run(block, 0.5, 1.5, 1.0)
@@ -250,7 +312,10 @@ def test_failed_coil(axes, known, lag):
 @given(st.integers(0, 10_000), st.integers(0, 3))
 def test_pseudo_inverse_of_any_rank(seed, rank):
     rng = np.random.default_rng(seed)
-    u, v = np.linalg.qr(rng.normal(size=(3, 3)))[0], np.linalg.qr(rng.normal(size=(4, 4)))[0]
+    u, v = (
+        np.linalg.qr(rng.normal(size=(3, 3)))[0],
+        np.linalg.qr(rng.normal(size=(4, 4)))[0],
+    )
     matrix = u[:, :rank] @ np.diag(rng.uniform(0.3, 2, rank)) @ v[:rank]
     found = np.reshape(pseudo_inverse(tuple(matrix.ravel())), (4, 3))
     assert found == pytest.approx(np.linalg.pinv(matrix, rcond=1e-9), abs=1e-11)
@@ -261,7 +326,15 @@ def test_pseudo_inverse_of_any_rank(seed, rank):
     [
         ({"drive": PULSED}, "pulsed drive needs a sample_time"),
         ({"drive": PULSED, "sample_time": 1.0, "m_limit": 0.0}, "m_limit above 0"),
-        ({"drive": PULSED, "sample_time": 1.0, "quiet_time": 0.1, "pulse_delay": 0.1}, "exceeds"),
+        (
+            {
+                "drive": PULSED,
+                "sample_time": 1.0,
+                "quiet_time": 0.1,
+                "pulse_delay": 0.1,
+            },
+            "exceeds",
+        ),
         ({"axes_coil": (2.0,) + (0.0,) * 11}, "column 1 .* is not a unit vector"),
         ({"quiet_time": 0.5}, "quiet_time = 0.5 s must be shorter"),
         ({"quiet_time": 1.0, "sample_time": 1.0}, "quiet_time = 1.0 s must be shorter"),
@@ -272,7 +345,7 @@ def test_parameters_that_do_not_fit_are_refused(parameters, message):
         begin("torquers", **parameters)
 
 
-# --- thrusters ----------------------------------------------------------------------------------
+# --- thrusters ------------------------------------------------------------------------
 
 KINDS = ("thrusters", "thrusters_nozzles")
 
@@ -300,27 +373,35 @@ def test_a_pulse_of_37_ms_is_exact_at_any_step(name, dt, placement, start):
     placement=st.integers(0, 1),
     firing=st.tuples(st.floats(-5, 25), st.floats(0, 20), st.floats(-1, 1)),
 )
-def test_thrusters_small_steps_add_up_to_large_ones(commands, count, name, placement, firing):
+def test_thrusters_small_steps_add_up_to_large_ones(
+    commands, count, name, placement, firing
+):
     found = []
     for dt in (10.0, 10.0 / count):
-        block = begin(name, sample_time=10.0, placement=placement,
-                      schedule_start=(firing[0],) + (0.0,) * 7,
-                      schedule_duration=(firing[1],) + (0.0,) * 7,
-                      schedule_tau_body=(firing[2],) * 3 + (0.0,) * 21)  # fmt: skip
+        block = begin(
+            name,
+            sample_time=10.0,
+            placement=placement,
+            schedule_start=(firing[0],) + (0.0,) * 7,
+            schedule_duration=(firing[1],) + (0.0,) * 7,
+            schedule_tau_body=(firing[2],) * 3 + (0.0,) * 21,
+        )
         row = []
         for k, torque in enumerate(commands):
             block.tau_cmd_thruster_body = torque
             row += [*run(block, dt, 10.0 * (k + 1), 10.0 * k)]
         found.append(
             np.hstack([*row, block.on_time, block.propellant, block.schedule_on_time])
-        )  # fmt: skip
+        )
     assert found[1] == pytest.approx(found[0], rel=1e-10, abs=1e-11)
 
 
 @pytest.mark.parametrize("name", KINDS)
 def test_on_times_are_quantised_bounded_and_not_too_short(name):
     def widths(least_on_time=0.0, **torque):
-        block = begin(name, sample_time=1.0, least_pulse=0.02, least_on_time=least_on_time)
+        block = begin(
+            name, sample_time=1.0, least_pulse=0.02, least_on_time=least_on_time
+        )
         block.tau_cmd_thruster_body = (torque.get("x", 0.0), torque.get("y", 0.0), 0.0)
         impulse, _ = run(block, 1.0, 1.0)
         assert block.on_time == pytest.approx(np.abs(impulse).sum() / 0.04)
@@ -336,9 +417,13 @@ def test_on_times_are_quantised_bounded_and_not_too_short(name):
 @pytest.mark.parametrize("dt", [0.1, 0.5, 4.0])
 @pytest.mark.parametrize("name", KINDS)
 def test_schedule(name, dt):
-    """Paper 002's firing of 30 s, an overlap, and edges inside steps: all exact, all apart."""
-    firings = [(3.3, 30.0, (5e-6, 1.5e-3, 1.5e-3)), (20.17, 1.234, (-1.0, 0.0, 2.0)),
-               (39.95, 0.03, (0.0, 0.5, 0.0))]  # fmt: skip
+    """Paper 002's firing of 30 s, an overlap, and edges inside steps: all exact, all
+    apart."""
+    firings = [
+        (3.3, 30.0, (5e-6, 1.5e-3, 1.5e-3)),
+        (20.17, 1.234, (-1.0, 0.0, 2.0)),
+        (39.95, 0.03, (0.0, 0.5, 0.0)),
+    ]
     pad = 8 - len(firings)
     block = begin(
         name,
@@ -351,14 +436,18 @@ def test_schedule(name, dt):
     exact = [np.array(f[2]) * f[1] for f in firings]
     assert impulse == pytest.approx(sum(exact), rel=1e-11)
     middle = [f[0] + f[1] / 2 for f in firings]
-    assert first == pytest.approx(sum(x * t for x, t in zip(exact, middle, strict=True)), rel=1e-11)
+    assert first == pytest.approx(
+        sum(x * t for x, t in zip(exact, middle, strict=True)), rel=1e-11
+    )
     assert block.schedule_on_time == pytest.approx(31.264, rel=1e-11)
     assert (block.on_time, block.propellant) == (0.0, 0.0)
 
 
 def test_default_nozzles_are_the_axis_pairs():
     pairs, nozzles = (begin(name, sample_time=5.0) for name in KINDS)
-    for k, torque in enumerate([(0.01, -0.02, 0.03), (-0.1, 0.0012, -0.04), (0.0, 0.02, 0.0)]):
+    for k, torque in enumerate(
+        [(0.01, -0.02, 0.03), (-0.1, 0.0012, -0.04), (0.0, 0.02, 0.0)]
+    ):
         for i in range(10):
             for block in (pairs, nozzles):
                 block.tau_cmd_thruster_body = torque
@@ -372,7 +461,9 @@ def test_default_nozzles_are_the_axis_pairs():
 def test_propellant():
     """thrust * on-time / (g0 Isp), each nozzle with its own thrust."""
     thrust = (0.1, 0.1, 0.3, 0.1, 0.1, 0.1, 0.1, 0.1)
-    block = begin("thrusters_nozzles", sample_time=10.0, specific_impulse=220.0, thrust=thrust)
+    block = begin(
+        "thrusters_nozzles", sample_time=10.0, specific_impulse=220.0, thrust=thrust
+    )
     block.tau_cmd_thruster_body = (0.02, 0.03, 0.0)
     run(block, 0.5, 10.0)
     assert block.on_time == pytest.approx(5.0 + 2.5)
@@ -385,13 +476,17 @@ def test_a_direction_is_a_unit_vector():
         begin("thrusters_nozzles", direction_nozzle=(1.0, 1.0) + (0.0,) * 22)
 
 
-# --- allocation to nozzles ----------------------------------------------------------------------
+# --- allocation to nozzles ------------------------------------------------------------
 
 
 def nozzles(rng: np.random.Generator, canted: bool) -> np.ndarray:
     """Torques (N m) of some nozzles as columns: random, or of pairs with equal torques."""
     torques = 0.04 * rng.normal(size=(3, rng.integers(1, 9)))
-    return torques if canted else 0.04 * np.hstack([np.eye(3), -np.eye(3), np.eye(3)[:, :2]])
+    return (
+        torques
+        if canted
+        else 0.04 * np.hstack([np.eye(3), -np.eye(3), np.eye(3)[:, :2]])
+    )
 
 
 @pytest.mark.parametrize("canted", [True, False])
@@ -412,15 +507,19 @@ def test_on_times_are_the_optimum_of_the_linear_programme(seed, canted):
         size = np.abs(a).max()
         error = np.abs(a @ x - impulse).sum() / size
         least_error = linprog(
-            np.r_[np.zeros(n), np.ones(6)], A_eq=np.c_[a / size, np.eye(3), -np.eye(3)],
-            b_eq=impulse / size, bounds=[(0, longest)] * n + [(0, None)] * 6,
-        ).fun  # fmt: skip
+            np.r_[np.zeros(n), np.ones(6)],
+            A_eq=np.c_[a / size, np.eye(3), -np.eye(3)],
+            b_eq=impulse / size,
+            bounds=[(0, longest)] * n + [(0, None)] * 6,
+        ).fun
         assert error <= least_error + 1e-4 * x.sum() + 1e-9
         reference, residual = nnls(a / size, impulse / size)
         if residual > 1e-10 or reference.max() > longest:
             continue
         assert a @ x == pytest.approx(impulse, abs=1e-12 * longest), "feasible: exact"
-        least = linprog(np.ones(n), A_eq=a / size, b_eq=impulse / size, bounds=(0, longest))
+        least = linprog(
+            np.ones(n), A_eq=a / size, b_eq=impulse / size, bounds=(0, longest)
+        )
         assert x.sum() <= least.fun * (1 + 1e-9) + 1e-12
         assert x.sum() <= reference.sum() * (1 + 1e-9) + 1e-12
 

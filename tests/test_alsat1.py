@@ -1,4 +1,5 @@
-"""Paper 002: laws, estimates, managers, what is refused, losses, short runs, stored draws."""
+"""Paper 002: laws, estimates, managers, what is refused, losses, short runs, stored
+draws."""
 
 from __future__ import annotations
 
@@ -43,12 +44,14 @@ NOTHING, NO_FIELD, NO_ATTITUDE, NO_RATE, NO_MOMENTUM, TORQUE_LIMIT = range(6)
 component = st.floats(-1.0, 1.0)
 vectors = st.tuples(component, component, component).filter(lambda v: norm(v) > 1e-2)
 fields = vectors.map(lambda v: tuple(4e-5 * x for x in v))
-quaternions = st.tuples(component, component, component, component).filter(
-    lambda q: dot(q[:3], q[:3]) + q[3] ** 2 > 1e-2
-).map(lambda q: tuple(x / math.sqrt(dot(q[:3], q[:3]) + q[3] ** 2) for x in q))  # fmt: skip
+quaternions = (
+    st.tuples(component, component, component, component)
+    .filter(lambda q: dot(q[:3], q[:3]) + q[3] ** 2 > 1e-2)
+    .map(lambda q: tuple(x / math.sqrt(dot(q[:3], q[:3]) + q[3] ** 2) for x in q))
+)
 
 
-# --- the paper's equations --------------------------------------------------------------------
+# --- the paper's equations ------------------------------------------------------------
 
 
 @given(quaternions)
@@ -71,9 +74,11 @@ def test_eqs_7_to_9_are_not_the_vector_form_with_the_tensor_s_sign():
 def test_the_angles_are_those_of_the_2_1_3_sequence(roll, pitch, yaw):
     q = product(
         (0.0, 0.0, math.sin(yaw / 2), math.cos(yaw / 2)),
-        product((math.sin(roll / 2), 0.0, 0.0, math.cos(roll / 2)),
-                (0.0, math.sin(pitch / 2), 0.0, math.cos(pitch / 2))),
-    )  # fmt: skip
+        product(
+            (math.sin(roll / 2), 0.0, 0.0, math.cos(roll / 2)),
+            (0.0, math.sin(pitch / 2), 0.0, math.cos(pitch / 2)),
+        ),
+    )
     assert laws.euler_angles(matrix(q)) == pytest.approx((roll, pitch, yaw), abs=1e-9)
 
 
@@ -85,8 +90,10 @@ def test_eq_6_is_the_rate_of_these_angles(q, omega):
     step = 1e-6
     ahead = laws.euler_angles(matrix(propagated(q, omega, step)))
     back = laws.euler_angles(matrix(propagated(q, omega, -step)))
-    found = [math.remainder(x - y, 2.0 * math.pi) / (2.0 * step)
-             for x, y in zip(ahead, back, strict=True)]  # fmt: skip
+    found = [
+        math.remainder(x - y, 2.0 * math.pi) / (2.0 * step)
+        for x, y in zip(ahead, back, strict=True)
+    ]
     assert laws.euler_rates(angles, omega) == pytest.approx(found, abs=1e-7, rel=1e-5)
 
 
@@ -95,7 +102,9 @@ def test_eq_12_is_a_dipole_that_points_north(strength, direction):
     r = tuple(7.2e6 / norm(direction) * x for x in direction)
     north = tuple(7.8e15 * x for x in strength)
     south = tuple(-x for x in north)
-    assert laws.dipole_field(north, r) == pytest.approx(geomagnetic.dipole(r, south), rel=1e-12)
+    assert laws.dipole_field(north, r) == pytest.approx(
+        geomagnetic.dipole(r, south), rel=1e-12
+    )
 
 
 def test_eq_12_is_igrf_of_degree_1_without_its_tilt():
@@ -104,9 +113,14 @@ def test_eq_12_is_igrf_of_degree_1_without_its_tilt():
     along = laws.dipole_field((0.0, 0.0, -g10 * geomagnetic.REFERENCE_RADIUS**3), r)
     igrf = geomagnetic.igrf(r, year, 1)
     tilt = laws.dipole_field(
-        tuple(-x * geomagnetic.REFERENCE_RADIUS**3 for x in (-1410.3e-9, 4545.5e-9, 0.0)), r
+        tuple(
+            -x * geomagnetic.REFERENCE_RADIUS**3 for x in (-1410.3e-9, 4545.5e-9, 0.0)
+        ),
+        r,
     )
-    assert tuple(x + y for x, y in zip(along, tilt, strict=True)) == pytest.approx(igrf, rel=2e-4)
+    assert tuple(x + y for x, y in zip(along, tilt, strict=True)) == pytest.approx(
+        igrf, rel=2e-4
+    )
     # on the northern side of the equator the field points down, and north at it
     assert laws.dipole_field((0.0, 0.0, 7.8e15), (7e6, 0.0, 0.0))[2] > 0.0
 
@@ -123,10 +137,14 @@ def test_eqs_13_to_16_take_momentum_and_never_push_along_the_field(h, b):
 
 def test_the_aerodynamic_torque_at_table_1_s_densities():
     """The same order as eq. 11 within a factor of 3: at average activity, not at high."""
-    arm = 0.18 * 3.1 + 0.0225 * 6.175 - 0.36 * 0.2  # of boom, tip and box as in craft.toml (m3)
+    arm = (
+        0.18 * 3.1 + 0.0225 * 6.175 - 0.36 * 0.2
+    )  # of boom, tip and box as in craft.toml (m3)
     speed = 7421.0
     ratio = {
-        density: norm(laws.aerodynamic_torque(density, speed, arm, (0.0, 0.0, 1.0), (1.0, 0, 0)))
+        density: norm(
+            laws.aerodynamic_torque(density, speed, arm, (0.0, 0.0, 1.0), (1.0, 0, 0))
+        )
         / 1.74e-7
         for density in (6.95e-15, 1.24e-14, 9.41e-14, 1.59e-13)
     }
@@ -162,23 +180,29 @@ def test_the_rigid_body_is_eq_1():
         u = np.array(rotate(tuple(q), (math.cos(N * t), math.sin(N * t), 0.0)))
         torque = 3.0 * N * N * np.cross(u, inertia @ u) - np.cross(w, inertia @ w)
         x, yy, z = w
-        omega = np.array([[0, z, -yy, x], [-z, 0, x, yy], [yy, -x, 0, z], [-x, -yy, -z, 0]])
+        omega = np.array(
+            [[0, z, -yy, x], [-z, 0, x, yy], [yy, -x, 0, z], [-x, -yy, -z, 0]]
+        )
         return np.concatenate([0.5 * omega @ q, inverse @ torque])
 
     # eq. 7's mu / r^3 is n^2; ours takes r
     assert pytest.approx(N * N, rel=1e-12) == 3.986004418e14 / r0**3
     stop = 6128
-    reference = solve_ivp(eq_1, (0.0, stop), start, method="DOP853", rtol=1e-13, atol=1e-15)
+    reference = solve_ivp(
+        eq_1, (0.0, stop), start, method="DOP853", rtol=1e-13, atol=1e-15
+    )
     for k in range(stop):
         body.r_eci, body.v_eci = place(float(k))
         body.advance(float(k), 1.0)
     body.output(float(stop))
     end = reference.y[:, -1]
     assert max(abs(x - y) for x, y in zip(body.q_bi, end[:4], strict=True)) < 1e-9
-    assert max(abs(x - y) for x, y in zip(body.omega_bi_body, end[4:], strict=True)) < 1e-9
+    assert (
+        max(abs(x - y) for x, y in zip(body.omega_bi_body, end[4:], strict=True)) < 1e-9
+    )
 
 
-# --- ours: what is known of a firing ------------------------------------------------------------
+# --- ours: what is known of a firing --------------------------------------------------
 
 
 def test_the_predicted_rate_is_euler_s():
@@ -206,7 +230,9 @@ def test_what_pulses_make_of_a_command_is_what_the_torquers_do(m):
     begin(coils)
     coils.m_cmd_body = (m, 0.0, 0.0)
     coils.advance(0.0, 10.0)
-    assert firing.pulsed(m, 3.604, 0.2, 10.0, 0.8) == pytest.approx(coils.m_mean_body[0], abs=1e-12)
+    assert firing.pulsed(m, 3.604, 0.2, 10.0, 0.8) == pytest.approx(
+        coils.m_mean_body[0], abs=1e-12
+    )
 
 
 def test_overlaps_and_gains():
@@ -216,7 +242,7 @@ def test_overlaps_and_gains():
     assert firing.kalman_gain(4.0, 2.0) == 0.5
 
 
-# --- the managers -------------------------------------------------------------------------------
+# --- the managers ---------------------------------------------------------------------
 
 
 def boom(name="manager_boom", **parameters):
@@ -245,12 +271,19 @@ def test_the_z_wheel_s_law_and_its_coils():
     block = step(boom(wheel=2, axes_wheel=ALONG_Z), h_wheel=(0.02, 0.0, 0.0, 0.0))
     a = matrix(block.q_bi)
     roll, pitch, yaw = laws.euler_angles(a)
-    rate = tuple(x - y for x, y in zip(block.omega_bi_body, rotate(block.q_bi, (0, -N, 0)),
-                                       strict=True))  # fmt: skip
-    assert -block.tau_cmd_wheel[0] == pytest.approx(-block.kp * yaw - block.kd * rate[2])
+    rate = tuple(
+        x - y
+        for x, y in zip(
+            block.omega_bi_body, rotate(block.q_bi, (0, -N, 0)), strict=True
+        )
+    )
+    assert -block.tau_cmd_wheel[0] == pytest.approx(
+        -block.kp * yaw - block.kd * rate[2]
+    )
     e = (25.0 * a[5] + 4.4e4 * rate[0], -25.0 * a[2] + 4.4e4 * rate[1], 380.0 * 0.02)
     assert block.m_cmd_body == pytest.approx(laws.cross_product(e, B))
-    # upright to first order: the tilt is the sine of roll and pitch, seen in a body that has yawed
+    # upright to first order: the tilt is the sine of roll and pitch, seen in a body
+    # that has yawed
     assert math.hypot(a[2], a[5]) == pytest.approx(math.hypot(roll, pitch), rel=1e-3)
     assert block.mode == 1
 
@@ -259,7 +292,10 @@ def test_the_z_wheel_s_law_and_its_coils():
 def test_the_coils_torque_is_against_tilt_rate_and_momentum(tilted):
     """Without gyroscopic effects, -|B| e: across the field against each."""
     block = boom(wheel=0, gain_rate=0.0)
-    step(block, q_bi=propagated((0.0, 0.0, 0.0, 1.0), tuple(0.05 * x for x in tilted), 1.0))
+    step(
+        block,
+        q_bi=propagated((0.0, 0.0, 0.0, 1.0), tuple(0.05 * x for x in tilted), 1.0),
+    )
     a = matrix(block.q_bi)
     e = tuple(25.0 * x for x in laws.tilt((a[2], a[5], a[8])))
     assert dot(cross(block.m_cmd_body, B), e) <= 0.0
@@ -284,9 +320,12 @@ def test_an_inverted_craft_is_turned_by_a_wheel_that_pumps():
     down = propagated((0.0, 0.0, 0.0, 1.0), (0.0, math.pi - 0.05, 0.0), 1.0)
     step(block, q_bi=down, omega_bi_body=(0.0, -N + 1e-4, 0.0))
     assert block.mode == 2
-    # the wheel goes down by as much as the body is to gain in the sense in which it swings
+    # the wheel goes down by as much as the body is to gain in the sense in which it
+    # swings
     assert block.tau_cmd_wheel[0] < 0.0
-    assert dot(cross(block.m_cmd_body, B), (0.0, 1.0, 0.0)) < 0.0  # the coils damp the swing
+    assert (
+        dot(cross(block.m_cmd_body, B), (0.0, 1.0, 0.0)) < 0.0
+    )  # the coils damp the swing
     step(block, 1, h_wheel=(-0.1, 0.0, 0.0, 0.0))
     assert block.tau_cmd_wheel[0] == pytest.approx(0.0, abs=1e-15)
     up = propagated((0.0, 0.0, 0.0, 1.0), (0.0, 0.05, 0.0), 1.0)
@@ -299,10 +338,12 @@ def test_an_inverted_craft_is_turned_by_a_wheel_that_pumps():
 
 STALE = {"valid_b": NO_FIELD, "valid_q": NO_ATTITUDE, "valid_omega": NO_RATE}
 VALUES = {"valid_b": "b_body", "valid_q": "q_bi", "valid_omega": "omega_bi_body"}
-FLOWN = [("manager_boom", {"wheel": 2, "axes_wheel": ALONG_Z}),
-         ("manager_boom", {"wheel": 1, "axes_wheel": ALONG_Y}),
-         ("manager_boom", {"wheel": 0}),
-         ("manager_boom_feedforward", {})]  # fmt: skip
+FLOWN = [
+    ("manager_boom", {"wheel": 2, "axes_wheel": ALONG_Z}),
+    ("manager_boom", {"wheel": 1, "axes_wheel": ALONG_Y}),
+    ("manager_boom", {"wheel": 0}),
+    ("manager_boom_feedforward", {}),
+]
 
 
 @pytest.mark.parametrize(("name", "parameters"), FLOWN)
@@ -339,8 +380,11 @@ def test_a_momentum_that_is_not_valid_is_not_dumped(name, parameters):
 
 
 def feed(**parameters):
-    given = {"schedule_start": (20.0, 60.0), "schedule_duration": (15.0, 15.0),
-             "schedule_tau_body": (0.0, 1.5e-3, 1.5e-3, 0.0, 3e-3, 3e-3)}  # fmt: skip
+    given = {
+        "schedule_start": (20.0, 60.0),
+        "schedule_duration": (15.0, 15.0),
+        "schedule_tau_body": (0.0, 1.5e-3, 1.5e-3, 0.0, 3e-3, 3e-3),
+    }
     block = boom("manager_boom_feedforward", **{**given, **parameters})
     block.q_bi, block.omega_bi_body = (0.0, 0.0, 0.0, 1.0), (0.0, -N, 0.0)
     return block
@@ -352,7 +396,12 @@ def test_the_wheels_take_what_the_firing_gives_while_it_gives_it():
     for k in range(6):
         step(block, k)
         step(blind, k)
-        taken.append([x - y for x, y in zip(block.tau_cmd_wheel, blind.tau_cmd_wheel, strict=True)])
+        taken.append(
+            [
+                x - y
+                for x, y in zip(block.tau_cmd_wheel, blind.tau_cmd_wheel, strict=True)
+            ]
+        )
     assert taken[1] == [0.0] * 4
     assert taken[2] == pytest.approx([0.0, 1.5e-3, 1.5e-3, 0.0])
     assert block.mode == blind.mode == 1
@@ -366,10 +415,17 @@ def fly(block, truth, until=40, noise=0.0, seed=1):
     rates = []
     for k in range(until):
         measured = tuple(omega + noise * rng.normal(size=3))
-        step(block, k, q_bi=(0.0, 0.0, 0.0, 1.0), omega_bi_body=measured, h_wheel=(*h, 0.0))
+        step(
+            block,
+            k,
+            q_bi=(0.0, 0.0, 0.0, 1.0),
+            omega_bi_body=measured,
+            h_wheel=(*h, 0.0),
+        )
         torque = np.array(block.tau_cmd_wheel[:3])
-        for j, (start, lasts) in enumerate(zip(block.schedule_start, block.schedule_duration,
-                                               strict=True)):  # fmt: skip
+        for j, (start, lasts) in enumerate(
+            zip(block.schedule_start, block.schedule_duration, strict=True)
+        ):
             if lasts > 0.0:
                 on = firing.overlap(start, lasts, 10.0 * k, 10.0)
                 omega = omega + np.linalg.solve(inertia, on * np.array(truth[j]))
@@ -422,34 +478,67 @@ def test_gravity_dumps_by_a_lean():
     assert laws.gravity_vector_torque((lean[2], lean[5], lean[8]), J, N)[1] < 0.0
 
 
-# --- what is refused ----------------------------------------------------------------------------
+# --- what is refused ------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
     ("name", "parameters", "text"),
     [
-        ("manager_boom", {"wheel": 2, "axes_wheel": ALONG_Y}, r"wheel = z: axes_wheel has no whe"),
-        ("manager_boom", {"wheel": 2, "axes_wheel": ALONG_Z, "recovery": True},
-         "recovery = true: it needs wheel = y"),
-        ("manager_boom_feedforward", {"axes_wheel": ALONG_Z},
-         r"wheels = x_y_z: axes_wheel has no wheel along body \(1.0, 0.0, 0.0\)"),
-        ("manager_boom_feedforward",
-         {"axes_wheel": THREE, "schedule_start": (25.0,), "schedule_duration": (30.0,)},
-         r"schedule_start\[1\] = 25 s: not at a sample, a multiple of sample_time = 10 s"),
-        ("manager_boom_feedforward",
-         {"axes_wheel": THREE, "schedule_start": (20.0, 40.0), "schedule_duration": (30.0, 30.0)},
-         r"schedule_start\[2\] = 40 s for 30 s overlaps firing 1, from 20 s for 30 s"),
-        ("manager_boom_feedforward", {"inertia": PRINTED},
-         r"inertia\[1,2\] = 0 and inertia\[2,1\] = -0.25 kg m2: they must be equal"),
-        ("thrusters_misaligned",
-         {"schedule_start": (20.0, 40.0), "schedule_duration": (30.0, 30.0)},
-         r"schedule_start\[2\] = 40 s for 30 s overlaps firing 1"),
-        ("spacecraft_rigid", {"inertia": PRINTED}, r"inertia\[1,2\] = 0 and inertia\[2,1\] = "),
+        (
+            "manager_boom",
+            {"wheel": 2, "axes_wheel": ALONG_Y},
+            r"wheel = z: axes_wheel has no whe",
+        ),
+        (
+            "manager_boom",
+            {"wheel": 2, "axes_wheel": ALONG_Z, "recovery": True},
+            "recovery = true: it needs wheel = y",
+        ),
+        (
+            "manager_boom_feedforward",
+            {"axes_wheel": ALONG_Z},
+            r"wheels = x_y_z: axes_wheel has no wheel along body \(1.0, 0.0, 0.0\)",
+        ),
+        (
+            "manager_boom_feedforward",
+            {
+                "axes_wheel": THREE,
+                "schedule_start": (25.0,),
+                "schedule_duration": (30.0,),
+            },
+            r"schedule_start\[1\] = 25 s: not at a sample, a multiple of sample_time = 10 s",
+        ),
+        (
+            "manager_boom_feedforward",
+            {
+                "axes_wheel": THREE,
+                "schedule_start": (20.0, 40.0),
+                "schedule_duration": (30.0, 30.0),
+            },
+            r"schedule_start\[2\] = 40 s for 30 s overlaps firing 1, from 20 s for 30 s",
+        ),
+        (
+            "manager_boom_feedforward",
+            {"inertia": PRINTED},
+            r"inertia\[1,2\] = 0 and inertia\[2,1\] = -0.25 kg m2: they must be equal",
+        ),
+        (
+            "thrusters_misaligned",
+            {"schedule_start": (20.0, 40.0), "schedule_duration": (30.0, 30.0)},
+            r"schedule_start\[2\] = 40 s for 30 s overlaps firing 1",
+        ),
+        (
+            "spacecraft_rigid",
+            {"inertia": PRINTED},
+            r"inertia\[1,2\] = 0 and inertia\[2,1\] = ",
+        ),
     ],
-)  # fmt: skip
+)
 def test_what_makes_no_sense_is_refused(name, parameters, text):
     with pytest.raises(BlockError, match=text):
-        boom(name, **parameters) if name.startswith("manager") else begin_with(name, parameters)
+        boom(name, **parameters) if name.startswith("manager") else begin_with(
+            name, parameters
+        )
 
 
 def test_table_5_as_printed_is_refused_by_name_and_the_resolved_one_is_named(tmp_path):
@@ -457,7 +546,9 @@ def test_table_5_as_printed_is_refused_by_name_and_the_resolved_one_is_named(tmp
     file = tmp_path / "mine.toml"
     file.write_text(f'extends = "alsat1/firing-z-wheel"\n[shared]\ninertia = {rows}\n')
     system, schedule = prepare(str(file), Options(blocks=True)).or_raise()
-    (line,) = explain(system, "\n".join(trial_initialisation.refusals(system, schedule)[0]))
+    (line,) = explain(
+        system, "\n".join(trial_initialisation.refusals(system, schedule)[0])
+    )
     text = "inertia[1,2] = 0 and inertia[2,1] = -0.25 kg m2: they must be equal"
     assert line.startswith(f"{file}: shared.inertia: spacecraft: {text}")
     flown = find("alsat1/open-loop-z-products").content.written
@@ -475,7 +566,9 @@ def begin_with(name, parameters):
 
 def test_an_inertia_is_that_of_a_body():
     check_inertia(J)
-    check_inertia((1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 2.0))  # a disc without thickness
+    check_inertia(
+        (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 2.0)
+    )  # a disc without thickness
     with pytest.raises(BlockError, match="no body has it"):
         check_inertia((1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 2.1))
     turned = np.linalg.qr(np.array([[1.0, 2, 3], [0, 1, 4], [5, 6, 0]]))[0]
@@ -491,11 +584,16 @@ def test_an_inertia_is_that_of_a_body():
 
 
 def test_a_firing_that_is_not_as_known():
-    block = begin_with("thrusters_misaligned", {
-        "schedule_start": (2.5, 20.0), "schedule_duration": (3.25, 1.0),
-        "schedule_tau_body": (0.0, 1e-3, 0.0, 1e-3), "schedule_scale_error": (0.0, -0.5),
-        "turn_body": (math.pi / 2.0, 0.0, 0.0),
-    })  # fmt: skip
+    block = begin_with(
+        "thrusters_misaligned",
+        {
+            "schedule_start": (2.5, 20.0),
+            "schedule_duration": (3.25, 1.0),
+            "schedule_tau_body": (0.0, 1e-3, 0.0, 1e-3),
+            "schedule_scale_error": (0.0, -0.5),
+            "turn_body": (math.pi / 2.0, 0.0, 0.0),
+        },
+    )
     block.scale_error = 0.2
     begin(block)
     turn = np.zeros(3)
@@ -506,7 +604,7 @@ def test_a_firing_that_is_not_as_known():
     assert turn == pytest.approx([0.6e-3, 0.0, 1.2e-3 * 3.25], rel=1e-12, abs=1e-18)
 
 
-# --- measures -----------------------------------------------------------------------------------
+# --- measures -------------------------------------------------------------------------
 
 
 def test_measures_of_settling_and_growth():
@@ -530,9 +628,12 @@ def test_angles_from_lvlh_are_those_from_a_reference():
     assert derived.euler_lvlh(q, r, v, "213")[0] == pytest.approx([10.0, -3.0, 70.0])
 
 
-# --- runs ---------------------------------------------------------------------------------------
+# --- runs -----------------------------------------------------------------------------
 
-NEAR = ["shared.schedule_start=100,0,0,0,0,0,0,0", "shared.schedule_duration=30,0,0,0,0,0,0,0"]
+NEAR = [
+    "shared.schedule_start=100,0,0,0,0,0,0,0",
+    "shared.schedule_duration=30,0,0,0,0,0,0,0",
+]
 
 
 @cache
@@ -546,15 +647,24 @@ def run(name, **options):
 
 @pytest.mark.parametrize(
     ("name", "number", "wanted"),
-    [("impulse", "yaw_rate", 0.516), ("y", "pitch", 9.7), ("z", "roll", 8.4), ("z", "pitch", 1.6)],
+    [
+        ("impulse", "yaw_rate", 0.516),
+        ("y", "pitch", 9.7),
+        ("z", "roll", 8.4),
+        ("z", "pitch", 1.6),
+    ],
 )
 def test_what_the_given_data_alone_decide(name, number, wanted):
     numbers = run(f"open-loop-{name}", record=RECORDED).manifest["numbers"]
     assert numbers[number]["value"] == pytest.approx(wanted, rel=0.02)
 
 
-RECORDED = ("spacecraft.q_bi", "spacecraft.omega_bi_body", "environment.r_eci",
-            "environment.v_eci")  # fmt: skip
+RECORDED = (
+    "spacecraft.q_bi",
+    "spacecraft.omega_bi_body",
+    "environment.r_eci",
+    "environment.v_eci",
+)
 
 
 def test_open_loop_analytically():
@@ -577,30 +687,46 @@ def test_fmus_give_the_bits_of_the_blocks_with_and_without_step_ratios(name, tmp
     series = [n for n in one.results.names() if n.startswith("spacecraft.")]
     assert series
     for name_ in series:
-        assert np.array_equal(one.results.values(name_), other.results.values(name_)), name_
-        assert np.array_equal(one.results.values(name_), third.results.values(name_)), name_
+        assert np.array_equal(one.results.values(name_), other.results.values(name_)), (
+            name_
+        )
+        assert np.array_equal(one.results.values(name_), third.results.values(name_)), (
+            name_
+        )
 
 
 def test_momentum_adds_up_and_the_impulse_of_a_firing_is_exact():
     found = run("firing-ours", stop=200.0, sets=tuple(NEAR))
     numbers = {k: n["value"] for k, n in found.manifest["numbers"].items()}
     assert numbers["momentum_residual"] <= 1e-12 * 0.06
-    assert found.results.values("thrusters.schedule_on_time")[-1] == pytest.approx(30.0, 1e-12)
+    assert found.results.values("thrusters.schedule_on_time")[-1] == pytest.approx(
+        30.0, 1e-12
+    )
     assert not numbers["wheel_saturated"]
-    inside = ("shared.schedule_start=100.3,0,0,0,0,0,0,0",
-              "shared.schedule_duration=29.45,0,0,0,0,0,0,0")  # fmt: skip
+    inside = (
+        "shared.schedule_start=100.3,0,0,0,0,0,0,0",
+        "shared.schedule_duration=29.45,0,0,0,0,0,0,0",
+    )
     found = run("firing-z-wheel", stop=140.0, sets=inside)
     given = found.results.values("thrusters.tau_mean_thruster_body").sum(axis=0)
-    assert given == pytest.approx([29.45 * x for x in (5e-6, 1.5e-3, 1.5e-3)], rel=1e-12)
+    assert given == pytest.approx(
+        [29.45 * x for x in (5e-6, 1.5e-3, 1.5e-3)], rel=1e-12
+    )
     assert found.manifest["numbers"]["momentum_residual"]["value"] <= 1e-12 * 0.16
 
 
 def test_elements_without_a_name_are_not_drawn():
     plots = find("alsat1/firing-ours").content.plots
     results = run("firing-ours", stop=200.0, sets=tuple(NEAR)).results
-    names = {k: [x.name for x in lines_of(plots[k], results, plots[k].unit)]
-             for k in ("yaw", "tilt", "momentum")}  # fmt: skip
-    assert names == {"yaw": ["yaw"], "tilt": ["pitch", "roll"], "momentum": ["x", "y", "z"]}
+    names = {
+        k: [x.name for x in lines_of(plots[k], results, plots[k].unit)]
+        for k in ("yaw", "tilt", "momentum")
+    }
+    assert names == {
+        "yaw": ["yaw"],
+        "tilt": ["pitch", "roll"],
+        "momentum": ["x", "y", "z"],
+    }
 
 
 def test_three_wheels_keep_the_craft_where_the_z_wheel_does_not():
@@ -608,9 +734,12 @@ def test_three_wheels_keep_the_craft_where_the_z_wheel_does_not():
     for name in ("firing-ours", "firing-z-wheel"):
         found = run(name, stop=200.0, sets=tuple(NEAR)).results
         angles = derived.euler_lvlh(
-            *(found.values(s) for s in ("spacecraft.q_bi", "environment.r_eci",
-                                        "environment.v_eci")), "213"
-        )  # fmt: skip
+            *(
+                found.values(s)
+                for s in ("spacecraft.q_bi", "environment.r_eci", "environment.v_eci")
+            ),
+            "213",
+        )
         rates = found.values("spacecraft.omega_bi_body")[:, 2]
         yaw[name] = abs(rates[131:] - rates[99]).max()
         assert len(angles) == 201
@@ -619,12 +748,18 @@ def test_three_wheels_keep_the_craft_where_the_z_wheel_does_not():
 
 
 def test_another_manager_swaps_in_by_its_source():
-    """Its law is flown: the z wheel takes the firing's 1.5 mN m while it lasts, so that the craft
-    turns less than a tenth as fast about z; what it does not take of the craft's own is said."""
-    swapped = execute("alsat1/firing-z-wheel", Options(
-        blocks=True, stop=160.0, sources=["manager=manager_boom_feedforward"],
-        sets=["manager.wheels=z", *NEAR],
-    ))  # fmt: skip
+    """Its law is flown: the z wheel takes the firing's 1.5 mN m while it lasts, so that
+    the craft turns less than a tenth as fast about z; what it does not take of the
+    craft's own is said."""
+    swapped = execute(
+        "alsat1/firing-z-wheel",
+        Options(
+            blocks=True,
+            stop=160.0,
+            sources=["manager=manager_boom_feedforward"],
+            sets=["manager.wheels=z", *NEAR],
+        ),
+    )
     assert swapped.ok
     plain = run("firing-z-wheel", stop=160.0, sets=tuple(NEAR))
     mode = swapped.results.values("manager.mode")
@@ -632,7 +767,9 @@ def test_another_manager_swaps_in_by_its_source():
     torque = swapped.results.values("manager.tau_cmd_wheel")[:, 0]
     assert torque[100:130] == pytest.approx(1.5e-3, rel=0.1)
     assert np.abs(torque[[*range(90, 100), *range(130, 140)]]).max() < 0.5e-3
-    rates = [r.results.values("spacecraft.omega_bi_body")[:, 2] for r in (swapped, plain)]
+    rates = [
+        r.results.values("spacecraft.omega_bi_body")[:, 2] for r in (swapped, plain)
+    ]
     turned = [np.abs(rate[100:] - rate[99]).max() for rate in rates]
     assert turned[0] < 0.1 * turned[1]
     (told,) = [w for w in swapped.manifest.warnings if "does not take" in w]
@@ -641,9 +778,10 @@ def test_another_manager_swaps_in_by_its_source():
 
 def test_schedules_that_differ_are_a_warning():
     """What runs onboard may err about the firings; both are named."""
-    case = prepare("alsat1/firing-ours", Options(
-        blocks=True, sets=["thrusters.schedule_start=50,0,0,0,0,0,0,0"]
-    ))  # fmt: skip
+    case = prepare(
+        "alsat1/firing-ours",
+        Options(blocks=True, sets=["thrusters.schedule_start=50,0,0,0,0,0,0,0"]),
+    )
     case.or_raise()
     [line] = [w for w in case.checked.warnings if "schedule_start" in w]
     assert "manager" in line
@@ -652,24 +790,31 @@ def test_schedules_that_differ_are_a_warning():
 
 def test_a_firing_that_lasts_beyond_the_run_is_said():
     for stop, said in ((110.0, 1), (130.0, 0), (100.0, 0)):
-        case = prepare("alsat1/firing-z-wheel", Options(blocks=True, stop=stop, sets=list(NEAR)))
+        case = prepare(
+            "alsat1/firing-z-wheel", Options(blocks=True, stop=stop, sets=list(NEAR))
+        )
         lines = [x for x in case.checked.warnings if "beyond the run's end" in x]
         assert len(lines) == said
     text = r"thrusters.schedule_duration[1] = 30 s from 100 s on: it lasts beyond the run's end at"
-    case = prepare("alsat1/firing-z-wheel", Options(blocks=True, stop=110.0, sets=list(NEAR)))
+    case = prepare(
+        "alsat1/firing-z-wheel", Options(blocks=True, stop=110.0, sets=list(NEAR))
+    )
     assert any(text in x for x in case.checked.warnings)
 
 
 def test_a_torque_that_the_wheels_cannot_take_is_said():
     tau = ",".join(["0", "0", "9e-3", *["0"] * 21])
-    case = prepare("alsat1/firing-ours", Options(
-        blocks=True, sets=[f"shared.schedule_tau_body={tau}"]
-    ))  # fmt: skip
-    text = "manager.schedule_tau_body[1,3] = 0.009 N m: more than torque_limit = 0.005 N m"
+    case = prepare(
+        "alsat1/firing-ours",
+        Options(blocks=True, sets=[f"shared.schedule_tau_body={tau}"]),
+    )
+    text = (
+        "manager.schedule_tau_body[1,3] = 0.009 N m: more than torque_limit = 0.005 N m"
+    )
     assert [x for x in case.checked.warnings if text in x]
 
 
-# --- stored runs and draws ----------------------------------------------------------------------
+# --- stored runs and draws ------------------------------------------------------------
 
 
 def test_momentum_adds_up_in_every_run():

@@ -42,7 +42,8 @@ def test_a_sample_that_is_not_valid_gives_no_rate_to_the_next() -> None:
 
 
 def test_it_brakes_across_the_field_with_gain_over_inertia() -> None:
-    """A body that turns across a field which stands still: omega falls as exp(-gain t / J)."""
+    """A body that turns across a field which stands still: omega falls as exp(-gain t /
+    J)."""
     gain, inertia, omega, dt, size = 2e-3, 0.05, 0.02, 0.1, 3e-5
     block = made(gain=gain, m_limit=1e3, sample_time=dt)
     angle, rate, steps = 0.0, omega, 400

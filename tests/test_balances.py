@@ -1,4 +1,5 @@
-"""No balance is left out without a word: every `substeps`, every rate, and what is not checked."""
+"""No balance is left out without a word: every `substeps`, every rate, and what is not
+checked."""
 
 from __future__ import annotations
 
@@ -42,22 +43,27 @@ def mine(folder: Path, text: str, base: str = "gyrostat/light") -> str:
 @pytest.mark.parametrize("substeps", [1, 2])
 def test_strong_jets_are_not_met_at_any_inner_as_long_as_they_are_wrong(substeps):
     name = "strong jets on 1.7 kg m2"
-    (row,) = calibration.held(name, "gyrostat/pulses", (substeps,), calibration.JETS[name])
+    (row,) = calibration.held(
+        name, "gyrostat/pulses", (substeps,), calibration.JETS[name]
+    )
     assert row.error > calibration.BAD
     assert row.refused
 
 
 def test_a_jet_that_spins_a_craft_up_is_not_met_until_it_errs_little():
     name = "a jet from rest to 0.9 rad/s"
-    wrong, right = calibration.held(name, "gyrostat/pulses", (1, 8), calibration.JETS[name])
+    wrong, right = calibration.held(
+        name, "gyrostat/pulses", (1, 8), calibration.JETS[name]
+    )
     assert wrong.error > calibration.BAD
     assert wrong.refused
     assert right.error < calibration.GOOD
     assert not right.refused
 
 
-@pytest.mark.parametrize("options", [{"substeps": 2}, {"substeps": 8}, {"every": 3, "substeps": 1}],
-                         ids=str)  # fmt: skip
+@pytest.mark.parametrize(
+    "options", [{"substeps": 2}, {"substeps": 8}, {"every": 3, "substeps": 1}], ids=str
+)
 def test_balances_are_made_for_every_inner_and_for_rows_left_out(options):
     found, run = made("gyrostat/light", stop=100.0, **options)
     assert set(found) == MADE
@@ -79,9 +85,11 @@ def test_made_while_it_runs_they_have_the_values_of_the_rows(monkeypatch):
         assert along[name] == pytest.approx(rows[name], rel=1e-12, abs=0.0)
 
 
-@pytest.mark.parametrize("options", [{"loop": "python"}, {"blocks": True}, {"supervised": True},
-                                     {"isolate": "all"}],
-                         ids=str)  # fmt: skip
+@pytest.mark.parametrize(
+    "options",
+    [{"loop": "python"}, {"blocks": True}, {"supervised": True}, {"isolate": "all"}],
+    ids=str,
+)
 def test_every_loop_makes_the_same_bits_of_them(options):
     whole = made("gyrostat/pulses", stop=300.0)[0]
     assert made("gyrostat/pulses", stop=300.0, **options)[0] == whole
@@ -151,8 +159,16 @@ def test_a_run_that_fails_in_its_first_step_has_no_balance(monkeypatch):
     assert not MADE & set(run.manifest["numbers"])
 
 
-@pytest.mark.parametrize("slow", [{"spacecraft": 5}, {"spacecraft": 5, "wheels": 5},
-                                  {"environment": 5}, {"torquers": 5}], ids=str)  # fmt: skip
+@pytest.mark.parametrize(
+    "slow",
+    [
+        {"spacecraft": 5},
+        {"spacecraft": 5, "wheels": 5},
+        {"environment": 5},
+        {"torquers": 5},
+    ],
+    ids=str,
+)
 def test_they_are_made_where_components_are_slow(tmp_path, slow):
     text = "step = 0.2\nstop = 60.0\n[step_ratio]\n" + "\n".join(
         f"{k} = {n}" for k, n in slow.items()
@@ -171,7 +187,12 @@ def test_a_torque_that_a_body_computes_otherwise_shows_at_every_inner(monkeypatc
     found, run = made("gyrostat/full", substeps=4, blocks=True, stop=300.0)
     assert found["impulse_mismatch"] > 1e-7
     monkeypatch.undo()
-    assert made("gyrostat/full", substeps=4, blocks=True, stop=300.0)[0]["impulse_mismatch"] < 1e-12
+    assert (
+        made("gyrostat/full", substeps=4, blocks=True, stop=300.0)[0][
+            "impulse_mismatch"
+        ]
+        < 1e-12
+    )
     assert run.manifest["numbers"]["momentum_residual"]["value"] < 1e-14
 
 
@@ -179,18 +200,27 @@ def test_a_torque_that_a_body_computes_otherwise_shows_at_every_inner(monkeypatc
     ("options", "why", "names"),
     [
         ({"algorithm": "jacobi"}, "under jacobi torques act a step late", MADE),
-        ({"record": ("spacecraft.*",)}, "not recorded: wheels.h_wheel",
-         MADE | {"momentum_residual"}),
-        ({"record": ("spacecraft.*", "wheels.*")}, "not recorded: environment",
-         {"impulse_mismatch"}),
+        (
+            {"record": ("spacecraft.*",)},
+            "not recorded: wheels.h_wheel",
+            MADE | {"momentum_residual"},
+        ),
+        (
+            {"record": ("spacecraft.*", "wheels.*")},
+            "not recorded: environment",
+            {"impulse_mismatch"},
+        ),
     ],
     ids=lambda o: str(sorted(o))[:30],
-)  # fmt: skip
+)
 @pytest.mark.parametrize("substeps", [1, 2])
 def test_what_is_not_checked_is_said_with_why(options, why, names, substeps):
     found, run = made("gyrostat/light", stop=5.0, substeps=substeps, **options)
-    told = {k: x for k, x in run.manifest["not_checked"].items()
-            if k in MADE | {"momentum_residual"}}  # fmt: skip
+    told = {
+        k: x
+        for k, x in run.manifest["not_checked"].items()
+        if k in MADE | {"momentum_residual"}
+    }
     if substeps == 2 and "wheels.*" in str(
         options
     ):  # made while it runs: it needs no series for it
@@ -217,14 +247,18 @@ def test_the_command_says_what_is_not_checked(tmp_path, monkeypatch):
     done = CliRunner().invoke(app_for([]), command, env={"COLUMNS": "300"})
     assert done.exit_code == 0, done.output
     assert "warning: not checked: " in done.output
-    assert any(line.startswith("hidden_work") and "not checked" in line
-               for line in done.output.splitlines())  # fmt: skip
+    assert any(
+        line.startswith("hidden_work") and "not checked" in line
+        for line in done.output.splitlines()
+    )
     page = (tmp_path / "runs/gyrostat-light/report.html").read_text()
     assert re.search(r'<tr><td class="">hidden_work<td class="n">not checked', page)
 
 
 def test_slow_wheels_are_said_before_the_run(tmp_path):
-    target = mine(tmp_path, "step = 0.1\nstop = 5.0\n[step_ratio]\nwheels = 10\n", "gyrostat/full")
+    target = mine(
+        tmp_path, "step = 0.1\nstop = 5.0\n[step_ratio]\nwheels = 10\n", "gyrostat/full"
+    )
     _, run = made(target, blocks=True)
     line = "not checked: energy_mismatch, hidden_work, impulse_mismatch: wheels is slower than"
     assert sum(w.startswith(line) for w in run.manifest["warnings"]) == 1
@@ -261,7 +295,9 @@ def test_a_fixed_attitude_that_computes_a_torque_otherwise_is_not_met(monkeypatc
 
 def test_heavy_wheels_at_one_exchange_are_not_met(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    done = CliRunner().invoke(app_for([]), ["run", "gyrostat/heavy-wheels", "--substeps", "1"])
+    done = CliRunner().invoke(
+        app_for([]), ["run", "gyrostat/heavy-wheels", "--substeps", "1"]
+    )
     assert done.exit_code == Exit.UNMET
     assert "hidden_work" in done.output
     assert "energy_bound = 2e-08" in done.output

@@ -12,7 +12,17 @@ from scipy.special import lpmv
 
 import desat
 from benchmarks.orbit_forces import RADIUS, TESSERALS, tesserals
-from benchmarks.witness import CASES, DOCS, LAWS, SERIES, STORED, TOLD, apart, ours, page
+from benchmarks.witness import (
+    CASES,
+    DOCS,
+    LAWS,
+    SERIES,
+    STORED,
+    TOLD,
+    apart,
+    ours,
+    page,
+)
 from desat.components.physics.orbit import MU
 
 TOLD_OF = json.loads(TOLD.read_text(encoding="utf-8"))
@@ -39,17 +49,24 @@ def test_the_difference_to_basilisks_own_laws_is_what_the_page_says() -> None:
     told = TOLD_OF["laws"]
     assert found["attitude"] == pytest.approx(told["modules"]["attitude"], rel=1e-3)
     assert found["momentum"] == pytest.approx(told["modules"]["momentum"], rel=1e-3)
-    assert told["all_terms"]["attitude"] < 1e-13 < min(
-        left["momentum"] for left in told["without"].values()
-    )  # fmt: skip
+    assert (
+        told["all_terms"]["attitude"]
+        < 1e-13
+        < min(left["momentum"] for left in told["without"].values())
+    )
 
 
 def test_with_an_empty_null_space_ours_is_nearer() -> None:
-    """The one term that changes wheels' momentum: by the parameter that Basilisk's law has, too."""
+    """The one term that changes wheels' momentum: by the parameter that Basilisk's law
+    has, too."""
     run = desat.run(f"nadir_day/witness-{LAWS}", {"manager.null_gain": 1e-3})
     rows = {k: run.results.values(s)[:: CASES[LAWS]] for k, s in SERIES.items()}
     told = TOLD_OF["laws"]["without"]
-    left = told["mrp"]["momentum"] + told["gyroscopic"]["momentum"] + told["relative"]["momentum"]
+    left = (
+        told["mrp"]["momentum"]
+        + told["gyroscopic"]["momentum"]
+        + told["relative"]["momentum"]
+    )
     assert apart(stored(LAWS), rows)["momentum"] < 1.1 * left
     assert left < 0.02 * TOLD_OF["laws"]["modules"]["momentum"]
 
@@ -69,14 +86,21 @@ def test_tesserals_are_the_gradient_of_their_potential() -> None:
     def potential(r: NDArray[np.float64]) -> float:
         far, total = float(np.linalg.norm(r)), 0.0
         for n, m, c, s in TESSERALS:
-            norm = math.sqrt(2 * (2 * n + 1) * math.factorial(n - m) / math.factorial(n + m))
+            norm = math.sqrt(
+                2 * (2 * n + 1) * math.factorial(n - m) / math.factorial(n + m)
+            )
             legendre = (-1) ** m * float(lpmv(m, n, r[2] / far))
             turned = m * math.atan2(r[1], r[0])
-            total += (RADIUS / far) ** n * norm * legendre * (
-                c * math.cos(turned) + s * math.sin(turned)
-            )  # fmt: skip
+            total += (
+                (RADIUS / far) ** n
+                * norm
+                * legendre
+                * (c * math.cos(turned) + s * math.sin(turned))
+            )
         return MU / far * total
 
     r, h = np.array([4.0e6, -3.0e6, 4.5e6]), 10.0
-    slopes = [(potential(r + h * e) - potential(r - h * e)) / (2.0 * h) for e in np.eye(3)]
+    slopes = [
+        (potential(r + h * e) - potential(r - h * e)) / (2.0 * h) for e in np.eye(3)
+    ]
     assert tesserals(r) == pytest.approx(slopes, rel=1e-6)

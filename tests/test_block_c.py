@@ -22,7 +22,15 @@ from desat.system.errors import DesatError
 from desat.system.interface import base_name
 from desat.system.options import Options
 
-STRICT = ["-std=c99", "-pedantic", "-Wall", "-Wextra", "-Werror", "-O1", "-ffp-contract=off"]
+STRICT = [
+    "-std=c99",
+    "-pedantic",
+    "-Wall",
+    "-Wextra",
+    "-Werror",
+    "-O1",
+    "-ffp-contract=off",
+]
 STEPS = 150
 NATIVE = sorted(p.stem for p in (paths.fmus() / "native").glob("*.fmu"))
 
@@ -37,7 +45,8 @@ def place(component, signal):
 
 
 def library(component, folder, inputs, outputs):
-    """The block of a component, compiled, with its parameters and three functions around it."""
+    """The block of a component, compiled, with its parameters and three functions
+    around it."""
     name = component.interface.model
     (header, source), sizes = export(name, folder)
     assert [header.name, source.name] == [f"{name}.h", f"{name}.c"]
@@ -47,9 +56,12 @@ def library(component, folder, inputs, outputs):
     given = [
         f"{place(component, signals[n])} = {str(v).lower() if isinstance(v, bool) else repr(v)};"
         for n, v in component.parameters.items()
-    ]  # fmt: skip
+    ]
     put = [f"{place(component, signals[n])} = x[{i}];" for i, n in enumerate(inputs)]
-    get = [f"y[{i}] = (double){place(component, signals[n])};" for i, n in enumerate(outputs)]
+    get = [
+        f"y[{i}] = (double){place(component, signals[n])};"
+        for i, n in enumerate(outputs)
+    ]
     (folder / "around.c").write_text(
         f'#include "{name}.h"\nstatic {name} it, *const s = &it;\n'
         f'void set(void) {{ {name}_init(s); s->instance = "{component.name}"; '
@@ -61,20 +73,37 @@ def library(component, folder, inputs, outputs):
     )
     made = folder / "it.so"
     subprocess.run(
-        [*compiler(), *STRICT, "-shared", "-fPIC", "-o", str(made), str(source),
-         str(folder / "around.c"), "-lm"], check=True,
-    )  # fmt: skip
+        [
+            *compiler(),
+            *STRICT,
+            "-shared",
+            "-fPIC",
+            "-o",
+            str(made),
+            str(source),
+            str(folder / "around.c"),
+            "-lm",
+        ],
+        check=True,
+    )
     loaded = ctypes.CDLL(str(made))
-    loaded.start.argtypes, loaded.step.argtypes = [ctypes.c_double], [ctypes.c_double] * 2
+    loaded.start.argtypes, loaded.step.argtypes = (
+        [ctypes.c_double],
+        [ctypes.c_double] * 2,
+    )
     return loaded
 
 
 @pytest.mark.parametrize(
     ("target", "wanted"),
-    [("nadir_day/day-dipole", ""), ("uosat12/table3-ocdc-ilqr-1", "manager"),
-     ("hausat2/start-up-ours", "manager"), ("integrated/mil-nadir", "manager"),
-     ("space_telescope/ours-nominal", "manager")],
-)  # fmt: skip
+    [
+        ("nadir_day/day-dipole", ""),
+        ("uosat12/table3-ocdc-ilqr-1", "manager"),
+        ("hausat2/start-up-ours", "manager"),
+        ("integrated/mil-nadir", "manager"),
+        ("space_telescope/ours-nominal", "manager"),
+    ],
+)
 def test_it_replays_a_run_with_its_bits(tmp_path, target, wanted):
     """Fed with what was recorded of the run."""
     system, _ = prepare(target, Options()).or_raise()
@@ -95,10 +124,19 @@ def test_it_replays_a_run_with_its_bits(tmp_path, target, wanted):
             continue
         feeds = [c for c in system.connections if c.target == component.name]
         outputs = [s.name for s in component.interface.outputs if s.name != "fault"]
-        it = library(component, tmp_path / component.name, [c.input for c in feeds], outputs)
-        rows = np.column_stack(
-            [series(c.source, c.output)[: system.steps] * c.factor + c.offset for c in feeds]
-        ) if feeds else np.zeros((system.steps, 0))  # fmt: skip
+        it = library(
+            component, tmp_path / component.name, [c.input for c in feeds], outputs
+        )
+        rows = (
+            np.column_stack(
+                [
+                    series(c.source, c.output)[: system.steps] * c.factor + c.offset
+                    for c in feeds
+                ]
+            )
+            if feeds
+            else np.zeros((system.steps, 0))
+        )
         made = np.zeros((system.steps + 1, len(outputs)))
         it.set()
         for k in range(system.steps):
@@ -115,7 +153,10 @@ def test_it_replays_a_run_with_its_bits(tmp_path, target, wanted):
             mine = made[1:, i] if interval else made[:, i]
             # at the start a block has settled inputs, here those of the first step
             first = 0 if interval else 1
-            assert np.array_equal(mine[first:], there[first : len(mine)]), (component.name, name)
+            assert np.array_equal(mine[first:], there[first : len(mine)]), (
+                component.name,
+                name,
+            )
             compared += len(mine)
     assert compared > 1000 or wanted
 
@@ -127,13 +168,33 @@ def test_every_native_block_compiles_alone(tmp_path, name):
     for file, text in files.items():
         (tmp_path / file).write_text(text)
     made = tmp_path / "it.o"
-    subprocess.run([*compiler(), *STRICT, "-O0", "-c", "-o", str(made),
-                    str(tmp_path / f"{name}.c")], check=True)  # fmt: skip
+    subprocess.run(
+        [
+            *compiler(),
+            *STRICT,
+            "-O0",
+            "-c",
+            "-o",
+            str(made),
+            str(tmp_path / f"{name}.c"),
+        ],
+        check=True,
+    )
     if (nm := shutil.which("nm")) is None:
         pytest.skip("there is no nm")
-    wanted = subprocess.run([nm, "-u", str(made)], capture_output=True, text=True, check=True)
+    wanted = subprocess.run(
+        [nm, "-u", str(made)], capture_output=True, text=True, check=True
+    )
     names = set(re.findall(r"U (\w+)", wanted.stdout))
-    assert not names & {"malloc", "calloc", "realloc", "free", "printf", "snprintf", "strtod"}
+    assert not names & {
+        "malloc",
+        "calloc",
+        "realloc",
+        "free",
+        "printf",
+        "snprintf",
+        "strtod",
+    }
 
 
 def test_failures_come_back_as_numbers(tmp_path):
@@ -162,7 +223,9 @@ def test_failures_come_back_as_numbers(tmp_path):
 
 def test_the_command_writes_a_law_of_ones_own(tmp_path, desat):
     desat("new", "law", "mine", cwd=tmp_path, check=True)
-    done = desat("export", "c", "mine.py", "--out", "c", "--json", cwd=tmp_path, check=True)
+    done = desat(
+        "export", "c", "mine.py", "--out", "c", "--json", cwd=tmp_path, check=True
+    )
     told = json.loads(done.stdout)
     assert len(told["files"]) == 2
     assert all((tmp_path / x).exists() for x in told["files"])
@@ -172,11 +235,25 @@ def test_the_command_writes_a_law_of_ones_own(tmp_path, desat):
 
 @pytest.mark.parametrize(
     ("block", "compilers", "said"),
-    [("manager_bdot", None, "manager_bdot: no such block; did you mean manager_b_dot?"),
-     ("environment_tle", None, "environment_tle: there is no C of it, it runs as Python"),
-     ("manager_b_dot", ["nowhere -O9"], "--compiler nowhere -O9: there is no such command"),
-     ("manager_b_dot", ["gcc -march=nothing"], "bad value")],
-)  # fmt: skip
+    [
+        (
+            "manager_bdot",
+            None,
+            "manager_bdot: no such block; did you mean manager_b_dot?",
+        ),
+        (
+            "environment_tle",
+            None,
+            "environment_tle: there is no C of it, it runs as Python",
+        ),
+        (
+            "manager_b_dot",
+            ["nowhere -O9"],
+            "--compiler nowhere -O9: there is no such command",
+        ),
+        ("manager_b_dot", ["gcc -march=nothing"], "bad value"),
+    ],
+)
 def test_what_cannot_be_written_is_a_line(tmp_path, block, compilers, said):
     if compilers and compilers[0].startswith("gcc") and shutil.which("gcc") is None:
         pytest.skip("there is no gcc")
@@ -217,4 +294,6 @@ edge: { sourcename: "b" targetname: "sin" label: "x" }"""
     assert alone._deepest(graph) == 130
     again = graph + '\nedge: { sourcename: "b" targetname: "a" label: "x" }'
     assert alone._deepest(again) is None
-    assert alone._deepest(graph.replace("30 bytes (static)", "30 bytes (dynamic)")) is None
+    assert (
+        alone._deepest(graph.replace("30 bytes (static)", "30 bytes (dynamic)")) is None
+    )

@@ -56,7 +56,9 @@ def randomise_inputs(block: Block, rng: random.Random) -> None:
         setattr(block, v.name, new if v.shape else new[0])
 
 
-def drive(block: Block, rng: random.Random, steps: int, k0: int = 0, dt: float = 1.0) -> list:
+def drive(
+    block: Block, rng: random.Random, steps: int, k0: int = 0, dt: float = 1.0
+) -> list:
     """Outputs over some steps with random inputs."""
     rows = []
     for k in range(k0, k0 + steps):
@@ -69,9 +71,10 @@ def drive(block: Block, rng: random.Random, steps: int, k0: int = 0, dt: float =
 
 def outputs(block: Block, interval: bool | None = None) -> dict:
     return {
-        v.name: getattr(block, v.name) for v in block.variables
+        v.name: getattr(block, v.name)
+        for v in block.variables
         if v.causality == "output" and (interval is None or v.interval == interval)
-    }  # fmt: skip
+    }
 
 
 def begin(block: Block, rng: random.Random | None = None) -> Block:
@@ -104,7 +107,9 @@ def test_role_interface(name):
     assert role.role == block.role
     assert block.role
     added = {v.name for v in block.variables} - {v.name for v in role.variables}
-    assert not [v.name for v in block.variables if v.name in added and v.causality == "input"]
+    assert not [
+        v.name for v in block.variables if v.name in added and v.causality == "input"
+    ]
 
 
 @pytest.mark.parametrize("name", BLOCKS)
@@ -128,7 +133,9 @@ def test_state_is_its_attributes(name):
     drive(block, random.Random(4), 7)
 
     def frozen(x):
-        assert isinstance(x, (float, int, str, tuple, type(None))), f"{x!r} is not immutable"
+        assert isinstance(x, (float, int, str, tuple, type(None))), (
+            f"{x!r} is not immutable"
+        )
         return tuple(frozen(y) for y in x) if isinstance(x, tuple) else x
 
     state = {k: frozen(v) for k, v in vars(block).items()}
@@ -164,10 +171,14 @@ def test_state_outputs_belong_to_output_and_interval_outputs_to_advance(name):
     drive(block, random.Random(10), 2)
     state = outputs(block, interval=False)
     block.advance(2.0, 1.0)
-    assert outputs(block, interval=False) == state, "advance() must not set state outputs"
+    assert outputs(block, interval=False) == state, (
+        "advance() must not set state outputs"
+    )
     interval = outputs(block, interval=True)
     block.output(3.0)
-    assert outputs(block, interval=True) == interval, "output() must not set interval outputs"
+    assert outputs(block, interval=True) == interval, (
+        "output() must not set interval outputs"
+    )
 
 
 @pytest.mark.parametrize("name", BLOCKS)
@@ -182,11 +193,15 @@ def test_starts_from_names_every_input_that_start_reads(name):
         drawn = fresh(name)
         randomise_inputs(drawn, random.Random(12))
         setattr(
-            other, v.name, getattr(drawn, v.name) if v.type == "Real" else not getattr(base, v.name)
+            other,
+            v.name,
+            getattr(drawn, v.name) if v.type == "Real" else not getattr(base, v.name),
         )
         begin(other)
         for w in base.variables:
-            if w.causality == "output" and getattr(other, w.name) != getattr(base, w.name):
+            if w.causality == "output" and getattr(other, w.name) != getattr(
+                base, w.name
+            ):
                 assert v.name in w.starts_from, f"{w.name} starts from {v.name}"
 
 
@@ -222,11 +237,19 @@ def test_samples_fall_on_the_grid():
 
 def test_declarations_are_refused():
     with pytest.raises(TypeError, match="furlong is no unit"):
-        type("B", (Block,), {"__annotations__": {"x": "float"}, "x": Input("furlong", "x")})
+        type(
+            "B",
+            (Block,),
+            {"__annotations__": {"x": "float"}, "x": Input("furlong", "x")},
+        )
     with pytest.raises(TypeError, match="annotate"):
         type("B", (Block,), {"__annotations__": {"x": "list"}, "x": Input("m", "x")})
     with pytest.raises(TypeError, match="needs 3"):
-        type("B", (Block,), {"__annotations__": {"x": "Vec3"}, "x": Input("m", "x", start=(1, 2))})
+        type(
+            "B",
+            (Block,),
+            {"__annotations__": {"x": "Vec3"}, "x": Input("m", "x", start=(1, 2))},
+        )
 
     class Base(Block):
         x: Vec3 = Output("m", "x")
@@ -238,11 +261,18 @@ def test_declarations_are_refused():
 
 
 NAN = math.nan
-# without law; those that detumble, whose losses are in test_hausat2.py: a phase is another law; and
-# those whose coils keep an attitude as well, whose losses are in test_alsat1.py
-OTHERS = ("manager_test_signal", "manager_b_dot", "manager_start_up", "manager_boom",
-          "manager_detumbling_optimal", "manager_detumbling_rollout",
-          "manager_boom_feedforward")  # fmt: skip
+# without law; those that detumble, whose losses are in test_hausat2.py: a phase is
+# another law; and those whose coils keep an attitude as well, whose losses are in
+# test_alsat1.py
+OTHERS = (
+    "manager_test_signal",
+    "manager_b_dot",
+    "manager_start_up",
+    "manager_boom",
+    "manager_detumbling_optimal",
+    "manager_detumbling_rollout",
+    "manager_boom_feedforward",
+)
 MANAGERS = [n for n in BLOCKS if n.startswith("manager_") and n not in OTHERS]
 CONTROLLERS = [n for n in BLOCKS if n.startswith("controller_")]
 
@@ -252,7 +282,9 @@ def give_law(block: Block) -> None:
     if hasattr(block, "gain_table"):
         block.gain_table = (9e5, 0.0, 0.0, 9e5, 0.0, 9e5) * 64
     if hasattr(block, "feedback_table"):
-        block.feedback_table = (9e5, 0.0, 0.0, 9e5, 0.0, 9e5) * (len(block.feedback_table) // 6)
+        block.feedback_table = (9e5, 0.0, 0.0, 9e5, 0.0, 9e5) * (
+            len(block.feedback_table) // 6
+        )
     if isinstance(block, ManagerThreshold):  # which dumps what there is, by coils
         block.by, block.begin, block.end = 1, 1e-3, 0.0
     if hasattr(block, "condition_limit"):
@@ -260,7 +292,8 @@ def give_law(block: Block) -> None:
 
 
 def at_work(name: str) -> Block:
-    """A manager or controller in the middle of something, sampled at every step of 10 s."""
+    """A manager or controller in the middle of something, sampled at every step of 10
+    s."""
     block = fresh(name)
     give_law(block)
     for input, value in (
@@ -280,8 +313,12 @@ def at_work(name: str) -> Block:
 
 
 def all_finite(block: Block) -> bool:
-    values = [getattr(block, v.name) for v in block.variables if v.causality == "output"]
-    return all(math.isfinite(x) for v in values for x in (v if isinstance(v, tuple) else (v,)))
+    values = [
+        getattr(block, v.name) for v in block.variables if v.causality == "output"
+    ]
+    return all(
+        math.isfinite(x) for v in values for x in (v if isinstance(v, tuple) else (v,))
+    )
 
 
 @pytest.mark.parametrize("name", MANAGERS)
@@ -299,7 +336,8 @@ def test_a_field_that_is_not_valid_makes_no_dipole(name):
 
 @pytest.mark.parametrize("name", MANAGERS)
 def test_a_momentum_that_is_not_valid_is_not_dumped(name):
-    """What is left is what the manager does where it is not enabled (or the coils' share)."""
+    """What is left is what the manager does where it is not enabled (or the coils'
+    share)."""
     block, idle = at_work(name), at_work(name)
     block.valid_h, block.h_wheel = False, (NAN,) * 4
     block.advance(30.0, 10.0)
@@ -329,7 +367,9 @@ def test_a_rate_that_is_not_valid_is_not_used(name):
 
 
 @pytest.mark.parametrize("name", CONTROLLERS)
-@pytest.mark.parametrize(("flag", "input"), [("valid_q", "q_bi"), ("valid_omega", "omega_bi_body")])
+@pytest.mark.parametrize(
+    ("flag", "input"), [("valid_q", "q_bi"), ("valid_omega", "omega_bi_body")]
+)
 def test_a_controller_rests_while_a_measurement_is_not_valid(name, flag, input):
     block = at_work(name)
     torque, integral = block.tau_ctrl_body, getattr(block, "_xi", None)
@@ -347,7 +387,7 @@ def test_a_controller_rests_while_a_measurement_is_not_valid(name, flag, input):
     assert any(block.tau_ctrl_body)
 
 
-# --- when commands are made, and when they leave ------------------------------------------------
+# --- when commands are made, and when they leave --------------------------------------
 
 COMMANDS = {
     "manager": ("tau_cmd_wheel", "m_cmd_body", "tau_cmd_thruster_body"),
@@ -393,10 +433,16 @@ def test_wheels_may_be_commanded_more_often(name):
     wheels = [row[0] for row in rows]
     assert wheels[::2] == wheels[1::2]
     assert len(set(wheels)) == 10
-    assert len({row[1:] for row in rows}) == 2, "dipole and thrusters wait for their sample"
+    assert len({row[1:] for row in rows}) == 2, (
+        "dipole and thrusters wait for their sample"
+    )
     for time, period in ((3.0, 10.0), (20.0, 10.0), (1.0, 0.0)):
-        with pytest.raises(BlockError, match=f"wheel_sample_time = {time} s does not divide"):
-            computed(name, random.Random(1), 1, sample_time=period, wheel_sample_time=time)
+        with pytest.raises(
+            BlockError, match=f"wheel_sample_time = {time} s does not divide"
+        ):
+            computed(
+                name, random.Random(1), 1, sample_time=period, wheel_sample_time=time
+            )
 
 
 @pytest.mark.parametrize("name", COMPUTERS)
@@ -410,15 +456,21 @@ def test_commands_leave_after_the_delay(name, sample_time, delay):
     # a plan of 600 samples takes seconds in Python
     few = {"horizon": 60.0} if name == "manager_receding_horizon" else {}
     at_once = computed(name, random.Random(1), 40, sample_time=sample_time, **few)
-    late = computed(name, random.Random(1), 40, sample_time=sample_time, delay=delay, **few)
+    late = computed(
+        name, random.Random(1), 40, sample_time=sample_time, delay=delay, **few
+    )
     start = commands(begin(fresh(name)))
     assert late == [start] * int(delay) + at_once[: -int(delay)]
 
 
 def test_a_delay_that_cannot_be_kept_is_refused():
-    with pytest.raises(BlockError, match=r"delay = 0.5 s is not a multiple of the step of 1.0 s"):
+    with pytest.raises(
+        BlockError, match=r"delay = 0.5 s is not a multiple of the step of 1.0 s"
+    ):
         computed("controller_pd", random.Random(1), 2, sample_time=2.0, delay=0.5)
-    with pytest.raises(BlockError, match=r"delay = 100.0 s holds more than 16 commands back"):
+    with pytest.raises(
+        BlockError, match=r"delay = 100.0 s holds more than 16 commands back"
+    ):
         computed("controller_pd", random.Random(1), 40, sample_time=2.0, delay=100.0)
 
 

@@ -1,5 +1,5 @@
-"""The names in our C: each that is known in a whole file, or outside of it, has a prefix that no
-library's has; so that no platform's libc or libm owns it."""
+"""The names in our C: each that is known in a whole file, or outside of it, has a
+prefix that no library's has; so that no platform's libc or libm owns it."""
 
 from __future__ import annotations
 
@@ -17,14 +17,17 @@ from desat.system.options import Options
 
 OURS = re.compile(r"py_|PY_|block_|desat_|DESAT_|fmi2|FMI2_|fmi3|FMI3_")
 HOME = Path(native.__file__).parent
-WRITTEN = [*sorted((HOME / "c").iterdir()), HOME / "alone.c",
-           Path(library.__file__).parents[1] / "engine" / "loop.c"]  # fmt: skip
+WRITTEN = [
+    *sorted((HOME / "c").iterdir()),
+    HOME / "alone.c",
+    Path(library.__file__).parents[1] / "engine" / "loop.c",
+]
 _ASIDE = re.compile(r'/\*.*?\*/|"(?:\\.|[^"\\\n])*"', re.S)
 
 
 def known_names(text: str) -> set[str]:
-    """What a C file declares outside of its functions: macros, types, enumerators, objects,
-    functions."""
+    """What a C file declares outside of its functions: macros, types, enumerators,
+    objects, functions."""
     text = _ASIDE.sub('""', text).replace("\\\n", " ")
     found = set(re.findall(r"^ *# *define (\w+)", text, re.M))
     text = re.sub(r"^ *#.*$", "", text, flags=re.M)
@@ -43,16 +46,22 @@ def known_names(text: str) -> set[str]:
         elif function := re.match(r"[^(]*?(\w+)\(", statement):
             found.add(function[1])
         else:
-            found |= {x.split()[-1].strip("*") for x in statement.split(",") if " " in x.strip()
-                      or "*" in x}  # fmt: skip
+            found |= {
+                x.split()[-1].strip("*")
+                for x in statement.split(",")
+                if " " in x.strip() or "*" in x
+            }
     return {x for x in found if x and not x.isdigit()}
 
 
 def foreign(text: str, own: str = "") -> list[str]:
     """The names without a prefix of ours, or the own one of a block that stands alone."""
     mine = re.compile(rf"{own}(_|$)|{own.upper()}_") if own else None
-    return sorted(n for n in known_names(text) if not OURS.match(n)
-                  and not (mine and mine.match(n)))  # fmt: skip
+    return sorted(
+        n
+        for n in known_names(text)
+        if not OURS.match(n) and not (mine and mine.match(n))
+    )
 
 
 def test_what_a_file_declares_is_found():
@@ -69,8 +78,18 @@ static double finite(double x)
 }
 int out(void) { return 1; }
 """
-    assert known_names(text) >= {"SIZE", "place", "FIRST", "LAST", "KINDS", "top", "first", "steps",
-                                 "finite", "out"}  # fmt: skip
+    assert known_names(text) >= {
+        "SIZE",
+        "place",
+        "FIRST",
+        "LAST",
+        "KINDS",
+        "top",
+        "first",
+        "steps",
+        "finite",
+        "out",
+    }
     assert "inner" not in known_names(text)
 
 
@@ -101,7 +120,11 @@ def test_names_of_a_block_alone_have_a_prefix(tmp_path):
 def test_names_of_a_loop_have_a_prefix(tmp_path):
     made = export("integrated/mil-nadir", Options(), LoopEnds(), tmp_path / "x.fmu")
     with zipfile.ZipFile(made) as archive:
-        sources = [n for n in archive.namelist() if n.startswith("sources/") and n.endswith(".c")]
+        sources = [
+            n
+            for n in archive.namelist()
+            if n.startswith("sources/") and n.endswith(".c")
+        ]
         texts = {n: archive.read(n).decode() for n in sources}
     assert "sources/integrated_mil_nadir.c" in texts
     assert {n: foreign(t) for n, t in texts.items() if foreign(t)} == {}

@@ -1,5 +1,5 @@
-"""Campaigns: the same rows whatever ran where and however often it was stopped; what fails is kept
-with its reason; what comes out says how sure it is."""
+"""Campaigns: the same rows whatever ran where and however often it was stopped; what
+fails is kept with its reason; what comes out says how sure it is."""
 
 from __future__ import annotations
 
@@ -83,7 +83,7 @@ def whole(own, tmp_path_factory) -> Path:
     return folder
 
 
-# --- processes ------------------------------------------------------------------------------------
+# --- processes ------------------------------------------------------------------------
 
 
 def test_processes_that_die_lose_their_calls_alone():
@@ -106,7 +106,7 @@ def test_a_process_that_ends_without_an_answer_is_lost():
     assert found == {0: Lost("its process ended by exit(0)")}
 
 
-# --- sampling -------------------------------------------------------------------------------------
+# --- sampling -------------------------------------------------------------------------
 
 
 @pytest.fixture(scope="module")
@@ -116,8 +116,8 @@ def system():
 
 @pytest.mark.parametrize("kind", ["latin-hypercube", "sobol", "saltelli"])
 def test_samplings_fill_the_space_evenly(system, kind):
-    """Of each element, exactly half of the cases lie below its median, where of 256 random ones 8
-    more or less do."""
+    """Of each element, exactly half of the cases lie below its median, where of 256
+    random ones 8 more or less do."""
     width = sum(axes(system)[1]) + 2
     count = 16 * width if kind == "saltelli" else 256
     cases = [draw_of(system, 3, i, kind, count) for i in range(count)]
@@ -161,18 +161,24 @@ def test_a_cut_normal_stays_within_and_leaves_the_other_draws_as_they_were(syste
     [
         ("{ uniform = [0.5, 2.0] }", lambda x: (x - 0.5) / 1.5),
         ("{ normal = [3.0, 2.0] }", lambda x: ndtr((x - 3.0) / 2.0)),
-        ("{ normal = [3.0, 2.0], within = [2.0, 9.0] }",
-         lambda x: (ndtr((x - 3.0) / 2.0) - ndtr(-0.5)) / (ndtr(3.0) - ndtr(-0.5))),
+        (
+            "{ normal = [3.0, 2.0], within = [2.0, 9.0] }",
+            lambda x: (ndtr((x - 3.0) / 2.0) - ndtr(-0.5)) / (ndtr(3.0) - ndtr(-0.5)),
+        ),
         ("{ signs = [1.0, 2.0, 3.0, 4.0] }", None),
     ],
-)  # fmt: skip
+)
 def test_a_sampling_draws_what_a_dispersion_says(tmp_path, given, share):
     """One of 20 cases in each twentieth of the distribution; of signs, half of them."""
     path = tmp_path / "mine.toml"
-    path.write_text('extends = "gyrostat/light"\n[dispersions]\n'
-                    f'"wheels.h_start_wheel" = {given}\n')  # fmt: skip
+    path.write_text(
+        f'extends = "gyrostat/light"\n[dispersions]\n"wheels.h_start_wheel" = {given}\n'
+    )
     draft = read_source(str(path)).to_draw(blocks=False)
-    cases = [draw_of(draft, 1, i, "latin-hypercube", 20)["wheels.h_start_wheel"] for i in range(20)]
+    cases = [
+        draw_of(draft, 1, i, "latin-hypercube", 20)["wheels.h_start_wheel"]
+        for i in range(20)
+    ]
     for size, element in enumerate(np.array(cases).T, 1):
         if share is None:
             assert sorted(element) == [-size] * 10 + [size] * 10
@@ -185,24 +191,29 @@ def test_saltelli_has_its_own_counts():
         DesatError, match=r"saltelli: -n 100: with .* a power of two times"
     ) as error:
         coordinator.planned("integrated/mil-nadir", 100, sampling="saltelli")
-    numbers, width, near = (int(x) for x in re.findall(r"with (\d+) .* (\d+), such as (\d+)",
-                                                        str(error.value))[0])  # fmt: skip
+    numbers, width, near = (
+        int(x)
+        for x in re.findall(r"with (\d+) .* (\d+), such as (\d+)", str(error.value))[0]
+    )
     assert width == numbers + 2
     assert near == width * 2 ** round(np.log2(100 / width)), "the nearest power"
 
 
-# --- rows -----------------------------------------------------------------------------------------
+# --- rows -----------------------------------------------------------------------------
 
 
 def test_a_campaign_of_two_hundred(whole):
     table = store.read(whole)
     assert table["case"].to_pylist() == list(range(COUNT))
     assert len(set(table["worker"].to_pylist())) == 2
-    system = read_source(str(json.loads((whole / "campaign.json").read_text())["target"])).to_draw(
-        blocks=False
-    )
+    system = read_source(
+        str(json.loads((whole / "campaign.json").read_text())["target"])
+    ).to_draw(blocks=False)
     row = table.slice(77, 1).to_pylist()[0]
-    assert row["in.wheels.h_start_wheel[3]"] == draw_of(system, 1, 77)["wheels.h_start_wheel"][2]
+    assert (
+        row["in.wheels.h_start_wheel[3]"]
+        == draw_of(system, 1, 77)["wheels.h_start_wheel"][2]
+    )
     curves = store.read(whole, store.CURVES)
     assert curves.num_rows == COUNT
     assert coordinator.status(whole)["state"] == "done"
@@ -226,16 +237,31 @@ def test_kept_cases_have_their_series(whole):
     assert {int(p.name) for p in (whole / "kept").iterdir()} == wanted
     folder = coordinator.kept_in(whole, 150)
     assert (folder / "report.html").exists()
-    kept = json.loads((folder / "manifest.json").read_text())["numbers"]["coil_load"]["value"]
+    kept = json.loads((folder / "manifest.json").read_text())["numbers"]["coil_load"][
+        "value"
+    ]
     assert kept == store.read(whole)["out.coil_load"][150].as_py()
 
 
 def test_killed_head_and_killed_worker_lose_nothing(whole, own, tmp_path):
     """SIGKILL of a worker, then of the head, then once more to the end: the same data."""
     folder = tmp_path / "campaign"
-    command = [sys.executable, "-m", "desat.cli", "campaign", str(own), "-n", "80", "--jobs", "2",
-               "--out", str(folder)]  # fmt: skip
-    with subprocess.Popen(command, stderr=subprocess.PIPE, stdout=subprocess.PIPE) as process:
+    command = [
+        sys.executable,
+        "-m",
+        "desat.cli",
+        "campaign",
+        str(own),
+        "-n",
+        "80",
+        "--jobs",
+        "2",
+        "--out",
+        str(folder),
+    ]
+    with subprocess.Popen(
+        command, stderr=subprocess.PIPE, stdout=subprocess.PIPE
+    ) as process:
         _until(lambda: _rows(folder) > 10)
         workers = _children(process.pid)
         os.kill(workers[-1], signal.SIGKILL)
@@ -252,7 +278,9 @@ def test_killed_head_and_killed_worker_lose_nothing(whole, own, tmp_path):
 
 
 def _rows(folder: Path) -> int:
-    return sum(path.read_text().count("\n") for path in (folder / "cases").glob("*.jsonl"))
+    return sum(
+        path.read_text().count("\n") for path in (folder / "cases").glob("*.jsonl")
+    )
 
 
 def _until(condition) -> None:
@@ -264,9 +292,14 @@ def _until(condition) -> None:
 
 def _children(pid: int) -> list[int]:
     text = Path(f"/proc/{pid}/task/{pid}/children")
-    found = [int(p) for t in text.parent.parent.iterdir()
-             for p in (t / "children").read_text().split()]  # fmt: skip
-    return [p for p in found if b"spawn_main" in Path(f"/proc/{p}/cmdline").read_bytes()]
+    found = [
+        int(p)
+        for t in text.parent.parent.iterdir()
+        for p in (t / "children").read_text().split()
+    ]
+    return [
+        p for p in found if b"spawn_main" in Path(f"/proc/{p}/cmdline").read_bytes()
+    ]
 
 
 def _there(pid: int) -> bool:
@@ -279,11 +312,13 @@ def _there(pid: int) -> bool:
 def test_a_dask_cluster_gives_the_same(whole, own, tmp_path):
     pytest.importorskip("distributed", reason="Dask is not installed")
     folder = tmp_path / "campaign"
-    script = (f"from desat.campaign import coordinator as head\nfrom pathlib import Path\n"
-              f"if __name__ == '__main__':\n"
-              f"    plan, _ = head.planned({str(own)!r}, 40)\n"
-              f"    where = Path({str(folder)!r})\n"
-              f"    head.run(plan, where, cluster='local:2', progress=False)\n")  # fmt: skip
+    script = (
+        f"from desat.campaign import coordinator as head\nfrom pathlib import Path\n"
+        f"if __name__ == '__main__':\n"
+        f"    plan, _ = head.planned({str(own)!r}, 40)\n"
+        f"    where = Path({str(folder)!r})\n"
+        f"    head.run(plan, where, cluster='local:2', progress=False)\n"
+    )
     path = tmp_path / "run.py"
     path.write_text(script)
     subprocess.run([sys.executable, path], check=True, timeout=300, capture_output=True)
@@ -300,7 +335,8 @@ while not pathlib.Path(come).exists():
     time.sleep(0.02)
 main(sys.argv[3:])
 """
-"""A worker, perhaps of another version, that is ready and comes as soon as there is a file."""
+"""A worker, perhaps of another version, that is ready and comes as soon as there is a
+file."""
 
 
 def test_a_worker_says_why_it_cannot_make_the_cases(own):
@@ -315,7 +351,10 @@ def test_a_worker_says_why_it_cannot_make_the_cases(own):
     cluster.keep(plan, cluster.shipped(plan.target))
     assert cluster.unfit(plan, True, here) == ""
     other = cluster.unfit(replace(plan, digest="0"), False, here)
-    assert other == f"has another {own}: its wiring, times, content, parameters or FMUs differ"
+    assert (
+        other
+        == f"has another {own}: its wiring, times, content, parameters or FMUs differ"
+    )
 
 
 def test_a_packed_system_has_the_same_case_on_a_worker(own, whole, tmp_path):
@@ -323,7 +362,9 @@ def test_a_packed_system_has_the_same_case_on_a_worker(own, whole, tmp_path):
     from desat.export.packing import pack_scenario
     from desat.files.scenario import own as scenario
 
-    file = pack_scenario(scenario(own), tmp_path / "mine.ssp", force=True, fmus="native")
+    file = pack_scenario(
+        scenario(own), tmp_path / "mine.ssp", force=True, fmus="native"
+    )
     plan, _ = coordinator.planned(str(file), 4)
     cluster.keep(plan, cluster.shipped(plan.target))
     file.unlink()
@@ -334,8 +375,9 @@ def test_a_packed_system_has_the_same_case_on_a_worker(own, whole, tmp_path):
 
 
 def test_clusters_that_do_not_serve(own, whole, tmp_path, monkeypatch, capfd):
-    """One that does not answer, one without workers, one whose worker has another version: from the
-    beginning, and when it comes in the middle, where it costs nothing; one that ends."""
+    """One that does not answer, one without workers, one whose worker has another
+    version: from the beginning, and when it comes in the middle, where it costs
+    nothing; one that ends."""
     pytest.importorskip("distributed", reason="Dask is not installed")
     from desat.campaign import cluster
 
@@ -345,20 +387,32 @@ def test_clusters_that_do_not_serve(own, whole, tmp_path, monkeypatch, capfd):
         patch.setattr(cluster, "WAIT", "1s")
         text = r"--cluster tcp://127\.0\.0\.1:9: no scheduler answers"
         with pytest.raises(DesatError, match=text):
-            coordinator.run(plan, tmp_path / "a", cluster="tcp://127.0.0.1:9", progress=False)
+            coordinator.run(
+                plan, tmp_path / "a", cluster="tcp://127.0.0.1:9", progress=False
+            )
     (tmp_path / "worker.py").write_text(WORKER)
-    file, early, good, late = (tmp_path / n for n in ("scheduler.json", "early", "good", "late"))
+    file, early, good, late = (
+        tmp_path / n for n in ("scheduler.json", "early", "good", "late")
+    )
     of = ["--scheduler-file", file, "--no-dashboard"]
     worker = [sys.executable, tmp_path / "worker.py"]
     alone = [*of, "--no-nanny", "--nthreads", "1"]
     # all at once: to import what they need takes longest
     with (
-        _started(sys.executable, "-m", "distributed.cli.dask_scheduler", "--port", "0", "--host",
-                 "127.0.0.1", *of) as scheduler,
+        _started(
+            sys.executable,
+            "-m",
+            "distributed.cli.dask_scheduler",
+            "--port",
+            "0",
+            "--host",
+            "127.0.0.1",
+            *of,
+        ) as scheduler,
         _started(*worker, "0.0.9", early, *alone) as first,
         _started(*worker, "", good, *alone),
         _started(*worker, "0.0.9", late, *alone) as older,
-    ):  # fmt: skip
+    ):
         _until(file.exists)
         with pytest.raises(DesatError, match="it has no workers"):
             coordinator.run(plan, tmp_path / "b", cluster=str(file), progress=False)
@@ -367,7 +421,9 @@ def test_clusters_that_do_not_serve(own, whole, tmp_path, monkeypatch, capfd):
         with Client(scheduler_file=str(file)) as client:
             early.touch()
             client.wait_for_workers(1, timeout=60)
-            with pytest.raises(DesatError, match=r"has desat 0\.0\.9, here it is .*the same"):
+            with pytest.raises(
+                DesatError, match=r"has desat 0\.0\.9, here it is .*the same"
+            ):
                 coordinator.run(plan, tmp_path / "c", cluster=str(file), progress=False)
             first.kill()
             _until(lambda: not client.nthreads())
@@ -389,12 +445,16 @@ def test_clusters_that_do_not_serve(own, whole, tmp_path, monkeypatch, capfd):
             coordinator.run(plan, tmp_path / "c", cluster=str(file), progress=False)
             older.wait(60)
             plan, _ = coordinator.planned(str(own), 40)
-            with pytest.raises(DesatError, match="the scheduler is gone; the same command"):
+            with pytest.raises(
+                DesatError, match="the scheduler is gone; the same command"
+            ):
                 coordinator.run(plan, tmp_path / "c", cluster=str(file), progress=False)
     assert capfd.readouterr().err.count("has desat 0.0.9") == 1
     there = store.read(tmp_path / "c")
     assert there["case"].to_pylist()[:20] == [*range(20)]
-    assert 25 <= there.num_rows == store.read(tmp_path / "c", store.CURVES).num_rows < 40
+    assert (
+        25 <= there.num_rows == store.read(tmp_path / "c", store.CURVES).num_rows < 40
+    )
     _first_alike(tmp_path / "c", whole, 20, there.num_rows)
     assert set(there["attempts"].to_pylist()) == {1}
 
@@ -411,15 +471,17 @@ def _started(*command: object) -> Iterator[subprocess.Popen[bytes]]:
 
 
 def _first_alike(folder: Path, whole: Path, count: int, of: int | None = None) -> None:
-    """The first cases of a campaign are so many of the other, bit for bit, rows and curves; `of`:
-    how many it has (default: these)."""
+    """The first cases of a campaign are so many of the other, bit for bit, rows and
+    curves; `of`: how many it has (default: these)."""
     for kind in (store.CASES, store.CURVES):
         mine, theirs = store.read(folder, kind), store.read(whole, kind).slice(0, count)
         assert mine.num_rows == (of or count)
         mine = mine.slice(0, count)
         names = [n for n in theirs.column_names if n not in store.OWN]
         # as texts, of which that of a float is all of it: nan is not equal to itself
-        assert str(mine.select(names).to_pydict()) == str(theirs.select(names).to_pydict())
+        assert str(mine.select(names).to_pydict()) == str(
+            theirs.select(names).to_pydict()
+        )
 
 
 def test_crashes_and_hangs_leave_a_complete_dataset(tmp_path, binary):  # noqa: F811
@@ -442,21 +504,34 @@ def test_crashes_and_hangs_leave_a_complete_dataset(tmp_path, binary):  # noqa: 
     told = report.summary(folder).to_json()
     assert told["completed"] + len(told["failed"]) == 30
     assert (
-        told["failed"][0]["command"] == f"desat campaign case {folder} {told['failed'][0]['case']}"
+        told["failed"][0]["command"]
+        == f"desat campaign case {folder} {told['failed'][0]['case']}"
     )
 
 
 def test_daemons_do_not_outlive_a_campaign(tmp_path, binary, apart, daemons):  # noqa: F811
     """They held the pipes of whoever called: this waits for their end."""
     system = drawn_to_fail(tmp_path / "s", binary, ["DAEMON"])
-    done = apart("campaign", system, "-n", "3", "--step", "1", "--jobs", "2",
-                 "--out", str(tmp_path / "campaign"))  # fmt: skip
+    done = apart(
+        "campaign",
+        system,
+        "-n",
+        "3",
+        "--step",
+        "1",
+        "--jobs",
+        "2",
+        "--out",
+        str(tmp_path / "campaign"),
+    )
     assert done.returncode == Exit.COMPLETED, done.stderr
-    assert [r["status"] for r in store.read(tmp_path / "campaign").to_pylist()] == ["completed"] * 3
+    assert [r["status"] for r in store.read(tmp_path / "campaign").to_pylist()] == [
+        "completed"
+    ] * 3
     assert daemons() == []
 
 
-# --- what comes out -------------------------------------------------------------------------------
+# --- what comes out -------------------------------------------------------------------
 
 
 def test_requirements_are_judged_with_their_confidence(whole):
@@ -466,7 +541,9 @@ def test_requirements_are_judged_with_their_confidence(whole):
     assert load["within"] == completed
     assert load["lacking"] == 0
     assert told["requirements"]["pointing"]["lacking"] == completed  # it is over before
-    assert load["met"] == (completed >= 195)  # 196 of 200 show 95 % within with 95 % confidence
+    assert load["met"] == (
+        completed >= 195
+    )  # 196 of 200 show 95 % within with 95 % confidence
     assert not rate["met"]
     values = [v for v in store.read(whole)["out.rate"].to_pylist() if v is not None]
     assert rate["within"] == sum(1.0 <= v <= 2.0 for v in values)
@@ -478,16 +555,30 @@ def test_requirements_are_judged_with_their_confidence(whole):
     assert text.count("<svg") >= len(told["numbers"]) / 2
     largest = np.nanmax(store.read(whole, store.CURVES)["momentum"].to_pylist(), axis=1)
     for case in np.argsort(-largest, kind="stable")[:3]:
-        assert report.rerun(whole, int(case)) in text, "the worst of the percentile curves"
-    assert told["numbers"]["rate"]["unit"] == told["requirements"]["rate"]["unit"] == "deg/s"
-    of_analyses = {"null_rms": "N.m.s", "coil_duty": "%", "limit_time": "s", "crossings": "1"}
+        assert report.rerun(whole, int(case)) in text, (
+            "the worst of the percentile curves"
+        )
+    assert (
+        told["numbers"]["rate"]["unit"]
+        == told["requirements"]["rate"]["unit"]
+        == "deg/s"
+    )
+    of_analyses = {
+        "null_rms": "N.m.s",
+        "coil_duty": "%",
+        "limit_time": "s",
+        "crossings": "1",
+    }
     assert {n: told["numbers"][n]["unit"] for n in of_analyses} == of_analyses
-    assert told["numbers"]["coil_duty"]["title"].startswith("Coil duty: mean dipole of the coils")
+    assert told["numbers"]["coil_duty"]["title"].startswith(
+        "Coil duty: mean dipole of the coils"
+    )
     assert told["digest"] == store.digest(whole)
 
 
 def test_more_cases_show_a_requirement():
-    """59 cases without one outside show 95 % with 95 %, 93 with one: known of order statistics."""
+    """59 cases without one outside show 95 % with 95 %, 93 with one: known of order
+    statistics."""
     assert judged.more(50, 50, 0.95, 0.95) == 9
     assert judged.more(59, 59, 0.95, 0.95) == 0
     assert judged.more(92, 91, 0.95, 0.95) == 1
@@ -526,7 +617,8 @@ def test_a_flag_drives_a_number_and_what_does_not_change_drives_none():
 
 
 def test_what_one_of_many_inputs_does_by_chance_is_not_named():
-    """A correlation that one pair in a hundred would have by chance, alone and of ten inputs."""
+    """A correlation that one pair in a hundred would have by chance, alone and of ten
+    inputs."""
     rng = np.random.default_rng(3)
     a = rng.normal(size=150)
     y = 0.25 * a + rng.normal(size=150)
@@ -540,7 +632,8 @@ def test_what_one_of_many_inputs_does_by_chance_is_not_named():
 
 
 def test_sobol_indices_of_a_linear_function(system):
-    """Of y = 2 u + v, u and v even over (0, 1): 4/5 and 1/5 of its variance, the others none."""
+    """Of y = 2 u + v, u and v even over (0, 1): 4/5 and 1/5 of its variance, the others
+    none."""
     names, sizes = axes(system)
     count = 256 * (sum(sizes) + 2)
     plan, _ = coordinator.planned("integrated/mil-nadir", count, sampling="saltelli")
@@ -553,18 +646,24 @@ def test_sobol_indices_of_a_linear_function(system):
     apart = report._apart(plan, cases)
     assert apart.sum() == 2 * 256
     alone = np.array([points(i) for i in cases[apart]])
-    assert all(len(np.unique(column)) == len(column) for column in alone.T), "they share no value"
+    assert all(len(np.unique(column)) == len(column) for column in alone.T), (
+        "they share no value"
+    )
     few = replace(plan, count=32 * (sum(sizes) + 2))
     some = slice(few.count)
     told = report._sobol(few, cases[some], every[some], {"y": y[some]})
     assert told == {"missing": f"they need -n {2 * few.count} or more"}
     every[0] = False
-    assert report._sobol(plan, y, every, {"y": y}) == {"missing": "they need every case completed"}
+    assert report._sobol(plan, y, every, {"y": y}) == {
+        "missing": "they need every case completed"
+    }
 
 
 def test_campaigns_are_compared_case_by_case(whole, own, tmp_path):
     other = own.with_name("other.toml")
-    other.write_text(f'extends = "{own.stem}"\nparameters.manager.torque_limit = 2e-5\n')
+    other.write_text(
+        f'extends = "{own.stem}"\nparameters.manager.torque_limit = 2e-5\n'
+    )
     folder = tmp_path / "campaign"
     plan, _ = coordinator.planned(str(other), 30)
     coordinator.run(plan, folder, 2, progress=False)
@@ -579,7 +678,9 @@ def test_campaigns_are_compared_case_by_case(whole, own, tmp_path):
     assert entry["lower"] + entry["higher"] + entry["equal"] == entry["n"]
     assert entry["interval"][0] <= entry["median"] <= entry["interval"][1]
     a, b = (store.read(f)["out.coil_load"].to_pylist()[:30] for f in (whole, folder))
-    differences = [x - y for x, y in zip(a, b, strict=True) if x is not None and y is not None]
+    differences = [
+        x - y for x, y in zip(a, b, strict=True) if x is not None and y is not None
+    ]
     assert entry["median"] == pytest.approx(float(np.median(differences)), rel=1e-9)
     plan, _ = coordinator.planned(str(other), 3, seed=2)
     coordinator.run(plan, tmp_path / "seed", 1, progress=False)
@@ -587,28 +688,49 @@ def test_campaigns_are_compared_case_by_case(whole, own, tmp_path):
         compare(whole, tmp_path / "seed")
     path = folder / store.NUMBERS
     path.write_text(path.read_text().replace("deg/s", "rad/s"))
-    with pytest.raises(DesatError, match=r"rate is in deg/s and in rad/s; pairs need the same"):
+    with pytest.raises(
+        DesatError, match=r"rate is in deg/s and in rad/s; pairs need the same"
+    ):
         compare(whole, folder)
 
 
-# --- wrong input ----------------------------------------------------------------------------------
+# --- wrong input ----------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
     ("more", "text"),
     [
-        ('[requirements.a]\nnumber = "nothing"\nmax = 1.0', "a.number: no number nothing"),
-        ('[requirements.a]\nnumber = "coil_load"', "requirements.a: max or min is needed"),
-        ('[requirements.a]\nnumber = "coil_load"\nmax = 1.0\nmin = 2.0', "it is above max"),
-        ('[requirements.a]\nnumber = "coil_load"\nmaximum = 1.0', "requirements.a.maximum"),
-        ('[dispersions]\n"wheels.h_start_wheel" = { normal = [0.0, -1.0] }', "deviation is -1; at"),
-        ('[dispersions]\n"wheels.nothing" = { uniform = [0.0, 1.0] }',
-         "dispersions.wheels.nothing: wheels has no parameter nothing; there is"),
-        ('[dispersions]\n"wheels.speed_limit" = { uniform = [-2.0, -1.0] }',
-         "mine.toml: dispersions.wheels.speed_limit: wheels.speed_limit = -1.76943 rad/s: allowed "
-         "is 0.001 to"),
+        (
+            '[requirements.a]\nnumber = "nothing"\nmax = 1.0',
+            "a.number: no number nothing",
+        ),
+        (
+            '[requirements.a]\nnumber = "coil_load"',
+            "requirements.a: max or min is needed",
+        ),
+        (
+            '[requirements.a]\nnumber = "coil_load"\nmax = 1.0\nmin = 2.0',
+            "it is above max",
+        ),
+        (
+            '[requirements.a]\nnumber = "coil_load"\nmaximum = 1.0',
+            "requirements.a.maximum",
+        ),
+        (
+            '[dispersions]\n"wheels.h_start_wheel" = { normal = [0.0, -1.0] }',
+            "deviation is -1; at",
+        ),
+        (
+            '[dispersions]\n"wheels.nothing" = { uniform = [0.0, 1.0] }',
+            "dispersions.wheels.nothing: wheels has no parameter nothing; there is",
+        ),
+        (
+            '[dispersions]\n"wheels.speed_limit" = { uniform = [-2.0, -1.0] }',
+            "mine.toml: dispersions.wheels.speed_limit: wheels.speed_limit = -1.76943 rad/s: allowed "
+            "is 0.001 to",
+        ),
     ],
-)  # fmt: skip
+)
 def test_what_nothing_can_meet_or_draw(tmp_path, more, text):
     path = tmp_path / "mine.toml"
     path.write_text(f'extends = "integrated/mil-nadir"\n{more}\n')
@@ -629,7 +751,8 @@ def test_a_folder_has_one_campaign(whole, own, tmp_path):
 
 
 def test_damaged_files_and_a_changed_system_are_said(whole, own, tmp_path, desat):
-    """Nothing is read that is not whole, and no case is made of another system than its row."""
+    """Nothing is read that is not whole, and no case is made of another system than its
+    row."""
     folder = tmp_path / "campaign"
     shutil.copytree(whole, folder, ignore=shutil.ignore_patterns("kept"))
     mine = own.with_name("changed.toml")
@@ -644,12 +767,16 @@ def test_damaged_files_and_a_changed_system_are_said(whole, own, tmp_path, desat
     for name, text in {
         "cases/part-00000.parquet": f"without {folder}/cases/part-00000.parquet the same command",
         "curves/part-00000.parquet": f"without {folder}/cases/part-00000.parquet the same command",
-        "numbers.json": "damaged (", "status.json": "damaged (", "campaign.json": "damaged (",
-    }.items():  # fmt: skip
+        "numbers.json": "damaged (",
+        "status.json": "damaged (",
+        "campaign.json": "damaged (",
+    }.items():
         file = folder / name
         whole_file = file.read_bytes()
         file.write_bytes(whole_file[: len(whole_file) // 2])
-        said = desat("campaign", "status" if name == "status.json" else "report", str(folder))
+        said = desat(
+            "campaign", "status" if name == "status.json" else "report", str(folder)
+        )
         assert said.returncode == Exit.INPUT, said.stderr
         assert said.stderr.startswith(f"error: {file}: damaged ("), said.stderr
         assert text in said.stderr
@@ -657,9 +784,13 @@ def test_damaged_files_and_a_changed_system_are_said(whole, own, tmp_path, desat
         file.write_bytes(whole_file)
     (folder / "campaign.json").write_text(json.dumps(plan | {"count": "200"}))
     assert "damaged (count is '200')" in desat("campaign", "status", str(folder)).stderr
-    (folder / "campaign.json").write_text(json.dumps(plan | {"keep": ["worst:3:bound"]}))
+    (folder / "campaign.json").write_text(
+        json.dumps(plan | {"keep": ["worst:3:bound"]})
+    )
     lines = coordinator.unreached(coordinator.read(folder), folder)
-    assert lines == ["--keep worst:3:bound: no case has a number bound: nothing is kept by it"]
+    assert lines == [
+        "--keep worst:3:bound: no case has a number bound: nothing is kept by it"
+    ]
 
 
 @pytest.mark.parametrize(
@@ -668,17 +799,25 @@ def test_damaged_files_and_a_changed_system_are_said(whole, own, tmp_path, desat
         (("integrated/mil-nadir", "--keep", "worst:3"), "--keep worst:3: no number"),
         (("integrated/mil-nadir", "--curve", "momentun"), "did you mean momentum?"),
         (("integrated/mil-nadir", "--sampling", "sobl"), "did you mean sobol?"),
-        (("integrated/mil-nadir", "--by", "rate"), "--by rate: it goes with --keep worst:N"),
+        (
+            ("integrated/mil-nadir", "--by", "rate"),
+            "--by rate: it goes with --keep worst:N",
+        ),
         (("plant/light",), "no [dispersions]"),
         (("integrated/mil-nadir", "--cluster", "local:x"), "local:N is needed"),
-        (("integrated/mil-nadir", "--cluster", "none.json"), "no such file, and no address"),
+        (
+            ("integrated/mil-nadir", "--cluster", "none.json"),
+            "no such file, and no address",
+        ),
     ],
 )
 def test_wrong_words_are_one_line(desat, tmp_path, arguments, text):
     result = desat("campaign", *arguments, "-n", "4", "--out", str(tmp_path / "c"))
     assert result.returncode == Exit.INPUT
     assert text in result.stderr
-    lines = [x for x in result.stderr.splitlines() if not x.startswith("warning: ")]  # of jitter
+    lines = [
+        x for x in result.stderr.splitlines() if not x.startswith("warning: ")
+    ]  # of jitter
     assert len(lines) == 1, result.stderr
 
 
@@ -703,20 +842,33 @@ def test_a_campaign_is_a_data_set(whole):
     )
 
 
-@pytest.mark.parametrize("call", ["cases(name, 4, sys.argv[1], stop=20.0, jobs=2)",
-                                  "draws(name, 4, stop=20.0, jobs=2)"])  # fmt: skip
+@pytest.mark.parametrize(
+    "call",
+    [
+        "cases(name, 4, sys.argv[1], stop=20.0, jobs=2)",
+        "draws(name, 4, stop=20.0, jobs=2)",
+    ],
+)
 def test_a_script_without_a_guard_is_told_so(tmp_path, call):
-    """Its processes import it first, and would start processes themselves: all cases failed, for
-    "its process ended by exit(1)"."""
+    """Its processes import it first, and would start processes themselves: all cases
+    failed, for "its process ended by exit(1)"."""
     script = tmp_path / "script.py"
-    script.write_text(f"import sys, desat\nname = 'integrated/mil-nadir'\ndesat.{call}\n")
+    script.write_text(
+        f"import sys, desat\nname = 'integrated/mil-nadir'\ndesat.{call}\n"
+    )
     ended = subprocess.run(
-        [sys.executable, str(script), str(tmp_path / "campaign")], capture_output=True, text=True,
-        timeout=120, check=False,
-    )  # fmt: skip
+        [sys.executable, str(script), str(tmp_path / "campaign")],
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
+    )
     assert ended.returncode == 1
     assert ended.stderr.count("Traceback") == 1
-    assert 'needs `if __name__ == "__main__":` before it does' in ended.stderr.splitlines()[-1]
+    assert (
+        'needs `if __name__ == "__main__":` before it does'
+        in ended.stderr.splitlines()[-1]
+    )
     cases = tmp_path / "campaign" / "cases"
     assert not cases.exists() or not any(cases.iterdir())
 
@@ -744,7 +896,8 @@ def test_a_case_that_changes_values_alone_is_the_case_prepared_anew(
     """A worker resolves and checks its system once."""
     own = tmp_path / "own.toml"
     own.write_text(
-        f'extends = "{name}"\nstop = 100.0\n' + (f"[dispersions]\n{more}\n" if more else "")
+        f'extends = "{name}"\nstop = 100.0\n'
+        + (f"[dispersions]\n{more}\n" if more else "")
     )
     plan = CampaignPlan(str(own), "", 5)
     rows = []
@@ -769,14 +922,18 @@ def test_a_case_that_changes_values_alone_is_the_case_prepared_anew(
         ("uosat12/robust-ocdc-nominal", ""),
     ],
 )
-def test_a_master_that_begins_anew_makes_the_bits_of_a_new_one(tmp_path, monkeypatch, name, more):
+def test_a_master_that_begins_anew_makes_the_bits_of_a_new_one(
+    tmp_path, monkeypatch, name, more
+):
     """Every series, not the numbers alone; a worker makes one master for all its cases."""
     own = tmp_path / "own.toml"
     own.write_text(f'extends = "{name}"\nstop = 100.0\n{more}\n')
     source = prepare_module.read(str(own))
     system, made, runs = source.to_draw(False), [], {}
     init = Master.__init__
-    monkeypatch.setattr(Master, "__init__", lambda *a, **k: made.append(1) or init(*a, **k))
+    monkeypatch.setattr(
+        Master, "__init__", lambda *a, **k: made.append(1) or init(*a, **k)
+    )
     for prepared in (prepare_module.with_values, prepare):
         if prepared is prepare:
             # not where others follow what is drawn; "auto" makes some to try
@@ -796,7 +953,9 @@ def test_a_master_that_begins_anew_makes_the_bits_of_a_new_one(tmp_path, monkeyp
 def test_a_worker_prepares_once(monkeypatch):
     made = []
     check = Builder.check
-    monkeypatch.setattr(Builder, "check", lambda builder: made.append(1) or check(builder))
+    monkeypatch.setattr(
+        Builder, "check", lambda builder: made.append(1) or check(builder)
+    )
     plan = CampaignPlan("alsat1/basin-y-wheel", "", 5, options=Options(stop=600.0))
     plan_module._source.cache_clear()
     for n in range(5):
@@ -807,5 +966,7 @@ def test_a_worker_prepares_once(monkeypatch):
 def test_a_worker_takes_one_thread_of_products_unless_told():
     """Threads that wait for the next product took a quarter of a day's CPU."""
     with Local(os.getenv, 1) as workers:
-        found = dict(results(workers, [(0, ("OPENBLAS_NUM_THREADS",))], lambda key, why: ()))
+        found = dict(
+            results(workers, [(0, ("OPENBLAS_NUM_THREADS",))], lambda key, why: ())
+        )
     assert found == {0: os.environ.get("OPENBLAS_NUM_THREADS", "1")}

@@ -1,4 +1,5 @@
-"""Campaigns that could have said what is not so: values that nobody has, cases that are none."""
+"""Campaigns that could have said what is not so: values that nobody has, cases that are
+none."""
 
 from __future__ import annotations
 
@@ -68,7 +69,9 @@ def test_a_data_set_stays_with_its_cases(own, three, tmp_path):
         loaded["out.rate"].values  # noqa: B018
 
 
-@pytest.mark.parametrize("name", [DRAWN, f"{DRAWN}[2]", f"{DRAWN} ", "shared.h_start_wheel"])
+@pytest.mark.parametrize(
+    "name", [DRAWN, f"{DRAWN}[2]", f"{DRAWN} ", "shared.h_start_wheel"]
+)
 def test_what_is_drawn_has_no_other_value(own, name):
     value = "0.001" if "[" in name else "0.001,0,0,0"
     with pytest.raises(DesatError, match="is sampled, and so never has this value"):
@@ -81,9 +84,16 @@ def test_what_is_drawn_has_no_other_value(own, name):
 def test_an_input_that_is_fed_takes_no_value(tmp_path):
     line = r"wheels\.tau_cmd_wheel: manager\..* feeds it: it never has this value"
     with pytest.raises(DesatError, match=line):
-        execute("integrated/mil-nadir", Options(sets=["wheels.tau_cmd_wheel=1,1,1,1"], stop=1.0))
+        execute(
+            "integrated/mil-nadir",
+            Options(sets=["wheels.tau_cmd_wheel=1,1,1,1"], stop=1.0),
+        )
     with pytest.raises(DesatError, match=line):
-        sweep("integrated/mil-nadir", {"wheels.tau_cmd_wheel": [[1.0] * 4]}, Options(stop=1.0))
+        sweep(
+            "integrated/mil-nadir",
+            {"wheels.tau_cmd_wheel": [[1.0] * 4]},
+            Options(stop=1.0),
+        )
     more = '[dispersions]\n"wheels.tau_cmd_wheel" = { normal = [0.0, 1e-3] }\n'
     with pytest.raises(DesatError, match=line):
         coordinator.planned(scenario(tmp_path, more), 3)
@@ -98,8 +108,10 @@ max = 1.0
 probability = 0.3
 """
     target = scenario(tmp_path)
-    Path(target).write_text(OWN.replace("[numbers", more.partition("[")[0] + "[numbers")
-                            + more[more.index("[") :])  # fmt: skip
+    Path(target).write_text(
+        OWN.replace("[numbers", more.partition("[")[0] + "[numbers")
+        + more[more.index("[") :]
+    )
     told = report.summary(flown(target, tmp_path / "campaign")).to_json()
     assert told["requirements"]["residual"]["outside"] == 0
     assert told["requirements"]["residual"]["lacking"] == 0
@@ -112,15 +124,21 @@ probability = 0.3
 def test_an_infinite_number_is_outside(tmp_path):
     values = np.array([1.0, np.inf, -np.inf, np.nan])
     for entry in ({"min": 0.0}, {"max": 2.0}):
-        told = judged.requirement(Requirement(number="x", **entry), {"x": values}, np.ones(4, bool),
-                                  np.arange(4), tmp_path)  # fmt: skip
+        told = judged.requirement(
+            Requirement(number="x", **entry),
+            {"x": values},
+            np.ones(4, bool),
+            np.arange(4),
+            tmp_path,
+        )
         assert (told.within, told.lacking) == (1, 3)
     told = report._number("x", {}, values, np.arange(4))
     assert (told.n, told.not_reached, told.infinite) == (1, 1, 2)
 
 
 def test_how_many_more_cases_show_it_for_good():
-    """2 of 100 outside: 124 would show it, 125 to 152 would not; from 181 on any number does."""
+    """2 of 100 outside: 124 would show it, 125 to 152 would not; from 181 on any number
+    does."""
 
     def shown(total: int) -> bool:
         outside = int(0.02 * total + 0.5)
@@ -129,7 +147,9 @@ def test_how_many_more_cases_show_it_for_good():
     more = judged.more(100, 98, 0.95, 0.95)
     assert all(shown(100 + k) for k in range(more, more + 500))
     assert not shown(100 + more - 1)
-    low, high = (beta.ppf(0.975, 1, n) for n in (10, 10 + judged.for_half_the_width(10, 0, 0.95)))
+    low, high = (
+        beta.ppf(0.975, 1, n) for n in (10, 10 + judged.for_half_the_width(10, 0, 0.95))
+    )
     assert 0.45 < high / low <= 0.5
 
 
@@ -137,7 +157,9 @@ def test_what_no_run_can_miss_is_said(own):
     """mil-nadir is to be dumped after 7200 s; these runs end after 20 s."""
     _, warnings = coordinator.planned(own, 3)
     (line,) = [w for w in warnings if "requirements.dumped" in w]
-    assert line.endswith("max = 7200 s is not before the end of a run, 20 s: no case can be above")
+    assert line.endswith(
+        "max = 7200 s is not before the end of a run, 20 s: no case can be above"
+    )
     _, warnings = coordinator.planned("integrated/mil-nadir", 3)
     assert not any("requirements" in w for w in warnings)
 
@@ -171,7 +193,9 @@ def test_a_flipped_bit_is_damage(three, tmp_path):
     assert store.digest(folder) == store.digest(three)
 
 
-def test_a_file_whose_sha256_is_missing_is_refused_as_one_whose_sha256_is_another(three, tmp_path):
+def test_a_file_whose_sha256_is_missing_is_refused_as_one_whose_sha256_is_another(
+    three, tmp_path
+):
     folder = tmp_path / "campaign"
     shutil.copytree(three, folder)
     kept = store.signature(folder / "cases/part-00000.parquet")
@@ -183,8 +207,11 @@ def test_a_file_whose_sha256_is_missing_is_refused_as_one_whose_sha256_is_anothe
     assert store.digest(folder) == store.digest(three)
 
 
-def test_a_file_that_is_being_replaced_is_read_whichever_it_is(three, tmp_path, monkeypatch):
-    """Its head may be killed between the two: the sha256 of both stand there until it is done."""
+def test_a_file_that_is_being_replaced_is_read_whichever_it_is(
+    three, tmp_path, monkeypatch
+):
+    """Its head may be killed between the two: the sha256 of both stand there until it
+    is done."""
     shutil.copytree(three, folder := tmp_path / "campaign")
     path = folder / "cases/part-00000.parquet"
     for ended in (True, False):  # before, and after the file has been replaced
@@ -204,7 +231,9 @@ def test_a_file_that_is_being_replaced_is_read_whichever_it_is(three, tmp_path, 
         assert store.digest(folder) == store.digest(three)
 
 
-@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs the device that is always full")
+@pytest.mark.skipif(
+    not Path("/dev/full").exists(), reason="needs the device that is always full"
+)
 @pytest.mark.parametrize(
     "name", ["cases/part-00000.jsonl", "cases/part-00000.tmp", "numbers.json.tmp"]
 )
@@ -222,8 +251,8 @@ def test_a_full_disk_is_told_with_the_file(three, tmp_path, name):
 
 
 def test_rows_of_a_block_that_has_grown_are_there_at_once(three, tmp_path):
-    """And are kept where the head is killed before the block is whole again: its file stood beside
-    the journal, and whatever read the folder took the file alone."""
+    """And are kept where the head is killed before the block is whole again: its file
+    stood beside the journal, and whatever read the folder took the file alone."""
     folder = tmp_path / "campaign"
     shutil.copytree(three, folder)
     grown = store.Store(folder, 5)
@@ -259,8 +288,12 @@ def test_damaged_folders_are_named(three, tmp_path, desat):
     (folder / "status.json").write_text('{"state": "running", "head": 5}')
     assert desat("campaign", "status", str(folder)).returncode == 0
     for name in ("part-0000{}.parquet", "_part-0000{}.sha256"):
-        shutil.copy(folder / "cases" / name.format(0), folder / "cases" / name.format(1))
-    with pytest.raises(DesatError, match=r"part-00001.parquet: damaged \(it has other cases\)"):
+        shutil.copy(
+            folder / "cases" / name.format(0), folder / "cases" / name.format(1)
+        )
+    with pytest.raises(
+        DesatError, match=r"part-00001.parquet: damaged \(it has other cases\)"
+    ):
         store.read(folder)
     (folder / "cases/part-00001.parquet").unlink()
     (folder / store.NUMBERS).write_text("{}")
@@ -272,7 +305,9 @@ def test_few_pairs_have_no_interval(three, own, tmp_path, desat):
     """Five pairs hold a median with 94 % at most; and a case that fails in one is said."""
     told = pairs.compare(three, three)
     assert not told.numbers["rate"].interval_holds
-    result = desat("compare", str(three), str(shutil.copytree(three, tmp_path / "same")))
+    result = desat(
+        "compare", str(three), str(shutil.copytree(three, tmp_path / "same"))
+    )
     (line,) = [x.split() for x in result.stdout.splitlines() if x.startswith("rate ")]
     assert len(line) == 8, "median, share with its interval, share, pairs, unit"
     other = tmp_path / "other"
@@ -281,12 +316,16 @@ def test_few_pairs_have_no_interval(three, own, tmp_path, desat):
     rows[1] = dataclasses.replace(rows[1], status="failed")
     store._write(other, 0, rows)
     told = pairs.compare(three, other)
-    assert told.warnings == ["case 1: completed in the first, failed in the second: in no pair"]
+    assert told.warnings == [
+        "case 1: completed in the first, failed in the second: in no pair"
+    ]
 
 
 def test_the_last_value_of_several_is_refused(tmp_path):
     more = '[numbers.q]\ntitle = "q"\nsignal = "wheels.h_wheel"\n'
-    with pytest.raises(DesatError, match=r"numbers\.q\.element: last takes one element; there are"):
+    with pytest.raises(
+        DesatError, match=r"numbers\.q\.element: last takes one element; there are"
+    ):
         coordinator.planned(scenario(tmp_path, more), 3)
 
 
@@ -303,7 +342,9 @@ def test_what_was_timed_out_is_made_again_with_more_time(own, tmp_path):
     folder = flown(own, tmp_path / "campaign", limit=10.0)
     whole = store.digest(folder)
     rows = store._of_block(folder, 0)
-    rows[1] = dataclasses.replace(rows[1], status="timed out", code=int(Exit.TIMEOUT), numbers={})
+    rows[1] = dataclasses.replace(
+        rows[1], status="timed out", code=int(Exit.TIMEOUT), numbers={}
+    )
     store._write(folder, 0, rows)
     flown(own, folder, limit=10.0)
     assert store.digest(folder) != whole
@@ -313,7 +354,9 @@ def test_what_was_timed_out_is_made_again_with_more_time(own, tmp_path):
 
 def test_other_options_are_another_campaign_and_named(own, tmp_path):
     """Whether the digest tells them apart or not."""
-    plan, other = (coordinator.planned(own, 3, options=Options(stop=x))[0] for x in (5.0, 6.0))
+    plan, other = (
+        coordinator.planned(own, 3, options=Options(stop=x))[0] for x in (5.0, 6.0)
+    )
     for new in (other, replace(plan, options=other.options)):
         with pytest.raises(DesatError, match="another campaign: options is "):
             joined(plan, new, tmp_path)
@@ -332,7 +375,12 @@ def test_options_as_programs_give_them(own, tmp_path):
         with pytest.raises(DesatError, match=f"{name} = .*: an integer from"):
             coordinator.planned(own, given.pop("count"), **given)
         with pytest.raises(DesatError, match=f"{name} = .*: an integer from"):
-            draws(own, {"count": 3, **wrong}["count"], {"seed": 1, **wrong}["seed"], Options())
+            draws(
+                own,
+                {"count": 3, **wrong}["count"],
+                {"seed": 1, **wrong}["seed"],
+                Options(),
+            )
     with pytest.raises(DesatError, match="at most 10000000"):
         coordinator.planned(own, 10**13, sampling="latin-hypercube")
 

@@ -1,5 +1,5 @@
-"""Our own figures: ticks, thinning, SVG that is well-formed, small and the same for the same data;
-the shapes that matplotlib paints for an export."""
+"""Our own figures: ticks, thinning, SVG that is well-formed, small and the same for the
+same data; the shapes that matplotlib paints for an export."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def texts(figure):
     return [s.text for s in figure.shapes() if isinstance(s, Words)]
 
 
-# --- ticks ------------------------------------------------------------------------------------
+# --- ticks ----------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -65,12 +65,16 @@ def test_labels_say_where_ticks_are(seed):
     high = low + abs(draw.normal()) * 10.0 ** draw.integers(-6, 9)
     made = canvas.linear(low, high, 7)
     assert 1 <= len(made.values) <= 7
-    power, shift = re.fullmatch(r"(?:×10([⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+))? ?([+−] .*)?", made.aside).groups()
+    power, shift = re.fullmatch(
+        r"(?:×10([⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+))? ?([+−] .*)?", made.aside
+    ).groups()
     normal = str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹−", "-0123456789-")
     factor = 10.0 ** int((power or "⁰").translate(normal))
     offset = float((shift or "0").translate(normal).replace(" ", ""))
     said = [float(t.translate(normal)) * factor + offset for t in made.labels]
-    assert said == pytest.approx(made.values, abs=1e-6 * (high - low) + 1e-12 * abs(low))
+    assert said == pytest.approx(
+        made.values, abs=1e-6 * (high - low) + 1e-12 * abs(low)
+    )
 
 
 def test_ticks_of_a_logarithmic_axis():
@@ -83,7 +87,7 @@ def test_ticks_of_a_logarithmic_axis():
     assert sum(map(bool, wide.labels)) <= 6
 
 
-# --- lines ------------------------------------------------------------------------------------
+# --- lines ----------------------------------------------------------------------------
 
 
 def test_a_line_keeps_its_extremes_when_thinned():
@@ -124,7 +128,9 @@ def test_a_limit_crosses_the_axes_and_counts_for_their_range():
     assert "9 limit" in texts(figure)
 
 
-@pytest.mark.parametrize("values", [[], [3.0] * 4, [0.0] * 4, [np.nan] * 4, [1e300, -1e300, 0, 0]])
+@pytest.mark.parametrize(
+    "values", [[], [3.0] * 4, [0.0] * 4, [np.nan] * 4, [1e300, -1e300, 0, 0]]
+)
 def test_what_has_no_range_is_drawn_nevertheless(values):
     figure, ax = axes()
     ax.plot(np.arange(float(len(values))), values, "#000000", label="line")
@@ -140,13 +146,15 @@ def test_a_logarithmic_axis_leaves_out_what_is_not_above_zero():
     assert {"10⁻²", "10⁻¹", "10⁰"} <= set(texts(figure))
 
 
-# --- SVG --------------------------------------------------------------------------------------
+# --- SVG ------------------------------------------------------------------------------
 
 
 def test_a_figure_of_many_long_lines_stays_small_and_the_same():
     draw = np.random.default_rng(1)
     times = np.arange(86401.0)
-    data = [(f"line {i}", Series(times, draw.normal(size=len(times)))) for i in range(9)]
+    data = [
+        (f"line {i}", Series(times, draw.normal(size=len(times)))) for i in range(9)
+    ]
     svg = figures.curves(data, "noise [1]")
     assert len(svg) < 60_000
     assert svg == figures.curves(data, "noise [1]")
@@ -154,7 +162,9 @@ def test_a_figure_of_many_long_lines_stays_small_and_the_same():
 
 def test_a_figure_of_very_many_points_stays_small():
     draw = np.random.default_rng(1)
-    points = {"cases": (draw.normal(size=20_000).tolist(), draw.normal(size=20_000).tolist())}
+    points = {
+        "cases": (draw.normal(size=20_000).tolist(), draw.normal(size=20_000).tolist())
+    }
     assert len(plots.scatter(points, "x", "y", size=2.0)) < 60_000
 
 
@@ -172,7 +182,12 @@ def test_everything_lies_within_the_picture_and_nothing_on_a_label():
     """Of long labels too: ticks, names of axes and the legend have their own places."""
     figure, ax = axes()
     for i in range(14):
-        ax.plot([0.0, 86400.0], [-1e4 * i, 2e4], "#000000", label=f"a line with a long name {i}")
+        ax.plot(
+            [0.0, 86400.0],
+            [-1e4 * i, 2e4],
+            "#000000",
+            label=f"a line with a long name {i}",
+        )
     ax.x.label, ax.y.label = "time [s]", "momentum of each\nwheel [mN m s]"
     placed = []
     for words in (s for s in figure.shapes() if isinstance(s, Words)):
@@ -189,20 +204,26 @@ def test_everything_lies_within_the_picture_and_nothing_on_a_label():
         assert box[3] <= INCH * 2.9 + 5, words
         for other, text in placed:
             apart = (
-                box[0] >= other[2] or box[2] <= other[0] or box[1] >= other[3] or box[3] <= other[1]
+                box[0] >= other[2]
+                or box[2] <= other[0]
+                or box[1] >= other[3]
+                or box[3] <= other[1]
             )
             assert apart, (words.text, text)
         placed.append((box, words.text))
 
 
 def test_bars_and_marks_of_a_paper():
-    svg = figures.bars({"a": {"ours": 2.0}, "b": {"ours": 1.0}}, "time [s]",
-                       printed={"a": {"ours": 1.9}})  # fmt: skip
+    svg = figures.bars(
+        {"a": {"ours": 2.0}, "b": {"ours": 1.0}},
+        "time [s]",
+        printed={"a": {"ours": 1.9}},
+    )
     words = [e.text for e in etree.fromstring(svg).iter(f"{SVG}text")]
     assert {"a", "b", "ours", "paper", "time [s]"} <= set(words)
 
 
-# --- painted ----------------------------------------------------------------------------------
+# --- painted --------------------------------------------------------------------------
 
 
 def test_matplotlib_paints_the_same_shapes(tmp_path):
@@ -235,12 +256,17 @@ def test_a_plot_without_its_series_is_none():
         def names(self):
             return []
 
-    assert series_figure(Plot(title="x", signals=["a.b"]), [("", Nothing(), {})]) is None
+    assert (
+        series_figure(Plot(title="x", signals=["a.b"]), [("", Nothing(), {})]) is None
+    )
 
 
 def test_a_time_that_is_not_reached_has_no_point():
     """It stood at the upper edge, as if that were it."""
-    reached = plots.scatter({"law": ([1.0, 2.0], [10.0, 20.0])}, "x", "y", diagonal="equal")
-    beside = plots.scatter({"law": ([1.0, 2.0, 5.0], [10.0, 20.0, math.inf])}, "x", "y",
-                           diagonal="equal")  # fmt: skip
+    reached = plots.scatter(
+        {"law": ([1.0, 2.0], [10.0, 20.0])}, "x", "y", diagonal="equal"
+    )
+    beside = plots.scatter(
+        {"law": ([1.0, 2.0, 5.0], [10.0, 20.0, math.inf])}, "x", "y", diagonal="equal"
+    )
     assert beside == reached

@@ -1,4 +1,5 @@
-"""CONTRIBUTING says which file a change touches: three changes, made in a copy of the tree."""
+"""CONTRIBUTING says which file a change touches: three changes, made in a copy of the
+tree."""
 
 from __future__ import annotations
 
@@ -13,7 +14,9 @@ from pathlib import Path
 import pytest
 from conftest import ROOT
 
-TABLE = dict(re.findall(r"^\| ([^|]+?) \| `(\S+)`", (ROOT / "CONTRIBUTING.md").read_text(), re.M))
+TABLE = dict(
+    re.findall(r"^\| ([^|]+?) \| `(\S+)`", (ROOT / "CONTRIBUTING.md").read_text(), re.M)
+)
 SCENARIO = """extends = "plant/light"
 [numbers.first]
 title = "Rate at the start"
@@ -32,7 +35,8 @@ def norm_first(times: Array, values: Array) -> float:
 
 @pytest.fixture
 def tree(tmp_path) -> Path:
-    """A copy of orchestrator/ under its import name, the other folders beside it as links."""
+    """A copy of orchestrator/ under its import name, the other folders beside it as
+    links."""
     shutil.copytree(ROOT / "orchestrator", tmp_path / "desat")
     for name in ("components", "fmus"):
         (tmp_path / "desat" / name).symlink_to(ROOT / name)
@@ -51,9 +55,12 @@ def changed(tree: Path, change: str, old: str, new: str) -> None:
 
 def command(tree: Path, *arguments: str) -> None:
     subprocess.run(
-        [sys.executable, "-m", "desat.cli", *arguments], cwd=tree / "here", check=True,
-        capture_output=True, env={**os.environ, "PYTHONPATH": str(tree)},
-    )  # fmt: skip
+        [sys.executable, "-m", "desat.cli", *arguments],
+        cwd=tree / "here",
+        check=True,
+        capture_output=True,
+        env={**os.environ, "PYTHONPATH": str(tree)},
+    )
 
 
 def test_every_file_of_the_table_is_there():
@@ -61,14 +68,23 @@ def test_every_file_of_the_table_is_there():
     assert [file for file in TABLE.values() if not (ROOT / file).is_file()] == []
 
 
-def test_a_measure_a_field_of_the_manifest_and_a_colour_are_a_change_of_one_file_each(tree):
+def test_a_measure_a_field_of_the_manifest_and_a_colour_are_a_change_of_one_file_each(
+    tree,
+):
     measures = tree / TABLE["a new measure"].replace("orchestrator/", "desat/")
-    measures.write_text(measures.read_text(encoding="utf-8") + MEASURE, encoding="utf-8")
+    measures.write_text(
+        measures.read_text(encoding="utf-8") + MEASURE, encoding="utf-8"
+    )
     told = "a field of the manifest"
     changed(
-        tree, told, '    platform: str = ""\n', '    planned: int = 0\n    platform: str = ""\n'
+        tree,
+        told,
+        '    platform: str = ""\n',
+        '    planned: int = 0\n    platform: str = ""\n',
     )
-    changed(tree, told, "step=system.step,", "step=system.step, planned=system.steps + 1,")
+    changed(
+        tree, told, "step=system.step,", "step=system.step, planned=system.steps + 1,"
+    )
     changed(tree, "a colour of plots", "#0b62a4", "#123456")
     (tree / "here").mkdir()
     (tree / "here" / "mine.toml").write_text(SCENARIO)

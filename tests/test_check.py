@@ -1,4 +1,5 @@
-"""`desat check` finds each kind of mistake and names file, line, component and variable."""
+"""`desat check` finds each kind of mistake and names file, line, component and
+variable."""
 
 from __future__ import annotations
 
@@ -21,7 +22,9 @@ SSD = ROOT / "ssp" / "uosat12" / "SystemStructure.ssd"
 def broken(tmp_path):
     """Check the UoSAT-12 system with texts replaced; return the problems."""
 
-    def make(*replacements: tuple[str, str], sets: tuple[str, ...] = (), step: float = 10.0) -> str:
+    def make(
+        *replacements: tuple[str, str], sets: tuple[str, ...] = (), step: float = 10.0
+    ) -> str:
         text = SSD.read_text(encoding="utf-8")
         for old, new in replacements:
             assert old in text, old
@@ -30,7 +33,9 @@ def broken(tmp_path):
         if not (tmp_path / "resources").exists():
             (tmp_path / "resources").symlink_to(paths.fmus())
         try:
-            case = prepare(str(tmp_path), Options(sets=list(sets), step=step, stop=600.0))
+            case = prepare(
+                str(tmp_path), Options(sets=list(sets), step=step, stop=600.0)
+            )
         except DesatError as error:
             return str(error)
         return "\n".join(case.checked.problems)
@@ -42,8 +47,10 @@ def line_of(tmp: str) -> int:
     return next(i for i, x in enumerate(SSD.read_text().splitlines(), 1) if tmp in x)
 
 
-CONNECTION = ('<ssd:Connection startElement="magnetometer" startConnector="b_body[1]" '
-              'endElement="manager" endConnector="b_body[1]"/>')  # fmt: skip
+CONNECTION = (
+    '<ssd:Connection startElement="magnetometer" startConnector="b_body[1]" '
+    'endElement="manager" endConnector="b_body[1]"/>'
+)
 
 
 def test_sound(broken):
@@ -64,7 +71,10 @@ def test_not_xml(broken):
 
 def test_doctype(broken):
     problems = broken(
-        ("<ssd:SystemStructureDescription", "<!DOCTYPE x>\n<ssd:SystemStructureDescription")
+        (
+            "<ssd:SystemStructureDescription",
+            "<!DOCTYPE x>\n<ssd:SystemStructureDescription",
+        )
     )
     assert "DOCTYPE" in problems
 
@@ -76,15 +86,26 @@ def test_missing_fmu(broken):
 
 
 def test_unknown_connector(broken):
-    problems = broken((CONNECTION, CONNECTION.replace('endConnector="b_body[1]"',
-                                                      'endConnector="b_bdy[1]"')))  # fmt: skip
+    problems = broken(
+        (
+            CONNECTION,
+            CONNECTION.replace('endConnector="b_body[1]"', 'endConnector="b_bdy[1]"'),
+        )
+    )
     assert "manager has no connector b_bdy[1]; did you mean b_body[1]?" in problems
 
 
 def test_unknown_connector_in_the_list(broken):
-    problems = broken(('<ssd:Connector name="q_bi[1]" kind="input">',
-                       '<ssd:Connector name="q_ib[1]" kind="input">'))  # fmt: skip
-    assert "magnetometer.q_ib[1]: the FMU has no such variable; did you mean q_bi[1]?" in problems
+    problems = broken(
+        (
+            '<ssd:Connector name="q_bi[1]" kind="input">',
+            '<ssd:Connector name="q_ib[1]" kind="input">',
+        )
+    )
+    assert (
+        "magnetometer.q_ib[1]: the FMU has no such variable; did you mean q_bi[1]?"
+        in problems
+    )
 
 
 def test_unknown_component(broken):
@@ -93,58 +114,81 @@ def test_unknown_component(broken):
 
 
 def test_wrong_direction(broken):
-    inputs = ('<ssd:Connection startElement="manager" startConnector="b_body[1]" '
-              'endElement="manager" endConnector="b_body[2]"/>')  # fmt: skip
+    inputs = (
+        '<ssd:Connection startElement="manager" startConnector="b_body[1]" '
+        'endElement="manager" endConnector="b_body[2]"/>'
+    )
     problems = broken((CONNECTION, inputs))
     assert "wrong direction" in problems
     assert "manager.b_body[1] is an input, an output is needed" in problems
 
 
 def test_start_and_end_do_not_say_which_gives(broken):
-    reverse = ('<ssd:Connection startElement="manager" startConnector="b_body[1]" '
-               'endElement="magnetometer" endConnector="b_body[1]"/>')  # fmt: skip
+    reverse = (
+        '<ssd:Connection startElement="manager" startConnector="b_body[1]" '
+        'endElement="magnetometer" endConnector="b_body[1]"/>'
+    )
     assert broken((CONNECTION, reverse)) == ""
 
 
 def test_wrong_kind_in_the_list(broken):
-    problems = broken(('<ssd:Connector name="q_bi[1]" kind="input">',
-                       '<ssd:Connector name="q_bi[1]" kind="output">'))  # fmt: skip
+    problems = broken(
+        (
+            '<ssd:Connector name="q_bi[1]" kind="input">',
+            '<ssd:Connector name="q_bi[1]" kind="output">',
+        )
+    )
     assert "q_bi[1]: listed as output, but it is an input" in problems
 
 
 def test_wrong_type(broken):
     problems = broken(
-        ('<ssd:Connector name="b_body[1]" kind="output"><ssc:Real/>',
-         '<ssd:Connector name="b_body[1]" kind="output"><ssc:Integer/>')
-    )  # fmt: skip
+        (
+            '<ssd:Connector name="b_body[1]" kind="output"><ssc:Real/>',
+            '<ssd:Connector name="b_body[1]" kind="output"><ssc:Integer/>',
+        )
+    )
     assert "b_body[1]: listed as Integer, but it is Real" in problems
 
 
 def test_types_that_do_not_fit(broken):
     enable = '<ssd:Connector name="b_body[1]" kind="input"><ssc:Real/></ssd:Connector>'
     more = '<ssd:Connector name="enable" kind="input"><ssc:Boolean/></ssd:Connector>'
-    wire = ('<ssd:Connection startElement="magnetometer" startConnector="b_body[1]" '
-            'endElement="manager" endConnector="enable"/>')  # fmt: skip
+    wire = (
+        '<ssd:Connection startElement="magnetometer" startConnector="b_body[1]" '
+        'endElement="manager" endConnector="enable"/>'
+    )
     problems = broken((enable, enable + more), (CONNECTION, CONNECTION + wire))
     assert "type Real does not fit Boolean" in problems
 
 
 def test_incompatible_unit(broken):
-    problems = broken((CONNECTION, CONNECTION.replace(
-        'startElement="magnetometer" startConnector="b_body[1]"',
-        'startElement="spacecraft" startConnector="omega_bi_body[1]"')))  # fmt: skip
+    problems = broken(
+        (
+            CONNECTION,
+            CONNECTION.replace(
+                'startElement="magnetometer" startConnector="b_body[1]"',
+                'startElement="spacecraft" startConnector="omega_bi_body[1]"',
+            ),
+        )
+    )
     assert "unit rad/s does not fit T" in problems
 
 
 def test_two_sources(broken):
-    other = CONNECTION.replace('startConnector="b_body[1]"', 'startConnector="b_body[2]"')
+    other = CONNECTION.replace(
+        'startConnector="b_body[1]"', 'startConnector="b_body[2]"'
+    )
     problems = broken((CONNECTION, CONNECTION + other))
     assert "manager.b_body[1] has two sources, also magnetometer.b_body[1]" in problems
 
 
 def test_unconnected_and_half_wired(broken):
     problems = broken((CONNECTION, ""))
-    assert "manager.b_body[1] is listed, but has neither a connection nor a value" in problems
+    assert (
+        "manager.b_body[1] is listed, but has neither a connection nor a value"
+        in problems
+    )
     assert "manager.b_body is wired in part: b_body[1]" in problems
     assert broken((CONNECTION, ""), sets=("manager.b_body[1]=1e-5",)) == ""
 
@@ -165,22 +209,32 @@ def test_out_of_range(broken):
 
 
 def test_wrong_count_and_kind(broken):
-    assert "h_start_body needs 3 values, got 2" in broken(sets=("spacecraft.h_start_body=1,2",))
+    assert "h_start_body needs 3 values, got 2" in broken(
+        sets=("spacecraft.h_start_body=1,2",)
+    )
     assert "a Real is needed" in broken(sets=("manager.duty=fast",))
-    for seed, said in (("1.5", "an Integer is needed"), ("3e9", "an Integer is needed"),
-                       ("3000000000", "3000000000: allowed is -2147483648 to 2147483647"),
-                       ("9" * 400, "a number of 400 digits")):  # fmt: skip
+    for seed, said in (
+        ("1.5", "an Integer is needed"),
+        ("3e9", "an Integer is needed"),
+        ("3000000000", "3000000000: allowed is -2147483648 to 2147483647"),
+        ("9" * 400, "a number of 400 digits"),
+    ):
         assert said in broken(sets=(f"magnetometer.seed={seed}",))
     assert "a Boolean is needed" in broken(sets=("manager.saturation=3",))
-    assert "is an output: it cannot be set" in broken(sets=("manager.m_cmd_body=1,2,3",))
+    assert "is an output: it cannot be set" in broken(
+        sets=("manager.m_cmd_body=1,2,3",)
+    )
     assert "the form is COMPONENT.VARIABLE=VALUE" in broken(sets=("manager",))
 
 
-@pytest.mark.parametrize(("option", "said"), [
-    ({"loop": "fast"}, "loop = 'fast': there is compiled, python"),
-    ({"isolate": True}, "isolate = True: there is all, foreign, none"),
-    ({"stop": "5"}, "stop = '5': a time in s is needed"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("option", "said"),
+    [
+        ({"loop": "fast"}, "loop = 'fast': there is compiled, python"),
+        ({"isolate": True}, "isolate = True: there is all, foreign, none"),
+        ({"stop": "5"}, "stop = '5': a time in s is needed"),
+    ],
+)
 def test_what_a_program_asks_for_is_looked_at(option, said):
     with pytest.raises(DesatError, match=said):
         Options(**option)
@@ -198,11 +252,17 @@ def test_stop_that_does_not_fit(broken):
 def test_cycle_is_printed_as_a_chain(broken):
     wire = ""
     for i in (1, 2, 3):
-        wire += (f'<ssd:Connection startElement="torquers" startConnector="m_mean_body[{i}]" '
-                 f'endElement="magnetometer" endConnector="b_eci[{i}]" '
-                 'suppressUnitConversion="true"/>')  # fmt: skip
+        wire += (
+            f'<ssd:Connection startElement="torquers" startConnector="m_mean_body[{i}]" '
+            f'endElement="magnetometer" endConnector="b_eci[{i}]" '
+            'suppressUnitConversion="true"/>'
+        )
     text = SSD.read_text(encoding="utf-8")
-    old = [x for x in text.splitlines() if 'endElement="magnetometer" endConnector="b_eci' in x]
+    old = [
+        x
+        for x in text.splitlines()
+        if 'endElement="magnetometer" endConnector="b_eci' in x
+    ]
     problems = broken(*((x, "") for x in old), (CONNECTION, CONNECTION + wire))
     assert "cycle over the step:" in problems
     for link in ("magnetometer.b_body", "manager.m_cmd_body", "torquers.m_mean_body"):
@@ -232,13 +292,19 @@ def test_command(desat, tmp_path):
     (tmp_path / "resources").symlink_to(paths.fmus())
     good = desat("check", str(tmp_path), "--step", "10", "--schedule")
     assert good.returncode == 0
-    assert "steps in this order: environment, magnetometer, tachometers, manager" in good.stdout
+    assert (
+        "steps in this order: environment, magnetometer, tachometers, manager"
+        in good.stdout
+    )
     assert "\nconnection " in good.stdout
     assert "\nenvironment.b_eci -> magnetometer.b_eci " in good.stdout
     assert "one step late" not in good.stdout
     bad = desat("check", str(tmp_path), "--step", "10", "--set", "manager.duty=2")
     assert bad.returncode == 2
-    assert bad.stderr.strip() == "error: --set manager.duty=2: manager.duty = 2: allowed is 0 to 1"
+    assert (
+        bad.stderr.strip()
+        == "error: --set manager.duty=2: manager.duty = 2: allowed is 0 to 1"
+    )
     assert Path(tmp_path / "SystemStructure.ssd").exists()
 
 
@@ -274,20 +340,31 @@ def write_altitude(tmp_path: Path, unit: str | None) -> None:
     tail = tail.replace(
         "</ssd:Connectors>",
         "</ssd:Connectors><ssd:ParameterBindings>"
-        '<ssd:ParameterBinding source="e.ssv"/></ssd:ParameterBindings>', 1,
-    )  # fmt: skip
-    (tmp_path / "SystemStructure.ssd").write_text(head + middle + tail, encoding="utf-8")
+        '<ssd:ParameterBinding source="e.ssv"/></ssd:ParameterBindings>',
+        1,
+    )
+    (tmp_path / "SystemStructure.ssd").write_text(
+        head + middle + tail, encoding="utf-8"
+    )
     (tmp_path / "e.ssv").write_text(
         SET.replace(' unit="UNIT"', f' unit="{unit}"' if unit else ""), encoding="utf-8"
     )
     (tmp_path / "resources").symlink_to(paths.fmus())
 
 
-@pytest.mark.parametrize(("unit", "value"), [
-    ("km", 650e3), (None, "altitude = 650 m: allowed is 100000 to inf"), ("league", 650 * 5556.0),
-    ("s", "e.ssv:4: environment.altitude: the unit of altitude = 650.0 does not fit m"),
-    ("mile", "unit mile is not known"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("unit", "value"),
+    [
+        ("km", 650e3),
+        (None, "altitude = 650 m: allowed is 100000 to inf"),
+        ("league", 650 * 5556.0),
+        (
+            "s",
+            "e.ssv:4: environment.altitude: the unit of altitude = 650.0 does not fit m",
+        ),
+        ("mile", "unit mile is not known"),
+    ],
+)
 def test_the_unit_of_a_parameter_is_read(tmp_path, unit, value):
     write_altitude(tmp_path, unit)
     checked = prepare(str(tmp_path), Options(step=10.0, stop=600.0)).checked
@@ -313,19 +390,33 @@ def unwired(name: str, *sets: str) -> list[str]:
 @pytest.mark.parametrize(
     ("name", "setting", "lack"),
     [
-        ("uosat12/flight-ocdc-1", "spacecraft.aerodynamics=area",
-         "spacecraft.aerodynamics = area needs density, which is neither wired nor given"),
-        ("uosat12/flight-ocdc-1", "spacecraft.radiation=plates",
-         "spacecraft.radiation = plates needs sun_eci, which is neither wired nor given"),
-        ("gyrostat/full", "wheels.unbalance=1e-3",
-         "wheels.unbalance = 0.001 needs tau_jitter_body, an unused output"),
-        ("gyrostat/full", "wheels.command_mode=speed",
-         "wheels.command_mode = speed needs speed_cmd_wheel, which is neither wired nor given"),
+        (
+            "uosat12/flight-ocdc-1",
+            "spacecraft.aerodynamics=area",
+            "spacecraft.aerodynamics = area needs density, which is neither wired nor given",
+        ),
+        (
+            "uosat12/flight-ocdc-1",
+            "spacecraft.radiation=plates",
+            "spacecraft.radiation = plates needs sun_eci, which is neither wired nor given",
+        ),
+        (
+            "gyrostat/full",
+            "wheels.unbalance=1e-3",
+            "wheels.unbalance = 0.001 needs tau_jitter_body, an unused output",
+        ),
+        (
+            "gyrostat/full",
+            "wheels.command_mode=speed",
+            "wheels.command_mode = speed needs speed_cmd_wheel, which is neither wired nor given",
+        ),
     ],
-)  # fmt: skip
+)
 def test_physics_that_is_not_wired_is_refused(name, setting, lack):
     assert unwired(name) == []
-    assert any(problem.endswith(f"craft.toml: {lack}") for problem in unwired(name, setting))
+    assert any(
+        problem.endswith(f"craft.toml: {lack}") for problem in unwired(name, setting)
+    )
 
 
 def test_an_input_that_is_given_counts_as_wired():
@@ -338,11 +429,17 @@ def test_a_wired_input_that_needs_another():
     builder = read("gyrostat/full").builder()
     spacecraft = builder.components["spacecraft"]
     builder.connections = [
-        c for c in builder.connections if (c.target, c.input[:5]) != ("spacecraft", "b_eci")
+        c
+        for c in builder.connections
+        if (c.target, c.input[:5]) != ("spacecraft", "b_eci")
     ]
-    spacecraft.connectors = {n: c for n, c in spacecraft.connectors.items() if n[:5] != "b_eci"}
+    spacecraft.connectors = {
+        n: c for n, c in spacecraft.connectors.items() if n[:5] != "b_eci"
+    }
     (problem,) = builder.check().problems
-    assert "spacecraft.m_mean_body is wired and needs b_eci, which is neither" in problem
+    assert (
+        "spacecraft.m_mean_body is wired and needs b_eci, which is neither" in problem
+    )
 
 
 def test_what_is_left_open_is_listed(desat):
@@ -364,13 +461,18 @@ def test_what_is_left_open_is_listed(desat):
 
 
 def test_every_check_of_an_analysis_is_in_a_list():
-    """A module of analyses/ with `problems` or `warnings` that no list names would say nothing."""
+    """A module of analyses/ with `problems` or `warnings` that no list names would say
+    nothing."""
     from desat.runs import prepare as preparing
     from desat.system import discovery
 
     listed = {*preparing.SYSTEMS, *preparing.WARNINGS}
     modules = discovery.load("analyses")
-    found = [getattr(m, kind) for m in modules for kind in ("problems", "warnings")
-             if hasattr(m, kind)]  # fmt: skip
+    found = [
+        getattr(m, kind)
+        for m in modules
+        for kind in ("problems", "warnings")
+        if hasattr(m, kind)
+    ]
     assert len(found) > 8
     assert [f.__module__ for f in found if f not in listed] == []

@@ -105,7 +105,9 @@ def test_interface_platforms_and_hash_are_printed(desat, tmp_path, version):
     told = json.loads(desat("check", str(path), "--json").stdout)
     assert told["sha256"] in done.stdout
     assert told["problems"] == told["warnings"] == []
-    found = {v["name"]: (v["causality"], v["shape"], v["unit"]) for v in told["variables"]}
+    found = {
+        v["name"]: (v["causality"], v["shape"], v["unit"]) for v in told["variables"]
+    }
     found.pop("time", None)
     assert found == {
         "u": ("input", [2], "N.m"),
@@ -129,7 +131,9 @@ def test_an_extracted_one_and_one_of_ours(desat, tmp_path):
     assert axes["shape"] == [3, 4]
 
 
-@pytest.mark.parametrize("name", ["wheels", "native/manager_predictive", "fmi3/thrusters"])
+@pytest.mark.parametrize(
+    "name", ["wheels", "native/manager_predictive", "fmi3/thrusters"]
+)
 def test_ours_are_as_the_standard_wants_them(desat, name):
     path = paths.fmus() / f"{name}.fmu"
     if not path.exists():
@@ -151,8 +155,18 @@ def test_ours_are_as_the_standard_wants_them(desat, name):
         ("2.0", ' guid="{2}"', "", "guid"),
         ("2.0", 'modelIdentifier="two"', 'modelIdentifier="other"', "no library other"),
         ("2.0", '<Outputs><Unknown index="3"/></Outputs>', "", "y"),
-        ("2.0", "<Real unit", '<Real derivative="9" unit', "u[1]: derivative 9: allowed is 1 to 4"),
-        ("3.0", 'Output valueReference="2"', 'Output valueReference="2" dependencies="7"', " 7:"),
+        (
+            "2.0",
+            "<Real unit",
+            '<Real derivative="9" unit',
+            "u[1]: derivative 9: allowed is 1 to 4",
+        ),
+        (
+            "3.0",
+            'Output valueReference="2"',
+            'Output valueReference="2" dependencies="7"',
+            " 7:",
+        ),
         ("1.0", ' guid="{1}"', "", "guid"),
         ("1.0", 'causality="output"', 'causality="nonsense"', "nonsense"),
         ("1.0", 'valueReference="2"', "", "valueReference"),
@@ -162,7 +176,9 @@ def test_ours_are_as_the_standard_wants_them(desat, name):
         ("3.0", '<Float64 name="gain"', '<Float65 name="gain"', "Float65"),
     ],
 )
-def test_what_breaks_the_standard_is_a_problem(desat, tmp_path, version, old, new, said):
+def test_what_breaks_the_standard_is_a_problem(
+    desat, tmp_path, version, old, new, said
+):
     """Named by the file, and ended with 1; no word of a bug of ours."""
     path = of_version(tmp_path, version, old, new)
     done = desat("check", str(path))
@@ -209,7 +225,14 @@ def test_what_would_not_run_here_is_a_warning(desat, tmp_path, old, new, library
         ({"modelDescription.xml": "<fmiModel"}, "modelDescription.xml:1: "),
         ({"modelDescription.xml": "<!DOCTYPE x><fmiModelDescription/>"}, "DOCTYPE"),
         ({"modelDescription.xml": "<html/>"}, "the description of an FMU of FMI"),
-        ({"modelDescription.xml": FMI2.replace('fmiVersion="2.0"', 'fmiVersion="9"')}, "FMI 9"),
+        (
+            {
+                "modelDescription.xml": FMI2.replace(
+                    'fmiVersion="2.0"', 'fmiVersion="9"'
+                )
+            },
+            "FMI 9",
+        ),
         ({"../modelDescription.xml": FMI2}, "would leave the folder"),
     ],
 )
@@ -228,7 +251,9 @@ def test_what_is_no_fmu_is_a_line(desat, tmp_path, content, said):
     assert said in done.stderr
 
 
-@pytest.mark.parametrize("option", [["--set", "a.b=1"], ["--stop", "5"], ["--schedule"]])
+@pytest.mark.parametrize(
+    "option", [["--set", "a.b=1"], ["--stop", "5"], ["--schedule"]]
+)
 def test_options_of_systems_are_refused(desat, tmp_path, option):
     done = desat("check", str(of_version(tmp_path, "2.0")), *option)
     assert done.returncode == 2

@@ -30,11 +30,12 @@ from desat.system.errors import DesatError, Exit
 __all__ = ["binary", "system"]  # fixtures
 
 
-# --- killed in the middle, within this process's tests ------------------------------------------
+# --- killed in the middle, within this process's tests --------------------------------
 
 
 def broken(target: str, given: Options, folder: Path, monkeypatch, at: int) -> None:
-    """A run that is killed while it has just written the checkpoint of step `at` or a later one."""
+    """A run that is killed while it has just written the checkpoint of step `at` or a
+    later one."""
     save = checkpoint.Checkpoints.save
 
     def last(self: checkpoint.Checkpoints) -> None:
@@ -54,15 +55,24 @@ HELD = "signal = 'manager.mode'\nreaches = 1\nheld = 7.0"
 
 @pytest.mark.parametrize(
     "more",
-    [{}, {"fmus": "python", "isolate": "all"}, {"blocks": True}, {"algorithm": "jacobi"},
-     {"substeps": 3, "every": 4}],
+    [
+        {},
+        {"fmus": "python", "isolate": "all"},
+        {"blocks": True},
+        {"algorithm": "jacobi"},
+        {"substeps": 3, "every": 4},
+    ],
     ids=str,
-)  # fmt: skip
+)
 def test_it_goes_on_with_the_same_bits(tmp_path, monkeypatch, more):
     """Both loops, both kinds of FMUs and bare blocks, both semantics, several rates."""
     if "algorithm" in more:
         monkeypatch.setattr(shared_tables, "MANY", 3)  # series that share tables
-    slow = {"manager": 5} if "substeps" in more else {"spacecraft": 10, "wheels": 2, "manager": 5}
+    slow = (
+        {"manager": 5}
+        if "substeps" in more
+        else {"spacecraft": 10, "wheels": 2, "manager": 5}
+    )
     file = scenario(tmp_path, step=0.1, step_ratio=slow)
     given = Options(stop=14.0, **more)
     simulate(prepare(file, given), tmp_path / "whole").results.close()
@@ -129,7 +139,9 @@ def test_what_has_changed_is_said(tmp_path, monkeypatch):
     file = tmp_path / "mine.toml"
     text = 'extends = "nadir_day/day-dipole"\ntitle = "T"\n[parameters.wheels]\nspeed_limit = '
     file.write_text(text + "600.0\n")
-    broken(str(file), Options(stop=40.0, checkpoint=10.0), tmp_path / "a", monkeypatch, 30)
+    broken(
+        str(file), Options(stop=40.0, checkpoint=10.0), tmp_path / "a", monkeypatch, 30
+    )
     file.write_text(text + "601.0\n")
     with pytest.raises(DesatError, match=r"wheels.* was .*600\.0.*is .*601\.0"):
         resume(tmp_path / "a")
@@ -138,9 +150,9 @@ def test_what_has_changed_is_said(tmp_path, monkeypatch):
 @pytest.mark.parametrize("isolate", ["none", "foreign"])
 def test_what_a_component_changes_is_put_back_at_each(
     system, binary, tmp_path, monkeypatch, isolate
-):  # fmt: skip
-    """It calculates otherwise from 4 s on, until the checkpoint at 6 s, and says so in what it
-    gives; with and without a break."""
+):
+    """It calculates otherwise from 4 s on, until the checkpoint at 6 s, and says so in
+    what it gives; with and without a break."""
     able = 'canGetAndSetFMUstate="true" canSerializeFMUstate="true"/>'
     text = DESCRIPTION.format(identifier="failing").replace("/>", f" {able}", 1)
     fmu(system / "resources/failing.fmu", binary, description=text)
@@ -150,52 +162,94 @@ def test_what_a_component_changes_is_put_back_at_each(
     runs.append(resume(tmp_path / "broken"))
     for run in runs:
         y = run.results.values("bad.y")
-        assert (y - run.results.times()).tolist() == [0, 0, 0, 0, 0, 0.5, 0.5, 0, 0, 0, 0]
-        assert [w for w in run.manifest["warnings"] if "rounding mode" in w and "put back" in w]
+        assert (y - run.results.times()).tolist() == [
+            0,
+            0,
+            0,
+            0,
+            0,
+            0.5,
+            0.5,
+            0,
+            0,
+            0,
+            0,
+        ]
+        assert [
+            w
+            for w in run.manifest["warnings"]
+            if "rounding mode" in w and "put back" in w
+        ]
     assert runs[0].manifest["warnings"] == runs[1].manifest["warnings"]
 
 
-# --- what cannot be ------------------------------------------------------------------------------
+# --- what cannot be -------------------------------------------------------------------
 
 
 def test_one_that_cannot_save_is_named_before_the_run(desat, system, tmp_path):
-    result = desat("run", str(system), "--step", "1", "--checkpoint", "5",
-                   "--out", str(tmp_path / "out"))  # fmt: skip
+    result = desat(
+        "run",
+        str(system),
+        "--step",
+        "1",
+        "--checkpoint",
+        "5",
+        "--out",
+        str(tmp_path / "out"),
+    )
     assert result.returncode == Exit.INPUT
-    assert "--checkpoint: bad: failing.fmu cannot save its state (canGetAndSet" in result.stderr
+    assert (
+        "--checkpoint: bad: failing.fmu cannot save its state (canGetAndSet"
+        in result.stderr
+    )
     assert not (tmp_path / "out").exists()
 
 
 def test_a_folder_is_one_runs_alone(desat, tmp_path):
     with claimed(tmp_path / "a"):
-        result = desat("run", "nadir_day/day-dipole", "--stop", "5", "--out", str(tmp_path / "a"))
+        result = desat(
+            "run", "nadir_day/day-dipole", "--stop", "5", "--out", str(tmp_path / "a")
+        )
     assert result.returncode == Exit.INPUT
     assert "a: another process runs in it" in result.stderr
     assert not (tmp_path / "a").exists()
     result = desat("resume", str(tmp_path))
-    assert (result.returncode, "it has no checkpoint" in result.stderr) == (Exit.INPUT, True)
+    assert (result.returncode, "it has no checkpoint" in result.stderr) == (
+        Exit.INPUT,
+        True,
+    )
 
 
-# --- killed at random moments --------------------------------------------------------------------
+# --- killed at random moments ---------------------------------------------------------
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="needs /proc")
 def test_killed_at_random_moments(tmp_path):
     """Checkpoints so frequent that it is often killed while it writes one. `python -m
     benchmarks.killed` kills a hundred."""
-    given = ("nadir_day/day-dipole", "--stop", "3000", "--checkpoint", "100", "--no-baseline")
+    given = (
+        "nadir_day/day-dipole",
+        "--stop",
+        "3000",
+        "--checkpoint",
+        "100",
+        "--no-baseline",
+    )
     found = list(trials(2, given, tmp_path, 1))
     assert [x for x in found if not x.startswith("equal")] == []
 
 
 @pytest.mark.parametrize("what", ["FMU", "file", "package", "machine"])
 def test_resume_refuses_what_is_another(tmp_path, monkeypatch, what):
-    """Each of what docs/failures.md names is told as it was and as it is; the folder stays."""
+    """Each of what docs/failures.md names is told as it was and as it is; the folder
+    stays."""
     mine = tmp_path / "mine.fmu"
     shutil.copy(paths.fmus() / "native" / "controller_pd.fmu", mine)
     file = tmp_path / "mine.toml"
     file.write_text('extends = "nadir_day/day-dipole"\ntitle = "T"\n')
-    given = Options(sources=[f"controller={mine}"], stop=40.0, checkpoint=10.0, isolate="none")
+    given = Options(
+        sources=[f"controller={mine}"], stop=40.0, checkpoint=10.0, isolate="none"
+    )
     broken(str(file), given, tmp_path / "a", monkeypatch, 30)
     before = {p: p.read_bytes() for p in (tmp_path / "a").rglob("*") if p.is_file()}
     known = identity.versions()
@@ -204,7 +258,9 @@ def test_resume_refuses_what_is_another(tmp_path, monkeypatch, what):
             archive.writestr("resources/new.txt", "x")
         told = r"(digest|fmus\.controller) was .*, and is "
     elif what == "file":
-        file.write_text(file.read_text() + "[parameters.environment]\neccentricity = 0.1\n")
+        file.write_text(
+            file.read_text() + "[parameters.environment]\neccentricity = 0.1\n"
+        )
         told = r"environment.* was .*, and is .*0\.1"
     else:
         name = {"package": "numpy", "machine": "platform"}[what]
@@ -212,4 +268,6 @@ def test_resume_refuses_what_is_another(tmp_path, monkeypatch, what):
         told = rf"versions\.{name} was {re.escape(known[name])}, and is another"
     with pytest.raises(DesatError, match=told):
         resume(tmp_path / "a")
-    assert {p: p.read_bytes() for p in (tmp_path / "a").rglob("*") if p.is_file()} == before
+    assert {
+        p: p.read_bytes() for p in (tmp_path / "a").rglob("*") if p.is_file()
+    } == before

@@ -35,9 +35,18 @@ NAME = "uosat12/table3-ocdc-ilqr-1"
 
 
 def test_help(desat):
-    for command in ((), ("run",), ("campaign",), ("check",), ("pack",), ("tables",), ("report",),
-                    ("bound",), ("design",),
-                    ("list",)):  # fmt: skip
+    for command in (
+        (),
+        ("run",),
+        ("campaign",),
+        ("check",),
+        ("pack",),
+        ("tables",),
+        ("report",),
+        ("bound",),
+        ("design",),
+        ("list",),
+    ):
         result = desat(*command, "--help")
         assert result.returncode == 0
         assert "Usage" in result.stdout
@@ -50,11 +59,15 @@ def test_no_flag_is_set_but_the_baseline_and_counts_are_as_told(desat):
         for name, command in get_command(cli.app_for([])).commands.items()
         for option in command.params
         if name in ("run", "check", "sweep", "tables", "size")
-        and getattr(option, "is_flag", False) and option.default
-    }  # fmt: skip
+        and getattr(option, "is_flag", False)
+        and option.default
+    }
     assert found == {("run", "baseline"), ("size", "loop"), ("size", "year")}
     for command, line in (
-        ("sweep", "Print medians of this many random samples (0: none). [default: 0; x>=0]"),
+        (
+            "sweep",
+            "Print medians of this many random samples (0: none). [default: 0; x>=0]",
+        ),
         ("sweep", "Seed of the random samples. [default: 1; x>=0]"),
         ("size", "Duty of the coils to recommend rods for. [default: 50.0]"),
     ):
@@ -73,8 +86,12 @@ def test_run(desat, tmp_path):
     note = "states at t = 600 s have no interval after them, and no row"
     assert result.stderr == f"note: series.csv: {note}\n"
     assert {p.name for p in (tmp_path / "a").iterdir()} == {
-        "manifest.json", "series.h5", "series.csv", "report.html", "baseline",
-    }  # fmt: skip
+        "manifest.json",
+        "series.h5",
+        "series.csv",
+        "report.html",
+        "baseline",
+    }
     html = (tmp_path / "a" / "report.html").read_text()
     assert html.count("<svg") == 7
     assert "src=" not in html.replace("src=x", "")
@@ -83,8 +100,18 @@ def test_run(desat, tmp_path):
 
 
 def test_run_json(desat, tmp_path):
-    result = desat("run", NAME, "--json", "--out", str(tmp_path / "a"), "--set",
-                   "manager.split=crcp", "--stop", "100", check=True)  # fmt: skip
+    result = desat(
+        "run",
+        NAME,
+        "--json",
+        "--out",
+        str(tmp_path / "a"),
+        "--set",
+        "manager.split=crcp",
+        "--stop",
+        "100",
+        check=True,
+    )
     manifest = json.loads(result.stdout)
     assert manifest["steps_done"] == 10
     assert manifest["parameters"]["manager"]["split"]["value"] == "crcp"
@@ -97,36 +124,68 @@ def test_runs_do_not_overwrite(desat, tmp_path):
         assert json.loads(result.stdout)["folder"] == f"runs/{expected}"
     result = desat("run", NAME, "--out", "runs", cwd=tmp_path)
     assert result.returncode == 2
-    assert result.stderr == "error: --out runs: it exists already and is not an empty folder\n"
+    assert (
+        result.stderr
+        == "error: --out runs: it exists already and is not an empty folder\n"
+    )
 
 
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (("run", "uosat12/table3-ocdc-ilq-1"), "did you mean uosat12/table3-ocdc-ilqr-1?"),
+        (
+            ("run", "uosat12/table3-ocdc-ilq-1"),
+            "did you mean uosat12/table3-ocdc-ilqr-1?",
+        ),
         (("run", "nothing.ssp"), "nothing.ssp: no such file or folder"),
-        (("run", NAME, "--set", "manager.splt=dct"), "manager has no variable splt; did you mean"),
-        (("run", NAME, "--set", "manger.split=dct"), "no component manger; did you mean manager?"),
+        (
+            ("run", NAME, "--set", "manager.splt=dct"),
+            "manager has no variable splt; did you mean",
+        ),
+        (
+            ("run", NAME, "--set", "manger.split=dct"),
+            "no component manger; did you mean manager?",
+        ),
         (("run", NAME, "--set", "split"), "the form is COMPONENT.VARIABLE=VALUE"),
-        (("run", NAME, "--set", "manager.duty=x"), "--set manager.duty=x: manager.duty: "),
-        (("run", NAME, "--step", "7"), "--step 7: 600 s is not a multiple of the step 7 s"),
+        (
+            ("run", NAME, "--set", "manager.duty=x"),
+            "--set manager.duty=x: manager.duty: ",
+        ),
+        (
+            ("run", NAME, "--step", "7"),
+            "--step 7: 600 s is not a multiple of the step 7 s",
+        ),
         (("run", NAME, "--stop", "1e300"), "steps of 10 s; at most 1e+12 are made"),
-        (("run", NAME, "--substeps", "0"), "substeps = 0: auto is needed, or an integer from 1 to"),
+        (
+            ("run", NAME, "--substeps", "0"),
+            "substeps = 0: auto is needed, or an integer from 1 to",
+        ),
         (("run", NAME, "--step", "-1"), "a positive number is needed"),
-        (("run", NAME, "--set", "torquers.duty_max=0.95"), "pulse_delay + duty_max * sample_time"),
+        (
+            ("run", NAME, "--set", "torquers.duty_max=0.95"),
+            "pulse_delay + duty_max * sample_time",
+        ),
         (("tables", "uosat13"), "no family uosat13; did you mean uosat12?"),
         (("report", "."), "no run folder"),
         (("campaign", NAME, "--set", "manager.duty=3"), "allowed is 0 to 1"),
         (("pack", "uosat12/x"), "no scenario uosat12/x"),
-        (("run", NAME, "--source", "manger=x.fmu"), "no component manger; did you mean manager?"),
+        (
+            ("run", NAME, "--source", "manger=x.fmu"),
+            "no component manger; did you mean manager?",
+        ),
         (("run", NAME, "--source", "manager"), "the form is COMPONENT=FMU"),
-        (("run", NAME, "--source", "manager=manager_combind"), "mean manager_combined?"),
-        (("run", NAME, "--source", "manager=environment_kepler"),
-         "manager: its FMU lacks what is wired: "),
+        (
+            ("run", NAME, "--source", "manager=manager_combind"),
+            "mean manager_combined?",
+        ),
+        (
+            ("run", NAME, "--source", "manager=environment_kepler"),
+            "manager: its FMU lacks what is wired: ",
+        ),
         (("run", "/dev/null"), "/dev/null: it ends in none of .toml, .ssp, .ssd"),
         (("run", NAME, "--out", "/proc/x"), "/proc/x: No such file or directory"),
     ],
-)  # fmt: skip
+)
 def test_bad_input_is_a_line(desat, tmp_path, arguments, message):
     result = desat(*arguments, cwd=tmp_path)
     assert result.returncode == 2
@@ -138,22 +197,38 @@ def test_bad_input_is_a_line(desat, tmp_path, arguments, message):
 
 
 def test_another_fmu_in_a_components_place(desat, tmp_path):
-    """By name or file; what both managers declare alike stays, and what is lost is said."""
+    """By name or file; what both managers declare alike stays, and what is lost is
+    said."""
     fmu = tmp_path / "theirs.fmu"
     shutil.copy(paths.fmus() / "native" / "manager_receding_horizon.fmu", fmu)
     found = []
     for number, source in enumerate(("manager_receding_horizon", str(fmu))):
-        result = desat("run", NAME, "--source", f"manager={source}", "--set",
-                       "manager.b_y=-2.4e-6", "--no-baseline", "--json", "--out",
-                       str(tmp_path / str(number)), check=True)  # fmt: skip
+        result = desat(
+            "run",
+            NAME,
+            "--source",
+            f"manager={source}",
+            "--set",
+            "manager.b_y=-2.4e-6",
+            "--no-baseline",
+            "--json",
+            "--out",
+            str(tmp_path / str(number)),
+            check=True,
+        )
         assert "does not take k_cross, weight_ratio, saturation, split" in result.stderr
         found.append(json.loads(result.stdout))
-    assert found[0]["fmus"]["manager"]["sha256"] == found[1]["fmus"]["manager"]["sha256"]
     assert (
-        found[0]["parameters"]["manager"]["g_rate"] == found[1]["parameters"]["manager"]["g_rate"]
+        found[0]["fmus"]["manager"]["sha256"] == found[1]["fmus"]["manager"]["sha256"]
+    )
+    assert (
+        found[0]["parameters"]["manager"]["g_rate"]
+        == found[1]["parameters"]["manager"]["g_rate"]
     )
     for manifest in found:
-        assert manifest["numbers"]["firing_time"]["value"] == pytest.approx(52.85, abs=0.1)
+        assert manifest["numbers"]["firing_time"]["value"] == pytest.approx(
+            52.85, abs=0.1
+        )
 
 
 def test_line_numbers_are_not_emoji(desat, tmp_path):
@@ -183,24 +258,44 @@ def test_draws_do_not_depend_on_count_or_processes():
     assert draws(NAME, 1, 6, Options()).rows[0].numbers != three["draws"][0]["numbers"]
     times = sorted(d["numbers"]["firing_time"] for d in three["draws"])
     assert three["summary"]["firing_time"] == {
-        "unit": "s", "median": times[1], "low": times[0], "high": times[2], "min": times[0],
-        "max": times[2], "n": 3, "not_reached": 0,
-    }  # fmt: skip
+        "unit": "s",
+        "median": times[1],
+        "low": times[0],
+        "high": times[2],
+        "min": times[0],
+        "max": times[2],
+        "n": 3,
+        "not_reached": 0,
+    }
     assert len({d["values"]["magnetometer.seed"] for d in four["draws"]}) == 4
 
 
 def test_a_small_campaign_prints_statistics_of_the_same_draws(desat, tmp_path):
     short = ("campaign", NAME, "-n", "3", "--seed", "5", "--jobs", "1", "--out", "c")
     said = desat(*short, cwd=tmp_path, check=True).stdout.splitlines()
-    assert said[1].split() == ["number", "median", "5", "%", "95", "%", "min", "max", "unit",
-                               "not", "reached"]  # fmt: skip
+    assert said[1].split() == [
+        "number",
+        "median",
+        "5",
+        "%",
+        "95",
+        "%",
+        "min",
+        "max",
+        "unit",
+        "not",
+        "reached",
+    ]
     assert said[7].endswith("more numbers in the report; --all prints them")
-    told = json.loads(desat("campaign", "report", "c", "--json", cwd=tmp_path, check=True).stdout)
+    told = json.loads(
+        desat("campaign", "report", "c", "--json", cwd=tmp_path, check=True).stdout
+    )
     drawn = draws(NAME, 3, 5, Options(), 1).summary
     assert len(drawn) > 5
     for name, entry in drawn.items():
         assert [told["numbers"][name][k] for k in ("median", "min", "max")] == [
-            entry.levels[k] for k in ("median", "min", "max")]  # fmt: skip
+            entry.levels[k] for k in ("median", "min", "max")
+        ]
 
 
 LEAN_MANAGER = '''
@@ -231,16 +326,26 @@ class LeanManager(Fmi2Slave):
 
 @pytest.fixture
 def lean_manager(tmp_path):
-    """Build a foreign manager with some outputs; its only inputs are field and three wheels."""
+    """Build a foreign manager with some outputs; its only inputs are field and three
+    wheels."""
 
     def make(*outputs: str) -> str:
         inputs = [f"{name}[{i}]" for name in ("b_body", "h_wheel") for i in (1, 2, 3)]
         script = tmp_path / f"lean_manager_{len(outputs)}.py"
         script.write_text(LEAN_MANAGER.format(inputs=inputs, outputs=list(outputs)))
-        # in a process of its own: an FMU of Python that this one has loaded brings a pythonfmu
-        # without binaries
+        # in a process of its own: an FMU of Python that this one has loaded brings a
+        # pythonfmu without binaries
         built = tmp_path / f"lean{len(outputs)}.fmu"
-        command = [sys.executable, "-m", "pythonfmu", "build", "-f", script, "-d", built]
+        command = [
+            sys.executable,
+            "-m",
+            "pythonfmu",
+            "build",
+            "-f",
+            script,
+            "-d",
+            built,
+        ]
         subprocess.run(command, check=True, capture_output=True)
         return str(built)
 
@@ -248,16 +353,32 @@ def lean_manager(tmp_path):
 
 
 def test_a_foreign_manager_needs_only_what_its_law_wants(desat, tmp_path, lean_manager):
-    outputs = [f"{name}[{i}]" for name in ("m_cmd_body", "tau_cmd_thruster_body", "tau_cmd_wheel")
-               for i in range(1, 5 if name == "tau_cmd_wheel" else 4)]  # fmt: skip
+    outputs = [
+        f"{name}[{i}]"
+        for name in ("m_cmd_body", "tau_cmd_thruster_body", "tau_cmd_wheel")
+        for i in range(1, 5 if name == "tau_cmd_wheel" else 4)
+    ]
     whole = f"manager={lean_manager(*outputs)}"
-    result = desat("run", NAME, "--source", whole, "--no-baseline", "--json", "--stop", "100",
-                   "--out", str(tmp_path / "run"))  # fmt: skip
+    result = desat(
+        "run",
+        NAME,
+        "--source",
+        whole,
+        "--no-baseline",
+        "--json",
+        "--stop",
+        "100",
+        "--out",
+        str(tmp_path / "run"),
+    )
     assert result.returncode == 0, result.stderr
     lines = [x for x in result.stderr.splitlines() if "left unwired" in x]
     assert len(lines) == 1
     assert lines[0].startswith("warning: manager: lean")
-    assert "has no input h_wheel[4], omega_bi_body, r_eci, v_eci, valid_b, valid_h:" in lines[0]
+    assert (
+        "has no input h_wheel[4], omega_bi_body, r_eci, v_eci, valid_b, valid_h:"
+        in lines[0]
+    )
     with Results.open(tmp_path / "run") as results:
         dipole = results.values("manager.m_cmd_body")
         field = results.values("magnetometer.b_body")
@@ -268,8 +389,9 @@ def test_a_foreign_manager_needs_only_what_its_law_wants(desat, tmp_path, lean_m
     result = desat("check", NAME, "--source", short)
     assert result.returncode == 1
     (line,) = [x for x in result.stderr.splitlines() if "lacks" in x]
-    assert line == (f"--source {short}: manager: its FMU lacks what is wired: output "
-                    "m_cmd_body[3]")  # fmt: skip
+    assert line == (
+        f"--source {short}: manager: its FMU lacks what is wired: output m_cmd_body[3]"
+    )
 
 
 def test_list_and_help_import_nothing_heavy(desat):
@@ -300,8 +422,8 @@ print("heavy:", sorted(heavy & set(sys.modules)), file=sys.stderr)
 
 
 def test_a_run_and_its_report_load_neither_matplotlib_nor_scipy(tmp_path):
-    """Each takes longer to load than a short run needs. scipy is there for what it alone solves to
-    the same bits: least firing times (uosat12), and Euler angles."""
+    """Each takes longer to load than a short run needs. scipy is there for what it
+    alone solves to the same bits: least firing times (uosat12), and Euler angles."""
     code = """
 import sys
 from pathlib import Path
@@ -315,10 +437,14 @@ for name in sys.argv[2:]:
     assert "<svg" in write_report(place, run).read_text()
 print(sorted({"scipy", "matplotlib", "pyarrow"} & set(sys.modules)))
 """
-    result = python(code, str(tmp_path), "integrated/mil-nadir", "plant/reference", NAME)
+    result = python(
+        code, str(tmp_path), "integrated/mil-nadir", "plant/reference", NAME
+    )
     assert result.returncode == 0, result.stderr
     assert "matplotlib" not in result.stdout
-    result = python(code, str(tmp_path / "b"), "integrated/mil-nadir", "plant/reference")
+    result = python(
+        code, str(tmp_path / "b"), "integrated/mil-nadir", "plant/reference"
+    )
     assert result.stdout == "[]\n"
 
 
@@ -329,7 +455,9 @@ def test_list_by_family(desat):
         assert f" {len(scenarios(family))} " in line
         assert summary(family)
         assert summary(family) in line
-    assert len(desat("list", "--all", check=True).stdout.splitlines()) == 1 + len(scenarios())
+    assert len(desat("list", "--all", check=True).stdout.splitlines()) == 1 + len(
+        scenarios()
+    )
 
 
 def test_version(desat):
@@ -341,9 +469,13 @@ def test_completion_can_be_installed(tmp_path):
     """Into the shell that asks for it, as the files of one's home."""
     line = f"{sys.executable} -m desat.cli --install-completion; exit $?"
     result = subprocess.run(
-        ["bash", "-c", line], capture_output=True, text=True, check=False, cwd=ROOT,
+        ["bash", "-c", line],
+        capture_output=True,
+        text=True,
+        check=False,
+        cwd=ROOT,
         env={**os.environ, "HOME": str(tmp_path)},
-    )  # fmt: skip
+    )
     assert result.returncode == 0, result.stderr
     assert "_DESAT_COMPLETE" in (tmp_path / ".bash_completions/desat.sh").read_text()
 
@@ -358,8 +490,14 @@ def test_completion_offers_names(apart):
 def test_shared_parameter(desat, tmp_path):
     """Every component that has the parameter gets it; a wrong name is a line."""
     given = ("--stop", "2", "--json", "--no-baseline", "--out", str(tmp_path / "a"))
-    result = desat("run", "gyrostat/free", *given, "--set",
-                   "shared.inertia_wheel=9e-3,9e-3,8e-3,0", check=True)  # fmt: skip
+    result = desat(
+        "run",
+        "gyrostat/free",
+        *given,
+        "--set",
+        "shared.inertia_wheel=9e-3,9e-3,8e-3,0",
+        check=True,
+    )
     owners = {
         name: table["inertia_wheel"]["value"]
         for name, table in json.loads(result.stdout)["parameters"].items()
@@ -369,14 +507,18 @@ def test_shared_parameter(desat, tmp_path):
     assert all(value == [9e-3, 9e-3, 8e-3, 0.0] for value in owners.values())
     result = desat("run", "gyrostat/free", "--set", "shared.inertia_weel=2e-4")
     assert result.returncode == Exit.INPUT
-    assert "--set shared.inertia_weel=2e-4: no component has a parameter" in result.stderr
+    assert (
+        "--set shared.inertia_weel=2e-4: no component has a parameter" in result.stderr
+    )
     assert "did you mean inertia_wheel?" in result.stderr
 
 
 def test_exit_codes_and_commands_are_told(desat):
     readme = (ROOT / "docs" / "reference.md").read_text(encoding="utf-8")
     table = readme.partition("## Commands")[2].partition("\n## ")[0]
-    first = [line.split("|")[1] for line in table.splitlines() if line.startswith("| `")]
+    first = [
+        line.split("|")[1] for line in table.splitlines() if line.startswith("| `")
+    ]
     listed = [name for cell in first for name in re.findall(r"`(\w+)`", cell)]
     assert sorted(listed) == sorted(get_command(cli.app_for([])).commands)
     told = " ".join(desat("--help", check=True).stdout.split())
@@ -397,10 +539,25 @@ def test_a_component_that_fails_is_4(desat, tmp_path):
 def test_sigterm_ends_as_ctrl_c_does(tmp_path):
     folder = tmp_path / "run"
     process = subprocess.Popen(
-        [sys.executable, "-m", "desat.cli", "run", NAME, "--stop", "2e7", "--no-baseline",
-         "--record", "spacecraft.h_copy_wheel", "--out", str(folder)],
-        cwd=ROOT, stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True,
-    )  # fmt: skip
+        [
+            sys.executable,
+            "-m",
+            "desat.cli",
+            "run",
+            NAME,
+            "--stop",
+            "2e7",
+            "--no-baseline",
+            "--record",
+            "spacecraft.h_copy_wheel",
+            "--out",
+            str(folder),
+        ],
+        cwd=ROOT,
+        stderr=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
+    )
     part = folder / "series.h5.part"
     deadline = time.monotonic() + 60
     while not (part.exists() and part.stat().st_size > 60000):
@@ -414,29 +571,46 @@ def test_sigterm_ends_as_ctrl_c_does(tmp_path):
     assert json.loads((folder / "manifest.json").read_text())["status"] == "interrupted"
 
 
-@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs the device that is always full")
+@pytest.mark.skipif(
+    not Path("/dev/full").exists(), reason="needs the device that is always full"
+)
 @pytest.mark.parametrize("arguments", [("list",), ("list", "--json")])
 def test_no_space_is_6(arguments):
     with Path("/dev/full").open("w") as full:
         result = subprocess.run(
             [sys.executable, "-m", "desat.cli", *arguments],
-            stdout=full, stderr=subprocess.PIPE, text=True, check=False, cwd=ROOT,
-        )  # fmt: skip
+            stdout=full,
+            stderr=subprocess.PIPE,
+            text=True,
+            check=False,
+            cwd=ROOT,
+        )
     assert result.returncode == Exit.SPACE
     assert result.stderr == "error: standard output: No space left on device\n"
 
 
 def test_a_scenario_file_of_ones_own(desat, tmp_path):
-    """From any folder, on a scenario of ours by its name or a file beside; messages name it."""
-    (tmp_path / "mine.toml").write_text('extends = "integrated/mil-nadir"\nstop = 20.0\n')
+    """From any folder, on a scenario of ours by its name or a file beside; messages
+    name it."""
+    (tmp_path / "mine.toml").write_text(
+        'extends = "integrated/mil-nadir"\nstop = 20.0\n'
+    )
     (tmp_path / "next.toml").write_text('extends = "mine"\nstop = 10.0\n')
-    result = desat("run", "next.toml", "--no-baseline", "--json", cwd=tmp_path, check=True)
+    result = desat(
+        "run", "next.toml", "--no-baseline", "--json", cwd=tmp_path, check=True
+    )
     manifest = json.loads(result.stdout)
     assert (manifest["scenario"], manifest["end_time"]) == ("integrated/next", 10.0)
     for text, message in (
-        ('extends = "integrated/mil-nadr"', "extends: no scenario integrated/mil-nadr; did you"),
+        (
+            'extends = "integrated/mil-nadr"',
+            "extends: no scenario integrated/mil-nadr; did you",
+        ),
         ('extends = "mil-nadir"', "extends: no file mil-nadir.toml"),
-        ('extends = "mine"\ntitel = "x"', "bad.toml:2: titel: unknown key; did you mean title?"),
+        (
+            'extends = "mine"\ntitel = "x"',
+            "bad.toml:2: titel: unknown key; did you mean title?",
+        ),
         (
             'extends = "mine"\nparameters.manger.x = 1',
             "parameters.manger.x: no component manger",
@@ -450,8 +624,8 @@ def test_a_scenario_file_of_ones_own(desat, tmp_path):
 
 
 def test_one_scenario_is_found_in_its_one_file():
-    """Of a family of hundreds, a run reads the file that has it, what that extends, and those
-    of the scenarios that it names."""
+    """Of a family of hundreds, a run reads the file that has it, what that extends, and
+    those of the scenarios that it names."""
     code = """
 import sys
 from desat.files import io, scenario
@@ -467,7 +641,11 @@ print(len(set(read)))
 whole, _ = scenario.readable(found.family)
 assert whole[found.name] == found
 """
-    for name in ("uosat12/table3-ocdc-ilqr-1", "hausat2/detumbling-ours", "alsat1/firing-ours"):
+    for name in (
+        "uosat12/table3-ocdc-ilqr-1",
+        "hausat2/detumbling-ours",
+        "alsat1/firing-ours",
+    ):
         result = python(code, name)
         assert result.returncode == 0, result.stderr
         assert int(result.stdout) <= 10, result.stdout
@@ -475,8 +653,13 @@ assert whole[found.name] == found
 
 def test_python_m_beside_a_folder_of_our_name_says_so(tmp_path):
     (tmp_path / "desat").mkdir()
-    result = subprocess.run([sys.executable, "-m", "desat.cli", "run", NAME], cwd=tmp_path,
-                            capture_output=True, text=True, check=False)  # fmt: skip
+    result = subprocess.run(
+        [sys.executable, "-m", "desat.cli", "run", NAME],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
     assert result.returncode == 2
     assert result.stderr == (
         f"error: {tmp_path / 'desat'}: a folder of this name hides the package from `python -m`; "
@@ -487,10 +670,13 @@ def test_python_m_beside_a_folder_of_our_name_says_so(tmp_path):
 def test_each_command_is_in_a_panel_and_has_an_example(desat):
     """Each example is a command line whose options there are."""
     top = get_command(cli.app_for([]))
-    assert sorted(top.commands) == sorted(n for names in console.PANELS.values() for n in names)
+    assert sorted(top.commands) == sorted(
+        n for names in console.PANELS.values() for n in names
+    )
     told = desat("--help", check=True).stdout
     assert [told.index(f"\n{panel}:") for panel in console.PANELS] == sorted(
-        told.index(f"\n{panel}:") for panel in console.PANELS)  # fmt: skip
+        told.index(f"\n{panel}:") for panel in console.PANELS
+    )
 
     def ends(path, command):
         for name, inner in getattr(command, "commands", {}).items():
@@ -510,16 +696,28 @@ def test_each_command_is_in_a_panel_and_has_an_example(desat):
 @pytest.mark.parametrize(
     ("arguments", "text"),
     [
-        (("run", NAME, "--duration", "5"), "no option --duration; did you mean --stop?"),
+        (
+            ("run", NAME, "--duration", "5"),
+            "no option --duration; did you mean --stop?",
+        ),
         (("run", NAME, "--dt", "1"), "no option --dt; did you mean --step?"),
-        (("new", "craft", "x", "--alitude", "4km"), "--alitude; did you mean --altitude?"),
+        (
+            ("new", "craft", "x", "--alitude", "4km"),
+            "--alitude; did you mean --altitude?",
+        ),
         (("rum", NAME), "no command rum; did you mean run?"),
         (("keys",), "no command keys; desat help keys prints them"),
-        (("run", NAME, "--set", "spacecraft.h_start_body=1Nm,0,0"), "did you mean N.m?"),
-        (("run", NAME, "--stop", "0orbits"), "--stop 0orbits: unit orbits is not known"),
+        (
+            ("run", NAME, "--set", "spacecraft.h_start_body=1Nm,0,0"),
+            "did you mean N.m?",
+        ),
+        (
+            ("run", NAME, "--stop", "0orbits"),
+            "--stop 0orbits: unit orbits is not known",
+        ),
         (("help", "own-blok"), "no such topic; did you mean own-block?"),
     ],
-)  # fmt: skip
+)
 def test_what_was_meant_is_said(desat, arguments, text):
     done = desat(*arguments)
     assert done.returncode == Exit.INPUT
@@ -529,17 +727,25 @@ def test_what_was_meant_is_said(desat, arguments, text):
 
 @pytest.mark.parametrize(
     ("unit", "text", "value"),
-    [("N.m.s", "30mNms", 0.03), ("N.m", "0.73 mNm", 7.3e-4), ("kg.m2", "2 kgm2", 2.0),
-     ("A.m2", "0.2Am2", 0.2), ("N.m.s", "3 Nm.s", 3.0)],
-)  # fmt: skip
+    [
+        ("N.m.s", "30mNms", 0.03),
+        ("N.m", "0.73 mNm", 7.3e-4),
+        ("kg.m2", "2 kgm2", 2.0),
+        ("A.m2", "0.2Am2", 0.2),
+        ("N.m.s", "3 Nm.s", 3.0),
+    ],
+)
 def test_units_are_read_without_their_dots(unit, text, value):
     assert Quantity("--x", unit)(text) == pytest.approx(value, rel=1e-15)
 
 
 def test_a_stop_time_in_orbits_is_that_of_the_craft(desat, tmp_path):
     desat("new", "craft", "mine", "--altitude", "400km", cwd=tmp_path, check=True)
-    told = json.loads(desat("run", "mine", "--stop", "0.1orbit", "--json", cwd=tmp_path,
-                            check=True).stdout)  # fmt: skip
+    told = json.loads(
+        desat(
+            "run", "mine", "--stop", "0.1orbit", "--json", cwd=tmp_path, check=True
+        ).stdout
+    )
     period = 2.0 * pi * sqrt(6778137.0**3 / MU)
     assert told["end_time"] == pytest.approx(0.1 * period, rel=2e-3)
     assert draws(str(tmp_path / "mine"), 1, 1, Options(stop="0.01 orbits"), 1).rows
@@ -547,18 +753,30 @@ def test_a_stop_time_in_orbits_is_that_of_the_craft(desat, tmp_path):
 
 def test_a_crafts_folder_is_known_to_all_that_take_a_target(desat, tmp_path):
     desat("new", "craft", "mine", cwd=tmp_path, check=True)
-    listed = json.loads(desat("list", "mine", "--json", cwd=tmp_path, check=True).stdout)
-    assert [row["name"] for row in listed] == ["mine", "mine/detumbling.toml", "mine/worst.toml"]
+    listed = json.loads(
+        desat("list", "mine", "--json", cwd=tmp_path, check=True).stdout
+    )
+    assert [row["name"] for row in listed] == [
+        "mine",
+        "mine/detumbling.toml",
+        "mine/worst.toml",
+    ]
     assert "not of a run" in desat("export", "mine", cwd=tmp_path).stderr
-    assert "parameters.manager.gain" in desat("show", "mine", cwd=tmp_path, check=True).stdout
+    assert (
+        "parameters.manager.gain"
+        in desat("show", "mine", cwd=tmp_path, check=True).stdout
+    )
     desat("run", "mine/worst.toml", "--stop", "10", cwd=tmp_path)
     assert (tmp_path / "runs" / "mine-worst" / "report.html").is_file()
 
 
 def test_a_run_prints_five_numbers_and_all_on_request(desat, tmp_path):
-    some = desat("run", NAME, "--stop", "60", "--no-baseline", cwd=tmp_path, check=True).stdout
-    whole = desat("run", NAME, "--stop", "60", "--no-baseline", "--all", cwd=tmp_path,
-                  check=True).stdout  # fmt: skip
+    some = desat(
+        "run", NAME, "--stop", "60", "--no-baseline", cwd=tmp_path, check=True
+    ).stdout
+    whole = desat(
+        "run", NAME, "--stop", "60", "--no-baseline", "--all", cwd=tmp_path, check=True
+    ).stdout
     rest = int(re.search(r"(\d+) more numbers", some)[1])
     assert len(whole.splitlines()) - len(some.splitlines()) == rest - 1
     assert "more numbers" not in whole
@@ -567,7 +785,10 @@ def test_a_run_prints_five_numbers_and_all_on_request(desat, tmp_path):
 def test_abbreviations_are_spelt_out_where_they_head_a_column(desat, tmp_path):
     desat("run", NAME, "--out", "run", cwd=tmp_path, check=True)
     page = (tmp_path / "run" / "report.html").read_text(encoding="utf-8")
-    for text in ("OCDC: optimal combined desaturation controller", "DCT: dumping controller"):
+    for text in (
+        "OCDC: optimal combined desaturation controller",
+        "DCT: dumping controller",
+    ):
         assert text in page
     assert "CRCP:" not in page, "it is not in this report"
 
@@ -576,6 +797,7 @@ def test_the_cost_of_a_process_of_its_own_is_said(desat, tmp_path):
     given = ("run", NAME, "--stop", "20", "--no-baseline")
     told = desat(*given, "--isolate", "all", cwd=tmp_path, check=True).stderr
     assert re.search(
-        r"note: .*manager.*: in processes of their own, which costs about [\d.]+ us of", told
+        r"note: .*manager.*: in processes of their own, which costs about [\d.]+ us of",
+        told,
     )
     assert "costs about" not in desat(*given, cwd=tmp_path, check=True).stderr

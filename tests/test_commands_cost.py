@@ -1,4 +1,5 @@
-"""The bench of what commands cost: its command lines work, and CPU counts their processes too."""
+"""The bench of what commands cost: its command lines work, and CPU counts their
+processes too."""
 
 from __future__ import annotations
 

@@ -21,7 +21,8 @@ from desat.system.options import Options
 
 @pytest.fixture(scope="module")
 def craft(tmp_path_factory):
-    """A craft's folder `mine`, with a scenario that has half of the gain, and the folder around."""
+    """A craft's folder `mine`, with a scenario that has half of the gain, and the
+    folder around."""
     home = tmp_path_factory.mktemp("compare")
     new_craft.write(home / "mine", CraftFacts(size="12U"), "desat new craft")
     (home / "mine" / "slow.toml").write_text(
@@ -41,14 +42,27 @@ def table(text, heading):
 
 def test_runs_stand_side_by_side_with_their_differences(desat, craft):
     """A scenario that flies now, a run folder, and one more: one table, one page."""
-    desat("run", "mine/slow.toml", "--stop", "300", "--out", "slow", cwd=craft, check=True)
-    told = desat("compare", "mine", "slow", "mine/tight.toml", "--stop", "300", "--json", cwd=craft)
+    desat(
+        "run", "mine/slow.toml", "--stop", "300", "--out", "slow", cwd=craft, check=True
+    )
+    told = desat(
+        "compare",
+        "mine",
+        "slow",
+        "mine/tight.toml",
+        "--stop",
+        "300",
+        "--json",
+        cwd=craft,
+    )
     assert told.returncode == Exit.UNMET
     assert "mine/tight.toml: not met: momentum" in told.stderr
     made = json.loads(told.stdout)
     assert made["targets"] == ["mine", "slow", "mine/tight.toml"]
     entry = made["numbers"]["final_momentum"]
-    kept = json.loads((craft / "slow" / "manifest.json").read_text())["numbers"]["final_momentum"]
+    kept = json.loads((craft / "slow" / "manifest.json").read_text())["numbers"][
+        "final_momentum"
+    ]
     assert entry["values"]["slow"] == kept["value"]
     assert entry["differences"] == {
         t: pytest.approx(entry["values"]["mine"] - entry["values"][t], rel=1e-12)
@@ -58,10 +72,16 @@ def test_runs_stand_side_by_side_with_their_differences(desat, craft):
     assert "Wheel momentum" in page
     assert page.count("<svg") == 6, "each plot of the first"
     assert all(colour in page for colour in COLOURS[:3]), "a colour a run"
-    shown = desat("compare", "mine", "slow", "--stop", "300", "--html", "a.html", cwd=craft)
+    shown = desat(
+        "compare", "mine", "slow", "--stop", "300", "--html", "a.html", cwd=craft
+    )
     assert shown.returncode == 0
     cells = table(shown.stdout, "Total wheel momentum at the end (body frame)")
-    values = [entry["values"]["mine"], entry["values"]["slow"], entry["differences"]["slow"]]
+    values = [
+        entry["values"]["mine"],
+        entry["values"]["slow"],
+        entry["differences"]["slow"],
+    ]
     assert [1e-3 * float(x) for x in cells[:3]] == pytest.approx(values, rel=1e-3)
     assert cells[3:] == ["uN", "m", "s"]
     assert (craft / "a.html").is_file()
@@ -78,13 +98,24 @@ def test_draws_are_compared_in_pairs(desat, craft):
     given = ["-n", "7", "--stop", "100", "--json", "--jobs", "1"]
     told = desat("compare", "mine", "mine/slow.toml", *given, cwd=craft, check=True)
     made = json.loads(told.stdout)
-    one, two = (draws(str(craft / x), 7, 1, Options(stop=100.0), jobs=1)
-                for x in ("mine", "mine/slow.toml"))  # fmt: skip
+    one, two = (
+        draws(str(craft / x), 7, 1, Options(stop=100.0), jobs=1)
+        for x in ("mine", "mine/slow.toml")
+    )
     before = {n: x.to_json() for n, x in differences(one, two).items()}
     assert made["pairs"] == 7
     assert made["numbers"].keys() == before.keys()
     for name, entry in made["numbers"].items():
-        for key in ("median", "min", "max", "n", "lower", "higher", "equal", "not_reached"):
+        for key in (
+            "median",
+            "min",
+            "max",
+            "n",
+            "lower",
+            "higher",
+            "equal",
+            "not_reached",
+        ):
             assert entry[key] == before[name][key]
     entry = made["numbers"]["final_momentum"]
     each = each_draw(one.rows, two.rows, "final_momentum").values()
@@ -94,14 +125,31 @@ def test_draws_are_compared_in_pairs(desat, craft):
 
 def test_campaigns_are_compared(desat, craft):
     for name, target in (("one", "mine"), ("two", "mine/slow.toml")):
-        desat("campaign", target, "-n", "3", "--stop", "60", "--out", name, "--jobs", "1",
-              cwd=craft)  # fmt: skip
+        desat(
+            "campaign",
+            target,
+            "-n",
+            "3",
+            "--stop",
+            "60",
+            "--out",
+            name,
+            "--jobs",
+            "1",
+            cwd=craft,
+        )
     told = desat("compare", "one", "two", "--json", cwd=craft, check=True)
     assert json.loads(told.stdout)["pairs"] == 3
     for arguments, text in (
-        (["mine"], "one is a campaign, mine is none: campaigns compare with campaigns alone"),
+        (
+            ["mine"],
+            "one is a campaign, mine is none: campaigns compare with campaigns alone",
+        ),
         (["two", "-n", "3"], "-n: campaigns are compared as they are"),
-        (["two", "--html", "a.html"], "--html: there is a page of runs alone, without -n"),
+        (
+            ["two", "--html", "a.html"],
+            "--html: there is a page of runs alone, without -n",
+        ),
     ):
         refused = desat("compare", "one", *arguments, cwd=craft)
         assert refused.returncode == Exit.INPUT
@@ -136,10 +184,18 @@ def test_numbers_of_other_units_have_no_difference():
         def __init__(self, **numbers):
             self.manifest = type("M", (), {"numbers": numbers})
 
-    rows = compare.rows_of([
-        Told(a=Value("A", 1.0, "m"), b=Value("B", None, "s"), c=Value("C", 3.0, "1")),
-        Told(a=Value("A", 2.0, "km"), b=Value("B", 2.0, "s"), c=Value("C", 3.0 + 1e-15, "1")),
-    ])  # fmt: skip
+    rows = compare.rows_of(
+        [
+            Told(
+                a=Value("A", 1.0, "m"), b=Value("B", None, "s"), c=Value("C", 3.0, "1")
+            ),
+            Told(
+                a=Value("A", 2.0, "km"),
+                b=Value("B", 2.0, "s"),
+                c=Value("C", 3.0 + 1e-15, "1"),
+            ),
+        ]
+    )
     assert list(rows) == ["a", "a (km)", "b", "c"]
     assert rows["a"].row == ["A", 1.0, None, None, "m"]
     assert rows["a (km)"].row == ["A", None, 2.0, None, "km"]
@@ -152,7 +208,7 @@ def test_no_differences_have_no_interval():
     assert "interval" not in pairs.confident([]).to_json()
 
 
-# --- law by law ---------------------------------------------------------------------------------
+# --- law by law -----------------------------------------------------------------------
 
 IDLE = '''
 from __future__ import annotations
@@ -179,45 +235,65 @@ def laws(desat, craft, kept={}):  # noqa: B006 (once for all tests of the module
     fmu = str(paths.fmus() / "native" / "manager_closed_loop.fmu")
     mine = [x for file in ("my_law.py", "idle.py", fmu) for x in ("--law", file)]
     kept["laws"] = desat(
-        "compare", "mine", "--laws", "ccpl,predictive,combined", *mine, "--stop", "600", "--by",
-        "peak,duty,energy,pointing", "--json", cwd=craft, check=True,
-    )  # fmt: skip
+        "compare",
+        "mine",
+        "--laws",
+        "ccpl,predictive,combined",
+        *mine,
+        "--stop",
+        "600",
+        "--by",
+        "peak,duty,energy,pointing",
+        "--json",
+        cwd=craft,
+        check=True,
+    )
     return kept["laws"]
 
 
 def test_a_craft_is_flown_with_each_law_that_fits(laws, craft):
     made = json.loads(laws.stdout)
     by_name = {law["name"]: law for law in made["laws"]}
-    assert by_name.keys() == {"cross product", "ccpl", "predictive", "my law",
-                              "manager closed loop"}  # fmt: skip
+    assert by_name.keys() == {
+        "cross product",
+        "ccpl",
+        "predictive",
+        "my law",
+        "manager closed loop",
+    }
     assert [law["values"]["peak"] for law in made["laws"]] == sorted(
         law["values"]["peak"] for law in made["laws"]
     )
     assert by_name["cross product"]["own"]
     assert by_name["my law"]["gains"]["gain"].startswith("craft.rate = ")
     own = by_name["cross product"]["values"]
-    assert by_name["my law"]["values"]["peak"] == pytest.approx(own["peak"], rel=1e-6), (
-        "the same law at the same rate"
-    )
+    assert by_name["my law"]["values"]["peak"] == pytest.approx(
+        own["peak"], rel=1e-6
+    ), "the same law at the same rate"
     assert by_name["predictive"]["values"]["peak"] != own["peak"]
     why = {r["name"]: r["why"] for r in made["refused"]}
     assert why["combined"].startswith("it needs thrusters")
     assert why["idle"] == "it flew, and commanded neither dipole nor thrusters"
     page = (craft / made["page"]).read_text()
-    assert page.count("<svg") == 3 + 6, "the first criterion over each other, and each plot"
+    assert page.count("<svg") == 3 + 6, (
+        "the first criterion over each other, and each plot"
+    )
     assert "does not take" not in laws.stderr, "what the own manager had is no matter"
     assert made["comparison"]["targets"][0] == "cross product"
 
 
 def test_numbers_of_laws_are_those_of_their_runs(laws, craft, desat):
-    """What `compare` says of a law is what `run` says with the manager and gains that it names."""
+    """What `compare` says of a law is what `run` says with the manager and gains that
+    it names."""
     made = json.loads(laws.stdout)
     (ccpl,) = [law for law in made["laws"] if law["name"] == "ccpl"]
     sets = [x for k, v in ccpl["set"].items() for x in ("--set", f"{k}={v}")]
     told = desat("run", "mine", "--stop", "600", "--json", *sets, cwd=craft, check=True)
     numbers = json.loads(told.stdout)["numbers"]
     assert ccpl["values"]["duty"] == numbers["coil_duty"]["value"]
-    assert ccpl["values"]["peak"] == pytest.approx(100.0 - numbers["momentum_margin"]["value"])
+    assert ccpl["values"]["peak"] == pytest.approx(
+        100.0 - numbers["momentum_margin"]["value"]
+    )
     last = made["comparison"]["numbers"]["final_momentum"]["values"]["ccpl"]
     assert last == numbers["final_momentum"]["value"]
 
@@ -233,16 +309,24 @@ def test_who_beats_whom():
 @pytest.mark.parametrize(
     ("given", "line"),
     [
-        (["mine", "--laws", "predictve"], "predictve: no law and no manager; did you mean"),
-        (["mine", "--laws", "all", "--by", "paek"], "--by paek: no paek; did you mean peak?"),
+        (
+            ["mine", "--laws", "predictve"],
+            "predictve: no law and no manager; did you mean",
+        ),
+        (
+            ["mine", "--laws", "all", "--by", "paek"],
+            "--by paek: no paek; did you mean peak?",
+        ),
         (["mine", "slow", "--laws", "all"], "mine slow: --laws flies one craft"),
         (["mine", "slow", "--by", "peak"], "--by: it ranks laws: --laws all"),
-        (["mine", "--laws", "ccpl", "--by", "firing", "--stop", "60"],
-         "mine: --by firing: the firing time cannot be told of it"),
+        (
+            ["mine", "--laws", "ccpl", "--by", "firing", "--stop", "60"],
+            "mine: --by firing: the firing time cannot be told of it",
+        ),
         (["mine", "--law", "nowhere.py", "--stop", "60"], "nowhere.py: No such file"),
         (["mine", "--laws", "all", "-n", "5"], "-n: --laws flies each law once"),
     ],
-)  # fmt: skip
+)
 def test_wrong_choices_are_refused_in_a_line(desat, craft, given, line):
     told = desat("compare", *given, cwd=craft)
     assert told.returncode == Exit.INPUT

@@ -1,5 +1,5 @@
-"""The monolithic reference itself, the ten cases of the exchange against it, a run's estimate of
-its own error, and the bound that it warns by."""
+"""The monolithic reference itself, the ten cases of the exchange against it, a run's
+estimate of its own error, and the bound that it warns by."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ from desat.components.physics.rotor import friction
 from desat.runs.run import Options, prepare
 from desat.system.errors import DesatError
 
-# attitude error (rad): as it was with one exchange a step, and what is promised with the scenario's
-# substeps
+# attitude error (rad): as it was with one exchange a step, and what is promised with
+# the scenario's substeps
 CASES = {
     "light": (1.5e-6, 1e-7),
     "zero-crossing": (5.5e-7, 1e-6),
@@ -36,10 +36,15 @@ CASES = {
     "slow-samples": (5.0e-4, 1e-5),
 }
 QUIET = {
-    "controller.kp": 0.0, "controller.kd": 0.0, "controller.ki": 0.0, "manager.enable": False,
-    "spacecraft.gravity_gradient": False, "spacecraft.omega_start_body": [0.0, 0.0, 0.0],
-    "wheels.viscous": 0.0, "wheels.coulomb": 0.0,
-}  # fmt: skip
+    "controller.kp": 0.0,
+    "controller.kd": 0.0,
+    "controller.ki": 0.0,
+    "manager.enable": False,
+    "spacecraft.gravity_gradient": False,
+    "spacecraft.omega_start_body": [0.0, 0.0, 0.0],
+    "wheels.viscous": 0.0,
+    "wheels.coulomb": 0.0,
+}
 
 
 def gyrostat(name="gyrostat/free", stop=None, **values) -> Gyrostat:
@@ -52,12 +57,13 @@ def inertial(plant, y):
     return np.array(attitude.rotate_back(tuple(y[Q]), tuple(y[L])))
 
 
-# --- the reference: analytic cases ----------------------------------------------------------------
+# --- the reference: analytic cases ----------------------------------------------------
 
 
 PRINCIPAL = {"spacecraft.inertia": [[40.0, 0, 0], [0, 42.0, 0], [0, 0, 36.0]]}
 K = 1.0 / 0.008 + 1.0 / (40.0 - 0.008)
-"""1/(kg m2): by the torque of its motor a wheel about x and the body turn against each other."""
+"""1/(kg m2): by the torque of its motor a wheel about x and the body turn against each
+other."""
 
 
 def motor(command, t):
@@ -68,12 +74,17 @@ def motor(command, t):
 @given(st.floats(0.002, 0.02), st.floats(0.0, 1.0))
 @settings(max_examples=6)
 def test_a_saturating_wheel(command, h0):
-    """Without any momentum in all Omega = K h: the wheel takes what its motor gives, until |Omega|
-    is at its limit; there it stays until the motor's torque turns."""
-    plant = gyrostat(**QUIET | PRINCIPAL | {
-        "wheels.speed_limit": 140.0, "wheels.h_start_wheel": [h0, 0.0, 0.0, 0.0],
-        "spacecraft.omega_start_body": [-h0 / (40.0 - 0.008), 0.0, 0.0],
-    }).plant  # fmt: skip
+    """Without any momentum in all Omega = K h: the wheel takes what its motor gives,
+    until |Omega| is at its limit; there it stays until the motor's torque turns."""
+    plant = gyrostat(
+        **QUIET
+        | PRINCIPAL
+        | {
+            "wheels.speed_limit": 140.0,
+            "wheels.h_start_wheel": [h0, 0.0, 0.0, 0.0],
+            "spacecraft.omega_start_body": [-h0 / (40.0 - 0.008), 0.0, 0.0],
+        }
+    ).plant
     y, full = plant.start_state(), 140.0 / K
     y, held, (_, there) = advance(plant, 0.0, 900.0, y, Held((command, 0.0, 0.0, 0.0)))
     assert h0 + motor(command, there.begin) == pytest.approx(full, abs=1e-12)
@@ -89,10 +100,14 @@ def test_a_saturating_wheel(command, h0):
 
 def test_a_full_wheel_on_a_turning_body():
     """Nothing is lost; a wheel at its limit of speed turns with the body."""
-    plant = gyrostat(**QUIET | {
-        "wheels.speed_limit": 140.0, "wheels.h_start_wheel": [1.0, 0.3, -0.9, 0.0],
-        "spacecraft.omega_start_body": [0.2, -0.1, 0.3],
-    }).plant  # fmt: skip
+    plant = gyrostat(
+        **QUIET
+        | {
+            "wheels.speed_limit": 140.0,
+            "wheels.h_start_wheel": [1.0, 0.3, -0.9, 0.0],
+            "spacecraft.omega_start_body": [0.2, -0.1, 0.3],
+        }
+    ).plant
     y = plant.start_state()
     start, momenta = inertial(plant, y), []
     held, t = Held((0.02, 0.0, -0.01, 0.0)), 0.0
@@ -109,39 +124,61 @@ def test_a_full_wheel_on_a_turning_body():
 @given(st.floats(0.002, 0.02), st.floats(0.05, 0.5), st.sampled_from([0.2, 2.0]))
 @settings(max_examples=12)
 def test_coulomb_friction_through_zero(command, h0, eps):
-    """One wheel about a principal axis, at rest in all: Omega' = k (c - c_c tanh(Omega / eps)) with
-    k = K has t = eps / k (F(u1) - F(u0)),
-    F = (c u + c_c ln|c cosh u - c_c sinh u|) / (c^2 - c_c^2), u = Omega / eps."""
+    """One wheel about a principal axis, at rest in all: Omega' = k (c - c_c tanh(Omega
+    / eps)) with k = K has t = eps / k (F(u1) - F(u0)), F = (c u + c_c ln|c cosh u - c_c
+    sinh u|) / (c^2 - c_c^2), u = Omega / eps."""
     dry = 1e-3
-    plant = gyrostat(**QUIET | PRINCIPAL | {
-        "wheels.coulomb": dry, "wheels.friction_speed": eps, "wheels.motor_lag": 0.0,
-        "wheels.h_start_wheel": [h0, 0.0, 0.0, 0.0], "wheels.torque_limit": 1.0,
-        "spacecraft.omega_start_body": [-h0 / (40.0 - 0.008), 0.0, 0.0],
-    }).plant  # fmt: skip
+    plant = gyrostat(
+        **QUIET
+        | PRINCIPAL
+        | {
+            "wheels.coulomb": dry,
+            "wheels.friction_speed": eps,
+            "wheels.motor_lag": 0.0,
+            "wheels.h_start_wheel": [h0, 0.0, 0.0, 0.0],
+            "wheels.torque_limit": 1.0,
+            "spacecraft.omega_start_body": [-h0 / (40.0 - 0.008), 0.0, 0.0],
+        }
+    ).plant
     y = plant.start_state()
     y[11] = -command
-    y, _, pieces = advance(plant, 0.0, 1.5 * h0 / command, y, Held((-command, 0.0, 0.0, 0.0)))
+    y, _, pieces = advance(
+        plant, 0.0, 1.5 * h0 / command, y, Held((-command, 0.0, 0.0, 0.0))
+    )
     assert len(pieces) == 2, "cut where the speed is zero"
 
     def time(u):
-        size = abs(-command * math.cosh(u) - dry * math.sinh(u)) if abs(u) < 300 else None
-        logarithm = math.log(size) if size else abs(u) + math.log(
-            abs(-command - dry * math.copysign(1.0, u)) / 2.0)  # fmt: skip
+        size = (
+            abs(-command * math.cosh(u) - dry * math.sinh(u)) if abs(u) < 300 else None
+        )
+        logarithm = (
+            math.log(size)
+            if size
+            else abs(u) + math.log(abs(-command - dry * math.copysign(1.0, u)) / 2.0)
+        )
         return (-command * u + dry * logarithm) / (command**2 - dry**2)
 
     omega, h = plant.motion(0.0, y, Held())
     u0, u1 = h0 * K / eps, plant.speed(0, omega, h) / eps
     assert u1 < 0.0 < u0
-    assert eps / K * (time(u1) - time(u0)) == pytest.approx(1.5 * h0 / command, rel=1e-10)
+    assert eps / K * (time(u1) - time(u0)) == pytest.approx(
+        1.5 * h0 / command, rel=1e-10
+    )
     assert eps / K * (time(0.0) - time(u0)) == pytest.approx(pieces[1].begin, rel=1e-10)
 
 
 def test_a_standing_wheel_breaks_loose():
-    """At rest, when c (1 - exp(-t / lag)) is the stiction; from then on it has what its motor gives
-    less Coulomb friction. Back at rest it stands."""
-    plant = gyrostat(**QUIET | PRINCIPAL | {
-        "wheels.stiction": 8e-3, "wheels.coulomb": 5e-3, "wheels.h_start_wheel": [0.0] * 4,
-    }).plant  # fmt: skip
+    """At rest, when c (1 - exp(-t / lag)) is the stiction; from then on it has what its
+    motor gives less Coulomb friction. Back at rest it stands."""
+    plant = gyrostat(
+        **QUIET
+        | PRINCIPAL
+        | {
+            "wheels.stiction": 8e-3,
+            "wheels.coulomb": 5e-3,
+            "wheels.h_start_wheel": [0.0] * 4,
+        }
+    ).plant
     y = plant.start_state()
     held = replace(plant.start_held(), command=(0.01, 0.0, 0.0, 0.0))
     y, held, (still, _) = advance(plant, 0.0, 4.0, y, held)
@@ -149,7 +186,9 @@ def test_a_standing_wheel_breaks_loose():
     assert still.end == pytest.approx(loose, abs=1e-12)
     h = motor(0.01, 4.0) - motor(0.01, loose) - 5e-3 * (4.0 - loose)
     assert y[H] == pytest.approx([h, 0.0, 0.0, 0.0], abs=1e-14)
-    y, held, (moving, there) = advance(plant, 4.0, 14.0, y, replace(held, command=(0.0,) * 4))
+    y, held, (moving, there) = advance(
+        plant, 4.0, 14.0, y, replace(held, command=(0.0,) * 4)
+    )
     # the motor's torque dies out against friction
     torque, t = 0.01 * -math.expm1(-4.0 / 0.3), moving.end - 4.0
     assert h - 0.3 * torque * math.expm1(-t / 0.3) == pytest.approx(5e-3 * t, abs=1e-13)
@@ -158,29 +197,40 @@ def test_a_standing_wheel_breaks_loose():
 
 
 def test_a_pulse_train_gives_its_momentum():
-    """About one principal axis, from rest; firings overlap and one lasts beyond the end."""
+    """About one principal axis, from rest; firings overlap and one lasts beyond the
+    end."""
     begin, long = [1.37, 4.0, 4.25, 9.81], [0.11, 0.5, 1.77, 1.0]
     torque = [0.04, -0.03, 0.02, 0.01]
-    values = QUIET | PRINCIPAL | {
-        "thrusters.schedule_start": begin + [0.0] * 4,
-        "thrusters.schedule_duration": long + [0.0] * 4,
-        "thrusters.schedule_tau_body": [[x, 0.0, 0.0] for x in torque] + [[0.0] * 3] * 4,
-        "wheels.h_start_wheel": [0.0] * 4,
-    }  # fmt: skip
+    values = (
+        QUIET
+        | PRINCIPAL
+        | {
+            "thrusters.schedule_start": begin + [0.0] * 4,
+            "thrusters.schedule_duration": long + [0.0] * 4,
+            "thrusters.schedule_tau_body": [[x, 0.0, 0.0] for x in torque]
+            + [[0.0] * 3] * 4,
+            "wheels.h_start_wheel": [0.0] * 4,
+        }
+    )
     trajectory = gyrostat("gyrostat/pulses", stop=10.0, **values).ideal()
     for t, omega in zip(trajectory.times, trajectory.omega, strict=True):
         impulse = sum(
-            x * min(max(t - b, 0.0), n) for b, n, x in zip(begin, long, torque, strict=True)
+            x * min(max(t - b, 0.0), n)
+            for b, n, x in zip(begin, long, torque, strict=True)
         )
         assert 39.992 * omega[0] == pytest.approx(impulse, abs=1e-15)
         assert not omega[1:].any()
 
 
 def test_a_failed_wheel_coasts():
-    """Without friction its momentum stays from the failure on, at 7.3 s as commanded until then."""
+    """Without friction its momentum stays from the failure on, at 7.3 s as commanded
+    until then."""
     values = QUIET | {
-        "wheels.failed": "1", "wheels.failed_from": 7.3, "controller.kp": 0.8, "controller.kd": 5.6,
-    }  # fmt: skip
+        "wheels.failed": "1",
+        "wheels.failed_from": 7.3,
+        "controller.kp": 0.8,
+        "controller.kd": 5.6,
+    }
     h = gyrostat(stop=12.0, **values).ideal().h
     well = gyrostat(stop=12.0, **values | {"wheels.failed": "none"}).ideal().h
     assert np.array_equal(h[:8], well[:8])
@@ -192,15 +242,27 @@ def test_a_failed_wheel_coasts():
 
 def test_a_loop_learns_the_friction():
     """At a speed where Coulomb friction is constant: learnt = c_c (1 - exp(-c t))."""
-    plant = gyrostat(**QUIET | {"wheels.coulomb": 5e-4, "wheels.compensation": 0.7,
-                                "wheels.h_start_wheel": [0.5, -1.5, 0.8, 0.0]}).plant  # fmt: skip
+    plant = gyrostat(
+        **QUIET
+        | {
+            "wheels.coulomb": 5e-4,
+            "wheels.compensation": 0.7,
+            "wheels.h_start_wheel": [0.5, -1.5, 0.8, 0.0],
+        }
+    ).plant
     y, _, _ = advance(plant, 0.0, 5.0, plant.start_state(), Held())
     lost = 5e-4 * -math.expm1(-3.5) / 0.7
     assert y[H] == pytest.approx([0.5 - lost, -1.5 + lost, 0.8 - lost, 0.0], abs=1e-14)
     assert y[15] == pytest.approx(5e-4 * -math.expm1(-3.5), abs=1e-15)
     # what the motor gives in all stays within its limit
-    strong = gyrostat(**QUIET | {"wheels.coulomb": 5e-3, "wheels.compensation": 5.0,
-                                 "wheels.torque_limit": 2e-3}).plant  # fmt: skip
+    strong = gyrostat(
+        **QUIET
+        | {
+            "wheels.coulomb": 5e-3,
+            "wheels.compensation": 5.0,
+            "wheels.torque_limit": 2e-3,
+        }
+    ).plant
     y, _, pieces = advance(strong, 0.0, 5.0, strong.start_state(), Held())
     omega, h = strong.motion(5.0, y, Held())
     assert strong.rotor(0, y, omega, h, Held())[0] == pytest.approx(
@@ -209,7 +271,7 @@ def test_a_loop_learns_the_friction():
     assert len(pieces) > 1, "cut where the motor comes to its limit"
 
 
-# --- the reference and the blocks -----------------------------------------------------------------
+# --- the reference and the blocks -----------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -217,23 +279,58 @@ def test_a_loop_learns_the_friction():
     [
         ("full", {"manager.gyroscopic": True, "manager.feedforward": True}, 2.5),
         ("full", {"wheels.compensation": 0.5, "controller.torque_limit": 0.015}, 1.0),
-        ("full", {"controller.sample_time": 2.0, "magnetometer.sample_time": 4.0,
-                  "torquers.sample_time": 2.0}, 2.5),
-        ("full", {"manager.law": "ccpl", "manager.gain": 200.0,
-                  "magnetometer.bias_body": [1e-6] * 3,
-                  "spacecraft.residual_dipole_body": [0.1, 0.2, -0.1],
-                  "spacecraft.tau_disturbance_body": [1e-5, 0, -2e-5],
-                  "controller.anti_windup": True, "environment.eccentricity": 0.01}, 2.5),
-        ("full", {"controller.delay": 1.0, "manager.delay": 2.0, "torquers.drive": "pulsed",
-                  "torquers.sample_time": 4.0, "torquers.pulse_delay": 0.13}, 2.5),
-        ("full", {"wheels.stiction": 6e-3, "wheels.coulomb": 3e-3, "manager.enable": False,
-                  "wheels.h_start_wheel": [0.05, -0.04, 0.0, 0.0]}, 1.5),
+        (
+            "full",
+            {
+                "controller.sample_time": 2.0,
+                "magnetometer.sample_time": 4.0,
+                "torquers.sample_time": 2.0,
+            },
+            2.5,
+        ),
+        (
+            "full",
+            {
+                "manager.law": "ccpl",
+                "manager.gain": 200.0,
+                "magnetometer.bias_body": [1e-6] * 3,
+                "spacecraft.residual_dipole_body": [0.1, 0.2, -0.1],
+                "spacecraft.tau_disturbance_body": [1e-5, 0, -2e-5],
+                "controller.anti_windup": True,
+                "environment.eccentricity": 0.01,
+            },
+            2.5,
+        ),
+        (
+            "full",
+            {
+                "controller.delay": 1.0,
+                "manager.delay": 2.0,
+                "torquers.drive": "pulsed",
+                "torquers.sample_time": 4.0,
+                "torquers.pulse_delay": 0.13,
+            },
+            2.5,
+        ),
+        (
+            "full",
+            {
+                "wheels.stiction": 6e-3,
+                "wheels.coulomb": 3e-3,
+                "manager.enable": False,
+                "wheels.h_start_wheel": [0.05, -0.04, 0.0, 0.0],
+            },
+            1.5,
+        ),
     ],
-)  # fmt: skip
+)
 def test_the_blocks_converge_to_it(name, values, least_order):
-    """With compensation more slowly: its loop takes friction as linear over a step. With stiction
-    one wheel stands from 0.004 to 0.107 s, and two stop at once on their way through zero."""
-    stop = 16.0 if "torquers.drive" in values else 24.0  # its reference takes a second a pulse
+    """With compensation more slowly: its loop takes friction as linear over a step.
+    With stiction one wheel stands from 0.004 to 0.107 s, and two stop at once on their
+    way through zero."""
+    stop = (
+        16.0 if "torquers.drive" in values else 24.0
+    )  # its reference takes a second a pulse
     name, options = f"gyrostat/{name}", Options(blocks=True, stop=stop, values=values)
     ideal = gyrostat(name, stop=stop, **values).ideal()
     errors = []
@@ -246,7 +343,8 @@ def test_the_blocks_converge_to_it(name, values, least_order):
 
 @pytest.fixture(scope="module", params=CASES)
 def case(request):
-    """Its name, error at the scenario's step, what the run itself estimates (rad), warnings."""
+    """Its name, error at the scenario's step, what the run itself estimates (rad),
+    warnings."""
     name = f"gyrostat/{request.param}"
     options = Options(blocks=True)
     prepared = prepare(name, options)
@@ -258,7 +356,7 @@ def case(request):
     assert run.residual < 1e-13
     truth, single = (
         estimate.difference(f.q, f.h, ideal.q, ideal.h)[0] for f in (run, once)
-    )  # fmt: skip
+    )
     estimated = estimate.estimate(run.q, run.h, finer.q, finer.h)[0]
     return request.param, truth, single, estimated, prepared.checked.warnings
 
@@ -279,8 +377,8 @@ share = st.floats(0.0, 1.0)
 
 @st.composite
 def craft(draw):
-    """Parameters of a craft of 1 to 100 kg m2 whose wheels, motor, friction, loop and rate suit its
-    size, over one to two decades each."""
+    """Parameters of a craft of 1 to 100 kg m2 whose wheels, motor, friction, loop and
+    rate suit its size, over one to two decades each."""
 
     def decades(low, high):
         return 10.0 ** draw(st.floats(low, high))
@@ -307,15 +405,20 @@ def craft(draw):
 @given(craft())
 @settings(max_examples=20)
 def test_the_estimate_of_any_craft(values):
-    """Within a factor of 10 for all 20; measured over 50 others, 20 s each: 0.85 to 2.63."""
-    name, options = "gyrostat/full", Options(blocks=True, values=values, stop=5.0, step=1.0)
+    """Within a factor of 10 for all 20; measured over 50 others, 20 s each: 0.85 to
+    2.63."""
+    name, options = (
+        "gyrostat/full",
+        Options(blocks=True, values=values, stop=5.0, step=1.0),
+    )
     system, _ = prepare(name, options).or_raise()
     ideal = Gyrostat(system).ideal()
     run = convergence.fly(name, options)
     finer = convergence.fly(name, estimate.companion(system, options))
     truth = estimate.difference(run.q, run.h, ideal.q, ideal.h)[0]
     estimated = estimate.estimate(run.q, run.h, finer.q, finer.h)[0]
-    # below the rounding of the angle between two quaternions there is nothing to estimate
+    # below the rounding of the angle between two quaternions there is nothing to
+    # estimate
     assert truth < 1e-13 or 0.1 <= estimated / truth <= 10.0
 
 
@@ -339,11 +442,19 @@ def of_range(options):
 
 def test_a_run_beyond_the_cases_warns():
     for values, text in (
-        ({"wheels.h_start_wheel": [200.0, 0.0, 0.0, 0.0], "wheels.speed_limit": 3e4},
-         "turn and nutation in a substep: "),
-        ({"wheels.torque_limit": 4.0}, "turn by the largest torque of wheels in a substep: "),
-        ({"torquers.m_limit": 1e4}, "turn by the largest torque of torquers in a substep: "),
-    ):  # fmt: skip
+        (
+            {"wheels.h_start_wheel": [200.0, 0.0, 0.0, 0.0], "wheels.speed_limit": 3e4},
+            "turn and nutation in a substep: ",
+        ),
+        (
+            {"wheels.torque_limit": 4.0},
+            "turn by the largest torque of wheels in a substep: ",
+        ),
+        (
+            {"torquers.m_limit": 1e4},
+            "turn by the largest torque of torquers in a substep: ",
+        ),
+    ):
         options = Options(blocks=True, values=values)
         (warning,) = of_range(options)
         assert warning.startswith(text), warning
@@ -361,7 +472,10 @@ def test_a_run_beyond_the_cases_warns():
             {"magnetometer.coil_coupling": [[1e-9, 0, 0], [0] * 3, [0] * 3]},
             r"needs magnetometer.coil_coupling\[1,1\] = 0.0, it is 1e-09",
         ),
-        ({"magnetometer.resolution": 1e-9}, "needs magnetometer.resolution = 0.0, it is 1e-09"),
+        (
+            {"magnetometer.resolution": 1e-9},
+            "needs magnetometer.resolution = 0.0, it is 1e-09",
+        ),
         ({"torquers.failed_coil": "1"}, "needs torquers.failed_coil = 0, it is 1"),
         ({"controller.enable": False}, "needs controller.enable = True, it is False"),
     ],
@@ -372,28 +486,42 @@ def test_it_refuses_what_it_does_not_know(values, text):
 
 
 def test_the_reference_of_another_master_refuses_what_it_does_not_know():
-    late = gyrostat("gyrostat/full", **{"wheels.stiction": 1e-3, "controller.delay": 2.0,
-                                        "torquers.drive": "pulsed",
-                                        "torquers.sample_time": 4.0})  # fmt: skip
-    with pytest.raises(DesatError, match=r"not know wheels.stiction, torquers.drive = pulsed, con"):
+    late = gyrostat(
+        "gyrostat/full",
+        **{
+            "wheels.stiction": 1e-3,
+            "controller.delay": 2.0,
+            "torquers.drive": "pulsed",
+            "torquers.sample_time": 4.0,
+        },
+    )
+    with pytest.raises(
+        DesatError, match=r"not know wheels.stiction, torquers.drive = pulsed, con"
+    ):
         late.delayed(1.0)
 
 
 def test_it_refuses_other_wires():
     options = Options(blocks=True, values={"manager.gyroscopic": True})
     system, _ = prepare("gyrostat/full", options).or_raise()
-    wires = (c for c in system.connections if (c.target, c.input[:5]) != ("manager", "omega"))
+    wires = (
+        c for c in system.connections if (c.target, c.input[:5]) != ("manager", "omega")
+    )
     system = replace(system, connections=tuple(wires))
-    with pytest.raises(DesatError, match=r"needs spacecraft.omega_bi_body wired to manager"):
+    with pytest.raises(
+        DesatError, match=r"needs spacecraft.omega_bi_body wired to manager"
+    ):
         Gyrostat(system)
 
 
-# --- the commands ---------------------------------------------------------------------------------
+# --- the commands ---------------------------------------------------------------------
 
 
 def test_convergence_has_estimates():
     options = Options(blocks=True, substeps=1)
-    found = convergence.study("gyrostat/slow-samples", options, (10.0, 5.0), ("gauss_seidel",))
+    found = convergence.study(
+        "gyrostat/slow-samples", options, (10.0, 5.0), ("gauss_seidel",)
+    )
     rows = found["rows"]
     assert [r["step"] for r in rows] == [10.0, 5.0]
     for row in rows:

@@ -1,4 +1,5 @@
-"""Craft files: they give all that was wired by hand, their SSDs are current, bad ones say so."""
+"""Craft files: they give all that was wired by hand, their SSDs are current, bad ones
+say so."""
 
 from __future__ import annotations
 
@@ -16,12 +17,14 @@ from desat.runs.run import Options, execute
 from desat.system.errors import DesatError
 from desat.system.interface import elements, misfit, of_block, usual_sources
 
-CRAFTS = [f for family in scenario.families() for f in craft.files(ROOT / "ssp" / family)]
+CRAFTS = [
+    f for family in scenario.families() for f in craft.files(ROOT / "ssp" / family)
+]
 
 BY_HAND = {
-    # the connections of the SSDs that were kept by hand, how many and the digest of their names;
-    # since then `valid` of the sensors has come, and what a magnetometer sees of the coils;
-    # the gyrostat's manager knows the body's rate, three more
+    # the connections of the SSDs that were kept by hand, how many and the digest of
+    # their names; since then `valid` of the sensors has come, and what a magnetometer
+    # sees of the coils; the gyrostat's manager knows the body's rate, three more
     "gyrostat/craft.toml": (83, "c03012a9e721818a"),
     "integrated/craft.toml": (112, "028d67e774c5b8dd"),
     "nadir_day/craft.toml": (112, "028d67e774c5b8dd"),
@@ -82,7 +85,9 @@ def test_all_511():
 @pytest.mark.parametrize("file", CRAFTS, ids=lambda f: f"{f.parent.name}/{f.name}")
 def test_the_ssd_is_current_and_says_the_same(file):
     target = packing.target(file)
-    assert target.read_text(encoding="utf-8") == packing.text(file), "run `desat pack --ssd`"
+    assert target.read_text(encoding="utf-8") == packing.text(file), (
+        "run `desat pack --ssd`"
+    )
     system = Builder(ssp.read(target))
     assert system.problems == []
     same_system(system, Builder(craft.read(file)))
@@ -112,7 +117,9 @@ def test_every_usual_source_is_an_output_that_fits():
                 owner, _, output = source.partition(".")
                 outputs = elements(components[owner], output, "output")
                 assert outputs, source
-                assert not misfit(outputs, elements(components[role], name, "input")), source
+                assert not misfit(outputs, elements(components[role], name, "input")), (
+                    source
+                )
                 count += 1
     assert count > 40
 
@@ -126,8 +133,11 @@ def test_what_a_craft_says_goes_before_the_usual(tmp_path):
     assert "environment.sun_eci[1] -> spacecraft.sun_eci[1]" in found
     assert not any("density" in w or "sunlight" in w for w in found)
     assert system.components["manager"].parameters["split"] == 2
-    assert {c.parameters["sample_time"] for c in system.components.values()
-            if "sample_time" in c.interface.signals} == {1.0}  # fmt: skip
+    assert {
+        c.parameters["sample_time"]
+        for c in system.components.values()
+        if "sample_time" in c.interface.signals
+    } == {1.0}
     file, written = packing.write(tmp_path / "mine.toml")
     assert (file.name, written) == ("mine.ssd", True)
     assert packing.write(tmp_path / "mine.toml") == (file, False)
@@ -139,7 +149,9 @@ def test_what_a_craft_says_goes_before_the_usual(tmp_path):
 
 def test_an_fmu_stands_beside_the_craft_file(tmp_path):
     text = GOOD.replace('"manager_combined"', '"fmus/other.fmu"')
-    with pytest.raises(DesatError, match=r"components.manager = fmus/other.fmu: no such file"):
+    with pytest.raises(
+        DesatError, match=r"components.manager = fmus/other.fmu: no such file"
+    ):
         made(tmp_path, text)
     (tmp_path / "fmus").mkdir()
     shutil.copy(paths.fmus() / "manager_combined.fmu", tmp_path / "fmus" / "other.fmu")
@@ -154,52 +166,130 @@ def test_ideal_sources_stand_in_for_missing_sensors(tmp_path):
 
 
 BAD = {
-    "role": ('manager = "m', 'maneger = "m', ":10: components.maneger: no role maneger; did you "
-             "mean manager?"),
-    "block": ("manager_combined", "manager_combind", ":10: components.manager = manager_combind: "
-              "no such block; did you mean manager_combined?"),
-    "role of block": ("manager_combined", "magnetometer_bias", "no such block; did you mean"),
-    "another role": ('"manager_combined"', '"magnetometer"', ":10: components.manager = "
-                     "magnetometer: its role is magnetometer, not manager"),
-    "no text": ('"manager_combined"', "3", ":10: components.manager = 3: the name of a block or "
-                "the path of an FMU is needed"),
-    "component": ('"manager.b_body"', '"manger.b_body"', ":15: wiring.manger.b_body: no component "
-                  "manger; did you mean manager?"),
-    "input": ('"manager.b_body"', '"manager.b_bdy"', ":15: wiring.manager.b_bdy: manager has no "
-              "input b_bdy; did you mean b_body?"),
-    "input of a table": ("spacecraft.sunlight", "spacecraft.sunligt", ":17: "
-                         "wiring.spacecraft.sunligt: spacecraft has no input sunligt; did you "
-                         "mean sunlight?"),
-    "no input": ('"manager.b_body"', "manager", ":15: wiring.manager: the form is "
-                 "COMPONENT.INPUT"),
-    "source": ("magnetometer_2.b_body", "magnetometer_3.b_body", ":15: wiring.manager.b_body = "
-               "magnetometer_3.b_body: no component magnetometer_3; did you mean magnetometer_2?"),
-    "output": ("magnetometer_2.b_body", "magnetometer_2.b_bod", ":15: wiring.manager.b_body: "
-               "magnetometer_2 has no output b_bod, which manager.b_body would take; did you mean "
-               "b_body?"),
-    "an input as source": ("magnetometer_2.b_body", "magnetometer_2.b_eci", "magnetometer_2 has no "
-                           "output b_eci"),
-    "unit": ("magnetometer_2.b_body", "environment.r_eci", ":15: wiring.manager.b_body: "
-             "environment.r_eci does not fit manager.b_body: unit m, T is needed"),
-    "type": ("density\" = false", 'density" = "magnetometer.valid"', "magnetometer.valid does not "
-             "fit spacecraft.density: type Boolean, Real is needed"),
-    "size": ("magnetometer_2.b_body", "spacecraft.q_bi", "spacecraft.q_bi does not fit "
-             "manager.b_body: 4 elements, 3 are needed"),
-    "true": ("density\" = false", 'density" = true', ':16: wiring.spacecraft.density = True: '
-             '"component.output" or false is needed'),
+    "role": (
+        'manager = "m',
+        'maneger = "m',
+        ":10: components.maneger: no role maneger; did you mean manager?",
+    ),
+    "block": (
+        "manager_combined",
+        "manager_combind",
+        ":10: components.manager = manager_combind: "
+        "no such block; did you mean manager_combined?",
+    ),
+    "role of block": (
+        "manager_combined",
+        "magnetometer_bias",
+        "no such block; did you mean",
+    ),
+    "another role": (
+        '"manager_combined"',
+        '"magnetometer"',
+        ":10: components.manager = magnetometer: its role is magnetometer, not manager",
+    ),
+    "no text": (
+        '"manager_combined"',
+        "3",
+        ":10: components.manager = 3: the name of a block or "
+        "the path of an FMU is needed",
+    ),
+    "component": (
+        '"manager.b_body"',
+        '"manger.b_body"',
+        ":15: wiring.manger.b_body: no component manger; did you mean manager?",
+    ),
+    "input": (
+        '"manager.b_body"',
+        '"manager.b_bdy"',
+        ":15: wiring.manager.b_bdy: manager has no input b_bdy; did you mean b_body?",
+    ),
+    "input of a table": (
+        "spacecraft.sunlight",
+        "spacecraft.sunligt",
+        ":17: "
+        "wiring.spacecraft.sunligt: spacecraft has no input sunligt; did you "
+        "mean sunlight?",
+    ),
+    "no input": (
+        '"manager.b_body"',
+        "manager",
+        ":15: wiring.manager: the form is COMPONENT.INPUT",
+    ),
+    "source": (
+        "magnetometer_2.b_body",
+        "magnetometer_3.b_body",
+        ":15: wiring.manager.b_body = "
+        "magnetometer_3.b_body: no component magnetometer_3; did you mean magnetometer_2?",
+    ),
+    "output": (
+        "magnetometer_2.b_body",
+        "magnetometer_2.b_bod",
+        ":15: wiring.manager.b_body: "
+        "magnetometer_2 has no output b_bod, which manager.b_body would take; did you mean "
+        "b_body?",
+    ),
+    "an input as source": (
+        "magnetometer_2.b_body",
+        "magnetometer_2.b_eci",
+        "magnetometer_2 has no output b_eci",
+    ),
+    "unit": (
+        "magnetometer_2.b_body",
+        "environment.r_eci",
+        ":15: wiring.manager.b_body: "
+        "environment.r_eci does not fit manager.b_body: unit m, T is needed",
+    ),
+    "type": (
+        'density" = false',
+        'density" = "magnetometer.valid"',
+        "magnetometer.valid does not "
+        "fit spacecraft.density: type Boolean, Real is needed",
+    ),
+    "size": (
+        "magnetometer_2.b_body",
+        "spacecraft.q_bi",
+        "spacecraft.q_bi does not fit manager.b_body: 4 elements, 3 are needed",
+    ),
+    "true": (
+        'density" = false',
+        'density" = true',
+        ':16: wiring.spacecraft.density = True: "component.output" or false is needed',
+    ),
     "key": ("title =", "titel =", ":2: titel: unknown key; did you mean title?"),
-    "stop": ("title =", 'stop = "1"\ntitle =', ":2: stop = '1': a time in seconds is needed"),
-    "shared": ("sample_time", "sampel_time", ":20: shared.sampel_time: no component has a "
-               "parameter sampel_time; did you mean sample_time?"),
-    "parameter": ("split", "splitt", ":23: parameters.manager.splitt: manager has no variable "
-                  "splitt; did you mean split?"),
-    "choice": ('"crcp"', '"crc"', "manager.split = crc: not a choice; did you mean crcp?"),
-    "owner": ("[parameters.manager]", "[parameters.maneger]", ":22: parameters.maneger: no "
-              "component maneger; did you mean manager?"),
-    "a table": ("[shared]\nsample_time = 1.0", "[shared.x]", ":19: shared.x: no component has a "
-                "parameter x"),
+    "stop": (
+        "title =",
+        'stop = "1"\ntitle =',
+        ":2: stop = '1': a time in seconds is needed",
+    ),
+    "shared": (
+        "sample_time",
+        "sampel_time",
+        ":20: shared.sampel_time: no component has a "
+        "parameter sampel_time; did you mean sample_time?",
+    ),
+    "parameter": (
+        "split",
+        "splitt",
+        ":23: parameters.manager.splitt: manager has no variable "
+        "splitt; did you mean split?",
+    ),
+    "choice": (
+        '"crcp"',
+        '"crc"',
+        "manager.split = crc: not a choice; did you mean crcp?",
+    ),
+    "owner": (
+        "[parameters.manager]",
+        "[parameters.maneger]",
+        ":22: parameters.maneger: no component maneger; did you mean manager?",
+    ),
+    "a table": (
+        "[shared]\nsample_time = 1.0",
+        "[shared.x]",
+        ":19: shared.x: no component has a parameter x",
+    ),
     "TOML": ("[components]", "[components", "mine.toml: "),
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("what", BAD)
@@ -242,8 +332,9 @@ def family(tmp_path, monkeypatch):
     (folder / "craft.toml").write_text(GOOD, encoding="utf-8")
     (folder / "scenarios" / "one.toml").write_text(
         'title = "One"\ndescription = "Two."\nstep = 1.0\nstop = 20.0\n'
-        '[sources]\nenvironment = "environment_kepler"\n', encoding="utf-8",
-    )  # fmt: skip
+        '[sources]\nenvironment = "environment_kepler"\n',
+        encoding="utf-8",
+    )
     monkeypatch.setattr(scenario, "ROOT", tmp_path / "ssp")
     monkeypatch.setattr(paths, "SCENARIOS", tmp_path / "ssp")
     scenario.families.cache_clear()
@@ -284,9 +375,13 @@ def test_a_scenario_names_its_craft_or_its_ssd(family):
 
     (family / "small.craft.toml").write_text(
         '[components]\nenvironment = "environment_orbit_dipole"\n'
-        'spacecraft = "spacecraft_fixed_attitude"\n', encoding="utf-8",
-    )  # fmt: skip
-    assert list(system('craft = "small.craft.toml"\n').components) == ["environment", "spacecraft"]
+        'spacecraft = "spacecraft_fixed_attitude"\n',
+        encoding="utf-8",
+    )
+    assert list(system('craft = "small.craft.toml"\n').components) == [
+        "environment",
+        "spacecraft",
+    ]
     packing.write(family / "craft.toml")
     (family / "resources").symlink_to(paths.fmus())
     from_ssd = system('ssd = "SystemStructure.ssd"\n')
@@ -302,7 +397,10 @@ def test_the_command(desat, tmp_path):
     (tmp_path / "mine.toml").write_text(GOOD, encoding="utf-8")
     result = desat("pack", "--ssd", "mine.toml", cwd=tmp_path, check=True)
     assert result.stdout == "mine.ssd: written\n"
-    assert desat("pack", "--ssd", "mine.toml", cwd=tmp_path).stdout == "mine.ssd: current\n"
+    assert (
+        desat("pack", "--ssd", "mine.toml", cwd=tmp_path).stdout
+        == "mine.ssd: current\n"
+    )
     result = desat("pack", "--ssd", "uosat21")
     assert result.returncode == 2
     assert "no family uosat21; did you mean uosat12?" in result.stderr

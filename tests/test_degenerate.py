@@ -13,9 +13,11 @@ LINE = "1,1,-1,1,0,0,0,0,0,0,0,0"
 
 @pytest.mark.parametrize(
     ("axes", "told"),
-    [(PLANE, "they lie in a plane: no wheel turns the craft about (0, 0, "),
-     (LINE, "all are along (1, 0, 0): no wheel turns the craft about another")],
-)  # fmt: skip
+    [
+        (PLANE, "they lie in a plane: no wheel turns the craft about (0, 0, "),
+        (LINE, "all are along (1, 0, 0): no wheel turns the craft about another"),
+    ],
+)
 def test_wheels_that_leave_an_axis_alone_are_refused(desat, axes, told):
     done = desat("check", "nadir_day/day-dipole", "--set", f"shared.axes_wheel={axes}")
     assert done.returncode == Exit.UNMET
@@ -28,7 +30,10 @@ def test_a_quaternion_of_size_0_is_refused_by_name(desat):
     zero = "spacecraft.q_start_bi=0,0,0,0"
     done = desat("run", "nadir_day/day-dipole", "--stop", "5", "--set", zero)
     assert done.returncode == Exit.INPUT
-    assert f"--set {zero}: spacecraft.q_start_bi = (0, 0, 0, 0): a quaternion of" in done.stderr
+    assert (
+        f"--set {zero}: spacecraft.q_start_bi = (0, 0, 0, 0): a quaternion of"
+        in done.stderr
+    )
 
 
 def test_a_singular_inertia_is_a_line_and_no_warning_of_numpy(desat):
@@ -45,17 +50,28 @@ def test_two_files_that_make_one_name_are_both_named(monkeypatch, tmp_path):
     base = 'ssd = "s.ssd"\ntitle = "x"\nstep = 1.0\nstop = 1.0\n'
     (folder / "a.toml").write_text(f"{base}[axes.x.b-c]\ntitle = 'a'\n")
     (folder / "a-b.toml").write_text(f"{base}[axes.x.c]\ntitle = 'a-b'\n")
-    for cached in (scenario.families, scenario.survey, scenario.cells, scenario.scenarios):
+    for cached in (
+        scenario.families,
+        scenario.survey,
+        scenario.cells,
+        scenario.scenarios,
+    ):
         cached.cache_clear()
     monkeypatch.setattr(scenario, "ROOT", tmp_path)
     monkeypatch.setattr(paths, "SCENARIOS", tmp_path)
     try:
         for ask in (lambda: scenario.scenarios("f"), lambda: scenario.find("f/a-b-c")):
             with pytest.raises(
-                DesatError, match=r"a-b\.toml and .*a\.toml: both make a scenario f/a-b-c"
+                DesatError,
+                match=r"a-b\.toml and .*a\.toml: both make a scenario f/a-b-c",
             ):
                 ask()
     finally:
         monkeypatch.undo()
-        for cached in (scenario.families, scenario.survey, scenario.cells, scenario.scenarios):
+        for cached in (
+            scenario.families,
+            scenario.survey,
+            scenario.cells,
+            scenario.scenarios,
+        ):
             cached.cache_clear()

@@ -1,5 +1,5 @@
-"""The digest of a system: another one for all that may move a bit, the same for all else; campaigns
-and runs go on with the same system and the same versions alone."""
+"""The digest of a system: another one for all that may move a bit, the same for all
+else; campaigns and runs go on with the same system and the same versions alone."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ from desat.system.model import Connection
 origin = module_of("desat.papers.designs.origin")
 stored = module_of("desat.papers.stored")
 
-# --- every field ----------------------------------------------------------------------------------
+# --- every field ----------------------------------------------------------------------
 
 MOVES_NO_BIT = {
     "System": {"name", "where"},
@@ -40,9 +40,18 @@ MOVES_NO_BIT = {
     "Component": {"source", "fmu", "connectors", "line", "given", "references"},
     "Connection": {"line", "converts"},
     "Interface": {"title"},
-    "Signal": {"description", "unit_name", "reference", "choices", "minimum", "maximum", "shared",
-               "needed_by", "usual"},
-}  # fmt: skip
+    "Signal": {
+        "description",
+        "unit_name",
+        "reference",
+        "choices",
+        "minimum",
+        "maximum",
+        "shared",
+        "needed_by",
+        "usual",
+    },
+}
 
 
 USES = declared(ScenarioTable)
@@ -82,8 +91,9 @@ def other(value: Any) -> Any:
 
 
 def changes(x: Any) -> Iterator[tuple[str, str, Any]]:
-    """A dataclass with each field that it, or one within it, has made another one: class, field,
-    and what comes of it. Of several things of a class in a table, the first and the last."""
+    """A dataclass with each field that it, or one within it, has made another one:
+    class, field, and what comes of it. Of several things of a class in a table, the
+    first and the last."""
     for f in fields(x):
         if not f.init:
             continue  # it follows from the others
@@ -113,7 +123,9 @@ def _with(table: Any, key: Any, value: Any) -> Any:
 def test_every_field_of_a_resolved_system_is_in_the_digest():
     """But for those that move no bit, which are these."""
     system, _ = prepare("integrated/mil-nadir", Options(blocks=True)).or_raise()
-    numbers = Said(numbers=system.about.as_json()["numbers"])  # of the rest of a content: below
+    numbers = Said(
+        numbers=system.about.as_json()["numbers"]
+    )  # of the rest of a content: below
     system = replace(system, about=numbers, output_classes={"manager.mode": "state"})
     computes = dict.fromkeys([*system.components, "x"], "1")
     before, seen, silent = digest(system, computes), set(), set()
@@ -123,11 +135,13 @@ def test_every_field_of_a_resolved_system_is_in_the_digest():
             computes.update(dict.fromkeys(made.components, "1"))
         if digest(made, computes) == before:
             silent.add((kind, name))
-    assert {"System", "Component", "Connection", "Interface", "Signal"} <= {k for k, _ in seen}
-    assert len(seen) > 40
-    assert silent - {("Connector", f) for f in ("name", "kind", "type", "unit", "line")} == {
-        (kind, name) for kind, names in MOVES_NO_BIT.items() for name in names
+    assert {"System", "Component", "Connection", "Interface", "Signal"} <= {
+        k for k, _ in seen
     }
+    assert len(seen) > 40
+    assert silent - {
+        ("Connector", f) for f in ("name", "kind", "type", "unit", "line")
+    } == {(kind, name) for kind, names in MOVES_NO_BIT.items() for name in names}
     assert {k: set(v) for k, v in ASIDE.items()} == MOVES_NO_BIT
 
 
@@ -140,12 +154,16 @@ def test_what_computes_a_component_and_options_are_in_it():
     for f in fields(Options):
         made = Options()
         value = "jacobi" if f.name == "algorithm" else object()
-        object.__setattr__(made, f.name, 7 if f.name not in aside and value is not str else value)
+        object.__setattr__(
+            made, f.name, 7 if f.name not in aside and value is not str else value
+        )
         if f.name not in aside:
             assert digest(system, one, made) != before, f.name
         else:
             assert digest(system, one, made) == before, f.name
-    assert {"algorithm", "halvings", "every"} <= {f.name for f in fields(Options)} - aside
+    assert {"algorithm", "halvings", "every"} <= {
+        f.name for f in fields(Options)
+    } - aside
     with pytest.raises(TypeError, match="object: a digest cannot tell it"):
         digest(system, one, object())
 
@@ -163,7 +181,9 @@ def test_neither_order_nor_texts_of_a_content_count_but_all_else_of_it():
     assert digest(made, one) == before
     number = about["numbers"]["pointing"]
     assert of(title="x", description="x") == before
-    assert of(numbers={**about["numbers"], "pointing": {**number, "title": "x"}}) == before
+    assert (
+        of(numbers={**about["numbers"], "pointing": {**number, "title": "x"}}) == before
+    )
     for key in ("signal", "unit", "window", "measure"):
         with_other = {**about["numbers"], "pointing": {**number, key: "x"}}
         assert of(numbers=with_other) != before
@@ -179,8 +199,10 @@ def test_neither_order_nor_texts_of_a_content_count_but_all_else_of_it():
 @pytest.mark.parametrize("name", ["integrated/mil-nadir", "uosat12/table3-ocdc-ilqr-1"])
 def test_native_and_python_fmus_and_bare_blocks_are_one(name):
     """They give the same bits, and so have the same digest; packed, too."""
-    made = {plan.digest_of(name, o)
-            for o in (Options(), Options(fmus="python"), Options(blocks=True))}  # fmt: skip
+    made = {
+        plan.digest_of(name, o)
+        for o in (Options(), Options(fmus="python"), Options(blocks=True))
+    }
     assert len(made) == 1
     assert comparable(made.pop())
 
@@ -188,9 +210,12 @@ def test_native_and_python_fmus_and_bare_blocks_are_one(name):
 def test_a_packed_system_has_the_digest_of_its_scenario(tmp_path):
     from desat.export.packing import pack_scenario
 
-    file = pack_scenario(find("nadir_day/day-dipole"), tmp_path / "a.ssp", force=True,
-                         fmus="native")  # fmt: skip
-    assert plan.digest_of(str(file), Options()) == plan.digest_of("nadir_day/day-dipole", Options())
+    file = pack_scenario(
+        find("nadir_day/day-dipole"), tmp_path / "a.ssp", force=True, fmus="native"
+    )
+    assert plan.digest_of(str(file), Options()) == plan.digest_of(
+        "nadir_day/day-dipole", Options()
+    )
 
 
 def test_it_is_of_what_an_fmu_was_built_of_not_of_the_sources_beside_it(monkeypatch):
@@ -211,10 +236,12 @@ def test_a_foreign_fmu_is_its_file(tmp_path):
     shutil.copy(library.our_file("wheels.fmu"), copy)
     with copy.open("ab") as file:
         file.write(b"\0" * 8)
-    assert library.computes("wheels", library.load(copy)) == f"file {library.sha256(copy)}"
+    assert (
+        library.computes("wheels", library.load(copy)) == f"file {library.sha256(copy)}"
+    )
 
 
-# --- two systems in one data set ------------------------------------------------------------------
+# --- two systems in one data set ------------------------------------------------------
 
 MINE = """
 extends = "integrated/mil-nadir"
@@ -252,7 +279,8 @@ def rewire(file: Path) -> None:
 
 
 def test_a_campaign_does_not_go_on_with_another_wiring(mine, tmp_path, desat):
-    """Neither by more cases, nor by a case again; the report still reads it, and says so."""
+    """Neither by more cases, nor by a case again; the report still reads it, and says
+    so."""
     folder = tmp_path / "campaign"
     begun = ("campaign", str(mine), "--out", str(folder), "--jobs", "1", "-n")
     assert desat(*begun, "2").returncode in (0, 1)
@@ -261,7 +289,10 @@ def test_a_campaign_does_not_go_on_with_another_wiring(mine, tmp_path, desat):
     for command in ((*begun, "4"), ("campaign", "case", str(folder), "1")):
         said = desat(*command)
         assert said.returncode == Exit.INPUT, command
-        assert "mine.toml is not what it was when the campaign began: wiring" in said.stderr
+        assert (
+            "mine.toml is not what it was when the campaign began: wiring"
+            in said.stderr
+        )
         assert "--out ANOTHER` begins anew" in said.stderr
         assert one_line(said)
     assert store.digest(folder) == kept
@@ -285,10 +316,13 @@ def test_a_worker_with_another_wiring_makes_no_case(mine):
 def test_a_run_does_not_go_on_with_another_wiring(mine, tmp_path, monkeypatch):
     broken(str(mine), Options(checkpoint=5.0), tmp_path / "a", monkeypatch, 10)
     rewire(mine)
-    with pytest.raises(DesatError, match=(
-        r"connections\.controller\.omega_bi_body\[1\] was {'source': 'gyro.omega_meas_body\[1\]'}, "
-        r"and is {'source': 'spacecraft.omega_bi_body\[1\]'}"
-    )):  # fmt: skip
+    with pytest.raises(
+        DesatError,
+        match=(
+            r"connections\.controller\.omega_bi_body\[1\] was {'source': 'gyro.omega_meas_body\[1\]'}, "
+            r"and is {'source': 'spacecraft.omega_bi_body\[1\]'}"
+        ),
+    ):
         resume(tmp_path / "a")
 
 
@@ -297,8 +331,12 @@ def test_a_manifest_says_wiring_and_versions(tmp_path):
     told = run.manifest
     system, _ = prepare("nadir_day/day-dipole", Options()).or_raise()
     assert len(told["connections"]) == len(system.connections)
-    assert told["connections"]["manager.h_wheel[2]"] == {"source": "tachometers.h_meas_wheel[2]"}
-    assert {"desat", "numpy", "scipy", "python", "platform", "libm"} <= told["versions"].keys()
+    assert told["connections"]["manager.h_wheel[2]"] == {
+        "source": "tachometers.h_meas_wheel[2]"
+    }
+    assert {"desat", "numpy", "scipy", "python", "platform", "libm"} <= told[
+        "versions"
+    ].keys()
     assert told["versions"]["compiler"]  # there are native FMUs
     assert comparable(told["digest"])
     run.results.close()
@@ -313,8 +351,9 @@ def test_a_transformation_is_in_digest_manifest_and_design():
         wire = replace(first, factor=factor, offset=offset)
         changed = replace(system, connections=(wire, *system.connections[1:]))
         made[digest(changed, one)] = (
-            plan_of(changed)[f"{first.target}.{first.input}"], origin._wire(wire)
-        )  # fmt: skip
+            plan_of(changed)[f"{first.target}.{first.input}"],
+            origin._wire(wire),
+        )
     assert len(made) == len({repr(x[0]) for x in made.values()}) == 3
     assert len({x[1] for x in made.values()}) == 3
 
@@ -342,9 +381,13 @@ def test_stored_draws_are_of_wiring_and_blocks_too(monkeypatch):
     scenario = find("uosat12/starts-dct")
     before = stored.digest(scenario)
     assert before == stored.digest(find("uosat12/starts-dct"))
-    text = replace(scenario, content=but(scenario.content, title="x", plots={}, paper={}))
+    text = replace(
+        scenario, content=but(scenario.content, title="x", plots={}, paper={})
+    )
     assert stored.digest(text) == before
-    slower = replace(scenario, content=but(scenario.content, stop=scenario.content.stop + 10.0))
+    slower = replace(
+        scenario, content=but(scenario.content, stop=scenario.content.stop + 10.0)
+    )
     assert stored.digest(slower) != before
     with monkeypatch.context() as patch:
         layers = type(scenario).layers
@@ -361,7 +404,11 @@ def test_stored_draws_are_of_wiring_and_blocks_too(monkeypatch):
 
 
 def test_a_design_made_for_each_draw_counts_where_it_is_used():
-    each = [s for s in scenarios().values() if s.content.design and s.content.design.each_draw]
+    each = [
+        s
+        for s in scenarios().values()
+        if s.content.design and s.content.design.each_draw
+    ]
     assert each
     before = stored.digest(each[0])
     written = each[0].content.design.written
@@ -370,7 +417,7 @@ def test_a_design_made_for_each_draw_counts_where_it_is_used():
     assert resolved(each[0].name, Options(blocks=True))[1] == written
 
 
-# --- versions beside it ---------------------------------------------------------------------------
+# --- versions beside it ---------------------------------------------------------------
 
 
 def test_other_versions_are_refused_or_accepted(mine, tmp_path, desat, monkeypatch):
@@ -412,10 +459,12 @@ def test_a_worker_with_another_libm_makes_no_case(mine):
     here = identity.versions()
     for name in ("desat", "numpy", "platform", "libm"):
         said = cluster.unfit(made, False, {**here, name: "0.1-other"})
-        assert said == f"has {name} {here[name]}, here it is 0.1-other; the same is needed"
+        assert (
+            said == f"has {name} {here[name]}, here it is 0.1-other; the same is needed"
+        )
 
 
-# --- folders of before ----------------------------------------------------------------------------
+# --- folders of before ----------------------------------------------------------------
 
 
 def test_a_campaign_of_before_is_read_but_does_not_go_on(mine, tmp_path, desat):
@@ -432,7 +481,10 @@ def test_a_campaign_of_before_is_read_but_does_not_go_on(mine, tmp_path, desat):
         assert said.returncode == Exit.INPUT
         assert "the desat that the campaign began with kept no digest" in said.stderr
         count = "4" if command[-1] == "4" else "2"
-        assert f"`desat campaign {mine} -n {count} --seed 1 --out ANOTHER` begins" in said.stderr
+        assert (
+            f"`desat campaign {mine} -n {count} --seed 1 --out ANOTHER` begins"
+            in said.stderr
+        )
         assert one_line(said)
     said = desat("campaign", "report", str(folder))
     assert said.returncode in (0, 1)
@@ -452,7 +504,9 @@ def test_a_run_of_before_is_read_but_does_not_go_on(tmp_path, monkeypatch, desat
         def without() -> dict[str, Any]:
             state = dict(told())
             drop = ("digest", "connections")
-            state["manifest"] = {k: v for k, v in state["manifest"].items() if k not in drop}
+            state["manifest"] = {
+                k: v for k, v in state["manifest"].items() if k not in drop
+            }
             return state
 
         with monkeypatch.context() as patch:
@@ -468,17 +522,20 @@ def test_a_run_of_before_is_read_but_does_not_go_on(tmp_path, monkeypatch, desat
             told.pop("digest")
             told.pop("connections")
             (folder / name).write_text(json.dumps(told))
-    with pytest.raises(DesatError, match=(
-        r"it cannot go on: the desat that it began with kept no digest .*`desat run "
-        r"nadir_day/day-dipole --set wheels.speed_limit=600.0 --stop 40.0 --checkpoint 10.0` begins"
-    )):  # fmt: skip
+    with pytest.raises(
+        DesatError,
+        match=(
+            r"it cannot go on: the desat that it began with kept no digest .*`desat run "
+            r"nadir_day/day-dipole --set wheels.speed_limit=600.0 --stop 40.0 --checkpoint 10.0` begins"
+        ),
+    ):
         resume(folder)
     load_run(folder).results.close()
     assert api.load(folder).sizes["time"] >= 30
     assert desat("report", str(folder)).returncode in (0, 1, 4)
 
 
-# --- what it costs --------------------------------------------------------------------------------
+# --- what it costs --------------------------------------------------------------------
 
 
 def test_it_costs_some_milliseconds():

@@ -1,5 +1,6 @@
-"""Pages that people read: the front door is short, links lead somewhere, commands are commands, and
-every number is made by a generator, checked by a test, or accepted with a reason."""
+"""Pages that people read: the front door is short, links lead somewhere, commands are
+commands, and every number is made by a generator, checked by a test, or accepted with a
+reason."""
 
 from __future__ import annotations
 
@@ -18,9 +19,12 @@ from typer.main import get_command
 from desat import cli
 from desat.files.scenario import scenarios
 
-PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", ROOT / "CHANGELOG.md",
-         *(p for p in sorted((ROOT / "docs").rglob("*.md"))
-           if "generated" not in p.parts)]  # fmt: skip
+PAGES = [
+    ROOT / "README.md",
+    ROOT / "CONTRIBUTING.md",
+    ROOT / "CHANGELOG.md",
+    *(p for p in sorted((ROOT / "docs").rglob("*.md")) if "generated" not in p.parts),
+]
 LINK = re.compile(r"\]\(([^)\s]+)\)")
 
 
@@ -49,7 +53,7 @@ def test_links_lead_somewhere(page: Path) -> None:
             assert anchor in anchors(target), f"{page.name}: {link}"
 
 
-# --- commands in pages --------------------------------------------------------------------------
+# --- commands in pages ----------------------------------------------------------------
 
 
 TOLD = [p for p in PAGES if p.name != "CHANGELOG.md"]
@@ -59,8 +63,20 @@ INDENTED = re.compile(r"^(?: {4}|\t)(desat .*)$", re.MULTILINE)
 SPAN = re.compile(r"(?<!`)`([^`]+)`(?!`)")
 LIST = re.compile(r"`[^`\n]+`(?:(?:,| and| or|, and|, or)?\s+`[^`\n]+`)+")
 TREE = get_command(cli.app_for([]))
-NO_COMMANDS = {"new", "list", "check", "pack", "build", "report", "show", "size", "design", "help"}
-"""Commands whose names are those of much else, too: a list is not one of commands for them."""
+NO_COMMANDS = {
+    "new",
+    "list",
+    "check",
+    "pack",
+    "build",
+    "report",
+    "show",
+    "size",
+    "design",
+    "help",
+}
+"""Commands whose names are those of much else, too: a list is not one of commands for
+them."""
 
 
 def command_lines(text: str) -> Iterator[str]:
@@ -77,7 +93,8 @@ def command_lines(text: str) -> Iterator[str]:
 
 
 def wrong_with(line: str) -> str:
-    """Return what of a command line there is not; nothing where all is there, or it is none."""
+    """Return what of a command line there is not; nothing where all is there, or it is
+    none."""
     if line.startswith("python -m "):
         module = line.split()[2].rstrip(".,;")
         ours = module.partition(".")[0] in ("desat", "benchmarks")
@@ -112,15 +129,24 @@ def wrong_words(command: Any, words: list[str]) -> str:
         else:
             return f"no command {name}"
         command = command.commands[name]
-    known = {x for p in command.params for x in (*p.opts, *p.secondary_opts)} | {"--help"}
-    if hasattr(command, "commands") and command is not TREE and "run" in command.commands:
+    known = {x for p in command.params for x in (*p.opts, *p.secondary_opts)} | {
+        "--help"
+    }
+    if (
+        hasattr(command, "commands")
+        and command is not TREE
+        and "run" in command.commands
+    ):
         known |= {x for p in command.commands["run"].params for x in p.opts}
-    given = (w.partition("=")[0].rstrip(".,;") for w in words if re.match(r"--?[a-zA-Z]", w))
+    given = (
+        w.partition("=")[0].rstrip(".,;") for w in words if re.match(r"--?[a-zA-Z]", w)
+    )
     return ", ".join(f"no option {w}" for w in given if w not in known)
 
 
 def lists_of_commands(text: str) -> Iterator[list[str]]:
-    """Yield lists of inline code that are lists of commands: `desat run`, `sweep` and `tables`."""
+    """Yield lists of inline code that are lists of commands: `desat run`, `sweep` and
+    `tables`."""
     for found in LIST.findall(FENCED.sub("", text)):
         spans = SPAN.findall(found)
         if any(s.startswith(("desat.", "{{")) for s in spans):
@@ -137,7 +163,9 @@ def test_commands_of_pages_are_there(page: Path) -> None:
     text = page.read_text(encoding="utf-8")
     wrong = {line: why for line in command_lines(text) if (why := wrong_with(line))}
     for names in lists_of_commands(text):
-        wrong |= {", ".join(names): f"no command {n}" for n in names if n not in TREE.commands}
+        wrong |= {
+            ", ".join(names): f"no command {n}" for n in names if n not in TREE.commands
+        }
     assert wrong == {}
 
 
@@ -168,9 +196,13 @@ def test_a_command_that_is_not_there_is_found(text: str, why: str) -> None:
 @pytest.mark.parametrize(
     "family", ["uosat12", "space_telescope", "alsat1", "hausat2", "integrated"]
 )
-def test_the_front_door_says_how_many_values_of_each_paper_are_within_their_bands(family) -> None:
+def test_the_front_door_says_how_many_values_of_each_paper_are_within_their_bands(
+    family,
+) -> None:
     page = (ROOT / "docs" / "papers" / family / "README.md").read_text(encoding="utf-8")
-    banded, within = re.findall(r"Of (\d+) values with a band, (\d+) lie within it", page)[0]
+    banded, within = re.findall(
+        r"Of (\d+) values with a band, (\d+) lie within it", page
+    )[0]
     front = re.sub(r"\s+", " ", (ROOT / "README.md").read_text(encoding="utf-8"))
     before = front[: front.index(f"(docs/papers/{family}/")]
     assert re.findall(r"(\d+) of (\d+)", before)[-1] == (within, banded)
@@ -183,19 +215,26 @@ def test_the_page_of_equality_says_of_how_many_scenarios_it_is() -> None:
     assert f"| all | {flown} |" in page
 
 
-# --- numbers that nothing holds -------------------------------------------------------------------
+# --- numbers that nothing holds -------------------------------------------------------
 
 GENERATED = {
-    "equality.md": "benchmarks/equality.py", "hardware.md": "benchmarks/hardware.py",
-    "language.md": "Makefile", "laws.md": "benchmarks/laws.py",
-    "mutations.md": "tests/mutations.py", "sizing-thrusters.md": "benchmarks/dumps.py",
-    "sizing.md": "benchmarks/sizing.py", "witness.md": "benchmarks/witness.py",
+    "equality.md": "benchmarks/equality.py",
+    "hardware.md": "benchmarks/hardware.py",
+    "language.md": "Makefile",
+    "laws.md": "benchmarks/laws.py",
+    "mutations.md": "tests/mutations.py",
+    "sizing-thrusters.md": "benchmarks/dumps.py",
+    "sizing.md": "benchmarks/sizing.py",
+    "witness.md": "benchmarks/witness.py",
     "your-craft.md": "benchmarks/your_craft.py",
-}  # fmt: skip
-"""Pages that a generator writes, where they do not lie in docs/papers (benchmarks/pages)."""
-UNIT = (r"%|deg(?:/s)?|rad(?:/s)?|kg|g|[kMG]B|[mun\u00b5]?s|min|h|days?|weeks?|years?|"
-        r"[mun\u00b5]?N m s|[mun\u00b5]?N m|[mun\u00b5]?N|A m2|W|J|V|u?T|km|mm?|rpm|Hz|times|"
-        r"blocks|scenarios|of(?: today's)? \d+")  # fmt: skip
+}
+"""Pages that a generator writes, where they do not lie in docs/papers
+(benchmarks/pages)."""
+UNIT = (
+    r"%|deg(?:/s)?|rad(?:/s)?|kg|g|[kMG]B|[mun\u00b5]?s|min|h|days?|weeks?|years?|"
+    r"[mun\u00b5]?N m s|[mun\u00b5]?N m|[mun\u00b5]?N|A m2|W|J|V|u?T|km|mm?|rpm|Hz|times|"
+    r"blocks|scenarios|of(?: today's)? \d+"
+)
 NUMBER = re.compile(rf"(?<![\w.,/^-])\d[\d,.]*(?:e-?\d+)? (?:{UNIT})(?![\w/])")
 BY_HAND = "measured once by hand; nothing measures it anew"
 LIMIT = "a limit or a choice in the code, not a result"
@@ -204,49 +243,95 @@ SOURCE = "of a paper, a standard or another program"
 TESTED = "a test holds it: of this file, test_loop_fmu, test_fmus, or the one named on the page"
 ACCEPTED: dict[str, dict[str, str]] = {
     "README.md": {
-        "24 of 24": "docs/sizing-thrusters.md", "5 %": "docs/sizing-thrusters.md",
-        "159 of 166": TESTED, "18 of 20": TESTED, "51 of 51": TESTED, "49 of 57": TESTED,
-        "20 of 62": TESTED, "3e-12 rad": "docs/witness.md",
+        "24 of 24": "docs/sizing-thrusters.md",
+        "5 %": "docs/sizing-thrusters.md",
+        "159 of 166": TESTED,
+        "18 of 20": TESTED,
+        "51 of 51": TESTED,
+        "49 of 57": TESTED,
+        "20 of 62": TESTED,
+        "3e-12 rad": "docs/witness.md",
     },
     "docs/campaigns.md": {"40 ms": BY_HAND, "2 s": LIMIT, "24 s": BY_HAND},
     "docs/failures.md": {
-        "300 s": LIMIT, "200 times": TESTED, "20 ms": BY_HAND,
-        "50 kB": BY_HAND, "1 s": LIMIT, "10 s": LIMIT,
+        "300 s": LIMIT,
+        "200 times": TESTED,
+        "20 ms": BY_HAND,
+        "50 kB": BY_HAND,
+        "1 s": LIMIT,
+        "10 s": LIMIT,
     },
     "docs/hosts.md": {
-        "280 kB": TESTED, "337 kB": TESTED, "10 ms": BY_HAND, "1 %": LIMIT, "1 kB": LIMIT,
-        "256 kB": LIMIT, "8 kB": LIMIT, "101 MB": SOURCE, "413 MB": SOURCE, "10 s": BY_HAND,
-        "2 min": BY_HAND, "210 kB": BY_HAND, "38 of today's 50": BY_HAND, "29 of 38": BY_HAND,
-        "1e-4 s": BY_HAND, "0.014 %": BY_HAND, "0.8 ms": BY_HAND, "15 ms": BY_HAND,
-        "8.7 ms": BY_HAND, "5 s": SOURCE,
+        "280 kB": TESTED,
+        "337 kB": TESTED,
+        "10 ms": BY_HAND,
+        "1 %": LIMIT,
+        "1 kB": LIMIT,
+        "256 kB": LIMIT,
+        "8 kB": LIMIT,
+        "101 MB": SOURCE,
+        "413 MB": SOURCE,
+        "10 s": BY_HAND,
+        "2 min": BY_HAND,
+        "210 kB": BY_HAND,
+        "38 of today's 50": BY_HAND,
+        "29 of 38": BY_HAND,
+        "1e-4 s": BY_HAND,
+        "0.014 %": BY_HAND,
+        "0.8 ms": BY_HAND,
+        "15 ms": BY_HAND,
+        "8.7 ms": BY_HAND,
+        "5 s": SOURCE,
     },
     "docs/live.md": {
-        "1.2 s": BY_HAND, "2.6 s": BY_HAND, "0.25 s": BY_HAND, "4e-15 N m s": "an example",
+        "1.2 s": BY_HAND,
+        "2.6 s": BY_HAND,
+        "0.25 s": BY_HAND,
+        "4e-15 N m s": "an example",
     },
     "docs/loop-fmu.md": {"0.072 deg": BY_HAND, "259 kB": TESTED, "2.8 us": BY_HAND},
     "docs/own-block.md": {
-        "27 kB": BY_HAND, "50 kB": BY_HAND, "106 kB": BY_HAND, "9 kB": BY_HAND,
-        "1.0 MB": BY_HAND, "11 kB": BY_HAND, "8 kB": BY_HAND,
+        "27 kB": BY_HAND,
+        "50 kB": BY_HAND,
+        "106 kB": BY_HAND,
+        "9 kB": BY_HAND,
+        "1.0 MB": BY_HAND,
+        "11 kB": BY_HAND,
+        "8 kB": BY_HAND,
     },
     "docs/reference.md": {
-        "0.36 deg": "precession since J2000: 50.3 arc seconds a year", "1e-7 rad": LIMIT,
-        "3e-12 rad": "docs/witness.md", "0.063 deg": "a second of the orbit's rate",
+        "0.36 deg": "precession since J2000: 50.3 arc seconds a year",
+        "1e-7 rad": LIMIT,
+        "3e-12 rad": "docs/witness.md",
+        "0.063 deg": "a second of the orbit's rate",
     },
     "docs/results.md": {"1 s": LIMIT, "46 MB": BY_HAND},
     "docs/terms.md": {"72 %": "an example", "95 %": "an example"},
     "docs/hardware.template": {
-        "10 %": TESTED, "1 %": LIMIT, "15 %": TABLE, "24 %": TABLE, "5 %": LIMIT,
-        "2.45 N m s": SOURCE, "600 s": SOURCE, "0.1 N": SOURCE,
+        "10 %": TESTED,
+        "1 %": LIMIT,
+        "15 %": TABLE,
+        "24 %": TABLE,
+        "5 %": LIMIT,
+        "2.45 N m s": SOURCE,
+        "600 s": SOURCE,
+        "0.1 N": SOURCE,
     },
     "docs/laws.template": {
-        "30 s": LIMIT, "95 %": LIMIT, "600 s": SOURCE, "35 %": LIMIT, "5 deg": LIMIT,
+        "30 s": LIMIT,
+        "95 %": LIMIT,
+        "600 s": SOURCE,
+        "35 %": LIMIT,
+        "5 deg": LIMIT,
     },
-}  # fmt: skip
-"""By page: the numbers that neither a generator nor a script makes, each with why it may stand."""
+}
+"""By page: the numbers that neither a generator nor a script makes, each with why it
+may stand."""
 
 
 def unheld(text: str) -> set[str]:
-    """Return the numbers with a unit in a page's prose, without code and what is generated."""
+    """Return the numbers with a unit in a page's prose, without code and what is
+    generated."""
     made = r"<!--[^>]*python -m benchmarks\.\w+[^>]*-->.*?<!-- (?:to|until) here -->"
     text = re.sub(made, "", text, flags=re.DOTALL)
     text = re.sub(r"^```.*?^```|^    .*?$", "", text, flags=re.DOTALL | re.MULTILINE)
@@ -255,8 +340,8 @@ def unheld(text: str) -> set[str]:
 
 
 def test_a_number_on_a_page_is_held_or_accepted() -> None:
-    """A new number in prose is made by a generator or a script of tests/test_site.py, or stands in
-    ACCEPTED with its reason; one that is gone leaves there."""
+    """A new number in prose is made by a generator or a script of tests/test_site.py,
+    or stands in ACCEPTED with its reason; one that is gone leaves there."""
     docs = ROOT / "docs"
     written = {docs / page for page in GENERATED} | set(SCRIPTS)
     pages = [p for p in PAGES if p.name != "CHANGELOG.md" and p not in written]

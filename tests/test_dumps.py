@@ -1,5 +1,6 @@
-"""Dumps by thrusters between thresholds: the law, pulses that carry their rest, a GEO craft from
-one line, and what `desat size` says of it beside values from elsewhere and its closed loop."""
+"""Dumps by thrusters between thresholds: the law, pulses that carry their rest, a GEO
+craft from one line, and what `desat size` says of it beside values from elsewhere and
+its closed loop."""
 
 from __future__ import annotations
 
@@ -22,9 +23,16 @@ from desat.system.errors import DesatError
 from desat.system.options import Options
 
 GEO = CraftFacts(
-    orbit="geo", mass="2500kg", box="2.5,2.5,3", wheels="4 pyramid 50Nms", rods="none",
-    thrusters="4 10N", dump="thrusters 70:10", panel="13m2 1.35m", epoch="2027-03-20",
-)  # fmt: skip
+    orbit="geo",
+    mass="2500kg",
+    box="2.5,2.5,3",
+    wheels="4 pyramid 50Nms",
+    rods="none",
+    thrusters="4 10N",
+    dump="thrusters 70:10",
+    panel="13m2 1.35m",
+    epoch="2027-03-20",
+)
 
 
 def law(**given: object) -> ManagerThreshold:
@@ -36,8 +44,11 @@ def law(**given: object) -> ManagerThreshold:
     return block
 
 
-def flown(block: ManagerThreshold, momentum: list[float], steps: int, grows: float = 0.0):
-    """Samples of a wheel assembly that takes just what is commanded: momenta, modes, torques."""
+def flown(
+    block: ManagerThreshold, momentum: list[float], steps: int, grows: float = 0.0
+):
+    """Samples of a wheel assembly that takes just what is commanded: momenta, modes,
+    torques."""
     h, rows = np.array([*momentum, 0.0]), []
     for k in range(steps):
         block.h_wheel = tuple(h)
@@ -53,9 +64,14 @@ def test_a_dump_goes_from_one_threshold_to_the_other():
     block = law()
     rows = flown(block, [0.99, 0.0, 0.0], 400, grows=1e-3)
     dumping = [fill for fill, mode, _ in rows if mode == 1]
-    assert max(fill for fill, _, _ in rows) < 1.011, "no sample beyond the first above it"
-    assert 0.19 < min(fill for fill, _, _ in rows) <= 0.2 + 0.01 + 1e-9, "which has grown since"
-    # 400 samples of 0.01 N m s are 4 N m s, of which a dump takes 0.8: the fifth has begun
+    assert max(fill for fill, _, _ in rows) < 1.011, (
+        "no sample beyond the first above it"
+    )
+    assert 0.19 < min(fill for fill, _, _ in rows) <= 0.2 + 0.01 + 1e-9, (
+        "which has grown since"
+    )
+    # 400 samples of 0.01 N m s are 4 N m s, of which a dump takes 0.8: the fifth has
+    # begun
     assert block.dumps == 5
     assert block.dumping_time == pytest.approx(10.0 * len(dumping))
     assert all(np.linalg.norm(n) <= 0.01 + 1e-15 for _, _, n in rows)
@@ -63,15 +79,18 @@ def test_a_dump_goes_from_one_threshold_to_the_other():
 
 def test_an_aligned_dump_waits_for_its_attitude_but_not_for_ever():
     turned = [1.0, 1.0, 0.0]  # |h|_1 / |h| is 1.414
-    assert [mode for _, mode, _ in flown(law(aligned=1.1, longest_wait=45.0), turned, 7)] == (
-        [2] * 5 + [1] * 2
-    )  # fmt: skip
+    assert [
+        mode for _, mode, _ in flown(law(aligned=1.1, longest_wait=45.0), turned, 7)
+    ] == ([2] * 5 + [1] * 2)
     assert [mode for _, mode, _ in flown(law(aligned=1.5), turned, 2)] == [1, 1]
 
 
 @pytest.mark.parametrize(
     ("given", "text"),
-    [({"end": 1.0}, "end = 1.0 N m s is not below begin"), ({"aligned": 0.5}, "is never below 1")],
+    [
+        ({"end": 1.0}, "end = 1.0 N m s is not below begin"),
+        ({"aligned": 0.5}, "is never below 1"),
+    ],
 )
 def test_thresholds_that_mean_nothing_are_refused(given, text):
     with pytest.raises(BlockError, match=text):
@@ -104,7 +123,8 @@ def test_growth_is_between_the_first_event_and_the_last():
 
 
 def test_a_run_of_many_millions_of_steps_goes_on():
-    """The chunk between two looks at the clock grew without end where a buffer ends each."""
+    """The chunk between two looks at the clock grew without end where a buffer ends
+    each."""
     master = SimpleNamespace(k=0)
 
     class Steps:
@@ -114,7 +134,10 @@ def test_a_run_of_many_millions_of_steps_goes_on():
             master.k += most
 
     room = SimpleNamespace(room=1000, look=lambda: None)
-    recorder, never = SimpleNamespace(tick=lambda: None), SimpleNamespace(reason=lambda: "")
+    recorder, never = (
+        SimpleNamespace(tick=lambda: None),
+        SimpleNamespace(reason=lambda: ""),
+    )
     loop.run(master, Steps(), 2_000_000, recorder, never, beside=room)
     assert master.k == 2_000_000
 
@@ -143,12 +166,16 @@ def test_the_geo_of_the_notes_is_sized_from_one_line(geo):
 
 
 def test_the_model_is_within_5_percent_of_the_closed_loop(tmp_path):
-    """A craft in low orbit with thrusters alone, for it dumps often: 3 days, seven dumps."""
-    wanted = CraftFacts(sso="600km", size="12U", rods="none", thrusters="4 10mN",
-                        dump="thrusters 70:10")  # fmt: skip
+    """A craft in low orbit with thrusters alone, for it dumps often: 3 days, seven
+    dumps."""
+    wanted = CraftFacts(
+        sso="600km", size="12U", rods="none", thrusters="4 10mN", dump="thrusters 70:10"
+    )
     write(tmp_path / "mine", wanted, "desat new craft mine")
     made = dumps.size(
-        str(tmp_path / "mine"), Options(stop=3.0 * 86400.0), SizingRequirements(year=False)
+        str(tmp_path / "mine"),
+        Options(stop=3.0 * 86400.0),
+        SizingRequirements(year=False),
     )
     assert made.loop["dumps"] >= 7
     assert made.steady.a_week == pytest.approx(made.loop["dumps_a_week"], rel=0.05)
@@ -187,25 +214,32 @@ def test_a_dump_is_of_whole_pulses_which_the_wheels_take_up():
     given = np.array([10.0 * n for _, mode, n in rows if mode == 1])
     assert np.allclose(given[:, 0] / 0.03, np.round(given[:, 0] / 0.03))
     assert not given[:, 2].any(), "no momentum, no pulse"
-    assert given[:, 0].sum() == pytest.approx(-0.8, abs=0.06), "what is left comes with the next"
-    assert (given[:, 1] != 0.0).all(), "an axis without a shortest pulse has any impulse"
+    assert given[:, 0].sum() == pytest.approx(-0.8, abs=0.06), (
+        "what is left comes with the next"
+    )
+    assert (given[:, 1] != 0.0).all(), (
+        "an axis without a shortest pulse has any impulse"
+    )
 
 
 def test_what_a_sample_leaves_of_a_pulse_comes_with_the_next_samples():
-    """Of a torque that is a part of a pulse a sample about y, and three pulses and a part about x:
-    after each sample all that was wanted so far has been fired, to within a pulse."""
+    """Of a torque that is a part of a pulse a sample about y, and three pulses and a
+    part about x: after each sample all that was wanted so far has been fired, to within
+    a pulse."""
     pulse, start = np.array([0.03, 0.05, 1e-9]), np.array([1.0, 0.2, 0.0])
     rows = flown(law(pulse_body=tuple(pulse), end=0.05), start.tolist(), 8)
     fired = np.cumsum([10.0 * n for _, _, n in rows], axis=0)
     h = np.vstack([start, start + fired[:-1]])
-    wanted = np.cumsum(-0.1 * h / np.linalg.norm(h, axis=1)[:, None], axis=0)  # 0.01 N m, 10 s
+    wanted = np.cumsum(
+        -0.1 * h / np.linalg.norm(h, axis=1)[:, None], axis=0
+    )  # 0.01 N m, 10 s
     assert abs(wanted[0, 1]) < pulse[1], "no sample alone fires about y"
     assert (np.abs(fired - wanted) < pulse).all()
 
 
 def test_a_dump_whose_rest_is_no_pulse_ends():
-    """It stayed in its dump for ever: less than half a pulse about each axis was left, and more
-    than a sample's torque."""
+    """It stayed in its dump for ever: less than half a pulse about each axis was left,
+    and more than a sample's torque."""
     block = law(pulse_body=(0.3, 0.3, 0.3), end=0.9, torque=1e-3)
     rows = flown(block, [1.0, 0.9, 0.9], 60)
     assert sum(mode == 1 for _, mode, _ in rows) < 60
@@ -215,19 +249,34 @@ def test_a_dump_whose_rest_is_no_pulse_ends():
 
 @pytest.mark.parametrize(
     "facts",
-    [GEO, CraftFacts(sso="550km", mass="20kg", size="12U", rods="none", wheels="3 axes 50mNms",
-                     thrusters="4 50mN", dump="thrusters 60:20")],
+    [
+        GEO,
+        CraftFacts(
+            sso="550km",
+            mass="20kg",
+            size="12U",
+            rods="none",
+            wheels="3 axes 50mNms",
+            thrusters="4 50mN",
+            dump="thrusters 60:20",
+        ),
+    ],
     ids=["geo", "12u"],
-)  # fmt: skip
+)
 def test_no_pulse_of_a_new_craft_turns_it_far(tmp_path, facts):
     write(tmp_path / "mine", facts, "desat new craft mine")
     system, _ = prepare(str(tmp_path / "mine"), Options()).or_raise()
-    law, jets = system.components["manager"].values, system.components["thrusters"].values
+    law, jets = (
+        system.components["manager"].values,
+        system.components["thrusters"].values,
+    )
     inertia = np.reshape(system.components["spacecraft"].values["inertia"], (3, 3))
     turned = law["torque"] * law["sample_time"] ** 2 / (8.0 * np.diag(inertia).min())
     assert np.degrees(turned) <= 0.1 * (1.0 + 1e-3)
     assert law["sample_time"] == jets["sample_time"]
-    assert np.allclose(law["pulse_body"], np.array(jets["tau_level"]) * jets["least_pulse"])
+    assert np.allclose(
+        law["pulse_body"], np.array(jets["tau_level"]) * jets["least_pulse"]
+    )
 
 
 def test_a_craft_file_is_no_scenario_and_says_which_there_are(tmp_path):
@@ -237,14 +286,24 @@ def test_a_craft_file_is_no_scenario_and_says_which_there_are(tmp_path):
 
 
 def test_aligned_dumps_are_sized_as_they_fly_and_save_a_quarter(tmp_path):
-    """LANE: 0.769 kg a year where dumps wait until |h|_1 / |h| is 1.03, 26 % less than without."""
-    for name, dump in (("mine", "thrusters 70:10 aligned"), ("at_once", "thrusters 70:10")):
+    """LANE: 0.769 kg a year where dumps wait until |h|_1 / |h| is 1.03, 26 % less than
+    without."""
+    for name, dump in (
+        ("mine", "thrusters 70:10 aligned"),
+        ("at_once", "thrusters 70:10"),
+    ):
         facts = {k: v for k, v in vars(GEO).items() if v is not None}
         write(tmp_path / name, CraftFacts(**{**facts, "dump": dump}), "")
-    waits = dumps.size(str(tmp_path / "mine"), Options(), SizingRequirements(year=False))
-    at_once = dumps.size(
-        str(tmp_path / "at_once"), Options(), SizingRequirements(year=False, flown=False)
+    waits = dumps.size(
+        str(tmp_path / "mine"), Options(), SizingRequirements(year=False)
     )
-    assert waits.steady.a_year == pytest.approx(waits.loop["propellant_a_year"], rel=0.05)
+    at_once = dumps.size(
+        str(tmp_path / "at_once"),
+        Options(),
+        SizingRequirements(year=False, flown=False),
+    )
+    assert waits.steady.a_year == pytest.approx(
+        waits.loop["propellant_a_year"], rel=0.05
+    )
     assert waits.steady.a_year == pytest.approx(0.769, rel=0.05)
     assert waits.steady.a_year / at_once.steady.a_year == pytest.approx(0.74, abs=0.03)

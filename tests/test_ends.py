@@ -1,4 +1,5 @@
-"""How commands, runs and cases end, with what takes long replaced: exit codes and what is said."""
+"""How commands, runs and cases end, with what takes long replaced: exit codes and what
+is said."""
 
 from __future__ import annotations
 
@@ -56,12 +57,20 @@ web_module = module_of("desat.web.module")
 
 def test_what_each_exit_code_is():
     assert {e.name: (e.value, bool(e.meaning)) for e in Exit} == {
-        name: (code, True) for name, code in (
-            ("COMPLETED", 0), ("UNMET", 1), ("INPUT", 2), ("BUG", 3), ("COMPONENT", 4),
-            ("TIMEOUT", 5), ("SPACE", 6), ("HUNG_UP", 129), ("INTERRUPTED", 130),
+        name: (code, True)
+        for name, code in (
+            ("COMPLETED", 0),
+            ("UNMET", 1),
+            ("INPUT", 2),
+            ("BUG", 3),
+            ("COMPONENT", 4),
+            ("TIMEOUT", 5),
+            ("SPACE", 6),
+            ("HUNG_UP", 129),
+            ("INTERRUPTED", 130),
             ("TERMINATED", 143),
         )
-    }  # fmt: skip
+    }
     assert (DesatError("x").code, RunError("x").code) == (Exit.INPUT, Exit.COMPONENT)
 
 
@@ -72,13 +81,17 @@ def test_what_each_exit_code_is():
         ("x", ["a", "b"], "; there is a, b"),
         ("x", [], ""),
         ("x", list("abcdefghijkl"), "; there is a, b, c, d, e, f, g, h, i, j, k, l"),
-        ("x", list("abcdefghijklm"), "; there is a, b, c, d, e, f, g, h, i, j, k, l, …"),
+        (
+            "x",
+            list("abcdefghijklm"),
+            "; there is a, b, c, d, e, f, g, h, i, j, k, l, …",
+        ),
         ("wheel", ["wheels", *(str(k) for k in range(1999))], "; did you mean wheels?"),
         ("wheel", ["wheels", *(str(k) for k in range(2000))], ""),
         ("x" * 200, ["x" * 199], f"; did you mean {'x' * 199}?"),
         ("x" * 201, ["x" * 199], ""),
     ],
-)  # fmt: skip
+)
 def test_the_nearest_name(name, known, hint):
     assert nearest(name, known) == hint
 
@@ -91,8 +104,10 @@ def test_names_in_brackets_are_no_markup_and_numbers_have_no_colour():
     console.print("h[b] = 12")
     console.print(table)
     assert [line.strip() for line in file.getvalue().splitlines()] == [
-        "h[b] = 12", "h[b]", "x[b] = 12"
-    ]  # fmt: skip
+        "h[b] = 12",
+        "h[b]",
+        "x[b] = 12",
+    ]
 
 
 def test_what_is_no_text_is_made_a_line():
@@ -144,15 +159,23 @@ cli.main()
 @pytest.mark.skipif(not hasattr(signal, "setitimer"), reason="needs POSIX")
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_signal_to_stop_that_python_swallows_comes_again(number):
-    """Inside a weakref callback, as each import has one, its exception is printed and ignored."""
+    """Inside a weakref callback, as each import has one, its exception is printed and
+    ignored."""
     script = SWALLOWED.format(number=int(number))
-    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True,
-                          timeout=60, check=False)  # fmt: skip
+    done = subprocess.run(
+        [sys.executable, "-c", script],
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=False,
+    )
     assert (done.returncode, done.stdout, done.stderr) == (128 + number, "", "")
 
 
 def test_a_full_disk_is_known_by_what_an_error_came_from():
-    def chained(cause: BaseException | None, context: BaseException | None) -> BaseException:
+    def chained(
+        cause: BaseException | None, context: BaseException | None
+    ) -> BaseException:
         error = RuntimeError("why")
         error.__cause__, error.__context__ = cause, context
         return error
@@ -160,16 +183,20 @@ def test_a_full_disk_is_known_by_what_an_error_came_from():
     full, other = OSError(28, "full"), OSError(5, "read")
     assert is_full(full)
     for cause, context, known in (
-        (full, None, True), (None, full, True), (full, other, True), (other, full, False),
-        (other, None, False), (None, chained(None, full), True),
-    ):  # fmt: skip
+        (full, None, True),
+        (None, full, True),
+        (full, other, True),
+        (other, full, False),
+        (other, None, False),
+        (None, chained(None, full), True),
+    ):
         assert is_full(chained(cause, context)) == known
     own = chained(None, None)
     own.__cause__ = own
     assert not is_full(own)
 
 
-# --- input that is refused in one line ------------------------------------------------------------
+# --- input that is refused in one line ------------------------------------------------
 
 CRAFT = ["new", "craft", "made", "--size", "3U", "--altitude", "400km"]
 ELEMENTS = (
@@ -193,18 +220,42 @@ def refused_line(done) -> str:
         (["new", "law", "."], "NAME .: a file's name is needed, as my_law"),
         (["new", "law", "/"], "NAME /: a file's name is needed, as my_law"),
         (["new", "block", "magnetometer", ""], "an argument: an empty text"),
-        (["new", "block", "magnetometer", "."], "NAME .: a file's name is needed, as my_block"),
+        (
+            ["new", "block", "magnetometer", "."],
+            "NAME .: a file's name is needed, as my_block",
+        ),
         (["new", "craft", "", "--force"], "an argument: an empty text"),
         (["run", "nadir_day/day", "--out", ""], "--out: an empty text"),
         (["run", "nadir_day/day", "--out="], "--out: an empty text"),
         (["check", "nadir_day/day", "--trust", ""], "--trust: an empty text"),
-        (["run", "nadir_day/day", "--time-limit", "0"], "--time-limit 0: above 0 is needed"),
-        (["sweep", "nadir_day/day", "a.b=1", "--time-limit", "-0.0"], "--time-limit -0.0: above 0"),
-        (["tune", "nadir_day/day", "a.b", "--time-limit", "0s"], "--time-limit 0s: above 0"),
-        ([*CRAFT, "--rods", "rod 0.2Am2 60x8mm 1e-300mm 100mA"], "--rods 1e-300mm: 1e-06 to 100 m"),
-        ([*CRAFT, "--rods", "rod 0.2Am2 60x8mm 0.2mm 1e-300A"], "--rods 1e-300A: 1e-06 to 1000 A"),
-        ([*CRAFT, "--rods", "coil 300 80x80mm 1e-30mm 1A"], "--rods 1e-30mm: 1e-06 to 100 m"),
-        ([*CRAFT, "--rods", "coil 0.1 80x80mm 1mm 1A"], "--rods 0.1: turns 1 or more are needed"),
+        (
+            ["run", "nadir_day/day", "--time-limit", "0"],
+            "--time-limit 0: above 0 is needed",
+        ),
+        (
+            ["sweep", "nadir_day/day", "a.b=1", "--time-limit", "-0.0"],
+            "--time-limit -0.0: above 0",
+        ),
+        (
+            ["tune", "nadir_day/day", "a.b", "--time-limit", "0s"],
+            "--time-limit 0s: above 0",
+        ),
+        (
+            [*CRAFT, "--rods", "rod 0.2Am2 60x8mm 1e-300mm 100mA"],
+            "--rods 1e-300mm: 1e-06 to 100 m",
+        ),
+        (
+            [*CRAFT, "--rods", "rod 0.2Am2 60x8mm 0.2mm 1e-300A"],
+            "--rods 1e-300A: 1e-06 to 1000 A",
+        ),
+        (
+            [*CRAFT, "--rods", "coil 300 80x80mm 1e-30mm 1A"],
+            "--rods 1e-30mm: 1e-06 to 100 m",
+        ),
+        (
+            [*CRAFT, "--rods", "coil 0.1 80x80mm 1mm 1A"],
+            "--rods 0.1: turns 1 or more are needed",
+        ),
     ],
 )
 def test_a_value_that_is_no_value_is_refused(desat, tmp_path, arguments, text):
@@ -225,7 +276,9 @@ def test_a_value_that_is_no_value_is_refused(desat, tmp_path, arguments, text):
         (2, "15.50103472", "1550.103472", "mean motion"),
     ],
 )
-def test_an_element_that_lost_its_point_is_refused(desat, tmp_path, number, old, new, field):
+def test_an_element_that_lost_its_point_is_refused(
+    desat, tmp_path, number, old, new, field
+):
     lines = list(ELEMENTS)
     body = lines[number - 1].replace(old, new)[:68]
     digits = sum(int(c) if c.isdigit() else c == "-" for c in body)
@@ -233,19 +286,35 @@ def test_an_element_that_lost_its_point_is_refused(desat, tmp_path, number, old,
     file = tmp_path / "iss.tle"
     for written, code in ((ELEMENTS, 0), (lines, Exit.INPUT)):
         file.write_text("\n".join(written))
-        done = desat("new", "craft", "made", "--force", "--tle", str(file), cwd=tmp_path)
+        done = desat(
+            "new", "craft", "made", "--force", "--tle", str(file), cwd=tmp_path
+        )
         assert done.returncode == code
-    assert refused_line(done).startswith(f"--tle {file}: line {number}, {field} (columns ")
+    assert refused_line(done).startswith(
+        f"--tle {file}: line {number}, {field} (columns "
+    )
 
 
 @pytest.mark.parametrize(
     ("offers", "text"),
     [
-        ('(Law("own", {"gain": float("nan")}),)', "Law own: gains: gain is nan; a finite number"),
-        ('(Law("own", {"gain": [1.0, 2.0]}),)', "Law own: gains: gain is [1.0, 2.0]; a finite"),
-        ('(Law("own", {"gian": 0.003}),)', "Law own: gains: no parameter gian; did you mean gain?"),
+        (
+            '(Law("own", {"gain": float("nan")}),)',
+            "Law own: gains: gain is nan; a finite number",
+        ),
+        (
+            '(Law("own", {"gain": [1.0, 2.0]}),)',
+            "Law own: gains: gain is [1.0, 2.0]; a finite",
+        ),
+        (
+            '(Law("own", {"gian": 0.003}),)',
+            "Law own: gains: no parameter gian; did you mean gain?",
+        ),
         ('(Law("own", units={"x": "1"}),)', "Law own: units: no parameter x"),
-        ('(Law("own", {"gain": 1}, "rate"),)', "Law own: rate: 'rate' is none of its gains"),
+        (
+            '(Law("own", {"gain": 1}, "rate"),)',
+            "Law own: rate: 'rate' is none of its gains",
+        ),
         ('(Law("own", None),)', "Law own: gains: a dict is needed"),
         ('Law("own")', "a tuple is needed"),
         ("3", "a tuple is needed"),
@@ -258,11 +327,15 @@ def test_laws_of_another_form_are_refused_before_anything_flies(
 ):
     assert desat("new", "law", "own", cwd=tmp_path).returncode == 0
     file = tmp_path / "own.py"
-    changed, count = re.subn(r"offers = .*", lambda _: f"offers = {offers}", file.read_text())
+    changed, count = re.subn(
+        r"offers = .*", lambda _: f"offers = {offers}", file.read_text()
+    )
     assert count == 1
     file.write_text(changed)
     monkeypatch.setattr(ranking, "_fly", lambda *_: pytest.fail("it flew"))
-    done = desat("compare", "nadir_day/day-dipole", "--law", str(file), "--blocks", cwd=tmp_path)
+    done = desat(
+        "compare", "nadir_day/day-dipole", "--law", str(file), "--blocks", cwd=tmp_path
+    )
     assert refused_line(done).startswith(f"own.py: offers: {text}")
 
 
@@ -275,14 +348,18 @@ def test_laws_of_another_form_are_refused_before_anything_flies(
         (["--laws", "all", "--law", "no.fmu"], "--law no.fmu: No such file"),
     ],
 )
-def test_names_of_laws_are_looked_at_before_anything_flies(desat, monkeypatch, arguments, text):
+def test_names_of_laws_are_looked_at_before_anything_flies(
+    desat, monkeypatch, arguments, text
+):
     monkeypatch.setattr(ranking, "_fly", lambda *_: pytest.fail("it flew"))
     done = desat("compare", "nadir_day/day-dipole", "--blocks", *arguments)
     assert refused_line(done).startswith(text)
 
 
 @pytest.mark.parametrize("number", [27, 28, 122])
-def test_an_archive_without_room_is_not_called_unreadable(tmp_path, monkeypatch, number):
+def test_an_archive_without_room_is_not_called_unreadable(
+    tmp_path, monkeypatch, number
+):
     archive = tmp_path / "a.fmu"
     with zipfile.ZipFile(archive, "w") as made:
         made.writestr("modelDescription.xml", "<x/>")
@@ -301,9 +378,13 @@ def test_an_archive_without_room_is_not_called_unreadable(tmp_path, monkeypatch,
 
 @pytest.mark.parametrize(
     ("said", "number"),
-    [("error: unable to open 'x.o': 'File too large'", 27), ("x.o: No space left on device", 28),
-     ("File size limit exceeded signal terminated program as", 27), ("x.c:1: error: no", None)],
-)  # fmt: skip
+    [
+        ("error: unable to open 'x.o': 'File too large'", 27),
+        ("x.o: No space left on device", 28),
+        ("File size limit exceeded signal terminated program as", 27),
+        ("x.c:1: error: no", None),
+    ],
+)
 @pytest.mark.parametrize("module", [native, web_module])
 def test_a_compiler_without_room_is_no_bug(tmp_path, module, said, number):
     command = [sys.executable, "-c", f"import sys; sys.exit({said!r})"]
@@ -325,7 +406,7 @@ def test_an_error_that_comes_from_a_full_disk_ends_as_that(desat, monkeypatch):
     assert desat().returncode == Exit.SPACE
 
 
-# --- run folders that somebody has altered -------------------------------------------------------
+# --- run folders that somebody has altered --------------------------------------------
 
 READERS = (
     "export run bad --format csv --out made",
@@ -360,7 +441,8 @@ def bad_run(good_run):
 
 
 def assert_refused(bad, text):
-    """All commands that read a run folder refuse one in a line, and leave nothing behind."""
+    """All commands that read a run folder refuse one in a line, and leave nothing
+    behind."""
     before = sorted(p.name for p in bad.iterdir())
     for line in READERS:
         code, said = commands.ended(line.split(), bad.parent)
@@ -383,13 +465,21 @@ def assert_refused(bad, text):
         (["numbers", "*", "unit"], 3, "unit is 3; a text is needed"),
         (["numbers", "*"], {"x": 1}, "numbers has not the form that it needs"),
         (["parameters", "spacecraft"], 3, "parameters has not the form that it needs"),
-        (["parameters", "spacecraft", "inertia"], {}, "parameters has not the form that it needs"),
+        (
+            ["parameters", "spacecraft", "inertia"],
+            {},
+            "parameters has not the form that it needs",
+        ),
         (["choices"], {"a.b": 3}, "choices.a.b is 3; a list is needed"),
         (["stop"], "soon", "stop is 'soon'; a number is needed"),
         (["stop"], 10**310, "stop is 1000"),
         (["warnings"], [3], "warnings[1] is 3; a text is needed"),
         (["momentum_balance"], 3, "no manifest of a run: "),
-        (["substep_choice"], {}, "substep_choice has not the form that it needs ('reached')"),
+        (
+            ["substep_choice"],
+            {},
+            "substep_choice has not the form that it needs ('reached')",
+        ),
         (["status"], None, "no manifest of a run (it has no status)"),
     ],
 )
@@ -437,11 +527,16 @@ def _group_is_a_series(file):
 @pytest.mark.parametrize(
     "change",
     [
-        _cut, _without_time, _time_stands_still, _replace_series(np.zeros((4, 4))),
-        _replace_series(3.0), _replace_series(b"text"), _replace_series(np.zeros((41, 2, 2))),
+        _cut,
+        _without_time,
+        _time_stands_still,
+        _replace_series(np.zeros((4, 4))),
+        _replace_series(3.0),
+        _replace_series(b"text"),
+        _replace_series(np.zeros((41, 2, 2))),
         _group_is_a_series,
     ],
-)  # fmt: skip
+)
 def test_damaged_series_are_refused_with_their_file(bad_run, change):
     change(bad_run / "series.h5")
     assert_refused(bad_run, "bad: no readable series (")
@@ -459,7 +554,8 @@ def test_a_series_without_its_unit_is_refused_with_its_name(bad_run):
 
 @pytest.mark.parametrize("name", ["ger\u00e4t", "ger\udce4t", "ger\udcc3\udca4t"])
 def test_a_folder_of_any_name_is_written(tmp_path, good_run, name):
-    """Of UTF-8, of another encoding, and as Python has it where the locale is not UTF-8."""
+    """Of UTF-8, of another encoding, and as Python has it where the locale is not
+    UTF-8."""
     lines = (
         f"campaign nadir_day/day-dipole -n 1 --stop 20 --jobs 1 --blocks --substeps 1 --out {name}",
         f"campaign report {name}",
@@ -475,7 +571,7 @@ def test_a_folder_of_any_name_is_written(tmp_path, good_run, name):
     assert ("ger\ufffdt" if name == "ger\udce4t" else "ger\u00e4t") in page
 
 
-# --- commands -------------------------------------------------------------------------------------
+# --- commands -------------------------------------------------------------------------
 
 SWEPT = study.Sweep("a", {}, 0, None, {}, [], [])
 
@@ -489,7 +585,9 @@ SWEPT = study.Sweep("a", {}, 0, None, {}, [], [])
         (["size", "a"], sizing, "size"),
     ],
 )
-def test_progress_is_shown_to_people_alone(desat, monkeypatch, arguments, module, name, as_json):
+def test_progress_is_shown_to_people_alone(
+    desat, monkeypatch, arguments, module, name, as_json
+):
     given = []
 
     def made(*args: object, progress: object = None, **_: object):
@@ -501,7 +599,9 @@ def test_progress_is_shown_to_people_alone(desat, monkeypatch, arguments, module
         return SWEPT
 
     monkeypatch.setattr(module, name, made)
-    monkeypatch.setattr("desat.cli.commands.size._print_sizing", lambda made: print("people"))
+    monkeypatch.setattr(
+        "desat.cli.commands.size._print_sizing", lambda made: print("people")
+    )
     monkeypatch.setattr("desat.sizing.page.write_sizing", lambda made, page: page)
     done = desat(*arguments, *(["--json"] if as_json else []))
     assert given == ([None] if name == "size" else [not as_json])
@@ -510,7 +610,9 @@ def test_progress_is_shown_to_people_alone(desat, monkeypatch, arguments, module
         assert done.stdout.startswith("{") == as_json
 
 
-@pytest.mark.parametrize(("problems", "code"), [([], 0), (["a wheel [b] is full"], Exit.UNMET)])
+@pytest.mark.parametrize(
+    ("problems", "code"), [([], 0), (["a wheel [b] is full"], Exit.UNMET)]
+)
 def test_a_craft_that_cannot_hold_ends_with_1(desat, monkeypatch, problems, code):
     given = []
 
@@ -520,10 +622,15 @@ def test_a_craft_that_cannot_hold_ends_with_1(desat, monkeypatch, problems, code
         return SimpleNamespace(as_json=lambda: {}, problems=problems)
 
     monkeypatch.setattr(sizing, "size", size)
-    for flag, loop, duty in ([], True, 0.5), (["--no-loop", "--duty", "20"], False, 0.2):
+    for flag, loop, duty in (
+        ([], True, 0.5),
+        (["--no-loop", "--duty", "20"], False, 0.2),
+    ):
         done = desat("size", "a", "--json", *flag)
         assert done.returncode == code
-        assert done.stderr.splitlines() == [f"it cannot hold: {line}" for line in problems]
+        assert done.stderr.splitlines() == [
+            f"it cannot hold: {line}" for line in problems
+        ]
         wishes = given[-1][2]
         assert (wishes.duty, wishes.flown) == (duty, loop)
         assert not given[-1][1].blocks
@@ -531,12 +638,19 @@ def test_a_craft_that_cannot_hold_ends_with_1(desat, monkeypatch, problems, code
 
 @pytest.mark.parametrize(
     ("rows", "others", "code"),
-    [([WELL], [UNMET], 1), ([UNMET], [WELL], 1), ([WELL], [LATE_ONE], 5), ([FAILED], [WELL], 4),
-     ([WELL], [WELL], 0)],
-)  # fmt: skip
+    [
+        ([WELL], [UNMET], 1),
+        ([UNMET], [WELL], 1),
+        ([WELL], [LATE_ONE], 5),
+        ([FAILED], [WELL], 4),
+        ([WELL], [WELL], 0),
+    ],
+)
 def test_paired_draws_end_as_the_worst_of_both(desat, monkeypatch, rows, others, code):
-    both = [study.Draws(name, 1, [replace(row, number=0) for row in x], {}, [f"w{name}"])
-            for name, x in (("a", rows), ("b", others))]  # fmt: skip
+    both = [
+        study.Draws(name, 1, [replace(row, number=0) for row in x], {}, [f"w{name}"])
+        for name, x in (("a", rows), ("b", others))
+    ]
     monkeypatch.setattr(compare, "are_campaigns", lambda targets: False)
     monkeypatch.setattr(compare, "paired_draws", lambda *_, **__: ([], both))
     done = desat("compare", "a", "b", "-n", "1")
@@ -548,18 +662,30 @@ def test_paired_draws_end_as_the_worst_of_both(desat, monkeypatch, rows, others,
     "origin", [None, {"file": "computed now", "seed": 3, "components_as": "z"}]
 )
 def test_tables_are_printed_as_they_are(desat, monkeypatch, tmp_path, origin):
-    rows = [cell(1.5, values=1.6, definition="how [b] it is"), cell(3.0, values=1.5, unit="s")]
+    rows = [
+        cell(1.5, values=1.6, definition="how [b] it is"),
+        cell(3.0, values=1.5, unit="s"),
+    ]
     told = []
-    monkeypatch.setattr(tables_command, "_draws_of", lambda *_, **__: ({"a": 1}, origin))
+    monkeypatch.setattr(
+        tables_command, "_draws_of", lambda *_, **__: ({"a": 1}, origin)
+    )
     monkeypatch.setattr(tables, "rows", lambda *args: told.append(args) or rows)
-    monkeypatch.setattr(tables, "write_html", lambda *args: told.append(args) or args[2])
+    monkeypatch.setattr(
+        tables, "write_html", lambda *args: told.append(args) or args[2]
+    )
     done = desat("tables", "uosat12", "--html", str(tmp_path / "a.html"), "--jobs", "3")
     assert done.returncode == 0
     lines = [" ".join(line.split()) for line in done.stdout.splitlines()]
-    heads = ["case paper ours difference band sample", "case paper ours difference band sample"]
+    heads = [
+        "case paper ours difference band sample",
+        "case paper ours difference band sample",
+    ]
     assert [x for x in lines if x.startswith("case")] == heads
     assert "how [b] it is" in lines
-    assert "case  paper  ours        difference  band " in done.stdout  # numbers to the right
+    assert (
+        "case  paper  ours        difference  band " in done.stdout
+    )  # numbers to the right
     assert "\nname   1.50  3.00  +1.50 (+100.0 %)  1.00 " in done.stdout
     assert any("1.6" in x and "1.5" in x for x in lines)
     assert [x for x in lines if x.startswith("draws: ")] == (
@@ -576,7 +702,9 @@ def test_tables_are_printed_as_they_are(desat, monkeypatch, tmp_path, origin):
 
 def test_verdicts_alone_are_coloured(desat, monkeypatch):
     file = io.StringIO()
-    console = plain_console(file=file, force_terminal=True, color_system="standard", width=200)
+    console = plain_console(
+        file=file, force_terminal=True, color_system="standard", width=200
+    )
     rows = [cell(1.5, values=1.6), cell(3.0, values=1.5)]
     monkeypatch.setattr(tables_command, "out", console)
     monkeypatch.setattr(tables_command, "_draws_of", lambda *_, **__: (None, None))
@@ -593,19 +721,25 @@ def test_a_table_of_a_run_that_failed_ends_as_it(monkeypatch, status):
     scenarios = [SimpleNamespace(name="a/b"), SimpleNamespace(name="a/c")]
     made = [
         study.RunRow("completed", 0, "", numbers={"x": 1.0}),
-        study.RunRow(status, 0 if status == "completed" else 5, "h is nan", numbers={"x": 2.0}),
+        study.RunRow(
+            status, 0 if status == "completed" else 5, "h is nan", numbers={"x": 2.0}
+        ),
     ]
 
     def rows(tasks: list[tuple[object, ...]], *given: object, progress: bool):
         assert [(task[0], task[1], task[3]) for task in tasks] == [
-            ("a/b", options, None), ("a/c", options, None)
-        ]  # fmt: skip
+            ("a/b", options, None),
+            ("a/c", options, None),
+        ]
         assert (given, progress) == ((3, "runs"), False)
         return made
 
     monkeypatch.setattr(tables, "rows_of_runs", rows)
     if status == "completed":
-        assert tables._single(scenarios, options, 3) == {"a/b": {"x": 1.0}, "a/c": {"x": 2.0}}
+        assert tables._single(scenarios, options, 3) == {
+            "a/b": {"x": 1.0},
+            "a/c": {"x": 2.0},
+        }
     else:
         with pytest.raises(RunError, match=r"^a/c: failed: h is nan$") as told:
             tables._single(scenarios, options, 3)
@@ -629,8 +763,14 @@ def test_a_check_as_json_has_the_order_or_none(desat, tmp_path):
 def finished(code: int = 0, **more: object) -> Run:
     """A run that ended so."""
     status = "completed" if code < 2 else "failed"
-    told = {"status": status, "message": "h[b] is nan", "steps_done": 3, "us_per_step": 0.5,
-            "unmet": ["x[b] = 2"] * (code == 1), "exit": code if code > 1 else None}  # fmt: skip
+    told = {
+        "status": status,
+        "message": "h[b] is nan",
+        "steps_done": 3,
+        "us_per_step": 0.5,
+        "unmet": ["x[b] = 2"] * (code == 1),
+        "exit": code if code > 1 else None,
+    }
     run = Run(Manifest.from_json(told), SimpleNamespace())
     run.manifest = replace(run.manifest, **more)
     return run
@@ -639,14 +779,28 @@ def finished(code: int = 0, **more: object) -> Run:
 @pytest.mark.parametrize("csv", [True, False])
 @pytest.mark.parametrize(
     ("own", "baseline", "code"),
-    [(0, None, 0), (1, None, 1), (4, None, 4), (5, None, 5), (0, 0, 0), (0, 1, 1), (1, 0, 1),
-     (0, 4, 4), (1, 4, 1), (4, 0, 4)],
-)  # fmt: skip
-def test_a_run_and_its_baseline_end_the_command(monkeypatch, tmp_path, own, baseline, code, csv):
+    [
+        (0, None, 0),
+        (1, None, 1),
+        (4, None, 4),
+        (5, None, 5),
+        (0, 0, 0),
+        (0, 1, 1),
+        (1, 0, 1),
+        (0, 4, 4),
+        (1, 4, 1),
+        (4, 0, 4),
+    ],
+)
+def test_a_run_and_its_baseline_end_the_command(
+    monkeypatch, tmp_path, own, baseline, code, csv
+):
     """Checkpoints go where both have completed; a baseline follows a run that has."""
     done: list[object] = []
     other = None if baseline is None else finished(baseline)
-    monkeypatch.setattr(run_command, "_run_baseline", lambda *_: done.append("baseline") or other)
+    monkeypatch.setattr(
+        run_command, "_run_baseline", lambda *_: done.append("baseline") or other
+    )
     monkeypatch.setattr(run_command, "_report", lambda *_: done.append("report"))
     monkeypatch.setattr(run_command, "_csv", lambda *_: done.append("csv"))
     monkeypatch.setattr(run_command, "_report_run", lambda *args: done.append(args[-1]))
@@ -655,24 +809,40 @@ def test_a_run_and_its_baseline_end_the_command(monkeypatch, tmp_path, own, base
         done.clear()
         run, ended = finished(own), 0
         try:
-            run_command.conclude(run, None, tmp_path / "a", csv=csv, baseline=wanted,
-                                 everything=False, as_json=csv)  # fmt: skip
+            run_command.conclude(
+                run,
+                None,
+                tmp_path / "a",
+                csv=csv,
+                baseline=wanted,
+                everything=False,
+                as_json=csv,
+            )
         except run_command.typer.Exit as left:
             ended = left.exit_code
         follows = wanted and own < 2
         assert ended == (code if follows or own > 1 or not baseline else own)
         theirs = baseline if follows and baseline is not None else 0
         removed = ["a", run_command.BASELINE] if own < 2 and theirs < 2 else []
-        assert done == ["baseline"] * follows + ["report"] + ["csv"] * csv + removed + [csv]
+        assert done == ["baseline"] * follows + ["report"] + ["csv"] * csv + removed + [
+            csv
+        ]
 
 
 def test_what_a_run_says_at_its_end(capsys, tmp_path):
     numbers = {"x": Value("Size of [b]", 2.0, "N.m.s"), "y": Value("Time", None, "s")}
-    own = finished(4, numbers=numbers, not_checked={"z": "no [b]"}, unmet=["x[b] = 2: above"],
-                   stopped_when=Stopped("a.h[b] below 1", 12.5))  # fmt: skip
+    own = finished(
+        4,
+        numbers=numbers,
+        not_checked={"z": "no [b]"},
+        unmet=["x[b] = 2: above"],
+        stopped_when=Stopped("a.h[b] below 1", 12.5),
+    )
     other = finished(0, numbers={"x": Value("Size of [b]", 3.0, "N.m.s")})
     for baseline in (None, other):
-        run_command._report_run(own, baseline, tmp_path, tmp_path / "[b].html", False, False)
+        run_command._report_run(
+            own, baseline, tmp_path, tmp_path / "[b].html", False, False
+        )
         out, err = capsys.readouterr()
         lines = [" ".join(x.split()) for x in out.splitlines()]
         assert err.splitlines() == ["failed: h[b] is nan", "not met: x[b] = 2: above"]
@@ -686,7 +856,7 @@ def test_what_a_run_says_at_its_end(capsys, tmp_path):
         assert lines[-2:] == [
             f"3 steps, 0.5 us a step; series in {tmp_path / 'series.h5'}",
             f"report: {tmp_path / '[b].html'}",
-        ]  # fmt: skip
+        ]
     run_command._report_run(finished(), None, tmp_path, None, False, False)
     (line,) = capsys.readouterr().out.splitlines()
     assert line.startswith("3 steps")
@@ -709,7 +879,10 @@ def test_without_room_for_a_report_a_run_that_completed_ends_with_6(code):
         ):
             raise full
         assert told.value.code == Exit.SPACE
-    with pytest.raises(OSError, match="gone"), run_command._room(finished(code), Path("a"), "x"):
+    with (
+        pytest.raises(OSError, match="gone"),
+        run_command._room(finished(code), Path("a"), "x"),
+    ):
         raise OSError(2, "gone")
 
 
@@ -725,7 +898,9 @@ def test_without_room_for_a_report_a_run_that_completed_ends_with_6(code):
     ],
 )
 @pytest.mark.parametrize("row", [None, SimpleNamespace()])
-def test_a_case_made_again_ends_as_it_did(desat, monkeypatch, number, text, code, said, row):
+def test_a_case_made_again_ends_as_it_did(
+    desat, monkeypatch, number, text, code, said, row
+):
     compared: list[object] = []
     monkeypatch.setattr(plan, "read", lambda folder: SimpleNamespace(count=2))
     monkeypatch.setattr(plan, "changed", lambda plan: text)
@@ -745,7 +920,7 @@ def test_a_case_made_again_ends_as_it_did(desat, monkeypatch, number, text, code
     assert [args[2] for args in compared] == [False] * (made and row is not None)
 
 
-# --- a run in a process of its own ----------------------------------------------------------------
+# --- a run in a process of its own ----------------------------------------------------
 
 FULL = "errno = 28, "
 DIED = {"component": "a", "call": "stepping", "how": "SIGSEGV"}
@@ -755,7 +930,14 @@ HUNG = {**DIED, "hung": 2.0}
 def raised(function, *args: object) -> tuple[str, object] | object:
     try:
         return function(*args)
-    except (KeyboardInterrupt, SystemExit, OSError, RuntimeError, DesatError, EndedError) as error:
+    except (
+        KeyboardInterrupt,
+        SystemExit,
+        OSError,
+        RuntimeError,
+        DesatError,
+        EndedError,
+    ) as error:
         return type(error).__name__, getattr(error, "code", str(error))
 
 
@@ -786,12 +968,16 @@ ROWS = SimpleNamespace()
     ("ended", "result"),
     [
         (Ended({"layout": ROWS, "outcome": DONE}), DONE),
-        (Ended({"layout": ROWS, "outcome": DONE}, **DIED),
-         ("failed", "a: stepping ended the process: SIGSEGV, after the run", 0)),
+        (
+            Ended({"layout": ROWS, "outcome": DONE}, **DIED),
+            ("failed", "a: stepping ended the process: SIGSEGV, after the run", 0),
+        ),
         (Ended({"error": (DesatError, ("no",))}), ("DesatError", Exit.INPUT)),
         (Ended({"layout": ROWS, "error": (DesatError, ("no",))}), "cut short"),
-        (Ended({"layout": ROWS, "outcome": DONE, "error": (DesatError, ("no",))}),
-         ("DesatError", Exit.INPUT)),
+        (
+            Ended({"layout": ROWS, "outcome": DONE, "error": (DesatError, ("no",))}),
+            ("DesatError", Exit.INPUT),
+        ),
         (Ended({"system": (2, "gone")}), ("FileNotFoundError", "[Errno 2] gone")),
         (Ended({"layout": ROWS, "system": (2, "gone"), "outcome": DONE}), DONE),
         (Ended({"layout": ROWS, "system": (2, "gone"), "bug": FULL}), "cut short"),
@@ -806,11 +992,13 @@ ROWS = SimpleNamespace()
         (Ended({"layout": ROWS}, signal=2), "cut short"),
         (Ended({"layout": ROWS}, **DIED), "cut short"),
     ],
-)  # fmt: skip
+)
 @pytest.mark.parametrize("kept", [True, False])
-def test_a_supervised_run_ends_as_its_process(monkeypatch, tmp_path, ended, result, kept):
-    """Its folder is removed where nobody has asked for one, whatever comes; the shorter of both
-    limits holds for a call."""
+def test_a_supervised_run_ends_as_its_process(
+    monkeypatch, tmp_path, ended, result, kept
+):
+    """Its folder is removed where nobody has asked for one, whatever comes; the shorter
+    of both limits holds for a call."""
     if isinstance(ended.reports.get("outcome"), tuple):
         ended = replace(ended, reports={**ended.reports, "outcome": Outcome(*DONE)})
     limits, scratch = [], tmp_path / "scratch"
@@ -827,7 +1015,9 @@ def test_a_supervised_run_ends_as_its_process(monkeypatch, tmp_path, ended, resu
     assert limits == [2.0 if kept else 3.0]
     if given[1] == (tmp_path if kept else scratch):
         made = given[0]
-        given = made if isinstance(made, str) else (made.status, made.message, made.code)
+        given = (
+            made if isinstance(made, str) else (made.status, made.message, made.code)
+        )
     assert given == result
     assert scratch.exists() == (kept and not ended.how)
 
@@ -835,8 +1025,20 @@ def test_a_supervised_run_ends_as_its_process(monkeypatch, tmp_path, ended, resu
 @pytest.mark.parametrize(
     ("ended", "full", "status", "code", "message"),
     [
-        (Ended({}, **DIED), "", "failed", Exit.COMPONENT, "a: stepping ended the process: SIGSEGV"),
-        (Ended({}, **HUNG), "", LATE, Exit.TIMEOUT, "a: stepping did not return within 2 s"),
+        (
+            Ended({}, **DIED),
+            "",
+            "failed",
+            Exit.COMPONENT,
+            "a: stepping ended the process: SIGSEGV",
+        ),
+        (
+            Ended({}, **HUNG),
+            "",
+            LATE,
+            Exit.TIMEOUT,
+            "a: stepping did not return within 2 s",
+        ),
         (Ended({"error": (RunError, ("no", 4))}), "", "failed", Exit.COMPONENT, "no"),
         (Ended({}, signal=2), "", "interrupted", 130, "stopped by the user"),
         (Ended({}, signal=15, **HUNG), "", "interrupted", 143, "stopped by the user"),
@@ -851,8 +1053,12 @@ def test_a_run_cut_short_says_how_far_it_came(
     for name in ("series.h5", "series.h5.part") if files == "both" else (files,):
         (tmp_path / name).touch()
     opened, results = [], SimpleNamespace(times=lambda: np.array(times))
-    monkeypatch.setattr(runs.Results, "open", lambda *args: opened.append(args) or results)
-    monkeypatch.setattr(runs, "recover", lambda part, path, *_: opened.append((part, "recovered")))
+    monkeypatch.setattr(
+        runs.Results, "open", lambda *args: opened.append(args) or results
+    )
+    monkeypatch.setattr(
+        runs, "recover", lambda part, path, *_: opened.append((part, "recovered"))
+    )
     unwritten = SimpleNamespace(lay_out=lambda layout: None, written=2)
     system = SimpleNamespace(start=5.0, step=2.0)
     outcome, _ = runs._cut_short(system, None, tmp_path, ended, ROWS, unwritten, full)
@@ -868,8 +1074,12 @@ def test_a_run_cut_short_says_how_far_it_came(
         assert outcome.rows is None
 
 
-@pytest.mark.parametrize(("seconds", "every"), [(1.0, 1), (0.1, 1), (2.6, 3), (10.0, 10)])
-def test_a_checkpoint_is_saved_every_so_many_steps(monkeypatch, tmp_path, seconds, every):
+@pytest.mark.parametrize(
+    ("seconds", "every"), [(1.0, 1), (0.1, 1), (2.6, 3), (10.0, 10)]
+)
+def test_a_checkpoint_is_saved_every_so_many_steps(
+    monkeypatch, tmp_path, seconds, every
+):
     def checkpoints(folder: Path, every: int, *_: object) -> None:
         raise AskedError(every)
 
@@ -882,10 +1092,14 @@ def test_a_checkpoint_is_saved_every_so_many_steps(monkeypatch, tmp_path, second
 
 def test_the_time_of_a_run_is_that_of_its_steps(monkeypatch):
     made, stepping = [], step_case.stepping
-    monkeypatch.setattr(step_case, "stepping", lambda *x: made.append(stepping(*x)) or made[0])
+    monkeypatch.setattr(
+        step_case, "stepping", lambda *x: made.append(stepping(*x)) or made[0]
+    )
     given = Options(blocks=True, stop=20.0, substeps=1)
     run = runs.simulate(runs.prepare("gyrostat/light", given))
-    assert run.manifest.us_per_step == pytest.approx(1e6 * made[0].seconds / 20, abs=1.0)
+    assert run.manifest.us_per_step == pytest.approx(
+        1e6 * made[0].seconds / 20, abs=1.0
+    )
 
 
 @pytest.mark.parametrize("number", [1, 2, 15])
@@ -898,29 +1112,39 @@ def test_a_run_that_a_signal_stops_says_which(monkeypatch, number):
 
 
 def test_a_run_whose_components_cannot_be_freed_ends_as_the_first(monkeypatch):
-    ended, leave = [EndedError("a hangs", Exit.TIMEOUT), EndedError("b died")], Master.__exit__
+    ended, leave = (
+        [EndedError("a hangs", Exit.TIMEOUT), EndedError("b died")],
+        Master.__exit__,
+    )
 
     def left(self: Master, *given: object) -> None:
         leave(self, *given)
         self.unfreed = ended
 
     monkeypatch.setattr(Master, "__exit__", left)
-    run = runs.simulate(runs.prepare("gyrostat/light", Options(blocks=True, stop=20.0, substeps=1)))
+    run = runs.simulate(
+        runs.prepare("gyrostat/light", Options(blocks=True, stop=20.0, substeps=1))
+    )
     assert (run.manifest.status, run.code) == ("failed", Exit.TIMEOUT)
     assert run.manifest.message == "a hangs, after the run"
 
 
-# --- a run's condition, a case's row, what draws record -------------------------------------------
+# --- a run's condition, a case's row, what draws record -------------------------------
 
 
 @pytest.mark.parametrize(
     ("kind", "value", "result"),
     [
-        ("Boolean", True, 1), ("Boolean", False, 0), ("Boolean", 1, "Boolean: true or false"),
-        ("Integer", 3, 3), ("Integer", "b", 1), ("Integer", True, "is an Integer"),
-        ("Integer", "bb", "no value bb; did you mean b?"), ("Real", 1, "a Real, which has below"),
+        ("Boolean", True, 1),
+        ("Boolean", False, 0),
+        ("Boolean", 1, "Boolean: true or false"),
+        ("Integer", 3, 3),
+        ("Integer", "b", 1),
+        ("Integer", True, "is an Integer"),
+        ("Integer", "bb", "no value bb; did you mean b?"),
+        ("Real", 1, "a Real, which has below"),
     ],
-)  # fmt: skip
+)
 def test_what_a_condition_may_reach(kind, value, result):
     signal = SimpleNamespace(kind=kind, array="mode", choices=["a", "b"])
     if isinstance(result, int):
@@ -943,16 +1167,29 @@ def test_the_time_is_over_after_it_and_not_at_it(monkeypatch, seconds):
 @pytest.mark.parametrize("interval", [True, False])
 @pytest.mark.parametrize("algorithm", ["gauss_seidel", "jacobi"])
 def test_a_condition_is_to_hold_for_its_time(interval, algorithm):
-    """From the row that it holds at, which of an interval output began a step ago; anew where it
-    was broken."""
+    """From the row that it holds at, which of an interval output began a step ago; anew
+    where it was broken."""
     live = {"Real": np.array([0.0, 1.0])}
     x, y = (SimpleNamespace(name=name, series=name) for name in "xy")
-    slot = SimpleNamespace(component="a", signal=x, kind="Real", index=1, interval=interval)
-    others = [SimpleNamespace(component="b", signal=x), SimpleNamespace(component="a", signal=y)]
-    master = SimpleNamespace(slots=[*others, slot], live=live, start=3.0, step_size=0.1, k=0,
-                             algorithm=algorithm)  # fmt: skip
+    slot = SimpleNamespace(
+        component="a", signal=x, kind="Real", index=1, interval=interval
+    )
+    others = [
+        SimpleNamespace(component="b", signal=x),
+        SimpleNamespace(component="a", signal=y),
+    ]
+    master = SimpleNamespace(
+        slots=[*others, slot],
+        live=live,
+        start=3.0,
+        step_size=0.1,
+        k=0,
+        algorithm=algorithm,
+    )
     at_start = not (interval and algorithm == "gauss_seidel")
-    ending = stopping.watch(master, Condition("a", "x", "below", 2.0, 0.3, "it is low"), None)
+    ending = stopping.watch(
+        master, Condition("a", "x", "below", 2.0, 0.3, "it is low"), None
+    )
     assert (ending.watched, ending.limit, ending.how) == ([slot], 2.0, "below")
     assert ending.memory == ({"since": 3.0} if at_start else {})
     met = []
@@ -967,12 +1204,22 @@ def test_a_condition_is_to_hold_for_its_time(interval, algorithm):
 
 def test_a_condition_that_has_just_held_long_enough_is_met():
     x = SimpleNamespace(name="x", series="x")
-    slot = SimpleNamespace(component="a", signal=x, kind="Real", index=0, interval=False)
-    master = SimpleNamespace(slots=[slot], live={"Real": np.array([1.0])}, start=0.0, k=2,
-                             step_size=0.5, algorithm="gauss_seidel")  # fmt: skip
+    slot = SimpleNamespace(
+        component="a", signal=x, kind="Real", index=0, interval=False
+    )
+    master = SimpleNamespace(
+        slots=[slot],
+        live={"Real": np.array([1.0])},
+        start=0.0,
+        k=2,
+        step_size=0.5,
+        algorithm="gauss_seidel",
+    )
     held = 1.0 + 1e-9
     assert held - 1e-9 == 1.0
-    ending = stopping.watch(master, Condition("a", "x", "below", 2.0, held, "low"), None)
+    ending = stopping.watch(
+        master, Condition("a", "x", "below", 2.0, held, "low"), None
+    )
     assert ending.reason() == "low"
     master.step_size = math.nextafter(0.5, 0.0)
     assert ending.reason() == ""
@@ -984,9 +1231,13 @@ class AskedError(Exception):
 
 @pytest.mark.parametrize(
     ("substeps", "record", "looks"),
-    [("auto", ("*",), True), (1, ("*",), False), (1, ("wheels.h_wheel",), None),
-     ("auto", ("wheels.h_wheel",), None)],
-)  # fmt: skip
+    [
+        ("auto", ("*",), True),
+        (1, ("*",), False),
+        (1, ("wheels.h_wheel",), None),
+        ("auto", ("wheels.h_wheel",), None),
+    ],
+)
 def test_draws_record_what_their_numbers_need(monkeypatch, substeps, record, looks):
     """And, where the run chooses its substeps, what that is looked at again with."""
 
@@ -1003,7 +1254,9 @@ def test_draws_record_what_their_numbers_need(monkeypatch, substeps, record, loo
     else:
         looked_at = {"spacecraft.omega_bi_body", "spacecraft.impulse_eci"}
         assert looked_at & set(found) == (looked_at if looks else set())
-        assert {"spacecraft.q_bi", "wheels.h_wheel", "torquers.m_mean_body"} < set(found)
+        assert {"spacecraft.q_bi", "wheels.h_wheel", "torquers.m_mean_body"} < set(
+            found
+        )
 
 
 @pytest.mark.parametrize(
@@ -1033,9 +1286,12 @@ def test_a_case_that_cannot_begin_is_a_row(monkeypatch, error, code):
 
 
 @pytest.mark.parametrize(
-    ("code", "raises"), [(0, False), (1, False), (4, False), (5, False), (6, True), (130, True)]
+    ("code", "raises"),
+    [(0, False), (1, False), (4, False), (5, False), (6, True), (130, True)],
 )
-def test_a_case_that_is_kept_needs_room_and_no_signal(monkeypatch, tmp_path, code, raises):
+def test_a_case_that_is_kept_needs_room_and_no_signal(
+    monkeypatch, tmp_path, code, raises
+):
     written = []
     monkeypatch.setattr(campaign_case, "source", lambda plan: "a")
     monkeypatch.setattr(campaign_case, "prepare", lambda target, options: options)
@@ -1046,7 +1302,9 @@ def test_a_case_that_is_kept_needs_room_and_no_signal(monkeypatch, tmp_path, cod
         return finished(code)
 
     monkeypatch.setattr(campaign_case, "simulate", simulate)
-    monkeypatch.setattr(campaign_case, "write_report", lambda *args: written.append(args[0]))
+    monkeypatch.setattr(
+        campaign_case, "write_report", lambda *args: written.append(args[0])
+    )
     of = plan.CampaignPlan("a", "", 3, limit=9.0)
     monkeypatch.setattr(plan.CampaignPlan, "values", lambda self, number: {"a.k": 1.0})
     if raises:
@@ -1067,39 +1325,68 @@ def test_what_never_came_back_is_a_failed_row(given, status):
     assert made.code == (Exit.TIMEOUT if given else Exit.COMPONENT)
 
 
-# --- the range of the exchange --------------------------------------------------------------------
+# --- the range of the exchange --------------------------------------------------------
 
 
 def test_a_number_at_the_limit_of_the_range_is_no_warning():
     limits = coverage.LIMITS
     assert (limits.turn, limits.kick, coverage.TOGETHER, coverage.JITTER) == (
-        0.46, 0.0076, 0.0103, 1e-6
-    )  # fmt: skip
+        0.46,
+        0.0076,
+        0.0103,
+        1e-6,
+    )
     for scale in (1.0, 1.0 + 1e-9):
-        assert list(coverage._beyond(coverage.StepCriteria(limits.turn * scale, limits.kick))) == []
+        assert (
+            list(
+                coverage._beyond(
+                    coverage.StepCriteria(limits.turn * scale, limits.kick)
+                )
+            )
+            == []
+        )
     above = coverage.StepCriteria(limits.turn * (1.0 + 2e-9), limits.kick)
     assert list(coverage._beyond(above)) == [("turn", above.turn)]
     assert coverage._of_jitter(1e-6, "now") == []
     assert len(coverage._of_jitter(math.nextafter(1e-6, 1.0), "now")) == 1
 
 
-PARTS = coverage.StepParts(["a.q", "a.w", "w.h", "a.i"], np.eye(3, 4).tolist(), np.eye(3).tolist(),
-                       [0.01] * 4, 0.0)  # fmt: skip
+PARTS = coverage.StepParts(
+    ["a.q", "a.w", "w.h", "a.i"],
+    np.eye(3, 4).tolist(),
+    np.eye(3).tolist(),
+    [0.01] * 4,
+    0.0,
+)
 
 
-def remarked(turning=0.0, pushed=0.0, h=0.0, last=0.0, unbalance=0.0, lacking=(), **told):
-    """Remarks about rows of a body that reached so much, of wheels with momenta h to `last`."""
-    found = coverage.Reached(np.array([0.0, 1.0, 2.0]), np.array([0.0, turning, 0.0]),
-                             np.array([0.0, pushed]), np.zeros(1))  # fmt: skip
-    results = SimpleNamespace(names=lambda: [x for x in PARTS.series if x not in lacking],
-                              values=lambda name: np.array([[h] * 4, [last] * 4]))  # fmt: skip
+def remarked(
+    turning=0.0, pushed=0.0, h=0.0, last=0.0, unbalance=0.0, lacking=(), **told
+):
+    """Remarks about rows of a body that reached so much, of wheels with momenta h to
+    `last`."""
+    found = coverage.Reached(
+        np.array([0.0, 1.0, 2.0]),
+        np.array([0.0, turning, 0.0]),
+        np.array([0.0, pushed]),
+        np.zeros(1),
+    )
+    results = SimpleNamespace(
+        names=lambda: [x for x in PARTS.series if x not in lacking],
+        values=lambda name: np.array([[h] * 4, [last] * 4]),
+    )
     manifest = SimpleNamespace(
-        substep_choice=None, parts={coverage.KEY: replace(PARTS, unbalance=unbalance)},
-        algorithm="gauss_seidel", step=2.0, substeps=4,
-    )  # fmt: skip
+        substep_choice=None,
+        parts={coverage.KEY: replace(PARTS, unbalance=unbalance)},
+        algorithm="gauss_seidel",
+        step=2.0,
+        substeps=4,
+    )
     vars(manifest).update(told)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(coverage, "of_run", lambda parts, results: None if lacking else found)
+        patch.setattr(
+            coverage, "of_run", lambda parts, results: None if lacking else found
+        )
         return coverage.remarks(manifest, results)
 
 
@@ -1110,12 +1397,17 @@ def test_a_run_says_where_it_left_the_range():
     assert remarked(2.0 * turn, 2.0 * kick, lacking=["a.q"]) == []
     assert remarked(2.0 * turn, 2.0 * kick, algorithm="jacobi") == []
     line, other = remarked(turn * (1.0 + 3e-9), kick * (1.0 + 3e-9))
-    assert line.startswith("at t = 1 s, turn and nutation in a substep: 0.46 rad, accuracy")
-    assert other.startswith("at t = 1 s, turn by the largest torque of all actuators in a substep")
+    assert line.startswith(
+        "at t = 1 s, turn and nutation in a substep: 0.46 rad, accuracy"
+    )
+    assert other.startswith(
+        "at t = 1 s, turn by the largest torque of all actuators in a substep"
+    )
 
 
 def test_a_run_says_how_much_the_jitter_of_faster_wheels_leaves():
-    """8 unbalance Omega H / J of four wheels, where they turn once within a step and more."""
+    """8 unbalance Omega H / J of four wheels, where they turn once within a step and
+    more."""
     assert remarked(h=1.0, last=1.9, unbalance=1e-9) == []
     assert remarked(h=1.0, last=2.0, unbalance=1e-9) == []
     (line,) = remarked(h=1.0, last=2.1, unbalance=1e-9)
@@ -1127,8 +1419,10 @@ def test_a_run_that_chose_says_what_it_could_not_look_at():
     flown = SubstepChoice(4, 1e-7, 5e-8, steps=30, reached=(1.0, 1.0, 1.0))
     assert remarked(substep_choice=flown) == []
     (line,) = remarked(substep_choice=flown, lacking=["a.w", "a.i"])
-    assert line == ("its substeps are chosen by its first 30 steps, and not looked at again: "
-                    "not recorded: a.i, a.w")  # fmt: skip
+    assert line == (
+        "its substeps are chosen by its first 30 steps, and not looked at again: "
+        "not recorded: a.i, a.w"
+    )
     assert remarked(substep_choice=replace(flown, reached=None), lacking=["a.w"]) == []
     assert remarked(substep_choice=flown, parts={coverage.KEY: None}) == []
     far = {"turning": 9.0, "pushed": 9.0}
@@ -1136,13 +1430,20 @@ def test_a_run_that_chose_says_what_it_could_not_look_at():
     assert remarked(substep_choice=flown, **far) == []
 
 
-# --- the balances ---------------------------------------------------------------------------------
+# --- the balances ---------------------------------------------------------------------
 
 
 def told(**more: object) -> SimpleNamespace:
     """A manifest's part that balances look at."""
-    usual = {"algorithm": "gauss_seidel", "step": 2.0, "substeps": 1, "about": {}, "numbers": {},
-             "parts": {}, "balance": None}  # fmt: skip
+    usual = {
+        "algorithm": "gauss_seidel",
+        "step": 2.0,
+        "substeps": 1,
+        "about": {},
+        "numbers": {},
+        "parts": {},
+        "balance": None,
+    }
     return SimpleNamespace(**{**usual, **more})
 
 
@@ -1154,11 +1455,15 @@ def test_the_largest_residual_is_that_of_a_row(monkeypatch):
     assert (number.value, number.unit) == (5.0, "N.m.s")
     assert residual.unchecked(None, None) == {}
     for algorithm, bound, lines in (
-        ("gauss_seidel", None, 1), ("jacobi", None, 0), ("gauss_seidel", 5.0 / 7.0, 0),
+        ("gauss_seidel", None, 1),
+        ("jacobi", None, 0),
+        ("gauss_seidel", 5.0 / 7.0, 0),
         ("gauss_seidel", 0.7, 1),
-    ):  # fmt: skip
+    ):
         about = {} if bound is None else {"residual_bound": bound}
-        manifest = told(numbers={"momentum_residual": number}, algorithm=algorithm, about=about)
+        manifest = told(
+            numbers={"momentum_residual": number}, algorithm=algorithm, about=about
+        )
         assert len(residual.unmet(manifest, None)) == lines
     at_bound = {"momentum_residual": Value("x", 7e-9, "N.m.s")}
     assert residual.unmet(told(numbers=at_bound), None) == []
@@ -1173,23 +1478,36 @@ def test_why_there_is_no_residual():
     parts = residual.MomentumParts("a", "w.h")
     series = [*(f"a.{n}" for n in ("q_bi", "omega_bi_body", "impulse_eci")), "w.h"]
     for names, why in (
-        (series, "there are no rows"), (series[1:], "not recorded: a.q_bi"),
+        (series, "there are no rows"),
+        (series[1:], "not recorded: a.q_bi"),
         (series[2:], "not recorded: a.q_bi, a.omega_bi_body"),
-    ):  # fmt: skip
-        results = SimpleNamespace(names=lambda names=names: names, once=lambda key, make: None)
+    ):
+        results = SimpleNamespace(
+            names=lambda names=names: names, once=lambda key, make: None
+        )
         manifest = told(parts={residual.KEY: parts})
         assert residual.unchecked(manifest, results) == {"momentum_residual": why}
 
 
 def test_totals_go_on_from_block_to_block(monkeypatch):
     blocks = [
-        energy.Block(np.array([1.0, 4.0, 2.0]), np.array([2.5, -1.5]),
-                     np.array([[1.0, 0.0, 0.0], [0.0, 2.0, 0.0]]), np.array([0.1, 0.3])),
-        energy.Block(np.array([2.0, 1.0]), np.array([-3.0]), np.array([[1.0, 0.0, 0.0]]),
-                     np.array([0.2])),
-    ]  # fmt: skip
-    impulses = [[[5.0, 0.0, 0.0], [6.0, 0.0, 3.0], [6.0, 2.0, 0.0]],
-                [[6.0, 2.0, 0.0], [7.0, 2.0, -4.0]]]  # fmt: skip
+        energy.Block(
+            np.array([1.0, 4.0, 2.0]),
+            np.array([2.5, -1.5]),
+            np.array([[1.0, 0.0, 0.0], [0.0, 2.0, 0.0]]),
+            np.array([0.1, 0.3]),
+        ),
+        energy.Block(
+            np.array([2.0, 1.0]),
+            np.array([-3.0]),
+            np.array([[1.0, 0.0, 0.0]]),
+            np.array([0.2]),
+        ),
+    ]
+    impulses = [
+        [[5.0, 0.0, 0.0], [6.0, 0.0, 3.0], [6.0, 2.0, 0.0]],
+        [[6.0, 2.0, 0.0], [7.0, 2.0, -4.0]],
+    ]
     monkeypatch.setattr(energy, "sums", lambda steps: blocks[steps.number])
     for outer in (None, object()):
         totals, found = energy.Totals(), []
@@ -1211,18 +1529,27 @@ def test_totals_go_on_from_block_to_block(monkeypatch):
 
 @pytest.mark.parametrize(
     ("given", "share", "impulse"),
-    [({"energy": 2.0, "worked": 4.0}, 0.25, None), ({"energy": 8.0, "worked": 4.0}, 0.125, 0.5),
-     ({}, None, 0.5), (None, None, None)],
-)  # fmt: skip
+    [
+        ({"energy": 2.0, "worked": 4.0}, 0.25, None),
+        ({"energy": 8.0, "worked": 4.0}, 0.125, 0.5),
+        ({}, None, 0.5),
+        (None, None, None),
+    ],
+)
 def test_the_numbers_of_a_balance(monkeypatch, given, share, impulse):
     made = (
-        None if given is None else energy.Totals(mismatch=1.0, hidden=3.0, impulse=impulse, **given)
+        None
+        if given is None
+        else energy.Totals(mismatch=1.0, hidden=3.0, impulse=impulse, **given)
     )
     monkeypatch.setattr(energy, "totals_of", lambda *_: made)
     monkeypatch.setattr(energy, "_not_of_rows", lambda *_: "why")
     found = {name: n.value for name, n in energy.numbers(told(), None).items()}
-    wanted = {"energy_mismatch": share, "hidden_work": given is not None and 3.0,
-              "impulse_mismatch": impulse}  # fmt: skip
+    wanted = {
+        "energy_mismatch": share,
+        "hidden_work": given is not None and 3.0,
+        "impulse_mismatch": impulse,
+    }
     assert found == {k: v for k, v in wanted.items() if v}
     parts = energy.EnergyParts("a", "w.h")
     lacking = energy.unchecked(told(parts={energy.KEY: parts}), None)
@@ -1235,17 +1562,24 @@ def test_the_numbers_of_a_balance(monkeypatch, given, share, impulse):
 def series_of(names: list[str], times: list[float], lacking: str = "", **counts: int):
     """Results with such series."""
     return SimpleNamespace(
-        names=lambda: [n for n in names if n != lacking], once=lambda key, make: make(),
+        names=lambda: [n for n in names if n != lacking],
+        once=lambda key, make: make(),
         times=lambda name: np.array(times if name == "a.q_bi" else [0.0, 99.0]),
         count=lambda name: counts.get(name.replace(".", "_"), len(times)),
-    )  # fmt: skip
+    )
 
 
 @pytest.mark.parametrize(
     ("more", "times", "lacking", "counts", "why"),
     [
         ({}, [0.0, 2.0, 4.0], "", {}, ""),
-        ({"algorithm": "jacobi"}, [0.0, 2.0], "", {}, "under jacobi torques act a step late"),
+        (
+            {"algorithm": "jacobi"},
+            [0.0, 2.0],
+            "",
+            {},
+            "under jacobi torques act a step late",
+        ),
         ({"why": "so"}, [0.0, 2.0], "", {}, "so"),
         ({}, [0.0, 2.0], "w.mean", {}, "not recorded: w.mean"),
         ({}, [0.0], "", {}, "there is no whole step"),
@@ -1262,7 +1596,9 @@ def series_of(names: list[str], times: list[float], lacking: str = "", **counts:
 )
 def test_why_rows_have_no_balance(more, times, lacking, counts, why):
     of = {k: more.pop(k) for k in ("why", "rows") if k in more}
-    parts = energy.EnergyParts("a", "w.h", "w.mean", "w.slope", None, **{"rows": True, **of})
+    parts = energy.EnergyParts(
+        "a", "w.h", "w.mean", "w.slope", None, **{"rows": True, **of}
+    )
     results = series_of(energy.of_work(parts), times, lacking, **counts)
     found = energy._not_of_rows(told(parts={energy.KEY: parts}, **more), results)
     assert found.startswith(why)
@@ -1272,24 +1608,37 @@ def test_why_rows_have_no_balance(more, times, lacking, counts, why):
 @pytest.mark.parametrize(
     ("hidden", "impulse", "about", "lines"),
     [
-        (2e-8, 7e-6, {}, []), (2.1e-8, None, {}, ["hidden_work"]), (None, 7.1e-6, {}, ["impulse"]),
-        (2.1e-8, 7.1e-6, {}, ["hidden_work", "impulse"]), (None, None, {}, []),
+        (2e-8, 7e-6, {}, []),
+        (2.1e-8, None, {}, ["hidden_work"]),
+        (None, 7.1e-6, {}, ["impulse"]),
+        (2.1e-8, 7.1e-6, {}, ["hidden_work", "impulse"]),
+        (None, None, {}, []),
         (0.5, 3.5, {"energy_bound": 0.5, "impulse_bound": 0.5}, []),
-        (0.6, 3.6, {"energy_bound": 0.5, "impulse_bound": 0.5}, ["hidden_work", "impulse"]),
+        (
+            0.6,
+            3.6,
+            {"energy_bound": 0.5, "impulse_bound": 0.5},
+            ["hidden_work", "impulse"],
+        ),
     ],
-)  # fmt: skip
+)
 def test_a_balance_at_its_bound_is_met(monkeypatch, hidden, impulse, about, lines):
     series = residual.Momentum(np.zeros(1), np.zeros((1, 3)), 7.0)
     numbers = {"hidden_work": hidden, "impulse_mismatch": impulse}
-    manifest = told(about=about, numbers={
-        k: Value(k, v, "1") for k, v in numbers.items() if v is not None
-    })  # fmt: skip
+    manifest = told(
+        about=about,
+        numbers={k: Value(k, v, "1") for k, v in numbers.items() if v is not None},
+    )
     monkeypatch.setattr(residual, "momentum", lambda *_: series)
-    assert [x[: len(y)] for x, y in zip(energy.unmet(manifest, None), lines, strict=True)] == lines
+    assert [
+        x[: len(y)] for x, y in zip(energy.unmet(manifest, None), lines, strict=True)
+    ] == lines
     monkeypatch.setattr(residual, "momentum", lambda *_: None)
     assert len(energy.unmet(manifest, None)) == ("hidden_work" in lines)
     of_fixed = "impulse" in lines
-    monkeypatch.setattr(fixed, "mismatch", lambda *_: None if impulse is None else (impulse, 7.0))
+    monkeypatch.setattr(
+        fixed, "mismatch", lambda *_: None if impulse is None else (impulse, 7.0)
+    )
     assert len(fixed.unmet(manifest, None)) == of_fixed
     found = fixed.numbers(manifest, None)
     assert {k: v.value for k, v in found.items()} == (
@@ -1301,7 +1650,12 @@ def test_a_balance_at_its_bound_is_met(monkeypatch, hidden, impulse, about, line
     ("more", "times", "lacking", "why"),
     [
         ({}, [0.0, 2.0], "", ""),
-        ({"algorithm": "jacobi"}, [0.0, 2.0], "", "under jacobi torques act a step late"),
+        (
+            {"algorithm": "jacobi"},
+            [0.0, 2.0],
+            "",
+            "under jacobi torques act a step late",
+        ),
         ({"why": "so"}, [0.0, 2.0], "", "so"),
         ({}, [0.0, 2.0], "a.h_copy_wheel", "not recorded: a.h_copy_wheel"),
         ({}, [0.0], "", "there is no whole step"),
@@ -1314,4 +1668,6 @@ def test_why_a_fixed_attitude_has_no_balance(more, times, lacking, why):
     results = series_of(fixed.balanced(parts), times, lacking)
     manifest = told(parts={fixed.KEY: parts}, **more)
     assert fixed._why_not(manifest, results) == why
-    assert fixed.unchecked(manifest, results) == ({"impulse_mismatch": why} if why else {})
+    assert fixed.unchecked(manifest, results) == (
+        {"impulse_mismatch": why} if why else {}
+    )

@@ -1,4 +1,5 @@
-"""The body's energy and impulse, held against the work and the torques computed outside it."""
+"""The body's energy and impulse, held against the work and the torques computed outside
+it."""
 
 from __future__ import annotations
 
@@ -36,18 +37,28 @@ def test_the_balance_is_of_order_six():
 
 
 SURFACES = [
-    "spacecraft.aerodynamics=plates", "spacecraft.radiation=plates",
-    "spacecraft.plates=" + str(
-        [[1, 0, 0, 0.5, 0.1, 0.2, 0, 0.3, 0.4], [0, 1, 0, 0.7, 0, 0.1, 0.2, 0.1, 0.2],
-         [0, -2, 0, 0.7, 0, 0.1, 0.3, 0.1, 0.2], [0, 0, 1, 0.4, 0.1, 0, 0.1, 0, 0.9]]
-        + [[0] * 9] * 12),
-]  # fmt: skip
+    "spacecraft.aerodynamics=plates",
+    "spacecraft.radiation=plates",
+    "spacecraft.plates="
+    + str(
+        [
+            [1, 0, 0, 0.5, 0.1, 0.2, 0, 0.3, 0.4],
+            [0, 1, 0, 0.7, 0, 0.1, 0.2, 0.1, 0.2],
+            [0, -2, 0, 0.7, 0, 0.1, 0.3, 0.1, 0.2],
+            [0, 0, 1, 0.4, 0.1, 0, 0.1, 0, 0.9],
+        ]
+        + [[0] * 9] * 12
+    ),
+]
 
 
-@pytest.mark.parametrize(("sets", "share"), [([], 1e-11), (SURFACES, 1e-9)], ids=["area", "plates"])
+@pytest.mark.parametrize(
+    ("sets", "share"), [([], 1e-11), (SURFACES, 1e-9)], ids=["area", "plates"]
+)
 def test_impulse_is_what_the_neighbours_make_it(sets, share):
-    """Field and dipole, gravity gradient, drag and radiation: all recomputed; where a plate turns
-    into the flow or the light its torque has a kink, which a quadrature sees in second order."""
+    """Field and dipole, gravity gradient, drag and radiation: all recomputed; where a
+    plate turns into the flow or the light its torque has a kink, which a quadrature
+    sees in second order."""
     found, run = numbers("nadir_day/day-igrf", stop=600.0, sets=sets)
     impulse = np.linalg.norm(run.results.values("spacecraft.impulse_eci"), axis=1).max()
     assert impulse > 1e-3
@@ -55,13 +66,18 @@ def test_impulse_is_what_the_neighbours_make_it(sets, share):
     assert found["energy_mismatch"] < 1e-8
 
 
-ALWAYS = ["spacecraft.residual_dipole_body=[3.0, -2.0, 1.0]",
-          "spacecraft.tau_disturbance_body=[1e-4, 2e-4, -3e-4]"]  # fmt: skip
+ALWAYS = [
+    "spacecraft.residual_dipole_body=[3.0, -2.0, 1.0]",
+    "spacecraft.tau_disturbance_body=[1e-4, 2e-4, -3e-4]",
+]
 
 
-@pytest.mark.parametrize("sets", [ALWAYS, SURFACES, []], ids=["always", "plates", "area"])
+@pytest.mark.parametrize(
+    "sets", [ALWAYS, SURFACES, []], ids=["always", "plates", "area"]
+)
 def test_impulse_of_a_minute_is_what_the_neighbours_make_it(sets):
-    """Each torque that a body may have beside the usual ones, large enough to be seen at once."""
+    """Each torque that a body may have beside the usual ones, large enough to be seen
+    at once."""
     found, run = numbers("nadir_day/day-igrf", stop=60.0, sets=sets)
     impulse = np.linalg.norm(run.results.values("spacecraft.impulse_eci"), axis=1).max()
     assert impulse > (1e-3 if sets is ALWAYS else 1e-6)
@@ -126,14 +142,26 @@ def test_one_step_has_a_balance():
 
 
 def test_attitude_between_rows():
-    """A body that turns evenly about one axis: the attitude inside a step in closed form."""
+    """A body that turns evenly about one axis: the attitude inside a step in closed
+    form."""
     rate, dt, e = 0.2, 1.0, 0.3
 
     def q(t):
         return np.array([[0.0, 0.0, np.sin(0.5 * rate * t), np.cos(0.5 * rate * t)]])
 
     zero, omega = np.zeros((2, 3)), np.array([[0.0, 0.0, rate]] * 2)
-    steps = Steps(dt, np.diag([3.0, 2.0, 1.0]), np.zeros((3, 4)), np.vstack([q(0.0), q(dt)]),
-                  omega, zero, np.zeros((2, 4)), np.zeros((1, 4)), np.zeros((1, 4)))  # fmt: skip
-    assert steps.attitude(e) == pytest.approx(q(e * dt), abs=(0.5 * rate * dt) ** 6 / 46080)
+    steps = Steps(
+        dt,
+        np.diag([3.0, 2.0, 1.0]),
+        np.zeros((3, 4)),
+        np.vstack([q(0.0), q(dt)]),
+        omega,
+        zero,
+        np.zeros((2, 4)),
+        np.zeros((1, 4)),
+        np.zeros((1, 4)),
+    )
+    assert steps.attitude(e) == pytest.approx(
+        q(e * dt), abs=(0.5 * rate * dt) ** 6 / 46080
+    )
     assert steps.rate(e, q(e * dt)) == pytest.approx(omega[:1], abs=1e-15)

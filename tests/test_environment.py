@@ -1,7 +1,8 @@
-"""Orbit, Earth, Sun, field and atmosphere: against references from outside, and invariants.
+"""Orbit, Earth, Sun, field and atmosphere: against references from outside, and
+invariants.
 
-`authorities/environment_reference.csv`, `parameters.json` and `gyrostat.json` are those of the
-project's reference trajectories; of the first every tenth row is kept.
+`authorities/environment_reference.csv`, `parameters.json` and `gyrostat.json` are those
+of the project's reference trajectories; of the first every tenth row is kept.
 """
 
 from __future__ import annotations
@@ -43,7 +44,9 @@ def begin(block: Block, **parameters: object) -> Block:
     variables = {v.name: v for v in block.variables}
     for name, value in parameters.items():
         variable = variables[name]
-        setattr(block, name, variable.choices.index(value) if variable.choices else value)
+        setattr(
+            block, name, variable.choices.index(value) if variable.choices else value
+        )
     block.check()
     block.start()
     return block
@@ -64,15 +67,20 @@ def on_the_way(block: Block, t: float, dt: float = 1.0) -> Block:
     return at(block, t)
 
 
-# --- orbit ----------------------------------------------------------------------------------------
+# --- orbit ----------------------------------------------------------------------------
 
 angle = st.floats(-math.pi, math.pi)
 elements = st.builds(
     lambda perigee, e, i, raan, argument, anomaly: orbit.Elements(
         perigee / (1 - e), e, i, raan, argument, anomaly
     ),
-    st.floats(6.5e6, 4e7), st.floats(0, 0.9), st.floats(0, math.pi), angle, angle, angle,
-)  # fmt: skip
+    st.floats(6.5e6, 4e7),
+    st.floats(0, 0.9),
+    st.floats(0, math.pi),
+    angle,
+    angle,
+    angle,
+)
 
 
 def of_elements(e: orbit.Elements, **parameters: object) -> EnvironmentKepler:
@@ -82,14 +90,18 @@ def of_elements(e: orbit.Elements, **parameters: object) -> EnvironmentKepler:
 @given(st.floats(-20, 20), st.floats(0, 0.95))
 def test_eccentric_anomaly_solves_keplers_equation(m, e):
     found = orbit.eccentric_anomaly(m, e)
-    assert math.remainder(found - e * math.sin(found) - m, math.tau) == pytest.approx(0, abs=5e-15)
+    assert math.remainder(found - e * math.sin(found) - m, math.tau) == pytest.approx(
+        0, abs=5e-15
+    )
 
 
 @given(angle, st.floats(0, 0.95))
 def test_true_anomaly(true, e):
     found = orbit.eccentric_anomaly(orbit.mean_from_true_anomaly(true, e), e)
     x, y = math.cos(found) - e, math.sqrt(1 - e * e) * math.sin(found)
-    assert math.remainder(math.atan2(y, x) - true, math.tau) == pytest.approx(0, abs=1e-12)
+    assert math.remainder(math.atan2(y, x) - true, math.tau) == pytest.approx(
+        0, abs=1e-12
+    )
 
 
 @given(elements, st.floats(0, 1e5))
@@ -109,7 +121,8 @@ def test_velocity_is_the_derivative_of_position(e, t, j2):
     block = of_elements(e, j2=j2)
     r = {k: at(block, t + 0.5 * k).r_eci for k in (-2, -1, 1, 2)}
     found = [
-        (8 * (b - a) - (d - c)) / 6 for a, b, c, d in zip(r[-1], r[1], r[-2], r[2], strict=True)
+        (8 * (b - a) - (d - c)) / 6
+        for a, b, c, d in zip(r[-1], r[1], r[-2], r[2], strict=True)
     ]
     assert found == pytest.approx(at(block, t).v_eci, abs=2e-6)
 
@@ -121,7 +134,8 @@ def test_an_orbit_closes(e):
     once = at(block, 0.0).r_eci
     # the rounding of the time and of the angle, times the speed at the perigee
     assert (
-        math.dist(at(block, period).r_eci, once) < 1e-5 + 3e-12 * period * norm(block.v_eci) / 1e3
+        math.dist(at(block, period).r_eci, once)
+        < 1e-5 + 3e-12 * period * norm(block.v_eci) / 1e3
     )
 
 
@@ -140,7 +154,9 @@ def test_elements_from_state(e, t):
 
 @pytest.mark.parametrize("inclination", [0.0, 1.0, math.pi])
 def test_elements_of_a_circle(inclination):
-    block = at(kepler(inclination=inclination, raan=0.3, mean_anomaly=0.4, field="none"), 50.0)
+    block = at(
+        kepler(inclination=inclination, raan=0.3, mean_anomaly=0.4, field="none"), 50.0
+    )
     found = orbit.elements_from_state(block.r_eci, block.v_eci)
     again = at(of_elements(found), 0.0)
     assert again.r_eci == pytest.approx(block.r_eci, abs=1e-7)
@@ -170,23 +186,35 @@ def test_j2_drift_is_that_of_the_integrated_motion():
     state = at(of_elements(start), 0.0)
     t = np.linspace(0, 40 * period, 4001)
     solution = solve_ivp(
-        rhs, (0, t[-1]), [*state.r_eci, *state.v_eci], "DOP853", t, rtol=1e-11, atol=1e-6
+        rhs,
+        (0, t[-1]),
+        [*state.r_eci, *state.v_eci],
+        "DOP853",
+        t,
+        rtol=1e-11,
+        atol=1e-6,
     )
-    osculating = np.array([orbit.elements_from_state(x[:3], x[3:]) for x in solution.y.T.tolist()])
+    osculating = np.array(
+        [orbit.elements_from_state(x[:3], x[3:]) for x in solution.y.T.tolist()]
+    )
     a, e, i = osculating[:, :3].mean(axis=0)
     expected = orbit.j2_drift(a, e, i)
     for column, rate in ((3, expected.raan), (4, expected.argument_of_perigee)):
         slope = np.polyfit(t, np.unwrap(osculating[:, column]), 1)[0]
         assert slope == pytest.approx(rate, rel=0.005)
     turned = np.unwrap(osculating[:, 5] + osculating[:, 4])
-    argument_rate = orbit.mean_motion(a) + expected.mean_anomaly + expected.argument_of_perigee
+    argument_rate = (
+        orbit.mean_motion(a) + expected.mean_anomaly + expected.argument_of_perigee
+    )
     # a mean over time differs from the mean element by some 1e-4
     assert np.polyfit(t, turned, 1)[0] == pytest.approx(argument_rate, rel=3e-4)
 
 
 def test_j2_drift_of_the_block():
     a, e, i = 7.2e6, 0.02, 1.1
-    block = kepler(semi_major_axis=a, eccentricity=e, inclination=i, j2=True, field="none")
+    block = kepler(
+        semi_major_axis=a, eccentricity=e, inclination=i, j2=True, field="none"
+    )
     # Wertz & Larson, Space Mission Analysis and Design: km and deg per day
     per_day = math.radians(-2.06474e14 * 7200**-3.5 * math.cos(i) / (1 - e * e) ** 2)
     for day in (1, 10):
@@ -214,16 +242,20 @@ def test_a_sun_synchronous_orbit_keeps_its_local_time():
     for day in range(0, 366, 30):
         node_then = node + orbit.j2_drift(a, 0.0, i).raan * day * 86400
         (x, y, _), _ = earth.sun(start + day * 86400)
-        hours = 12 + 12 / math.pi * math.remainder(node_then - math.atan2(y, x), math.tau)
+        hours = 12 + 12 / math.pi * math.remainder(
+            node_then - math.atan2(y, x), math.tau
+        )
         assert hours == pytest.approx(10.5, abs=17 / 60)  # the equation of time
 
 
 def test_a_perigee_inside_the_earth_is_refused():
-    with pytest.raises(BlockError, match=r"semi_major_axis = 7e\+06 m with eccentricity = 0.1"):
+    with pytest.raises(
+        BlockError, match=r"semi_major_axis = 7e\+06 m with eccentricity = 0.1"
+    ):
         kepler(semi_major_axis=7e6, eccentricity=0.1)
 
 
-# --- Earth and Sun --------------------------------------------------------------------------------
+# --- Earth and Sun --------------------------------------------------------------------
 
 
 def test_sidereal_time():
@@ -235,16 +267,23 @@ def test_sidereal_time():
 
 def test_the_earth_turns_at_its_rate():
     start, day = epoch(2026, 1, 1), 86400.0
-    turned = earth.earth_angle(start + day) - earth.earth_angle(start) - orbit.EARTH_RATE * day
+    turned = (
+        earth.earth_angle(start + day)
+        - earth.earth_angle(start)
+        - orbit.EARTH_RATE * day
+    )
     assert math.remainder(turned, math.tau) == pytest.approx(0, abs=1e-7)
 
 
 @pytest.mark.parametrize("month", range(1, 13))
 def test_the_sun_is_over_greenwich_at_noon(month):
-    """Sidereal time and the Sun's direction are of one frame: only the equation of time is left."""
+    """Sidereal time and the Sun's direction are of one frame: only the equation of time
+    is left."""
     noon = epoch(2026, month, 15, 12)
     (x, y, _), _ = earth.sun(noon)
-    late = math.degrees(math.remainder(math.atan2(y, x) - earth.earth_angle(noon), math.tau))
+    late = math.degrees(
+        math.remainder(math.atan2(y, x) - earth.earth_angle(noon), math.tau)
+    )
     # in minutes, the Sun behind the clock
     equation = (9.2, 14.1, 8.9, 0.1, -3.7, 0.5, 6.0, 4.5, -4.8, -14.2, -15.4, -4.9)
     assert 4 * late == pytest.approx(equation[month - 1], abs=0.4)
@@ -262,25 +301,38 @@ def test_height():
     for h in (0.0, 300e3, 1000e3):
         for latitude in np.radians(range(-90, 91, 5)):
             n = a / math.sqrt(1 - e2 * math.sin(latitude) ** 2)
-            r = ((n + h) * math.cos(latitude), 0.0, (n * (1 - e2) + h) * math.sin(latitude))
+            r = (
+                (n + h) * math.cos(latitude),
+                0.0,
+                (n * (1 - e2) + h) * math.sin(latitude),
+            )
             assert earth.height(r) == pytest.approx(h, abs=5)
 
 
 @pytest.mark.parametrize(
-    ("date", "expected"),  # equinoxes and solstices of 2024 and 2026, published to the minute
+    (
+        "date",
+        "expected",
+    ),  # equinoxes and solstices of 2024 and 2026, published to the minute
     [
-        ((2024, 3, 20, 3, 6), 0), ((2024, 6, 20, 20, 51), 90),
-        ((2024, 9, 22, 12, 44), 180), ((2024, 12, 21, 9, 20), 270),
-        ((2026, 3, 20, 14, 46), 0), ((2026, 6, 21, 8, 25), 90),
-        ((2026, 9, 23, 0, 5), 180), ((2026, 12, 21, 20, 50), 270),
+        ((2024, 3, 20, 3, 6), 0),
+        ((2024, 6, 20, 20, 51), 90),
+        ((2024, 9, 22, 12, 44), 180),
+        ((2024, 12, 21, 9, 20), 270),
+        ((2026, 3, 20, 14, 46), 0),
+        ((2026, 6, 21, 8, 25), 90),
+        ((2026, 9, 23, 0, 5), 180),
+        ((2026, 12, 21, 20, 50), 270),
     ],
-)  # fmt: skip
+)
 def test_sun_at_equinox_and_solstice(date, expected):
     (x, y, z), distance = earth.sun(epoch(*date))
     assert x * x + y * y + z * z == pytest.approx(1, abs=1e-14)
     tilt = math.radians(23.4365)
     longitude = math.atan2(y * math.cos(tilt) + z * math.sin(tilt), x)
-    assert math.remainder(math.degrees(longitude) - expected, 360) == pytest.approx(0, abs=0.013)
+    assert math.remainder(math.degrees(longitude) - expected, 360) == pytest.approx(
+        0, abs=0.013
+    )
     assert math.degrees(math.asin(z)) == pytest.approx(
         {0: 0, 90: 23.4365, 180: 0, 270: -23.4365}[expected], abs=0.006
     )
@@ -298,12 +350,15 @@ X_AXIS, AU = (1.0, 0.0, 0.0), earth.ASTRONOMICAL_UNIT
 
 def behind(along: float, aside: float) -> float:
     """Sunlight at a point `along` (m) behind the Earth and `aside` (m) from the axis."""
-    return earth.sunlight((-along, aside * math.cos(0.7), aside * math.sin(0.7)), X_AXIS, AU)
+    return earth.sunlight(
+        (-along, aside * math.cos(0.7), aside * math.sin(0.7)), X_AXIS, AU
+    )
 
 
 @pytest.mark.parametrize("along", [1e5, 3e6, 6.9e6, 4.2e7])
 def test_eclipse_cones(along):
-    """The cones touch the Sun's and the Earth's spheres: sin(half angle) = (R_s +- R_e) / D."""
+    """The cones touch the Sun's and the Earth's spheres: sin(half angle) = (R_s +- R_e)
+    / D."""
     umbra = math.asin((earth.SUN_RADIUS - orbit.EARTH_RADIUS) / AU)
     penumbra = math.asin((earth.SUN_RADIUS + orbit.EARTH_RADIUS) / AU)
     substeps = orbit.EARTH_RADIUS / math.cos(umbra) - along * math.tan(umbra)
@@ -323,21 +378,31 @@ def test_eclipse_cones(along):
 def test_eclipse_is_the_hidden_part_of_the_disc():
     """Rays to points of the Sun's disc, cut by the Earth's sphere."""
     rng = np.random.default_rng(5)
-    for along, aside in ((3e6, 6.37e6), (2e7, 6.45e6), (3e8, 7.0e6), (3e8, 6.0e6), (2e9, 1e6)):
+    for along, aside in (
+        (3e6, 6.37e6),
+        (2e7, 6.45e6),
+        (3e8, 7.0e6),
+        (3e8, 6.0e6),
+        (2e9, 1e6),
+    ):
         r = np.array([-along, aside, 0.0])
         to_sun = np.array([AU, 0, 0]) - r
         axis = to_sun / np.linalg.norm(to_sun)
         u = np.cross(axis, [0, 0, 1])
         u /= np.linalg.norm(u)
         w = np.cross(axis, u)
-        radius = np.sqrt(rng.random(200_000)) * math.asin(earth.SUN_RADIUS / np.linalg.norm(to_sun))
+        radius = np.sqrt(rng.random(200_000)) * math.asin(
+            earth.SUN_RADIUS / np.linalg.norm(to_sun)
+        )
         phi = rng.random(200_000) * math.tau
         ray = (
             np.cos(radius)[:, None] * axis
             + (np.sin(radius) * np.cos(phi))[:, None] * u
             + (np.sin(radius) * np.sin(phi))[:, None] * w
         )
-        passed = np.linalg.norm(r - (ray @ r)[:, None] * ray, axis=1) > orbit.EARTH_RADIUS
+        passed = (
+            np.linalg.norm(r - (ray @ r)[:, None] * ray, axis=1) > orbit.EARTH_RADIUS
+        )
         assert earth.sunlight(tuple(r.tolist()), X_AXIS, AU) == pytest.approx(
             passed.mean(), abs=5e-3
         )
@@ -350,10 +415,14 @@ def test_sunlit_side():
 
 def test_eclipse_of_an_orbit():
     """With the Sun in the plane the shadow takes asin(R / r) / pi of a circle."""
-    block = kepler(inclination=math.radians(23.44), field="none", epoch_j2000=epoch(2026, 3, 20))
+    block = kepler(
+        inclination=math.radians(23.44), field="none", epoch_j2000=epoch(2026, 3, 20)
+    )
     period = math.tau / orbit.mean_motion(block.semi_major_axis)
     dark = np.mean([at(block, t).sunlight < 0.5 for t in np.arange(0.0, period, 5.0)])
-    assert dark == pytest.approx(math.asin(orbit.EARTH_RADIUS / 6928137) / math.pi, abs=0.003)
+    assert dark == pytest.approx(
+        math.asin(orbit.EARTH_RADIUS / 6928137) / math.pi, abs=0.003
+    )
     assert math.dist(block.sun_eci, earth.sun(block.epoch_j2000)[0]) < 2e-3
 
 
@@ -363,19 +432,29 @@ def test_eclipse_of_an_orbit():
     [((2026, 1, 3, 17), 1.03425), ((2026, 7, 6, 18), 0.96753), ((2026, 4, 4), 1.0)],
 )
 def test_sunlight_over_the_year(date, expected):
-    """Outside of the shadow the inverse square of the distance: 6.7 % between January and July."""
+    """Outside of the shadow the inverse square of the distance: 6.7 % between January
+    and July."""
     block = kepler(field="none", epoch_j2000=epoch(*date))
     lit = [at(block, t).sunlight for t in np.arange(0.0, 6000.0, 60.0).tolist()]
     assert max(lit) == pytest.approx(expected, rel=3e-4)
     distance = earth.sun(block.epoch_j2000 + 5.0)[1]
-    assert at(block, 0.0).sunlight in (0.0, pytest.approx((AU / distance) ** 2, rel=1e-9))
+    assert at(block, 0.0).sunlight in (
+        0.0,
+        pytest.approx((AU / distance) ** 2, rel=1e-9),
+    )
 
 
-# --- the reference trajectory ---------------------------------------------------------------------
+# --- the reference trajectory ---------------------------------------------------------
 
 
-COLUMNS = {"t": 0, "r": slice(1, 4), "fixed": slice(13, 16), "rotating": slice(16, 19),
-           "wmm": slice(19, 22), "density": 22}  # fmt: skip
+COLUMNS = {
+    "t": 0,
+    "r": slice(1, 4),
+    "fixed": slice(13, 16),
+    "rotating": slice(16, 19),
+    "wmm": slice(19, 22),
+    "density": 22,
+}
 
 
 def reference_rows() -> list[list[float]]:
@@ -403,7 +482,9 @@ def reference_block(**changed: object) -> EnvironmentKepler:
     return kepler(**{**parameters, **changed})
 
 
-@pytest.mark.parametrize(("column", "changed"), [("fixed", {"earth_rate": 0.0}), ("rotating", {})])
+@pytest.mark.parametrize(
+    ("column", "changed"), [("fixed", {"earth_rate": 0.0}), ("rotating", {})]
+)
 def test_reference_trajectory(column, changed):
     block = reference_block(**changed)
     for row in reference_rows():
@@ -414,7 +495,8 @@ def test_reference_trajectory(column, changed):
 
 
 def test_reference_trajectory_in_the_world_magnetic_model():
-    """IGRF-14 at 2026.0 is another model than WMM2025, of the same field: 100 nT, 0.3 %."""
+    """IGRF-14 at 2026.0 is another model than WMM2025, of the same field: 100 nT, 0.3
+    %."""
     block = reference_block(field="igrf", epoch_j2000=epoch(2026, 1, 1))
     for row in reference_rows():
         on_the_way(block, row[COLUMNS["t"]])
@@ -430,7 +512,11 @@ def test_field_of_the_gyrostat_reference():
         semi_major_axis=a,
         inclination=i,
         field="dipole",
-        dipole_earth=(f["dipole_T_m3"] * math.sin(tilt), 0.0, -f["dipole_T_m3"] * math.cos(tilt)),
+        dipole_earth=(
+            f["dipole_T_m3"] * math.sin(tilt),
+            0.0,
+            -f["dipole_T_m3"] * math.cos(tilt),
+        ),
         earth_rate=f["earth_rate"],
         earth_angle="given",
         earth_angle_start=f["phase_rad"],
@@ -439,10 +525,18 @@ def test_field_of_the_gyrostat_reference():
     for t in np.arange(0.0, 601.0, 1.7):
         ph = f["earth_rate"] * t + f["phase_rad"]
         m = np.array(
-            [math.sin(tilt) * math.cos(ph), math.sin(tilt) * math.sin(ph), -math.cos(tilt)]
+            [
+                math.sin(tilt) * math.cos(ph),
+                math.sin(tilt) * math.sin(ph),
+                -math.cos(tilt),
+            ]
         )
         u = np.array(
-            [math.cos(n * t), math.sin(n * t) * math.cos(i), math.sin(n * t) * math.sin(i)]
+            [
+                math.cos(n * t),
+                math.sin(n * t) * math.cos(i),
+                math.sin(n * t) * math.sin(i),
+            ]
         )
         expected = f["dipole_T_m3"] / a**3 * (3 * (m @ u) * u - m)
         on_the_way(block, float(t))
@@ -450,11 +544,13 @@ def test_field_of_the_gyrostat_reference():
         assert math.dist(block.b_eci, expected) < 1e-16
 
 
-# --- field ----------------------------------------------------------------------------------------
+# --- field ----------------------------------------------------------------------------
 
 
 def ppigrf_field(r: Vec3, date: datetime) -> Vec3:
-    ppigrf = pytest.importorskip("ppigrf", reason="the oracle of IGRF-14 is the package ppigrf")
+    ppigrf = pytest.importorskip(
+        "ppigrf", reason="the oracle of IGRF-14 is the package ppigrf"
+    )
     size = norm(r)
     theta, phi = math.atan2(math.hypot(r[0], r[1]), r[2]), math.atan2(r[1], r[0])
     found = ppigrf.igrf_gc(size / 1e3, math.degrees(theta), math.degrees(phi), date)
@@ -469,11 +565,19 @@ def ppigrf_field(r: Vec3, date: datetime) -> Vec3:
 
 @pytest.mark.parametrize(
     ("date", "tolerance"),
-    [  # between two years ppigrf counts days, we, as IGRF, years: up to half a day of change
-        ((1900, 1, 1), 1e-17), ((1905, 7, 2), 1e-9), ((1999, 12, 31), 1e-9), ((2005, 1, 1), 1e-17),
-        ((2020, 1, 1), 1e-17), ((2025, 1, 1), 1e-17), ((2026, 1, 1), 1e-9), ((2030, 1, 1), 1e-17),
+    # between two years ppigrf counts days, we, as IGRF, years: up to half a day of
+    # change
+    [
+        ((1900, 1, 1), 1e-17),
+        ((1905, 7, 2), 1e-9),
+        ((1999, 12, 31), 1e-9),
+        ((2005, 1, 1), 1e-17),
+        ((2020, 1, 1), 1e-17),
+        ((2025, 1, 1), 1e-17),
+        ((2026, 1, 1), 1e-9),
+        ((2030, 1, 1), 1e-17),
     ],
-)  # fmt: skip
+)
 def test_igrf(date, tolerance):
     year = earth.decimal_year(epoch(*date))
     rng = random.Random(1)
@@ -488,7 +592,9 @@ def test_igrf(date, tolerance):
         )
         # ppigrf divides by the sine of the colatitude
         expected = ppigrf_field(r if k > 1 else (1.0, 1.0, r[2]), datetime(*date))
-        assert math.dist(geomagnetic.igrf(r, year), expected) < (tolerance if k > 1 else 1e-9)
+        assert math.dist(geomagnetic.igrf(r, year), expected) < (
+            tolerance if k > 1 else 1e-9
+        )
 
 
 def test_igrf_at_the_poles_themselves():
@@ -499,16 +605,21 @@ def test_igrf_at_the_poles_themselves():
 
 @pytest.mark.parametrize("degree", [1, 2, 7, 13])
 def test_igrf_degree(degree):
-    """Every degree is a potential field: no divergence, no curl; and of its own power of r."""
+    """Every degree is a potential field: no divergence, no curl; and of its own power
+    of r."""
 
     def own(*r: float) -> np.ndarray:
         b = np.array(geomagnetic.igrf(r, 2025.0, degree))
         return b - geomagnetic.igrf(r, 2025.0, degree - 1) if degree > 1 else b
 
     r = np.array([3.1e6, -4.2e6, 4.4e6])
-    assert own(*(2 * r)) == pytest.approx(own(*r) / 2 ** (degree + 2), rel=1e-9, abs=1e-20)
+    assert own(*(2 * r)) == pytest.approx(
+        own(*r) / 2 ** (degree + 2), rel=1e-9, abs=1e-20
+    )
     h = 1e3
-    slope = np.array([(own(*(r + h * e)) - own(*(r - h * e))) / (2 * h) for e in np.eye(3)])
+    slope = np.array(
+        [(own(*(r + h * e)) - own(*(r - h * e))) / (2 * h) for e in np.eye(3)]
+    )
     assert abs(np.trace(slope)) < 1e-4 * np.abs(slope).max()
     assert np.abs(slope - slope.T).max() < 1e-4 * np.abs(slope).max()
 
@@ -519,14 +630,21 @@ def test_the_dipole_is_degree_one():
     for r in ((7e6, 0.0, 0.0), (1e6, -5e6, 4e6), (0.0, 0.0, -7e6)):
         expected = geomagnetic.igrf(r, 2025.0, 1)
         assert geomagnetic.dipole(r, m) == pytest.approx(expected, abs=1e-19)
-    assert geomagnetic.dipole((0.0, 0.0, 7e6), m)[2] < 0, "at the north pole B points down"
+    assert geomagnetic.dipole((0.0, 0.0, 7e6), m)[2] < 0, (
+        "at the north pole B points down"
+    )
 
 
 def test_igrf_coefficients():
     """Models five years apart; after 2025 the published secular variation."""
-    assert [igrf14.model_year(igrf14.model_of(y)) for y in (1900.0, 2024.99, 2025.0, 2030.0)] == [
-        1900.0, 2020.0, 2025.0, 2025.0,
-    ]  # fmt: skip
+    assert [
+        igrf14.model_year(igrf14.model_of(y)) for y in (1900.0, 2024.99, 2025.0, 2030.0)
+    ] == [
+        1900.0,
+        2020.0,
+        2025.0,
+        2025.0,
+    ]
     now, change = igrf14.model(igrf14.model_of(2027.0))
     assert len(now) == len(change) == 13 * 15
     assert len(igrf14.model(25, 1)[0]) == 3
@@ -536,7 +654,9 @@ def test_igrf_coefficients():
 
 @pytest.mark.parametrize("date", [(1899, 12, 31), (2030, 1, 2)])
 def test_an_epoch_that_igrf_does_not_cover_is_refused(date):
-    with pytest.raises(BlockError, match=r"epoch_j2000 = .* s: .* outside \[1900, 2030\]"):
+    with pytest.raises(
+        BlockError, match=r"epoch_j2000 = .* s: .* outside \[1900, 2030\]"
+    ):
         kepler(field="igrf", epoch_j2000=epoch(*date))
     kepler(field="dipole", epoch_j2000=epoch(*date))
 
@@ -551,7 +671,10 @@ CASES = [
     (EnvironmentKepler, {"field": "dipole", **LOW}),
     (EnvironmentKepler, {"field": "igrf", **LOW}),
     (EnvironmentKepler, {"field": "igrf", "j2": True, **LOW}),
-    (EnvironmentKepler, {"field": "igrf", "semi_major_axis": 2.4e7, "eccentricity": 0.73}),
+    (
+        EnvironmentKepler,
+        {"field": "igrf", "semi_major_axis": 2.4e7, "eccentricity": 0.73},
+    ),
     (EnvironmentTle, {"field": "dipole"}),
     (EnvironmentTle, {"field": "igrf"}),
 ]
@@ -601,8 +724,8 @@ def still(**parameters: object) -> EnvironmentKepler:
 
 
 def test_the_coefficients_move_in_a_long_run():
-    """After 30 days the field of a run is that of one that begins then: 4 nT from the one before in
-    the median at 550 km, 12 nT at the most."""
+    """After 30 days the field of a run is that of one that begins then: 4 nT from the
+    one before in the median at 550 km, 12 nT at the most."""
     start, month = epoch(2026, 3, 1), 30 * 86400.0
     long, then = still(epoch_j2000=start), still(epoch_j2000=start + month)
     moved = []
@@ -637,13 +760,14 @@ def test_a_run_that_leaves_igrf_is_an_error():
         at(block, 43200.0 + 600.0)
 
 
-# --- calls ----------------------------------------------------------------------------------------
+# --- calls ----------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("field", FIELDS)
 @pytest.mark.parametrize("kind", [EnvironmentKepler, EnvironmentTle])
 def test_outputs_are_a_function_of_time(kind, field):
-    """The same bits whatever was called before: forward, in any order, with jumps, restarted."""
+    """The same bits whatever was called before: forward, in any order, with jumps,
+    restarted."""
     block = begin(kind(), field=field)
 
     def outputs() -> str:
@@ -675,21 +799,47 @@ def test_no_field_no_air():
     assert block.density == 0.0
 
 
-# --- atmosphere -----------------------------------------------------------------------------------
+# --- atmosphere -----------------------------------------------------------------------
 
 
 def test_atmosphere_table():
     assert atmosphere.table(500e3) == 6.967e-13
-    assert atmosphere.table(550e3) == pytest.approx(6.967e-13 * math.exp(-50 / 63.822), rel=1e-12)
-    assert atmosphere.table(1200e3) == pytest.approx(3.019e-15 * math.exp(-200 / 268), rel=1e-12)
-    for h in (100, 110, 120, 130, 140, 150, 180, 200, 250, 300, 350, 400, 450, 500, 600, 700, 800):
+    assert atmosphere.table(550e3) == pytest.approx(
+        6.967e-13 * math.exp(-50 / 63.822), rel=1e-12
+    )
+    assert atmosphere.table(1200e3) == pytest.approx(
+        3.019e-15 * math.exp(-200 / 268), rel=1e-12
+    )
+    for h in (
+        100,
+        110,
+        120,
+        130,
+        140,
+        150,
+        180,
+        200,
+        250,
+        300,
+        350,
+        400,
+        450,
+        500,
+        600,
+        700,
+        800,
+    ):
         below, above = atmosphere.table(1e3 * h - 1e-3), atmosphere.table(1e3 * h)
-        assert below == pytest.approx(above, rel=2e-4), "a mistyped row would make a step"
+        assert below == pytest.approx(above, rel=2e-4), (
+            "a mistyped row would make a step"
+        )
 
 
 def test_atmosphere_of_the_block_is_over_the_ellipsoid():
     a = 6378137.0 + 500e3
-    block = kepler(semi_major_axis=a, inclination=math.pi / 2, field="none", atmosphere="table")
+    block = kepler(
+        semi_major_axis=a, inclination=math.pi / 2, field="none", atmosphere="table"
+    )
     assert at(block, 0.0).density == pytest.approx(6.967e-13, rel=1e-9)
     quarter = math.pi / 2 / orbit.mean_motion(a)
     expected = 6.967e-13 * math.exp(-21.384685 / 63.822)
@@ -697,39 +847,52 @@ def test_atmosphere_of_the_block_is_over_the_ellipsoid():
 
 
 def test_kp_of_ap():
-    assert [atmosphere.kp_of_ap(ap) for ap in (0, 4, 15, 48, 400, 500)] == pytest.approx(
-        [0, 1, 3, 5, 9, 9]
-    )
+    assert [
+        atmosphere.kp_of_ap(ap) for ap in (0, 4, 15, 48, 400, 500)
+    ] == pytest.approx([0, 1, 3, 5, 9, 9])
     assert atmosphere.kp_of_ap(45.0) == pytest.approx((14 + 6 / 9) / 3)
 
 
 @pytest.mark.parametrize("temperature", [650.0, 900.0, 1200.0, 1800.0])
 def test_separated_gases_are_in_diffusive_equilibrium(temperature):
-    """dn/n = -(m g / k T) dz - (1 + alpha) dT/T of each gas, integrated in Jacchia's temperature
-    T = T_inf - (T_inf - 355) exp(-s z); Walker's closed form moves T by a few K."""
+    """dn/n = -(m g / k T) dz - (1 + alpha) dT/T of each gas, integrated in Jacchia's
+    temperature T = T_inf - (T_inf - 355) exp(-s z); Walker's closed form moves T by a
+    few K."""
     x = (temperature - 800) / (750 + 1.722e-4 * (temperature - 800) ** 2)
     s = 0.0291 * math.exp(-x * x / 2)
-    gases = ((4.0e17, 28.0134, 0), (7.5e16, 31.9988, 0), (7.6e16, 15.9994, 0), (3.4e13, 4.0026,
-             -0.38))  # fmt: skip
+    gases = (
+        (4.0e17, 28.0134, 0),
+        (7.5e16, 31.9988, 0),
+        (7.6e16, 15.9994, 0),
+        (3.4e13, 4.0026, -0.38),
+    )
 
     def slopes(z, y):
         t = temperature - (temperature - 355) * math.exp(-s * (z - 120))
         dt = s * (temperature - t)
         g = 9.80665 * (6356.766 / (6356.766 + z)) ** 2
-        return [-m * g * 1e3 / (8314.46 * t) - (1 + alpha) * dt / t for _, m, alpha in gases]
+        return [
+            -m * g * 1e3 / (8314.46 * t) - (1 + alpha) * dt / t for _, m, alpha in gases
+        ]
 
     heights = [200.0, 300.0, 500.0, 800.0]
     logs = solve_ivp(slopes, (120, 800), [0.0] * 4, "DOP853", heights, rtol=1e-9).y
     for z, column in zip(heights, logs.T, strict=True):
-        rho = sum(n * m * 1.66054e-27 * math.exp(y) for (n, m, _), y in zip(gases, column,
-                  strict=True))  # fmt: skip
-        assert atmosphere.separated(1e3 * z, temperature, 1.0) == pytest.approx(rho, rel=0.06)
-    assert atmosphere.separated(120e3, temperature, 1.0) == pytest.approx(2.46e-8, rel=5e-3)
+        rho = sum(
+            n * m * 1.66054e-27 * math.exp(y)
+            for (n, m, _), y in zip(gases, column, strict=True)
+        )
+        assert atmosphere.separated(1e3 * z, temperature, 1.0) == pytest.approx(
+            rho, rel=0.06
+        )
+    assert atmosphere.separated(120e3, temperature, 1.0) == pytest.approx(
+        2.46e-8, rel=5e-3
+    )
 
 
 def test_exosphere():
-    """The bulge: 1.3 times the coldest, two hours after noon under the Sun; the night's side by 1;
-    above it the storm of Kp."""
+    """The bulge: 1.3 times the coldest, two hours after noon under the Sun; the night's
+    side by 1; above it the storm of Kp."""
     equator = [
         atmosphere.exosphere(0.0, math.radians(15 * h), 0.0, 800.0, 0.0)
         for h in np.arange(-12, 12, 0.1)
@@ -744,23 +907,30 @@ def test_exosphere():
 
 
 def test_activity_day_and_night_of_the_block():
-    """At 500 km: day over night 2 to 6, moderate over low activity 13, high over moderate 4."""
+    """At 500 km: day over night 2 to 6, moderate over low activity 13, high over
+    moderate 4."""
     given = {"semi_major_axis": 6378137.0 + 500e3, "inclination": 0.3, "field": "none"}
     seen = {}
     for activity in ("low", "moderate", "high"):
         block = kepler(atmosphere="activity", solar_activity=activity, **given)
-        seen[activity] = [at(block, t).density for t in np.arange(0.0, 5700.0, 30.0).tolist()]
+        seen[activity] = [
+            at(block, t).density for t in np.arange(0.0, 5700.0, 30.0).tolist()
+        ]
         assert 2 < max(seen[activity]) / min(seen[activity]) < 6
     low, moderate, high = (np.mean(x) for x in seen.values())
     assert moderate / low == pytest.approx(13, rel=0.2)
     assert high / moderate == pytest.approx(4, rel=0.2)
-    asked = kepler(atmosphere="activity", solar_activity="given", f107=250.0, ap=45.0, **given)
+    asked = kepler(
+        atmosphere="activity", solar_activity="given", f107=250.0, ap=45.0, **given
+    )
     assert at(asked, 0.0).density == seen["high"][0]
 
 
 def test_atmosphere_by_activity_goes_on_below_120_km():
     def density(h: float) -> float:
-        return atmosphere.by_activity(h, (6.5e6, 1e6, 2e6), (0.6, 0.7, 0.39), 8e8, 900.0, 3.0)
+        return atmosphere.by_activity(
+            h, (6.5e6, 1e6, 2e6), (0.6, 0.7, 0.39), 8e8, 900.0, 3.0
+        )
 
     assert density(120e3 - 1e-3) == pytest.approx(density(120e3), rel=2e-4)
     ratio = density(120e3) / atmosphere.table(120e3)
@@ -773,8 +943,11 @@ def test_atmosphere_by_activity_goes_on_below_120_km():
     [("low", 1.25, 2.5), ("moderate", 1.18, 2.1), ("high", 1.27, 2.7)],
 )
 def test_atmosphere_against_nrlmsise(activity, mean, worst):
-    """Day and night, summer and winter, equator and poles; the static table for comparison."""
-    pymsis = pytest.importorskip("pymsis", reason="the oracle of the atmosphere is pymsis")
+    """Day and night, summer and winter, equator and poles; the static table for
+    comparison."""
+    pymsis = pytest.importorskip(
+        "pymsis", reason="the oracle of the atmosphere is pymsis"
+    )
     f107, ap = atmosphere.ACTIVITY[("low", "moderate", "high").index(activity)]
     coldest, kp = atmosphere.coldest_temperature(f107), atmosphere.kp_of_ap(ap)
     points = [
@@ -787,18 +960,27 @@ def test_atmosphere_against_nrlmsise(activity, mean, worst):
     dates, latitudes, hours, heights = zip(*points, strict=True)
     n = len(points)
     expected = pymsis.calculate(
-        np.array(dates, dtype="datetime64[s]"), 15.0 * (np.array(hours) - 12.0),
-        np.array(latitudes, float), np.array(heights, float), f107s=[f107] * n,
-        f107as=[f107] * n, aps=[[ap] * 7] * n, version=0,
-    )[:, 0]  # fmt: skip
+        np.array(dates, dtype="datetime64[s]"),
+        15.0 * (np.array(hours) - 12.0),
+        np.array(latitudes, float),
+        np.array(heights, float),
+        f107s=[f107] * n,
+        f107as=[f107] * n,
+        aps=[[ap] * 7] * n,
+        version=0,
+    )[:, 0]
     found = []
     for date, latitude, hour, height in points:
         time = epoch(*date.timetuple()[:6])
         direction, _ = earth.sun(time)
-        ascension = math.atan2(direction[1], direction[0]) + math.radians(15 * (hour - 12))
+        ascension = math.atan2(direction[1], direction[0]) + math.radians(
+            15 * (hour - 12)
+        )
         c, s = math.cos(math.radians(latitude)), math.sin(math.radians(latitude))
         r = (c * math.cos(ascension), c * math.sin(ascension), s)
-        found.append(atmosphere.by_activity(1e3 * height, r, direction, time, coldest, kp))
+        found.append(
+            atmosphere.by_activity(1e3 * height, r, direction, time, coldest, kp)
+        )
     ratio = np.log(found) - np.log(expected)
     assert math.exp(np.sqrt(np.mean(ratio**2))) < mean
     assert math.exp(np.abs(ratio).max()) < worst
@@ -806,12 +988,13 @@ def test_atmosphere_against_nrlmsise(activity, mean, worst):
     assert np.mean(static**2) > np.mean(ratio**2)
 
 
-# --- two-line elements ----------------------------------------------------------------------------
+# --- two-line elements ----------------------------------------------------------------
 
 
 def test_sgp4_verification():
-    """The official output of SGP4 (Vallado and others, AIAA 2006-6753), which the package sgp4
-    ships: all its satellites with a valid checksum, down to the printed digits."""
+    """The official output of SGP4 (Vallado and others, AIAA 2006-6753), which the
+    package sgp4 ships: all its satellites with a valid checksum, down to the printed
+    digits."""
     folder = Path(sgp4.__file__).parent
     text = (folder / "SGP4-VER.TLE").read_text(encoding="ascii").splitlines()
     lines = [line[:69] for line in text if line[:2] in ("1 ", "2 ")]
@@ -834,15 +1017,22 @@ def test_sgp4_verification():
         for minutes, *state in rows[number]:
             at(block, 60 * minutes)
             compared += 1
-            expected_r, expected_v = ([1e3 * x for x in half] for half in (state[:3], state[3:]))
-            assert math.dist(block.r_eci, expected_r) < tolerance.get(number, 1e-5), number
+            expected_r, expected_v = (
+                [1e3 * x for x in half] for half in (state[:3], state[3:])
+            )
+            assert math.dist(block.r_eci, expected_r) < tolerance.get(number, 1e-5), (
+                number
+            )
             assert math.dist(block.v_eci, expected_v) < 2e-6, number
     assert compared > 600
 
 
 def test_time_of_two_line_elements():
     """t counts from epoch_j2000, wherever the epoch of the elements is."""
-    early, late = begin(EnvironmentTle()), begin(EnvironmentTle(), epoch_j2000=629208000.0 + 3600)
+    early, late = (
+        begin(EnvironmentTle()),
+        begin(EnvironmentTle(), epoch_j2000=629208000.0 + 3600),
+    )
     assert at(early, 3605.0).r_eci == pytest.approx(at(late, 5.0).r_eci, abs=1e-6)
     assert early.b_eci == pytest.approx(late.b_eci, abs=1e-10)
     assert norm(sub(early.r_eci, at(early, 0.0).r_eci)) > 1e6
@@ -853,7 +1043,9 @@ def test_default_elements_are_those_of_the_iss():
         "1 25544U 98067A   19343.69339541  .00001764  00000-0  38792-4 0  9991",
         "2 25544  51.6439 211.2001 0007417  17.6667  85.6398 15.50103472202482",
     )
-    assert all(getattr(EnvironmentTle(), k) == x for k, x in tle.tle_parameters(*lines).items())
+    assert all(
+        getattr(EnvironmentTle(), k) == x for k, x in tle.tle_parameters(*lines).items()
+    )
     assert tle.tle_parameters(*lines)["epoch_tle_j2000"] == pytest.approx(
         epoch(2019, 12, 9, 16, 38, 29), abs=0.5
     )
@@ -865,7 +1057,9 @@ def test_default_elements_are_those_of_the_iss():
 
 def test_a_decayed_satellite_is_an_error():
     block = begin(EnvironmentTle(), field="none", bstar=0.1)
-    with pytest.raises(BlockError, match=r"SGP4, .* s after the epoch of the elements: "):
+    with pytest.raises(
+        BlockError, match=r"SGP4, .* s after the epoch of the elements: "
+    ):
         at(block, 30 * 86400.0)
 
 
@@ -873,5 +1067,7 @@ def test_without_sgp4_the_message_says_so(monkeypatch):
     monkeypatch.setitem(sys.modules, "sgp4.api", None)
     tle._satellite.cache_clear()
     block = begin(EnvironmentTle(), field="none")
-    with pytest.raises(BlockError, match=r"need the Python package sgp4 .* pip install sgp4"):
+    with pytest.raises(
+        BlockError, match=r"need the Python package sgp4 .* pip install sgp4"
+    ):
         at(block, 0.0)

@@ -35,19 +35,22 @@ def test_products_have_values_and_units():
     assert factor(unit_of("s"), "min", "of it") == pytest.approx(1 / 60)
 
 
-@pytest.mark.parametrize(("text", "what"), [
-    ("wheels.sped_limit", "did you mean speed_limit"),
-    ("wheel.speed_limit", "did you mean wheels"),
-    ("wheels.drive", "is no number"),
-    ("wheels.axes", "elements that differ"),
-    ("wheels.axes[3]", "no element 3"),
-    ("2 *", "or a product of numbers"),
-    ("2 3", "or a product of numbers"),
-    ("nonsense", "or a product of numbers"),
-    ("1 / manager.k", "is 0"),
-    ("shared.mass", "no component has a parameter mass"),
-    ("", "or a product of numbers"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("text", "what"),
+    [
+        ("wheels.sped_limit", "did you mean speed_limit"),
+        ("wheel.speed_limit", "did you mean wheels"),
+        ("wheels.drive", "is no number"),
+        ("wheels.axes", "elements that differ"),
+        ("wheels.axes[3]", "no element 3"),
+        ("2 *", "or a product of numbers"),
+        ("2 3", "or a product of numbers"),
+        ("nonsense", "or a product of numbers"),
+        ("1 / manager.k", "is 0"),
+        ("shared.mass", "no component has a parameter mass"),
+        ("", "or a product of numbers"),
+    ],
+)
 def test_bad_products_are_a_line(text, what):
     with pytest.raises(DesatError, match=what) as error:
         product(text, TABLE)
@@ -71,21 +74,36 @@ def test_capacity_is_the_wheels():
 
 def test_what_derives_from_the_craft_follows_it():
     _, parameters = numbers("spacecraft.inertia=0.2,0,0,0,0.3,0,0,0,0.1")
-    assert parameters["controller"]["gain_matrix"].value == [0.2, 0, 0, 0, 0.3, 0, 0, 0, 0.1]
+    assert parameters["controller"]["gain_matrix"].value == [
+        0.2,
+        0,
+        0,
+        0,
+        0.3,
+        0,
+        0,
+        0,
+        0.1,
+    ]
     _, parameters = numbers("controller.gain_matrix=1,0,0,0,1,0,0,0,1")
     assert parameters["controller"]["gain_matrix"].value == [1, 0, 0, 0, 1, 0, 0, 0, 1]
     _, parameters = numbers("manager.h_limit=wheels.inertia_wheel * wheels.speed_limit")
     assert parameters["manager"]["h_limit"].value == 3.2e-5 * 625.0
 
 
-@pytest.mark.parametrize(("sets", "what"), [
-    (["manager.h_limit=wheels.torque_limit"], "its unit does not fit N.m.s"),
-    (["manager.h_limit=wheels.none"], "wheels has no parameter none"),
-    (["controller.kp=controller.kd", "controller.kd=controller.kp"], "in a circle"),
-    (["controller.kp=manager.velocity_dumping"], "is no number"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("sets", "what"),
+    [
+        (["manager.h_limit=wheels.torque_limit"], "its unit does not fit N.m.s"),
+        (["manager.h_limit=wheels.none"], "wheels has no parameter none"),
+        (["controller.kp=controller.kd", "controller.kd=controller.kp"], "in a circle"),
+        (["controller.kp=manager.velocity_dumping"], "is no number"),
+    ],
+)
 def test_references_that_make_no_sense_are_refused(sets, what):
-    checked = prepare("integrated/ideal-inertial", Options(sets=sets, blocks=True)).checked
+    checked = prepare(
+        "integrated/ideal-inertial", Options(sets=sets, blocks=True)
+    ).checked
     assert any(what in problem for problem in checked.problems)
 
 
@@ -93,7 +111,9 @@ def test_a_window_that_is_not_reached_is_said():
     some, _ = numbers(stop=1000.0)
     assert some["wheels_3h"]["value"] is None
     assert some["pointing"]["note"] == "only to 1000 s of 14400 s"
-    assert not any(isinstance(n["value"], float) and math.isnan(n["value"]) for n in some.values())
+    assert not any(
+        isinstance(n["value"], float) and math.isnan(n["value"]) for n in some.values()
+    )
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,5 @@
-"""A whole family of one's own: a law, a block, a craft, a scenario and a page, each a new file.
+"""A whole family of one's own: a law, a block, a craft, a scenario and a page, each a
+new file.
 
 In a copy of the repository; no existing file is touched, and the numbers are analytic.
 """
@@ -129,12 +130,16 @@ FILES = {
 
 @pytest.fixture(scope="module")
 def repository(tmp_path_factory):
-    """A copy of the repository with what is built, and `names`, where `desat` is that copy."""
+    """A copy of the repository with what is built, and `names`, where `desat` is that
+    copy."""
     copy = tmp_path_factory.mktemp("family") / "copy"
     listed = subprocess.run(
         ["git", "ls-files", "-co", "--exclude-standard"],
-        cwd=ROOT, check=True, capture_output=True, text=True,
-    ).stdout.splitlines()  # fmt: skip
+        cwd=ROOT,
+        check=True,
+        capture_output=True,
+        text=True,
+    ).stdout.splitlines()
     built = [f"fmus/dist/{name}.fmu" for name in ("spacecraft_rigid", "wheels")]
     for name in (*listed, *built):
         if (ROOT / name).is_file() and not name.startswith("docs/papers/"):
@@ -142,7 +147,11 @@ def repository(tmp_path_factory):
             shutil.copy(ROOT / name, copy / name)
     package = copy.parent / "names" / "desat"
     package.mkdir(parents=True)
-    for part in (*(copy / "orchestrator").iterdir(), copy / "components", copy / "fmus"):
+    for part in (
+        *(copy / "orchestrator").iterdir(),
+        copy / "components",
+        copy / "fmus",
+    ):
         (package / part.name).symlink_to(part)
     return copy
 
@@ -150,15 +159,27 @@ def repository(tmp_path_factory):
 def test_a_family_touches_no_existing_file(repository):
     def hashes():
         files = (p for p in repository.rglob("*") if p.is_file() and p.suffix != ".pyc")
-        return {p.relative_to(repository).as_posix(): hashlib.sha256(p.read_bytes()).hexdigest()
-                for p in files}  # fmt: skip
+        return {
+            p.relative_to(repository).as_posix(): hashlib.sha256(
+                p.read_bytes()
+            ).hexdigest()
+            for p in files
+        }
 
     def do(*command: str) -> str:
-        environment = {**os.environ, "PYTHONPATH": f"{repository.parent / 'names'}:{repository}"}
+        environment = {
+            **os.environ,
+            "PYTHONPATH": f"{repository.parent / 'names'}:{repository}",
+        }
         done = subprocess.run(
-            [sys.executable, "-m", *command], cwd=repository.parent, env=environment,
-            capture_output=True, text=True, check=False, timeout=100,
-        )  # fmt: skip
+            [sys.executable, "-m", *command],
+            cwd=repository.parent,
+            env=environment,
+            capture_output=True,
+            text=True,
+            check=False,
+            timeout=100,
+        )
         assert done.returncode == 0, done.stdout + done.stderr
         return done.stdout
 
@@ -167,15 +188,20 @@ def test_a_family_touches_no_existing_file(repository):
         (repository / name).parent.mkdir(parents=True, exist_ok=True)
         (repository / name).write_text(text, encoding="utf-8")
     do("desat.fmus.build", "manager_spin_down")
-    index = json.loads((repository / "fmus/dist/index.json").read_text(encoding="utf-8"))
+    index = json.loads(
+        (repository / "fmus/dist/index.json").read_text(encoding="utf-8")
+    )
     assert [e.get("why") for e in index] == [None] * 3, "native, FMI 3.0, Python"
     do("desat.cli", "pack", "--ssd", "spin_down")
     do("desat.cli", "check", "spin_down/wheels")
     assert "Three wheels spin down" in do("desat.cli", "list", "spin_down")
-    run = json.loads(do("desat.cli", "run", "spin_down/wheels", "--out", "run", "--json"))
+    run = json.loads(
+        do("desat.cli", "run", "spin_down/wheels", "--out", "run", "--json")
+    )
     page = do("benchmarks.pages", "spin_down")
 
-    # h decays by 1 - rate step at each of 50 steps; the body turns about h, which stays where it is
+    # h decays by 1 - rate step at each of 50 steps; the body turns about h, which stays
+    # where it is
     start, left = sqrt(0.1**2 + 0.05**2 + 0.02**2), 0.95**50
     numbers = {name: n["value"] for name, n in run["numbers"].items()}
     assert numbers["momentum_end"] == pytest.approx(start * left, rel=1e-12)
@@ -186,15 +212,22 @@ def test_a_family_touches_no_existing_file(repository):
 
     assert page.strip().endswith("copy/docs/papers/spin_down/README.md")
     text = (repository / "docs/papers/spin_down/README.md").read_text(encoding="utf-8")
-    assert f"From {start * left:.6f} N m s left the body turns at {turning:.6f} rad/s.\n" in text
+    assert (
+        f"From {start * left:.6f} N m s left the body turns at {turning:.6f} rad/s.\n"
+        in text
+    )
     assert f"\n| 0.1 | {start * 0.9**50:.6f} |\n" in text
     assert "![Figure 1: wheel momentum](momentum.svg)" in text
 
     after = hashes()
     assert {name: after.get(name) for name in before} == before
     assert after.keys() - before.keys() == {
-        *FILES, "ssp/spin_down/SystemStructure.ssd", "fmus/dist/manager_spin_down.fmu",
-        "fmus/dist/native/manager_spin_down.fmu", "fmus/dist/fmi3/manager_spin_down.fmu",
+        *FILES,
+        "ssp/spin_down/SystemStructure.ssd",
+        "fmus/dist/manager_spin_down.fmu",
+        "fmus/dist/native/manager_spin_down.fmu",
+        "fmus/dist/fmi3/manager_spin_down.fmu",
         "fmus/dist/index.json",
-        "docs/papers/spin_down/README.md", "docs/papers/spin_down/momentum.svg",
-    }  # fmt: skip
+        "docs/papers/spin_down/README.md",
+        "docs/papers/spin_down/momentum.svg",
+    }

@@ -44,35 +44,45 @@ def run(block: Block, stop: float, dt: float) -> tuple[np.ndarray, np.ndarray]:
     return turn, push
 
 
-# --- scheduled firings ----------------------------------------------------------------------------
+# --- scheduled firings ----------------------------------------------------------------
 
 
 @pytest.mark.parametrize("kind", [Thrusters, ThrustersNozzles])
 @pytest.mark.parametrize("dt", [0.1, 1.0, 10.0])
 def test_force_and_propellant_of_scheduled_firings(kind, dt):
-    """I = F t, m = |F| t / (g0 I_sp), whatever the step; no part of the momentum manager's."""
+    """I = F t, m = |F| t / (g0 I_sp), whatever the step; no part of the momentum
+    manager's."""
     block = begin(
-        kind(), sample_time=40.0, schedule_start=(3.3, 20.17), schedule_duration=(10.0, 1.234),
+        kind(),
+        sample_time=40.0,
+        schedule_start=(3.3, 20.17),
+        schedule_duration=(10.0, 1.234),
         schedule_tau_body=(1e-3, 0.0, 0.0, 0.0, 2e-3, 0.0),
         schedule_force_body=(3.0, 0.0, 4.0, 0.0, 0.0, 1.0),
-    )  # fmt: skip
+    )
     turn, push = run(block, 40.0, dt)
     assert push == pytest.approx([30.0, 0.0, 41.234], rel=1e-12)
     assert turn == pytest.approx([1e-2, 2e-3 * 1.234, 0.0], rel=1e-12)
-    assert block.schedule_propellant == pytest.approx((5.0 * 10.0 + 1.234) / EXHAUST, rel=1e-12)
+    assert block.schedule_propellant == pytest.approx(
+        (5.0 * 10.0 + 1.234) / EXHAUST, rel=1e-12
+    )
     assert block.schedule_on_time == pytest.approx(11.234, rel=1e-12)
     assert (block.on_time, block.propellant) == (0.0, 0.0)
 
 
 def test_scheduled_nozzles():
-    """Two nozzles push along x at +-0.3 m, one at 60 % so that its torque turns the craft."""
+    """Two nozzles push along x at +-0.3 m, one at 60 % so that its torque turns the
+    craft."""
     block = begin(
-        ThrustersNozzles(), sample_time=40.0,
+        ThrustersNozzles(),
+        sample_time=40.0,
         position_nozzle=(0.0, 0.3, 0.0, 0.0, -0.3, 0.0),
         direction_nozzle=(1.0, 0.0, 0.0, 1.0, 0.0, 0.0),
-        thrust=(2.0, 2.0), schedule_start=(5.5,), schedule_duration=(20.0,),
+        thrust=(2.0, 2.0),
+        schedule_start=(5.5,),
+        schedule_duration=(20.0,),
         schedule_nozzle=(1.0, 0.6),
-    )  # fmt: skip
+    )
     turn, push = run(block, 40.0, 1.0)
     assert push == pytest.approx([2.0 * 1.6 * 20.0, 0.0, 0.0], rel=1e-12)
     assert turn == pytest.approx([0.0, 0.0, -0.3 * 2.0 * 0.4 * 20.0], rel=1e-12)
@@ -106,7 +116,7 @@ def test_a_pair_has_no_force():
     assert not any(push)
 
 
-# --- coils seen by the magnetometer ---------------------------------------------------------------
+# --- coils seen by the magnetometer ---------------------------------------------------
 
 
 def of_dipole(r: tuple[float, float, float]) -> tuple[float, ...]:
@@ -117,9 +127,14 @@ def of_dipole(r: tuple[float, float, float]) -> tuple[float, ...]:
 
 
 def test_field_of_a_coil_at_the_magnetometer():
-    """On the axis mu_0 m / (2 pi r^3), beside it minus half of that, turned by no attitude."""
+    """On the axis mu_0 m / (2 pi r^3), beside it minus half of that, turned by no
+    attitude."""
     block = begin(Magnetometer(), coil_coupling=of_dipole((0.0, 0.0, 0.5)))
-    block.q_bi, block.b_eci, block.m_body = (0.5, 0.5, 0.5, 0.5), (0.0, 0.0, 0.0), (0.0, 0.0, 2.0)
+    block.q_bi, block.b_eci, block.m_body = (
+        (0.5, 0.5, 0.5, 0.5),
+        (0.0, 0.0, 0.0),
+        (0.0, 0.0, 2.0),
+    )
     block.advance(0.0, 1.0)
     on_axis = 4e-7 * math.pi * 2.0 / (2 * math.pi * 0.5**3)
     assert block.b_body == pytest.approx((0.0, 0.0, on_axis), rel=1e-12)
@@ -137,15 +152,27 @@ def test_without_coupling_no_dipole_is_seen():
 
 @pytest.mark.parametrize("lags", [3, 4, 5])
 def test_interleaving_leaves_the_decay(lags):
-    """Coils on for half of each period and off for some of their lags before each sample: what the
-    magnetometer still sees is e^-lags of the dipole, as paper 004 asks for three at least."""
+    """Coils on for half of each period and off for some of their lags before each
+    sample: what the magnetometer still sees is e^-lags of the dipole, as paper 004 asks
+    for three at least."""
     lag, step = 0.08, 0.02
     on = 0.5
     period = round((on + lags * lag) / step) * step
-    coils = begin(Torquers(), drive="pulsed", sample_time=period, lag=lag, m_limit=0.3,
-                  duty_max=on / period, least_pulse=step)  # fmt: skip
-    sensor = begin(Magnetometer(), sample_time=period, coil_coupling=of_dipole((0.3, 0.0, 0.0)))
-    always = begin(Magnetometer(), sample_time=step, coil_coupling=of_dipole((0.3, 0.0, 0.0)))
+    coils = begin(
+        Torquers(),
+        drive="pulsed",
+        sample_time=period,
+        lag=lag,
+        m_limit=0.3,
+        duty_max=on / period,
+        least_pulse=step,
+    )
+    sensor = begin(
+        Magnetometer(), sample_time=period, coil_coupling=of_dipole((0.3, 0.0, 0.0))
+    )
+    always = begin(
+        Magnetometer(), sample_time=step, coil_coupling=of_dipole((0.3, 0.0, 0.0))
+    )
     coils.m_cmd_body = (0.3, 0.0, 0.0)
     at_samples, at_all = [], []
     for k in range(round(5 * period / step)):

@@ -1,4 +1,5 @@
-"""Which managers fit a craft, and with which gains: what the blocks declare of themselves."""
+"""Which managers fit a craft, and with which gains: what the blocks declare of
+themselves."""
 
 from __future__ import annotations
 
@@ -20,7 +21,9 @@ MANAGERS = compatibility.managers()
 
 
 def of(target, terms=TERMS, asked=(compatibility.ALL,), **options):
-    found, refused = compatibility.fitting(read(target), Options(**options), terms, asked)
+    found, refused = compatibility.fitting(
+        read(target), Options(**options), terms, asked
+    )
     return {f.name: f for f in found}, {r.name: r.why for r in refused}
 
 
@@ -39,14 +42,25 @@ def test_every_manager_has_a_law_or_says_why_not(name):
 
 def test_each_manager_fits_or_is_refused_by_name():
     found, refused = of(DAY)
-    assert list(found) == ["cross product", "ccpl", "CP with gravity", "integrated",
-                           "quasi-static LQR", "predictive"]  # fmt: skip
+    assert list(found) == [
+        "cross product",
+        "ccpl",
+        "CP with gravity",
+        "integrated",
+        "quasi-static LQR",
+        "predictive",
+    ]
     said = {f.manager for f in found.values()}
     said |= {f"manager_{name.replace(' ', '_')}" for name in refused}
     assert said == set(MANAGERS)
-    assert refused["combined"] == ("it needs thrusters that take its command; the craft has none")
+    assert refused["combined"] == (
+        "it needs thrusters that take its command; the craft has none"
+    )
     assert refused["magnetic"].endswith("those of this craft are for its own law alone")
-    assert refused["b dot"] == "it brakes a tumbling craft and leaves the wheels as they are"
+    assert (
+        refused["b dot"]
+        == "it brakes a tumbling craft and leaves the wheels as they are"
+    )
 
 
 def test_thrusters_and_an_attitude_that_stays_let_more_in():
@@ -54,14 +68,19 @@ def test_thrusters_and_an_attitude_that_stays_let_more_in():
     assert {"ocdc", "bounded 1-norm"} <= found.keys()
     assert next(iter(found.values())).own
     assert "desat design" in refused["preview"], "its tables are made for one craft"
-    found, _ = of("space_telescope/closed-cp-nominal", Terms(1.1e-3, 3e-5, inertial=True))
+    found, _ = of(
+        "space_telescope/closed-cp-nominal", Terms(1.1e-3, 3e-5, inertial=True)
+    )
     assert next(iter(found)) == "CP with gravity"
 
 
 def test_a_craft_with_one_wheel_has_no_such_law():
     found, refused = of("hausat2/along-field")
     assert [f.own for f in found.values()] == [True]
-    assert refused["predictive"] == "it needs wheels about three axes; the craft's span 1 of them"
+    assert (
+        refused["predictive"]
+        == "it needs wheels about three axes; the craft's span 1 of them"
+    )
 
 
 def test_gains_are_the_rules_with_the_crafts_numbers():
@@ -74,7 +93,9 @@ def test_gains_are_the_rules_with_the_crafts_numbers():
     assert gain["CP with gravity"]["manager.gain"] == pytest.approx(rate)
     weight = gain["quasi-static LQR"]["manager.momentum_weight"]
     assert weight == pytest.approx([(rate / 3e-5) ** 2] * 3)
-    assert gain["integrated"]["manager.torque_limit"] == pytest.approx(4.0 * most * 3e-5)
+    assert gain["integrated"]["manager.torque_limit"] == pytest.approx(
+        4.0 * most * 3e-5
+    )
     assert gain["predictive"]["manager.m_limit"] == most, "follows the coils"
     assert found["ccpl"].gains["gain"].startswith("craft.rate / craft.field = ")
     without, _ = of(DAY, sources=["manager=manager_predictive"])
@@ -88,10 +109,15 @@ def test_some_are_asked_for_by_name():
     assert refused == {}
     _, refused = of(DAY, asked=["manager_combined"])
     assert list(refused) == ["combined"]
-    with pytest.raises(DesatError, match=r"predictve: no law and no manager.*predictive"):
+    with pytest.raises(
+        DesatError, match=r"predictve: no law and no manager.*predictive"
+    ):
         of(DAY, asked=["predictve"])
 
 
 def test_terms_of_a_field():
     made = compatibility.terms_of(5400.0, [[3e-5, 0.0, 4e-5]], True)
-    assert (made.orbit_rate, made.field) == (pytest.approx(2.0 * pi / 5400.0), pytest.approx(5e-5))
+    assert (made.orbit_rate, made.field) == (
+        pytest.approx(2.0 * pi / 5400.0),
+        pytest.approx(5e-5),
+    )

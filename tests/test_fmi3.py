@@ -1,4 +1,5 @@
-"""FMI 3.0: our native FMUs, which have its face beside that of FMI 2.0, in other people's hands."""
+"""FMI 3.0: our native FMUs, which have its face beside that of FMI 2.0, in other
+people's hands."""
 
 from __future__ import annotations
 
@@ -39,20 +40,32 @@ def test_it_validates(name):
 
 
 def test_each_native_block_has_one_whose_files_are_as_the_schemas_want():
-    kinds = {"modelDescription.xml": "fmi3ModelDescription",
-             "terminalsAndIcons/terminalsAndIcons.xml": "fmi3TerminalsAndIcons",
-             "sources/buildDescription.xml": "fmi3BuildDescription"}  # fmt: skip
-    schemas = {n: etree.XMLSchema(file=str(SCHEMA / f"{x}.xsd")) for n, x in kinds.items()}
+    kinds = {
+        "modelDescription.xml": "fmi3ModelDescription",
+        "terminalsAndIcons/terminalsAndIcons.xml": "fmi3TerminalsAndIcons",
+        "sources/buildDescription.xml": "fmi3BuildDescription",
+    }
+    schemas = {
+        n: etree.XMLSchema(file=str(SCHEMA / f"{x}.xsd")) for n, x in kinds.items()
+    }
     assert {p.stem for p in (DIST / "fmi3").glob("*.fmu")} == {*NATIVE}
     for name in NATIVE:
-        with zipfile.ZipFile(path(name)) as archive, zipfile.ZipFile(path(name, "native")) as two:
+        with (
+            zipfile.ZipFile(path(name)) as archive,
+            zipfile.ZipFile(path(name, "native")) as two,
+        ):
             for file, schema in schemas.items():
-                assert schema.validate(etree.fromstring(archive.read(file))), (name, file)
+                assert schema.validate(etree.fromstring(archive.read(file))), (
+                    name,
+                    file,
+                )
             files = set(archive.namelist())
             assert {"terminalsAndIcons/icon.png"} <= files
             (library,) = (n for n in two.namelist() if n.startswith("binaries/"))
             here = fmi3.PLATFORMS[native.platform()][0]
-            assert archive.read(f"binaries/{here}/{Path(library).name}") == two.read(library)
+            assert archive.read(f"binaries/{here}/{Path(library).name}") == two.read(
+                library
+            )
             listed = etree.fromstring(archive.read("sources/buildDescription.xml"))
         assert {f"sources/{f.get('name')}" for f in listed.iter("SourceFile")} == {
             f for f in files if f.endswith(".c")
@@ -60,7 +73,9 @@ def test_each_native_block_has_one_whose_files_are_as_the_schemas_want():
 
 
 def test_arrays_modes_and_terminals_are_such():
-    described = {v.name: v for v in fmpy.read_model_description(path("wheels")).modelVariables}
+    described = {
+        v.name: v for v in fmpy.read_model_description(path("wheels")).modelVariables
+    }
     declared = {v.name: v for v in block_class("wheels").variables}
     assert {n for n in described if n != "time"} == set(declared)
     for name, v in declared.items():
@@ -68,14 +83,18 @@ def test_arrays_modes_and_terminals_are_such():
     manager = fmpy.read_model_description(path("manager_magnetic"))
     mode = next(v for v in manager.modelVariables if v.name == "mode")
     assert mode.type == "Enumeration"
-    choices = next(v for v in block_class("manager_magnetic").variables if v.name == "mode").choices
+    choices = next(
+        v for v in block_class("manager_magnetic").variables if v.name == "mode"
+    ).choices
     assert [(i.name, int(i.value)) for i in mode.declaredType.items] == [
         (name, i) for i, name in enumerate(choices) if name != "-"
     ]
     with zipfile.ZipFile(path("wheels")) as archive:
         root = etree.fromstring(archive.read("terminalsAndIcons/terminalsAndIcons.xml"))
-    members = {t.get("name"): {m.get("memberName"): m.get("variableName") for m in t}
-               for t in root.iter("Terminal")}  # fmt: skip
+    members = {
+        t.get("name"): {m.get("memberName"): m.get("variableName") for m in t}
+        for t in root.iter("Terminal")
+    }
     assert members["wheels"]["h_wheel"] == "h_wheel"
     assert members["manager"]["tau_cmd_wheel"] == "tau_cmd_wheel"
     assert set(members) == {"wheels"} | {
@@ -91,14 +110,18 @@ def test_a_mode_that_a_block_never_has_is_no_item_and_a_loop_has_no_terminals():
         how: int = Parameter("1", "how", choices=("a", "b"))
 
     root = etree.fromstring(fmi3.model_description(Odd, "odd", "{x}", None, {}))
-    items = [(i.get("name"), i.get("value")) for i in root.iterfind(".//EnumerationType/Item")]
+    items = [
+        (i.get("name"), i.get("value"))
+        for i in root.iterfind(".//EnumerationType/Item")
+    ]
     assert items == [("off", "0"), ("on", "2"), ("a", "0"), ("b", "1")]
     assert b"Terminal " not in fmi3.terminals(Odd)
     assert b"<Icon " in fmi3.terminals(Odd)
 
 
 class Both:
-    """A block's native FMU through fmpy by either face, driven alike; values by scalar name."""
+    """A block's native FMU through fmpy by either face, driven alike; values by scalar
+    name."""
 
     def __init__(self, name: str, folder: Path) -> None:
         block = block_class(name)
@@ -107,14 +130,17 @@ class Both:
         for kind, of in (("native", FMU2Slave), ("fmi3", FMU3Slave)):
             description = fmpy.read_model_description(path(name, kind))
             fmu = of(
-                guid=description.guid or description.instantiationToken, instanceName=block.role,
+                guid=description.guid or description.instantiationToken,
+                instanceName=block.role,
                 unzipDirectory=fmpy.extract(str(path(name, kind)), str(folder / kind)),
                 modelIdentifier=description.coSimulation.modelIdentifier,
-            )  # fmt: skip
+            )
             made.append((fmu, {v.name: v for v in description.modelVariables}))
         (self.two, self.of_two), (self.three, self.of_three) = made
         self.two.instantiate()
-        self.three.instantiate(logMessage=lambda e, status, kind, text: self.heard.append(text))
+        self.three.instantiate(
+            logMessage=lambda e, status, kind, text: self.heard.append(text)
+        )
         self.variables, self.t = block.variables, 0.0
 
     def initialise(self) -> None:
@@ -128,16 +154,22 @@ class Both:
         kind = {"Real": "Float64", "Integer": "Int64", "Boolean": "Boolean"}[v.type]
         references = [self.of_two[n].valueReference for n in v.elements()]
         getattr(self.two, f"set{v.type}")(references, values)
-        getattr(self.three, f"set{kind}")([self.of_three[v.name].valueReference], values)
+        getattr(self.three, f"set{kind}")(
+            [self.of_three[v.name].valueReference], values
+        )
 
     def get(self, v) -> tuple[list[float], list[float]]:
         kind = {"Real": "Float64", "Integer": "Int64", "Boolean": "Boolean"}[v.type]
         references = [self.of_two[n].valueReference for n in v.elements()]
         return (
             [float(x) for x in getattr(self.two, f"get{v.type}")(references)],
-            [float(x) for x in getattr(self.three, f"get{kind}")(
-                [self.of_three[v.name].valueReference], nValues=v.size)],
-        )  # fmt: skip
+            [
+                float(x)
+                for x in getattr(self.three, f"get{kind}")(
+                    [self.of_three[v.name].valueReference], nValues=v.size
+                )
+            ],
+        )
 
     def step(self, dt: float) -> None:
         self.two.doStep(self.t, dt)
@@ -169,7 +201,9 @@ def test_both_faces_give_the_same_bits(name, tmp_path):
                 both.set(v, [True] * v.size)
         both.step(1.0)
         both.assert_equal()
-        moved |= any(any(both.get(v)[1]) for v in both.variables if v.causality == "output")
+        moved |= any(
+            any(both.get(v)[1]) for v in both.variables if v.causality == "output"
+        )
     assert moved
     time = both.of_three["time"].valueReference
     assert both.three.getFloat64([time]) == [20.0]
@@ -191,7 +225,10 @@ def test_what_it_refuses_it_says(tmp_path):
     tau, axes = of["tau_cmd_wheel"].valueReference, of["axes_wheel"].valueReference
     with pytest.raises(fmpy.fmi1.FMICallException):
         three.getFloat64([tau], nValues=3)
-    assert both.heard[-1] == b"wheels: get Float64 tau_cmd_wheel[1]: there are too few values"
+    assert (
+        both.heard[-1]
+        == b"wheels: get Float64 tau_cmd_wheel[1]: there are too few values"
+    )
     with pytest.raises(fmpy.fmi1.FMICallException):
         three.getFloat64([tau], nValues=5)
     assert both.heard[-1] == b"wheels: get Float64: there are too many values"
@@ -213,15 +250,18 @@ def test_what_it_refuses_it_says(tmp_path):
     one = (ctypes.c_double * 1)(1.0)
     references = (ctypes.c_uint * 1)(tau)
     with pytest.raises(fmpy.fmi1.FMICallException):
-        three.fmi3GetDirectionalDerivative(three.component, references, 1, references, 1, one, 1,
-                                           one, 1)  # fmt: skip
+        three.fmi3GetDirectionalDerivative(
+            three.component, references, 1, references, 1, one, 1, one, 1
+        )
     assert b"derivatives are not provided" in both.heard[-1]
     with pytest.raises(fmpy.fmi1.FMICallException):
         three.setFloat64([axes], [1.0] * 12)
     assert b"a parameter is fixed once the simulation runs" in both.heard[-1]
     three.fmi3FreeInstance(three.component)
     with pytest.raises(Exception, match="Failed to instantiate"):
-        three.instantiate(eventModeUsed=True, logMessage=lambda e, s, k, t: both.heard.append(t))
+        three.instantiate(
+            eventModeUsed=True, logMessage=lambda e, s, k, t: both.heard.append(t)
+        )
     assert both.heard[-1] == b"there is no event mode"
     three.guid = "{other}"
     with pytest.raises(Exception, match="Failed to instantiate"):
@@ -241,12 +281,25 @@ def test_a_step_that_fails_is_discarded_and_logged_once(tmp_path):
 
 def test_the_loop_as_an_fmu_of_fmi_3_gives_the_bits_of_a_run(desat, tmp_path):
     file = tmp_path / "loop.fmu"
-    done = desat("export", "fmu", "integrated/mil-nadir", "--fmi", "3", "--out", str(file),
-                 "--outputs", "wheels.h_wheel", "--outputs", "manager.mode")  # fmt: skip
+    done = desat(
+        "export",
+        "fmu",
+        "integrated/mil-nadir",
+        "--fmi",
+        "3",
+        "--out",
+        str(file),
+        "--outputs",
+        "wheels.h_wheel",
+        "--outputs",
+        "manager.mode",
+    )
     assert done.returncode == 0, done.stderr
     assert validate_fmu(str(file)) == []
     ran = execute("integrated/mil-nadir", Options(stop=30.0), None)
-    series = fmpy.simulate_fmu(str(file), stop_time=30.0, output_interval=0.5)["wheels.h_wheel"]
+    series = fmpy.simulate_fmu(str(file), stop_time=30.0, output_interval=0.5)[
+        "wheels.h_wheel"
+    ]
     assert series.any()
     np.testing.assert_array_equal(
         np.array(series), ran.results.values("wheels.h_wheel"), strict=True
@@ -281,34 +334,51 @@ class Doubled(Block):
         self.made = (2.0 * x, 2.0 * y, 2.0 * z)
 '''
     )
-    done = desat("build", str(file), "--fmi", "3", "--out", str(tmp_path / "out"), "--json")
+    done = desat(
+        "build", str(file), "--fmi", "3", "--out", str(tmp_path / "out"), "--json"
+    )
     assert done.returncode == 0, done.stderr
-    assert json.loads(done.stdout) == {"fmi3": str(tmp_path / "out" / "fmi3" / "doubled.fmu")}
+    assert json.loads(done.stdout) == {
+        "fmi3": str(tmp_path / "out" / "fmi3" / "doubled.fmu")
+    }
     result = fmpy.simulate_fmu(
-        str(tmp_path / "out" / "fmi3" / "doubled.fmu"), stop_time=1.0, output_interval=1.0,
+        str(tmp_path / "out" / "fmi3" / "doubled.fmu"),
+        stop_time=1.0,
+        output_interval=1.0,
         start_values={"given": "1 2 3"},
-    )  # fmt: skip
+    )
     assert result["made"][-1].tolist() == [2.0, 4.0, 6.0]
-    file.write_text(file.read_text().replace("x, y, z = self.given",
-                                             "x, y, z = {1: self.given}[1]"))  # fmt: skip
+    file.write_text(
+        file.read_text().replace("x, y, z = self.given", "x, y, z = {1: self.given}[1]")
+    )
     done = desat("build", str(file), "--fmi", "3", "--out", str(tmp_path / "out"))
     assert done.returncode == 2
-    assert "doubled.py: FMI 3.0 is for native FMUs, and there is none of it: doubled.py:" in (
-        done.stderr
+    assert (
+        "doubled.py: FMI 3.0 is for native FMUs, and there is none of it: doubled.py:"
+        in (done.stderr)
     )
 
 
 def test_all_functions_of_the_standard_are_there(tmp_path):
     """The functions that the standard lists are all there."""
     library = next(
-        n for n in zipfile.ZipFile(path("wheels")).namelist() if n.startswith("binaries/")
+        n
+        for n in zipfile.ZipFile(path("wheels")).namelist()
+        if n.startswith("binaries/")
     )
     with zipfile.ZipFile(path("wheels")) as archive:
         archive.extract(library, tmp_path)
-    listed = subprocess.run(["nm", "-D", "--defined-only", str(tmp_path / library)],
-                            capture_output=True, text=True, check=True).stdout  # fmt: skip
+    listed = subprocess.run(
+        ["nm", "-D", "--defined-only", str(tmp_path / library)],
+        capture_output=True,
+        text=True,
+        check=True,
+    ).stdout
     header = Path(fmpy.__file__).parent / "c-code" / "fmi3FunctionTypes.h"
-    wanted = {w.removesuffix("TYPE") for w in header.read_text().replace("(", " ").split()
-              if w.startswith("fmi3") and w.endswith("TYPE")}  # fmt: skip
+    wanted = {
+        w.removesuffix("TYPE")
+        for w in header.read_text().replace("(", " ").split()
+        if w.startswith("fmi3") and w.endswith("TYPE")
+    }
     assert len(wanted) > 60
     assert {w for w in wanted if f" {w}\n" not in listed} == set()

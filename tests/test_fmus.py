@@ -40,17 +40,20 @@ def path(name: str) -> Path:
 
 
 SHAPES: set[str] = set()
-"""Of names that fmpy's grammar takes: with 1 for every number. It needs 0.1 s for a name, and a
-table has hundreds that differ in numbers alone."""
+"""Of names that fmpy's grammar takes: with 1 for every number. It needs 0.1 s for a
+name, and a table has hundreds that differ in numbers alone."""
 
 
 def _names_once(description):
-    """What fmpy has against the names of a description, those of a known shape left out."""
+    """What fmpy has against the names of a description, those of a known shape left
+    out."""
     new = {re.sub(r"\d+", "1", v.name): v for v in description.modelVariables}
     new = {shape: v for shape, v in new.items() if shape not in SHAPES}
-    wrong = NAMES_BY_FMPY(SimpleNamespace(
-        variableNamingConvention="structured", modelVariables=list(new.values())
-    ))  # fmt: skip
+    wrong = NAMES_BY_FMPY(
+        SimpleNamespace(
+            variableNamingConvention="structured", modelVariables=list(new.values())
+        )
+    )
     SHAPES.update(() if wrong else new)
     return wrong
 
@@ -66,7 +69,10 @@ def test_validates(name, monkeypatch):
 
 def test_a_wrong_name_is_seen(monkeypatch):
     """Also the second time, and beside one of a known shape."""
-    assert fmpy.read_model_description(path("torquers")).variableNamingConvention == "structured"
+    assert (
+        fmpy.read_model_description(path("torquers")).variableNamingConvention
+        == "structured"
+    )
     for name in ("2a", "a[]", "a[x]"):
         variables = [SimpleNamespace(name=n, sourceline=1) for n in ("a[7]", name)]
         for _ in range(2):
@@ -81,7 +87,9 @@ def test_interface_is_the_blocks(name):
     from_fmu = of_fmu(path(name))
     assert from_fmu.role == from_block.role
     assert list(from_fmu.signals) == list(from_block.signals)
-    for a, b in zip(from_fmu.signals.values(), from_block.signals.values(), strict=True):
+    for a, b in zip(
+        from_fmu.signals.values(), from_block.signals.values(), strict=True
+    ):
         assert a == b
 
 
@@ -95,7 +103,9 @@ def test_model_description(name):
     inputs = {v.name for v in md.modelVariables if v.causality == "input"}
     for unknown in md.outputs:
         names = {v.name for v in unknown.dependencies}
-        assert names in (set(), inputs), "state outputs depend on nothing, interval ones on inputs"
+        assert names in (set(), inputs), (
+            "state outputs depend on nothing, interval ones on inputs"
+        )
     outputs = {v.name for v in md.modelVariables if v.causality == "output"}
     assert {u.variable.name for u in md.initialUnknowns} == outputs
     for v in md.modelVariables:
@@ -116,16 +126,31 @@ def test_a_block_that_cannot_be_one_is_named_and_the_others_are_built(tmp_path):
         (package / path.name).symlink_to(path)
     text = (ROOT / "components/blocks/tachometers.py").read_text(encoding="utf-8")
     mine = text.replace("from __future__ import annotations\n", "")
-    (package / "components/blocks/tachometers_mine.py").write_text(mine, encoding="utf-8")
+    (package / "components/blocks/tachometers_mine.py").write_text(
+        mine, encoding="utf-8"
+    )
     done = subprocess.run(
-        [sys.executable, "-m", "desat.fmus.build", "tachometers", "tachometers_mine", "--into",
-         str(tmp_path / "out")],
-        capture_output=True, text=True, cwd=tmp_path, timeout=300, check=False,
+        [
+            sys.executable,
+            "-m",
+            "desat.fmus.build",
+            "tachometers",
+            "tachometers_mine",
+            "--into",
+            str(tmp_path / "out"),
+        ],
+        capture_output=True,
+        text=True,
+        cwd=tmp_path,
+        timeout=300,
+        check=False,
         env={**os.environ, "PYTHONPATH": str(tmp_path)},
-    )  # fmt: skip
+    )
     assert done.returncode == 1
     (line,) = done.stderr.splitlines()
-    assert line.startswith("error: components/blocks/tachometers_mine.py: TypeError: Tachometers.")
+    assert line.startswith(
+        "error: components/blocks/tachometers_mine.py: TypeError: Tachometers."
+    )
     assert "its file needs the line `from __future__ import annotations`" in line
     assert [p.name for p in (tmp_path / "out").glob("*.fmu")] == ["tachometers.fmu"]
 
@@ -133,9 +158,20 @@ def test_a_block_that_cannot_be_one_is_named_and_the_others_are_built(tmp_path):
 def test_a_build_that_is_killed_and_started_again_gives_the_same_bytes(tmp_path):
     """`python -m benchmarks.targets` kills targets of make."""
     names = ("manager_combined", "environment_orbit_dipole")
-    command = [sys.executable, "-m", "desat.fmus.build", *names, "--into", str(tmp_path)]
-    process = subprocess.Popen(command, start_new_session=True, stdout=subprocess.DEVNULL,
-                               stderr=subprocess.DEVNULL)  # fmt: skip
+    command = [
+        sys.executable,
+        "-m",
+        "desat.fmus.build",
+        *names,
+        "--into",
+        str(tmp_path),
+    ]
+    process = subprocess.Popen(
+        command,
+        start_new_session=True,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+    )
     while process.poll() is None and not list(tmp_path.glob("*.fmu*")):
         time.sleep(0.005)
     with suppress(ProcessLookupError):
@@ -148,9 +184,13 @@ def test_a_build_that_is_killed_and_started_again_gives_the_same_bytes(tmp_path)
 
 
 def test_package_name_follows_the_contents(tmp_path, monkeypatch):
-    """Different code gives a different package, so two versions can live in one process."""
+    """Different code gives a different package, so two versions can live in one
+    process."""
     files = build.contents("tachometers")
-    changed = {**files, "blocks/tachometers.py": files["blocks/tachometers.py"] + b"# changed\n"}
+    changed = {
+        **files,
+        "blocks/tachometers.py": files["blocks/tachometers.py"] + b"# changed\n",
+    }
     monkeypatch.setattr(build, "contents", lambda name: changed)
     built = build.build("tachometers", tmp_path)
     old, new = (
@@ -169,15 +209,21 @@ def test_they_are_as_large_as_the_page_of_hosts_says():
     for folder, said in (("native", row.groups()[:2]), (".", row.groups()[2:])):
         files = list((paths.fmus() / folder).glob("*.fmu"))
         with zipfile.ZipFile(files[0]) as archive:
-            platforms = {n.split("/")[1] for n in archive.namelist() if n.startswith("binaries/")}
+            platforms = {
+                n.split("/")[1] for n in archive.namelist() if n.startswith("binaries/")
+            }
         if len(platforms) > 2:
             pytest.skip("built for all platforms")
         sizes = [f.stat().st_size / 1e3 for f in files]
-        assert [min(sizes), max(sizes)] == pytest.approx([float(x) for x in said], rel=0.02)
+        assert [min(sizes), max(sizes)] == pytest.approx(
+            [float(x) for x in said], rel=0.02
+        )
 
 
 def test_interfaces_page_is_current():
-    assert interfaces.PATH.read_text(encoding="utf-8") == interfaces.text(), "run `make fmus`"
+    assert interfaces.PATH.read_text(encoding="utf-8") == interfaces.text(), (
+        "run `make fmus`"
+    )
 
 
 class Instance:
@@ -201,18 +247,32 @@ class Instance:
         return self
 
     def set(self, name: str, *values) -> None:
-        refs = [v.valueReference for n, v in self.variables.items() if n.partition("[")[0] == name]
+        refs = [
+            v.valueReference
+            for n, v in self.variables.items()
+            if n.partition("[")[0] == name
+        ]
         getattr(self.fmu, f"set{self._kind(name)}")(refs, list(values))
 
     def get(self, name: str) -> list:
-        refs = [v.valueReference for n, v in self.variables.items() if n.partition("[")[0] == name]
+        refs = [
+            v.valueReference
+            for n, v in self.variables.items()
+            if n.partition("[")[0] == name
+        ]
         return getattr(self.fmu, f"get{self._kind(name)}")(refs)
 
     def _kind(self, name: str) -> str:
-        return next(v.type for n, v in self.variables.items() if n.partition("[")[0] == name)
+        return next(
+            v.type for n, v in self.variables.items() if n.partition("[")[0] == name
+        )
 
     def outputs(self) -> dict:
-        names = {n.partition("[")[0] for n, v in self.variables.items() if v.causality == "output"}
+        names = {
+            n.partition("[")[0]
+            for n, v in self.variables.items()
+            if v.causality == "output"
+        }
         return {n: self.get(n) for n in sorted(names)}
 
     def free(self) -> None:
@@ -262,8 +322,9 @@ def test_equals_the_bare_block_bitwise(name, instance):
 def _outputs(block) -> dict:
     return {
         v.name: list(getattr(block, v.name)) if v.shape else [getattr(block, v.name)]
-        for v in sorted(block.variables, key=lambda v: v.name) if v.causality == "output"
-    }  # fmt: skip
+        for v in sorted(block.variables, key=lambda v: v.name)
+        if v.causality == "output"
+    }
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -320,7 +381,9 @@ def test_late_parameters_are_refused(instance):
         i.fmu.doStep(1.0, 1.0)
 
 
-@pytest.mark.parametrize(("t", "dt"), [(0.0, -1.0), (0.0, 0.0), (0.0, float("nan")), (5.0, 1.0)])
+@pytest.mark.parametrize(
+    ("t", "dt"), [(0.0, -1.0), (0.0, 0.0), (0.0, float("nan")), (5.0, 1.0)]
+)
 def test_bad_steps_are_refused(t, dt, instance):
     i = instance("torquers").start()
     with pytest.raises(fmpy.fmi1.FMICallException):
@@ -344,7 +407,9 @@ def test_what_fmi_forbids_is_a_fault(what, instance):
     i = instance("torquers").start()
     i.fmu.doStep(0.0, 1.0)
     assert i.get("fault") == [False]
-    references = {n.partition("[")[0]: v.valueReference for n, v in reversed(i.variables.items())}
+    references = {
+        n.partition("[")[0]: v.valueReference for n, v in reversed(i.variables.items())
+    }
     OUT_OF_ORDER[what][0](i.fmu, references)
     assert i.get("fault") == [True]
 
@@ -352,10 +417,18 @@ def test_what_fmi_forbids_is_a_fault(what, instance):
 def test_angles_are_shown_in_degrees_and_authors_are_named():
     for name in ("rate_gyro", "wheels"):
         for kind in ("", "native", "fmi3"):
-            description = fmpy.read_model_description(paths.fmus() / kind / f"{name}.fmu")
-            assert (description.author, description.license) == ("the desat authors", "MIT")
-            shown = {v.unit: v.displayUnit for v in description.modelVariables if v.type in
-                     ("Real", "Float64") and v.unit}  # fmt: skip
+            description = fmpy.read_model_description(
+                paths.fmus() / kind / f"{name}.fmu"
+            )
+            assert (description.author, description.license) == (
+                "the desat authors",
+                "MIT",
+            )
+            shown = {
+                v.unit: v.displayUnit
+                for v in description.modelVariables
+                if v.type in ("Real", "Float64") and v.unit
+            }
             assert shown["rad/s"] == "deg/s"
             assert shown["s"] is None
             (unit,) = (u for u in description.unitDefinitions if u.name == "rad/s")
@@ -464,7 +537,8 @@ def test_needs_no_numpy():
 
 
 def test_pointers_hold():
-    """fmi2GetReal through bare addresses, as the master calls it, reads what fmpy reads."""
+    """fmi2GetReal through bare addresses, as the master calls it, reads what fmpy
+    reads."""
     i = Instance("environment_orbit_dipole").start()
     refs = [v.valueReference for v in i.md.modelVariables if v.name.startswith("b_eci")]
     array = np.zeros(3)

@@ -1,4 +1,5 @@
-"""What usually follows from the craft does so in all families, and a difference is said."""
+"""What usually follows from the craft does so in all families, and a difference is
+said."""
 
 from __future__ import annotations
 
@@ -41,13 +42,18 @@ def said(target: str, *sets: str) -> list[str]:
 
 
 def test_a_craft_that_extends_another_is_one_craft(own):
-    """The issue's own: nadir_day with another inertia. Its gains were those of the old one, and
-    pointing 5.13 deg for 0.05, with no word."""
-    target = own(f'extends = "nadir_day/day-dipole"\nstop = 6000.0\nshared.inertia = {INERTIA}\n')
+    """The issue's own: nadir_day with another inertia. Its gains were those of the old
+    one, and pointing 5.13 deg for 0.05, with no word."""
+    target = own(
+        f'extends = "nadir_day/day-dipole"\nstop = 6000.0\nshared.inertia = {INERTIA}\n'
+    )
     assert said(target) == []
     run = execute(target, Options(blocks=True))
     known = run.manifest["parameters"]
-    assert known["controller"]["gain_matrix"]["value"] == known["spacecraft"]["inertia"]["value"]
+    assert (
+        known["controller"]["gain_matrix"]["value"]
+        == known["spacecraft"]["inertia"]["value"]
+    )
     results = run.results
     dot = np.abs((results.values("spacecraft.q_bi") * _held(results)).sum(axis=1))
     late = 2.0 * np.degrees(np.arccos(np.minimum(dot, 1.0)))[3000:]
@@ -59,35 +65,70 @@ def _held(results):
     return np.vstack([q, q[-1:]])[: len(results.values("spacecraft.q_bi"))]
 
 
-@pytest.mark.parametrize("family", ["nadir_day", "integrated", "uosat12", "space_telescope"])
+@pytest.mark.parametrize(
+    "family", ["nadir_day", "integrated", "uosat12", "space_telescope"]
+)
 def test_every_gain_matrix_is_derived(family):
     """In the file, so that it follows whatever a scenario that extends it says."""
-    others = {"nadir_day/witness-laws"}  # the gains of Basilisk's law, which knows no matrix
-    those = [s for name, s in scenarios(family).items()
-             if name not in others and "gain_matrix" in str(s.content.parameters)]  # fmt: skip
+    others = {
+        "nadir_day/witness-laws"
+    }  # the gains of Basilisk's law, which knows no matrix
+    those = [
+        s
+        for name, s in scenarios(family).items()
+        if name not in others and "gain_matrix" in str(s.content.parameters)
+    ]
     assert those
     for scenario in those:
-        assert scenario.content.parameters["controller"]["gain_matrix"] == "shared.inertia"
+        assert (
+            scenario.content.parameters["controller"]["gain_matrix"] == "shared.inertia"
+        )
 
 
 OTHERS = [
-    ("nadir_day/day-dipole", "spacecraft.inertia=20,0,0,0,18,0,0,0,12",
-     "controller.gain_matrix=10.5,0.3,-0.2,0.3,9.0,0.15,-0.2,0.15,6.5",
-     "controller.gain_matrix[1,1] = 10.5, where spacecraft.inertia is 20"),
-    ("nadir_day/day-dipole", "torquers.m_limit=20", "manager.m_limit=5",
-     "manager.m_limit = 5 A.m2, where torquers.m_limit is 20 A.m2"),
-    ("integrated/mil-nadir", "wheels.speed_limit=2500", "manager.h_limit=0.02",
-     "manager.h_limit = 0.02 N.m.s, where wheels.inertia_wheel * wheels.speed_limit is"),
-    ("hausat2/detumbling-wheel", "wheels.torque_limit=2e-3", "manager.torque_limit=5e-3",
-     "manager.torque_limit = 0.005 N.m, where wheels.torque_limit is 0.002 N.m"),
-    ("alsat1/ours-two-wheels", "torquers.duty_max=0.5", "manager.duty_max=0.8",
-     "manager.duty_max = 0.8, where torquers.duty_max is 0.5"),
-    ("alsat1/ours-two-wheels", "torquers.least_pulse=0.1", "manager.least_pulse=0.2",
-     "manager.least_pulse = 0.2 s, where torquers.least_pulse is 0.1 s"),
-    ("uosat12/flight-receding_horizon-3", "thrusters.tau_level=0.03,0.04,0.04",
-     "manager.tau_level=0.04,0.04,0.04",
-     "manager.tau_level[1] = 0.04 N.m, where thrusters.tau_level is 0.03 N.m"),
-]  # fmt: skip
+    (
+        "nadir_day/day-dipole",
+        "spacecraft.inertia=20,0,0,0,18,0,0,0,12",
+        "controller.gain_matrix=10.5,0.3,-0.2,0.3,9.0,0.15,-0.2,0.15,6.5",
+        "controller.gain_matrix[1,1] = 10.5, where spacecraft.inertia is 20",
+    ),
+    (
+        "nadir_day/day-dipole",
+        "torquers.m_limit=20",
+        "manager.m_limit=5",
+        "manager.m_limit = 5 A.m2, where torquers.m_limit is 20 A.m2",
+    ),
+    (
+        "integrated/mil-nadir",
+        "wheels.speed_limit=2500",
+        "manager.h_limit=0.02",
+        "manager.h_limit = 0.02 N.m.s, where wheels.inertia_wheel * wheels.speed_limit is",
+    ),
+    (
+        "hausat2/detumbling-wheel",
+        "wheels.torque_limit=2e-3",
+        "manager.torque_limit=5e-3",
+        "manager.torque_limit = 0.005 N.m, where wheels.torque_limit is 0.002 N.m",
+    ),
+    (
+        "alsat1/ours-two-wheels",
+        "torquers.duty_max=0.5",
+        "manager.duty_max=0.8",
+        "manager.duty_max = 0.8, where torquers.duty_max is 0.5",
+    ),
+    (
+        "alsat1/ours-two-wheels",
+        "torquers.least_pulse=0.1",
+        "manager.least_pulse=0.2",
+        "manager.least_pulse = 0.2 s, where torquers.least_pulse is 0.1 s",
+    ),
+    (
+        "uosat12/flight-receding_horizon-3",
+        "thrusters.tau_level=0.03,0.04,0.04",
+        "manager.tau_level=0.04,0.04,0.04",
+        "manager.tau_level[1] = 0.04 N.m, where thrusters.tau_level is 0.03 N.m",
+    ),
+]
 
 
 @pytest.mark.parametrize(("target", "craft", "stays", "text"), OTHERS)
@@ -97,18 +138,25 @@ def test_what_is_of_another_craft_is_said(target, craft, stays, text):
     name = stays.partition("=")[0]
     assert any(text in x and "Given as " in x for x in found), found
     assert [x for x in said(target, stays) if name in x] == [], "equal: silent"
-    assert all(x.startswith("--set") for x in found if name in x), "it names who gave it"
+    assert all(x.startswith("--set") for x in found if name in x), (
+        "it names who gave it"
+    )
 
 
 def test_run_and_check_say_it(desat, own, tmp_path):
     matrix = "[[10.5, 0.3, -0.2], [0.3, 9.0, 0.15], [-0.2, 0.15, 6.5]]"
-    target = own(f'extends = "nadir_day/day-dipole"\nstop = 10.0\nshared.inertia = {INERTIA}\n'
-                 f"parameters.controller.gain_matrix = {matrix}\n")  # fmt: skip
+    target = own(
+        f'extends = "nadir_day/day-dipole"\nstop = 10.0\nshared.inertia = {INERTIA}\n'
+        f"parameters.controller.gain_matrix = {matrix}\n"
+    )
     for command in (("check",), ("run", "--blocks", "--out", str(tmp_path / "run"))):
         out = desat(*command, target)
         assert out.returncode == 0
         text = re.sub(r"\s+", " ", out.stdout + out.stderr)
-        assert "controller.gain_matrix[1,1] = 10.5, where spacecraft.inertia is 21: is it" in text
+        assert (
+            "controller.gain_matrix[1,1] = 10.5, where spacecraft.inertia is 21: is it"
+            in text
+        )
         assert "own.toml: parameters.controller.gain_matrix" in text
 
 
@@ -123,10 +171,15 @@ def test_what_a_scenario_says_follows_is_silent():
 
 
 def test_a_default_that_is_not_the_crafts_is_said(own):
-    text = 'extends = "nadir_day/day-dipole"\nwithout = ["parameters.manager.m_limit"]\n'
+    text = (
+        'extends = "nadir_day/day-dipole"\nwithout = ["parameters.manager.m_limit"]\n'
+    )
     found = said(own(text))
     assert len(found) == 1
-    assert "default: manager.m_limit = 20 A.m2, where torquers.m_limit is 5 A.m2" in found[0]
+    assert (
+        "default: manager.m_limit = 20 A.m2, where torquers.m_limit is 5 A.m2"
+        in found[0]
+    )
 
 
 def test_what_is_followed_is_there():
@@ -135,9 +188,15 @@ def test_what_is_followed_is_there():
     known = {f"{b.role}.{v.name}": v for b in blocks for v in b.variables}
     following = [(b, v) for b in blocks for v in b.variables if v.follows]
     assert {v.name for _, v in following} == {
-        "gain_matrix", "m_limit", "h_limit", "torque_limit", "duty", "duty_max", "least_pulse",
+        "gain_matrix",
+        "m_limit",
+        "h_limit",
+        "torque_limit",
+        "duty",
+        "duty_max",
+        "least_pulse",
         "tau_level",
-    }  # fmt: skip
+    }
     for block, v in following:
         ends = names_in(v.follows)
         assert ends <= known.keys(), f"{block.__name__}.{v.name}"
@@ -149,7 +208,8 @@ def test_what_is_followed_is_there():
 
 
 def test_fmus_say_what_their_blocks_say():
-    """So the interface of one of ours need not be read: `FmuFile.interface` takes the block's."""
+    """So the interface of one of ours need not be read: `FmuFile.interface` takes the
+    block's."""
     for name in registry.names():
         for kind in ("native", "python"):
             file = library.our_file(f"{name}.fmu", kind)
@@ -158,7 +218,11 @@ def test_fmus_say_what_their_blocks_say():
 
 MEANT = {
     # what differs on purpose, and no product of parameters says exactly
-    "manager.h_limit": {"hausat2/start-up-ours", "hausat2/basin-", "hausat2/gain-gamma-"},
+    "manager.h_limit": {
+        "hausat2/start-up-ours",
+        "hausat2/basin-",
+        "hausat2/gain-gamma-",
+    },
     "manager.tau_level": {"uosat12/robust-receding_horizon-weak_thrusters"},
     "manager.least_pulse": {"uosat12/robust-receding_horizon-least_pulse"},
 }
@@ -173,4 +237,6 @@ def test_no_scenario_of_ours_is_half_another_craft():
                 parameter = next(p for p in MEANT if f" {p}" in line)
                 owner, _, key = parameter.partition(".")
                 assert key in known[owner]
-                assert any(name.startswith(x) for x in MEANT[parameter]), f"{name}: {line}"
+                assert any(name.startswith(x) for x in MEANT[parameter]), (
+                    f"{name}: {line}"
+                )

@@ -22,9 +22,14 @@ from desat.system.options import Options
 
 NAMESPACES = " ".join(
     f'xmlns:{prefix}="http://ssp-standard.org/SSP1/SystemStructure{name}"'
-    for prefix, name in (("ssd", "Description"), ("ssc", "Common"), ("ssv", "ParameterValues"),
-                         ("ssm", "ParameterMapping"), ("ssb", "SignalDictionary"))
-)  # fmt: skip
+    for prefix, name in (
+        ("ssd", "Description"),
+        ("ssc", "Common"),
+        ("ssv", "ParameterValues"),
+        ("ssm", "ParameterMapping"),
+        ("ssb", "SignalDictionary"),
+    )
+)
 DESCRIPTION = """<?xml version="1.0" encoding="UTF-8"?>
 <fmiModelDescription fmiVersion="2.0" modelName="gain" guid="{g}">
 <CoSimulation modelIdentifier="gain" canHandleVariableCommunicationStepSize="true"/>
@@ -48,7 +53,9 @@ def gain(tmp_path_factory: pytest.TempPathFactory) -> Path:
         pytest.skip("needs Linux and a C compiler")
     folder = tmp_path_factory.mktemp("gain")
     source, made = Path(__file__).parent / "gain.c", folder / "gain.so"
-    subprocess.run([compiler, "-shared", "-fPIC", "-o", str(made), str(source)], check=True)
+    subprocess.run(
+        [compiler, "-shared", "-fPIC", "-o", str(made), str(source)], check=True
+    )
     with zipfile.ZipFile(folder / "gain.fmu", "w") as file:
         file.writestr("modelDescription.xml", DESCRIPTION)
         file.write(made, "binaries/linux64/gain.so")
@@ -58,10 +65,13 @@ def gain(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def component(name: str, bindings: str = "", source: str = "resources/gain.fmu") -> str:
     ends = (("k", "parameter"), ("u", "input"), ("y", "output"))
     connectors = "".join(
-        f'<ssd:Connector name="{c}" kind="{kind}"><ssc:Real/></ssd:Connector>' for c, kind in ends
+        f'<ssd:Connector name="{c}" kind="{kind}"><ssc:Real/></ssd:Connector>'
+        for c, kind in ends
     )
-    return (f'<ssd:Component name="{name}" source="{source}"><ssd:Connectors>{connectors}'
-            f"</ssd:Connectors>{bindings}</ssd:Component>")  # fmt: skip
+    return (
+        f'<ssd:Component name="{name}" source="{source}"><ssd:Connectors>{connectors}'
+        f"</ssd:Connectors>{bindings}</ssd:Component>"
+    )
 
 
 def wire(start: str, end: str, extra: str = "") -> str:
@@ -74,15 +84,19 @@ def wire(start: str, end: str, extra: str = "") -> str:
     return f"<ssd:Connection{text}>{extra}</ssd:Connection>"
 
 
-def inline(values: dict[str, float], mapping: str = "", unit: str = "", prefix: str = "") -> str:
+def inline(
+    values: dict[str, float], mapping: str = "", unit: str = "", prefix: str = ""
+) -> str:
     rows = "".join(
         f'<ssv:Parameter name="{name}"><ssv:Real value="{value}"{unit}/></ssv:Parameter>'
         for name, value in values.items()
     )
-    return (f"<ssd:ParameterBindings><ssd:ParameterBinding{prefix}><ssd:ParameterValues>"
-            f'<ssv:ParameterSet version="1.0" name="p"><ssv:Parameters>{rows}</ssv:Parameters>'
-            f"</ssv:ParameterSet></ssd:ParameterValues>{mapping}</ssd:ParameterBinding>"
-            "</ssd:ParameterBindings>")  # fmt: skip
+    return (
+        f"<ssd:ParameterBindings><ssd:ParameterBinding{prefix}><ssd:ParameterValues>"
+        f'<ssv:ParameterSet version="1.0" name="p"><ssv:Parameters>{rows}</ssv:Parameters>'
+        f"</ssv:ParameterSet></ssd:ParameterValues>{mapping}</ssd:ParameterBinding>"
+        "</ssd:ParameterBindings>"
+    )
 
 
 def connectors(*names: str) -> str:
@@ -96,8 +110,10 @@ def connectors(*names: str) -> str:
 
 def system(name: str, elements: str, wires: str = "", before: str = "") -> str:
     wires = f"<ssd:Connections>{wires}</ssd:Connections>" if wires else ""
-    return (f'<ssd:System name="{name}">{before}<ssd:Elements>{elements}</ssd:Elements>{wires}'
-            "</ssd:System>")  # fmt: skip
+    return (
+        f'<ssd:System name="{name}">{before}<ssd:Elements>{elements}</ssd:Elements>{wires}'
+        "</ssd:System>"
+    )
 
 
 def ssp(folder: Path, gain: Path, system: str, after: str = "", **options: str) -> Path:
@@ -105,8 +121,10 @@ def ssp(folder: Path, gain: Path, system: str, after: str = "", **options: str) 
     shutil.copy(gain, folder / "resources")
     version, names = options.get("version", "1.0"), options.get("names", NAMESPACES)
     file = folder / "SystemStructure.ssd"
-    file.write_text(f'<ssd:SystemStructureDescription version="{version}" name="x" {names}>\n'
-                    f"{system}{after}\n</ssd:SystemStructureDescription>")  # fmt: skip
+    file.write_text(
+        f'<ssd:SystemStructureDescription version="{version}" name="x" {names}>\n'
+        f"{system}{after}\n</ssd:SystemStructureDescription>"
+    )
     return file
 
 
@@ -117,8 +135,12 @@ def last(file: Path, name: str) -> float:
 
 
 LINEAR = '<ssc:LinearTransformation factor="2" offset="1"/>'
-INNER = system("inner", component("b"), wire("u", "b.u", LINEAR) + wire("b.y", "y"),
-               connectors("u", "y"))  # fmt: skip
+INNER = system(
+    "inner",
+    component("b"),
+    wire("u", "b.u", LINEAR) + wire("b.y", "y"),
+    connectors("u", "y"),
+)
 
 
 def test_nested_systems_become_one_flat_one(tmp_path: Path, gain: Path) -> None:
@@ -126,23 +148,43 @@ def test_nested_systems_become_one_flat_one(tmp_path: Path, gain: Path) -> None:
     elements = component("a", inline({"u": 1.0, "k": 7.0})) + INNER + component("c")
     three = '<ssc:LinearTransformation factor="3" offset="0"/>'
     wires = wire("a.y", "inner.u", three) + wire("inner.y", "c.u") + wire("c.y", "y")
-    file = ssp(tmp_path, gain, system("s", elements, wires, connectors("y")
-               + inline({"c.k": 10.0, "inner.b.k": 1.0})))  # fmt: skip
+    file = ssp(
+        tmp_path,
+        gain,
+        system(
+            "s",
+            elements,
+            wires,
+            connectors("y") + inline({"c.k": 10.0, "inner.b.k": 1.0}),
+        ),
+    )
     assert last(file, "inner_b.y") == 43.0
     assert last(file, "c.y") == 430.0
 
 
-def test_a_value_of_a_system_reaches_what_its_connector_feeds(tmp_path: Path, gain: Path) -> None:
+def test_a_value_of_a_system_reaches_what_its_connector_feeds(
+    tmp_path: Path, gain: Path
+) -> None:
     """Through two systems, and before the value that the component's own set has."""
     inner = INNER.replace(component("b"), component("b", inline({"u": 99.0})))
-    file = ssp(tmp_path, gain, system("s", inner, wire("u0", "inner.u"), connectors("u0")
-               + inline({"u0": 5.0, "inner.b.k": 2.0, "nobody": 1.0})))  # fmt: skip
+    file = ssp(
+        tmp_path,
+        gain,
+        system(
+            "s",
+            inner,
+            wire("u0", "inner.u"),
+            connectors("u0") + inline({"u0": 5.0, "inner.b.k": 2.0, "nobody": 1.0}),
+        ),
+    )
     assert last(file, "inner_b.y") == 22.0
     case = prepare(str(file), Options(stop=2.0, step=0.5))
     assert any("nobody reaches no component" in w for w in case.checked.warnings)
 
 
-def test_a_mapping_renames_and_transforms_and_leaves_the_rest(tmp_path: Path, gain: Path) -> None:
+def test_a_mapping_renames_and_transforms_and_leaves_the_rest(
+    tmp_path: Path, gain: Path
+) -> None:
     (tmp_path / "resources").mkdir()
     (tmp_path / "resources" / "m.ssm").write_text(
         f'<ssm:ParameterMapping version="1.0" {NAMESPACES}>'
@@ -157,27 +199,38 @@ def test_a_mapping_renames_and_transforms_and_leaves_the_rest(tmp_path: Path, ga
 
 
 def test_a_signal_dictionary_hands_on(tmp_path: Path, gain: Path) -> None:
-    reference = ('<ssd:SignalDictionaryReference name="{}" dictionary="bus"><ssd:Connectors>'
-                 '<ssd:Connector name="x" kind="inout"><ssc:Real/></ssd:Connector>'
-                 "</ssd:Connectors></ssd:SignalDictionaryReference>")  # fmt: skip
-    inner = system("inner", component("b") + reference.format("there"), wire("there.x", "b.u"))
+    reference = (
+        '<ssd:SignalDictionaryReference name="{}" dictionary="bus"><ssd:Connectors>'
+        '<ssd:Connector name="x" kind="inout"><ssc:Real/></ssd:Connector>'
+        "</ssd:Connectors></ssd:SignalDictionaryReference>"
+    )
+    inner = system(
+        "inner", component("b") + reference.format("there"), wire("there.x", "b.u")
+    )
     elements = component("a", inline({"u": 6.0})) + reference.format("here") + inner
     file = ssp(tmp_path, gain, system("s", elements, wire("a.y", "here.x")))
     assert last(file, "inner_b.y") == 6.0
 
 
 def test_a_dictionary_is_that_of_the_system_around(tmp_path: Path, gain: Path) -> None:
-    """Two systems have each a dictionary `bus` of their own, and one within them finds it there."""
-    reference = ('<ssd:SignalDictionaryReference name="{}" dictionary="bus"><ssd:Connectors>'
-                 '<ssd:Connector name="x" kind="inout"><ssc:Real/></ssd:Connector>'
-                 "</ssd:Connectors></ssd:SignalDictionaryReference>")  # fmt: skip
-    declared = ('<ssd:SignalDictionaries><ssd:SignalDictionary name="bus" source="d.ssb"/>'
-                "</ssd:SignalDictionaries></ssd:System>")  # fmt: skip
+    """Two systems have each a dictionary `bus` of their own, and one within them finds
+    it there."""
+    reference = (
+        '<ssd:SignalDictionaryReference name="{}" dictionary="bus"><ssd:Connectors>'
+        '<ssd:Connector name="x" kind="inout"><ssc:Real/></ssd:Connector>'
+        "</ssd:Connectors></ssd:SignalDictionaryReference>"
+    )
+    declared = (
+        '<ssd:SignalDictionaries><ssd:SignalDictionary name="bus" source="d.ssb"/>'
+        "</ssd:SignalDictionaries></ssd:System>"
+    )
     (tmp_path / "d.ssb").write_text(
         f'<ssb:SignalDictionary {NAMESPACES} version="1.0"><ssb:DictionaryEntry name="x">'
         "<ssc:Real/></ssb:DictionaryEntry></ssb:SignalDictionary>"
     )
-    within = system("deep", component("b") + reference.format("there"), wire("there.x", "b.u"))
+    within = system(
+        "deep", component("b") + reference.format("there"), wire("there.x", "b.u")
+    )
 
     def one(name: str, value: float) -> str:
         parts = component("a", inline({"u": value})) + reference.format("here") + within
@@ -187,38 +240,63 @@ def test_a_dictionary_is_that_of_the_system_around(tmp_path: Path, gain: Path) -
     file = ssp(tmp_path, gain, system("s", one("p", 6.0) + one("q", 7.0)))
     assert last(file, "p_deep_b.y") == 6.0
     assert last(file, "q_deep_b.y") == 7.0
-    assert not any("has a dictionary" in w for w in prepare(str(file), Options()).checked.warnings)
+    assert not any(
+        "has a dictionary" in w for w in prepare(str(file), Options()).checked.warnings
+    )
     (tmp_path / "d.ssb").unlink()
-    with pytest.raises(DesatError, match=r"SystemStructure\.ssd:\d+: d\.ssb is missing"):
+    with pytest.raises(
+        DesatError, match=r"SystemStructure\.ssd:\d+: d\.ssb is missing"
+    ):
         prepare(str(file), Options()).or_raise()
-    alone = ssp(tmp_path, gain, system("s", component("b", inline({"u": 1.0}))
-                                       + reference.format("r"), wire("r.x", "b.u")))  # fmt: skip
+    alone = ssp(
+        tmp_path,
+        gain,
+        system(
+            "s",
+            component("b", inline({"u": 1.0})) + reference.format("r"),
+            wire("r.x", "b.u"),
+        ),
+    )
     told = prepare(str(alone), Options(stop=2.0, step=0.5)).checked.warnings
-    assert any("r: no system that it is in has a dictionary bus: taken" in w for w in told)
+    assert any(
+        "r: no system that it is in has a dictionary bus: taken" in w for w in told
+    )
 
 
 def test_start_and_end_say_not_what_gives(tmp_path: Path, gain: Path) -> None:
-    """The kinds of the connectors do (SSP 1.0), of systems, too: all wires the other way round."""
-    inner = system("inner", component("b"), wire("b.u", "u", LINEAR) + wire("y", "b.y"),
-                   connectors("u", "y"))  # fmt: skip
+    """The kinds of the connectors do (SSP 1.0), of systems, too: all wires the other
+    way round."""
+    inner = system(
+        "inner",
+        component("b"),
+        wire("b.u", "u", LINEAR) + wire("y", "b.y"),
+        connectors("u", "y"),
+    )
     elements = component("a", inline({"u": 1.0, "k": 7.0})) + inner + component("c")
     wires = wire("inner.u", "a.y") + wire("c.u", "inner.y") + wire("y", "c.y")
     file = ssp(tmp_path, gain, system("s", elements, wires, connectors("y")))
     assert last(file, "c.y") == 15.0
 
 
-def test_of_two_sets_the_later_stands_but_one_may_not_waver(tmp_path: Path, gain: Path) -> None:
+def test_of_two_sets_the_later_stands_but_one_may_not_waver(
+    tmp_path: Path, gain: Path
+) -> None:
     two = (inline({"k": 2.0, "u": 1.0}) + inline({"k": 5.0})).replace(
-        "</ssd:ParameterBindings><ssd:ParameterBindings>", "")  # fmt: skip
+        "</ssd:ParameterBindings><ssd:ParameterBindings>", ""
+    )
     file = ssp(tmp_path, gain, system("s", component("a", two)))
     assert last(file, "a.y") == 5.0
     assert not any("twice" in w for w in prepare(str(file), Options()).checked.warnings)
     rows = '<ssv:Parameter name="{}"><ssv:Real value="{}"/></ssv:Parameter>'
     for name, refused in (("k", True), ("lost", False)):
         both = rows.format(name, 3) + rows.format(name, 4)
-        twice = inline({"u": 1.0}).replace("<ssv:Parameters>", f"<ssv:Parameters>{both}")
+        twice = inline({"u": 1.0}).replace(
+            "<ssv:Parameters>", f"<ssv:Parameters>{both}"
+        )
         file = ssp(tmp_path, gain, system("s", component("a", twice)))
-        told = [p for p in prepare(str(file), Options()).checked.problems if "twice" in p]
+        told = [
+            p for p in prepare(str(file), Options()).checked.problems if "twice" in p
+        ]
         assert bool(told) == refused
         assert not refused or told[0].endswith("k is given twice")
 
@@ -227,36 +305,54 @@ def test_units_that_nobody_explains(tmp_path: Path, gain: Path) -> None:
     """Equal names are the same unit, and what reaches nothing may be in any."""
     values = inline({"u": 2.0}, unit=' unit="furlong"')
     file = ssp(tmp_path, gain, system("s", component("a", values)))
-    with pytest.raises(DesatError, match=r"a\.u: unit furlong is not known: .* how it becomes bar"):
+    with pytest.raises(
+        DesatError, match=r"a\.u: unit furlong is not known: .* how it becomes bar"
+    ):
         prepare(str(file), Options()).or_raise()
-    file = ssp(tmp_path, gain, system("s", component("a", values.replace('"u"', '"lost"'))))
+    file = ssp(
+        tmp_path, gain, system("s", component("a", values.replace('"u"', '"lost"')))
+    )
     prepare(str(file), Options()).or_raise()
     same = tmp_path / "furlong.fmu"
     with zipfile.ZipFile(gain) as old, zipfile.ZipFile(same, "w") as new:
         for entry in old.infolist():
             new.writestr(entry, old.read(entry).replace(b'"bar"', b'"furlong"'))
     shutil.copy(same, tmp_path / "resources")
-    file = ssp(tmp_path, gain, system("s", component("a", values, "resources/furlong.fmu")))
+    file = ssp(
+        tmp_path, gain, system("s", component("a", values, "resources/furlong.fmu"))
+    )
     assert last(file, "a.y") == 2.0
 
 
 def test_enumerations_are_integers_with_names(tmp_path: Path, gain: Path) -> None:
-    """By SSP a value is an item's name, and an integer may feed one; of proxyfmu the file runs."""
+    """By SSP a value is an item's name, and an integer may feed one; of proxyfmu the
+    file runs."""
     there = tmp_path / "named.fmu"
-    text = DESCRIPTION.replace("<ModelVariables>", '<TypeDefinitions><SimpleType name="law">'
-        '<Enumeration><Item name="off" value="0"/><Item name="on" value="1"/></Enumeration>'
-        "</SimpleType></TypeDefinitions><ModelVariables>").replace('<Real start="1"/>',
-        '<Enumeration declaredType="law" start="1"/>').replace('"tunable"', '"fixed"')  # fmt: skip
+    text = (
+        DESCRIPTION.replace(
+            "<ModelVariables>",
+            '<TypeDefinitions><SimpleType name="law">'
+            '<Enumeration><Item name="off" value="0"/><Item name="on" value="1"/></Enumeration>'
+            "</SimpleType></TypeDefinitions><ModelVariables>",
+        )
+        .replace('<Real start="1"/>', '<Enumeration declaredType="law" start="1"/>')
+        .replace('"tunable"', '"fixed"')
+    )
     with zipfile.ZipFile(there, "w") as file, zipfile.ZipFile(gain) as old:
         file.writestr("modelDescription.xml", text)
         file.writestr("binaries/linux64/gain.so", old.read("binaries/linux64/gain.so"))
     (tmp_path / "resources").mkdir()
     shutil.copy(there, tmp_path / "resources")
-    values = inline({"k": 0.0}).replace('<ssv:Real value="0.0"/>', '<ssv:Enumeration value="{}"/>')
+    values = inline({"k": 0.0}).replace(
+        '<ssv:Real value="0.0"/>', '<ssv:Enumeration value="{}"/>'
+    )
     one = component("a", "{}", "proxyfmu://localhost?file=resources/named.fmu").replace(
-        "<ssc:Real/>", '<ssc:Enumeration name="law"/>', 1)  # fmt: skip
-    case = prepare(str(ssp(tmp_path, gain, system("s", one.format(values.format("off"))))),
-                   Options())  # fmt: skip
+        "<ssc:Real/>", '<ssc:Enumeration name="law"/>', 1
+    )
+    case = prepare(
+        str(ssp(tmp_path, gain, system("s", one.format(values.format("off"))))),
+        Options(),
+    )
     case.or_raise()
     assert case.checked.system is not None
     assert case.checked.system.components["a"].parameters["k"] == 0
@@ -279,30 +375,53 @@ def test_what_is_forgotten_is_a_warning(tmp_path: Path, gain: Path) -> None:
     """A prefix, a value, a variable, a unit in brackets; version 2.0; backslashes."""
     one = component("a", inline({"k": 3.0, "lost": 1.0}), "resources\\gain.fmu")
     two = component("b", inline({"u": 2e5}, unit=' unit="[Pa]"'))
-    hint = ('<ssd:DefaultExperiment stopTime="2"><ssd:Annotations><ssc:Annotation type="osp">'
-            '<osp:Algorithm><osp:FixedStepAlgorithm baseStepSize="0.5"/></osp:Algorithm>'
-            "</ssc:Annotation></ssd:Annotations></ssd:DefaultExperiment>")  # fmt: skip
+    hint = (
+        '<ssd:DefaultExperiment stopTime="2"><ssd:Annotations><ssc:Annotation type="osp">'
+        '<osp:Algorithm><osp:FixedStepAlgorithm baseStepSize="0.5"/></osp:Algorithm>'
+        "</ssc:Annotation></ssd:Annotations></ssd:DefaultExperiment>"
+    )
     file = ssp(tmp_path, gain, system("s", one + two), hint, version="2.0")
     case = prepare(str(file), Options())
     case.or_raise()
     text = "\n".join(case.checked.warnings)
-    for said in ("prefix osp is not declared", "version 2.0: read as 1.0", "a: u is listed",
-                 "gain.fmu has no variable lost"):  # fmt: skip
+    for said in (
+        "prefix osp is not declared",
+        "version 2.0: read as 1.0",
+        "a: u is listed",
+        "gain.fmu has no variable lost",
+    ):
         assert said in text
     assert last(file, "b.y") == 2.0  # bar
 
 
-@pytest.mark.parametrize(("elements", "wires", "message"), [
-    ("", "", "holds no component"),
-    (component("a") + component("a"), "", "component a twice"),
-    (system("t", component("a"), wire("u", "a.u"), connectors("u")), wire("t.u", "t.u"),
-     "t.u is its own source"),
-    (component("a") + INNER, wire("a.y", "inner.u") * 2, "inner.u has two sources, also line"),
-    (component("a") + INNER, wire("a.y", "iner.u"), "no component iner"),
-    (component("a") + component("b"), wire("a.y", "b.u", '<ssc:BooleanMappingTransformation>'
-     '<ssc:MapEntry source="true" target="false"/></ssc:BooleanMappingTransformation>'),
-     "BooleanMappingTransformation of"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("elements", "wires", "message"),
+    [
+        ("", "", "holds no component"),
+        (component("a") + component("a"), "", "component a twice"),
+        (
+            system("t", component("a"), wire("u", "a.u"), connectors("u")),
+            wire("t.u", "t.u"),
+            "t.u is its own source",
+        ),
+        (
+            component("a") + INNER,
+            wire("a.y", "inner.u") * 2,
+            "inner.u has two sources, also line",
+        ),
+        (component("a") + INNER, wire("a.y", "iner.u"), "no component iner"),
+        (
+            component("a") + component("b"),
+            wire(
+                "a.y",
+                "b.u",
+                "<ssc:BooleanMappingTransformation>"
+                '<ssc:MapEntry source="true" target="false"/></ssc:BooleanMappingTransformation>',
+            ),
+            "BooleanMappingTransformation of",
+        ),
+    ],
+)
 def test_what_is_wrong_is_refused_by_line(
     tmp_path: Path, gain: Path, elements: str, wires: str, message: str
 ) -> None:
@@ -318,38 +437,54 @@ def test_files_outside_only_when_allowed(tmp_path: Path, gain: Path) -> None:
     shutil.copy(gain, tmp_path)
     one = component("a", inline({"u": 3.0}), "../gain.fmu")
     file = ssp(folder, gain, system("s", one))
-    with pytest.raises(DesatError, match=r"ssd:2: source '../gain.fmu' is outside.*--allow-outs"):
+    with pytest.raises(
+        DesatError, match=r"ssd:2: source '../gain.fmu' is outside.*--allow-outs"
+    ):
         prepare(str(file), Options()).or_raise()
     prepare(str(file), Options(outside=True)).or_raise()
 
 
 # --- stand-ins for the public ones: what makes each of their outcomes; their ways to write -----
 
-OMS_NAMES = "https://raw.githubusercontent.com/OpenModelica/OMSimulator/master/schema/oms.xsd"
-OMS = ('<ssd:Annotations><ssc:Annotation type="org.openmodelica"><oms:Annotations><oms:'
-       'SimulationMetaData><oms:FixedStepMaster description="oms-ma" stepSize="0.25"/>'
-       "</oms:SimulationMetaData></oms:Annotations></ssc:Annotation>"
-       "</ssd:Annotations>")  # fmt: skip
+OMS_NAMES = (
+    "https://raw.githubusercontent.com/OpenModelica/OMSimulator/master/schema/oms.xsd"
+)
+OMS = (
+    '<ssd:Annotations><ssc:Annotation type="org.openmodelica"><oms:Annotations><oms:'
+    'SimulationMetaData><oms:FixedStepMaster description="oms-ma" stepSize="0.25"/>'
+    "</oms:SimulationMetaData></oms:Annotations></ssc:Annotation>"
+    "</ssd:Annotations>"
+)
 EXPERIMENT = '<ssd:DefaultExperiment startTime="{}" stopTime="{}"/>'
-BAR = ('<ssv:Units><ssc:Unit name="bar"><ssc:BaseUnit kg="1" m="-2"/></ssc:Unit></ssv:Units>'
-       "</ssv:ParameterSet>")  # fmt: skip
+BAR = (
+    '<ssv:Units><ssc:Unit name="bar"><ssc:BaseUnit kg="1" m="-2"/></ssc:Unit></ssv:Units>'
+    "</ssv:ParameterSet>"
+)
 
 
 def parameters(name: str, file: str) -> str:
     """A binding of a file of parameters, mapped by m.ssm."""
-    return (f'<ssd:ParameterBindings><ssd:ParameterBinding source="{file}">'
-            f'<ssd:ParameterMapping source="{name}"/></ssd:ParameterBinding>'
-            "</ssd:ParameterBindings>")  # fmt: skip
+    return (
+        f'<ssd:ParameterBindings><ssd:ParameterBinding source="{file}">'
+        f'<ssd:ParameterMapping source="{name}"/></ssd:ParameterBinding>'
+        "</ssd:ParameterBindings>"
+    )
 
 
 def other(gain: Path, folder: Path, name: str, **changes: tuple[str, str]) -> None:
-    """A copy of gain.fmu whose entries, or the description's text, are changed: old, new."""
+    """A copy of gain.fmu whose entries, or the description's text, are changed: old,
+    new."""
     entries, texts = changes.get("entry", ("", "")), changes.get("text", ("", ""))
     (folder / "resources").mkdir(exist_ok=True)
-    with zipfile.ZipFile(gain) as old, zipfile.ZipFile(folder / "resources" / name, "w") as new:
+    with (
+        zipfile.ZipFile(gain) as old,
+        zipfile.ZipFile(folder / "resources" / name, "w") as new,
+    ):
         for entry in old.infolist():
             data = old.read(entry).replace(texts[0].encode(), texts[1].encode())
-            new.writestr(entry.filename.replace(*entries), data if texts[0] else old.read(entry))
+            new.writestr(
+                entry.filename.replace(*entries), data if texts[0] else old.read(entry)
+            )
 
 
 def made_elsewhere(folder: Path, gain: Path) -> str:
@@ -371,8 +506,10 @@ def not_finite(folder: Path, gain: Path) -> str:
     """In the first step, which begins at 5 s."""
     fmu(folder / "resources/failing.fmu", compiled(folder))
     how = inline({"how": HOW.index("NOT_FINITE")}).replace("Real", "Integer")
-    return system("s", f'<ssd:Component name="a" source="resources/failing.fmu">{how}'
-                  "</ssd:Component>") + EXPERIMENT.format(5, 6)  # fmt: skip
+    return system(
+        "s",
+        f'<ssd:Component name="a" source="resources/failing.fmu">{how}</ssd:Component>',
+    ) + EXPERIMENT.format(5, 6)
 
 
 def of_a_step_beyond_the_end(folder: Path, gain: Path) -> str:
@@ -387,15 +524,19 @@ def in_another_unit(folder: Path, gain: Path) -> str:
 
 
 def by_bad_values(folder: Path, gain: Path) -> str:
-    (folder / "p.ssv").write_text(f'<ssv:ParameterSet version="1.0" name="p" {NAMESPACES}>'
-                                  '<ssv:Parameters to="b"/></ssv:ParameterSet>')  # fmt: skip
+    (folder / "p.ssv").write_text(
+        f'<ssv:ParameterSet version="1.0" name="p" {NAMESPACES}>'
+        '<ssv:Parameters to="b"/></ssv:ParameterSet>'
+    )
     (folder / "m.ssm").write_text(f'<ssm:ParameterMapping version="1.0" {NAMESPACES}/>')
     return system("s", component("a"), "", parameters("m.ssm", "p.ssv"))
 
 
 def by_a_bad_mapping(folder: Path, gain: Path) -> str:
-    (folder / "p.ssv").write_text(f'<ssv:ParameterSet version="1.0" name="p" {NAMESPACES}>'
-                                  "<ssv:Parameters/></ssv:ParameterSet>")  # fmt: skip
+    (folder / "p.ssv").write_text(
+        f'<ssv:ParameterSet version="1.0" name="p" {NAMESPACES}>'
+        "<ssv:Parameters/></ssv:ParameterSet>"
+    )
     (folder / "m.ssm").write_text(
         f'<ssm:ParameterMapping version="1.0" {NAMESPACES}><ssm:MappingEntry from="x"/>'
         "</ssm:ParameterMapping>"
@@ -408,16 +549,21 @@ STAND_INS = {
     "no binary for linux64": made_elsewhere,
     "is missing": lambda *_: system("s", component("a", source="resources/lost.fmu")),
     "does not fit bar": in_another_unit,
-    "holds no component": lambda *_: f'<ssd:System name="s">{inline({"u": 1.0})}</ssd:System>',
+    "holds no component": lambda *_: (
+        f'<ssd:System name="s">{inline({"u": 1.0})}</ssd:System>'
+    ),
     "not expected": lambda *_: system("s", component("a"), before="<ssd:Parameters/>"),
-    "not allowed": lambda *_: system("s", component("a").replace(' name="a"', ' name="a" to="b"')),
+    "not allowed": lambda *_: system(
+        "s", component("a").replace(' name="a"', ' name="a" to="b"')
+    ),
     "not allowed, of an .ssv": by_bad_values,
     "not allowed, of an .ssm": by_a_bad_mapping,
     "model exchange": model_exchange,
     "would leave the folder": leaving,
     "fails": not_finite,
 }
-"""What is said, or becomes of it, and what lets it: a function of the folder and gain.fmu."""
+"""What is said, or becomes of it, and what lets it: a function of the folder and
+gain.fmu."""
 
 
 @pytest.mark.parametrize("said", STAND_INS)
@@ -447,10 +593,17 @@ def of_their_annotation(folder: Path, gain: Path) -> Path:
 
 
 def of_files_in_files(folder: Path, gain: Path) -> Path:
-    """An archive whose systems and component have a file of parameters each, one with a mapping."""
-    for name, rows in (("top", {"inner.a.k": 2.0}), ("inner", {"wide": 4.0}), ("a", {"u": 9.0})):
+    """An archive whose systems and component have a file of parameters each, one with a
+    mapping."""
+    for name, rows in (
+        ("top", {"inner.a.k": 2.0}),
+        ("inner", {"wide": 4.0}),
+        ("a", {"u": 9.0}),
+    ):
         text = re.sub(
-            r".*(<ssv:ParameterSet)(.*</ssv:ParameterSet>).*", r"\1 NAMES\2", inline(rows)
+            r".*(<ssv:ParameterSet)(.*</ssv:ParameterSet>).*",
+            r"\1 NAMES\2",
+            inline(rows),
         )
         (folder / f"{name}.ssv").write_text(text.replace("NAMES", NAMESPACES))
     (folder / "m.ssm").write_text(
@@ -458,13 +611,19 @@ def of_files_in_files(folder: Path, gain: Path) -> Path:
         'target="a.u"><ssc:LinearTransformation factor="0.5" offset="1"/></ssm:MappingEntry>'
         "</ssm:ParameterMapping>"
     )
-    binding = (
-        '<ssd:ParameterBindings><ssd:ParameterBinding source="{}.ssv"/></ssd:ParameterBindings>'
-    )
+    binding = '<ssd:ParameterBindings><ssd:ParameterBinding source="{}.ssv"/></ssd:ParameterBindings>'
     inner = system(
-        "inner", component("a", binding.format("a")), "", parameters("m.ssm", "inner.ssv")
+        "inner",
+        component("a", binding.format("a")),
+        "",
+        parameters("m.ssm", "inner.ssv"),
     )
-    file = ssp(folder, gain, system("s", inner, "", binding.format("top")), EXPERIMENT.format(0, 1))
+    file = ssp(
+        folder,
+        gain,
+        system("s", inner, "", binding.format("top")),
+        EXPERIMENT.format(0, 1),
+    )
     packed = folder / "their.ssp"
     with zipfile.ZipFile(packed, "w") as archive:
         for path in (file, *folder.glob("*.ss[vm]"), folder / "resources/gain.fmu"):
@@ -482,11 +641,14 @@ def of_no_times(folder: Path, gain: Path) -> Path:
     return ssp(folder / "in", gain, system("s", one), EXPERIMENT.format(0, 1))
 
 
-@pytest.mark.parametrize(("made", "options", "name"), [
-    (of_their_annotation, {}, "a.y"),
-    (of_files_in_files, {"step": 0.25}, "inner_a.y"),
-    (of_no_times, {"step": 0.25, "outside": True}, "a.y"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("made", "options", "name"),
+    [
+        (of_their_annotation, {}, "a.y"),
+        (of_files_in_files, {"step": 0.25}, "inner_a.y"),
+        (of_no_times, {"step": 0.25, "outside": True}, "a.y"),
+    ],
+)
 def test_their_ways_to_write_run_to_the_end(
     tmp_path: Path, gain: Path, made, options: dict[str, object], name: str
 ) -> None:
@@ -509,16 +671,25 @@ def test_each_outcome_of_public_ones_has_a_stand_in() -> None:
 PUBLIC = tomllib.loads((Path(__file__).parent / "foreign.toml").read_text())["ssp"]
 
 
-@pytest.mark.parametrize("told", PUBLIC, ids=lambda told: f"{told['repository']}/{told['file']}")
+@pytest.mark.parametrize(
+    "told", PUBLIC, ids=lambda told: f"{told['repository']}/{told['file']}"
+)
 def test_public_ones_become_what_is_told_of_them(told: dict[str, str]) -> None:
     """Of those that lie in the folder DESAT_FOREIGN; none of them is committed."""
-    file = Path(os.environ.get("DESAT_FOREIGN", "-")) / told["repository"] / told["file"]
+    file = (
+        Path(os.environ.get("DESAT_FOREIGN", "-")) / told["repository"] / told["file"]
+    )
     if not file.is_file():
         pytest.skip("not there")
     assert hashlib.sha256(file.read_bytes()).hexdigest() == told["sha256"]
     late = "no_algorithm" in told["file"]  # starts at 5 s
     options = {"inner": 1, "stop": 6.0 if late else 1.0, "outside": True}
-    without = {"dcmotor": 0.001, "no_algorithm": 0.001, "1.0/dp_ship": 0.02, "linear_": 0.1}
+    without = {
+        "dcmotor": 0.001,
+        "no_algorithm": 0.001,
+        "1.0/dp_ship": 0.02,
+        "linear_": 0.1,
+    }
     if steps := [x for name, x in without.items() if name in told["file"]]:
         options["step"] = steps[0]
     if told["outcome"] in (ended := {"runs": "completed", "fails": "failed"}):

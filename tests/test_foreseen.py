@@ -1,5 +1,5 @@
-"""What is known before a run is said before it: models that are left, laws that lack what they
-need, values that are unusual, models onboard that err."""
+"""What is known before a run is said before it: models that are left, laws that lack
+what they need, values that are unusual, models onboard that err."""
 
 from __future__ import annotations
 
@@ -15,7 +15,11 @@ from desat.runs.run import Options, prepare
 from desat.system.errors import Exit
 from desat.system.interface import interface_of_block
 
-DAY, NADIR, COMBINED = "nadir_day/day-igrf", "integrated/mil-nadir", "uosat12/table3-ocdc-ilqr-1"
+DAY, NADIR, COMBINED = (
+    "nadir_day/day-igrf",
+    "integrated/mil-nadir",
+    "uosat12/table3-ocdc-ilqr-1",
+)
 
 
 def checked(target, *sets, sources=(), **options):
@@ -31,7 +35,7 @@ def told(target, *sets, **options):
     return [w for w in found.warnings if w not in before]
 
 
-# --- models that are left -----------------------------------------------------------------------
+# --- models that are left -------------------------------------------------------------
 
 
 def own(tmp_path, text, of=DAY):
@@ -63,7 +67,10 @@ def test_a_run_that_ends_with_the_field_model_is_not_refused(tmp_path):
     file = own(tmp_path, "epoch = 2029-12-31T00:00:00Z")
     assert checked(file, stop=86400.0).problems == []
     assert checked(file, stop=86800.0).problems != []
-    dipole = own(tmp_path, "epoch = 2031-01-01T00:00:00Z\nparameters.environment.field = 'dipole'")
+    dipole = own(
+        tmp_path,
+        "epoch = 2031-01-01T00:00:00Z\nparameters.environment.field = 'dipole'",
+    )
     assert checked(dipole).problems == []
 
 
@@ -94,8 +101,11 @@ def test_the_suns_formula_is_left_with_a_word(tmp_path):
     ],
 )
 def test_an_orbit_beyond_the_atmospheres_model_is_said(axis, eccentricity, text):
-    sets = (f"environment.semi_major_axis={axis}", f"environment.eccentricity={eccentricity}",
-            "environment.atmosphere=table")  # fmt: skip
+    sets = (
+        f"environment.semi_major_axis={axis}",
+        f"environment.eccentricity={eccentricity}",
+        "environment.atmosphere=table",
+    )
     (line,) = [w for w in checked(DAY, *sets).warnings if "atmosphere" in w]
     assert "density is good from 100 to 1000 km" in line
     assert text in line
@@ -116,7 +126,7 @@ def test_each_range_is_declared_once():
         assert "HEIGHTS" not in text
 
 
-# --- laws that would do nothing -----------------------------------------------------------------
+# --- laws that would do nothing -------------------------------------------------------
 
 
 def test_a_manager_without_its_design_is_told():
@@ -125,7 +135,10 @@ def test_a_manager_without_its_design_is_told():
     (line,) = checked(NADIR, **given).problems
     assert line.endswith("(`desat design`); gain_table, offset_table are 0")
     (line,) = told("uosat12/fig2-mec-1", "manager.costate=0,0,0")
-    assert "costate = 0: law = mec commands no dipole without it; `desat design` makes it" in line
+    assert (
+        "costate = 0: law = mec commands no dipole without it; `desat design` makes it"
+        in line
+    )
     assert line.startswith("--set manager.costate=0,0,0: manager: ")
 
 
@@ -142,22 +155,36 @@ def unwired(tmp_path, *inputs, family, name):
     craft = (folder / "craft.toml").read_text(encoding="utf-8")
     lines = "".join(f'"{x}" = false\n' for x in inputs)
     assert craft.count("[wiring]") <= 1
-    craft = craft.replace("[wiring]\n", f"[wiring]\n{lines}") if "[wiring]" in craft else craft
+    craft = (
+        craft.replace("[wiring]\n", f"[wiring]\n{lines}")
+        if "[wiring]" in craft
+        else craft
+    )
     craft += "" if "[wiring]" in craft else f"\n[wiring]\n{lines}"
     (tmp_path / "craft.toml").write_text(craft, encoding="utf-8")
     return own(tmp_path, 'craft = "craft.toml"', f"{family}/{name}")
 
 
 def test_a_controllers_torque_that_reaches_no_wheel_is_refused(tmp_path):
-    file = unwired(tmp_path, "wheels.tau_cmd_wheel", family="integrated", name="mil-nadir")
+    file = unwired(
+        tmp_path, "wheels.tau_cmd_wheel", family="integrated", name="mil-nadir"
+    )
     (line,) = [p for p in checked(file).problems if "tau_ctrl_body" in p]
-    assert "manager.tau_ctrl_body is wired and needs tau_cmd_wheel, an unused output" in line
+    assert (
+        "manager.tau_ctrl_body is wired and needs tau_cmd_wheel, an unused output"
+        in line
+    )
 
 
 def test_a_controller_without_guidance_is_told(tmp_path):
-    file = unwired(tmp_path, "controller.q_ref_bi", family="integrated", name="mil-nadir")
+    file = unwired(
+        tmp_path, "controller.q_ref_bi", family="integrated", name="mil-nadir"
+    )
     (line,) = [w for w in checked(file).warnings if "q_ref_bi" in w]
-    assert "controller: q_ref_bi is neither wired nor given: the axes of eci are held" in line
+    assert (
+        "controller: q_ref_bi is neither wired nor given: the axes of eci are held"
+        in line
+    )
     fixed = file.replace("own", "fixed")
     text = 'extends = "own"\nparameters.controller.q_ref_bi = [0, 0, 0, 1]\n'
     (tmp_path / "fixed.toml").write_text(text, encoding="utf-8")
@@ -198,34 +225,45 @@ def test_nozzles_without_torque_about_an_axis_are_told():
     source = ["thrusters=thrusters_nozzles"]
     assert not [w for w in told(COMBINED, sources=source) if "no torque" in w]
     (line,) = [
-        w for w in told(COMBINED, "thrusters.thrust=0.1,0,0.1,0.1,0.1,0.1,0,0", sources=source)
+        w
+        for w in told(
+            COMBINED, "thrusters.thrust=0.1,0,0.1,0.1,0.1,0.1,0,0", sources=source
+        )
         if "no torque" in w
-    ]  # fmt: skip
+    ]
     assert "give no torque about -x alone: what is commanded there is not given" in line
     assert line.startswith("--set thrusters.thrust=")
 
 
 def test_nozzles_may_share_an_axis():
-    """Two that turn about x and y at once give pure x only with one that turns back about y."""
+    """Two that turn about x and y at once give pure x only with one that turns back
+    about y."""
     both, back = (1.0, 1.0, 0.0), (0.0, -0.5, 0.0)
     assert not gives((both,), (1.0, 0.0, 0.0))
     assert gives((both, back), (1.0, 0.0, 0.0))
     assert not gives((), (1.0, 0.0, 0.0))
 
 
-# --- unusual values -----------------------------------------------------------------------------
+# --- unusual values -------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
     ("target", "given", "text"),
     [
-        (NADIR, "wheels.speed_limit=6000", "wheels.speed_limit = 6000 rad/s: usual is 1 to 1100"),
+        (
+            NADIR,
+            "wheels.speed_limit=6000",
+            "wheels.speed_limit = 6000 rad/s: usual is 1 to 1100",
+        ),
         (DAY, "environment.f107=5", "environment.f107 = 5: usual is 60 to 400"),
-        (NADIR, "spacecraft.omega_start_body=0,30,0",
-         "spacecraft.omega_start_body[2] = 30 rad/s: usual is -3.1416 to 3.1416 rad/s"),
+        (
+            NADIR,
+            "spacecraft.omega_start_body=0,30,0",
+            "spacecraft.omega_start_body[2] = 30 rad/s: usual is -3.1416 to 3.1416 rad/s",
+        ),
         (DAY, "environment.raan=97.5", "environment.raan = 97.5 rad: usual is"),
     ],
-)  # fmt: skip
+)
 def test_an_unusual_value_is_told(target, given, text):
     (line,) = [w for w in told(target, given) if "usual" in w]
     assert line.startswith(f"--set {given}: ")
@@ -259,10 +297,12 @@ def test_what_is_usual_is_in_the_fmu():
     assert seen > 50
 
 
-# --- models onboard -----------------------------------------------------------------------------
+# --- models onboard -------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("manager", ["closed_loop", "preview", "mixed_mode", "open_loop"])
+@pytest.mark.parametrize(
+    "manager", ["closed_loop", "preview", "mixed_mode", "open_loop"]
+)
 def test_another_manager_keeps_the_crafts_shared_values(manager):
     found = checked(NADIR, sources=[f"manager=manager_{manager}"])
     assert not [p for p in found.problems if "tables are missing" not in p]
@@ -270,8 +310,12 @@ def test_another_manager_keeps_the_crafts_shared_values(manager):
     if found.problems:  # it needs tables that the craft has not: said, and all there is
         assert manager != "closed_loop"
     components = found.system.components
-    inertia = [components["spacecraft"].parameters[f"inertia[{i},{i}]"] for i in (1, 2, 3)]
-    assert [components["manager"].parameters[f"inertia[{i},{i}]"] for i in (1, 2, 3)] == inertia
+    inertia = [
+        components["spacecraft"].parameters[f"inertia[{i},{i}]"] for i in (1, 2, 3)
+    ]
+    assert [
+        components["manager"].parameters[f"inertia[{i},{i}]"] for i in (1, 2, 3)
+    ] == inertia
 
 
 CRAFT = """
@@ -295,35 +339,46 @@ def test_another_manager_of_a_scenario_keeps_them_too(tmp_path):
     text = 'title = "Own"\ndescription = "Own."\ncraft = "craft.toml"\nstep = 1.0\nstop = 10.0\n'
     text += 'sources.manager = "manager_closed_loop"\n'
     of = "inertia = [1, 0, 0, 0, 2, 0, 0, 0,"
-    for given, known in (("", 2.5), (f"parameters.spacecraft.{of} 2]", 2.0),
-                         (f"parameters.manager.{of} 3]", 3.0)):  # fmt: skip
+    for given, known in (
+        ("", 2.5),
+        (f"parameters.spacecraft.{of} 2]", 2.0),
+        (f"parameters.manager.{of} 3]", 3.0),
+    ):
         file.write_text(text + given, encoding="utf-8")
         found = checked(str(file))
         (line,) = found.problems
         assert (
-            "closed_loop has no attitude law, and no other component controls the attitude" in line
+            "closed_loop has no attitude law, and no other component controls the attitude"
+            in line
         )
         assert found.system.components["manager"].parameters["inertia[3,3]"] == known
-        assert len([w for w in found.warnings if "what runs onboard errs" in w]) == (known == 3.0)
+        assert len([w for w in found.warnings if "what runs onboard errs" in w]) == (
+            known == 3.0
+        )
 
 
 def test_a_model_onboard_may_err():
     name = next(n for n in scenarios("space_telescope") if not checked(n).problems)
     found = told(name, "manager.inertia=50,0,0,0,60,0,0,0,70")
     (line,) = [w for w in found if "what runs onboard errs" in w]
-    assert line.startswith("--set manager.inertia=50,0,0,0,60,0,0,0,70: manager.inertia[1,1] = 50.0"
-                           ", but spacecraft.inertia[1,1] = ")  # fmt: skip
+    assert line.startswith(
+        "--set manager.inertia=50,0,0,0,60,0,0,0,70: manager.inertia[1,1] = 50.0"
+        ", but spacecraft.inertia[1,1] = "
+    )
     assert line.endswith("what runs onboard errs about it")
 
 
 def test_what_errs_is_not_what_follows_from_the_craft():
-    """The controller's gain matrix is `shared.inertia`: the craft's, not the erring model's."""
+    """The controller's gain matrix is `shared.inertia`: the craft's, not the erring
+    model's."""
     source = ["manager=manager_closed_loop"]
     found = checked(NADIR, "manager.inertia=50,0,0,0,60,0,0,0,70", sources=source)
     assert found.problems == []
     parts = found.system.components
-    assert (parts["controller"].parameters["gain_matrix[1,1]"]
-            == parts["spacecraft"].parameters["inertia[1,1]"])  # fmt: skip
+    assert (
+        parts["controller"].parameters["gain_matrix[1,1]"]
+        == parts["spacecraft"].parameters["inertia[1,1]"]
+    )
 
 
 def test_parts_of_the_craft_may_not_differ():

@@ -1,4 +1,5 @@
-"""A disk without room, in the process itself (full.c): what is said, and what is left of files."""
+"""A disk without room, in the process itself (full.c): what is said, and what is left
+of files."""
 
 from __future__ import annotations
 
@@ -16,7 +17,10 @@ from conftest import Command, python
 from desat.engine.recording.results import Results
 from desat.system.errors import Exit
 
-MEANT = {errno.ENOSPC: "no space left on the disk", errno.EDQUOT: "the disk quota is used up"}
+MEANT = {
+    errno.ENOSPC: "no space left on the disk",
+    errno.EDQUOT: "the disk quota is used up",
+}
 
 
 @pytest.fixture(scope="module")
@@ -27,7 +31,9 @@ def shim(tmp_path_factory) -> Path:
         pytest.skip("needs Linux and a C compiler")
     made = tmp_path_factory.mktemp("full") / "full.so"
     source = Path(__file__).with_name("full.c")
-    subprocess.run([compiler, "-shared", "-fPIC", "-O1", "-o", made, source, "-ldl"], check=True)
+    subprocess.run(
+        [compiler, "-shared", "-fPIC", "-O1", "-o", made, source, "-ldl"], check=True
+    )
     return made
 
 
@@ -36,8 +42,13 @@ def full(
 ) -> dict[str, str]:
     """The environment in which what is `below` a folder takes so many new bytes."""
     (folder / "used").unlink(missing_ok=True)
-    return {"LD_PRELOAD": str(shim), "FULL_BELOW": str(folder / below), "FULL_AFTER": str(most),
-            "FULL_ERRNO": str(number), "FULL_USED": str(folder / "used")}  # fmt: skip
+    return {
+        "LD_PRELOAD": str(shim),
+        "FULL_BELOW": str(folder / below),
+        "FULL_AFTER": str(most),
+        "FULL_ERRNO": str(number),
+        "FULL_USED": str(folder / "used"),
+    }
 
 
 @pytest.fixture
@@ -61,14 +72,16 @@ def named(text: str) -> list[str]:
 
 @pytest.mark.parametrize("number", MEANT)
 def test_a_disk_that_fills_while_rows_are_written(limited, tmp_path, number):
-    """As `test_a_full_disk`, where nobody may mount one: rows until then, manifest, no report, and
-    no part of a CSV file, which it once was that the command spoke of, in place of the run."""
+    """As `test_a_full_disk`, where nobody may mount one: rows until then, manifest, no
+    report, and no part of a CSV file, which it once was that the command spoke of, in
+    place of the run."""
     done = limited(*RUN, "--csv", most=12_000_000, number=number)
     assert done.returncode == Exit.SPACE, done.stderr
     out, text = tmp_path / "out", MEANT[number]
     *warnings, last = named(done.stderr)
-    assert warnings == [f"warning: {out}: it has no {what}: {text}"
-                        for what in ("report", "series.csv")]  # fmt: skip
+    assert warnings == [
+        f"warning: {out}: it has no {what}: {text}" for what in ("report", "series.csv")
+    ]
     assert {p.name for p in out.iterdir()} == {"manifest.json", "series.h5.part"}
     manifest = json.loads((out / "manifest.json").read_text())
     with Results.open(out) as results:
@@ -89,7 +102,9 @@ def test_no_room_for_what_follows_a_run(limited, tmp_path):
     shutil.rmtree(out)
     done = limited(*given, most=used - sizes["series.csv"] // 2)
     assert (done.returncode, named(done.stderr)) == (
-        Exit.SPACE, [f"error: {out}: its series.csv: no space left on the disk"])  # fmt: skip
+        Exit.SPACE,
+        [f"error: {out}: its series.csv: no space left on the disk"],
+    )
     assert {p.name for p in out.iterdir()} == sizes.keys() - {"series.csv"}
     assert json.loads((out / "manifest.json").read_text())["status"] == "completed"
 
@@ -106,6 +121,7 @@ except OSError as error:
     print(error.errno, error.filename)
 """
     done = python(
-        script, env={**os.environ, **full(shim, tmp_path, "out/cases/part-00000.jsonl", 100)}
+        script,
+        env={**os.environ, **full(shim, tmp_path, "out/cases/part-00000.jsonl", 100)},
     )
     assert done.stdout == f"{errno.ENOSPC} {tmp_path}/out/cases/part-00000.jsonl\n"

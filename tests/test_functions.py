@@ -12,7 +12,14 @@ from scipy.integrate import quad
 from scipy.linalg import expm
 from scipy.spatial.transform import Rotation
 
-from desat.components.contract.units import PREFIXES, SI, Unit, conversion, times, unit_of
+from desat.components.contract.units import (
+    PREFIXES,
+    SI,
+    Unit,
+    conversion,
+    times,
+    unit_of,
+)
 from desat.components.maths import attitude, moments, noise, vector
 from desat.components.physics import orbit, wheel_array
 
@@ -30,7 +37,11 @@ def test_cross_is_numpys(a, b):
     assert vector.cross(a, b) == pytest.approx(tuple(np.cross(a, b)), abs=1e-12)
 
 
-@given(st.tuples(*[number] * 9).filter(lambda m: abs(np.linalg.det(np.reshape(m, (3, 3)))) > 0.1))
+@given(
+    st.tuples(*[number] * 9).filter(
+        lambda m: abs(np.linalg.det(np.reshape(m, (3, 3)))) > 0.1
+    )
+)
 def test_inverse(m):
     expected = np.linalg.inv(np.reshape(m, (3, 3))).ravel()
     assert np.allclose(vector.inverse(m), expected, rtol=1e-9, atol=1e-9)
@@ -57,22 +68,30 @@ def test_attitude_matrix_rotates_as_scipy_backwards(q, v):
 @given(quaternion, quaternion)
 def test_product_composes(a, b):
     left = np.reshape(attitude.matrix(attitude.product(a, b)), (3, 3))
-    right = np.reshape(attitude.matrix(a), (3, 3)) @ np.reshape(attitude.matrix(b), (3, 3))
+    right = np.reshape(attitude.matrix(a), (3, 3)) @ np.reshape(
+        attitude.matrix(b), (3, 3)
+    )
     assert np.allclose(left, right, atol=1e-12)
 
 
 @given(quaternion)
 def test_from_matrix_inverts_matrix(q):
     found = attitude.from_matrix(attitude.matrix(q))
-    assert abs(sum(x * y for x, y in zip(found, q, strict=True))) == pytest.approx(1, abs=1e-12)
+    assert abs(sum(x * y for x, y in zip(found, q, strict=True))) == pytest.approx(
+        1, abs=1e-12
+    )
     assert found[3] >= 0
 
 
 @given(quaternion, vec3, st.floats(0, 3))
 def test_propagated_solves_the_kinematics(q, omega, t):
     x, y, z = omega
-    w = np.array([[0, z, -y, x], [-z, 0, x, y], [y, -x, 0, z], [-x, -y, -z, 0]])  # paper 004, eq. 6
-    assert np.allclose(attitude.propagated(q, omega, t), expm(0.5 * w * t) @ q, atol=1e-10)
+    w = np.array(
+        [[0, z, -y, x], [-z, 0, x, y], [y, -x, 0, z], [-x, -y, -z, 0]]
+    )  # paper 004, eq. 6
+    assert np.allclose(
+        attitude.propagated(q, omega, t), expm(0.5 * w * t) @ q, atol=1e-10
+    )
 
 
 @given(quaternion, st.floats(1e-6, math.pi - 1e-6))
@@ -83,8 +102,12 @@ def test_error_angle(q, angle):
 
 def test_lvlh_axes():
     q = attitude.inverse(orbit.lvlh_attitude((7e6, 0, 0), (0, 7.5e3, 0)))
-    assert attitude.rotate(q, (0, 0, 1)) == pytest.approx((-1, 0, 0), abs=1e-15)  # nadir
-    assert attitude.rotate(q, (0, 1, 0)) == pytest.approx((0, 0, -1), abs=1e-15)  # -normal
+    assert attitude.rotate(q, (0, 0, 1)) == pytest.approx(
+        (-1, 0, 0), abs=1e-15
+    )  # nadir
+    assert attitude.rotate(q, (0, 1, 0)) == pytest.approx(
+        (0, 0, -1), abs=1e-15
+    )  # -normal
     assert attitude.rotate(q, (1, 0, 0)) == pytest.approx((0, 1, 0), abs=1e-15)  # along
 
 
@@ -100,7 +123,9 @@ def test_moments_of_a_pulse(a, b):
 @given(st.floats(1e-9, 30))
 def test_moments_of_a_lag(ratio):
     mean, slope, end = moments.lag(ratio)
-    assert mean == pytest.approx(quad(lambda s: math.exp(-ratio * s), 0, 1, epsabs=1e-14)[0], 1e-11)
+    assert mean == pytest.approx(
+        quad(lambda s: math.exp(-ratio * s), 0, 1, epsabs=1e-14)[0], 1e-11
+    )
     first = quad(lambda s: (s - 0.5) * math.exp(-ratio * s), 0, 1, epsabs=1e-14)[0]
     assert slope == pytest.approx(12 * first, rel=1e-9, abs=1e-12)
     assert end == pytest.approx(math.exp(-ratio), rel=1e-14)
@@ -131,13 +156,20 @@ def test_units_convert_by_dimension():
     assert conversion(unit_of("deg/s"), unit_of("rad/s")) == (math.pi / 180, 0)
     assert conversion(unit_of("rpm"), unit_of("rad/s")) == (math.pi / 30, 0)
     assert conversion(unit_of("uT"), unit_of("nT")) == (pytest.approx(1000), 0)
-    assert conversion(unit_of("N.m"), unit_of("J")) == (1, 0)  # one dimension, two names
+    assert conversion(unit_of("N.m"), unit_of("J")) == (
+        1,
+        0,
+    )  # one dimension, two names
     assert conversion(unit_of("N.m"), unit_of("N.m.s")) is None
     assert conversion(unit_of("rad/s"), unit_of("1/s")) == (1, 0)
 
 
-names = st.sampled_from([*SI, *(p + n for n in SI for p in PREFIXES if p + n not in ("min", "kg"))])
-factors = st.lists(st.tuples(names, st.integers(-4, 4).filter(bool)), min_size=1, max_size=4)
+names = st.sampled_from(
+    [*SI, *(p + n for n in SI for p in PREFIXES if p + n not in ("min", "kg"))]
+)
+factors = st.lists(
+    st.tuples(names, st.integers(-4, 4).filter(bool)), min_size=1, max_size=4
+)
 
 
 @given(factors, factors)
@@ -159,20 +191,51 @@ def test_any_product_is_a_unit(above, below):
 
 @pytest.mark.parametrize(
     ("text", "like", "factor"),
-    [("rad/s2", "1/s2", 1), ("kg.m2/s", "N.m.s", 1), ("N.m.s/rad", "J.s", 1), ("mT", "T", 1e-3),
-     ("1/(T2.s2)", "T-2.s-2", 1), ("mA.m2", "A.m2", 1e-3), ("Hz", "1/s", 1), ("V.s", "Wb", 1),
-     ("W.h", "J", 3600), ("km2", "m2", 1e6), ("min", "s", 60), ("mm", "m", 1e-3), ("%", "1", 0.01),
-     ("(N.m)/(rad/s)", "N.m.s", 1)],
-)  # fmt: skip
+    [
+        ("rad/s2", "1/s2", 1),
+        ("kg.m2/s", "N.m.s", 1),
+        ("N.m.s/rad", "J.s", 1),
+        ("mT", "T", 1e-3),
+        ("1/(T2.s2)", "T-2.s-2", 1),
+        ("mA.m2", "A.m2", 1e-3),
+        ("Hz", "1/s", 1),
+        ("V.s", "Wb", 1),
+        ("W.h", "J", 3600),
+        ("km2", "m2", 1e6),
+        ("min", "s", 60),
+        ("mm", "m", 1e-3),
+        ("%", "1", 0.01),
+        ("(N.m)/(rad/s)", "N.m.s", 1),
+    ],
+)
 def test_units_by_name(text, like, factor):
     assert conversion(unit_of(text), unit_of(like)) == (pytest.approx(factor), 0)
 
 
 @pytest.mark.parametrize(
-    "text", ["sek", "m/", "/s", "m//s", "N/m.s", "m/s/s", "(m", "m)", "m^2", "12", "m.1/0", "mmin",
-             "Gm9.Gm9.Gm9.Gm9", "1/(nm9.nm9.nm9.nm9)", "1/(1/(Gm9.Gm9.Gm9.Gm9))", "(" * 2000, "kkg",
-             "m s", "m12"],
-)  # fmt: skip
+    "text",
+    [
+        "sek",
+        "m/",
+        "/s",
+        "m//s",
+        "N/m.s",
+        "m/s/s",
+        "(m",
+        "m)",
+        "m^2",
+        "12",
+        "m.1/0",
+        "mmin",
+        "Gm9.Gm9.Gm9.Gm9",
+        "1/(nm9.nm9.nm9.nm9)",
+        "1/(1/(Gm9.Gm9.Gm9.Gm9))",
+        "(" * 2000,
+        "kkg",
+        "m s",
+        "m12",
+    ],
+)
 def test_what_is_no_unit_is_refused(text):
     with pytest.raises(ValueError, match=r"\w"):
         unit_of(text)

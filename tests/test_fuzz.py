@@ -1,5 +1,5 @@
-"""Readers under mutated files, commands under changed lines: refused in lines, never a traceback,
-never long."""
+"""Readers under mutated files, commands under changed lines: refused in lines, never a
+traceback, never long."""
 
 from __future__ import annotations
 
@@ -50,14 +50,21 @@ def test_what_the_page_says_is_fuzzed_is():
     said = re.search(r"puts mutated files \(([\w, .]+)\)", page)
     assert said is not None
     kinds = {plain_kind(k) for k in seeds()}
-    assert set(said[1].split(", ")) == {k for k in kinds if k != "craft" and k[:3] != "xml"}
+    assert set(said[1].split(", ")) == {
+        k for k in kinds if k != "craft" and k[:3] != "xml"
+    }
     texts = [seeds()[kind] for kind in ("xml", "xml1", "xml3")]
-    assert [re.search(rb'fmiVersion="(.*?)"', t)[1] for t in texts] == [b"2.0", b"1.0", b"3.0"]
+    assert [re.search(rb'fmiVersion="(.*?)"', t)[1] for t in texts] == [
+        b"2.0",
+        b"1.0",
+        b"3.0",
+    ]
 
 
 @pytest.mark.parametrize("kind", TARGETS)
 def test_a_file_of_each_kind_is_read(tmp_path, kind):
-    """What is mutated is looked at: right as it is, and refused by its name where it is cut."""
+    """What is mutated is looked at: right as it is, and refused by its name where it is
+    cut."""
     write_all(tmp_path)
     target, file = TARGETS[kind]
     data = seeds()[kind]
@@ -81,12 +88,27 @@ CAUSES = {
     "scenario.json that is not JSON": ("json", ABOUT, b'{"name"', b'{name"'),
     "scenario.json that is not UTF-8": ("json", ABOUT, b"Small", b"Sm\xffll"),
     "TOML that is not UTF-8": ("toml", TOML, b"Own", b"O\xffn"),
-    "axes of a wrong type": ("toml", TOML, b"[axes.method.x]", b"[axes]\nmethod = 3\n[axes.m.x]"),
-    "dispersions of a wrong type": ("json", ABOUT, b'"uniform": [-1.0, 1.0]', b'"uniform": 1'),
+    "axes of a wrong type": (
+        "toml",
+        TOML,
+        b"[axes.method.x]",
+        b"[axes]\nmethod = 3\n[axes.m.x]",
+    ),
+    "dispersions of a wrong type": (
+        "json",
+        ABOUT,
+        b'"uniform": [-1.0, 1.0]',
+        b'"uniform": 1',
+    ),
     "a number that is none": ("ssd", SSD, b'factor="2.0"', b'factor="two"'),
     "a time that is none": ("ssd", SSD, b'stopTime="10"', b'stopTime="soon"'),
     "an exponent that is none": ("ssv", SSV, b'rad="1"', b'rad="one"'),
-    "a factor of a mapping that is none": ("ssm", SSM, b'factor="0.5"', b'factor="half"'),
+    "a factor of a mapping that is none": (
+        "ssm",
+        SSM,
+        b'factor="0.5"',
+        b'factor="half"',
+    ),
     "a signal of a dictionary without a name": ("ssb", SSB, b'name="x"', b""),
 }
 
@@ -104,13 +126,21 @@ def test_what_once_was_internal_is_a_line(tmp_path, cause):
     assert file.rpartition("/")[2] in str(refused.value)
 
 
-FAULTS = [(f"{kind}{end}", fault, data) for kind, fault, data in
-          (*forbidden_pairs(), *pointing_nowhere()) for end in ("", BARE)]  # fmt: skip
+FAULTS = [
+    (f"{kind}{end}", fault, data)
+    for kind, fault, data in (*forbidden_pairs(), *pointing_nowhere())
+    for end in ("", BARE)
+]
 
 
-@pytest.mark.parametrize(("kind", "data"), [(k, d) for k, _, d in FAULTS],
-                         ids=[f"{k}: {f}" for k, f, _ in FAULTS])  # fmt: skip
-def test_a_variable_that_the_standard_does_not_allow_is_refused_in_a_line(tmp_path, kind, data):
+@pytest.mark.parametrize(
+    ("kind", "data"),
+    [(k, d) for k, _, d in FAULTS],
+    ids=[f"{k}: {f}" for k, f, _ in FAULTS],
+)
+def test_a_variable_that_the_standard_does_not_allow_is_refused_in_a_line(
+    tmp_path, kind, data
+):
     """Each forbidden causality and variability, and each reference to no variable."""
     write_all(tmp_path)
     target, file = TARGETS[kind]
@@ -119,15 +149,21 @@ def test_a_variable_that_the_standard_does_not_allow_is_refused_in_a_line(tmp_pa
         prepare(str(tmp_path / target), fuzz._options(kind)).or_raise()
     assert refused.value.code == Exit.INPUT
     line = str(refused.value).splitlines()[0]
-    assert re.search(r": (source|wheels): theirs.fmu/modelDescription.xml:\d+: \w+: \S", line)
+    assert re.search(
+        r": (source|wheels): theirs.fmu/modelDescription.xml:\d+: \w+: \S", line
+    )
     assert "allowed" in line or "is needed" in line
 
 
 def test_each_command_and_option_is_in_a_seed():
     """Also those that are added; and no seed is of a command or an option that is gone."""
     known = tree.every_command()
-    there = {(where, name) for where, command in known.items() for o in tree.options_in(command)
-             for name in (*o.opts, *o.secondary_opts)}  # fmt: skip
+    there = {
+        (where, name)
+        for where, command in known.items()
+        for o in tree.options_in(command)
+        for name in (*o.opts, *o.secondary_opts)
+    }
     seen, commands_seen = set(), set()
     for line in (*commands.QUICK, *commands.SLOW):
         words = shlex.split(line)

@@ -1,4 +1,5 @@
-"""Guards: designs made for other values, refusals of components, stale draws, sweeps, pairs."""
+"""Guards: designs made for other values, refusals of components, stale draws, sweeps,
+pairs."""
 
 from __future__ import annotations
 
@@ -36,7 +37,7 @@ stored = module_of("desat.papers.stored")
 MEC = "uosat12/fig2-mec-1"
 START = "spacecraft.h_start_body=2,0,0"
 
-# --- designs ----------------------------------------------------------------------------------
+# --- designs --------------------------------------------------------------------------
 
 
 def _of_design(scenario) -> list[str]:
@@ -55,10 +56,16 @@ def test_no_kept_design_is_for_other_values():
     ("options", "what"),
     [
         ({"sets": [START]}, "h_start_body = [1.0, 2.0, -1.0], now [2.0, 0.0, 0.0]"),
-        ({"values": {"environment.phase": 0.5}}, "environment.phase = 1.4451326206513049, now 0.5"),
+        (
+            {"values": {"environment.phase": 0.5}},
+            "environment.phase = 1.4451326206513049, now 0.5",
+        ),
         ({"stop": 1500.0}, "stop = 3000.0, now 1500.0"),
         ({"step": 5.0}, "step = 10.0, now 5.0"),
-        ({"sources": ["manager=manager_cross_product"]}, "source.manager = manager_magnetic, now"),
+        (
+            {"sources": ["manager=manager_cross_product"]},
+            "source.manager = manager_magnetic, now",
+        ),
     ],
 )
 def test_a_design_for_other_values_is_said(options, what):
@@ -69,17 +76,23 @@ def test_a_design_for_other_values_is_said(options, what):
 
 
 def test_what_cannot_matter_to_a_design_is_not_said():
-    same = Options(sets=["spacecraft.h_start_body=1,2,-1", "manager.costate=1,0,0"], stop=3000.0)
+    same = Options(
+        sets=["spacecraft.h_start_body=1,2,-1", "manager.costate=1,0,0"], stop=3000.0
+    )
     assert prepare(MEC, same).checked.warnings == []
     blind = find("uosat12/fig2-offnadir-mec-blind")
     ((name, table),) = blind.content.design.assume.items()
-    values = {f"{name}.{k}": [[2.0 * x for x in row] for row in v] for k, v in table.items()}
+    values = {
+        f"{name}.{k}": [[2.0 * x for x in row] for row in v] for k, v in table.items()
+    }
     assert prepare(blind.name, Options(values=values)).checked.warnings == []
 
 
 def test_a_design_of_another_scenario_follows_its_values():
     flight = "uosat12/fig2-flight-mec-1"
-    (line,) = prepare(flight, Options(values={"torquers.quiet_time": 2.0})).checked.warnings
+    (line,) = prepare(
+        flight, Options(values={"torquers.quiet_time": 2.0})
+    ).checked.warnings
     assert "torquers.quiet_time = 0.0, now 2.0" in line
     (line,) = prepare(
         flight, Options(values={"wheels.h_start_wheel": [1.0, 1.0, 1.0, 0.0]})
@@ -94,9 +107,13 @@ def test_one_command_gets_the_right_gains(tmp_path):
     assert any("its design" in w for w in wrong.manifest["warnings"])
     assert right.manifest["warnings"] == []
     assert wrong.manifest["numbers"]["final_momentum"]["value"] > 2.0
-    assert right.manifest["numbers"]["final_momentum"]["value"] == pytest.approx(0.05, abs=1e-9)
+    assert right.manifest["numbers"]["final_momentum"]["value"] == pytest.approx(
+        0.05, abs=1e-9
+    )
     options = Options(sets=[START])
-    file = making.write(find(MEC), making.design(find(MEC), options), options, tmp_path / "d.toml")
+    file = making.write(
+        find(MEC), making.design(find(MEC), options), options, tmp_path / "d.toml"
+    )
     again = execute(MEC, Options(sets=[START], blocks=True, design=str(file)))
     assert again.manifest["numbers"] == right.manifest["numbers"]
     assert toml(file)["made_of"]["spacecraft.h_start_body"] == [2.0, 0.0, 0.0]
@@ -108,7 +125,10 @@ def test_a_design_is_stamped_only_if_its_numbers_are_reached(monkeypatch, tmp_pa
     bare = kept.partition("\n[made_of]\n")[0]
     file = tmp_path / "x.toml"
     monkeypatch.setattr(type(scenario), "design", property(lambda self: file))
-    moved = {**scenario.content.parameters, "spacecraft": {"h_start_body": [2.0, 0.0, 0.0]}}
+    moved = {
+        **scenario.content.parameters,
+        "spacecraft": {"h_start_body": [2.0, 0.0, 0.0]},
+    }
     other = replace(scenario, content=but(scenario.content, parameters=moved))
     file.write_text(bare, encoding="utf-8")
     assert not making.confirm(other)
@@ -121,7 +141,10 @@ def test_a_design_is_stamped_only_if_its_numbers_are_reached(monkeypatch, tmp_pa
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (("run", "plant/reference", "--design", "now"), "plant/reference has no [design]"),
+        (
+            ("run", "plant/reference", "--design", "now"),
+            "plant/reference has no [design]",
+        ),
         (("run", MEC, "--design", "no.toml"), "no.toml: no such file"),
         (("design", MEC, "--set", START), "a design for other values needs --out FILE"),
         (("design", MEC, "--set", "spacecraft.h_stat=1", "--out", "x"), "did you mean"),
@@ -134,35 +157,53 @@ def test_a_bad_design_is_a_line(desat, tmp_path, arguments, message):
     assert len(result.stderr.splitlines()) == 1
 
 
-# --- what components refuse -------------------------------------------------------------------
+# --- what components refuse -----------------------------------------------------------
 
 COMBINED = "uosat12/table3-ocdc-ilqr-1"
 
 
 @pytest.mark.parametrize("how", [(), ("--blocks",)])
 def test_check_lists_what_every_component_refuses(desat, how):
-    result = desat("check", COMBINED, "--set", "torquers.quiet_time=9", "--set",
-                   "manager.k_cross=1", *how)  # fmt: skip
+    result = desat(
+        "check",
+        COMBINED,
+        "--set",
+        "torquers.quiet_time=9",
+        "--set",
+        "manager.k_cross=1",
+        *how,
+    )
     assert result.returncode == 1
     lines = [x for x in result.stderr.splitlines() if not x.startswith("note: ")]
     assert len(lines) == 2
     assert lines[0].startswith("--set torquers.quiet_time=9: torquers: quiet_time + ")
-    assert lines[0].endswith("; sample_time from ssp/uosat12/scenarios/common.toml: "
-                             "parameters.torquers.sample_time")  # fmt: skip
+    assert lines[0].endswith(
+        "; sample_time from ssp/uosat12/scenarios/common.toml: "
+        "parameters.torquers.sample_time"
+    )
     assert lines[1].startswith("1 problem(s)")
     assert desat("check", COMBINED, *how).returncode == 0
 
 
 def test_a_refusal_names_the_file_and_the_key_that_gave_the_value(desat, tmp_path):
-    """One line: what is given for two components once, and what fails for want of a body's
-    attitude, is not said again."""
+    """One line: what is given for two components once, and what fails for want of a
+    body's attitude, is not said again."""
     for base, given, how, key, said in (
-        ("none", "inertia = [1, 0, 0, 0, 1, 0, 0, 0, 5]", [],
-         "shared.inertia: spacecraft: inertia = ", "is larger than the sum of the other two"),
-        ("ours", "schedule_start = [20, 40, 0, 0, 0, 0, 0, 0]", ["--blocks"],
-         "shared.schedule_start: manager: schedule_start[2] = 40 s for 30 s overlaps",
-         "from 20 s for 30 s; one at a time"),
-    ):  # fmt: skip
+        (
+            "none",
+            "inertia = [1, 0, 0, 0, 1, 0, 0, 0, 5]",
+            [],
+            "shared.inertia: spacecraft: inertia = ",
+            "is larger than the sum of the other two",
+        ),
+        (
+            "ours",
+            "schedule_start = [20, 40, 0, 0, 0, 0, 0, 0]",
+            ["--blocks"],
+            "shared.schedule_start: manager: schedule_start[2] = 40 s for 30 s overlaps",
+            "from 20 s for 30 s; one at a time",
+        ),
+    ):
         text = f'extends = "alsat1/firing-{base}"\n[shared]\n{given}\n'
         (tmp_path / "mine.toml").write_text(text, encoding="utf-8")
         result = desat("run", "mine.toml", "--stop", "100", *how, cwd=tmp_path)
@@ -196,9 +237,13 @@ def test_of_a_foreign_fmu_only_the_description_is_read(tmp_path):
             data = ours.read(name)
             if name == "modelDescription.xml":
                 data = data.replace(b"desat with PythonFMU", b"another tool")
-            theirs.writestr(name, b"no library" if name.startswith("binaries/") else data)
+            theirs.writestr(
+                name, b"no library" if name.startswith("binaries/") else data
+            )
     options = Options(sources=[f"magnetometer={fmu}"], sets=["torquers.quiet_time=9"])
-    problems, warnings = trial_initialisation.refusals(*prepare(COMBINED, options).or_raise())
+    problems, warnings = trial_initialisation.refusals(
+        *prepare(COMBINED, options).or_raise()
+    )
     assert not library.load(fmu).ours
     assert [p.partition(":")[0] for p in problems + warnings] == ["torquers"]
     assert "quiet_time" in (problems + warnings)[0]
@@ -222,18 +267,22 @@ def test_a_crash_of_the_trial_is_a_line(monkeypatch):
     monkeypatch.setattr(trial_initialisation, "_initialised", hang)
     monkeypatch.setattr(trial_initialisation, "TIMEOUT", 0.2)
     (line,), _ = trial_initialisation.refusals(system, schedule)
-    assert line.endswith(": torquers: entering initialisation did not return within 0.2 s")
+    assert line.endswith(
+        ": torquers: entering initialisation did not return within 0.2 s"
+    )
 
 
-# --- stored draws -----------------------------------------------------------------------------
+# --- stored draws ---------------------------------------------------------------------
 
 
 def test_stored_draws_are_stale_when_their_code_changes(monkeypatch, tmp_path):
     """That of a block, of what it uses of others, of the engine; not a comment."""
     name = "uosat12/starts-dct"
     kept = stored.read("uosat12")
-    kept["scenarios"][name] |= {"sha256": stored.digest(find(name)),
-                                "code_sha256": stored.code(find(name))}  # fmt: skip
+    kept["scenarios"][name] |= {
+        "sha256": stored.digest(find(name)),
+        "code_sha256": stored.code(find(name)),
+    }
     assert name not in stored.outdated(kept)
     shutil.copytree(ROOT / "components", tmp_path / "components")
     monkeypatch.setattr(meaning, "COMPONENTS", tmp_path / "components")
@@ -278,7 +327,9 @@ def f(x: float) -> float:
 )
 def test_texts_and_layout_of_code_do_not_count(old, new, same):
     assert old in CODE
-    assert (meaning.definitions(CODE.replace(old, new)) == meaning.definitions(CODE)) is same
+    assert (
+        meaning.definitions(CODE.replace(old, new)) == meaning.definitions(CODE)
+    ) is same
 
 
 def test_draws_are_stamped_only_if_they_come_out_again(monkeypatch, tmp_path):
@@ -302,7 +353,9 @@ def test_stale_samples_are_told_with_cause_and_command(monkeypatch):
     kept = stored.read("uosat12")
     monkeypatch.setattr(stored, "outdated", lambda _: ["uosat12/starts-dct"])
     kept["scenarios"]["uosat12/starts-dct"]["code_sha256"] = "another"
-    with pytest.raises(DesatError, match="of other code of engine, measures or sampling") as error:
+    with pytest.raises(
+        DesatError, match="of other code of engine, measures or sampling"
+    ) as error:
         stored.require_current(kept)
     assert "python -m desat.papers.stored uosat12" in str(error.value)
 
@@ -310,7 +363,9 @@ def test_stale_samples_are_told_with_cause_and_command(monkeypatch):
 def test_a_block_is_of_what_it_uses_of_other_files(monkeypatch, tmp_path):
     """A class more in the file of roles made all stored samples stale."""
     copy = tmp_path / "components"
-    shutil.copytree(meaning.COMPONENTS, copy, ignore=shutil.ignore_patterns("__pycache__"))
+    shutil.copytree(
+        meaning.COMPONENTS, copy, ignore=shutil.ignore_patterns("__pycache__")
+    )
     monkeypatch.setattr(meaning, "COMPONENTS", copy)
     names = ("wheels", "magnetometer", "manager_predictive", "spacecraft_rigid")
 
@@ -320,16 +375,22 @@ def test_a_block_is_of_what_it_uses_of_other_files(monkeypatch, tmp_path):
     before = computes()
     roles, vector = copy / "contract" / "roles.py", copy / "maths" / "vector.py"
     text = roles.read_text(encoding="utf-8")
-    roles.write_text(text + "\n\nclass EarthSensor(Sampled):\n    role = 'earth_sensor'\n")
+    roles.write_text(
+        text + "\n\nclass EarthSensor(Sampled):\n    role = 'earth_sensor'\n"
+    )
     assert computes() == before
-    roles.write_text(text.replace('"measured field, body"', '"the measured field, body"'))
+    roles.write_text(
+        text.replace('"measured field, body"', '"the measured field, body"')
+    )
     assert {n for n, x in computes().items() if x != before[n]} == {"magnetometer"}
     roles.write_text(text)
     text = vector.read_text(encoding="utf-8")
     assert "def norm(" in text
     vector.write_text(text.replace("def norm(", "EXTRA = 1.0\n\n\ndef norm("))
     assert computes() == before
-    changed = text.replace("def norm(a: Vec3) -> float:", "def norm(a: Vec3) -> float:\n    a = a")
+    changed = text.replace(
+        "def norm(a: Vec3) -> float:", "def norm(a: Vec3) -> float:\n    a = a"
+    )
     assert changed != text
     vector.write_text(changed)
     assert "spacecraft_rigid" in {n for n, x in computes().items() if x != before[n]}
@@ -339,7 +400,9 @@ def test_what_is_imported_counts_for_a_block_but_not_from_which_folder():
     text = "from ..maths.vector import cross as c\n\n\ndef f(x):\n    return c(x, x)\n"
     of = meaning.definitions
     assert (
-        of(text) == of(text.replace("..maths.", "..elsewhere.")) != of(text.replace("cross", "dot"))
+        of(text)
+        == of(text.replace("..maths.", "..elsewhere."))
+        != of(text.replace("cross", "dot"))
     )
     assert of(text) != of(text.replace("vector", "other"))
     assert of(text, imports=False) == of(text.replace("vector", "other"), imports=False)
@@ -347,9 +410,12 @@ def test_what_is_imported_counts_for_a_block_but_not_from_which_folder():
 
 
 def test_moved_joined_and_split_files_leave_code_as_it_is(monkeypatch, tmp_path):
-    """The place of a definition, and what is imported to reach it, are no part of the code's hash;
-    a file in a new folder of the engine is."""
-    scenario, before = find("uosat12/starts-dct"), stored.code(find("uosat12/starts-dct"))
+    """The place of a definition, and what is imported to reach it, are no part of the
+    code's hash; a file in a new folder of the engine is."""
+    scenario, before = (
+        find("uosat12/starts-dct"),
+        stored.code(find("uosat12/starts-dct")),
+    )
     home = tmp_path / "desat"
     shutil.copytree(ROOT / "orchestrator", home)
     engine, recording = home / "engine", home / "engine" / "recording"
@@ -358,8 +424,12 @@ def test_moved_joined_and_split_files_leave_code_as_it_is(monkeypatch, tmp_path)
     (engine / "further").mkdir()
     (engine / "instances" / "fmu.py").rename(engine / "further" / "of_fmu.py")
     text = (engine / "node.py").read_text()
-    (engine / "node.py").write_text(text.replace("from .instances", "from ..engine.instances"))
-    joined = (engine / "current_call.py").read_text() + (recording / "shared_tables.py").read_text()
+    (engine / "node.py").write_text(
+        text.replace("from .instances", "from ..engine.instances")
+    )
+    joined = (engine / "current_call.py").read_text() + (
+        recording / "shared_tables.py"
+    ).read_text()
     head, _, rest = joined.rpartition("from __future__ import annotations")
     (engine / "current_call.py").write_text(head + rest)
     (recording / "shared_tables.py").unlink()
@@ -369,8 +439,8 @@ def test_moved_joined_and_split_files_leave_code_as_it_is(monkeypatch, tmp_path)
 
 
 def test_stored_draws_come_back(monkeypatch, tmp_path):
-    """All bits, and the same bytes again; a line of stamps a scenario; a number that a draw has not
-    is None; a family leaves the others as they are."""
+    """All bits, and the same bytes again; a line of stamps a scenario; a number that a
+    draw has not is None; a family leaves the others as they are."""
     monkeypatch.setattr(paths, "DRAWS", tmp_path)
     rows = [
         stored.row_of_draw(0, {"a": 0.1, "b": None}),
@@ -379,7 +449,11 @@ def test_stored_draws_come_back(monkeypatch, tmp_path):
     units = {"a": "s", "b": "1"}
     of_x = spreads([r.numbers for r in rows], units, set())
     x = {"sha256": "1", "units": units, "summary": of_x, "draws": rows}
-    y = {"sha256": "2", "units": {"a": "s"}, "draws": [stored.row_of_draw(0, {"a": -0.0})]}
+    y = {
+        "sha256": "2",
+        "units": {"a": "s"},
+        "draws": [stored.row_of_draw(0, {"a": -0.0})],
+    }
     y["summary"] = spreads([r.numbers for r in y["draws"]], y["units"], set())
     for family in ("f", "e"):
         scenarios = {f"{family}/x": x, f"{family}/y": y}
@@ -393,7 +467,9 @@ def test_stored_draws_come_back(monkeypatch, tmp_path):
     assert math.copysign(1.0, back["scenarios"]["e/y"]["draws"][0].numbers["a"]) == -1.0
     assert stored.read("f")["scenarios"]["f/x"] == x
     file.write_bytes(stored.file_of("f").read_bytes())
-    with pytest.raises(DesatError, match=r"e/draws.parquet: not the file that .*draws.json is of"):
+    with pytest.raises(
+        DesatError, match=r"e/draws.parquet: not the file that .*draws.json is of"
+    ):
         stored.read("e")
 
 
@@ -403,12 +479,17 @@ def test_stored_draws_are_small_and_have_what_rows_are_made_of():
     assert sum(p.stat().st_size for p in files) < 2_000_000
     for family in filter(stored.with_draws, families()):
         kept = stored.read(family)["scenarios"]
-        lacking = {n: x - kept[n]["units"].keys() for n, x in stored.needed(family).items()
-                   if n in kept}  # fmt: skip
+        lacking = {
+            n: x - kept[n]["units"].keys()
+            for n, x in stored.needed(family).items()
+            if n in kept
+        }
         assert not any(lacking.values()), lacking
 
 
-def test_a_page_has_draws_made_anew_for_a_number_that_is_not_stored(monkeypatch, tmp_path):
+def test_a_page_has_draws_made_anew_for_a_number_that_is_not_stored(
+    monkeypatch, tmp_path
+):
     name = "uosat12/starts-dct"
     kept = stored.read("uosat12")
     assert "null_rms" not in kept["scenarios"][name]["units"]
@@ -426,18 +507,28 @@ def test_a_page_has_draws_made_anew_for_a_number_that_is_not_stored(monkeypatch,
             for i in range(first, count)
         ]
         units = {**kept["scenarios"][name]["units"], "null_rms": "N.m.s", "x": "1"}
-        return draws.Draws(name, 1, rows, spreads([r.numbers for r in rows], units, set()), [])
+        return draws.Draws(
+            name, 1, rows, spreads([r.numbers for r in rows], units, set()), []
+        )
 
     monkeypatch.setattr(stored, "draws", made)
-    with pytest.raises(DesatError, match="null_rms of its draws is not stored; without --draft"):
-        pages.Verbs(pages.Sources("uosat12", [], 1, 60.0)).drawn("starts-dct", "null_rms")
+    with pytest.raises(
+        DesatError, match="null_rms of its draws is not stored; without --draft"
+    ):
+        pages.Verbs(pages.Sources("uosat12", [], 1, 60.0)).drawn(
+            "starts-dct", "null_rms"
+        )
     verbs = pages.Verbs(pages.Sources("uosat12", [], 1, None))
-    with pytest.raises(DesatError, match="draws have no number nul_rms; did you mean null_rms"):
+    with pytest.raises(
+        DesatError, match="draws have no number nul_rms; did you mean null_rms"
+    ):
         verbs.drawn("starts-dct", "nul_rms")
     assert verbs.drawn("starts-dct", "null_rms") == [float(i) for i in range(200)]
     assert asked == [(name, 200, 0)]
     assert "x" not in stored.read("uosat12")["scenarios"][name]["units"]
-    assert {"null_rms", "firing_time"} <= stored.read("uosat12")["scenarios"][name]["units"].keys()
+    assert {"null_rms", "firing_time"} <= stored.read("uosat12")["scenarios"][name][
+        "units"
+    ].keys()
 
 
 def test_more_draws_are_flown_after_those_that_are_kept(monkeypatch, tmp_path):
@@ -445,7 +536,10 @@ def test_more_draws_are_flown_after_those_that_are_kept(monkeypatch, tmp_path):
     kept = stored.read("uosat12")
     scenario = find(name)
     whole = kept["scenarios"][name]
-    whole["sha256"], whole["code_sha256"] = stored.digest(scenario), stored.code(scenario)
+    whole["sha256"], whole["code_sha256"] = (
+        stored.digest(scenario),
+        stored.code(scenario),
+    )
     monkeypatch.setattr(stored, "with_draws", lambda family: {name: scenario})
     monkeypatch.setattr(paths, "DRAWS", tmp_path)
     shown = whole["draws"][0].numbers["firing_time"]
@@ -456,7 +550,9 @@ def test_more_draws_are_flown_after_those_that_are_kept(monkeypatch, tmp_path):
     assert stored.outdated(stored.read("uosat12")) == [name]
     made = stored.renew("uosat12", 1)["scenarios"][name]
     assert made["draws"][1:] == whole["draws"][1:]
-    assert made["draws"][0] == first[0] != shown, "a draw that is kept is not flown again"
+    assert made["draws"][0] == first[0] != shown, (
+        "a draw that is kept is not flown again"
+    )
     assert made["summary"]["firing_time"].n == scenario.content.samples
     assert made["summary"]["firing_time"].levels["min"] == 1.0
 
@@ -468,7 +564,7 @@ def test_an_instance_that_is_named_by_its_file_has_the_components_name():
     assert _name("C:\\somewhere\\resources\\gyro.fmu") == "gyro"
 
 
-# --- the same bits under another Python ---------------------------------------------------------
+# --- the same bits under another Python -----------------------------------------------
 
 DIGEST = """
 import hashlib, importlib, json, random, sys
@@ -518,8 +614,12 @@ def other_python() -> str | None:
     candidates = [shutil.which(f"python3.{minor}") for minor in range(11, 16)]
     candidates += [str(p) for p in sorted(pyenv.glob("versions/3.*/bin/python3"))]
     for path in filter(None, candidates):
-        says = subprocess.run([path, "-c", "import sys; print(*sys.version_info[:2])"],
-                              capture_output=True, text=True, check=False).stdout  # fmt: skip
+        says = subprocess.run(
+            [path, "-c", "import sys; print(*sys.version_info[:2])"],
+            capture_output=True,
+            text=True,
+            check=False,
+        ).stdout
         version = tuple(map(int, says.split()))
         compensates = version >= COMPENSATED_FROM
         if version >= (3, 11) and compensates != (sys.version_info >= COMPENSATED_FROM):
@@ -534,16 +634,24 @@ def test_blocks_have_the_same_bits_under_another_python():
         pytest.skip("no Python on the other side of 3.12 here")
     foreign = ("import numpy", "import scipy", "sgp4")
     names = [
-        name for name in registry.names()
-        if not any(word in path.read_text() for path in sources(name) for word in foreign)
-    ]  # fmt: skip
+        name
+        for name in registry.names()
+        if not any(
+            word in path.read_text() for path in sources(name) for word in foreign
+        )
+    ]
     assert len(names) > 20
     (ours, digests), (theirs, other_digests) = (
-        json.loads(subprocess.run(
-            [path, "-B", "-c", DIGEST, str(ROOT), json.dumps(names)],
-            capture_output=True, text=True, check=True, cwd=ROOT,
-        ).stdout)
+        json.loads(
+            subprocess.run(
+                [path, "-B", "-c", DIGEST, str(ROOT), json.dumps(names)],
+                capture_output=True,
+                text=True,
+                check=True,
+                cwd=ROOT,
+            ).stdout
+        )
         for path in (sys.executable, other)
-    )  # fmt: skip
+    )
     assert ours != theirs
     assert digests == other_digests

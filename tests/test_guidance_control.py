@@ -1,4 +1,5 @@
-"""Guidance and attitude control: kinematics, the laws against transcriptions, closed loops."""
+"""Guidance and attitude control: kinematics, the laws against transcriptions, closed
+loops."""
 
 from __future__ import annotations
 
@@ -46,7 +47,7 @@ def random_vector(rng, size=1.0):
     return tuple(float(x) for x in size * rng.normal(size=3))
 
 
-# --- guidance -----------------------------------------------------------------------------------
+# --- guidance -------------------------------------------------------------------------
 
 
 def two_body(r, v):
@@ -56,9 +57,14 @@ def two_body(r, v):
         return np.concatenate([y[3:], -orbit.MU * y[:3] / np.linalg.norm(y[:3]) ** 3])
 
     solution = solve_ivp(
-        slope, (-10.0, 9000.0), np.concatenate([r, v]), method="DOP853", rtol=1e-12, atol=1e-6,
+        slope,
+        (-10.0, 9000.0),
+        np.concatenate([r, v]),
+        method="DOP853",
+        rtol=1e-12,
+        atol=1e-6,
         dense_output=True,
-    ).sol  # fmt: skip
+    ).sol
 
     def state(t):
         y = solution(t) if t > -10.0 else None
@@ -68,7 +74,9 @@ def two_body(r, v):
 
 
 @pytest.mark.parametrize("stretch", [1.0, 1.1], ids=["circular", "elliptic"])
-@pytest.mark.parametrize("q_bo", [(0.0, 0.0, 0.0, 1.0), TURN], ids=["aligned", "offset"])
+@pytest.mark.parametrize(
+    "q_bo", [(0.0, 0.0, 0.0, 1.0), TURN], ids=["aligned", "offset"]
+)
 def test_nadir_rate_is_the_derivative_of_the_attitude(stretch, q_bo):
     r0 = 7.0e6
     speed = stretch * math.sqrt(orbit.MU / r0)
@@ -94,12 +102,18 @@ def test_nadir_rate_is_the_derivative_of_the_attitude(stretch, q_bo):
 def test_nadir_points_the_bodys_axis_down():
     r, v = (0.0, 7.0e6, 0.0), (-7.5e3, 0.0, 0.0)
     guidance = block("guidance_nadir", r_eci=r, v_eci=v)
-    assert attitude.rotate(guidance.q_ref_bi, (0, -1, 0)) == pytest.approx((0, 0, 1), abs=1e-15)
-    assert attitude.rotate(guidance.q_ref_bi, (-1, 0, 0)) == pytest.approx((1, 0, 0), abs=1e-15)
+    assert attitude.rotate(guidance.q_ref_bi, (0, -1, 0)) == pytest.approx(
+        (0, 0, 1), abs=1e-15
+    )
+    assert attitude.rotate(guidance.q_ref_bi, (-1, 0, 0)) == pytest.approx(
+        (1, 0, 0), abs=1e-15
+    )
     assert guidance.omega_ref_body == pytest.approx((0, -7.5e3 / 7.0e6, 0), abs=1e-18)
     # upside down about the velocity: z away from the Earth, rate about +y
     guidance = block("guidance_nadir", r_eci=r, v_eci=v, q_bo=(2.0, 0.0, 0.0, 0.0))
-    assert attitude.rotate(guidance.q_ref_bi, (0, 1, 0)) == pytest.approx((0, 0, 1), abs=1e-15)
+    assert attitude.rotate(guidance.q_ref_bi, (0, 1, 0)) == pytest.approx(
+        (0, 0, 1), abs=1e-15
+    )
     assert guidance.omega_ref_body == pytest.approx((0, 7.5e3 / 7.0e6, 0), abs=1e-18)
 
 
@@ -135,7 +149,12 @@ def test_inertial_reference_rests():
     assert guidance.omega_ref_body == (0.0, 0.0, 0.0)
 
 
-SLEW = {"q_begin_bi": TURN, "q_end_bi": (0.5, 0.5, -0.5, 0.5), "t_begin": 100.0, "t_end": 5500.0}
+SLEW = {
+    "q_begin_bi": TURN,
+    "q_end_bi": (0.5, 0.5, -0.5, 0.5),
+    "t_begin": 100.0,
+    "t_end": 5500.0,
+}
 
 
 def slew_at(guidance, t):
@@ -154,9 +173,14 @@ def test_slew_ends_where_it_should_and_rests_there():
         assert attitude.error_angle(q, SLEW["q_end_bi"]) < 1e-14
         assert omega == (0.0, 0.0, 0.0)
     angle = attitude.error_angle(SLEW["q_end_bi"], TURN)
-    for t in (101.0, 5499.0):  # the rate begins and ends with the square of time: no acceleration
+    for t in (
+        101.0,
+        5499.0,
+    ):  # the rate begins and ends with the square of time: no acceleration
         _, omega = slew_at(guidance, t)
-        assert math.dist(omega, (0, 0, 0)) == pytest.approx(30 * angle / 5400**3, rel=1e-3)
+        assert math.dist(omega, (0, 0, 0)) == pytest.approx(
+            30 * angle / 5400**3, rel=1e-3
+        )
 
 
 def test_slew_rate_is_the_derivative_of_the_attitude():
@@ -178,15 +202,22 @@ def test_slew_turns_about_one_axis_the_short_way():
         guidance = block("guidance_slew", **{**SLEW, "q_end_bi": q_end})
         q, omega = slew_at(guidance, 2800.0)
         assert attitude.error_angle(q, TURN) == pytest.approx(angle / 2, abs=1e-13)
-        assert attitude.error_angle(q, SLEW["q_end_bi"]) == pytest.approx(angle / 2, abs=1e-13)
+        assert attitude.error_angle(q, SLEW["q_end_bi"]) == pytest.approx(
+            angle / 2, abs=1e-13
+        )
         _, early = slew_at(guidance, 1000.0)
         assert np.cross(omega, early) == pytest.approx(0, abs=1e-20)
 
 
 def test_a_slew_as_a_rotation_vector_is_the_one_to_where_it_leads():
     axis, angle = attitude_control.eigenaxis(TURN, SLEW["q_end_bi"])
-    by_vector = block("guidance_slew", q_begin_bi=TURN, t_begin=100.0, t_end=5500.0,
-                      slew_body=tuple(angle * x for x in axis))  # fmt: skip
+    by_vector = block(
+        "guidance_slew",
+        q_begin_bi=TURN,
+        t_begin=100.0,
+        t_end=5500.0,
+        slew_body=tuple(angle * x for x in axis),
+    )
     by_end = block("guidance_slew", **SLEW)
     for t in (0.0, 2000.0, 5500.0):
         assert slew_at(by_vector, t) == slew_at(by_end, t)
@@ -207,7 +238,11 @@ def test_slew_to_where_it_is():
         ("guidance_inertial", {"q_target_bi": (0.0,) * 4}, "q_target_bi is zero"),
         ("guidance_nadir", {"q_bo": (0.0,) * 4}, "q_bo is zero"),
         ("guidance_slew", {"q_end_bi": (0.0,) * 4}, "q_end_bi is zero"),
-        ("guidance_slew", {"t_begin": 10.0, "t_end": 10.0}, "t_end = 10.0 s must be after"),
+        (
+            "guidance_slew",
+            {"t_begin": 10.0, "t_end": 10.0},
+            "t_end = 10.0 s must be after",
+        ),
     ],
 )
 def test_senseless_references_are_refused(name, values, text):
@@ -215,7 +250,7 @@ def test_senseless_references_are_refused(name, values, text):
         block(name, **values)
 
 
-# --- control laws -------------------------------------------------------------------------------
+# --- control laws ---------------------------------------------------------------------
 
 
 def hamilton(p, q):
@@ -225,15 +260,24 @@ def hamilton(p, q):
 
 
 def test_pid_is_the_gyrostats_controller():
-    """tau on the wheels = clip(2 kp e + kd omega + ki xi, limit), e of q_ref^-1 * q with the scalar
-    made >= 0, xi = clip(xi + Ts e, 0.5): Hamilton products, scalar first."""
+    """tau on the wheels = clip(2 kp e + kd omega + ki xi, limit), e of q_ref^-1 * q
+    with the scalar made >= 0, xi = clip(xi + Ts e, 0.5): Hamilton products, scalar
+    first."""
     kp, kd, ki, limit, ts = 0.4, 5.6, 0.004, 0.02, 1.0
     axis = np.array([0.6, -0.64, 0.48])
-    q_ref = np.concatenate([[math.cos(math.radians(15))], math.sin(math.radians(15)) * axis])
+    q_ref = np.concatenate(
+        [[math.cos(math.radians(15))], math.sin(math.radians(15)) * axis]
+    )
     controller = block(
-        "controller_pid", kp=2 * kp, kd=kd, ki=ki, torque_limit=limit, integral_limit=0.5,
-        sample_time=ts, q_ref_bi=tuple(map(float, (*q_ref[1:], q_ref[0]))),
-    )  # fmt: skip
+        "controller_pid",
+        kp=2 * kp,
+        kd=kd,
+        ki=ki,
+        torque_limit=limit,
+        integral_limit=0.5,
+        sample_time=ts,
+        q_ref_bi=tuple(map(float, (*q_ref[1:], q_ref[0]))),
+    )
     rng = np.random.default_rng(3)
     xi, cut, largest = np.zeros(3), 0, 0.0
     for k in range(3000):
@@ -269,14 +313,22 @@ def test_law_against_matrices(name):
         q, q_ref = random_quaternion(rng), random_quaternion(rng)
         omega, omega_ref = random_vector(rng), random_vector(rng)
         controller = block(
-            name, **values, sample_time=2.0, q_bi=q, q_ref_bi=q_ref, omega_bi_body=omega,
+            name,
+            **values,
+            sample_time=2.0,
+            q_bi=q,
+            q_ref_bi=q_ref,
+            omega_bi_body=omega,
             omega_ref_body=omega_ref,
-        )  # fmt: skip
+        )
         controller.advance(0.0, 1.0)
         c, c_ref = (np.reshape(attitude.matrix(x), (3, 3)) for x in (q, q_ref))
         dc = c @ c_ref.T
         angle = attitude.error_angle(q, q_ref)
-        skew = np.array([dc[1, 2] - dc[2, 1], dc[2, 0] - dc[0, 2], dc[0, 1] - dc[1, 0]]) / 2
+        skew = (
+            np.array([dc[1, 2] - dc[2, 1], dc[2, 0] - dc[0, 2], dc[0, 1] - dc[1, 0]])
+            / 2
+        )
         e = skew / (2 * math.cos(angle / 2))
         law = 0.3 * e + 0.7 * (np.array(omega) - dc @ omega_ref)
         if name == "controller_pid":
@@ -288,7 +340,9 @@ def test_the_torque_turns_the_body_back():
     controller = block("controller_pd", kp=2.0, kd=3.0, q_bi=turned((0, 0, 1), 1.0))
     controller.advance(0.0, 1.0)
     # turned too far about +z: torque about -z, kp times half the angle
-    assert controller.tau_ctrl_body == pytest.approx((0, 0, -math.radians(1.0)), rel=2e-5)
+    assert controller.tau_ctrl_body == pytest.approx(
+        (0, 0, -math.radians(1.0)), rel=2e-5
+    )
     controller = block("controller_pd", kp=2.0, kd=3.0, omega_bi_body=(0.0, 0.1, 0.0))
     controller.advance(0.0, 1.0)
     assert controller.tau_ctrl_body == pytest.approx((0, -0.3, 0))
@@ -296,19 +350,21 @@ def test_the_torque_turns_the_body_back():
 
 @pytest.mark.parametrize("name", ["controller_pd", "controller_pid"])
 def test_on_its_reference_there_is_no_torque_at_any_attitude(name):
-    """The body moves as the reference does, 120 deg of roll included: nothing to correct."""
+    """The body moves as the reference does, 120 deg of roll included: nothing to
+    correct."""
     rng = np.random.default_rng(5)
     for _ in range(50):
         q, omega = random_quaternion(rng), random_vector(rng)
         controller = block(
             name, q_bi=q, q_ref_bi=q, omega_bi_body=omega, omega_ref_body=omega
-        )  # fmt: skip
+        )
         controller.advance(0.0, 1.0)
         assert controller.tau_ctrl_body == pytest.approx((0, 0, 0), abs=1e-15)
 
 
 def test_a_reference_rate_is_the_same_vector_seen_from_the_body():
-    """Off by 90 deg about x, turning with the reference in inertial space: no rate error."""
+    """Off by 90 deg about x, turning with the reference in inertial space: no rate
+    error."""
     dq, omega_ref = turned((1, 0, 0), 90), (0.0, -1e-3, 0.0)
     q = attitude.product(dq, TURN)
     _, d_omega = attitude_control.tracking_error(q, (0.0, 0.0, 1e-3), TURN, omega_ref)
@@ -320,13 +376,19 @@ def test_no_unwinding(name):
     """q and -q are one attitude and give one torque; so do q_ref and -q_ref."""
     rng = np.random.default_rng(6)
     for _ in range(100):
-        q, q_ref, omega = random_quaternion(rng), random_quaternion(rng), random_vector(rng)
+        q, q_ref, omega = (
+            random_quaternion(rng),
+            random_quaternion(rng),
+            random_vector(rng),
+        )
         torques = []
         for s, s_ref in ((1, 1), (-1, 1), (1, -1), (-1, -1)):
             controller = block(
-                name, q_bi=tuple(s * x for x in q), q_ref_bi=tuple(s_ref * x for x in q_ref),
+                name,
+                q_bi=tuple(s * x for x in q),
+                q_ref_bi=tuple(s_ref * x for x in q_ref),
                 omega_bi_body=omega,
-            )  # fmt: skip
+            )
             controller.advance(0.0, 1.0)
             controller.advance(1.0, 1.0)
             torques.append(controller.tau_ctrl_body)
@@ -356,7 +418,12 @@ def integral(controller):
     return tuple(-x for x in controller.tau_ctrl_body)
 
 
-ONLY_INTEGRAL = {"kp": 0.0, "kd": 0.0, "ki": 1.0, "q_bi": turned((0, 0, 1), 60)}  # e = (0, 0, 0.5)
+ONLY_INTEGRAL = {
+    "kp": 0.0,
+    "kd": 0.0,
+    "ki": 1.0,
+    "q_bi": turned((0, 0, 1), 60),
+}  # e = (0, 0, 0.5)
 
 
 @pytest.mark.parametrize(("sample_time", "dt"), [(0.0, 0.5), (2.0, 0.5), (2.0, 2.0)])
@@ -368,7 +435,9 @@ def test_integral_advances_before_use_and_stops_at_its_limit(sample_time, dt):
     for k in range(40):
         controller.advance(k * dt, dt)
         samples = math.floor(k * dt / period + 1e-6) + 1
-        assert integral(controller) == pytest.approx((0, 0, min(0.5 * period * samples, 3.2)))
+        assert integral(controller) == pytest.approx(
+            (0, 0, min(0.5 * period * samples, 3.2))
+        )
 
 
 def test_integral_leaves_its_limit_at_once():
@@ -383,7 +452,9 @@ def test_integral_leaves_its_limit_at_once():
 @pytest.mark.parametrize("name", ["controller_pd", "controller_pid"])
 def test_disabled_there_is_no_torque_and_the_integral_is_reset(name):
     def run(*enabled):
-        controller = block(name, q_bi=turned((0, 0, 1), 60), omega_bi_body=(0.1, 0.0, 0.0))
+        controller = block(
+            name, q_bi=turned((0, 0, 1), 60), omega_bi_body=(0.1, 0.0, 0.0)
+        )
         torques = []
         for k, on in enumerate(enabled):
             controller.enable = on
@@ -410,7 +481,13 @@ def test_anti_windup_holds_the_integral_while_torque_is_cut():
 
 
 def test_anti_windup_lets_the_integral_shrink():
-    values = {"kp": 10.0, "kd": 0.0, "ki": 0.1, "torque_limit": 1.0, "anti_windup": True}
+    values = {
+        "kp": 10.0,
+        "kd": 0.0,
+        "ki": 0.1,
+        "torque_limit": 1.0,
+        "anti_windup": True,
+    }
     controller = block("controller_pid", **values, q_bi=turned((0, 0, 1), 2))
     for k in range(50):
         controller.advance(float(k), 1.0)
@@ -424,13 +501,16 @@ def test_anti_windup_lets_the_integral_shrink():
     assert controller.tau_ctrl_body[2] == pytest.approx(-0.1 * (50 * e - 0.5))
 
 
-# --- closed loops -------------------------------------------------------------------------------
+# --- closed loops ---------------------------------------------------------------------
 
 J = np.array([[0.12, 0.01, -0.005], [0.01, 0.1, 0.004], [-0.005, 0.004, 0.06]])
 
 
-def closed_loop(controller, q, omega, duration, step=1.0, guide=None, load=(0.0, 0.0, 0.0)):
-    """A rigid body under the controller, its torque held over each step; (q, omega) of each."""
+def closed_loop(
+    controller, q, omega, duration, step=1.0, guide=None, load=(0.0, 0.0, 0.0)
+):
+    """A rigid body under the controller, its torque held over each step; (q, omega) of
+    each."""
     rows = [(q, omega)]
     for k in range(round(duration / step)):
         if guide:
@@ -455,8 +535,8 @@ INERTIA = tuple(map(float, J.ravel()))
 
 
 def test_pid_settles_from_90_degrees_and_bears_a_load():
-    """The default gains (beta = 1e-2) with the inertia as gain matrix, a constant load of 1e-6 N m:
-    the integral takes it off (its rate ki / kp is 2e-3 1/s)."""
+    """The default gains (beta = 1e-2) with the inertia as gain matrix, a constant load
+    of 1e-6 N m: the integral takes it off (its rate ki / kp is 2e-3 1/s)."""
     load = np.array([1e-6, -1e-6, 5e-7])
     limit = {"controller_pd": {}, "controller_pid": {"integral_limit": 1.5}}
     q0 = turned((1, 2, -1), 90)
@@ -464,7 +544,9 @@ def test_pid_settles_from_90_degrees_and_bears_a_load():
     for name in ("controller_pd", "controller_pid"):
         controller = block(name, gain_matrix=INERTIA, sample_time=1.0, **limit[name])
         rows = closed_loop(controller, q0, (0.0, 0.0, 0.0), 1500, load=load)
-        angles[name] = [math.degrees(attitude.error_angle(q, (0, 0, 0, 1))) for q, _ in rows]
+        angles[name] = [
+            math.degrees(attitude.error_angle(q, (0, 0, 0, 1))) for q, _ in rows
+        ]
         assert angles[name][120] < 1
         assert np.linalg.norm(rows[-1][1]) < 1e-6
     # what a PD leaves: J kp e = load, e half the angle
@@ -476,8 +558,10 @@ def test_pid_settles_from_90_degrees_and_bears_a_load():
 def test_pid_goes_the_short_way():
     controller = block(
         "controller_pid", gain_matrix=INERTIA, sample_time=1.0, integral_limit=1.0
-    )  # fmt: skip
-    q0 = tuple(-x for x in turned((1, 0, 0), 90))  # scalar < 0: unwinding would turn by 270 deg
+    )
+    q0 = tuple(
+        -x for x in turned((1, 0, 0), 90)
+    )  # scalar < 0: unwinding would turn by 270 deg
     rows = closed_loop(controller, q0, (0.0, 0.0, 0.0), 200)
     angles = [attitude.error_angle(q, (0, 0, 0, 1)) for q, _ in rows]
     assert max(angles) < math.radians(90.1)
@@ -485,8 +569,9 @@ def test_pid_goes_the_short_way():
 
 
 def test_pd_tracks_a_slew_of_the_guidance():
-    """Without an acceleration reference a PD lags by alpha / kp, without a rate reference by
-    kd omega / kp as well; e is half the angle. The quintic's peaks are 10/sqrt(3) and 15/8."""
+    """Without an acceleration reference a PD lags by alpha / kp, without a rate
+    reference by kd omega / kp as well; e is half the angle. The quintic's peaks are
+    10/sqrt(3) and 15/8."""
     slew = {"q_begin_bi": TURN, "q_end_bi": (0.5, 0.5, -0.5, 0.5), "t_end": 600.0}
     guidance = block("guidance_slew", **slew)
 
@@ -500,9 +585,13 @@ def test_pd_tracks_a_slew_of_the_guidance():
     for guide in (with_rate, without_rate):
         controller = block("controller_pd", gain_matrix=INERTIA, sample_time=1.0)
         rows = closed_loop(controller, TURN, (0.0, 0.0, 0.0), 700, guide=guide)
-        errors = [attitude.error_angle(rows[k][0], guide(float(k))[0]) for k in range(701)]
+        errors = [
+            attitude.error_angle(rows[k][0], guide(float(k))[0]) for k in range(701)
+        ]
         worst.append(math.degrees(max(errors)))
         assert errors[-1] < math.radians(0.05)
     angle = math.degrees(attitude.error_angle(slew["q_end_bi"], TURN))
-    assert worst[0] == pytest.approx(2 * 10 / math.sqrt(3) * angle / 600**2 / 1e-2, rel=0.05)
+    assert worst[0] == pytest.approx(
+        2 * 10 / math.sqrt(3) * angle / 600**2 / 1e-2, rel=0.05
+    )
     assert worst[1] == pytest.approx(2 * 0.1 * 15 / 8 * angle / 600 / 1e-2, rel=0.05)

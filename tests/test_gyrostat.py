@@ -1,5 +1,6 @@
-"""The exchange between components, on the gyrostat: accuracy, order, momentum, and checks that
-fail when something is wrong. The authorities are monolithic solutions that are not ours."""
+"""The exchange between components, on the gyrostat: accuracy, order, momentum, and
+checks that fail when something is wrong. The authorities are monolithic solutions that
+are not ours."""
 
 from __future__ import annotations
 
@@ -37,10 +38,13 @@ def authority(name: str):
 
 
 def errors(run, name: str, step: float) -> tuple[float, float]:
-    """Largest attitude error (rad) and wheel momentum error (N m s) at the whole seconds."""
+    """Largest attitude error (rad) and wheel momentum error (N m s) at the whole
+    seconds."""
     every = round(1.0 / step)
     q, _, h = authority(name)
-    attitude = np.radians(pointing(run.results.values("spacecraft.q_bi")[::every], q)).max()
+    attitude = np.radians(
+        pointing(run.results.values("spacecraft.q_bi")[::every], q)
+    ).max()
     momentum = np.abs(run.results.values("wheels.h_wheel")[::every, :3] - h).max()
     return attitude, momentum
 
@@ -59,8 +63,12 @@ def test_scenario_has_the_numbers_of_the_authority():
     assert value("spacecraft", "inertia") == [
         x for row in given["inertia_total_with_locked_wheels"] for x in row
     ]
-    for name, key in (("motor_lag", "motor_lag_s"), ("viscous", "viscous"),
-                      ("coulomb", "coulomb"), ("friction_speed", "omega_eps")):  # fmt: skip
+    for name, key in (
+        ("motor_lag", "motor_lag_s"),
+        ("viscous", "viscous"),
+        ("coulomb", "coulomb"),
+        ("friction_speed", "omega_eps"),
+    ):
         assert value("wheels", name) == given["wheels"][key]
     assert value("wheels", "inertia_wheel")[:3] == [given["wheels"]["spin_inertia"]] * 3
     assert value("wheels", "h_start_wheel")[:3] == given["start"]["h_wheel"]
@@ -72,14 +80,25 @@ def test_scenario_has_the_numbers_of_the_authority():
     assert value("controller", "torque_limit") == control["torque_limit"]
     field = given["field"]
     tilt, phase, k = field["tilt_rad"], field["phase_rad"], field["dipole_T_m3"]
-    axis = (math.sin(tilt) * math.cos(phase), math.sin(tilt) * math.sin(phase), -math.cos(tilt))
-    assert value("environment", "dipole_earth") == pytest.approx([k * x for x in axis], rel=1e-15)
+    axis = (
+        math.sin(tilt) * math.cos(phase),
+        math.sin(tilt) * math.sin(phase),
+        -math.cos(tilt),
+    )
+    assert value("environment", "dipole_earth") == pytest.approx(
+        [k * x for x in axis], rel=1e-15
+    )
     assert value("environment", "semi_major_axis") == given["orbit"]["radius"]
-    assert value("environment", "inclination") == math.radians(given["orbit"]["inclination_deg"])
+    assert value("environment", "inclination") == math.radians(
+        given["orbit"]["inclination_deg"]
+    )
     assert value("environment", "mu") == given["orbit"]["mu"]
     stress = execute("gyrostat/stress", Options(stop=1.0)).manifest["parameters"]
     assert stress["wheels"]["motor_lag"]["value"] == given["stress"]["motor_lag_s"]
-    assert stress["spacecraft"]["omega_start_body"]["value"] == given["stress"]["omega_bi_body"]
+    assert (
+        stress["spacecraft"]["omega_start_body"]["value"]
+        == given["stress"]["omega_bi_body"]
+    )
 
 
 @pytest.mark.parametrize("name", CASES)
@@ -109,13 +128,16 @@ def test_accuracy_under_stress():
 def test_momentum_is_conserved_at_every_step(name, step):
     run = execute(name, Options(step=step))
     assert residual(run) <= 1e-12
-    # without external torque the impulse is exactly zero: the residual is the momentum's drift
+    # without external torque the impulse is exactly zero: the residual is the
+    # momentum's drift
     assert not run.results.values("spacecraft.impulse_eci").any()
 
 
 @pytest.fixture(scope="module")
 def study():
-    return convergence.study("gyrostat/full", Options(stop=150.0), steps=(1.0, 0.5, 0.25))
+    return convergence.study(
+        "gyrostat/full", Options(stop=150.0), steps=(1.0, 0.5, 0.25)
+    )
 
 
 def test_observed_order(study):
@@ -127,8 +149,8 @@ def test_observed_order(study):
 
 
 def test_jacobi_against_the_reference_with_the_same_delays(study):
-    """The delays are all that separates jacobi from the truth: against the ideal reference it errs
-    by 1e-2 rad, against the delayed one it converges as we do."""
+    """The delays are all that separates jacobi from the truth: against the ideal
+    reference it errs by 1e-2 rad, against the delayed one it converges as we do."""
     rows = [r for r in study["rows"] if r["algorithm"] == "jacobi"]
     assert all(r["attitude_error"] > 1e-2 for r in rows)
     assert all(r["momentum_drift"] > 1e-3 for r in rows)
@@ -138,7 +160,8 @@ def test_jacobi_against_the_reference_with_the_same_delays(study):
 
 
 def corrupted(tmp_path, signal: str, factor: float, name: str = "gyrostat/full"):
-    """The packed scenario with one connected signal scaled on its way, run from the folder."""
+    """The packed scenario with one connected signal scaled on its way, run from the
+    folder."""
     packed = pack_scenario(find(name))
     with zipfile.ZipFile(packed) as archive:
         archive.extractall(tmp_path)
@@ -148,7 +171,8 @@ def corrupted(tmp_path, signal: str, factor: float, name: str = "gyrostat/full")
     for line in ssd.read_text(encoding="utf-8").splitlines():
         if f'startConnector="{signal}[' in line and 'endElement="spacecraft"' in line:
             line = line.replace(
-                "/>", f'><ssc:LinearTransformation factor="{factor!r}"/></ssd:Connection>'
+                "/>",
+                f'><ssc:LinearTransformation factor="{factor!r}"/></ssd:Connection>',
             )
             count += 1
         lines.append(line)
@@ -182,17 +206,29 @@ def test_an_actuator_without_slopes_still_conserves(tmp_path):
 def test_the_reference_says_what_it_does_not_know():
     options = Options(sets=["magnetometer.noise=1e-7"])
     system, _ = prepare("gyrostat/full", options).or_raise()
-    with pytest.raises(DesatError, match=r"needs magnetometer.noise = 0.0, it is 1e-07"):
+    with pytest.raises(
+        DesatError, match=r"needs magnetometer.noise = 0.0, it is 1e-07"
+    ):
         Gyrostat(system)
     system, _ = prepare("uosat12/table3-ocdc-ilqr-1", Options()).or_raise()
-    with pytest.raises(DesatError, match="needs environment = environment_kepler, there is env"):
+    with pytest.raises(
+        DesatError, match="needs environment = environment_kepler, there is env"
+    ):
         Gyrostat(system)
 
 
 def test_command():
     def apart(*arguments: str) -> subprocess.CompletedProcess[str]:
-        command = [sys.executable, "-m", "benchmarks.validation", "convergence", *arguments]
-        return subprocess.run(command, capture_output=True, text=True, cwd=ROOT, check=False)
+        command = [
+            sys.executable,
+            "-m",
+            "benchmarks.validation",
+            "convergence",
+            *arguments,
+        ]
+        return subprocess.run(
+            command, capture_output=True, text=True, cwd=ROOT, check=False
+        )
 
     result = apart("gyrostat/free", "--steps", "1,0.5", "--stop", "60")
     assert result.returncode == 0, result.stderr

@@ -65,17 +65,29 @@ arm = "0.25 m"
     rotor = 0.03 / (6500 * RPM)
     for k in range(1, 5):
         assert wheels[f"inertia_wheel[{k}]"] == pytest.approx(rotor)
-        assert found["spacecraft"].parameters[f"inertia_wheel[{k}]"] == pytest.approx(rotor)
+        assert found["spacecraft"].parameters[f"inertia_wheel[{k}]"] == pytest.approx(
+            rotor
+        )
     assert wheels["torque_limit"] == pytest.approx(2e-3)
     assert wheels["speed_limit"] == pytest.approx(6500 * RPM)
     assert wheels["coulomb"] == pytest.approx(2e-5)
     assert wheels["viscous"] == pytest.approx(8e-5 / (6500 * RPM))
     assert wheels["motor_lag"] == pytest.approx(0.05)
     assert found["torquers"].parameters == pytest.approx({"m_limit": 0.2, "lag": 0.02})
-    assert found["gyro"].parameters == pytest.approx({"angle_random_walk": math.radians(0.002)})
-    assert found["determination"].parameters["markov_sigma"] == pytest.approx(math.radians(0.01))
-    assert found["thrusters"].parameters["tau_level[2]"] == pytest.approx(2 * 0.05 * 0.25)
-    assert found["wheels"].origins["torque_limit"].endswith("mine.toml:14: hardware.wheels")
+    assert found["gyro"].parameters == pytest.approx(
+        {"angle_random_walk": math.radians(0.002)}
+    )
+    assert found["determination"].parameters["markov_sigma"] == pytest.approx(
+        math.radians(0.01)
+    )
+    assert found["thrusters"].parameters["tau_level[2]"] == pytest.approx(
+        2 * 0.05 * 0.25
+    )
+    assert (
+        found["wheels"]
+        .origins["torque_limit"]
+        .endswith("mine.toml:14: hardware.wheels")
+    )
 
 
 def test_a_product_gives_its_figures_and_no_more_and_a_craft_goes_before(tmp_path):
@@ -89,11 +101,15 @@ thrusters = "product:MONARC-1"
 [parameters.wheels]
 torque_limit = "2 mN.m"
 """,
-        CRAFT.replace('"thrusters"', '"thrusters_nozzles"').replace('"wheels"', '"wheels_motor"'),
+        CRAFT.replace('"thrusters"', '"thrusters_nozzles"').replace(
+            '"wheels"', '"wheels_motor"'
+        ),
     )
     wheels = found["wheels"].parameters
     rotor = 0.02 / (6500 * RPM)
-    assert [wheels[f"inertia_wheel[{k}]"] for k in range(1, 5)] == pytest.approx([rotor] * 3 + [0])
+    assert [wheels[f"inertia_wheel[{k}]"] for k in range(1, 5)] == pytest.approx(
+        [rotor] * 3 + [0]
+    )
     assert wheels["torque_limit"] == pytest.approx(2e-3)
     assert not {"viscous", "coulomb", "motor_lag", "compensation"} & set(wheels)
     assert found["torquers"].parameters == {"m_limit": 40.0}
@@ -105,12 +121,24 @@ torque_limit = "2 mN.m"
 @pytest.mark.parametrize(
     ("line", "message"),
     [
-        ('wheels = "class:30mNm"', r"wheels = class:30mNm: no such class; did you mean 30mNms\?"),
+        (
+            'wheels = "class:30mNm"',
+            r"wheels = class:30mNm: no such class; did you mean 30mNms\?",
+        ),
         ('wheels = "product:RW"', r"no such product.*there is RWP015, RW0, HR12-12"),
-        ('wheels = "30mNms"', r'wheels = 30mNms: the form is "class:NAME" or "product:NAME"'),
+        (
+            'wheels = "30mNms"',
+            r'wheels = 30mNms: the form is "class:NAME" or "product:NAME"',
+        ),
         ("wheels = 3", r'wheels = 3: "class:NAME" or "product:NAME" is needed'),
-        ('wheel = "class:30mNms"', r"hardware.wheel: no component wheel; did you mean wheels\?"),
-        ('manager = "class:x"', r"manager = class:x: there is no hardware of this role; there is"),
+        (
+            'wheel = "class:30mNms"',
+            r"hardware.wheel: no component wheel; did you mean wheels\?",
+        ),
+        (
+            'manager = "class:x"',
+            r"manager = class:x: there is no hardware of this role; there is",
+        ),
     ],
 )
 def test_hardware_that_is_not_known_is_refused(tmp_path, line, message):
@@ -122,7 +150,11 @@ def test_hardware_that_is_not_known_is_refused(tmp_path, line, message):
 def test_every_product_has_its_source_and_figures_that_can_be():
     products = known_figures("product")
     assert sum(map(len, products.values())) >= 10
-    assert set(products) == set(KINDS.values()) == set(known_figures("class")) - {"requirements"}
+    assert (
+        set(products)
+        == set(KINDS.values())
+        == set(known_figures("class")) - {"requirements"}
+    )
     for which in ("class", "product"):
         for kind, of_kind in known_figures(which).items():
             for name, its in of_kind.items():
@@ -134,16 +166,22 @@ def test_every_product_has_its_source_and_figures_that_can_be():
     # a wheel is filled by its torque in 2 s to some minutes
     for its in products["wheels"].values():
         assert (
-            2.0 < quantity("", its["capacity"], "N.m.s") / quantity("", its["torque"], "N.m") < 300
+            2.0
+            < quantity("", its["capacity"], "N.m.s")
+            / quantity("", its["torque"], "N.m")
+            < 300
         )
     assert figures("gyro", "product:STIM210")[1]["maker"] == "Sensonor"
 
 
 @pytest.mark.parametrize("which", ["class", "product"])
 def test_a_gyros_figure_is_the_same_angle_after_an_hour_at_any_sample_time(which):
-    """Its white noise sums up to the sheet's deg/sqrt(h), whatever the time between samples."""
+    """Its white noise sums up to the sheet's deg/sqrt(h), whatever the time between
+    samples."""
     for name, its in known_figures(which)["gyros"].items():
-        walk = values("gyro", True, figures("gyro", f"{which}:{name}")[1], frozenset(), {})
+        walk = values(
+            "gyro", True, figures("gyro", f"{which}:{name}")[1], frozenset(), {}
+        )
         for period in (1.0, 0.1, 0.01):
             gyro = block_class("rate_gyro")()
             gyro.sample_time, gyro.angle_random_walk = period, walk["angle_random_walk"]
@@ -160,31 +198,42 @@ def test_a_gyros_figure_is_the_same_angle_after_an_hour_at_any_sample_time(which
 @pytest.mark.parametrize("which", ["class", "product"])
 def test_what_a_figure_makes_of_a_component_does_not_depend_on_the_step(role, which):
     """What depends on the time between samples is said where that is the step's."""
-    model = {"gyro": "rate_gyro", "determination": "attitude_determination"}.get(role, role)
+    model = {"gyro": "rate_gyro", "determination": "attitude_determination"}.get(
+        role, role
+    )
     block = block_class(model)()
     has = frozenset(v.name for v in block.variables)
     present = {"axes_wheel": list(getattr(block, "axes_wheel", ())), "arm": 0.3}
     for name in known_figures(which)[KINDS[role]]:
-        found = values(role, which == "class", figures(role, f"{which}:{name}")[1], has, present)
+        found = values(
+            role, which == "class", figures(role, f"{which}:{name}")[1], has, present
+        )
         assert found.keys() <= has
         if white := found.keys() & set(getattr(block, "white", ())):
             fresh = block_class(model)()
             fresh.noise = quantity(name, found["noise"], "rad")
             assert white == {"noise"}
-            assert any("depends on the step" in x for x in fresh.foresee(0.0, 1.0, frozenset()))
+            assert any(
+                "depends on the step" in x for x in fresh.foresee(0.0, 1.0, frozenset())
+            )
             fresh.sample_time = 0.5
             assert not list(fresh.foresee(0.0, 1.0, frozenset()))
 
 
 def test_the_page_is_made_of_what_was_flown():
-    """docs/hardware.md is what its template, the stored flights, classes and products make."""
+    """docs/hardware.md is what its template, the stored flights, classes and products
+    make."""
     from benchmarks import hardware
 
     kept = json.loads(hardware.STORE.read_text(encoding="utf-8"))
-    assert (hardware.DOCS / "hardware.md").read_text(encoding="utf-8") == hardware.page(kept)
+    assert (hardware.DOCS / "hardware.md").read_text(encoding="utf-8") == hardware.page(
+        kept
+    )
     for variant in hardware.VARIANTS:
         for name in variant.flights:
-            assert f"{name} {variant.title}" in kept, "fly it: python -m benchmarks.hardware"
+            assert f"{name} {variant.title}" in kept, (
+                "fly it: python -m benchmarks.hardware"
+            )
 
 
 @pytest.mark.parametrize(
@@ -192,11 +241,17 @@ def test_the_page_is_made_of_what_was_flown():
     [
         ("", 1.0, 1.0),
         ("supply_voltage = 0.075", 0.5, 1.0),  # V 200 m2 / 30 Ohm
-        ('supply_voltage = 3.0\nregulation = "voltage"\ntemperature = 393.15', 1 / 1.393, 1.0),
+        (
+            'supply_voltage = 3.0\nregulation = "voltage"\ntemperature = 393.15',
+            1 / 1.393,
+            1.0,
+        ),
         ("supply_voltage = 3.0", 1.0, 0.4),
     ],
 )
-def test_what_a_supply_leaves_is_what_a_craft_is_sized_by(tmp_path, lines, dipole, share):
+def test_what_a_supply_leaves_is_what_a_craft_is_sized_by(
+    tmp_path, lines, dipole, share
+):
     name = "nadir_day/day-dipole"
     plain = hardware_of(prepare(name, Options(blocks=True)).or_raise()[0])
     file = tmp_path / "mine.toml"

@@ -1,4 +1,5 @@
-"""Paper 003: laws, estimates, phases, what is refused, losses, short runs, stored draws."""
+"""Paper 003: laws, estimates, phases, what is refused, losses, short runs, stored
+draws."""
 
 from __future__ import annotations
 
@@ -38,7 +39,9 @@ PLUS_Y = tuple(-x + 0.0 for x in MINUS_Y)
 ONE_WHEEL = (3.43774677e-4, 0.0, 0.0, 0.0)
 B = (2e-5, -1e-5, 3e-5)
 DETUMBLING, PITCH_SPIN, WHEEL_RAMP, MOMENTUM_DUMP, THREE_AXIS, DONE = range(6)
-START, CONDITION_MET, TIME_LIMIT, LOST, NO_FIELD, NO_RATE, NO_ATTITUDE, NO_MOMENTUM = range(8)
+START, CONDITION_MET, TIME_LIMIT, LOST, NO_FIELD, NO_RATE, NO_ATTITUDE, NO_MOMENTUM = (
+    range(8)
+)
 
 component = st.floats(-1.0, 1.0)
 vectors = st.tuples(component, component, component).filter(lambda v: norm(v) > 1e-2)
@@ -46,7 +49,7 @@ fields = vectors.map(lambda v: tuple(4e-5 * x for x in v))
 rates = vectors.map(lambda v: tuple(0.1 * x for x in v))
 
 
-# --- the laws ---------------------------------------------------------------------------------
+# --- the laws -------------------------------------------------------------------------
 
 
 def field_rate_of(omega, b):
@@ -57,9 +60,15 @@ def field_rate_of(omega, b):
 @given(rates, fields)
 def test_every_detumbling_law_takes_energy(omega, b):
     rate = field_rate_of(omega, b)
-    for m in (laws.b_dot(rate, 5e5), laws.all_coils(omega, b, 5e5), laws.pitch_coil(rate, 3e7)):
+    for m in (
+        laws.b_dot(rate, 5e5),
+        laws.all_coils(omega, b, 5e5),
+        laws.pitch_coil(rate, 3e7),
+    ):
         assert dot(cross(m, b), omega) <= 1e-15 * norm(m)
-    assert laws.b_dot(rate, 5e5) == pytest.approx(laws.all_coils(omega, b, 5e5), abs=1e-12)
+    assert laws.b_dot(rate, 5e5) == pytest.approx(
+        laws.all_coils(omega, b, 5e5), abs=1e-12
+    )
     assert laws.wheel_rate(omega[1], 5e-3) * omega[1] <= 0.0
 
 
@@ -90,7 +99,9 @@ def test_eq_11_asks_the_wheel_for_what_it_lacks(b, h):
     torque = cross(laws.momentum_dump(b, h, 0.09, 2e6), b)[1]
     # the wheel holds the pitch angle: it gives the body -torque, and so h' = -torque
     assert -torque * (0.09 - h) >= 0.0
-    assert torque == pytest.approx(2e6 * (h - 0.09) * (b[0] ** 2 + b[2] ** 2), abs=1e-15)
+    assert torque == pytest.approx(
+        2e6 * (h - 0.09) * (b[0] ** 2 + b[2] ** 2), abs=1e-15
+    )
 
 
 def test_eq_10_has_the_paper_s_frequency_and_damping():
@@ -100,7 +111,9 @@ def test_eq_10_has_the_paper_s_frequency_and_damping():
 
 
 @pytest.mark.parametrize("degrees", [-179.0, -90.0, -10.0, 0.0, 40.0, 120.0])
-def test_the_pitch_angle_is_the_turn_about_y_whatever_the_turn_about_the_pitch_axis_left(degrees):
+def test_the_pitch_angle_is_the_turn_about_y_whatever_the_turn_about_the_pitch_axis_left(
+    degrees,
+):
     angle = math.radians(degrees)
     nadir = (-math.sin(angle), 0.0, math.cos(angle))  # C(q) (0, 0, 1) of a turn about y
     assert laws.pitch_angle(nadir) == pytest.approx(angle)
@@ -143,8 +156,12 @@ def test_the_look_ahead_is_the_least_squares_of_two_torques(h, b, later, alpha):
 def test_the_field_ahead_is_that_of_a_dipole_further_along_the_orbit():
     r, v = (7e6, 0.0, 0.0), (0.0, 0.0, 7.5e3)
     quarter = 0.5 * math.pi * 7e6 / 7.5e3
-    assert laws.field_ahead(r, v, 0.0) == pytest.approx((0.0, 0.0, 1.0))  # north at the equator
-    assert laws.field_ahead(r, v, quarter) == pytest.approx((0.0, 0.0, -1.0))  # down at the pole
+    assert laws.field_ahead(r, v, 0.0) == pytest.approx(
+        (0.0, 0.0, 1.0)
+    )  # north at the equator
+    assert laws.field_ahead(r, v, quarter) == pytest.approx(
+        (0.0, 0.0, -1.0)
+    )  # down at the pole
     assert laws.field_ahead((0.0, 0.0, 0.0), v, 1.0) == (0.0, 0.0, 0.0)
 
 
@@ -153,7 +170,7 @@ def test_no_dipole_without_a_field():
     assert field_rate.rate_across((0.0, 0.0, 0.0), (1.0, 0.0, 0.0)) == (0.0, 0.0, 0.0)
 
 
-# --- the field's rate and the body's ------------------------------------------------------------
+# --- the field's rate and the body's --------------------------------------------------
 
 
 @given(rates, fields)
@@ -167,20 +184,23 @@ def test_the_filter_is_a_first_order_low_pass_and_passes_a_ramp():
     slope, last = (1e-6, -2e-6, 0.0), (0.0, 0.0, 0.0)
     for _ in range(10):
         last = field_rate.filtered(last, slope, 0.2, 1.0)
-    assert last == pytest.approx(tuple((1 - math.exp(-2.0)) * x for x in slope), abs=1e-18)
+    assert last == pytest.approx(
+        tuple((1 - math.exp(-2.0)) * x for x in slope), abs=1e-18
+    )
     assert field_rate.filtered((1.0, 1.0, 1.0), slope, 1e3, 1.0) == pytest.approx(slope)
 
 
 def turning(omega, wheel, seconds, part=0.1):
-    """omega (rad/s) and a field that stands still, body, each second: RK4 on Euler's equations."""
+    """omega (rad/s) and a field that stands still, body, each second: RK4 on Euler's
+    equations."""
     inertia = np.reshape(J, (3, 3))
     inverse = np.linalg.inv(inertia)
 
     def slope(y):
         w, b = y[:3], y[3:]
-        return np.concatenate([
-            -inverse @ np.cross(w, inertia @ w + wheel), -np.cross(w, b)
-        ])  # fmt: skip
+        return np.concatenate(
+            [-inverse @ np.cross(w, inertia @ w + wheel), -np.cross(w, b)]
+        )
 
     y = np.array([*omega, *B])
     rows = [y]
@@ -204,9 +224,11 @@ def test_the_observer_finds_the_rate_from_the_field_alone(omega):
     for row in truth[1:]:
         found, b = rate_observer.predicted(
             found, b, still, still, tuple(wheel), J, inverse, 1.0
-        )  # fmt: skip
+        )
         found, b = rate_observer.corrected(found, b, tuple(row[3:]), 0.1, 1.0)
-    assert norm(sub(found, tuple(truth[-1, :3]))) < 2e-3  # of 0.17: also along the field
+    assert (
+        norm(sub(found, tuple(truth[-1, :3]))) < 2e-3
+    )  # of 0.17: also along the field
 
 
 def test_the_observer_s_model_is_euler_s_equations():
@@ -214,12 +236,14 @@ def test_the_observer_s_model_is_euler_s_equations():
     truth = turning(omega, wheel, 1.0)
     inverse = tuple(np.linalg.inv(np.reshape(J, (3, 3))).ravel())
     still = (0.0, 0.0, 0.0)
-    w, b = rate_observer.predicted(omega, B, still, still, tuple(wheel), J, inverse, 1.0)
+    w, b = rate_observer.predicted(
+        omega, B, still, still, tuple(wheel), J, inverse, 1.0
+    )
     assert w == pytest.approx(truth[-1, :3], abs=2e-6)
     assert b == pytest.approx(truth[-1, 3:], abs=1e-9)
 
 
-# --- the blocks -------------------------------------------------------------------------------
+# --- the blocks -----------------------------------------------------------------------
 
 
 def manager(name="manager_start_up", axes=MINUS_Y, **parameters):
@@ -264,7 +288,9 @@ def test_the_first_sample_gives_no_command_and_none_is_made_across_a_gap(law):
 
 
 @pytest.mark.parametrize("axes", [MINUS_Y, PLUS_Y])
-def test_the_wheel_s_torque_on_the_body_is_against_its_pitch_rate_whatever_its_axis(axes):
+def test_the_wheel_s_torque_on_the_body_is_against_its_pitch_rate_whatever_its_axis(
+    axes,
+):
     block = manager(axes=axes)
     step(block, 0, b_body=B, omega_bi_body=(0.0, 0.1, 0.0))
     step(block, 1, b_body=turned(B, 1))
@@ -280,8 +306,12 @@ def test_both_axes_and_every_place_of_the_wheel_have_the_same_momentum_along_min
 
 
 UPRIGHT = (0.0, 0.0, 0.0, 1.0)
-POINTING = {"b_body": B, "q_bi": UPRIGHT, "q_ref_bi": UPRIGHT,
-            "omega_ref_body": (0.0, -1.07e-3, 0.0)}  # fmt: skip
+POINTING = {
+    "b_body": B,
+    "q_bi": UPRIGHT,
+    "q_ref_bi": UPRIGHT,
+    "omega_ref_body": (0.0, -1.07e-3, 0.0),
+}
 SLOW = (0.0, -1.07e-3, 0.0)
 
 
@@ -290,13 +320,20 @@ def test_the_proposed_procedure_goes_through_its_phases_and_says_why():
     seen = []
     for k in range(12):
         inputs = dict(POINTING, omega_bi_body=SLOW if k >= 2 else (0.1, 0.1, 0.1))
-        inputs["h_wheel"] = (0.0895 if k >= 6 else 0.0896 if k >= 7 else 0.02, 0.0, 0.0, 0.0)
+        inputs["h_wheel"] = (
+            0.0895 if k >= 6 else 0.0896 if k >= 7 else 0.02,
+            0.0,
+            0.0,
+            0.0,
+        )
         if k >= 6:
             inputs["h_wheel"] = (0.09, 0.0, 0.0, 0.0)
         step(block, k, **inputs)
         seen.append((block.phase, block.reason))
     assert seen[:4] == [(DETUMBLING, START)] * 4
-    assert seen[4:6] == [(MOMENTUM_DUMP, CONDITION_MET)] * 2  # slow from 2 on, held for 2 s
+    assert (
+        seen[4:6] == [(MOMENTUM_DUMP, CONDITION_MET)] * 2
+    )  # slow from 2 on, held for 2 s
     assert seen[6] == (THREE_AXIS, CONDITION_MET)
     assert seen[-1] == (DONE, CONDITION_MET)
     step(block, 12, omega_bi_body=(0.0, 0.0, 0.16))
@@ -308,8 +345,13 @@ def test_the_conventional_procedure_spins_ramps_and_points():
     seen = []
     for k in range(6):
         spinning = (0.0, -0.31 - 1.07e-3, 0.0)
-        step(block, k, **POINTING, omega_bi_body=SLOW if k in (0, 1, 4, 5) else spinning,
-             h_wheel=(0.09 if k >= 4 else 0.0, 0.0, 0.0, 0.0))  # fmt: skip
+        step(
+            block,
+            k,
+            **POINTING,
+            omega_bi_body=SLOW if k in (0, 1, 4, 5) else spinning,
+            h_wheel=(0.09 if k >= 4 else 0.0, 0.0, 0.0, 0.0),
+        )
         seen.append(block.phase)
     assert seen == [PITCH_SPIN, PITCH_SPIN, WHEEL_RAMP, WHEEL_RAMP, THREE_AXIS, DONE]
 
@@ -341,14 +383,25 @@ def in_phase(name, phase, **parameters):
     """A manager in a phase, after two samples of a field that turns."""
     block = manager(name, **parameters)
     for k in range(2):
-        step(block, k, **dict(POINTING, b_body=turned(B, k)), omega_bi_body=(0.02, 0.03, -0.02),
-             h_wheel=(0.05, 0.0, 0.0, 0.0))  # fmt: skip
+        step(
+            block,
+            k,
+            **dict(POINTING, b_body=turned(B, k)),
+            omega_bi_body=(0.02, 0.03, -0.02),
+            h_wheel=(0.05, 0.0, 0.0, 0.0),
+        )
     block.phase = phase
     return block
 
 
-PUBLISHED = ((1, PITCH_SPIN), (1, WHEEL_RAMP), (2, MOMENTUM_DUMP), (1, THREE_AXIS), (2, DONE),
-             (0, DETUMBLING))  # fmt: skip
+PUBLISHED = (
+    (1, PITCH_SPIN),
+    (1, WHEEL_RAMP),
+    (2, MOMENTUM_DUMP),
+    (1, THREE_AXIS),
+    (2, DONE),
+    (0, DETUMBLING),
+)
 
 
 @pytest.mark.parametrize(("procedure", "phase"), PUBLISHED)
@@ -365,7 +418,9 @@ def test_without_rate_or_attitude_there_is_b_dot_alone(phase, lost):
     block = in_phase("manager_start_up", phase, procedure=1)
     before, b = turned(B, 1), turned(B, 2)
     step(block, 2, b_body=b, **{lost: False})
-    assert block.m_cmd_body == pytest.approx(laws.b_dot(sub(b, before), block.gain_b_dot))
+    assert block.m_cmd_body == pytest.approx(
+        laws.b_dot(sub(b, before), block.gain_b_dot)
+    )
     assert not any(block.tau_cmd_wheel)
     assert block.reason == (NO_RATE if lost == "valid_omega" else NO_ATTITUDE)
 
@@ -388,25 +443,39 @@ def test_in_the_momentum_dump_the_wheel_can_hold_what_the_coils_give():
 def test_the_look_ahead_needs_an_attitude_and_else_ours_takes_its_place():
     dipoles = []
     for parameters, valid in (({"law": 2}, True), ({"law": 2}, False), ({}, True)):
-        block = in_phase("manager_detumbling_optimal", DETUMBLING, gain=1e5, **parameters)
+        block = in_phase(
+            "manager_detumbling_optimal", DETUMBLING, gain=1e5, **parameters
+        )
         step(block, 2, b_body=turned(B, 2), valid_q=valid)
         dipoles.append(block.m_cmd_body)
     assert dipoles[1] == dipoles[2] != dipoles[0]
 
 
-STALE = {"valid_b": NO_FIELD, "valid_omega": NO_RATE, "valid_q": NO_ATTITUDE,
-         "valid_h": NO_MOMENTUM}  # fmt: skip
+STALE = {
+    "valid_b": NO_FIELD,
+    "valid_omega": NO_RATE,
+    "valid_q": NO_ATTITUDE,
+    "valid_h": NO_MOMENTUM,
+}
 
 
 @pytest.mark.parametrize("lost", STALE)
 def test_ours_never_commands_from_what_is_lost(lost):
-    names = {"valid_b": "b_body", "valid_omega": "omega_bi_body", "valid_q": "q_bi",
-             "valid_h": "h_wheel"}  # fmt: skip
+    names = {
+        "valid_b": "b_body",
+        "valid_omega": "omega_bi_body",
+        "valid_q": "q_bi",
+        "valid_h": "h_wheel",
+    }
     commands = []
     for stale in (0.5, 2.0):  # what is lost has different values: the commands have not
         block = in_phase("manager_detumbling_optimal", MOMENTUM_DUMP, task=1)
         value = getattr(block, names[lost])
-        value = tuple(stale * x for x in value) if lost != "valid_q" else (stale, 0.0, 0.0, 1.0)
+        value = (
+            tuple(stale * x for x in value)
+            if lost != "valid_q"
+            else (stale, 0.0, 0.0, 1.0)
+        )
         if lost != "valid_b":
             block.b_body = turned(B, 2)
         step(block, 2, **{names[lost]: value, lost: False})
@@ -425,9 +494,16 @@ def test_disabled_it_commands_nothing():
 
 
 def test_the_wheel_is_not_driven_beyond_its_limit_but_back():
-    block = in_phase("manager_detumbling_optimal", DETUMBLING, h_limit=0.05, h_nominal=0.05)
-    step(block, 2, b_body=turned(B, 2), h_wheel=(0.05, 0.0, 0.0, 0.0),
-         omega_bi_body=(0.0, -0.1, 0.0))  # fmt: skip
+    block = in_phase(
+        "manager_detumbling_optimal", DETUMBLING, h_limit=0.05, h_nominal=0.05
+    )
+    step(
+        block,
+        2,
+        b_body=turned(B, 2),
+        h_wheel=(0.05, 0.0, 0.0, 0.0),
+        omega_bi_body=(0.0, -0.1, 0.0),
+    )
     assert not any(block.tau_cmd_wheel)
     step(block, 3, b_body=turned(B, 3), omega_bi_body=(0.0, 0.1, 0.0))
     assert block.tau_cmd_wheel[0] < 0.0
@@ -442,7 +518,7 @@ def test_a_command_at_its_limit_is_flagged():
     assert abs(block.m_cmd_body[1]) == block.m_limit
 
 
-# --- what is refused --------------------------------------------------------------------------
+# --- what is refused ------------------------------------------------------------------
 
 TWO = (0.0, 0.0, 0.0, 0.0, -1.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 SKEW = (0.6, 0.0, 0.0, 0.0, -0.8, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
@@ -451,20 +527,34 @@ SKEW = (0.6, 0.0, 0.0, 0.0, -0.8, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 @pytest.mark.parametrize(
     ("parameters", "text"),
     [
-        ({"sample_time": 5.0}, r"sample_time = 5.0 s is outside \(0, 2\]: .*at 10 s it never conv"),
+        (
+            {"sample_time": 5.0},
+            r"sample_time = 5.0 s is outside \(0, 2\]: .*at 10 s it never conv",
+        ),
         ({"sample_time": 0.0}, r"sample_time = 0.0 s is outside \(0, 2\]"),
         ({"axes": (0.0,) * 12}, "axes_wheel has 0 wheels; one along"),
         ({"axes": TWO}, "axes_wheel has 2 wheels; one along"),
         ({"axes": SKEW}, r"the wheel's axis \(0.6, -0.8, 0.0\) is not along \+y or -y"),
         ({"h_nominal": 0.2}, "h_nominal = 0.2 N m s is beyond h_limit = 0.18"),
-        ({"momentum_share": 3.0}, "momentum_share = 3.0 of h_nominal is beyond h_limit"),
-        ({"rate_lost": 0.002}, "rate_lost = 0.002 rad/s is not above rate_limit = 0.003"),
-        ({"hold_time": 60.0, "time_limit": (30.0, 0.0, 0.0, 0.0, 0.0)},
-         r"hold_time = 60.0 s is not below time_limit\[1\] = 30.0 s"),
+        (
+            {"momentum_share": 3.0},
+            "momentum_share = 3.0 of h_nominal is beyond h_limit",
+        ),
+        (
+            {"rate_lost": 0.002},
+            "rate_lost = 0.002 rad/s is not above rate_limit = 0.003",
+        ),
+        (
+            {"hold_time": 60.0, "time_limit": (30.0, 0.0, 0.0, 0.0, 0.0)},
+            r"hold_time = 60.0 s is not below time_limit\[1\] = 30.0 s",
+        ),
         ({"rate_limit": 0.0}, r"rate_limit = 0.0 is outside \[1e-09"),
-        ({"wheel_torque": 6e-3}, "wheel_torque = 0.006 N m is beyond torque_limit = 0.005"),
+        (
+            {"wheel_torque": 6e-3},
+            "wheel_torque = 0.006 N m is beyond torque_limit = 0.005",
+        ),
     ],
-)  # fmt: skip
+)
 def test_what_makes_no_sense_is_refused(parameters, text):
     with pytest.raises(BlockError, match=text):
         manager(**parameters)
@@ -473,30 +563,60 @@ def test_what_makes_no_sense_is_refused(parameters, text):
 @pytest.mark.parametrize(
     ("given", "key", "got", "allowed"),
     [
-        ("[shared]\nsample_time = 5.0", "shared.sample_time: manager",
-         "sample_time = 5.0 s", "is outside (0, 2]: at 5 s detumbling"),
-        ("[shared]\naxes_wheel = [[0,0,0,0], [0,0,0,0], [0,0,0,0]]", "shared.axes_wheel: manager",
-         "axes_wheel has 0 wheels", "one along +y or -y is needed"),
-        ("[shared]\ninertia_wheel = [3.43774677e-4, 3.43774677e-4, 0, 0]\n"
-         "axes_wheel = [[0,0,0,0], [-1,1,0,0], [0,0,0,0]]", "shared.axes_wheel: manager",
-         "axes_wheel has 2 wheels", "one along +y or -y is needed"),
-        ("[shared]\naxes_wheel = [[0.6,0,0,0], [-0.8,0,0,0], [0,0,0,0]]",
-         "shared.axes_wheel: manager", "axis (0.6, -0.8, 0.0)", "is not along +y or -y"),
-        ("[parameters.manager]\nh_nominal = 0.2", "parameters.manager.h_nominal: manager",
-         "h_nominal = 0.2 N m s", "is beyond h_limit = 0.18"),
-        ("[parameters.manager]\nrate_lost = 0.002", "parameters.manager.rate_lost: manager",
-         "rate_lost = 0.002 rad/s", "is not above rate_limit = 0.003: detumbling would never be"),
-        ("[parameters.manager]\nmomentum_share = 3.0", "parameters.manager.momentum_share: manager",
-         "momentum_share = 3.0", "is beyond h_limit = 0.18 N m s: it is never reached"),
+        (
+            "[shared]\nsample_time = 5.0",
+            "shared.sample_time: manager",
+            "sample_time = 5.0 s",
+            "is outside (0, 2]: at 5 s detumbling",
+        ),
+        (
+            "[shared]\naxes_wheel = [[0,0,0,0], [0,0,0,0], [0,0,0,0]]",
+            "shared.axes_wheel: manager",
+            "axes_wheel has 0 wheels",
+            "one along +y or -y is needed",
+        ),
+        (
+            "[shared]\ninertia_wheel = [3.43774677e-4, 3.43774677e-4, 0, 0]\n"
+            "axes_wheel = [[0,0,0,0], [-1,1,0,0], [0,0,0,0]]",
+            "shared.axes_wheel: manager",
+            "axes_wheel has 2 wheels",
+            "one along +y or -y is needed",
+        ),
+        (
+            "[shared]\naxes_wheel = [[0.6,0,0,0], [-0.8,0,0,0], [0,0,0,0]]",
+            "shared.axes_wheel: manager",
+            "axis (0.6, -0.8, 0.0)",
+            "is not along +y or -y",
+        ),
+        (
+            "[parameters.manager]\nh_nominal = 0.2",
+            "parameters.manager.h_nominal: manager",
+            "h_nominal = 0.2 N m s",
+            "is beyond h_limit = 0.18",
+        ),
+        (
+            "[parameters.manager]\nrate_lost = 0.002",
+            "parameters.manager.rate_lost: manager",
+            "rate_lost = 0.002 rad/s",
+            "is not above rate_limit = 0.003: detumbling would never be",
+        ),
+        (
+            "[parameters.manager]\nmomentum_share = 3.0",
+            "parameters.manager.momentum_share: manager",
+            "momentum_share = 3.0",
+            "is beyond h_limit = 0.18 N m s: it is never reached",
+        ),
     ],
-)  # fmt: skip
+)
 def test_a_refusal_names_file_component_variable_got_and_allowed(
     given, key, got, allowed, tmp_path
 ):
     file = tmp_path / "mine.toml"
     file.write_text(f'extends = "hausat2/detumbling-wheel"\n{given}\n')
     system, schedule = prepare(str(file), Options(blocks=True)).or_raise()
-    (line,) = explain(system, "\n".join(trial_initialisation.refusals(system, schedule)[0]))
+    (line,) = explain(
+        system, "\n".join(trial_initialisation.refusals(system, schedule)[0])
+    )
     line = line.replace("0.17999999995879792", "0.18")
     assert line.startswith(f"{file}: {key}: ")
     assert got in line
@@ -507,7 +627,7 @@ def test_an_experiment_may_sample_slowly():
     assert manager(sample_time=5.0, experiment=True).phase == DETUMBLING
 
 
-# --- measures ---------------------------------------------------------------------------------
+# --- measures -------------------------------------------------------------------------
 
 
 def test_measures_of_phases_and_drives():
@@ -517,11 +637,16 @@ def test_measures_of_phases_and_drives():
         np.array([[0], [0], [1], [1], [2]]),
     )
     assert measures.largest_while(times, values, phase, 1) == 2.0
-    assert measures.largest_while(times, np.hstack([values, 9.0 * values]), phase, 1, 1) == 2.0
+    assert (
+        measures.largest_while(times, np.hstack([values, 9.0 * values]), phase, 1, 1)
+        == 2.0
+    )
     assert math.isnan(measures.largest_while(times, values, phase, 7))
     assert measures.until_above(times, values, 0.4) == 2.0
     assert math.isnan(measures.until_above(times, values, 9.0))
-    assert measures.drive_energy(times, np.full((5, 1), -100.0), 2.0, 200.0) == pytest.approx(4.0)
+    assert measures.drive_energy(
+        times, np.full((5, 1), -100.0), 2.0, 200.0
+    ) == pytest.approx(4.0)
     assert math.isnan(measures.first_below(times, values, 0.1))
 
 
@@ -532,7 +657,7 @@ def test_the_angle_between_lines_is_folded(a, b):
     assert np.cos(np.radians(found)) == pytest.approx([cosine, cosine], abs=1e-9)
 
 
-# --- runs -------------------------------------------------------------------------------------
+# --- runs -----------------------------------------------------------------------------
 
 
 def run(name, **options):
@@ -557,7 +682,8 @@ def test_ours_detumbles_and_momentum_is_accounted_for(ours):
 
 
 def test_the_least_time_s_plant_is_that_of_the_run_and_its_search_gets_below_the_law():
-    """From a tenth of the rate, at which the law is not done in 3 min, and the search is."""
+    """From a tenth of the rate, at which the law is not done in 3 min, and the search
+    is."""
     actuators = ("torquers.m_mean_body", "wheels.tau_mean_wheel")
     slow = "spacecraft.omega_start_body=[0.01,-0.01,0.01]"
     record = (*least_time.SIGNALS, *actuators)
@@ -566,8 +692,10 @@ def test_the_least_time_s_plant_is_that_of_the_run_and_its_search_gets_below_the
     plant = least_time.plant_of(found.manifest, found.results)
     y = plant.start
     for k in range(40):
-        u = np.r_[values("torquers.m_mean_body")[k] / plant.dipole,
-                  values("wheels.tau_mean_wheel")[k, 0] / plant.torque]  # fmt: skip
+        u = np.r_[
+            values("torquers.m_mean_body")[k] / plant.dipole,
+            values("wheels.tau_mean_wheel")[k, 0] / plant.torque,
+        ]
         y = plant.held(y, u, float(k), 1.0, 2)
     omega, h = values("spacecraft.omega_bi_body"), values("wheels.h_wheel")
     assert plant.rates(y) == pytest.approx(omega[40], abs=1e-6)
@@ -575,15 +703,26 @@ def test_the_least_time_s_plant_is_that_of_the_run_and_its_search_gets_below_the
     assert found.manifest["numbers"]["detumbled"]["value"] is None
     times = least_time.of_run(found.manifest, found.results, 180.0, 60.0, rounds=2)
     assert times.floor < times.found < 180.0
-    with pytest.raises(DesatError, match=r"detumbling-ours: .*r_eci is not recorded; the least"):
-        least_time.plant_of(found.manifest, run("detumbling-ours", stop=2.0,
-                            record=("spacecraft.*", "environment.b_eci")).results)  # fmt: skip
+    with pytest.raises(
+        DesatError, match=r"detumbling-ours: .*r_eci is not recorded; the least"
+    ):
+        least_time.plant_of(
+            found.manifest,
+            run(
+                "detumbling-ours",
+                stop=2.0,
+                record=("spacecraft.*", "environment.b_eci"),
+            ).results,
+        )
 
 
-@pytest.mark.parametrize("name", ["detumbling-ours", "rate-0.10-b-dot", "start-up-proposed"])
+@pytest.mark.parametrize(
+    "name", ["detumbling-ours", "rate-0.10-b-dot", "start-up-proposed"]
+)
 def test_the_impulse_of_the_coils_is_the_change_of_momentum(name):
-    found = run(name, stop=100.0, step=0.1,
-                sets=["spacecraft.gravity_gradient=false"]).results  # fmt: skip
+    found = run(
+        name, stop=100.0, step=0.1, sets=["spacecraft.gravity_gradient=false"]
+    ).results
     impulse = found.values("spacecraft.impulse_eci")
     q, b = found.values("spacecraft.q_bi"), found.values("environment.b_eci")
     m = found.values("torquers.m_mean_body")
@@ -592,12 +731,18 @@ def test_the_impulse_of_the_coils_is_the_change_of_momentum(name):
     middle /= np.linalg.norm(middle, axis=1, keepdims=True)
     torque = np.cross(derived.rotate_back(middle, m[:n]), (b[:n] + b[1 : n + 1]) / 2.0)
     # the middle of a step stands for it: (0.17 rad/s 0.1 s)^2 / 24 = 1.2e-5
-    assert 0.1 * torque.sum(axis=0) == pytest.approx(impulse[n], abs=2e-5 * np.abs(impulse).max())
+    assert 0.1 * torque.sum(axis=0) == pytest.approx(
+        impulse[n], abs=2e-5 * np.abs(impulse).max()
+    )
     momentum = derived.rotate_back(
-        q, found.values("spacecraft.omega_bi_body") * (np.array(J[::4]) - [0.0, ONE_WHEEL[0], 0.0])
+        q,
+        found.values("spacecraft.omega_bi_body")
+        * (np.array(J[::4]) - [0.0, ONE_WHEEL[0], 0.0])
         - np.outer(found.values("wheels.h_wheel")[:, 0], [0.0, 1.0, 0.0]),
-    )  # fmt: skip
-    assert momentum[n] - momentum[0] == pytest.approx(impulse[n], abs=1e-13 * norm(momentum[0]))
+    )
+    assert momentum[n] - momentum[0] == pytest.approx(
+        impulse[n], abs=1e-13 * norm(momentum[0])
+    )
 
 
 @pytest.mark.parametrize(
@@ -608,7 +753,9 @@ def test_fmus_give_the_bits_of_the_blocks(name):
     one, other = run(name, **options), run(name, blocks=False, **options)
     assert one.results.names() == other.results.names()
     for series in one.results.names():
-        assert np.array_equal(one.results.values(series), other.results.values(series)), series
+        assert np.array_equal(
+            one.results.values(series), other.results.values(series)
+        ), series
 
 
 def test_every_exchange_a_sample_late_is_what_jacobi_does():
@@ -622,22 +769,26 @@ def test_every_exchange_a_sample_late_is_what_jacobi_does():
 
 
 def test_another_manager_swaps_in_by_its_source():
-    """Its law is flown: each coil at its limit with the sign that takes most energy, where the
-    craft's own drives the pitch coil alone."""
-    swapped = run("detumbling-wheel", stop=30.0,
-                  sources=["manager=manager_detumbling_optimal"])  # fmt: skip
+    """Its law is flown: each coil at its limit with the sign that takes most energy,
+    where the craft's own drives the pitch coil alone."""
+    swapped = run(
+        "detumbling-wheel", stop=30.0, sources=["manager=manager_detumbling_optimal"]
+    )
     plain = run("detumbling-wheel", stop=30.0)
     assert not plain.results.values("manager.m_cmd_body")[:, [0, 2]].any()
     values = swapped.results.values
     field = derived.rotate(values("spacecraft.q_bi"), values("environment.b_eci"))
-    power = np.cross(values("spacecraft.omega_bi_body"), field)[:-1]  # W/(A m2), of each coil
+    power = np.cross(values("spacecraft.omega_bi_body"), field)[
+        :-1
+    ]  # W/(A m2), of each coil
     wanted = np.clip(3e7 * power, -2.0, 2.0)
     assert values("manager.m_cmd_body") == pytest.approx(wanted, rel=1e-6)
     assert (np.abs(wanted) == 2.0).mean() > 0.9
 
 
 def first_slow(omega):
-    """Minutes after which all rates are below 0.003 rad/s and stay there for 60 s; steps of 1 s."""
+    """Minutes after which all rates are below 0.003 rad/s and stay there for 60 s;
+    steps of 1 s."""
     times = np.arange(1.0, len(omega) + 1.0)
     return measures.first_below(times, omega, 3e-3, held=60.0) / 60.0
 
@@ -647,7 +798,9 @@ def wanted_of(path):
     return {n: r for n, r in variables.items() if n.startswith("omega_bi_body[")}
 
 
-@pytest.mark.skipif(not importlib.util.find_spec("libcosimpy"), reason="libcosimpy not installable")
+@pytest.mark.skipif(
+    not importlib.util.find_spec("libcosimpy"), reason="libcosimpy not installable"
+)
 def test_it_detumbles_in_libcosim_too(ours):
     path = pack_scenario(find("hausat2/detumbling-ours"))
     wanted = [("spacecraft", list(wanted_of(path).values()))]
@@ -656,7 +809,9 @@ def test_it_detumbles_in_libcosim_too(ours):
     assert abs(first_slow(omega) - mine) <= 2.0  # each of its links costs a sample
 
 
-@pytest.mark.skipif(not importlib.util.find_spec("ecospy"), reason="ecospy not installable")
+@pytest.mark.skipif(
+    not importlib.util.find_spec("ecospy"), reason="ecospy not installable"
+)
 def test_it_detumbles_in_ecos_too(ours):
     path = pack_scenario(find("hausat2/detumbling-ours"))
     wanted = [("spacecraft", name) for name in wanted_of(path)]
@@ -665,14 +820,18 @@ def test_it_detumbles_in_ecos_too(ours):
     assert abs(first_slow(omega) - mine) <= 2.0
 
 
-# --- stored runs and draws --------------------------------------------------------------------
+# --- stored runs and draws ------------------------------------------------------------
 
 
 def test_momentum_adds_up_in_every_run():
     """Each scenario whole: `python -m benchmarks.residuals`."""
-    found = json.loads(stored.file_of("hausat2").with_name("residuals.json").read_text())
+    found = json.loads(
+        stored.file_of("hausat2").with_name("residuals.json").read_text()
+    )
     assert set(found["runs"]) == set(scenarios("hausat2"))
-    late = found["runs"].pop("hausat2/ours-jacobi")  # on purpose: a sample of the wheel's torque
+    late = found["runs"].pop(
+        "hausat2/ours-jacobi"
+    )  # on purpose: a sample of the wheel's torque
     assert max(r["share"] for r in found["runs"].values()) <= 1e-13
     assert late["residual"] <= 1e-3 * (1.0 + 1e-9)
 
@@ -711,22 +870,32 @@ def test_a_difference_of_draws_is_the_median_of_the_differences_draw_by_draw():
         [r.numbers["detumbled"] for r in kept[f"hausat2/detumbling-{law}"]["draws"]]
         for law in ("b-dot", "wheel")
     )
-    found = tables._pairs_of(find("hausat2/detumbling-b-dot"), kept)["summary"]["longer"].levels
-    assert found["median"] == pytest.approx(np.median(np.subtract(ours, theirs)), abs=1e-9)
+    found = tables._pairs_of(find("hausat2/detumbling-b-dot"), kept)["summary"][
+        "longer"
+    ].levels
+    assert found["median"] == pytest.approx(
+        np.median(np.subtract(ours, theirs)), abs=1e-9
+    )
     assert 40.0 <= found["median"] <= 65.0  # the paper's 50 min
-    assert found["median"] != pytest.approx(np.median(ours) - np.median(theirs), abs=1e-3)
+    assert found["median"] != pytest.approx(
+        np.median(ours) - np.median(theirs), abs=1e-3
+    )
 
 
 def test_the_verdict_of_each_claim_is_that_of_its_draws():
     kept = drawn()
     claims = [
-        row for name in kept if name.startswith("hausat2/gain-k")
+        row
+        for name in kept
+        if name.startswith("hausat2/gain-k")
         for row in rows_of(find(name), medians_of(kept[name]), {}, kept[name])
         if row.table == "claims" and row.band is not None
-    ]  # fmt: skip
+    ]
     assert len(claims) == 8
     for row in claims:
-        assert row.remark.startswith("holds" if row.within else "does not hold"), row.scenario
+        assert row.remark.startswith("holds" if row.within else "does not hold"), (
+            row.scenario
+        )
     name = "hausat2/start-up-conventional"
     start_up = rows_of(find(name), medians_of(kept[name]), {}, kept[name])
     (spin,) = (row for row in start_up if row.quantity == "largest_roll_rate_in_spin")
@@ -734,7 +903,9 @@ def test_the_verdict_of_each_claim_is_that_of_its_draws():
 
 
 def medians_of(stored_):
-    return {name: number.levels["median"] for name, number in stored_["summary"].items()}
+    return {
+        name: number.levels["median"] for name, number in stored_["summary"].items()
+    }
 
 
 MISSED = {
@@ -744,13 +915,18 @@ MISSED = {
 
 
 def outside() -> set[tuple[str, str, str]]:
-    """Scenario, row and number of the stored draws of which one is outside its row's `each`."""
+    """Scenario, row and number of the stored draws of which one is outside its row's
+    `each`."""
     missed = set()
     for name, stored_ in drawn().items():
         scenario, summary = find(name), stored_["summary"]
         for key, row in scenario.content.judged.items():
             number = row.of
-            if number in summary and row.each and not isinstance(row.tolerance, OfNumber):
+            if (
+                number in summary
+                and row.each
+                and not isinstance(row.tolerance, OfNumber)
+            ):
                 low, high = row.each
                 if (
                     not low
@@ -763,5 +939,6 @@ def outside() -> set[tuple[str, str, str]]:
 
 
 def test_stored_draws_keep_the_bands_but_for_those_that_are_known():
-    """What misses is known by name, as the tables show it: one more, or one less, is news."""
+    """What misses is known by name, as the tables show it: one more, or one less, is
+    news."""
     assert outside() == MISSED

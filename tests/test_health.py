@@ -1,6 +1,6 @@
-"""What a run says of itself whatever its scenario requires: management that is worse than none,
-an attitude that was lost, sensors that never measured, thrusters that never fire, accounts of one
-figure that differ. Each was green before."""
+"""What a run says of itself whatever its scenario requires: management that is worse
+than none, an attitude that was lost, sensors that never measured, thrusters that never
+fire, accounts of one figure that differ. Each was green before."""
 
 from __future__ import annotations
 
@@ -51,20 +51,26 @@ def craft(tmp_path_factory) -> Path:
     return folder
 
 
-# --- what management takes out ------------------------------------------------------------------
+# --- what management takes out --------------------------------------------------------
 
 
 def test_a_law_that_is_worse_than_none_is_not_met(craft, tmp_path):
     file = tmp_path / "worse_law.py"
     file.write_text(WORSE)
-    given = Options(sources=[f"manager={file}"], stop=9000.0, sets=["manager.gain=1e-4"])
+    given = Options(
+        sources=[f"manager={file}"], stop=9000.0, sets=["manager.gain=1e-4"]
+    )
     run = execute(str(craft), given)
     (line,) = run.manifest.unmet
     assert "in the second half of the run, without management it would be" in line
     assert run.code == Exit.UNMET
-    assert all(v.met for v in run.manifest.verdicts.values()), "its requirements do not see it"
+    assert all(v.met for v in run.manifest.verdicts.values()), (
+        "its requirements do not see it"
+    )
     answer = report._answer(run.manifest)
-    assert answer.startswith("Not met: 1 check of the run, above; 3 requirements of the scenario")
+    assert answer.startswith(
+        "Not met: 1 check of the run, above; 3 requirements of the scenario"
+    )
 
 
 def test_what_there_would_be_without_management_is_what_flies_without(craft):
@@ -104,7 +110,9 @@ def test_which_laws_hold():
 @pytest.mark.parametrize("target", ["3e-3,0,0", "0,3e-3,1e-3", "0,0,-1e-3"])
 def test_a_bias_that_would_have_to_turn_with_the_craft_is_refused(craft, target):
     case = prepare(str(craft), Options(sets=[f"manager.h_target_body={target}"]))
-    with pytest.raises(DesatError, match="no law turns a bias with it; only one along the orbit's"):
+    with pytest.raises(
+        DesatError, match="no law turns a bias with it; only one along the orbit's"
+    ):
         case.or_raise()
 
 
@@ -123,17 +131,28 @@ def test_a_bias_of_a_craft_that_stays_in_eci_is_not_refused():
     prepare("space_telescope/ours-nominal", replace(given)).or_raise()
 
 
-# --- sensors, attitude, wheels ------------------------------------------------------------------
+# --- sensors, attitude, wheels --------------------------------------------------------
 
 
 def test_a_star_tracker_that_looks_at_the_earth(desat, tmp_path):
-    """It never measures, and the attitude that it was to keep is lost: 1, and both are said."""
-    done = desat("run", "nadir_day/star-tracker-prompt", "--stop", "5000", "--json",
-                 "--set", "star_tracker.boresight_body=0,0,1",
-                 "--out", str(tmp_path / "run"))  # fmt: skip
+    """It never measures, and the attitude that it was to keep is lost: 1, and both are
+    said."""
+    done = desat(
+        "run",
+        "nadir_day/star-tracker-prompt",
+        "--stop",
+        "5000",
+        "--json",
+        "--set",
+        "star_tracker.boresight_body=0,0,1",
+        "--out",
+        str(tmp_path / "run"),
+    )
     assert done.returncode == Exit.UNMET, done.stderr
     unmet = json.loads(done.stdout)["unmet"]
-    assert any("star_tracker: it was never valid (lost_to = 2" in line for line in unmet)
+    assert any(
+        "star_tracker: it was never valid (lost_to = 2" in line for line in unmet
+    )
     assert any("the attitude was lost" in line for line in unmet)
 
 
@@ -143,7 +162,9 @@ def test_a_star_tracker_that_sees_is_not_warned_of():
     assert not any("Sun" in w for w in run.manifest.warnings)
 
 
-@pytest.mark.parametrize("name", ["magnetometer", "gyro", "determination", "tachometers"])
+@pytest.mark.parametrize(
+    "name", ["magnetometer", "gyro", "determination", "tachometers"]
+)
 def test_a_sensor_that_a_scenario_has_fail_is_not_told_of(craft, name):
     def lines(values):
         run = execute(str(craft), Options(stop=100.0, values=values))
@@ -157,11 +178,18 @@ def test_more_dipole_than_wheels_hold(tmp_path, desat):
     """7 A m2 typed into a craft: `check` and `run` say what `new craft` refuses."""
     desat("new", "craft", str(tmp_path / "six"), "--size", "6U", check=True)
     file = tmp_path / "six" / "craft.toml"
-    line = next(x for x in file.read_text().splitlines() if x.startswith("residual_dipole_body"))
-    file.write_text(file.read_text().replace(line, "residual_dipole_body = [7.0, 0.0, 0.0]"))
+    line = next(
+        x for x in file.read_text().splitlines() if x.startswith("residual_dipole_body")
+    )
+    file.write_text(
+        file.read_text().replace(line, "residual_dipole_body = [7.0, 0.0, 0.0]")
+    )
     checked = desat("check", str(tmp_path / "six"))
     text = " ".join(checked.stderr.split())
-    assert "mN m s in and out of the fullest within each orbit, which no rods prevent" in text
+    assert (
+        "mN m s in and out of the fullest within each orbit, which no rods prevent"
+        in text
+    )
     run = execute(str(tmp_path / "six"), Options(stop=43200.0))
     assert run.code == Exit.UNMET
     assert any("the attitude was lost" in line for line in run.manifest.unmet)
@@ -171,14 +199,20 @@ def test_more_dipole_than_wheels_hold(tmp_path, desat):
 def test_every_quaternion_is_of_size_one_from_the_start():
     for name in names():
         block = block_class(name)()
-        outputs = [v.name for v in block.variables
-                   if v.causality == "output" and v.name[:2] == "q_" and v.size == 4]  # fmt: skip
+        outputs = [
+            v.name
+            for v in block.variables
+            if v.causality == "output" and v.name[:2] == "q_" and v.size == 4
+        ]
         if not outputs:
             continue
         block.start()
         block.output(0.0)
         for output in outputs:
-            assert np.linalg.norm(getattr(block, output)) == pytest.approx(1.0), (name, output)
+            assert np.linalg.norm(getattr(block, output)) == pytest.approx(1.0), (
+                name,
+                output,
+            )
 
 
 @pytest.mark.parametrize("delay", [0.0, 2.0])
@@ -193,7 +227,7 @@ def test_a_star_tracker_that_was_never_valid_says_no_quaternion_of_zeros(delay):
         block.advance(float(k), 1.0)
 
 
-# --- wheels that are left, thrusters, accounts --------------------------------------------------
+# --- wheels that are left, thrusters, accounts ----------------------------------------
 
 
 def test_two_wheels_that_are_left_are_told_of(craft):
@@ -210,28 +244,40 @@ def test_two_wheels_that_are_left_are_told_of(craft):
 
 
 def test_the_third_wheel_of_three_that_fails_is_told_of(tmp_path, desat):
-    desat("new", "craft", str(tmp_path / "three"), "--wheels", "3 axes 30mNms", check=True)
+    desat(
+        "new", "craft", str(tmp_path / "three"), "--wheels", "3 axes 30mNms", check=True
+    )
     given = Options(sets=["wheels.failed=2", "wheels.failed_from=100"])
     lines = prepare(str(tmp_path / "three"), given).checked.warnings
-    assert any("from 100 s on no wheel turns the craft about (0, 1, 0)" in x for x in lines)
-    assert not any("no wheel turns" in x for x in
-                   prepare(str(tmp_path / "three"), Options()).checked.warnings)  # fmt: skip
+    assert any(
+        "from 100 s on no wheel turns the craft about (0, 1, 0)" in x for x in lines
+    )
+    assert not any(
+        "no wheel turns" in x
+        for x in prepare(str(tmp_path / "three"), Options()).checked.warnings
+    )
 
 
 def test_thrusters_whose_pulses_are_all_too_short(tmp_path, desat):
     """What is commanded and never fires is told of: 1."""
     desat("new", "craft", str(tmp_path / "jets"), "--thrusters", "10mN", check=True)
-    sets = ["manager.split=dct", "manager.g_rate=1e-5", "manager.sample_time=10",
-            "wheels.h_start_wheel=0.005,0.005,0.005,0.005",
-            "thrusters.carried=false"]  # fmt: skip
+    sets = [
+        "manager.split=dct",
+        "manager.g_rate=1e-5",
+        "manager.sample_time=10",
+        "wheels.h_start_wheel=0.005,0.005,0.005,0.005",
+        "thrusters.carried=false",
+    ]
     given = Options(sources=["manager=manager_combined"], sets=sets, stop=20000.0)
     run = execute(str(tmp_path / "jets"), given)
     assert run.results.values("thrusters.on_time")[-1] == 0.0
     assert any("N m s, never fired" in line for line in run.manifest.unmet)
     assert run.code == Exit.UNMET
     faster = replace(given, sets=[sets[0], "manager.g_rate=1e-3", *sets[2:]])
-    assert not any("never fired" in x for x in
-                   execute(str(tmp_path / "jets"), faster).manifest.unmet)  # fmt: skip
+    assert not any(
+        "never fired" in x
+        for x in execute(str(tmp_path / "jets"), faster).manifest.unmet
+    )
 
 
 def test_two_accounts_of_propellant_are_refused(tmp_path, desat):
@@ -252,7 +298,9 @@ def test_two_accounts_of_propellant_are_refused(tmp_path, desat):
         )
     )
     sets = ["environment.firings=true", "environment.specific_impulse=220"]
-    with pytest.raises(DesatError, match=r"specific_impulse = 220 s, but thrusters\.specific_"):
+    with pytest.raises(
+        DesatError, match=r"specific_impulse = 220 s, but thrusters\.specific_"
+    ):
         prepare(str(file.parent), Options(sets=sets)).or_raise()
     same = [*sets, "thrusters.specific_impulse=220"]
     prepare(str(file.parent), Options(sets=same)).or_raise()
@@ -261,14 +309,22 @@ def test_two_accounts_of_propellant_are_refused(tmp_path, desat):
     assert any("area_drag = 1 m2, but spacecraft.area_drag" in x for x in lines)
 
 
-# --- laws that can do nothing, and laws that are told -------------------------------------------
+# --- laws that can do nothing, and laws that are told ---------------------------------
 
 
 @pytest.mark.parametrize(
     ("target", "manager", "text"),
     [
-        ("hausat2/start-up-ours", "manager_predictive", "needs wheels about three axes"),
-        ("alsat1/ours-one-wheel", "manager_predictive", "needs wheels about three axes"),
+        (
+            "hausat2/start-up-ours",
+            "manager_predictive",
+            "needs wheels about three axes",
+        ),
+        (
+            "alsat1/ours-one-wheel",
+            "manager_predictive",
+            "needs wheels about three axes",
+        ),
         ("alsat1/firing-ours", "manager_predictive", "tau_ctrl_body is unconnected"),
         ("alsat1/firing-ours", "manager_cross_product", "tau_ctrl_body is unconnected"),
         (
@@ -292,30 +348,52 @@ def test_the_predictive_law_is_told_what_the_sensors_have(tmp_path, desat):
     )
     new_craft.write(tmp_path / "agile", wanted, "desat new craft")
     target = str(tmp_path / "agile")
-    done = desat("compare", target, "--laws", "cross product", "--laws", "predictive", "--json",
-                 "--stop", "17400", cwd=tmp_path)  # fmt: skip
+    done = desat(
+        "compare",
+        target,
+        "--laws",
+        "cross product",
+        "--laws",
+        "predictive",
+        "--json",
+        "--stop",
+        "17400",
+        cwd=tmp_path,
+    )
     assert done.returncode == 0, done.stderr
     untold = prepare(target, Options(sources=["manager=manager_predictive"]))
-    assert any("manager.h_noise = 0.0001 N.m.s, but the craft's sensors have 0.004" in line
-               for line in untold.checked.warnings)  # fmt: skip
+    assert any(
+        "manager.h_noise = 0.0001 N.m.s, but the craft's sensors have 0.004" in line
+        for line in untold.checked.warnings
+    )
     rows = {row["name"]: row for row in json.loads(done.stdout)["laws"]}
     assert "craft.h_noise = 0.004" in json.dumps(rows["predictive"])
     told = {f"manager.{n}": x for n, x in noise_of(untold.or_raise()[0]).items()}
-    both = [execute(target, replace(untold.options, stop=17400.0, values=v)) for v in ({}, told)]
+    both = [
+        execute(target, replace(untold.options, stop=17400.0, values=v))
+        for v in ({}, told)
+    ]
     fill = [run.manifest.numbers["largest_momentum"].value for run in both]
     assert fill[1] < 0.8 * fill[0]
 
 
-# --- detumbling ---------------------------------------------------------------------------------
+# --- detumbling -----------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
     "given",
-    [{"size": "3U", "altitude": "721.863km", "inclination": "90deg", "rods": "0.2"},
-     {"size": "1U", "altitude": "500km", "inclination": "72.58deg", "rods": "0.0915"},
-     {"size": "6U", "sso": "800km"}],
+    [
+        {"size": "3U", "altitude": "721.863km", "inclination": "90deg", "rods": "0.2"},
+        {
+            "size": "1U",
+            "altitude": "500km",
+            "inclination": "72.58deg",
+            "rods": "0.0915",
+        },
+        {"size": "6U", "sso": "800km"},
+    ],
     ids=lambda g: g["size"],
-)  # fmt: skip
+)
 def test_detumbling_is_within_a_third_of_the_quickest_gain(tmp_path, given):
     """It was seven to ten times as slow for the first of these."""
     new_craft.write(tmp_path / "c", CraftFacts(**given), "desat new craft")
@@ -332,11 +410,18 @@ def test_detumbling_is_within_a_third_of_the_quickest_gain(tmp_path, given):
     assert 0.0 < own["least_braking"].value / 3600.0 < own["detumbled"].value
 
 
-# --- numbers are of all rows --------------------------------------------------------------------
+# --- numbers are of all rows ----------------------------------------------------------
 
-ROWS = ("uosat12/table3-ocdc-ilqr-1", "integrated/mil-nadir", "hausat2/detumbling-ours",
-        "alsat1/momentum-solar", "space_telescope/closed-me-nominal", "gyrostat/light",
-        "plant/light", DAY)  # fmt: skip
+ROWS = (
+    "uosat12/table3-ocdc-ilqr-1",
+    "integrated/mil-nadir",
+    "hausat2/detumbling-ours",
+    "alsat1/momentum-solar",
+    "space_telescope/closed-me-nominal",
+    "gyrostat/light",
+    "plant/light",
+    DAY,
+)
 
 
 @pytest.mark.parametrize("target", [*ROWS, "craft"])
@@ -356,13 +441,27 @@ def test_what_is_kept_of_the_rows_changes_no_number(craft, tmp_path, desat, targ
 
 def test_a_requirement_is_judged_by_all_rows(craft, tmp_path, desat):
     """The largest momentum was that of the rows that were kept."""
-    whole = execute(str(craft), Options(stop=6000.0)).manifest.numbers["largest_momentum"].value
+    whole = (
+        execute(str(craft), Options(stop=6000.0))
+        .manifest.numbers["largest_momentum"]
+        .value
+    )
     file = craft / "tight.toml"
-    file.write_text(f'extends = "nominal"\n[requirements.momentum]\nnumber = "largest_momentum"\n'
-                    f"max = {0.9999 * whole}\n")  # fmt: skip
+    file.write_text(
+        f'extends = "nominal"\n[requirements.momentum]\nnumber = "largest_momentum"\n'
+        f"max = {0.9999 * whole}\n"
+    )
     for every in ("1", "10"):
-        done = desat("run", str(file), "--stop", "6000", "--every", every,
-                     "--out", str(tmp_path / every))  # fmt: skip
+        done = desat(
+            "run",
+            str(file),
+            "--stop",
+            "6000",
+            "--every",
+            every,
+            "--out",
+            str(tmp_path / every),
+        )
         assert done.returncode == Exit.UNMET, done.stderr
 
 
@@ -376,7 +475,8 @@ def test_what_is_not_recorded_is_not_checked(craft):
 
 
 def test_rms_is_over_time():
-    """Of the square between rows that are not evenly apart as well; a mean over rows is not."""
+    """Of the square between rows that are not evenly apart as well; a mean over rows is
+    not."""
     times = np.array([0.0, 1.0, 2.0, 10.0])
     assert management._rms(np.array([2.0, 2.0, 2.0, 2.0]), times) == 2.0
     assert management._rms(np.array([0.0, 0.0, 0.0, 3.0]), times) == pytest.approx(
@@ -402,9 +502,22 @@ def test_a_law_that_is_worse_than_none_comes_last(craft, tmp_path, desat):
     """`compare` ranks it behind all that leave less, whatever it is ranked by."""
     file = tmp_path / "worse_law.py"
     file.write_text(WORSE)
-    done = desat("compare", str(craft), "--laws", "cross product", "--law", str(file), "--json",
-                 "--by", "energy", "--stop", "9000", "--set", "manager.gain=1e-4",
-                 cwd=tmp_path)  # fmt: skip
+    done = desat(
+        "compare",
+        str(craft),
+        "--laws",
+        "cross product",
+        "--law",
+        str(file),
+        "--json",
+        "--by",
+        "energy",
+        "--stop",
+        "9000",
+        "--set",
+        "manager.gain=1e-4",
+        cwd=tmp_path,
+    )
     rows = json.loads(done.stdout)["laws"]
     assert [row["name"] for row in rows] == ["cross product", "worse law"]
     assert not rows[0]["not_met"]

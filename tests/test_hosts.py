@@ -35,7 +35,9 @@ def test_each_fmu_is_told_and_the_page_keeps_the_rest(
 def test_an_fmu_that_ends_its_host_is_told_and_the_next_one_tried(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    lines = iter(['TOLD {"fmu": "a.fmu", "outputs": {}}', 'TOLD {"fmu": "c.fmu", "why": "x"}'])
+    lines = iter(
+        ['TOLD {"fmu": "a.fmu", "outputs": {}}', 'TOLD {"fmu": "c.fmu", "why": "x"}']
+    )
 
     class Done:
         def __init__(self) -> None:

@@ -1,4 +1,5 @@
-"""The wheel in an environment of its own, used from an empty folder, without the checkout."""
+"""The wheel in an environment of its own, used from an empty folder, without the
+checkout."""
 
 from __future__ import annotations
 
@@ -23,49 +24,79 @@ from desat.fmus import registry
 
 def _do(
     *command: str | Path, code: int = 0, **options: object
-) -> subprocess.CompletedProcess[str]:  # fmt: skip
+) -> subprocess.CompletedProcess[str]:
     done = subprocess.run(
-        [str(c) for c in command], capture_output=True, text=True, timeout=300, check=False,
+        [str(c) for c in command],
+        capture_output=True,
+        text=True,
+        timeout=300,
+        check=False,
         **options,
-    )  # fmt: skip
+    )
     assert done.returncode == code, done.stdout + done.stderr
     return done
 
 
 @pytest.fixture(scope="module")
 def home(tmp_path_factory):
-    """A folder with an environment `env` in which the wheel is, and nothing of the checkout.
+    """A folder with an environment `env` in which the wheel is, and nothing of the
+    checkout.
 
-    What desat needs is taken from the environment of the tests, so that this takes seconds; its
-    finder of the checkout is not, for a .pth inside a folder that a .pth names is not read.
+    What desat needs is taken from the environment of the tests, so that this takes
+    seconds; its finder of the checkout is not, for a .pth inside a folder that a .pth
+    names is not read.
     """
     folder = tmp_path_factory.mktemp("install")
     source = folder / "source"
-    files = _do("git", "ls-files", "-co", "--exclude-standard", cwd=ROOT).stdout.splitlines()
+    files = _do(
+        "git", "ls-files", "-co", "--exclude-standard", cwd=ROOT
+    ).stdout.splitlines()
     for name in files:
         if (ROOT / name).is_file():
             (source / name).parent.mkdir(parents=True, exist_ok=True)
             shutil.copy(ROOT / name, source / name)
     _do(sys.executable, "-m", "venv", "--without-pip", folder / "env")
     python = folder / "env" / "bin" / "python"
-    site = Path(_do(python, "-c", "import sysconfig; print(sysconfig.get_path('purelib'))")
-                .stdout.strip())  # fmt: skip
-    _do(sys.executable, "-m", "pip", "--python", python, "install", "-q", "--no-deps",
-        "--disable-pip-version-check", source)  # fmt: skip
+    site = Path(
+        _do(
+            python, "-c", "import sysconfig; print(sysconfig.get_path('purelib'))"
+        ).stdout.strip()
+    )
+    _do(
+        sys.executable,
+        "-m",
+        "pip",
+        "--python",
+        python,
+        "install",
+        "-q",
+        "--no-deps",
+        "--disable-pip-version-check",
+        source,
+    )
     shutil.rmtree(source)
-    (site / "others.pth").write_text(sysconfig.get_path("purelib") + "\n", encoding="utf-8")
+    (site / "others.pth").write_text(
+        sysconfig.get_path("purelib") + "\n", encoding="utf-8"
+    )
     return folder
 
 
 @pytest.fixture
 def installed(home, tmp_path):
     """Run a program of the environment from an empty folder; the cache is in `home`."""
-    environment = {k: v for k, v in os.environ.items() if not k.startswith(("PYTHON", "DESAT"))}
+    environment = {
+        k: v for k, v in os.environ.items() if not k.startswith(("PYTHON", "DESAT"))
+    }
     environment["DESAT_CACHE"] = str(home / "cache")
 
     def run(program: str, *arguments: str, code: int = 0) -> str:
-        done = _do(home / "env" / "bin" / program, *arguments, cwd=tmp_path, env=environment,
-                   code=code)  # fmt: skip
+        done = _do(
+            home / "env" / "bin" / program,
+            *arguments,
+            cwd=tmp_path,
+            env=environment,
+            code=code,
+        )
         return done.stderr if code else done.stdout
 
     return run
@@ -74,20 +105,30 @@ def installed(home, tmp_path):
 def _contents(folder: Path) -> dict[str, str]:
     return {
         p.relative_to(folder).as_posix(): hashlib.sha256(p.read_bytes()).hexdigest()
-        for p in folder.rglob("*") if p.is_file() and p.suffix != ".pyc"
-    }  # fmt: skip
+        for p in folder.rglob("*")
+        if p.is_file() and p.suffix != ".pyc"
+    }
 
 
 def test_from_an_empty_folder(home, installed, tmp_path):
-    """All scenarios are there, a run and a paper's tables work, nothing is written beside them."""
-    where = Path(installed("python", "-c", "import desat; print(desat.__file__)").strip()).parent
+    """All scenarios are there, a run and a paper's tables work, nothing is written
+    beside them."""
+    where = Path(
+        installed("python", "-c", "import desat; print(desat.__file__)").strip()
+    ).parent
     assert where.is_relative_to(home / "env")
     before = _contents(where)
     names = [s["name"] for s in json.loads(installed("desat", "list", "--json"))]
     assert names == list(scenarios())
     result = json.loads(
         installed(
-            "desat", "run", "integrated/mil-nadir", "--stop", "600", "--json", "--no-baseline"
+            "desat",
+            "run",
+            "integrated/mil-nadir",
+            "--stop",
+            "600",
+            "--json",
+            "--no-baseline",
         )
     )
     assert result["status"] == "completed"
@@ -97,12 +138,16 @@ def test_from_an_empty_folder(home, installed, tmp_path):
     assert len(rows) > 50
     assert any(row["draws"] for row in rows)
     assert _contents(where) == before
-    (cache,) = (p for p in (home / "cache").iterdir() if p.name not in ("lists", "loop"))
+    (cache,) = (
+        p for p in (home / "cache").iterdir() if p.name not in ("lists", "loop")
+    )
     assert {p.name for p in cache.iterdir()} == {"fmus", "fmus.lock"}
     built = {p.name: p.read_bytes() for p in (cache / "fmus").glob("*.fmu")}
     assert (cache / "fmus" / "index.json").is_file()
     assert set(built) == {f"{n}.fmu" for n in registry.names()}
-    assert built == {n: (paths.fmus() / n).read_bytes() for n in built}  # the checkout's bytes
+    assert built == {
+        n: (paths.fmus() / n).read_bytes() for n in built
+    }  # the checkout's bytes
 
 
 def test_from_python(installed):
@@ -142,8 +187,11 @@ MOST = 30.0
 
 @pytest.fixture
 def newcomer(home, tmp_path):
-    """A newcomer's shell in an empty folder: a command that ends well, and what it prints."""
-    environment = {k: v for k, v in os.environ.items() if not k.startswith(("PYTHON", "DESAT"))}
+    """A newcomer's shell in an empty folder: a command that ends well, and what it
+    prints."""
+    environment = {
+        k: v for k, v in os.environ.items() if not k.startswith(("PYTHON", "DESAT"))
+    }
     environment["DESAT_CACHE"] = str(home / "walk")
     code = "from desat.files import paths; print(paths._cache())"
     where = _do(home / "env" / "bin" / "python", "-c", code, env=environment)
@@ -151,13 +199,20 @@ def newcomer(home, tmp_path):
         shutil.copytree(paths.fmus(), cache)
 
     def command(line: str, code: int = 0) -> str:
-        done = _do(home / "env" / "bin" / "desat", *shlex.split(line), cwd=tmp_path,
-                   env=environment, code=code)  # fmt: skip
+        done = _do(
+            home / "env" / "bin" / "desat",
+            *shlex.split(line),
+            cwd=tmp_path,
+            env=environment,
+            code=code,
+        )
         return done.stdout
 
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
-    command("new craft my12u --altitude 400km --inclination 51.6deg --size 12U "
-            "--wheels '4 pyramid 30mNms' --rods 0.2 --residual-dipole 0.05")  # fmt: skip
+    command(
+        "new craft my12u --altitude 400km --inclination 51.6deg --size 12U "
+        "--wheels '4 pyramid 30mNms' --rods 0.2 --residual-dipole 0.05"
+    )
     yield command
     after = resource.getrusage(resource.RUSAGE_CHILDREN)
     assert after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime < MOST
@@ -175,7 +230,9 @@ def test_a_newcomer_flies_and_sizes_a_craft(newcomer, tmp_path):
 
 def test_a_newcomer_chooses_a_law_of_all_and_of_her_own(newcomer, tmp_path):
     newcomer("new law my_law")
-    made = json.loads(newcomer("compare my12u --laws all --law my_law.py --stop 300 --json"))
+    made = json.loads(
+        newcomer("compare my12u --laws all --law my_law.py --stop 300 --json")
+    )
     names = {law["name"] for law in made["laws"]}
     assert {"cross product", "ccpl", "predictive", "my law"} <= names
     assert (tmp_path / made["page"]).is_file()
@@ -186,4 +243,6 @@ def test_a_newcomer_is_sure_by_a_campaign(newcomer, tmp_path):
     assert "4 of 4 completed" in told
     assert "0 of 4 outside" in told, "too few to show that requirements hold"
     (report,) = (tmp_path / "runs").glob("*/report.html")
-    assert "Total wheel momentum at the end (body frame)" in report.read_text(encoding="utf-8")
+    assert "Total wheel momentum at the end (body frame)" in report.read_text(
+        encoding="utf-8"
+    )

@@ -19,7 +19,11 @@ from desat.campaign.draws import RunRow
 from desat.components.laws import integrated
 from desat.components.laws.margins import pid_margins
 from desat.components.maths.vector import cross, dot, norm, sub
-from desat.components.physics.wheel_array import body_momentum, pseudo_inverse, to_wheels
+from desat.components.physics.wheel_array import (
+    body_momentum,
+    pseudo_inverse,
+    to_wheels,
+)
 from desat.figures import plots
 from desat.figures.style import BINS, axis_label, between
 from desat.files import paths
@@ -45,7 +49,7 @@ fields = vectors.map(lambda v: tuple(4e-5 * x for x in v))
 momenta = st.tuples(*[st.floats(-H_MAX, H_MAX)] * 4)
 
 
-# --- the law ----------------------------------------------------------------------------------
+# --- the law --------------------------------------------------------------------------
 
 
 @given(vectors, fields, st.floats(1e-3, 1.0), st.floats(1e-6, 1e-2))
@@ -64,7 +68,11 @@ def test_desaturation_is_across_the_field_takes_momentum_and_stays_within_its_li
 
 
 def test_desaturation_and_dipole_are_zero_without_a_field():
-    assert integrated.desaturation((1.0, 0.0, 0.0), (0.0, 0.0, 0.0), 1.0, 1.0) == (0.0, 0.0, 0.0)
+    assert integrated.desaturation((1.0, 0.0, 0.0), (0.0, 0.0, 0.0), 1.0, 1.0) == (
+        0.0,
+        0.0,
+        0.0,
+    )
     assert integrated.dipole((1.0, 0.0, 0.0), (0.0, 0.0, 0.0), 1.0) == (0.0, 0.0, 0.0)
 
 
@@ -89,7 +97,9 @@ def test_null_vector_turns_no_body_and_completes_the_pseudo_inverse(h):
     t = integrated.null_torque(h, n, 1e-3, math.inf)
     assert norm(body_momentum(PYRAMID, t)) < 1e-12
     rest = to_wheels(pseudo_inverse(PYRAMID), body_momentum(PYRAMID, h))
-    assert t == pytest.approx([-1e-3 * (x - y) for x, y in zip(h, rest, strict=True)], abs=1e-15)
+    assert t == pytest.approx(
+        [-1e-3 * (x - y) for x, y in zip(h, rest, strict=True)], abs=1e-15
+    )
     assert max(map(abs, integrated.null_torque(h, n, 1.0, 1e-5))) <= 1e-5 * (1 + 1e-12)
 
 
@@ -98,9 +108,9 @@ def test_three_wheels_or_wheels_in_one_plane_have_no_null_vector():
     plane = (1.0, -1.0, 0.0, S, 0.0, 0.0, 1.0, S, 0.0, 0.0, 0.0, 0.0)
     for axes in (three, plane):
         assert integrated.null_vector(axes) == integrated.NO_NULL_SPACE
-    assert integrated.null_torque((1.0, 1.0, 1.0, 1.0), integrated.NO_NULL_SPACE, 1.0, 1.0) == (
-        integrated.NO_NULL_SPACE
-    )
+    assert integrated.null_torque(
+        (1.0, 1.0, 1.0, 1.0), integrated.NO_NULL_SPACE, 1.0, 1.0
+    ) == (integrated.NO_NULL_SPACE)
 
 
 def test_null_vector_of_uneven_axes():
@@ -116,10 +126,15 @@ def test_thresholds_hold_in_between_and_look_at_the_size():
     assert integrated.unloading(off, h, 0.1, 0.11) == (False, False, True, True)
     assert integrated.unloading(on, h, 0.1, 0.11) == (False, True, True, True)
     # eq. 23 as printed: a wheel that turns backwards is below any threshold
-    assert integrated.unloading(on, h, 0.1, 0.11, paper_signed=True) == (False, True, True, False)
+    assert integrated.unloading(on, h, 0.1, 0.11, paper_signed=True) == (
+        False,
+        True,
+        True,
+        False,
+    )
 
 
-# --- margins ----------------------------------------------------------------------------------
+# --- margins --------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -129,7 +144,8 @@ def test_thresholds_hold_in_between_and_look_at_the_size():
 def test_phase_margins_of_eq_12(beta, p, d, degrees):
     found = pid_margins(p * beta, d * beta, beta / 500)
     assert found.phase == pytest.approx(degrees, abs=0.1)
-    # against the poles: with exactly the delay that the loop bears, it oscillates at the crossover
+    # against the poles: with exactly the delay that the loop bears, it oscillates at
+    # the crossover
     w, delay = found.crossover, found.delay
     s = 1j * w
     loop = (d * beta * s + p * beta / 2 + beta / 1000 / s) / s**2 * np.exp(-s * delay)
@@ -144,11 +160,13 @@ def test_gain_margins_are_where_the_characteristic_polynomial_crosses_the_axis()
     roots = np.roots([1.0, g * kd, g * kp / 2, g * ki / 2])
     assert abs(roots.real).min() < 1e-9
     late = pid_margins(kp, kd, ki, 0.25)
-    assert late.phase == pytest.approx(found.phase - math.degrees(0.25 * found.crossover))
+    assert late.phase == pytest.approx(
+        found.phase - math.degrees(0.25 * found.crossover)
+    )
     assert 20 < late.gain_up < 60
 
 
-# --- the manager ------------------------------------------------------------------------------
+# --- the manager ----------------------------------------------------------------------
 
 
 def manager(**values):
@@ -167,8 +185,14 @@ def stepped(block, t=0.0, **values):
 
 
 def test_the_wheels_get_what_the_equations_say():
-    tau, omega, h = (1e-5, -2e-6, 3e-6), (1e-3, 2e-3, -1e-3), (0.01, -0.005, 0.004, 0.008)
-    block = stepped(manager(), b_body=B, tau_ctrl_body=tau, omega_bi_body=omega, h_wheel=h)
+    tau, omega, h = (
+        (1e-5, -2e-6, 3e-6),
+        (1e-3, 2e-3, -1e-3),
+        (0.01, -0.005, 0.004, 0.008),
+    )
+    block = stepped(
+        manager(), b_body=B, tau_ctrl_body=tau, omega_bi_body=omega, h_wheel=h
+    )
     a = np.reshape(PYRAMID, (3, 4))
     stored_h = a @ h
     t_des = integrated.desaturation(tuple(stored_h), B, 0.05, 1.2e-5)
@@ -177,7 +201,9 @@ def test_the_wheels_get_what_the_equations_say():
     )
     assert block.tau_cmd_wheel == pytest.approx(wanted, rel=1e-12)
     b = np.array(B)
-    assert block.m_cmd_body == pytest.approx(np.cross(b, 0.25 * np.array(tau)) / (b @ b), rel=1e-12)
+    assert block.m_cmd_body == pytest.approx(
+        np.cross(b, 0.25 * np.array(tau)) / (b @ b), rel=1e-12
+    )
     assert block.mode == 1
 
 
@@ -193,7 +219,9 @@ def test_the_coils_give_the_share_k(k):
 
 def test_disabled_the_wheels_give_all_and_the_coils_nothing():
     block = manager(null_gain=1e-3)
-    stepped(block, b_body=B, tau_ctrl_body=(1e-4, 0.0, 0.0), h_wheel=(0.019, 0.0, 0.0, 0.0))
+    stepped(
+        block, b_body=B, tau_ctrl_body=(1e-4, 0.0, 0.0), h_wheel=(0.019, 0.0, 0.0, 0.0)
+    )
     assert block.mode == 4
     stepped(block, 0.5, enable=False)
     assert block.m_cmd_body == (0.0, 0.0, 0.0)
@@ -219,15 +247,21 @@ def test_in_the_emergency_the_coils_balance_what_the_wheels_give_away():
     stored_h = body_momentum(PYRAMID, block.h_wheel)
     assert dot(stored_h, tuple(absorbed)) < 0.0
     assert max(map(abs, block.m_cmd_body)) <= 0.3 * (1 + 1e-12)
-    assert norm(tuple(absorbed)) > 3 * 0.25 * 1.2e-5  # than the integrated law at its limit
+    assert (
+        norm(tuple(absorbed)) > 3 * 0.25 * 1.2e-5
+    )  # than the integrated law at its limit
 
 
 def test_velocity_dumping_begins_and_ends_at_its_rates():
-    block = manager(velocity_dumping=True, rate_on=0.05, rate_off=0.01, magnetic_share=0.0)
+    block = manager(
+        velocity_dumping=True, rate_on=0.05, rate_off=0.01, magnetic_share=0.0
+    )
     tau = (7e-6, 0.0, 0.0)
     modes = []
     for k, rate in enumerate((0.02, 0.06, 0.02, 0.005, 0.02)):
-        stepped(block, 0.5 * k, b_body=B, tau_ctrl_body=tau, omega_bi_body=(0.0, rate, 0.0))
+        stepped(
+            block, 0.5 * k, b_body=B, tau_ctrl_body=tau, omega_bi_body=(0.0, rate, 0.0)
+        )
         given_by_wheels = -np.reshape(PYRAMID, (3, 4)) @ block.tau_cmd_wheel
         modes.append(block.mode)
         wanted = (0.0, -2e-3 * rate, 0.0) if block.mode == 5 else tau
@@ -245,11 +279,13 @@ def test_the_bias_and_the_null_gain_hold_the_wheels_where_they_are_wanted():
 
 
 def test_thresholds_the_wrong_way_round_are_refused():
-    with pytest.raises(ValueError, match=r"threshold_on = 0.05 is below threshold_off = 0.1"):
+    with pytest.raises(
+        ValueError, match=r"threshold_on = 0.05 is below threshold_off = 0.1"
+    ):
         manager(threshold_on=0.05)
 
 
-# --- measures ---------------------------------------------------------------------------------
+# --- measures -------------------------------------------------------------------------
 
 
 def attitude(axis, degrees):
@@ -262,10 +298,14 @@ def test_error_vector_is_the_rotation_vector():
     reference = np.tile(attitude((0.0, 1.0, 0.0), [30.0]), (5, 1))
     x, y, z, w = attitude((1.0, 0.0, 0.0), degrees).T
     a, b, c, d = reference.T
-    q = np.column_stack([
-        w * a + z * b - y * c + x * d, -z * a + w * b + x * c + y * d,
-        y * a - x * b + w * c + z * d, -x * a - y * b - z * c + w * d,
-    ])  # fmt: skip
+    q = np.column_stack(
+        [
+            w * a + z * b - y * c + x * d,
+            -z * a + w * b + x * c + y * d,
+            y * a - x * b + w * c + z * d,
+            -x * a - y * b - z * c + w * d,
+        ]
+    )
     found = derived.error_vector(-q, reference)
     assert found[:, 0] == pytest.approx(degrees, abs=1e-9)
     assert np.abs(found[:, 1:]).max() < 1e-9
@@ -291,26 +331,35 @@ def test_settling_is_for_good():
     assert measures.until_below(times, h, limit=1.0) == 5.0, "with its last row"
     assert math.isnan(measures.until_below(times, h, limit=0.1))
     assert measures.first_reached(times, h, limit=4.0) == 0.0
-    assert measures.first_reached(times, np.hstack([h[::-1], h[::-1]]), limit=4.0, count=2) == 3.0
+    assert (
+        measures.first_reached(times, np.hstack([h[::-1], h[::-1]]), limit=4.0, count=2)
+        == 3.0
+    )
     assert measures.sign_changes(times, h) == 2.0
     assert measures.share_below(times, h, limit=1.0) == pytest.approx(100.0 / 6.0)
 
 
 def test_momentum_budget_adds_up():
     run = execute("integrated/mil-nadir", Options(stop=900.0))
-    names = ("spacecraft.impulse_eci", "environment.b_eci", "spacecraft.q_bi",
-             "torquers.m_mean_body")  # fmt: skip
+    names = (
+        "spacecraft.impulse_eci",
+        "environment.b_eci",
+        "spacecraft.q_bi",
+        "torquers.m_mean_body",
+    )
     series = [run.results.values(n) for n in names]
     budget = derived.momentum_budget(run.results.times(), *series)
-    off = execute("integrated/mil-nadir",
-                  Options(stop=900.0, sets=["manager.enable=false"]))  # fmt: skip
+    off = execute(
+        "integrated/mil-nadir", Options(stop=900.0, sets=["manager.enable=false"])
+    )
     alone = np.linalg.norm(off.results.values("spacecraft.impulse_eci"), axis=1)
-    # the disturbances found are those of the craft without coils, which turns a little otherwise
+    # the disturbances found are those of the craft without coils, which turns a little
+    # otherwise
     assert budget[-1, 0] == pytest.approx(alone[len(budget) - 1], rel=0.2)
     assert budget[-1, 1] > 3.0 * budget[-1, 0]
 
 
-# --- runs -------------------------------------------------------------------------------------
+# --- runs -----------------------------------------------------------------------------
 
 
 def short(name, **options):
@@ -331,7 +380,9 @@ def test_what_leaves_the_wheels_is_linear_in_k():
 
 def test_eq_23_as_printed_leaves_negative_wheels_as_they_are():
     size = {
-        rule: np.abs(short(f"threshold-{rule}", stop=3600.0).values("wheels.h_wheel")[-1]).mean()
+        rule: np.abs(
+            short(f"threshold-{rule}", stop=3600.0).values("wheels.h_wheel")[-1]
+        ).mean()
         for rule in ("magnitude", "signed")
     }
     assert size["signed"] > 0.7 * H_MAX
@@ -342,19 +393,28 @@ def test_eq_23_as_printed_leaves_negative_wheels_as_they_are():
 def test_the_residual_tumble_is_the_limit_over_the_gain(gain):
     omega = short(
         "velocity-dumping", stop=1500.0, sets=[f"manager.gain_rate={gain}"]
-    ).values("spacecraft.omega_bi_body")  # fmt: skip
-    assert np.linalg.norm(omega[-1500:], axis=1).mean() == pytest.approx(3e-5 / gain, rel=0.1)
+    ).values("spacecraft.omega_bi_body")
+    assert np.linalg.norm(omega[-1500:], axis=1).mean() == pytest.approx(
+        3e-5 / gain, rel=0.1
+    )
 
 
 def test_the_paper_s_law_keeps_null_space_momentum_and_the_option_drains_it():
     n = np.array([1.0, -1.0, 1.0, -1.0])
     start = [0.006, -0.005, 0.006, -0.005]
     paper, option = (
-        short("mil-nadir", stop=3000.0,
-              sets=[f"wheels.h_start_wheel={','.join(map(str, start))}", f"manager.null_gain={g}"])
-        .values("wheels.h_wheel")[-1] @ n / 4
+        short(
+            "mil-nadir",
+            stop=3000.0,
+            sets=[
+                f"wheels.h_start_wheel={','.join(map(str, start))}",
+                f"manager.null_gain={g}",
+            ],
+        ).values("wheels.h_wheel")[-1]
+        @ n
+        / 4
         for g in (0.0, 2e-3)
-    )  # fmt: skip
+    )
     assert paper == pytest.approx(0.0055, rel=0.02)
     assert abs(option) < 0.05 * 0.0055
 
@@ -376,7 +436,9 @@ def test_the_manager_is_replaced_by_one_source_and_its_parameters():
     assert swapped["sources"] == {"manager": "manager_cross_product"}
     assert "sources" not in usual
     changed = {
-        k for k in swapped["parameters"] if swapped["parameters"][k] != usual["parameters"][k]
+        k
+        for k in swapped["parameters"]
+        if swapped["parameters"][k] != usual["parameters"][k]
     }
     assert changed == {"manager"}
     options = Options(stop=3000.0)
@@ -401,7 +463,7 @@ def test_the_numpy_loop_of_the_benchmark_is_the_same_model():
         assert usual[ops]["attitude_rad"] < 5e-7, "the truncation of its RK4"
 
 
-# --- the stored draws -------------------------------------------------------------------------
+# --- the stored draws -----------------------------------------------------------------
 
 
 @pytest.fixture(scope="module")
@@ -423,7 +485,9 @@ def test_the_stored_draws_say_where_they_are_from(drawn):
         assert len(found["draws"]) >= 20
         for name, s in found["summary"].items():
             given = [d.numbers[name] for d in found["draws"]]
-            values = [math.inf if x is None else x for x in given]  # a time not reached: later
+            values = [
+                math.inf if x is None else x for x in given
+            ]  # a time not reached: later
             assert s.n == len(values) - given.count(None)
             assert s.levels["min"] == min(values)
             for key, value in (("max", max(values)), ("median", np.median(values))):
@@ -432,41 +496,61 @@ def test_the_stored_draws_say_where_they_are_from(drawn):
 
 AGAINST = {
     # what the paper's words promise and these draws do not show: scenario, row
-    ("ideal-inertial", "pointing_affected"), ("tracked-slew", "pointing_affected"),
-    ("ideal-inertial", "saturating_draws"), ("tracked-slew", "saturating_draws"),
-    ("ideal-inertial", "emergency"), ("tracked-slew", "emergency"),
+    ("ideal-inertial", "pointing_affected"),
+    ("tracked-slew", "pointing_affected"),
+    ("ideal-inertial", "saturating_draws"),
+    ("tracked-slew", "saturating_draws"),
+    ("ideal-inertial", "emergency"),
+    ("tracked-slew", "emergency"),
     # of 200 draws one or a few are beyond what 20 kept to
-    ("ideal-inertial", "settling_time"), ("tracked-slew", "settling_time"),
-    ("ideal-inertial", "mean_wheel_at_3_h"), ("tracked-slew", "mean_wheel_at_3_h"),
-    ("ideal-inertial", "coil_load"), ("tracked-slew", "coil_load"),
+    ("ideal-inertial", "settling_time"),
+    ("tracked-slew", "settling_time"),
+    ("ideal-inertial", "mean_wheel_at_3_h"),
+    ("tracked-slew", "mean_wheel_at_3_h"),
+    ("ideal-inertial", "coil_load"),
+    ("tracked-slew", "coil_load"),
     ("tracked-slew", "tracking_error"),
     ("mil-nadir", "control_error"),
-    # of 200 draws a few begin so full that the first turn takes a wheel there; none of 20 did
-    ("mil-nadir", "saturated"), ("mil-nadir", "saturating_draws"), ("mil-nadir", "emergency"),
-    ("mil-nadir", "near_zero"), ("mil-nadir", "draws_near_zero"), ("mil-nadir", "zero_crossings"),
-    ("mil-nadir", "mean_wheel_from_2_h"), ("mil-nadir", "never_dumped"),
+    # of 200 draws a few begin so full that the first turn takes a wheel there; none of
+    # 20 did
+    ("mil-nadir", "saturated"),
+    ("mil-nadir", "saturating_draws"),
+    ("mil-nadir", "emergency"),
+    ("mil-nadir", "near_zero"),
+    ("mil-nadir", "draws_near_zero"),
+    ("mil-nadir", "zero_crossings"),
+    ("mil-nadir", "mean_wheel_from_2_h"),
+    ("mil-nadir", "never_dumped"),
     ("mil-nadir", "time_to_dump_build_up"),
-    ("mil-fast", "time_to_dump_build_up"), ("mil-fast", "never_dumped"),
+    ("mil-fast", "time_to_dump_build_up"),
+    ("mil-fast", "never_dumped"),
     ("velocity-dumping", "time_to_0_1_deg_per_s"),
-    ("velocity-eq26", "time_to_1_deg_per_s"), ("velocity-eq26", "time_to_0_1_deg_per_s"),
+    ("velocity-eq26", "time_to_1_deg_per_s"),
+    ("velocity-eq26", "time_to_0_1_deg_per_s"),
     ("velocity-b-dot", "slow_over_eq26"),
-    ("same-start-managed-15", "slow_draws"), ("same-start-managed-25", "slow_draws"),
+    ("same-start-managed-15", "slow_draws"),
+    ("same-start-managed-25", "slow_draws"),
     ("same-start-managed-25", "saturating_draws"),
-    ("same-start-unmanaged-15", "slow_draws"), ("same-start-unmanaged-25", "slow_draws"),
+    ("same-start-unmanaged-15", "slow_draws"),
+    ("same-start-unmanaged-25", "slow_draws"),
     ("same-start-unmanaged-15", "saturating_draws"),
     ("same-start-unmanaged-25", "saturating_draws"),
-}  # fmt: skip
+}
 
 
 def test_bands_of_the_draws_are_met_but_for_those_that_are_known(current):
     banded, missed = 0, set()
-    medians = {name: {k: s.levels["median"] for k, s in found["summary"].items()}
-               for name, found in current["scenarios"].items()}  # fmt: skip
+    medians = {
+        name: {k: s.levels["median"] for k, s in found["summary"].items()}
+        for name, found in current["scenarios"].items()
+    }
     for name, found in current["scenarios"].items():
         scenario, values = find(name), medians[name]
         keys = scenario.content.judged
         made = [
-            r for r in comparison.rows_of(scenario, values, medians, found) if r.ours is not None
+            r
+            for r in comparison.rows_of(scenario, values, medians, found)
+            if r.ours is not None
         ]
         for key, row in zip(keys, made, strict=True):
             banded += row.within is not None
@@ -475,19 +559,27 @@ def test_bands_of_the_draws_are_met_but_for_those_that_are_known(current):
     assert banded >= 30
     assert missed <= AGAINST
     # these are no matter of a draw more or less
-    assert {("ideal-inertial", "saturating_draws"), ("mil-nadir", "never_dumped"),
-            ("mil-nadir", "draws_near_zero"), ("velocity-eq26", "time_to_1_deg_per_s"),
-            ("same-start-unmanaged-15", "saturating_draws")} <= missed  # fmt: skip
+    assert {
+        ("ideal-inertial", "saturating_draws"),
+        ("mil-nadir", "never_dumped"),
+        ("mil-nadir", "draws_near_zero"),
+        ("velocity-eq26", "time_to_1_deg_per_s"),
+        ("same-start-unmanaged-15", "saturating_draws"),
+    } <= missed
 
 
-# --- what rows say ----------------------------------------------------------------------------
+# --- what rows say --------------------------------------------------------------------
 
 
 def test_intervals_of_shares():
     """Clopper & Pearson: 8 of 20 is 19 to 64 %; none of 20 is up to 1 - 0.025^(1/20)."""
     assert comparison.clopper_pearson(8, 20) == pytest.approx([19.12, 63.95], abs=0.01)
-    assert comparison.clopper_pearson(0, 20) == pytest.approx([0.0, 100 * (1 - 0.025**0.05)])
-    assert comparison.clopper_pearson(20, 20) == pytest.approx([100 * 0.025**0.05, 100.0])
+    assert comparison.clopper_pearson(0, 20) == pytest.approx(
+        [0.0, 100 * (1 - 0.025**0.05)]
+    )
+    assert comparison.clopper_pearson(20, 20) == pytest.approx(
+        [100 * 0.025**0.05, 100.0]
+    )
     low, high = comparison.clopper_pearson(30, 100)
     assert low < 30.0 < high
     rows = [RunRow("completed", 0, "", numbers={"x": x}) for x in (1.0, 2.0, 3.0, None)]
@@ -497,7 +589,9 @@ def test_intervals_of_shares():
     assert comparison.share_of(values).n == 4
     number = {"title": "x", "signal": "a.b", "measure": "until_below"}
     late = comparison.values_of(rows, "x", Content(numbers={"x": number}))
-    assert comparison.share_of(late, least=2.0).count == 3, "one that is not reached is later"
+    assert comparison.share_of(late, least=2.0).count == 3, (
+        "one that is not reached is later"
+    )
     assert comparison.share_of(late, most=9e9).count == 3
 
 
@@ -505,14 +599,23 @@ def test_a_row_of_a_share_says_its_interval_and_is_held_against_its_band():
     scenario = find("integrated/ideal-inertial")
     names = {*scenario.content.numbers, "limit_time"}
     made = [
-        RunRow("completed", 0, "", numbers={**dict.fromkeys(names, 1.0), "saturated": float(i < 3)})
+        RunRow(
+            "completed",
+            0,
+            "",
+            numbers={**dict.fromkeys(names, 1.0), "saturated": float(i < 3)},
+        )
         for i in range(20)
     ]
     levels = dict.fromkeys(("median", "min", "max"), 1.0)
     summary = {n: spread.Spread(n=20, levels=levels) for n in names}
     values = dict.fromkeys(names, 1.0)
-    found = {r.quantity: r for r in comparison.rows_of(
-        scenario, values, {}, {"summary": summary, "draws": made})}  # fmt: skip
+    found = {
+        r.quantity: r
+        for r in comparison.rows_of(
+            scenario, values, {}, {"summary": summary, "draws": made}
+        )
+    }
     row = found["draws_with_a_saturated_wheel"]
     assert (row.ours, row.within, row.out_of_sample) == (15.0, False, True)
     assert row.draws == Share(20, 3, pytest.approx([3.21, 37.89], abs=0.01))
@@ -529,8 +632,12 @@ def test_a_row_of_a_share_says_its_interval_and_is_held_against_its_band():
 
 def test_a_share_needs_draws():
     scenario = find("integrated/mil-fast")
-    with pytest.raises(DesatError, match=r"never_dumped: a share of samples, and .* has none"):
-        comparison.rows_of(scenario, dict.fromkeys(scenario.content.numbers, 1.0), {}, None)
+    with pytest.raises(
+        DesatError, match=r"never_dumped: a share of samples, and .* has none"
+    ):
+        comparison.rows_of(
+            scenario, dict.fromkeys(scenario.content.numbers, 1.0), {}, None
+        )
 
 
 def test_flags_are_yes_and_no():
@@ -545,7 +652,9 @@ def test_flags_are_yes_and_no():
 
 def test_a_band_may_be_open_at_one_end():
     scenario = find("integrated/mil-jitter-as-they-are")
-    [entry] = [e for e in scenario.content.entries.values() if e.tolerance == (1.1, inf)]
+    [entry] = [
+        e for e in scenario.content.entries.values() if e.tolerance == (1.1, inf)
+    ]
     draws = Spread(2, 1.05, 9e9, (1.0, inf))
     row = comparison._row(scenario, entry, 9e9, {}, draws)
     assert row.within
@@ -553,12 +662,17 @@ def test_a_band_may_be_open_at_one_end():
     assert told["band"] == "at least 1.100"
     assert told["draws"].endswith("of 2 (each: at least 1)")
     [made] = tables.as_json("integrated", [row])["rows"]
-    assert (made["band"], made["draws"]["band"]) == ([1.1, tables.LARGEST], [1.0, tables.LARGEST])
+    assert (made["band"], made["draws"]["band"]) == (
+        [1.1, tables.LARGEST],
+        [1.0, tables.LARGEST],
+    )
     row.band = (-inf, 0.0)
     assert tables.texts_of(row)["band"] == "at most 0.000"
 
 
-@pytest.mark.parametrize("band", [[-inf, inf], [inf, inf], [nan, 1.0], [inf, 1.0], [2.0, 1.0]])
+@pytest.mark.parametrize(
+    "band", [[-inf, inf], [inf, inf], [nan, 1.0], [inf, 1.0], [2.0, 1.0]]
+)
 def test_a_band_that_bounds_nothing_is_refused(band):
     with pytest.raises(ValueError, match=r"first|too far apart"):
         bounds(band)
@@ -572,8 +686,14 @@ def test_every_row_says_what_it_measures():
 
 def test_the_standard_numbers_of_a_managed_run():
     """From the series, and the null space from the pyramid's (1, -1, 1, -1)."""
-    run = execute("integrated/ideal-inertial", Options(blocks=True, stop=300.0, values={
-        "wheels.h_start_wheel": [0.019, 0.012, 0.019, 0.015]}))  # fmt: skip
+    run = execute(
+        "integrated/ideal-inertial",
+        Options(
+            blocks=True,
+            stop=300.0,
+            values={"wheels.h_start_wheel": [0.019, 0.012, 0.019, 0.015]},
+        ),
+    )
     told = {k: n["value"] for k, n in run.manifest["numbers"].items()}
     h = run.results.values("wheels.h_wheel")
     stored_h = np.linalg.norm(h @ np.reshape(PYRAMID, (3, 4)).T, axis=1)
@@ -584,10 +704,14 @@ def test_the_standard_numbers_of_a_managed_run():
     along = h @ np.array([1.0, -1.0, 1.0, -1.0]) / 4.0
     over_time = np.trapezoid(along**2, times) / (times[-1] - times[0])
     assert told["null_rms"] == pytest.approx(math.sqrt(over_time), rel=1e-9)
-    assert told["momentum_margin"] == pytest.approx(100.0 * (1.0 - np.abs(h).max() / H_MAX))
+    assert told["momentum_margin"] == pytest.approx(
+        100.0 * (1.0 - np.abs(h).max() / H_MAX)
+    )
     m = np.abs(run.results.values("torquers.m_mean_body")) / 0.3
     assert told["coil_duty"] == pytest.approx(100.0 * m.mean())
-    assert told["coil_limit_share"] == pytest.approx(100.0 * (m > 0.999).any(axis=1).mean())
+    assert told["coil_limit_share"] == pytest.approx(
+        100.0 * (m > 0.999).any(axis=1).mean()
+    )
     saturated = run.results.values("wheels.saturated_wheel").any(axis=1)
     assert told["limit_time"] == pytest.approx(0.5 * saturated[:-1].sum())
     assert told["limit_time"] > 0.0
@@ -598,20 +722,29 @@ def test_the_standard_numbers_of_a_managed_run():
 def test_pulsed_coils_are_counted_by_the_period():
     run = execute("uosat12/flight-ocdc-1", Options(blocks=True, stop=100.0))
     told = {k: n["value"] for k, n in run.manifest["numbers"].items()}
-    m = np.abs(run.results.values("torquers.m_mean_body")).reshape(10, 10, 3).mean(axis=1) / 36.0
+    m = (
+        np.abs(run.results.values("torquers.m_mean_body"))
+        .reshape(10, 10, 3)
+        .mean(axis=1)
+        / 36.0
+    )
     assert told["coil_duty"] == pytest.approx(100.0 * m.mean())
     assert 0.0 < told["coil_limit_share"] <= 100.0
     assert told["momentum_margin"] > 40.0
 
 
-# --- figures ----------------------------------------------------------------------------------
+# --- figures --------------------------------------------------------------------------
 
 
 def test_axes_name_the_quantity_and_its_unit():
     assert axis_label("pointing error", "deg", 2.2) == "pointing error [deg]"
-    assert axis_label("momentum of each wheel", "mN.m.s", 2.2).endswith("[mN\u00a0m\u00a0s]")
+    assert axis_label("momentum of each wheel", "mN.m.s", 2.2).endswith(
+        "[mN\u00a0m\u00a0s]"
+    )
     assert axis_label("share", "1", 2.2) == "share"
-    long = axis_label("a quantity of which much is to be said before its unit", "deg", 1.6)
+    long = axis_label(
+        "a quantity of which much is to be said before its unit", "deg", 1.6
+    )
     assert max(map(len, long.splitlines())) <= 22
 
 
@@ -622,7 +755,11 @@ def test_a_second_panel_shows_the_steady_state_and_an_envelope_the_extremes():
     assert len(plots.series_figure(Plot(**plot), runs).axes) == 1
     assert len(plots.series_figure(Plot(**plot, steady=300.0), runs).axes) == 1
     whole, steady = plots.series_figure(Plot(**plot, steady=100.0), runs).axes
-    assert (steady.title, steady.x.low, steady.x.high) == ("from 100 s on", 100.0, 200.0)
+    assert (steady.title, steady.x.low, steady.x.high) == (
+        "from 100 s on",
+        100.0,
+        200.0,
+    )
     assert min(steady.marks[0].x) == 100.0
     assert [m.filled for m in whole.marks] == [False] * 3
     filled = plots.series_figure(Plot(**plot, envelope=True), runs).axes[0].marks
@@ -647,12 +784,15 @@ def test_a_stored_draw_comes_out_again(current):
 
 
 def test_tables_pack_nothing_and_record_only_what_numbers_need(monkeypatch, tmp_path):
-    """A paper's 78 runs took 42 s, most of it for packing, extracting and recording all series."""
+    """A paper's 78 runs took 42 s, most of it for packing, extracting and recording all
+    series."""
     name, run = "uosat12/table3-ocdc-ilqr-1", []
     monkeypatch.setattr(tables, "scenarios", lambda family: {name: find(name)})
     monkeypatch.setattr(paths, "packed_folder", lambda: tmp_path)
     simulate = draws.simulate
-    monkeypatch.setattr(draws, "simulate", lambda case: run.append(case) or simulate(case))
+    monkeypatch.setattr(
+        draws, "simulate", lambda case: run.append(case) or simulate(case)
+    )
     found = {row.quantity: row.ours for row in rows("uosat12", Options(), jobs=1)}
     assert not list(tmp_path.iterdir())
     assert name in [case.target for case in run]
@@ -663,10 +803,17 @@ def test_tables_pack_nothing_and_record_only_what_numbers_need(monkeypatch, tmp_
 
 def test_rows_of_draws_have_the_median_and_the_file_is_named(drawn, monkeypatch):
     """Without the scenarios that would have to run."""
-    chosen = {n: s for n, s in tables.scenarios("integrated").items() if n in drawn["scenarios"]}
+    chosen = {
+        n: s
+        for n, s in tables.scenarios("integrated").items()
+        if n in drawn["scenarios"]
+    }
     monkeypatch.setattr(tables, "scenarios", lambda family: chosen)
-    data = tables.as_json("integrated", rows("integrated", Options(), drawn=drawn),
-                          stored.provenance(drawn, fresh=False))  # fmt: skip
+    data = tables.as_json(
+        "integrated",
+        rows("integrated", Options(), drawn=drawn),
+        stored.provenance(drawn, fresh=False),
+    )
     assert data["run"]["file"] == "docs/papers/integrated/draws.parquet"
     assert {"date", "seed", "versions"} <= set(data["run"])
     row = next(r for r in data["rows"] if r["quantity"] == "pointing")

@@ -1,5 +1,5 @@
-"""The integrator of the rigid body: its methods, and the block against solutions that are not its
-own."""
+"""The integrator of the rigid body: its methods, and the block against solutions that
+are not its own."""
 
 from __future__ import annotations
 
@@ -19,7 +19,15 @@ from desat.components.blocks.spacecraft_rigid import SpacecraftRigid
 from desat.components.contract.block import BlockError
 from desat.components.maths import runge_kutta
 from desat.components.maths.attitude import error_angle, matrix, normalised
-from desat.components.maths.vector import add, cross, mat_t_vec, mat_vec, norm, scale, sub
+from desat.components.maths.vector import (
+    add,
+    cross,
+    mat_t_vec,
+    mat_vec,
+    norm,
+    scale,
+    sub,
+)
 from desat.components.physics import torques
 from desat.components.physics.gyrostat import (
     carrier_inertia,
@@ -28,17 +36,29 @@ from desat.components.physics.gyrostat import (
     over_determinant,
 )
 from desat.components.physics.orbit import MU
-from desat.components.physics.rigid_body import STILL, course, gathered, peak, ramp, slopes
+from desat.components.physics.rigid_body import (
+    STILL,
+    course,
+    gathered,
+    peak,
+    ramp,
+    slopes,
+)
 from desat.components.physics.wheel_array import body_momentum
 
-# --- the methods ------------------------------------------------------------------------------
+# --- the methods ----------------------------------------------------------------------
 
-METHODS = {4: (runge_kutta.step4, 4), 6: (runge_kutta.step6, 7), 8: (runge_kutta.step8, 12)}
+METHODS = {
+    4: (runge_kutta.step4, 4),
+    6: (runge_kutta.step6, 7),
+    8: (runge_kutta.step8, 12),
+}
 
 
 @cache
 def tableau(order: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """A, b, c as the step's own code has them: each stage in turn has the slope 1, the rest 0."""
+    """A, b, c as the step's own code has them: each stage in turn has the slope 1, the
+    rest 0."""
     step, stages = METHODS[order]
     a, b, c = np.zeros((stages, stages)), np.zeros(stages), np.zeros(stages)
     for j in range(stages):
@@ -93,7 +113,8 @@ def test_number_of_trees():
 
 @pytest.mark.parametrize("order", METHODS)
 def test_order_conditions(order):
-    """sum b_i Phi_i(t) = 1 / gamma(t) for every tree up to the order, and not beyond it."""
+    """sum b_i Phi_i(t) = 1 / gamma(t) for every tree up to the order, and not beyond
+    it."""
     a, b, c = tableau(order)
     assert np.abs(a.sum(axis=1) - c).max() < 3e-15
     for n in range(1, order + 1):
@@ -103,7 +124,9 @@ def test_order_conditions(order):
     assert beyond > 1e-7
 
 
-@pytest.mark.parametrize(("order", "angle", "wanted"), [(8, 0.3, -1.3e-13), (6, 0.055, 5.5e-14)])
+@pytest.mark.parametrize(
+    ("order", "angle", "wanted"), [(8, 0.3, -1.3e-13), (6, 0.055, 5.5e-14)]
+)
 def test_growth_of_an_oscillation(order, angle, wanted):
     """|R(i a)| - 1, in exact arithmetic: what a step takes from an oscillation."""
     a, b, _ = tableau(order)
@@ -125,32 +148,51 @@ def test_growth_of_an_oscillation(order, angle, wanted):
     assert growth == pytest.approx(wanted, rel=0.1)
 
 
-# --- the equations of motion --------------------------------------------------------------------
+# --- the equations of motion ----------------------------------------------------------
 
 number = st.floats(-1, 1, allow_nan=False)
 vec3 = st.tuples(number, number, number)
 
 
-@given(st.tuples(number, number, number, number), vec3, vec3, vec3, vec3, vec3, st.floats(0, 1))
+@given(
+    st.tuples(number, number, number, number),
+    vec3,
+    vec3,
+    vec3,
+    vec3,
+    vec3,
+    st.floats(0, 1),
+)
 def test_slopes_are_the_equations(q, h, w, given_torque, dipole, r, e):
     """The written-out slope against the same in vector functions."""
     q = normalised((q[0], q[1], q[2], q[3] + 2.0))
     inertia = (3.0, 0.1, -0.2, 0.1, 2.5, 0.3, -0.2, 0.3, 2.0)
     inverse = inverse_inertia(inertia)
-    place = course(add((7e6, 0.0, 0.0), scale(1e5, r)), scale(7e3, w), scale(8.0, h), 5.0)
+    place = course(
+        add((7e6, 0.0, 0.0), scale(1e5, r)), scale(7e3, w), scale(8.0, h), 5.0
+    )
     field = course(scale(3e-5, w), scale(1e-8, h), scale(1e-11, r), 5.0)
     wheels = gathered(w, ramp(h, r), 5.0)
     torque, m = ramp(given_torque, w), ramp(dipole, h)
 
     def at(p):
-        return add(p[0], scale(e, add(p[1], scale(e, p[2] if len(p) > 2 else (0.0, 0.0, 0.0)))))
+        return add(
+            p[0], scale(e, add(p[1], scale(e, p[2] if len(p) > 2 else (0.0, 0.0, 0.0))))
+        )
 
     def others(e, c):
         return mat_vec(c, (e, 2.0, 3.0))
 
     found = slopes(
-        inertia, tuple(0.5 * x for x in inverse), wheels, torque, m, field, place, others
-    )(e, (*q, *h))  # fmt: skip
+        inertia,
+        tuple(0.5 * x for x in inverse),
+        wheels,
+        torque,
+        m,
+        field,
+        place,
+        others,
+    )(e, (*q, *h))
     c = matrix(q)
     omega = mat_vec(inverse, sub(mat_vec(c, h), at(wheels)))
     x, y, z = omega
@@ -177,13 +219,14 @@ def test_nutation_of_a_symmetric_body():
     assert rate == pytest.approx(c * s / a, rel=1e-14)
 
 
-# --- a light craft against a monolith -------------------------------------------------------------
+# --- a light craft against a monolith -------------------------------------------------
 
 THIRD = 1.0 / math.sqrt(3.0)
 LIGHT = {
     "inertia": (3.0, 0.12, -0.08, 0.12, 2.4, 0.1, -0.08, 0.1, 1.9),
     "axes_wheel": tuple(
-        THIRD * x for x in (1.0, -1.0, -1.0, 1.0, 1.0, 1.0, -1.0, -1.0, 1.0, 1.0, 1.0, 1.0)
+        THIRD * x
+        for x in (1.0, -1.0, -1.0, 1.0, 1.0, 1.0, -1.0, -1.0, 1.0, 1.0, 1.0, 1.0)
     ),
     "inertia_wheel": (5e-4,) * 4,
     "h_wheel": (0.6, -0.4, 0.33, 0.25),
@@ -214,13 +257,19 @@ def kepler(t: float) -> tuple[np.ndarray, np.ndarray]:
 
 def motors(k: int) -> np.ndarray:
     """Torque on each rotor (N m) from k HELD to (k + 1) HELD."""
-    return 1e-3 * np.sin(np.array([0.3, 0.2, 0.5, 0.35]) * k + np.array([0.0, 1.6, 1.0, 1.5]))
+    return 1e-3 * np.sin(
+        np.array([0.3, 0.2, 0.5, 0.35]) * k + np.array([0.0, 1.6, 1.0, 1.5])
+    )
 
 
 def monolith(stop: float) -> np.ndarray:
-    """Rows of t (s) and q every 100 s: Euler's equations for the rate, by scipy's DOP853."""
+    """Rows of t (s) and q every 100 s: Euler's equations for the rate, by scipy's
+    DOP853."""
     inertia = np.reshape(LIGHT["inertia"], (3, 3))
-    axes, spin = np.reshape(LIGHT["axes_wheel"], (3, 4)), np.array(LIGHT["inertia_wheel"])
+    axes, spin = (
+        np.reshape(LIGHT["axes_wheel"], (3, 4)),
+        np.array(LIGHT["inertia_wheel"]),
+    )
     carrier = inertia - (axes * spin) @ axes.T
     inverse = np.linalg.inv(carrier)
     y = np.array([*LIGHT["q_start_bi"], *LIGHT["omega_start_body"]])
@@ -260,7 +309,9 @@ def rigid(**values) -> SpacecraftRigid:
     return block
 
 
-def run(block: SpacecraftRigid, stop: float, dt: float, before: Callable = lambda t: None) -> None:
+def run(
+    block: SpacecraftRigid, stop: float, dt: float, before: Callable = lambda t: None
+) -> None:
     for k in range(round(stop / dt)):
         before(k * dt)
         block.advance(k * dt, dt)
@@ -273,7 +324,8 @@ def truth() -> np.ndarray:
 
 
 def test_authority_is_the_monolith(truth):
-    """The file holds what the monolith gives: python tests/test_integrator.py writes it."""
+    """The file holds what the monolith gives: python tests/test_integrator.py writes
+    it."""
     again = monolith(100.0)
     assert len(again) == 2
     assert np.abs(again - truth[:2]).max() < 1e-12
@@ -297,18 +349,22 @@ def test_light_craft(truth, dt, stop):
     assert largest < 2e-9
 
 
-# --- torque-free, at rest, with surfaces ----------------------------------------------------------
+# --- torque-free, at rest, with surfaces ----------------------------------------------
 
 SPINNING = {
-    **LIGHT, "gravity_gradient": False, "h_wheel": (0.871, -0.232, -0.116, 0.552),
+    **LIGHT,
+    "gravity_gradient": False,
+    "h_wheel": (0.871, -0.232, -0.116, 0.552),
     "omega_start_body": (0.05, -0.04, 0.06),
-}  # fmt: skip
+}
 """1.3 N m s in all, nearly all of the body's energy in its nutation."""
 
 
 def energy(block: SpacecraftRigid) -> float:
     carrier = carrier_inertia(block.inertia, block.axes_wheel, block.inertia_wheel)
-    return 0.5 * float(np.dot(block.omega_bi_body, mat_vec(carrier, block.omega_bi_body)))
+    return 0.5 * float(
+        np.dot(block.omega_bi_body, mat_vec(carrier, block.omega_bi_body))
+    )
 
 
 @pytest.mark.parametrize(
@@ -316,7 +372,8 @@ def energy(block: SpacecraftRigid) -> float:
     [(0.3, 10.0, 5e-8), (0.3, 0.09, 5e-8), (0.15, 10.0, 1e-10)],
 )
 def test_energy_without_torque(angle_limit, step, a_day):
-    """Of the energy of nutation no more is lost in a day than promised (the loss is steady)."""
+    """Of the energy of nutation no more is lost in a day than promised (the loss is
+    steady)."""
     block = rigid(**SPINNING, angle_limit=angle_limit)
     start, stop = energy(block), 900.0
     assert np.linalg.norm(block._momentum) == pytest.approx(1.3, abs=0.1)
@@ -339,20 +396,39 @@ def test_attitude_without_torque():
 @pytest.mark.parametrize("source", ["thruster", "wheel", "dipole"])
 @pytest.mark.parametrize("turned", [3e-6, 3e-5, 2e-4, 1e-3, 3e-3])
 def test_a_pulse_within_a_step(source, dt, turned):
-    """The torque of a pulse at the end of a step, as mean and slope: the step taken at once gives
-    the attitude of a hundred. It erred by 1.2e-11 rad: its torque changes sign within the step."""
+    """The torque of a pulse at the end of a step, as mean and slope: the step taken at
+    once gives the attitude of a hundred. It erred by 1.2e-11 rad: its torque changes
+    sign within the step."""
     inertia = 14.0
     size = turned * inertia / dt**2
-    mean, slope = np.array((-0.6, 0.5, -0.62)) * size, np.array((-3.6, 3.0, -3.7)) * size
+    mean, slope = (
+        np.array((-0.6, 0.5, -0.62)) * size,
+        np.array((-3.6, 3.0, -3.7)) * size,
+    )
     values = {
-        "inertia": (inertia, 0.0, 0.0, 0.0, 0.9 * inertia, 0.0, 0.0, 0.0, 0.7 * inertia),
-        "gravity_gradient": False, "omega_start_body": (2e-4, -1.1e-3, 3e-4),
+        "inertia": (
+            inertia,
+            0.0,
+            0.0,
+            0.0,
+            0.9 * inertia,
+            0.0,
+            0.0,
+            0.0,
+            0.7 * inertia,
+        ),
+        "gravity_gradient": False,
+        "omega_start_body": (2e-4, -1.1e-3, 3e-4),
         "h_wheel": tuple(h / dt for h in (0.2, 0.2, -0.2, 0.1)),
-    }  # fmt: skip
+    }
     if source == "dipole":
         values["b_eci"] = (2e-5, -3e-5, 1e-5)
     once, parts = rigid(**values), rigid(**values)
-    name = {"thruster": "tau_{}_thruster_body", "wheel": "tau_{}_wheel", "dipole": "m_{}_body"}
+    name = {
+        "thruster": "tau_{}_thruster_body",
+        "wheel": "tau_{}_wheel",
+        "dipole": "m_{}_body",
+    }
     scale = 1.0 / 4e-5 if source == "dipole" else 1.0
     more = (0.0,) if source == "wheel" else ()
 
@@ -369,12 +445,16 @@ def test_a_pulse_within_a_step(source, dt, turned):
         block.output(dt)
     impulse = float(np.linalg.norm(mean)) * dt
     assert error_angle(once.q_bi, parts.q_bi) < 2e-12
-    assert np.linalg.norm(np.subtract(once.impulse_eci, parts.impulse_eci)) < 1e-7 * impulse
+    assert (
+        np.linalg.norm(np.subtract(once.impulse_eci, parts.impulse_eci))
+        < 1e-7 * impulse
+    )
 
 
 @pytest.mark.parametrize("source", ["thruster", "wheel", "dipole"])
 def test_at_rest_under_torque(source):
-    """A craft that stands still and is pushed with 50 mN m for 10 s: one step, or a hundred."""
+    """A craft that stands still and is pushed with 50 mN m for 10 s: one step, or a
+    hundred."""
     push = (0.03, -0.025, 0.031)
     values = {"inertia": LIGHT["inertia"], "gravity_gradient": False}
     if source == "thruster":
@@ -396,10 +476,12 @@ def test_one_axis_under_a_ramp():
     """About one axis the turn has a closed form: J phi'' = mean + slope (t / dt - 1/2)."""
     mean, slope, dt, moment = 0.04, 0.02, 10.0, 3.0
     block = rigid(
-        inertia=(moment, 0.0, 0.0, 0.0, 2.0, 0.0, 0.0, 0.0, 1.0), inertia_wheel=(0.0,) * 4,
-        gravity_gradient=False, tau_mean_thruster_body=(mean, 0.0, 0.0),
+        inertia=(moment, 0.0, 0.0, 0.0, 2.0, 0.0, 0.0, 0.0, 1.0),
+        inertia_wheel=(0.0,) * 4,
+        gravity_gradient=False,
+        tau_mean_thruster_body=(mean, 0.0, 0.0),
         tau_slope_thruster_body=(slope, 0.0, 0.0),
-    )  # fmt: skip
+    )
     run(block, dt, dt)
     turn = dt * dt / moment * (0.5 * mean - slope / 12.0)
     assert block.omega_bi_body[0] == pytest.approx(mean * dt / moment, rel=1e-11)
@@ -409,20 +491,30 @@ def test_one_axis_under_a_ramp():
 BOX = tuple(
     x
     for normal, place in (
-        ((1, 0, 0), (0.5, 0.1, 0.0)), ((-1, 0, 0), (-0.5, 0.1, 0.0)),
-        ((0, 1, 0), (0.0, 0.4, 0.1)), ((0, -1, 0), (0.0, -0.4, 0.1)),
-        ((0, 0, 1), (0.1, 0.0, 0.3)), ((0, 0, -1), (0.1, 0.0, -0.3)),
-    ) for x in (*normal, 1.2, *place, 0.3, 0.4)
-)  # fmt: skip
+        ((1, 0, 0), (0.5, 0.1, 0.0)),
+        ((-1, 0, 0), (-0.5, 0.1, 0.0)),
+        ((0, 1, 0), (0.0, 0.4, 0.1)),
+        ((0, -1, 0), (0.0, -0.4, 0.1)),
+        ((0, 0, 1), (0.1, 0.0, 0.3)),
+        ((0, 0, -1), (0.1, 0.0, -0.3)),
+    )
+    for x in (*normal, 1.2, *place, 0.3, 0.4)
+)
 AROUND = {
-    "aerodynamics": 2, "radiation": 2, "plates": BOX + (0.0,) * (144 - len(BOX)),
-    "density": 1e-11, "sun_eci": (0.6, 0.0, 0.8), "sunlight": 1.0,
-    "r_eci": (6.8e6, 0.0, 0.0), "v_eci": (0.0, 5.0e3, 5.7e3),
-}  # fmt: skip
+    "aerodynamics": 2,
+    "radiation": 2,
+    "plates": BOX + (0.0,) * (144 - len(BOX)),
+    "density": 1e-11,
+    "sun_eci": (0.6, 0.0, 0.8),
+    "sunlight": 1.0,
+    "r_eci": (6.8e6, 0.0, 0.0),
+    "v_eci": (0.0, 5.0e3, 5.7e3),
+}
 
 
 def test_plates_of_a_tumbling_craft():
-    """At 30 deg/s: drag and radiation in every stage, so that 10 s err little against 0.1 s."""
+    """At 30 deg/s: drag and radiation in every stage, so that 10 s err little against
+    0.1 s."""
     values = {**LIGHT, **AROUND, "omega_start_body": (0.3, 0.3, 0.3)}
     place, velocity = AROUND["r_eci"], AROUND["v_eci"]
     fall = scale(-MU / norm(place) ** 3, place)
@@ -444,7 +536,8 @@ def test_plates_of_a_tumbling_craft():
 
 
 def test_sixteen_plates_make_a_cylinder():
-    """A ring of 16 plates about z, the flow across it: the drag of a cylinder, 2 R L, on a lever.
+    """A ring of 16 plates about z, the flow across it: the drag of a cylinder, 2 R L,
+    on a lever.
 
     What 16 plates of its surface project is within 1.3 % of that.
     """
@@ -472,9 +565,18 @@ def test_sixteen_plates_make_a_cylinder():
 @pytest.mark.parametrize(
     ("row", "text"),
     [
-        ((0, 0, 0, 1, 0, 0, 0, 0, 0), r"plates\[1,1..3\] = 0: a plate with an area needs a normal"),
-        ((1, 0, 0, -1, 0, 0, 0, 0, 0), r"plates\[1,4\] = -1.0 m2: an area is 0 or more"),
-        ((1, 0, 0, 1, 0, 0, 0, 0.7, 0.6), r"plates\[1,8..9\] = 0.7, 0.6: the specular and the dif"),
+        (
+            (0, 0, 0, 1, 0, 0, 0, 0, 0),
+            r"plates\[1,1..3\] = 0: a plate with an area needs a normal",
+        ),
+        (
+            (1, 0, 0, -1, 0, 0, 0, 0, 0),
+            r"plates\[1,4\] = -1.0 m2: an area is 0 or more",
+        ),
+        (
+            (1, 0, 0, 1, 0, 0, 0, 0.7, 0.6),
+            r"plates\[1,8..9\] = 0.7, 0.6: the specular and the dif",
+        ),
     ],
 )
 def test_bad_plates_are_refused(row, text):
@@ -482,7 +584,7 @@ def test_bad_plates_are_refused(row, text):
         torques.plates_of(tuple(float(x) for x in row))
 
 
-# --- what cannot be integrated --------------------------------------------------------------------
+# --- what cannot be integrated --------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -505,10 +607,17 @@ def test_too_much_for_a_step_is_refused(wrong):
 
 @pytest.mark.parametrize("name", ["b_rate_eci", "v_eci", "r_eci", "sun_eci"])
 def test_an_input_that_is_no_number_is_refused(name):
-    values = {**LIGHT, **AROUND, "m_mean_body": (1.0, 0.0, 0.0), "b_eci": (0.0, 3e-5, 0.0)}
+    values = {
+        **LIGHT,
+        **AROUND,
+        "m_mean_body": (1.0, 0.0, 0.0),
+        "b_eci": (0.0, 3e-5, 0.0),
+    }
     block = rigid(**values)
     setattr(block, name, (0.0, math.nan, 0.0))
-    with pytest.raises(BlockError, match=r"body and nutation turn by nan rad|is not finite after"):
+    with pytest.raises(
+        BlockError, match=r"body and nutation turn by nan rad|is not finite after"
+    ):
         block.advance(0.0, 1.0)
 
 
@@ -520,13 +629,16 @@ def test_more_than_many_small_parts_is_allowed():
 
 
 def test_body_momentum_is_what_the_wheels_gave():
-    """In one step of 10 s with strong wheel torques: the inertial momentum stays, bit for bit."""
+    """In one step of 10 s with strong wheel torques: the inertial momentum stays, bit
+    for bit."""
     block = rigid(**SPINNING, tau_mean_wheel=(0.01, -0.02, 0.005, 0.0))
     before = block._momentum
     run(block, 100.0, 10.0)
     assert block._momentum == before
     carrier = carrier_inertia(block.inertia, block.axes_wheel, block.inertia_wheel)
-    total = add(mat_vec(carrier, block.omega_bi_body), body_momentum(block.axes_wheel, block._h))
+    total = add(
+        mat_vec(carrier, block.omega_bi_body), body_momentum(block.axes_wheel, block._h)
+    )
     assert mat_t_vec(matrix(block.q_bi), total) == pytest.approx(before, abs=1e-14)
 
 

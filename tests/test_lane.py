@@ -1,5 +1,5 @@
-"""Beyond nadir, circular, low: the blocks of it against analytic cases, and the crafts of one line
-that take them; what cannot be is refused by name."""
+"""Beyond nadir, circular, low: the blocks of it against analytic cases, and the crafts
+of one line that take them; what cannot be is refused by name."""
 
 from __future__ import annotations
 
@@ -32,13 +32,15 @@ def table(*rows: tuple[float, ...]) -> tuple[float, ...]:
     return tuple(flat + [0.0] * (1024 - len(flat)))
 
 
-# --- torques by a table ---------------------------------------------------------------------------
+# --- torques by a table ---------------------------------------------------------------
 
 
 @pytest.mark.parametrize("between", [0, 1])
 def test_a_tables_impulse_is_exact_whatever_the_steps(between: int) -> None:
     rows = [(0.0, 0.0, 1.0, 0.0), (10.0, 1.0, 1.0, 0.0), (25.0, -1.0, 0.0, 0.0)]
-    source = started("disturbance_table", torque=table(*rows), between=between, repeated=True)
+    source = started(
+        "disturbance_table", torque=table(*rows), between=between, repeated=True
+    )
     # hold: 10 s of (0, 1, 0), 15 s of (1, 1, 0); linear: means of both ends
     whole = np.array([15.0, 25.0, 0.0] if between == 0 else [5.0, 17.5, 0.0])
     for dt in (0.7, 1.0, 5.0, 12.5):
@@ -66,7 +68,9 @@ def test_a_tables_frames_and_what_it_is_added_to() -> None:
 
 def test_a_table_that_ends_before_the_run_is_refused() -> None:
     source = started("disturbance_table", torque=table((0.0, 1, 0, 0), (10.0, 1, 0, 0)))
-    with pytest.raises(BlockError, match="the table is from 0 to 10 s, the run from 0 to 20 s"):
+    with pytest.raises(
+        BlockError, match="the table is from 0 to 10 s, the run from 0 to 20 s"
+    ):
         list(source.foresee(0.0, 20.0, frozenset()))
     assert not list(source.foresee(0.0, 10.0, frozenset()))
 
@@ -75,7 +79,9 @@ def test_the_first_rows_of_a_table_may_stand_alone_but_not_those_of_a_matrix() -
     from desat.system.interface import interface_of_block
 
     interface = interface_of_block("disturbance_table")
-    found = expand(interface, "torque", [[0.0, 1.0, 2.0, 3.0], [5.0, 0.0, 0.0, 0.0]], "x")
+    found = expand(
+        interface, "torque", [[0.0, 1.0, 2.0, 3.0], [5.0, 0.0, 0.0, 0.0]], "x"
+    )
     assert [found[f"torque[1,{k}]"] for k in (1, 2, 3, 4)] == [0.0, 1.0, 2.0, 3.0]
     assert found["torque[256,4]"] == 0.0
     with pytest.raises(DesatError, match="needs 1024 values, got 3"):
@@ -85,13 +91,18 @@ def test_the_first_rows_of_a_table_may_stand_alone_but_not_those_of_a_matrix() -
         expand(wheels, "axes_wheel", [[1.0, 0.0, 0.0, 0.0]], "x")
 
 
-# --- magnets, rods, panels ------------------------------------------------------------------------
+# --- magnets, rods, panels ------------------------------------------------------------
 
 
 def test_a_saturating_cycle_loses_four_times_coercive_field_and_saturation() -> None:
     """The area between the branches, each the other moved by 2 H_c: 4 H_c B_s."""
-    rods = started("torquers_passive", rod_volume=(1e-6, 0.0, 0.0), coercive_field=12.0,
-                 remanence=0.004, saturation=0.025)  # fmt: skip
+    rods = started(
+        "torquers_passive",
+        rod_volume=(1e-6, 0.0, 0.0),
+        coercive_field=12.0,
+        remanence=0.004,
+        saturation=0.025,
+    )
     mu_0 = 4e-7 * math.pi
     h = 40_000.0 * np.sin(np.linspace(0.0, 4.0 * math.pi, 400_001))
     flux = []
@@ -145,7 +156,9 @@ rod_volume = [2.24e-7, 2.24e-7, 0]
 
 
 def test_a_benchs_field_turns_at_its_rate() -> None:
-    bench = started("environment_bench", field=(3e-5, 0.0, 1e-5), field_rate=(0.0, 0.0, 0.1))
+    bench = started(
+        "environment_bench", field=(3e-5, 0.0, 1e-5), field_rate=(0.0, 0.0, 0.1)
+    )
     bench.output(math.pi / 0.2)
     assert bench.b_eci == pytest.approx((0.0, 3e-5, 1e-5), abs=1e-18)
     assert bench.b_rate_eci == pytest.approx((-3e-6, 0.0, 0.0), abs=1e-18)
@@ -153,11 +166,24 @@ def test_a_benchs_field_turns_at_its_rate() -> None:
 
 
 def test_a_run_says_that_its_tank_is_empty(tmp_path: Path) -> None:
-    write(tmp_path / "mine", CraftFacts(
-        altitude="600km", size="12U", wheels="3 axes 10mNms", rods="none", thrusters="4 50mN",
-        dump="thrusters 70:10", secular="20uNm", propellant="0.0001kg"), "")  # fmt: skip
+    write(
+        tmp_path / "mine",
+        CraftFacts(
+            altitude="600km",
+            size="12U",
+            wheels="3 axes 10mNms",
+            rods="none",
+            thrusters="4 50mN",
+            dump="thrusters 70:10",
+            secular="20uNm",
+            propellant="0.0001kg",
+        ),
+        "",
+    )
     run = library.run(str(tmp_path / "mine"), stop=3000.0)
-    assert [w for w in run.manifest.warnings if "its tank of 0.0001 kg is empty from" in w]
+    assert [
+        w for w in run.manifest.warnings if "its tank of 0.0001 kg is empty from" in w
+    ]
 
 
 def test_a_driven_panel_faces_the_sun_as_a_flat_area_does() -> None:
@@ -167,7 +193,8 @@ def test_a_driven_panel_faces_the_sun_as_a_flat_area_does() -> None:
     plates = torques.plates_of(rows)
     turned = torques.facing(plates, torques.drives_of(rows, drives), sun)
     across = math.sqrt(sun[0] ** 2 + sun[2] ** 2)
-    # a black plate whose normal is as near to the Sun as its drive lets it: cos is |s across|
+    # a black plate whose normal is as near to the Sun as its drive lets it: cos is |s
+    # across|
     wanted = torques.radiation(sun, 1.0, 2.0 * across, (0.0, -1.5, 0.0))
     assert torques.radiation_on_plates(sun, 1.0, turned) == pytest.approx(wanted)
     fixed = torques.facing(plates, torques.drives_of(rows, (0.0,) * 48), sun)
@@ -176,20 +203,36 @@ def test_a_driven_panel_faces_the_sun_as_a_flat_area_does() -> None:
 
 def test_driven_panels_balance_in_a_run(tmp_path: Path) -> None:
     """The torque that is computed outside the body, from its parameters, is its own."""
-    write(tmp_path / "mine", CraftFacts(orbit="geo", size="12U", rods="none", thrusters="4 50mN",
-                                        dump="thrusters 70:10", pointing="yaw"), "")  # fmt: skip
+    write(
+        tmp_path / "mine",
+        CraftFacts(
+            orbit="geo",
+            size="12U",
+            rods="none",
+            thrusters="4 50mN",
+            dump="thrusters 70:10",
+            pointing="yaw",
+        ),
+        "",
+    )
     rows = [[1, 0, 0, 0.5, 0, -0.4, 0, 0.1, 0.1], [1, 0, 0, 0.3, 0, 0.4, 0, 0.0, 0.2]]
-    run = library.run(str(tmp_path / "mine"), {
-        "spacecraft.radiation": "plates", "spacecraft.plates": rows,
-        "spacecraft.drive_plate": [[0, 1, 0], [0, 1, 0]]}, stop=20000.0)  # fmt: skip
+    run = library.run(
+        str(tmp_path / "mine"),
+        {
+            "spacecraft.radiation": "plates",
+            "spacecraft.plates": rows,
+            "spacecraft.drive_plate": [[0, 1, 0], [0, 1, 0]],
+        },
+        stop=20000.0,
+    )
     residual = run.manifest.numbers["impulse_mismatch"].value
     largest = np.abs(run.results.values("spacecraft.impulse_eci")).max()
     assert residual < 1e-6 * largest
 
 
 def test_a_coil_by_its_making() -> None:
-    """300 turns of 80 x 80 mm at 100 mA: 0.192 A m2; a core of infinite permeability multiplies by
-    1 + 1 / N_d."""
+    """300 turns of 80 x 80 mm at 100 mA: 0.192 A m2; a core of infinite permeability
+    multiplies by 1 + 1 / N_d."""
     made = coil.air(300, 0.08, 0.08, 0.2e-3, 0.1)
     assert made.dipole == pytest.approx(0.192)
     length = 300 * 4 * 0.08
@@ -199,20 +242,31 @@ def test_a_coil_by_its_making() -> None:
     assert made.mass == pytest.approx(8960.0 * length * section)
     slender = 20.0
     demagnetising = 4 * (math.log(slender) - 1) / (slender**2 - 4 * math.log(slender))
-    assert coil.core_factor(0.1, 0.005, 1e12) == pytest.approx(1.0 + 1.0 / demagnetising, rel=1e-6)
+    assert coil.core_factor(0.1, 0.005, 1e12) == pytest.approx(
+        1.0 + 1.0 / demagnetising, rel=1e-6
+    )
 
 
 def test_rods_by_their_dipole_have_the_turns_that_it_takes(tmp_path: Path) -> None:
-    write(tmp_path / "mine", CraftFacts(size="3U", rods="rod 0.2Am2 60x8mm 0.2mm 100mA"), "")
-    rows = tomllib.loads((tmp_path / "mine" / "craft.toml").read_text())["parameters"]["torquers"]
+    write(
+        tmp_path / "mine",
+        CraftFacts(size="3U", rods="rod 0.2Am2 60x8mm 0.2mm 100mA"),
+        "",
+    )
+    rows = tomllib.loads((tmp_path / "mine" / "craft.toml").read_text())["parameters"][
+        "torquers"
+    ]
     assert float(rows["m_limit"].split()[0]) == pytest.approx(0.2, rel=0.01)
     assert rows["area_turns"] == pytest.approx(2.0, rel=0.01)
 
 
 def test_a_rod_is_as_thick_as_it_says(tmp_path: Path) -> None:
-    """60x8mm is a length of 60 mm and a diameter of 8 mm: dipole, power and mass by hand."""
+    """60x8mm is a length of 60 mm and a diameter of 8 mm: dipole, power and mass by
+    hand."""
     length, radius, wire = 0.06, 0.004, 0.2e-3
-    write(tmp_path / "mine", CraftFacts(size="3U", rods="rod 800 60x8mm 0.2mm 100mA"), "")
+    write(
+        tmp_path / "mine", CraftFacts(size="3U", rods="rod 800 60x8mm 0.2mm 100mA"), ""
+    )
     text = (tmp_path / "mine" / "craft.toml").read_text()
     rows = tomllib.loads(text)["parameters"]["torquers"]
     slender = length / radius
@@ -228,14 +282,19 @@ def test_a_rod_is_as_thick_as_it_says(tmp_path: Path) -> None:
     assert f"{0.01 * resistance:.3g} W, {1e3 * mass:.3g} g each" in text
 
 
-# --- thrusters ------------------------------------------------------------------------------------
+# --- thrusters ------------------------------------------------------------------------
 
 
 def test_an_empty_tank_fires_nothing() -> None:
     jets = started(
-        "thrusters", sample_time=1.0, tau_level=(1.0, 1.0, 1.0), arm=1.0, least_pulse=0.01,
-        specific_impulse=100.0, tank=3e-3,
-    )  # fmt: skip
+        "thrusters",
+        sample_time=1.0,
+        tau_level=(1.0, 1.0, 1.0),
+        arm=1.0,
+        least_pulse=0.01,
+        specific_impulse=100.0,
+        tank=3e-3,
+    )
     jets.tau_cmd_thruster_body = (1.0, 0.0, 0.0)
     for k in range(20):
         jets.advance(float(k), 1.0)
@@ -246,19 +305,42 @@ def test_an_empty_tank_fires_nothing() -> None:
     assert jets.on_time == pytest.approx(3e-3 * 100.0 * 9.80665, rel=1e-12)
 
 
-# --- crafts of one line ---------------------------------------------------------------------------
+# --- crafts of one line ---------------------------------------------------------------
 
 CRAFTS = {
     "sun": CraftFacts(sso="550km", size="6U", pointing="sun"),
-    "yaw": CraftFacts(orbit="geo", mass="2500kg", box="2,2,3", wheels="4 pyramid 50Nms",
-                      rods="none", thrusters="4 10N", dump="thrusters 70:10", pointing="yaw"),
-    "deep": CraftFacts(sun="1.52AU", size="12U", pointing="sun", wheels="3 axes 15mNms",
-                       thrusters="4 10mN", dump="thrusters 70:25", propellant="0.5kg", isp="60s"),
-    "gto": CraftFacts(orbit="gto", mass="600kg", box="1.2,1.2,1.6", wheels="4 pyramid 15Nms",
-                      rods="none", thrusters="4 1N", dump="thrusters 70:10"),
+    "yaw": CraftFacts(
+        orbit="geo",
+        mass="2500kg",
+        box="2,2,3",
+        wheels="4 pyramid 50Nms",
+        rods="none",
+        thrusters="4 10N",
+        dump="thrusters 70:10",
+        pointing="yaw",
+    ),
+    "deep": CraftFacts(
+        sun="1.52AU",
+        size="12U",
+        pointing="sun",
+        wheels="3 axes 15mNms",
+        thrusters="4 10mN",
+        dump="thrusters 70:25",
+        propellant="0.5kg",
+        isp="60s",
+    ),
+    "gto": CraftFacts(
+        orbit="gto",
+        mass="600kg",
+        box="1.2,1.2,1.6",
+        wheels="4 pyramid 15Nms",
+        rods="none",
+        thrusters="4 1N",
+        dump="thrusters 70:10",
+    ),
     "molniya": CraftFacts(orbit="molniya", size="12U"),
     "secular": CraftFacts(altitude="600km", size="12U", secular="0.5uNm"),
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("name", CRAFTS)
@@ -275,7 +357,9 @@ def test_a_craft_of_one_line_flies_as_it_is_wanted(tmp_path: Path, name: str) ->
 
 def test_a_sun_pointing_craft_is_sized_to_a_percent_of_its_loop(tmp_path: Path) -> None:
     write(tmp_path / "mine", CRAFTS["sun"], "")
-    made = size_of(str(tmp_path / "mine"), Options(), SizingRequirements(year=False, laws=False))
+    made = size_of(
+        str(tmp_path / "mine"), Options(), SizingRequirements(year=False, laws=False)
+    )
     assert made.attitude == "sun"
     flown = [r for r in made.curve if r.loop_rms is not None]
     assert flown
@@ -285,9 +369,19 @@ def test_a_sun_pointing_craft_is_sized_to_a_percent_of_its_loop(tmp_path: Path) 
 
 
 def test_deep_space_is_sized_to_some_percent_of_its_loop(tmp_path: Path) -> None:
-    write(tmp_path / "mine", CraftFacts(
-        sun="0.9AU", size="12U", pointing="sun", wheels="3 axes 10mNms", thrusters="4 10mN",
-        dump="thrusters 70:25", panel="0.6m2 0.2m"), "")  # fmt: skip
+    write(
+        tmp_path / "mine",
+        CraftFacts(
+            sun="0.9AU",
+            size="12U",
+            pointing="sun",
+            wheels="3 axes 10mNms",
+            thrusters="4 10mN",
+            dump="thrusters 70:25",
+            panel="0.6m2 0.2m",
+        ),
+        "",
+    )
     made = dumps.size(str(tmp_path / "mine"), Options(), SizingRequirements())
     assert not made.problems
     assert made.loop["dumps"] >= 7
@@ -298,7 +392,9 @@ def test_deep_space_is_sized_to_some_percent_of_its_loop(tmp_path: Path) -> None
 def test_a_secular_torque_is_what_size_finds(tmp_path: Path) -> None:
     write(tmp_path / "mine", CRAFTS["secular"], "")
     made = size_of(
-        str(tmp_path / "mine"), Options(), SizingRequirements(year=False, laws=False, flown=False)
+        str(tmp_path / "mine"),
+        Options(),
+        SizingRequirements(year=False, laws=False, flown=False),
     )
     given = next(s for s in made.sources if s.name == "given torque")
     # about the orbit's normal, which J2 turns by 7 deg a day
@@ -307,8 +403,12 @@ def test_a_secular_torque_is_what_size_finds(tmp_path: Path) -> None:
 
 
 def test_a_csv_of_torques_flies(tmp_path: Path) -> None:
-    (tmp_path / "tau.csv").write_text("t,x,y,z\n0,1e-6,0,0\n3000,-1e-6,0,2e-7\n6000,1e-6,0,0\n")
-    facts = CraftFacts(altitude="600km", size="12U", torque=f"{tmp_path / 'tau.csv'} lvlh")
+    (tmp_path / "tau.csv").write_text(
+        "t,x,y,z\n0,1e-6,0,0\n3000,-1e-6,0,2e-7\n6000,1e-6,0,0\n"
+    )
+    facts = CraftFacts(
+        altitude="600km", size="12U", torque=f"{tmp_path / 'tau.csv'} lvlh"
+    )
     write(tmp_path / "mine", facts, "")
     rows = tomllib.loads((tmp_path / "mine" / "craft.toml").read_text())["parameters"]
     assert rows["disturbance"]["frame"] == "lvlh"
@@ -321,12 +421,24 @@ def test_a_csv_of_torques_flies(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("wanted", "told"),
     [
-        ({"sun": "1AU", "rods": "0.2"}, r"--rods 0.2: there is no field in deep space; thrusters"),
-        ({"sun": "1AU", "pointing": "yaw"}, r"--pointing yaw: there is no Earth about the Sun"),
-        ({"sun": "1AU", "pointing": "sun"}, r"no rods: --dump says what takes momentum out"),
+        (
+            {"sun": "1AU", "rods": "0.2"},
+            r"--rods 0.2: there is no field in deep space; thrusters",
+        ),
+        (
+            {"sun": "1AU", "pointing": "yaw"},
+            r"--pointing yaw: there is no Earth about the Sun",
+        ),
+        (
+            {"sun": "1AU", "pointing": "sun"},
+            r"no rods: --dump says what takes momentum out",
+        ),
         ({"sun": "far"}, r"--sun far: a distance in astronomical units is needed"),
         ({"sun": "1AU", "orbit": "geo"}, r"--orbit, --sun: one of them says the orbit"),
-        ({"sun": "1AU", "inclination": "5deg"}, r"--inclination 5deg: --sun 1AU says the orbit"),
+        (
+            {"sun": "1AU", "inclination": "5deg"},
+            r"--inclination 5deg: --sun 1AU says the orbit",
+        ),
         ({"orbit": "50x2000km"}, r"--orbit 50 km: 150 to 400000 km are covered"),
         ({"orbit": "gro"}, r"--orbit gro: there is geo, .*did you mean ge?t?o"),
         ({"secular": "1uNm", "torque": "x.csv"}, r"--torque x\.csv: no such file"),
@@ -335,11 +447,19 @@ def test_a_csv_of_torques_flies(tmp_path: Path) -> None:
         ({"secular": "0uNm"}, r"a torque other than 0 is needed"),
         ({"torque": "/nowhere.csv"}, r"--torque /nowhere\.csv: "),
         ({"propellant": "1kg"}, r"--propellant 1kg: --thrusters says which"),
-        ({"rods": "coil 300 80mm 0.2mm 100mA"}, r"the form is 'coil TURNS 80x80mm WIRE CURRENT'"),
-        ({"rods": "rod 300 10x8mm 0.2mm 100mA"}, r"at least four times as long as it is thick"),
+        (
+            {"rods": "coil 300 80mm 0.2mm 100mA"},
+            r"the form is 'coil TURNS 80x80mm WIRE CURRENT'",
+        ),
+        (
+            {"rods": "rod 300 10x8mm 0.2mm 100mA"},
+            r"at least four times as long as it is thick",
+        ),
     ],
-)  # fmt: skip
-def test_what_cannot_be_is_refused(tmp_path: Path, wanted: dict[str, Any], told: str) -> None:
+)
+def test_what_cannot_be_is_refused(
+    tmp_path: Path, wanted: dict[str, Any], told: str
+) -> None:
     with pytest.raises(DesatError, match=told):
         write(tmp_path / "mine", CraftFacts(**wanted), "")
     assert not (tmp_path / "mine").exists()
@@ -354,10 +474,15 @@ def test_what_cannot_be_is_refused(tmp_path: Path, wanted: dict[str, Any], told:
         ("inf,x,y,z\n0,1,2,3\n", r":1: four numbers are needed.*got inf,x,y,z"),
         ("0,1,2,3\n0,1,2,3\n", r":2: its time 0 s is not after that of the row before"),
         ("0,1,2,nan\n1,1,1,1\n2,x,1,1\n", r":1: four numbers are needed"),
-        ("\n".join(f"{k},0,0,0" for k in range(300)), "300 rows; 256 are taken at most"),
+        (
+            "\n".join(f"{k},0,0,0" for k in range(300)),
+            "300 rows; 256 are taken at most",
+        ),
     ],
 )
-def test_a_csv_that_is_wrong_is_refused_by_its_line(tmp_path: Path, text: str, told: str) -> None:
+def test_a_csv_that_is_wrong_is_refused_by_its_line(
+    tmp_path: Path, text: str, told: str
+) -> None:
     (tmp_path / "tau.csv").write_text(text)
     with pytest.raises(DesatError, match=told):
         write(tmp_path / "mine", CraftFacts(torque=str(tmp_path / "tau.csv")), "")

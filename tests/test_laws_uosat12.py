@@ -1,4 +1,5 @@
-"""Dumping and blending laws of paper 000: the invariants of the notes over random states."""
+"""Dumping and blending laws of paper 000: the invariants of the notes over random
+states."""
 
 from __future__ import annotations
 
@@ -48,8 +49,12 @@ def test_ocdc_closed_form(n, b, b_over_a):
 
 @given(torque, field, st.floats(0, 1e5), ratio, st.floats(1, 100))
 def test_every_split_adds_up(n, b, k, b_over_a, limit):
-    for split in (blending.dct(n, b), blending.cccp(n, b, k), blending.crcp(n, b),
-                  blending.ocdc(n, b, b_over_a)):  # fmt: skip
+    for split in (
+        blending.dct(n, b),
+        blending.cccp(n, b, k),
+        blending.crcp(n, b),
+        blending.ocdc(n, b, b_over_a),
+    ):
         for m, n_t in (split, blending.saturated(split, b, limit)):
             assert np.allclose(np.add(n_t, np.cross(m, b)), n, rtol=0, atol=1e-15)
     m, _ = blending.saturated(blending.crcp(n, b), b, limit)
@@ -58,8 +63,14 @@ def test_every_split_adds_up(n, b, k, b_over_a, limit):
 
 @given(torque, field, ratio)
 def test_thruster_torque_per_sample_is_ordered(n, b, b_over_a):
-    sizes = [vector.norm(split[1]) for split in (
-        blending.crcp(n, b), blending.ocdc(n, b, b_over_a), blending.dct(n, b))]  # fmt: skip
+    sizes = [
+        vector.norm(split[1])
+        for split in (
+            blending.crcp(n, b),
+            blending.ocdc(n, b, b_over_a),
+            blending.dct(n, b),
+        )
+    ]
     assert sizes[0] <= sizes[1] + 1e-15
     assert sizes[1] <= sizes[2] + 1e-15
 
@@ -74,7 +85,11 @@ def test_ocdc_tends_to_crcp(n, b):
 
 def test_no_field_leaves_it_to_the_thrusters():
     n, zero = (0.01, -0.02, 0.03), (0.0, 0.0, 0.0)
-    for split in (blending.cccp(n, zero, 1e4), blending.crcp(n, zero), blending.ocdc(n, zero, 1e9)):
+    for split in (
+        blending.cccp(n, zero, 1e4),
+        blending.crcp(n, zero),
+        blending.ocdc(n, zero, 1e9),
+    ):
         assert split == (zero, n)
 
 
@@ -87,11 +102,18 @@ def test_ilqr_is_the_riccati_solution(h, omega, g_rate, n_con):
     assert np.allclose(k, g_rate * np.eye(3), atol=1e-12)
     g = np.linalg.solve((w - k).T, k @ n_con)
     expected = -k @ h + g
-    assert np.allclose(dumping.ilqr(h, omega, g_rate, n_con), expected, rtol=1e-9, atol=1e-14)
+    assert np.allclose(
+        dumping.ilqr(h, omega, g_rate, n_con), expected, rtol=1e-9, atol=1e-14
+    )
 
 
 def test_lqr_solves_equation_11_backwards():
-    omega, g_rate, n_con, horizon = (1e-4, -1.07e-3, 5e-5), 0.0077, (1e-3, -2e-3, 5e-4), 600.0
+    omega, g_rate, n_con, horizon = (
+        (1e-4, -1.07e-3, 5e-5),
+        0.0077,
+        (1e-3, -2e-3, 5e-4),
+        600.0,
+    )
     x, y, z = omega
     w = -np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
 
@@ -101,9 +123,18 @@ def test_lqr_solves_equation_11_backwards():
         return np.concatenate([dk.ravel(), -(w - k).T @ g + k @ n_con])
 
     times = np.arange(0, 601, 10.0)
-    solution = solve_ivp(slope, (horizon, 0), np.zeros(12), t_eval=times[::-1], rtol=1e-11,
-                         atol=1e-16, method="DOP853").y[:, ::-1]  # fmt: skip
-    offsets = np.reshape(dumping.lqr_offsets(omega, g_rate, n_con, horizon, 10.0), (-1, 3))
+    solution = solve_ivp(
+        slope,
+        (horizon, 0),
+        np.zeros(12),
+        t_eval=times[::-1],
+        rtol=1e-11,
+        atol=1e-16,
+        method="DOP853",
+    ).y[:, ::-1]
+    offsets = np.reshape(
+        dumping.lqr_offsets(omega, g_rate, n_con, horizon, 10.0), (-1, 3)
+    )
     assert np.allclose(offsets, solution[9:].T, rtol=1e-6, atol=1e-9)
     h = np.array([1.0, 2.0, -1.0])
     for i, t in enumerate(times):
@@ -119,13 +150,16 @@ def test_mec_ends_at_zero(h0, omega, n_con, horizon):
     def slope(t, h):
         return -np.cross(omega, h) + dumping.mec(p, omega, t) + n_con
 
-    end = solve_ivp(slope, (0, horizon), h0, rtol=1e-12, atol=1e-15, method="DOP853").y[:, -1]
+    end = solve_ivp(slope, (0, horizon), h0, rtol=1e-12, atol=1e-15, method="DOP853").y[
+        :, -1
+    ]
     assert np.linalg.norm(end) < 1e-9
 
 
 @given(st.tuples(number, number, number), rate)
 def test_mec_needs_the_least_energy(h0, omega):
-    """Against straight feed-forward of the same end: N = -h/(t_f - t), integrated exactly."""
+    """Against straight feed-forward of the same end: N = -h/(t_f - t), integrated
+    exactly."""
     p = np.array(dumping.mec_costate(h0, omega, (0, 0, 0), 600.0))
     energy = 0.5 * 600 * p @ p  # |N| is constant
     # any other law with the same end, here all of the momentum in the first half

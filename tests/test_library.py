@@ -53,12 +53,17 @@ def test_an_option_that_there_is_not_is_named() -> None:
 
 def test_the_options_of_a_program_are_those_of_a_run() -> None:
     own = {"sets", "stop", "step", "values"}
-    assert set(RunOptions.__annotations__) == {f.name for f in dataclasses.fields(Options)} - own
+    assert (
+        set(RunOptions.__annotations__)
+        == {f.name for f in dataclasses.fields(Options)} - own
+    )
 
 
 def test_a_craft_is_sized_by_a_program(tmp_path) -> None:
     write(tmp_path / "mine", CraftFacts(size="3U"), "")
-    made = library.size(str(tmp_path / "mine"), stop=12000.0, year=False, laws=False, flown=False)
+    made = library.size(
+        str(tmp_path / "mine"), stop=12000.0, year=False, laws=False, flown=False
+    )
     assert made.answer.startswith(str(tmp_path / "mine"))
     assert made.as_json()["least"] > 0.0
 
@@ -83,7 +88,9 @@ def test_series_of_a_kind_share_their_dimension() -> None:
     assert float(ds.interval[0]) == 0.5
     for rows in (slice(None), slice(3, 50, 7), slice(None, None, -1), 60, -1, [0, 60]):
         whole = ds["tachometers.h_meas_wheel"].values
-        assert np.array_equal(ds["tachometers.h_meas_wheel"][rows].values, whole[rows], True)
+        assert np.array_equal(
+            ds["tachometers.h_meas_wheel"][rows].values, whole[rows], True
+        )
     frame = ds[["wheels.h_wheel", "wheels.speed_wheel"]].to_dataframe()
     assert len(frame) == 61 * 4
 
@@ -95,7 +102,9 @@ def test_a_run_plots_what_is_named(tmp_path) -> None:
     assert (tmp_path / "h.png").read_bytes()[1:4] == b"PNG"
     run.plot(file=tmp_path / "h.svg")
     assert "<svg" in (tmp_path / "h.svg").read_text(encoding="utf-8")
-    with pytest.raises(DesatError, match="no plot and no series; did you mean momentum"):
+    with pytest.raises(
+        DesatError, match="no plot and no series; did you mean momentum"
+    ):
         run.plot("momentun")
     with pytest.raises(DesatError, match=r"written as \.svg, \.png or \.pdf"):
         run.plot("momentum", tmp_path / "h.gif")
@@ -103,18 +112,25 @@ def test_a_run_plots_what_is_named(tmp_path) -> None:
 
 def test_a_craft_is_begun_compared_and_tuned_by_a_program(tmp_path) -> None:
     craft = str(library.new(tmp_path / "mine", size="3U", altitude="500km"))
-    with pytest.raises(DesatError, match="altitud: no fact of a craft; did you mean altitude"):
+    with pytest.raises(
+        DesatError, match="altitud: no fact of a craft; did you mean altitude"
+    ):
         library.new(tmp_path / "other", altitud="500km")  # type: ignore[call-arg]
-    assert set(Facts.__annotations__) == {f.name for f in dataclasses.fields(CraftFacts)}
+    assert set(Facts.__annotations__) == {
+        f.name for f in dataclasses.fields(CraftFacts)
+    }
     assert library.scenario(craft).loc["stop", "value"] == 86400.0
     compared = library.compare(craft, f"{craft}/worst.toml", stop=120.0)
     frame = compared.numbers
     assert frame.loc["pointing", f"less {craft}/worst.toml"] == (
-        frame.loc["pointing", craft] - frame.loc["pointing", f"{craft}/worst.toml"])  # fmt: skip
+        frame.loc["pointing", craft] - frame.loc["pointing", f"{craft}/worst.toml"]
+    )
     ranked = library.compare(craft, laws=["ccpl"], by="peak", stop=600.0)
     assert "least fill" in ranked.answer
     assert len(ranked.numbers) == 2
-    tuned = library.tune(craft, "manager.gain", "coil_duty", stop=60.0, count=1, unseen=6)
+    tuned = library.tune(
+        craft, "manager.gain", "coil_duty", stop=60.0, count=1, unseen=6
+    )
     assert tuned.best < tuned.own
     for made in (compared, ranked, tuned):
         assert len(repr(made)) <= 1000

@@ -47,9 +47,12 @@ BOTH = ("compiled", "python")
 
 
 def both(target: str, **options: object) -> list[dict]:
-    """The manifests of a run by each loop, after their series are found equal in every bit."""
+    """The manifests of a run by each loop, after their series are found equal in every
+    bit."""
     case = prepare(target, Options(**options))
-    runs = [simulate(replace(case, options=Options(loop=loop, **options))) for loop in BOTH]
+    runs = [
+        simulate(replace(case, options=Options(loop=loop, **options))) for loop in BOTH
+    ]
     assert [r.manifest["loop"]["name"] for r in runs] == list(BOTH)
     one, other = ({n: r.results.values(n) for n in r.results.names()} for r in runs)
     assert one.keys() == other.keys()
@@ -115,7 +118,7 @@ def test_conditions_end_at_the_same_step(tmp_path, condition):
     assert one["steps_done"] in CONDITIONS[condition]
 
 
-# --- an FMU in C that does what it is told -----------------------------------------------------
+# --- an FMU in C that does what it is told --------------------------------------------
 
 PROBE = r"""
 #include <math.h>
@@ -160,28 +163,37 @@ ACCESS(Real, double, r)
 ACCESS(Integer, int, i)
 ACCESS(Boolean, int, b)
 """
-OTHERS = ("GetTypesPlatform SetDebugLogging Terminate Reset GetString SetString "
-          "GetFMUstate SetFMUstate FreeFMUstate SerializedFMUstateSize SerializeFMUstate "
-          "DeSerializeFMUstate GetDirectionalDerivative SetRealInputDerivatives "
-          "GetRealOutputDerivatives CancelStep GetStatus GetRealStatus GetIntegerStatus "
-          "GetBooleanStatus GetStringStatus")  # fmt: skip
+OTHERS = (
+    "GetTypesPlatform SetDebugLogging Terminate Reset GetString SetString "
+    "GetFMUstate SetFMUstate FreeFMUstate SerializedFMUstateSize SerializeFMUstate "
+    "DeSerializeFMUstate GetDirectionalDerivative SetRealInputDerivatives "
+    "GetRealOutputDerivatives CancelStep GetStatus GetRealStatus GetIntegerStatus "
+    "GetBooleanStatus GetStringStatus"
+)
 VARIABLES = [
-    ("u", "input", "Real", 0), ("x", "output", "Real", 1), ("y", "output", "Real", 2),
-    ("fail_at", "parameter", "Real", 3), ("nan_at", "parameter", "Real", 4),
-    ("i", "input", "Integer", 0), ("n", "output", "Integer", 1),
-    ("status", "parameter", "Integer", 2), ("late", "output", "Boolean", 0),
-]  # fmt: skip
+    ("u", "input", "Real", 0),
+    ("x", "output", "Real", 1),
+    ("y", "output", "Real", 2),
+    ("fail_at", "parameter", "Real", 3),
+    ("nan_at", "parameter", "Real", 4),
+    ("i", "input", "Integer", 0),
+    ("n", "output", "Integer", 1),
+    ("status", "parameter", "Integer", 2),
+    ("late", "output", "Boolean", 0),
+]
 
 
 @pytest.fixture(scope="module")
 def probe(tmp_path_factory) -> Path:
-    """The folder of the FMU: x counts time, y = 2 u + sin(t) and n = i + 1 follow at once; it
-    fails, or gives NaN, when it is told to."""
+    """The folder of the FMU: x counts time, y = 2 u + sin(t) and n = i + 1 follow at
+    once; it fails, or gives NaN, when it is told to."""
     folder = tmp_path_factory.mktemp("probe")
     binary = folder / "binaries" / "linux64" / "probe.so"
     binary.parent.mkdir(parents=True)
     source = folder / "probe.c"
-    others = "".join(f"int fmi2{name}(void) {{ return 3; }}\n" for name in OTHERS.split())
+    others = "".join(
+        f"int fmi2{name}(void) {{ return 3; }}\n" for name in OTHERS.split()
+    )
     source.write_text(PROBE + others)
     command = [*compiler(), "-shared", "-fPIC", "-w", "-o", str(binary), str(source)]
     subprocess.run([*command, "-lm"], check=True)
@@ -207,8 +219,12 @@ def probe(tmp_path_factory) -> Path:
     return folder
 
 
-WIRES = [Connection("a", "x", "b", "u", factor=3.0, offset=-0.1), Connection("a", "n", "b", "i"),
-         Connection("b", "y", "c", "u"), Connection("c", "x", "a", "u")]  # fmt: skip
+WIRES = [
+    Connection("a", "x", "b", "u", factor=3.0, offset=-0.1),
+    Connection("a", "n", "b", "i"),
+    Connection("b", "y", "c", "u"),
+    Connection("c", "x", "a", "u"),
+]
 
 
 @cache
@@ -219,10 +235,21 @@ def _fmu(folder: Path) -> library.FmuFile:
 def system(folder: Path, wires=WIRES, stop: float = 1e6, **parameters: object):
     """Three of them in a row, b with these parameters."""
     fmu = _fmu(folder)
-    places = [Place(n, "probe.fmu", fmu, step_ratio=2 if n == "c" else 1) for n in "abc"]
-    values = [Value("b", name, x, "here", "here", unchecked=True) for name, x in parameters.items()]
+    places = [
+        Place(n, "probe.fmu", fmu, step_ratio=2 if n == "c" else 1) for n in "abc"
+    ]
+    values = [
+        Value("b", name, x, "here", "here", unchecked=True)
+        for name, x in parameters.items()
+    ]
     layer = Layer(
-        "here", "probes", places=places, connections=list(wires), values=values, step=1.0, stop=stop
+        "here",
+        "probes",
+        places=places,
+        connections=list(wires),
+        values=values,
+        step=1.0,
+        stop=stop,
     )
     return Builder(layer).check().or_raise()
 
@@ -241,7 +268,13 @@ def test_a_failure_is_the_same(probe):
             assert m.k == 3000
             with recorder.finish(m) as results:
                 rows = [results.values(n) for n in results.names()]
-                told.append((str(error.value), [r.tobytes() for r in rows], [len(r) for r in rows]))
+                told.append(
+                    (
+                        str(error.value),
+                        [r.tobytes() for r in rows],
+                        [len(r) for r in rows],
+                    )
+                )
     assert told[0] == told[1]
     assert told[0][0] == "b: the step from t = 3000 s returned discard: too late, it is"
     assert set(told[0][2]) == {3000, 3001}
@@ -271,8 +304,9 @@ def test_what_it_does_not_know_is_said_and_done(probe):
         m.initialise()
         steps = stepping(m, None)
         assert (steps.name, steps.why) == (
-            "python", "a connection converts values of type Integer",
-        )  # fmt: skip
+            "python",
+            "a connection converts values of type Integer",
+        )
         run(m, steps, 3, Recorder(None, m))
         assert m.k == 3
 
@@ -291,7 +325,9 @@ def test_values_of_our_native_fmus_are_moved_where_they_lie():
             operations = Program(m.cycle).operations
         codes = {CODES[o.code] for o in operations}
         moves = {c for c in codes if c.startswith(("PUT_", "FETCH_"))}
-        assert codes & {"STEP", "TRANSFER"} == {"STEP"} | ({"TRANSFER"} if not moves else set())
+        assert codes & {"STEP", "TRANSFER"} == {"STEP"} | (
+            {"TRANSFER"} if not moves else set()
+        )
         assert bool(moves) == (kind == "native")
 
 
@@ -319,8 +355,8 @@ def test_without_a_compiler(probe, monkeypatch):
 @pytest.mark.parametrize("every", [1, 3, 64, 1000])
 @pytest.mark.parametrize("ticks", [False, True])
 def test_rows_around_a_chunk(probe, monkeypatch, tmp_path, rows, every, ticks):
-    """The last row has states alone, also where it fills what is kept; a thread writes and packs
-    while further rows are taken, of chunks that are whole or not."""
+    """The last row has states alone, also where it fills what is kept; a thread writes
+    and packs while further rows are taken, of chunks that are whole or not."""
     monkeypatch.setattr(recorder_module, "ROWS", 64)
     monkeypatch.setattr(recorder_module, "FLUSH_SECONDS", 0.0 if ticks else 1e9)
     for loop, file in product(BOTH, (None, "series.h5")):
@@ -333,7 +369,9 @@ def test_rows_around_a_chunk(probe, monkeypatch, tmp_path, rows, every, ticks):
                 if every > 1:
                     results.thin(every)
                 kept = [float(k) for k in range(0, rows, every)]
-                assert results.times().tolist() == results.values("a.x").tolist() == kept
+                assert (
+                    results.times().tolist() == results.values("a.x").tolist() == kept
+                )
                 assert len(results.values("b.y")) == len(range(0, rows - 1, every))
             assert [p.name for p in tmp_path.iterdir()] == ([file] if file else [])
             (tmp_path / "series.h5").unlink(missing_ok=True)
@@ -396,10 +434,17 @@ def test_the_ending_is_asked_where_its_condition_changes(probe):
 
             def reason(live=live, slot=slot, limit=limit, how=how) -> str:
                 value = live[slot.index]
-                return "now" if (value == limit if how == "reaches" else value > limit) else ""
+                return (
+                    "now"
+                    if (value == limit if how == "reaches" else value > limit)
+                    else ""
+                )
 
             ending = Ending(reason, how, [slot], limit)
-            assert run(m, stepping(m, None, ending, loop), 9999, Recorder(None, m), ending) == "now"
+            assert (
+                run(m, stepping(m, None, ending, loop), 9999, Recorder(None, m), ending)
+                == "now"
+            )
             ends[how, loop] = m.k
     assert set(ends.values()) == {42, 7}
     assert ends["reaches", "compiled"] == ends["reaches", "python"] == 7
@@ -409,8 +454,15 @@ def test_signals_are_seen_between_chunks(probe):
     with Master(*system(probe)) as m:
         m.initialise()
         seen: list[int] = []
-        run(m, stepping(m, None), 10**6, Recorder(None, m), NEVER,
-            lambda: int(len(seen) >= 3), seen.append)  # fmt: skip
+        run(
+            m,
+            stepping(m, None),
+            10**6,
+            Recorder(None, m),
+            NEVER,
+            lambda: int(len(seen) >= 3),
+            seen.append,
+        )
         assert 0 < m.k < 10**6
         assert seen[-1] == m.k
 
@@ -430,8 +482,8 @@ def test_loops_take_turns(probe):
 
 
 def test_the_time_of_a_step_is_that_of_stepping(monkeypatch):
-    """Not of opening files and laying out rows before, nor of closing them: 60 steps of 0.8 us were
-    said to take 783 us each."""
+    """Not of opening files and laying out rows before, nor of closing them: 60 steps of
+    0.8 us were said to take 783 us each."""
 
     class Slow(step_case.Recorder):
         def __init__(self, *given):

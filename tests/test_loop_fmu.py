@@ -1,4 +1,5 @@
-"""The loop of a scenario as one FMU: every series bit by bit that of a run, in any host."""
+"""The loop of a scenario as one FMU: every series bit by bit that of a run, in any
+host."""
 
 from __future__ import annotations
 
@@ -25,21 +26,32 @@ from desat.system.interface import base_name
 
 HERE = Path(__file__).parent
 STEPS = 200
-ONE_OF_EACH = ["alsat1/basin-inverted", "gyrostat/stress", "hausat2/along-field",
-               "integrated/mil-nadir", "nadir_day/day-dipole", "plant/light",
-               "space_telescope/closed-cp-nominal", "uosat12/table3-ocdc-ilqr-1"]  # fmt: skip
+ONE_OF_EACH = [
+    "alsat1/basin-inverted",
+    "gyrostat/stress",
+    "hausat2/along-field",
+    "integrated/mil-nadir",
+    "nadir_day/day-dipole",
+    "plant/light",
+    "space_telescope/closed-cp-nominal",
+    "uosat12/table3-ocdc-ilqr-1",
+]
 
 
 class Loop:
     """An FMU of a loop through fmpy."""
 
-    def __init__(self, path: Path, folder: Path, start: float = 0.0, **starts: float) -> None:
+    def __init__(
+        self, path: Path, folder: Path, start: float = 0.0, **starts: float
+    ) -> None:
         description = fmpy.read_model_description(path)
         self.variables = {v.name: v for v in description.modelVariables}
         self.fmu = FMU2Slave(
-            guid=description.guid, unzipDirectory=fmpy.extract(path, str(folder)),
-            modelIdentifier=description.coSimulation.modelIdentifier, instanceName="loop",
-        )  # fmt: skip
+            guid=description.guid,
+            unzipDirectory=fmpy.extract(path, str(folder)),
+            modelIdentifier=description.coSimulation.modelIdentifier,
+            instanceName="loop",
+        )
         self.step = float(description.defaultExperiment.stepSize)
         self.fmu.instantiate()
         self.set(starts)
@@ -56,8 +68,16 @@ class Loop:
     def outputs(self) -> dict[str, float]:
         found: dict[str, float] = {}
         for kind in ("Real", "Integer", "Boolean"):
-            of = [v for v in self.variables.values() if v.causality == "output" and v.type == kind]
-            got = getattr(self.fmu, f"get{kind}")([v.valueReference for v in of]) if of else []
+            of = [
+                v
+                for v in self.variables.values()
+                if v.causality == "output" and v.type == kind
+            ]
+            got = (
+                getattr(self.fmu, f"get{kind}")([v.valueReference for v in of])
+                if of
+                else []
+            )
             found |= {v.name: float(x) for v, x in zip(of, got, strict=True)}
         return found
 
@@ -109,13 +129,17 @@ def differing(path: Path, run: Run, folder: Path, steps: int) -> tuple[int, list
 def short(name: str, steps: int = STEPS, **options: Any) -> Options:
     """So many steps of a scenario, or all that it has."""
     system, _ = prepare(name, Options()).or_raise()
-    return Options(stop=system.start + min(steps, system.steps) * system.step, **options)
+    return Options(
+        stop=system.start + min(steps, system.steps) * system.step, **options
+    )
 
 
 @pytest.fixture(autouse=True)
 def _quickly_compiled(monkeypatch):
     """The same bits in a third of the time."""
-    monkeypatch.setattr(native, "FLAGS", tuple("-O1" if f == "-O3" else f for f in native.FLAGS))
+    monkeypatch.setattr(
+        native, "FLAGS", tuple("-O1" if f == "-O3" else f for f in native.FLAGS)
+    )
 
 
 @pytest.mark.parametrize("name", ONE_OF_EACH)
@@ -148,15 +172,27 @@ def made(tmp_path_factory):
     folder = tmp_path_factory.mktemp("loops")
     options = short(NADIR, 120, substeps=3)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(native, "FLAGS", tuple("-O1" if f == "-O3" else f for f in native.FLAGS))
-        whole = export(NADIR, options, LoopEnds(parameters=["manager.gain*", "shared.inertia"]),
-                       folder / "whole.fmu")  # fmt: skip
-        open_ = export(NADIR, options, LoopEnds(["wheels.*", "spacecraft.*"], without=["manager"]),
-                       folder / "open.fmu")  # fmt: skip
+        patch.setattr(
+            native, "FLAGS", tuple("-O1" if f == "-O3" else f for f in native.FLAGS)
+        )
+        whole = export(
+            NADIR,
+            options,
+            LoopEnds(parameters=["manager.gain*", "shared.inertia"]),
+            folder / "whole.fmu",
+        )
+        open_ = export(
+            NADIR,
+            options,
+            LoopEnds(["wheels.*", "spacecraft.*"], without=["manager"]),
+            folder / "open.fmu",
+        )
     return whole, open_, execute(NADIR, options, None), folder
 
 
-def test_its_outputs_are_those_that_the_scenario_plots_and_validators_find_nothing(made):
+def test_its_outputs_are_those_that_the_scenario_plots_and_validators_find_nothing(
+    made,
+):
     whole, open_, run, folder = made
     assert validate_fmu(str(whole)) == []
     assert validate_fmu(str(open_)) == []
@@ -169,10 +205,18 @@ def test_a_loop_without_its_manager_is_a_plant_for_anybodys(made):
     _, path, run, folder = made
     loop, series = Loop(path, folder / "o"), columns(run)
     inputs = [n for n, v in loop.variables.items() if v.causality == "input"]
-    assert {base_name(n) for n in inputs} == {"manager.m_cmd_body", "manager.tau_cmd_wheel"}
-    assert any(n.startswith("manager.b_body") and v.causality == "output"
-               for n, v in loop.variables.items())  # fmt: skip
-    rows, index = [loop.outputs()], {n: int(n.partition("[")[2][:-1]) - 1 for n in inputs}
+    assert {base_name(n) for n in inputs} == {
+        "manager.m_cmd_body",
+        "manager.tau_cmd_wheel",
+    }
+    assert any(
+        n.startswith("manager.b_body") and v.causality == "output"
+        for n, v in loop.variables.items()
+    )
+    rows, index = (
+        [loop.outputs()],
+        {n: int(n.partition("[")[2][:-1]) - 1 for n in inputs},
+    )
     for k in range(120):  # what our manager gave, given by hand
         loop.set({n: series[base_name(n), i][0][k] for n, i in index.items()})
         rows.append(loop.advance())
@@ -211,7 +255,9 @@ def test_several_steps_at_once_states_and_parameters(made):
     loop = Loop(whole, folder / "d", **{"manager.gain": 1e-4})
     got = [loop.outputs()] + [loop.advance() for _ in range(120)]
     want = changed["wheels.h_wheel", 0][0]
-    assert np.array([row["wheels.h_wheel[1]"] for row in got]).tobytes() == want.tobytes()
+    assert (
+        np.array([row["wheels.h_wheel[1]"] for row in got]).tobytes() == want.tobytes()
+    )
     assert want.tobytes() != columns(run)["wheels.h_wheel", 0][0].tobytes()
     for x in (one, many, other, loop):
         x.close()
@@ -221,22 +267,37 @@ def test_a_c_host_without_python_runs_it(made, tmp_path):
     whole, open_, _, _ = made
     host, given = tmp_path / "host", []
     subprocess.run(
-        [*compiler(), "-std=gnu11", "-w", str(HERE / "host.c"), "-ldl", "-o", str(host)], check=True
+        [
+            *compiler(),
+            "-std=gnu11",
+            "-w",
+            str(HERE / "host.c"),
+            "-ldl",
+            "-o",
+            str(host),
+        ],
+        check=True,
     )
     for path in (whole, open_):
         folder = Path(fmpy.extract(path, str(tmp_path / path.stem)))
         (library,) = folder.rglob("*.so")
         given += [str(library), fmpy.read_model_description(path).guid]
-    done = subprocess.run(["/usr/bin/env", "-i", str(host), *given], capture_output=True, text=True)
+    done = subprocess.run(
+        ["/usr/bin/env", "-i", str(host), *given], capture_output=True, text=True
+    )
     assert done.stdout == "2 FMUs\n", done.stdout
 
 
-@pytest.mark.skipif(not importlib.util.find_spec("libcosimpy"), reason="libcosimpy not installable")
+@pytest.mark.skipif(
+    not importlib.util.find_spec("libcosimpy"), reason="libcosimpy not installable"
+)
 def test_libcosim_runs_it_to_the_same_bits(made):
     whole, _, run, _ = made
     names = [f"wheels.h_wheel[{i}]" for i in (1, 2, 3, 4)]
-    references = {v.name: v.valueReference
-                  for v in fmpy.read_model_description(whole).modelVariables}  # fmt: skip
+    references = {
+        v.name: v.valueReference
+        for v in fmpy.read_model_description(whole).modelVariables
+    }
     done = python(LIBCOSIM, str(whole), json.dumps([references[n] for n in names]))
     assert "ROWS " in done.stdout, done.stderr[-1000:]
     rows = np.array(json.loads(done.stdout.split("ROWS ")[1].splitlines()[0]))
@@ -264,40 +325,85 @@ print("ROWS " + json.dumps(rows))
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (["--without", "managr"], "--without managr: integrated/mil-nadir has no such component; "
-         "did you mean manager"),
-        (["--outputs", "wheels.h_weel"], "--outputs wheels.h_weel: integrated/mil-nadir has no "
-         "output of this name; did you mean wheels.h_wheel"),
-        (["--parameters", "shared.inertia_weel"], "no component shares it; did you mean "
-         "shared.inertia_wheel"),
-        (["--inputs", "manager.b_body"], "--inputs manager.b_body: something in the loop feeds it"),
+        (
+            ["--without", "managr"],
+            "--without managr: integrated/mil-nadir has no such component; "
+            "did you mean manager",
+        ),
+        (
+            ["--outputs", "wheels.h_weel"],
+            "--outputs wheels.h_weel: integrated/mil-nadir has no "
+            "output of this name; did you mean wheels.h_wheel",
+        ),
+        (
+            ["--parameters", "shared.inertia_weel"],
+            "no component shares it; did you mean shared.inertia_wheel",
+        ),
+        (
+            ["--inputs", "manager.b_body"],
+            "--inputs manager.b_body: something in the loop feeds it",
+        ),
     ],
-)  # fmt: skip
+)
 def test_names_that_are_not_of_the_loop_are_refused(desat, arguments, said, tmp_path):
-    done = desat("export", "fmu", NADIR, "--substeps", "1", "--out", str(tmp_path / "x.fmu"),
-                 *arguments)  # fmt: skip
+    done = desat(
+        "export",
+        "fmu",
+        NADIR,
+        "--substeps",
+        "1",
+        "--out",
+        str(tmp_path / "x.fmu"),
+        *arguments,
+    )
     assert done.returncode == 2
     assert said in done.stderr
 
 
 def test_a_block_that_has_no_c_is_named(desat, tmp_path):
-    done = desat("export", "fmu", NADIR, "--substeps", "1", "--source",
-                 "environment=environment_tle", "--out", str(tmp_path / "x.fmu"))  # fmt: skip
+    done = desat(
+        "export",
+        "fmu",
+        NADIR,
+        "--substeps",
+        "1",
+        "--source",
+        "environment=environment_tle",
+        "--out",
+        str(tmp_path / "x.fmu"),
+    )
     assert done.returncode == 2
     assert "environment: environment_tle has no C" in done.stderr
     assert "`--without environment` leaves it out" in done.stderr
 
 
 def test_each_output_says_of_which_time_it_is(desat, tmp_path):
-    """A reference is of the step that has ended, an attitude of its end: who subtracts them takes
-    them a step apart."""
+    """A reference is of the step that has ended, an attitude of its end: who subtracts
+    them takes them a step apart."""
     file = tmp_path / "day.fmu"
-    desat("export", "fmu", "nadir_day/day-dipole", "--out", str(file), "--outputs",
-          "spacecraft.q_bi", "--outputs", "guidance.q_ref_bi", check=True)  # fmt: skip
-    said = {v.name: v.description for v in fmpy.read_model_description(file).modelVariables}
+    desat(
+        "export",
+        "fmu",
+        "nadir_day/day-dipole",
+        "--out",
+        str(file),
+        "--outputs",
+        "spacecraft.q_bi",
+        "--outputs",
+        "guidance.q_ref_bi",
+        check=True,
+    )
+    said = {
+        v.name: v.description for v in fmpy.read_model_description(file).modelVariables
+    }
     assert said["spacecraft.q_bi[1]"].endswith("after a step: of its end")
-    assert said["guidance.q_ref_bi[1]"].endswith("after a step: of the step that has just ended")
-    assert all("after a step: " in text for name, text in said.items()
-               if name.startswith(("spacecraft.", "guidance.")))  # fmt: skip
+    assert said["guidance.q_ref_bi[1]"].endswith(
+        "after a step: of the step that has just ended"
+    )
+    assert all(
+        "after a step: " in text
+        for name, text in said.items()
+        if name.startswith(("spacecraft.", "guidance."))
+    )
     page = (ROOT / "docs/loop-fmu.md").read_text()
     assert page.index("takes attitudes a step apart") < page.index("| option |")

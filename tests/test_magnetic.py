@@ -1,4 +1,5 @@
-"""Dumping by torquers alone (paper 000, eqs. 10-14, Fig. 2): laws, `desat design`, scenarios."""
+"""Dumping by torquers alone (paper 000, eqs. 10-14, Fig. 2): laws, `desat design`,
+scenarios."""
 
 from __future__ import annotations
 
@@ -33,7 +34,9 @@ ONES = (1.0, 1.0, 1.0)
 
 number = st.floats(-1, 1, allow_nan=False)
 vector = st.tuples(number, number, number).map(np.array)
-direction = vector.filter(lambda v: np.linalg.norm(v) > 0.1).map(lambda v: v / np.linalg.norm(v))
+direction = vector.filter(lambda v: np.linalg.norm(v) > 0.1).map(
+    lambda v: v / np.linalg.norm(v)
+)
 weight = st.tuples(*[st.floats(0.5, 2.0)] * 3)
 
 
@@ -57,7 +60,7 @@ def solved(slope, span, y, **options):
     return solve_ivp(slope, span, y, method="DOP853", rtol=1e-12, atol=1e-14, **options)
 
 
-# --- the infinite horizon ---------------------------------------------------------------------
+# --- the infinite horizon -------------------------------------------------------------
 
 
 def flat(*matrices):
@@ -89,7 +92,8 @@ def test_gain_is_scipys_for_any_system(seed, scale_s, scale_f):
     w, b, a = stream.normal(size=(3, 3, 3))
     s, f = b @ b.T + 0.1 * np.eye(3), a @ a.T + 0.1 * np.eye(3)
     expected = solve_continuous_are(w, np.linalg.cholesky(s), f, np.eye(3))
-    # S -> S c / d, F -> F c d with W -> c W has K -> d K: any size is scaled away inside
+    # S -> S c / d, F -> F c d with W -> c W has K -> d K: any size is scaled away
+    # inside
     c, d = 10.0 ** ((scale_s + scale_f) / 2), 10.0 ** ((scale_f - scale_s) / 2)
     found = infinite_gain(c * w, c / d * s, c * d * f) / d
     assert np.linalg.norm(found - expected) <= 1e-12 * np.linalg.norm(expected)
@@ -113,7 +117,7 @@ def test_offset_is_eq_11_at_rest(omega, b, n_con):
     assert np.abs(rest).max() <= 1e-10 * max(np.abs(k @ (1e-4 * n_con)).max(), 1e-9)
 
 
-# --- the finite horizon -----------------------------------------------------------------------
+# --- the finite horizon ---------------------------------------------------------------
 
 
 TIMES = np.linspace(0.0, HORIZON, 61)
@@ -127,12 +131,15 @@ def tables():
 
 
 def test_gains_solve_the_two_point_boundary_problem(tables):
-    """h' = W h - S p + N_con, p' = -F h - W'p, p(t_f) = 0, solved forwards, with no K and no g."""
+    """h' = W h - S p + N_con, p' = -F h - W'p, p(t_f) = 0, solved forwards, with no K
+    and no g."""
     w, f, unit = -skew(NADIR), np.diag(WEIGHT), 1e6
 
     def slope(t, y):
         h, p = y[:3], unit * y[3:]
-        return np.concatenate((w @ h - reach(t, R) @ p + PUSHED, (-f @ h - w.T @ p) / unit))
+        return np.concatenate(
+            (w @ h - reach(t, R) @ p + PUSHED, (-f @ h - w.T @ p) / unit)
+        )
 
     def flown(start, from_h, to):
         return solved(slope, (start, to), np.asarray(from_h)).y[:, -1]
@@ -144,9 +151,13 @@ def test_gains_solve_the_two_point_boundary_problem(tables):
             [flown(t, [*START, *e], HORIZON)[3:] - free[3:] for e in np.eye(3)], axis=1
         )
         p = -unit * np.linalg.solve(effect, free[3:])
-        found = magnetic.lqr_costate(tuple(START), tuple(tables[0][i]), tuple(tables[1][i]))
+        found = magnetic.lqr_costate(
+            tuple(START), tuple(tables[0][i]), tuple(tables[1][i])
+        )
         assert np.allclose(found, p, rtol=0, atol=2e-7 * np.abs(p).max())
-        assert np.linalg.norm(tables[1][i]) > 0.01 * np.linalg.norm(p)  # and g matters in it
+        assert np.linalg.norm(tables[1][i]) > 0.01 * np.linalg.norm(
+            p
+        )  # and g matters in it
 
 
 def test_gains_obey_eq_11_as_full_matrices(tables):
@@ -175,7 +186,9 @@ def test_gains_are_positive_and_vanish_at_the_end(tables):
     assert not offset[-1].any()
     without = offline.gains(field, NADIR, WEIGHT, R, np.zeros(3), TIMES)
     assert not without[1].any()
-    assert np.allclose(without[0], gain, rtol=1e-6, atol=1e-3)  # N_con is no matter of K
+    assert np.allclose(
+        without[0], gain, rtol=1e-6, atol=1e-3
+    )  # N_con is no matter of K
 
 
 def test_no_weight_no_gain():
@@ -189,15 +202,23 @@ def test_between_the_nodes_the_error_is_bounded(tables):
     exact = offline.gains(field, NADIR, WEIGHT, R, PUSHED, fine)
     width, between = HORIZON / (len(TIMES) - 1), fine[1] - fine[0]
     for table, columns, truth in zip(tables, (6, 3), exact, strict=True):
-        found = np.array([
-            magnetic.interpolated(tuple(table.ravel()), columns, len(TIMES), HORIZON, t)
-            for t in fine
-        ])  # fmt: skip
+        found = np.array(
+            [
+                magnetic.interpolated(
+                    tuple(table.ravel()), columns, len(TIMES), HORIZON, t
+                )
+                for t in fine
+            ]
+        )
         curvature = np.abs(np.diff(truth, 2, axis=0)).max(axis=0) / between**2
         error = np.abs(found - truth).max(axis=0)
-        assert (error <= 1.1 * width**2 / 8 * curvature + 1e-9 * np.abs(truth).max()).all()
+        assert (
+            error <= 1.1 * width**2 / 8 * curvature + 1e-9 * np.abs(truth).max()
+        ).all()
         assert error.max() <= 0.002 * np.abs(truth).max()
-        assert np.allclose(found[::10], table, rtol=1e-14, atol=0)  # at a node: the node
+        assert np.allclose(
+            found[::10], table, rtol=1e-14, atol=0
+        )  # at a node: the node
 
 
 def flown(law, h=START, n_con=PUSHED, horizon=HORIZON):
@@ -209,7 +230,9 @@ def flown(law, h=START, n_con=PUSHED, horizon=HORIZON):
         dh = -np.cross(NADIR, y[:3]) + np.cross(m, field(t)) + n_con
         return [*dh, cost / 1e6, 0.5 * m @ m / 1e6]
 
-    y = solve_ivp(slope, (0, horizon), [*h, 0, 0], method="DOP853", rtol=1e-8, atol=1e-10).y[:, -1]
+    y = solve_ivp(
+        slope, (0, horizon), [*h, 0, 0], method="DOP853", rtol=1e-8, atol=1e-10
+    ).y[:, -1]
     return y[:3], 1e6 * y[3], 1e6 * y[4]
 
 
@@ -238,7 +261,12 @@ def test_lqr_has_the_least_cost(tables):
     _, exact, _ = flown(lqr_of(fine))
     assert best == pytest.approx(exact, rel=2e-5)  # what the table's few rows cost
     assert best > exact * (1 - 1e-7)
-    for other in (ilqr, lqr_of(tables, 0.9), lqr_of(tables, 1.1), lqr_of(tables, 1.0, 0.0)):
+    for other in (
+        ilqr,
+        lqr_of(tables, 0.9),
+        lqr_of(tables, 1.1),
+        lqr_of(tables, 1.0, 0.0),
+    ):
         assert flown(other)[1] > best * 1.0005
 
 
@@ -247,10 +275,14 @@ def test_mec_reaches_its_end(end, n_con, r, horizon):
     p = offline.costate(field, NADIR, r, 1e-4 * n_con, START, end, horizon)
 
     def slope(t, h):
-        m = magnetic.dipole(magnetic.mec_costate(tuple(p), tuple(NADIR), t), field(t), r)
+        m = magnetic.dipole(
+            magnetic.mec_costate(tuple(p), tuple(NADIR), t), field(t), r
+        )
         return -np.cross(NADIR, h) + np.cross(m, field(t)) + 1e-4 * n_con
 
-    h = solve_ivp(slope, (0, horizon), START, method="DOP853", rtol=3e-14, atol=1e-15).y[:, -1]
+    h = solve_ivp(
+        slope, (0, horizon), START, method="DOP853", rtol=3e-14, atol=1e-15
+    ).y[:, -1]
     assert np.linalg.norm(h - end) <= 1e-12
 
 
@@ -267,7 +299,11 @@ def test_mec_needs_the_least_energy(tables):
         assert least < 0.9 * energy
 
 
-@given(vector.filter(lambda v: np.linalg.norm(v) > 0.2), st.floats(0.05, 0.95), st.integers(0, 99))
+@given(
+    vector.filter(lambda v: np.linalg.norm(v) > 0.2),
+    st.floats(0.05, 0.95),
+    st.integers(0, 99),
+)
 def test_cheapest_end(free, share, seed):
     stream = np.random.default_rng(seed)
     a = stream.normal(size=(3, 3))
@@ -285,7 +321,7 @@ def test_cheapest_end(free, share, seed):
         assert price(end) <= price(h) * (1 + 1e-9)
 
 
-# --- the blocks -------------------------------------------------------------------------------
+# --- the blocks -----------------------------------------------------------------------
 
 
 def manager(name, **values):
@@ -299,11 +335,20 @@ def manager(name, **values):
 
 @pytest.mark.real_units
 def test_ilqr_block_is_eq_11_with_scipys_gain():
-    n_con, r, f, bias = (1e-4, -2e-4, 5e-5), (1.0, 2.0, 0.5), (1000.0, 2000.0, 3000.0), 0.1
+    n_con, r, f, bias = (
+        (1e-4, -2e-4, 5e-5),
+        (1.0, 2.0, 0.5),
+        (1000.0, 2000.0, 3000.0),
+        0.1,
+    )
     block = manager(
-        "manager_magnetic_ilqr", saturation=False, n_con_body=n_con, dipole_weight=r,
-        momentum_weight=f, h_target_body=(bias, 0.0, 0.0),
-    )  # fmt: skip
+        "manager_magnetic_ilqr",
+        saturation=False,
+        n_con_body=n_con,
+        dipole_weight=r,
+        momentum_weight=f,
+        h_target_body=(bias, 0.0, 0.0),
+    )
     block.advance(0.0, 10.0)
     q, w = -skew(block.b_body), -skew(NADIR)
     s = q @ np.diag(1 / np.array(r)) @ q.T
@@ -311,8 +356,11 @@ def test_ilqr_block_is_eq_11_with_scipys_gain():
     g = np.linalg.solve((w - s @ k).T, k @ n_con)
     expected = -np.diag(1 / np.array(r)) @ q.T @ (k @ [1.0 - bias, -0.5, 0.3] - g)
     assert np.allclose(block.m_cmd_body, expected, rtol=1e-11)
-    assert np.allclose(block.tau_cmd_wheel[:3], np.cross(block.m_cmd_body, block.b_body)
-                       - np.cross(NADIR, [1.0, -0.5, 0.3]), atol=1e-15)  # fmt: skip
+    assert np.allclose(
+        block.tau_cmd_wheel[:3],
+        np.cross(block.m_cmd_body, block.b_body) - np.cross(NADIR, [1.0, -0.5, 0.3]),
+        atol=1e-15,
+    )
     assert block.mode == 1
 
 
@@ -329,9 +377,15 @@ def test_ilqr_block_without_a_gain_does_not_dump(b):
 def test_the_clock_of_a_design_starts_with_enable_and_ends_with_its_horizon():
     p = (4e5, -3e5, 2e5)
     block = manager(
-        "manager_magnetic", law=1, saturation=True, m_limit=8.0, horizon=100.0, costate=p,
-        omega_nominal_body=tuple(NADIR), enable=False,
-    )  # fmt: skip
+        "manager_magnetic",
+        law=1,
+        saturation=True,
+        m_limit=8.0,
+        horizon=100.0,
+        costate=p,
+        omega_nominal_body=tuple(NADIR),
+        enable=False,
+    )
     block.advance(0.0, 10.0)
     assert (block.mode, block.m_cmd_body) == (0, (0.0, 0.0, 0.0))
     block.enable = True
@@ -347,7 +401,7 @@ def test_the_clock_of_a_design_starts_with_enable_and_ends_with_its_horizon():
     assert (block.mode, block.m_cmd_body) == (0, (0.0, 0.0, 0.0))
 
 
-# --- Fig. 2 -----------------------------------------------------------------------------------
+# --- Fig. 2 ---------------------------------------------------------------------------
 
 
 LAWS, STARTS = ("lqr", "ilqr", "mec", "ccpl"), (1, 2, 3)
@@ -378,10 +432,13 @@ def test_mec_dumps_everything(values, start):
 @pytest.mark.real_units
 @pytest.mark.parametrize("start", STARTS)
 def test_fig_2_at_equal_final_momentum(values, start):
-    """The paper: MEC consumes the least energy, and the energy cost of CCPL is the highest."""
+    """The paper: MEC consumes the least energy, and the energy cost of CCPL is the
+    highest."""
     ends = [values[f"fig2-{law}-{start}"]["final_momentum"] for law in LAWS]
     assert ends == pytest.approx([0.05] * 4, abs=1e-11)
-    lqr, ilqr, mec, ccpl = (values[f"fig2-{law}-{start}"]["dipole_energy"] for law in LAWS)
+    lqr, ilqr, mec, ccpl = (
+        values[f"fig2-{law}-{start}"]["dipole_energy"] for law in LAWS
+    )
     assert mec < min(lqr, ilqr)
     assert ccpl > max(lqr, ilqr)
 
@@ -394,13 +451,18 @@ def test_mec_is_least_among_laws_with_the_same_end(values, law, start):
     assert np.abs(least["end"] - theirs["end"]).max() <= 1e-12
     assert least["dipole_energy"] < theirs["dipole_energy"]
     # and MEC to the cheapest end of that size needs still less
-    assert values[f"fig2-mec-{start}"]["dipole_energy"] <= least["dipole_energy"] * (1 + 1e-9)
+    assert values[f"fig2-mec-{start}"]["dipole_energy"] <= least["dipole_energy"] * (
+        1 + 1e-9
+    )
 
 
 @pytest.mark.real_units
 def test_off_nadir_the_constant_torque_must_be_known(values):
-    final = {n.removeprefix("fig2-offnadir-"): v["final_momentum"] for n, v in values.items()
-             if "offnadir" in n}  # fmt: skip
+    final = {
+        n.removeprefix("fig2-offnadir-"): v["final_momentum"]
+        for n, v in values.items()
+        if "offnadir" in n
+    }
     assert [final[law] for law in LAWS] == pytest.approx([0.05] * 4, abs=1e-11)
     assert final["mec-blind"] > 0.3
     assert final["lqr-blind"] > 0.06
@@ -415,17 +477,26 @@ def cost(name, f, **overrides):
     """Eq. 10 of a run in the paper's model, F = f I, R = I, per sample."""
     run = execute(name, Options(blocks=True, values=overrides))
     h = run.results.values("spacecraft.h_copy_wheel")[:-1]
-    return 10.0 * 0.5 * f * (h**2).sum() + run.manifest["numbers"]["dipole_energy"]["value"]
+    return (
+        10.0 * 0.5 * f * (h**2).sum()
+        + run.manifest["numbers"]["dipole_energy"]["value"]
+    )
 
 
 @pytest.mark.real_units
 def test_lqr_costs_less_than_ilqr_and_than_itself_without_g():
     tuned = kept("uosat12/fig2-lqr-1")["tuned"]["momentum_weight"]
-    ilqr = cost("uosat12/fig2-ilqr-1", tuned, **{"manager.momentum_weight": [tuned] * 3})
+    ilqr = cost(
+        "uosat12/fig2-ilqr-1", tuned, **{"manager.momentum_weight": [tuned] * 3}
+    )
     assert cost("uosat12/fig2-lqr-1", tuned) < 0.99 * ilqr
     f = find("uosat12/fig2-offnadir-lqr-blind").content.design.momentum_weight[0]
-    assert f == pytest.approx(kept("uosat12/fig2-offnadir-lqr")["tuned"]["momentum_weight"], 1e-6)
-    assert cost("uosat12/fig2-offnadir-lqr", f) < cost("uosat12/fig2-offnadir-lqr-blind", f)
+    assert f == pytest.approx(
+        kept("uosat12/fig2-offnadir-lqr")["tuned"]["momentum_weight"], 1e-6
+    )
+    assert cost("uosat12/fig2-offnadir-lqr", f) < cost(
+        "uosat12/fig2-offnadir-lqr-blind", f
+    )
 
 
 @pytest.mark.real_units
@@ -441,16 +512,19 @@ def test_in_flight_feedback_keeps_what_open_loop_loses(start):
         final[law] = numbers["final_momentum"]
     assert max(final["lqr"], final["ilqr"]) < min(final["mec"], 0.25)
     informed = execute(f"uosat12/fig2-flight-igrf-mec-{start}", Options())
-    assert informed.manifest["numbers"]["final_momentum"]["value"] == pytest.approx(0.05, abs=0.02)
+    assert informed.manifest["numbers"]["final_momentum"]["value"] == pytest.approx(
+        0.05, abs=0.02
+    )
 
 
-# --- desat design -----------------------------------------------------------------------------
+# --- desat design ---------------------------------------------------------------------
 
 
 @pytest.mark.real_units
 @pytest.mark.parametrize(
-    "name", ["fig2-mec-1", "fig2-ccpl-2", "fig2-least-ilqr-3", "fig2-offnadir-lqr-blind"],
-)  # fmt: skip
+    "name",
+    ["fig2-mec-1", "fig2-ccpl-2", "fig2-least-ilqr-3", "fig2-offnadir-lqr-blind"],
+)
 def test_the_kept_design_is_what_the_command_computes(name):
     scenario = find(f"uosat12/{name}")
     made = design_module.design(scenario)
@@ -460,7 +534,9 @@ def test_the_kept_design_is_what_the_command_computes(name):
     file = kept(scenario.name)["parameters"]["manager"]
     assert list(file) == list(made.parameters)
     for key, value in made.parameters.items():
-        assert np.asarray(file[key]) == pytest.approx(np.asarray(value), rel=1e-8, abs=1e-8)
+        assert np.asarray(file[key]) == pytest.approx(
+            np.asarray(value), rel=1e-8, abs=1e-8
+        )
 
 
 @pytest.mark.real_units
@@ -472,15 +548,19 @@ def test_every_design_is_kept_and_none_is_left_over():
 
 @pytest.fixture
 def command(monkeypatch, tmp_path):
-    """`desat design NAME`, its file in tmp_path, with [design] and manager parameters changed."""
+    """`desat design NAME`, its file in tmp_path, with [design] and manager parameters
+    changed."""
 
     def run(name, *arguments, manager=(), **changes):
         def changed(wanted):
             scenario = find(wanted)
             if wanted != f"uosat12/{name}" or not (changes or manager):
                 return scenario
-            table = {k: v for k, v in {**scenario.content.written["design"], **changes}.items()
-                     if v is not None}  # fmt: skip
+            table = {
+                k: v
+                for k, v in {**scenario.content.written["design"], **changes}.items()
+                if v is not None
+            }
             parameters = dict(scenario.content.parameters)
             parameters["manager"] = {**parameters["manager"], **dict(manager)}
             content = but(scenario.content, design=table, parameters=parameters)
@@ -488,7 +568,9 @@ def command(monkeypatch, tmp_path):
 
         monkeypatch.setattr(design_module, "find", changed)
         monkeypatch.setattr(design_module, "ROOT", tmp_path)
-        return CliRunner().invoke(cli.app_for([]), ["design", f"uosat12/{name}", *arguments])
+        return CliRunner().invoke(
+            cli.app_for([]), ["design", f"uosat12/{name}", *arguments]
+        )
 
     return run
 
@@ -513,21 +595,31 @@ def test_design_command(command, tmp_path):
 REFUSED = {
     "nodes is not for ccpl; known are final_momentum": ("fig2-ccpl-1", {"nodes": 9}),
     "nodes = 65: at most 64": ("fig2-lqr-1", {"nodes": 65}),
-    "end_of = 'fig2-mec-1': the name of another": ("fig2-mec-1", {"end_of": "fig2-mec-1"}),
+    "end_of = 'fig2-mec-1': the name of another": (
+        "fig2-mec-1",
+        {"end_of": "fig2-mec-1"},
+    ),
     "no scenario uosat12/fig9": ("fig2-mec-1", {"end_of": "fig9"}),
     "final_momentum is needed": ("fig2-ccpl-1", {"final_momentum": None}),
-    "momentum_weight or final_momentum needed": ("fig2-lqr-1", {"final_momentum": None}),
+    "momentum_weight or final_momentum needed": (
+        "fig2-lqr-1",
+        {"final_momentum": None},
+    ),
     "the least is 0.0": ("fig2-ccpl-2", {"final_momentum": 1e-6}),
     "is reached without dumping": ("fig2-mec-2", {"final_momentum": 9.0}),
     "= 9 N m s is reached without dumping": ("fig2-ccpl-2", {"final_momentum": 9.0}),
     "no component moon": ("fig2-mec-1", {"assume": {"moon": {"x": 1}}}),
     "spacecraft has no variable inertai": (
-        "fig2-mec-1", {"assume": {"spacecraft": {"inertai": 1}}}
+        "fig2-mec-1",
+        {"assume": {"spacecraft": {"inertai": 1}}},
     ),
     "uses the design of uosat12/fig2-lqr-1: run": ("fig2-flight-lqr-1", {}),
     "it has no [design]": ("table2-dct-ilqr-1", {}),
-    "made in the paper's model": ("fig2-flight-mec-1", {"of": None, "final_momentum": 0.05}),
-}  # fmt: skip
+    "made in the paper's model": (
+        "fig2-flight-mec-1",
+        {"of": None, "final_momentum": 0.05},
+    ),
+}
 
 
 @pytest.mark.real_units

@@ -1,4 +1,5 @@
-"""The master: both semantics, order, failures; with instances made of functions, and with FMUs."""
+"""The master: both semantics, order, failures; with instances made of functions, and
+with FMUs."""
 
 from __future__ import annotations
 
@@ -34,7 +35,8 @@ SPECS: dict[str, dict] = {}
 
 
 class FunctionInstance:
-    """An instance made of functions: inputs u, state x; y_state = x, y_interval = f(u, x)."""
+    """An instance made of functions: inputs u, state x; y_state = x, y_interval = f(u,
+    x)."""
 
     def __init__(self, component: Component) -> None:
         self.name = component.name
@@ -79,13 +81,19 @@ class FunctionInstance:
 
 
 def real(name, causality, output_class="state", unit="1") -> Signal:
-    return Signal(name, causality, "Real", 0, unit, unit_of(unit), output_class=output_class)
+    return Signal(
+        name, causality, "Real", 0, unit, unit_of(unit), output_class=output_class
+    )
 
 
-def component(name, inputs=0, step_ratio=1, outputs=("state", "interval"), **spec) -> Place:
+def component(
+    name, inputs=0, step_ratio=1, outputs=("state", "interval"), **spec
+) -> Place:
     signals = [real(f"u{i}", "input") for i in range(inputs)]
-    signals += [real(f"{o}_y", "output", o if o in ("state", "interval") else "undeclared")
-                for o in outputs]  # fmt: skip
+    signals += [
+        real(f"{o}_y", "output", o if o in ("state", "interval") else "undeclared")
+        for o in outputs
+    ]
     SPECS[name] = spec
     interface = Interface(name, name, {s.name: s for s in signals})
     return Place(name, f"{name}.fmu", interface=interface, step_ratio=step_ratio)
@@ -94,8 +102,13 @@ def component(name, inputs=0, step_ratio=1, outputs=("state", "interval"), **spe
 def builder(components, wires, **more) -> Builder:
     connections = [Connection(*w[:4], **(w[4] if len(w) > 4 else {})) for w in wires]
     times = {"step": 1.0, "stop": 10.0}
-    layer = Layer("test.ssd", "test", places=list(components), connections=connections,
-                  **{**times, **more})  # fmt: skip
+    layer = Layer(
+        "test.ssd",
+        "test",
+        places=list(components),
+        connections=connections,
+        **{**times, **more},
+    )
     return Builder(layer, load=False)
 
 
@@ -129,24 +142,33 @@ def chain() -> System:
             component("actuator", 1, f=lambda u, x, t: u[0] + 1),
             component("integrator", 1, g=lambda u, x, t, dt: x + dt * u[0]),
         ],
-        [("source", "state_y", "sensor", "u0"), ("sensor", "interval_y", "actuator", "u0"),
-         ("actuator", "interval_y", "integrator", "u0")],
-    )  # fmt: skip
+        [
+            ("source", "state_y", "sensor", "u0"),
+            ("sensor", "interval_y", "actuator", "u0"),
+            ("actuator", "interval_y", "integrator", "u0"),
+        ],
+    )
 
 
 def test_conserving_has_no_delay():
     found, units = rows(chain(), 5)
     for k, row in found:
         assert row["source", "state_y"] == k
-        assert row["sensor", "interval_y"] == 10 * k, "the interval value over [t_k, t_k+1)"
+        assert row["sensor", "interval_y"] == 10 * k, (
+            "the interval value over [t_k, t_k+1)"
+        )
         assert row["actuator", "interval_y"] == 10 * k + 1
-    assert [u for _, _, u in units["integrator"].log] == [[10 * k + 1] for k in range(5)]
+    assert [u for _, _, u in units["integrator"].log] == [
+        [10 * k + 1] for k in range(5)
+    ]
     assert found[-1][1]["integrator", "state_y"] == sum(10 * k + 1 for k in range(4))
 
 
 def test_jacobi_delays_by_a_step_a_link():
     found, _units = rows(chain(), 6, "jacobi")
-    assert [k for k, _ in found] == [1, 2, 3, 4, 5, 6], "a row has the outputs of its time"
+    assert [k for k, _ in found] == [1, 2, 3, 4, 5, 6], (
+        "a row has the outputs of its time"
+    )
     for k, row in found:
         assert row["source", "state_y"] == k
         assert row["sensor", "interval_y"] == 10 * (k - 1)
@@ -157,7 +179,9 @@ def test_listing_order_does_not_matter():
     reference, _ = rows(chain(), 6)
     for order in itertools.permutations(chain().components):
         components = {n: chain().components[n] for n in order}
-        shuffled = replace(chain(), components=components, connections=chain().connections[::-1])
+        shuffled = replace(
+            chain(), components=components, connections=chain().connections[::-1]
+        )
         found, _ = rows(shuffled, 6)
         assert [(k, sorted(r.items())) for k, r in found] == [
             (k, sorted(r.items())) for k, r in reference
@@ -167,32 +191,47 @@ def test_listing_order_does_not_matter():
 def test_time_comes_from_an_integer():
     sys = replace(chain(), step=0.1, start=5.0)
     _, units = rows(sys, 1000)
-    assert [t for t, _, _ in units["sensor"].log] == [5.0 + k * 0.1 for k in range(1000)]
+    assert [t for t, _, _ in units["sensor"].log] == [
+        5.0 + k * 0.1 for k in range(1000)
+    ]
 
 
 @pytest.mark.parametrize("algorithm", ["gauss_seidel", "jacobi"])
 def test_step_ratios(algorithm):
     sys = system(
-        [component("a", step_ratio=2, g=lambda u, x, t, dt: t + dt),
-         component("b", 1, step_ratio=3, f=lambda u, x, t: u[0])],
+        [
+            component("a", step_ratio=2, g=lambda u, x, t, dt: t + dt),
+            component("b", 1, step_ratio=3, f=lambda u, x, t: u[0]),
+        ],
         [("a", "state_y", "b", "u0")],
-    )  # fmt: skip
+    )
     found, units = rows(sys, 12, algorithm)
     assert [(t, dt) for t, dt, _ in units["b"].log] == [(0, 3), (3, 3), (6, 3), (9, 3)]
     seen = [u[0] for _, _, u in units["b"].log]
-    if algorithm == "jacobi":  # an output moves when both are due: every lcm(2, 3) = 6 steps
+    if (
+        algorithm == "jacobi"
+    ):  # an output moves when both are due: every lcm(2, 3) = 6 steps
         assert seen == [0, 0, 6, 6]
     else:  # the latest state at t_k
         assert seen == [0, 2, 6, 8]
     a = [row["a", "state_y"] for _, row in found]
-    assert a == ([0, 0, 2, 2, 4, 4, 6, 6, 8, 8, 10, 10] if algorithm == "gauss_seidel"
-                 else [0, 2, 2, 4, 4, 6, 6, 8, 8, 10, 10, 12])  # fmt: skip
+    assert a == (
+        [0, 0, 2, 2, 4, 4, 6, 6, 8, 8, 10, 10]
+        if algorithm == "gauss_seidel"
+        else [0, 2, 2, 4, 4, 6, 6, 8, 8, 10, 10, 12]
+    )
 
 
 def test_conversion_of_units_and_values():
     sys = system(
-        [component("a", x0=180.0), component("b", 2, f=lambda u, x, t: u[0] + 100 * u[1])],
-        [("a", "state_y", "b", "u0", {"factor": 2.0, "offset": 1.0}), ("a", "state_y", "b", "u1")],
+        [
+            component("a", x0=180.0),
+            component("b", 2, f=lambda u, x, t: u[0] + 100 * u[1]),
+        ],
+        [
+            ("a", "state_y", "b", "u0", {"factor": 2.0, "offset": 1.0}),
+            ("a", "state_y", "b", "u1"),
+        ],
     )
     found, _ = rows(sys, 1)
     assert found[0][1]["b", "interval_y"] == 361 + 18000
@@ -201,9 +240,12 @@ def test_conversion_of_units_and_values():
 def test_a_cycle_is_named():
     sys = system(
         [component("a", 1), component("b", 1), component("c", 1)],
-        [("a", "interval_y", "b", "u0"), ("b", "interval_y", "c", "u0"),
-         ("c", "interval_y", "a", "u0")],
-    )  # fmt: skip
+        [
+            ("a", "interval_y", "b", "u0"),
+            ("b", "interval_y", "c", "u0"),
+            ("c", "interval_y", "a", "u0"),
+        ],
+    )
     with pytest.raises(
         DesatError, match=r"cycle over the step: .*a.interval_y -> b.interval_y"
     ) as e:
@@ -224,7 +266,10 @@ def test_undeclared_outputs_in_a_circle_are_late_with_a_warning():
         "a declares no dependencies: undeclared_y may depend on every input and are taken one "
         "step late, as they close a circle" in (checked.warnings[0])
     )
-    assert {when for _, when in checked.schedule.timing} == {"one step late", "over the step"}
+    assert {when for _, when in checked.schedule.timing} == {
+        "one step late",
+        "over the step",
+    }
     parts.output_classes["a.undeclared_y"] = "interval"
     checked = parts.check()
     assert "cycle" in checked.problems[0]
@@ -257,7 +302,9 @@ def test_the_loop_ends_where_a_condition_says():
     with Master(sys, schedule(sys)) as m:
         m.initialise()
         recorder = Recorder(None, m)
-        (time,) = [s for s in m.slots if (s.component, s.signal.name) == ("source", "state_y")]
+        (time,) = [
+            s for s in m.slots if (s.component, s.signal.name) == ("source", "state_y")
+        ]
 
         def finished() -> str:
             return "three" if m.live[time.kind][time.index] >= 3.0 else ""
@@ -274,8 +321,10 @@ def test_the_loop_ends_where_a_condition_says():
 
 
 def test_initialisation_that_does_not_settle():
-    sys = system([component("a", 1), component("b", 1)],
-                 [("a", "state_y", "b", "u0"), ("b", "state_y", "a", "u0")])  # fmt: skip
+    sys = system(
+        [component("a", 1), component("b", 1)],
+        [("a", "state_y", "b", "u0"), ("b", "state_y", "a", "u0")],
+    )
 
     class Growing(FunctionInstance):
         def pull(self) -> int:
@@ -283,12 +332,17 @@ def test_initialisation_that_does_not_settle():
             return super().pull()
 
     master_module.instance_for = Growing
-    with Master(sys, schedule(sys)) as m, pytest.raises(DesatError, match=r"a.state_y.*b.state_y"):
+    with (
+        Master(sys, schedule(sys)) as m,
+        pytest.raises(DesatError, match=r"a.state_y.*b.state_y"),
+    ):
         m.initialise()
 
 
-@given(st.permutations(range(6)), st.lists(st.tuples(st.integers(0, 5), st.integers(0, 5)),
-                                           max_size=12))  # fmt: skip
+@given(
+    st.permutations(range(6)),
+    st.lists(st.tuples(st.integers(0, 5), st.integers(0, 5)), max_size=12),
+)
 def test_schedule_is_topological_and_independent_of_listing(order, pairs):
     edges = {(a, b) for a, b in pairs if a < b}  # no cycle
 
@@ -302,25 +356,28 @@ def test_schedule_is_topological_and_independent_of_listing(order, pairs):
     assert all(found.index(f"c{a}") < found.index(f"c{b}") for a, b in edges)
 
 
-# --- with FMUs --------------------------------------------------------------------------------
+# --- with FMUs ------------------------------------------------------------------------
 
 
 def bits(run) -> dict[str, bytes]:
     return {name: run.results.values(name).tobytes() for name in run.results.names()}
 
 
-# of the telescope's laws, and of what is not as assumed, one case each: the others differ in
-# parameters alone, and make a design or a bound
+# of the telescope's laws, and of what is not as assumed, one case each: the others
+# differ in parameters alone, and make a design or a bound
 MANY = ("space_telescope/", "uosat12/robust-")
 BITWISE = [
-    n for n in scenarios() if not n.startswith(MANY) or n.endswith(("ours-nominal", "me-nominal"))
+    n
+    for n in scenarios()
+    if not n.startswith(MANY) or n.endswith(("ours-nominal", "me-nominal"))
 ][::2]  # neighbours differ in values; `make builds` compares the blocks of all
 
 
 def looked_at(name: str, algorithm: str) -> int:
-    """Steps of a scenario: a bare block that searches by flights of a model takes 10 s for 300 on
-    a quiet machine; of those one with a gyro and one without are flown over twenty searches, the
-    others, which differ from these in parameters alone, over four."""
+    """Steps of a scenario: a bare block that searches by flights of a model takes 10 s
+    for 300 on a quiet machine; of those one with a gyro and one without are flown over
+    twenty searches, the others, which differ from these in parameters alone, over
+    four."""
     searches = name.startswith("hausat2/rollout-")
     whole = ("hausat2/rollout-gyro", "hausat2/rollout-no-gyro")
     is_whole = name in whole and algorithm == "gauss_seidel"
@@ -331,13 +388,17 @@ def looked_at(name: str, algorithm: str) -> int:
 @pytest.mark.real_units
 @pytest.mark.parametrize(
     ("name", "algorithm"),
-    [(n, "gauss_seidel") for n in BITWISE] + [(n, "jacobi") for n in one_of_each_craft()],
+    [(n, "gauss_seidel") for n in BITWISE]
+    + [(n, "jacobi") for n in one_of_each_craft()],
 )
 def test_fmus_equal_bare_blocks_bitwise(name, algorithm):
     data = scenarios()[name].content.written
     stop = min(data["stop"], looked_at(name, algorithm) * data["step"])
     options = Options(algorithm=algorithm, stop=stop)
-    with_fmus, with_blocks = execute(name, options), execute(name, replace(options, blocks=True))
+    with_fmus, with_blocks = (
+        execute(name, options),
+        execute(name, replace(options, blocks=True)),
+    )
     assert with_fmus.ok
     assert with_blocks.ok
     assert bits(with_fmus) == bits(with_blocks)
@@ -359,7 +420,9 @@ def test_same_bits_again_and_from_the_packed_file():
 def test_same_bits_in_other_processes():
     """`python -m benchmarks.same_bits` makes a whole day, in more ways."""
     ways = ("components and connections permuted", "PYTHONHASHSEED=0")
-    assert same_bits.differing({w: same_bits.WAYS[w] for w in ways}, {"stop": 60.0}) == []
+    assert (
+        same_bits.differing({w: same_bits.WAYS[w] for w in ways}, {"stop": 60.0}) == []
+    )
 
 
 @pytest.mark.real_units
@@ -378,7 +441,8 @@ def test_same_bits_under_permuted_components():
             for _ in range(60):
                 m.advance()
             values = {
-                (s.component, s.signal.name): m.live[s.kind][s.index].tobytes() for s in m.slots
+                (s.component, s.signal.name): m.live[s.kind][s.index].tobytes()
+                for s in m.slots
             }
         reference = reference or values
         assert values == reference

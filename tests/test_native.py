@@ -1,4 +1,5 @@
-"""Native FMUs: made of the same Python, the same bits as blocks and Python FMUs, in any host."""
+"""Native FMUs: made of the same Python, the same bits as blocks and Python FMUs, in any
+host."""
 
 from __future__ import annotations
 
@@ -48,7 +49,7 @@ def path(name: str, kind: str = "native") -> Path:
     return found
 
 
-# --- an FMU beside its block --------------------------------------------------------------------
+# --- an FMU beside its block ----------------------------------------------------------
 
 
 class Beside:
@@ -59,11 +60,15 @@ class Beside:
         description = fmpy.read_model_description(fmu)
         self.references: dict[str, list[int]] = {}
         for v in description.modelVariables:
-            self.references.setdefault(v.name.partition("[")[0], []).append(v.valueReference)
+            self.references.setdefault(v.name.partition("[")[0], []).append(
+                v.valueReference
+            )
         self.fmu = FMU2Slave(
-            guid=description.guid, unzipDirectory=str(folder or library.extract(fmu)),
-            modelIdentifier=description.modelName, instanceName=block.instance,
-        )  # fmt: skip
+            guid=description.guid,
+            unzipDirectory=str(folder or library.extract(fmu)),
+            modelIdentifier=description.modelName,
+            instanceName=block.instance,
+        )
         callbacks = fmi2CallbackFunctions()
         callbacks.logger = fmi2CallbackLoggerTYPE(
             lambda *given: self.said.append(given[-1].decode())
@@ -74,7 +79,9 @@ class Beside:
         for v in self.block.variables:
             if v.causality in causalities:
                 value = getattr(self.block, v.name)
-                if value != value:  # which only the block's own arithmetic could give it
+                if (
+                    value != value
+                ):  # which only the block's own arithmetic could give it
                     self.poke(self.references[v.name][0], value)
                     continue
                 set_them = getattr(self.fmu, f"set{v.type}")
@@ -85,15 +92,24 @@ class Beside:
         place = (ctypes.c_void_p * 1)()
         find = self.fmu.dll.desat_places
         find.restype = ctypes.c_bool
-        assert find(ctypes.c_void_p(self.fmu.component), ctypes.c_char(b"R"),
-                    (ctypes.c_uint * 1)(reference), ctypes.c_size_t(1), place)  # fmt: skip
+        assert find(
+            ctypes.c_void_p(self.fmu.component),
+            ctypes.c_char(b"R"),
+            (ctypes.c_uint * 1)(reference),
+            ctypes.c_size_t(1),
+            place,
+        )
         ctypes.c_double.from_address(place[0]).value = value
 
     def outputs(self) -> dict[str, list[Any]]:
         return {
-            v.name: [_bits(x) for x in getattr(self.fmu, f"get{v.type}")(self.references[v.name])]
-            for v in self.block.variables if v.causality == "output" and v.name != "fault"
-        }  # fmt: skip
+            v.name: [
+                _bits(x)
+                for x in getattr(self.fmu, f"get{v.type}")(self.references[v.name])
+            ]
+            for v in self.block.variables
+            if v.causality == "output" and v.name != "fault"
+        }
 
     def failed(self) -> bool:
         return bool(self.fmu.getBoolean(self.references["fault"])[0])
@@ -113,11 +129,14 @@ def _bits(x: Any) -> Any:
 
 
 def outputs(block: Block) -> dict[str, list[Any]]:
-    found = {v: getattr(block, v.name) for v in block.variables if v.causality == "output"}
+    found = {
+        v: getattr(block, v.name) for v in block.variables if v.causality == "output"
+    }
     return {
         v.name: [_bits(x) for x in (value if v.shape else (value,))]
-        for v, value in found.items() if v.name != "fault"
-    }  # fmt: skip
+        for v, value in found.items()
+        if v.name != "fault"
+    }
 
 
 def randomise_parameters(block: Block, rng: random.Random) -> None:
@@ -134,7 +153,11 @@ def randomise_parameters(block: Block, rng: random.Random) -> None:
             elif v.type == "Integer":
                 new.append(rng.randint(int(max(low, -5)), int(min(high, 50))))
             else:
-                y = x * math.exp(rng.gauss(0, 0.3)) if x else rng.choice([0.0, rng.gauss(0, 1e-3)])
+                y = (
+                    x * math.exp(rng.gauss(0, 0.3))
+                    if x
+                    else rng.choice([0.0, rng.gauss(0, 1e-3)])
+                )
                 new.append(min(max(y, low), high))
         setattr(block, v.name, tuple(new) if v.shape else new[0])
 
@@ -180,7 +203,11 @@ def test_block_and_both_fmus_are_bitwise_alike(name, seed):
             if rng.random() < 0.7:
                 randomise_inputs(block, rng)
             for v in block.variables:
-                if v.causality == "input" and v.type == "Boolean" and rng.random() < 0.1:
+                if (
+                    v.causality == "input"
+                    and v.type == "Boolean"
+                    and rng.random() < 0.1
+                ):
                     setattr(block, v.name, rng.random() < 0.7)
             for i in both:
                 i.give("input")
@@ -226,7 +253,7 @@ def test_a_saved_state_goes_on_in_another_library(name, tmp_path):
         b.free()
 
 
-# --- what is built --------------------------------------------------------------------------------
+# --- what is built --------------------------------------------------------------------
 
 
 def test_every_block_is_native_but_the_pinned_ones():
@@ -240,7 +267,11 @@ def test_every_block_is_native_but_the_pinned_ones():
         data = (paths.fmus() / e["file"]).read_bytes()
         assert e["bytes"] == len(data)
         assert e["sha256"] == hashlib.sha256(data).hexdigest()
-        here = fmi3.PLATFORMS[native.platform()] if kind == "fmi3" else (native.platform(),)
+        here = (
+            fmi3.PLATFORMS[native.platform()]
+            if kind == "fmi3"
+            else (native.platform(),)
+        )
         assert {*here} <= {*e["platforms"]}
         assert ("why" in e) == (kind == "python" and name in native.PINNED)
     assert len(native.PINNED) <= 4
@@ -248,14 +279,17 @@ def test_every_block_is_native_but_the_pinned_ones():
 
 @pytest.mark.parametrize("name", NATIVE)
 def test_it_validates_and_is_described_as_the_python_one(name):
-    if name in NATIVE[::6]:  # of the same description the Python FMUs are validated, all of them
+    if (
+        name in NATIVE[::6]
+    ):  # of the same description the Python FMUs are validated, all of them
         assert validate_fmu(str(path(name))) == []
     texts = []
     for kind in ("native", "python"):
         with zipfile.ZipFile(path(name, kind)) as archive:
             files = set(archive.namelist())
             root = etree.fromstring(
-                archive.read("modelDescription.xml"), etree.XMLParser(remove_blank_text=True)
+                archive.read("modelDescription.xml"),
+                etree.XMLParser(remove_blank_text=True),
             )
         simulation = root.find("CoSimulation")
         if kind == "native":
@@ -266,8 +300,10 @@ def test_it_validates_and_is_described_as_the_python_one(name):
             simulation.remove(listed)
             assert simulation.get("needsExecutionTool") == "false"
         for element, key in (
-            (root, "guid"), (root, "generationTool"), (simulation, "needsExecutionTool")
-        ):  # fmt: skip
+            (root, "guid"),
+            (root, "generationTool"),
+            (simulation, "needsExecutionTool"),
+        ):
             del element.attrib[key]
         texts.append(etree.tostring(root))
     assert texts[0] == texts[1]
@@ -299,13 +335,21 @@ def test_what_is_there_is_not_built_again(tmp_path, monkeypatch):
     assert build.update(("tachometers",), tmp_path) == first
 
 
-# --- hosts ----------------------------------------------------------------------------------------
+# --- hosts ----------------------------------------------------------------------------
 
 
 def test_a_plain_c_host_runs_all_of_them_in_an_empty_environment(tmp_path):
     host = tmp_path / "host"
     subprocess.run(
-        [*compiler(), "-std=gnu11", "-w", str(HERE / "host.c"), "-ldl", "-o", str(host)],
+        [
+            *compiler(),
+            "-std=gnu11",
+            "-w",
+            str(HERE / "host.c"),
+            "-ldl",
+            "-o",
+            str(host),
+        ],
         check=True,
     )
     given = []
@@ -314,13 +358,19 @@ def test_a_plain_c_host_runs_all_of_them_in_an_empty_environment(tmp_path):
         given.append(str(folder / "binaries" / native.platform() / f"{name}.so"))
         given.append(fmpy.read_model_description(folder).guid)
     done = subprocess.run(
-        ["/usr/bin/env", "-i", str(host), *given], capture_output=True, text=True, check=False,
-        timeout=60, cwd=tmp_path,
-    )  # fmt: skip
-    assert done.stdout.splitlines()[-1:] == [f"{len(NATIVE)} FMUs"], done.stdout + done.stderr
+        ["/usr/bin/env", "-i", str(host), *given],
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=60,
+        cwd=tmp_path,
+    )
+    assert done.stdout.splitlines()[-1:] == [f"{len(NATIVE)} FMUs"], (
+        done.stdout + done.stderr
+    )
     needed = subprocess.run(
         ["ldd", given[0]], capture_output=True, text=True, check=False
-    ).stdout  # fmt: skip
+    ).stdout
     if needed:
         assert "python" not in needed
 
@@ -331,16 +381,27 @@ def _twice(fmu):
 
 
 OUT_OF_ORDER = {
-    "setup": (lambda fmu, of: fmu.setupExperiment(startTime=1.0),
-              "set up the experiment: RuntimeError: it has begun"),
-    "enter": (lambda fmu, of: fmu.enterInitializationMode(),
-              "enter initialisation: RuntimeError: it was entered before"),
-    "terminate": (lambda fmu, of: _twice(fmu), "terminate: RuntimeError: it was before"),
-    "output": (lambda fmu, of: fmu.setReal([of["m_mean_body"]], [1.0]),
-               "set Real: ValueError: m_mean_body[1]: an output is not set"),
-    "nan": (lambda fmu, of: fmu.setReal([of["m_cmd_body"] + 1], [math.nan]),
-            "set Real: ValueError: m_cmd_body[2]: nan is no number"),
-}  # fmt: skip
+    "setup": (
+        lambda fmu, of: fmu.setupExperiment(startTime=1.0),
+        "set up the experiment: RuntimeError: it has begun",
+    ),
+    "enter": (
+        lambda fmu, of: fmu.enterInitializationMode(),
+        "enter initialisation: RuntimeError: it was entered before",
+    ),
+    "terminate": (
+        lambda fmu, of: _twice(fmu),
+        "terminate: RuntimeError: it was before",
+    ),
+    "output": (
+        lambda fmu, of: fmu.setReal([of["m_mean_body"]], [1.0]),
+        "set Real: ValueError: m_mean_body[1]: an output is not set",
+    ),
+    "nan": (
+        lambda fmu, of: fmu.setReal([of["m_cmd_body"] + 1], [math.nan]),
+        "set Real: ValueError: m_cmd_body[2]: nan is no number",
+    ),
+}
 """What FMI forbids while a simulation runs, and what an FMU of ours says."""
 
 
@@ -352,9 +413,11 @@ def test_wrong_calls_are_answered():
             i.fmu.doStep(0.0, 1.0)  # before initialisation
         assert "a step outside step mode" in i.said[-1]
         for call in (
-            lambda: i.fmu.getReal([9999]), lambda: i.fmu.setReal([9999], [1.0]),
-            lambda: i.fmu.getInteger([1]), lambda: i.fmu.setString([0], ["x"]),
-        ):  # fmt: skip
+            lambda: i.fmu.getReal([9999]),
+            lambda: i.fmu.setReal([9999], [1.0]),
+            lambda: i.fmu.getInteger([1]),
+            lambda: i.fmu.setString([0], ["x"]),
+        ):
             with pytest.raises(fmpy.fmi1.FMICallException):
                 call()
         i.fmu.reset()
@@ -375,19 +438,29 @@ def test_wrong_calls_are_answered():
         assert not i.failed()
         i.free()
     description = fmpy.read_model_description(path("torquers"))
-    other = FMU2Slave(guid="{another}", unzipDirectory=str(library.extract(path("torquers"))),
-                      modelIdentifier="torquers", instanceName="x")  # fmt: skip
+    other = FMU2Slave(
+        guid="{another}",
+        unzipDirectory=str(library.extract(path("torquers"))),
+        modelIdentifier="torquers",
+        instanceName="x",
+    )
     with pytest.raises(Exception, match="instantiate"):
         other.instantiate()
     assert description.coSimulation.canSerializeFMUstate
 
 
-@pytest.mark.parametrize(("scenario", "stop"), [
-    ("integrated/mil-nadir", 60.0),
-    ("uosat12/robust-receding_horizon-noise", None),  # sixty linear programmes
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("scenario", "stop"),
+    [
+        ("integrated/mil-nadir", 60.0),
+        ("uosat12/robust-receding_horizon-noise", None),  # sixty linear programmes
+    ],
+)
 def test_a_scenario_runs_alike_with_both_kinds(scenario, stop):
-    runs = [execute(scenario, Options(stop=stop, fmus=kind)) for kind in ("native", "python")]
+    runs = [
+        execute(scenario, Options(stop=stop, fmus=kind))
+        for kind in ("native", "python")
+    ]
     a, b = (run.results for run in runs)
     assert len(a.names()) > 30
     assert a.names() == b.names()
@@ -395,7 +468,7 @@ def test_a_scenario_runs_alike_with_both_kinds(scenario, stop):
         assert a.values(name).tobytes() == b.values(name).tobytes(), name
 
 
-# --- arithmetic and refusals, on blocks of their own ----------------------------------------------
+# --- arithmetic and refusals, on blocks of their own ----------------------------------
 
 
 HEAD = """from __future__ import annotations
@@ -513,7 +586,9 @@ def made(tmp_path):
         count += 1
         file = tmp_path / f"tried{count}.py"
         text = HEAD + "    def advance(self, t: float, dt: float) -> None:\n"
-        file.write_text(text + "".join(f"        {line}\n" for line in body.splitlines()))
+        file.write_text(
+            text + "".join(f"        {line}\n" for line in body.splitlines())
+        )
         return registry.block_class(str(file))
 
     return make
@@ -538,14 +613,23 @@ def made(tmp_path):
         ("self.a = (TABLE[7], 0.0, 0.0)", "index 7 of a tuple of 5"),
         ("print(self.x)", "print()"),
         ("yield self.x", "yield"),
-        ("def f(u: float) -> float:\n    return u * k\nk = 2.0\nself.a = (f(1.0), 0.0, 0.0)", "k"),
+        (
+            "def f(u: float) -> float:\n    return u * k\nk = 2.0\nself.a = (f(1.0), 0.0, 0.0)",
+            "k",
+        ),
         ("self.a = (kept(1)[0] + kept(2)[0], 0.0, 0.0)", "kept is called again"),
         ("self.a = (through(kept(1)), 0.0, 0.0)", "kept is called again"),
         # an int where another way gives a float: -0 is 0, and -0.0 is not
         ("self.a = (-max(self.x, 0), 0.0, 0.0)", "float and int"),
         ("self.a = (1 if self.n else self.x, 0.0, 0.0)", "int and float"),
-        ("self.a = (min((0.5, 1, 2), key=lambda v: abs(v - self.x)), 0.0, 0.0)", "float and int"),
-        ("self.a = (next(v for v in (1, 2.5) if v > self.x), 0.0, 0.0)", "int and float"),
+        (
+            "self.a = (min((0.5, 1, 2), key=lambda v: abs(v - self.x)), 0.0, 0.0)",
+            "float and int",
+        ),
+        (
+            "self.a = (next(v for v in (1, 2.5) if v > self.x), 0.0, 0.0)",
+            "int and float",
+        ),
         ("self.a = (self.x / (2**64 + 5), 0.0, 0.0)", "a power of integers"),
         ("self.a = (self.x / 18446744073709551621, 0.0, 0.0)", "18446744073709551621"),
         ("self.a = (math.pow(self.x, 2.0), 0.0, 0.0)", "math.pow"),
@@ -553,11 +637,20 @@ def made(tmp_path):
         ("self._late = self.x", "start does not assign self._late"),
         ("self.fail(f'{self.instance!r}')", "!r of text"),
         # an order, or a loop over what changes
-        ("rows = [0.0, 0.0]\nrows[self.bump() - 1] += 1.0", "a call that changes something"),
-        ("rows = [0.0, 0.0]\nrows[self.bump() - 1] = 1.0", "a call that changes something"),
+        (
+            "rows = [0.0, 0.0]\nrows[self.bump() - 1] += 1.0",
+            "a call that changes something",
+        ),
+        (
+            "rows = [0.0, 0.0]\nrows[self.bump() - 1] = 1.0",
+            "a call that changes something",
+        ),
         ("self.a = (self._t[self.bump()], 0.0, 0.0)", "a call that changes something"),
         ("rows = [0.0, 0.0]\nk = rows[k] = 1.0", "an element among several targets"),
-        ("self.a = (float(0 < self.n < self.bump()), 0.0, 0.0)", "a chained comparison"),
+        (
+            "self.a = (float(0 < self.n < self.bump()), 0.0, 0.0)",
+            "a chained comparison",
+        ),
         (
             "s = 0.0\nfor v in (self._u, self.x):\n    self._u = 100.0\n    s += v",
             "self._u changes in a loop over it",
@@ -566,8 +659,14 @@ def made(tmp_path):
             "s = 0.0\nfor i, v in enumerate(self._t):\n    self._t = (0.0, 0.0, 0.0)\n    s += v",
             "self._t changes in a loop over it",
         ),
-        ("n = 1\ns = 0.0\nfor i in range(n, 4):\n    n = 5\n    s += float(i)", "n changes in a"),
-        ("self.a = tuple(self.eat(v) for v in self._t)", "self._t changes in a loop over it"),
+        (
+            "n = 1\ns = 0.0\nfor i in range(n, 4):\n    n = 5\n    s += float(i)",
+            "n changes in a",
+        ),
+        (
+            "self.a = tuple(self.eat(v) for v in self._t)",
+            "self._t changes in a loop over it",
+        ),
         (
             "k = 0\ntry:\n    k = self.n\n    s = 1.0 / self.x\nexcept ZeroDivisionError:\n"
             "    self.fail(f'{k}')",
@@ -605,8 +704,10 @@ def shared(tmp_path_factory) -> Path:
 
 def compiled(block: type[Block], folder: Path, shared: Path, guid: str = "{x}") -> Path:
     """A block of a test as an unpacked FMU."""
-    files = {"block.h": (native.WRAPPER / "block.h").read_text(),
-             "tried.c": program.translate(block, "tried", guid)}  # fmt: skip
+    files = {
+        "block.h": (native.WRAPPER / "block.h").read_text(),
+        "tried.c": program.translate(block, "tried", guid),
+    }
     root = folder / "fmu"
     binaries = root / "binaries" / native.platform()
     binaries.mkdir(parents=True)
@@ -614,7 +715,9 @@ def compiled(block: type[Block], folder: Path, shared: Path, guid: str = "{x}") 
     work.mkdir()
     shutil.copy(native.compile_block(files, "tried", work, shared), binaries)
     (root / "modelDescription.xml").write_bytes(
-        native.model_description(block, "tried", guid, native.DATE, "0", sources=["tried.c"])
+        native.model_description(
+            block, "tried", guid, native.DATE, "0", sources=["tried.c"]
+        )
     )
     return root
 
@@ -639,9 +742,30 @@ else:
 """
 
 NUMBERS = (
-    0.0, -0.0, 1.0, -1.0, 0.5, -0.5, 1.5, 2.5, 7.0, 1e16, 1e-5, 123456789.0, 5e-324, 1e308, -1e300,
-    0.1, 1e22, 2.0**53, math.pi, -math.pi, math.inf, -math.inf, math.nan,
-)  # fmt: skip
+    0.0,
+    -0.0,
+    1.0,
+    -1.0,
+    0.5,
+    -0.5,
+    1.5,
+    2.5,
+    7.0,
+    1e16,
+    1e-5,
+    123456789.0,
+    5e-324,
+    1e308,
+    -1e300,
+    0.1,
+    1e22,
+    2.0**53,
+    math.pi,
+    -math.pi,
+    math.inf,
+    -math.inf,
+    math.nan,
+)
 
 
 ALIKE = (
@@ -684,7 +808,9 @@ def test_order_and_objects_are_pythons(made, tmp_path, shared, body):
     i.fmu.enterInitializationMode()
     i.fmu.exitInitializationMode()
     state = i.fmu.getFMUstate()
-    for x, y, n in itertools.product((0.0, -0.0, 1.5, -2.0, 7.0), (1.0, 0.0), (-1, 0, 1, 2, 3, 10)):
+    for x, y, n in itertools.product(
+        (0.0, -0.0, 1.5, -2.0, 7.0), (1.0, 0.0), (-1, 0, 1, 2, 3, 10)
+    ):
         block.x, block.y, block.n = x, y, n
         block.start()
         i.fmu.setFMUstate(state)
@@ -701,10 +827,12 @@ def test_order_and_objects_are_pythons(made, tmp_path, shared, body):
 
 
 def test_states_and_phases_of_another_kind_are_refused(made, tmp_path, shared):
-    """A state of another FMU; a step without initialisation, by which nothing has started; an
-    integer that FMI 2.0 does not have; no strings at all are no failure."""
+    """A state of another FMU; a step without initialisation, by which nothing has
+    started; an integer that FMI 2.0 does not have; no strings at all are no failure."""
     instances = []
-    for k, body in enumerate(("self.k = 1 << 40", "self.a = (self.x, self._u, 1.0)\nself.k = 2")):
+    for k, body in enumerate(
+        ("self.k = 1 << 40", "self.a = (self.x, self._u, 1.0)\nself.k = 2")
+    ):
         block = made(body)()
         place = tmp_path / str(k)
         place.mkdir()
@@ -716,7 +844,9 @@ def test_states_and_phases_of_another_kind_are_refused(made, tmp_path, shared):
         i.fmu.setupExperiment(startTime=0.0)
     with pytest.raises(fmpy.fmi1.FMICallException):
         other.fmu.exitInitializationMode()
-    assert other.said[-1].endswith("leave initialisation: RuntimeError: it was not entered")
+    assert other.said[-1].endswith(
+        "leave initialisation: RuntimeError: it was not entered"
+    )
     other.fmu.reset()
     for i in instances:
         i.fmu.enterInitializationMode()
@@ -735,8 +865,16 @@ def test_states_and_phases_of_another_kind_are_refused(made, tmp_path, shared):
 def test_what_has_no_end_is_ended(made, tmp_path, shared):
     """Recursion, before it takes the host's stack; integers that no double has."""
     for body, n, said in (
-        ("self.a = (self.deep(self.n), 0.0, 0.0)", 10**8, "maximum recursion depth exceeded"),
-        ("k = self.n * 9007199254740993\nself.a = (float(k > self.x), 0.0, 0.0)", 1, "64 bits"),
+        (
+            "self.a = (self.deep(self.n), 0.0, 0.0)",
+            10**8,
+            "maximum recursion depth exceeded",
+        ),
+        (
+            "k = self.n * 9007199254740993\nself.a = (float(k > self.x), 0.0, 0.0)",
+            1,
+            "64 bits",
+        ),
         ("k = self.n * 9007199254740993\nself.a = (k / 3, 0.0, 0.0)", 1, "64 bits"),
     ):
         block = made(body)()
@@ -756,12 +894,16 @@ def test_what_has_no_end_is_ended(made, tmp_path, shared):
 
 
 def test_arithmetic_and_texts_are_pythons(made, tmp_path, shared):
-    """Powers, remainders, roundings, roots, indices, formats: values, failures and their texts."""
+    """Powers, remainders, roundings, roots, indices, formats: values, failures and
+    their texts."""
     block_class = made(ARITHMETIC)
     folder = compiled(block_class, tmp_path, shared)
     rng = random.Random(11)
     cases = [(x, y) for x in NUMBERS for y in NUMBERS]
-    cases += [(rng.gauss(0, 1) * 10.0 ** rng.randint(-8, 20), rng.gauss(0, 3)) for _ in range(400)]
+    cases += [
+        (rng.gauss(0, 1) * 10.0 ** rng.randint(-8, 20), rng.gauss(0, 3))
+        for _ in range(400)
+    ]
     block = block_class()
     i = Beside(folder, block, folder)
     i.fmu.setupExperiment(startTime=0.0)
@@ -780,7 +922,9 @@ def test_arithmetic_and_texts_are_pythons(made, tmp_path, shared):
             if n == 0 and -math.inf < x < 0.0 and abs(y) < 1e15 and y != math.floor(y):
                 # Python goes on with a complex number
                 said = "ValueError: a negative number to a fractional power"
-            if i.failed() and i.said[-1].endswith("OverflowError: an integer beyond 64 bits"):
+            if i.failed() and i.said[-1].endswith(
+                "OverflowError: an integer beyond 64 bits"
+            ):
                 assert not -(2**62) < x < 2**62  # refused, never wrong
                 refused += 1
                 continue
@@ -799,7 +943,9 @@ def test_the_blocks_are_within_and_a_new_one_is_told(monkeypatch):
     gone, out, needless = subset.problems()
     assert gone == "fmus/native.py: PINNED has gone, which is no block"
     assert out.startswith("components/physics/tle.py:")
-    assert needless == "fmus/native.py: tachometers translates and need not be in PINNED"
+    assert (
+        needless == "fmus/native.py: tachometers translates and need not be in PINNED"
+    )
     assert subset.main() == 1
 
 
@@ -807,10 +953,15 @@ SANE = ("-fsanitize=address,undefined", "-fno-sanitize-recover=all")
 
 
 def sanitized(names: Sequence[str], folder: Path) -> dict[str, str]:
-    """What AddressSanitizer and UBSan, or the host of the other test, say of the C of blocks."""
+    """What AddressSanitizer and UBSan, or the host of the other test, say of the C of
+    blocks."""
     kept = [f for f in native.FLAGS if f not in ("-O3", "-fvisibility=hidden")]
     build = [*compiler(), *kept, "-g", "-w", "-std=gnu11", *SANE]
-    host = (HERE / "host.c").read_text().replace("dlopen(path, RTLD_NOW)", "dlopen(0, RTLD_NOW)")
+    host = (
+        (HERE / "host.c")
+        .read_text()
+        .replace("dlopen(path, RTLD_NOW)", "dlopen(0, RTLD_NOW)")
+    )
     (folder / "host.c").write_text("#define _GNU_SOURCE\n" + host)
     said = {}
     for name in names:
@@ -821,10 +972,17 @@ def sanitized(names: Sequence[str], folder: Path) -> dict[str, str]:
             if unit == name or not (folder / f"{unit}.o").exists():
                 subprocess.run([*build, "-c", f"{unit}.c"], cwd=folder, check=True)
         units = [f"{unit}.o" for unit in ("host", *native.UNITS, name)]
-        subprocess.run([*build, "-rdynamic", *units, "-lm", "-ldl", "-o", name], cwd=folder,
-                       check=True)  # fmt: skip
-        ran = subprocess.run([str(folder / name), "itself", guid], capture_output=True, text=True,
-                             check=False)  # fmt: skip
+        subprocess.run(
+            [*build, "-rdynamic", *units, "-lm", "-ldl", "-o", name],
+            cwd=folder,
+            check=True,
+        )
+        ran = subprocess.run(
+            [str(folder / name), "itself", guid],
+            capture_output=True,
+            text=True,
+            check=False,
+        )
         if ran.stdout.splitlines()[-1:] != ["1 FMUs"]:
             said[name] = ran.stdout + ran.stderr
     return said
@@ -839,5 +997,9 @@ def test_no_sanitizer_complains(tmp_path):
 if __name__ == "__main__":
     with tempfile.TemporaryDirectory() as built:
         complaints = sanitized(NATIVE, Path(built))
-        print(f"{len(NATIVE) - len(complaints)} of {len(NATIVE)} blocks without a complaint")
-        print(*(f"{name}: {text[:2000]}" for name, text in complaints.items()), sep="\n")
+        print(
+            f"{len(NATIVE) - len(complaints)} of {len(NATIVE)} blocks without a complaint"
+        )
+        print(
+            *(f"{name}: {text[:2000]}" for name, text in complaints.items()), sep="\n"
+        )

@@ -1,5 +1,5 @@
-"""`desat new craft`: a folder that stands alone and runs at once; what is not given is marked; each
-wish that cannot be is refused with a line, and nothing is written."""
+"""`desat new craft`: a folder that stands alone and runs at once; what is not given is
+marked; each wish that cannot be is refused with a line, and nothing is written."""
 
 from __future__ import annotations
 
@@ -27,12 +27,31 @@ from desat.sizing.sizing import size
 from desat.system.errors import DesatError
 from desat.system.options import Options
 
-TWELVE = CraftFacts(altitude="400km", inclination="51.6deg", size="12U", wheels="4 pyramid 30mNms",
-                rods="0.2", residual_dipole="0.05")  # fmt: skip
-AGILE = CraftFacts(sso="600km", ltan="10:30", mass="150kg", box="0.8,0.8,1.2",
-               wheels="4 pyramid 4Nms", rods="30", thrusters="4 1N")  # fmt: skip
-LARGE = CraftFacts(mass="2500kg", box="2.5,2.5,3", rods="none", wheels="4 pyramid 50Nms",
-                   thrusters="4 10N", dump="thrusters 70:10")  # fmt: skip
+TWELVE = CraftFacts(
+    altitude="400km",
+    inclination="51.6deg",
+    size="12U",
+    wheels="4 pyramid 30mNms",
+    rods="0.2",
+    residual_dipole="0.05",
+)
+AGILE = CraftFacts(
+    sso="600km",
+    ltan="10:30",
+    mass="150kg",
+    box="0.8,0.8,1.2",
+    wheels="4 pyramid 4Nms",
+    rods="30",
+    thrusters="4 1N",
+)
+LARGE = CraftFacts(
+    mass="2500kg",
+    box="2.5,2.5,3",
+    rods="none",
+    wheels="4 pyramid 50Nms",
+    thrusters="4 10N",
+    dump="thrusters 70:10",
+)
 ISS = """1 25544U 98067A   19343.69339541  .00001764  00000-0  38792-4 0  9991
 2 25544  51.6439 211.2001 0007417  17.6667  85.6398 15.50103472202482
 """
@@ -46,9 +65,20 @@ def twelve(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_the_command_writes_what_runs_from_its_folder(desat, tmp_path: Path) -> None:
-    made = desat("new", "craft", "mine", "--size", "3U", "--sso", "550km", cwd=tmp_path, check=True)
+    made = desat(
+        "new",
+        "craft",
+        "mine",
+        "--size",
+        "3U",
+        "--sso",
+        "550km",
+        cwd=tmp_path,
+        check=True,
+    )
     assert (
-        made.stdout.splitlines()[0] == "mine: craft.toml, nominal.toml, worst.toml, detumbling.toml"
+        made.stdout.splitlines()[0]
+        == "mine: craft.toml, nominal.toml, worst.toml, detumbling.toml"
     )
     # of the first minute alone the start is too much: its requirement would not be met
     run = desat("run", "mine", "--stop", "600", cwd=tmp_path, check=True)
@@ -60,8 +90,12 @@ def test_the_command_writes_what_runs_from_its_folder(desat, tmp_path: Path) -> 
 
 
 @pytest.mark.parametrize("scenario", SCENARIOS)
-@pytest.mark.parametrize("wanted", [TWELVE, AGILE, CraftFacts()], ids=["12u", "agile", "class"])
-def test_each_scenario_is_sound(tmp_path: Path, wanted: CraftFacts, scenario: str) -> None:
+@pytest.mark.parametrize(
+    "wanted", [TWELVE, AGILE, CraftFacts()], ids=["12u", "agile", "class"]
+)
+def test_each_scenario_is_sound(
+    tmp_path: Path, wanted: CraftFacts, scenario: str
+) -> None:
     folder = tmp_path / "mine"
     write(folder, wanted, "desat new craft mine")
     case = prepare(str(folder / f"{scenario}.toml"), Options())
@@ -72,17 +106,28 @@ def test_each_scenario_is_sound(tmp_path: Path, wanted: CraftFacts, scenario: st
     assert system.name == ("mine" if scenario == "nominal" else f"mine-{scenario}")
 
 
-GTO = CraftFacts(orbit="300x35786km", mass="838kg", box="1.16,1.54,1.21", rods="none",
-                 wheels="4 pyramid 4Nms", thrusters="4 1N", dump="thrusters 60:10")  # fmt: skip
+GTO = CraftFacts(
+    orbit="300x35786km",
+    mass="838kg",
+    box="1.16,1.54,1.21",
+    rods="none",
+    wheels="4 pyramid 4Nms",
+    thrusters="4 1N",
+    dump="thrusters 60:10",
+)
 
 
 @pytest.mark.parametrize(
     "wanted",
-    [GTO, replace(GTO, mass="300kg", dump="thrusters 80:20"), replace(GTO, sample="2s"),
-     replace(LARGE, orbit="geo", sample="2.5s"), replace(AGILE, dump="thrusters 70:10", rods="none",
-                                                         sample="0.4s")],
+    [
+        GTO,
+        replace(GTO, mass="300kg", dump="thrusters 80:20"),
+        replace(GTO, sample="2s"),
+        replace(LARGE, orbit="geo", sample="2.5s"),
+        replace(AGILE, dump="thrusters 70:10", rods="none", sample="0.4s"),
+    ],
     ids=["2 s", "lighter", "given 2 s", "given 2.5 s", "given 0.4 s"],
-)  # fmt: skip
+)
 def test_thrusters_sample_at_whole_steps(tmp_path: Path, wanted: CraftFacts) -> None:
     folder = tmp_path / "mine"
     write(folder, wanted, "desat new craft mine")
@@ -90,17 +135,31 @@ def test_thrusters_sample_at_whole_steps(tmp_path: Path, wanted: CraftFacts) -> 
         system, _ = prepare(str(folder / f"{scenario}.toml"), Options()).or_raise()
         sample = system.components["thrusters"].values["sample_time"]
         assert sample >= system.step
-        assert sample / system.step == pytest.approx(round(sample / system.step), abs=1e-9)
+        assert sample / system.step == pytest.approx(
+            round(sample / system.step), abs=1e-9
+        )
 
 
 HIGH = ("low", "moderate", "high").index("high")
 WORSE = {
     "12u": (TWELVE, ("dipole", "air")),
-    "given": (replace(TWELVE, secular="1uNm", torque="torque.csv"), ("dipole", "constant", "rows")),
-    "deep space": (CraftFacts(sun="1.52AU", mass="500kg", box="1,1,1.5", rods="none",
-                              wheels="4 pyramid 12Nms", thrusters="4 1N",
-                              dump="thrusters 70:10"), ("light",)),
-}  # fmt: skip
+    "given": (
+        replace(TWELVE, secular="1uNm", torque="torque.csv"),
+        ("dipole", "constant", "rows"),
+    ),
+    "deep space": (
+        CraftFacts(
+            sun="1.52AU",
+            mass="500kg",
+            box="1,1,1.5",
+            rods="none",
+            wheels="4 pyramid 12Nms",
+            thrusters="4 1N",
+            dump="thrusters 70:10",
+        ),
+        ("light",),
+    ),
+}
 
 
 @pytest.mark.parametrize("case", WORSE)
@@ -115,7 +174,8 @@ def test_the_worst_scenario_is_worse_in_all_that_it_names(
     usual, worst = (
         {name: part.values for name, part in system.components.items()}
         for system, _ in (
-            prepare(f"mine/{name}.toml", Options()).or_raise() for name in ("nominal", "worst")
+            prepare(f"mine/{name}.toml", Options()).or_raise()
+            for name in ("nominal", "worst")
         )
     )
 
@@ -137,7 +197,9 @@ def test_the_worst_scenario_is_worse_in_all_that_it_names(
     if "rows" in sources:
         assert ratio("disturbance", "factor") == pytest.approx(1.3)
     q, wanted = (np.array(x["spacecraft"]["q_start_bi"]) for x in (worst, usual))
-    assert math.degrees(2.0 * math.acos(abs(q @ wanted))) == pytest.approx(10.0, abs=0.01)
+    assert math.degrees(2.0 * math.acos(abs(q @ wanted))) == pytest.approx(
+        10.0, abs=0.01
+    )
     wheels = worst["wheels"]
     capacity = np.array(wheels["inertia_wheel"]) * wheels["speed_limit"]
     assert np.abs(wheels["h_start_wheel"]) == pytest.approx(0.5 * capacity, rel=0.01)
@@ -146,10 +208,17 @@ def test_the_worst_scenario_is_worse_in_all_that_it_names(
 
 @pytest.mark.parametrize(
     ("orbit", "air"),
-    [("gto", True), ("molniya", True), ("geo", False), ("999x20000km", True),
-     ("1000x20000km", False)],
-)  # fmt: skip
-def test_there_is_air_where_the_perigee_is_low(tmp_path: Path, orbit: str, air: bool) -> None:
+    [
+        ("gto", True),
+        ("molniya", True),
+        ("geo", False),
+        ("999x20000km", True),
+        ("1000x20000km", False),
+    ],
+)
+def test_there_is_air_where_the_perigee_is_low(
+    tmp_path: Path, orbit: str, air: bool
+) -> None:
     """As its environment has it at perigee, where it starts."""
     write(tmp_path / "mine", replace(LARGE, orbit=orbit), "")
     run = library.run(str(tmp_path / "mine"), stop=20.0)
@@ -158,33 +227,40 @@ def test_there_is_air_where_the_perigee_is_low(tmp_path: Path, orbit: str, air: 
 
 
 def test_molniyas_perigee_is_the_farthest_south(tmp_path: Path) -> None:
-    """Its apogee stands over the north for most of its day: the craft starts at perigee, 504 km
-    above the equator's radius, at a latitude of -63.4349 deg."""
+    """Its apogee stands over the north for most of its day: the craft starts at
+    perigee, 504 km above the equator's radius, at a latitude of -63.4349 deg."""
     write(tmp_path / "mine", replace(LARGE, orbit="molniya"), "")
     run = library.run(str(tmp_path / "mine"), stop=60.0)
     r = run.results.values("environment.r_eci")
     height = np.linalg.norm(r, axis=1)
     assert height[0] == pytest.approx(EARTH_RADIUS + 504e3, abs=1.0)
     assert (np.diff(height) > 0.0).all()
-    assert math.degrees(math.asin(r[0, 2] / height[0])) == pytest.approx(-63.4349, abs=1e-3)
+    assert math.degrees(math.asin(r[0, 2] / height[0])) == pytest.approx(
+        -63.4349, abs=1e-3
+    )
 
 
 def test_the_torque_of_a_table_is_its_mean_over_time(tmp_path: Path) -> None:
-    """Linear between rows that are not evenly apart: what goes to and fro leaves nothing."""
+    """Linear between rows that are not evenly apart: what goes to and fro leaves
+    nothing."""
     row = {
         "rise": ("0,0,0,0\n10,2e-6,0,0\n40,2e-6,0,0\n", 70.0 / 40.0 * 1e-6),
-        "turns": ("0,3e-6,0,4e-6\n30,3e-6,0,4e-6\n50,-3e-6,0,-4e-6\n70,3e-6,0,4e-6\n",
-                  5e-6 * 30.0 / 70.0),
+        "turns": (
+            "0,3e-6,0,4e-6\n30,3e-6,0,4e-6\n50,-3e-6,0,-4e-6\n70,3e-6,0,4e-6\n",
+            5e-6 * 30.0 / 70.0,
+        ),
         "back": ("5,0,1e-6,0\n15,0,-1e-6,0\n", 0.0),
         "single": ("0,3e-6,0,4e-6\n", 5e-6),
-    }  # fmt: skip
+    }
     for name, (text, mean) in row.items():
         file = tmp_path / f"{name}.csv"
         file.write_text(text, encoding="utf-8")
         for steady, beside in ((None, 0.0), ("2uNm", 2e-6)):
             given = given_torque(CraftFacts(torque=f"{file} eci", secular=steady))
             assert given is not None
-            assert given.size == pytest.approx(mean + beside, rel=1e-12, abs=1e-18), name
+            assert given.size == pytest.approx(mean + beside, rel=1e-12, abs=1e-18), (
+                name
+            )
 
 
 def test_it_is_the_craft_that_was_asked_for(twelve: Path) -> None:
@@ -192,16 +268,22 @@ def test_it_is_the_craft_that_was_asked_for(twelve: Path) -> None:
     of = run.manifest.values_of
     assert of("environment")["semi_major_axis"] == pytest.approx(6778137.0)
     assert of("environment")["inclination"] == pytest.approx(math.radians(51.6))
-    assert np.array(of("wheels")["inertia_wheel"]) * of("wheels")["speed_limit"] == pytest.approx(
-        [0.03] * 4
+    assert np.array(of("wheels")["inertia_wheel"]) * of("wheels")[
+        "speed_limit"
+    ] == pytest.approx([0.03] * 4)
+    assert np.linalg.norm(of("spacecraft")["residual_dipole_body"]) == pytest.approx(
+        0.05, rel=1e-5
     )
-    assert np.linalg.norm(of("spacecraft")["residual_dipole_body"]) == pytest.approx(0.05, rel=1e-5)
     assert of("torquers")["m_limit"] == 0.2
     assert of("manager")["m_limit"] == 0.2, "the manager's follows from the torquers'"
     assert of("controller")["gain_matrix"] == of("spacecraft")["inertia"]
     a, b, c = CUBESATS[12]
-    assert of("spacecraft")["inertia"][0] == pytest.approx(18.0 / 12.0 * (b * b + c * c), rel=1e-5)
-    assert of("spacecraft")["inertia"][8] == pytest.approx(18.0 / 12.0 * (a * a + b * b), rel=1e-5)
+    assert of("spacecraft")["inertia"][0] == pytest.approx(
+        18.0 / 12.0 * (b * b + c * c), rel=1e-5
+    )
+    assert of("spacecraft")["inertia"][8] == pytest.approx(
+        18.0 / 12.0 * (a * a + b * b), rel=1e-5
+    )
 
 
 def test_a_night_and_a_day_hold(twelve: Path) -> None:
@@ -232,22 +314,33 @@ def test_numbers_have_units_and_are_converted(twelve: Path, tmp_path: Path) -> N
     text = (twelve / "craft.toml").read_text()
     assert tomllib.loads(text)["parameters"]["wheels"]["speed_limit"] == "6500 rpm"
     run = library.run(str(twelve), {"environment.inclination": "97 deg"}, stop=5.0)
-    assert run.manifest.values_of("environment")["inclination"] == pytest.approx(math.radians(97.0))
+    assert run.manifest.values_of("environment")["inclination"] == pytest.approx(
+        math.radians(97.0)
+    )
     folder = tmp_path / "wrong"
     write(folder, TWELVE, "desat new craft wrong")
     (folder / "craft.toml").write_text(text.replace("6500 rpm", "6500 rmp"))
-    with pytest.raises(DesatError, match=r"wrong/craft\.toml:\d+: parameters\.wheels\.speed_limit: "
-                       r"wheels\.speed_limit = '6500 rmp': unit rmp is not known; did you mean "
-                       r"rpm\?"):  # fmt: skip
+    with pytest.raises(
+        DesatError,
+        match=r"wrong/craft\.toml:\d+: parameters\.wheels\.speed_limit: "
+        r"wheels\.speed_limit = '6500 rmp': unit rmp is not known; did you mean "
+        r"rpm\?",
+    ):
         prepare(str(folder), Options()).or_raise()
     (folder / "craft.toml").write_text(text.replace("6500 rpm", "6500 km"))
-    with pytest.raises(DesatError, match=r"wheels\.speed_limit = '6500 km': it has rad/s"):
+    with pytest.raises(
+        DesatError, match=r"wheels\.speed_limit = '6500 km': it has rad/s"
+    ):
         prepare(str(folder), Options()).or_raise()
 
 
 def test_an_orbit_may_be_a_two_line_element_set(tmp_path: Path) -> None:
     (tmp_path / "iss.tle").write_text("ISS\n" + ISS)
-    write(tmp_path / "mine", CraftFacts(tle=tmp_path / "iss.tle", epoch="2019-12-10T00:00:00Z"), "")
+    write(
+        tmp_path / "mine",
+        CraftFacts(tle=tmp_path / "iss.tle", epoch="2019-12-10T00:00:00Z"),
+        "",
+    )
     run = library.run(str(tmp_path / "mine"), stop=20.0)
     r = np.linalg.norm(run.results.values("environment.r_eci"), axis=1)
     assert ((r > 6.78e6) & (r < 6.81e6)).all()
@@ -255,7 +348,9 @@ def test_an_orbit_may_be_a_two_line_element_set(tmp_path: Path) -> None:
 
 def test_a_sun_synchronous_orbit_keeps_its_local_time(tmp_path: Path) -> None:
     write(
-        tmp_path / "mine", CraftFacts(sso="500km", ltan="10:30", epoch="2027-03-21T00:00:00Z"), ""
+        tmp_path / "mine",
+        CraftFacts(sso="500km", ltan="10:30", epoch="2027-03-21T00:00:00Z"),
+        "",
     )
     rows = tomllib.loads((tmp_path / "mine" / "craft.toml").read_text())["parameters"][
         "environment"
@@ -270,13 +365,25 @@ def test_what_wheels_must_hold_of_an_orbit_is_near_what_size_finds(
     tmp_path: Path, pointing: str
 ) -> None:
     """A craft that its dipole and gravity alone turn, in an untilted field."""
-    wish = {"altitude": "500km", "inclination": "70deg", "inertia": "0.9,1.2,0.7",
-            "pointing": pointing, "residual_dipole": "0.6"}  # fmt: skip
+    wish = {
+        "altitude": "500km",
+        "inclination": "70deg",
+        "inertia": "0.9,1.2,0.7",
+        "pointing": pointing,
+        "residual_dipole": "0.6",
+    }
     write(tmp_path / "mine", CraftFacts(**wish, wheels="3 axes 1Nms"), "")  # type: ignore[arg-type]
-    sets = ["environment.field=dipole", "environment.dipole_earth=[0,0,-7.75e15]",
-            "spacecraft.aerodynamics=none", "spacecraft.radiation=none"]  # fmt: skip
-    made = size(str(tmp_path / "mine"), Options(stop=20000.0, sets=sets),
-                SizingRequirements(year=False, laws=False, flown=False))  # fmt: skip
+    sets = [
+        "environment.field=dipole",
+        "environment.dipole_earth=[0,0,-7.75e15]",
+        "spacecraft.aerodynamics=none",
+        "spacecraft.radiation=none",
+    ]
+    made = size(
+        str(tmp_path / "mine"),
+        Options(stop=20000.0, sets=sets),
+        SizingRequirements(year=False, laws=False, flown=False),
+    )
     with pytest.raises(DesatError, match="in and out of the fullest") as refused:
         write(tmp_path / "less", CraftFacts(**wish, wheels="3 axes 1mNms"), "")  # type: ignore[arg-type]
     told = float(re.findall(r"turn ([\d.]+) mN m s", str(refused.value))[0]) * 1e-3
@@ -294,13 +401,22 @@ def test_classes_grow_with_their_size() -> None:
 @pytest.mark.parametrize(
     ("wanted", "told"),
     [
-        ({"altitude": "400 km", "sso": "500km"}, r"--altitude, --sso: one of them says the orbit"),
+        (
+            {"altitude": "400 km", "sso": "500km"},
+            r"--altitude, --sso: one of them says the orbit",
+        ),
         ({"altitude": "90km"}, r"--altitude 90km: 150 to 2000 km are covered"),
         ({"altitude": "400 kg"}, r"--altitude 400 kg: kg does not fit km"),
         ({"altitude": "400kmm"}, r"--altitude 400kmm: unit kmm is not known"),
         ({"altitude": "high"}, r"--altitude high: a number is needed"),
-        ({"inclination": "51deg"}, r"--inclination 51deg: --altitude is needed with it"),
-        ({"altitude": "400km", "ltan": "10:30"}, r"--ltan 10:30: it is of a Sun-synchronous orbit"),
+        (
+            {"inclination": "51deg"},
+            r"--inclination 51deg: --altitude is needed with it",
+        ),
+        (
+            {"altitude": "400km", "ltan": "10:30"},
+            r"--ltan 10:30: it is of a Sun-synchronous orbit",
+        ),
         ({"sso": "500km", "ltan": "25:00"}, r"--ltan 25:00: a time of day is needed"),
         ({"size": "5U"}, r"--size 5U: there is 1U, 2U, .*; --box has any other"),
         ({"size": "6U", "box": "1,1,1"}, r"--box 1,1,1: --size 6U says it, too"),
@@ -313,14 +429,22 @@ def test_classes_grow_with_their_size() -> None:
         ({"wheels": "big"}, r"--wheels big: the form is COUNT LAYOUT SIZE"),
         ({"wheels": "3 axes huge"}, r"--wheels huge: no class.*; there is 2mNms"),
         ({"rods": "-1"}, r"--rods -1: above 0 is needed"),
-        ({"wheels": "3 axes 2mNms", "residual_dipole": "1"}, r"--wheels: 2 mN m s a wheel; .*turn "
-         r"\d+\.?\d* mN m s in and out of the fullest within each orbit.*: take at least"),
-        ({"pointing": "nadri"}, r"--pointing nadri: there is nadir, .*; did you mean nadir"),
+        (
+            {"wheels": "3 axes 2mNms", "residual_dipole": "1"},
+            r"--wheels: 2 mN m s a wheel; .*turn "
+            r"\d+\.?\d* mN m s in and out of the fullest within each orbit.*: take at least",
+        ),
+        (
+            {"pointing": "nadri"},
+            r"--pointing nadri: there is nadir, .*; did you mean nadir",
+        ),
         ({"epoch": "tomorrow"}, r"--epoch tomorrow: a time is needed"),
         ({"tle": Path("/nowhere.tle")}, r"--tle /nowhere\.tle: "),
     ],
-)  # fmt: skip
-def test_what_cannot_be_is_refused(tmp_path: Path, wanted: dict[str, object], told: str) -> None:
+)
+def test_what_cannot_be_is_refused(
+    tmp_path: Path, wanted: dict[str, object], told: str
+) -> None:
     with pytest.raises(DesatError, match=told):
         write(tmp_path / "mine", CraftFacts(**wanted), "")  # type: ignore[arg-type]
     assert not (tmp_path / "mine").exists()
@@ -332,13 +456,28 @@ def test_what_cannot_be_is_refused(tmp_path: Path, wanted: dict[str, object], to
         ("mine", (), 0, ""),
         ("alone", ("--stop", "3"), 0, ""),
         ("min", (), 2, "no scenario min; did you mean mine?"),
-        ("integrated", (), 2, "scenarios (desat list integrated); one of them is needed"),
-        ("mine", ("--source", "manager=manager_cros"), 2, "did you mean manager_cross_product?"),
-        ("mine", ("--set", "torquers.m_limit=0"), 2, "m_limit = 0 A.m2: these rods make no dipole"),
+        (
+            "integrated",
+            (),
+            2,
+            "scenarios (desat list integrated); one of them is needed",
+        ),
+        (
+            "mine",
+            ("--source", "manager=manager_cros"),
+            2,
+            "did you mean manager_cross_product?",
+        ),
+        (
+            "mine",
+            ("--set", "torquers.m_limit=0"),
+            2,
+            "m_limit = 0 A.m2: these rods make no dipole",
+        ),
         ("mine", ("--set", "wheels.torque_limit=2"), 0, "usual is 1e-06 to 1 N.m"),
         ("mine", ("--set", "wheels.speed_limit=6000"), 0, "usual is 1 to 1100 rad/s"),
     ],
-)  # fmt: skip
+)
 def test_what_is_mistyped_is_answered_with_what_was_meant(
     desat, tmp_path: Path, target: str, more: tuple[str, ...], code: int, told: str
 ) -> None:
@@ -353,7 +492,9 @@ def test_what_is_mistyped_is_answered_with_what_was_meant(
 def test_blocks_are_told(desat) -> None:
     every = json.loads(desat("help", "blocks", "--json", check=True).stdout)["rows"]
     assert {r["block"] for r in every} == set(registry.names())
-    managers = json.loads(desat("help", "blocks", "manager", "--json", check=True).stdout)["rows"]
+    managers = json.loads(
+        desat("help", "blocks", "manager", "--json", check=True).stdout
+    )["rows"]
     assert {r["role"] for r in managers} == {"manager"}
     one = json.loads(desat("help", "blocks", "wheels", "--json", check=True).stdout)
     rows = {r["name"]: r for r in one["rows"]}
@@ -363,7 +504,10 @@ def test_blocks_are_told(desat) -> None:
     assert "Reaction wheels" in one["text"]
     told = desat("help", "blocks", "manager_combined", check=True).stdout
     assert "thrusters that take its command" in told
-    assert "Law: ocdc (law = ilqr, split = ocdc, g_rate = craft.rate, weight_ratio = 1 /" in told
+    assert (
+        "Law: ocdc (law = ilqr, split = ocdc, g_rate = craft.rate, weight_ratio = 1 /"
+        in told
+    )
     told = desat("help", "blocks", "manager_b_dot", check=True).stdout
     assert "No law that holds the wheels' momentum: it brakes a tumbling craft" in told
     wrong = desat("help", "blocks", "wheel")
@@ -372,24 +516,46 @@ def test_blocks_are_told(desat) -> None:
 
 
 def test_standard_numbers_and_plots_come_from_the_roles(desat, tmp_path):
-    """Not from the craft's files, nor from another craft; what a file gives besides is merged."""
+    """Not from the craft's files, nor from another craft; what a file gives besides is
+    merged."""
     desat("new", "craft", "mine", "--thrusters", "4 1N", cwd=tmp_path, check=True)
     own = (tmp_path / "mine" / "nominal.toml").read_text()
     assert "[numbers" not in own
     assert "[plots" not in own
-    told = desat("show", str(tmp_path / "mine" / "worst.toml"), "--json", cwd=tmp_path, check=True)
+    told = desat(
+        "show",
+        str(tmp_path / "mine" / "worst.toml"),
+        "--json",
+        cwd=tmp_path,
+        check=True,
+    )
     by_key = {row["key"]: row for row in json.loads(told.stdout)}
     assert by_key["numbers.pointing.measure"]["from"].endswith("roles/manager.toml")
     assert by_key["numbers.propellant.unit"]["from"].endswith("roles/thrusters.toml")
-    made = desat("run", "mine", "--stop", "20", "--json", "--no-baseline", cwd=tmp_path, check=True)
-    numbers = json.loads(made.stdout)["numbers"]
-    assert {"pointing", "largest_momentum", "final_momentum", "firing", "propellant"} <= (
-        numbers.keys()
+    made = desat(
+        "run",
+        "mine",
+        "--stop",
+        "20",
+        "--json",
+        "--no-baseline",
+        cwd=tmp_path,
+        check=True,
     )
+    numbers = json.loads(made.stdout)["numbers"]
+    assert {
+        "pointing",
+        "largest_momentum",
+        "final_momentum",
+        "firing",
+        "propellant",
+    } <= (numbers.keys())
     file = tmp_path / "mine" / "nominal.toml"
     file.write_text(own.replace('"roles/manager", ', '"roles/manger", '))
     wrong = desat("check", "mine", cwd=tmp_path)
-    assert "extends: no roles/manger; did you mean manager?" in wrong.stdout + wrong.stderr
+    assert (
+        "extends: no roles/manger; did you mean manager?" in wrong.stdout + wrong.stderr
+    )
 
 
 def test_what_is_made_of_a_crafts_scenario_has_its_name(desat, tmp_path):

@@ -44,13 +44,25 @@ def own(tmp_path):
 def test_a_run_that_never_slows_says_so(desat, own, tmp_path):
     run = execute(own(NEVER), Options(blocks=True))
     assert run.manifest["numbers"]["detumbled"]["value"] is None
-    said = desat("run", own(NEVER), "--blocks", "--out", str(tmp_path / "run"), check=True).stdout
+    said = desat(
+        "run", own(NEVER), "--blocks", "--out", str(tmp_path / "run"), check=True
+    ).stdout
     assert re.search(r"below 0.003 rad/s at once .*not reached", said), said
 
 
 def test_cases_that_never_slow_say_so_with_their_share(desat, own, tmp_path):
-    said = desat("campaign", own(NEVER), "-n", "4", "--blocks", "--jobs", "1", "--all",
-                 cwd=tmp_path, check=True).stdout  # fmt: skip
+    said = desat(
+        "campaign",
+        own(NEVER),
+        "-n",
+        "4",
+        "--blocks",
+        "--jobs",
+        "1",
+        "--all",
+        cwd=tmp_path,
+        check=True,
+    ).stdout
     line = next(x for x in said.splitlines() if "4 of 4 (100 %)" in x)
     assert line.count("not reached") == 5, "median, shares, and the ends"
     assert "20.00" not in line
@@ -71,25 +83,53 @@ def test_some_that_are_not_reached_are_later_than_all_others(own):
 
 
 def test_a_sweep_has_the_share(desat, own):
-    said = desat("sweep", own(COMMON), "manager.rate_limit=1e-9,0.14", "--samples", "4", "--blocks",
-                 "--jobs", "1", check=True).stdout  # fmt: skip
-    row = next(x for x in said.splitlines() if x.startswith("detumbled") or "detumbled" in x)
+    said = desat(
+        "sweep",
+        own(COMMON),
+        "manager.rate_limit=1e-9,0.14",
+        "--samples",
+        "4",
+        "--blocks",
+        "--jobs",
+        "1",
+        check=True,
+    ).stdout
+    row = next(
+        x for x in said.splitlines() if x.startswith("detumbled") or "detumbled" in x
+    )
     assert "not reached (not reached: 4 of 4 (100 %))" in said, said
     assert row.count("4 of 4") <= 1
 
 
 def test_every_measure_of_a_time_is_late():
-    """By its sentence: a measure that says when something is has no number where it never is."""
-    when = {n for n, m in measures.MEASURES.items() if re.match(r"(When|After how)", m.__doc__)}
+    """By its sentence: a measure that says when something is has no number where it
+    never is."""
+    when = {
+        n
+        for n, m in measures.MEASURES.items()
+        if re.match(r"(When|After how)", m.__doc__)
+    }
     assert when == measures.LATE
 
 
 def test_medians_rank_what_is_not_reached():
     rows = [{"t": x, "y": x} for x in (3.0, None, 1.0, None, 2.0)]
-    told = {n: x.to_json() for n, x in spreads(rows, {"t": "s", "y": "s"}, {"t"}).items()}
-    assert told["t"] == {"unit": "s", "median": 3.0, "low": 1.0, "high": None, "min": 1.0,
-                         "max": None, "n": 3, "not_reached": 2}  # fmt: skip
-    assert (told["y"]["median"], told["y"]["max"]) == (2.0, 3.0), "no time: of those that have it"
+    told = {
+        n: x.to_json() for n, x in spreads(rows, {"t": "s", "y": "s"}, {"t"}).items()
+    }
+    assert told["t"] == {
+        "unit": "s",
+        "median": 3.0,
+        "low": 1.0,
+        "high": None,
+        "min": 1.0,
+        "max": None,
+        "n": 3,
+        "not_reached": 2,
+    }
+    assert (told["y"]["median"], told["y"]["max"]) == (2.0, 3.0), (
+        "no time: of those that have it"
+    )
     diverged = [{"y": math.inf}] * 3
     assert spreads(diverged, {"y": "s"}, set())["y"].levels["max"] == math.inf
 
@@ -97,9 +137,19 @@ def test_medians_rank_what_is_not_reached():
 def test_percentiles_of_a_campaign_rank_it_too():
     values, cases = np.array([4.0, np.nan, 2.0, 3.0, np.nan, 1.0]), np.arange(10, 16)
     told = report._number("t", {}, values, cases, True).to_json()
-    assert (told["min"], told["min_case"], told["n"], told["not_reached"]) == (1.0, 15, 4, 2)
+    assert (told["min"], told["min_case"], told["n"], told["not_reached"]) == (
+        1.0,
+        15,
+        4,
+        2,
+    )
     assert told["median"] == 3.5
-    assert (told["p95"], told["p99"], told["max"], told["max_case"]) == (None, None, None, 11)
+    assert (told["p95"], told["p99"], told["max"], told["max_case"]) == (
+        None,
+        None,
+        None,
+        11,
+    )
     told = report._number("y", {}, values, cases, False).to_json()
     assert (told["median"], told["max"], told["max_case"]) == (2.5, 4.0, 10)
 

@@ -1,4 +1,5 @@
-"""The integrated orbit, its frames and what acts on it: own references and closed forms."""
+"""The integrated orbit, its frames and what acts on it: own references and closed
+forms."""
 
 from __future__ import annotations
 
@@ -14,7 +15,10 @@ from scipy.integrate import solve_ivp
 from desat.components.bases import orbit_start
 from desat.components.bases.near_earth import NODE_TIME
 from desat.components.blocks.environment_kepler import EnvironmentKepler
-from desat.components.blocks.environment_propagated import EnvironmentPropagated, hermite
+from desat.components.blocks.environment_propagated import (
+    EnvironmentPropagated,
+    hermite,
+)
 from desat.components.blocks.environment_tle import EnvironmentTle
 from desat.components.blocks.manager_receding_horizon import ManagerRecedingHorizon
 from desat.components.contract.block import Block, BlockError, Vec3
@@ -25,8 +29,14 @@ from desat.runs.run import Options, execute, prepare
 from desat.system.errors import DesatError
 
 DAY = 86400.0
-ECCENTRIC = {"semi_major_axis": 7.5e6, "eccentricity": 0.08, "inclination": 0.9, "raan": 0.5,
-             "argument_of_perigee": 1.0, "mean_anomaly": 0.2}  # fmt: skip
+ECCENTRIC = {
+    "semi_major_axis": 7.5e6,
+    "eccentricity": 0.08,
+    "inclination": 0.9,
+    "raan": 0.5,
+    "argument_of_perigee": 1.0,
+    "mean_anomaly": 0.2,
+}
 ORBITS = [{}, ECCENTRIC]
 
 
@@ -34,7 +44,9 @@ def begin(block: Block, **parameters: object) -> Block:
     variables = {v.name: v for v in block.variables}
     for name, value in parameters.items():
         variable = variables[name]
-        setattr(block, name, variable.choices.index(value) if variable.choices else value)
+        setattr(
+            block, name, variable.choices.index(value) if variable.choices else value
+        )
     block.check()
     block.start()
     block.output(0.0)
@@ -46,30 +58,38 @@ def propagation(**parameters: object) -> EnvironmentPropagated:
     return begin(EnvironmentPropagated(), **{**given, **parameters})
 
 
-def run(block: EnvironmentPropagated, stop: float, dt: float, begin: float = 0.0) -> None:
+def run(
+    block: EnvironmentPropagated, stop: float, dt: float, begin: float = 0.0
+) -> None:
     for k in range(round((stop - begin) / dt)):
         block.advance(begin + k * dt, dt)
     block.output(stop)
 
 
 def potential(r: np.ndarray, degree: int) -> float:
-    """U = mu / r (1 - sum J_n (R / r)^n P_n(z / r)), with Legendre's polynomials of numpy."""
+    """U = mu / r (1 - sum J_n (R / r)^n P_n(z / r)), with Legendre's polynomials of
+    numpy."""
     size = math.sqrt(r @ r)
-    series = [1.0, 0.0, *(
-        -j * (orbit.EARTH_RADIUS / size) ** n if n <= degree else 0.0
-        for n, j in ((2, orbit.J2), (3, orbit.J3), (4, orbit.J4))
-    )]  # fmt: skip
+    series = [
+        1.0,
+        0.0,
+        *(
+            -j * (orbit.EARTH_RADIUS / size) ** n if n <= degree else 0.0
+            for n, j in ((2, orbit.J2), (3, orbit.J3), (4, orbit.J4))
+        ),
+    ]
     return orbit.MU / size * np.polynomial.legendre.legval(r[2] / size, series)
 
 
 def cowell(y, degree: int, stop: float, extra=lambda t, y: 0.0) -> np.ndarray:
-    """Position and velocity after `stop` (s), by scipy's DOP853 in the gradient of `potential`,
-    written for its derivatives by r and z."""
+    """Position and velocity after `stop` (s), by scipy's DOP853 in the gradient of
+    `potential`, written for its derivatives by r and z."""
     legendre = np.polynomial.legendre.Legendre
     harmonics = [
         (n, j, legendre.basis(n), legendre.basis(n).deriv())
-        for n, j in ((2, orbit.J2), (3, orbit.J3), (4, orbit.J4)) if n <= degree
-    ]  # fmt: skip
+        for n, j in ((2, orbit.J2), (3, orbit.J3), (4, orbit.J4))
+        if n <= degree
+    ]
 
     def slopes(t, y):
         r = y[:3]
@@ -90,7 +110,7 @@ def state(block: Block) -> list[float]:
     return [*block.r_eci, *block.v_eci]
 
 
-# --- gravity and propagation ----------------------------------------------------------------------
+# --- gravity and propagation ----------------------------------------------------------
 
 
 @pytest.mark.parametrize("degree", [1, 2, 3, 4])
@@ -99,12 +119,17 @@ def test_gravity_is_the_gradient_of_its_potential(degree, u):
     r = 7e6 / norm(u) * np.array(u)
     h = 2e3
     expected = [
-        (8 * (potential(r + h * e, degree) - potential(r - h * e, degree))
-         - (potential(r + 2 * h * e, degree) - potential(r - 2 * h * e, degree))) / (12 * h)
+        (
+            8 * (potential(r + h * e, degree) - potential(r - h * e, degree))
+            - (potential(r + 2 * h * e, degree) - potential(r - 2 * h * e, degree))
+        )
+        / (12 * h)
         for e in np.eye(3)
-    ]  # fmt: skip
+    ]
     # the harmonics are down to 1e-5 m/s2
-    assert orbit.gravity(tuple(r.tolist()), degree) == pytest.approx(expected, abs=1e-10)
+    assert orbit.gravity(tuple(r.tolist()), degree) == pytest.approx(
+        expected, abs=1e-10
+    )
 
 
 @pytest.mark.parametrize("parameters", ORBITS)
@@ -146,7 +171,9 @@ def test_energy_is_conserved():
     block = propagation(**ECCENTRIC)
 
     def energy() -> float:
-        return np.dot(block.v_eci, block.v_eci) / 2 - potential(np.array(block.r_eci), 4)
+        return np.dot(block.v_eci, block.v_eci) / 2 - potential(
+            np.array(block.r_eci), 4
+        )
 
     before = energy()
     run(block, DAY, 600.0)
@@ -183,11 +210,13 @@ def test_the_field_is_that_of_the_path():
             r, _ = block.motion(t + k * h)
             b[k] = np.array(block.field_date(r, t + k * h, igrf=True))
         block.output(t)
-        assert math.dist(block.b_eci, block.field_eci(block.r_eci, t, igrf=True)) < 2e-14
+        assert (
+            math.dist(block.b_eci, block.field_eci(block.r_eci, t, igrf=True)) < 2e-14
+        )
         assert (b[1] - b[-1]) / (2 * h) == pytest.approx(block.b_rate_eci, abs=1e-12)
 
 
-# --- how an orbit is given ------------------------------------------------------------------------
+# --- how an orbit is given ------------------------------------------------------------
 
 
 @pytest.mark.parametrize("kind", [EnvironmentKepler, EnvironmentPropagated])
@@ -204,8 +233,8 @@ def test_a_state_is_its_osculating_elements(kind):
 
 @pytest.mark.parametrize("parameters", ORBITS)
 def test_osculating_elements_are_no_mean_elements(parameters):
-    """After a revolution: tens of km off where given as mean ones to the mean drift of J2, its
-    periodic part where averaged first, and nothing where integrated."""
+    """After a revolution: tens of km off where given as mean ones to the mean drift of
+    J2, its periodic part where averaged first, and nothing where integrated."""
     integrated = propagation(**parameters)
     period = math.tau / orbit.mean_motion(integrated.semi_major_axis)
     for revolutions in (1, 15):
@@ -213,8 +242,13 @@ def test_osculating_elements_are_no_mean_elements(parameters):
         truth = cowell(state(propagation(**parameters)), 4, t)[:3]
         off = {}
         for form in ("mean", "osculating"):
-            kepler = begin(EnvironmentKepler(), field="none", j2=True, **parameters,
-                           orbit_start=form)  # fmt: skip
+            kepler = begin(
+                EnvironmentKepler(),
+                field="none",
+                j2=True,
+                **parameters,
+                orbit_start=form,
+            )
             kepler.output(t)
             off[form] = math.dist(kepler.r_eci, truth)
         assert off["mean"] > 49e3 * revolutions
@@ -225,7 +259,8 @@ def test_osculating_elements_are_no_mean_elements(parameters):
 
 @pytest.mark.parametrize("parameters", ORBITS)
 def test_mean_elements_are_those_of_the_other_block(parameters):
-    """One block in the other's place: the same orbit up to its periodic part, for a day."""
+    """One block in the other's place: the same orbit up to its periodic part, for a
+    day."""
     integrated = propagation(**{**parameters, "orbit_start": "mean"})
     drifting = begin(EnvironmentKepler(), field="none", j2=True, **parameters)
     for t in np.arange(0.0, DAY + 1.0, DAY / 16).tolist():
@@ -235,9 +270,12 @@ def test_mean_elements_are_those_of_the_other_block(parameters):
 
 
 some_elements = st.builds(
-    orbit.Elements, st.floats(6.7e6, 2e7), st.floats(0.0, 0.04), st.floats(0.0, 3.0),
+    orbit.Elements,
+    st.floats(6.7e6, 2e7),
+    st.floats(0.0, 0.04),
+    st.floats(0.0, 3.0),
     *(st.floats(-math.pi, math.pi),) * 3,
-)  # fmt: skip
+)
 
 
 @settings(max_examples=10)
@@ -265,18 +303,27 @@ def test_a_mean_orbit_that_lies_backwards_in_the_equator_is_refused():
 @pytest.mark.parametrize(
     ("parameters", "message"),
     [
-        ({"orbit_start": "state", "v_start": (0.0, 2e4, 0.0)}, r"v_start = .*: not on an ellipse"),
+        (
+            {"orbit_start": "state", "v_start": (0.0, 2e4, 0.0)},
+            r"v_start = .*: not on an ellipse",
+        ),
         ({"orbit_start": "state", "r_start": (0.0, 0.0, 0.0)}, "not on an ellipse"),
-        ({"orbit_start": "state", "v_start": (0.0, 5e3, 0.0)}, "perigee at .* inside the Earth"),
-        ({"semi_major_axis": 7e6, "eccentricity": 0.1}, "semi_major_axis = 7e.*inside the Earth"),
+        (
+            {"orbit_start": "state", "v_start": (0.0, 5e3, 0.0)},
+            "perigee at .* inside the Earth",
+        ),
+        (
+            {"semi_major_axis": 7e6, "eccentricity": 0.1},
+            "semi_major_axis = 7e.*inside the Earth",
+        ),
     ],
-)  # fmt: skip
+)
 def test_an_orbit_that_is_none_is_refused(parameters, message):
     with pytest.raises(BlockError, match=message):
         begin(EnvironmentKepler(), **parameters)
 
 
-# --- frames ---------------------------------------------------------------------------------------
+# --- frames ---------------------------------------------------------------------------
 
 IN_2026 = (datetime(2026, 1, 1) - datetime(2000, 1, 1, 12)).total_seconds()
 
@@ -284,10 +331,16 @@ IN_2026 = (datetime(2026, 1, 1) - datetime(2000, 1, 1, 12)).total_seconds()
 def test_precession():
     """SOFA's own test of pmat76: MJD 50123.9999."""
     expected = (
-        0.9999995504328350733, 0.8696632209480960785e-3, 0.3779153474959888345e-3,
-        -0.8696632209485112192e-3, 0.9999996218428560614, -0.1643284776111886407e-6,
-        -0.3779153474950335077e-3, -0.1643306746147366896e-6, 0.9999999285899790119,
-    )  # fmt: skip
+        0.9999995504328350733,
+        0.8696632209480960785e-3,
+        0.3779153474959888345e-3,
+        -0.8696632209485112192e-3,
+        0.9999996218428560614,
+        -0.1643284776111886407e-6,
+        -0.3779153474950335077e-3,
+        -0.1643306746147366896e-6,
+        0.9999999285899790119,
+    )
     found = earth.precession((50123.9999 - 51544.5) * DAY)
     # the day is a float of seconds: 1e-8 s
     assert found == pytest.approx(expected, abs=2e-15)
@@ -303,7 +356,9 @@ def back(v: Vec3) -> np.ndarray:
     return np.array(earth.precession(IN_2026)).reshape(3, 3).T @ v
 
 
-@pytest.mark.parametrize("kind", [EnvironmentKepler, EnvironmentPropagated, EnvironmentTle])
+@pytest.mark.parametrize(
+    "kind", [EnvironmentKepler, EnvironmentPropagated, EnvironmentTle]
+)
 def test_j2000_out(kind):
     """All outputs turn together; what is a number stays."""
     air = {"atmosphere": "activity", "epoch_j2000": IN_2026}
@@ -312,14 +367,18 @@ def test_j2000_out(kind):
         of_date, j2000 = (begin(kind(), **air, eci_frame=f) for f in ("date", "j2000"))
     else:
         given = {**air, **ECCENTRIC, "orbit_frame": "date", "orbit_start": "osculating"}
-        of_date, j2000 = (begin(kind(), **given, eci_frame=f) for f in ("date", "j2000"))
+        of_date, j2000 = (
+            begin(kind(), **given, eci_frame=f) for f in ("date", "j2000")
+        )
     for t in (0.0, 1234.5):
         of_date.output(t)
         j2000.output(t)
         for name in ("r_eci", "v_eci", "b_eci", "b_rate_eci", "b_accel_eci", "sun_eci"):
             expected = back(getattr(of_date, name))
             scale = norm(expected)
-            assert getattr(j2000, name) == pytest.approx(expected, abs=2e-12 * scale), name
+            assert getattr(j2000, name) == pytest.approx(expected, abs=2e-12 * scale), (
+                name
+            )
         assert j2000.density == pytest.approx(of_date.density, rel=1e-12)
         assert j2000.sunlight == of_date.sunlight
     assert math.dist(j2000.r_eci, of_date.r_eci) > 1e4
@@ -330,8 +389,11 @@ def test_j2000_out(kind):
 def test_j2000_in(kind, form):
     """The same orbit, given in either frame."""
     given = {
-        "field": "none", "epoch_j2000": IN_2026, "orbit_start": "osculating", **ECCENTRIC,
-    }  # fmt: skip
+        "field": "none",
+        "epoch_j2000": IN_2026,
+        "orbit_start": "osculating",
+        **ECCENTRIC,
+    }
     of_date = begin(kind(), **given)
     if form == "state":
         r, v = tuple(back(of_date.r_eci).tolist()), tuple(back(of_date.v_eci).tolist())
@@ -365,7 +427,9 @@ def test_turned_elements_are_of_the_turned_state(elements):
 
     def place(e: orbit.Elements) -> np.ndarray:
         p, q = orbit.perifocal_axes(e.inclination, e.raan, e.argument_of_perigee)
-        r, v = orbit.ellipse_state(e.semi_major_axis, e.eccentricity, e.mean_anomaly, 1e-3, p, q)
+        r, v = orbit.ellipse_state(
+            e.semi_major_axis, e.eccentricity, e.mean_anomaly, 1e-3, p, q
+        )
         return np.array([r, v])
 
     expected = place(elements) @ np.array(c).reshape(3, 3).T
@@ -380,22 +444,28 @@ def test_the_field_onboard_is_of_the_same_frame(frame):
     outside = begin(EnvironmentKepler(), **given)
     onboard = begin(
         ManagerRecedingHorizon(), sample_time=10.0, field_model="igrf", **given
-    )  # fmt: skip
+    )
     outside.output(700.0)
     found = onboard.field_eci(outside.r_eci, 700.0, igrf=True)
     assert math.dist(found, outside.b_eci) < 2e-14
 
 
-# --- drag and firings -----------------------------------------------------------------------------
+# --- drag and firings -----------------------------------------------------------------
 
 
 def test_drag_lowers_a_circle():
     """da/dt = -rho C_d A / m sqrt(mu a) on a circle in air at rest."""
     a, area, mass = 6.728e6, 2.0, 50.0
     block = propagation(
-        semi_major_axis=a, zonals="none", atmosphere="exponential", earth_rate=0.0, area_drag=area,
-        mass=mass, density_base=1e-11, altitude_base=a - orbit.EARTH_RADIUS,
-    )  # fmt: skip
+        semi_major_axis=a,
+        zonals="none",
+        atmosphere="exponential",
+        earth_rate=0.0,
+        area_drag=area,
+        mass=mass,
+        density_base=1e-11,
+        altitude_base=a - orbit.EARTH_RADIUS,
+    )
     stop = 10 * math.tau / orbit.mean_motion(a)
     run(block, stop, stop)
     fallen = a - orbit.elements_from_state(block.r_eci, block.v_eci).semi_major_axis
@@ -407,7 +477,9 @@ def test_drag_lowers_a_circle():
 
 
 def test_drag_without_air_is_refused():
-    with pytest.raises(BlockError, match="area_drag = 2 m2 needs an atmosphere, which is none"):
+    with pytest.raises(
+        BlockError, match="area_drag = 2 m2 needs an atmosphere, which is none"
+    ):
         propagation(area_drag=2.0)
 
 
@@ -462,8 +534,8 @@ def test_a_firing_against_cowell(dt, turning):
 
 @pytest.mark.parametrize("dt", [1.0, 30.0])
 def test_a_firing_takes_mass_with_it(dt):
-    """300 s of 20 N on 50 kg by a specific impulse of 60 s: 10 kg go; against Cowell, by a force on
-    less and less mass, and the rocket equation."""
+    """300 s of 20 N on 50 kg by a specific impulse of 60 s: 10 kg go; against Cowell,
+    by a force on less and less mass, and the rocket equation."""
     force, isp = 20.0, 60.0
     flow = force / (9.80665 * isp)
     block = propagation(firings=True, mass=50.0, specific_impulse=isp, **ECCENTRIC)
@@ -472,16 +544,24 @@ def test_a_firing_takes_mass_with_it(dt):
     run(block, 300.0, dt)
     assert block.mass_left == pytest.approx(50.0 - 300.0 * flow, rel=1e-13)
     assert block.mass_left < 40.0
-    expected = cowell(first, 4, 300.0, lambda t, y: np.array((0, force, 0)) / (50.0 - flow * t))
+    expected = cowell(
+        first, 4, 300.0, lambda t, y: np.array((0, force, 0)) / (50.0 - flow * t)
+    )
     assert math.dist(block.r_eci, expected[:3]) < 1e-5
     assert math.dist(block.v_eci, expected[3:]) < 1e-8
     free = cowell(first, 4, 300.0)
     gained = 9.80665 * isp * math.log(50.0 / block.mass_left)
-    assert math.dist(expected[3:], free[3:]) == pytest.approx(gained, rel=0.02)  # and gravity bends
+    assert math.dist(expected[3:], free[3:]) == pytest.approx(
+        gained, rel=0.02
+    )  # and gravity bends
     block.force_mean_thruster_body = (0.0, 30.0 * force, 0.0)
-    with pytest.raises(BlockError, match=r"at 300 s the thrusters take .* and the craft has 39"):
+    with pytest.raises(
+        BlockError, match=r"at 300 s the thrusters take .* and the craft has 39"
+    ):
         block.advance(300.0, 60.0)
-    with pytest.raises(BlockError, match="specific_impulse = 60 s needs firings = true"):
+    with pytest.raises(
+        BlockError, match="specific_impulse = 60 s needs firings = true"
+    ):
         propagation(specific_impulse=isp)
 
 
@@ -497,7 +577,9 @@ def test_a_firing_along_the_velocity_raises_the_orbit():
     block.force_mean_thruster_body = (10.0, 0.0, 0.0)
     run(block, 1.0, 1.0)
     found = orbit.elements_from_state(block.r_eci, block.v_eci).semi_major_axis
-    assert found - a == pytest.approx(2 * a**2 * norm(block.v_eci) * 0.1 / orbit.MU, rel=1e-4)
+    assert found - a == pytest.approx(
+        2 * a**2 * norm(block.v_eci) * 0.1 / orbit.MU, rel=1e-4
+    )
 
 
 @settings(max_examples=20)
@@ -512,7 +594,7 @@ def test_firings_that_are_off_or_nothing_change_no_bit(steps, dt):
     assert state(plain) == state(idle) == state(off)
 
 
-# --- in a system ----------------------------------------------------------------------------------
+# --- in a system ----------------------------------------------------------------------
 
 CRAFT = """
 stop = 200.0
@@ -560,7 +642,10 @@ def test_a_scheduled_firing_moves_the_orbit(tmp_path):
     parts = [*r[0], *v[0]]
     for duration, on in ((20.3, 0.0), (60.0, 1.0), (119.7, 0.0)):
         parts = cowell(
-            parts, 4, duration, lambda t, y, on=on: on * np.array([4.0, -1.0, 2.0]) / 80.0
+            parts,
+            4,
+            duration,
+            lambda t, y, on=on: on * np.array([4.0, -1.0, 2.0]) / 80.0,
         )
     # the mean over a step knows no edge inside it: 0.06 m/s2 times 1 s2 / 8
     assert math.dist(r[1], parts[:3]) < 0.01
@@ -581,11 +666,18 @@ def test_a_force_that_moves_no_orbit_is_said(tmp_path):
     off = craft.replace("firings = true", "firings = false")
     other = craft.replace("environment_propagated", "environment_kepler")
     other = other.replace("firings = true\n", "").replace("mass = 80.0\n", "")
-    for text, line in ((craft, None), (off, "environment.firings is false, so the orbit"),
-                       (other, "has no firings; its orbit does not move by it")):  # fmt: skip
+    for text, line in (
+        (craft, None),
+        (off, "environment.firings is false, so the orbit"),
+        (other, "has no firings; its orbit does not move by it"),
+    ):
         (tmp_path / "craft.toml").write_text(text, encoding="utf-8")
-        warnings = prepare(str(tmp_path / "mine.toml"), Options(blocks=True)).checked.warnings
-        told = [w for w in warnings if w.startswith("environment.force_mean_thruster_body")]
+        warnings = prepare(
+            str(tmp_path / "mine.toml"), Options(blocks=True)
+        ).checked.warnings
+        told = [
+            w for w in warnings if w.startswith("environment.force_mean_thruster_body")
+        ]
         assert [line in w for w in told] == ([] if line is None else [True])
 
 

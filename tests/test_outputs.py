@@ -1,5 +1,6 @@
-"""What a command writes: a regular file is replaced as a whole, a link stays, anything else is
-refused before anything is computed; nothing is written elsewhere, nothing half-written stays."""
+"""What a command writes: a regular file is replaced as a whole, a link stays, anything
+else is refused before anything is computed; nothing is written elsewhere, nothing
+half-written stays."""
 
 from __future__ import annotations
 
@@ -52,8 +53,9 @@ def test_a_pipe_stays_and_nothing_is_computed(folder, line, monkeypatch):
         os.mkfifo(pipe)
     code, said = commands.ended(shlex.split(line.replace("OUT", "pipe")), folder)
     assert (code, said) == (
-        2, f"error: {WRITERS[line]} pipe: not a regular file; nothing is written in its place\n"
-    )  # fmt: skip
+        2,
+        f"error: {WRITERS[line]} pipe: not a regular file; nothing is written in its place\n",
+    )
     assert stat.S_ISFIFO(pipe.stat().st_mode)
 
 
@@ -73,7 +75,9 @@ PLANTED = {
 def test_what_is_planted_where_a_file_goes(tmp_path, line, kind):
     write(tmp_path / "craft", CraftFacts(size="3U"), "")
     (tmp_path / "own.toml").write_text('extends = "nadir_day/day-dipole"\n')
-    (tmp_path / "own.craft.toml").write_bytes((tmp_path / "craft" / "craft.toml").read_bytes())
+    (tmp_path / "own.craft.toml").write_bytes(
+        (tmp_path / "craft" / "craft.toml").read_bytes()
+    )
     if line.startswith("build"):
         assert commands.ended(["new", "law", "my_own"], tmp_path)[0] == 0
     planted, target = tmp_path / PLANTED[line], tmp_path / "target"
@@ -96,7 +100,9 @@ def test_what_is_planted_where_a_file_goes(tmp_path, line, kind):
         assert (code, said.count("\n")) == (2, 1), said
         assert said.startswith("error: ")
         assert planted.name in said
-        is_kept = {"pipe": stat.S_ISFIFO, "folder": stat.S_ISDIR, "loop": stat.S_ISLNK}[kind]
+        is_kept = {"pipe": stat.S_ISFIFO, "folder": stat.S_ISDIR, "loop": stat.S_ISLNK}[
+            kind
+        ]
         assert is_kept(planted.lstat().st_mode)
     assert list(tmp_path.rglob("*.tmp")) == []
     assert list(tmp_path.rglob("*.part")) == []
@@ -105,15 +111,21 @@ def test_what_is_planted_where_a_file_goes(tmp_path, line, kind):
 def test_a_loop_is_written_at_the_end_of_a_link(tmp_path):
     commands.prepare(tmp_path)
     (tmp_path / "link.fmu").symlink_to("real.fmu")
-    code, said = commands.ended(["export", "fmu", "mine", "--out", "link.fmu"], tmp_path)
+    code, said = commands.ended(
+        ["export", "fmu", "mine", "--out", "link.fmu"], tmp_path
+    )
     assert code == 0, said
     assert (tmp_path / "link.fmu").is_symlink()
     assert (tmp_path / "real.fmu").read_bytes()[:2] == b"PK"
 
 
-@pytest.mark.parametrize("name", ["../../escaped", "/escaped", "a/b", "..", "", "a\\b", ".hidden"])
+@pytest.mark.parametrize(
+    "name", ["../../escaped", "/escaped", "a/b", "..", "", "a\\b", ".hidden"]
+)
 def test_a_figure_has_a_name_without_separators(name):
-    with pytest.raises(DesatError, match=r"figure .*: a name of letters, digits and \. _ - is"):
+    with pytest.raises(
+        DesatError, match=r"figure .*: a name of letters, digits and \. _ - is"
+    ):
         pages.Verbs._figure(pages.Verbs.__new__(pages.Verbs), name, "caption", "<svg/>")
 
 
@@ -123,27 +135,43 @@ def test_a_plot_is_not_written_outside(tmp_path):
         'signals = ["wheels.h_wheel"]\nunit = "N.m.s"\n'
     )
     run = tmp_path / "run"
-    execute(str(tmp_path / "own.toml"), Options(stop=3.0, step=1.0, substeps=1, blocks=True), run)
+    execute(
+        str(tmp_path / "own.toml"),
+        Options(stop=3.0, step=1.0, substeps=1, blocks=True),
+        run,
+    )
     with pytest.raises(DesatError, match=r"plot \.\./escaped: a file's name has no /"):
         export(run, "png")
     assert not (tmp_path / "escaped.png").exists()
 
 
-INTERNAL = {"catalogue.py", "checkpoint.py", "console.py", "recorder.py", "row_buffer.py",
-            "series_file.py", "store.py", "io.py"}  # fmt: skip
+INTERNAL = {
+    "catalogue.py",
+    "checkpoint.py",
+    "console.py",
+    "recorder.py",
+    "row_buffer.py",
+    "series_file.py",
+    "store.py",
+    "io.py",
+}
 """Of caches and run folders, which are ours alone, and of streams."""
 
 
 def test_all_else_is_written_by_one_function():
-    """`io.replacing`: no other file of ours opens one to write, or puts one in another's place."""
+    """`io.replacing`: no other file of ours opens one to write, or puts one in
+    another's place."""
     found = []
     for path in sorted(ROOMS.rglob("*.py")):
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
             if not isinstance(node, ast.Call) or path.name in INTERNAL:
                 continue
             called = ast.unparse(node.func)
-            modes = [a.value for a in (*node.args, *(k.value for k in node.keywords))
-                     if isinstance(a, ast.Constant)]  # fmt: skip
+            modes = [
+                a.value
+                for a in (*node.args, *(k.value for k in node.keywords))
+                if isinstance(a, ast.Constant)
+            ]
             opens = called.endswith("open") and {"w", "wb", "a", "ab", "x", "xb"} & {
                 m for m in modes if isinstance(m, str)
             }

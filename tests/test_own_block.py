@@ -68,7 +68,9 @@ def law(tmp_path_factory, cache) -> Path:
 
 def test_a_law_of_ones_own_runs_as_ours_does_bit_by_bit(law):
     def series(source: str, **options):
-        ran = execute(TARGET, Options(sources=[f"manager={source}"], stop=300.0, **options), None)
+        ran = execute(
+            TARGET, Options(sources=[f"manager={source}"], stop=300.0, **options), None
+        )
         assert ran.ok, ran.manifest.message
         return ran
 
@@ -97,26 +99,44 @@ def test_the_command_builds_both_fmus_which_any_tool_can_run(law, desat, tmp_pat
     done = desat("build", str(law), "--out", str(tmp_path), "--json")
     assert done.returncode == 0, done.stderr
     written = json.loads(done.stdout)
-    assert written == {"python": str(tmp_path / "my_law.fmu"),
-                       "native": str(tmp_path / "native" / "my_law.fmu")}  # fmt: skip
+    assert written == {
+        "python": str(tmp_path / "my_law.fmu"),
+        "native": str(tmp_path / "native" / "my_law.fmu"),
+    }
     for fmu in written.values():
         assert validate_fmu(fmu) == []
-    names = [v.name for v in fmpy.read_model_description(written["native"]).modelVariables]
+    names = [
+        v.name for v in fmpy.read_model_description(written["native"]).modelVariables
+    ]
     result = fmpy.simulate_fmu(
-        written["native"], stop_time=1.0, step_size=1.0, output=["m_cmd_body[1]"],
+        written["native"],
+        stop_time=1.0,
+        step_size=1.0,
+        output=["m_cmd_body[1]"],
         start_values={"b_body[2]": 2e-5, "h_wheel[1]": 0.01, "enable": True},
-    )  # fmt: skip
+    )
     assert "gain" in names
     assert np.isfinite(result["m_cmd_body[1]"]).all()
 
 
 def test_what_does_not_translate_runs_as_python_and_says_why(cache, tmp_path, desat):
     file = tmp_path / "by_dict.py"
-    file.write_text(LAW.replace("    return cross_product", "    known = {1: gain}\n"
-                                "    return cross_product").replace("(h, b, gain)\n\n",
-                                "(h, b, known[1])\n\n"))  # fmt: skip
-    done = desat("run", TARGET, "--source", f"manager={file}", "--stop", "10",
-                 "--out", str(tmp_path / "run"))  # fmt: skip
+    file.write_text(
+        LAW.replace(
+            "    return cross_product",
+            "    known = {1: gain}\n    return cross_product",
+        ).replace("(h, b, gain)\n\n", "(h, b, known[1])\n\n")
+    )
+    done = desat(
+        "run",
+        TARGET,
+        "--source",
+        f"manager={file}",
+        "--stop",
+        "10",
+        "--out",
+        str(tmp_path / "run"),
+    )
     assert done.returncode in (0, 1), done.stderr
     assert "by_dict.py runs as Python: by_dict.py:12: a dict" in done.stderr
     built = own.build(file)
@@ -130,23 +150,60 @@ def test_what_does_not_translate_runs_as_python_and_says_why(cache, tmp_path, de
         ("a-b.py", "", "", "a-b.py: its name becomes one of C: call it a_b.py"),
         (f"{OURS}.py", "", "", "a block of ours has this name"),
         ("x.py", "class MyLaw", "class MyLaw(", "x.py:15: "),
-        ("x.py", "from desat.components.maths", "from ..maths", "x.py:8: a relative import"),
-        ("x.py", "from desat.components.maths.vector import norm", "import beside",
-         "x.py:8: import of beside, which lies beside it"),
-        ("x.py", "from desat.components.maths.vector import norm", "import no_such_thing",
-         "x.py:8: import of no_such_thing: there is no such module"),
-        ("x.py", "from desat.components.maths.vector import norm", "import desat.runs",
-         "x.py:8: import of desat.runs: a block uses desat.components alone"),
-        ("x.py", "from desat.components.laws import", "from desat.components.laws import \\\n   ",
-         ""),
+        (
+            "x.py",
+            "from desat.components.maths",
+            "from ..maths",
+            "x.py:8: a relative import",
+        ),
+        (
+            "x.py",
+            "from desat.components.maths.vector import norm",
+            "import beside",
+            "x.py:8: import of beside, which lies beside it",
+        ),
+        (
+            "x.py",
+            "from desat.components.maths.vector import norm",
+            "import no_such_thing",
+            "x.py:8: import of no_such_thing: there is no such module",
+        ),
+        (
+            "x.py",
+            "from desat.components.maths.vector import norm",
+            "import desat.runs",
+            "x.py:8: import of desat.runs: a block uses desat.components alone",
+        ),
+        (
+            "x.py",
+            "from desat.components.laws import",
+            "from desat.components.laws import \\\n   ",
+            "",
+        ),
         ("x.py", "(TorquerDumping)", "", "x.py: it must hold one class that derives"),
-        ("x.py", "    def dipole(self", "    def other(self",
-         "x.py:15: MyLaw lacks what its role leaves to it: write `def dipole`"),
-        ("x.py", 'Parameter("1/s"', 'Parameter("1/parsec"', "MyLaw.gain: unit '1/parsec'"),
-        ("x.py", "from __future__ import annotations", "", "annotations are read as text"),
+        (
+            "x.py",
+            "    def dipole(self",
+            "    def other(self",
+            "x.py:15: MyLaw lacks what its role leaves to it: write `def dipole`",
+        ),
+        (
+            "x.py",
+            'Parameter("1/s"',
+            'Parameter("1/parsec"',
+            "MyLaw.gain: unit '1/parsec'",
+        ),
+        (
+            "x.py",
+            "from __future__ import annotations",
+            "",
+            "annotations are read as text",
+        ),
     ],
-)  # fmt: skip
-def test_what_is_refused_names_file_line_and_what_to_write(tmp_path, name, old, new, said):
+)
+def test_what_is_refused_names_file_line_and_what_to_write(
+    tmp_path, name, old, new, said
+):
     file = tmp_path / name
     (tmp_path / "beside.py").write_text("norm = len\n")
     file.write_text(LAW.replace(old, new) if old else LAW)
@@ -169,37 +226,55 @@ def test_a_file_that_is_not_there_is_said(desat, tmp_path):
     assert "none.py: No such file" in done.stderr
 
 
-# --- desat new law --------------------------------------------------------------------------------
+# --- desat new law --------------------------------------------------------------------
 
 
 def test_a_new_law_flies_and_its_own_test_holds(desat, cache, tmp_path):
-    """It is native, has the bits of our cross product at the same gain, and its test can fail."""
+    """It is native, has the bits of our cross product at the same gain, and its test
+    can fail."""
     made = desat("new", "law", "my_own", cwd=tmp_path, check=True)
     assert made.stdout.splitlines()[0] == "my_own.py, test_my_own.py"
     file = tmp_path / "my_own.py"
     built = own.build(file)
     assert built.native is not None, built.why
-    runs = [execute(TARGET, Options(stop=600.0, sources=[f"manager={x}"])) for x in (file, OURS)]
+    runs = [
+        execute(TARGET, Options(stop=600.0, sources=[f"manager={x}"]))
+        for x in (file, OURS)
+    ]
     first, second = (run.results.values("torquers.m_mean_body") for run in runs)
     assert abs(first).max() > 0.0
     np.testing.assert_allclose(first, second, rtol=1e-9, atol=1e-15)
 
     def tested(*more: str) -> int:
-        given = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "test_my_own.py"]
+        given = [
+            sys.executable,
+            "-m",
+            "pytest",
+            "-q",
+            "-p",
+            "no:cacheprovider",
+            "test_my_own.py",
+        ]
         return subprocess.run(
             [*given, *more], cwd=tmp_path, capture_output=True, timeout=60, check=False
         ).returncode
 
     assert tested() == 0
-    file.write_text(file.read_text().replace("cross(h, self.b_body)", "cross(self.b_body, h)"))
+    file.write_text(
+        file.read_text().replace("cross(h, self.b_body)", "cross(self.b_body, h)")
+    )
     assert tested("-k", "across") == 1
 
 
 @pytest.mark.parametrize(
     ("name", "text"),
-    [("manager_b_dot", "a block of ours has this name"), ("my-law", "call it my_law.py"),
-     ("2nd", "call it block_2nd.py"), ("there", "there.py: it exists; --force writes over it")],
-)  # fmt: skip
+    [
+        ("manager_b_dot", "a block of ours has this name"),
+        ("my-law", "call it my_law.py"),
+        ("2nd", "call it block_2nd.py"),
+        ("there", "there.py: it exists; --force writes over it"),
+    ],
+)
 def test_a_new_law_that_cannot_be(desat, tmp_path, name, text):
     (tmp_path / "there.py").write_text("mine")
     refused = desat("new", "law", name, cwd=tmp_path)
@@ -211,9 +286,12 @@ def test_a_new_law_that_cannot_be(desat, tmp_path, name, text):
     assert (tmp_path / "test_there.py").is_file()
 
 
-@pytest.mark.parametrize("role", sorted(r for r, c in role_classes().items() if c.typical_block))
+@pytest.mark.parametrize(
+    "role", sorted(r for r, c in role_classes().items() if c.typical_block)
+)
 def test_a_new_block_is_what_it_begins_with(desat, tmp_path, monkeypatch, role):
-    """It has the role's interface, its own test holds, and that fails once it gives another."""
+    """It has the role's interface, its own test holds, and that fails once it gives
+    another."""
     desat("new", "block", role, cwd=tmp_path, check=True)
     file = tmp_path / f"my_{role}.py"
     block = block_file.block_class(str(file))
@@ -222,21 +300,32 @@ def test_a_new_block_is_what_it_begins_with(desat, tmp_path, monkeypatch, role):
     test = vars(importlib.import_module(f"test_my_{role}"))
     (check,) = [f for name, f in test.items() if name.startswith("test_")]
     check()
-    output = next(v for v in block.variables if v.causality == "output" and v.name != "fault")
+    output = next(
+        v for v in block.variables if v.causality == "output" and v.name != "fault"
+    )
     with monkeypatch.context() as patch:
-        patch.setattr(test[block.__name__], "output", lambda self, t: setattr(
-            self, output.name, "another"))  # fmt: skip
+        patch.setattr(
+            test[block.__name__],
+            "output",
+            lambda self, t: setattr(self, output.name, "another"),
+        )
         patch.setattr(test[block.__name__], "advance", lambda self, t, dt: None)
         with pytest.raises(AssertionError):
             check()
 
 
-def test_a_new_sensor_flies_native_and_says_what_cannot_be(desat, cache, tmp_path, monkeypatch):
+def test_a_new_sensor_flies_native_and_says_what_cannot_be(
+    desat, cache, tmp_path, monkeypatch
+):
     monkeypatch.chdir(tmp_path)
-    told = desat("new", "block", "rate_gyro", "mine", "--json", cwd=tmp_path, check=True)
+    told = desat(
+        "new", "block", "rate_gyro", "mine", "--json", cwd=tmp_path, check=True
+    )
     assert json.loads(told.stdout)["files"] == ["mine.py", "test_mine.py"]
-    runs = [execute(TARGET, Options(stop=60.0, sources=sources), None)
-            for sources in ([], ["gyro=mine.py"])]  # fmt: skip
+    runs = [
+        execute(TARGET, Options(stop=60.0, sources=sources), None)
+        for sources in ([], ["gyro=mine.py"])
+    ]
     ours, mine = (run.results.values("spacecraft.q_bi") for run in runs)
     np.testing.assert_array_equal(ours, mine, strict=True)
     assert not any("runs as Python" in line for line in runs[1].manifest.warnings)
@@ -244,10 +333,12 @@ def test_a_new_sensor_flies_native_and_says_what_cannot_be(desat, cache, tmp_pat
     assert "gyroo: no role and no block of ours; did you mean gyro?" in wrong.stderr
     assert desat("new", "block", "rate_gyro", "mine", cwd=tmp_path).returncode == 2
     desat("new", "block", "manager", "law", cwd=tmp_path, check=True)
-    assert "TorquerDumping" in (tmp_path / "law.py").read_text(), "of a manager it is a law"
+    assert "TorquerDumping" in (tmp_path / "law.py").read_text(), (
+        "of a manager it is a law"
+    )
 
 
-# --- outputs that nobody assigns ----------------------------------------------------------------
+# --- outputs that nobody assigns ------------------------------------------------------
 
 MAGNETOMETER = '''"""A magnetometer of one's own."""
 
@@ -284,7 +375,10 @@ def test_an_output_that_is_never_assigned_is_refused(tmp_path, desat, begin):
         done = desat(*command, cwd=tmp_path)
         assert done.returncode == 2, (command, done.stderr)
         text = " ".join(done.stderr.split())
-        assert "my_magnetometer.py:10: Mine.b_body: advance does not assign this output" in text
+        assert (
+            "my_magnetometer.py:10: Mine.b_body: advance does not assign this output"
+            in text
+        )
         assert "it assigns self.b_bdy, which is not declared" in text
     file.write_text(MAGNETOMETER.replace("BEGIN", begin).replace("b_bdy", "b_body"))
     assert issubclass(block_file.block_class(str(file)), object)
@@ -292,8 +386,9 @@ def test_an_output_that_is_never_assigned_is_refused(tmp_path, desat, begin):
 
 def test_a_block_that_assigns_by_name_is_not_refused(tmp_path):
     file = tmp_path / "my_magnetometer.py"
-    text = MAGNETOMETER.replace("BEGIN", "pass").replace("self.b_bdy = b",
-                                                         'setattr(self, "b_body", b)')  # fmt: skip
+    text = MAGNETOMETER.replace("BEGIN", "pass").replace(
+        "self.b_bdy = b", 'setattr(self, "b_body", b)'
+    )
     file.write_text(text)
     block_file.block_class(str(file))
 
@@ -335,7 +430,9 @@ DECLARED = """
 
 
 @pytest.mark.parametrize("declares", [False, True])
-def test_a_spacecraft_of_ones_own_is_checked_by_what_it_declares(tmp_path, cache, declares):
+def test_a_spacecraft_of_ones_own_is_checked_by_what_it_declares(
+    tmp_path, cache, declares
+):
     file = tmp_path / "my_body.py"
     imports, declared = (IMPORTS, DECLARED) if declares else ("", "")
     file.write_text(BODY.format(imports=imports, declared=declared))

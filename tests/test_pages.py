@@ -1,4 +1,5 @@
-"""Pages from templates: verbs, errors with the template's line; strips of modes; series."""
+"""Pages from templates: verbs, errors with the template's line; strips of modes;
+series."""
 
 from __future__ import annotations
 
@@ -19,7 +20,7 @@ from desat.numbers.statistics import median_interval
 from desat.runs.run import Options, execute
 from desat.system.errors import DesatError
 
-# --- strips -----------------------------------------------------------------------------------
+# --- strips ---------------------------------------------------------------------------
 
 
 @given(st.lists(st.integers(0, 3), min_size=1, max_size=300))
@@ -50,11 +51,16 @@ def test_a_plot_shows_the_modes_under_it():
     plot = find("plant/reference").content.plots["rate"]
     with_mode = series_figure(plot, [("", run.results, run.manifest.parameters)]).svg()
     assert "mode: idle" in with_mode
-    bare = execute("plant/reference", Options(blocks=True, stop=20.0, record=("spacecraft.*",)))
-    assert "mode" not in series_figure(plot, [("", bare.results, bare.manifest.parameters)]).svg()
+    bare = execute(
+        "plant/reference", Options(blocks=True, stop=20.0, record=("spacecraft.*",))
+    )
+    assert (
+        "mode"
+        not in series_figure(plot, [("", bare.results, bare.manifest.parameters)]).svg()
+    )
 
 
-# --- series -----------------------------------------------------------------------------------
+# --- series ---------------------------------------------------------------------------
 
 
 def test_series_compute():
@@ -64,15 +70,22 @@ def test_series_compute():
     assert (a.sum_of_sizes() * 2.0 / 7.0).values.tolist() == [2.0] * 5
     assert a.element(2).largest() == 4.0
     assert a.every(2).times.tolist() == [0.0, 2.0, 4.0]
-    switched = Series(np.arange(5.0), np.array([[4.0], [0.0], [2.0], [0.0], [9.0]])).mean_over(2)
-    assert (switched.times.tolist(), switched.values.tolist()) == ([0.5, 2.5], [[2.0], [1.0]])
+    switched = Series(
+        np.arange(5.0), np.array([[4.0], [0.0], [2.0], [0.0], [9.0]])
+    ).mean_over(2)
+    assert (switched.times.tolist(), switched.values.tolist()) == (
+        [0.5, 2.5],
+        [[2.0], [1.0]],
+    )
     assert a.until(2).times.tolist() == [0.0, 1.0, 2.0]
-    assert (a - Series(np.arange(4.0), np.ones((4, 2)))).values.tolist() == [[2.0, -5.0]] * 4
+    assert (a - Series(np.arange(4.0), np.ones((4, 2)))).values.tolist() == [
+        [2.0, -5.0]
+    ] * 4
     with pytest.raises(DesatError, match="different times"):
         a - a.every(2)
 
 
-# --- templates --------------------------------------------------------------------------------
+# --- templates ------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -81,9 +94,18 @@ def test_series_compute():
         ("{{ value.__globals__['importlib'] }}", "is unsafe"),
         ("{{ ''.__class__.__mro__ }}", "is unsafe"),
         ("{{ plot.__self__ }}", "is unsafe"),
-        ("{{ series('day-dipole', 'wheels.h_wheel').values.tofile('x') }}", "is unsafe"),
-        ("{{ law('margins', 'math') }}", "no function math in components/laws/margins.py"),
-        ("{{ law('..maths.vector', 'add') }}", "no module ..maths.vector in components/laws"),
+        (
+            "{{ series('day-dipole', 'wheels.h_wheel').values.tofile('x') }}",
+            "is unsafe",
+        ),
+        (
+            "{{ law('margins', 'math') }}",
+            "no function math in components/laws/margins.py",
+        ),
+        (
+            "{{ law('..maths.vector', 'add') }}",
+            "no module ..maths.vector in components/laws",
+        ),
         ("{{ data('../../../etc/x.json') }}", "it is outside"),
     ],
 )
@@ -93,7 +115,9 @@ def test_a_template_reaches_nothing_but_its_verbs(tmp_path, monkeypatch, text, t
     (folder / "scenarios").mkdir(parents=True)
     (folder / "page.md").write_text(f"# A page\n\n{text}\n")
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(pages, "templates", lambda family: {"README.md": folder / "page.md"})
+    monkeypatch.setattr(
+        pages, "templates", lambda family: {"README.md": folder / "page.md"}
+    )
     with pytest.raises(DesatError, match=r"page\.md:3: ") as caught:
         pages.write("nadir_day", tmp_path / "out", draft=60.0)
     assert told in str(caught.value)
@@ -106,23 +130,37 @@ def with_paper(family):
 
 def test_every_template_becomes_a_file_of_its_own():
     assert pages.families() == (
-        "alsat1", "gyrostat", "hausat2", "integrated", "nadir_day", "space_telescope",
+        "alsat1",
+        "gyrostat",
+        "hausat2",
+        "integrated",
+        "nadir_day",
+        "space_telescope",
         "uosat12",
-    )  # fmt: skip
+    )
     assert set(pages.templates("uosat12")) == {"README.md", "details.md", "flight.md"}
-    assert all(pages.templates(f) == {} for f in set(families()) - set(pages.families()))
+    assert all(
+        pages.templates(f) == {} for f in set(families()) - set(pages.families())
+    )
 
 
 @pytest.mark.parametrize("family", pages.families())
 def test_first_pages_are_short_and_answer_first(family):
-    """Craft, question, answer, a figure, a table of at most ten rows, what does not hold; all else
-    is a click away."""
+    """Craft, question, answer, a figure, a table of at most ten rows, what does not
+    hold; all else is a click away."""
     text = (ROOT / "docs" / "papers" / family / "README.md").read_text(encoding="utf-8")
     assert len(text.splitlines()) <= 150
     if "details.md" not in pages.templates(family):
         return
-    parts = ["**Craft.**", "**Question.**", "**Answer.**", "](answer.svg)", "\n|---|",
-             "**What does not hold.**", "](details.md)"]  # fmt: skip
+    parts = [
+        "**Craft.**",
+        "**Question.**",
+        "**Answer.**",
+        "](answer.svg)",
+        "\n|---|",
+        "**What does not hold.**",
+        "](details.md)",
+    ]
     if with_paper(family):
         parts.append("## The paper, item by item")
     places = [text.index(part) for part in parts]
@@ -139,7 +177,9 @@ def test_the_interval_of_a_median_is_between_two_values():
     inside = sum(
         low <= 0.0 <= high
         for seed in range(400)
-        for _, low, high in [median_interval(np.random.default_rng(seed).normal(size=25))]
+        for _, low, high in [
+            median_interval(np.random.default_rng(seed).normal(size=25))
+        ]
     )
     assert 370 <= inside <= 400
 
@@ -182,16 +222,24 @@ After it {{ setting("reference", "step") }}.
     )
     run = execute("plant/reference", Options(stop=20.0))
     speed = run.manifest["numbers"]["largest_speed"]["value"]
-    assert f"# Title\n\nA paragraph of two lines, {speed:.3f} rad/s.\n\n| a | b |" in text
-    assert "|---|---|\n| 1 | 2000.0 |\n| 2 | 2000.0 |\n\nAfter it 1.0.\n\n![Figure 1: ang" in text
+    assert (
+        f"# Title\n\nA paragraph of two lines, {speed:.3f} rad/s.\n\n| a | b |" in text
+    )
+    assert (
+        "|---|---|\n| 1 | 2000.0 |\n| 2 | 2000.0 |\n\nAfter it 1.0.\n\n![Figure 1: ang"
+        in text
+    )
     still = np.abs(
         execute(
             "plant/reference", Options(stop=20.0, values={"wheels.torque_limit": 0.0})
         ).results.values("wheels.speed_wheel")
     ).max()
     assert f"- 0.01: {speed:.1f}\n- 0.0: {still:.1f}\n" in text
-    assert sorted(p.name for p in (tmp_path / "out").iterdir()) == ["README.md", "h.svg",
-                                                                    "rate.svg"]  # fmt: skip
+    assert sorted(p.name for p in (tmp_path / "out").iterdir()) == [
+        "README.md",
+        "h.svg",
+        "rate.svg",
+    ]
     assert "DRAFT: runs end after 20 s" in text
 
 
@@ -207,7 +255,10 @@ After it {{ setting("reference", "step") }}.
         ("{{ 1 / 0 }}", "division by zero"),
         ("{% for x in [1] %}", "Unexpected end of template"),
         ('{{ plot("a", "reference", "rat") }}', "did you mean rate?"),
-        ('{{ series("reference", "wheels.h_whel").norm() }}', "no series wheels.h_whel"),
+        (
+            '{{ series("reference", "wheels.h_whel").norm() }}',
+            "no series wheels.h_whel",
+        ),
         ('{{ parameter("reference", "wheels.speed_limit", "kg") }}', "does not fit kg"),
         ('{{ spread("reference", "largest_speed") }}', "no samples of plant there"),
     ],
@@ -221,20 +272,25 @@ def test_what_is_wrong_names_the_line(written, line, message):
 
 
 def test_a_draft_is_not_for_docs(monkeypatch, capsys):
-    for words, told in ((["plant"], "no page plant; there is alsat1, gyrostat, hausat2"),
-                        (["gyrostat", "--draft", "5"], "--into")):  # fmt: skip
+    for words, told in (
+        (["plant"], "no page plant; there is alsat1, gyrostat, hausat2"),
+        (["gyrostat", "--draft", "5"], "--into"),
+    ):
         monkeypatch.setattr("sys.argv", ["pages", *words])
         assert main() == 2
         assert told in capsys.readouterr().err
 
 
 def test_a_derived_quantity_without_a_name_is_drawn():
-    """Such as the pointing error: its one element has none. An empty name of the scenario's leaves
-    an element out."""
+    """Such as the pointing error: its one element has none. An empty name of the
+    scenario's leaves an element out."""
     run = execute("integrated/mil-nadir", Options(stop=30.0))
     signals = ["spacecraft.q_bi", "guidance.q_ref_bi"]
     spec = {"title": "a", "signals": signals, "derive": "pointing", "unit": "deg"}
     (line,) = lines_of(Plot(**spec), run.results, "deg")
     assert len(line.values) == len(run.results.times("guidance.q_ref_bi"))
     three = {**spec, "derive": "euler", "components": ["yaw", "", "roll"]}
-    assert [x.name for x in lines_of(Plot(**three), run.results, "deg")] == ["yaw", "roll"]
+    assert [x.name for x in lines_of(Plot(**three), run.results, "deg")] == [
+        "yaw",
+        "roll",
+    ]

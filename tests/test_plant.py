@@ -18,20 +18,26 @@ from desat.components.physics.orbit import MU
 from desat.runs.run import Options, execute
 
 TRUTH = np.loadtxt(
-    ROOT / "tests" / "authorities" / "plant_reference_highprec.csv", delimiter=",", skiprows=1
+    ROOT / "tests" / "authorities" / "plant_reference_highprec.csv",
+    delimiter=",",
+    skiprows=1,
 )
 number = st.floats(-1, 1, allow_nan=False)
 vec3 = st.tuples(number, number, number)
 
 
 def axes_of(run) -> np.ndarray:
-    return np.reshape(run.manifest["parameters"]["wheels"]["axes_wheel"]["value"], (3, 4))
+    return np.reshape(
+        run.manifest["parameters"]["wheels"]["axes_wheel"]["value"], (3, 4)
+    )
 
 
 @pytest.mark.parametrize("step", [1.0, 10.0])
 def test_reference_trajectory(step):
     """|dq| < 1e-7 and |d Omega| < 1e-8 rad/s over 6000 s at the default step (1 s)."""
-    run = execute("plant/reference", Options(step=step, record=("spacecraft.*", "wheels.*")))
+    run = execute(
+        "plant/reference", Options(step=step, record=("spacecraft.*", "wheels.*"))
+    )
     every = round(10 / step)
     q = run.results.values("spacecraft.q_bi")[::every]
     truth = TRUTH[:, [2, 3, 4, 1]]  # scalar first there
@@ -53,7 +59,8 @@ def test_gravity_gradient_is_the_differential_force():
     places, masses = rng.normal(size=(6, 3)), rng.uniform(1, 5, 6)
     places -= (masses[:, None] * places).sum(axis=0) / masses.sum()
     inertia = sum(
-        m * (p @ p * np.eye(3) - np.outer(p, p)) for m, p in zip(masses, places, strict=True)
+        m * (p @ p * np.eye(3) - np.outer(p, p))
+        for m, p in zip(masses, places, strict=True)
     )
     total = np.zeros(3)
     for m, p in zip(masses, places, strict=True):
@@ -66,9 +73,13 @@ def test_gravity_gradient_is_the_differential_force():
 @given(vec3, vec3)
 def test_drag_and_radiation_on_an_area(v, centre):
     speed = vector.scale(7500.0, v)
-    expected = np.cross(centre, -0.5 * 1e-12 * 2.2 * np.linalg.norm(speed) * np.array(speed))
+    expected = np.cross(
+        centre, -0.5 * 1e-12 * 2.2 * np.linalg.norm(speed) * np.array(speed)
+    )
     # torques of up to 3e-4 N m: what cancels in one leaves 1e-20 in the other
-    assert np.allclose(torques.drag(speed, 1e-12, 2.2, centre), expected, rtol=1e-12, atol=1e-18)
+    assert np.allclose(
+        torques.drag(speed, 1e-12, 2.2, centre), expected, rtol=1e-12, atol=1e-18
+    )
     expected = np.cross(centre, -4.56e-6 * 1.5 * np.array(v))
     assert np.allclose(torques.radiation(v, 4.56e-6, 1.5, centre), expected, atol=1e-20)
 
@@ -85,7 +96,9 @@ def test_plates():
         torques.drag(v, 1e-12, 2.2 * 2.0, (0, 0.1, 0))
     )
     black = torques.radiation_on_plates((1, 0, 0), 4.56e-6, box)
-    assert black == pytest.approx(torques.radiation((1, 0, 0), 4.56e-6, 2.0, (0, 0.1, 0)))
+    assert black == pytest.approx(
+        torques.radiation((1, 0, 0), 4.56e-6, 2.0, (0, 0.1, 0))
+    )
     mirror = plate((1, 0, 0), 2.0, (0, 0.1, 0), specular=1.0)
     # a mirror is pushed twice as hard, along its normal
     assert torques.radiation_on_plates((1, 0, 0), 4.56e-6, mirror) == pytest.approx(
@@ -93,7 +106,9 @@ def test_plates():
     )
     s = (0.6, 0.8, 0.0)
     pushed = torques.radiation_on_plates(s, 4.56e-6, mirror)
-    assert pushed == pytest.approx(np.cross((0, 0.1, 0), [-4.56e-6 * 2 * 2 * 0.36, 0, 0]))
+    assert pushed == pytest.approx(
+        np.cross((0, 0.1, 0), [-4.56e-6 * 2 * 2 * 0.36, 0, 0])
+    )
 
 
 def rigid(**values) -> SpacecraftRigid:
@@ -106,11 +121,16 @@ def rigid(**values) -> SpacecraftRigid:
     return block
 
 
-@given(vec3, st.tuples(number, number, number, number), st.sampled_from([0.1, 1.0, 10.0]))
+@given(
+    vec3, st.tuples(number, number, number, number), st.sampled_from([0.1, 1.0, 10.0])
+)
 def test_momentum_is_constant_to_the_last_bit_without_torque(omega, h, dt):
     block = rigid(omega_start_body=vector.scale(0.1, omega), h_wheel=h)
     start = block._momentum
-    block.tau_mean_wheel, block.tau_slope_wheel = (0.01, -0.02, 0.005, 0.0), (0.1, 0.2, 0.0, 0.0)
+    block.tau_mean_wheel, block.tau_slope_wheel = (
+        (0.01, -0.02, 0.005, 0.0),
+        (0.1, 0.2, 0.0, 0.0),
+    )
     for k in range(5):
         block.advance(k * dt, dt)
         block.output((k + 1) * dt)
@@ -121,7 +141,10 @@ def test_momentum_is_constant_to_the_last_bit_without_torque(omega, h, dt):
 @pytest.mark.parametrize("source", ["thruster", "dipole", "ext", "disturbance"])
 def test_impulse_is_torque_times_time(source):
     """A body that cannot turn (huge inertia) takes the impulse of each source."""
-    values = {"inertia": tuple(x * 1e9 for x in (1, 0, 0, 0, 1, 0, 0, 0, 1)), "b_eci": (0, 3e-5, 0)}
+    values = {
+        "inertia": tuple(x * 1e9 for x in (1, 0, 0, 0, 1, 0, 0, 0, 1)),
+        "b_eci": (0, 3e-5, 0),
+    }
     if source == "thruster":
         values["tau_mean_thruster_body"] = (0.01, 0.0, 0.0)
     elif source == "dipole":
@@ -138,12 +161,14 @@ def test_impulse_is_torque_times_time(source):
 
 @given(vec3)
 def test_slope_moves_impulse_in_time(direction):
-    """A torque with mean 0 and a slope S turns the body by -S T^2 / 12 J; about several axes it
-    gives the impulse of second order, -T^3 (J^-1 S) x S / 120."""
+    """A torque with mean 0 and a slope S turns the body by -S T^2 / 12 J; about several
+    axes it gives the impulse of second order, -T^3 (J^-1 S) x S / 120."""
     slope = vector.scale(0.1, direction)
     moments = (40.0, 50.0, 30.0)
     inertia = (40.0, 0, 0, 0, 50.0, 0, 0, 0, 30.0)
-    block = rigid(inertia=inertia, inertia_wheel=(0.0,) * 4, tau_slope_thruster_body=slope)
+    block = rigid(
+        inertia=inertia, inertia_wheel=(0.0,) * 4, tau_slope_thruster_body=slope
+    )
     block.advance(0.0, 1.0)
     block.output(1.0)
     tilt = [s / j for s, j in zip(slope, moments, strict=True)]
@@ -154,15 +179,21 @@ def test_slope_moves_impulse_in_time(direction):
 
 def test_starts_relative_to_the_orbit():
     block = rigid(start_frame=1, r_eci=(7e6, 0, 0), v_eci=(0, 0, 7.5e3))
-    assert rotate(block.q_bi, (-1, 0, 0)) == pytest.approx((0, 0, 1), abs=1e-15)  # z to nadir
+    assert rotate(block.q_bi, (-1, 0, 0)) == pytest.approx(
+        (0, 0, 1), abs=1e-15
+    )  # z to nadir
     rate = rotate_back(block.q_bi, block.omega_bi_body)
-    assert rate == pytest.approx((0, -7.5e3 / 7e6, 0), abs=1e-15)  # about the orbit normal
+    assert rate == pytest.approx(
+        (0, -7.5e3 / 7e6, 0), abs=1e-15
+    )  # about the orbit normal
 
 
 def test_bad_inertia_is_named():
     for bad in ((1, 0, 0, 0, 1, 0, 0, 0, -1), (1, 0.5, 0, 0, 1, 0, 0, 0, 1)):
         with pytest.raises(BlockError, match="not symmetric and positive"):
             inverse_inertia(tuple(float(x) for x in bad))
-    carrier = carrier_inertia((1, 0, 0, 0, 1, 0, 0, 0, 1), (1, 0, 0, 0) + (0,) * 8, (2.0, 0, 0, 0))
+    carrier = carrier_inertia(
+        (1, 0, 0, 0, 1, 0, 0, 0, 1), (1, 0, 0, 0) + (0,) * 8, (2.0, 0, 0, 0)
+    )
     with pytest.raises(BlockError):
         inverse_inertia(carrier)

@@ -1,4 +1,5 @@
-"""Native FMUs for other platforms, by the package ziglang; run under wine where that is."""
+"""Native FMUs for other platforms, by the package ziglang; run under wine where that
+is."""
 
 from __future__ import annotations
 
@@ -19,7 +20,11 @@ from desat.files import library
 from desat.fmus import native
 
 ZIG = bool(importlib.util.find_spec("ziglang"))
-WINE = shutil.which("wine64") or shutil.which("wine") or shutil.which("/usr/lib/wine/wine64")
+WINE = (
+    shutil.which("wine64")
+    or shutil.which("wine")
+    or shutil.which("/usr/lib/wine/wine64")
+)
 HOST = """
 #include <stdio.h>
 #if defined(_WIN32)
@@ -66,7 +71,9 @@ int main(int n, char **given)
 
 
 def test_libraries_of_two_processors_are_one_file():
-    first, second = (struct.pack("<III", 0xFEEDFACF, kind, 3) + bytes(20000) for kind in (7, 12))
+    first, second = (
+        struct.pack("<III", 0xFEEDFACF, kind, 3) + bytes(20000) for kind in (7, 12)
+    )
     assert native.universal([first]) == first
     whole = native.universal([first, second])
     magic, count = struct.unpack_from(">II", whole)
@@ -96,17 +103,29 @@ def test_a_platform_that_there_is_not_is_named(desat, tmp_path, monkeypatch):
     file.write_text("")
     done = desat("build", str(file), "--platforms", "win32")
     assert done.returncode == 2
-    assert "platform win32: there is all, linux64, win64, darwin64, aarch64-linux" in done.stderr
+    assert (
+        "platform win32: there is all, linux64, win64, darwin64, aarch64-linux"
+        in done.stderr
+    )
 
 
 def test_a_loop_is_for_the_platforms_that_are_asked_for(desat, tmp_path, monkeypatch):
     asked = (native.Target("odd64", ".so"),)
     given = []
     monkeypatch.setattr(native, "targets_of", lambda platforms: asked)
-    monkeypatch.setattr(native, "compile_wrapper", lambda folder, targets: given.append(targets))
+    monkeypatch.setattr(
+        native, "compile_wrapper", lambda folder, targets: given.append(targets)
+    )
     monkeypatch.setattr(native, "assemble", lambda *args: given.append(args[-1]))
-    desat("export", "fmu", "integrated/mil-nadir", "--platforms", "odd64",
-          "--out", str(tmp_path / "x.fmu"))  # fmt: skip
+    desat(
+        "export",
+        "fmu",
+        "integrated/mil-nadir",
+        "--platforms",
+        "odd64",
+        "--out",
+        str(tmp_path / "x.fmu"),
+    )
     assert given == [asked, asked]
 
 
@@ -117,9 +136,12 @@ def test_without_ziglang_it_is_said(desat, tmp_path):
     assert "for other platforms the package ziglang is needed" in done.stderr
 
 
-@pytest.mark.parametrize(("platforms", "portable"), [(["linux64"], False),
-                                                      (["linux64", "win64"], True)])  # fmt: skip
-def test_native_ones_are_packed_once_they_are_for_windows_too(monkeypatch, platforms, portable):
+@pytest.mark.parametrize(
+    ("platforms", "portable"), [(["linux64"], False), (["linux64", "win64"], True)]
+)
+def test_native_ones_are_packed_once_they_are_for_windows_too(
+    monkeypatch, platforms, portable
+):
     said = {k: {**e, "platforms": platforms} for k, e in library.index().items()}
     monkeypatch.setattr(library, "index", lambda: said)
     assert library.portable() is portable
@@ -130,24 +152,45 @@ def same_bits_for_linux_and_windows(tmp_path):
     """Run one block's libraries for both: a minute, of which `make builds` makes it."""
     name = "spacecraft_rigid"
     subprocess.run(
-        [sys.executable, "-m", "desat.fmus.build", "--into", str(tmp_path), "--platforms",
-         "linux64,win64", name], check=True, cwd=ROOT, capture_output=True,
-    )  # fmt: skip
+        [
+            sys.executable,
+            "-m",
+            "desat.fmus.build",
+            "--into",
+            str(tmp_path),
+            "--platforms",
+            "linux64,win64",
+            name,
+        ],
+        check=True,
+        cwd=ROOT,
+        capture_output=True,
+    )
     fmu = tmp_path / "native" / f"{name}.fmu"
     with zipfile.ZipFile(fmu) as archive:
         archive.extractall(tmp_path / "x")
     described = fmpy.read_model_description(fmu)
-    real = [v for v in described.modelVariables if v.causality == "output" and v.type == "Real"]
+    real = [
+        v
+        for v in described.modelVariables
+        if v.causality == "output" and v.type == "Real"
+    ]
     references = [str(v.valueReference) for v in real]
     (tmp_path / "host.c").write_text(HOST)
     compiler = [sys.executable, "-m", "ziglang", "cc", "-w", "-fno-sanitize=undefined"]
 
     def rows(target: str, library: Path, *runner: str) -> str:
         host = tmp_path / f"host-{target}.exe"
-        subprocess.run([*compiler, "-target", target, str(tmp_path / "host.c"), "-o", str(host)],
-                       check=True)  # fmt: skip
-        done = subprocess.run([*runner, str(host), str(library), described.guid, *references],
-                              capture_output=True, text=True, timeout=300)  # fmt: skip
+        subprocess.run(
+            [*compiler, "-target", target, str(tmp_path / "host.c"), "-o", str(host)],
+            check=True,
+        )
+        done = subprocess.run(
+            [*runner, str(host), str(library), described.guid, *references],
+            capture_output=True,
+            text=True,
+            timeout=300,
+        )
         assert done.returncode == 0, (done.returncode, done.stderr[-500:])
         return done.stdout
 

@@ -1,5 +1,5 @@
-"""What a craft is made of is held against itself: mass and sides, wheels and orbit, dumps, coils,
-sampled attitude control, and laws that do nothing."""
+"""What a craft is made of is held against itself: mass and sides, wheels and orbit,
+dumps, coils, sampled attitude control, and laws that do nothing."""
 
 from __future__ import annotations
 
@@ -22,13 +22,20 @@ from desat.system.options import Options
 from desat.system.sampled_loop import AttitudeLoop, longest_sample, stability
 
 GEO: dict[str, Any] = {
-    "orbit": "geo", "rods": "none", "wheels": "4 pyramid 50Nms", "thrusters": "4 10N",
+    "orbit": "geo",
+    "rods": "none",
+    "wheels": "4 pyramid 50Nms",
+    "thrusters": "4 10N",
     "dump": "thrusters 70:10",
-}  # fmt: skip
+}
 CUBE: dict[str, Any] = {
-    "altitude": "600km", "inclination": "97.8deg", "mass": "50kg", "box": "0.5,0.5,0.5",
-    "wheels": "4 pyramid 4Nms", "rods": "1",
-}  # fmt: skip
+    "altitude": "600km",
+    "inclination": "97.8deg",
+    "mass": "50kg",
+    "box": "0.5,0.5,0.5",
+    "wheels": "4 pyramid 4Nms",
+    "rods": "1",
+}
 
 
 def crafted(folder: Path, **facts: Any) -> str:
@@ -66,23 +73,51 @@ def test_what_is_not_given_follows_from_what_is(tmp_path, facts, mass, side):
     [
         ({"size": "3U", "mass": "1000kg"}, r"2\.94e\+05 kg/m3; crafts have 20 to 3000"),
         ({"box": "2,2,2", "mass": "10kg"}, r"1\.25 kg/m3; crafts have"),
-        ({"mass": "50kg", "inertia": "0.01,0.01,0.01"}, r"0\.00351 times that of a homogeneous"),
+        (
+            {"mass": "50kg", "inertia": "0.01,0.01,0.01"},
+            r"0\.00351 times that of a homogeneous",
+        ),
         ({"size": "3U", "inertia": "5,5,5"}, r"times that of a homogeneous box"),
-        ({"mass": "10kg", "thrusters": "4 1N", "dump": "thrusters 70:10", "propellant": "20kg"},
-         r"--propellant 20kg: more than 90 % of 10 kg"),
+        (
+            {
+                "mass": "10kg",
+                "thrusters": "4 1N",
+                "dump": "thrusters 70:10",
+                "propellant": "20kg",
+            },
+            r"--propellant 20kg: more than 90 % of 10 kg",
+        ),
         ({"rods": "coil 1e-9Am2 80x80mm 0.2mm 100mA"}, r"one turn gives 0\.00064 A m2"),
-        ({"rods": "rod 1e-300Am2 60x8mm 0.2mm 100mA"}, r"one turn gives 0\.000162 A m2"),
+        (
+            {"rods": "rod 1e-300Am2 60x8mm 0.2mm 100mA"},
+            r"one turn gives 0\.000162 A m2",
+        ),
         ({"rods": "coil 300 80x80mm 0.2mm 100A"}, r"3\.18e\+03 A/mm2 in the wire"),
         ({"rods": "rod 0.2Am2 60x8mm 0.2mm 1uA"}, r"a tenth of the craft"),
-        ({"orbit": "200x384400km"}, r"an eccentricity of 0\.967; the environment has up to 0\.95"),
+        (
+            {"orbit": "200x384400km"},
+            r"an eccentricity of 0\.967; the environment has up to 0\.95",
+        ),
         ({"altitude": "400"}, r"--altitude 400: a unit is needed, as 400km"),
         ({"mass": "16"}, r"--mass 16: a unit is needed, as 16kg"),
-        ({"thrusters": "4 1", "dump": "thrusters 70:10"}, r"--thrusters 1: a unit is needed"),
-        ({"dump": "coils 0.7:0.1"}, r"thresholds are in % of a wheel's capacity: 'coils 70:10'"),
-        ({"size": "12U", "sample": "0.3s"}, r"--sample 0\.3s: 10 s over a whole number"),
-        ({**CUBE, "sample": "1s"}, r"--sample 1s: .*nutates.*these samples do not hold; 0\.2s"),
+        (
+            {"thrusters": "4 1", "dump": "thrusters 70:10"},
+            r"--thrusters 1: a unit is needed",
+        ),
+        (
+            {"dump": "coils 0.7:0.1"},
+            r"thresholds are in % of a wheel's capacity: 'coils 70:10'",
+        ),
+        (
+            {"size": "12U", "sample": "0.3s"},
+            r"--sample 0\.3s: 10 s over a whole number",
+        ),
+        (
+            {**CUBE, "sample": "1s"},
+            r"--sample 1s: .*nutates.*these samples do not hold; 0\.2s",
+        ),
     ],
-)  # fmt: skip
+)
 def test_what_contradicts_itself_is_refused(tmp_path, facts, told):
     with pytest.raises(DesatError, match=told):
         write(tmp_path / "mine", CraftFacts(**facts), "")
@@ -92,22 +127,47 @@ def test_what_contradicts_itself_is_refused(tmp_path, facts, told):
 @pytest.mark.parametrize(
     ("facts", "sets", "told"),
     [
-        (GEO | {"mass": "2500kg"}, ["manager.begin=60"], "a wheel holds 50 N m s: no dump begins"),
-        (GEO | {"mass": "2500kg"}, ["manager.begin=0.3", "manager.end=0.1"], "is it a share of it"),
-        (GEO | {"mass": "2500kg"}, ["manager.torque=1"], "the craft turns with each dump"),
-        (GEO | {"mass": "2500kg", "propellant": "100kg"}, ["thrusters.tank=2400"],
-         "thrusters.tank = 2400 kg in a craft of 2500 kg"),
+        (
+            GEO | {"mass": "2500kg"},
+            ["manager.begin=60"],
+            "a wheel holds 50 N m s: no dump begins",
+        ),
+        (
+            GEO | {"mass": "2500kg"},
+            ["manager.begin=0.3", "manager.end=0.1"],
+            "is it a share of it",
+        ),
+        (
+            GEO | {"mass": "2500kg"},
+            ["manager.torque=1"],
+            "the craft turns with each dump",
+        ),
+        (
+            GEO | {"mass": "2500kg", "propellant": "100kg"},
+            ["thrusters.tank=2400"],
+            "thrusters.tank = 2400 kg in a craft of 2500 kg",
+        ),
         (CUBE, ["torquers.resistance=1e4"], "W in each coil at 1 A m2"),
-        (CUBE, ["spacecraft.residual_dipole_body=300,0,0"], "in and out of the fullest within"),
-        ({"size": "12U", "pointing": "sun"}, ["spacecraft.residual_dipole_body=30,0,0"],
-         "in and out of the fullest within"),
+        (
+            CUBE,
+            ["spacecraft.residual_dipole_body=300,0,0"],
+            "in and out of the fullest within",
+        ),
+        (
+            {"size": "12U", "pointing": "sun"},
+            ["spacecraft.residual_dipole_body=30,0,0"],
+            "in and out of the fullest within",
+        ),
         ({"size": "12U", "secular": "1mNm"}, [], "in the fullest wheel in each orbit"),
     ],
-)  # fmt: skip
+)
 def test_improbable_hardware_is_told_by_check_and_run(tmp_path, facts, sets, told):
     case = prepare(crafted(tmp_path, **facts), Options(sets=sets))
     assert told in "\n".join(case.checked.warnings)
-    assert told not in "\n".join(prepare(case.target, Options()).checked.warnings) or not sets
+    assert (
+        told not in "\n".join(prepare(case.target, Options()).checked.warnings)
+        or not sets
+    )
 
 
 def test_a_craft_file_whose_body_is_wrong_is_told(tmp_path, desat):
@@ -128,10 +188,24 @@ def test_a_craft_file_whose_body_is_wrong_is_told(tmp_path, desat):
 
 
 def test_new_craft_prints_what_it_assumed(desat, tmp_path):
-    told = desat("new", "craft", str(tmp_path / "c"), "--mass", "30kg", "--rods", "0.2", "--json",
-                 check=True)  # fmt: skip
+    told = desat(
+        "new",
+        "craft",
+        str(tmp_path / "c"),
+        "--mass",
+        "30kg",
+        "--rods",
+        "0.2",
+        "--json",
+        check=True,
+    )
     rows = {row["quantity"]: row for row in json.loads(told.stdout)["assumptions"]}
-    assert rows["mass"] == {"quantity": "mass", "value": "30", "unit": "kg", "origin": "given"}
+    assert rows["mass"] == {
+        "quantity": "mass",
+        "value": "30",
+        "unit": "kg",
+        "origin": "given",
+    }
     assert rows["sides"]["origin"] == "class: a cube of 250 kg/m3"
     assert rows["rods, each axis"]["unit"] == "A m2"
 
@@ -142,18 +216,35 @@ def test_new_craft_prints_what_it_assumed(desat, tmp_path):
 def test_given_torques_add_up(tmp_path):
     (tmp_path / "tau.csv").write_text("t,x,y,z\n0,1e-6,0,0\n100,3e-6,0,0\n")
     both = crafted(
-        tmp_path, secular="4uNm", torque=f"{tmp_path}/tau.csv eci", panel="2m2 0.5m",
-        residual_dipole="0.1", size="12U",
-    )  # fmt: skip
+        tmp_path,
+        secular="4uNm",
+        torque=f"{tmp_path}/tau.csv eci",
+        panel="2m2 0.5m",
+        residual_dipole="0.1",
+        size="12U",
+    )
     system, _ = prepare(both, Options()).or_raise()
     craft = system.components["spacecraft"].values
     assert craft["tau_disturbance_body"] == [0.0, 4e-6, 0.0]
-    assert system.components["disturbance"].values["torque"][:8] == [0, 1e-6, 0, 0, 100, 3e-6, 0, 0]
+    assert system.components["disturbance"].values["torque"][:8] == [
+        0,
+        1e-6,
+        0,
+        0,
+        100,
+        3e-6,
+        0,
+        0,
+    ]
     assert np.linalg.norm(craft["residual_dipole_body"]) == pytest.approx(0.1, rel=1e-5)
     assert craft["area_radiation"] == 2.0
-    assert system.components["spacecraft"].choice("aerodynamics") == "none", "a class's default"
+    assert system.components["spacecraft"].choice("aerodynamics") == "none", (
+        "a class's default"
+    )
     worse, _ = prepare(f"{both}/worst.toml", Options()).or_raise()
-    assert worse.components["spacecraft"].values["tau_disturbance_body"][1] == pytest.approx(5.2e-6)
+    assert worse.components["spacecraft"].values["tau_disturbance_body"][
+        1
+    ] == pytest.approx(5.2e-6)
 
 
 # --- which wheels there are ---------------------------------------------------
@@ -163,7 +254,10 @@ def test_given_torques_add_up(tmp_path):
     ("sets", "told"),
     [
         (["wheels.failed=5"], r"wheels\.failed = 5: not a choice"),
-        (["shared.inertia_wheel=1e-4,1e-4,1e-4,0"], r"column 4 = .*, but inertia_wheel\[4\] = 0"),
+        (
+            ["shared.inertia_wheel=1e-4,1e-4,1e-4,0"],
+            r"column 4 = .*, but inertia_wheel\[4\] = 0",
+        ),
         (["wheels.failed=12"], r"not a choice"),
     ],
 )
@@ -179,19 +273,37 @@ def test_three_wheels_of_four_have_a_margin(tmp_path):
     with pytest.raises(DesatError, match=r"there is no wheel 4"):
         prepare(target, Options(sets=["wheels.failed=4"])).or_raise()
     extra = prepare(target, Options(sets=["wheels.h_start_wheel=0,0,0,0.01"]))
-    assert "h_start_wheel[4] = 0.01 N m s is left out" in "\n".join(extra.checked.warnings)
+    assert "h_start_wheel[4] = 0.01 N m s is left out" in "\n".join(
+        extra.checked.warnings
+    )
 
 
 # --- ranges of sensors and actuators --------------------------------------------
 
-SENSORS = {"magnetometer", "gyro", "determination", "tachometers", "sun_sensor", "star_tracker"}
-TIMES = {"sample_time", "fail_time", "delay", "failed_from", "stuck_from", "schedule_start",
-         "schedule_duration", "speed_sample_time"}  # fmt: skip
+SENSORS = {
+    "magnetometer",
+    "gyro",
+    "determination",
+    "tachometers",
+    "sun_sensor",
+    "star_tracker",
+}
+TIMES = {
+    "sample_time",
+    "fail_time",
+    "delay",
+    "failed_from",
+    "stuck_from",
+    "schedule_start",
+    "schedule_duration",
+    "speed_sample_time",
+}
 FREE = {
     "boresight_body",  # normalised
-    "axes_wheel", "inertia_wheel",  # of the craft
+    "axes_wheel",
+    "inertia_wheel",  # of the craft
     "h_start_wheel",  # within the wheel's capacity, which the block checks
-}  # fmt: skip
+}
 """Real parameters for which no range is meaningful by itself."""
 
 
@@ -205,17 +317,26 @@ def test_each_real_parameter_of_a_sensor_or_actuator_has_a_range():
         lacking += [
             f"{name}.{v.name}"
             for v in block.variables
-            if v.causality == "parameter" and v.type == "Real" and v.usual is None
-            and (v.minimum is None or v.maximum is None) and v.name not in TIMES | FREE
-        ]  # fmt: skip
+            if v.causality == "parameter"
+            and v.type == "Real"
+            and v.usual is None
+            and (v.minimum is None or v.maximum is None)
+            and v.name not in TIMES | FREE
+        ]
     assert lacking == []
 
 
 @pytest.mark.parametrize(
     "given",
-    ["gyro.misalignment_body=1,1,1", "magnetometer.bias_body=1,0,0", "wheels.viscous=1",
-     "magnetometer.response_error=5,0,0,0,5,0,0,0,5", "torquers.lag=1000", "tachometers.noise=50"],
-)  # fmt: skip
+    [
+        "gyro.misalignment_body=1,1,1",
+        "magnetometer.bias_body=1,0,0",
+        "wheels.viscous=1",
+        "magnetometer.response_error=5,0,0,0,5,0,0,0,5",
+        "torquers.lag=1000",
+        "tachometers.noise=50",
+    ],
+)
 def test_a_parameter_beyond_its_model_is_told(tmp_path, given):
     case = prepare(crafted(tmp_path, size="12U"), Options(sets=[given]))
     told = "\n".join(case.checked.warnings + case.checked.problems)
@@ -230,10 +351,20 @@ def a_loop(sample: float, lag: float = 0.0) -> AttitudeLoop:
     """A loop of a body of 2 kg m2 with a bandwidth of 0.1 rad/s."""
     inertia = 2.0 * np.eye(3)
     return AttitudeLoop(
-        inertia=inertia, gain_matrix=inertia, kp=0.02, kd=0.14, ki=0.0, actuated=np.eye(3),
-        motor_lag=lag, gyroscopic=True, step=sample, gyro_sample=sample, attitude_sample=sample,
-        controller_sample=sample, wheel_sample=sample,
-    )  # fmt: skip
+        inertia=inertia,
+        gain_matrix=inertia,
+        kp=0.02,
+        kd=0.14,
+        ki=0.0,
+        actuated=np.eye(3),
+        motor_lag=lag,
+        gyroscopic=True,
+        step=sample,
+        gyro_sample=sample,
+        attitude_sample=sample,
+        controller_sample=sample,
+        wheel_sample=sample,
+    )
 
 
 def test_a_loop_at_rest_has_the_damping_of_its_gains():
@@ -244,7 +375,10 @@ def test_a_loop_at_rest_has_the_damping_of_its_gains():
 
 def test_held_compensation_is_unstable_near_two_radians_of_nutation_in_a_sample():
     loop = a_loop(1.0)
-    stable = [stability(loop, np.array([0.0, 2.0 * x, 0.0])).stable for x in (0.5, 1.0, 1.5, 2.2)]
+    stable = [
+        stability(loop, np.array([0.0, 2.0 * x, 0.0])).stable
+        for x in (0.5, 1.0, 1.5, 2.2)
+    ]
     assert loop.nutation(np.array([0.0, 2.0, 0.0])) == pytest.approx(1.0)
     assert stable == [True, True, True, False]
     axes = np.eye(3)
@@ -253,7 +387,8 @@ def test_held_compensation_is_unstable_near_two_radians_of_nutation_in_a_sample(
 
 @pytest.mark.parametrize("momentum", [1.0, 2.0])
 def test_what_the_eigenvalues_say_flies(tmp_path, momentum):
-    """A craft of the issue, sampled each second: at a quarter it points, at half it is lost."""
+    """A craft of the issue, sampled each second: at a quarter it points, at half it is
+    lost."""
     target = crafted(tmp_path, **CUBE)
     folder = Path(target)
     for file in folder.glob("*.toml"):
@@ -263,7 +398,10 @@ def test_what_the_eigenvalues_say_flies(tmp_path, momentum):
     sets = [f"wheels.h_start_wheel={momentum},{momentum},-{momentum},-{momentum}"]
     problems = prepare(target, Options(sets=sets)).checked.problems
     if momentum == 2.0:
-        assert "attitude control is unstable with the wheels' momentum at the start" in problems[0]
+        assert (
+            "attitude control is unstable with the wheels' momentum at the start"
+            in problems[0]
+        )
         assert problems[0].endswith("0.2 s would do")
         nominal = folder / "nominal.toml"
         why = 'unstable = "to see it"\ntitle'
@@ -285,10 +423,24 @@ def test_a_new_craft_samples_as_its_full_wheels_need(tmp_path):
 
 def test_check_ends_with_1_where_full_wheels_are_unstable(tmp_path, desat):
     target = crafted(tmp_path, **CUBE)
-    slow = ["--step", "1", "--set", "gyro.sample_time=1", "--set", "determination.sample_time=1",
-            "--set", "controller.sample_time=1", "--set", "manager.wheel_sample_time=1",
-            "--set", "tachometers.sample_time=1", "--set", "guidance.sample_time=1",
-            "--set", "magnetometer.sample_time=1"]  # fmt: skip
+    slow = [
+        "--step",
+        "1",
+        "--set",
+        "gyro.sample_time=1",
+        "--set",
+        "determination.sample_time=1",
+        "--set",
+        "controller.sample_time=1",
+        "--set",
+        "manager.wheel_sample_time=1",
+        "--set",
+        "tachometers.sample_time=1",
+        "--set",
+        "guidance.sample_time=1",
+        "--set",
+        "magnetometer.sample_time=1",
+    ]
     told = desat("check", target, *slow)
     assert told.returncode == 1
     assert "is unstable with full wheels" in told.stderr.replace("\n", " ")
@@ -309,20 +461,32 @@ def test_a_law_that_does_nothing_is_not_met(tmp_path):
 
 def test_b_dot_that_drives_a_rotation_is_told_and_not_met(tmp_path):
     target = crafted(tmp_path, size="12U", rods="0.2") + "/detumbling.toml"
-    case = prepare(target, Options(sets=['spacecraft.omega_start_body=["180 deg/s",0,0]']))
+    case = prepare(
+        target, Options(sets=['spacecraft.omega_start_body=["180 deg/s",0,0]'])
+    )
     assert "by 180 deg in a sample of 1 s: above 90 deg manager drives" in "\n".join(
         case.checked.warnings
     )
     slow = prepare(target, Options())
     assert not any("drives the" in line for line in slow.checked.warnings)
-    run = library.run(target, {"spacecraft.omega_start_body": ["180 deg/s", 0, 0]}, stop=6000.0)
-    assert any("manager is to brake a rotation" in line for line in run.manifest.not_met)
+    run = library.run(
+        target, {"spacecraft.omega_start_body": ["180 deg/s", 0, 0]}, stop=6000.0
+    )
+    assert any(
+        "manager is to brake a rotation" in line for line in run.manifest.not_met
+    )
 
 
 @pytest.mark.parametrize("pointing", ["yaw", "inertial", "nadir"])
 def test_a_bias_that_the_attitude_turns_is_refused(tmp_path, pointing):
-    facts = {"size": "12U", "altitude": "600km", "inclination": "97deg", "rods": "0.3",
-             "wheels": "4 pyramid 100mNms", "pointing": pointing}  # fmt: skip
+    facts = {
+        "size": "12U",
+        "altitude": "600km",
+        "inclination": "97deg",
+        "rods": "0.3",
+        "wheels": "4 pyramid 100mNms",
+        "pointing": pointing,
+    }
     target = crafted(tmp_path, **facts)
     case = prepare(target, Options(sets=["manager.h_target_body=0,0.02,0"]))
     told = "\n".join(case.checked.problems)
@@ -332,17 +496,29 @@ def test_a_bias_that_the_attitude_turns_is_refused(tmp_path, pointing):
 @pytest.mark.parametrize("begin", [1000.0, 40000.0])
 def test_a_bias_that_a_slew_turns_is_refused(tmp_path, begin):
     target = crafted(tmp_path, size="12U", rods="0.3", pointing="inertial")
-    sets = ["manager.h_target_body=0,0.002,0", "guidance.q_end_bi=0.7071068,0,0,0.7071068",
-            f"guidance.t_begin={begin}", f"guidance.t_end={begin + 600.0}"]  # fmt: skip
+    sets = [
+        "manager.h_target_body=0,0.002,0",
+        "guidance.q_end_bi=0.7071068,0,0,0.7071068",
+        f"guidance.t_begin={begin}",
+        f"guidance.t_end={begin + 600.0}",
+    ]
     slewed = Options(sources=["guidance=guidance_slew"], sets=sets)
-    assert "guidance_slew turns it by 90 deg" in "\n".join(prepare(target, slewed).checked.problems)
+    assert "guidance_slew turns it by 90 deg" in "\n".join(
+        prepare(target, slewed).checked.problems
+    )
 
 
 def test_the_dumps_of_a_run_are_the_vector_sums_of_their_pulses(tmp_path):
-    """Of a torque of 0.4, 1, 0.2 mN m the pulses turn as they go: their sizes add up to more."""
+    """Of a torque of 0.4, 1, 0.2 mN m the pulses turn as they go: their sizes add up to
+    more."""
     (tmp_path / "t.csv").write_text("0,0.4e-3,1e-3,0.2e-3\n1e9,0.4e-3,1e-3,0.2e-3\n")
-    facts = GEO | {"mass": "2500kg", "box": "2.5,2.5,3", "pointing": "inertial",
-                   "wheels": "3 axes 50Nms", "torque": f"{tmp_path}/t.csv eci"}  # fmt: skip
+    facts = GEO | {
+        "mass": "2500kg",
+        "box": "2.5,2.5,3",
+        "pointing": "inertial",
+        "wheels": "3 axes 50Nms",
+        "torque": f"{tmp_path}/t.csv eci",
+    }
     target = crafted(tmp_path, **facts)
     run = library.run(target, stop=200000.0)
     h = run.results.values("wheels.h_wheel")
@@ -350,7 +526,9 @@ def test_the_dumps_of_a_run_are_the_vector_sums_of_their_pulses(tmp_path):
     dumps = run.manifest.numbers["dumps"].value
     assert dumps >= 2
     taken = run.manifest.numbers["dump_momentum"].value
-    assert taken == pytest.approx(sizes.max() - sizes[len(sizes) // 2 :].min(), rel=0.05)
+    assert taken == pytest.approx(
+        sizes.max() - sizes[len(sizes) // 2 :].min(), rel=0.05
+    )
 
 
 # --- what a sizing knows ----------------------------------------------------------
@@ -368,12 +546,21 @@ def _fingerprint(system: Any) -> str:
     from desat.sizing.dumps import LAW
 
     times = system.start + np.array([0.0, 500.0, 9000.0, 40000.0])
-    inputs = inputs_at(environment_block(system.components["environment"]), times.tolist())
+    inputs = inputs_at(
+        environment_block(system.components["environment"]), times.tolist()
+    )
     flight = flown_at(system, wanted_attitude(system), inputs, times)
     manager = system.components["manager"]
     law = manager.values if manager.interface.model == LAW else {}
     tank = system.components["thrusters"].values["tank"]
-    seen = (hardware_of(system), dict(law), tank, flight.q, flight.disturbance, flight.body)
+    seen = (
+        hardware_of(system),
+        dict(law),
+        tank,
+        flight.q,
+        flight.disturbance,
+        flight.body,
+    )
     with np.printoptions(precision=17, floatmode="unique"):
         return repr(seen)
 
@@ -394,13 +581,20 @@ def _changed(signals: Any, values: Any) -> list[Any]:
 
 
 INACTIVE = {
-    "environment.dipole_earth", "environment.earth_angle_start",  # of a dipole's field
-    "environment.f107", "environment.ap",  # of an activity that is given
-    "environment.density_base", "environment.altitude_base", "environment.scale_height",
+    "environment.dipole_earth",
+    "environment.earth_angle_start",  # of a dipole's field
+    "environment.f107",
+    "environment.ap",  # of an activity that is given
+    "environment.density_base",
+    "environment.altitude_base",
+    "environment.scale_height",
     "environment.atmosphere_radius",  # of an exponential atmosphere
-    "environment.orbit_frame", "environment.r_start", "environment.v_start",  # of a start by state
-    "spacecraft.plates", "spacecraft.drive_plate",  # of plates
-}  # fmt: skip
+    "environment.orbit_frame",
+    "environment.r_start",
+    "environment.v_start",  # of a start by state
+    "spacecraft.plates",
+    "spacecraft.drive_plate",  # of plates
+}
 """Parameters that another choice of the craft makes active, in the closed loop, too."""
 
 
@@ -429,25 +623,44 @@ def _silent(target: str) -> set[str]:
 
 def test_size_uses_each_parameter_of_a_craft_or_says_that_it_does_not(tmp_path):
     geo = GEO | {"mass": "2500kg", "propellant": "15kg", "residual_dipole": "1"}
-    low = geo | {"orbit": None, "altitude": "420km", "pointing": "inertial", "box": "1,1.5,2"}
-    found = _silent(crafted(tmp_path / "geo", **geo)) & _silent(crafted(tmp_path / "low", **low))
+    low = geo | {
+        "orbit": None,
+        "altitude": "420km",
+        "pointing": "inertial",
+        "box": "1,1.5,2",
+    }
+    found = _silent(crafted(tmp_path / "geo", **geo)) & _silent(
+        crafted(tmp_path / "low", **low)
+    )
     assert not found - INACTIVE, " ".join(sorted(found - INACTIVE))
 
 
 @pytest.mark.parametrize("size", [1e30, 1e39, 1e300])
 @pytest.mark.parametrize(
     "name",
-    ["wheels.h_start_wheel", "wheels.speed_limit", "shared.inertia", "spacecraft.omega_start_body",
-     "spacecraft.residual_dipole_body", "torquers.m_limit", "environment.semi_major_axis",
-     "controller.kp"],
-)  # fmt: skip
+    [
+        "wheels.h_start_wheel",
+        "wheels.speed_limit",
+        "shared.inertia",
+        "spacecraft.omega_start_body",
+        "spacecraft.residual_dipole_body",
+        "torquers.m_limit",
+        "environment.semi_major_axis",
+        "controller.kp",
+    ],
+)
 def test_a_value_beyond_all_quantities_is_a_problem_and_no_bug(name, size):
-    """Eigenvalues of a matrix that is not finite, an arc cosine of 1e50, overflows were met."""
-    count = {"wheels.h_start_wheel": 4, "shared.inertia": 9}.get(name, 3 * name.endswith("body"))
+    """Eigenvalues of a matrix that is not finite, an arc cosine of 1e50, overflows were
+    met."""
+    count = {"wheels.h_start_wheel": 4, "shared.inertia": 9}.get(
+        name, 3 * name.endswith("body")
+    )
     values = {name: [size] * count or size}
     if name == "shared.inertia":
         values = {name: [size if i % 4 == 0 else 0.0 for i in range(9)]}
     for target in ("nadir_day/day-dipole", "gyrostat/saturating"):
         found = prepare(target, Options(values=values)).checked
         if size > 1e40:
-            assert any("a size of at most 1e+40 is needed" in line for line in found.problems)
+            assert any(
+                "a size of at most 1e+40 is needed" in line for line in found.problems
+            )

@@ -56,7 +56,9 @@ def check(page: str) -> None:
     assert "'unsafe-inline'" not in scripts
     run = [e.text for e in tree.iter("script") if not e.get("type")]
     assert {hash_of(code) for code in run} == {s for s in scripts if "sha256" in s}
-    assert not tree.xpath("//@*[starts-with(name(), 'on')]"), "a handler in an attribute"
+    assert not tree.xpath("//@*[starts-with(name(), 'on')]"), (
+        "a handler in an attribute"
+    )
     assert not tree.xpath("//*[starts-with(@href, 'javascript:')]")
     # a policy holds from where it stands on
     before = page[: page.index("Content-Security-Policy")]
@@ -65,7 +67,8 @@ def check(page: str) -> None:
 
 
 def test_a_page_begins_only_where_it_gets_its_policy():
-    """A file that begins a page has the policy in it; each of our templates extends that one."""
+    """A file that begins a page has the policy in it; each of our templates extends
+    that one."""
     begins = [f for f in SOURCES if PAGE_BEGINS.search(f.read_text(encoding="utf-8"))]
     assert begins
     for file in begins:
@@ -98,7 +101,9 @@ def test_a_script_of_somebody_else_is_not_allowed(monkeypatch):
     body = '{% extends "page.html" %}{% block body %}{{ text|safe }}{{ run_script(["locale.js"]) }}'
     pages = {"page.html": base, "new.html": body + "{% endblock %}"}
     monkeypatch.setattr("jinja2.FileSystemLoader", lambda _: DictLoader(pages))
-    page = render("new.html", title=policy.PLACEHOLDER, text="<script>alert(1)</script>")
+    page = render(
+        "new.html", title=policy.PLACEHOLDER, text="<script>alert(1)</script>"
+    )
     allowed = policy_of(page)
     assert hash_of("alert(1)") not in allowed
     assert hash_of(policy.part("locale.js")) in allowed
@@ -108,7 +113,7 @@ def test_the_page_within_an_fmu_has_a_policy():
     check(documentation(Wheels, "wheels"))
 
 
-# --- pages of each kind -------------------------------------------------------------------------
+# --- pages of each kind ---------------------------------------------------------------
 
 
 CRAFT = "new craft my12u --size 12U --altitude 400km --inclination 51.6deg --rods 0.2"
@@ -123,8 +128,8 @@ LINES = {
 }
 if "papers" in ABSENT:
     del LINES["tables"]
-"""How a page of each kind is written; those of `desat size` and `export web` take longer, and are
-checked where they are made (test_sizing.py, test_web.py)."""
+"""How a page of each kind is written; those of `desat size` and `export web` take
+longer, and are checked where they are made (test_sizing.py, test_web.py)."""
 
 
 @pytest.fixture(scope="module")

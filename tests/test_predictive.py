@@ -1,4 +1,5 @@
-"""The predictive law: its solver, what it learns, what it refuses, and what it does in the loop."""
+"""The predictive law: its solver, what it learns, what it refuses, and what it does in
+the loop."""
 
 from __future__ import annotations
 
@@ -20,7 +21,9 @@ N, H = predictive.INTERVALS, predictive.HELD
 
 
 @pytest.mark.parametrize("seed", range(6))
-@pytest.mark.parametrize(("most", "peak"), [(50.0, 0.0), (0.25, 0.0), (0.4, 0.05), (50.0, 0.05)])
+@pytest.mark.parametrize(
+    ("most", "peak"), [(50.0, 0.0), (0.25, 0.0), (0.4, 0.05), (50.0, 0.05)]
+)
 def test_held_plan_is_the_least(seed: int, most: float, peak: float) -> None:
     """The same problem by scipy's L-BFGS-B, and the costate by differences."""
     draw, count, q, r = random.Random(seed), 5, 0.7, 0.9
@@ -30,10 +33,14 @@ def test_held_plan_is_the_least(seed: int, most: float, peak: float) -> None:
     effect = tuple(draw.gauss(0.0, 0.5) for _ in range(9 * H))
     rows = tuple(draw.gauss(0.0, 1.0) for _ in range(12 * H))
     case = lengths, drift, effect, r, (most,) * 3, rows, bias, q
-    first, _, course, _, settled = predictive.held(count, x0, predictive.NO_PLAN, *case, 0.0, 1.0)
+    first, _, course, _, settled = predictive.held(
+        count, x0, predictive.NO_PLAN, *case, 0.0, 1.0
+    )
     assert settled
     size = 0.85 * predictive.largest(count, course, rows, bias)
-    u, costate, course, _, settled = predictive.held(count, x0, first, *case, peak, size)
+    u, costate, course, _, settled = predictive.held(
+        count, x0, first, *case, peak, size
+    )
     assert settled
     dt = np.array(lengths)[:count]
     g = np.array(effect).reshape(H, 3, 3)[:count]
@@ -41,7 +48,9 @@ def test_held_plan_is_the_least(seed: int, most: float, peak: float) -> None:
     a = np.array(rows).reshape(H, 4, 3)[:count]
 
     def cost(u: np.ndarray, first: np.ndarray) -> float:
-        x = first + np.cumsum(d + np.einsum("kji,kj->ki", g, u.reshape(count, 3)), axis=0)
+        x = first + np.cumsum(
+            d + np.einsum("kji,kj->ki", g, u.reshape(count, 3)), axis=0
+        )
         h = np.einsum("kji,ki->kj", a, x) + np.array(bias)
         path = 0.5 * q * (x**2).sum(1) + peak * ((h / size) ** 16).sum(1)
         return float(dt @ (path + 0.5 * r * (u.reshape(count, 3) ** 2).sum(1)))
@@ -49,14 +58,22 @@ def test_held_plan_is_the_least(seed: int, most: float, peak: float) -> None:
     begin = np.array(x0)
     ours = np.array(u)[: 3 * count]
     exact = {"maxiter": 5000, "maxfun": 10**6, "ftol": 1e-15}
-    best = minimize(cost, 0.9 * ours, args=(begin,), bounds=[(-most, most)] * (3 * count),
-                    method="L-BFGS-B", options=exact)  # fmt: skip
+    best = minimize(
+        cost,
+        0.9 * ours,
+        args=(begin,),
+        bounds=[(-most, most)] * (3 * count),
+        method="L-BFGS-B",
+        options=exact,
+    )
     assert np.abs(ours).max() <= most
     assert cost(ours, begin) <= best.fun * (1.0 + 3.0 * predictive.SETTLED)
     end = begin + (d + np.einsum("kji,kj->ki", g, ours.reshape(count, 3))).sum(0)
     assert course[3 * count - 3 : 3 * count] == pytest.approx(tuple(end), abs=1e-12)
-    slope = [(cost(ours, begin + 1e-6 * e) - cost(ours, begin - 1e-6 * e)) / 2e-6
-             for e in np.eye(3)]  # fmt: skip
+    slope = [
+        (cost(ours, begin + 1e-6 * e) - cost(ours, begin - 1e-6 * e)) / 2e-6
+        for e in np.eye(3)
+    ]
     assert costate == pytest.approx(tuple(slope), rel=1e-5, abs=1e-6)
 
 
@@ -75,9 +92,17 @@ def test_emptying_takes_hardly_more_than_the_linear_programme(seed: int) -> None
     most[:count] = [limit] * 3 + [8.0] * 3
     fee = np.tile([0.0] * 3 + [1.0] * 3, N)
     plan, _, settled = predictive.emptied(
-        count, tuple(x0), tuple(effect.ravel().tolist()), 2e-3, (limit,) * 3, (1.0,) * N,
-        tuple(most[:, 3].tolist()), 10.0 / (tau * tau * 0.05), 2e-5, 12.5,
-    )  # fmt: skip
+        count,
+        tuple(x0),
+        tuple(effect.ravel().tolist()),
+        2e-3,
+        (limit,) * 3,
+        (1.0,) * N,
+        tuple(most[:, 3].tolist()),
+        10.0 / (tau * tau * 0.05),
+        2e-5,
+        12.5,
+    )
     assert settled
     ours = np.array(plan)
     g = effect.reshape(-1, 3).T
@@ -90,19 +115,44 @@ def test_emptying_takes_hardly_more_than_the_linear_programme(seed: int) -> None
 def test_filter_finds_a_dead_and_a_turned_coil() -> None:
     """Momentum that two good coils, a dead and a turned one make, measured with noise."""
     draw = random.Random(3)
-    true = [1.0, 2e-4, -1e-4, 0.0, 0.0, 0.0, 3e-4, 0.0, 0.0, 0.0, 0.0, 1.0, -1.0, 0.7, 1.0, 1, 1]
+    true = [
+        1.0,
+        2e-4,
+        -1e-4,
+        0.0,
+        0.0,
+        0.0,
+        3e-4,
+        0.0,
+        0.0,
+        0.0,
+        0.0,
+        1.0,
+        -1.0,
+        0.7,
+        1.0,
+        1,
+        1,
+    ]
     true += [0.0] * 6
     spreads = learning.spreads(1e-3, 0.1, 1e-3)
     h = [0.1, -0.2, 0.3]
     x, p = learning.first_state((0.1, -0.2, 0.3)), learning.first_covariance(spreads)
     for k in range(400):
         columns = [(0.0, 0.0, 0.0)] * learning.CAUSES
-        columns[1], columns[2], columns[3] = (10.0, 0.0, 0.0), (0.0, 10.0, 0.0), (0.0, 0.0, 10.0)
+        columns[1], columns[2], columns[3] = (
+            (10.0, 0.0, 0.0),
+            (0.0, 10.0, 0.0),
+            (0.0, 0.0, 10.0),
+        )
         a = 0.02 * k
         columns[4] = (10.0 * math.cos(a), 10.0 * math.sin(a), 0.0)
         for j in range(4):
             columns[10 + j] = tuple(draw.gauss(0.0, 0.02) for _ in range(3))  # type: ignore[assignment]
-        h = [h[i] + sum(t * c[i] for t, c in zip(true, columns, strict=True)) for i in range(3)]
+        h = [
+            h[i] + sum(t * c[i] for t, c in zip(true, columns, strict=True))
+            for i in range(3)
+        ]
         seen = tuple(y + draw.gauss(0.0, 1e-3) for y in h)
         rows = learning.causes(tuple(columns))
         x, p = learning.learnt(x, p, seen, rows, 1e-3, 1e-4, spreads, 1e-3)  # type: ignore[arg-type]
@@ -118,14 +168,17 @@ def test_filter_finds_a_dead_and_a_turned_coil() -> None:
         ({"weights": (0.0, 0.0, 0.0)}, r"weights = \(0, 0, 0\)"),
         ({"weights": (1.0, 0.0, 1.0)}, r"weights\[2\] = 0"),
         ({"weights": (0.0, 1.0, 1.0)}, r"weights\[1\] = 0"),
-        ({"horizon": 15.0}, r"horizon = 15 s is below two samples of sample_time = 10 s"),
+        (
+            {"horizon": 15.0},
+            r"horizon = 15 s is below two samples of sample_time = 10 s",
+        ),
         ({"goal": 1, "end": 0.0}, r"end = 0 s is before now"),
         ({"goal": 1, "end": 600.0, "weights": (1.0, 1.0, 0.0)}, r"weights\[3\] = 0"),
         ({"m_limit": 0.0}, r"m_limit = 0 A m2 .* no coil is left"),
         ({"axes_coil": (0.0,) * 12}, "no coil is left"),
         ({"sample_time": 0.0}, "sample_time = 0 s"),
     ],
-)  # fmt: skip
+)
 def test_refuses(values: dict[str, object], text: str) -> None:
     block = ManagerPredictive()
     for name, value in values.items():
@@ -135,11 +188,18 @@ def test_refuses(values: dict[str, object], text: str) -> None:
 
 
 def test_a_turned_coil_is_found_and_used(tmp_path: Path) -> None:
-    run = execute("space_telescope/predictive-flipped", Options(stop=15000.0), tmp_path / "run")
+    run = execute(
+        "space_telescope/predictive-flipped", Options(stop=15000.0), tmp_path / "run"
+    )
     seen = run.results.values("manager.effectiveness")
     assert seen[-2] == pytest.approx((-1.0, 1.0, 1.0, 1.0), abs=0.1)
-    whole = execute("space_telescope/predictive-nominal", Options(stop=15000.0), tmp_path / "whole")
-    peaks = [np.abs(r.results.values("wheels.speed_wheel")[-700:]).max() for r in (run, whole)]
+    whole = execute(
+        "space_telescope/predictive-nominal", Options(stop=15000.0), tmp_path / "whole"
+    )
+    peaks = [
+        np.abs(r.results.values("wheels.speed_wheel")[-700:]).max()
+        for r in (run, whole)
+    ]
     assert peaks[0] < 1.3 * peaks[1]
 
 
@@ -147,7 +207,9 @@ def test_a_turned_coil_is_found_and_used(tmp_path: Path) -> None:
 def test_wheels_are_empty_at_the_end(tmp_path: Path, case: str) -> None:
     run = execute(f"uosat12/predictive-{case}", Options(), tmp_path / "run")
     assert run.manifest.numbers["final_momentum"].value < 0.01
-    fired, bound = (run.manifest.numbers[n].value for n in ("firing_time", "bound_same_end"))
+    fired, bound = (
+        run.manifest.numbers[n].value for n in ("firing_time", "bound_same_end")
+    )
     assert fired < bound + 1.0
     seen = run.results.values("manager.effectiveness")[-2]
     assert seen[1] == pytest.approx(0.0 if case == "dead_unknown" else 1.0, abs=0.05)

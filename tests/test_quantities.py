@@ -1,5 +1,5 @@
-"""What is typed as a number is finite, of a unit that fits and within its range; an option that
-would be ignored is refused by its name."""
+"""What is typed as a number is finite, of a unit that fits and within its range; an
+option that would be ignored is refused by its name."""
 
 from __future__ import annotations
 
@@ -106,7 +106,9 @@ def test_what_is_typed_and_means_nothing_is_a_line(folder, line):
     assert not (folder / "x").exists()
 
 
-def test_a_compiler_of_the_environment_that_is_no_command_is_a_line(folder, monkeypatch):
+def test_a_compiler_of_the_environment_that_is_no_command_is_a_line(
+    folder, monkeypatch
+):
     from desat.fmus.compiler import NoCompilerError, compiler
 
     monkeypatch.setenv("CC", '"')
@@ -118,11 +120,15 @@ def test_a_compiler_of_the_environment_that_is_no_command_is_a_line(folder, monk
         compiler.cache_clear()
 
 
-@pytest.mark.parametrize("wish", ["margin", "arm", "specific_impulse", "tip_off", "slew_time"])
+@pytest.mark.parametrize(
+    "wish", ["margin", "arm", "specific_impulse", "tip_off", "slew_time"]
+)
 @pytest.mark.parametrize("value", [float("inf"), float("nan"), 1e300])
 def test_a_program_is_refused_the_same(wish, value):
     with pytest.raises(DesatError):
-        SizingRequirements(**{wish: value, **({"slew_angle": 1.0} if wish == "slew_time" else {})})
+        SizingRequirements(
+            **{wish: value, **({"slew_angle": 1.0} if wish == "slew_time" else {})}
+        )
 
 
 def test_the_epoch_of_a_craft_is_that_of_its_elements(tmp_path):
@@ -134,15 +140,21 @@ def test_the_epoch_of_a_craft_is_that_of_its_elements(tmp_path):
     assert doubts(CraftFacts(tle=file)) == []
     assert doubts(CraftFacts(tle=file, epoch="2019-12-12")) == []
     (told,) = doubts(CraftFacts(tle=file, epoch="2019-12-20T00:00:00Z"))
-    assert told.startswith("--epoch 2019-12-20T00:00:00Z: 10 days after those of --tle ")
-    with pytest.raises(DesatError, match=r"--epoch 2019-10-01: 70 days before those of --tle .*"
-                                         r"SGP4 means nothing beyond 30 days"):  # fmt: skip
+    assert told.startswith(
+        "--epoch 2019-12-20T00:00:00Z: 10 days after those of --tle "
+    )
+    with pytest.raises(
+        DesatError,
+        match=r"--epoch 2019-10-01: 70 days before those of --tle .*"
+        r"SGP4 means nothing beyond 30 days",
+    ):
         doubts(CraftFacts(tle=file, epoch="2019-10-01"))
 
 
 def test_numbers_have_units_on_the_command_line(folder):
     code, said = commands.ended(
-        shlex.split("run mine --blocks --stop '2000 ms' --step 1 --substeps 1 --json"), folder
+        shlex.split("run mine --blocks --stop '2000 ms' --step 1 --substeps 1 --json"),
+        folder,
     )
     assert code in (0, 1), said
     assert '"steps_done": 2' in said
@@ -150,6 +162,11 @@ def test_numbers_have_units_on_the_command_line(folder):
 
 def test_times_are_days_too() -> None:
     stop = Quantity("--stop", "s")
-    assert (stop("20d"), stop("6h"), stop("90 min"), stop("5")) == (1728000.0, 21600.0, 5400.0, 5.0)
+    assert (stop("20d"), stop("6h"), stop("90 min"), stop("5")) == (
+        1728000.0,
+        21600.0,
+        5400.0,
+        5.0,
+    )
     with pytest.raises(DesatError, match="d is not known"):
         Quantity("--mass", "kg")("3d")

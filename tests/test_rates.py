@@ -29,7 +29,8 @@ def source(sloped: bool = True) -> Places:
 
 @given(counts, st.integers(1, 3))
 def test_windows_follow_each_other_and_fill_the_time(count, steps):
-    """Parts go on from step to step, and those of a slow component's window are shares of it."""
+    """Parts go on from step to step, and those of a slow component's window are shares
+    of it."""
     rates = Rates(graded(count), {}, frozenset())
     assert rates.edge(steps * count) == steps
     assert rates.edge(steps * count + count - 1) == steps + graded(count)[-1][0]
@@ -54,7 +55,10 @@ def test_a_line_cut_and_joined_is_itself(mean, slope, count):
     parts = graded(count)
     cut = np.array([mean, slope, 0.0, 0.0])
     joined = np.zeros(4)
-    part, whole = Part(cut, source(), TARGET, parts), Whole(joined, source(), joined, TARGET, parts)
+    part, whole = (
+        Part(cut, source(), TARGET, parts),
+        Whole(joined, source(), joined, TARGET, parts),
+    )
     for i in range(count):
         part(i)
         joined[:2] = cut[2:]
@@ -115,16 +119,22 @@ def test_a_slow_one_between_two_fast_ones_is_refused_by_name():
 def scenario(folder: Path, **keys: object) -> str:
     """gyrostat/full with other keys, as a file."""
     file = folder / "mine.toml"
-    lines = [f"{k} = {json.dumps(v)}" for k, v in keys.items() if not isinstance(v, dict)]
-    tables = [f"[{k}]\n" + "\n".join(f"{n} = {v[n]}" for n in v)
-              for k, v in keys.items() if isinstance(v, dict)]  # fmt: skip
+    lines = [
+        f"{k} = {json.dumps(v)}" for k, v in keys.items() if not isinstance(v, dict)
+    ]
+    tables = [
+        f"[{k}]\n" + "\n".join(f"{n} = {v[n]}" for n in v)
+        for k, v in keys.items()
+        if isinstance(v, dict)
+    ]
     text = "\n".join(['extends = "gyrostat/full"', *lines, *tables])
     file.write_text(text, encoding="utf-8")
     return str(file)
 
 
 def final(target: str, **options: object):
-    """Attitude (4,) and the wheels' momentum (4,) at the end of 20 s, and the run's manifest."""
+    """Attitude (4,) and the wheels' momentum (4,) at the end of 20 s, and the run's
+    manifest."""
     made = execute(target, Options(stop=20.0, **options))
     assert made.ok, made.manifest["message"]
     ends = [made.results.values(n)[-1] for n in ("spacecraft.q_bi", "wheels.h_wheel")]
@@ -138,8 +148,9 @@ def truth():
     return final("gyrostat/full", step=0.0125, blocks=True)
 
 
-@pytest.mark.parametrize("slow", [["spacecraft"], ["wheels"], ["spacecraft", "wheels"],
-                                  ["torquers"]])  # fmt: skip
+@pytest.mark.parametrize(
+    "slow", [["spacecraft"], ["wheels"], ["spacecraft", "wheels"], ["torquers"]]
+)
 def test_rates_lose_no_momentum_and_little_accuracy(tmp_path, truth, slow):
     target = scenario(tmp_path, step=0.1, step_ratio=dict.fromkeys(slow, 10))
     q, h, manifest = final(target, blocks=True)
@@ -159,9 +170,14 @@ def test_rates_that_cannot_be_are_refused_by_name(tmp_path):
 def test_held_values_are_said(tmp_path):
     target = scenario(tmp_path, step=0.1, step_ratio={"spacecraft": 10})
     case = prepare(target, Options(blocks=True))
-    assert any("held for 10 steps" in w and "omega_bi_body" in w for w in case.checked.warnings)
+    assert any(
+        "held for 10 steps" in w and "omega_bi_body" in w for w in case.checked.warnings
+    )
     timing = {str(c): t for c, t in case.or_raise()[1].timing}
-    assert timing["wheels.tau_mean_wheel[1] -> spacecraft.tau_mean_wheel[1]"] == "mean of 10 steps"
+    assert (
+        timing["wheels.tau_mean_wheel[1] -> spacecraft.tau_mean_wheel[1]"]
+        == "mean of 10 steps"
+    )
     assert timing["wheels.h_wheel[1] -> spacecraft.h_wheel[1]"] == "at the start"
 
 
@@ -189,7 +205,9 @@ def test_substeps_have_the_same_bits_as_fmus_and_as_a_packed_system(tmp_path):
 
 def test_rows_of_substeps_have_states_of_the_start_and_means_of_the_step(tmp_path):
     made = execute(scenario(tmp_path, substeps=4), Options(stop=20.0, blocks=True))
-    h, mean = (made.results.values(f"wheels.{n}") for n in ("h_wheel", "tau_mean_wheel"))
+    h, mean = (
+        made.results.values(f"wheels.{n}") for n in ("h_wheel", "tau_mean_wheel")
+    )
     made.results.close()
     assert len(h) == 21
     assert np.diff(h, axis=0) == pytest.approx(mean, abs=1e-15)
@@ -205,7 +223,9 @@ def test_a_lost_momentum_ends_with_1(tmp_path):
 
 
 def test_what_jacobi_leaves_out_is_said(tmp_path):
-    substeps = prepare(scenario(tmp_path, substeps=4), Options(algorithm="jacobi", blocks=True))
+    substeps = prepare(
+        scenario(tmp_path, substeps=4), Options(algorithm="jacobi", blocks=True)
+    )
     assert any("substeps = 4 has no effect" in w for w in substeps.checked.warnings)
     target = scenario(tmp_path, step=0.1, step_ratio={"wheels": 10})
     rates = prepare(target, Options(algorithm="jacobi", blocks=True))

@@ -1,7 +1,8 @@
-"""The report of a run: what comes first, the data of its figures, the page in a browser.
+"""The report of a run: what comes first, the data of its figures, the page in a
+browser.
 
-A browser is taken where there is one: the package playwright, and Chromium by its name or by the
-variable DESAT_CHROMIUM (CONTRIBUTING.md).
+A browser is taken where there is one: the package playwright, and Chromium by its name
+or by the variable DESAT_CHROMIUM (CONTRIBUTING.md).
 """
 
 from __future__ import annotations
@@ -43,16 +44,23 @@ def numbers(series):
     return raw + series["offset"]
 
 
-# --- data of the figures ------------------------------------------------------------------------
+# --- data of the figures --------------------------------------------------------------
 
 
 @settings(max_examples=60, deadline=None)
-@given(st.integers(1, 900), st.integers(10, 60), st.integers(0, 3), st.integers(0, 2**32 - 1))
+@given(
+    st.integers(1, 900),
+    st.integers(10, 60),
+    st.integers(0, 3),
+    st.integers(0, 2**32 - 1),
+)
 def test_thinning_keeps_least_and_most_of_each_part(rows, parts, less, seed):
     draw = np.random.default_rng(seed)
     x, y = np.cumsum(draw.uniform(0.1, 3.0, rows)), draw.normal(size=rows)
     cut = max(1, rows - less)
-    times, (first, second) = interactive.thinned([(x, y), (x[:cut], y[:cut])], 2 * parts)
+    times, (first, second) = interactive.thinned(
+        [(x, y), (x[:cut], y[:cut])], 2 * parts
+    )
     assert len(times) == len(first) == len(second) <= max(2 * parts, 0)
     assert (np.diff(times) > 0.0).all()
     assert times[0] == x[0]
@@ -101,10 +109,15 @@ def test_a_day_of_thirty_series_is_below_3_megabytes():
     figures = [figure(3, 86_400) for _ in range(10)]
     told = interactive.data_of(figures)
     size = len(json.dumps(told)) + sum(len(f.svg()) for f in figures)
-    script = sum(p.stat().st_size for p in Path(report.__file__).parents[1].rglob("templates/**/*"))
+    script = sum(
+        p.stat().st_size
+        for p in Path(report.__file__).parents[1].rglob("templates/**/*")
+    )
     assert 500_000 < size + script < 3_000_000
     assert len(told["grids"]) == 1  # of all plots
-    assert {len(numbers(s)) for p in told["plots"] for s in p["series"]} == {told["most"]}
+    assert {len(numbers(s)) for p in told["plots"] for s in p["series"]} == {
+        told["most"]
+    }
 
 
 @pytest.mark.parametrize("of", ["bars", "names below", "turns back", "two ordinates"])
@@ -128,13 +141,30 @@ def test_points_areas_and_upright_lines_are_drawn_over_any_x():
     ax = drawn.add()
     ax.x.log, ax.x.label, ax.y.label = True, "coil [A m²]", "duty [%]"
     ax.plot(x, 1.0 / x, "#112233", label="model")
-    ax.plot(x[1:], 1.1 / x[1:], "#112233", width=0.0, marker=6.0, hollow=True, label="closed loop")
+    ax.plot(
+        x[1:],
+        1.1 / x[1:],
+        "#112233",
+        width=0.0,
+        marker=6.0,
+        hollow=True,
+        label="closed loop",
+    )
     ax.area(x, 0.0, x, "#445566", alpha=0.3, label="all")
     ax.upright(0.15, "#000000", label="least")
     (plot,) = interactive.data_of([drawn])["plots"]
-    assert (plot["axis"], plot["unit"], plot["xlog"], plot["seconds"]) == ("coil", "A m²", True, 0)
-    assert [s["label"] for s in plot["series"]] == ["model", "closed loop", "all: least",
-                                                    "all: most"]  # fmt: skip
+    assert (plot["axis"], plot["unit"], plot["xlog"], plot["seconds"]) == (
+        "coil",
+        "A m²",
+        True,
+        0,
+    )
+    assert [s["label"] for s in plot["series"]] == [
+        "model",
+        "closed loop",
+        "all: least",
+        "all: most",
+    ]
     assert [s["points"] for s in plot["series"]] == [0.0, 6.0, 0.0, 0.0]
     assert [s["area"] for s in plot["series"]] == [0.0, 0.0, 0.3, 0.3]
     assert np.allclose(numbers(plot["series"][3]), x)
@@ -145,7 +175,15 @@ def test_limits_go_across_and_fast_lines_are_whole():
     drawn = figure(0)
     (ax,) = drawn.axes
     x = np.arange(5000.0)
-    ax.area(x[:5], 0.0, 1.0, "#112233", label="w: least to most", name="w", whole=(x, np.cos(x)))
+    ax.area(
+        x[:5],
+        0.0,
+        1.0,
+        "#112233",
+        label="w: least to most",
+        name="w",
+        whole=(x, np.cos(x)),
+    )
     ax.level(2.0, "#000000", label="limit")
     ax.band(-1.0, 1.0, "#000000", alpha=0.2, label="band")
     (plot,) = interactive.data_of([drawn])["plots"]
@@ -153,10 +191,15 @@ def test_limits_go_across_and_fast_lines_are_whole():
     assert series["label"] == "w"
     assert len(numbers(series)) == 5000
     assert (level["low"], level["high"], level["filled"]) == (2.0, 2.0, False)
-    assert (band["low"], band["high"], band["filled"], band["alpha"]) == (-1.0, 1.0, True, 0.2)
+    assert (band["low"], band["high"], band["filled"], band["alpha"]) == (
+        -1.0,
+        1.0,
+        True,
+        0.2,
+    )
 
 
-# --- the page -----------------------------------------------------------------------------------
+# --- the page -------------------------------------------------------------------------
 
 MINE = """extends = "integrated/mil-nadir"
 title = "Mine"
@@ -187,15 +230,22 @@ def page(tmp_path_factory):
 
 
 def test_verdicts_and_the_plot_that_matters_come_first(page):
-    """`wheels` has 98 % left and `pointing` hardly less than all of 179 deg: which is nearer?"""
+    """`wheels` has 98 % left and `pointing` hardly less than all of 179 deg: which is
+    nearer?"""
     run, told = load_run(page.parent), html.fromstring(page.read_text())
     nearest = min(run.manifest.verdicts.items(), key=lambda e: e[1].margin)
     texts = [e.text_content() for e in told.iter("p", "table", "figcaption", "h2")]
-    assert f"All 2 requirements met; least margin {100 * nearest[1].margin:.3g} %" in texts[1]
+    assert (
+        f"All 2 requirements met; least margin {100 * nearest[1].margin:.3g} %"
+        in texts[1]
+    )
     assert nearest[0] in texts[1]
     title = {"wheels": "Wheel momentum", "pointing": "Pointing error"}[nearest[0]]
     captions = [f.findtext("figcaption").strip() for f in told.iter("figure")]
-    assert captions[:2] == ["Momentum of the fullest wheel, with management and without", title]
+    assert captions[:2] == [
+        "Momentum of the fullest wheel, with management and without",
+        title,
+    ]
     assert texts.index(title + " all of it") < texts.index("Numbers")
     assert captions.count(title) == 1
 
@@ -208,44 +258,72 @@ def test_the_page_stands_alone_and_nobodys_names_end_its_script(page):
     assert not re.search(r"url\(|@import", text)
     data = json.loads(told.find(".//script[@id='drawn']").text)
     figures = told.findall(".//figure")
-    assert len(data["plots"]) == len(figures) == len(told.xpath("//div[@class='still']/svg"))
+    assert (
+        len(data["plots"])
+        == len(figures)
+        == len(told.xpath("//div[@class='still']/svg"))
+    )
     assert all(data["plots"])
-    dipole = next(p for f, p in zip(figures, data["plots"], strict=True)
-                  if f.findtext("figcaption").startswith("Dipole </script><img>"))  # fmt: skip
+    dipole = next(
+        p
+        for f, p in zip(figures, data["plots"], strict=True)
+        if f.findtext("figcaption").startswith("Dipole </script><img>")
+    )
     assert dipole["series"][0]["label"] == "</script><b>x"
     assert "Permission is hereby granted" in text  # uPlot's licence
 
 
 def test_its_data_are_those_of_the_run(page):
     run = load_run(page.parent)
-    data = json.loads(html.fromstring(page.read_text()).find(".//script[@id='drawn']").text)
-    plot = next(p for p in data["plots"] if p["label"].startswith("momentum of each wheel"))
+    data = json.loads(
+        html.fromstring(page.read_text()).find(".//script[@id='drawn']").text
+    )
+    plot = next(
+        p for p in data["plots"] if p["label"].startswith("momentum of each wheel")
+    )
     times = np.frombuffer(base64.b64decode(data["grids"][plot["grid"]]), "<f8")
     assert np.allclose(times, run.results.times("wheels.h_wheel"), rtol=0.0, atol=1e-9)
     values = np.column_stack([numbers(s) for s in plot["series"]])
-    assert np.allclose(values, 1e3 * run.results.values("wheels.h_wheel"), rtol=1e-6, atol=1e-9)
+    assert np.allclose(
+        values, 1e3 * run.results.values("wheels.h_wheel"), rtol=1e-6, atol=1e-9
+    )
 
 
 def test_report_open(page, monkeypatch):
     opened = []
-    monkeypatch.setattr(webbrowser, "open", lambda uri: opened.append(uri) or len(opened) == 1)
+    monkeypatch.setattr(
+        webbrowser, "open", lambda uri: opened.append(uri) or len(opened) == 1
+    )
     for said in ("", "no browser was found"):
-        done = CliRunner().invoke(cli.app_for([]), ["report", str(page.parent), "--open"])
+        done = CliRunner().invoke(
+            cli.app_for([]), ["report", str(page.parent), "--open"]
+        )
         assert done.exit_code == 0
         assert said in done.output
     assert opened == 2 * [page.resolve().as_uri()]
 
 
-# --- a campaign's -------------------------------------------------------------------------------
+# --- a campaign's ---------------------------------------------------------------------
 
 
 @pytest.fixture(scope="module")
 def campaign(tmp_path_factory):
     folder = tmp_path_factory.mktemp("campaign") / "a b"
-    done = CliRunner().invoke(cli.app_for([]), [
-        "campaign", "integrated/mil-nadir", "-n", "12", "--stop", "20", "--jobs", "1",
-        "--out", str(folder),
-    ])  # fmt: skip
+    done = CliRunner().invoke(
+        cli.app_for([]),
+        [
+            "campaign",
+            "integrated/mil-nadir",
+            "-n",
+            "12",
+            "--stop",
+            "20",
+            "--jobs",
+            "1",
+            "--out",
+            str(folder),
+        ],
+    )
     assert done.exit_code == 1, done.output  # nothing is dumped in 20 s
     return folder
 
@@ -262,16 +340,20 @@ def test_histograms_name_the_cases_of_each_bar(campaign):
         assert 0.0 < bars["edges"][0] < bars["edges"][-1] < 1.0
         assert (np.diff(bars["edges"]) > 0.0).all()
     title = "Largest wheel momentum (share of capacity)"
-    (k,) = (i for i, f in enumerate(figures) if f.findtext("figcaption").strip() == title)
+    (k,) = (
+        i for i, f in enumerate(figures) if f.findtext("figcaption").strip() == title
+    )
     (name,) = (n for n, of in store.described(campaign).items() if of["title"] == title)
     table, bars = store.read(campaign), data["histograms"][k]
     assert table["case"].to_pylist() == list(range(12))
     values = np.array(table[f"out.{name}"].to_pylist())
-    order = [c for cases in bars["cases"] for c in sorted(cases, key=lambda c: values[c])]
+    order = [
+        c for cases in bars["cases"] for c in sorted(cases, key=lambda c: values[c])
+    ]
     assert (np.diff(values[order]) >= 0.0).all()
 
 
-# --- in a browser -------------------------------------------------------------------------------
+# --- in a browser ---------------------------------------------------------------------
 
 RANGES = "desat.shown.map(u => [u.scales.x.min, u.scales.x.max])"
 
@@ -279,8 +361,11 @@ RANGES = "desat.shown.map(u => [u.scales.x.min, u.scales.x.max])"
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 @pytest.mark.parametrize("width", [1400, 420])
 def test_zoom_and_values_in_a_browser(browser, page, width, scheme):
-    """All plots are drawn, nothing is wider than the window, times are linked, values are said."""
-    tab = browser.new_page(viewport={"width": width, "height": 900}, color_scheme=scheme)
+    """All plots are drawn, nothing is wider than the window, times are linked, values
+    are said."""
+    tab = browser.new_page(
+        viewport={"width": width, "height": 900}, color_scheme=scheme
+    )
     tab.set_default_timeout(10_000)
     errors = []
     tab.on("pageerror", lambda error: errors.append(str(error)))
@@ -297,7 +382,9 @@ def test_zoom_and_values_in_a_browser(browser, page, width, scheme):
     box = over.bounding_box()
     at = box["x"] + 0.25 * box["width"], box["y"] + 0.5 * box["height"]
     tab.mouse.move(*at)
-    said = tab.locator(".u-legend").nth(1).inner_text()  # of another plot than that under it
+    said = (
+        tab.locator(".u-legend").nth(1).inner_text()
+    )  # of another plot than that under it
     assert re.search(r"time:?\s*(29|30)\d\.\d s", said.replace("\n", " "))
     tab.mouse.down()
     tab.mouse.move(box["x"] + 0.5 * box["width"], at[1], steps=3)

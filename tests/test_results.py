@@ -1,4 +1,5 @@
-"""Runs and what they leave behind: series, manifest, report; stopped, killed and failed runs."""
+"""Runs and what they leave behind: series, manifest, report; stopped, killed and failed
+runs."""
 
 from __future__ import annotations
 
@@ -95,7 +96,9 @@ def test_series(folder):
 @pytest.mark.parametrize("text", ["[]", "{}", '{"about": null}', "{"])
 def test_what_is_no_manifest_is_said(tmp_path, text):
     (tmp_path / "manifest.json").write_text(text)
-    with pytest.raises(DesatError, match=rf"^{re.escape(str(tmp_path))}/manifest\.json: "):
+    with pytest.raises(
+        DesatError, match=rf"^{re.escape(str(tmp_path))}/manifest\.json: "
+    ):
         read_manifest(tmp_path)
 
 
@@ -104,14 +107,22 @@ def test_manifest(folder):
     assert manifest["status"] == "completed"
     assert manifest["steps_done"] == manifest["steps"] == 60
     assert set(manifest["fmus"]) == {
-        "environment", "spacecraft", "magnetometer", "tachometers", "manager", "torquers",
+        "environment",
+        "spacecraft",
+        "magnetometer",
+        "tachometers",
+        "manager",
+        "torquers",
         "thrusters",
-    }  # fmt: skip
+    }
     assert all(len(f["sha256"]) == 64 for f in manifest["fmus"].values())
     manager = manifest["parameters"]["manager"]
     assert manager["split"] == {
-        "value": "ocdc", "unit": "", "given": True, "text": manager["split"]["text"],
-    }  # fmt: skip
+        "value": "ocdc",
+        "unit": "",
+        "given": True,
+        "text": manager["split"]["text"],
+    }
     assert manager["g_rate"]["value"] == 0.0077
     assert manifest["parameters"]["spacecraft"]["h_start_body"]["value"] == [1, 2, -1]
     assert manifest["numbers"]["firing_time"]["unit"] == "s"
@@ -122,12 +133,21 @@ def test_a_manifest_is_an_object_and_as_a_mapping_its_file(folder):
     run = load_run(folder)
     manifest, text = run.manifest, (folder / "manifest.json").read_text()
     run.results.close()
-    assert (manifest.completed, manifest.steps_done, manifest.stopped_when) == (True, 60, None)
+    assert (manifest.completed, manifest.steps_done, manifest.stopped_when) == (
+        True,
+        60,
+        None,
+    )
     assert manifest.parameters["manager"]["g_rate"] == Parameter(
-        0.0077, manifest["parameters"]["manager"]["g_rate"]["unit"], True,
+        0.0077,
+        manifest["parameters"]["manager"]["g_rate"]["unit"],
+        True,
         manifest["parameters"]["manager"]["g_rate"]["text"],
-    )  # fmt: skip
-    assert manifest.numbers["firing_time"].value == manifest["numbers"]["firing_time"]["value"]
+    )
+    assert (
+        manifest.numbers["firing_time"].value
+        == manifest["numbers"]["firing_time"]["value"]
+    )
     assert manifest.parts["dumping"].torquers == manifest["dumping"]["torquers"]
     assert json.dumps(manifest.to_json(), indent=1) == text
     assert manifest == json.loads(text)
@@ -136,33 +156,55 @@ def test_a_manifest_is_an_object_and_as_a_mapping_its_file(folder):
 
 
 def test_a_manifest_of_another_version_is_read_and_keeps_what_it_says():
-    told = {"scenario": "a", "about": {}, "status": "running", "rigid_body": None, "later": [1]}
+    told = {
+        "scenario": "a",
+        "about": {},
+        "status": "running",
+        "rigid_body": None,
+        "later": [1],
+    }
     manifest = Manifest.from_json(told)
-    assert (manifest.parameters, manifest.parts, manifest.numbers) == ({}, {"rigid_body": None}, {})
+    assert (manifest.parameters, manifest.parts, manifest.numbers) == (
+        {},
+        {"rigid_body": None},
+        {},
+    )
     assert manifest["later"] == [1]
     assert "numbers" not in manifest, "it has none before it is over"
 
 
 def test_no_code_takes_a_manifest_apart_by_its_keys():
-    texts = {p.name: p.read_text(encoding="utf-8") for p in (ROOT / "orchestrator").rglob("*.py")}
-    assert [name for name, text in texts.items() if re.search(r"""manifest\[["']""", text)] == []
+    texts = {
+        p.name: p.read_text(encoding="utf-8")
+        for p in (ROOT / "orchestrator").rglob("*.py")
+    }
+    assert [
+        name for name, text in texts.items() if re.search(r"""manifest\[["']""", text)
+    ] == []
 
 
 def test_recording_less():
     run = execute(NAME, Options(record=("manager.*", "thrusters.on_time"), every=7))
     assert set(run.results.names()) == {
-        "manager.m_cmd_body", "manager.mode", "manager.tau_cmd_thruster_body",
-        "manager.tau_cmd_wheel", "thrusters.on_time",
-    }  # fmt: skip
+        "manager.m_cmd_body",
+        "manager.mode",
+        "manager.tau_cmd_thruster_body",
+        "manager.tau_cmd_wheel",
+        "thrusters.on_time",
+    }
     assert run.results.times().tolist() == [70.0 * k for k in range(9)]
     whole = execute(NAME, Options())
     expected = whole.results.values("manager.m_cmd_body")[::7]
     assert np.array_equal(run.results.values("manager.m_cmd_body"), expected)
-    assert set(run.manifest["numbers"]) == {"firing_time"}, "the others' series are not recorded"
+    assert set(run.manifest["numbers"]) == {"firing_time"}, (
+        "the others' series are not recorded"
+    )
 
 
 def test_long_runs_are_written_in_pieces(tmp_path):
-    run = execute(NAME, Options(stop=30000.0, record=("spacecraft.*",)), tmp_path / "long")
+    run = execute(
+        NAME, Options(stop=30000.0, record=("spacecraft.*",)), tmp_path / "long"
+    )
     times = run.results.times()
     assert np.array_equal(times, 10.0 * np.arange(3001))
     assert len(run.results.values("spacecraft.q_bi")) == 3001
@@ -171,7 +213,8 @@ def test_long_runs_are_written_in_pieces(tmp_path):
 
 @pytest.mark.skipif(sys.platform != "linux", reason="needs /proc")
 def test_memory_does_not_grow_with_the_steps(tmp_path, monkeypatch):
-    """HDF5 would keep what it has written: 40 MB here; rows that fill no chunk yet are kept."""
+    """HDF5 would keep what it has written: 40 MB here; rows that fill no chunk yet are
+    kept."""
     used, tick = {}, Recorder.tick
 
     def tell(self: Recorder) -> None:
@@ -181,7 +224,9 @@ def test_memory_does_not_grow_with_the_steps(tmp_path, monkeypatch):
 
     monkeypatch.setattr(Recorder, "tick", tell)
     monkeypatch.setattr(recorder_module, "FLUSH_SECONDS", 0.0)
-    execute("nadir_day/day-dipole", Options(stop=50000.0), tmp_path / "a").results.close()
+    execute(
+        "nadir_day/day-dipole", Options(stop=50000.0), tmp_path / "a"
+    ).results.close()
     early = min(kB for rows, kB in used.items() if rows > 20000)
     assert used[max(used)] - early < 13000
 
@@ -191,12 +236,23 @@ def test_many_variables_share_tables(tmp_path, monkeypatch):
     found = []
     for many in (shared_tables.MANY, 3):
         monkeypatch.setattr(shared_tables, "MANY", many)
-        with execute("integrated/mil-nadir", Options(stop=20.0), tmp_path / str(many)).results as r:
-            found.append([
-                (n, r.values(n).tobytes(), r.values(n).shape, r.count(n), r.times(n).tolist(),
-                 r.choices(n), *(r.attribute(n, a) for a in ("unit", "frame", "class")))
-                for n in r.names()
-            ])  # fmt: skip
+        with execute(
+            "integrated/mil-nadir", Options(stop=20.0), tmp_path / str(many)
+        ).results as r:
+            found.append(
+                [
+                    (
+                        n,
+                        r.values(n).tobytes(),
+                        r.values(n).shape,
+                        r.count(n),
+                        r.times(n).tolist(),
+                        r.choices(n),
+                        *(r.attribute(n, a) for a in ("unit", "frame", "class")),
+                    )
+                    for n in r.names()
+                ]
+            )
         with h5py.File(tmp_path / str(many) / "series.h5") as file:
             assert (shared_tables.INDEX in file) == (many == 3)
     assert len(found[0]) > 20
@@ -231,8 +287,12 @@ def test_exports_hold_the_same_numbers(folder, tmp_path):
             component, _, variable = name.partition(".")
             whole = np.asarray(results.values(name))
             assert np.array_equal(structs[component][variable], whole)
-            assert structs[component]["units"][variable] == (results.attribute(name, "unit") or "1")
-            first = next(c for c in table.column_names if c.partition("[")[0].strip() == name)
+            assert structs[component]["units"][variable] == (
+                results.attribute(name, "unit") or "1"
+            )
+            first = next(
+                c for c in table.column_names if c.partition("[")[0].strip() == name
+            )
             column = whole if whole.ndim == 1 else whole[:, 0]
             assert np.array_equal(table[first].to_numpy(), column[:60])
     pictures, _ = export(folder, "png", tmp_path)
@@ -246,12 +306,16 @@ def test_a_run_is_a_data_set(folder, tmp_path):
     h = ds["spacecraft.h_copy_wheel"]
     assert h.dims[0] == "time"
     assert h.attrs == {
-        "units": "N.m.s", "frame": "wheel axes", "class": "state",
+        "units": "N.m.s",
+        "frame": "wheel axes",
+        "class": "state",
         "long_name": "own copy of the axial momentum of each wheel, absolute",
-    }  # fmt: skip
+    }
     assert ds["manager.mode"].attrs["choices"][0] == "idle"
     assert ds.time.attrs["units"] == ds.interval.attrs["units"] == "s"
-    assert (ds.attrs["scenario"], ds.attrs["epoch"]) == (NAME, ""), "none of it has an epoch"
+    assert (ds.attrs["scenario"], ds.attrs["epoch"]) == (NAME, ""), (
+        "none of it has an epoch"
+    )
     assert json.loads(ds.attrs["versions"])["desat"]
     execute("nadir_day/day-dipole", Options(stop=5.0), tmp_path).results.close()
     assert desat_package.load(tmp_path).attrs["epoch"] == "2026-01-01T00:00:00+00:00"
@@ -273,21 +337,35 @@ def test_a_failing_component_keeps_what_was_recorded(tmp_path):
     values = {"spacecraft.tau_disturbance_body": [1e30, 0.0, 0.0]}
     run = execute("nadir_day/day-dipole", Options(values=values), tmp_path / "bad")
     assert run.manifest["status"] == "failed"
-    assert "spacecraft: in a step of 1 s body and nutation turn by" in run.manifest["message"]
+    assert (
+        "spacecraft: in a step of 1 s body and nutation turn by"
+        in run.manifest["message"]
+    )
     start = run.manifest["parameters"]["wheels"]["h_start_wheel"]["value"]
     assert run.results.values("spacecraft.h_copy_wheel").tolist() == [start]
     assert len(run.results.values("wheels.tau_mean_wheel")) == 0
     assert (tmp_path / "bad" / "series.h5").exists()
 
 
-LONG = ["run", NAME, "--stop", "2e7", "--no-baseline", "--record", "spacecraft.h_copy_wheel"]
+LONG = [
+    "run",
+    NAME,
+    "--stop",
+    "2e7",
+    "--no-baseline",
+    "--record",
+    "spacecraft.h_copy_wheel",
+]
 
 
 def _start(folder):
     process = subprocess.Popen(
         [sys.executable, "-m", "desat.cli", *LONG, "--out", str(folder)],
-        cwd=ROOT, stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True,
-    )  # fmt: skip
+        cwd=ROOT,
+        stderr=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
+    )
     part = folder / "series.h5.part"
     deadline = time.monotonic() + 60
     while time.monotonic() < deadline:
@@ -332,15 +410,38 @@ def test_a_killed_run_can_be_read(tmp_path, desat):
 def test_measures():
     times = np.arange(5.0)
     values = np.array([[3.0, 4.0], [0, 0], [-6, 8], [1, 0], [0, 2]])
-    found = {n: f(times, values) for n, f in MEASURES.items() if n in (
-        "last", "norm_last", "largest", "norm_largest", "rms", "mean_size", "mean_size_last",
-        "largest_mean")}  # fmt: skip
-    assert found == {"last": 0, "norm_last": 2, "largest": 8, "norm_largest": 10,
-                     "rms": pytest.approx(np.sqrt(130 / 5)), "mean_size": pytest.approx(2.4),
-                     "mean_size_last": 1, "largest_mean": 3}  # fmt: skip
+    found = {
+        n: f(times, values)
+        for n, f in MEASURES.items()
+        if n
+        in (
+            "last",
+            "norm_last",
+            "largest",
+            "norm_largest",
+            "rms",
+            "mean_size",
+            "mean_size_last",
+            "largest_mean",
+        )
+    }
+    assert found == {
+        "last": 0,
+        "norm_last": 2,
+        "largest": 8,
+        "norm_largest": 10,
+        "rms": pytest.approx(np.sqrt(130 / 5)),
+        "mean_size": pytest.approx(2.4),
+        "mean_size_last": 1,
+        "largest_mean": 3,
+    }
     assert relative("saving", 30, 40) == 25
     assert relative("ratio", 30, 40) == 0.75
-    assert [related(f, 30, 40) for f in ("saving", "ratio", "difference")] == [25, 0.75, -10]
+    assert [related(f, 30, 40) for f in ("saving", "ratio", "difference")] == [
+        25,
+        0.75,
+        -10,
+    ]
     assert related("difference", None, 40) is None
 
 
@@ -348,13 +449,21 @@ def test_each_number_of_a_series_that_is_not_there_is_said():
     builder = read("uosat12/table3-ocdc-ilqr-1").builder(Options(blocks=True))
     content = builder.about
     del builder.components["manager"], builder.components["spacecraft"]
-    lines = [x for x in content_problems(content, builder.components) if x[0][0] == "numbers"]
+    lines = [
+        x for x in content_problems(content, builder.components) if x[0][0] == "numbers"
+    ]
     gone = ("manager.", "spacecraft.")
-    expected = {n for n, x in content.numbers.items() if any(s.startswith(gone) for s in x.signals)}
+    expected = {
+        n
+        for n, x in content.numbers.items()
+        if any(s.startswith(gone) for s in x.signals)
+    }
     assert expected
     assert {path[1] for path, _ in lines} == expected
     assert all(path[2:] == ("signal",) for path, _ in lines), lines
-    assert all(re.match(r"no component (manager|spacecraft)", text) for _, text in lines), lines
+    assert all(
+        re.match(r"no component (manager|spacecraft)", text) for _, text in lines
+    ), lines
 
 
 def test_scales_of_units():
@@ -364,9 +473,17 @@ def test_scales_of_units():
 
 
 def test_modes_have_names_of_their_block(tmp_path):
-    """They come with the FMU, and stand in the series, the manifest and nowhere in the role."""
+    """They come with the FMU, and stand in the series, the manifest and nowhere in the
+    role."""
     own = {
-        "manager_integrated": ("idle", "dumping", "-", "-", "emergency", "velocity_dumping"),
+        "manager_integrated": (
+            "idle",
+            "dumping",
+            "-",
+            "-",
+            "emergency",
+            "velocity_dumping",
+        ),
         "manager_receding_horizon": ("idle", "-", "receding_horizon", "fallback"),
         "manager_cross_product": ("idle", "dumping"),
     }
@@ -377,14 +494,24 @@ def test_modes_have_names_of_their_block(tmp_path):
     run = execute("integrated/velocity-to-pointing", Options(stop=20.0), tmp_path)
     assert run.results.choices("manager.mode") == own["manager_integrated"]
     assert run.results.choices("manager.m_cmd_body") == ()
-    assert read_manifest(tmp_path)["choices"] == {"manager.mode": list(own["manager_integrated"])}
+    assert read_manifest(tmp_path)["choices"] == {
+        "manager.mode": list(own["manager_integrated"])
+    }
     names = run.results.choices("manager.mode")
-    assert {names[k] for k in run.results.values("manager.mode")} == {"velocity_dumping"}
+    assert {names[k] for k in run.results.values("manager.mode")} == {
+        "velocity_dumping"
+    }
 
 
 @pytest.mark.parametrize(
     ("unit", "shown"),
-    [("A2.m4.s", "A2 m4 s"), ("uN.m", "uN m"), ("rad/s2", "rad/s2"), ("um", "um"), ("1", "")],
+    [
+        ("A2.m4.s", "A2 m4 s"),
+        ("uN.m", "uN m"),
+        ("rad/s2", "rad/s2"),
+        ("um", "um"),
+        ("1", ""),
+    ],
 )
 def test_units_as_people_write_them(unit, shown):
     assert spell_unit(unit) == shown
@@ -409,12 +536,18 @@ def test_the_page_of_results_works_as_it_says(tmp_path, monkeypatch, capsys):
     (snippet,) = re.findall(r"```matlab\n(.*?)```", page, re.S)
     if octave := shutil.which("octave-cli"):
         export(out, "mat")
-        told = subprocess.run([octave, "--no-gui", "--quiet", "--eval", snippet], check=False,
-                              capture_output=True, text=True).stdout.split()  # fmt: skip
+        told = subprocess.run(
+            [octave, "--no-gui", "--quiet", "--eval", snippet],
+            check=False,
+            capture_output=True,
+            text=True,
+        ).stdout.split()
         assert told == ["N.m.s", f"{largest.max():.17g}"]
 
 
-@pytest.mark.parametrize(("rows", "left"), [(200_000, 0.5), (200_000, 0.002), (20_000, 0.1)])
+@pytest.mark.parametrize(
+    ("rows", "left"), [(200_000, 0.5), (200_000, 0.002), (20_000, 0.1)]
+)
 def test_one_that_was_not_closed_and_has_lost_its_end_is_refused(tmp_path, rows, left):
     """At once: HDF5 would take what is missing for zeros, or look for it for hours."""
     with h5py.File(tmp_path / "whole", "w", libver="latest") as file:
@@ -447,7 +580,9 @@ def test_nothing_is_packed_by_a_thread_that_steps(tmp_path, monkeypatch):
     monkeypatch.setattr(recorder_module, "ROWS", 16)
     execute(NAME, Options(checkpoint=200.0), tmp_path / "a").results.close()
     assert len(threads) > 100
-    monkeypatch.setattr(series_file.Packing, "finish", lambda packing, last: packing.drop())
+    monkeypatch.setattr(
+        series_file.Packing, "finish", lambda packing, last: packing.drop()
+    )
     execute(NAME, Options(), tmp_path / "b").results.close()
     monkeypatch.undo()
     monkeypatch.setattr(isal_zlib, "compress", seen)
@@ -462,11 +597,16 @@ def test_numbers_of_the_same_series_derive_once(folder, monkeypatch):
     number = {"signal": signals, "derive": "angle_between"}
     angle, calls = derived.QUANTITIES["angle_between"], []
     counted = derived.DerivedQuantity(
-        lambda a, b: calls.append(len(a)) or angle.function(a, b), angle.names, angle.unit
+        lambda a, b: calls.append(len(a)) or angle.function(a, b),
+        angle.names,
+        angle.unit,
     )
     monkeypatch.setitem(derived.QUANTITIES, "angle_between", counted)
     with Results.open(folder) as results:
-        found = [evaluate(Number(**number, measure=m), results, {}) for m in ("largest", "last")]
+        found = [
+            evaluate(Number(**number, measure=m), results, {})
+            for m in ("largest", "last")
+        ]
         assert calls == [61]
         evaluate(Number(**{**number, "signal": signals[::-1]}), results, {})
         assert calls == [61, 61]
@@ -487,7 +627,7 @@ def test_what_was_made_lately_is_kept_within_bounds(folder, monkeypatch):
         assert results.recent("c", lambda: np.zeros(100)) is large
 
 
-# --- names of foreign arrays --------------------------------------------------------------------
+# --- names of foreign arrays ----------------------------------------------------------
 
 ELEMENTS = [
     (["x[1]", "x[2]", "x[3]"], {"x": [0, 1, 2]}),
@@ -499,13 +639,14 @@ ELEMENTS = [
     (["x[1,1]", "x[1,2]", "y"], {"x": [0, 1], "y": [2]}),
     (["x[a]", "x[b]", "y"], {"x[a]": [0], "x[b]": [1], "y": [2]}),
 ]
-"""Names of three outputs in the order of the description, and the series that they make."""
+"""Names of three outputs in the order of the description, and the series that they
+make."""
 
 
 @pytest.mark.parametrize(("names", "series"), ELEMENTS, ids=lambda x: " ".join(x))
 def test_a_foreign_array_keeps_its_own_names(tmp_path, names, series):
-    """They were numbered anew, in the order of the description, and what stood between them was
-    one of them."""
+    """They were numbered anew, in the order of the description, and what stood between
+    them was one of them."""
     folder = tmp_path / "mine"
     with zipfile.ZipFile(ROOT / "fmus/dist/native/magnetometer.fmu") as archive:
         archive.extractall(folder)
@@ -526,10 +667,14 @@ def test_a_foreign_array_keeps_its_own_names(tmp_path, names, series):
         recorder = Recorder(None, m)
         step_on(m, stepping(m, recorder, NEVER, "python"), 3, recorder)
         with recorder.finish(m) as results:
-            kept = {n: results.values(n)[0] for n in results.names() if n != "mine.valid"}
+            kept = {
+                n: results.values(n)[0] for n in results.names() if n != "mine.valid"
+            }
     assert kept.keys() == {f"mine.{n}" for n in series}
     for name, places in series.items():
-        assert np.atleast_1d(kept[f"mine.{name}"]).tolist() == [1e-5 * (i + 1) for i in places]
+        assert np.atleast_1d(kept[f"mine.{name}"]).tolist() == [
+            1e-5 * (i + 1) for i in places
+        ]
 
 
 def test_each_axis_of_a_series_has_a_scale(tmp_path):

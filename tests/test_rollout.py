@@ -1,4 +1,5 @@
-"""Detumbling by rollout: flights of the model, the search, the filter of the rate, the block."""
+"""Detumbling by rollout: flights of the model, the search, the filter of the rate, the
+block."""
 
 from __future__ import annotations
 
@@ -29,7 +30,16 @@ AXES = (0.0, 0.6, 0.0, 0.0, -1.0, 0.0, 0.0, 0.0, 0.0, 0.8, 0.0, 0.0)
 """Two wheels: along -y, and between x and z."""
 CARRIER = carrier_inertia(INERTIA, AXES, (3e-4, 3e-4, 0.0, 0.0))
 MODEL = rollout.Model(
-    CARRIER, inverse_inertia(CARRIER), AXES, 2.0, (1e-3, 1e-3, 0.0, 0.0), 0.18, 3e7, 1e-2, 3e-3, 1.0
+    CARRIER,
+    inverse_inertia(CARRIER),
+    AXES,
+    2.0,
+    (1e-3, 1e-3, 0.0, 0.0),
+    0.18,
+    3e7,
+    1e-2,
+    3e-3,
+    1.0,
 )
 PITCH = (0.0, 0.0, 0.0, 0.0, -1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 ALONE = MODEL._replace(axes=PITCH, torque_limit=(1e-3, 0.0, 0.0, 0.0))
@@ -38,8 +48,19 @@ FIELD: Vec3 = (2e-5, -1e-5, 2.5e-5)
 
 
 def flown(sequence: rollout.Sequence, best: float = inf, fastest: float = inf) -> float:
-    return rollout.flown(ALONE, (0.1, -0.1, 0.1), FIELD, STILL, sequence.torques,
-                         sequence.segments, sequence.elapsed, 20, 900, best, fastest)  # fmt: skip
+    return rollout.flown(
+        ALONE,
+        (0.1, -0.1, 0.1),
+        FIELD,
+        STILL,
+        sequence.torques,
+        sequence.segments,
+        sequence.elapsed,
+        20,
+        900,
+        best,
+        fastest,
+    )
 
 
 def test_a_step_without_coils_keeps_the_momentum_and_follows_a_finer_one() -> None:
@@ -63,7 +84,9 @@ def test_a_step_without_coils_keeps_the_momentum_and_follows_a_finer_one() -> No
         assert np.linalg.norm(b) == pytest.approx(np.linalg.norm(FIELD), rel=5e-3)
         errors.append(float(np.linalg.norm(np.subtract(omega, exact))))
     assert errors[0] < 5e-3
-    assert all(3.0 < coarse / fine < 6.0 for coarse, fine in pairwise(errors))  # order 2
+    assert all(
+        3.0 < coarse / fine < 6.0 for coarse, fine in pairwise(errors)
+    )  # order 2
 
 
 def test_the_search_is_never_later_than_the_law_or_what_was_chosen_before() -> None:
@@ -97,29 +120,54 @@ def test_a_flight_is_dropped_once_it_is_later_or_too_fast_for_the_model() -> Non
 def test_a_sequence_that_has_begun_goes_on_where_it_was() -> None:
     """Its segments are counted from its own beginning: as one of what is left of it."""
     a, b, c, d = (1e-3, -5e-4, -1e-3, 7e-4)
-    begun = rollout.Sequence(tuple(x for u in (a, b, c, d) for x in (u, 0.0, 0.0, 0.0)), 4, 20)
-    left = rollout.Sequence(tuple(x for u in (b, c, d, 0) for x in (u, 0.0, 0.0, 0.0)), 3, 0)
+    begun = rollout.Sequence(
+        tuple(x for u in (a, b, c, d) for x in (u, 0.0, 0.0, 0.0)), 4, 20
+    )
+    left = rollout.Sequence(
+        tuple(x for u in (b, c, d, 0) for x in (u, 0.0, 0.0, 0.0)), 3, 0
+    )
     assert flown(begun) == flown(left)
     assert flown(begun) != flown(left._replace(segments=2))
     half = rollout.Sequence(left.torques, 2, 10)
-    parts = rollout.Sequence(tuple(x for u in (b, c, c, 0) for x in (u, 0.0, 0.0, 0.0)), 3, 0)
-    by_tens = rollout.flown(ALONE, (0.1, -0.1, 0.1), FIELD, STILL, parts.torques, 3, 0, 10, 900,
-                            inf, inf)  # fmt: skip
+    parts = rollout.Sequence(
+        tuple(x for u in (b, c, c, 0) for x in (u, 0.0, 0.0, 0.0)), 3, 0
+    )
+    by_tens = rollout.flown(
+        ALONE, (0.1, -0.1, 0.1), FIELD, STILL, parts.torques, 3, 0, 10, 900, inf, inf
+    )
     assert flown(half) == by_tens
 
 
-def test_a_rate_at_its_limit_is_above_it_and_a_wheel_at_its_limit_is_not_driven() -> None:
+def test_a_rate_at_its_limit_is_above_it_and_a_wheel_at_its_limit_is_not_driven() -> (
+    None
+):
     at = (MODEL.rate_limit, 0.0, 0.0)
-    still = MODEL._replace(carrier=INERTIA, inverse=inverse_inertia(INERTIA), gain=0.0,
-                           gain_wheel=0.0)  # fmt: skip
-    whole = rollout.flown(still, at, ZERO, STILL, rollout.NOTHING, 0, 0, 20, 7, inf, inf)
+    still = MODEL._replace(
+        carrier=INERTIA, inverse=inverse_inertia(INERTIA), gain=0.0, gain_wheel=0.0
+    )
+    whole = rollout.flown(
+        still, at, ZERO, STILL, rollout.NOTHING, 0, 0, 20, 7, inf, inf
+    )
     assert whole == 7.0 + 1.0  # turning about a principal axis
-    spun = rollout.flown(still, at, ZERO, STILL, rollout.NOTHING, 0, 0, 20, 7, inf, at[0])
+    spun = rollout.flown(
+        still, at, ZERO, STILL, rollout.NOTHING, 0, 0, 20, 7, inf, at[0]
+    )
     assert spun == whole  # as fast as is believed, and no faster
-    assert rollout.flown(still, at, ZERO, STILL, rollout.NOTHING, 0, 0, 20, 7, 6.0, inf) == whole
-    assert rollout.flown(still, at, ZERO, STILL, rollout.NOTHING, 0, 0, 20, 7, 5.0, inf) == inf
+    assert (
+        rollout.flown(still, at, ZERO, STILL, rollout.NOTHING, 0, 0, 20, 7, 6.0, inf)
+        == whole
+    )
+    assert (
+        rollout.flown(still, at, ZERO, STILL, rollout.NOTHING, 0, 0, 20, 7, 5.0, inf)
+        == inf
+    )
     u, limit = (1e-3, -1e-3, 1e-3, -1e-3), 0.1
-    assert rollout.allowed(u, (limit, limit, -limit, -limit), limit) == (0.0, -1e-3, 1e-3, 0.0)
+    assert rollout.allowed(u, (limit, limit, -limit, -limit), limit) == (
+        0.0,
+        -1e-3,
+        1e-3,
+        0.0,
+    )
     assert rollout.allowed(u, (0.09, 0.09, -0.09, -0.09), limit) == u
 
 
@@ -145,13 +193,19 @@ def test_the_filter_knows_the_rate_along_the_field_and_how_well() -> None:
         p = rate_filter.diagonal(0.04), rate_filter.NONE, rate_filter.diagonal(noise**2)
         for k in range(200):
             for _ in range(20):
-                slope = mat_vec(inverse, tuple(-np.cross(omega, mat_vec(CARRIER, tuple(omega)))))
+                slope = mat_vec(
+                    inverse, tuple(-np.cross(omega, mat_vec(CARRIER, tuple(omega))))
+                )
                 middle = omega + 0.025 * np.asarray(slope)
-                slope = mat_vec(inverse, tuple(-np.cross(middle, mat_vec(CARRIER, tuple(middle)))))
+                slope = mat_vec(
+                    inverse, tuple(-np.cross(middle, mat_vec(CARRIER, tuple(middle))))
+                )
                 omega = omega + 0.05 * np.asarray(slope)
                 half = b + 0.025 * np.asarray(cross(tuple(b), tuple(middle)))
                 b = b + 0.05 * np.asarray(cross(tuple(half), tuple(middle)))
-            p = rate_filter.spread(rate, field, ZERO, *p, CARRIER, inverse, 3e-5, 3e-8, 1.0)
+            p = rate_filter.spread(
+                rate, field, ZERO, *p, CARRIER, inverse, 3e-5, 3e-8, 1.0
+            )
             rate, field = rate_observer.predicted(
                 rate, field, ZERO, ZERO, ZERO, CARRIER, inverse, 1.0
             )
@@ -162,17 +216,27 @@ def test_the_filter_knows_the_rate_along_the_field_and_how_well() -> None:
                 squares.append(error @ np.linalg.solve(np.reshape(p[0], (3, 3)), error))
                 aligned.append(abs(error @ b) / np.linalg.norm(b))
     assert np.median(aligned) < 2e-3  # of 0.1 rad/s, which no single sample shows
-    # of three degrees of freedom; the field here is held, so that the filter errs to the safe side
+    # of three degrees of freedom; the field here is held, so that the filter errs to
+    # the safe side
     assert 0.3 < np.mean(squares) < 4.5
 
 
 class Flight:
     """A block and a model of the craft that differs by a wheel that is dead or rubs."""
 
-    def __init__(self, friction: float = 0.0, dead: bool = False, **parameters: object) -> None:
+    def __init__(
+        self, friction: float = 0.0, dead: bool = False, **parameters: object
+    ) -> None:
         self.block = ManagerDetumblingRollout()
-        values = {"axes_wheel": AXES, "inertia": INERTIA, "inertia_wheel": (3e-4, 3e-4, 0.0, 0.0),
-                  "rounds": 1, "candidates": 4, "hold_time": 10.0, **parameters}  # fmt: skip
+        values = {
+            "axes_wheel": AXES,
+            "inertia": INERTIA,
+            "inertia_wheel": (3e-4, 3e-4, 0.0, 0.0),
+            "rounds": 1,
+            "candidates": 4,
+            "hold_time": 10.0,
+            **parameters,
+        }
         for name, value in values.items():
             setattr(self.block, name, value)
         self.block.omega_bi_body = self.omega = (0.05, -0.05, 0.05)
@@ -183,7 +247,11 @@ class Flight:
     def go(self, steps: int) -> ManagerDetumblingRollout:
         block = self.block
         for _ in range(steps):
-            block.omega_bi_body, block.b_body, block.h_wheel = self.omega, self.b, self.h
+            block.omega_bi_body, block.b_body, block.h_wheel = (
+                self.omega,
+                self.b,
+                self.h,
+            )
             block.compute(self.t, 1.0)
             u = block.tau_cmd_wheel
             first = 0.0 if self.dead else u[0] - self.friction
@@ -216,7 +284,9 @@ def test_friction_is_given_beside_the_law() -> None:
     assert rubbed.block.mode == DETUMBLED
 
 
-def test_a_dead_wheel_is_noticed_and_the_coils_take_the_gain_that_lets_the_field_turn() -> None:
+def test_a_dead_wheel_is_noticed_and_the_coils_take_the_gain_that_lets_the_field_turn() -> (
+    None
+):
     flight = Flight(dead=True)
     block = flight.go(60)
     assert block._limits == (0.0, 1e-3, 0.0, 0.0)
@@ -226,11 +296,14 @@ def test_a_dead_wheel_is_noticed_and_the_coils_take_the_gain_that_lets_the_field
     assert block._limits == (1e-3, 1e-3, 0.0, 0.0)
     assert block.wheels_dead == 0
     only = Flight(
-        dead=True, axes_wheel=(0.0, 0.0, 0.0, 0.0, -1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+        dead=True,
+        axes_wheel=(0.0, 0.0, 0.0, 0.0, -1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
     )
     block = only.go(60)
     assert not any(block._limits)
-    assert block._coil_gain() == pytest.approx(block.gain_alone / np.dot(only.b, only.b), rel=0.01)
+    assert block._coil_gain() == pytest.approx(
+        block.gain_alone / np.dot(only.b, only.b), rel=0.01
+    )
     assert block._segments == 0
 
 
@@ -247,7 +320,9 @@ def test_without_a_rate_nothing_is_commanded_and_without_a_field_no_dipole() -> 
     assert any(block.tau_cmd_wheel)
 
 
-def test_it_is_detumbled_at_the_end_of_the_hold_time_and_no_more_above_its_second_limit() -> None:
+def test_it_is_detumbled_at_the_end_of_the_hold_time_and_no_more_above_its_second_limit() -> (
+    None
+):
     """By rates that are given: both limits count as not reached."""
     flight = Flight(plan_time=1e3)
     block, modes = flight.block, []
@@ -284,7 +359,9 @@ def test_a_rate_is_sure_where_its_error_is_below_the_limit() -> None:
             assert block._is_sure() == sure
 
 
-def test_a_dead_wheel_is_one_at_the_fifth_sample_and_a_plan_is_made_anew_when_it_is_due() -> None:
+def test_a_dead_wheel_is_one_at_the_fifth_sample_and_a_plan_is_made_anew_when_it_is_due() -> (
+    None
+):
     flight = Flight(gain_wheel=0.0, rounds=0, plan_time=3.0)
     block = flight.block
     for k in range(1, 8):
@@ -319,12 +396,16 @@ def test_the_longest_flight_is_allowed_and_equal_limits_are_not() -> None:
     Flight(horizon=float(MOST_STEPS))
     with pytest.raises(BlockError, match=r"4001 steps"):
         Flight(horizon=MOST_STEPS + 1.0)
-    with pytest.raises(BlockError, match=r"rate_again = 0\.003 rad/s is not above rate_limit"):
+    with pytest.raises(
+        BlockError, match=r"rate_again = 0\.003 rad/s is not above rate_limit"
+    ):
         Flight(rate_again=3e-3)
 
 
 def test_a_limit_above_that_of_going_on_is_refused() -> None:
-    with pytest.raises(BlockError, match=r"rate_again = 0\.001 rad/s is not above rate_limit"):
+    with pytest.raises(
+        BlockError, match=r"rate_again = 0\.001 rad/s is not above rate_limit"
+    ):
         Flight(rate_again=1e-3)
 
 

@@ -33,12 +33,19 @@ NOISY = {
     "magnetometer": {"noise": 1e-7},
     "tachometers": {"noise": 1e-4},
     "rate_gyro": {"noise": 1e-5, "angle_random_walk": 1e-5, "bias_walk": 1e-6},
-    "attitude_determination": {"noise": 1e-3, "markov_sigma": 1e-2, "misalignment_norm": 1e-2},
+    "attitude_determination": {
+        "noise": 1e-3,
+        "markov_sigma": 1e-2,
+        "misalignment_norm": 1e-2,
+    },
     "sun_sensor": {"noise": 1e-3},
     "star_tracker": {
-        "noise_cross": 1e-4, "noise_about": 1e-3, "drift_cross": 1e-4, "drift_about": 1e-3,
+        "noise_cross": 1e-4,
+        "noise_about": 1e-3,
+        "drift_cross": 1e-4,
+        "drift_about": 1e-3,
     },
-}  # fmt: skip
+}
 
 
 def sensor(name, **values):
@@ -82,7 +89,7 @@ def is_white(x, sigma):
     assert np.abs(z.T @ z / n - np.eye(z.shape[1])).max() < 6 / math.sqrt(n)
 
 
-# --- random numbers -----------------------------------------------------------------------------
+# --- random numbers -------------------------------------------------------------------
 
 
 def test_six_numbers_are_those_of_three_pairs():
@@ -94,20 +101,27 @@ def test_six_numbers_are_those_of_three_pairs():
 
 
 # one scenario of each craft that has noise
-NOISY_SCENARIOS = ["integrated/mil-nadir", "uosat12/flight-ocdc-1", "uosat12/table3-ocdc-ilqr-1",
-                   "nadir_day/day-igrf"]  # fmt: skip
+NOISY_SCENARIOS = [
+    "integrated/mil-nadir",
+    "uosat12/flight-ocdc-1",
+    "uosat12/table3-ocdc-ilqr-1",
+    "nadir_day/day-igrf",
+]
 
 
 @pytest.mark.parametrize("scenario", NOISY_SCENARIOS)
 def test_no_two_channels_of_a_scenario_correlate(scenario):
-    """Under the seeds that ship, all equal; once 1.0 between magnetometer and tachometers."""
+    """Under the seeds that ship, all equal; once 1.0 between magnetometer and
+    tachometers."""
     system, _ = prepare(scenario, Options(blocks=True)).or_raise()
     n, channels, keys = 2500, [], []
     for name, component in system.components.items():
         model = component.interface.model
         if model == "wheels":
             keys.append(noise.stream(name, "tau_jitter_body", component.values["seed"]))
-            channels += [[noise.uniform(keys[-1], k, i) for k in range(n)] for i in range(4)]
+            channels += [
+                [noise.uniform(keys[-1], k, i) for k in range(n)] for i in range(4)
+            ]
         if model not in SENSORS:
             continue
         block = fresh(model)
@@ -173,7 +187,9 @@ def test_samples_do_not_depend_on_the_step(name, dt):
     every = samples(sensor(name, sample_time=1.0, **NOISY[name]), output, 50)
     assert len(np.unique(every[:, 0])) == 50
     per_sample = round(1 / dt)
-    finer = samples(sensor(name, sample_time=1.0, **NOISY[name]), output, 50 * per_sample, dt)
+    finer = samples(
+        sensor(name, sample_time=1.0, **NOISY[name]), output, 50 * per_sample, dt
+    )
     for offset in (0, per_sample - 1):
         assert (finer[offset::per_sample] == every).all()
 
@@ -192,7 +208,7 @@ def test_the_first_sample_is_that_of_the_start(name):
     assert getattr(block, SENSORS[name][1]) == first
 
 
-# --- quantisation, range, validity --------------------------------------------------------------
+# --- quantisation, range, validity ----------------------------------------------------
 
 
 def test_digital():
@@ -216,7 +232,9 @@ def test_quantisation_and_range(name):
     # rounding errors are uniform: their variance is resolution^2 / 12
     exact = samples(sensor(name, noise=size / 10), output, 2000)
     inside = np.abs(exact) < 0.79 * size
-    assert (x - exact)[inside].std() == pytest.approx(size / 50 / math.sqrt(12), rel=0.05)
+    assert (x - exact)[inside].std() == pytest.approx(
+        size / 50 / math.sqrt(12), rel=0.05
+    )
 
 
 @pytest.mark.parametrize("name", ["magnetometer", "tachometers", "rate_gyro"])
@@ -260,13 +278,15 @@ def test_failure_time_on_a_sample_is_not_missed_by_rounding():
     assert not sensing.failed(2 * 0.7, 2.1)
 
 
-# --- magnetometer, tachometers ------------------------------------------------------------------
+# --- magnetometer, tachometers --------------------------------------------------------
 
 
 def test_magnetometer_measures_in_the_body_frame():
     # body turned by +90 deg about z: the body's x axis points along the inertial y axis
     q = (0.0, 0.0, math.sqrt(0.5), math.sqrt(0.5))
-    block = sensor("magnetometer", q_bi=q, b_eci=(0.0, 3e-5, 1e-5), bias_body=(1e-6, 0.0, 0.0))
+    block = sensor(
+        "magnetometer", q_bi=q, b_eci=(0.0, 3e-5, 1e-5), bias_body=(1e-6, 0.0, 0.0)
+    )
     assert block.b_body == pytest.approx((3.1e-5, 0.0, 1e-5), abs=1e-18)
 
 
@@ -283,32 +303,44 @@ def test_magnetometer_and_tachometers_draw_from_streams_of_their_own():
     assert block.b_body == noise.normal3(key, 0)
     block = sensor("tachometers", noise=1.0, h_wheel=(0.0,) * 4)
     key = noise.stream("tachometers", "h_meas_wheel", 1)
-    assert block.h_meas_wheel == (*noise.normal_pair(key, 0), *noise.normal_pair(key, 0, 2))
+    assert block.h_meas_wheel == (
+        *noise.normal_pair(key, 0),
+        *noise.normal_pair(key, 0, 2),
+    )
 
 
-# --- rate gyro ----------------------------------------------------------------------------------
+# --- rate gyro ------------------------------------------------------------------------
 
 
 def test_magnetometer_turned_and_scaled():
     """A sensor turned about z by a reads C(a) b, to a^2; its x axis 10 % too long."""
     a, (x, y, z) = 1e-4, SENSORS["magnetometer"][2]
-    turned = sensor("magnetometer", response_error=(0.0, a, 0.0, -a, 0.0, 0.0, 0.0, 0.0, 0.0))
+    turned = sensor(
+        "magnetometer", response_error=(0.0, a, 0.0, -a, 0.0, 0.0, 0.0, 0.0, 0.0)
+    )
     c, s = math.cos(a), math.sin(a)
-    assert turned.b_body == pytest.approx((c * x + s * y, c * y - s * x, z), abs=a * a * 4e-5)
+    assert turned.b_body == pytest.approx(
+        (c * x + s * y, c * y - s * x, z), abs=a * a * 4e-5
+    )
     bias = (3e-6, 0.0, 0.0)  # what is read in no field: not scaled
     scaled = sensor("magnetometer", response_error=(0.1, *(0.0,) * 8), bias_body=bias)
     assert scaled.b_body == pytest.approx((1.1 * x + 3e-6, y, z), rel=1e-14)
 
 
 def test_gyro_bias_and_scale_error():
-    block = sensor("rate_gyro", bias_body=(1e-4, 0.0, -1e-4), scale_error=(0.1, -0.1, 0.0))
+    block = sensor(
+        "rate_gyro", bias_body=(1e-4, 0.0, -1e-4), scale_error=(0.1, -0.1, 0.0)
+    )
     assert block.omega_meas_body == pytest.approx((1.2e-3, -1.8e-3, 2.9e-3), abs=1e-18)
 
 
 @pytest.mark.parametrize("sample_time", [0.1, 0.5])
 def test_gyro_angle_random_walk_does_not_depend_on_the_sample_time(sample_time):
     block = sensor(
-        "rate_gyro", angle_random_walk=1e-4, sample_time=sample_time, omega_bi_body=(0.0,) * 3
+        "rate_gyro",
+        angle_random_walk=1e-4,
+        sample_time=sample_time,
+        omega_bi_body=(0.0,) * 3,
     )
     x = samples(block, "omega_meas_body", N, sample_time)
     is_white(x, 1e-4 / math.sqrt(sample_time))
@@ -322,9 +354,12 @@ def test_gyro_bias_is_a_random_walk(sample_time):
     """sample_time 0: at every step, here of 0.5 s."""
     dt = 0.5
     block = sensor(
-        "rate_gyro", bias_walk=1e-6, bias_body=(1e-3, 0.0, 0.0), omega_bi_body=(0.0,) * 3,
+        "rate_gyro",
+        bias_walk=1e-6,
+        bias_body=(1e-3, 0.0, 0.0),
+        omega_bi_body=(0.0,) * 3,
         sample_time=sample_time,
-    )  # fmt: skip
+    )
     stride = round((sample_time or dt) / dt)
     x = samples(block, "omega_meas_body", 4000 * stride, dt)[::stride]
     assert tuple(x[0]) == (1e-3, 0.0, 0.0)
@@ -340,7 +375,8 @@ def test_gyro_bias_spreads_with_the_root_of_time():
 
 
 def allan_variance(rate, n):
-    """Overlapping Allan variance over n samples, mean of the axes (IEEE Std 952-1997, annex C)."""
+    """Overlapping Allan variance over n samples, mean of the axes (IEEE Std 952-1997,
+    annex C)."""
     angle = np.vstack([np.zeros(3), np.cumsum(rate, axis=0)]) / n
     return float(((angle[2 * n :] - 2 * angle[n:-n] + angle[: -2 * n]) ** 2).mean() / 2)
 
@@ -349,22 +385,31 @@ def test_gyro_has_the_allan_deviation_of_its_walks():
     """N^2 / tau + K^2 tau / 3: both coefficients come out of the record within 10 %."""
     angle_walk, rate_walk = 1e-4, 1e-5
     block = sensor(
-        "rate_gyro", angle_random_walk=angle_walk, bias_walk=rate_walk, sample_time=1.0,
+        "rate_gyro",
+        angle_random_walk=angle_walk,
+        bias_walk=rate_walk,
+        sample_time=1.0,
         omega_bi_body=(1e-3, 0.0, 0.0),
-    )  # fmt: skip
+    )
     x = samples(block, "omega_meas_body", N)
     terms = np.array([[1 / tau, tau / 3] for tau in (1, 100)])
-    found = np.sqrt(np.linalg.solve(terms, [allan_variance(x, tau) for tau in (1, 100)]))
+    found = np.sqrt(
+        np.linalg.solve(terms, [allan_variance(x, tau) for tau in (1, 100)])
+    )
     assert found == pytest.approx([angle_walk, rate_walk], rel=0.1)
 
 
 def test_gyro_has_the_floor_of_its_bias_instability():
-    """Alone, at 1.89 correlation times, and below it to either side; stationary from the start."""
+    """Alone, at 1.89 correlation times, and below it to either side; stationary from
+    the start."""
     floor = 2e-6
     block = sensor(
-        "rate_gyro", bias_instability=floor, instability_time=10.0, sample_time=1.0,
+        "rate_gyro",
+        bias_instability=floor,
+        instability_time=10.0,
+        sample_time=1.0,
         omega_bi_body=(0.0, 0.0, 0.0),
-    )  # fmt: skip
+    )
     x = samples(block, "omega_meas_body", N)
     at = {n: math.sqrt(allan_variance(x, n)) for n in (2, 19, 200)}
     assert at[19] == pytest.approx(floor, rel=0.1)
@@ -375,23 +420,29 @@ def test_gyro_has_the_floor_of_its_bias_instability():
 
 def test_gyro_turned_by_a_small_angle():
     a, (x, y, z) = 1e-4, (1e-3, 2e-3, -3e-3)
-    block = sensor("rate_gyro", misalignment_body=(0.0, 0.0, a), omega_bi_body=(x, y, z))
+    block = sensor(
+        "rate_gyro", misalignment_body=(0.0, 0.0, a), omega_bi_body=(x, y, z)
+    )
     c, s = math.cos(a), math.sin(a)
     turned = (c * x + s * y, c * y - s * x, z)
     assert block.omega_meas_body == pytest.approx(turned, abs=a * a * 3e-3)
 
 
 def test_gyro_bias_instability_needs_a_time():
-    with pytest.raises(ValueError, match="bias_instability needs an instability_time above 0"):
+    with pytest.raises(
+        ValueError, match="bias_instability needs an instability_time above 0"
+    ):
         sensor("rate_gyro", bias_instability=1e-6, instability_time=0.0)
 
 
 def test_gyro_angle_random_walk_needs_a_sample_time():
-    with pytest.raises(ValueError, match="angle_random_walk needs a sample_time above 0"):
+    with pytest.raises(
+        ValueError, match="angle_random_walk needs a sample_time above 0"
+    ):
         sensor("rate_gyro", angle_random_walk=1e-4)
 
 
-# --- attitude determination ---------------------------------------------------------------------
+# --- attitude determination -----------------------------------------------------------
 
 
 def test_misalignment_turns_the_measured_frame_about_the_bodys_axis():
@@ -404,13 +455,17 @@ def test_misalignment_turns_the_measured_frame_about_the_bodys_axis():
     assert block.q_meas_bi == pytest.approx(turned, abs=1e-15)
 
 
-@pytest.mark.parametrize(("sample_time", "correlation_time"), [(1.0, 20.0), (10.0, 40.0)])
+@pytest.mark.parametrize(
+    ("sample_time", "correlation_time"), [(1.0, 20.0), (10.0, 40.0)]
+)
 def test_drift_is_a_gauss_markov_process(sample_time, correlation_time):
     sigma, n = 1e-2, 40000
     block = sensor(
-        "attitude_determination", markov_sigma=sigma, correlation_time=correlation_time,
+        "attitude_determination",
+        markov_sigma=sigma,
+        correlation_time=correlation_time,
         sample_time=sample_time,
-    )  # fmt: skip
+    )
     x = errors(block, n, sample_time) / sigma
     independent = 3 * n * sample_time / (2 * correlation_time)
     assert np.abs(x.mean()) < 4 / math.sqrt(independent / 2)
@@ -432,7 +487,9 @@ def test_drift_starts_stationary():
     """From any seed, the start and a later time are spread alike."""
     first, later = [], []
     for seed in range(2000):
-        block = sensor("attitude_determination", markov_sigma=1e-2, seed=seed, sample_time=10.0)
+        block = sensor(
+            "attitude_determination", markov_sigma=1e-2, seed=seed, sample_time=10.0
+        )
         x = errors(block, 4, 10.0)
         first.append(x[0])
         later.append(x[3])
@@ -448,10 +505,14 @@ def test_average_determination_error_of_3_deg(white):
     markov = math.sqrt(sigma**2 - white**2)
     angles = []
     for seed in range(4000):
-        block = sensor("attitude_determination", markov_sigma=markov, noise=white, seed=seed)
+        block = sensor(
+            "attitude_determination", markov_sigma=markov, noise=white, seed=seed
+        )
         angles.append(attitude.error_angle(block.q_meas_bi, block.q_bi))
     # a Maxwell variable: deviation / mean = 0.42
-    assert math.degrees(np.mean(angles)) == pytest.approx(3, rel=4 * 0.42 / math.sqrt(4000))
+    assert math.degrees(np.mean(angles)) == pytest.approx(
+        3, rel=4 * 0.42 / math.sqrt(4000)
+    )
 
 
 def test_error_of_constant_norm_in_a_drawn_direction():
@@ -468,16 +529,20 @@ def test_error_of_constant_norm_in_a_drawn_direction():
     assert np.ptp(steady, axis=0).max() < 1e-15
 
 
-# --- Sun sensor ---------------------------------------------------------------------------------
+# --- Sun sensor -----------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(("angle", "seen"), [(0.0, True), (59.99, True), (60.01, False)])
+@pytest.mark.parametrize(
+    ("angle", "seen"), [(0.0, True), (59.99, True), (60.01, False)]
+)
 def test_sun_is_seen_within_the_field_of_view(angle, seen):
     a = math.radians(angle)
     block = sensor(
-        "sun_sensor", sun_eci=(math.cos(a), math.sin(a), 0.0), half_angle=math.radians(60),
+        "sun_sensor",
+        sun_eci=(math.cos(a), math.sin(a), 0.0),
+        half_angle=math.radians(60),
         boresight_body=(2.0, 0.0, 0.0),
-    )  # fmt: skip
+    )
     assert block.valid == seen
     expected = (math.cos(a), math.sin(a), 0.0) if seen else (0.0, 0.0, 0.0)
     assert block.sun_meas_body == pytest.approx(expected, abs=1e-15)
@@ -493,7 +558,9 @@ def test_a_field_of_view_of_pi_sees_everywhere():
     rng = np.random.default_rng(1)
     for v in rng.normal(size=(500, 3)):
         s = tuple(float(x) for x in v / np.linalg.norm(v))
-        assert sensor("sun_sensor", sun_eci=s, boresight_body=tuple(-x for x in s)).valid
+        assert sensor(
+            "sun_sensor", sun_eci=s, boresight_body=tuple(-x for x in s)
+        ).valid
 
 
 @pytest.mark.parametrize(
@@ -517,13 +584,16 @@ def test_boresight_must_be_a_direction():
         sensor("sun_sensor", boresight_body=(0.0, 0.0, 0.0))
 
 
-# --- star tracker -------------------------------------------------------------------------------
+# --- star tracker ---------------------------------------------------------------------
 
 
 def test_star_tracker_is_noisier_about_its_boresight():
     e = np.array((2.0, -1.0, 2.0)) / 3
     block = sensor(
-        "star_tracker", boresight_body=(2.0, -1.0, 2.0), noise_cross=1e-5, noise_about=8e-5
+        "star_tracker",
+        boresight_body=(2.0, -1.0, 2.0),
+        noise_cross=1e-5,
+        noise_about=8e-5,
     )
     x = errors(block, N)
     about = x @ e
@@ -538,7 +608,9 @@ def test_star_tracker_drifts_with_its_correlation_time():
     x = errors(block, N)
     # a mean over N correlated samples counts as N tanh(1 / 10) independent ones
     count = N * math.tanh(0.1)
-    assert x.std(axis=0) == pytest.approx([1e-4, 1e-4, 5e-4], rel=5 / math.sqrt(2 * count))
+    assert x.std(axis=0) == pytest.approx(
+        [1e-4, 1e-4, 5e-4], rel=5 / math.sqrt(2 * count)
+    )
     for axis in x.T:
         for lag in (1, 5):
             found = (axis[:-lag] * axis[lag:]).mean() / axis.var()
@@ -550,15 +622,21 @@ def test_star_tracker_drifts_with_its_correlation_time():
 )
 def test_star_tracker_is_blinded_by_a_lit_sun(angle, light, reason):
     a = math.radians(angle)
-    sun = attitude.rotate_back(Q, (math.sin(a), 0.0, math.cos(a)))  # in body axes, boresight z
-    block = sensor("star_tracker", sun_exclusion=math.radians(40), sun_eci=sun, sunlight=light)
+    sun = attitude.rotate_back(
+        Q, (math.sin(a), 0.0, math.cos(a))
+    )  # in body axes, boresight z
+    block = sensor(
+        "star_tracker", sun_exclusion=math.radians(40), sun_eci=sun, sunlight=light
+    )
     assert (block.lost_to, block.valid) == (reason, reason == 0)
     assert sensor("star_tracker", sun_eci=sun).valid, "off by default"
 
 
 @pytest.mark.parametrize(("beyond", "reason"), [(19.9, 2), (20.1, 0), (-30.0, 2)])
 def test_star_tracker_is_blinded_by_the_earth_up_to_its_limb(beyond, reason):
-    r = 6378137.0 / math.sin(math.radians(64.0))  # from where the Earth fills a cone of 64 deg
+    r = 6378137.0 / math.sin(
+        math.radians(64.0)
+    )  # from where the Earth fills a cone of 64 deg
     a = math.radians(64.0 + beyond)
     up = attitude.rotate_back(Q, (math.sin(a), 0.0, -math.cos(a)))
     where = tuple(r * x for x in up)
@@ -569,12 +647,16 @@ def test_star_tracker_is_blinded_by_the_earth_up_to_its_limb(beyond, reason):
 @pytest.mark.parametrize(("rate", "reason"), [(0.0199, 0), (0.0201, 3)])
 def test_star_tracker_loses_the_stars_above_its_rate(rate, reason):
     omega = (0.6 * rate, 0.0, -0.8 * rate)
-    assert sensor("star_tracker", rate_limit=0.02, omega_bi_body=omega).lost_to == reason
+    assert (
+        sensor("star_tracker", rate_limit=0.02, omega_bi_body=omega).lost_to == reason
+    )
     assert sensor("star_tracker", omega_bi_body=omega).valid
 
 
 def test_star_tracker_holds_until_the_stars_are_acquired_again():
-    block = sensor("star_tracker", rate_limit=0.02, reacquisition_time=3.0, sample_time=1.0)
+    block = sensor(
+        "star_tracker", rate_limit=0.02, reacquisition_time=3.0, sample_time=1.0
+    )
     reasons, held = [], []
     for k in range(10):
         block.omega_bi_body = (0.03, 0.0, 0.0) if k in (2, 3) else (0.0, 0.0, 0.0)
@@ -615,7 +697,10 @@ def test_star_tracker_is_late_by_its_delay():
         ({"delay": 1.0}, "delay = 1.0 s is not 1 to 16 times sample_time = 0.0 s"),
         ({"delay": 0.7, "sample_time": 0.5}, "delay = 0.7 s is not 1 to 16 times"),
         ({"delay": 17.0, "sample_time": 1.0}, "delay = 17.0 s is not 1 to 16 times"),
-        ({"sun_exclusion": 0.5, "sun_eci": (0.0, 0.0, 0.0)}, "needs sun_eci, which is zero"),
+        (
+            {"sun_exclusion": 0.5, "sun_eci": (0.0, 0.0, 0.0)},
+            "needs sun_eci, which is zero",
+        ),
         ({"earth_exclusion": 0.5, "r_eci": (1.0, 0.0, 0.0)}, "below its surface"),
         ({"sun_exclusion": 3.2}, "sun_exclusion"),
         ({"noise_cross": -1.0}, "noise_cross"),
@@ -628,7 +713,11 @@ def test_star_tracker_refuses_what_cannot_be(values, message):
 
 @pytest.mark.parametrize(
     ("parameter", "needed"),
-    [("sun_exclusion", "sun_eci"), ("earth_exclusion", "r_eci"), ("rate_limit", "omega_bi_body")],
+    [
+        ("sun_exclusion", "sun_eci"),
+        ("earth_exclusion", "r_eci"),
+        ("rate_limit", "omega_bi_body"),
+    ],
 )
 def test_star_tracker_refuses_a_blinding_that_it_cannot_see(parameter, needed):
     block = sensor("star_tracker", sun_eci=(1.0, 0.0, 0.0), **{parameter: 0.1})
@@ -639,8 +728,8 @@ def test_star_tracker_refuses_a_blinding_that_it_cannot_see(parameter, needed):
 
 
 def test_star_tracker_flies_a_craft_without_determination():
-    """The share of time without stars is that of its drop-outs, and a delay turns a craft that
-    points to nadir by what the orbit turns meanwhile."""
+    """The share of time without stars is that of its drop-outs, and a delay turns a
+    craft that points to nadir by what the orbit turns meanwhile."""
 
     def number(run, name):
         return run.manifest["numbers"][name]["value"]
@@ -648,7 +737,9 @@ def test_star_tracker_flies_a_craft_without_determination():
     prompt = desat.run("nadir_day/star-tracker-prompt")
     late = desat.run("nadir_day/star-tracker-late")
     lost = prompt.results.values("star_tracker.lost_to")
-    assert set(np.unique(lost)) == {0, 4, 5}, "neither Sun nor Earth, where it is mounted"
+    assert set(np.unique(lost)) == {0, 4, 5}, (
+        "neither Sun nor Earth, where it is mounted"
+    )
     dropouts = int((lost == 4).sum())
     assert dropouts == pytest.approx(24, abs=4 * math.sqrt(24))
     assert (lost == 5).sum() == pytest.approx(9 * dropouts, abs=9)
@@ -662,7 +753,9 @@ def test_star_tracker_flies_a_craft_without_determination():
 
 def test_star_tracker_mounted_towards_the_earth_sees_no_stars():
     down = desat.run(
-        "nadir_day/star-tracker-prompt", {"star_tracker.boresight_body": [0.0, 0.0, 1.0]}, stop=60.0
+        "nadir_day/star-tracker-prompt",
+        {"star_tracker.boresight_body": [0.0, 0.0, 1.0]},
+        stop=60.0,
     )
     assert (down.results.values("star_tracker.lost_to")[:60] == 2).all()
     assert not down.results.values("controller.tau_ctrl_body").any()
@@ -683,4 +776,6 @@ def test_star_tracker_has_the_bits_of_its_python_where_it_is_blinded_and_late():
     reasons = native.results.values("star_tracker.lost_to")
     assert set(np.unique(reasons)) == {0, 1, 2, 4, 5, 6}
     for signal in ("star_tracker.lost_to", "star_tracker.q_meas_bi", "spacecraft.q_bi"):
-        np.testing.assert_array_equal(native.results.values(signal), python.results.values(signal))
+        np.testing.assert_array_equal(
+            native.results.values(signal), python.results.values(signal)
+        )

@@ -1,7 +1,8 @@
-"""The site: it builds without a warning, every page can be reached, and pages do what they say.
+"""The site: it builds without a warning, every page can be reached, and pages do what
+they say.
 
-The start, the tutorials and the pages below docs/understand are scripts: their blocks run in order,
-in one temporary folder a page.
+The start, the tutorials and the pages below docs/understand are scripts: their blocks
+run in order, in one temporary folder a page.
 
     ```shell     lines that begin with `desat`
     ```python    in one process; a block with a caption is written to the file of that name
@@ -32,8 +33,11 @@ import pytest
 from conftest import ROOT
 
 DOCS = ROOT / "docs"
-SCRIPTS = [DOCS / "start.md", *sorted((DOCS / "tutorials").glob("[0-9]*.md")),
-           *sorted((DOCS / "understand").glob("[a-z]*.md"))]  # fmt: skip
+SCRIPTS = [
+    DOCS / "start.md",
+    *sorted((DOCS / "tutorials").glob("[0-9]*.md")),
+    *sorted((DOCS / "understand").glob("[a-z]*.md")),
+]
 FIRST = [ROOT / "README.md", DOCS / "index.md", *SCRIPTS]
 BLOCK = re.compile(
     r"^```(?:\{code-block\} )?(shell|python|text)[^\n]*\n(?::caption: (\S+)\n\n?)?(.*?)^```$",
@@ -42,16 +46,27 @@ BLOCK = re.compile(
 NUMBER = re.compile(r"[-+]?\d[\d,]*(?:\.\d+)?(?:e[-+]?\d+)?")
 STRIPPED = "()[]{}%,;:.'"
 CPU = {
-    "start": 27.0, "1-cubesat": 10.0, "2-geo": 19.0, "3-law": 6.0, "4-exchange": 6.0,
-    "5-campaign": 14.0, "6-results": 5.0, "coils": 4.0, "null-space": 2.0, "laws": 5.0,
-    "exchange": 2.0, "substeps": 2.0,
-}  # fmt: skip
-"""Seconds that each page takes, on a machine that does nothing else; beside others up to twice."""
+    "start": 27.0,
+    "1-cubesat": 10.0,
+    "2-geo": 19.0,
+    "3-law": 6.0,
+    "4-exchange": 6.0,
+    "5-campaign": 14.0,
+    "6-results": 5.0,
+    "coils": 4.0,
+    "null-space": 2.0,
+    "laws": 5.0,
+    "exchange": 2.0,
+    "substeps": 2.0,
+}
+"""Seconds that each page takes, on a machine that does nothing else; beside others up
+to twice."""
 
 
 @dataclass(frozen=True)
 class Block:
-    """A block of a page, the line where it begins, and the file that it is, if it is one."""
+    """A block of a page, the line where it begins, and the file that it is, if it is
+    one."""
 
     kind: str
     line: int
@@ -61,15 +76,21 @@ class Block:
 
 def blocks(page: Path) -> list[Block]:
     text = page.read_text(encoding="utf-8")
-    return [Block(m[1], text.count("\n", 0, m.start()) + 1, m[3], m[2] or "")
-            for m in BLOCK.finditer(text)]  # fmt: skip
+    return [
+        Block(m[1], text.count("\n", 0, m.start()) + 1, m[3], m[2] or "")
+        for m in BLOCK.finditer(text)
+    ]
 
 
 def same(said: str, printed: str) -> bool:
-    """Whether a word of a page is what was printed; a number within a unit of its last digit."""
+    """Whether a word of a page is what was printed; a number within a unit of its last
+    digit."""
     if said == printed:
         return True
-    a, b = NUMBER.fullmatch(said.strip(STRIPPED)), NUMBER.fullmatch(printed.strip(STRIPPED))
+    a, b = (
+        NUMBER.fullmatch(said.strip(STRIPPED)),
+        NUMBER.fullmatch(printed.strip(STRIPPED)),
+    )
     if not a or not b:
         return False
     plain = a[0].replace(",", "").lower()
@@ -99,10 +120,14 @@ def shell(text: str, folder: Path) -> str:
             continue
         assert words[0] == "desat", line
         done = subprocess.run(
-            [sys.executable, "-m", "desat.cli", *words[1:]], cwd=folder, text=True,
-            stdout=subprocess.PIPE, stderr=subprocess.STDOUT, check=False,
+            [sys.executable, "-m", "desat.cli", *words[1:]],
+            cwd=folder,
+            text=True,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            check=False,
             env={**os.environ, "COLUMNS": "160"},
-        )  # fmt: skip
+        )
         assert done.returncode in (0, 1), f"{line}: {done.stdout}"
         printed += done.stdout
     return printed
@@ -148,7 +173,9 @@ def test_a_page_does_what_it_says(page, tmp_path, monkeypatch):
             assert matches(block.text.split(), printed.split()), (
                 f"{page.name}:{block.line}: printed\n{printed}"
             )
-    for name in set(re.findall(r"!\[[^\]]*\]\(([^)/]+\.svg)\)", page.read_text(encoding="utf-8"))):
+    for name in set(
+        re.findall(r"!\[[^\]]*\]\(([^)/]+\.svg)\)", page.read_text(encoding="utf-8"))
+    ):
         if (tmp_path / name).exists():
             if os.environ.get("DESAT_WRITE"):
                 shutil.copy(tmp_path / name, page.parent / name)
@@ -167,23 +194,39 @@ def test_pages_that_are_read_first_are_short(page):
     assert len(page.read_text(encoding="utf-8").splitlines()) <= 150
 
 
-@pytest.mark.parametrize(("said", "printed", "is_so"), [
-    ("a 1.23 ... b", "a 1.2349 x y b", True), ("a 1.23 ... b", "a 1.25 x y b", False),
-    ("a b", "a b c", False), ("... 8.5e-04 %", "x 8.517e-04 %", True), ("met", "not", False),
-    ("-1.0", "1.0", False), ("...", "", True),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("said", "printed", "is_so"),
+    [
+        ("a 1.23 ... b", "a 1.2349 x y b", True),
+        ("a 1.23 ... b", "a 1.25 x y b", False),
+        ("a b", "a b c", False),
+        ("... 8.5e-04 %", "x 8.517e-04 %", True),
+        ("met", "not", False),
+        ("-1.0", "1.0", False),
+        ("...", "", True),
+    ],
+)
 def test_the_runner_tells_numbers_and_words_apart(said, printed, is_so):
     assert matches(said.split(), printed.split()) is is_so
 
 
-@pytest.mark.parametrize(("plain", "tex"), [
-    ("M = gain (h x B) / |B|^2",
-     r"M = \frac{\mathrm{gain}\, {\left(h \times B\right)}}{\left|B\right|^{2}}"),
-    ("p = exp(-T / tau)", r"p = \exp{\left(- \frac{T}{\tau}\right)}"),
-    ("x_k = p x_(k-1)", r"x_{k} = p\, x_{k - 1}"),
-    ("q' = 1/2 Omega(omega) q", r"q' = \tfrac{1}{2}\, \Omega{\left(\omega\right)}\, q"),
-    ("a = b ) c", None), ("a = b ? c", None),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("plain", "tex"),
+    [
+        (
+            "M = gain (h x B) / |B|^2",
+            r"M = \frac{\mathrm{gain}\, {\left(h \times B\right)}}{\left|B\right|^{2}}",
+        ),
+        ("p = exp(-T / tau)", r"p = \exp{\left(- \frac{T}{\tau}\right)}"),
+        ("x_k = p x_(k-1)", r"x_{k} = p\, x_{k - 1}"),
+        (
+            "q' = 1/2 Omega(omega) q",
+            r"q' = \tfrac{1}{2}\, \Omega{\left(\omega\right)}\, q",
+        ),
+        ("a = b ) c", None),
+        ("a = b ? c", None),
+    ],
+)
 def test_plain_equations_become_latex_or_stay_as_they_are(monkeypatch, plain, tex):
     monkeypatch.syspath_prepend(DOCS)
     import equations
@@ -201,26 +244,53 @@ def reached(html: Path) -> set[str]:
         if name not in seen and name != "12u.html":  # which `make site` adds
             seen.add(name)
             text = (html / name).read_text(encoding="utf-8")
-            left += [os.path.relpath((html / name).parent / link, html)
-                     for link in re.findall(r'href="([^"#:]+\.html)', text)]  # fmt: skip
+            left += [
+                os.path.relpath((html / name).parent / link, html)
+                for link in re.findall(r'href="([^"#:]+\.html)', text)
+            ]
     return seen
 
 
-def test_the_site_builds_in_a_minute_every_page_is_reached_and_none_needs_a_network(tmp_path):
+def test_the_site_builds_in_a_minute_every_page_is_reached_and_none_needs_a_network(
+    tmp_path,
+):
     pytest.importorskip("sphinx")
     before = cpu()
     html = tmp_path / "html"
     done = subprocess.run(
-        [sys.executable, "-m", "sphinx", "-q", "-W", "--keep-going", "-n", "-b", "html",
-         "-d", str(tmp_path / "doctrees"), str(DOCS), str(html)],
-        text=True, capture_output=True, check=False,
-    )  # fmt: skip
+        [
+            sys.executable,
+            "-m",
+            "sphinx",
+            "-q",
+            "-W",
+            "--keep-going",
+            "-n",
+            "-b",
+            "html",
+            "-d",
+            str(tmp_path / "doctrees"),
+            str(DOCS),
+            str(html),
+        ],
+        text=True,
+        capture_output=True,
+        check=False,
+    )
     assert done.returncode == 0, done.stderr[-4000:]
     assert cpu() - before < 60.0
-    pages = {p.relative_to(DOCS).with_suffix(".html").as_posix() for p in DOCS.rglob("*.md")}
+    pages = {
+        p.relative_to(DOCS).with_suffix(".html").as_posix() for p in DOCS.rglob("*.md")
+    }
     assert pages <= reached(html)
-    page = (html / "generated/blocks/manager_cross_product.html").read_text(encoding="utf-8")
-    assert r"\frac{\mathrm{gain}\, {\left(h \times B\right)}}{\left|B\right|^{2}}" in page
+    page = (html / "generated/blocks/manager_cross_product.html").read_text(
+        encoding="utf-8"
+    )
+    assert (
+        r"\frac{\mathrm{gain}\, {\left(h \times B\right)}}{\left|B\right|^{2}}" in page
+    )
     for file in html.rglob("*.html"):
         text = file.read_text(encoding="utf-8")
-        assert not re.findall(r'<(?:script|link)[^>]*(?:src|href)="https?:[^"]*"', text), file.name
+        assert not re.findall(
+            r'<(?:script|link)[^>]*(?:src|href)="https?:[^"]*"', text
+        ), file.name

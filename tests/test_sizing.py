@@ -1,4 +1,5 @@
-"""`desat size`: secular torque by source, least rods, laws, the momentum-only model, map, page."""
+"""`desat size`: secular torque by source, least rods, laws, the momentum-only model,
+map, page."""
 
 from __future__ import annotations
 
@@ -46,7 +47,9 @@ from desat.system.errors import DesatError, Exit
 
 NAME = "nadir_day/day-dipole"
 FIELD, TORQUE, PERIOD = 3e-5, 2e-6, 5400.0
-PYRAMID = np.array([[0.5, -0.5, -0.5, 0.5], [0.5, 0.5, -0.5, -0.5], [0.7, 0.7, 0.7, 0.7]])
+PYRAMID = np.array(
+    [[0.5, -0.5, -0.5, 0.5], [0.5, 0.5, -0.5, -0.5], [0.7, 0.7, 0.7, 0.7]]
+)
 
 
 def craft(**changes) -> Hardware:
@@ -63,19 +66,31 @@ def craft(**changes) -> Hardware:
         "arm": None,
         "specific_impulse": None,
     }
-    return Hardware(**{**given, **changes})  # fmt: skip
+    return Hardware(**{**given, **changes})
 
 
-def still(b=(FIELD, 0.0, 0.0), torque=(0.0, 0.0, TORQUE), cyclic=0.0, h=(0.0, 0.0, 0.0)) -> Flight:
-    """Two and a half orbits of a craft that does not turn, in a field that does not change."""
+def still(
+    b=(FIELD, 0.0, 0.0), torque=(0.0, 0.0, TORQUE), cyclic=0.0, h=(0.0, 0.0, 0.0)
+) -> Flight:
+    """Two and a half orbits of a craft that does not turn, in a field that does not
+    change."""
     times = np.arange(0.0, 2.5 * PERIOD + 1.0, 10.0)
     turn = np.sin(2.0 * pi * times / PERIOD)[:, None] * np.array([0.0, cyclic, 0.0])
     rows = np.ones((len(times), 1))
     return Flight(
-        times, PERIOD, times[:, None] * np.array(torque) + turn, rows * [0.0, 0.0, 0.0, 1.0],
-        rows * np.array(b), 0.0 * rows * np.ones(3), np.array(h), {}, times, rows * [7e6, 0.0, 0.0],
-        rows * [0.0, 7.5e3, 0.0], 0.0 * rows * np.ones(3),
-    )  # fmt: skip
+        times,
+        PERIOD,
+        times[:, None] * np.array(torque) + turn,
+        rows * [0.0, 0.0, 0.0, 1.0],
+        rows * np.array(b),
+        0.0 * rows * np.ones(3),
+        np.array(h),
+        {},
+        times,
+        rows * [7e6, 0.0, 0.0],
+        rows * [0.0, 7.5e3, 0.0],
+        0.0 * rows * np.ones(3),
+    )
 
 
 def turning(seed=1) -> Flight:
@@ -83,12 +98,14 @@ def turning(seed=1) -> Flight:
     rng = np.random.default_rng(seed)
     base = still()
     t = base.times[:, None]
-    b = FIELD * np.cos(2.0 * pi * t / PERIOD * np.array([1.0, 2.0, 1.0]) + rng.uniform(0, 6, 3))
+    b = FIELD * np.cos(
+        2.0 * pi * t / PERIOD * np.array([1.0, 2.0, 1.0]) + rng.uniform(0, 6, 3)
+    )
     given = 1e-6 * t + 1e-3 * np.sin(2.0 * pi * t / PERIOD + rng.uniform(0.0, 6.0, 3))
     return replace(base, b=b, disturbance=given - given[0])
 
 
-# --- momentum and the least rod -----------------------------------------------------------------
+# --- momentum and the least rod -------------------------------------------------------
 
 
 def test_secular_and_cyclic_are_told_apart_over_whole_orbits():
@@ -100,11 +117,15 @@ def test_secular_and_cyclic_are_told_apart_over_whole_orbits():
 
 @pytest.mark.parametrize(
     ("torque", "least"),
-    [((0.0, 0.0, TORQUE), TORQUE / FIELD), ((0.0, TORQUE, TORQUE), TORQUE / FIELD),
-     ((TORQUE, 0.0, 0.0), np.inf)],
-)  # fmt: skip
+    [
+        ((0.0, 0.0, TORQUE), TORQUE / FIELD),
+        ((0.0, TORQUE, TORQUE), TORQUE / FIELD),
+        ((TORQUE, 0.0, 0.0), np.inf),
+    ],
+)
 def test_the_least_rod_in_a_field_that_stays(torque, least):
-    """Across the field the rod that works against it, each axis its own; along it none does."""
+    """Across the field the rod that works against it, each axis its own; along it none
+    does."""
     able = reach(still(torque=torque), craft())
     programme = least_by_programme(able, np.array(torque))
     assert programme == pytest.approx(least, rel=1e-9)
@@ -113,14 +134,21 @@ def test_the_least_rod_in_a_field_that_stays(torque, least):
 
 def test_without_a_secular_torque_no_rod_is_needed():
     able = reach(still(), craft())
-    assert least_by_formula(able, np.zeros(3)) == least_by_programme(able, np.zeros(3)) == 0.0
+    assert (
+        least_by_formula(able, np.zeros(3))
+        == least_by_programme(able, np.zeros(3))
+        == 0.0
+    )
 
 
 @pytest.mark.parametrize("seed", range(2))
 def test_the_programme_is_its_dual_by_another_solver(seed):
     """The most of (y . s) / sum |able . y| over y, which is convex in two unknowns."""
     rng = np.random.default_rng(seed)
-    able, torque = rng.normal(size=(300, 3)) * [1e-5, 3e-5, 2e-5], rng.normal(size=3) * 1e-6
+    able, torque = (
+        rng.normal(size=(300, 3)) * [1e-5, 3e-5, 2e-5],
+        rng.normal(size=3) * 1e-6,
+    )
     n = torque / np.linalg.norm(torque)
     across = np.linalg.svd(n[None])[2][1:]
 
@@ -129,7 +157,9 @@ def test_the_programme_is_its_dual_by_another_solver(seed):
 
     fine = {"xatol": 1e-12, "fatol": 1e-15, "maxiter": 10000}
     starts = rng.normal(size=(2, 2))
-    best = min(minimize(cost, x, method="Nelder-Mead", options=fine).fun for x in starts)
+    best = min(
+        minimize(cost, x, method="Nelder-Mead", options=fine).fun for x in starts
+    )
     expected = np.linalg.norm(torque) / (best / 1e3)
     assert solve_programme(able, torque) == pytest.approx(expected, rel=1e-7)
 
@@ -137,15 +167,19 @@ def test_the_programme_is_its_dual_by_another_solver(seed):
 def test_where_the_field_stays_rods_do_nothing_along_it():
     flight, hardware = still(), craft()
     able = reach(flight, hardware)
-    found = compute_geometry(flight, hardware, able, np.array([0.0, 0.0, TORQUE]), TORQUE / FIELD)
+    found = compute_geometry(
+        flight, hardware, able, np.array([0.0, 0.0, TORQUE]), TORQUE / FIELD
+    )
     assert abs(found.weakest[0]) > 0.99
     assert found.weakness < 0.15
     assert found.blind == 0.0
-    blind = compute_geometry(flight, hardware, able, np.array([TORQUE, 0.0, 0.0]), 1.0).blind
+    blind = compute_geometry(
+        flight, hardware, able, np.array([TORQUE, 0.0, 0.0]), 1.0
+    ).blind
     assert blind == pytest.approx(2.0 * PERIOD, abs=20.0)
 
 
-# --- laws ---------------------------------------------------------------------------------------
+# --- laws -----------------------------------------------------------------------------
 
 
 def cross_block(**given):
@@ -178,29 +212,42 @@ def test_the_model_steps_as_written_out(saturation):
         away = h - target
         wanted = np.zeros(3)
         if np.linalg.norm(away) > 4e-3:
-            wanted = np.array(cross_product.normalised(tuple(away), tuple(flight.b[k]), 2e-3))
+            wanted = np.array(
+                cross_product.normalised(tuple(away), tuple(flight.b[k]), 2e-3)
+            )
         coils = np.clip(wanted, -m, m)
         duty.append(np.abs(coils).mean() / m)
         middle = (flight.b[k] + flight.b[k + 1]) / 2.0
-        h = h + flight.disturbance[k + 1] - flight.disturbance[k] + np.cross(coils, middle) * 10.0
+        h = (
+            h
+            + flight.disturbance[k + 1]
+            - flight.disturbance[k]
+            + np.cross(coils, middle) * 10.0
+        )
         sizes.append(np.linalg.norm(h))
-    assert found.rms[0, 0, 1] == pytest.approx(np.sqrt(np.mean(np.square(sizes))), rel=1e-10)
+    assert found.rms[0, 0, 1] == pytest.approx(
+        np.sqrt(np.mean(np.square(sizes))), rel=1e-10
+    )
     assert found.largest[0, 0, 1] == pytest.approx(max(sizes), rel=1e-10)
     assert found.duty[0, 0, 1] == pytest.approx(np.mean(duty), rel=1e-10)
 
 
 @pytest.mark.parametrize(
     ("model", "given", "text"),
-    [("manager_closed_loop", {"centre_gain": 0.5}, "with memory"),
-     ("manager_integrated", {}, "no law of the momentum alone"),
-     ("manager_combined", {}, "no law of the momentum alone")],
-)  # fmt: skip
+    [
+        ("manager_closed_loop", {"centre_gain": 0.5}, "with memory"),
+        ("manager_integrated", {}, "no law of the momentum alone"),
+        ("manager_combined", {}, "no law of the momentum alone"),
+    ],
+)
 def test_what_is_no_law_of_the_momentum_alone_is_refused(model, given, text):
     block = block_class(model)()
     for name, value in given.items():
         setattr(block, name, value)
     with pytest.raises(UnsuitedError, match=text):
-        ask(law_by(block, model, np.zeros(3)), day_of(NAME)[1], np.arange(0, 20000, 500))
+        ask(
+            law_by(block, model, np.zeros(3)), day_of(NAME)[1], np.arange(0, 20000, 500)
+        )
 
 
 def test_a_law_that_plans_by_the_momentum_is_refused():
@@ -216,13 +263,17 @@ def test_a_law_that_is_not_affine_is_refused():
             return m and tuple(x * abs(x) for x in m)
 
     with pytest.raises(UnsuitedError, match="not affine"):
-        ask(law_by(Strange(), "strange", np.zeros(3)), turning(), np.arange(0, 1350, 50))
+        ask(
+            law_by(Strange(), "strange", np.zeros(3)), turning(), np.arange(0, 1350, 50)
+        )
 
 
 def test_a_law_of_ones_own_is_one_of_the_model():
     class Mine(block_class("manager_cross_product")):
         def dipole(self, elapsed, h):
-            return tuple(0.5 * x for x in cross(np.array([self.b_body]), np.array([h]))[0])
+            return tuple(
+                0.5 * x for x in cross(np.array([self.b_body]), np.array([h]))[0]
+            )
 
     flight = turning()
     asked = ask(law_by(Mine(), "mine", np.zeros(3)), flight, np.arange(3))
@@ -231,7 +282,7 @@ def test_a_law_of_ones_own_is_one_of_the_model():
     )
 
 
-# --- a craft ------------------------------------------------------------------------------------
+# --- a craft --------------------------------------------------------------------------
 
 
 @pytest.fixture(scope="module")
@@ -248,7 +299,9 @@ def made():
 def test_the_model_follows_the_closed_loop(made):
     flown = [row for row in made.curve if row.loop_rms is not None]
     assert [round(row.multiple, 6) for row in flown][:1] == [1.3]
-    assert len(flown) == 1, "what is recommended holds on another day, beyond this day's curve"
+    assert len(flown) == 1, (
+        "what is recommended holds on another day, beyond this day's curve"
+    )
     assert {row.law for row in flown} == {"cross product"} == {made.law}
     for row in flown:
         assert row.rms == pytest.approx(row.loop_rms, rel=0.02)
@@ -259,7 +312,9 @@ def test_the_model_follows_the_closed_loop(made):
 
 def test_a_slew_is_of_half_a_turn_at_most():
     SizingRequirements(slew_angle=pi, slew_time=60.0)
-    with pytest.raises(DesatError, match=r"5157 deg: a turn to any attitude is of 180 deg at most"):
+    with pytest.raises(
+        DesatError, match=r"5157 deg: a turn to any attitude is of 180 deg at most"
+    ):
         SizingRequirements(slew_angle=90.0, slew_time=60.0)
 
 
@@ -275,7 +330,9 @@ def test_the_model_follows_a_loop_whose_tachometers_are_noisy(monkeypatch):
 
     assert max(errors()) < 0.05
     hardware_of = sizing.hardware_of
-    monkeypatch.setattr(sizing, "hardware_of", lambda s: replace(hardware_of(s), noise=0.0))
+    monkeypatch.setattr(
+        sizing, "hardware_of", lambda s: replace(hardware_of(s), noise=0.0)
+    )
     assert max(errors()) > 0.05
 
 
@@ -286,8 +343,12 @@ def test_larger_rods_hold_less_and_work_less(made):
         assert len(rows) >= len(CURVE_MULTIPLES)
     assert made.recommended >= made.recommended_day >= 1.3 * made.least
     assert made.recommended >= 1.3 * made.least_year
-    assert [b.law for b in made.best] == ["cross product", "ccpl", "CP with gravity",
-                                          "quasi-static LQR"]  # fmt: skip
+    assert [b.law for b in made.best] == [
+        "cross product",
+        "ccpl",
+        "CP with gravity",
+        "quasi-static LQR",
+    ]
 
 
 def test_the_sources_make_the_whole(made):
@@ -299,7 +360,9 @@ def test_the_sources_make_the_whole(made):
 def test_its_own_rods_are_in_the_curve_and_judged(made):
     (row,) = [r for r in made.curve if r.rod == made.rod and r.law == made.law]
     assert row.duty < 0.1
-    assert "coils: duty by cross product with its rods" in [m.name for m in made.margins]
+    assert "coils: duty by cross product with its rods" in [
+        m.name for m in made.margins
+    ]
     full = replace(made, curve=(replace(row, filled=1.2),))
     full = replace(full, margins=tuple(find_margins(full, 0.0)))
     (line,) = find_problems(full)
@@ -310,14 +373,18 @@ def test_slew_propellant_and_what_follows_by_hand(made):
     system, _ = prepare(NAME, Options()).or_raise()
     hardware = flights.hardware_of(system)
     rate = 2.0 * radians(60.0) / 300.0
-    worst = max(np.linalg.norm(row) for row in np.linalg.pinv(hardware.axes_wheel)
-                @ hardware.inertia)  # fmt: skip
+    worst = max(
+        np.linalg.norm(row)
+        for row in np.linalg.pinv(hardware.axes_wheel) @ hardware.inertia
+    )
     assert made.slew_momentum == pytest.approx(worst * rate)
     assert made.slew_torque == pytest.approx(2.0 * made.slew_momentum / 300.0)
     size_ = float(np.linalg.norm(made.secular))
     straight = size_ * 365.25 * 86400.0 / (0.3 * 60.0 * 9.80665)
     assert straight <= made.propellant_least <= made.propellant <= 3.0**0.5 * straight
-    assert made.tip_off == pytest.approx(np.linalg.eigvalsh(hardware.inertia)[-1] * radians(5.0))
+    assert made.tip_off == pytest.approx(
+        np.linalg.eigvalsh(hardware.inertia)[-1] * radians(5.0)
+    )
     assert 0.0 < made.detumbling < 1e5
     names = [m.name for m in made.margins]
     assert "wheels: cyclic momentum and slew" in names
@@ -332,13 +399,18 @@ def test_a_years_days_are_what_the_scenario_says_of_that_day(made):
     days = 28 * 4
     component = system.components["environment"]
     block = flights.environment_block(component)
-    sets = {"environment.epoch_j2000": block.epoch_j2000 + 86400.0 * days,
-            "environment.atmosphere": "activity", "environment.solar_activity": "high",
-            "environment.raan": block.raan + block._drift[0] * 86400.0 * days}  # fmt: skip
+    sets = {
+        "environment.epoch_j2000": block.epoch_j2000 + 86400.0 * days,
+        "environment.atmosphere": "activity",
+        "environment.solar_activity": "high",
+        "environment.raan": block.raan + block._drift[0] * 86400.0 * days,
+    }
     orbits = int(86400.0 / made.period) * made.period
     then = size(
         NAME,
-        Options(stop=float(round(orbits)) + 10.0, sets=[f"{k}={v}" for k, v in sets.items()]),
+        Options(
+            stop=float(round(orbits)) + 10.0, sets=[f"{k}={v}" for k, v in sets.items()]
+        ),
         SizingRequirements(flown=False, year=False, laws=False),
     )
     (day,) = [d for d in made.year if d.activity == "high"][4:5]
@@ -354,7 +426,8 @@ def day_of(name, stop=20000.0):
 
 
 def test_a_flight_without_a_run_is_that_of_a_run():
-    """Attitude, field and disturbances by the environment's block, against those recorded."""
+    """Attitude, field and disturbances by the environment's block, against those
+    recorded."""
     system, run = day_of(NAME)
     attitude = flights.attitude_of(system, run.q, run.r, run.v)
     assert attitude.kind == "nadir"
@@ -368,17 +441,21 @@ def test_a_flight_without_a_run_is_that_of_a_run():
     wanted, _ = secular(run)
     found, _ = secular(made)
     assert found == pytest.approx(wanted, abs=0.01 * np.linalg.norm(wanted))
-    assert made.body[1000:].mean(axis=0) == pytest.approx(run.body[10000:].mean(axis=0), abs=2e-5)
+    assert made.body[1000:].mean(axis=0) == pytest.approx(
+        run.body[10000:].mean(axis=0), abs=2e-5
+    )
 
 
 def test_the_torque_of_an_independent_estimate():
-    """The secular torque of a textbook: gravity gradient 3 n^2 u x J u of a craft that points to
-    nadir, turned to eci with it, has no secular part but along what the orbit's axis keeps."""
+    """The secular torque of a textbook: gravity gradient 3 n^2 u x J u of a craft that
+    points to nadir, turned to eci with it, has no secular part but along what the
+    orbit's axis keeps."""
     system, run = day_of(NAME)
     j = flights.hardware_of(system).inertia
     n = 2.0 * pi / run.period
     normal = np.cross(run.r[0], run.v[0]) / np.linalg.norm(np.cross(run.r[0], run.v[0]))
-    # u = z of lvlh; only its part about y, minus the orbit's normal, stays where it is in eci
+    # u = z of lvlh; only its part about y, minus the orbit's normal, stays where it is
+    # in eci
     expected = 3.0 * n**2 * np.cross([0.0, 0.0, 1.0], j @ [0.0, 0.0, 1.0])[1] * -normal
     since = run.source_times - run.source_times[0]
     impulse = run.sources["gravity gradient"]
@@ -386,7 +463,7 @@ def test_the_torque_of_an_independent_estimate():
     assert found == pytest.approx(expected, abs=0.02 * np.linalg.norm(expected))
 
 
-# --- crafts that nobody chose; all ten and a day each: `make sizing`, docs/sizing.md -------------
+# --- crafts that nobody chose; all ten and a day each: `make sizing`, docs/sizing.md --
 
 
 @pytest.mark.parametrize("which", [1, 6])
@@ -405,10 +482,12 @@ def test_unseen_crafts_are_within_5_percent_of_the_closed_loop(which):
 
 def test_an_estimate_that_uses_nothing_of_ours_has_the_same_secular_torque():
     torque, _ = bench.secular_of(bench.TWELVE)
-    assert bench.estimated(bench.TWELVE) == pytest.approx(torque, abs=0.01 * np.linalg.norm(torque))
+    assert bench.estimated(bench.TWELVE) == pytest.approx(
+        torque, abs=0.01 * np.linalg.norm(torque)
+    )
 
 
-# --- the map ------------------------------------------------------------------------------------
+# --- the map --------------------------------------------------------------------------
 
 
 def test_a_map_says_of_its_orbit_what_the_model_says_of_a_run(tmp_path):
@@ -416,9 +495,15 @@ def test_a_map_says_of_its_orbit_what_the_model_says_of_a_run(tmp_path):
     block = flights.environment_block(system.components["environment"])
     altitude = block.semi_major_axis - 6378137.0
     residual = float(np.linalg.norm([0.1, -0.05, 0.08]))
-    axes = sizing_map.MapAxes((0.05, 0.02), (np.degrees(block.inclination), 40.0), (altitude,),
-                           (residual, 0.0))  # fmt: skip
-    made = sizing_map.map_of(NAME, Options(stop=20000.0), axes, SizingRequirements(), jobs=1)
+    axes = sizing_map.MapAxes(
+        (0.05, 0.02),
+        (np.degrees(block.inclination), 40.0),
+        (altitude,),
+        (residual, 0.0),
+    )
+    made = sizing_map.map_of(
+        NAME, Options(stop=20000.0), axes, SizingRequirements(), jobs=1
+    )
     assert made.rms.shape == (1, 2, 1, 2, 2)
     hardware = flights.hardware_of(system)
     torque, _ = secular(run)
@@ -426,12 +511,17 @@ def test_a_map_says_of_its_orbit_what_the_model_says_of_a_run(tmp_path):
     assert made.least[0, 0, 0] == pytest.approx(least, rel=0.01)
     assert made.least[0, 0, 1] < made.least[0, 0, 0]
     assert made.laws == ("cross product",)
-    # the run begins with filled wheels and turns a little, the map with empty ones at rest
+    # the run begins with filled wheels and turns a little, the map with empty ones at
+    # rest
     law = law_of(system.components["manager"])
     empty = replace(run, h_start=run.body[5000:].mean(axis=0) - run.body[0])
     ours = fly([track_of(empty, law, hardware)], law, hardware, axes.rods)
     share = ours.wheel[0, 0] / smallest_wheel_capacity(hardware)
-    for name, wanted in (("rms", ours.rms[0, 0]), ("duty", ours.duty[0, 0]), ("filled", share)):
+    for name, wanted in (
+        ("rms", ours.rms[0, 0]),
+        ("duty", ours.duty[0, 0]),
+        ("filled", share),
+    ):
         assert getattr(made, name)[0, 0, 0, 0] == pytest.approx(wanted, rel=0.03), name
     assert made.as_json()["holds"] == made.holds.tolist()
     page = sizing_page.write_map(made, tmp_path / "map.html").read_text()
@@ -448,16 +538,23 @@ def test_an_orbit_of_the_map_is_one_whatever_gives_the_scenarios():
     inputs = flights.inputs_at(block, [0.0, 60.0])
     assert np.linalg.norm(inputs["r_eci"], axis=1) == pytest.approx(6378137.0 + 700e3)
     normal = np.cross(inputs["r_eci"][0], inputs["v_eci"][0])
-    assert normal[2] / np.linalg.norm(normal) == pytest.approx(np.cos(np.radians(30.0)), abs=1e-3)
+    assert normal[2] / np.linalg.norm(normal) == pytest.approx(
+        np.cos(np.radians(30.0)), abs=1e-3
+    )
 
 
 def test_a_map_of_a_craft_that_moves_is_refused():
     with pytest.raises(DesatError, match="attitude moves"):
-        sizing_map.map_of("alsat1/slew-0.42", Options(stop=7000.0), sizing_map.MapAxes(),
-                          SizingRequirements(), jobs=1)  # fmt: skip
+        sizing_map.map_of(
+            "alsat1/slew-0.42",
+            Options(stop=7000.0),
+            sizing_map.MapAxes(),
+            SizingRequirements(),
+            jobs=1,
+        )
 
 
-# --- the command --------------------------------------------------------------------------------
+# --- the command ----------------------------------------------------------------------
 
 
 def test_the_page_says_it_all(made, tmp_path):
@@ -473,19 +570,32 @@ def test_the_page_says_it_all(made, tmp_path):
         "cross product, closed",
         made.year[0].day,
     ):
-        assert text in page  # fmt: skip
+        assert text in page
     assert "nan" not in page
     json.dumps(made.as_json(), allow_nan=False)
 
 
 def test_what_cannot_hold_ends_with_1(desat):
-    told = desat("size", NAME, "--stop", "12000", "--no-loop", "--no-year", "--own-law", "--set",
-                 "torquers.m_limit=0.01", "--json")  # fmt: skip
+    told = desat(
+        "size",
+        NAME,
+        "--stop",
+        "12000",
+        "--no-loop",
+        "--no-year",
+        "--own-law",
+        "--set",
+        "torquers.m_limit=0.01",
+        "--json",
+    )
     assert told.returncode == Exit.UNMET
     made = json.loads(told.stdout)
     assert made["rod"] == 0.01 < made["least"]
     assert "cannot hold" in made["answer"]
-    assert "it cannot hold: rods of 0.01 A m2: the secular torque" in told.stderr.replace("\n", " ")
+    assert (
+        "it cannot hold: rods of 0.01 A m2: the secular torque"
+        in told.stderr.replace("\n", " ")
+    )
 
 
 def test_wheels_below_the_cyclic_momentum_and_no_rod_at_all_are_said(made):
@@ -495,18 +605,30 @@ def test_wheels_below_the_cyclic_momentum_and_no_rod_at_all_are_said(made):
     assert wheels.startswith(
         f"wheels of {format_momenta(full.wheel_capacity)}: the cyclic momentum"
     )
-    enough = replace(made, rod=made.least, margins=(), wheel_torque=inf,
-                     wheel_capacity=made.wheel_needed + made.slew_momentum)  # fmt: skip
+    enough = replace(
+        made,
+        rod=made.least,
+        margins=(),
+        wheel_torque=inf,
+        wheel_capacity=made.wheel_needed + made.slew_momentum,
+    )
     assert find_problems(enough) == []
-    assert "slew need" in find_problems(replace(enough, wheel_capacity=made.wheel_needed))[0]
+    assert (
+        "slew need"
+        in find_problems(replace(enough, wheel_capacity=made.wheel_needed))[0]
+    )
     assert "the slew needs" in find_problems(replace(enough, wheel_torque=1e-9))[0]
-    worst = replace(enough, margins=tuple(find_margins(enough, 3.0 * made.least_formula)))
+    worst = replace(
+        enough, margins=tuple(find_margins(enough, 3.0 * made.least_formula))
+    )
     assert "worst day of the year" in find_problems(worst)[0]
 
 
 def test_a_law_that_the_model_has_not_is_said():
     made = size(
-        "integrated/mil-nadir", Options(stop=12000.0), SizingRequirements(flown=False, year=False)
+        "integrated/mil-nadir",
+        Options(stop=12000.0),
+        SizingRequirements(flown=False, year=False),
     )
     assert made.law == "cross product"
     assert any("manager_integrated: closed loop only" in line for line in made.notes)
@@ -517,8 +639,18 @@ def test_a_law_that_the_model_has_not_is_said():
     ("target", "options", "given", "text"),
     [
         (NAME, Options(stop=600.0), {}, "an orbit 5717 s: at least one is needed"),
-        (NAME, Options(stop=12000.0), {"duty": 1.0}, "--duty 100: a share between 0 and 100 %"),
-        (NAME, Options(stop=12000.0), {"margin": 0.9}, "--margin 0.9: a factor of 1 or more"),
+        (
+            NAME,
+            Options(stop=12000.0),
+            {"duty": 1.0},
+            "--duty 100: a share between 0 and 100 %",
+        ),
+        (
+            NAME,
+            Options(stop=12000.0),
+            {"margin": 0.9},
+            "--margin 0.9: a factor of 1 or more",
+        ),
         (NAME, Options(stop=12000.0), {"arm": -1.0}, "--arm -1: a number above 0"),
         ("plant/light", Options(), {}, "no torquers: a craft with environment,"),
     ],
@@ -530,9 +662,13 @@ def test_what_cannot_be_sized_is_refused(target, options, given, text):
 
 def test_a_bias_fills_the_wheels(made):
     options = Options(stop=20000.0, sets=["manager.h_target_body=0,0.1,0"])
-    with_bias = size(NAME, options, SizingRequirements(flown=False, year=False, laws=False))
+    with_bias = size(
+        NAME, options, SizingRequirements(flown=False, year=False, laws=False)
+    )
     spread = np.abs(
-        np.linalg.pinv(flights.hardware_of(prepare(NAME, options).or_raise()[0]).axes_wheel)
+        np.linalg.pinv(
+            flights.hardware_of(prepare(NAME, options).or_raise()[0]).axes_wheel
+        )
         @ [0.0, 0.1, 0.0]
     ).max()
     assert with_bias.wheel_needed == pytest.approx(made.wheel_needed + spread, rel=0.05)
@@ -567,10 +703,12 @@ def test_a_map_by_the_command(desat):
 
 @pytest.mark.parametrize(
     ("arguments", "text"),
-    [(["--slew", "60"], "--slew 60: an angle in deg and a time in s"),
-     (["--rods", "1,2"], "--rods: it belongs to --map"),
-     (["--map", "--rods", "1,b"], "--rods 1,b: numbers are needed")],
-)  # fmt: skip
+    [
+        (["--slew", "60"], "--slew 60: an angle in deg and a time in s"),
+        (["--rods", "1,2"], "--rods: it belongs to --map"),
+        (["--map", "--rods", "1,b"], "--rods 1,b: numbers are needed"),
+    ],
+)
 def test_options_that_make_no_sense_are_refused(desat, arguments, text):
     told = desat("size", NAME, *arguments)
     assert told.returncode == Exit.INPUT
@@ -578,33 +716,46 @@ def test_options_that_make_no_sense_are_refused(desat, arguments, text):
 
 
 def test_where_no_law_fits_the_least_rod_is_the_answer():
-    """One wheel and a boom: a cross product that takes wheels about three axes was said to do."""
+    """One wheel and a boom: a cross product that takes wheels about three axes was said
+    to do."""
     made = size(
-        "alsat1/ours-case-a", Options(stop=7000.0), SizingRequirements(flown=False, year=False)
+        "alsat1/ours-case-a",
+        Options(stop=7000.0),
+        SizingRequirements(flown=False, year=False),
     )
     assert made.best == ()
-    assert f"the least rod of any law is {made.least:.3g} A m2 (the model has no law" in made.answer
+    assert (
+        f"the least rod of any law is {made.least:.3g} A m2 (the model has no law"
+        in made.answer
+    )
 
 
-# --- the worst day, the worst scenario, propellant by the layout --------------------------------
+# --- the worst day, the worst scenario, propellant by the layout ----------------------
 
 
 def test_a_craft_whose_rods_do_not_hold_on_the_worst_day(tmp_path):
-    """It began, green, with the day of the scenario; what is recommended then meets that day.
-    `make sizing` tries thirty crafts so."""
+    """It began, green, with the day of the scenario; what is recommended then meets
+    that day. `make sizing` tries thirty crafts so."""
     wanted = CraftFacts(size="12U", altitude="400km", inclination="51.6deg", rods="0.2")
     new_craft.write(tmp_path / "my12u", wanted, "desat new craft")
     given = Options(values={"torquers.m_limit": 0.0384})
     made = size(str(tmp_path / "my12u"), given, SizingRequirements(laws=False))
     assert made.least < 0.0384 < made.least_year < made.recommended
-    assert any("the worst day of the year needs at least" in line for line in made.problems)
-    assert any(line.startswith("worst.toml with its rods of 0.0384 A m2: momentum: ")
-               for line in made.problems)  # fmt: skip
+    assert any(
+        "the worst day of the year needs at least" in line for line in made.problems
+    )
+    assert any(
+        line.startswith("worst.toml with its rods of 0.0384 A m2: momentum: ")
+        for line in made.problems
+    )
     assert f"Rods of {made.recommended:.3g} A m2 do." in made.answer
     text = made.as_json()
     assert text["recommended"] == made.recommended > text["recommended_day"]
     recommended = Options(values={"torquers.m_limit": made.recommended})
-    assert execute(str(tmp_path / "my12u" / "worst.toml"), recommended).manifest.not_met == []
+    assert (
+        execute(str(tmp_path / "my12u" / "worst.toml"), recommended).manifest.not_met
+        == []
+    )
     assert text["detumbling_recommended"] == pytest.approx(
         made.detumbling * 0.0384 / made.recommended
     )
@@ -612,9 +763,14 @@ def test_a_craft_whose_rods_do_not_hold_on_the_worst_day(tmp_path):
 
 @pytest.mark.parametrize(
     ("needed", "has", "text"),
-    [(0.0909, 12.0, "0.0909 of 12 N m s"), (0.00389, 0.015, "3.89 of 15 mN m s"),
-     (0.633, 4.0, "0.633 of 4 N m s"), (2.0, None, "2 N m s"), (0.9, 1234.0, "0.9 of 1234 N m s")],
-)  # fmt: skip
+    [
+        (0.0909, 12.0, "0.0909 of 12 N m s"),
+        (0.00389, 0.015, "3.89 of 15 mN m s"),
+        (0.633, 4.0, "0.633 of 4 N m s"),
+        (2.0, None, "2 N m s"),
+        (0.9, 1234.0, "0.9 of 1234 N m s"),
+    ],
+)
 def test_needed_and_had_are_in_one_unit(needed, has, text):
     assert format_momenta(needed, has) == text
 
@@ -626,19 +782,29 @@ def test_a_rod_is_rounded_up_to_what_is_typed():
 
 
 def geo(**sets):
-    """The GEO of public notes, by hand: 2,500 kg, 13 m2 at 1.35 m, four wheels of 50 N m s along
-    (+-1, +-1, 1), pairs of 10 N at 1.5 m, 220 s; nadir."""
+    """The GEO of public notes, by hand: 2,500 kg, 13 m2 at 1.35 m, four wheels of 50 N
+    m s along (+-1, +-1, 1), pairs of 10 N at 1.5 m, 220 s; nadir."""
     times = np.arange(0.0, 86165.0, 60.0)
     turn = 2.0 * pi * times / 86164.0
     rows = np.ones((len(times), 1))
-    # a craft that turns about its y axis, which is along -z of eci, once a day; s is along x of eci
+    # a craft that turns about its y axis, which is along -z of eci, once a day; s is
+    # along x of eci
     q = np.stack([0 * turn, 0 * turn, 0 * turn, 0 * turn], axis=1)
     q[:, 2], q[:, 3] = np.sin(turn / 2.0), np.cos(turn / 2.0)
     made = Flight(
-        times, 86164.0, times[:, None] * np.array([76.9e-6, 0.0, 0.0]), q, 1e-7 * rows * [0, 0, 1],
-        0.0 * rows * np.ones(3), np.zeros(3), {}, times, rows * [4.2e7, 0.0, 0.0],
-        rows * [0.0, 3e3, 0.0], 0.0 * rows * np.ones(3),
-    )  # fmt: skip
+        times,
+        86164.0,
+        times[:, None] * np.array([76.9e-6, 0.0, 0.0]),
+        q,
+        1e-7 * rows * [0, 0, 1],
+        0.0 * rows * np.ones(3),
+        np.zeros(3),
+        {},
+        times,
+        rows * [4.2e7, 0.0, 0.0],
+        rows * [0.0, 3e3, 0.0],
+        0.0 * rows * np.ones(3),
+    )
     return made, craft(arm=1.5, specific_impulse=220.0, axes_wheel=GEO_WHEELS, **sets)
 
 

@@ -1,4 +1,5 @@
-"""Paper 001: laws against their definitions, the ground's tables, what is refused, short runs."""
+"""Paper 001: laws against their definitions, the ground's tables, what is refused,
+short runs."""
 
 from __future__ import annotations
 
@@ -30,9 +31,24 @@ from desat.papers.designs import making, momentum_tables
 from desat.runs.run import Options, execute, prepare
 from desat.system.errors import DesatError
 
-S, C = math.sin(math.radians(35.264389682754654)), math.cos(math.radians(35.264389682754654))
-COILS = (S, S, S, S, C / 2**0.5, -C / 2**0.5, -C / 2**0.5, C / 2**0.5,
-         C / 2**0.5, C / 2**0.5, -C / 2**0.5, -C / 2**0.5)  # fmt: skip
+S, C = (
+    math.sin(math.radians(35.264389682754654)),
+    math.cos(math.radians(35.264389682754654)),
+)
+COILS = (
+    S,
+    S,
+    S,
+    S,
+    C / 2**0.5,
+    -C / 2**0.5,
+    -C / 2**0.5,
+    C / 2**0.5,
+    C / 2**0.5,
+    C / 2**0.5,
+    -C / 2**0.5,
+    -C / 2**0.5,
+)
 A20, B20 = math.sin(math.radians(20.0)), math.cos(math.radians(20.0)) / 2**0.5
 WHEELS = (A20, -A20, A20, -A20, -B20, -B20, B20, B20, -B20, -B20, -B20, -B20)
 J = (36046.0, -706.0, 1491.0, -706.0, 86868.0, 449.0, 1491.0, 449.0, 93848.0)
@@ -46,35 +62,45 @@ torques = vectors.map(lambda v: tuple(0.2 * x for x in v))
 mountings = st.sampled_from([COILS, WHEELS])
 
 
-# --- the laws ---------------------------------------------------------------------------------
+# --- the laws -------------------------------------------------------------------------
 
 
 def test_eq_6_and_eq_8_with_its_last_sign_turned_have_the_products_that_the_text_implies():
     assert laws.weighting(WHEELS) == pytest.approx(
         (0.468, 0.0, 0.0, 0.0, 1.766, 0.0, 0.0, 0.0, 1.766), abs=1e-4
     )
-    assert laws.weighting(COILS) == pytest.approx([4.0 / 3.0 * x for x in IDENTITY], abs=1e-4)
+    assert laws.weighting(COILS) == pytest.approx(
+        [4.0 / 3.0 * x for x in IDENTITY], abs=1e-4
+    )
 
 
 def test_eq_8_as_printed_has_two_equal_columns_and_is_no_multiple_of_the_identity():
     printed = (*COILS[:11], -COILS[11])
     assert printed[0::4] == printed[3::4]
-    assert laws.weighting(printed) != pytest.approx([4.0 / 3.0 * x for x in IDENTITY], abs=0.3)
+    assert laws.weighting(printed) != pytest.approx(
+        [4.0 / 3.0 * x for x in IDENTITY], abs=0.3
+    )
 
 
 @settings(max_examples=20)
 @given(torques, fields)
-def test_with_the_identity_the_torque_is_the_part_of_the_wanted_one_across_the_field(torque, b):
+def test_with_the_identity_the_torque_is_the_part_of_the_wanted_one_across_the_field(
+    torque, b
+):
     m = laws.closed_loop_dipole(torque, b, IDENTITY)
     size = dot(b, b)
-    assert m == pytest.approx([x / size for x in cross(b, torque)], rel=1e-14, abs=1e-12)
+    assert m == pytest.approx(
+        [x / size for x in cross(b, torque)], rel=1e-14, abs=1e-12
+    )
     across = [t - dot(torque, b) / size * x for t, x in zip(torque, b, strict=True)]
     assert cross(m, b) == pytest.approx(across, abs=1e-15)
 
 
 @settings(max_examples=4)
 @given(torques, fields, mountings)
-def test_closed_loop_torque_is_the_nearest_across_the_field_in_the_weighting(torque, b, axes):
+def test_closed_loop_torque_is_the_nearest_across_the_field_in_the_weighting(
+    torque, b, axes
+):
     s = laws.weighting(axes)
     given_torque = np.array(cross(laws.closed_loop_dipole(torque, b, s), b))
     assert abs(given_torque @ b) <= 1e-16
@@ -96,7 +122,9 @@ def test_the_field_product_is_that_of_skew_matrices(b, axes):
     skew = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
     s = laws.weighting(axes)
     expected = skew.T @ np.reshape(s, (3, 3)) @ skew
-    assert np.reshape(laws.field_product(b, s), (3, 3)) == pytest.approx(expected, abs=1e-24)
+    assert np.reshape(laws.field_product(b, s), (3, 3)) == pytest.approx(
+        expected, abs=1e-24
+    )
 
 
 @settings(max_examples=10)
@@ -166,15 +194,23 @@ def test_a_profile_s_rows_keep_to_their_period():
     for t in (40.0, 700.0, 749.0, 760.0, 1000.0, 1649.0):
         i, share = laws.place(12, 150.0, t)
         expected = t * t if t <= 750.0 else 750.0**2 + 9e3 * (t - 750.0)
-        assert laws.profile3(rows, 12, 5, i, share) == pytest.approx((expected,) * 3, rel=1e-12)
+        assert laws.profile3(rows, 12, 5, i, share) == pytest.approx(
+            (expected,) * 3, rel=1e-12
+        )
 
 
-# --- what is learnt in flight --------------------------------------------------------------------
+# --- what is learnt in flight ---------------------------------------------------------
 
 
 def updates(truth, count, noise=0.0, seed=1):
-    """Estimates, covariances and the coil found lost after each of `count` updates of 50 s."""
-    random, x, p, lost = np.random.default_rng(seed), learning.FIRST, learning.first_covariance(), 0
+    """Estimates, covariances and the coil found lost after each of `count` updates of
+    50 s."""
+    random, x, p, lost = (
+        np.random.default_rng(seed),
+        learning.FIRST,
+        learning.first_covariance(),
+        0,
+    )
     found = []
     for k in range(count):
         u = 2.0 * math.pi / 5700.0 * 50.0 * k
@@ -190,7 +226,9 @@ def updates(truth, count, noise=0.0, seed=1):
 
 
 @pytest.mark.parametrize("dead", [1, 2, 3, 4])
-def test_without_noise_the_scale_and_each_coil_are_found_and_the_dead_one_is_named(dead):
+def test_without_noise_the_scale_and_each_coil_are_found_and_the_dead_one_is_named(
+    dead,
+):
     truth = np.array([1.25, 1.0, 1.0, 0.9, 1.0])
     truth[dead] = 0.0
     found = updates(truth, 60)
@@ -209,10 +247,17 @@ def test_the_filter_is_that_of_information_form():
     whole = prior + rows.T @ rows / 0.3**2
     wanted = np.linalg.solve(whole, prior @ x + rows.T @ change / 0.3**2)
     found, spread = learning.learnt(
-        learning.FIRST, learning.first_covariance(), tuple(change), tuple(rows.ravel()), 0.3, 0.01
+        learning.FIRST,
+        learning.first_covariance(),
+        tuple(change),
+        tuple(rows.ravel()),
+        0.3,
+        0.01,
     )
     assert found == pytest.approx(wanted, rel=1e-9)
-    assert np.reshape(spread, (5, 5)) == pytest.approx(np.linalg.inv(whole), rel=1e-7, abs=1e-12)
+    assert np.reshape(spread, (5, 5)) == pytest.approx(
+        np.linalg.inv(whole), rel=1e-7, abs=1e-12
+    )
 
 
 def test_noise_as_large_as_said_makes_no_coil_lost_and_a_whole_one_is_no_more():
@@ -222,7 +267,9 @@ def test_noise_as_large_as_said_makes_no_coil_lost_and_a_whole_one_is_no_more():
     x, p, _ = updates(np.array([1.0, 1.0, 0.0, 1.0, 1.0]), 60)[-1]
     assert learning.lost(x, p, 0) == 2
     assert learning.lost(learning.FIRST, p, 2) == 0
-    assert learning.lost((1.0, 1.0, 0.5, 1.0, 1.0), p, 2) == 2  # neither is sure: as it was
+    assert (
+        learning.lost((1.0, 1.0, 0.5, 1.0, 1.0), p, 2) == 2
+    )  # neither is sure: as it was
     assert learning.shares((1.0, -0.1, 0.4, 1.0, 1.2)) == (0.0, 0.4, 1.0, 1.0)
 
 
@@ -230,13 +277,19 @@ def test_the_passed_field_is_exact_for_a_parabola():
     def field(t):
         return (1e-5 + 2e-8 * t, -3e-5 + 1e-10 * t * t, 2e-5 - 5e-9 * t)
 
-    mean = (1e-5 + 2e-8 * 25.0, -3e-5 + 1e-10 * 2500.0 / 3.0, 2e-5 - 5e-9 * 25.0)  # 0 to 50 s
-    assert learning.passed_field(field(50.0), field(0.0), field(-50.0)) == pytest.approx(mean)
+    mean = (
+        1e-5 + 2e-8 * 25.0,
+        -3e-5 + 1e-10 * 2500.0 / 3.0,
+        2e-5 - 5e-9 * 25.0,
+    )  # 0 to 50 s
+    assert learning.passed_field(
+        field(50.0), field(0.0), field(-50.0)
+    ) == pytest.approx(mean)
     straight = learning.passed_field(field(50.0), field(0.0), (0.0, 0.0, 0.0))
     assert straight[0] == pytest.approx(mean[0])
 
 
-# --- the ground --------------------------------------------------------------------------------
+# --- the ground -----------------------------------------------------------------------
 
 
 def a_course(count=114):
@@ -244,9 +297,13 @@ def a_course(count=114):
     t = 50.0 * (np.arange(count) + 0.5)
     u = 2.0 * math.pi / 5700.0 * t
     field = 2e-5 * np.stack([np.cos(u), 0.4 + 0.1 * np.sin(u), 2.0 * np.sin(u)], axis=1)
-    gravity = 0.05 * np.stack([np.sin(2 * u), 0.3 + np.cos(2 * u), 0.2 - np.sin(2 * u)], axis=1)
+    gravity = 0.05 * np.stack(
+        [np.sin(2 * u), 0.3 + np.cos(2 * u), 0.2 - np.sin(2 * u)], axis=1
+    )
     eye = np.broadcast_to(np.eye(3), (count, 3, 3))
-    to_wheels_ = np.broadcast_to(np.linalg.pinv(np.reshape(WHEELS, (3, 4))), (count, 4, 3))
+    to_wheels_ = np.broadcast_to(
+        np.linalg.pinv(np.reshape(WHEELS, (3, 4))), (count, 4, 3)
+    )
     return offline.Course(50.0, field, gravity, 4.0 / 3.0 * eye, to_wheels_)
 
 
@@ -277,7 +334,9 @@ def test_the_cheapest_course_is_that_of_a_dense_solution():
     for k in range(n):
         for j in range(k + 1):
             effect[3 * k : 3 * k + 3, 3 * j : 3 * j + 3] = course.effect[j]
-    free = (np.array([1.0, -2.0, 3.0]) + 50.0 * np.cumsum(course.gravity, axis=0)).ravel()
+    free = (
+        np.array([1.0, -2.0, 3.0]) + 50.0 * np.cumsum(course.gravity, axis=0)
+    ).ravel()
     weight = np.kron(np.eye(n), np.diag(q))
     effort = np.kron(np.eye(n), 0.75 * np.eye(3))
     m = np.linalg.solve(effort + effect.T @ weight @ effect, -effect.T @ weight @ free)
@@ -288,16 +347,25 @@ def test_the_cheapest_course_is_that_of_a_dense_solution():
 def test_a_weight_on_the_fastest_wheel_slows_it():
     course = a_course()
     peaks = [
-        np.abs(np.einsum("kwi,ki->kw", course.to_wheels, offline.cheapest(
-            course, np.full(3, 100.0), weight, 15.0, np.zeros(3)).momentum[1:])).max()
+        np.abs(
+            np.einsum(
+                "kwi,ki->kw",
+                course.to_wheels,
+                offline.cheapest(
+                    course, np.full(3, 100.0), weight, 15.0, np.zeros(3)
+                ).momentum[1:],
+            )
+        ).max()
         for weight in (0.0, 1e4, 1e6)
-    ]  # fmt: skip
+    ]
     assert peaks[0] > peaks[1] > peaks[2]
 
 
 def test_the_cheapest_course_is_found_in_a_few_steps(monkeypatch):
     steps, once = [], offline._newton
-    monkeypatch.setattr(offline, "_newton", lambda *given: steps.append(1) or once(*given))
+    monkeypatch.setattr(
+        offline, "_newton", lambda *given: steps.append(1) or once(*given)
+    )
     offline.cheapest(a_course(), np.full(3, 100.0), 1e6, 15.0, np.zeros(3))
     assert 3 < len(steps) < 20
 
@@ -306,13 +374,15 @@ def test_feedback_is_the_cost_to_go():
     course = dataclasses.replace(a_course(30), gravity=np.zeros((30, 3)))
     start = np.array([3.0, -1.0, 2.0])
     best = offline.cheapest(course, np.full(3, 800.0), 0.0, 20.0, start)
-    cost = 50.0 * (0.75 * (best.dipole**2).sum() + 800.0 * (best.momentum[1:] ** 2).sum())
+    cost = 50.0 * (
+        0.75 * (best.dipole**2).sum() + 800.0 * (best.momentum[1:] ** 2).sum()
+    )
     k = offline.feedback(course, np.full(3, 800.0))[0]
     assert start @ k @ start == pytest.approx(cost, rel=1e-9)
     assert -k @ start == pytest.approx(best.costate[0] + 0.0, rel=0.15, abs=2e5)
 
 
-# --- the blocks --------------------------------------------------------------------------------
+# --- the blocks -----------------------------------------------------------------------
 
 
 def manager(name, **parameters):
@@ -336,16 +406,21 @@ def stepped(block, count=1, start=0):
 
 
 NAMES = [
-    "manager_closed_loop", "manager_mixed_mode", "manager_open_loop", "manager_preview",
+    "manager_closed_loop",
+    "manager_mixed_mode",
+    "manager_open_loop",
+    "manager_preview",
     "manager_preview_learning",
-]  # fmt: skip
+]
 ZEROS = (0.0,) * 4
 
 
 @pytest.mark.parametrize("name", NAMES)
 def test_without_an_attitude_or_a_field_there_is_no_dipole(name):
-    for missing in ({"valid_q": False, "q_bi": (math.nan,) * 4},
-                    {"valid_b": False, "b_body": (math.nan,) * 3}):  # fmt: skip
+    for missing in (
+        {"valid_q": False, "q_bi": (math.nan,) * 4},
+        {"valid_b": False, "b_body": (math.nan,) * 3},
+    ):
         block = stepped(manager(name, **missing))
         assert block.m_cmd_body == (0.0, 0.0, 0.0)
         assert block.mode == IDLE
@@ -355,8 +430,14 @@ def test_without_an_attitude_or_a_field_there_is_no_dipole(name):
 @pytest.mark.parametrize(
     ("change", "text"),
     [
-        ({"axes_coil": (*COILS[:8], *COILS[4:8])}, "axes_coil: the axes do not span space"),
-        ({"axes_wheel": (*WHEELS[:8], 0.0, 0.0, 0.0, 0.0)}, "axes_wheel: the axes do not span"),
+        (
+            {"axes_coil": (*COILS[:8], *COILS[4:8])},
+            "axes_coil: the axes do not span space",
+        ),
+        (
+            {"axes_wheel": (*WHEELS[:8], 0.0, 0.0, 0.0, 0.0)},
+            "axes_wheel: the axes do not span",
+        ),
         ({"sample_time": 0.0}, "sample_time = 0.0 s: a time above 0 is needed"),
         ({"dead_coil": 5}, r"dead_coil = 5 is outside \[0, 4\]"),
     ],
@@ -368,7 +449,9 @@ def test_what_no_law_can_work_with_is_refused(name, change, text):
 
 def test_a_dead_coil_without_which_the_rest_do_not_span_space_is_refused():
     three = (1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0)
-    with pytest.raises(BlockError, match="axes_coil: the axes that are left do not span space"):
+    with pytest.raises(
+        BlockError, match="axes_coil: the axes that are left do not span space"
+    ):
         stepped(manager("manager_closed_loop", axes_coil=three, dead_coil=3))
 
 
@@ -376,9 +459,21 @@ def test_a_dead_coil_without_which_the_rest_do_not_span_space_is_refused():
     ("name", "change", "text"),
     [
         ("manager_closed_loop", {"gain": 0.0}, "gain = 0.0 is outside"),
-        ("manager_open_loop", {"update_period": 800.0}, "longer than desaturation_period = 600.0"),
-        ("manager_open_loop", {"update_period": 120.0}, "no multiple of sample_time = 50.0 s"),
-        ("manager_open_loop", {"manoeuvre": True, "t_begin": 9.0, "t_end": 8.0}, "must be after"),
+        (
+            "manager_open_loop",
+            {"update_period": 800.0},
+            "longer than desaturation_period = 600.0",
+        ),
+        (
+            "manager_open_loop",
+            {"update_period": 120.0},
+            "no multiple of sample_time = 50.0 s",
+        ),
+        (
+            "manager_open_loop",
+            {"manoeuvre": True, "t_begin": 9.0, "t_end": 8.0},
+            "must be after",
+        ),
     ],
 )
 def test_periods_and_gains_that_make_no_sense_are_refused(name, change, text):
@@ -389,7 +484,9 @@ def test_periods_and_gains_that_make_no_sense_are_refused(name, change, text):
 def test_a_coil_s_limit_keeps_the_direction_of_the_dipole():
     free = stepped(manager("manager_closed_loop", gain=1.0, m_limit=1e12)).m_cmd_body
     held = stepped(manager("manager_closed_loop", gain=1.0, m_limit=4000.0)).m_cmd_body
-    assert max(map(abs, to_wheels(pseudo_inverse(COILS), held))) == pytest.approx(4000.0)
+    assert max(map(abs, to_wheels(pseudo_inverse(COILS), held))) == pytest.approx(
+        4000.0
+    )
     assert norm(cross(free, held)) <= 1e-9 * norm(free) * norm(held)
 
 
@@ -409,8 +506,13 @@ def test_beyond_its_table_a_law_has_none():
 
 def test_with_a_coil_lost_its_own_costates_are_used_where_there_are_some():
     rows = tuple(float(12 * i + k) for i in range(312) for k in range(12))
-    for coil, table, expected in ((2, rows, (9.0, 10.0, 11.0)), (1, (0.0,) * 3744, (2.0,) * 3)):
-        block = stepped(manager("manager_preview_learning", table_nodes=20, lost_table=table))
+    for coil, table, expected in (
+        (2, rows, (9.0, 10.0, 11.0)),
+        (1, (0.0,) * 3744, (2.0,) * 3),
+    ):
+        block = stepped(
+            manager("manager_preview_learning", table_nodes=20, lost_table=table)
+        )
         block.costate_table = (2.0,) * 936
         block.lost_coil = coil
         assert block.offset(0, 0.5) == pytest.approx(expected)
@@ -422,7 +524,9 @@ def test_with_a_coil_lost_its_own_costates_are_used_where_there_are_some():
 
 def test_a_period_of_one_sample_is_singular_and_the_law_says_so():
     for what, held in (("hold", 0), ("none", 1)):
-        block = manager("manager_open_loop", desaturation_period=50.0, update_period=50.0)
+        block = manager(
+            "manager_open_loop", desaturation_period=50.0, update_period=50.0
+        )
         block.on_singular = held
         stepped(block)
         assert block.condition > 1e12, what
@@ -451,9 +555,15 @@ def test_the_prediction_of_the_open_loop_misses_by_rounding():
 
 def test_a_manoeuvre_has_one_desaturation_period():
     block = manager(
-        "manager_open_loop", manoeuvre=True, q_end_bi=(0.0, 0.0, 0.6, 0.8), t_begin=300.0,
-        t_end=420.0, lead_time=200.0, lag_time=100.0, table_nodes=20,
-    )  # fmt: skip
+        "manager_open_loop",
+        manoeuvre=True,
+        q_end_bi=(0.0, 0.0, 0.6, 0.8),
+        t_begin=300.0,
+        t_end=420.0,
+        lead_time=200.0,
+        lag_time=100.0,
+        table_nodes=20,
+    )
     stepped(block, 2)
     before = block._costate
     stepped(block, 1, 2)
@@ -465,7 +575,7 @@ def test_a_manoeuvre_has_one_desaturation_period():
     assert block._costate != during
 
 
-# --- scenarios, designs, runs -------------------------------------------------------------------
+# --- scenarios, designs, runs ---------------------------------------------------------
 
 FAMILY = "space_telescope"
 
@@ -489,7 +599,9 @@ def test_what_a_row_compares_flew_the_same_draws_and_two_hundred_for_the_rows_as
             if entry.reference:
                 other = drawn[f"{FAMILY}/{entry.reference}"]["draws"]
                 assert len(drawn[name]["draws"]) == len(other), name
-        bands = [e for e in scenario.content.entries.values() if e.tolerance is not None]
+        bands = [
+            e for e in scenario.content.entries.values() if e.tolerance is not None
+        ]
         if bands:
             assert len(drawn[name]["draws"]) == 200, name
 
@@ -497,14 +609,24 @@ def test_what_a_row_compares_flew_the_same_draws_and_two_hundred_for_the_rows_as
 def test_a_run_on_tables_of_another_attitude_or_beyond_them_is_refused_before_it_begins():
     name = f"{FAMILY}/mixed-me-nominal"
     turned = Options(blocks=True, sets=["guidance.q_target_bi=1,0,0,0"])
-    assert any("tables are of another orbit" in p for p in prepare(name, turned).checked.problems)
+    assert any(
+        "tables are of another orbit" in p
+        for p in prepare(name, turned).checked.problems
+    )
     other = Options(blocks=True, sets=["environment.inclination=0.6"])
-    assert any("tables are of another orbit" in p for p in prepare(name, other).checked.problems)
+    assert any(
+        "tables are of another orbit" in p
+        for p in prepare(name, other).checked.problems
+    )
     longer = Options(blocks=True, stop=50000.0)
-    assert any("end at 46200 s, the run at 50000 s" in p
-               for p in prepare(name, longer).checked.problems)  # fmt: skip
+    assert any(
+        "end at 46200 s, the run at 50000 s" in p
+        for p in prepare(name, longer).checked.problems
+    )
     missing = Options(blocks=True, sets=["manager.made_for=0"])
-    assert any("tables are missing" in p for p in prepare(name, missing).checked.problems)
+    assert any(
+        "tables are missing" in p for p in prepare(name, missing).checked.problems
+    )
     assert prepare(name, Options(blocks=True)).checked.problems == []
 
 
@@ -515,7 +637,9 @@ def test_a_kept_design_is_that_of_today_s_code():
         kept = scenario.parameters()["manager"]
         for key, value in made.items():
             scale = np.abs(np.array(kept[key], float)).max()
-            assert np.array(kept[key]) == pytest.approx(np.array(value), abs=1e-6 * scale), key
+            assert np.array(kept[key]) == pytest.approx(
+                np.array(value), abs=1e-6 * scale
+            ), key
 
 
 def test_the_rows_of_the_profile_lose_less_than_half_a_newton_metre_second():
@@ -527,7 +651,9 @@ def test_the_rows_of_the_profile_lose_less_than_half_a_newton_metre_second():
 
 def test_a_period_of_one_sample_falls_back_in_flight_and_one_source_replaces_the_manager():
     singular = {"manager.desaturation_period": 50.0, "manager.update_period": 50.0}
-    options = Options(blocks=True, stop=600.0, values=singular, record=("*",), design=None)
+    options = Options(
+        blocks=True, stop=600.0, values=singular, record=("*",), design=None
+    )
     run = execute(f"{FAMILY}/open-me-nominal", options).or_raise("singular")
     assert (run.results.values("manager.mode") == FALLBACK).all()
     assert not run.results.values("torquers.m_coil").any()
@@ -541,28 +667,43 @@ def test_a_period_of_one_sample_falls_back_in_flight_and_one_source_replaces_the
 @pytest.mark.parametrize("name", ["closed-cp", "mixed-me", "me", "ours"])
 def test_an_orbit_conserves_momentum_and_holds_the_attitude(name):
     options = Options(blocks=True, stop=2850.0, record=("*",))
-    values = {"wheels.seed": 1}  # a value as of a draw, so that the design is made for this stop
-    run = execute(f"{FAMILY}/{name}-nominal", dataclasses.replace(options, values=values))
+    values = {
+        "wheels.seed": 1
+    }  # a value as of a draw, so that the design is made for this stop
+    run = execute(
+        f"{FAMILY}/{name}-nominal", dataclasses.replace(options, values=values)
+    )
     numbers = run.or_raise(name).manifest["numbers"]
     momentum = run.results.values("spacecraft.impulse_eci")
     largest = np.linalg.norm(momentum, axis=1).max()
     assert numbers["momentum_residual"]["value"] <= 1e-12 * largest
     assert (run.results.values("manager.mode") == DUMPING).all()
     assert numbers["pointing"]["value"] < 0.01
-    if name == "mixed-me":  # it meets the profile where a period ends: at momentum of mean zero
+    if (
+        name == "mixed-me"
+    ):  # it meets the profile where a period ends: at momentum of mean zero
         assert largest > 5.0
     run.results.close()
 
 
 def test_in_flight_the_dead_coil_is_found_and_how_wrong_gravity_gradient_is_known():
-    options = Options(blocks=True, stop=2850.0, record=("*",), design=None,
-                      values={"manager.inertia_scale": 0.8})  # fmt: skip
+    options = Options(
+        blocks=True,
+        stop=2850.0,
+        record=("*",),
+        design=None,
+        values={"manager.inertia_scale": 0.8},
+    )
     run = execute(f"{FAMILY}/ours-dead-unknown", options).or_raise("learns")
     lost = run.results.values("manager.lost_coil").astype(int).ravel()
     assert set(lost.tolist()) == {0, 1}
     assert lost[-1] == 1
-    assert run.results.values("manager.effectiveness")[-1] == pytest.approx([0, 1, 1, 1], abs=0.05)
-    assert run.results.values("manager.gravity_scale")[-1] == pytest.approx(1.25, abs=0.01)
+    assert run.results.values("manager.effectiveness")[-1] == pytest.approx(
+        [0, 1, 1, 1], abs=0.05
+    )
+    assert run.results.values("manager.gravity_scale")[-1] == pytest.approx(
+        1.25, abs=0.01
+    )
     run.results.close()
 
 
@@ -571,11 +712,16 @@ def test_a_design_says_when_a_wheel_is_large_in_one_way():
     for change, text in (
         ({"peak_momentum": 20.0}, "peak_momentum and peak_share: one of them"),
         ({"peak_share": None}, "peak_share is needed, for lost_peak_share"),
-        ({"lost_momentum_weight": [0.0, 1.0, 1.0]}, "lost_momentum_weight = .*: above 0 is needed"),
+        (
+            {"lost_momentum_weight": [0.0, 1.0, 1.0]},
+            "lost_momentum_weight = .*: above 0 is needed",
+        ),
     ):
         asked = scenario.content.design.written | change
         about = {k: v for k, v in asked.items() if v is not None}
-        other = dataclasses.replace(scenario, content=but(scenario.content, design=about))
+        other = dataclasses.replace(
+            scenario, content=but(scenario.content, design=about)
+        )
         with pytest.raises(DesatError, match=f"^{scenario.name}: design: {text}"):
             making.design(other)
 
@@ -583,7 +729,9 @@ def test_a_design_says_when_a_wheel_is_large_in_one_way():
 @pytest.fixture(scope="module")
 def half_orbits():
     """Two orbits of the open loop and a half, bare."""
-    options = Options(blocks=True, stop=14250.0, record=("*",), values={"wheels.seed": 1})
+    options = Options(
+        blocks=True, stop=14250.0, record=("*",), values={"wheels.seed": 1}
+    )
     run = execute(f"{FAMILY}/open-me-nominal", options).or_raise("open-me")
     yield run
     run.results.close()
@@ -595,38 +743,59 @@ def test_the_open_loop_meets_its_momentum_at_the_end_of_the_period(half_orbits):
     assert 0.0 < numbers["end_miss"] < 0.5
     assert 0.0 < numbers["off_profile"] < 0.05
     # a value a sample and 57 a half orbit
-    assert numbers["field_models"] == pytest.approx(3600.0 * (1.0 / 50.0 + 57.0 / 2850.0))
+    assert numbers["field_models"] == pytest.approx(
+        3600.0 * (1.0 / 50.0 + 57.0 / 2850.0)
+    )
 
 
-def test_the_periodic_momentum_is_kept_and_the_coils_move_less_than_gravity(half_orbits):
+def test_the_periodic_momentum_is_kept_and_the_coils_move_less_than_gravity(
+    half_orbits,
+):
     numbers = {k: n["value"] for k, n in half_orbits.manifest["numbers"].items()}
     assert 80.0 < numbers["amplitude_kept"] < 100.0
     assert 0.0 < numbers["moved_by_coils"] < 0.5 * numbers["moved_by_gravity"]
-    assert numbers["time_above_100"] > numbers["time_above_200"] >= numbers["time_above_300"]
+    assert (
+        numbers["time_above_100"]
+        > numbers["time_above_200"]
+        >= numbers["time_above_300"]
+    )
 
 
 def test_the_least_energy_is_below_the_run_and_grows_as_the_peak_shrinks(half_orbits):
     found = coil_bound.of_run(half_orbits.manifest, half_orbits.results)
     assert 0.0 < found.above_percent < 50.0
-    assert found.above_percent == pytest.approx(100.0 * (found.energy / found.least - 1.0))
-    curve = coil_bound.curve(half_orbits.manifest, half_orbits.results,
-                             [0.8 * found.peak, found.peak, 1.5 * found.peak])  # fmt: skip
+    assert found.above_percent == pytest.approx(
+        100.0 * (found.energy / found.least - 1.0)
+    )
+    curve = coil_bound.curve(
+        half_orbits.manifest,
+        half_orbits.results,
+        [0.8 * found.peak, found.peak, 1.5 * found.peak],
+    )
     energies = [energy for _, energy in curve]
     assert energies[1] == pytest.approx(found.least)
     assert energies[0] > energies[1] > energies[2]
 
 
-def test_short_periods_are_ill_conditioned_and_may_turn_against_the_momentum(half_orbits):
+def test_short_periods_are_ill_conditioned_and_may_turn_against_the_momentum(
+    half_orbits,
+):
     manifest, results = half_orbits.manifest, half_orbits.results
     rows = telescope.study(manifest, results, (50.0, 200.0, 600.0, 2850.0, 14250.0))
     assert rows[0]["condition"] == math.inf
-    assert rows[1]["condition"] > 4.0 * rows[2]["condition"] > 16.0 * rows[3]["condition"]
+    assert (
+        rows[1]["condition"] > 4.0 * rows[2]["condition"] > 16.0 * rows[3]["condition"]
+    )
     assert rows[1]["angle"] > 150.0 > 130.0 > rows[3]["angle"]
     assert rows[1]["torque"] > 2.0 * rows[2]["torque"] > 4.0 * rows[3]["torque"]
     # one period alone spans the run: that of the law itself on the measured field
     field = results.values("environment.b_eci")[5::10]
-    product = np.sum([laws.field_product(tuple(b), IDENTITY) for b in field.tolist()], axis=0)
-    assert rows[4]["condition"] == pytest.approx(laws.condition(tuple(product)), rel=1e-2)
+    product = np.sum(
+        [laws.field_product(tuple(b), IDENTITY) for b in field.tolist()], axis=0
+    )
+    assert rows[4]["condition"] == pytest.approx(
+        laws.condition(tuple(product)), rel=1e-2
+    )
 
 
 def test_the_mixed_law_multiplies_less_than_the_open_loop():
@@ -640,10 +809,13 @@ def test_the_mixed_law_multiplies_less_than_the_open_loop():
 def test_a_paired_ratio_is_of_the_same_draw():
     def drawn(*values):
         return [
-            RunRow("completed", 0, "", numbers={"e": x}, number=i) for i, x in enumerate(values)
+            RunRow("completed", 0, "", numbers={"e": x}, number=i)
+            for i, x in enumerate(values)
         ]
 
-    found = pairs.each_draw(drawn(2.0, 9.0, None, 8.0), drawn(1.0, 3.0, 5.0, 0.0), "e", ratio=True)
+    found = pairs.each_draw(
+        drawn(2.0, 9.0, None, 8.0), drawn(1.0, 3.0, 5.0, 0.0), "e", ratio=True
+    )
     assert found == {0: 2.0, 1: 3.0}
     assert numbers.related("paired_ratio", 6.0, 4.0) == 1.5
 
@@ -651,7 +823,9 @@ def test_a_paired_ratio_is_of_the_same_draw():
 def test_claims_that_hold_are_within_their_bands(monkeypatch):
     monkeypatch.setattr(tables, "scenarios", stored.with_draws)
     drawn = stored.read(FAMILY)
-    rows = [r for r in tables.rows(FAMILY, Options(), drawn=drawn) if r.table == "claims"]
+    rows = [
+        r for r in tables.rows(FAMILY, Options(), drawn=drawn) if r.table == "claims"
+    ]
     assert len(rows) >= 15
     for row in rows:
         if row.remark.startswith("holds") and row.band:
@@ -660,9 +834,15 @@ def test_claims_that_hold_are_within_their_bands(monkeypatch):
 
 def test_the_share_of_a_vector_along_another():
     t = np.arange(2.0)
-    a, b = np.array([[3.0, 4.0, 0.0], [0.0, 5.0, 0.0]]), np.array([[2.0, 0, 0], [0, 0, 1.0]])
+    a, b = (
+        np.array([[3.0, 4.0, 0.0], [0.0, 5.0, 0.0]]),
+        np.array([[2.0, 0, 0], [0, 0, 1.0]]),
+    )
     assert measures.share_along(t, a, b) == pytest.approx(100.0 * math.sqrt(9.0 / 50.0))
-    assert measures.growth_in(np.array([0.0, 10.0]), np.array([[1.0], [6.0]]), 4.0, 2.0) == 4.0
+    assert (
+        measures.growth_in(np.array([0.0, 10.0]), np.array([[1.0], [6.0]]), 4.0, 2.0)
+        == 4.0
+    )
     assert measures.rms(t, a, 1) == pytest.approx(measures.rms(t, a) / math.sqrt(3.0))
 
 

@@ -36,7 +36,10 @@ def test_packed_file_is_in_the_universal_profile(packed):
     assert validate(root, "SystemStructureDescription.xsd", "x") == []
     for prefix in ("<ssd:", "<ssc:", "<osp:", "<oms:"):
         assert prefix in text
-    assert 'xmlns:osp="http://opensimulationplatform.com/SSP/OSPAnnotations"' in text.split(">")[1]
+    assert (
+        'xmlns:osp="http://opensimulationplatform.com/SSP/OSPAnnotations"'
+        in text.split(">")[1]
+    )
     listed, wired, sets = set(), set(), set()
     for component in root.iter(f"{{{ssp.SSD}}}Component"):
         assert component.get("source") in members
@@ -49,8 +52,10 @@ def test_packed_file_is_in_the_universal_profile(packed):
             assert validate(values, "SystemStructureParameterValues.xsd", "x") == []
             sets.add(values.get("name"))
     for c in root.iter(f"{{{ssp.SSD}}}Connection"):
-        wired |= {(c.get("startElement"), c.get("startConnector")),
-                  (c.get("endElement"), c.get("endConnector"))}  # fmt: skip
+        wired |= {
+            (c.get("startElement"), c.get("startConnector")),
+            (c.get("endElement"), c.get("endConnector")),
+        }
     assert listed == wired
     assert sets == {"parameters"}
     assert 'numWorkerThreads="0"' in text
@@ -69,7 +74,10 @@ def test_what_other_tools_make_otherwise_is_said(packed, tmp_path, desat):
     slow.write_text('extends = "nadir_day/day-dipole"\n[step_ratio]\nenvironment = 2\n')
     fmu = paths.fmus() / "fmi3" / "rate_gyro.fmu"
     third.write_text(f'extends = "nadir_day/day-dipole"\nsources.gyro = "{fmu}"\n')
-    for file, said in ((slow, "environment: slower than the step"), (third, "gyro: of FMI 3.0")):
+    for file, said in (
+        (slow, "environment: slower than the step"),
+        (third, "gyro: of FMI 3.0"),
+    ):
         done = desat("pack", str(file), check=True)
         (line,) = done.stderr.splitlines()
         assert line.startswith(f"note: nadir_day/{file.stem}: ")
@@ -99,8 +107,8 @@ def test_a_folder_runs_as_well(packed, tmp_path):
 @pytest.mark.real_units
 @pytest.mark.parametrize("name", one_of_each_craft())
 def test_a_packed_scenario_gives_the_bits_of_the_scenario(name, tmp_path):
-    """One of each craft: what tables, pages and draws compute of scenarios holds for the packed
-    files that other tools load."""
+    """One of each craft: what tables, pages and draws compute of scenarios holds for
+    the packed files that other tools load."""
     data = find(name).content.written
     options = Options(stop=min(data["stop"], 200.0 * data["step"]))
     packed = execute(str(pack_scenario(find(name), tmp_path / "x.ssp")), options)
@@ -128,7 +136,11 @@ def test_every_scenario_has_a_title_and_a_story():
 
 def test_every_cell_of_tables_2_and_3_is_a_scenario():
     cases = [f"{law}-{i}" for law in ("ilqr", "mec") for i in (1, 2, 3)]
-    expected = {f"uosat12/table2-{m}-{c}" for m in ("dct", "cccp", "crcp", "ocdc") for c in cases}
+    expected = {
+        f"uosat12/table2-{m}-{c}"
+        for m in ("dct", "cccp", "crcp", "ocdc")
+        for c in cases
+    }
     expected |= {f"uosat12/table3-{m}-{c}" for m in ("dct", "ocdc") for c in cases}
     assert expected <= set(scenarios("uosat12"))
 
@@ -235,7 +247,9 @@ def test_scenario_files(tmp_path, monkeypatch, scenario_module):
     )
     assert found["f/t-a"].content.parameters["manager"] == {"duty": 0.5}
     assert found["f/t-b"].content.parameters["manager"] == {}
-    with pytest.raises(DesatError, match=r"t.toml: without parameters.q.x: there is none before"):
+    with pytest.raises(
+        DesatError, match=r"t.toml: without parameters.q.x: there is none before"
+    ):
         read(t='[axes.m.a]\nwithout = ["parameters.q.x"]')
     with pytest.raises(
         DesatError, match=r"ssp/f/scenarios/t.toml:1: stp: unknown key; did you mean"
@@ -274,9 +288,20 @@ def test_packing_all_leaves_what_is_current(monkeypatch, tmp_path):
 
 def test_make_demo_and_make_ssp_pack_what_is_needed():
     packed = {
-        target: [line for line in subprocess.run(
-            ["make", "-n", target], cwd=ROOT, capture_output=True, text=True, check=True,
-        ).stdout.splitlines() if "desat pack" in line and "--ssd" not in line]
+        target: [
+            line
+            for line in subprocess.run(
+                ["make", "-n", target],
+                cwd=ROOT,
+                capture_output=True,
+                text=True,
+                check=True,
+            ).stdout.splitlines()
+            if "desat pack" in line and "--ssd" not in line
+        ]
         for target in ("demo", "ssp")
-    }  # fmt: skip
-    assert packed == {"demo": [".venv/bin/desat pack uosat12/table3-ocdc-ilqr-1"], "ssp": []}
+    }
+    assert packed == {
+        "demo": [".venv/bin/desat pack uosat12/table3-ocdc-ilqr-1"],
+        "ssp": [],
+    }

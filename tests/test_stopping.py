@@ -37,18 +37,25 @@ def run(target: str, **options):
 
 
 def test_it_ends_where_the_measure_says(scenario):
-    """At the row where all elements have been below for so long, as `first_below` has it."""
+    """At the row where all elements have been below for so long, as `first_below` has
+    it."""
     whole = run(NAME, stop=300.0)
     sizes = np.abs(whole.results.values(RATE))
     limit = float(np.sort(sizes.max(axis=1))[len(sizes) // 2])
-    number = f"[numbers.first]\nsignal = '{RATE}'\nmeasure = 'first_below'\nunit = 's'\n"
+    number = (
+        f"[numbers.first]\nsignal = '{RATE}'\nmeasure = 'first_below'\nunit = 's'\n"
+    )
     options = f"options = {{ limit = {limit!r}, held = 5.0 }}\n"
-    ended = run(scenario(f"signal = '{RATE}'\nbelow = {limit!r}\nheld = 5.0", number + options))
+    ended = run(
+        scenario(f"signal = '{RATE}'\nbelow = {limit!r}\nheld = 5.0", number + options)
+    )
     good, step = (sizes < limit).all(axis=1), whole.manifest["step"]
     rows = round(5.0 / step)
     first = next(i for i in range(len(good)) if good[i : i + rows + 1].all())
     assert ended.manifest["status"] == "completed"
-    assert ended.manifest["stopped_when"]["time"] == pytest.approx((first + rows) * step)
+    assert ended.manifest["stopped_when"]["time"] == pytest.approx(
+        (first + rows) * step
+    )
     assert ended.manifest["steps_done"] == first + rows < whole.manifest["steps_done"]
     assert ended.manifest["numbers"]["first"]["value"] == pytest.approx(first * step)
     assert np.array_equal(
@@ -78,11 +85,18 @@ def test_an_output_that_reaches_nobody_need_not_be_recorded(scenario):
 def test_a_product_of_parameters_and_a_mode(scenario):
     text = "signal = 'wheels.h_wheel'\nabove = '1e-9 * wheels.inertia_wheel * wheels.speed_limit'"
     assert run(scenario(text)).manifest["steps_done"] == 1
-    assert run(scenario("signal = 'manager.mode'\nreaches = 99")).manifest["stopped_when"] is None
+    assert (
+        run(scenario("signal = 'manager.mode'\nreaches = 99")).manifest["stopped_when"]
+        is None
+    )
     mode = run(NAME, stop=60.0).results
     name, value = mode.choices("manager.mode"), int(mode.values("manager.mode")[-1])
-    ended = run(scenario(f"signal = 'manager.mode'\nreaches = '{name[value]}'\nheld = 20.0"))
-    assert ended.manifest["stopped_when"]["condition"].endswith(f"reaches {name[value]} for 20 s")
+    ended = run(
+        scenario(f"signal = 'manager.mode'\nreaches = '{name[value]}'\nheld = 20.0")
+    )
+    assert ended.manifest["stopped_when"]["condition"].endswith(
+        f"reaches {name[value]} for 20 s"
+    )
 
 
 def test_what_is_not_reached_stays_not_reached(scenario):
@@ -98,24 +112,48 @@ def test_what_is_not_reached_stays_not_reached(scenario):
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("signal = 'manger.mode'\nreaches = 1", "stop_when.signal: no component manger; did you"),
-        ("signal = 'manager.mod'\nreaches = 1", "stop_when.signal: manager has no output mod;"),
-        ("signal = 'manager.mode'\nreaches = 'nomnal'", "stop_when.reaches: no value nomnal"),
+        (
+            "signal = 'manger.mode'\nreaches = 1",
+            "stop_when.signal: no component manger; did you",
+        ),
+        (
+            "signal = 'manager.mod'\nreaches = 1",
+            "stop_when.signal: manager has no output mod;",
+        ),
+        (
+            "signal = 'manager.mode'\nreaches = 'nomnal'",
+            "stop_when.reaches: no value nomnal",
+        ),
         (
             "signal = 'manager.mode'\nbelow = 1.0",
             "stop_when.below: manager.mode is of type Integer",
         ),
-        (f"signal = '{RATE}'\nreaches = 1", "stop_when.reaches: got 1; omega_bi_body is a Real"),
+        (
+            f"signal = '{RATE}'\nreaches = 1",
+            "stop_when.reaches: got 1; omega_bi_body is a Real",
+        ),
         (
             f"signal = '{RATE}'\nbelow = 1.0\nunit = 'T'",
             "stop_when.below: unit T of the limit does",
         ),
-        (f"signal = '{RATE}'\nbelow = 'wheels.inertia_wheel'", "stop_when.below: unit of"),
-        (f"signal = '{RATE}'", "stop_when: exactly one of below, above, reaches is needed"),
+        (
+            f"signal = '{RATE}'\nbelow = 'wheels.inertia_wheel'",
+            "stop_when.below: unit of",
+        ),
+        (
+            f"signal = '{RATE}'",
+            "stop_when: exactly one of below, above, reaches is needed",
+        ),
         (f"signal = '{RATE}'\nbelow = 1.0\nabove = 2.0", "stop_when: exactly one of"),
-        (f"signal = '{RATE}'\nbelo = 1.0", "stop_when.belo: unknown key; did you mean below?"),
+        (
+            f"signal = '{RATE}'\nbelo = 1.0",
+            "stop_when.belo: unknown key; did you mean below?",
+        ),
         (f"signal = '{RATE}'\nbelow = 1.0\nheld = -1.0", "stop_when.held: got -1.0"),
-        ("signal = 'manager.mode'\nreaches = 1.5", "stop_when.reaches: got 1.5: a whole number"),
+        (
+            "signal = 'manager.mode'\nreaches = 1.5",
+            "stop_when.reaches: got 1.5: a whole number",
+        ),
     ],
 )
 def test_what_is_wrong_is_one_line(scenario, text, message):
@@ -144,13 +182,21 @@ def test_the_time_limit(tmp_path):
     assert late.manifest["status"] == "timed out"
     assert late.code == Exit.TIMEOUT == 5
     assert late.manifest["steps_done"] == len(late.results.times()) - 1 == 1
-    result = draws("uosat12/flight-ocdc-1", 1, 1, Options(blocks=True, time_limit=0.0), jobs=1)
+    result = draws(
+        "uosat12/flight-ocdc-1", 1, 1, Options(blocks=True, time_limit=0.0), jobs=1
+    )
     assert result.rows[0].code == 5
 
 
 def test_the_command_ends_with_5_and_keeps_the_run(desat, tmp_path):
-    done = desat("run", NAME, "--blocks", "--time-limit", "1e-9", "--out", str(tmp_path / "a"))
+    done = desat(
+        "run", NAME, "--blocks", "--time-limit", "1e-9", "--out", str(tmp_path / "a")
+    )
     assert done.returncode == 5
-    assert "\ntimed out: 1e-09 s of wall time over at t = " in done.stderr  # after warnings
-    assert json.loads((tmp_path / "a/manifest.json").read_text())["status"] == "timed out"
+    assert (
+        "\ntimed out: 1e-09 s of wall time over at t = " in done.stderr
+    )  # after warnings
+    assert (
+        json.loads((tmp_path / "a/manifest.json").read_text())["status"] == "timed out"
+    )
     assert (tmp_path / "a/report.html").exists()

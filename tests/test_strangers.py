@@ -1,4 +1,5 @@
-"""FMUs of others in our places: manager.c has the names of the role, and nothing else of ours."""
+"""FMUs of others in our places: manager.c has the names of the role, and nothing else
+of ours."""
 
 from __future__ import annotations
 
@@ -21,9 +22,16 @@ from desat.system.options import Options
 SOURCE = Path(__file__).parent / "manager.c"
 INPUTS = {"b_body": (3, "T"), "h_wheel": (4, "N.m.s"), "tau_ctrl_body": (3, "N.m")}
 OUTPUTS = {"tau_cmd_wheel": (4, "N.m"), "m_cmd_body": (3, "A.m2")}
-ONE_OF_EACH = ["alsat1/basin-inverted", "gyrostat/stress", "hausat2/along-field",
-               "integrated/mil-nadir", "nadir_day/day-dipole", "plant/light",
-               "space_telescope/closed-cp-nominal", "uosat12/table3-ocdc-ilqr-1"]  # fmt: skip
+ONE_OF_EACH = [
+    "alsat1/basin-inverted",
+    "gyrostat/stress",
+    "hausat2/along-field",
+    "integrated/mil-nadir",
+    "nadir_day/day-dipole",
+    "plant/light",
+    "space_telescope/closed-cp-nominal",
+    "uosat12/table3-ocdc-ilqr-1",
+]
 STILL = ("hausat2", "plant", "uosat12")
 """Where its wheels have nothing to do: at rest, or not wired."""
 
@@ -32,7 +40,9 @@ def description(dependencies: str = "", **renamed: str) -> str:
     """Its modelDescription.xml; `renamed`: variables that are called otherwise."""
     rows: list[str] = []
 
-    def variable(name: str, causality: str, unit: str, start: float | None = None) -> None:
+    def variable(
+        name: str, causality: str, unit: str, start: float | None = None
+    ) -> None:
         kind = "fixed" if causality == "parameter" else "continuous"
         first = "" if start is None else f' start="{start}"'
         rows.append(
@@ -43,7 +53,9 @@ def description(dependencies: str = "", **renamed: str) -> str:
     variable("gain", "parameter", "1/s", 1e-3)
     variable("m_limit", "parameter", "A.m2", 5.0)
     for i in range(12):
-        variable(f"axes_wheel[{i // 4 + 1},{i % 4 + 1}]", "parameter", "1", float(i % 5 == 0))
+        variable(
+            f"axes_wheel[{i // 4 + 1},{i % 4 + 1}]", "parameter", "1", float(i % 5 == 0)
+        )
     for name, (count, unit) in INPUTS.items():
         for i in range(count):
             variable(f"{renamed.get(name, name)}[{i + 1}]", "input", unit, 0.0)
@@ -51,8 +63,12 @@ def description(dependencies: str = "", **renamed: str) -> str:
     for name, (count, unit) in OUTPUTS.items():
         for i in range(count):
             variable(f"{renamed.get(name, name)}[{i + 1}]", "output", unit)
-    outputs = "".join(f'<Unknown index="{i}"{dependencies}/>' for i in range(first, len(rows) + 1))
-    units = "".join(f'<Unit name="{u}"/>' for u in ("1", "1/s", "A.m2", "T", "N.m.s", "N.m"))
+    outputs = "".join(
+        f'<Unknown index="{i}"{dependencies}/>' for i in range(first, len(rows) + 1)
+    )
+    units = "".join(
+        f'<Unit name="{u}"/>' for u in ("1", "1/s", "A.m2", "T", "N.m.s", "N.m")
+    )
     return (
         '<?xml version="1.0" encoding="UTF-8"?>'
         '<fmiModelDescription fmiVersion="2.0" modelName="stranger" guid="{s}">'
@@ -98,13 +114,21 @@ def test_it_runs_in_a_scenario_of_every_family(name: str, stranger: Path) -> Non
 
 def test_what_it_lacks_is_left_out_with_a_line_each(stranger: Path) -> None:
     """The line of the README ended with 2, as a plot names a parameter of our manager."""
-    case = prepare("integrated/mil-nadir", Options(sources=[f"manager={stranger}"], stop=60.0))
+    case = prepare(
+        "integrated/mil-nadir", Options(sources=[f"manager={stranger}"], stop=60.0)
+    )
     case.or_raise()
     text = "\n".join(case.checked.warnings)
-    assert re.search(r"common\.toml:\d+: plots\.wanted_torque\.signals: manager has no output "
-                     r"tau_des_body; .*: left out", text)  # fmt: skip
-    assert re.search(r"plots\.momentum\.limits: manager has no parameter h_limit; did you mean "
-                     r"m_limit\?: left out", text)  # fmt: skip
+    assert re.search(
+        r"common\.toml:\d+: plots\.wanted_torque\.signals: manager has no output "
+        r"tau_des_body; .*: left out",
+        text,
+    )
+    assert re.search(
+        r"plots\.momentum\.limits: manager has no parameter h_limit; did you mean "
+        r"m_limit\?: left out",
+        text,
+    )
     assert case.checked.system is not None
     plots = case.checked.system.about.plots
     assert "wanted_torque" not in plots
@@ -122,7 +146,9 @@ def test_an_output_of_the_role_that_it_lacks_stays_at_its_start(stranger: Path) 
     assert (run.results.values("thrusters.on_time") == 0.0).all()
 
 
-def test_one_that_has_no_output_that_is_read_is_refused(tmp_path: Path, library: bytes) -> None:
+def test_one_that_has_no_output_that_is_read_is_refused(
+    tmp_path: Path, library: bytes
+) -> None:
     other = {"tau_cmd_wheel": "torque", "m_cmd_body": "m_cmd_bodi"}
     path = fmu(tmp_path / "other.fmu", library, description(**other))
     with pytest.raises(DesatError, match=r"lacks what is wired: .*m_cmd_body"):
@@ -134,38 +160,65 @@ def test_without_dependencies_it_depends_on_all_that_it_is_given(
 ) -> None:
     """As if it declared that; it was taken a step late."""
     every = " ".join(str(i) for i in range(15, 25))
-    declared = fmu(tmp_path / "declared.fmu", library, description(f' dependencies="{every}"'))
+    declared = fmu(
+        tmp_path / "declared.fmu", library, description(f' dependencies="{every}"')
+    )
     a, b = (
-        desat.run("nadir_day/day-dipole", stop=200.0, sources=[f"manager={x}"], substeps=1)
+        desat.run(
+            "nadir_day/day-dipole", stop=200.0, sources=[f"manager={x}"], substeps=1
+        )
         for x in (stranger, declared)
     )
-    assert (a.results.values("wheels.h_wheel") == b.results.values("wheels.h_wheel")).all()
-    assert any("m_cmd_body, tau_cmd_wheel may depend on every input and are taken over the step"
-               in x for x in a.manifest.warnings)  # fmt: skip
+    assert (
+        a.results.values("wheels.h_wheel") == b.results.values("wheels.h_wheel")
+    ).all()
+    assert any(
+        "m_cmd_body, tau_cmd_wheel may depend on every input and are taken over the step"
+        in x
+        for x in a.manifest.warnings
+    )
     assert not any("declares no dependencies" in x for x in b.manifest.warnings)
     late = desat.run(
-        "nadir_day/day-dipole", stop=200.0, sources=[f"manager={stranger}"], substeps=1,
-        output_classes={"manager.m_cmd_body": "state", "manager.tau_cmd_wheel": "state"},
-    )  # fmt: skip
-    assert (a.results.values("wheels.h_wheel") != late.results.values("wheels.h_wheel")).any()
+        "nadir_day/day-dipole",
+        stop=200.0,
+        sources=[f"manager={stranger}"],
+        substeps=1,
+        output_classes={
+            "manager.m_cmd_body": "state",
+            "manager.tau_cmd_wheel": "state",
+        },
+    )
+    assert (
+        a.results.values("wheels.h_wheel") != late.results.values("wheels.h_wheel")
+    ).any()
 
 
-def test_where_that_closes_a_circle_it_is_taken_a_step_late(tmp_path: Path, library: bytes) -> None:
+def test_where_that_closes_a_circle_it_is_taken_a_step_late(
+    tmp_path: Path, library: bytes
+) -> None:
     folder = tmp_path / "ring"
     (folder / "resources").mkdir(parents=True)
-    # what two managers dump is what the other one measures, so that each waits for the other
-    fmu(folder / "resources" / "m.fmu", library, description(b_body="x", m_cmd_body="y"))
+    # what two managers dump is what the other one measures, so that each waits for the
+    # other
+    fmu(
+        folder / "resources" / "m.fmu", library, description(b_body="x", m_cmd_body="y")
+    )
     parts = "".join(
         f'<ssd:Component name="{name}" source="resources/m.fmu"><ssd:Connectors>'
-        + "".join(f'<ssd:Connector name="{kind}[{i}]" kind="{end}"/>'
-                  for kind, end in (("x", "input"), ("y", "output")) for i in (1, 2, 3))
-        + "</ssd:Connectors></ssd:Component>" for name in ("a", "b")
-    )  # fmt: skip
+        + "".join(
+            f'<ssd:Connector name="{kind}[{i}]" kind="{end}"/>'
+            for kind, end in (("x", "input"), ("y", "output"))
+            for i in (1, 2, 3)
+        )
+        + "</ssd:Connectors></ssd:Component>"
+        for name in ("a", "b")
+    )
     ways = "".join(
         f'<ssd:Connection startElement="{a}" startConnector="y[{i}]" endElement="{b}" '
         f'endConnector="x[{i}]" suppressUnitConversion="true"/>'
-        for a, b in (("a", "b"), ("b", "a")) for i in (1, 2, 3)
-    )  # fmt: skip
+        for a, b in (("a", "b"), ("b", "a"))
+        for i in (1, 2, 3)
+    )
     (folder / "SystemStructure.ssd").write_text(
         '<ssd:SystemStructureDescription xmlns:ssd="http://ssp-standard.org/SSP1/SystemStructure'
         'Description" name="ring" version="1.0"><ssd:System name="ring"><ssd:Elements>'
@@ -175,14 +228,20 @@ def test_where_that_closes_a_circle_it_is_taken_a_step_late(tmp_path: Path, libr
     case = prepare(str(folder), Options(step=1.0))
     _, schedule = case.or_raise()
     assert {when for _, when in schedule.timing} == {"one step late"}
-    assert "are taken one step late, as they close a circle" in "\n".join(case.checked.warnings)
+    assert "are taken one step late, as they close a circle" in "\n".join(
+        case.checked.warnings
+    )
 
 
-def test_faults_against_the_standard_are_warnings(tmp_path: Path, library: bytes) -> None:
+def test_faults_against_the_standard_are_warnings(
+    tmp_path: Path, library: bytes
+) -> None:
     """Named by the file; `--strict` refuses."""
     text = description().replace("<Real unit", '<Real bogus="1" unit', 1)
     path = fmu(tmp_path / "faulty.fmu", library, text)
-    case = prepare("nadir_day/day-dipole", Options(sources=[f"manager={path}"], stop=60.0))
+    case = prepare(
+        "nadir_day/day-dipole", Options(sources=[f"manager={path}"], stop=60.0)
+    )
     case.or_raise()
     (line,) = (x for x in case.checked.warnings if "not as FMI wants it" in x)
     assert line.startswith("manager: faulty.fmu: not as FMI wants it: ")
@@ -199,7 +258,11 @@ def test_faults_against_the_standard_are_warnings(tmp_path: Path, library: bytes
             'fmiVersion="1.0"',
             "FMI 1.0 for model exchange alone: FMI 1.0, 2.0 or 3.0 for co-simulation",
         ),
-        ("CoSimulation", "ModelExchange", "FMI 2.0 for model exchange alone: FMI 1.0, 2.0"),
+        (
+            "CoSimulation",
+            "ModelExchange",
+            "FMI 2.0 for model exchange alone: FMI 1.0, 2.0",
+        ),
     ],
 )
 def test_what_cannot_run_is_refused_by_name(
@@ -214,5 +277,7 @@ def test_a_unit_that_nobody_knows_is_no_number(tmp_path: Path, library: bytes) -
     """A connection between N.m.s and `oz.in` was taken one to one, without a word."""
     text = description().replace('unit="N.m.s"', 'unit="oz.in"')
     path = fmu(tmp_path / "odd.fmu", library, text)
-    with pytest.raises(DesatError, match=r"unit oz\.in is not known: nothing says how N\.m\.s "):
+    with pytest.raises(
+        DesatError, match=r"unit oz\.in is not known: nothing says how N\.m\.s "
+    ):
         prepare("nadir_day/day-dipole", Options(sources=[f"manager={path}"])).or_raise()

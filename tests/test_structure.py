@@ -1,4 +1,5 @@
-"""The tree: no circle of imports, rooms that import from those below them, all of it packaged."""
+"""The tree: no circle of imports, rooms that import from those below them, all of it
+packaged."""
 
 from __future__ import annotations
 
@@ -16,9 +17,25 @@ import pytest
 from conftest import ABSENT, ROOT
 
 HOME = ROOT / "orchestrator"
-ROOMS = ("system", "language", "files", "begin", "engine", "numbers", "figures", "analyses",
-         "runs", "report", "export", "campaign", "sizing", "studies", "cli", "papers",
-         "web")  # fmt: skip
+ROOMS = (
+    "system",
+    "language",
+    "files",
+    "begin",
+    "engine",
+    "numbers",
+    "figures",
+    "analyses",
+    "runs",
+    "report",
+    "export",
+    "campaign",
+    "sizing",
+    "studies",
+    "cli",
+    "papers",
+    "web",
+)
 """The rooms of orchestrator/; each imports from those before it."""
 WALLED = ("papers", "web")
 """Rooms that nothing else imports: the package works without them."""
@@ -29,14 +46,18 @@ MOST = 25
 def modules(home: Path) -> dict[str, Path]:
     """The files below a folder by the names of their modules; its own name is empty."""
     return {
-        ".".join(p.relative_to(home).with_suffix("").parts).removesuffix("__init__").rstrip("."): p
+        ".".join(p.relative_to(home).with_suffix("").parts)
+        .removesuffix("__init__")
+        .rstrip("."): p
         for p in home.rglob("*.py")
     }
 
 
-def imported(module: str, file: Path, known: dict[str, Path], name: str) -> Iterator[str]:
-    """The modules that a file imports, also within functions and for types alone: who reads the
-    one must know the other."""
+def imported(
+    module: str, file: Path, known: dict[str, Path], name: str
+) -> Iterator[str]:
+    """The modules that a file imports, also within functions and for types alone: who
+    reads the one must know the other."""
     package = module if file.name == "__init__.py" else module.rpartition(".")[0]
     for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
         if isinstance(node, ast.Import):
@@ -59,8 +80,10 @@ def imported(module: str, file: Path, known: dict[str, Path], name: str) -> Iter
 def circle(home: Path, name: str = "desat") -> list[str]:
     """A circle of modules that import each other, or nothing."""
     known = modules(home)
-    edges = {m: set(imported(m, file, known, name)) & known.keys() - {m}
-             for m, file in known.items()}  # fmt: skip
+    edges = {
+        m: set(imported(m, file, known, name)) & known.keys() - {m}
+        for m, file in known.items()
+    }
     while leaves := [m for m, targets in edges.items() if not targets & edges.keys()]:
         for leaf in leaves:
             del edges[leaf]
@@ -84,9 +107,16 @@ def test_no_modules_import_each_other_in_a_circle(folder, name, least):
 
 
 @pytest.mark.parametrize(
-    "line", ["from .b import y", "from . import b", "from desat.b import y", "import desat.b",
-             "def f():\n    from .b import y", "if TYPE_CHECKING:\n    from .b import y"],
-)  # fmt: skip
+    "line",
+    [
+        "from .b import y",
+        "from . import b",
+        "from desat.b import y",
+        "import desat.b",
+        "def f():\n    from .b import y",
+        "if TYPE_CHECKING:\n    from .b import y",
+    ],
+)
 def test_a_circle_is_found(tmp_path, line):
     (tmp_path / "__init__.py").write_text("")
     (tmp_path / "a.py").write_text(line)
@@ -102,13 +132,15 @@ def test_rooms_import_from_those_below_them():
     known = modules(HOME)
     rooms = {
         (module.partition(".")[0], target.partition(".")[0])
-        for module, file in known.items() if module
+        for module, file in known.items()
+        if module
         for target in imported(module, file, known, "desat")
-    }  # fmt: skip
+    }
     upward = {
-        (room, other) for room, other in rooms
+        (room, other)
+        for room, other in rooms
         if other in ROOMS and ROOMS.index(room) < ROOMS.index(other)
-    }  # fmt: skip
+    }
     assert upward == set()
     sizes = Counter(p.parent for p in HOME.rglob("*.py"))
     assert {p.name: n for p, n in sizes.items() if n > MOST} == {}
@@ -137,9 +169,12 @@ sys.meta_path = [finder for finder in sys.meta_path if "__editable__" not in str
 
 @pytest.fixture(scope="module", params=[room for room in WALLED if room not in ABSENT])
 def without(request, tmp_path_factory):
-    """The room that a copy of the package is without, and Python code run with that copy."""
+    """The room that a copy of the package is without, and Python code run with that
+    copy."""
     room, folder = request.param, tmp_path_factory.mktemp("without")
-    shutil.copytree(HOME, folder / "desat", ignore=shutil.ignore_patterns("__pycache__"))
+    shutil.copytree(
+        HOME, folder / "desat", ignore=shutil.ignore_patterns("__pycache__")
+    )
     shutil.rmtree(folder / "desat" / room)
     for name in ("components", "fmus"):
         (folder / "desat" / name).symlink_to(ROOT / name)
@@ -166,7 +201,9 @@ def test_the_core_works_without_a_room(without):
     _, run = without
     code, text = run(COMMAND, "check", "nadir_day/day-dipole")
     assert (code, "no problem" in text) == (0, True), text
-    code, text = run(COMMAND, "run", "nadir_day/day-dipole", "--stop", "60", "--out", "flown")
+    code, text = run(
+        COMMAND, "run", "nadir_day/day-dipole", "--stop", "60", "--out", "flown"
+    )
     assert (code, "60 steps" in text) == (0, True), text
 
 
@@ -191,22 +228,36 @@ def test_what_an_absent_room_does_is_refused_in_a_line(without):
             what = "designs are computed by desat.papers, which is not installed"
             assert (code, text) == (2, f"error: {asked}: {what}\n")
         code, text = run("import desat; desat.tables")
-        assert text.endswith("desat.tables needs desat.papers, which is not installed\n")
+        assert text.endswith(
+            "desat.tables needs desat.papers, which is not installed\n"
+        )
     else:
         code, text = run(COMMAND, "export", "web", "nadir_day/day-dipole")
         assert (code, text.count("\n")) == (2, 1), text
 
 
 def test_every_package_is_in_the_wheel():
-    """setuptools finds no packages under another name than their folder's, so they are listed."""
+    """setuptools finds no packages under another name than their folder's, so they are
+    listed."""
     settings = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
     listed = settings["tool"]["setuptools"]["packages"]
     data = {"desat.ssp", "desat.docs"}
-    names = {"orchestrator": "desat", "components": "desat.components", "fmus": "desat.fmus"}
+    names = {
+        "orchestrator": "desat",
+        "components": "desat.components",
+        "fmus": "desat.fmus",
+    }
     found = {
         ".".join([name, *file.parent.relative_to(ROOT / folder).parts])
-        for folder, name in names.items() for file in (ROOT / folder).rglob("*.py")
-    }  # fmt: skip
-    listed = [name for name in listed if name.split(".")[1:2] not in [[room] for room in ABSENT]]
+        for folder, name in names.items()
+        for file in (ROOT / folder).rglob("*.py")
+    }
+    listed = [
+        name
+        for name in listed
+        if name.split(".")[1:2] not in [[room] for room in ABSENT]
+    ]
     assert sorted(listed) == sorted(found | data)
-    assert not {f"desat.{p.name}" for p in HOME.iterdir()} & data, "data would hide a package"
+    assert not {f"desat.{p.name}" for p in HOME.iterdir()} & data, (
+        "data would hide a package"
+    )

@@ -67,7 +67,9 @@ def test_what_is_drawn_otherwise_is_refused_and_what_one_draws_is_said(other):
     assert "tachometers.seed" in found["drawn_only_in_it"]
     assert "magnetometer.seed" in found["drawn_in_both"]
     target = other(text.format(h, h, "{ normal = [0.0, 5e-3] }"))
-    with pytest.raises(DesatError, match=r"h_start_wheel is drawn as .*0\.006.* and as .*0\.005"):
+    with pytest.raises(
+        DesatError, match=r"h_start_wheel is drawn as .*0\.006.* and as .*0\.005"
+    ):
         common(read(NAME), read(target), 1, SHORT, SHORT)
     target = other('without = ["dispersions"]')
     with pytest.raises(DesatError, match="the two sample nothing in common"):
@@ -75,9 +77,12 @@ def test_what_is_drawn_otherwise_is_refused_and_what_one_draws_is_said(other):
 
 
 def test_a_drawn_value_that_is_refused_is_named(other):
-    """Draw, file, dispersion, value and what is allowed; also of a dispersion of nothing, and where
-    a block refuses it."""
-    key, of = '"wheels.speed_limit"', "dispersions.wheels.h_start_wheel: wheels: h_start_wheel"
+    """Draw, file, dispersion, value and what is allowed; also of a dispersion of
+    nothing, and where a block refuses it."""
+    key, of = (
+        '"wheels.speed_limit"',
+        "dispersions.wheels.h_start_wheel: wheels: h_start_wheel",
+    )
     target = other(f"dispersions.{key} = {{ uniform = [-0.2, 0.8] }}")
     where = f"{target}: dispersions.wheels.speed_limit"
     for draw, text in (
@@ -88,18 +93,24 @@ def test_a_drawn_value_that_is_refused_is_named(other):
             one(read(target), SHORT, 1, draw)
         assert ("allowed is 0.001 to inf" if draw else of) in str(error.value)
     target = other('dispersions."wheel.speed_limit" = { uniform = [1.0, 2.0] }')
-    with pytest.raises(DesatError, match=r"toml:2: dispersions\.wheel\.speed_limit: no component"):
+    with pytest.raises(
+        DesatError, match=r"toml:2: dispersions\.wheel\.speed_limit: no component"
+    ):
         draws(target, 2, 1, SHORT, 1)
 
 
 def test_numbers_of_another_unit_are_not_compared():
     def result(unit, *values):
-        rows = [RunRow("completed", 0, "", numbers={"x": v}, number=i)
-                for i, v in enumerate(values)]  # fmt: skip
+        rows = [
+            RunRow("completed", 0, "", numbers={"x": v}, number=i)
+            for i, v in enumerate(values)
+        ]
         return Draws("s", 1, rows, {"x": Spread(unit=unit)}, [])
 
     assert differences(result("s", 1.0), result("min", 1.0)) == {}
-    found = differences(result("s", 1.0, 2.0, None, 3.0), result("s", 2.0, 2.0, 1.0, 1.0))["x"]
+    found = differences(
+        result("s", 1.0, 2.0, None, 3.0), result("s", 2.0, 2.0, 1.0, 1.0)
+    )["x"]
     assert [found.n, found.lower, found.equal, found.higher] == [3, 1, 1, 1]
     rows = (result("s", 1.0, 2.0, None, 3.0).rows, result("s", 2.0, 2.0, 1.0, 1.0).rows)
     assert each_draw(*rows, "x") == {0: -1.0, 1: 0.0, 3: 2.0}
@@ -110,8 +121,9 @@ def test_a_sweep_is_its_runs():
     result = sweep(NAME, axes, SHORT, jobs=1).to_json()
     assert [p["values"] for p in result["points"]] == [
         {"manager.gain": g, "manager.velocity_dumping": v}
-        for g in (1e-3, 5e-3) for v in (True, False)
-    ]  # fmt: skip
+        for g in (1e-3, 5e-3)
+        for v in (True, False)
+    ]
     for point in result["points"][1:3]:
         sets = [f"{n}={str(v).lower()}" for n, v in point["values"].items()]
         run = execute(NAME, Options(blocks=True, stop=100.0, sets=sets))
@@ -176,5 +188,8 @@ def test_definitions_that_differ_in_their_baseline_are_one():
     definitions = module_of("desat.papers.tables").definitions
 
     texts = [*(f"Saved (ratio of t to that of a-{i})" for i in (1, 2)), "Time (last)"]
-    assert definitions(texts) == ["Saved (ratio of t to that of a-1, a-2, row by row)", texts[2]]
+    assert definitions(texts) == [
+        "Saved (ratio of t to that of a-1, a-2, row by row)",
+        texts[2],
+    ]
     assert definitions(texts[1:]) == texts[1:]

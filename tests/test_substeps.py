@@ -1,5 +1,5 @@
-"""A run that chooses its substeps itself, and what is said of one that does not: against the
-monolithic reference (DOP853), which knows neither exchange nor substeps."""
+"""A run that chooses its substeps itself, and what is said of one that does not:
+against the monolithic reference (DOP853), which knows neither exchange nor substeps."""
 
 from __future__ import annotations
 
@@ -32,9 +32,20 @@ from desat.runs.run import Options, prepare, resume, simulate
 from desat.system.errors import DesatError
 from desat.system.model import AUTO
 
-CASES = ("light", "zero-crossing", "saturating", "pulses", "tumbling", "stiff-loop",
-         "tumbling-friction", "failing-wheel", "heavy-wheels", "slow-samples", "full",
-         "stress")  # fmt: skip
+CASES = (
+    "light",
+    "zero-crossing",
+    "saturating",
+    "pulses",
+    "tumbling",
+    "stiff-loop",
+    "tumbling-friction",
+    "failing-wheel",
+    "heavy-wheels",
+    "slow-samples",
+    "full",
+    "stress",
+)
 SKEW = 3.0**-0.5
 CRAFT = Path(scenario.ROOT / "gyrostat")
 
@@ -46,7 +57,9 @@ def flown(name, **options):
     ideal = Gyrostat(system).ideal()
     run = simulate(case).or_raise(name)
     every = round(len(run.results.times()) / len(ideal.times))
-    q, h = (run.results.values(s)[::every] for s in ("spacecraft.q_bi", "wheels.h_wheel"))
+    q, h = (
+        run.results.values(s)[::every] for s in ("spacecraft.q_bi", "wheels.h_wheel")
+    )
     return difference(q, h, ideal.q, ideal.h), run.manifest
 
 
@@ -60,11 +73,16 @@ def own(folder, text="", name="own", craft=None):
 
 
 def holds(manifest, error):
-    """What is asked of a run that chose: error below `accuracy`, and its estimate 1 to 10 of it."""
+    """What is asked of a run that chose: error below `accuracy`, and its estimate 1 to
+    10 of it."""
     choice = manifest["substep_choice"]
     assert error < choice["accuracy"]
     assert 1.0 <= choice["estimate"] / error <= 10.0
-    assert manifest["substeps"] == choice["substeps"] == manifest["numbers"]["substeps"]["value"]
+    assert (
+        manifest["substeps"]
+        == choice["substeps"]
+        == manifest["numbers"]["substeps"]["value"]
+    )
 
 
 @pytest.mark.parametrize("name", CASES)
@@ -74,8 +92,9 @@ def test_auto_on_the_gyrostats(name):
 
 
 def random_craft(seed):
-    """A scenario of the gyrostat's and values of a craft: 0.01 to 200 kg m2, to 60 deg/s, 3 or 4
-    wheels with lag, friction and limits, a loop that suits it, jets, a wheel that fails."""
+    """A scenario of the gyrostat's and values of a craft: 0.01 to 200 kg m2, to 60
+    deg/s, 3 or 4 wheels with lag, friction and limits, a loop that suits it, jets, a
+    wheel that fails."""
     draw = random.Random(seed)
 
     def decades(low, high):
@@ -92,7 +111,11 @@ def random_craft(seed):
         axes = [[SKEW, -SKEW, -SKEW, SKEW], [SKEW, SKEW, -SKEW, -SKEW], [SKEW] * 4]
     many, rate = 3 + four, decades(1e-3, math.radians(60.0))
     way = [draw.gauss(0.0, 1.0) for _ in range(3)]
-    torque, spin, band = size * decades(3e-4, 3e-3), size * decades(1e-5, 1e-3), decades(0.03, 0.25)
+    torque, spin, band = (
+        size * decades(3e-4, 3e-3),
+        size * decades(1e-5, 1e-3),
+        decades(0.03, 0.25),
+    )
     h = [size * about(0.1) for _ in range(many)] + [0.0] * (4 - many)
     values = {
         "spacecraft.inertia": [[x, xy, xz], [xy, y, yz], [xz, yz, z]],
@@ -100,7 +123,8 @@ def random_craft(seed):
         "shared.inertia_wheel": [spin] * many + [0.0] * (4 - many),
         "spacecraft.omega_start_body": [rate * c / math.hypot(*way) for c in way],
         "wheels.h_start_wheel": h,
-        "wheels.speed_limit": max(map(abs, h)) / spin * draw.uniform(1.05, 3.0) + 10.0 * rate,
+        "wheels.speed_limit": max(map(abs, h)) / spin * draw.uniform(1.05, 3.0)
+        + 10.0 * rate,
         "wheels.torque_limit": torque,
         "wheels.motor_lag": draw.choice([0.0, decades(0.02, 1.0)]),
         "wheels.viscous": spin * decades(1e-4, 1e-2),
@@ -120,10 +144,12 @@ def random_craft(seed):
         return "gyrostat/full", values
     jets, level = draw.randint(1, 8), size * decades(1e-3, 3e-2)
     none = 8 - jets
-    values["thrusters.schedule_start"] = [draw.uniform(1.0, 180.0) for _ in range(jets)] + [
-        0.0
-    ] * none
-    values["thrusters.schedule_duration"] = [decades(0.05, 5.0) for _ in range(jets)] + [0.0] * none
+    values["thrusters.schedule_start"] = [
+        draw.uniform(1.0, 180.0) for _ in range(jets)
+    ] + [0.0] * none
+    values["thrusters.schedule_duration"] = [
+        decades(0.05, 5.0) for _ in range(jets)
+    ] + [0.0] * none
     values["thrusters.schedule_tau_body"] = [
         [level * about(1.0) for _ in range(3)] for _ in range(jets)
     ] + [[0.0] * 3] * none
@@ -131,8 +157,8 @@ def random_craft(seed):
 
 
 def test_auto_on_random_craft():
-    """Five that nothing was tuned with. One is refused only where the reference itself takes a
-    change of its start, of a hundredth of `accuracy`, beyond `accuracy`."""
+    """Five that nothing was tuned with. One is refused only where the reference itself
+    takes a change of its start, of a hundredth of `accuracy`, beyond `accuracy`."""
     refused = 0
     for seed in range(70_000, 70_005):
         name, values = random_craft(seed)
@@ -161,13 +187,19 @@ def amplifies(name, values):
     return np.radians(pointing(*ends)).max() > 1e-7
 
 
-# --- what is said of a run with given substeps -------------------------------------------------
+# --- what is said of a run with given substeps ----------------------------------------
 
-LIGHT = {"spacecraft.inertia": [[1.7, 0, 0], [0, 1.7, 0], [0, 0, 1.7]],
-         "shared.inertia_wheel": [1e-4] * 3 + [0.0], "wheels.h_start_wheel": [0.0] * 4,
-         "wheels.torque_limit": 1e-3, "controller.kp": 0.02, "controller.kd": 0.2,
-         "controller.torque_limit": 1e-3, "torquers.m_limit": 0.1,
-         "spacecraft.omega_start_body": [0.0] * 3}  # fmt: skip
+LIGHT = {
+    "spacecraft.inertia": [[1.7, 0, 0], [0, 1.7, 0], [0, 0, 1.7]],
+    "shared.inertia_wheel": [1e-4] * 3 + [0.0],
+    "wheels.h_start_wheel": [0.0] * 4,
+    "wheels.torque_limit": 1e-3,
+    "controller.kp": 0.02,
+    "controller.kd": 0.2,
+    "controller.torque_limit": 1e-3,
+    "torquers.m_limit": 0.1,
+    "spacecraft.omega_start_body": [0.0] * 3,
+}
 
 
 def jets(*torques, begin=7.3, long=2.4):
@@ -197,8 +229,12 @@ def test_strong_jets_are_warned_of():
 def test_what_a_jet_makes_of_a_craft_at_rest_is_looked_at():
     """It is within the range as it begins; then it turns at 0.9 rad/s."""
     values = LIGHT | jets((0.012, 0.002, 0), begin=3.3, long=90.0)
-    values |= {"controller.kp": 0.0, "controller.kd": 0.0, "wheels.h_start_wheel": [0.3, 0.2, 0, 0],
-               "wheels.speed_limit": 1e4}  # fmt: skip
+    values |= {
+        "controller.kp": 0.0,
+        "controller.kd": 0.0,
+        "wheels.h_start_wheel": [0.3, 0.2, 0, 0],
+        "wheels.speed_limit": 1e4,
+    }
     case = prepare("gyrostat/pulses", Options(substeps=1, values=values))
     assert not any("turn and nutation" in w for w in case.checked.warnings)
     run = simulate(case)
@@ -214,7 +250,10 @@ def test_a_fast_motor_is_nothing_to_warn_of():
     errors = []
     for lag in (0.08, 1e-6):
         options = Options(values={"wheels.motor_lag": lag})
-        runs = [simulate(prepare("gyrostat/light", replace(options, substeps=n))) for n in (1, 64)]
+        runs = [
+            simulate(prepare("gyrostat/light", replace(options, substeps=n)))
+            for n in (1, 64)
+        ]
         assert runs[0].manifest["warnings"] == []
         q = [run.results.values("spacecraft.q_bi") for run in runs]
         errors.append(np.radians(pointing(*q)).max())
@@ -233,18 +272,31 @@ def test_step_ratios_says_what_it_costs(tmp_path, names):
     slow = run.manifest["decimated"]
     assert 1.0 < slow["attitude"] / errors[0] < 3.0
     assert 1.0 < slow["momentum"] / errors[1] < 3.0
-    assert any(f"errs by about {slow['attitude']:.1e} rad" in w for w in run.manifest["warnings"])
+    assert any(
+        f"errs by about {slow['attitude']:.1e} rad" in w
+        for w in run.manifest["warnings"]
+    )
     # what takes samples steps as rarely for nothing
-    case = prepare(own(tmp_path, "[step_ratio]\nguidance = 2\n", "computers"), Options(substeps=1))
+    case = prepare(
+        own(tmp_path, "[step_ratio]\nguidance = 2\n", "computers"), Options(substeps=1)
+    )
     assert "decimated" not in simulate(case).manifest
 
 
 def test_jitter_has_its_place_in_the_warning(tmp_path):
-    craft = (CRAFT / "craft.toml").read_text().replace(
-        '"spacecraft.tau_ext_body" = false', '"spacecraft.tau_ext_body" = "wheels.tau_jitter_body"'
-    )  # fmt: skip
+    craft = (
+        (CRAFT / "craft.toml")
+        .read_text()
+        .replace(
+            '"spacecraft.tau_ext_body" = false',
+            '"spacecraft.tau_ext_body" = "wheels.tau_jitter_body"',
+        )
+    )
     target = own(tmp_path, "stop = 100", craft=craft)
-    values = LIGHT | {"wheels.unbalance": 1e-6, "wheels.h_start_wheel": [0.02, -0.01, 0.03, 0.0]}
+    values = LIGHT | {
+        "wheels.unbalance": 1e-6,
+        "wheels.h_start_wheel": [0.02, -0.01, 0.03, 0.0],
+    }
 
     def flown_with(count):
         case = prepare(target, Options(substeps=count, values=values))
@@ -261,12 +313,14 @@ def test_jitter_has_its_place_in_the_warning(tmp_path):
     assert not any("jitter of unbalanced" in w for w in warnings)
 
 
-# --- how it is given, and what becomes of it ------------------------------------------------------
+# --- how it is given, and what becomes of it ------------------------------------------
 
 
 def test_the_scenarios_of_ours_state_theirs():
     """Their numbers stay: none is left to the default."""
-    assert all(isinstance(s.content.substeps, int) for s in scenario.scenarios().values())
+    assert all(
+        isinstance(s.content.substeps, int) for s in scenario.scenarios().values()
+    )
 
 
 def test_a_scenario_that_gives_none_chooses(tmp_path):
@@ -275,7 +329,8 @@ def test_a_scenario_that_gives_none_chooses(tmp_path):
     choice = run.manifest["substep_choice"]
     assert choice["substeps"] > 1
     assert choice["estimate"] < choice["accuracy"] == 1e-7
-    # the bits of one with as many given; the same on blocks, in Python, and of another process
+    # the bits of one with as many given; the same on blocks, in Python, and of another
+    # process
     given = simulate(prepare(target, Options(substeps=choice["substeps"])))
     assert "substep_choice" not in given.manifest
     same = simulate(prepare(target, Options(blocks=True, loop="python"))).results
@@ -286,23 +341,42 @@ def test_a_scenario_that_gives_none_chooses(tmp_path):
     finer = simulate(prepare(target, Options(accuracy=1e-9)))
     assert finer.manifest["substeps"] > choice["substeps"]
     named = own(tmp_path, "stop = 60\naccuracy = 1e-9", "named")
-    assert simulate(prepare(named, Options())).manifest["substeps"] == finer.manifest["substeps"]
+    assert (
+        simulate(prepare(named, Options())).manifest["substeps"]
+        == finer.manifest["substeps"]
+    )
 
 
 def test_the_digest_has_auto_and_accuracy(tmp_path):
     target = own(tmp_path)
-    digests = {digest_of(target, Options(**o)) for o in ({}, {"accuracy": 1e-8}, {"substeps": 2})}
+    digests = {
+        digest_of(target, Options(**o))
+        for o in ({}, {"accuracy": 1e-8}, {"substeps": 2})
+    }
     assert len(digests) == 3
-    assert digest_of(target, Options()) == digest_of(target, Options(substeps=AUTO, accuracy=1e-7))
+    assert digest_of(target, Options()) == digest_of(
+        target, Options(substeps=AUTO, accuracy=1e-7)
+    )
 
 
 def test_it_is_one_with_a_reason_where_there_is_nothing_to_choose(tmp_path):
     for target, options, why in (
-        (own(tmp_path, "stop = 60"), {"algorithm": "jacobi"}, "jacobi takes no substeps"),
+        (
+            own(tmp_path, "stop = 60"),
+            {"algorithm": "jacobi"},
+            "jacobi takes no substeps",
+        ),
         ("uosat12/table3-ocdc-ilqr-1", {}, "no rigid body with wheels"),
-        (own(tmp_path, "stop = 60\n[step_ratio]\nwheels = 2\nspacecraft = 2\n", "slow"), {},
-         "has a step ratio of 2"),
-    ):  # fmt: skip
+        (
+            own(
+                tmp_path,
+                "stop = 60\n[step_ratio]\nwheels = 2\nspacecraft = 2\n",
+                "slow",
+            ),
+            {},
+            "has a step ratio of 2",
+        ),
+    ):
         manifest = simulate(prepare(target, Options(substeps=AUTO, **options))).manifest
         assert manifest["substeps"] == 1
         assert manifest["substep_choice"]["estimate"] is None
@@ -312,18 +386,23 @@ def test_it_is_one_with_a_reason_where_there_is_nothing_to_choose(tmp_path):
 
 def test_what_no_count_makes_exact_is_refused_with_the_reason(tmp_path):
     case = prepare(own(tmp_path, "stop = 60\naccuracy = 1e-17"), Options())
-    said = (r"with 512 substeps, of 1000 at most, the attitude would still err by .*turn .* "
-            r"kick .*take a larger --accuracy")  # fmt: skip
+    said = (
+        r"with 512 substeps, of 1000 at most, the attitude would still err by .*turn .* "
+        r"kick .*take a larger --accuracy"
+    )
     with pytest.raises(DesatError, match=said):
         simulate(case)
 
 
 def test_a_run_that_leaves_the_range_of_its_flights_is_made_again(monkeypatch):
-    """A strong jet after what the flights see; and one that they see needs no second run."""
+    """A strong jet after what the flights see; and one that they see needs no second
+    run."""
     monkeypatch.setattr(substep_choice, "LONGEST", 200)
     light = LIGHT | {"wheels.h_start_wheel": [0.02, -0.01, 0.03, 0.0]}
     values = light | jets((0.2, 0.1, 0.0), begin=350.3, long=4.4)
-    options = Options(substeps=AUTO, values=values, stop=400.0, record=("spacecraft.*", "wheels.*"))
+    options = Options(
+        substeps=AUTO, values=values, stop=400.0, record=("spacecraft.*", "wheels.*")
+    )
     run = simulate(prepare("gyrostat/pulses", options))
     choice = run.manifest["substep_choice"]
     quiet = prepare("gyrostat/pulses", replace(options, values=light | jets()))
@@ -332,15 +411,22 @@ def test_a_run_that_leaves_the_range_of_its_flights_is_made_again(monkeypatch):
     assert len(choice["again"]) >= 1
     assert choice["again"][0].startswith(("at t = 349 s", "at t = 35"))
     assert run.manifest["substeps"] == choice["substeps"] > first.substeps
-    finer = simulate(prepare("gyrostat/pulses", replace(options, substeps=4 * choice["substeps"])))
+    finer = simulate(
+        prepare("gyrostat/pulses", replace(options, substeps=4 * choice["substeps"]))
+    )
     angles = pointing(*(r.results.values("spacecraft.q_bi") for r in (run, finer)))
     assert np.radians(angles).max() < choice["accuracy"]
     blind = replace(options, record=("wheels.*",))
     lines = simulate(prepare("gyrostat/pulses", blind)).manifest["warnings"]
     (warning,) = [x for x in lines if "not looked at again" in x]
-    assert "not looked at again: not recorded: spacecraft.impulse_eci, spacecraft.omega" in warning
+    assert (
+        "not looked at again: not recorded: spacecraft.impulse_eci, spacecraft.omega"
+        in warning
+    )
     early = LIGHT | jets((0.2, 0.1, 0.0))
-    manifest = simulate(prepare("gyrostat/pulses", replace(options, values=early))).manifest
+    manifest = simulate(
+        prepare("gyrostat/pulses", replace(options, values=early))
+    ).manifest
     assert manifest["substep_choice"]["again"] == []
 
 
@@ -367,7 +453,9 @@ def test_a_run_is_made_three_times_at_most(monkeypatch):
 
 
 def test_a_case_of_a_campaign_chooses_and_says_so(tmp_path):
-    text = 'stop = 60\n[dispersions]\n"wheels.torque_limit" = { uniform = [0.005, 0.2] }\n'
+    text = (
+        'stop = 60\n[dispersions]\n"wheels.torque_limit" = { uniform = [0.005, 0.2] }\n'
+    )
     target = own(tmp_path, text)
     plan = CampaignPlan(target, digest_of(target, Options()), 6)
     rows = [row(plan, i, False) for i in range(6)]
@@ -408,7 +496,10 @@ def test_a_resumed_run_keeps_its_choice(tmp_path, monkeypatch):
     ("arguments", "message"),
     [
         (("--substeps", "some"), "--substeps some: an integer or auto is needed"),
-        (("--substeps", "1001"), "substeps = 1001: auto is needed, or an integer from 1 to 1000"),
+        (
+            ("--substeps", "1001"),
+            "substeps = 1001: auto is needed, or an integer from 1 to 1000",
+        ),
         (("--accuracy", "0"), "--accuracy 0: above 0 is needed"),
         (("--accuracy", "nan"), "--accuracy nan: a number is needed"),
     ],
@@ -421,9 +512,19 @@ def test_options_that_are_none(desat, tmp_path, arguments, message):
 
 def test_choosing_costs_little(tmp_path):
     """At most a fifth of the command's CPU time, which is here 100 steps and a report."""
-    command = [sys.executable, "-m", "desat.cli", "run", "gyrostat/light", "--substeps", AUTO]
+    command = [
+        sys.executable,
+        "-m",
+        "desat.cli",
+        "run",
+        "gyrostat/light",
+        "--substeps",
+        AUTO,
+    ]
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
-    subprocess.run([*command, "--out", str(tmp_path / "run")], check=True, capture_output=True)
+    subprocess.run(
+        [*command, "--out", str(tmp_path / "run")], check=True, capture_output=True
+    )
     after = resource.getrusage(resource.RUSAGE_CHILDREN)
     spent = after.ru_utime - before.ru_utime + after.ru_stime - before.ru_stime
     manifest = json.loads((tmp_path / "run" / "manifest.json").read_text())
@@ -431,7 +532,8 @@ def test_choosing_costs_little(tmp_path):
 
 
 def test_every_actuator_has_its_torque():
-    """Of wheels, coils, pairs that are commanded, nozzles: the largest that each may give."""
+    """Of wheels, coils, pairs that are commanded, nozzles: the largest that each may
+    give."""
     system, _ = prepare("gyrostat/full", Options(values=LIGHT)).or_raise()
     body = coverage.body_of(system)
     assert body is not None
@@ -443,7 +545,9 @@ def test_every_actuator_has_its_torque():
 def test_a_foreign_fmu_is_flown_too_where_it_has_a_process_of_its_own(tmp_path):
     """And is no reason to refuse: one substep it is then, with the reason."""
     foreign = tmp_path / "mine.fmu"
-    foreign.write_bytes(library.our_file("manager_cross_product.fmu", "python").read_bytes())
+    foreign.write_bytes(
+        library.our_file("manager_cross_product.fmu", "python").read_bytes()
+    )
     with zipfile.ZipFile(foreign, "a") as archive:
         archive.writestr("resources/of-somebody.txt", "")
     target = own(tmp_path, "stop = 30")
@@ -466,7 +570,9 @@ def test_draws_sweeps_and_campaigns_take_substeps_as_a_run_does(desat, tmp_path)
     chosen = ("--substeps", "auto", "--accuracy", "1e-3", "--out", str(tmp_path / "c"))
     done = desat("campaign", "run", name, "-n", "1", *short, *chosen)
     assert done.returncode == 1, done.stderr  # one case shows no requirement
-    assert read(tmp_path / "c").options == Options(stop=60.0, substeps=AUTO, accuracy=1e-3)
+    assert read(tmp_path / "c").options == Options(
+        stop=60.0, substeps=AUTO, accuracy=1e-3
+    )
     swept = desat("sweep", name, "manager.delay=0", *short, "--substeps", "none")
     assert (swept.returncode, swept.stderr) == (
         2,

@@ -1,4 +1,5 @@
-"""Tables: titles, values and units as `desat size` and `desat run` print them, and as pages do."""
+"""Tables: titles, values and units as `desat size` and `desat run` print them, and as
+pages do."""
 
 from __future__ import annotations
 
@@ -17,7 +18,11 @@ from desat.sizing.result import Margin, RodsByCondition, Sizing
 from desat.sizing.rods import Best, SizingPoint
 from desat.sizing.year import YearDate
 
-QUANTITIES = [Column("", kind="text"), Column("value", ROW_UNIT), Column("unit", kind="unit")]
+QUANTITIES = [
+    Column("", kind="text"),
+    Column("value", ROW_UNIT),
+    Column("unit", kind="unit"),
+]
 
 
 def texts(table: Table) -> list[list[str]]:
@@ -27,29 +32,59 @@ def texts(table: Table) -> list[list[str]]:
 @pytest.mark.parametrize(
     ("rows", "is_scaled", "shown"),
     [
-        ([("a", 0.0584, "N.m.s"), ("b", 0.382, "N.m.s")], True, ["58.4 mN m s", "382 mN m s"]),
-        ([("a", 0.0373, "N.m.s"), ("b", 1.0, "N.m.s")], True, ["0.0373 N m s", "1 N m s"]),
-        ([("a", 1.157e-6, "N.m"), ("b", 3.171e-4, "N.m")], True, ["1.157 uN m", "317.1 uN m"]),
+        (
+            [("a", 0.0584, "N.m.s"), ("b", 0.382, "N.m.s")],
+            True,
+            ["58.4 mN m s", "382 mN m s"],
+        ),
+        (
+            [("a", 0.0373, "N.m.s"), ("b", 1.0, "N.m.s")],
+            True,
+            ["0.0373 N m s", "1 N m s"],
+        ),
+        (
+            [("a", 1.157e-6, "N.m"), ("b", 3.171e-4, "N.m")],
+            True,
+            ["1.157 uN m", "317.1 uN m"],
+        ),
         ([("a", 0.0, "N.m"), ("b", 0.2, "A.m2")], True, ["0 N m", "0.2 A m2"]),
-        ([("a", inf, "N.m.s"), ("b", 0.002, "N.m.s")], True, ["inf mN m s", "2 mN m s"]),
+        (
+            [("a", inf, "N.m.s"), ("b", 0.002, "N.m.s")],
+            True,
+            ["inf mN m s", "2 mN m s"],
+        ),
         ([("a", 0.0213, "kg"), ("b", 0.9, "kg")], True, ["21.3 g", "900 g"]),
         # units that somebody chose stay, unless a quantity has several
         ([("a", 0.001752, "N.m.s"), ("b", 2.0, "s")], False, ["0.001752 N m s", "2 s"]),
-        ([("a", 2.213, "mN.m.s"), ("b", 0.001752, "N.m.s")], False,
-         ["2.213 mN m s", "1.752 mN m s"]),
-        ([("a", or_not_reached(None), "N.m.s"), ("b", 0.5, "1")], False,
-         ["not reached N m s", "0.5 "]),
+        (
+            [("a", 2.213, "mN.m.s"), ("b", 0.001752, "N.m.s")],
+            False,
+            ["2.213 mN m s", "1.752 mN m s"],
+        ),
+        (
+            [("a", or_not_reached(None), "N.m.s"), ("b", 0.5, "1")],
+            False,
+            ["not reached N m s", "0.5 "],
+        ),
     ],
-)  # fmt: skip
+)
 def test_a_quantity_has_one_unit_within_a_table(rows, is_scaled, shown):
     table = Table("", QUANTITIES, rows, is_scaled=is_scaled)
     assert [f"{value} {unit}" for _, value, unit in texts(table)] == shown
 
 
 def test_a_heading_has_the_unit_of_its_column():
-    columns = [Column("law", kind="text"), Column("rms", "N.m.s", ".3g"), Column("duty", "%")]
+    columns = [
+        Column("law", kind="text"),
+        Column("rms", "N.m.s", ".3g"),
+        Column("duty", "%"),
+    ]
     table = Table(
-        "", columns, [("b", 0.0123, 5.0), ("c", Cell(0.5, note="+1 %"), None)], True, True
+        "",
+        columns,
+        [("b", 0.0123, 5.0), ("c", Cell(0.5, note="+1 %"), None)],
+        True,
+        True,
     )
     assert table.headings() == ["law", "rms, mN m s", "duty, %"]
     assert texts(table) == [["b", "12.3", "5"], ["c", "500 (+1 %)", ""]]
@@ -66,12 +101,16 @@ def test_limits_are_in_the_unit_of_their_row():
 
 
 def test_a_part_has_the_units_of_the_whole():
-    rows = [("a", 3.0, "N.m.s"), ("b", 1.0, "mN.m.s"), ("c", "not checked", Cell("it is 0.5 s"))]
+    rows = [
+        ("a", 3.0, "N.m.s"),
+        ("b", 1.0, "mN.m.s"),
+        ("c", "not checked", Cell("it is 0.5 s")),
+    ]
     part = Table("", QUANTITIES, rows).part((0, 1, 2), (1, 2))
     assert texts(part) == [["b", "0.001", "N m s"], ["c", "not checked", "it is 0.5 s"]]
 
 
-# --- desat size ---------------------------------------------------------------------------------
+# --- desat size -----------------------------------------------------------------------
 
 
 def sizing() -> Sizing:
@@ -124,7 +163,16 @@ def sizing() -> Sizing:
         requirements=SizingRequirements(),
         curve=(
             SizingPoint(
-                "cross product", 0.0334, 1.3, 0.034, 0.0463, 0.0543, 0.831, 0.033, 0.047, 0.82
+                "cross product",
+                0.0334,
+                1.3,
+                0.034,
+                0.0463,
+                0.0543,
+                0.831,
+                0.033,
+                0.047,
+                0.82,
             ),
         ),
         margins=(
@@ -145,7 +193,11 @@ SIZE_ROWS = [
     ["Time without dumping until a wheel is full", "5 d"],
     ["Least rod, |s| / mean Σ |(a × B) · n|", "0.0232", "A m2"],
     ["Least rod for any law, linear programme", "0.0257", "A m2"],
-    ["The same on the worst day of the year (2026-07-01, high solar activity)", "0.0626", "A m2"],
+    [
+        "The same on the worst day of the year (2026-07-01, high solar activity)",
+        "0.0626",
+        "A m2",
+    ],
     ["Longest time in which 1.3 times that cannot undo s", "3 min"],
     ["Rods along the direction where they do least, over the mean", "0.574"],
     ["That direction, eci", "0.13, -0.14, 0.98"],
@@ -165,19 +217,45 @@ SIZE_ROWS = [
     ["rods: any law, this day", "0.0257", "0.36", "A m2", "14"],
     ["wheels: cyclic momentum", "10.7", "382", "mN m s", "35.7"],
     ["wheels: torque of the slew", "0.317", "5", "mN m", "15.8"],
-    ["source", "secular, uN m", "along the total, %", "an orbit, mN m s", "cyclic, mN m s"],
+    [
+        "source",
+        "secular, uN m",
+        "along the total, %",
+        "an orbit, mN m s",
+        "cyclic, mN m s",
+    ],
     ["drag", "0.21", "25.0", "1.2", "0.9"],
     ["of a year", "day", "activity of the Sun", "secular, uN m", "least rod, A m2"],
     ["least", "2026-01-01", "low", "0.9", "0.018"],
     ["most", "2026-07-01", "high", "2.8", "0.059"],
-    ["law", "rod, A m2", "times the least", "rms, mN m s", "largest, mN m s", "wheel, %", "duty, %",
-     "closed loop: rms, mN m s", "largest, mN m s", "duty, %"],
-    ["cross product", "0.0334", "1.3", "34", "46.3", "5.43", "83.1", "33 (+3.0 %)", "47 (-1.5 %)",
-     "82"],
+    [
+        "law",
+        "rod, A m2",
+        "times the least",
+        "rms, mN m s",
+        "largest, mN m s",
+        "wheel, %",
+        "duty, %",
+        "closed loop: rms, mN m s",
+        "largest, mN m s",
+        "duty, %",
+    ],
+    [
+        "cross product",
+        "0.0334",
+        "1.3",
+        "34",
+        "46.3",
+        "5.43",
+        "83.1",
+        "33 (+3.0 %)",
+        "47 (-1.5 %)",
+        "82",
+    ],
     ["smallest rods (A m2), duty 50 %, margin 1.3", "cross product", "ccpl"],
     ["the day", "0.13", "none"],
     ["note: 3 whole orbits"],
-]  # fmt: skip
+]
 
 
 def printed(text: str) -> list[list[str]]:
@@ -201,8 +279,14 @@ def test_the_page_of_a_sizing_has_the_same_cells(tmp_path):
         ("Secular torque", "1.1", "uN m"),
         ("Wheels at the start", "34.1", "mN m s"),
     ):
-        assert f'<td class="">{title}<td class="n">{value}<td class="k">{unit}</tr>' in text
-    assert '<td class="n">10.7<td class="n">382<td class="k">mN m s<td class="n ok">35.7' in text
+        assert (
+            f'<td class="">{title}<td class="n">{value}<td class="k">{unit}</tr>'
+            in text
+        )
+    assert (
+        '<td class="n">10.7<td class="n">382<td class="k">mN m s<td class="n ok">35.7'
+        in text
+    )
     assert '<th class="n">secular, uN m<th class="n">along the total, %' in text
     assert '<td class="">of no source<td class="n">0.003' in text
     assert "A m²" not in text
@@ -274,7 +358,7 @@ def test_size_prints_dumps_with_their_units():
     ]
 
 
-# --- desat run ----------------------------------------------------------------------------------
+# --- desat run ------------------------------------------------------------------------
 
 FACTORS = {"mN m s": 1e-3, "uN m s": 1e-6}
 IN_SI = {"mN.m.s": 1e-3}
@@ -290,7 +374,9 @@ def test_run_prints_titles_values_and_units(desat, tmp_path):
     assert {"N.m.s", "mN.m.s", "deg", "1"} <= units
     shown = set()
     for entry in numbers.values():
-        title = f"{entry['title']} ({entry['note']})" if "note" in entry else entry["title"]
+        title = (
+            f"{entry['title']} ({entry['note']})" if "note" in entry else entry["title"]
+        )
         value, *rest = rows[title]
         if entry["value"] is None:
             assert value == "not reached"
@@ -299,7 +385,9 @@ def test_run_prints_titles_values_and_units(desat, tmp_path):
         if entry["unit"].endswith("N.m.s"):
             shown.add(unit)
         else:
-            assert unit == ("" if entry["unit"] == "1" else entry["unit"].replace(".", " "))
+            assert unit == (
+                "" if entry["unit"] == "1" else entry["unit"].replace(".", " ")
+            )
         given = entry["value"] * IN_SI.get(entry["unit"], 1.0)
         assert float(value.replace(",", "")) * FACTORS.get(unit, 1.0) == pytest.approx(
             given, rel=6e-4

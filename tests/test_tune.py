@@ -37,10 +37,22 @@ def model(home, monkeypatch):
                 gain = options.values["manager.gain"]
                 asked.append((gain, draw))
                 value = of(gain, random.Random(draw).uniform(-1.0, 1.0))
-                numbers = {"final_momentum": value, "pointing": 9.0 if missed(gain) else 0.1,
-                           "largest_momentum": 10.0, "coil_duty": 10.0}  # fmt: skip
-                made.append(RunRow("completed", 0, "", numbers=numbers, number=draw,
-                                   described={"final_momentum": {"unit": "mN.m.s"}}))  # fmt: skip
+                numbers = {
+                    "final_momentum": value,
+                    "pointing": 9.0 if missed(gain) else 0.1,
+                    "largest_momentum": 10.0,
+                    "coil_duty": 10.0,
+                }
+                made.append(
+                    RunRow(
+                        "completed",
+                        0,
+                        "",
+                        numbers=numbers,
+                        number=draw,
+                        described={"final_momentum": {"unit": "mN.m.s"}},
+                    )
+                )
             return made
 
         monkeypatch.setattr(study, "rows_of", rows)
@@ -55,7 +67,9 @@ def bowl(gain, error, best=4e-4):
 
 def test_the_least_of_a_bowl_is_found_and_confirmed(model):
     asked = model(bowl)
-    made = study.tune("mine", "manager.gain", "final_momentum", Options(), draws=5, unseen=12)
+    made = study.tune(
+        "mine", "manager.gain", "final_momentum", Options(), draws=5, unseen=12
+    )
     assert made.best == pytest.approx(4e-4, rel=0.1)
     assert made.confirmed
     assert "better in 12" in made.answer
@@ -67,21 +81,35 @@ def test_the_least_of_a_bowl_is_found_and_confirmed(model):
 
 def test_the_most_is_found(model):
     model(lambda gain, error: -bowl(gain, error))
-    made = study.tune("mine", "manager.gain", "final_momentum", Options(), most=True, draws=3,
-                      unseen=8)  # fmt: skip
+    made = study.tune(
+        "mine",
+        "manager.gain",
+        "final_momentum",
+        Options(),
+        most=True,
+        draws=3,
+        unseen=8,
+    )
     assert made.best == pytest.approx(4e-4, rel=0.1)
     assert made.confirmed
 
 
 def test_what_only_tuning_draws_like_is_not_confirmed(model):
-    """Luck of the draws: the number hangs on the draw alone, but for the draws of the tuning."""
+    """Luck of the draws: the number hangs on the draw alone, but for the draws of the
+    tuning."""
     errors = {random.Random(i).uniform(-1.0, 1.0) for i in range(4)}
 
     def lucky(gain, error):
-        return bowl(gain, 0.0) if error in errors else 1.0 + 1e-3 * error * math.sin(1e6 * gain)
+        return (
+            bowl(gain, 0.0)
+            if error in errors
+            else 1.0 + 1e-3 * error * math.sin(1e6 * gain)
+        )
 
     model(lucky)
-    made = study.tune("mine", "manager.gain", "final_momentum", Options(), draws=4, unseen=16)
+    made = study.tune(
+        "mine", "manager.gain", "final_momentum", Options(), draws=4, unseen=16
+    )
     assert made.best == pytest.approx(4e-4, rel=0.1)
     assert not made.confirmed
     assert made.answer.endswith("that is not confirmed.")
@@ -89,14 +117,18 @@ def test_what_only_tuning_draws_like_is_not_confirmed(model):
 
 def test_a_requirement_is_not_given_up_for_a_number(model):
     model(bowl, missed=lambda gain: gain < 6e-4)
-    made = study.tune("mine", "manager.gain", "final_momentum", Options(), draws=3, unseen=8)
+    made = study.tune(
+        "mine", "manager.gain", "final_momentum", Options(), draws=3, unseen=8
+    )
     assert 6e-4 <= made.best < made.own
     assert all(p.missed == 3 for p in made.points if p.value < 6e-4)
 
 
 def test_what_the_craft_has_may_be_the_best(model):
     model(lambda gain, error: 1.0 + 1e-5 * math.log(gain))
-    made = study.tune("mine", "manager.gain", "final_momentum", Options(), draws=2, unseen=6)
+    made = study.tune(
+        "mine", "manager.gain", "final_momentum", Options(), draws=2, unseen=6
+    )
     assert made.best == made.own
     assert not made.confirmed
     assert made.answer.endswith("is the best of its range already.")
@@ -104,23 +136,57 @@ def test_what_the_craft_has_may_be_the_best(model):
 
 def tuned(best=2.0, **told):
     """A result over four values, 2 the craft's own plus what was found."""
-    unseen = {"interval_holds": True, "interval": (0.1, 0.4), "n": 8, "lower": 1, "higher": 7,
-              "median_own": 2.0, "median_best": 1.0, "missed_own": 2, "missed_best": 2,
-              **told}  # fmt: skip
+    unseen = {
+        "interval_holds": True,
+        "interval": (0.1, 0.4),
+        "n": 8,
+        "lower": 1,
+        "higher": 7,
+        "median_own": 2.0,
+        "median_best": 1.0,
+        "missed_own": 2,
+        "missed_best": 2,
+        **told,
+    }
     points = tuple(study.Point(x, x, 0) for x in (1.0, 2.0, 3.0, 4.0))
     most = unseen.pop("most", False)
-    return study.Tuned("t", "c.p", "s", "n", "", most, 5.0, best, (1.0, 4.0), 8, points,
-                       study.Unseen(**unseen))  # fmt: skip
+    return study.Tuned(
+        "t",
+        "c.p",
+        "s",
+        "n",
+        "",
+        most,
+        5.0,
+        best,
+        (1.0, 4.0),
+        8,
+        points,
+        study.Unseen(**unseen),
+    )
 
 
 def test_the_edge_of_the_range_is_its_first_or_last_value_alone(model):
     told = {x: tuned(x).answer for x in (1.0, 2.0, 3.0, 4.0)}
-    assert [x for x, text in told.items() if ", at the edge of its range." in text] == [1.0, 4.0]
-    ends = (1e-4, 1e-3)  # of a range that the craft's own value is not in: it is no end of it
+    assert [x for x, text in told.items() if ", at the edge of its range." in text] == [
+        1.0,
+        4.0,
+    ]
+    ends = (
+        1e-4,
+        1e-3,
+    )  # of a range that the craft's own value is not in: it is no end of it
     for best, range_ in ((1e-3, ends), (1e-4, (1e-4, 1e-2)), (1e-2, (1e-4, 1e-2))):
         model(lambda gain, error, best=best: bowl(gain, error, best))
-        made = study.tune("mine", "manager.gain", "final_momentum", Options(), draws=2, unseen=6,
-                          between=range_)  # fmt: skip
+        made = study.tune(
+            "mine",
+            "manager.gain",
+            "final_momentum",
+            Options(),
+            draws=2,
+            unseen=6,
+            between=range_,
+        )
         assert made.own == pytest.approx(1.10678e-3)
         assert made.best == best
         assert "at the edge of its range" in made.answer
@@ -143,17 +209,47 @@ def test_what_touches_none_is_not_confirmed():
 @pytest.mark.parametrize(
     ("parameter", "number", "more", "line"),
     [
-        ("manager.gian", "pointing", {}, "manager.gian: no parameter; did you mean gain?"),
-        ("manger.gain", "pointing", {}, "manger.gain: no component manger; did you mean manager?"),
+        (
+            "manager.gian",
+            "pointing",
+            {},
+            "manager.gian: no parameter; did you mean gain?",
+        ),
+        (
+            "manger.gain",
+            "pointing",
+            {},
+            "manger.gain: no component manger; did you mean manager?",
+        ),
         ("controller.gain_matrix", "pointing", {}, "an array: one number is tuned"),
         ("manager.law", "pointing", {}, "manager.law: it is no Real: normalised, ccpl"),
-        ("environment.mean_anomaly", "pointing", {}, "is sampled, and so cannot be tuned"),
-        ("manager.gain", "pionting", {}, "--for pionting: mine has no such number; did you mean"),
+        (
+            "environment.mean_anomaly",
+            "pointing",
+            {},
+            "is sampled, and so cannot be tuned",
+        ),
+        (
+            "manager.gain",
+            "pionting",
+            {},
+            "--for pionting: mine has no such number; did you mean",
+        ),
         ("manager.h_deadband", "pointing", {}, "a range is needed: --between LOW,HIGH"),
-        ("manager.gain", "pointing", {"between": (2.0, 1.0)}, "the first is to be below"),
-        ("manager.gain", "pointing", {"between": (-1.0, 1.0)}, "-1 is outside [0.0, None]"),
+        (
+            "manager.gain",
+            "pointing",
+            {"between": (2.0, 1.0)},
+            "the first is to be below",
+        ),
+        (
+            "manager.gain",
+            "pointing",
+            {"between": (-1.0, 1.0)},
+            "-1 is outside [0.0, None]",
+        ),
     ],
-)  # fmt: skip
+)
 def test_wrong_wishes_are_refused_before_a_run(model, parameter, number, more, line):
     asked = model(bowl)
     with pytest.raises(DesatError) as refused:
@@ -163,8 +259,23 @@ def test_wrong_wishes_are_refused_before_a_run(model, parameter, number, more, l
 
 
 def test_the_command_flies_and_says_both(desat, home):
-    told = desat("tune", "mine", "manager.gain", "--for", "coil_duty", "--stop", "60", "-n", "1",
-                 "--unseen", "6", "--jobs", "1", "--json", cwd=home)  # fmt: skip
+    told = desat(
+        "tune",
+        "mine",
+        "manager.gain",
+        "--for",
+        "coil_duty",
+        "--stop",
+        "60",
+        "-n",
+        "1",
+        "--unseen",
+        "6",
+        "--jobs",
+        "1",
+        "--json",
+        cwd=home,
+    )
     made = json.loads(told.stdout)
     assert told.returncode == (Exit.COMPLETED if made["confirmed"] else Exit.UNMET)
     assert made["best"] < made["own"], "smaller gains work the coils less"

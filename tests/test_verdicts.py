@@ -1,4 +1,5 @@
-"""What decides a verdict, an exit code or a time: a test for each mutation that survived."""
+"""What decides a verdict, an exit code or a time: a test for each mutation that
+survived."""
 
 from __future__ import annotations
 
@@ -40,7 +41,9 @@ comparison = module_of("desat.papers.comparison")
 __all__ = ["binary", "system"]  # fixtures
 
 
-def judged(values: list[float], completed: list[bool], **bounds: float) -> dict[str, object]:
+def judged(
+    values: list[float], completed: list[bool], **bounds: float
+) -> dict[str, object]:
     cases = np.arange(len(values))
     entry = Requirement(number="x", **bounds)
     return requirement(
@@ -54,7 +57,9 @@ def test_a_case_that_failed_is_outside_whatever_its_numbers():
     assert (told["within"], told["outside"], told["cases_outside"]) == (2, 1, [1])
 
 
-@pytest.mark.parametrize("bounds", [{"max": 2.0}, {"min": 2.0}, {"min": 2.0, "max": 2.0}])
+@pytest.mark.parametrize(
+    "bounds", [{"max": 2.0}, {"min": 2.0}, {"min": 2.0, "max": 2.0}]
+)
 def test_a_number_at_its_limit_is_within(bounds):
     told = judged([2.0], [True], **bounds)
     assert (told["within"], told["outside"]) == (1, 0)
@@ -65,9 +70,13 @@ def test_a_bound_that_is_unmet_ends_a_run_with_1(desat, tmp_path):
         file = tmp_path / "mine.toml"
         file.write_text(f'extends = "gyrostat/light"\nresidual_bound = {bound}\n')
         out = tmp_path / str(int(code))
-        done = desat("run", str(file), "--stop", "20", "--no-baseline", "--out", str(out))
+        done = desat(
+            "run", str(file), "--stop", "20", "--no-baseline", "--out", str(out)
+        )
         assert done.returncode == code
-        assert ("momentum_residual" in done.stdout + done.stderr) >= (code == Exit.UNMET)
+        assert ("momentum_residual" in done.stdout + done.stderr) >= (
+            code == Exit.UNMET
+        )
 
 
 def test_rows_begin_at_the_start_time(system):
@@ -76,11 +85,12 @@ def test_rows_begin_at_the_start_time(system):
     assert run.results.times().tolist() == [5.0 + k for k in range(11)]
 
 
-# --- requirements of a campaign ---------------------------------------------------------------
+# --- requirements of a campaign -------------------------------------------------------
 
 
 def test_what_just_shows_a_requirement_shows_it():
-    """One case of one, inside: any share within is less than 50 % with 50 % of confidence."""
+    """One case of one, inside: any share within is less than 50 % with 50 % of
+    confidence."""
     even = {"max": 2.0, "confidence": 0.5}
     assert judged([1.0], [True], probability=0.5, **even)["met"]
     assert judged([1.0], [True], probability=0.5, **even)["more_cases"] == 0
@@ -89,9 +99,12 @@ def test_what_just_shows_a_requirement_shows_it():
     assert judged([1.0], [True], probability=above, **even)["more_cases"] == 1
 
 
-@pytest.mark.parametrize(("n", "outside"), [(58, 0), (59, 0), (92, 1), (93, 1), (200, 12)])
+@pytest.mark.parametrize(
+    ("n", "outside"), [(58, 0), (59, 0), (92, 1), (93, 1), (200, 12)]
+)
 def test_a_requirement_is_judged_as_it_says(n, outside):
-    """With 95 % and 95 % where nothing else is asked; the beta distribution as scipy has it."""
+    """With 95 % and 95 % where nothing else is asked; the beta distribution as scipy
+    has it."""
     values = np.where(np.arange(n) < outside, 3.0, 1.0)
     told = judged(list(values), [True] * n, max=2.0)
     shown = beta.ppf(0.05, n - outside, outside + 1)
@@ -102,11 +115,15 @@ def test_a_requirement_is_judged_as_it_says(n, outside):
     assert told["share_outside"] == pytest.approx(100 * outside / n, rel=1e-12)
     assert told["interval_outside"] == clopper_pearson(outside, n, 0.95)
     assert told["cases_outside"] == list(range(min(outside, 10)))
-    assert told["commands"] == [f"desat campaign case c {k}" for k in range(min(outside, 3))]
+    assert told["commands"] == [
+        f"desat campaign case c {k}" for k in range(min(outside, 3))
+    ]
     assert told["for_half_the_width"] == for_half_the_width(n, outside, 0.95)
 
 
-@pytest.mark.parametrize(("count", "n"), [(0, 7), (1, 7), (3, 7), (6, 7), (7, 7), (1, 1)])
+@pytest.mark.parametrize(
+    ("count", "n"), [(0, 7), (1, 7), (3, 7), (6, 7), (7, 7), (1, 1)]
+)
 @pytest.mark.parametrize("level", [0.9, 0.95])
 def test_the_interval_of_a_share(count, n, level):
     tail = (1.0 - level) / 2.0
@@ -118,15 +135,27 @@ def test_the_interval_of_a_share(count, n, level):
 
 @pytest.mark.parametrize(
     ("n", "inside", "probability", "confidence"),
-    [(10, 10, 0.9, 0.9), (10, 9, 0.8, 0.8), (7, 6, 0.7, 0.9), (30, 28, 0.85, 0.95),
-     (9, 8, 0.8, 0.5), (3, 2, 0.5, 0.6), (40, 39, 0.9, 0.7), (2, 2, 0.99, 0.95)],
-)  # fmt: skip
-def test_so_many_more_cases_show_it_and_one_less_does_not(n, inside, probability, confidence):
+    [
+        (10, 10, 0.9, 0.9),
+        (10, 9, 0.8, 0.8),
+        (7, 6, 0.7, 0.9),
+        (30, 28, 0.85, 0.95),
+        (9, 8, 0.8, 0.5),
+        (3, 2, 0.5, 0.6),
+        (40, 39, 0.9, 0.7),
+        (2, 2, 0.99, 0.95),
+    ],
+)
+def test_so_many_more_cases_show_it_and_one_less_does_not(
+    n, inside, probability, confidence
+):
     """Against every total one by one, the share outside rounded to whole cases."""
 
     def shown(total: int) -> bool:
         outside = math.floor((n - inside) * total / n + 0.5)
-        return bool(beta.ppf(1.0 - confidence, total - outside, outside + 1) >= probability)
+        return bool(
+            beta.ppf(1.0 - confidence, total - outside, outside + 1) >= probability
+        )
 
     last = max(k for k in range(n - 1, n + 3000) if k < n or not shown(k))
     assert more(n, inside, probability, confidence) == last + 1 - n
@@ -147,7 +176,7 @@ def test_a_time_that_is_not_reached_counts_in_the_share():
     assert Spread(n=4, not_reached=0).not_reached_text == ""
 
 
-# --- exit codes, bounds and conditions at their limits ------------------------------------------
+# --- exit codes, bounds and conditions at their limits --------------------------------
 
 
 @pytest.mark.parametrize(
@@ -177,7 +206,11 @@ def test_how_a_run_ended_is_its_exit_code(manifest, code):
 
 @pytest.mark.parametrize(
     ("number", "code"),
-    [(errno.ENOENT, Exit.INPUT), (errno.EACCES, Exit.INPUT), (errno.ENOSPC, Exit.SPACE)],
+    [
+        (errno.ENOENT, Exit.INPUT),
+        (errno.EACCES, Exit.INPUT),
+        (errno.ENOSPC, Exit.SPACE),
+    ],
 )
 def test_a_full_disk_has_an_exit_code_of_its_own(desat, monkeypatch, number, code):
     def fails(**_: object) -> None:
@@ -203,7 +236,9 @@ def test_a_run_that_a_component_ended_says_how_far_it_came(system, how):
 
 def test_a_run_within_its_range_has_no_remark():
     """Nothing is said of a range that it does not leave."""
-    run = simulate(prepare("gyrostat/light", Options(stop=20.0, substeps=1, blocks=True)))
+    run = simulate(
+        prepare("gyrostat/light", Options(stop=20.0, substeps=1, blocks=True))
+    )
     assert run.manifest["warnings"] == []
     assert run.code == Exit.COMPLETED
 
@@ -219,10 +254,13 @@ LATE_ONE = study.RunRow(LATE, 5, "after 1 s")
     [
         ([WELL, WELL], Exit.COMPLETED, []),
         ([WELL, FAILED], Exit.COMPONENT, ["a.k = 1: failed: h_wheel[b] is nan"]),
-        ([LATE_ONE, FAILED], Exit.TIMEOUT,
-         [f"a.k = 0: {LATE}: after 1 s", "a.k = 1: failed: h_wheel[b] is nan"]),
+        (
+            [LATE_ONE, FAILED],
+            Exit.TIMEOUT,
+            [f"a.k = 0: {LATE}: after 1 s", "a.k = 1: failed: h_wheel[b] is nan"],
+        ),
     ],
-)  # fmt: skip
+)
 def test_a_sweep_ends_as_the_worst_of_its_points(desat, monkeypatch, rows, code, lines):
     points = [study.SweepPoint({"a.k": k}, [row], {}) for k, row in enumerate(rows)]
     swept = study.Sweep("NAME", {"a.k": [0, 1]}, 0, None, {}, points, [])
@@ -234,8 +272,12 @@ def test_a_sweep_ends_as_the_worst_of_its_points(desat, monkeypatch, rows, code,
 
 def asked(met: bool, lacking: int = 0) -> CaseVerdict:
     entry, cases = Requirement(number="x", max=1.0), np.arange(20)
-    verdict = requirement(entry, {"x": cases - 17.5}, np.ones(20, bool), cases, Path("c"))
-    return replace(verdict, met=met, interval_outside=[0.0, 5.0], lacking=lacking, more_cases=None)
+    verdict = requirement(
+        entry, {"x": cases - 17.5}, np.ones(20, bool), cases, Path("c")
+    )
+    return replace(
+        verdict, met=met, interval_outside=[0.0, 5.0], lacking=lacking, more_cases=None
+    )
 
 
 @pytest.mark.parametrize(
@@ -249,12 +291,21 @@ def asked(met: bool, lacking: int = 0) -> CaseVerdict:
         ([False], ["case 3: y: above [b]"], [4], Exit.COMPONENT),
     ],
 )
-def test_a_campaign_ends_as_what_it_shows(desat, monkeypatch, requirements, unmet, failed, code):
+def test_a_campaign_ends_as_what_it_shows(
+    desat, monkeypatch, requirements, unmet, failed, code
+):
     told = SimpleNamespace(
-        changed="", versions=[], completed=20, count=20 + len(failed), unmet=unmet, numbers={},
+        changed="",
+        versions=[],
+        completed=20,
+        count=20 + len(failed),
+        unmet=unmet,
+        numbers={},
         requirements={f"r{k}": asked(met, k) for k, met in enumerate(requirements)},
-        failed=[CaseRow("failed", c, "h[b] is nan", number=k) for k, c in enumerate(failed)],
-    )  # fmt: skip
+        failed=[
+            CaseRow("failed", c, "h[b] is nan", number=k) for k, c in enumerate(failed)
+        ],
+    )
     monkeypatch.setattr(report, "write", lambda folder: (folder / "[b].html", told))
     done = desat("campaign", "report", "c")
     assert done.returncode == code
@@ -267,31 +318,40 @@ def test_a_campaign_ends_as_what_it_shows(desat, monkeypatch, requirements, unme
         assert shown[1 + k] == f"r{k}: 1 of 20 outside{lacking} (0 to 5 %): {verdict}"
     assert shown[-1].endswith("[b].html")
     lines = [f"case {k}: h[b] is nan" for k in range(len(failed))]
-    first = [f"{len(unmet)} not met of what each run is held against, first: {unmet[0]}"
-             for _ in unmet[:1]]  # fmt: skip
+    first = [
+        f"{len(unmet)} not met of what each run is held against, first: {unmet[0]}"
+        for _ in unmet[:1]
+    ]
     assert done.stderr.splitlines() == lines + first
 
 
 def test_a_number_at_its_bound_is_met():
     assert residual.beyond("x", Value("x", 2.0, "N.m.s"), "b", 0.5, 4.0) == []
-    (line,) = residual.beyond("x", Value("x", math.nextafter(2.0, 3.0), "N.m.s"), "b", 0.5, 4.0)
+    (line,) = residual.beyond(
+        "x", Value("x", math.nextafter(2.0, 3.0), "N.m.s"), "b", 0.5, 4.0
+    )
     assert line == "x = 2 N m s: above b = 0.5 of the largest momentum, 4 N m s"
 
 
 @pytest.mark.parametrize(
     ("how", "values", "met"),
     [
-        ("below", [1.0, -1.0], True), ("below", [1.0, -2.0], False), ("below", [0.0, 3.0], False),
-        ("above", [1.0, -3.0], True), ("above", [1.0, -2.0], False), ("above", [0.0, 1.0], False),
-        ("reaches", [2.0, 2.0], True), ("reaches", [2.0, 1.0], False),
+        ("below", [1.0, -1.0], True),
+        ("below", [1.0, -2.0], False),
+        ("below", [0.0, 3.0], False),
+        ("above", [1.0, -3.0], True),
+        ("above", [1.0, -2.0], False),
+        ("above", [0.0, 1.0], False),
+        ("reaches", [2.0, 2.0], True),
+        ("reaches", [2.0, 1.0], False),
     ],
-)  # fmt: skip
+)
 def test_a_condition_at_its_limit_is_not_met_yet(how, values, met):
     condition = Condition("a", "x", how, 2.0, 0.0, "")
     assert condition.met(np.array(values)) is met
 
 
-# --- verdicts of a paper's tables ---------------------------------------------------------------
+# --- verdicts of a paper's tables -----------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -324,7 +384,13 @@ def cell(ours: float | None, draws: object | None = None, **more: object):
     """A row of a table; its band is 1 to 2."""
     content = SimpleNamespace(labels={}, numbers={})
     scenario = SimpleNamespace(content=content, cell={}, name="family/name")
-    entry = {"table": "1", "quantity": "a_number", "unit": "1", "tolerance": [1.0, 2.0], **more}
+    entry = {
+        "table": "1",
+        "quantity": "a_number",
+        "unit": "1",
+        "tolerance": [1.0, 2.0],
+        **more,
+    }
     given = Entry.model_validate({k: v for k, v in entry.items() if v is not None})
     return comparison._row(scenario, given, ours, {}, draws)
 
@@ -341,9 +407,16 @@ def test_a_cell_at_the_edge_of_its_band_is_within(ours, within):
 
 @pytest.mark.parametrize(
     ("least", "most", "ours", "within"),
-    [(3.0, 4.0, 1.5, True), (3.0, 3.0, 1.5, True), (2.9, 4.0, 1.5, False), (3.0, 4.1, 1.5, False),
-     (None, 4.0, 1.5, False), (3.0, None, 1.5, False), (3.0, 4.0, 2.5, False)],
-)  # fmt: skip
+    [
+        (3.0, 4.0, 1.5, True),
+        (3.0, 3.0, 1.5, True),
+        (2.9, 4.0, 1.5, False),
+        (3.0, 4.1, 1.5, False),
+        (None, 4.0, 1.5, False),
+        (3.0, None, 1.5, False),
+        (3.0, 4.0, 2.5, False),
+    ],
+)
 def test_each_draw_of_a_cell_is_to_be_in_its_band(least, most, ours, within):
     draws = comparison.Spread(2, least, most, (3.0, 4.0))
     assert cell(ours, draws).within is within
@@ -352,35 +425,64 @@ def test_each_draw_of_a_cell_is_to_be_in_its_band(least, most, ours, within):
 
 def test_cells_are_counted_by_what_they_show():
     rows = [
-        cell(1.5, values=1.6), cell(1.5, values=3.0), cell(3.0, values=1.5),
-        cell(1.5, values=1.5, tuned="a gain"), cell(1.5, tuned="a gain"),
-        cell(1.5, values=1.5, in_sample="a choice"), cell(1.5), cell(3.0),
-        cell(None, not_judged="why", tolerance=None), cell(1.5, tolerance=None),
-    ]  # fmt: skip
+        cell(1.5, values=1.6),
+        cell(1.5, values=3.0),
+        cell(3.0, values=1.5),
+        cell(1.5, values=1.5, tuned="a gain"),
+        cell(1.5, tuned="a gain"),
+        cell(1.5, values=1.5, in_sample="a choice"),
+        cell(1.5),
+        cell(3.0),
+        cell(None, not_judged="why", tolerance=None),
+        cell(1.5, tolerance=None),
+    ]
     assert comparison.count(rows) == {
-        "rows": 10, "not_judged": 1, "banded": 8, "within": 6, "tuned": 2, "without_paper": 2,
-        "in_sample": 1, "out_of_sample": 3, "out_of_sample_within": 2, "paper_outside": 1,
-    }  # fmt: skip
+        "rows": 10,
+        "not_judged": 1,
+        "banded": 8,
+        "within": 6,
+        "tuned": 2,
+        "without_paper": 2,
+        "in_sample": 1,
+        "out_of_sample": 3,
+        "out_of_sample_within": 2,
+        "paper_outside": 1,
+    }
     assert (cell(1.5).case, cell(1.5, case="1").case) == ("name", "1")
-    assert (cell(1.5).heading, cell(1.5, heading="how long").heading) == ("a number", "how long")
+    assert (cell(1.5).heading, cell(1.5, heading="how long").heading) == (
+        "a number",
+        "how long",
+    )
     assert (cell(1.5).method, cell(1.5, label="ours").method) == ("", "ours")
     assert cell(1.5, definition="as it says").definition == "as it says"
 
 
-# --- what the last run of mutations left ----------------------------------------------------------
+# --- what the last run of mutations left ----------------------------------------------
 
 
 @pytest.mark.parametrize(
     ("name", "known", "said"),
     [
-        ("abcx", ["abcxyz", "abcxaa"], "; did you mean abcxaa?"),  # the first that it begins
+        (
+            "abcx",
+            ["abcxyz", "abcxaa"],
+            "; did you mean abcxaa?",
+        ),  # the first that it begins
         ("abc", ["abcdefghijkl"], "; did you mean abcdefghijkl?"),
-        ("ab", ["abcdefghijkl"], "; there is abcdefghijkl"),  # two letters begin too much
-        ("yaw_rate", ["yaw_ratio", "yaw_rates_of_all"], "; did you mean yaw_rates_of_all?"),
+        (
+            "ab",
+            ["abcdefghijkl"],
+            "; there is abcdefghijkl",
+        ),  # two letters begin too much
+        (
+            "yaw_rate",
+            ["yaw_ratio", "yaw_rates_of_all"],
+            "; did you mean yaw_rates_of_all?",
+        ),
         ("x" * 200, ["y"], "; there is y"),
         ("x" * 201, ["y"], ""),
     ],
-)  # fmt: skip
+)
 def test_the_nearest_name(name, known, said):
     assert nearest(name, known) == said
 
@@ -405,8 +507,8 @@ def test_numbers_below_the_least_are_refused(arguments, told, desat):
 
 
 def test_what_size_recommends_by_default():
-    """As its page says: a duty of 50 %, a margin of 1.3, its own tip-off, other laws, a year's
-    extremes and closed loops."""
+    """As its page says: a duty of 50 %, a margin of 1.3, its own tip-off, other laws, a
+    year's extremes and closed loops."""
     from desat.cli.commands.size import size
 
     usual = {name: p.default for name, p in inspect.signature(size).parameters.items()}
@@ -432,7 +534,7 @@ def test_what_size_recommends_by_default():
 )
 def test_other_laws_than_the_crafts_by_default_but_of_maps(
     given, wish, page, monkeypatch, tmp_path, desat
-):  # fmt: skip
+):
     from desat.sizing import map as sizing_map
     from desat.sizing import page as sizing_page
     from desat.sizing import sizing
@@ -442,16 +544,21 @@ def test_other_laws_than_the_crafts_by_default_but_of_maps(
     monkeypatch.setattr(
         sizing,
         "size",
-        lambda target, options, wishes, progress: asked.update(laws=wishes.laws) or made,
+        lambda target, options, wishes, progress: (
+            asked.update(laws=wishes.laws) or made
+        ),
     )
     monkeypatch.setattr(
-        sizing_map, "map_of",
+        sizing_map,
+        "map_of",
         lambda target, options, axes, *rest: asked.update(laws=axes.laws) or made,
-    )  # fmt: skip
+    )
     monkeypatch.setattr("desat.cli.commands.size._print_sizing", lambda made: None)
     monkeypatch.setattr("desat.cli.commands.size._print_map", lambda made: None)
     for name in ("write_sizing", "write_map"):
-        monkeypatch.setattr(sizing_page, name, lambda made, page: asked.update(page=page) or page)
+        monkeypatch.setattr(
+            sizing_page, name, lambda made, page: asked.update(page=page) or page
+        )
     monkeypatch.chdir(tmp_path)
     assert desat("size", "nadir_day/day-dipole", *given).returncode == 0
     assert asked["laws"] is wish
@@ -470,15 +577,19 @@ def test_checkpoints_are_so_many_seconds_of_the_run_apart(tmp_path, monkeypatch)
     apart: list[int] = []
     monkeypatch.setattr(
         "desat.runs.step_case.Checkpoints",
-        lambda folder, every, *rest: apart.append(every) or (_ for _ in ()).throw(RunError("seen")),
+        lambda folder, every, *rest: (
+            apart.append(every) or (_ for _ in ()).throw(RunError("seen"))
+        ),
     )
-    case = prepare("nadir_day/day-dipole", Options(step=0.5, stop=60.0, checkpoint=10.0))
+    case = prepare(
+        "nadir_day/day-dipole", Options(step=0.5, stop=60.0, checkpoint=10.0)
+    )
     with pytest.raises(RunError, match="seen"):
         simulate(case, tmp_path / "run")
     assert apart == [20]
 
 
-# --- requirements of a single run ---------------------------------------------------------------
+# --- requirements of a single run -----------------------------------------------------
 
 REQUIRED = """extends = "integrated/mil-nadir"
 stop = 960.0
@@ -493,16 +604,22 @@ max = {dumped}
 
 
 @pytest.mark.parametrize(
-    ("calm", "dumped", "code"), [(179.0, 7200.0, 0), (0.01, 7200.0, 1), (179.0, 60.0, 1)]
+    ("calm", "dumped", "code"),
+    [(179.0, 7200.0, 0), (0.01, 7200.0, 1), (179.0, 60.0, 1)],
 )
-def test_a_requirement_that_is_not_met_ends_a_run_with_1(desat, tmp_path, calm, dumped, code):
-    """A time that is not reached is not met once the run is over it, and before that unknown."""
+def test_a_requirement_that_is_not_met_ends_a_run_with_1(
+    desat, tmp_path, calm, dumped, code
+):
+    """A time that is not reached is not met once the run is over it, and before that
+    unknown."""
     file, out = tmp_path / "mine.toml", tmp_path / "out"
     file.write_text(REQUIRED.format(calm=calm, dumped=dumped))
     done = desat("run", str(file), "--no-baseline", "--out", str(out))
     said = done.stdout + done.stderr
     assert done.returncode == code
-    assert ("not met: calm: APE" in said) == ("NOT MET" in said) == (calm == 0.01) or dumped < 100
+    assert ("not met: calm: APE" in said) == ("NOT MET" in said) == (
+        calm == 0.01
+    ) or dumped < 100
     assert ("not met: dumped: " in said) == (dumped == 60.0)
     assert ("not checked: dumped: not reached at 960 s" in said) == (dumped == 7200.0)
     manifest = load_run(out).manifest
@@ -521,12 +638,18 @@ def test_requirements_of_draws_are_of_all_together(tmp_path):
     assert (row.code, row.unmet) == (0, [])
 
 
-def verdict(value: float | None, number: str = "late", until: float = 100.0, **limits: float):
-    content = Content.model_validate({
-        "numbers": {"late": {"signal": "a.b", "measure": "first_below", "unit": "s"},
-                    "then": {"signal": "a.b", "measure": "largest", "window": [50.0, 60.0]}},
-        "requirements": {"r": {"number": number, **limits}},
-    })  # fmt: skip
+def verdict(
+    value: float | None, number: str = "late", until: float = 100.0, **limits: float
+):
+    content = Content.model_validate(
+        {
+            "numbers": {
+                "late": {"signal": "a.b", "measure": "first_below", "unit": "s"},
+                "then": {"signal": "a.b", "measure": "largest", "window": [50.0, 60.0]},
+            },
+            "requirements": {"r": {"number": number, **limits}},
+        }
+    )
     numbers = {number: Value("T", value, "s")}
     return verdicts.judge(content, numbers, 0.0, until)
 
@@ -534,13 +657,18 @@ def verdict(value: float | None, number: str = "late", until: float = 100.0, **l
 @pytest.mark.parametrize(
     ("value", "limits", "met", "margin"),
     [
-        (50.0, {"max": 100.0}, True, 0.5), (100.0, {"max": 100.0}, True, 0.0),
-        (150.0, {"max": 100.0}, False, -0.5), (50.0, {"min": 100.0}, False, -0.5),
-        (-50.0, {"max": -100.0}, False, -0.5), (50.0, {"min": 40.0, "max": 100.0}, True, 0.25),
-        (math.inf, {"min": 1.0}, False, None), (None, {"max": 100.0}, False, None),
-        (None, {"min": 100.0}, False, None), (1.0, {"min": 0.0}, True, None),
+        (50.0, {"max": 100.0}, True, 0.5),
+        (100.0, {"max": 100.0}, True, 0.0),
+        (150.0, {"max": 100.0}, False, -0.5),
+        (50.0, {"min": 100.0}, False, -0.5),
+        (-50.0, {"max": -100.0}, False, -0.5),
+        (50.0, {"min": 40.0, "max": 100.0}, True, 0.25),
+        (math.inf, {"min": 1.0}, False, None),
+        (None, {"max": 100.0}, False, None),
+        (None, {"min": 100.0}, False, None),
+        (1.0, {"min": 0.0}, True, None),
     ],
-)  # fmt: skip
+)
 def test_a_margin_is_a_share_of_the_nearer_limit(value, limits, met, margin):
     found, unjudged = verdict(value, **limits)
     assert (found["r"].met, found["r"].margin, unjudged) == (met, margin, {})
@@ -551,10 +679,11 @@ def test_a_margin_is_a_share_of_the_nearer_limit(value, limits, met, margin):
     ("number", "until", "why"),
     [
         ("late", 99.0, "not reached at 99 s, where the run ends; it has until 100 s"),
-        ("late", 100.0, ""), ("then", 60.0, ""),
+        ("late", 100.0, ""),
+        ("then", 60.0, ""),
         ("then", 49.0, "the run ends at 49 s, before 50 s, where its window begins"),
     ],
-)  # fmt: skip
+)
 def test_a_run_that_is_too_short_does_not_judge(number, until, why):
     found, unjudged = verdict(None, number, until, max=100.0)
     assert unjudged == ({number: why} if why else {})
@@ -562,7 +691,9 @@ def test_a_run_that_is_too_short_does_not_judge(number, until, why):
 
 
 def test_a_number_that_is_not_recorded_is_not_judged():
-    content = Content.model_validate({"requirements": {"r": {"number": "x", "max": 1.0}}})
+    content = Content.model_validate(
+        {"requirements": {"r": {"number": "x", "max": 1.0}}}
+    )
     assert verdicts.judge(content, {}, 0.0, 1.0) == ({}, {"x": "not recorded"})
 
 

@@ -22,13 +22,20 @@ LIMITS = {
 
 
 def counted(target: str, folder: Path) -> dict[str, int]:
-    """The counts of a target, in a process of its own: what another one has read or imported is not
-    counted."""
-    empty = folder / "tmp"  # what others have left in the usual one is swept, which would count
+    """The counts of a target, in a process of its own: what another one has read or
+    imported is not counted."""
+    empty = (
+        folder / "tmp"
+    )  # what others have left in the usual one is swept, which would count
     empty.mkdir(exist_ok=True)
-    done = subprocess.run([sys.executable, str(ROOT / "tests" / "way.py"), target], text=True,
-                          capture_output=True, check=True, cwd=folder,
-                          env={**os.environ, "TMPDIR": str(empty)})  # fmt: skip
+    done = subprocess.run(
+        [sys.executable, str(ROOT / "tests" / "way.py"), target],
+        text=True,
+        capture_output=True,
+        check=True,
+        cwd=folder,
+        env={**os.environ, "TMPDIR": str(empty)},
+    )
     found: dict[str, int] = json.loads(done.stdout)
     return found
 
@@ -37,11 +44,15 @@ def counted(target: str, folder: Path) -> dict[str, int]:
 def test_the_way_of_a_target_does_not_grow(target, tmp_path, desat):
     place = target
     if target == SSP:
-        file = tmp_path / "day.toml"  # what is packed of a file of one's own lies beside it
+        file = (
+            tmp_path / "day.toml"
+        )  # what is packed of a file of one's own lies beside it
         file.write_text('extends = "nadir_day/day-dipole"\n')
         desat("pack", str(file), check=True)
         place = str(file.with_suffix(".ssp"))
-    counted(place, tmp_path)  # what is made once for a user, the loop's library, is there
+    counted(
+        place, tmp_path
+    )  # what is made once for a user, the loop's library, is there
     found = counted(place, tmp_path)
     functions, total = LIMITS[target]
     assert found["functions"] <= functions, found

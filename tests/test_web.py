@@ -1,7 +1,8 @@
-"""The page that flies a loop (`desat export web`): in node against a run, its measures against
-their Python, and in a browser against the line that it shows.
+"""The page that flies a loop (`desat export web`): in node against a run, its measures
+against their Python, and in a browser against the line that it shows.
 
-It is compiled by the package ziglang; node and a browser are taken where there are such.
+It is compiled by the package ziglang; node and a browser are taken where there are
+such.
 """
 
 from __future__ import annotations
@@ -38,44 +39,64 @@ from desat.web.sliders import usual
 
 NODE = shutil.which("node")
 needs_node = pytest.mark.skipif(NODE is None, reason="no node")
-needs_zig = pytest.mark.skipif(not importlib.util.find_spec("ziglang"), reason="no ziglang")
+needs_zig = pytest.mark.skipif(
+    not importlib.util.find_spec("ziglang"), reason="no ziglang"
+)
 STEPS = 200
-SLIDERS = ["torquers.m_limit=0.05:0.8", "wheels.torque_limit=0.1 mN.m:3 mN.m",
-           "spacecraft.residual_dipole_body=0:0.5", "wheels.h_start_wheel=0 mN.m.s:5 mN.m.s",
-           "environment.inclination=0 deg:110 deg", "shared.inertia_wheel=1e-5:3e-5",
-           "manager.gain=1e-4:4e-3", "wheels.speed_limit=1000 rpm:9000 rpm",
-           "shared.epoch_j2000=8.5e8:8.6e8"]  # fmt: skip
+SLIDERS = [
+    "torquers.m_limit=0.05:0.8",
+    "wheels.torque_limit=0.1 mN.m:3 mN.m",
+    "spacecraft.residual_dipole_body=0:0.5",
+    "wheels.h_start_wheel=0 mN.m.s:5 mN.m.s",
+    "environment.inclination=0 deg:110 deg",
+    "shared.inertia_wheel=1e-5:3e-5",
+    "manager.gain=1e-4:4e-3",
+    "wheels.speed_limit=1000 rpm:9000 rpm",
+    "shared.epoch_j2000=8.5e8:8.6e8",
+]
 MOVED: dict[str, float] = {
-    "torquers.m_limit": 0.12, "wheels.torque_limit": 0.7, "spacecraft.residual_dipole_body": 0.31,
-    "wheels.h_start_wheel": 1.3, "environment.inclination": 97.4, "shared.inertia_wheel": 2.2e-5,
-}  # fmt: skip
+    "torquers.m_limit": 0.12,
+    "wheels.torque_limit": 0.7,
+    "spacecraft.residual_dipole_body": 0.31,
+    "wheels.h_start_wheel": 1.3,
+    "environment.inclination": 97.4,
+    "shared.inertia_wheel": 2.2e-5,
+}
 
 
 def node(code: str, given: Any) -> Any:
-    """What a script prints as JSON; it finds what it is given as JSON in `input`. A number that is
-    not finite is a text."""
+    """What a script prints as JSON; it finds what it is given as JSON in `input`. A
+    number that is not finite is a text."""
     whole = f"""const input = JSON.parse(require("fs").readFileSync(0));
 {code}
 console.log(JSON.stringify(told, (k, v) =>
   typeof v === "number" && !Number.isFinite(v) ? String(v) : v));"""
     assert NODE is not None
-    done = subprocess.run([NODE, "-e", whole], input=json.dumps(given), capture_output=True,
-                          text=True, check=False)  # fmt: skip
+    done = subprocess.run(
+        [NODE, "-e", whole],
+        input=json.dumps(given),
+        capture_output=True,
+        text=True,
+        check=False,
+    )
     assert done.returncode == 0, done.stderr[-2000:]
     return json.loads(done.stdout)
 
 
-# --- measures -----------------------------------------------------------------------------------
+# --- measures -------------------------------------------------------------------------
 
 
 def rows(count: int = 500) -> dict[str, Any]:
     """Series that measures are tried with."""
     draw = np.random.default_rng(1)
     q = draw.normal(size=(count, 4))
-    near = q / np.linalg.norm(q, axis=1, keepdims=True) + 0.01 * draw.normal(size=(count, 4))
+    near = q / np.linalg.norm(q, axis=1, keepdims=True) + 0.01 * draw.normal(
+        size=(count, 4)
+    )
     times = np.arange(count) * 2.0
     return {
-        "times": times, "v3": draw.normal(size=(count, 3)),
+        "times": times,
+        "v3": draw.normal(size=(count, 3)),
         "v4": 0.1 * draw.normal(size=(count, 4)).cumsum(axis=0),
         "rises": np.cumsum(draw.random(count) < 0.05)[:, None].astype(float),
         "decay": np.exp(-times / 200.0)[:, None] * np.ones((1, 3)),
@@ -83,73 +104,124 @@ def rows(count: int = 500) -> dict[str, Any]:
         "mode": (np.arange(count) // 100 % 3)[:, None].astype(float),
         "q": q / np.linalg.norm(q, axis=1, keepdims=True),
         "q_ref": near / np.linalg.norm(near, axis=1, keepdims=True),
-    }  # fmt: skip
+    }
 
 
 TRIED: dict[str, list[Any]] = {
-    "last": ["rises"], "norm_last": ["v3"], "largest": ["v4"], "norm_largest": ["v3"],
-    "rms": ["v4"], "growth_in": ["rises", 100.0], "steps_in": ["rises", 86400.0],
-    "growth_between": ["scalar", "rises", 100.0], "growth_each": ["scalar", "rises"],
-    "time_between": ["rises"], "share_along": ["v3", "decay"], "norm_mean": ["v3"],
-    "norm_level_while": ["v3", "v4", 1.0, 95.0], "mean_size": ["v4"], "mean_size_last": ["v4"],
-    "largest_mean": ["v4"], "load_until_below": ["v3", "decay", 0.3],
+    "last": ["rises"],
+    "norm_last": ["v3"],
+    "largest": ["v4"],
+    "norm_largest": ["v3"],
+    "rms": ["v4"],
+    "growth_in": ["rises", 100.0],
+    "steps_in": ["rises", 86400.0],
+    "growth_between": ["scalar", "rises", 100.0],
+    "growth_each": ["scalar", "rises"],
+    "time_between": ["rises"],
+    "share_along": ["v3", "decay"],
+    "norm_mean": ["v3"],
+    "norm_level_while": ["v3", "v4", 1.0, 95.0],
+    "mean_size": ["v4"],
+    "mean_size_last": ["v4"],
+    "largest_mean": ["v4"],
+    "load_until_below": ["v3", "decay", 0.3],
     "settled_within": ["decay", [0.5, 0.6, 0.7], 10.0, 20.0],
-    "along": ["v4", [1.0, -1.0, 1.0, -1.0]], "above": ["v4", [1.0, -1.0, 1.0, -1.0], 0.01],
-    "until_below": ["decay", 0.5, "norm_"], "first_reached": ["rises", 10, 1],
-    "first_below": ["decay", 0.5], "until_above": ["rises", 5],
+    "along": ["v4", [1.0, -1.0, 1.0, -1.0]],
+    "above": ["v4", [1.0, -1.0, 1.0, -1.0], 0.01],
+    "until_below": ["decay", 0.5, "norm_"],
+    "first_reached": ["rises", 10, 1],
+    "first_below": ["decay", 0.5],
+    "until_above": ["rises", 5],
     "largest_while": ["v3", "mode", 1, 2],
-    "drive_energy": ["v4", 3.0, 10.0], "time_of": ["mode", 2], "share_below": ["v4", 0.3],
-    "sign_changes": ["v4"], "decay_rate": ["decay"], "mean_rate": ["rises"],
-    "pointing_last": ["q", "q_ref"], "pointing_largest": ["q", "q_ref"],
-    "pointing_rms": ["q", "q_ref"], "pointing_mean": ["q", "q_ref"],
-    "pointing_until_below": ["q", "q_ref", 2.0], "pointing_level": ["q", "q_ref"],
+    "drive_energy": ["v4", 3.0, 10.0],
+    "time_of": ["mode", 2],
+    "share_below": ["v4", 0.3],
+    "sign_changes": ["v4"],
+    "decay_rate": ["decay"],
+    "mean_rate": ["rises"],
+    "pointing_last": ["q", "q_ref"],
+    "pointing_largest": ["q", "q_ref"],
+    "pointing_rms": ["q", "q_ref"],
+    "pointing_mean": ["q", "q_ref"],
+    "pointing_until_below": ["q", "q_ref", 2.0],
+    "pointing_level": ["q", "q_ref"],
     "pointing_relative": ["q", "q_ref", 60.0, None],
-}  # fmt: skip
+}
 DERIVED: dict[str, list[Any]] = {
-    "in_body": ["v4", [float(i) for i in range(12)]], "error_vector": ["q", "q_ref"],
-    "pointing": ["q", "q_ref"], "nadir_body": ["q", "v3"], "angle_between": ["v3", "decay"],
+    "in_body": ["v4", [float(i) for i in range(12)]],
+    "error_vector": ["q", "q_ref"],
+    "pointing": ["q", "q_ref"],
+    "nadir_body": ["q", "v3"],
+    "angle_between": ["v3", "decay"],
     "momentum_budget": ["decay", "v3", "q", "v3"],
-}  # fmt: skip
+}
 
 
 @needs_node
 def test_measures_and_derived_quantities_are_those_of_their_python():
-    """All measures, each on series of its kind; of derived quantities those that are translated."""
+    """All measures, each on series of its kind; of derived quantities those that are
+    translated."""
     assert TRIED.keys() == MEASURES.keys()
     functions = {**MEASURES, **{name: q.function for name, q in QUANTITIES.items()}}
     code, refused = script(functions.values())
     assert QUANTITIES.keys() - DERIVED.keys() == refused.keys()
     known = rows()
     tried = {**TRIED, **DERIVED}
-    args = {name: [("norm" if a == "norm_" else known.get(a, a)) if isinstance(a, str) else a
-                   for a in given] for name, given in tried.items()}  # fmt: skip
-    told = node(f"""{numpy_source()}{code}
+    args = {
+        name: [
+            ("norm" if a == "norm_" else known.get(a, a)) if isinstance(a, str) else a
+            for a in given
+        ]
+        for name, given in tried.items()
+    }
+    told = node(
+        f"""{numpy_source()}{code}
 const asked = (x) => x instanceof Array && x[0] instanceof Array
   ? $.array(x.map((r) => $.array(r))) : x;
 const told = {{}};
 for (const [name, args] of Object.entries(input.args)) {{
   const times = measures[name].order[0] === "times" ? [$.array(input.times)] : [];
   told[name] = Array.from($.asarray(measures[name](...times, ...args.map(asked))).data);
-}}""", {"times": known["times"].tolist(), "args": {
-        name: [a.tolist() if isinstance(a, np.ndarray) else a for a in of]
-        for name, of in args.items()}})  # fmt: skip
+}}""",
+        {
+            "times": known["times"].tolist(),
+            "args": {
+                name: [a.tolist() if isinstance(a, np.ndarray) else a for a in of]
+                for name, of in args.items()
+            },
+        },
+    )
     for name, of in args.items():
-        times = [known["times"]] if name in MEASURES or name == "momentum_budget" else []
+        times = (
+            [known["times"]] if name in MEASURES or name == "momentum_budget" else []
+        )
         want = np.ravel(functions[name](*times, *of))
         got = np.array([float(x) for x in told[name]])
         assert np.allclose(got, want, rtol=1e-12, atol=1e-12, equal_nan=True), name
 
 
-# --- the loop -----------------------------------------------------------------------------------
+# --- the loop -------------------------------------------------------------------------
 
 
 @pytest.fixture(scope="module")
 def craft(tmp_path_factory):
     folder = tmp_path_factory.mktemp("web") / "my12u"
-    done = CliRunner().invoke(cli.app_for([]), [
-        "new", "craft", str(folder), "--size", "12U", "--altitude", "400km", "--inclination",
-        "51.6deg", "--rods", "0.2",
-    ])  # fmt: skip
+    done = CliRunner().invoke(
+        cli.app_for([]),
+        [
+            "new",
+            "craft",
+            str(folder),
+            "--size",
+            "12U",
+            "--altitude",
+            "400km",
+            "--inclination",
+            "51.6deg",
+            "--rods",
+            "0.2",
+        ],
+    )
     assert done.exit_code == 0, done.output
     return folder
 
@@ -172,14 +244,16 @@ def told_of(path: Path) -> tuple[dict[str, Any], str]:
 
 
 FAILS = 1e9
-"""A residual dipole (A m2) that begins to turn the craft faster than a step can be made of."""
+"""A residual dipole (A m2) that begins to turn the craft faster than a step can be made
+of."""
 
 
 def flown(path: Path, law: int, moved: dict[str, float]) -> dict[str, Any]:
-    """The series of a flight in node, its numbers, and what it said of two faults before: one at
-    the start, one under way."""
+    """The series of a flight in node, its numbers, and what it said of two faults
+    before: one at the start, one under way."""
     told, worker = told_of(path)
-    return node("""globalThis.postMessage = () => {};
+    return node(
+        """globalThis.postMessage = () => {};
 const [told0, worker, law, moved, fails] = input;
 (0, eval)(worker.replace('"use strict";', "") + ";globalThis.Flight = Flight;globalThis.$ = $;");
 const flight = new Flight(told0, new WebAssembly.Module(Buffer.from(told0.wasm, "base64")));
@@ -194,12 +268,13 @@ const told = { first, way, said, fault: flight.fault, table: flight.table,
   fullest: flight.law.managed && flight.fullest(),
   series: Object.fromEntries(Object.keys(flight.law.series).map((name) =>
     [name, Array.from(flight.series(name).data)])) };""",
-        [told, worker, law, moved, FAILS])  # fmt: skip
+        [told, worker, law, moved, FAILS],
+    )
 
 
 WITHIN = (1e-12, 1e-10)
-"""Of the scale of each series, a law: musl's sines are not glibc's, and the predictive law solves
-for its dipoles."""
+"""Of the scale of each series, a law: musl's sines are not glibc's, and the predictive
+law solves for its dipoles."""
 
 
 def alike(found: dict[str, Any], run: Run, within: float) -> list[str]:
@@ -218,7 +293,9 @@ def alike(found: dict[str, Any], run: Run, within: float) -> list[str]:
 @needs_zig
 @pytest.mark.parametrize("law", [0, 1])
 @pytest.mark.parametrize("moved", [{}, MOVED], ids=["as it is", "moved"])
-def test_a_flight_is_that_of_a_run_with_what_follows_from_sliders(made, craft, law, moved):
+def test_a_flight_is_that_of_a_run_with_what_follows_from_sliders(
+    made, craft, law, moved
+):
     """Also after two that failed: it flies on after the reset."""
     told, laws = made
     options = [*laws.values()][law]
@@ -227,7 +304,9 @@ def test_a_flight_is_that_of_a_run_with_what_follows_from_sliders(made, craft, l
     before = facts["laws"][law]["values"]
     given = dict(moved)
     sets = [text_of(sliders[name], value, before) for name, value in given.items()]
-    run = execute(str(craft), Options(**{**vars(options), "sets": [*options.sets, *sets]}), None)
+    run = execute(
+        str(craft), Options(**{**vars(options), "sets": [*options.sets, *sets]}), None
+    )
     assert run.ok
     found = flown(told.path, law, given)
     assert "speed_limit = " in found["first"]
@@ -244,7 +323,8 @@ def test_a_flight_is_that_of_a_run_with_what_follows_from_sliders(made, craft, l
     numbers = {n: run.manifest.numbers[n].value for n in found["numbers"]}
     assert len(numbers) > 12
     assert {n: number(x) for n, x in found["numbers"].items()} == {
-        n: number(x) for n, x in numbers.items()}  # fmt: skip
+        n: number(x) for n, x in numbers.items()
+    }
 
 
 @needs_node
@@ -264,7 +344,8 @@ def test_a_craft_that_dumps_by_thrusters_has_the_standard_numbers_on_its_page(
     assert standard <= found["numbers"].keys() & run.manifest.numbers.keys()
     assert "coil_duty" not in run.manifest.numbers
     assert {n: number(x) for n, x in found["numbers"].items()} == {
-        n: number(run.manifest.numbers[n].value) for n in found["numbers"]}  # fmt: skip
+        n: number(run.manifest.numbers[n].value) for n in found["numbers"]
+    }
     numbers = {n: x.value for n, x in run.manifest.numbers.items()}
     if not start:  # no dump: what is left is what there would be without
         assert numbers["left_rms"] == pytest.approx(numbers["unmanaged_rms"], rel=1e-6)
@@ -276,7 +357,9 @@ def text_of(slider: dict[str, Any], value: float, values: dict[str, Any]) -> str
     """`NAME=VALUE` of a slider as the page is told of it."""
     fields = {k: v for k, v in slider.items() if k != "shown"}
     whole = page.Slider(**fields)
-    return whole.value_text(value, values[next(t for t in whole.targets if t in values)])
+    return whole.value_text(
+        value, values[next(t for t in whole.targets if t in values)]
+    )
 
 
 @needs_zig
@@ -285,41 +368,68 @@ def test_the_same_page_comes_out_again_and_needs_no_server(made, craft):
     text = told.path.read_text()
     tree = html.fromstring(text)
     assert not tree.xpath("//*[@src] | //link | //img")
-    assert not re.search(r"url\(|@import|fetch\(|https?://(?!github.com/leeoniya)", text)
+    assert not re.search(
+        r"url\(|@import|fetch\(|https?://(?!github.com/leeoniya)", text
+    )
     assert told.digest in text
     again = page.export(str(craft), laws, SLIDERS, craft.parent / "again.html")
     assert again.path.read_text() == text
-    for licence in ("uPlot", "musl", "wasi-libc", "compiler-rt", "Permission is hereby granted"):
+    for licence in (
+        "uPlot",
+        "musl",
+        "wasi-libc",
+        "compiler-rt",
+        "Permission is hereby granted",
+    ):
         assert licence in text
 
 
-# --- what is refused ----------------------------------------------------------------------------
+# --- what is refused ------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (["--slider", "torquers.m_limt=0:1"], "has no parameter torquers.m_limt; did you mean "
-         "torquers.m_limit"),
+        (
+            ["--slider", "torquers.m_limt=0:1"],
+            "has no parameter torquers.m_limt; did you mean torquers.m_limit",
+        ),
         (["--slider", "torquers.m_limit"], "the form is NAME=FROM:TO"),
-        (["--slider", "torquers.m_limit=0.4:0.1"], "from a lower value to a higher one"),
+        (
+            ["--slider", "torquers.m_limit=0.4:0.1"],
+            "from a lower value to a higher one",
+        ),
         (["--slider", "torquers.m_limit=-1:1"], "allowed is 0 to inf"),
         (["--slider", "torquers.m_limit=0.1 kg:1"], "it has A.m2"),
-        (["--slider", "manager.m_limit=0.1:1"], "the scenario has it follow torquers.m_limit"),
+        (
+            ["--slider", "manager.m_limit=0.1:1"],
+            "the scenario has it follow torquers.m_limit",
+        ),
         (["--slider", "torquers.drive=0:1"], "a choice of "),
         (["--slider", "manager.sample_time=1:10"], "what the loop is written out with"),
-        (["--source", "environment=environment_tle"], "environment_tle has no C, it runs as"),
+        (
+            ["--source", "environment=environment_tle"],
+            "environment_tle has no C, it runs as",
+        ),
         (["--step", "10"], "sample_time"),
         (["--law", "b_dot"], "--law b dot: it brakes a tumbling craft"),
         (["--law", "magnetic"], "it needs tables made for one craft"),
         (["--law", "nonsense"], "nonsense: no law and no manager"),
         (["--stop", "900d"], "too many for a page's memory"),
     ],
-)  # fmt: skip
+)
 @needs_zig
 def test_what_no_page_can_have_is_refused(desat, craft, arguments, said, tmp_path):
     stop = [] if "--stop" in arguments else ["--stop", "200"]
-    done = desat("export", "web", str(craft), "--out", str(tmp_path / "x.html"), *stop, *arguments)
+    done = desat(
+        "export",
+        "web",
+        str(craft),
+        "--out",
+        str(tmp_path / "x.html"),
+        *stop,
+        *arguments,
+    )
     assert done.returncode == 2
     assert said in done.stderr, done.stderr
     assert not (tmp_path / "x.html").exists()
@@ -335,7 +445,7 @@ def _no_zig() -> tuple[str, ...]:
     raise module.NoCompilerError("")
 
 
-# --- in a browser -------------------------------------------------------------------------------
+# --- in a browser ---------------------------------------------------------------------
 
 
 @needs_zig
@@ -343,7 +453,8 @@ def _no_zig() -> tuple[str, ...]:
 def test_a_slider_moved_in_a_browser_gives_what_the_shown_line_prints(
     browser, made, craft, desat, width, tmp_path
 ):
-    """The numbers of the page are those of `desat run`; the address brings the page back."""
+    """The numbers of the page are those of `desat run`; the address brings the page
+    back."""
     tab = browser.new_page(viewport={"width": width, "height": 900})
     tab.set_default_timeout(20_000)
     errors: list[str] = []
@@ -367,21 +478,31 @@ def test_a_slider_moved_in_a_browser_gives_what_the_shown_line_prints(
     field.press("Enter")
     tab.locator("[id='value-wheels.h_start_wheel']").fill("1.7")
     tab.locator("[id='value-wheels.h_start_wheel']").press("Enter")
-    wait_until(tab, "desat.shown.moved['wheels.h_start_wheel'] === 1.7 && desat.shown.numbers")
+    wait_until(
+        tab, "desat.shown.moved['wheels.h_start_wheel'] === 1.7 && desat.shown.numbers"
+    )
     waited()
     line = shlex.split(tab.locator("#command").inner_text())
     assert line[:2] == ["desat", "run"]
     done = desat(*line[1:], "--out", str(tmp_path / "run"), "--json")
-    assert done.returncode in (0, 1), done.stderr  # 1: what is required is not met in 200 s
+    assert done.returncode in (0, 1), (
+        done.stderr
+    )  # 1: what is required is not met in 200 s
     printed = json.loads(done.stdout)["numbers"]
-    shown = {row["name"]: row["value"] for row in tab.evaluate(
-        """[...document.querySelectorAll("#numbers tr[data-number]")].map(r =>
-           ({name: r.dataset.number, value: r.children[1].textContent}))""")}  # fmt: skip
+    shown = {
+        row["name"]: row["value"]
+        for row in tab.evaluate(
+            """[...document.querySelectorAll("#numbers tr[data-number]")].map(r =>
+           ({name: r.dataset.number, value: r.children[1].textContent}))"""
+        )
+    }
     assert len(shown) > 12
     assert shown == {name: number(printed[name]["value"]) for name in shown}
     labels = tab.evaluate("desat.charts.map(u => [u.axes[0].label, u.axes[1].label])")
     assert all(x.startswith("time [") and y for x, y in labels)
-    assert any("kept" in s for s in tab.evaluate("desat.charts[0].series.map(s => s.label)"))
+    assert any(
+        "kept" in s for s in tab.evaluate("desat.charts[0].series.map(s => s.label)")
+    )
     address = tab.evaluate("location.href")
     assert "law=predictive" in address
     tab.goto("about:blank")
@@ -398,7 +519,7 @@ def test_a_slider_moved_in_a_browser_gives_what_the_shown_line_prints(
     tab.close()
 
 
-# --- sliders of each law ------------------------------------------------------------------------
+# --- sliders of each law --------------------------------------------------------------
 
 
 LAWS = ["ccpl", "predictive"]
@@ -407,7 +528,8 @@ GAIN = "manager.gain"
 
 @pytest.fixture(scope="module")
 def usual_page(craft):
-    """The page of a craft with the sliders that are usual, one of whose values `--set` gave."""
+    """The page of a craft with the sliders that are usual, one of whose values `--set`
+    gave."""
     options = Options(stop=float(STEPS), substeps=2, sets=["torquers.m_limit=0.15"])
     laws = options_of_laws(str(craft), options, LAWS)
     return page.export(str(craft), laws, (), craft.parent / "usual.html")
@@ -415,7 +537,8 @@ def usual_page(craft):
 
 @needs_zig
 def test_each_law_has_its_own_sliders(usual_page):
-    """Range, unit and start are those of the law; a law without a gain has no such slider."""
+    """Range, unit and start are those of the law; a law without a gain has no such
+    slider."""
     facts, _ = told_of(usual_page.path)
     gains = {}
     for law in facts["laws"]:
@@ -436,15 +559,19 @@ def test_a_range_that_was_asked_for_is_of_the_laws_whose_value_lies_in_it(craft)
     facts, _ = told_of(made.path)
     ranges = {
         (law["name"], s["name"]): (s["low"], s["high"])
-        for law in facts["laws"] for s in law["sliders"]
-    }  # fmt: skip
+        for law in facts["laws"]
+        for s in law["sliders"]
+    }
     assert ranges["ccpl", GAIN] == (10.0, 60.0)
     low, high = ranges["cross product", GAIN]
     assert low < 0.00113137 < high < 1.0
-    assert all(ranges[x, "torquers.m_limit"] == (0.3, 0.5) for x in ("ccpl", "predictive"))
+    assert all(
+        ranges[x, "torquers.m_limit"] == (0.3, 0.5) for x in ("ccpl", "predictive")
+    )
     assert [n.partition(":")[0] for n in made.notes if n.startswith("slider")] == [
-        f"slider {GAIN}", "slider torquers.m_limit",
-    ]  # fmt: skip
+        f"slider {GAIN}",
+        "slider torquers.m_limit",
+    ]
 
 
 @needs_zig
@@ -454,7 +581,9 @@ def test_a_slider_is_checked_with_its_value_in_place_of_one_that_was_given(craft
     laws = options_of_laws(str(craft), options, ["ccpl"])
     with pytest.raises(page.DesatError, match="allowed is 0 to inf"):
         page.export(str(craft), laws, [f"{GAIN}=-1:0.01"], craft.parent / "x.html")
-    made = page.export(str(craft), laws, [f"{GAIN}=0.001:0.01"], craft.parent / "twice.html")
+    made = page.export(
+        str(craft), laws, [f"{GAIN}=0.001:0.01"], craft.parent / "twice.html"
+    )
     assert made.sliders == (GAIN,)
 
 
@@ -463,8 +592,12 @@ GEO = (
     "--thrusters '4 10N' --dump 'thrusters 70:10' --panel '13m2 1.35m'"
 )
 THRUSTER_SLIDERS = [
-    "manager.begin", "manager.end", "thrusters.tau_level", "thrusters.arm", "wheels.h_start_wheel",
-]  # fmt: skip
+    "manager.begin",
+    "manager.end",
+    "thrusters.tau_level",
+    "thrusters.arm",
+    "wheels.h_start_wheel",
+]
 
 
 @pytest.mark.parametrize(
@@ -478,7 +611,9 @@ THRUSTER_SLIDERS = [
         ),
     ],
 )
-def test_sliders_of_a_craft_with_thrusters_are_those_of_its_dumps(desat, tmp_path, given, wanted):
+def test_sliders_of_a_craft_with_thrusters_are_those_of_its_dumps(
+    desat, tmp_path, given, wanted
+):
     """Thresholds, thrust, arm and start momentum; what holds the craft's own values."""
     desat("new", "craft", "c", *shlex.split(given), check=True, cwd=tmp_path)
     system, _ = prepare(read(str(tmp_path / "c")), Options(stop=100.0)).or_raise()
@@ -495,7 +630,10 @@ def test_sliders_of_a_craft_with_thrusters_are_those_of_its_dumps(desat, tmp_pat
 
 def test_a_craft_with_coils_and_thrusters_has_the_sliders_of_both():
     names = [
-        s.name for s in usual(prepare(read("uosat12/table2-ocdc-ilqr-1"), Options()).or_raise()[0])
+        s.name
+        for s in usual(
+            prepare(read("uosat12/table2-ocdc-ilqr-1"), Options()).or_raise()[0]
+        )
     ]
     assert {"torquers.m_limit", "thrusters.tau_level", "thrusters.arm"} <= {*names}
 
@@ -506,15 +644,23 @@ def test_a_craft_with_coils_and_thrusters_has_the_sliders_of_both():
         ("export web {} --law foo", "foo: no law and no manager"),
         ("export web {} --law predictive --law magnetc", "did you mean magnetic?"),
         ("export web {} --law mine.py", "mine.py: No such file"),
-        ("export web {} --law ccpl --slider torquers.m_limit", "the form is NAME=FROM:TO"),
-        ("export web {} --law ccpl --slider a.b=0:1 --slider a.b=0:2", "a.b: it is given twice"),
+        (
+            "export web {} --law ccpl --slider torquers.m_limit",
+            "the form is NAME=FROM:TO",
+        ),
+        (
+            "export web {} --law ccpl --slider a.b=0:1 --slider a.b=0:2",
+            "a.b: it is given twice",
+        ),
         ("compare {} --laws ccpl,foo", "foo: no law and no manager"),
         ("compare {} --law mine.py", "mine.py: No such file"),
         ("compare {0} --law {0}/craft.toml", "craft.toml: a law of your own is a .py"),
     ],
 )
 @needs_zig
-def test_names_are_looked_at_before_anything_flies(desat, craft, monkeypatch, line, said):
+def test_names_are_looked_at_before_anything_flies(
+    desat, craft, monkeypatch, line, said
+):
     monkeypatch.setattr(ranking, "_fly", _no_flight)
     done = desat(*shlex.split(line.format(craft)))
     assert done.returncode == 2
@@ -527,7 +673,8 @@ def _no_flight(*_: Any) -> None:
 
 
 def test_a_value_stands_once_on_a_command_line():
-    """A law's own value is applied after the user's; lists and truths as `--set` reads them."""
+    """A law's own value is applied after the user's; lists and truths as `--set` reads
+    them."""
     options = Options(
         sets=["a.x=1", "a.y=2"],
         values={"a.x": [1.5, np.float64(2.0)], "a.t": True, "a.z": "b.c * 2"},
@@ -542,23 +689,37 @@ def test_a_value_stands_once_on_a_command_line():
 @needs_zig
 @pytest.mark.parametrize(
     "moved",
-    [{"torquers.m_limit": 1e6}, {"wheels.speed_limit": 90000.0}, {"torquers.m_limit": 1e-7}],
+    [
+        {"torquers.m_limit": 1e6},
+        {"wheels.speed_limit": 90000.0},
+        {"torquers.m_limit": 1e-7},
+    ],
 )
-def test_a_page_warns_of_unusual_values_as_a_run_does(desat, usual_page, craft, moved, tmp_path):
+def test_a_page_warns_of_unusual_values_as_a_run_does(
+    desat, usual_page, craft, moved, tmp_path
+):
     """Beyond the ends of its sliders too, where an address may bring it."""
     facts, worker = told_of(usual_page.path)
-    warned = node("""globalThis.postMessage = () => {};
+    warned = node(
+        """globalThis.postMessage = () => {};
 const [told0, worker, moved] = input;
 (0, eval)(worker.replace('"use strict";', "") + ";globalThis.Flight = Flight;");
 const flight = new Flight(told0, new WebAssembly.Module(Buffer.from(told0.wasm, "base64")));
 flight.begin(0, moved);
-const told = flight.warnings;""", [facts, worker, moved])  # fmt: skip
+const told = flight.warnings;""",
+        [facts, worker, moved],
+    )
     sliders = {s["name"]: s for s in facts["laws"][0]["sliders"]}
     before = facts["laws"][0]["values"]
     sets = [f"--set={text_of(sliders[n], x, before)}" for n, x in moved.items()]
-    done = desat("run", str(craft), "--stop", "20", *sets, "--out", str(tmp_path / "run"))
-    said = [x.rpartition(": ")[0].rpartition(": ")[2] + ": " + x.rpartition(": ")[2]
-            for x in done.stderr.splitlines() if ": usual is " in x]  # fmt: skip
+    done = desat(
+        "run", str(craft), "--stop", "20", *sets, "--out", str(tmp_path / "run")
+    )
+    said = [
+        x.rpartition(": ")[0].rpartition(": ")[2] + ": " + x.rpartition(": ")[2]
+        for x in done.stderr.splitlines()
+        if ": usual is " in x
+    ]
     assert said
     assert {*said} == {*warned}
 
@@ -577,7 +738,9 @@ class Tab:
     def wait(self) -> None:
         """Wait until what is set has flown, or cannot."""
         time.sleep(0.2)  # more than the page waits after a move
-        wait_until(self.tab, "document.documentElement.dataset.flown === String(desat.asked)")
+        wait_until(
+            self.tab, "document.documentElement.dataset.flown === String(desat.asked)"
+        )
 
     def text(self, name: str) -> str:
         return str(self.tab.locator(f"[id='{name}']").inner_text())
@@ -610,7 +773,8 @@ class Tab:
 def test_an_arrow_on_a_slider_stays_in_the_range_of_the_law(
     browser, usual_page, desat, tmp_path, law
 ):
-    """What the shown line prints is what stands there, whatever law was chosen and moved."""
+    """What the shown line prints is what stands there, whatever law was chosen and
+    moved."""
     at = Tab(browser, usual_page.path)
     at.tab.select_option("#law", label=law)
     at.wait()
@@ -635,9 +799,9 @@ def test_an_arrow_on_a_slider_stays_in_the_range_of_the_law(
     assert shown == {name: number(printed[name]["value"]) for name in shown}
     at.tab.locator("#reset").click()
     at.wait()
-    assert at.tab.evaluate("document.getElementById('law').selectedOptions[0].textContent") == (
-        "cross product"
-    )
+    assert at.tab.evaluate(
+        "document.getElementById('law').selectedOptions[0].textContent"
+    ) == ("cross product")
     first = desat(*at.command()[1:], "--out", str(tmp_path / "first"))
     assert first.returncode in (0, 1), first.stderr
     assert [x for x in at.command() if "=" in x] == ["torquers.m_limit=0.15"]
@@ -668,10 +832,17 @@ def test_what_was_moved_under_a_law_comes_back_with_it(browser, usual_page):
 @needs_zig
 @pytest.mark.parametrize(
     ("slider", "text"),
-    [(GAIN, "5"), (GAIN, "-0.001"), ("torquers.m_limit", "abc"), ("wheels.speed_limit", "1e9"),
-     ("environment.inclination", "")],
-)  # fmt: skip
-def test_a_value_outside_a_slider_is_refused_where_it_is_typed(browser, usual_page, slider, text):
+    [
+        (GAIN, "5"),
+        (GAIN, "-0.001"),
+        ("torquers.m_limit", "abc"),
+        ("wheels.speed_limit", "1e9"),
+        ("environment.inclination", ""),
+    ],
+)
+def test_a_value_outside_a_slider_is_refused_where_it_is_typed(
+    browser, usual_page, slider, text
+):
     """It says what was given and what is allowed; what flies stays as it was."""
     at = Tab(browser, usual_page.path)
     before, command = at.value(slider), at.text("command")
@@ -691,18 +862,26 @@ def test_a_value_outside_a_slider_is_refused_where_it_is_typed(browser, usual_pa
 @pytest.mark.parametrize(
     ("address", "said"),
     [
-        ("#torquers.m_limit=1000000", ["torquers.m_limit = 1000000 A m2: outside 0.015 to 0.6 A m2",
-                                    "usual is"]),
-        ("#law=nonsense", ["law=nonsense: no such law on this page; there is cross product, ccpl"]),
-        ("#law=predictive&manager.gain=3", ["manager.gain=3: no slider of this page under the law "
-                                            "predictive"]),
+        (
+            "#torquers.m_limit=1000000",
+            ["torquers.m_limit = 1000000 A m2: outside 0.015 to 0.6 A m2", "usual is"],
+        ),
+        (
+            "#law=nonsense",
+            ["law=nonsense: no such law on this page; there is cross product, ccpl"],
+        ),
+        (
+            "#law=predictive&manager.gain=3",
+            ["manager.gain=3: no slider of this page under the law predictive"],
+        ),
         ("?spacecraft.mass=7", ["spacecraft.mass=7: no slider of this page"]),
         ("#torquers.m_limit=abc", ["torquers.m_limit=abc: a number is needed"]),
         ("#law=ccpl&manager.gain=0.002", ["manager.gain = 0.002 1/s: outside "]),
     ],
-)  # fmt: skip
+)
 def test_an_address_beyond_the_sliders_warns(browser, usual_page, address, said):
-    """What it can fly it flies, and says that it lies outside; reset takes the words away."""
+    """What it can fly it flies, and says that it lies outside; reset takes the words
+    away."""
     at = Tab(browser, usual_page.path, address)
     warned = "\n".join(at.warnings())
     for text in said:

@@ -41,12 +41,19 @@ def exact(motor, rotor, command, rate0, rate1, dt):
         return [drive - drag, following, compensation * (drag - learnt), h]
 
     start = [rotor[0], rotor[1] if lag else command, rotor[2], 0.0]
-    y = solve_ivp(derivative, (0, dt), start, rtol=1e-12, atol=1e-15, method="DOP853").y[:, -1]
+    y = solve_ivp(
+        derivative, (0, dt), start, rtol=1e-12, atol=1e-15, method="DOP853"
+    ).y[:, -1]
     return y[:3], y[3]
 
 
-@given(torque, torque, momentum, st.sampled_from([0.0, 0.05, 0.3]),
-       st.sampled_from([0.1, 1.0, 5.0]))  # fmt: skip
+@given(
+    torque,
+    torque,
+    momentum,
+    st.sampled_from([0.0, 0.05, 0.3]),
+    st.sampled_from([0.1, 1.0, 5.0]),
+)
 def test_a_frictionless_step_is_exact(command, torque0, h, lag, dt):
     motor = (J, lag, 0.0, 0.0, 1.0, 0.0, 0.0, 1.0)
     rotor = (h, torque0, 0.0, 0.0)
@@ -57,8 +64,14 @@ def test_a_frictionless_step_is_exact(command, torque0, h, lag, dt):
     assert integral == pytest.approx(integral_e, abs=1e-10)
 
 
-@given(torque, torque, momentum, st.sampled_from([0.0, 0.3]), torque,
-       st.sampled_from([0.0, 1.0]))  # fmt: skip
+@given(
+    torque,
+    torque,
+    momentum,
+    st.sampled_from([0.0, 0.3]),
+    torque,
+    st.sampled_from([0.0, 1.0]),
+)
 def test_a_step_with_friction(command, torque0, h, lag, rate, compensation):
     motor = (J, lag, 2e-5, 5e-4, 20.0, compensation, 0.0, 1.0)
     rotor = (h, torque0, 1e-4 if compensation else 0.0, 0.0)
@@ -84,9 +97,14 @@ def run(block: Wheels, steps: int, dt: float, k0: int = 0):
 
 
 def test_mean_and_slope_are_the_moments_of_the_torque():
-    """tau_mean = (h1 - h0) / H; tau_slope = 12 int (s - 1/2) tau ds, by sums of small steps."""
-    fine = wheels(motor_lag=0.3, viscous=2e-5, coulomb=5e-4, h_start_wheel=(0.5, -1.5, 0.8, 0.0))
-    coarse = wheels(motor_lag=0.3, viscous=2e-5, coulomb=5e-4, h_start_wheel=(0.5, -1.5, 0.8, 0.0))
+    """tau_mean = (h1 - h0) / H; tau_slope = 12 int (s - 1/2) tau ds, by sums of small
+    steps."""
+    fine = wheels(
+        motor_lag=0.3, viscous=2e-5, coulomb=5e-4, h_start_wheel=(0.5, -1.5, 0.8, 0.0)
+    )
+    coarse = wheels(
+        motor_lag=0.3, viscous=2e-5, coulomb=5e-4, h_start_wheel=(0.5, -1.5, 0.8, 0.0)
+    )
     for block in (fine, coarse):
         block.tau_cmd_wheel = (0.015, -0.01, 0.02, 0.0)
     n = 1000
@@ -117,25 +135,36 @@ def test_momentum_leaves_no_gap_when_it_saturates_within_a_step():
     ((h0, mean, slope, h1),) = run(block, 1, 1.0)
     assert (h0[0], h1[0]) == (0.79, pytest.approx(0.8))
     assert mean[0] == pytest.approx(0.01)
-    # full torque in the first half, none in the second: 12 int (s - 1/2) tau = -12 * 0.02 / 8
+    # full torque in the first half, none in the second: 12 int (s - 1/2) tau = -12 *
+    # 0.02 / 8
     assert slope[0] == pytest.approx(-0.03)
 
 
 @pytest.mark.parametrize("h_start", [-0.004, 0.004])
 @pytest.mark.parametrize("lag", [0.0, 0.3])
 def test_a_wheel_that_has_turned_round_saturates_as_any_other(h_start, lag):
-    """It kept the way that it turned at the start, and was put at rest at its limit, at once."""
-    block = wheels(torque_limit=0.02, speed_limit=100.0, h_start_wheel=(h_start, 0, 0, 0),
-                   motor_lag=lag, viscous=1e-6)  # fmt: skip
+    """It kept the way that it turned at the start, and was put at rest at its limit, at
+    once."""
+    block = wheels(
+        torque_limit=0.02,
+        speed_limit=100.0,
+        h_start_wheel=(h_start, 0, 0, 0),
+        motor_lag=lag,
+        viscous=1e-6,
+    )
     block.tau_cmd_wheel = (0.02, 0.0, 0.0, 0.0)
     momenta = [h1[0] for _, _, _, h1 in run(block, 60, 1.0)]
-    assert np.abs(np.diff([h_start, *momenta])).max() <= 0.02, "no more than the motor gives"
+    assert np.abs(np.diff([h_start, *momenta])).max() <= 0.02, (
+        "no more than the motor gives"
+    )
     assert momenta[-1] == pytest.approx(0.8)
     assert block.saturated_wheel[0]
 
 
 def test_friction_brings_a_wheel_to_rest():
-    block = wheels(viscous=2e-5, coulomb=5e-4, stiction=6e-4, h_start_wheel=(0.4, 0, 0, 0))
+    block = wheels(
+        viscous=2e-5, coulomb=5e-4, stiction=6e-4, h_start_wheel=(0.4, 0, 0, 0)
+    )
     run(block, 2000, 1.0)
     assert abs(block.speed_wheel[0]) < 2.0
     block.tau_cmd_wheel = (5e-4, 0.0, 0.0, 0.0)  # below stiction
@@ -157,7 +186,9 @@ def test_a_stuck_rotor_turns_with_the_body():
 
 def test_the_speed_loop_compensates_friction():
     plain = wheels(viscous=2e-5, coulomb=5e-4, h_start_wheel=(0.4, 0, 0, 0))
-    looped = wheels(viscous=2e-5, coulomb=5e-4, h_start_wheel=(0.4, 0, 0, 0), compensation=2.0)
+    looped = wheels(
+        viscous=2e-5, coulomb=5e-4, h_start_wheel=(0.4, 0, 0, 0), compensation=2.0
+    )
     run(plain, 100, 1.0)
     run(looped, 100, 1.0)
     assert plain.h_wheel[0] < 0.3
@@ -172,16 +203,21 @@ def test_speed_mode_reaches_the_speed():
 
 
 def test_a_failed_wheel_coasts():
-    block = wheels(failed=2, failed_from=3.0, viscous=2e-5, h_start_wheel=(0.4, 0.4, 0.4, 0))
+    block = wheels(
+        failed=2, failed_from=3.0, viscous=2e-5, h_start_wheel=(0.4, 0.4, 0.4, 0)
+    )
     block.tau_cmd_wheel = (0.01, 0.01, 0.01, 0.0)
     rows = run(block, 6, 1.0)
     assert rows[2][1][1] == pytest.approx(rows[2][1][0])
     assert block.failed_wheel == (False, True, False, False)
-    assert rows[-1][1][1] == pytest.approx(-2e-5 * rows[-1][0][1] / J, rel=1e-2), "only friction"
+    assert rows[-1][1][1] == pytest.approx(-2e-5 * rows[-1][0][1] / J, rel=1e-2), (
+        "only friction"
+    )
 
 
 def test_rates_are_extrapolated():
-    """With a linearly growing body rate the friction is right although the rate is held."""
+    """With a linearly growing body rate the friction is right although the rate is
+    held."""
     block = wheels(viscous=2e-3, h_start_wheel=(0.0, 0, 0, 0))
     for k in range(20):
         block.omega_bi_body = (0.01 * k, 0.0, 0.0)
@@ -197,8 +233,12 @@ def test_rates_are_extrapolated():
 
 
 def test_power():
-    block = wheels(idle_power=0.5, motor_constant=0.02, inertia_wheel=(J, 0, 0, 0),
-                   h_start_wheel=(0.8, 0, 0, 0))  # fmt: skip
+    block = wheels(
+        idle_power=0.5,
+        motor_constant=0.02,
+        inertia_wheel=(J, 0, 0, 0),
+        h_start_wheel=(0.8, 0, 0, 0),
+    )
     assert block.power == 0.5
     block.tau_cmd_wheel = (0.01, 0.0, 0.0, 0.0)
     run(block, 1, 1.0)
@@ -208,7 +248,7 @@ def test_power():
     assert block.power == pytest.approx(0.5 + 0.25), "braking gives nothing back"
 
 
-# --- what does not depend on the step -----------------------------------------------------------
+# --- what does not depend on the step -------------------------------------------------
 
 STEPS = (0.05, 0.25, 1.0, 2.0, 10.0)
 PHASES = 10.0  # s, of a command
@@ -235,26 +275,44 @@ def test_a_slow_rotor_is_not_stopped_within_a_step():
 
 @pytest.mark.parametrize("compensation", [0.0, 1.0])
 @pytest.mark.parametrize("dt", STEPS)
-def test_stopping_standing_and_breaking_loose_do_not_depend_on_the_step(dt, compensation):
-    commands = [(4e-4, 0.0, 5e-4, 0.0), (9e-4, -2e-3, 0.0, 0.0), (-3e-4, 1e-3, 0.0, 0.0),
-                (-7e-4, -6.1e-4, 0.0, 0.0)]  # fmt: skip
+def test_stopping_standing_and_breaking_loose_do_not_depend_on_the_step(
+    dt, compensation
+):
+    commands = [
+        (4e-4, 0.0, 5e-4, 0.0),
+        (9e-4, -2e-3, 0.0, 0.0),
+        (-3e-4, 1e-3, 0.0, 0.0),
+        (-7e-4, -6.1e-4, 0.0, 0.0),
+    ]
     given = {
-        "viscous": 2e-5, "coulomb": 5e-4, "stiction": 6e-4, "motor_lag": 0.3,
-        "compensation": compensation, "h_start_wheel": (1.9 * J, 0.0, -3.0 * J, 0.0),
-    }  # fmt: skip
+        "viscous": 2e-5,
+        "coulomb": 5e-4,
+        "stiction": 6e-4,
+        "motor_lag": 0.3,
+        "compensation": compensation,
+        "h_start_wheel": (1.9 * J, 0.0, -3.0 * J, 0.0),
+    }
     rows, fine = momenta(dt, commands, **given), momenta(0.01, commands, **given)
     assert rows == pytest.approx(fine, abs=1e-8)
     assert rows[0, 1] == 0.0
-    assert compensation or rows[3, 2] == 0.0, "friction that is not compensated stops it"
+    assert compensation or rows[3, 2] == 0.0, (
+        "friction that is not compensated stops it"
+    )
     assert rows[1, 1] < -0.01, "2e-3 N m break it loose"
 
 
 @pytest.mark.parametrize("dt", [0.25, 1.0, 10.0])
 def test_a_rotor_that_turns_back_within_a_step_has_stood(dt):
     """Friction stops it at once, its motor breaks it loose the same way it was going."""
-    given = {"coulomb": 3e-3, "stiction": 6e-3, "motor_lag": 0.3,
-             "h_start_wheel": (-1.5e-3 * J, 0.0, 0.0, 0.0)}  # fmt: skip
-    ((first,), (last,)) = (momenta(x, [(-0.02, 0.0, 0.0, 0.0)], **given) for x in (dt, 0.01))
+    given = {
+        "coulomb": 3e-3,
+        "stiction": 6e-3,
+        "motor_lag": 0.3,
+        "h_start_wheel": (-1.5e-3 * J, 0.0, 0.0, 0.0),
+    }
+    ((first,), (last,)) = (
+        momenta(x, [(-0.02, 0.0, 0.0, 0.0)], **given) for x in (dt, 0.01)
+    )
     assert first == pytest.approx(last, abs=1e-12)
 
 
@@ -265,12 +323,15 @@ def test_a_standing_rotor_is_broken_loose_by_the_bodys_motion():
         for k in range(5):
             block.omega_bi_body = (0.1 * k, 0.0, 0.0)
             run(block, 1, 1.0, k)
-        # in the first step nothing is known of the motion; then 8e-4 - 4e-4 N m are left
+        # in the first step nothing is known of the motion; then 8e-4 - 4e-4 N m are
+        # left
         assert block.speed_wheel[0] == pytest.approx(speed, abs=1e-12)
 
 
 def test_stiction_below_friction_is_refused():
-    with pytest.raises(BlockError, match=r"stiction = 0.0001 N m is below coulomb = 0.0005 N m"):
+    with pytest.raises(
+        BlockError, match=r"stiction = 0.0001 N m is below coulomb = 0.0005 N m"
+    ):
         wheels(stiction=1e-4, coulomb=5e-4)
 
 
@@ -285,35 +346,52 @@ def test_speed_mode_does_not_depend_on_the_step(dt):
         run(block, round(20 / dt), dt, round(20 / dt) * k)
         run(fine, 200, 0.1, 200 * k)
         assert block.h_wheel == pytest.approx(fine.h_wheel, abs=1e-11)
-    held = 1.0 / (1.0 + 2e-5 / (0.5 * J))  # what a proportional loop reaches against friction
+    held = 1.0 / (
+        1.0 + 2e-5 / (0.5 * J)
+    )  # what a proportional loop reaches against friction
     expected = tuple(J * held * x for x in (3.0, -2.0, 1.0, 0.0))
     assert block.h_wheel == pytest.approx(expected, abs=1e-8)
 
 
 def test_a_speed_loop_faster_than_its_samples_is_refused():
-    with pytest.raises(BlockError, match=r"speed_gain = 20.0 1/s is above 1 / speed_sample_time"):
+    with pytest.raises(
+        BlockError, match=r"speed_gain = 20.0 1/s is above 1 / speed_sample_time"
+    ):
         wheels(command_mode=1, speed_gain=20.0)
 
 
 @given(st.floats(0.0, 6.0), st.sampled_from([0.25, 0.5, 1.0, 2.0, 6.0]))
 def test_a_wheel_fails_inside_a_step(at, dt):
     """Against the closed form: the motor's lag until it fails, then the last momentum."""
-    block = wheels(failed=2, failed_from=at, motor_lag=0.3, h_start_wheel=(0.4, 0.4, 0.4, 0))
+    block = wheels(
+        failed=2, failed_from=at, motor_lag=0.3, h_start_wheel=(0.4, 0.4, 0.4, 0)
+    )
     block.tau_cmd_wheel = (0.01, 0.01, 0.01, 0.0)
     impulse = 0.0
     for _, mean, _, _ in run(block, round(6.0 / dt), dt):
         impulse += dt * mean[1]
-    assert impulse == pytest.approx(0.01 * (at + 0.3 * math.expm1(-at / 0.3)), abs=1e-8 * dt)
+    assert impulse == pytest.approx(
+        0.01 * (at + 0.3 * math.expm1(-at / 0.3)), abs=1e-8 * dt
+    )
     assert block.failed_wheel == (False, True, False, False)
 
 
 @pytest.mark.parametrize(
-    "friction", [{}, {"viscous": 2e-5}, {"viscous": 2e-5, "coulomb": 5e-4, "compensation": 1.0}]
+    "friction",
+    [{}, {"viscous": 2e-5}, {"viscous": 2e-5, "coulomb": 5e-4, "compensation": 1.0}],
 )
 @pytest.mark.parametrize("dt", STEPS)
 def test_the_limit_is_found_inside_a_step(dt, friction):
-    given = {"speed_limit": 100.0, "motor_lag": 0.3, "h_start_wheel": (0.75, -0.78, 0.0, 0.0)}
-    commands = [(0.015, -0.02, 0.0, 0.0), (-0.01, 0.02, 0.0, 0.0), (0.02, -0.02, 0.0, 0.0)]
+    given = {
+        "speed_limit": 100.0,
+        "motor_lag": 0.3,
+        "h_start_wheel": (0.75, -0.78, 0.0, 0.0),
+    }
+    commands = [
+        (0.015, -0.02, 0.0, 0.0),
+        (-0.01, 0.02, 0.0, 0.0),
+        (0.02, -0.02, 0.0, 0.0),
+    ]
     rows = momenta(dt, commands, **given, **friction)
     fine = momenta(0.01, commands, **given, **friction)
     # a compensating loop takes friction as linear over the step
@@ -330,15 +408,24 @@ def test_the_limit_is_of_speed_while_the_body_turns():
         run(block, 1, 1.0, k)
         # what the extrapolated rate misses in a step: 0.3 * 0.02^2 rad/s
         assert max(block.speed_wheel) <= 100.0 + 2e-4
-    assert block.h_wheel[0] == pytest.approx(J * (100.0 + 0.3 * math.sin(6.0)), abs=2e-6)
+    assert block.h_wheel[0] == pytest.approx(
+        J * (100.0 + 0.3 * math.sin(6.0)), abs=2e-6
+    )
 
 
 def test_a_start_beyond_the_limit_is_refused():
-    with pytest.raises(BlockError, match=r"h_start_wheel\[2\] = -0.81 N m s: a speed of -101.25"):
+    with pytest.raises(
+        BlockError, match=r"h_start_wheel\[2\] = -0.81 N m s: a speed of -101.25"
+    ):
         wheels(speed_limit=100.0, h_start_wheel=(0.8, -0.81, 0.0, 0.0))
 
 
-@given(torque, st.floats(0.0, 0.02), st.floats(-600.0, 600.0), st.sampled_from([0.1, 1.0, 10.0]))
+@given(
+    torque,
+    st.floats(0.0, 0.02),
+    st.floats(-600.0, 600.0),
+    st.sampled_from([0.1, 1.0, 10.0]),
+)
 def test_the_drive_stays_within_the_torque_limit(command, learnt, speed, dt):
     """Motor and compensated friction together, against scipy with the same cut."""
     motor = (J, 0.1, 2e-5, 5e-4, 2.0, 1.0, 0.0, 0.02)
@@ -354,12 +441,16 @@ def test_the_drive_stays_within_the_torque_limit(command, learnt, speed, dt):
 
 def test_a_compensating_wheel_gives_no_more_than_its_torque():
     """Once torque_limit and the friction."""
-    block = wheels(viscous=2e-5, coulomb=5e-4, compensation=1.0, h_start_wheel=(1.0, 0, 0, 0))
+    block = wheels(
+        viscous=2e-5, coulomb=5e-4, compensation=1.0, h_start_wheel=(1.0, 0, 0, 0)
+    )
     run(block, 20, 1.0)
     block.tau_cmd_wheel = (0.02, 0.0, 0.0, 0.0)
     for row in run(block, 100, 1.0, 20)[1:]:
         speed = 0.5 * (row[0][0] + row[3][0]) / J
-        assert row[1][0] == pytest.approx(0.02 - friction(speed, 2e-5, 5e-4, 2.0), abs=1e-6)
+        assert row[1][0] == pytest.approx(
+            0.02 - friction(speed, 2e-5, 5e-4, 2.0), abs=1e-6
+        )
 
 
 def jitter(dt: float, **values) -> np.ndarray:
@@ -384,12 +475,19 @@ def test_jitter_does_not_depend_on_the_step_and_leaves_no_momentum(dt):
 
 
 def test_jitter_is_that_of_a_turning_imbalance():
-    """A rotor at constant speed: -d/dt of U Omega across its axis, at the angle Omega t."""
-    block = wheels(unbalance=1e-8, inertia_wheel=(J, 0, 0, 0), h_start_wheel=(0.8, 0, 0, 0))
+    """A rotor at constant speed: -d/dt of U Omega across its axis, at the angle Omega
+    t."""
+    block = wheels(
+        unbalance=1e-8, inertia_wheel=(J, 0, 0, 0), h_start_wheel=(0.8, 0, 0, 0)
+    )
     dt = 1e-4
-    values = np.array([(run(block, 1, dt, k), block.tau_jitter_body)[1] for k in range(1000)])
+    values = np.array(
+        [(run(block, 1, dt, k), block.tau_jitter_body)[1] for k in range(1000)]
+    )
     assert not values[:, 0].any()
-    assert np.hypot(values[:, 1], values[:, 2]) == pytest.approx(1e-8 * 100.0**2, rel=1e-4)
+    assert np.hypot(values[:, 1], values[:, 2]) == pytest.approx(
+        1e-8 * 100.0**2, rel=1e-4
+    )
     angle = np.unwrap(np.arctan2(values[:, 2], values[:, 1]))
     assert np.diff(angle) == pytest.approx(100.0 * dt, rel=1e-6)
     assert block.tau_mean_wheel == (0.0, 0.0, 0.0, 0.0), "jitter is no wheel torque"

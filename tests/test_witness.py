@@ -65,7 +65,9 @@ def real_outputs(path):
     """Every Real output of every component: {component: {variable: reference}}."""
     system = Builder(read(path))
     return {
-        c.name: {s.name: s.reference for s in c.interface.of("output") if s.kind == "Real"}
+        c.name: {
+            s.name: s.reference for s in c.interface.of("output") if s.kind == "Real"
+        }
         for c in system.components.values()
     }
 
@@ -85,7 +87,8 @@ def rows_of(result):
     return np.array(json.loads(result.stdout.split("ROWS ")[1].splitlines()[0]))
 
 
-# libcosim counts time in 2^-32 s, so that a step of 0.2 s, say, would not be the same there.
+# libcosim counts time in 2^-32 s, so that a step of 0.2 s, say, would not be the same
+# there.
 CASES = [
     "uosat12/table2-cccp-mec-3",
     "uosat12/table3-ocdc-ilqr-1",
@@ -110,7 +113,9 @@ def packed(name, kind, folder):
     return pack_scenario(find(name), folder / "native.ssp", fmus=kind)
 
 
-@pytest.mark.skipif(not importlib.util.find_spec("libcosimpy"), reason="libcosimpy not installable")
+@pytest.mark.skipif(
+    not importlib.util.find_spec("libcosimpy"), reason="libcosimpy not installable"
+)
 @pytest.mark.parametrize(("name", "kind"), BOTH)
 def test_libcosim_agrees(name, kind, tmp_path):
     path = packed(name, kind, tmp_path)
@@ -123,9 +128,12 @@ def test_libcosim_agrees(name, kind, tmp_path):
     assert np.abs(theirs - mine).max() <= 1e-12
 
 
-@pytest.mark.skipif(not importlib.util.find_spec("ecospy"), reason="ecospy not installable")
+@pytest.mark.skipif(
+    not importlib.util.find_spec("ecospy"), reason="ecospy not installable"
+)
 @pytest.mark.parametrize(
-    ("name", "kind"), [*((name, "python") for name in CASES[1:4]), (NATIVE[-1], "native")]
+    ("name", "kind"),
+    [*((name, "python") for name in CASES[1:4]), (NATIVE[-1], "native")],
 )
 def test_ecos_agrees(name, kind, tmp_path):
     path = packed(name, kind, tmp_path)
@@ -147,10 +155,15 @@ schedule_duration = [12.25, 0, 0, 0, 0, 0, 0, 0]
 """
 
 
-@pytest.mark.skipif(not importlib.util.find_spec("libcosimpy"), reason="libcosimpy not installable")
+@pytest.mark.skipif(
+    not importlib.util.find_spec("libcosimpy"), reason="libcosimpy not installable"
+)
 @pytest.mark.parametrize(("law", "start"), [("z-wheel", 20.5), ("ours", 20.0)])
-def test_libcosim_agrees_through_a_firing_whose_edges_are_inside_steps(law, start, tmp_path):
-    """ours begins its firings at samples; another law's both edges are inside a step of 1 s."""
+def test_libcosim_agrees_through_a_firing_whose_edges_are_inside_steps(
+    law, start, tmp_path
+):
+    """ours begins its firings at samples; another law's both edges are inside a step of
+    1 s."""
     file = tmp_path / "firing.toml"
     file.write_text(FIRING.format(law=law, start=start), encoding="utf-8")
     path = pack_scenario(own(file), tmp_path / "firing.ssp")
@@ -164,11 +177,17 @@ def test_libcosim_agrees_through_a_firing_whose_edges_are_inside_steps(law, star
     assert np.abs(theirs - mine).max() <= 1e-12
     names = [f"{c}.{v}" for c, variables in outputs.items() for v in variables]
     torque = theirs[:, names.index("thrusters.tau_mean_thruster_body[2]")]
-    assert len(set(torque[20:33])) == (3 if start % 1.0 else 2)  # within, and each edge's step
-    assert torque.sum() == pytest.approx(1.5e-3 * 12.25, rel=1e-12)  # N m s, steps of 1 s
+    assert len(set(torque[20:33])) == (
+        3 if start % 1.0 else 2
+    )  # within, and each edge's step
+    assert torque.sum() == pytest.approx(
+        1.5e-3 * 12.25, rel=1e-12
+    )  # N m s, steps of 1 s
 
 
-@pytest.mark.skipif(not importlib.util.find_spec("libcosimpy"), reason="libcosimpy not installable")
+@pytest.mark.skipif(
+    not importlib.util.find_spec("libcosimpy"), reason="libcosimpy not installable"
+)
 def test_libcosim_agrees_on_components_that_step_less_often(tmp_path):
     """The lcm rule: an output moves when its source and its target are both due."""
     builder = find("gyrostat/full").builder()

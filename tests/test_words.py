@@ -1,7 +1,8 @@
-"""Words of the house that the field does not use are in no message, title, help or page; and names
-in backticks exist in the code.
+"""Words of the house that the field does not use are in no message, title, help or
+page; and names in backticks exist in the code.
 
-docs/terms.md lists them: left what was written until now, right what is written instead.
+docs/terms.md lists them: left what was written until now, right what is written
+instead.
 """
 
 from __future__ import annotations
@@ -19,20 +20,37 @@ import pytest
 from conftest import ROOT
 
 TERMS = ROOT / "docs" / "terms.md"
-TEXTS = ("docs/**/*.md", "docs/*.template", "ssp/*/*.md", "ssp/*/scenarios/*.toml",
-         "ssp/*/family.toml", "orchestrator/**/*.html", "orchestrator/templates/**/*.toml",
-         "benchmarks/*.md", "*.md")  # fmt: skip
+TEXTS = (
+    "docs/**/*.md",
+    "docs/*.template",
+    "ssp/*/*.md",
+    "ssp/*/scenarios/*.toml",
+    "ssp/*/family.toml",
+    "orchestrator/**/*.html",
+    "orchestrator/templates/**/*.toml",
+    "benchmarks/*.md",
+    "*.md",
+)
 CODE = ("orchestrator", "components", "fmus")
-PRINTED = ("orchestrator/cli/commands/", "orchestrator/papers/commands/",
-           "orchestrator/web/commands/", "orchestrator/numbers/measures.py", "components/blocks/",
-           "orchestrator/__init__.py")  # fmt: skip
+PRINTED = (
+    "orchestrator/cli/commands/",
+    "orchestrator/papers/commands/",
+    "orchestrator/web/commands/",
+    "orchestrator/numbers/measures.py",
+    "components/blocks/",
+    "orchestrator/__init__.py",
+)
 """Code whose docstrings users read: help, measures, blocks, Python."""
 LEFT_OUT = {"CHANGELOG.md", "docs/terms.md"}
 
 
 def words() -> dict[str, str]:
     """Words until now -> what is written instead."""
-    table = TERMS.read_text(encoding="utf-8").partition("| until now |")[2].partition("\n\n")[0]
+    table = (
+        TERMS.read_text(encoding="utf-8")
+        .partition("| until now |")[2]
+        .partition("\n\n")[0]
+    )
     rows = [line.strip("|").split("|") for line in table.splitlines()[2:]]
     return {left.strip(): right.strip() for left, right in rows}
 
@@ -44,25 +62,37 @@ def pattern(word: str) -> re.Pattern[str]:
 
 
 def of_code(file: Path) -> Iterator[tuple[int, str]]:
-    """Lines and texts of a file that are no single words, as names and keys, and no docstrings
-    that are for its readers alone."""
+    """Lines and texts of a file that are no single words, as names and keys, and no
+    docstrings that are for its readers alone."""
     printed = file.relative_to(ROOT).as_posix().startswith(PRINTED)
     tree = ast.parse(file.read_text(encoding="utf-8"))
-    docs = set() if printed else {id(n.value) for n in ast.walk(tree) if isinstance(n, ast.Expr)}
+    docs = (
+        set()
+        if printed
+        else {id(n.value) for n in ast.walk(tree) if isinstance(n, ast.Expr)}
+    )
     for node in ast.walk(tree):
-        text = node.value if isinstance(node, ast.Constant) and id(node) not in docs else None
+        text = (
+            node.value
+            if isinstance(node, ast.Constant) and id(node) not in docs
+            else None
+        )
         if isinstance(text, str) and " " in text.strip():
             equations = "\n".join(x for x in text.splitlines() if " = " not in x)
             yield node.lineno, equations if printed else text
 
 
 def of_page(file: Path) -> Iterator[tuple[int, str]]:
-    """Lines and their texts without what is code: spans, blocks, expressions of a template."""
+    """Lines and their texts without what is code: spans, blocks, expressions of a
+    template."""
     block = False
     for number, line in enumerate(file.read_text(encoding="utf-8").splitlines(), 1):
         block ^= line.startswith("```")
         if not (block or line.startswith("    ")):
-            yield number, re.sub(r"`[^`]*`|\{\{.*?\}\}|\{%.*?%\}|\]\([^)]*\)", " ", line)
+            yield (
+                number,
+                re.sub(r"`[^`]*`|\{\{.*?\}\}|\{%.*?%\}|\]\([^)]*\)", " ", line),
+            )
 
 
 def all_texts() -> Iterator[tuple[str, str]]:
@@ -74,7 +104,9 @@ def all_texts() -> Iterator[tuple[str, str]]:
     for form in TEXTS:
         for file in sorted(ROOT.glob(form)):
             name = file.relative_to(ROOT).as_posix()
-            if name not in LEFT_OUT and not name.startswith("docs/generated/"):  # made of the code
+            if name not in LEFT_OUT and not name.startswith(
+                "docs/generated/"
+            ):  # made of the code
                 for number, text in of_page(file):
                     yield f"{name}:{number}", text
 
@@ -85,24 +117,30 @@ def test_words_of_the_house_are_gone() -> None:
     assert len(old) >= 15
     found = [
         f"{place}: {word!r} (now: {words()[word]}): {' '.join(text.split())[:100]}"
-        for place, text in all_texts() for word, where in old.items() if where.search(text)
-    ]  # fmt: skip
+        for place, text in all_texts()
+        for word, where in old.items()
+        if where.search(text)
+    ]
     assert not found, "\n".join(found)
 
 
 @pytest.mark.parametrize(
     ("text", "is_found"),
     [
-        ("medians of 20 draws", True), ("draws of a law", True), ("docs/draws.parquet", False),
-        ("of all 3 to 12 % of them", True), ("a_draws", False), ("it withdraws", False),
+        ("medians of 20 draws", True),
+        ("draws of a law", True),
+        ("docs/draws.parquet", False),
+        ("of all 3 to 12 % of them", True),
+        ("a_draws", False),
+        ("it withdraws", False),
         ("5 draws.", True),
     ],
-)  # fmt: skip
+)
 def test_a_word_is_found_where_it_stands_alone(text: str, is_found: bool) -> None:
     assert any(pattern(word).search(text) for word in words()) == is_found
 
 
-# --- names in backticks ------------------------------------------------------------------------
+# --- names in backticks ---------------------------------------------------------------
 
 IDENTIFIER = re.compile(r"[A-Za-z_]\w*")
 FILE_NAME = re.compile(r"[\w./]+\.(py|c|js|html|toml)")
@@ -129,8 +167,13 @@ class CodeNames:
 
     def __init__(self, trees: dict[Path, ast.Module]) -> None:
         self.files: set[str] = set()
-        self.anywhere = {*dir(builtins), *keyword.kwlist}  # a definition, attribute, key or value
-        self.within: dict[Path, set[str]] = {}  # by file, every name and text of its code
+        self.anywhere = {
+            *dir(builtins),
+            *keyword.kwlist,
+        }  # a definition, attribute, key or value
+        self.within: dict[
+            Path, set[str]
+        ] = {}  # by file, every name and text of its code
         self.members: dict[str, set[str]] = {}  # by module and class
         for file, tree in trees.items():
             module = file.parent.name if file.stem == "__init__" else file.stem
@@ -142,7 +185,9 @@ class CodeNames:
             self.files.update(path.name for path in (ROOT / folder).rglob("*"))
         for file in (ROOT / "orchestrator").rglob("*"):
             if file.suffix in (".c", ".js", ".html", ".toml", ".jinja"):
-                self.anywhere.update(IDENTIFIER.findall(file.read_text(encoding="utf-8")))
+                self.anywhere.update(
+                    IDENTIFIER.findall(file.read_text(encoding="utf-8"))
+                )
 
     def _add_members(self, owner: str, tree: ast.Module | ast.ClassDef) -> None:
         """Add what a module or a class defines, imports or assigns."""
@@ -180,7 +225,8 @@ class CodeNames:
                 self._add_assigned(node)
 
     def _add_text(self, text: object, within: set[str]) -> None:
-        """Add the words of a text: one without spaces is a key or a value, known anywhere."""
+        """Add the words of a text: one without spaces is a key or a value, known
+        anywhere."""
         if isinstance(text, str):
             words = IDENTIFIER.findall(text)
             within.update(words)
@@ -190,7 +236,9 @@ class CodeNames:
     def _add_assigned(self, owner: ast.Module | ast.ClassDef) -> None:
         """Add the constants of a module and the fields of a class."""
         for statement in owner.body:
-            targets = getattr(statement, "targets", [getattr(statement, "target", None)])
+            targets = getattr(
+                statement, "targets", [getattr(statement, "target", None)]
+            )
             for target in targets:
                 names = ast.walk(target) if target is not None else ()
                 self.anywhere.update(n.id for n in names if isinstance(n, ast.Name))
@@ -203,7 +251,11 @@ class CodeNames:
             name = Path(span).name
             return [] if name in self.files | OF_OTHERS else [name]
         owned = OWNED_NAME.match(span)
-        if owned is not None and owned[1] in self.members and owned[1] not in self.within[file]:
+        if (
+            owned is not None
+            and owned[1] in self.members
+            and owned[1] not in self.within[file]
+        ):
             return [] if owned[2] in self.members[owned[1]] else [owned[0]]
         known = self.anywhere | self.within[file] | OF_OTHERS
         return [name for name in IDENTIFIER.findall(span) if name not in known]
@@ -220,7 +272,8 @@ def texts_for_readers(source: str, tree: ast.Module) -> Iterator[tuple[int, str]
 
 
 def stale_names(files: Iterable[Path], known: CodeNames) -> Iterator[str]:
-    """Yield a line for each text in backticks that names what the package does not have."""
+    """Yield a line for each text in backticks that names what the package does not
+    have."""
     for file in files:
         source = file.read_text(encoding="utf-8")
         for line, text in texts_for_readers(source, ast.parse(source)):
@@ -232,7 +285,9 @@ def stale_names(files: Iterable[Path], known: CodeNames) -> Iterator[str]:
 @pytest.fixture(scope="module")
 def code_names() -> CodeNames:
     files = [file for folder in CODE for file in (ROOT / folder).rglob("*.py")]
-    return CodeNames({file: ast.parse(file.read_text(encoding="utf-8")) for file in files})
+    return CodeNames(
+        {file: ast.parse(file.read_text(encoding="utf-8")) for file in files}
+    )
 
 
 def test_names_in_backticks_exist(code_names: CodeNames) -> None:
@@ -243,11 +298,18 @@ def test_names_in_backticks_exist(code_names: CodeNames) -> None:
 @pytest.mark.parametrize(
     ("span", "is_known"),
     [
-        ("master.py", True), ("supervise.py", False), ("Master.initialise", True),
-        ("Master.no_such_method", False), ("manager.gain", True), ("no_such_name", False),
-        ("desat run NAME", True), ("options.stop", True),
+        ("master.py", True),
+        ("supervise.py", False),
+        ("Master.initialise", True),
+        ("Master.no_such_method", False),
+        ("manager.gain", True),
+        ("no_such_name", False),
+        ("desat run NAME", True),
+        ("options.stop", True),
     ],
-)  # fmt: skip
-def test_a_stale_name_is_found(code_names: CodeNames, span: str, is_known: bool) -> None:
+)
+def test_a_stale_name_is_found(
+    code_names: CodeNames, span: str, is_known: bool
+) -> None:
     file = ROOT / "orchestrator" / "runs" / "prepare.py"
     assert (code_names.unknown_in(span, file) == []) == is_known

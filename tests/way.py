@@ -1,10 +1,12 @@
-"""How far a target travels through the code before it can run, counted on the running program.
+"""How far a target travels through the code before it can run, counted on the running
+program.
 
     python tests/way.py TARGET
 
-TARGET as `desat run` takes it. `prepare` is called with it, and every call of a function of the
-orchestrator is followed. Printed, as JSON: `functions`, different ones that ran; `calls`, different
-pairs of caller and callee in two files; `total`, all calls. Joining files lowers the second alone.
+TARGET as `desat run` takes it. `prepare` is called with it, and every call of a
+function of the orchestrator is followed. Printed, as JSON: `functions`, different ones
+that ran; `calls`, different pairs of caller and callee in two files; `total`, all
+calls. Joining files lowers the second alone.
 """
 
 from __future__ import annotations
@@ -27,7 +29,9 @@ def followed(call: Callable[[], object], root: str) -> dict[str, int]:
     total = 0
 
     def place(frame: FrameType) -> Place:
-        name = frame.f_code.co_qualname.split(".<locals>.<")[0]  # a comprehension's is its owner's
+        name = frame.f_code.co_qualname.split(".<locals>.<")[
+            0
+        ]  # a comprehension's is its owner's
         return frame.f_code.co_filename, name
 
     def profile(frame: FrameType, event: str, argument: Any) -> None:
@@ -47,7 +51,9 @@ def followed(call: Callable[[], object], root: str) -> dict[str, int]:
         call()
     finally:
         sys.setprofile(None)
-    named = [name for _, name in functions if not name.rpartition(".")[2].startswith("<")]
+    named = [
+        name for _, name in functions if not name.rpartition(".")[2].startswith("<")
+    ]
     return {"functions": len(named), "calls": len(pairs), "total": total}
 
 

@@ -1,4 +1,5 @@
-"""Write the pages of families from their templates, with numbers and figures of runs made now.
+"""Write the pages of families from their templates, with numbers and figures of runs
+made now.
 
 The template is page.md beside the scenarios; draws that are outdated are made anew.
 """
@@ -19,11 +20,21 @@ from . import writing
 
 def main() -> int:
     """The command."""
-    parser = argparse.ArgumentParser(prog="python -m benchmarks.pages", description=__doc__)
-    parser.add_argument("families", nargs="*", metavar="FAMILY", help="default: all that have one")
-    parser.add_argument("--into", type=Path, help="write to INTO/FAMILY (default: docs/papers)")
-    parser.add_argument("--draft", type=float, metavar="SECONDS",
-                        help="to try a template: runs end after so many seconds")  # fmt: skip
+    parser = argparse.ArgumentParser(
+        prog="python -m benchmarks.pages", description=__doc__
+    )
+    parser.add_argument(
+        "families", nargs="*", metavar="FAMILY", help="default: all that have one"
+    )
+    parser.add_argument(
+        "--into", type=Path, help="write to INTO/FAMILY (default: docs/papers)"
+    )
+    parser.add_argument(
+        "--draft",
+        type=float,
+        metavar="SECONDS",
+        help="to try a template: runs end after so many seconds",
+    )
     parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1)
     given = parser.parse_args()
     if given.draft is not None and not 1.0 <= given.draft < inf:

@@ -13,7 +13,8 @@ from desat.system.errors import DesatError
 
 @dataclass(frozen=True)
 class Series:
-    """Times (rows,) in s and values (rows,) or (rows, elements); each operation gives another."""
+    """Times (rows,) in s and values (rows,) or (rows, elements); each operation gives
+    another."""
 
     times: Any
     values: Any
@@ -49,8 +50,9 @@ class Series:
         return Series(self.times[kept], self.values[kept])
 
     def mean_over(self, seconds: float) -> Series:
-        """The mean of each so many seconds, at their middle: of what is switched on and off from
-        row to row, where `every` would show chance. An end that is shorter is left out."""
+        """The mean of each so many seconds, at their middle: of what is switched on and
+        off from row to row, where `every` would show chance. An end that is shorter is
+        left out."""
         rows = round(seconds / float(self.times[1] - self.times[0]))
         n = len(self.times) // rows
 
@@ -60,7 +62,8 @@ class Series:
         return Series(mean(self.times), mean(self.values))
 
     def largest(self, since: float = 0.0) -> float:
-        """The largest size of any element from a time (s) on; nan where there is no row."""
+        """The largest size of any element from a time (s) on; nan where there is no
+        row."""
         sizes = np.abs(self.values[self.times >= since - 1e-6])
         return float(sizes.max()) if sizes.size else float("nan")
 
@@ -80,8 +83,11 @@ class Series:
         return Series(times, pointing(here, there))
 
     def _both(self, other: Series) -> tuple[Any, Any, Any]:
-        """Times and both values where both have rows (an interval output has no last one)."""
+        """Times and both values where both have rows (an interval output has no last
+        one)."""
         n = min(len(self.times), len(other.times))
         if not np.allclose(self.times[:n], other.times[:n], atol=1e-6):
-            raise DesatError("two series of different times; `every` takes those that both have")
+            raise DesatError(
+                "two series of different times; `every` takes those that both have"
+            )
         return self.times[:n], self.values[:n], other.values[:n]

@@ -1,4 +1,5 @@
-"""What the pages of a family are made of: runs, draws, and the cells of the paper's tables."""
+"""What the pages of a family are made of: runs, draws, and the cells of the paper's
+tables."""
 
 from __future__ import annotations
 
@@ -22,18 +23,20 @@ Change = dict[str, Any]
 
 
 class Sources:
-    """Of a family whose scenarios are named without it; everything is made once, when it is asked
-    for.
+    """Of a family whose scenarios are named without it; everything is made once, when
+    it is asked for.
 
-    Runs are made by FMUs and kept in memory: of each what its numbers and plots are made of, and
-    every series that a template names as "component.output".
+    Runs are made by FMUs and kept in memory: of each what its numbers and plots are
+    made of, and every series that a template names as "component.output".
     """
 
     def __init__(
         self, family: str, templates: Sequence[str], jobs: int, draft: float | None
     ) -> None:
         self.family, self.jobs, self.draft = family, jobs, draft
-        self._named = sorted({n for t in templates for n in re.findall(r'"(\w+\.\w+)"', t)})
+        self._named = sorted(
+            {n for t in templates for n in re.findall(r'"(\w+\.\w+)"', t)}
+        )
         self._runs: dict[str, Run] = {}
 
     def name_of(self, scenario: str) -> str:
@@ -48,17 +51,23 @@ class Sources:
         return self.draft if own is None else min(own, self.draft)
 
     def run(
-        self, scenario: str, change: Change | None = None, step: float | None = None,
+        self,
+        scenario: str,
+        change: Change | None = None,
+        step: float | None = None,
         stop: float | None = None,
-    ) -> Run:  # fmt: skip
+    ) -> Run:
         """A run, made once."""
         key = repr((scenario, change, step, stop))
         if key not in self._runs:
             name = self.name_of(scenario)
             options = Options(
-                values=change or {}, step=step, stop=self.end_of(scenario, stop),
-                record=tuple(self._needed(name)), supervised=True,
-            )  # fmt: skip
+                values=change or {},
+                step=step,
+                stop=self.end_of(scenario, stop),
+                record=tuple(self._needed(name)),
+                supervised=True,
+            )
             self._runs[key] = execute(name, options).or_raise(name)
         return self._runs[key]
 
@@ -67,8 +76,9 @@ class Sources:
         system, _ = prepare(name, Options()).or_raise()
         outputs = {
             f"{c.name}.{s.series}"
-            for c in system.components.values() for s in c.interface.outputs
-        }  # fmt: skip
+            for c in system.components.values()
+            for s in c.interface.outputs
+        }
         content = content_of(system.about)
         needed = [n for n in self._named if n in outputs] + needed_signals(content)
         needed += [signal for plot in content.plots.values() for signal in plot.signals]
@@ -79,7 +89,8 @@ class Sources:
 
     @cached_property
     def draws(self) -> stored.StoredDraws:
-        """The family's draws: those that are outdated are made now, but not for a draft."""
+        """The family's draws: those that are outdated are made now, but not for a
+        draft."""
         return stored.read(self.family) if self.draft is not None else self._renewed({})
 
     def _renewed(self, also: dict[str, set[str]]) -> stored.StoredDraws:
@@ -88,8 +99,9 @@ class Sources:
         return made
 
     def draws_of(self, scenario: str, number: str = "") -> stored.StoredScenario:
-        """The draws of a scenario, and of these a number that has not been stored yet, for which
-        they are made anew. Raises DesatError where it has none, and in a draft for such a number.
+        """The draws of a scenario, and of these a number that has not been stored yet,
+        for which they are made anew. Raises DesatError where it has none, and in a
+        draft for such a number.
         """
         name, kept = self.name_of(scenario), self.draws["scenarios"]
         if name not in kept:
@@ -101,8 +113,10 @@ class Sources:
                 hint = nearest(number, known)
                 raise DesatError(f"{scenario}: draws have no number {number}{hint}")
             if self.draft is not None:
-                raise DesatError(f"{scenario}: {number} of its draws is not stored; without "
-                                 "--draft they are made anew")  # fmt: skip
+                raise DesatError(
+                    f"{scenario}: {number} of its draws is not stored; without "
+                    "--draft they are made anew"
+                )
             self.draws = self._renewed({name: {number}})
         draws = self.draws["scenarios"][name]
         if number and number not in draws["units"]:
@@ -115,5 +129,6 @@ class Sources:
         return tables.rows(self.family, Options(), self.jobs, drawn)
 
     def cells(self, draws: bool) -> list[PaperCell]:
-        """The cells of the paper's tables; `draws` False leaves out the medians of samples."""
+        """The cells of the paper's tables; `draws` False leaves out the medians of
+        samples."""
         return [row for row in self._table if draws or row.draws is None]

@@ -1,4 +1,5 @@
-"""What pages of paper 001 measure beside its runs: figure 2, and what a law computes onboard."""
+"""What pages of paper 001 measure beside its runs: figure 2, and what a law computes
+onboard."""
 
 from __future__ import annotations
 
@@ -31,7 +32,7 @@ STARTS, DIRECTIONS = 48, 200
 
 def study(
     manifest: Manifest, results: Results, periods: Sequence[float]
-) -> list[dict[str, float]]:  # fmt: skip
+) -> list[dict[str, float]]:
     """Of each period (s) `condition` of Q (1, median over begins, inf where singular),
     `condition_most`, `torque` (1, largest |T_M| times period over |H_D|) and `swing` (1, largest
     |integral of T_M| so far over |H_D|), both in the direction of H_D where that is most, and
@@ -49,11 +50,16 @@ def study(
         begins = np.unique(np.linspace(0, len(product) - count, STARTS).astype(int))
         rows = [_period(product[k : k + count], wanted) for k in begins]
         conditions, torques, swings, angles = zip(*rows, strict=True)
-        entries.append({
-            "period": float(period), "condition": float(np.median(conditions)),
-            "condition_most": float(max(conditions)), "torque": float(np.median(torques)),
-            "swing": float(np.median(swings)), "angle": float(np.median(angles)),
-        })  # fmt: skip
+        entries.append(
+            {
+                "period": float(period),
+                "condition": float(np.median(conditions)),
+                "condition_most": float(max(conditions)),
+                "torque": float(np.median(torques)),
+                "swing": float(np.median(swings)),
+                "angle": float(np.median(angles)),
+            }
+        )
     return entries
 
 
@@ -63,14 +69,21 @@ def _period(product: Any, wanted: Any) -> tuple[float, float, float, float]:
     condition = float(np.linalg.cond(whole))
     if condition > 1e12:
         return float("inf"), float("nan"), float("nan"), float("nan")
-    gains = product @ np.linalg.inv(whole) * len(product)  # T_M of H_D, times the period
+    gains = (
+        product @ np.linalg.inv(whole) * len(product)
+    )  # T_M of H_D, times the period
     torque = gains @ wanted.T
     size = np.linalg.norm(torque, axis=1)
     cosine = (torque * wanted.T).sum(axis=1) / size
     largest = float(np.linalg.norm(gains, 2, axis=(1, 2)).max())
     so_far = np.cumsum(gains, axis=0) / len(product)
     swing = float(np.linalg.norm(so_far, 2, axis=(1, 2)).max())
-    return condition, largest, swing, float(np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0))).max())
+    return (
+        condition,
+        largest,
+        swing,
+        float(np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0))).max()),
+    )
 
 
 def _directions(count: int) -> Any:
@@ -91,11 +104,13 @@ COUNTED = ("*", "/", "*=", "/=")
 
 
 def work(system: System) -> float:
-    """Multiplications and divisions a second of a manager's law (without the wheels' part), at a
-    craft at rest in the attitude of its guidance, over an hour. Indices of tables count as well:
-    some ten a sample."""
+    """Multiplications and divisions a second of a manager's law (without the wheels'
+    part), at a craft at rest in the attitude of its guidance, over an hour. Indices of
+    tables count as well: some ten a sample."""
     names = ("manager", "environment", "guidance")
-    manager, environment, guidance = blocks = [bare_block(system.components[n]) for n in names]
+    manager, environment, guidance = blocks = [
+        bare_block(system.components[n]) for n in names
+    ]
     for block in blocks:
         block.start()
     manager.q_bi = q = normalised(guidance.q_target_bi)
@@ -142,6 +157,7 @@ class _Counter:
 def _products(code: CodeType) -> frozenset[int]:
     """Where in a code there is a multiplication or division."""
     return frozenset(
-        i.offset for i in dis.get_instructions(code)
+        i.offset
+        for i in dis.get_instructions(code)
         if i.opname == "BINARY_OP" and i.argrepr in COUNTED
-    )  # fmt: skip
+    )

@@ -60,15 +60,17 @@ class Verbs:
         """What was drawn: file name -> SVG."""
         return self._figures
 
-    # --- values -------------------------------------------------------------------------------
+    # --- values -----------------------------------------------------------------------
 
     def value(self, scenario: str, number: str, change: Change | None = None) -> float:
-        """A number of a run; a time that it does not reach is infinite. Raises DesatError where the
-        run has none, or nothing to measure."""
+        """A number of a run; a time that it does not reach is infinite. Raises
+        DesatError where the run has none, or nothing to measure."""
         run = self._of.run(scenario, change).manifest
         numbers = run.numbers
         if number not in numbers:
-            raise DesatError(f"{scenario} has no number {number}{nearest(number, numbers)}")
+            raise DesatError(
+                f"{scenario} has no number {number}{nearest(number, numbers)}"
+            )
         value = numbers[number].value
         if value is None and number in late(run.content):
             return math.inf
@@ -87,8 +89,8 @@ class Verbs:
         return value * factor(own, unit, f'of "{text}"') if unit else value
 
     def setting(self, scenario: str, key: str) -> Any:
-        """What a scenario's file says for a key at its top, such as stop; `labels`: those of its
-        cell of the axes."""
+        """What a scenario's file says for a key at its top, such as stop; `labels`:
+        those of its cell of the axes."""
         content = find(self._of.name_of(scenario)).content
         data = {**content.data, "labels": content.labels}
         if key not in data:
@@ -99,48 +101,66 @@ class Verbs:
         self, scenario: str, parameter: str, values: Sequence[Any], *numbers: str
     ) -> list[tuple[Any, ...]]:
         """Of each value of a parameter: itself, and the numbers of its run."""
-        return [(v, *(self.value(scenario, n, {parameter: v}) for n in numbers)) for v in values]
+        return [
+            (v, *(self.value(scenario, n, {parameter: v}) for n in numbers))
+            for v in values
+        ]
 
-    # --- draws --------------------------------------------------------------------------------
+    # --- draws ------------------------------------------------------------------------
 
     def drawn(self, scenario: str, number: str) -> list[float]:
-        """A number of each draw, in their order; a time that one does not reach is infinite."""
+        """A number of each draw, in their order; a time that one does not reach is
+        infinite."""
         rows = self._of.draws_of(scenario, number)["draws"]
         return cells.values_of(rows, number, find(self._of.name_of(scenario)).content)
 
     def spread(self, scenario: str, number: str, digits: int = 1) -> str:
-        """A number over the draws as `median [least, most]`, and how many have it, where some have
-        not; of those that have it, a time (`drawn`) of all."""
+        """A number over the draws as `median [least, most]`, and how many have it,
+        where some have not; of those that have it, a time (`drawn`) of all."""
         drawn = self.drawn(scenario, number)
         values = [x for x in drawn if x is not None]
         there = sum(math.isfinite(x) for x in values)
         if not there:
             return f"none of {len(drawn)}"
         middle, low, high = three(values, digits)
-        return f"{middle} [{low}, {high}]" + (f", {there} of {len(drawn)}" * (there < len(drawn)))
+        return f"{middle} [{low}, {high}]" + (
+            f", {there} of {len(drawn)}" * (there < len(drawn))
+        )
 
     def median_of(
         self, scenario: str, number: str, digits: int = 1, factor: float = 1.0
-    ) -> str:  # fmt: skip
-        """The median of a number over the draws with its 95 % interval: `8.8 (8.4 to 9.3)`;
-        `factor` takes it to the unit of the page."""
-        return _with_interval([factor * x for x in self.drawn(scenario, number)], digits)
+    ) -> str:
+        """The median of a number over the draws with its 95 % interval:
+        `8.8 (8.4 to 9.3)`; `factor` takes it to the unit of the page."""
+        return _with_interval(
+            [factor * x for x in self.drawn(scenario, number)], digits
+        )
 
-    def median_ratio(self, scenario: str, other: str, number: str, digits: int = 2) -> str:
+    def median_ratio(
+        self, scenario: str, other: str, number: str, digits: int = 2
+    ) -> str:
         """The same of the ratios to another scenario's same draws."""
-        pairs = zip(self.drawn(scenario, number), self.drawn(other, number), strict=True)
+        pairs = zip(
+            self.drawn(scenario, number), self.drawn(other, number), strict=True
+        )
         return _with_interval([a / b for a, b in pairs], digits)
 
-    def median_less(self, scenario: str, other: str, number: str, digits: int = 1) -> str:
-        """The same of how much less it is than in another scenario's same draws; those that reach
-        it in neither count as equal."""
-        pairs = zip(self.drawn(other, number), self.drawn(scenario, number), strict=True)
+    def median_less(
+        self, scenario: str, other: str, number: str, digits: int = 1
+    ) -> str:
+        """The same of how much less it is than in another scenario's same draws; those
+        that reach it in neither count as equal."""
+        pairs = zip(
+            self.drawn(other, number), self.drawn(scenario, number), strict=True
+        )
         return _with_interval([0.0 if a == b else a - b for a, b in pairs], digits)
 
     def middle_draw(self, scenario: str, number: str) -> int:
         """The draw whose number is the (lower) median of all: a typical one."""
         values = self.drawn(scenario, number)
-        return sorted(range(len(values)), key=lambda i: values[i])[(len(values) - 1) // 2]
+        return sorted(range(len(values)), key=lambda i: values[i])[
+            (len(values) - 1) // 2
+        ]
 
     def of_draw(self, scenario: str, draw: int) -> Change:
         """What a draw of a scenario changes, for `value`, `series` and `plot`."""
@@ -151,11 +171,11 @@ class Verbs:
         """The seed of the draws."""
         return int(self._of.draws["seed"])
 
-    # --- the paper's tables -------------------------------------------------------------------
+    # --- the paper's tables -----------------------------------------------------------
 
     def paper(self, draws: bool = True) -> dict[str, list[dict[str, str]]]:
-        """The paper's cells beside ours as texts: heading -> rows; `draws` False leaves out the
-        medians of samples."""
+        """The paper's cells beside ours as texts: heading -> rows; `draws` False leaves
+        out the medians of samples."""
         return {
             heading: [tables.texts_of(row) for row in group]
             for heading, group in tables.groups(self._of.cells(draws))
@@ -165,12 +185,14 @@ class Verbs:
         """Rows of `paper` as a table, of the columns that have something to show."""
         columns = tables.columns(rows)
         head = [self.row(*columns.values()), "|" + "---|" * len(columns)]
-        return "\n".join([*head, *(self.row(*(row[c] for c in columns)) for row in rows)])
+        return "\n".join(
+            [*head, *(self.row(*(row[c] for c in columns)) for row in rows)]
+        )
 
     def items(self, draws: bool = True) -> str:
-        """What the paper says, item by item, as a table: how many entries we have for it, and how
-        many are within their bands and outside of them; the others have no band or no run that
-        decides them."""
+        """What the paper says, item by item, as a table: how many entries we have for
+        it, and how many are within their bands and outside of them; the others have no
+        band or no run that decides them."""
         head = ["item", "entries", "within", "outside", "not judged or without a band"]
         lines = [self.row(*head), "|" + "---|" * len(head)]
         for heading, group in tables.groups(self._of.cells(draws)):
@@ -178,7 +200,9 @@ class Verbs:
             outside = judged.count(False)
             shown = f"**{outside}**" if outside else 0
             lines.append(
-                self.row(heading, len(group), sum(judged), shown, len(group) - len(judged))
+                self.row(
+                    heading, len(group), sum(judged), shown, len(group) - len(judged)
+                )
             )
         return "\n".join(lines)
 
@@ -196,72 +220,101 @@ class Verbs:
         return tables.summed_up(self._of.cells(draws))
 
     def share(self, scenario: str, number: str, **limits: float) -> str:
-        """The share of draws whose number is within limits (`least`, `most`), with its interval:
-        `7 of 20 (of all 15 to 59 %)`."""
+        """The share of draws whose number is within limits (`least`, `most`), with its
+        interval: `7 of 20 (of all 15 to 59 %)`."""
         share = cells.share_of(self.drawn(scenario, number), **limits)
         low, high = share.interval
         percent = f"{100.0 * share.count / share.n:.0f} %"
-        return (f"{share.count} of {share.n} ({percent}, 95 % interval {low:.0f} to "
-                f"{high:.0f} %)")  # fmt: skip
+        return (
+            f"{share.count} of {share.n} ({percent}, 95 % interval {low:.0f} to "
+            f"{high:.0f} %)"
+        )
 
     def share_worse(self, scenario: str, other: str, number: str) -> str:
-        """The share of draws whose number is above that of another scenario's same draw."""
-        pairs = list(zip(self.drawn(scenario, number), self.drawn(other, number), strict=False))
+        """The share of draws whose number is above that of another scenario's same
+        draw."""
+        pairs = list(
+            zip(self.drawn(scenario, number), self.drawn(other, number), strict=False)
+        )
         count = sum(a > b for a, b in pairs)
         low, high = clopper_pearson(count, len(pairs))
         percent = f"{100.0 * count / len(pairs):.0f} %"
         return f"{count} of {len(pairs)} ({percent}, 95 % interval {low:.0f} to {high:.0f} %)"
 
     def missed(self) -> list[dict[str, Any]]:
-        """The paper's cells that have no band and are not tuned, but a remark: nothing reproduces
-        them."""
+        """The paper's cells that have no band and are not tuned, but a remark: nothing
+        reproduces them."""
         return [
             {**tables.texts_of(row), "table": row.table, "quantity": row.heading}
             for row in self._of.cells(False)
-            if row.paper is not None and row.band is None and row.remark and not row.tuned
+            if row.paper is not None
+            and row.band is None
+            and row.remark
+            and not row.tuned
         ]
 
     def origin(self) -> str:
         """Where the draws are from."""
         return tables.origin(stored.provenance(self._of.draws, fresh=False))
 
-    # --- series and figures -------------------------------------------------------------------
+    # --- series and figures -----------------------------------------------------------
 
     def series(
-        self, scenario: str, signal: str, change: Change | None = None, *,
-        step: float | None = None, stop: float | None = None,
-    ) -> Series:  # fmt: skip
+        self,
+        scenario: str,
+        signal: str,
+        change: Change | None = None,
+        *,
+        step: float | None = None,
+        stop: float | None = None,
+    ) -> Series:
         """A series of a run, in its unit; with another step or end (s) of the run."""
         results = self._of.run(scenario, change, step, stop).results
         return Series(results.times(signal), results.values(signal).astype(float))
 
     def line(self, scenario: str, plot: str, change: Change | None = None) -> Series:
         """The first line of a scenario's plot, such as one that it derives."""
-        spec, results = self._plot(scenario, plot), self._of.run(scenario, change).results
+        spec, results = (
+            self._plot(scenario, plot),
+            self._of.run(scenario, change).results,
+        )
         if not (lines := lines_of(spec, results, spec.unit or "1")):
             raise DesatError(f"{scenario}: plot {plot}: not recorded")
         return Series(lines[0].times, lines[0].values)
 
     def plot(
-        self, file: str, scenario: str, plot: str, place: str = "",
-        change: Change | None = None, stop: float | None = None,
-    ) -> str:  # fmt: skip
-        """A plot of a scenario as a figure; `place` stands before its title; with another end (s)
-        of the run."""
+        self,
+        file: str,
+        scenario: str,
+        plot: str,
+        place: str = "",
+        change: Change | None = None,
+        stop: float | None = None,
+    ) -> str:
+        """A plot of a scenario as a figure; `place` stands before its title; with
+        another end (s) of the run."""
         spec = self._plot(scenario, plot)
         run = self._of.run(scenario, change, stop=stop)
         drawn = series_figure(spec, [("", run.results, run.manifest.parameters)])
         if drawn is None:
             raise DesatError(f"{scenario}: plot {plot}: not recorded")
         title = spec.title
-        return self._figure(file, f"{place}: {title[0].lower()}{title[1:]}" if place else title,
-                            drawn.svg())  # fmt: skip
+        return self._figure(
+            file,
+            f"{place}: {title[0].lower()}{title[1:]}" if place else title,
+            drawn.svg(),
+        )
 
     def compare(
-        self, file: str, caption: str, lines: Sequence[tuple[str, Series]], axis: str,
+        self,
+        file: str,
+        caption: str,
+        lines: Sequence[tuple[str, Series]],
+        axis: str,
         **options: Any,
-    ) -> str:  # fmt: skip
-        """Labelled series of several runs on one pair of axes; `options` of `figures.curves`."""
+    ) -> str:
+        """Labelled series of several runs on one pair of axes; `options` of
+        `figures.curves`."""
         return self._figure(file, caption, several.curves(lines, axis, **options))
 
     def bars(
@@ -276,9 +329,14 @@ class Verbs:
         return self._figure(file, caption, several.bars(groups, axis, **options))
 
     def scatter(
-        self, file: str, caption: str, groups: dict[str, tuple[list[float], list[float]]],
-        x: str, y: str, **options: Any,
-    ) -> str:  # fmt: skip
+        self,
+        file: str,
+        caption: str,
+        groups: dict[str, tuple[list[float], list[float]]],
+        x: str,
+        y: str,
+        **options: Any,
+    ) -> str:
         """Points: label -> (x, y)."""
         return self._figure(file, caption, plots.scatter(groups, x, y, **options))
 
@@ -286,10 +344,11 @@ class Verbs:
         """A row of a table."""
         return f"| {' | '.join(str(cell) for cell in cells)} |"
 
-    # --- from elsewhere -----------------------------------------------------------------------
+    # --- from elsewhere ---------------------------------------------------------------
 
     def data(self, path: str) -> dict[str, Any]:
-        """A JSON or TOML file of the repository. Raises DesatError where it is not there."""
+        """A JSON or TOML file of the repository. Raises DesatError where it is not
+        there."""
         home = paths.SCENARIOS.parent
         file = (home / path).resolve()
         if not file.is_relative_to(home.resolve()):
@@ -297,18 +356,25 @@ class Verbs:
         if not file.is_file():
             raise DesatError(f"{path}: no such file in {home}")
         text = file.read_text(encoding="utf-8")
-        data: dict[str, Any] = json.loads(text) if path.endswith(".json") else tomllib.loads(text)
+        data: dict[str, Any] = (
+            json.loads(text) if path.endswith(".json") else tomllib.loads(text)
+        )
         return data
 
     def law(self, module: str, function: str) -> Callable[..., Any]:
-        """A function of `components/laws/MODULE.py`. Raises DesatError where there is none."""
+        """A function of `components/laws/MODULE.py`. Raises DesatError where there is
+        none."""
         name = f"desat.components.laws.{module}"
         if not module.isidentifier() or find_spec(name) is None:
             raise DesatError(f"law: no module {module} in components/laws")
-        known = dict(inspect.getmembers(importlib.import_module(name), inspect.isfunction))
+        known = dict(
+            inspect.getmembers(importlib.import_module(name), inspect.isfunction)
+        )
         verb: Callable[..., Any] | None = known.get(function)
         if verb is None or function.startswith("_") or verb.__module__ != name:
-            raise DesatError(f"law: no function {function} in components/laws/{module}.py")
+            raise DesatError(
+                f"law: no function {function} in components/laws/{module}.py"
+            )
         return verb
 
     def covered(self) -> dict[str, float]:
@@ -323,7 +389,7 @@ class Verbs:
 
         return energy.ENERGY_BOUND
 
-    # --- how ----------------------------------------------------------------------------------
+    # --- how --------------------------------------------------------------------------
 
     def _plot(self, scenario: str, plot: str) -> Plot:
         plots = find(self._of.name_of(scenario)).content.plots
@@ -334,24 +400,30 @@ class Verbs:
     def _figure(self, file: str, caption: str, svg: str) -> str:
         """The Markdown of a figure, which is kept."""
         if not re.fullmatch(r"\w[\w.-]*", file):
-            raise DesatError(f"figure {file!r}: a name of letters, digits and . _ - is needed")
+            raise DesatError(
+                f"figure {file!r}: a name of letters, digits and . _ - is needed"
+            )
         name = f"{file}.svg"
         if name in self._figures:
             raise DesatError(f"figure {file}: it is there already")
         self._figures[name] = svg
         return f"\n![{caption}]({name})\n\n*{caption}*\n"
 
-    # --- momentum management by coils ---------------------------------------------------------
+    # --- momentum management by coils -------------------------------------------------
 
-    def least_energy(self, scenario: str, change: Change | None = None) -> dict[str, Any]:
-        """Of a run that unloads by coils: its `energy` and `peak` and the `least` energy with no
-        larger one, as `desat bound` gives them."""
+    def least_energy(
+        self, scenario: str, change: Change | None = None
+    ) -> dict[str, Any]:
+        """Of a run that unloads by coils: its `energy` and `peak` and the `least`
+        energy with no larger one, as `desat bound` gives them."""
         from desat.analyses import coil_bound
 
         run = self._of.run(scenario, change)
         return asdict(coil_bound.of_run(run.manifest, run.results))
 
-    def energy_curve(self, scenario: str, peaks: Sequence[float]) -> list[tuple[float, float]]:
+    def energy_curve(
+        self, scenario: str, peaks: Sequence[float]
+    ) -> list[tuple[float, float]]:
         """Of the same the least energy of each largest momentum of a wheel (N m s)."""
         from desat.analyses import coil_bound
 
@@ -359,8 +431,9 @@ class Verbs:
         return coil_bound.curve(run.manifest, run.results, peaks)
 
     def least_time(self, scenario: str, number: str, held: float) -> dict[str, float]:
-        """Of a detumbling run whose `number` (min) says when it is slow, for `held` (s): when it is
-        (`law`), when it could be (`found`) and what no law is below (`floor`), in min."""
+        """Of a detumbling run whose `number` (min) says when it is slow, for `held`
+        (s): when it is (`law`), when it could be (`found`) and what no law is below
+        (`floor`), in min."""
         from . import least_time
 
         run = self._of.run(scenario)
@@ -371,8 +444,11 @@ class Verbs:
         times = asdict(least_time.of_run(run.manifest, run.results, 60.0 * slow, held))
         return {name: value / 60.0 for name, value in times.items()}
 
-    def periods(self, scenario: str, periods: Sequence[float]) -> list[dict[str, float]]:
-        """What an open-loop law would do for desaturation periods (s), on the field of a run."""
+    def periods(
+        self, scenario: str, periods: Sequence[float]
+    ) -> list[dict[str, float]]:
+        """What an open-loop law would do for desaturation periods (s), on the field of
+        a run."""
         from . import telescope
 
         run = self._of.run(scenario)
@@ -392,11 +468,12 @@ def _with_interval(values: Sequence[float], digits: int) -> str:
     return f"{middle} ({low} to {high})"
 
 
-# --- The filters of pages: `{{ value(...)|fixed(2) }}` ------------------------------------------
+# --- The filters of pages: `{{ value(...)|fixed(2) }}` --------------------------------
 
 
 def fixed(value: float, digits: int = 0) -> str:
-    """A number with so many digits after the point; a time that is infinite is not reached."""
+    """A number with so many digits after the point; a time that is infinite is not
+    reached."""
     return text_of(None) if value == math.inf else f"{value:.{digits}f}"
 
 
@@ -412,7 +489,9 @@ def short(value: float | None) -> str:
 
 def three(values: Sequence[float], digits: int = 0) -> list[str]:
     """Median, least and most of some values."""
-    return [fixed(x, digits) for x in (statistics.median(values), min(values), max(values))]
+    return [
+        fixed(x, digits) for x in (statistics.median(values), min(values), max(values))
+    ]
 
 
 def saving(values: Sequence[float], references: Sequence[float]) -> list[float]:

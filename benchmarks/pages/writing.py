@@ -3,8 +3,9 @@
     ssp/FAMILY/page.md         -> docs/papers/FAMILY/README.md
     ssp/FAMILY/NAME.page.md    -> docs/papers/FAMILY/NAME.md
 
-A template is Markdown with Jinja2: prose, and in `{{ }}` the verbs of `verbs.py`, whose numbers and
-figures come from runs made now. A paragraph is set as one line; a table has a line a row.
+A template is Markdown with Jinja2: prose, and in `{{ }}` the verbs of `verbs.py`, whose
+numbers and figures come from runs made now. A paragraph is set as one line; a table has
+a line a row.
 """
 
 from __future__ import annotations
@@ -35,9 +36,13 @@ VERBS = Path(__file__).with_name("verbs.py")
 def templates(family: str) -> dict[str, Path]:
     """The templates of a family by the name of the file that each becomes."""
     folder = scenario.ROOT / family
-    named = {f"{p.name.removesuffix(f'.{PAGE}')}.md": p for p in folder.glob(f"*.{PAGE}")}
+    named = {
+        f"{p.name.removesuffix(f'.{PAGE}')}.md": p for p in folder.glob(f"*.{PAGE}")
+    }
     first = folder / PAGE
-    return ({"README.md": first} if first.exists() else {}) | dict(sorted(named.items()))
+    return ({"README.md": first} if first.exists() else {}) | dict(
+        sorted(named.items())
+    )
 
 
 def families() -> tuple[str, ...]:
@@ -46,19 +51,25 @@ def families() -> tuple[str, ...]:
 
 
 def write(
-    family: str, into: Path | None = None, jobs: int = 1, draft: float | None = None,
+    family: str,
+    into: Path | None = None,
+    jobs: int = 1,
+    draft: float | None = None,
     verbs: type[Verbs] = Verbs,
-) -> list[Path]:  # fmt: skip
-    """Write the pages of a family and their figures into a folder; figures there that no page has
-    any more are removed. `into` None: the family's folder under docs/papers.
+) -> list[Path]:
+    """Write the pages of a family and their figures into a folder; figures there that
+    no page has any more are removed. `into` None: the family's folder under
+    docs/papers.
 
-    `verbs`: what templates may call. `draft`: to try a template in a short time, runs end after so
-    many seconds at the latest, stored draws stay as they are, and the page says so. Raises
-    DesatError, with the template's line, for what is wrong with it.
+    `verbs`: what templates may call. `draft`: to try a template in a short time, runs
+    end after so many seconds at the latest, stored draws stay as they are, and the page
+    says so. Raises DesatError, with the template's line, for what is wrong with it.
     """
     if not (known := templates(family)):
         hint = nearest(family, families())
-        raise DesatError(f"no page {family}{hint}; {PAGE} beside its scenarios would be one")
+        raise DesatError(
+            f"no page {family}{hint}; {PAGE} beside its scenarios would be one"
+        )
     if into is None:
         paths.writable("benchmarks.pages", "--into FOLDER")
         if draft is not None:
@@ -68,7 +79,10 @@ def write(
     folder = into or paths.DRAWS / family
     texts = [p.read_text(encoding="utf-8") for p in known.values()]
     of = verbs(Sources(family, texts, jobs, draft))
-    pages = {file: _rendered(template, of) + _origin(draft) for file, template in known.items()}
+    pages = {
+        file: _rendered(template, of) + _origin(draft)
+        for file, template in known.items()
+    }
     folder.mkdir(parents=True, exist_ok=True)
     for name, svg in of.figures.items():
         write_page(folder / name, svg)
@@ -79,19 +93,26 @@ def write(
 
 
 class _Sandbox(SandboxedEnvironment):
-    """A template computes and draws; it reaches no files, modules or private attributes."""
+    """A template computes and draws; it reaches no files, modules or private
+    attributes."""
 
     def is_safe_attribute(self, obj: Any, attr: str, value: Any) -> bool:
-        outside = attr in ("ctypes", "dump", "tofile") and isinstance(obj, (np.ndarray, np.generic))
+        outside = attr in ("ctypes", "dump", "tofile") and isinstance(
+            obj, (np.ndarray, np.generic)
+        )
         return not outside and super().is_safe_attribute(obj, attr, value)
 
 
 def _rendered(file: Path, verbs: Verbs) -> str:
     """The Markdown of a template. Raises DesatError with file and line."""
     environment = _Sandbox(
-        loader=FileSystemLoader(file.parent), undefined=StrictUndefined, trim_blocks=True,
-        lstrip_blocks=True, extensions=["jinja2.ext.do"], autoescape=False,
-    )  # fmt: skip
+        loader=FileSystemLoader(file.parent),
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        extensions=["jinja2.ext.do"],
+        autoescape=False,
+    )
     environment.globals.update(verbs.known())
     environment.filters.update(FILTERS)
     try:
@@ -124,18 +145,30 @@ def _set(text: str) -> str:
     blocks: list[list[str]] = []
     open_ = ""  # the kind of the block that the next line may belong to
     for line in (line.strip() for line in text.splitlines()):
-        kind = "table" if line.startswith("|") else "item" if line.startswith("- ") else "prose"
+        kind = (
+            "table"
+            if line.startswith("|")
+            else "item"
+            if line.startswith("- ")
+            else "prose"
+        )
         if line and kind == open_:
             blocks[-1].append(line)
         elif line:
             blocks.append([line])
         open_ = kind if line and not line.startswith("#") else ""
-    return "\n\n".join(("\n" if b[0].startswith(("|", "- ")) else " ").join(b) for b in blocks)
+    return "\n\n".join(
+        ("\n" if b[0].startswith(("|", "- ")) else " ").join(b) for b in blocks
+    )
 
 
 def _origin(draft: float | None) -> str:
     versions = ", ".join(f"{p} {version(p)}" for p in PACKAGES)
-    cut = "" if draft is None else f" DRAFT: runs end after {draft:g} s; nan: nothing to measure."
+    cut = (
+        ""
+        if draft is None
+        else f" DRAFT: runs end after {draft:g} s; nan: nothing to measure."
+    )
     return (
         f"---\nGenerated by `make papers` on {datetime.now(UTC):%Y-%m-%d} from runs made then: "
         f"Python {platform.python_version()}, {versions}.{cut}\n"

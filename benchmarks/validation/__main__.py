@@ -13,19 +13,24 @@ from desat.system.errors import DesatError
 from . import convergence
 
 COLUMNS = {
-    "step": "step s", "attitude_error": "attitude rad", "estimate": "its estimate",
-    "wheel_momentum_error": "wheel momentum N m s", "estimate_wheel_momentum": "its estimate",
+    "step": "step s",
+    "attitude_error": "attitude rad",
+    "estimate": "its estimate",
+    "wheel_momentum_error": "wheel momentum N m s",
+    "estimate_wheel_momentum": "its estimate",
     "momentum_drift": "momentum residual N m s",
     "attitude_error_same_delays": "attitude, same delays",
     "wheel_momentum_error_same_delays": "wheel momentum, same delays",
-}  # fmt: skip
+}
 
 
 def _convergence(given: argparse.Namespace) -> None:
     """Print the errors of a scenario at several steps."""
     steps = None if given.steps is None else tuple(map(float, given.steps.split(",")))
     options = Options(stop=given.stop, substeps=given.substeps)
-    result = convergence.study(given.target, options, steps, jobs=given.jobs, progress=True)
+    result = convergence.study(
+        given.target, options, steps, jobs=given.jobs, progress=True
+    )
     if given.json:
         print(json.dumps(result, indent=1))
         return
@@ -36,8 +41,10 @@ def _convergence(given: argparse.Namespace) -> None:
     for note in dict.fromkeys(filter(None, (row["note"] for row in result["rows"]))):
         print(f"same delays: {note}")
     if result["order"] is not None:
-        print(f"observed order (gauss_seidel): {result['order']:.2f} in attitude, "
-              f"{result['order_wheel_momentum']:.2f} in the wheels' momentum")  # fmt: skip
+        print(
+            f"observed order (gauss_seidel): {result['order']:.2f} in attitude, "
+            f"{result['order_wheel_momentum']:.2f} in the wheels' momentum"
+        )
 
 
 def main() -> int:
@@ -46,7 +53,9 @@ def main() -> int:
     commands = parser.add_subparsers(required=True)
     one = commands.add_parser("convergence", help=_convergence.__doc__)
     one.add_argument("target")
-    one.add_argument("--steps", help="s, as 1,0.5 (default: the scenario's, and three finer ones)")
+    one.add_argument(
+        "--steps", help="s, as 1,0.5 (default: the scenario's, and three finer ones)"
+    )
     one.add_argument("--stop", type=float, help="s")
     one.add_argument("--substeps", type=int)
     one.add_argument("--json", action="store_true")

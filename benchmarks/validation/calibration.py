@@ -1,7 +1,8 @@
-"""What the bound of the hidden work (`analyses/energy.py`) tells apart: craft that err or do not.
+"""What the bound of the hidden work (`analyses/energy.py`) tells apart: craft that err
+or do not.
 
-Craft made at random from a seed, on the loops of `ssp/gyrostat`; each run's attitude held against
-the same with 64 substeps.
+Craft made at random from a seed, on the loops of `ssp/gyrostat`; each run's attitude
+held against the same with 64 substeps.
 """
 
 from __future__ import annotations
@@ -18,10 +19,24 @@ from desat.runs.run import Options, execute
 from .estimate import difference
 
 GOOD, BAD = 1e-5, 1e-3
-"""Errors of the attitude (rad) below and above which a run is to be told apart from the other."""
+"""Errors of the attitude (rad) below and above which a run is to be told apart from the
+other."""
 FINEST = 64
 _SIGNALS = ("spacecraft.q_bi", "wheels.h_wheel")
-_PYRAMID = [0.6, -0.48, -0.6, 0.48, 0.48, 0.6, -0.36, -0.64, 0.64, 0.64, 0.7144228439796701, 0.6]
+_PYRAMID = [
+    0.6,
+    -0.48,
+    -0.6,
+    0.48,
+    0.48,
+    0.6,
+    -0.36,
+    -0.64,
+    0.64,
+    0.64,
+    0.7144228439796701,
+    0.6,
+]
 _THREE = [1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0]
 
 _STRONG: dict[str, Any] = {
@@ -29,10 +44,16 @@ _STRONG: dict[str, Any] = {
     "spacecraft.inertia": [1.7, 0.05, -0.03, 0.05, 1.5, 0.04, -0.03, 0.04, 1.6],
     "wheels.h_start_wheel": [0.2, -0.25, 0.2, 0.0],
     "thrusters.schedule_tau_body": [
-        [0.4, 0.0, 0.0], [0.0, -0.4, 0.0], [0.0, 0.0, 0.4], [-0.4, 0.0, 0.0],
-        [0.0, 0.4, 0.0], [0.0, 0.0, -0.4], [0.4, 0.4, 0.0], [0.0, -0.4, 0.4],
+        [0.4, 0.0, 0.0],
+        [0.0, -0.4, 0.0],
+        [0.0, 0.0, 0.4],
+        [-0.4, 0.0, 0.0],
+        [0.0, 0.4, 0.0],
+        [0.0, 0.0, -0.4],
+        [0.4, 0.4, 0.0],
+        [0.0, -0.4, 0.4],
     ],
-}  # fmt: skip
+}
 JETS: dict[str, dict[str, Any]] = {
     "strong jets on 1.7 kg m2": _STRONG,
     "a jet from rest to 0.9 rad/s": {
@@ -46,8 +67,8 @@ JETS: dict[str, dict[str, Any]] = {
 
 
 class Row(NamedTuple):
-    """A run: its error against FINEST substeps (rad), its hidden work, and whether it ends with
-    exit code 1."""
+    """A run: its error against FINEST substeps (rad), its hidden work, and whether it
+    ends with exit code 1."""
 
     name: str
     substeps: int
@@ -57,8 +78,8 @@ class Row(NamedTuple):
 
 
 def craft(seed: int) -> tuple[str, dict[str, Any]]:
-    """A scenario and values for it: 0.01 to 200 kg m2, rates to 60 deg/s, three or four wheels,
-    with and without jets."""
+    """A scenario and values for it: 0.01 to 200 kg m2, rates to 60 deg/s, three or four
+    wheels, with and without jets."""
     r = np.random.default_rng(seed)
     size = 10.0 ** r.uniform(-2.0, log10(200.0))
     a, b, c = (size * r.uniform(0.75, 1.25, 3)).tolist()
@@ -94,16 +115,19 @@ def craft(seed: int) -> tuple[str, dict[str, Any]]:
 
 
 def held(
-    name: str, target: str, substeps: Iterable[int | None], values: dict[str, Any] | None = None,
+    name: str,
+    target: str,
+    substeps: Iterable[int | None],
+    values: dict[str, Any] | None = None,
     stop: float | None = None,
-) -> list[Row]:  # fmt: skip
-    """A scenario with other values, at each of these substeps (None: its own), until `stop`
-    (s)."""
+) -> list[Row]:
+    """A scenario with other values, at each of these substeps (None: its own), until
+    `stop` (s)."""
 
     def flown(substeps: int | None) -> tuple[Any, ...]:
-        run = execute(target, Options(substeps=substeps, values=values or {}, stop=stop)).or_raise(
-            target
-        )
+        run = execute(
+            target, Options(substeps=substeps, values=values or {}, stop=stop)
+        ).or_raise(target)
         told = run.manifest.substeps, run.manifest.numbers, bool(run.manifest.unmet)
         return *(run.results.values(s) for s in _SIGNALS), *told
 
@@ -126,14 +150,18 @@ def at_random(seeds: Iterable[int], stop: float = 300.0) -> list[Row]:
 
 
 def summed(rows: Iterable[Row]) -> dict[str, Any]:
-    """Of a set of runs: how many are good, bad and between; the largest unresolved work of the good
-    and the least of the bad, and how many of each the bound takes for the other."""
+    """Of a set of runs: how many are good, bad and between; the largest unresolved work
+    of the good and the least of the bad, and how many of each the bound takes for the
+    other."""
     rows = list(rows)
     good = [r.hidden for r in rows if r.error < GOOD]
     bad = [r.hidden for r in rows if r.error > BAD]
     return {
-        "good": len(good), "bad": len(bad), "between": len(rows) - len(good) - len(bad),
-        "most_of_good": max(good, default=0.0), "least_of_bad": min(bad, default=0.0),
+        "good": len(good),
+        "bad": len(bad),
+        "between": len(rows) - len(good) - len(bad),
+        "most_of_good": max(good, default=0.0),
+        "least_of_bad": min(bad, default=0.0),
         "false_alarms": sum(h > ENERGY_BOUND for h in good),
         "missed": sum(h <= ENERGY_BOUND for h in bad),
-    }  # fmt: skip
+    }

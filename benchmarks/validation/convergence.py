@@ -1,4 +1,5 @@
-"""`desat convergence`: a scenario at several steps, held against its monolithic reference."""
+"""`desat convergence`: a scenario at several steps, held against its monolithic
+reference."""
 
 from __future__ import annotations
 
@@ -21,15 +22,20 @@ from .reference import Gyrostat, Trajectory
 
 STEPS = (1.0, 0.5, 0.25, 0.125)
 """Of the scenario's own step."""
-SERIES = ("spacecraft.q_bi", "spacecraft.omega_bi_body", "spacecraft.impulse_eci",
-          "wheels.h_wheel")  # fmt: skip
+SERIES = (
+    "spacecraft.q_bi",
+    "spacecraft.omega_bi_body",
+    "spacecraft.impulse_eci",
+    "wheels.h_wheel",
+)
 
 
 @dataclass
 class Row:
-    """One run: the largest errors over its samples (rad, N m s) and the largest momentum residual
-    (N m s). `*_same_delays`: under `jacobi`, against the reference with the same delays.
-    `estimate*`: what a `gauss_seidel` run says of its own errors (`estimate.py`)."""
+    """One run: the largest errors over its samples (rad, N m s) and the largest
+    momentum residual (N m s). `*_same_delays`: under `jacobi`, against the reference
+    with the same delays. `estimate*`: what a `gauss_seidel` run says of its own errors
+    (`estimate.py`)."""
 
     algorithm: str
     step: float
@@ -46,8 +52,9 @@ class Row:
 
 @dataclass
 class Flown:
-    """A run at the controller's samples: q (n, 4), h (n, 4, N m s), its momentum residual (N m s),
-    and under `jacobi` the reference with its delays, or why there is none."""
+    """A run at the controller's samples: q (n, 4), h (n, 4, N m s), its momentum
+    residual (N m s), and under `jacobi` the reference with its delays, or why there is
+    none."""
 
     q: NDArray[Any]
     h: NDArray[Any]
@@ -83,11 +90,13 @@ def fly(target: str, options: Options) -> Flown:
 def _row(case: Options, flown: Flown, ideal: Trajectory, finer: Flown | None) -> Row:
     assert case.step is not None
     q, h = flown.q, flown.h
-    row = Row(case.algorithm, case.step, *difference(q, h, ideal.q, ideal.h), flown.residual)
+    row = Row(
+        case.algorithm, case.step, *difference(q, h, ideal.q, ideal.h), flown.residual
+    )
     row.note = flown.note
     if (late := flown.delayed) is not None:
-        row.attitude_error_same_delays, row.wheel_momentum_error_same_delays = difference(
-            q, h, late.q, late.h
+        row.attitude_error_same_delays, row.wheel_momentum_error_same_delays = (
+            difference(q, h, late.q, late.h)
         )
     if finer is not None:
         row.estimate, row.estimate_wheel_momentum = estimate(q, h, finer.q, finer.h)
@@ -95,12 +104,16 @@ def _row(case: Options, flown: Flown, ideal: Trajectory, finer: Flown | None) ->
 
 
 def study(
-    target: str, options: Options, steps: tuple[float, ...] | None = None,
-    algorithms: tuple[Algorithm, ...] = ALGORITHMS, jobs: int = 2, progress: bool = False,
-) -> dict[str, Any]:  # fmt: skip
-    """Rows for every algorithm and step (s; default: the scenario's and three finer ones), and the
-    observed order of the gauss_seidel master; `substeps = "auto"` is one here, for what it chooses
-    depends on the step."""
+    target: str,
+    options: Options,
+    steps: tuple[float, ...] | None = None,
+    algorithms: tuple[Algorithm, ...] = ALGORITHMS,
+    jobs: int = 2,
+    progress: bool = False,
+) -> dict[str, Any]:
+    """Rows for every algorithm and step (s; default: the scenario's and three finer
+    ones), and the observed order of the gauss_seidel master; `substeps = "auto"` is one
+    here, for what it chooses depends on the step."""
     options = replace(options, substeps=prepare(target, options).or_raise()[0].parts)
     if steps is None:
         own = prepare(target, options).or_raise()[0].step
@@ -119,25 +132,41 @@ def study(
     from rich.console import Console
     from rich.progress import track
 
-    with ProcessPoolExecutor(min(jobs, len(runs)), mp_context=get_context("spawn")) as pool:
+    with ProcessPoolExecutor(
+        min(jobs, len(runs)), mp_context=get_context("spawn")
+    ) as pool:
         results = pool.map(fly, [target] * len(runs), runs)
         console = Console(stderr=True)
         flown = list(
-            track(results, target, total=len(runs), console=console, transient=True,
-                  disable=not (progress and console.is_terminal))
-        )  # fmt: skip
+            track(
+                results,
+                target,
+                total=len(runs),
+                console=console,
+                transient=True,
+                disable=not (progress and console.is_terminal),
+            )
+        )
     finer = {c.step: f for c, f in zip(companions, flown[len(cases) :], strict=True)}
     rows = [
-        _row(case, run, ideal, finer[case.step] if case.algorithm == "gauss_seidel" else None)
+        _row(
+            case,
+            run,
+            ideal,
+            finer[case.step] if case.algorithm == "gauss_seidel" else None,
+        )
         for case, run in zip(cases, flown[: len(cases)], strict=True)
     ]
     gauss_seidel = [r for r in rows if r.algorithm == "gauss_seidel"]
     return {
         "scenario": target,
         "rows": [asdict(r) for r in rows],
-        "order": order([r.step for r in gauss_seidel], [r.attitude_error for r in gauss_seidel]),
+        "order": order(
+            [r.step for r in gauss_seidel], [r.attitude_error for r in gauss_seidel]
+        ),
         "order_wheel_momentum": order(
-            [r.step for r in gauss_seidel], [r.wheel_momentum_error for r in gauss_seidel]
+            [r.step for r in gauss_seidel],
+            [r.wheel_momentum_error for r in gauss_seidel],
         ),
     }
 
@@ -158,8 +187,15 @@ def plot(result: dict[str, Any], key: str, unit: str) -> str:
     for i, (algorithm, field, style) in enumerate(lines):
         rows = [r for r in result["rows"] if r["algorithm"] == algorithm and r[field]]
         label = algorithm + (", same delays" if field != key else "")
-        ax.plot([r["step"] for r in rows], [r[field] for r in rows], COLOURS[i], width=1.4,
-                dash=style, marker=4.0, label=label)  # fmt: skip
+        ax.plot(
+            [r["step"] for r in rows],
+            [r[field] for r in rows],
+            COLOURS[i],
+            width=1.4,
+            dash=style,
+            marker=4.0,
+            label=label,
+        )
     steps = sorted({r["step"] for r in result["rows"]})
     ax.x.ticks = Ticks(tuple(steps), tuple(f"{s:g}" for s in steps))
     ax.x.log = ax.y.log = True

@@ -25,14 +25,19 @@ FINER = 2
 """The companion makes so many substeps where the run makes one."""
 
 
-def difference(q: Array, h: Array, q_other: Array, h_other: Array) -> tuple[float, float]:
-    """Largest difference of two runs at the same times: attitude (rad), of q (n, 4), and any
-    wheel's momentum (N m s), of h (n, 4)."""
-    return float(np.radians(pointing(q, q_other)).max()), float(np.abs(h - h_other).max())
+def difference(
+    q: Array, h: Array, q_other: Array, h_other: Array
+) -> tuple[float, float]:
+    """Largest difference of two runs at the same times: attitude (rad), of q (n, 4),
+    and any wheel's momentum (N m s), of h (n, 4)."""
+    return float(np.radians(pointing(q, q_other)).max()), float(
+        np.abs(h - h_other).max()
+    )
 
 
 def estimate(q: Array, h: Array, q_finer: Array, h_finer: Array) -> tuple[float, float]:
-    """The errors of a run, attitude (rad) and momentum of a wheel (N m s), from its companion."""
+    """The errors of a run, attitude (rad) and momentum of a wheel (N m s), from its
+    companion."""
     attitude, momentum = difference(q, h, q_finer, h_finer)
     return FACTOR * attitude, FACTOR * momentum
 

@@ -1,11 +1,13 @@
-"""The monolithic reference of a gyrostat: the uncut system, against which the cut one is held.
+"""The monolithic reference of a gyrostat: the uncut system, against which the cut one
+is held.
 
-One system of ordinary differential equations (`reference_plant.py`, which also says what of systems
-it knows), integrated from event to event (`reference_events.py`), without blocks, FMUs or exchange.
-Here is what happens at known times: samples of computers and sensors, edges of firings, a failure.
+One system of ordinary differential equations (`reference_plant.py`, which also says
+what of systems it knows), integrated from event to event (`reference_events.py`),
+without blocks, FMUs or exchange. Here is what happens at known times: samples of
+computers and sensors, edges of firings, a failure.
 
-With a `step` of delay it is the same system as a `jacobi` master with that step makes it: an
-interval output reaches its consumer one step late.
+With a `step` of delay it is the same system as a `jacobi` master with that step makes
+it: an interval output reaches its consumer one step late.
 """
 
 from __future__ import annotations
@@ -53,7 +55,8 @@ LIMITED, PULSED = 1, 2
 
 
 class Clock:
-    """A component's samples, by the rule of the blocks; 0: at every time it is asked for."""
+    """A component's samples, by the rule of the blocks; 0: at every time it is asked
+    for."""
 
     def __init__(self, sample_time: float) -> None:
         self.sample_time = sample_time
@@ -91,9 +94,17 @@ class Coils:
 
     def __init__(self, values: Values) -> None:
         one = values.one
-        self.drive, self.limit = int(one("torquers", "drive")), one("torquers", "m_limit")
-        self._period, self._pulse = one("torquers", "sample_time"), one("torquers", "least_pulse")
-        self._most = floor(one("torquers", "duty_max") * self._period / self._pulse + 1e-9)
+        self.drive, self.limit = (
+            int(one("torquers", "drive")),
+            one("torquers", "m_limit"),
+        )
+        self._period, self._pulse = (
+            one("torquers", "sample_time"),
+            one("torquers", "least_pulse"),
+        )
+        self._most = floor(
+            one("torquers", "duty_max") * self._period / self._pulse + 1e-9
+        )
         self._late = one("torquers", "pulse_delay")
         self._pulses: tuple[tuple[float, float, float], ...] = ((-inf, inf, 0.0),) * 3
         """Of each coil: from when to when (s), and its dipole (A m2)."""
@@ -115,13 +126,15 @@ class Coils:
 
     def edges(self) -> list[float]:
         """When a coil is switched (s)."""
-        return [t for begin, end, _ in self._pulses for t in (begin, end) if abs(t) < inf]
+        return [
+            t for begin, end, _ in self._pulses for t in (begin, end) if abs(t) < inf
+        ]
 
     def at(self, t: float) -> Vec3:
         """The dipole (A m2) that the coils are driven to from t (s) on."""
         x, y, z = (
             m if begin <= t + SAME_TIME < end else 0.0 for begin, end, m in self._pulses
-        )  # fmt: skip
+        )
         return (x, y, z)
 
 
@@ -145,10 +158,14 @@ class Computers:
         self.anti_windup = bool(one("controller", "anti_windup"))
         self.bias = many("magnetometer", "bias_body")
         self.dumping = bool(one("manager", "enable"))
-        self.law = (cross_product.normalised, cross_product.ccpl)[int(one("manager", "law"))]
+        self.law = (cross_product.normalised, cross_product.ccpl)[
+            int(one("manager", "law"))
+        ]
         self.gain, self.deadband = one("manager", "gain"), one("manager", "h_deadband")
         self.target = many("manager", "h_target_body")
-        self.dipole_limit = one("manager", "m_limit") if one("manager", "saturation") else np.inf
+        self.dipole_limit = (
+            one("manager", "m_limit") if one("manager", "saturation") else np.inf
+        )
         self.feedforward = bool(one("manager", "feedforward"))
         self.gyroscopic = bool(one("manager", "gyroscopic"))
         self.coils = Coils(values)
@@ -168,11 +185,15 @@ class Computers:
 
     def control(self, y: State, omega: Vec3) -> Vec3:
         """The controller's sample: the torque (N m) that it wants on the body."""
-        e, d_omega = attitude_control.tracking_error(part(y, Q), omega, self.q_ref, vector.ZERO)
+        e, d_omega = attitude_control.tracking_error(
+            part(y, Q), omega, self.q_ref, vector.ZERO
+        )
         time = self.clocks["controller"].sample_time
         xi = attitude_control.integrated(self.xi, e, time, self.integral_limit)
         tau = self._pid(e, d_omega, xi)
-        if self.anti_windup and tau != attitude_control.limited(tau, self.control_limit):
+        if self.anti_windup and tau != attitude_control.limited(
+            tau, self.control_limit
+        ):
             xi = attitude_control.unwound(self.xi, xi)
             tau = self._pid(e, d_omega, xi)
         self.xi, self.tau = xi, attitude_control.limited(tau, self.control_limit)
@@ -194,7 +215,9 @@ class Computers:
     def wheels(self, omega: Vec3, h: Vec4, tau: Vec3) -> Vec4:
         """The torque command of each wheel (N m), as its motor takes it."""
         rate = omega if self.gyroscopic else vector.ZERO
-        command = wheel_array.wheel_torque(self.pinv, self.plant.axes, self.absorbed, tau, rate, h)
+        command = wheel_array.wheel_torque(
+            self.pinv, self.plant.axes, self.absorbed, tau, rate, h
+        )
         limit = self.plant.torque_limit
         a, b, c, d = (min(max(x, -limit), limit) for x in command)
         return (a, b, c, d)
@@ -202,7 +225,8 @@ class Computers:
 
 @dataclass(frozen=True)
 class Trajectory:
-    """The reference at the controller's samples: times (n,), q (n, 4), omega (n, 3), h (n, 4)."""
+    """The reference at the controller's samples: times (n,), q (n, 4), omega (n, 3), h
+    (n, 4)."""
 
     times: Array
     q: Array
@@ -211,31 +235,38 @@ class Trajectory:
 
 
 class Gyrostat:
-    """The uncut system of a checked scenario. Raises DesatError for one that it does not know."""
+    """The uncut system of a checked scenario. Raises DesatError for one that it does
+    not know."""
 
     def __init__(self, system: System) -> None:
         values = Values(system)
-        self._decimated = [c.name for c in system.components.values() if c.step_ratio != 1]
+        self._decimated = [
+            c.name for c in system.components.values() if c.step_ratio != 1
+        ]
         self.start, self.stop = system.start, system.stop
         self.sample = values.one("controller", "sample_time")
         self._values, self.plant = values, Plant(values)
         late = values.one("manager", "delay")
         self._delays = {
-            "controller": values.one("controller", "delay"), "manager": late, "wheels": late
-        }  # fmt: skip
+            "controller": values.one("controller", "delay"),
+            "manager": late,
+            "wheels": late,
+        }
         self._failed = int(values.one("wheels", "failed")) - 1
         self._failed_from = values.one("wheels", "failed_from")
         self._firings: list[tuple[float, float, Vec3]] = []
         if "thrusters" in values.known:
             begins, seconds, torque = (
-                values.many("thrusters", f"schedule_{n}") for n in ("start", "duration", "tau_body")
+                values.many("thrusters", f"schedule_{n}")
+                for n in ("start", "duration", "tau_body")
             )
             self._firings = [
                 (begin, begin + long, torque[3 * i : 3 * i + 3])
-                for i, (begin, long) in enumerate(zip(begins, seconds, strict=True)) if long > 0.0
-            ]  # fmt: skip
+                for i, (begin, long) in enumerate(zip(begins, seconds, strict=True))
+                if long > 0.0
+            ]
 
-    # --- what happens at known times ------------------------------------------------------------
+    # --- what happens at known times --------------------------------------------------
 
     def _edges(self) -> list[float]:
         """When firings begin and end, and when a wheel fails (s)."""
@@ -270,8 +301,8 @@ class Gyrostat:
         return replace(held, command=command, coils=coils)
 
     def _times(self, *grids: tuple[float, float]) -> list[float]:
-        """The edges from start to stop, and of each grid (s) all multiples and the times so much
-        (s) after them; each once."""
+        """The edges from start to stop, and of each grid (s) all multiples and the
+        times so much (s) after them; each once."""
         times = [*self._edges(), self.start, self.stop]
         for step, late in grids:
             first, last = (floor(x / step + 1e-6) for x in (self.start, self.stop))
@@ -279,7 +310,7 @@ class Gyrostat:
             times += [*samples, *(t + late for t in samples if late > 0.0)]
         return _once(times, self.start, self.stop)
 
-    # --- its solution ---------------------------------------------------------------------------
+    # --- its solution -----------------------------------------------------------------
 
     def ideal(self) -> Trajectory:
         """Without any delay: commands act from the sample they are computed from."""
@@ -287,8 +318,9 @@ class Gyrostat:
         y, held, coils = plant.start_state(), plant.start_held(), computers.coils
         grids = [
             (clock.sample_time, self._delays.get(role, 0.0))
-            for role, clock in computers.clocks.items() if clock.sample_time > 0.0
-        ]  # fmt: skip
+            for role, clock in computers.clocks.items()
+            if clock.sample_time > 0.0
+        ]
         rows = _Rows(plant, self.start, self.sample)
         rows.add(self.start, y, held)
         b = vector.ZERO
@@ -316,14 +348,17 @@ class Gyrostat:
     def delayed(self, step: float) -> Trajectory:
         """As a `jacobi` master with this step (s) makes it.
 
-        The controller's torque reaches the manager one step later, the manager's commands wheels
-        and torquers one later again, the magnetometer's field the manager one later; what wheels,
-        torquers and thrusters do reaches the body one step later. Raises DesatError where a wheel
-        comes to its limit, for stiction, pulsed coils, computers with a delay of their own, and
-        where components are decimated.
+        The controller's torque reaches the manager one step later, the manager's
+        commands wheels and torquers one later again, the magnetometer's field the
+        manager one later; what wheels, torquers and thrusters do reaches the body one
+        step later. Raises DesatError where a wheel comes to its limit, for stiction,
+        pulsed coils, computers with a delay of their own, and where components are
+        decimated.
         """
         if self._decimated:
-            raise DesatError(f"delays of decimated components: {', '.join(self._decimated)}")
+            raise DesatError(
+                f"delays of decimated components: {', '.join(self._decimated)}"
+            )
         one = self._values.one
         unknown = {
             "wheels.stiction": one("wheels", "stiction") > 0.0,
@@ -362,8 +397,12 @@ class Gyrostat:
             if computers.due("magnetometer", t):
                 b = computers.measure(t, y)
             now: list[Piece] = []
-            for first, last in pairwise(_once([*self._edges(), *late.edges(), t, end], t, end)):
-                held = replace(self._failure(first, y, held), thrust=self._thrust(first))
+            for first, last in pairwise(
+                _once([*self._edges(), *late.edges(), t, end], t, end)
+            ):
+                held = replace(
+                    self._failure(first, y, held), thrust=self._thrust(first)
+                )
                 held = self._commanded(y, held, command, coils)
                 y, held, pieces = advance(plant, first, last, y, held, late.at(first))
                 now += pieces
@@ -417,7 +456,9 @@ class _Rows:
     def add(self, t: float, y: State, held: Held, late: Late | None = None) -> None:
         """Keep the state at t (s), where a sample stands."""
         count = round((t - self.start) / self.sample)
-        if abs(t - self.start - count * self.sample) < SAME_TIME and count == len(self.rows):
+        if abs(t - self.start - count * self.sample) < SAME_TIME and count == len(
+            self.rows
+        ):
             self.rows.append((t, part(y, Q), *self.plant.motion(t, y, held, late)))
 
     def trajectory(self) -> Trajectory:

@@ -1,9 +1,11 @@
-"""The monolithic reference between two known times: DOP853, cut where a wheel does something.
+"""The monolithic reference between two known times: DOP853, cut where a wheel does
+something.
 
-A step that passes an event is made again up to it, so that no step of the integrator goes across a
-bend: a wheel comes to its limit, leaves it, turns through zero speed, stands there by stiction or
-breaks loose, or its motor comes to its limit with what it has learnt. Times known beforehand
-(samples, edges of pulses, failures) are the caller's.
+A step that passes an event is made again up to it, so that no step of the integrator
+goes across a bend: a wheel comes to its limit, leaves it, turns through zero speed,
+stands there by stiction or breaks loose, or its motor comes to its limit with what it
+has learnt. Times known beforehand (samples, edges of pulses, failures) are the
+caller's.
 """
 
 from __future__ import annotations
@@ -17,9 +19,22 @@ import numpy as np
 from desat.components.maths import attitude
 from desat.system.errors import DesatError
 
-from .reference_plant import LEARNT, STANDING, Array, H, Held, Late, Plant, Q, State, part
+from .reference_plant import (
+    LEARNT,
+    STANDING,
+    Array,
+    H,
+    Held,
+    Late,
+    Plant,
+    Q,
+    State,
+    part,
+)
 
-if TYPE_CHECKING:  # they take long to load, and all analyses are found by loading their modules
+if (
+    TYPE_CHECKING
+):  # they take long to load, and all analyses are found by loading their modules
     from scipy.integrate import DOP853, OdeSolution
 
 RTOL, ATOL = 1e-13, 1e-15
@@ -32,7 +47,8 @@ Events = Callable[[float, State], list[float]]
 
 @dataclass(frozen=True)
 class Piece:
-    """The solution between two events: from and until when (s), the state at a time, what held."""
+    """The solution between two events: from and until when (s), the state at a time,
+    what held."""
 
     begin: float
     end: float
@@ -43,11 +59,11 @@ class Piece:
 def advance(
     plant: Plant, t0: float, t1: float, y: State, held: Held, late: Late | None = None
 ) -> tuple[State, Held, list[Piece]]:
-    """The state at t1 and what holds then, from the state at t0; and the pieces on the way, with
-    their solutions where the body's forces are `late`.
+    """The state at t1 and what holds then, from the state at t0; and the pieces on the
+    way, with their solutions where the body's forces are `late`.
 
-    Raises DesatError where the integration fails, a wheel chatters, or one comes to its limit while
-    forces are late.
+    Raises DesatError where the integration fails, a wheel chatters, or one comes to its
+    limit while forces are late.
     """
     pieces: list[Piece] = []
     held = _settled(plant, t0, y, held)
@@ -55,9 +71,12 @@ def advance(
     for _ in range(MOST_EVENTS):
         end, y, event, solution = _solve(
             lambda t, x, held=held: plant.derivative(t, x, held, late),  # type: ignore[misc]
-            t0, t1, y, lambda t, x, held=held: watch.values(t, x, held, late),  # type: ignore[misc]
+            t0,
+            t1,
+            y,
+            lambda t, x, held=held: watch.values(t, x, held, late),  # type: ignore[misc]
             dense=late is not None,
-        )  # fmt: skip
+        )
         y[Q] = attitude.normalised(part(y, Q))
         y[H] = plant.motion(end, y, held, late)[1]
         pieces.append(Piece(t0, end, solution, held))
@@ -109,7 +128,7 @@ class _Watch:
         self.turning = [
             1.0 if i in plant.present and plant.speed(i, omega, h) >= 0.0 else -1.0
             for i in range(4)
-        ]  # fmt: skip
+        ]
         self.turn(held)
         self.within = [1.0 if self._spare(i, y) >= 0.0 else -1.0 for i in range(4)]
 
@@ -123,9 +142,9 @@ class _Watch:
         return self.plant.torque_limit - abs(y[11 + i] + y[15 + i])
 
     def values(self, t: float, y: State, held: Held, late: Late | None) -> list[float]:
-        """Of each wheel: the room to its limit, or where it is there the push beyond it, or where
-        it stands what stiction has left; its speed with the sign it had; what its motor has left.
-        Below zero each is an event."""
+        """Of each wheel: the room to its limit, or where it is there the push beyond
+        it, or where it stands what stiction has left; its speed with the sign it had;
+        what its motor has left. Below zero each is an event."""
         plant = self.plant
         omega, h = plant.motion(t, y, held, late)
         values = []
@@ -133,8 +152,14 @@ class _Watch:
             if held.pinned[i] == STANDING:
                 room = plant.stiction - abs(plant.pull(i, t, y, held))
             else:
-                room = plant.push(i, t, y, held) if held.pinned[i] else plant.room(i, omega, h)
-            bends = (plant.friction[1] > 0.0 or plant.stiction > 0.0) and not held.pinned[i]
+                room = (
+                    plant.push(i, t, y, held)
+                    if held.pinned[i]
+                    else plant.room(i, omega, h)
+                )
+            bends = (
+                plant.friction[1] > 0.0 or plant.stiction > 0.0
+            ) and not held.pinned[i]
             values += [
                 room,
                 self.turning[i] * plant.speed(i, omega, h) if bends else 1.0,
@@ -156,7 +181,7 @@ class _Watch:
             way = 1 if self.plant.pull(i, t, y, held) > 0.0 else -1
             return replace(
                 held, pinned=_with(held.pinned, i, 0), way=_with(held.way, i, way)
-            )  # fmt: skip
+            )
         else:
             side = 0 if held.pinned[i] else (1 if y[7 + i] > 0.0 else -1)
             return replace(held, pinned=_with(held.pinned, i, side))
@@ -164,10 +189,15 @@ class _Watch:
 
 
 def _solve(
-    slope: Callable[[float, State], State], t0: float, t1: float, y: State, events: Events,
+    slope: Callable[[float, State], State],
+    t0: float,
+    t1: float,
+    y: State,
+    events: Events,
     dense: bool,
-) -> tuple[float, State, int | None, OdeSolution | None]:  # fmt: skip
-    """Integrate to t1 or to the first event: time, state, its number, and the solution if dense."""
+) -> tuple[float, State, int | None, OdeSolution | None]:
+    """Integrate to t1 or to the first event: time, state, its number, and the solution
+    if dense."""
     from scipy.integrate import OdeSolution
 
     solver = _solver(slope, t0, t1, np.array(y))
@@ -178,15 +208,21 @@ def _solve(
         after = events(solver.t, solver.y.tolist())
         event = None
         if min(after, default=1.0) < 0.0:
-            end, event = _first(solver.dense_output(), events, start, solver.t, before, after)
+            end, event = _first(
+                solver.dense_output(), events, start, solver.t, before, after
+            )
             if end > start:
-                # a step's interpolant is less accurate than the step: found again without it
+                # a step's interpolant is less accurate than the step: found again
+                # without it
                 end = _root(
                     lambda t, i=event, start=start, state=state: events(  # type: ignore[misc]
                         t, _there(slope, start, t, state)
                     )[i],
-                    start, solver.t, before[event], after[event],
-                )  # fmt: skip
+                    start,
+                    solver.t,
+                    before[event],
+                    after[event],
+                )
                 solver = _solver(slope, start, end, state)
                 while solver.status == "running":
                     _step(solver)
@@ -194,7 +230,12 @@ def _solve(
                         times.append(solver.t)
                         parts.append(solver.dense_output())
             solution = OdeSolution(times, parts) if parts else None
-            return end, solver.y.tolist() if end > start else state.tolist(), event, solution
+            return (
+                end,
+                solver.y.tolist() if end > start else state.tolist(),
+                event,
+                solution,
+            )
         if dense:
             times.append(solver.t)
             parts.append(solver.dense_output())
@@ -202,13 +243,20 @@ def _solve(
     return t1, solver.y.tolist(), None, OdeSolution(times, parts) if parts else None
 
 
-def _solver(slope: Callable[[float, State], State], t0: float, t1: float, y: Array) -> DOP853:
+def _solver(
+    slope: Callable[[float, State], State], t0: float, t1: float, y: Array
+) -> DOP853:
     from scipy.integrate import DOP853
 
     return DOP853(
-        lambda t, x: np.array(slope(t, x.tolist())), t0, y, t1, rtol=RTOL, atol=ATOL,
+        lambda t, x: np.array(slope(t, x.tolist())),
+        t0,
+        y,
+        t1,
+        rtol=RTOL,
+        atol=ATOL,
         max_step=t1 - t0,
-    )  # fmt: skip
+    )
 
 
 def _step(solver: DOP853) -> None:
@@ -219,7 +267,7 @@ def _step(solver: DOP853) -> None:
 
 def _there(
     slope: Callable[[float, State], State], start: float, end: float, y: Array
-) -> State:  # fmt: skip
+) -> State:
     """The state at the end."""
     solver = _solver(slope, start, end, y)
     while solver.status == "running":
@@ -229,23 +277,38 @@ def _there(
 
 
 def _root(
-    value: Callable[[float], float], start: float, end: float, at_start: float, at_end: float
-) -> float:  # fmt: skip
-    """Where a value passes zero, its ends known: an interpolant's may round to the other side."""
+    value: Callable[[float], float],
+    start: float,
+    end: float,
+    at_start: float,
+    at_end: float,
+) -> float:
+    """Where a value passes zero, its ends known: an interpolant's may round to the
+    other side."""
     from scipy.optimize import brentq
 
     ends = {start: at_start, end: at_end}
     return float(
-        brentq(lambda t: ends[t] if t in ends else value(t), start, end,
-               xtol=1e-14 * max(1.0, abs(end)), rtol=1e-15)
-    )  # fmt: skip
+        brentq(
+            lambda t: ends[t] if t in ends else value(t),
+            start,
+            end,
+            xtol=1e-14 * max(1.0, abs(end)),
+            rtol=1e-15,
+        )
+    )
 
 
 def _first(
-    between: Callable[[float], Array], events: Events, start: float, end: float,
-    before: list[float], after: list[float],
-) -> tuple[float, int]:  # fmt: skip
-    """Time and number of the first of the events that a step from start to end has passed."""
+    between: Callable[[float], Array],
+    events: Events,
+    start: float,
+    end: float,
+    before: list[float],
+    after: list[float],
+) -> tuple[float, int]:
+    """Time and number of the first of the events that a step from start to end has
+    passed."""
 
     def when(i: int) -> float:
         if before[i] <= 0.0:

@@ -1,17 +1,17 @@
-"""The continuous part of the monolithic reference: a gyrostat on an orbit, as one system of
-ordinary differential equations.
+"""The continuous part of the monolithic reference: a gyrostat on an orbit, as one
+system of ordinary differential equations.
 
-The state, in the order of the slices below: attitude q; total angular momentum L (N m s, body);
-of the wheels the momenta h (N m s), motor torques T (N m) and learnt friction (N m); dipole m
-(A m2).
+The state, in the order of the slices below: attitude q; total angular momentum L (N m
+s, body); of the wheels the momenta h (N m s), motor torques T (N m) and learnt friction
+(N m); dipole m (A m2).
 
     q' = 1/2 Omega(omega) q,     L' = torque - omega x L,     omega = J_r^-1 (L - A h)
     h' = T + learnt - friction(Omega),     T' = (command - T) / lag,     m' = (command - m) / lag
     learnt' = compensation (friction - learnt),     Omega = h / J_s - g.omega
 
-A wheel at its limit is pinned: Omega = +-speed_limit, as long as its torque would go beyond it.
-With stiction friction is dry, c_v Omega +- c_c, and a wheel that it has stopped is pinned at
-Omega = 0 as long as |T - J_s (g.omega)'| <= stiction.
+A wheel at its limit is pinned: Omega = +-speed_limit, as long as its torque would go
+beyond it. With stiction friction is dry, c_v Omega +- c_c, and a wheel that it has
+stopped is pinned at Omega = 0 as long as |T - J_s (g.omega)'| <= stiction.
 """
 
 from __future__ import annotations
@@ -41,8 +41,8 @@ from desat.system.model import System
 
 @dataclass(frozen=True)
 class Known:
-    """A role: its block, the parameters (and given inputs) used, fixed ones, those without effect
-    on the motion, and how its inputs must be wired."""
+    """A role: its block, the parameters (and given inputs) used, fixed ones, those
+    without effect on the motion, and how its inputs must be wired."""
 
     block: str
     used: str
@@ -114,7 +114,8 @@ THRUSTERS = Known(
     {},
     "tau_level arm sample_time least_pulse least_on_time placement specific_impulse",
 )
-"""May be missing. The manager of torquers alone never commands them: they fire by schedule."""
+"""May be missing. The manager of torquers alone never commands them: they fire by
+schedule."""
 THRUSTER_WIRES = " thrusters.tau_mean_thruster_body thrusters.tau_slope_thruster_body"
 
 NO_FIELD, DIPOLE = range(2)
@@ -128,16 +129,22 @@ class Values:
 
     def __init__(self, system: System) -> None:
         self._system = system
-        self.known = KNOWN | ({"thrusters": THRUSTERS} if "thrusters" in system.components else {})
+        self.known = KNOWN | (
+            {"thrusters": THRUSTERS} if "thrusters" in system.components else {}
+        )
         problems = [*self._components()] or [*self._parameters(), *self._wires()]
         problems = problems or [*self._choices()]
         if problems:
-            raise DesatError("\n".join(f"{system.where}: the reference {p}" for p in problems))
+            raise DesatError(
+                "\n".join(f"{system.where}: the reference {p}" for p in problems)
+            )
 
     def many(self, role: str, name: str) -> Any:
         """The values of a parameter, or of an input's start, as floats in a tuple."""
         value = self._system.components[role].values.get(name, ())
-        return tuple(float(x) for x in (value if isinstance(value, (list, tuple)) else [value]))
+        return tuple(
+            float(x) for x in (value if isinstance(value, (list, tuple)) else [value])
+        )
 
     def has(self, role: str, name: str) -> bool:
         """True when a role's block declares a variable."""
@@ -153,7 +160,9 @@ class Values:
         components = self._system.components
         for role, known in self.known.items():
             component = components.get(role)
-            model = component.interface.model if component and component.interface else None
+            model = (
+                component.interface.model if component and component.interface else None
+            )
             if model != known.block:
                 yield f"needs {role} = {known.block}, there is {model or 'none'}"
         for name in components.keys() - self.known.keys():
@@ -166,7 +175,10 @@ class Values:
             free = {*known.used.split(), *known.idle.split()}
             for signal in component.interface.signals.values():
                 name = signal.array
-                given = signal.causality == "parameter" or signal.name in component.parameters
+                given = (
+                    signal.causality == "parameter"
+                    or signal.name in component.parameters
+                )
                 if not given or name in free:
                     continue
                 wanted, value = (
@@ -181,7 +193,9 @@ class Values:
         wired = {(c.target, f"{c.source}.{c.output_array}") for c in connections}
         for role, known in self.known.items():
             wires = known.wires + (
-                THRUSTER_WIRES if role == "spacecraft" and "thrusters" in self.known else ""
+                THRUSTER_WIRES
+                if role == "spacecraft" and "thrusters" in self.known
+                else ""
             )
             for wire in wires.split():
                 if (role, wire) not in wired:
@@ -206,8 +220,13 @@ Array = NDArray[np.float64]
 State = list[float]
 
 Q, L, H, MOTOR, LEARNT, M = (
-    slice(0, 4), slice(4, 7), slice(7, 11), slice(11, 15), slice(15, 19), slice(19, 22)
-)  # fmt: skip
+    slice(0, 4),
+    slice(4, 7),
+    slice(7, 11),
+    slice(11, 15),
+    slice(15, 19),
+    slice(19, 22),
+)
 SAME_TIME = 1e-9
 """Times nearer than this (s) are one."""
 NO_WHEEL = -1
@@ -235,7 +254,8 @@ class Held:
     pinned: tuple[int, ...] = (0, 0, 0, 0)
     """Of each wheel: +1 or -1 at its limit, STANDING by stiction, 0 free."""
     way: tuple[int, ...] = (0, 0, 0, 0)
-    """Of each wheel: which way dry friction takes it to move, +1 or -1; 0: it stands."""
+    """Of each wheel: which way dry friction takes it to move, +1 or -1; 0: it stands.
+    """
 
 
 @dataclass(frozen=True)
@@ -256,20 +276,29 @@ class Plant:
         self.axes = many("spacecraft", "axes_wheel")
         self.spin = many("spacecraft", "inertia_wheel")
         self.carrier = carrier_inertia(self.inertia, self.axes, self.spin)
-        self.columns = tuple((self.axes[i], self.axes[4 + i], self.axes[8 + i]) for i in WHEELS)
+        self.columns = tuple(
+            (self.axes[i], self.axes[4 + i], self.axes[8 + i]) for i in WHEELS
+        )
         self.present = tuple(i for i in WHEELS if self.spin[i] > 0.0)
         self.h_limit = tuple(j * one("wheels", "speed_limit") for j in self.spin)
         self.friction = (
-            one("wheels", "viscous"), one("wheels", "coulomb"), one("wheels", "friction_speed")
-        )  # fmt: skip
+            one("wheels", "viscous"),
+            one("wheels", "coulomb"),
+            one("wheels", "friction_speed"),
+        )
         self.compensation = one("wheels", "compensation")
         self.stiction = one("wheels", "stiction")
         self.torque_limit = one("wheels", "torque_limit")
-        self.motor_lag, self.coil_lag = one("wheels", "motor_lag"), one("torquers", "lag")
+        self.motor_lag, self.coil_lag = (
+            one("wheels", "motor_lag"),
+            one("torquers", "lag"),
+        )
         self.gravity_gradient = bool(one("spacecraft", "gravity_gradient"))
         self.constant = many("spacecraft", "tau_disturbance_body")
         self.residual_dipole = many("spacecraft", "residual_dipole_body")
-        self._inverse: dict[tuple[int, ...], Any] = {(0, 0, 0, 0): vector.inverse(self.carrier)}
+        self._inverse: dict[tuple[int, ...], Any] = {
+            (0, 0, 0, 0): vector.inverse(self.carrier)
+        }
         self._orbit(values)
         self._q = attitude.normalised(many("spacecraft", "q_start_bi"))
         self._omega = many("spacecraft", "omega_start_body")
@@ -280,12 +309,18 @@ class Plant:
             return values.one("environment", name)
 
         self._a, self._e, self._mean_anomaly = (
-            of("semi_major_axis"), of("eccentricity"), of("mean_anomaly")
-        )  # fmt: skip
+            of("semi_major_axis"),
+            of("eccentricity"),
+            of("mean_anomaly"),
+        )
         self._n = mean_motion(self._a, of("mu"))
-        self._plane = perifocal_axes(of("inclination"), of("raan"), of("argument_of_perigee"))
+        self._plane = perifocal_axes(
+            of("inclination"), of("raan"), of("argument_of_perigee")
+        )
         given = bool(of("earth_angle"))
-        self._angle = of("earth_angle_start") if given else earth_angle(of("epoch_j2000"))
+        self._angle = (
+            of("earth_angle_start") if given else earth_angle(of("epoch_j2000"))
+        )
         self._earth_rate = of("earth_rate")
         dipole = values.many("environment", "dipole_earth")
         self._dipole: Vec3 = dipole if of("field") == DIPOLE else vector.ZERO
@@ -297,7 +332,9 @@ class Plant:
 
     def field(self, t: float, r: Vec3) -> Vec3:
         """Geomagnetic field (T, eci) at t (s) and r (m)."""
-        turn = vector.rotation_about((0.0, 0.0, self._angle + self._earth_rate * t), 1.0)
+        turn = vector.rotation_about(
+            (0.0, 0.0, self._angle + self._earth_rate * t), 1.0
+        )
         return geomagnetic.dipole(r, vector.mat_vec(turn, self._dipole))
 
     def start_state(self) -> State:
@@ -316,16 +353,22 @@ class Plant:
     def inverse(self, pinned: tuple[int, ...]) -> Any:
         """The inverse of the inertia that turns with the body, pinned wheels included."""
         if pinned not in self._inverse:
-            held = tuple(-j if p else 0.0 for p, j in zip(pinned, self.spin, strict=True))
+            held = tuple(
+                -j if p else 0.0 for p, j in zip(pinned, self.spin, strict=True)
+            )
             turning = carrier_inertia(self.carrier, self.axes, held)  # type: ignore[arg-type]
             self._inverse[pinned] = vector.inverse(turning)
         return self._inverse[pinned]
 
-    def motion(self, t: float, y: State, held: Held, late: Late | None = None) -> tuple[Vec3, Vec4]:
+    def motion(
+        self, t: float, y: State, held: Held, late: Late | None = None
+    ) -> tuple[Vec3, Vec4]:
         """The body's rate (rad/s) and the wheels' momentum (N m s) in a state."""
         h, pinned = part(y, H), held.pinned
         if late is not None:
-            omega = vector.sub(part(y, L), wheel_array.body_momentum(self.axes, late.h(t)))
+            omega = vector.sub(
+                part(y, L), wheel_array.body_momentum(self.axes, late.h(t))
+            )
             return vector.mat_vec(self.inverse((0, 0, 0, 0)), omega), h
         if any(pinned):
             h = tuple(self._pinned(i, pinned[i]) if pinned[i] else h[i] for i in WHEELS)
@@ -333,7 +376,12 @@ class Plant:
         omega = vector.mat_vec(self.inverse(pinned), left)
         if any(pinned):
             h = tuple(
-                h[i] + (self.spin[i] * vector.dot(self.columns[i], omega) if pinned[i] else 0.0)
+                h[i]
+                + (
+                    self.spin[i] * vector.dot(self.columns[i], omega)
+                    if pinned[i]
+                    else 0.0
+                )
                 for i in WHEELS
             )
         return omega, h
@@ -350,20 +398,24 @@ class Plant:
 
     def rotor(
         self, i: int, y: State, omega: Vec3, h: Vec4, held: Held
-    ) -> tuple[float, float]:  # fmt: skip
-        """The torque (N m) on a free rotor, and the slope of what its loop has learnt (N m/s)."""
+    ) -> tuple[float, float]:
+        """The torque (N m) on a free rotor, and the slope of what its loop has learnt
+        (N m/s)."""
         speed, (viscous, coulomb, _) = self.speed(i, omega, h), self.friction
         drag = (
-            viscous * speed + coulomb * held.way[i] if self.stiction > 0.0
+            viscous * speed + coulomb * held.way[i]
+            if self.stiction > 0.0
             else friction(speed, *self.friction)
-        )  # fmt: skip
+        )
         torque, learnt = y[11 + i], y[15 + i]
         drive = torque
         if self.compensation > 0.0:
             drive = min(max(torque + learnt, -self.torque_limit), self.torque_limit)
         return drive - drag, self.compensation * (drag - learnt)
 
-    def derivative(self, t: float, y: State, held: Held, late: Late | None = None) -> State:
+    def derivative(
+        self, t: float, y: State, held: Held, late: Late | None = None
+    ) -> State:
         """dy/dt."""
         omega, h = self.motion(t, y, held, late)
         x, v, z, w = q = part(y, Q)
@@ -378,7 +430,9 @@ class Plant:
             place = self.place(t)
             if self.gravity_gradient:
                 body = attitude.rotate(q, place)
-                torque = vector.add(torque, torques.gravity_gradient(body, self.inertia))
+                torque = vector.add(
+                    torque, torques.gravity_gradient(body, self.inertia)
+                )
             if any(dipole):
                 b = attitude.rotate(q, self.field(t, place))
                 torque = vector.add(torque, vector.cross(dipole, b))
@@ -401,9 +455,11 @@ class Plant:
             *dh,
             *d_motor,
             *d_learnt,
-            *((c - m) / lag if lag > 0.0 else 0.0
-              for c, m in zip(held.coils, own_dipole, strict=True)),
-        ]  # fmt: skip
+            *(
+                (c - m) / lag if lag > 0.0 else 0.0
+                for c, m in zip(held.coils, own_dipole, strict=True)
+            ),
+        ]
 
     def push(self, i: int, t: float, y: State, held: Held) -> float:
         """The torque (N m) with which a wheel at its limit would go beyond it."""
@@ -418,7 +474,9 @@ class Plant:
     def _turning(self, i: int, t: float, y: State, held: Held) -> float:
         """The torque (N m) that turns rotor i with the body, J_s (g.omega)'."""
         rates = self.derivative(t, y, held)
-        left = vector.sub(part(rates, L), wheel_array.body_momentum(self.axes, part(rates, H)))
+        left = vector.sub(
+            part(rates, L), wheel_array.body_momentum(self.axes, part(rates, H))
+        )
         turning = vector.mat_vec(self.inverse(held.pinned), left)
         torque: float = self.spin[i] * vector.dot(self.columns[i], turning)
         return torque

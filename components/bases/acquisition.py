@@ -1,5 +1,6 @@
-"""What managers that detumble a craft and start up its pitch-bias wheel have in common: the phases
-and why they change, the field's rate, what is not valid, the limits of the commands."""
+"""What managers that detumble a craft and start up its pitch-bias wheel have in common:
+the phases and why they change, the field's rate, what is not valid, the limits of the
+commands."""
 
 from __future__ import annotations
 
@@ -16,7 +17,9 @@ from ..maths.vector import ZERO, clip
 
 IDLE, DUMPING = range(2)
 DETUMBLING, PITCH_SPIN, WHEEL_RAMP, MOMENTUM_DUMP, THREE_AXIS, DONE = range(6)
-START, CONDITION_MET, TIME_LIMIT, LOST, NO_FIELD, NO_RATE, NO_ATTITUDE, NO_MOMENTUM = range(8)
+START, CONDITION_MET, TIME_LIMIT, LOST, NO_FIELD, NO_RATE, NO_ATTITUDE, NO_MOMENTUM = (
+    range(8)
+)
 DIFFERENCE, FILTERED = range(2)
 
 LONGEST_SAMPLE_TIME = 2.0
@@ -24,9 +27,11 @@ LONGEST_SAMPLE_TIME = 2.0
 
 
 class Acquisition(Manager, WheelAxes):
-    """Base of managers that go through phases: a block gives `sequence`, `act` and `rate`.
+    """Base of managers that go through phases: a block gives `sequence`, `act` and
+    `rate`.
 
-    The wheel's axis is +y or -y of the body; its momentum h and `h_nominal` count along -y.
+    The wheel's axis is +y or -y of the body; its momentum h and `h_nominal` count along
+    -y.
 
     **Phases** (`phase`, of which a block uses some) end when
 
@@ -35,11 +40,11 @@ class Acquisition(Manager, WheelAxes):
     - wheel_ramp, momentum_dump: h is at least `momentum_share` of h_nominal;
     - three_axis: the pointing error is below `pointing_limit`, for `hold_time`;
 
-    or after their `time_limit`. A rate above `rate_lost` (of roll and yaw only, while the craft
-    spins) leads back to the first phase, from which a wheel that is full already goes on without
-    spin and ramp. `reason` says why the phase changed last, or, while a measurement that the phase
-    needs is not valid, which: its law then does without, and no condition is met by values that
-    are not valid.
+    or after their `time_limit`. A rate above `rate_lost` (of roll and yaw only, while
+    the craft spins) leads back to the first phase, from which a wheel that is full
+    already goes on without spin and ramp. `reason` says why the phase changed last, or,
+    while a measurement that the phase needs is not valid, which: its law then does
+    without, and no condition is met by values that are not valid.
 
     **Field rate.** `difference`: eq. 2 of paper 003, from two valid samples one after the other,
     so that the first gives none; `filtered`: a first-order low-pass of it, of `cut_off`.
@@ -49,54 +54,118 @@ class Acquisition(Manager, WheelAxes):
     brakes = True
 
     sample_time: float = Parameter(
-        "s", "time between samples, a multiple of the step; at most 2 s", start=1.0, min=0.0
+        "s",
+        "time between samples, a multiple of the step; at most 2 s",
+        start=1.0,
+        min=0.0,
     )
     axes_wheel: Mat34 = Parameter(
-        "1", "columns: the wheels' axes, body; one along +y or -y, the others zero",
-        start=(0.0, 0.0, 0.0, 0.0, -1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0), shared=True,
-    )  # fmt: skip
-    m_limit: float = Parameter("A.m2", "largest dipole of each axis", start=2.0, min=0.0,
-                               follows="torquers.m_limit")  # fmt: skip
-    torque_limit: float = Parameter("N.m", "largest torque command to the wheel", start=5e-3,
-                                    min=0.0, follows="wheels.torque_limit")  # fmt: skip
-    h_limit: float = Parameter("N.m.s", "momentum beyond which the wheel is not driven",
-                               start=0.18, min=1e-9,
-                               follows="wheels.inertia_wheel * wheels.speed_limit")  # fmt: skip
-    h_nominal: float = Parameter("N.m.s", "wanted momentum of the wheel, along -y", start=0.09,
-                                 min=0.0)  # fmt: skip
-    field_rate: int = Parameter("1", "how the field's rate is formed",
-                                choices=("difference", "filtered"), start="difference")  # fmt: skip
-    cut_off: float = Parameter("rad/s", "filtered: of the low-pass", start=0.5, min=1e-6)
+        "1",
+        "columns: the wheels' axes, body; one along +y or -y, the others zero",
+        start=(0.0, 0.0, 0.0, 0.0, -1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
+        shared=True,
+    )
+    m_limit: float = Parameter(
+        "A.m2",
+        "largest dipole of each axis",
+        start=2.0,
+        min=0.0,
+        follows="torquers.m_limit",
+    )
+    torque_limit: float = Parameter(
+        "N.m",
+        "largest torque command to the wheel",
+        start=5e-3,
+        min=0.0,
+        follows="wheels.torque_limit",
+    )
+    h_limit: float = Parameter(
+        "N.m.s",
+        "momentum beyond which the wheel is not driven",
+        start=0.18,
+        min=1e-9,
+        follows="wheels.inertia_wheel * wheels.speed_limit",
+    )
+    h_nominal: float = Parameter(
+        "N.m.s", "wanted momentum of the wheel, along -y", start=0.09, min=0.0
+    )
+    field_rate: int = Parameter(
+        "1",
+        "how the field's rate is formed",
+        choices=("difference", "filtered"),
+        start="difference",
+    )
+    cut_off: float = Parameter(
+        "rad/s", "filtered: of the low-pass", start=0.5, min=1e-6
+    )
     rate_limit: float = Parameter(
         "rad/s", "detumbled: every rate below", start=3e-3, min=1e-9, usual=SPIN
     )
-    hold_time: float = Parameter("s", "so long, before detumbling or three_axis ends", min=0.0)
-    spin_target: float = Parameter("rad/s", "pitch rate of the spin", start=-0.31, usual=SPIN)
+    hold_time: float = Parameter(
+        "s", "so long, before detumbling or three_axis ends", min=0.0
+    )
+    spin_target: float = Parameter(
+        "rad/s", "pitch rate of the spin", start=-0.31, usual=SPIN
+    )
     spin_error: float = Parameter(
         "rad/s", "pitch spin: error of the rate", start=3e-3, min=1e-9, usual=SPIN
     )
-    momentum_share: float = Parameter("1", "of h_nominal, at which a wheel phase ends",
-                                      start=0.995, min=0.0)  # fmt: skip
+    momentum_share: float = Parameter(
+        "1", "of h_nominal, at which a wheel phase ends", start=0.995, min=0.0
+    )
     pointing_limit: float = Parameter(
-        "rad", "three_axis: pointing error below", start=0.17453292519943295, min=1e-6, usual=TURN
+        "rad",
+        "three_axis: pointing error below",
+        start=0.17453292519943295,
+        min=1e-6,
+        usual=TURN,
     )
     rate_lost: float = Parameter(
         "rad/s", "lost: a rate above; 0: never", start=0.15, min=0.0, usual=SPIN
     )
-    time_limit: Table = Parameter("s", "of detumbling, pitch_spin, wheel_ramp, momentum_dump, "
-                                  "three_axis; 0: none", shape=(5,), min=0.0)  # fmt: skip
-    experiment: bool = Parameter("1", "true: a sample time at which the laws fail is accepted")
-    mode: int = Output("1", "what the manager does", interval=True, choices=("idle", "dumping"))
+    time_limit: Table = Parameter(
+        "s",
+        "of detumbling, pitch_spin, wheel_ramp, momentum_dump, three_axis; 0: none",
+        shape=(5,),
+        min=0.0,
+    )
+    experiment: bool = Parameter(
+        "1", "true: a sample time at which the laws fail is accepted"
+    )
+    mode: int = Output(
+        "1", "what the manager does", interval=True, choices=("idle", "dumping")
+    )
     phase: int = Output(
-        "1", "phase of the acquisition", interval=True,
-        choices=("detumbling", "pitch_spin", "wheel_ramp", "momentum_dump", "three_axis", "done"),
-    )  # fmt: skip
+        "1",
+        "phase of the acquisition",
+        interval=True,
+        choices=(
+            "detumbling",
+            "pitch_spin",
+            "wheel_ramp",
+            "momentum_dump",
+            "three_axis",
+            "done",
+        ),
+    )
     reason: int = Output(
-        "1", "why the phase changed, or what its law does without", interval=True,
-        choices=("start", "condition_met", "time_limit", "lost", "no_field", "no_rate",
-                 "no_attitude", "no_momentum"),
-    )  # fmt: skip
-    coil_saturated: bool = Output("1", "true: a dipole command is at its limit", interval=True)
+        "1",
+        "why the phase changed, or what its law does without",
+        interval=True,
+        choices=(
+            "start",
+            "condition_met",
+            "time_limit",
+            "lost",
+            "no_field",
+            "no_rate",
+            "no_attitude",
+            "no_momentum",
+        ),
+    )
+    coil_saturated: bool = Output(
+        "1", "true: a dipole command is at its limit", interval=True
+    )
 
     def start(self) -> None:
         super().start()
@@ -114,7 +183,11 @@ class Acquisition(Manager, WheelAxes):
         self.mode = IDLE
 
     def foresee(self, begin: float, end: float, wired: frozenset[str]) -> Iterator[str]:
-        later = ("q_bi", "q_ref_bi", "h_wheel", "tau_cmd_wheel") if len(self._sequence) > 2 else ()
+        later = (
+            ("q_bi", "q_ref_bi", "h_wheel", "tau_cmd_wheel")
+            if len(self._sequence) > 2
+            else ()
+        )
         for name in dict.fromkeys((*self.for_rate(), *later)):
             if name not in wired:
                 yield f"{name} is not wired: the law of {self._phases()} is of no use without it"
@@ -132,24 +205,34 @@ class Acquisition(Manager, WheelAxes):
             )
         present = tuple(i for i in range(4) if any(self.axes_wheel[i::4]))
         if len(present) != 1:
-            self.fail(f"axes_wheel has {len(present)} wheels; one along +y or -y is needed")
+            self.fail(
+                f"axes_wheel has {len(present)} wheels; one along +y or -y is needed"
+            )
         self._wheel = present[0]
         axis = self.axes_wheel[self._wheel :: 4]
         if axis not in ((0.0, 1.0, 0.0), (0.0, -1.0, 0.0)):
             self.fail(f"axes_wheel: the wheel's axis {axis} is not along +y or -y")
         self._along = -axis[1]  # +1: the wheel's momentum counts as h does
         if self.h_nominal > self.h_limit:
-            self.fail(f"h_nominal = {self.h_nominal} N m s is beyond h_limit = {self.h_limit}")
+            self.fail(
+                f"h_nominal = {self.h_nominal} N m s is beyond h_limit = {self.h_limit}"
+            )
         if self.momentum_share * self.h_nominal > self.h_limit:
-            self.fail(f"momentum_share = {self.momentum_share} of h_nominal is beyond h_limit = "
-                      f"{self.h_limit} N m s: it is never reached")  # fmt: skip
+            self.fail(
+                f"momentum_share = {self.momentum_share} of h_nominal is beyond h_limit = "
+                f"{self.h_limit} N m s: it is never reached"
+            )
         if 0.0 < self.rate_lost <= self.rate_limit:
-            self.fail(f"rate_lost = {self.rate_lost} rad/s is not above rate_limit = "
-                      f"{self.rate_limit}: detumbling would never be over")  # fmt: skip
+            self.fail(
+                f"rate_lost = {self.rate_lost} rad/s is not above rate_limit = "
+                f"{self.rate_limit}: detumbling would never be over"
+            )
         for phase in (DETUMBLING, THREE_AXIS):
             if 0.0 < self.time_limit[phase] <= self.hold_time:
-                self.fail(f"hold_time = {self.hold_time} s is not below time_limit[{phase + 1}] = "
-                          f"{self.time_limit[phase]} s: it cannot be held so long")  # fmt: skip
+                self.fail(
+                    f"hold_time = {self.hold_time} s is not below time_limit[{phase + 1}] = "
+                    f"{self.time_limit[phase]} s: it cannot be held so long"
+                )
 
     @abstractmethod
     def sequence(self) -> tuple[int, ...]:
@@ -157,18 +240,21 @@ class Acquisition(Manager, WheelAxes):
 
     @abstractmethod
     def act(self, phase: int) -> int:
-        """Command the actuators by the law of a phase; what it does without (NO_...), or START."""
+        """Command the actuators by the law of a phase; what it does without (NO_...),
+        or START."""
 
     @abstractmethod
     def rate(self) -> Vec3 | None:
-        """The body's rate (rad/s, body) that the conditions look at; None where it is not known."""
+        """The body's rate (rad/s, body) that the conditions look at; None where it is
+        not known."""
 
     def for_rate(self) -> tuple[str, ...]:
         """The inputs that detumbling and the rate need, beside the field's."""
         return ("omega_bi_body",)
 
     def sense(self, t: float) -> None:
-        """What a block makes of the measurements at a sample, before the phase is looked at."""
+        """What a block makes of the measurements at a sample, before the phase is
+        looked at."""
 
     def compute(self, t: float, dt: float) -> None:
         if not self.due(t):
@@ -187,8 +273,8 @@ class Acquisition(Manager, WheelAxes):
         self.mode = DUMPING if on else IDLE
 
     def _take_field(self, t: float) -> None:
-        """The field and its rate at this sample; nothing is made from samples that are not valid,
-        nor across them."""
+        """The field and its rate at this sample; nothing is made from samples that are
+        not valid, nor across them."""
         if not self.valid_b:
             self._b = self._b_rate = None
             return
@@ -201,7 +287,7 @@ class Acquisition(Manager, WheelAxes):
             self._b_rate = now
         self._b, self._b_time = b, t
 
-    # --- phases -------------------------------------------------------------------------------
+    # --- phases -----------------------------------------------------------------------
 
     def _follow(self, t: float) -> None:
         """Change the phase where it is due."""
@@ -219,7 +305,9 @@ class Acquisition(Manager, WheelAxes):
     def _next(self, phase: int) -> int:
         following = self._sequence[self._sequence.index(phase) + 1]
         # after a loss the wheel may be full: it has no spin to take then
-        return THREE_AXIS if following == PITCH_SPIN and self._is_filled() else following
+        return (
+            THREE_AXIS if following == PITCH_SPIN and self._is_filled() else following
+        )
 
     def _enter(self, t: float, phase: int, why: int) -> None:
         self.phase, self._changed = phase, why
@@ -234,9 +322,15 @@ class Acquisition(Manager, WheelAxes):
         return largest > self.rate_lost
 
     def _is_met(self, t: float, phase: int) -> bool:
-        """True when the condition of a phase is met, and has been for as long as it must."""
-        condition = (self._is_slow, self._is_spun, self._is_filled, self._is_filled,
-                     self._is_pointing)[phase]  # fmt: skip
+        """True when the condition of a phase is met, and has been for as long as it
+        must."""
+        condition = (
+            self._is_slow,
+            self._is_spun,
+            self._is_filled,
+            self._is_filled,
+            self._is_pointing,
+        )[phase]
         if not condition():
             self._held_since = -1.0
             return False
@@ -258,9 +352,11 @@ class Acquisition(Manager, WheelAxes):
         return self.valid_h and self.h() >= self.momentum_share * self.h_nominal
 
     def _is_pointing(self) -> bool:
-        return self.valid_q and error_angle(self.q_bi, self.q_ref_bi) < self.pointing_limit
+        return (
+            self.valid_q and error_angle(self.q_bi, self.q_ref_bi) < self.pointing_limit
+        )
 
-    # --- what laws take, and what they give ---------------------------------------------------
+    # --- what laws take, and what they give -------------------------------------------
 
     def h(self) -> float:
         """The wheel's measured momentum along -y (N m s)."""
@@ -271,7 +367,8 @@ class Acquisition(Manager, WheelAxes):
         return self.relative(self.omega_bi_body)
 
     def relative(self, omega: Vec3) -> Vec3:
-        """A rate (rad/s, body) relative to the reference frame, by the measured attitude."""
+        """A rate (rad/s, body) relative to the reference frame, by the measured
+        attitude."""
         _, rate = tracking_error(self.q_bi, omega, self.q_ref_bi, self.omega_ref_body)
         return rate
 
@@ -284,8 +381,9 @@ class Acquisition(Manager, WheelAxes):
         return self.of_reference(PITCH_BIAS)
 
     def give(self, m: Vec3, torque: float) -> None:
-        """Command a dipole (A m2, body) and a torque of the wheel on the body about +y (N m),
-        within their limits; no torque that drives the wheel further beyond `h_limit`."""
+        """Command a dipole (A m2, body) and a torque of the wheel on the body about +y
+        (N m), within their limits; no torque that drives the wheel further beyond
+        `h_limit`."""
         self.m_cmd_body = clip(m, self.m_limit)
         self.coil_saturated = any(abs(x) >= self.m_limit for x in m)
         torque = within(torque, self.torque_limit)
@@ -294,5 +392,8 @@ class Acquisition(Manager, WheelAxes):
         u = self._along * torque
         w = self._wheel
         self.tau_cmd_wheel = (
-            u if w == 0 else 0.0, u if w == 1 else 0.0, u if w == 2 else 0.0, u if w == 3 else 0.0,
-        )  # fmt: skip
+            u if w == 0 else 0.0,
+            u if w == 1 else 0.0,
+            u if w == 2 else 0.0,
+            u if w == 3 else 0.0,
+        )

@@ -1,4 +1,5 @@
-"""What managers of a boom-stabilised craft have in common: where it is, and what is lost."""
+"""What managers of a boom-stabilised craft have in common: where it is, and what is
+lost."""
 
 from __future__ import annotations
 
@@ -19,17 +20,20 @@ Z_AXIS: Vec3 = (0.0, 0.0, 1.0)
 class Boom(Manager, WheelAxes):
     """Base of managers of a craft with a boom: a block adds `act` and `hold`.
 
-    A measurement that is not valid is not used. Without a valid field, attitude or rate the coils
-    are off and the wheels only hold the rate: relative to the reference as if the craft stood in
-    it where the attitude is what is missing; without a valid rate they keep their momentum.
+    A measurement that is not valid is not used. Without a valid field, attitude or rate
+    the coils are off and the wheels only hold the rate: relative to the reference as if
+    the craft stood in it where the attitude is what is missing; without a valid rate
+    they keep their momentum.
     """
 
     no_law = "it keeps a craft upright on a boom: attitude and momentum are one law of that craft"
 
     reason: int = Output(
-        "1", "what is lost at this sample", interval=True,
+        "1",
+        "what is lost at this sample",
+        interval=True,
         choices=("nothing", "no_field", "no_attitude", "no_rate", "no_momentum"),
-    )  # fmt: skip
+    )
 
     _a: Mat33
     _rate: Vec3
@@ -44,8 +48,9 @@ class Boom(Manager, WheelAxes):
 
     @abstractmethod
     def act(self, t: float) -> None:
-        """Command wheels and coils (`give`) at a sample whose field, attitude and rate are valid:
-        `_a` takes vectors from the reference to body, `_rate` (rad/s, body) is relative to it."""
+        """Command wheels and coils (`give`) at a sample whose field, attitude and rate
+        are valid: `_a` takes vectors from the reference to body, `_rate` (rad/s, body)
+        is relative to it."""
 
     @abstractmethod
     def hold(self, t: float) -> Vec3:
@@ -83,7 +88,8 @@ class Boom(Manager, WheelAxes):
         self.tau_cmd_wheel = to_wheels(self._to_wheels, (-x, -y, -z))
 
     def momentum(self) -> Vec3:
-        """The wheels' momentum (N m s, body) less its target; zero while it is not valid."""
+        """The wheels' momentum (N m s, body) less its target; zero while it is not
+        valid."""
         if not self.valid_h:
             return ZERO
         return sub(body_momentum(self.axes_wheel, self.h_wheel), self.h_target_body)

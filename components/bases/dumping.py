@@ -1,5 +1,5 @@
-"""What managers that dump momentum at samples have in common: the wheels' part, and the rest by
-torquers alone or by thrusters and torquers."""
+"""What managers that dump momentum at samples have in common: the wheels' part, and the
+rest by torquers alone or by thrusters and torquers."""
 
 from __future__ import annotations
 
@@ -18,20 +18,22 @@ NO_MOMENTUM: Vec4 = (0.0, 0.0, 0.0, 0.0)
 
 
 class MomentumDumping(WheelManager):
-    """Base of managers whose law says a dumping torque and its split: a block adds `dump`.
+    """Base of managers whose law says a dumping torque and its split: a block adds
+    `dump`.
 
-    The wheels are commanded to give the body what the controller wants and to absorb, with
-    `feedforward`, the dumping torque and, with `gyroscopic`, omega x h:
+    The wheels are commanded to give the body what the controller wants and to absorb,
+    with `feedforward`, the dumping torque and, with `gyroscopic`, omega x h:
 
         tau_cmd_wheel = A^+ (N - tau_ctrl_body - omega x A h)        (paper 004, eq. 16)
 
-    at each sample, or every `wheel_sample_time`, held in between. With `null_gain` the momentum
-    that the wheels hold against each other, h - A^+ A h, which no dumping reaches, decays at that
-    rate.
+    at each sample, or every `wheel_sample_time`, held in between. With `null_gain` the
+    momentum that the wheels hold against each other, h - A^+ A h, which no dumping
+    reaches, decays at that rate.
 
-    A measurement that is not valid is not used: at a sample without `valid_h` nothing is dumped;
-    omega x h is left out while `valid_h` or `valid_omega` is false, and a law takes `rate`, which
-    is zero then. Without `valid_b` there is no dipole; that is the blocks' part.
+    A measurement that is not valid is not used: at a sample without `valid_h` nothing
+    is dumped; omega x h is left out while `valid_h` or `valid_omega` is false, and a
+    law takes `rate`, which is zero then. Without `valid_b` there is no dipole; that is
+    the blocks' part.
     """
 
     passes_torque = True
@@ -40,17 +42,23 @@ class MomentumDumping(WheelManager):
         "1", "true: the wheels absorb the dumping torque at once", start=True
     )
     gyroscopic: bool = Parameter(
-        "1", "true: the wheels absorb the gyroscopic torque of their momentum", start=True,
+        "1",
+        "true: the wheels absorb the gyroscopic torque of their momentum",
+        start=True,
         needs=("omega_bi_body", "h_wheel"),
-    )  # fmt: skip
+    )
     null_gain: float = Parameter(
-        "1/s", "rate at which momentum in the wheels' null space decays; 0: it stays", min=0.0,
+        "1/s",
+        "rate at which momentum in the wheels' null space decays; 0: it stays",
+        min=0.0,
         needs=("h_wheel", "tau_cmd_wheel"),
-    )  # fmt: skip
+    )
     mode: int = Output(
-        "1", "what the manager does", interval=True,
+        "1",
+        "what the manager does",
+        interval=True,
         choices=("idle", "dumping"),
-    )  # fmt: skip
+    )
 
     def start(self) -> None:
         super().start()
@@ -62,10 +70,11 @@ class MomentumDumping(WheelManager):
 
     @abstractmethod
     def dump(self, t: float, elapsed: float, h: Vec3) -> tuple[Vec3, Split]:
-        """The dumping torque N (N m) and its split, body, at the sample at t (s); sets `mode`.
+        """The dumping torque N (N m) and its split, body, at the sample at t (s); sets
+        `mode`.
 
-        `elapsed` (s) counts from the first sample with `enable` and `valid_h`; h (N m s, body) is
-        the wheels' momentum less its target.
+        `elapsed` (s) counts from the first sample with `enable` and `valid_h`; h (N m
+        s, body) is the wheels' momentum less its target.
         """
 
     def compute(self, t: float, dt: float) -> None:
@@ -74,7 +83,9 @@ class MomentumDumping(WheelManager):
             if self.enable and self.valid_h:
                 if self._started is None:
                     self._started = t
-                h = sub(body_momentum(self.axes_wheel, self.h_wheel), self.h_target_body)
+                h = sub(
+                    body_momentum(self.axes_wheel, self.h_wheel), self.h_target_body
+                )
                 self._n, split = self.dump(t, t - self._started, h)
                 self.m_cmd_body, self.tau_cmd_thruster_body = split
             else:
@@ -97,12 +108,17 @@ class MomentumDumping(WheelManager):
         if self.null_gain <= 0.0:
             return
         a, b, c, d = self.h_wheel
-        p, q, r, s = to_wheels(self._to_wheels, body_momentum(self.axes_wheel, self.h_wheel))
+        p, q, r, s = to_wheels(
+            self._to_wheels, body_momentum(self.axes_wheel, self.h_wheel)
+        )
         w, x, y, z = self.tau_cmd_wheel
         k = self.null_gain
         self.tau_cmd_wheel = (
-            w - k * (a - p), x - k * (b - q), y - k * (c - r), z - k * (d - s)
-        )  # fmt: skip
+            w - k * (a - p),
+            x - k * (b - q),
+            y - k * (c - r),
+            z - k * (d - s),
+        )
 
     def rate(self) -> Vec3:
         """The measured rate (rad/s, body); zero while it is not valid."""
@@ -112,21 +128,28 @@ class MomentumDumping(WheelManager):
 class TorquerDumping(MomentumDumping):
     """Base of managers that dump by magnetic torquers alone: a block adds `dipole`.
 
-    N = M x B; with `saturation` each component of M stays within `m_limit`. No dipole at a sample
-    whose field or momentum is not valid.
+    N = M x B; with `saturation` each component of M stays within `m_limit`. No dipole
+    at a sample whose field or momentum is not valid.
     """
 
     craft_needs = (Need.COILS,)
 
-    saturation: bool = Parameter("1", "true: the dipole is limited to m_limit", start=True)
-    m_limit: float = Parameter("A.m2", "largest dipole of each axis", start=20.0, min=0.0,
-                               needs=("b_body", "m_cmd_body"),
-                               follows="torquers.m_limit")  # fmt: skip
+    saturation: bool = Parameter(
+        "1", "true: the dipole is limited to m_limit", start=True
+    )
+    m_limit: float = Parameter(
+        "A.m2",
+        "largest dipole of each axis",
+        start=20.0,
+        min=0.0,
+        needs=("b_body", "m_cmd_body"),
+        follows="torquers.m_limit",
+    )
 
     @abstractmethod
     def dipole(self, elapsed: float, h: Vec3) -> Vec3 | None:
-        """The dipole (A m2, body) at a sample, None where the law has none; arguments as of
-        `dump`."""
+        """The dipole (A m2, body) at a sample, None where the law has none; arguments
+        as of `dump`."""
 
     def dump(self, t: float, elapsed: float, h: Vec3) -> tuple[Vec3, Split]:
         if not self.valid_b:
@@ -144,14 +167,30 @@ class ThrusterDumping(MomentumDumping):
 
     craft_needs = (Need.THRUSTERS,)
 
-    m_limit: float = Parameter("A.m2", "largest dipole of each coil", start=40.0, min=0.0,
-                               follows="torquers.m_limit")  # fmt: skip
-    duty: float = Parameter("1", "share of the period that coils may be on", start=0.9, min=0.0,
-                            max=1.0, follows="torquers.duty_max")  # fmt: skip
-    dead_axis: int = Parameter(
-        "1", "axis whose coil is known to be dead", choices=("none", "x", "y", "z"), start="none"
+    m_limit: float = Parameter(
+        "A.m2",
+        "largest dipole of each coil",
+        start=40.0,
+        min=0.0,
+        follows="torquers.m_limit",
     )
-    n_con_body: Vec3 = Parameter("N.m", "known constant torque of an off-nadir attitude, body")
+    duty: float = Parameter(
+        "1",
+        "share of the period that coils may be on",
+        start=0.9,
+        min=0.0,
+        max=1.0,
+        follows="torquers.duty_max",
+    )
+    dead_axis: int = Parameter(
+        "1",
+        "axis whose coil is known to be dead",
+        choices=("none", "x", "y", "z"),
+        start="none",
+    )
+    n_con_body: Vec3 = Parameter(
+        "N.m", "known constant torque of an off-nadir attitude, body"
+    )
 
     def limits(self) -> Vec3:
         """The largest mean dipole of each axis over a sample (A m2)."""

@@ -1,4 +1,5 @@
-"""The Earth's own field: what environments and managers with a field model onboard share."""
+"""The Earth's own field: what environments and managers with a field model onboard
+share."""
 
 from __future__ import annotations
 
@@ -14,35 +15,49 @@ EQUATOR_OF_DATE = 0
 
 
 class EarthField(Block):
-    """Parameters and fields of a turning Earth: v_earth = R3(angle) v_date, angle = angle_0 +
-    `earth_rate` t, where `date` is the mean equator and equinox of t = 0, which is `eci` but where
-    `eci_frame` is j2000. A block calls `start_field` before the fields."""
+    """Parameters and fields of a turning Earth: v_earth = R3(angle) v_date, angle =
+    angle_0 + `earth_rate` t, where `date` is the mean equator and equinox of t = 0,
+    which is `eci` but where `eci_frame` is j2000. A block calls `start_field` before
+    the fields."""
 
     epoch_j2000: float = Parameter(
-        "s", "UTC of t = 0: seconds since 2000-01-01T12:00:00 UTC, leap seconds not counted; "
+        "s",
+        "UTC of t = 0: seconds since 2000-01-01T12:00:00 UTC, leap seconds not counted; "
         "820497600 is 2026-01-01T00:00:00",
-        start=820497600.0, min=-3.2e9, max=3.2e9,
-    )  # fmt: skip
+        start=820497600.0,
+        min=-3.2e9,
+        max=3.2e9,
+    )
     eci_frame: int = Parameter(
-        "1", "what eci is: the mean equator and equinox of date (of t = 0), or of J2000; 0.36 deg "
+        "1",
+        "what eci is: the mean equator and equinox of date (of t = 0), or of J2000; 0.36 deg "
         "apart in 2026",
-        choices=("date", "j2000"), start="date", shared=True,
-    )  # fmt: skip
+        choices=("date", "j2000"),
+        start="date",
+        shared=True,
+    )
     dipole_earth: Vec3 = Parameter(
         "T.m3",
         "centred dipole, Earth-fixed: mu_0 / (4 pi) times the moment, which points south; from "
         "Gauss coefficients (g11, h11, g10) R^3. Start: IGRF-14 at 2025.0",
-        start=scale(geomagnetic.REFERENCE_RADIUS**3, (-1410.3e-9, 4545.5e-9, -29350.0e-9)),
+        start=scale(
+            geomagnetic.REFERENCE_RADIUS**3, (-1410.3e-9, 4545.5e-9, -29350.0e-9)
+        ),
     )
     igrf_degree: int = Parameter(
-        "1", "highest degree of igrf; 1: the tilted dipole", start=DEGREE, min=1,
+        "1",
+        "highest degree of igrf; 1: the tilted dipole",
+        start=DEGREE,
+        min=1,
         max=DEGREE,
-    )  # fmt: skip
+    )
     earth_rate: float = Parameter("rad/s", "rotation of the Earth", start=EARTH_RATE)
     earth_angle: int = Parameter(
-        "1", "the Earth's angle at t = 0, from the epoch or as given", choices=("epoch", "given"),
+        "1",
+        "the Earth's angle at t = 0, from the epoch or as given",
+        choices=("epoch", "given"),
         start="epoch",
-    )  # fmt: skip
+    )
     earth_angle_start: float = Parameter(
         "rad",
         "if given: angle at t = 0 from the equinox of date to the meridian of Greenwich",
@@ -50,16 +65,19 @@ class EarthField(Block):
     )
 
     def start_field(self, igrf: bool) -> None:
-        """Take the Earth's angle at t = 0 and what `eci` is; fails where IGRF-14 is wanted and does
-        not cover the epoch."""
+        """Take the Earth's angle at t = 0 and what `eci` is; fails where IGRF-14 is
+        wanted and does not cover the epoch."""
         given = self.earth_angle
-        self._angle = self.earth_angle_start if given else earth.earth_angle(self.epoch_j2000)
+        self._angle = (
+            self.earth_angle_start if given else earth.earth_angle(self.epoch_j2000)
+        )
         of_date = self.eci_frame == EQUATOR_OF_DATE
         self._precession = IDENTITY if of_date else earth.precession(self.epoch_j2000)
         self.covered(0.0, 0.0, igrf)
 
     def covered(self, begin: float, end: float, igrf: bool) -> None:
-        """Raises BlockError where IGRF-14 is wanted from begin to end (s) and does not cover it."""
+        """Raises BlockError where IGRF-14 is wanted from begin to end (s) and does not
+        cover it."""
         for name, t in (("", begin), (f", at t = {end:.10g} s", end)):
             try:
                 if igrf:
@@ -75,15 +93,20 @@ class EarthField(Block):
 
     def to_date(self, v_eci: Vec3) -> Vec3:
         """A vector of eci in the mean equator and equinox of date."""
-        return v_eci if self.eci_frame == EQUATOR_OF_DATE else mat_vec(self._precession, v_eci)
+        return (
+            v_eci
+            if self.eci_frame == EQUATOR_OF_DATE
+            else mat_vec(self._precession, v_eci)
+        )
 
     def field_eci(self, r_eci: Vec3, t: float, igrf: bool) -> Vec3:
         """B (T, eci) at r (m) and t (s), as `field_date`."""
         return self.to_eci(self.field_date(self.to_date(r_eci), t, igrf))
 
     def field_date(self, r_date: Vec3, t: float, igrf: bool) -> Vec3:
-        """B (T, date) at r (m) and t (s): of IGRF with the coefficients of t, or of the centred
-        dipole. Raises BlockError where t has left the years that IGRF-14 covers."""
+        """B (T, date) at r (m) and t (s): of IGRF with the coefficients of t, or of the
+        centred dipole. Raises BlockError where t has left the years that IGRF-14
+        covers."""
         x, y, z = r_date
         angle = self._angle + self.earth_rate * t
         c, s = cos(angle), sin(angle)

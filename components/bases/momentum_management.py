@@ -1,4 +1,5 @@
-"""What the laws of paper 001 have in common: single coils, a weighting, tables from the ground."""
+"""What the laws of paper 001 have in common: single coils, a weighting, tables from the
+ground."""
 
 from __future__ import annotations
 
@@ -27,18 +28,21 @@ ROOM = 1e-3
 class MomentumManagement(MomentumDumping):
     """Base of the laws of paper 001: a block adds `law`.
 
-    `weighting` is A: 1, the coils' axes M (least coil energy) or the wheels' axes W (least wheel
-    speed); S = A A'. The dipole is commanded as a vector and is made smaller in its own direction
-    where mu_T = M'(M M')^-1 mu_M asks more than `m_limit` of a coil. A coil known to be dead,
-    `dead_coil`, is left out of M. T_GG is the manager's own: `inertia_scale` times `inertia`.
+    `weighting` is A: 1, the coils' axes M (least coil energy) or the wheels' axes W
+    (least wheel speed); S = A A'. The dipole is commanded as a vector and is made
+    smaller in its own direction where mu_T = M'(M M')^-1 mu_M asks more than `m_limit`
+    of a coil. A coil known to be dead, `dead_coil`, is left out of M. T_GG is the
+    manager's own: `inertia_scale` times `inertia`.
 
-    `momentum` is what the law takes as H: the wheels' (H_RW, eq. 7), or the total H_T, to which
-    inertia times rate is added (the wheels' rotors count twice there, some 1e-5 of it).
+    `momentum` is what the law takes as H: the wheels' (H_RW, eq. 7), or the total H_T,
+    to which inertia times rate is added (the wheels' rotors count twice there, some
+    1e-5 of it).
 
-    The paper takes field and gravity gradient at the sample; the dipole is then held for
-    `sample_time`. With `mean` they are means over that time: of the field from its last four
-    samples, in eci (Adams and Bashforth's weights), of T_GG by Simpson's rule from r and v. What is
-    of the sample alone leaves T_D an error that adds up along the field.
+    The paper takes field and gravity gradient at the sample; the dipole is then held
+    for `sample_time`. With `mean` they are means over that time: of the field from its
+    last four samples, in eci (Adams and Bashforth's weights), of T_GG by Simpson's rule
+    from r and v. What is of the sample alone leaves T_D an error that adds up along the
+    field.
 
     Without a valid field or attitude there is no dipole.
     """
@@ -46,43 +50,64 @@ class MomentumManagement(MomentumDumping):
     craft_needs: ClassVar[tuple[Need, ...]] = (Need.COILS,)
 
     axes_coil: Mat34 = Parameter(
-        "1", "M, columns: the coils' axes, body; zero where there is no coil",
-        start=(1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0), shared=True,
-    )  # fmt: skip
+        "1",
+        "M, columns: the coils' axes, body; zero where there is no coil",
+        start=(1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0),
+        shared=True,
+    )
     m_limit: float = Parameter(
-        "A.m2", "largest dipole of each coil", start=4000.0, min=0.0,
-        needs=("b_body", "q_bi", "r_eci", "h_wheel", "m_cmd_body"), follows="torquers.m_limit",
-    )  # fmt: skip
+        "A.m2",
+        "largest dipole of each coil",
+        start=4000.0,
+        min=0.0,
+        needs=("b_body", "q_bi", "r_eci", "h_wheel", "m_cmd_body"),
+        follows="torquers.m_limit",
+    )
     dead_coil: int = Parameter(
-        "1", "which coil is known to be dead", choices=("none", "1", "2", "3", "4"), start="none"
+        "1",
+        "which coil is known to be dead",
+        choices=("none", "1", "2", "3", "4"),
+        start="none",
     )
     weighting: int = Parameter(
-        "1", "A: what is made least", choices=("identity", "coils", "wheels"), start="coils"
+        "1",
+        "A: what is made least",
+        choices=("identity", "coils", "wheels"),
+        start="coils",
     )
     inertia: Mat33 = Parameter(
-        "kg.m2", "inertia of the whole craft, wheels locked, body",
-        start=(40.45, 0.0, 0.0, 0.0, 42.09, 0.0, 0.0, 0.0, 40.36), shared=True,
-    )  # fmt: skip
+        "kg.m2",
+        "inertia of the whole craft, wheels locked, body",
+        start=(40.45, 0.0, 0.0, 0.0, 42.09, 0.0, 0.0, 0.0, 40.36),
+        shared=True,
+    )
     sample_time: float = Parameter(
         "s", "time between samples, a multiple of the step", start=10.0, min=0.0
     )
     inertia_scale: float = Parameter(
-        "1", "the law's own inertia is the inertia times this; 1: right", start=1.0, min=0.0
+        "1",
+        "the law's own inertia is the inertia times this; 1: right",
+        start=1.0,
+        min=0.0,
     )
     momentum: int = Parameter(
         "1", "what counts as momentum", choices=("wheels", "total"), start="wheels"
     )
     mean: bool = Parameter(
-        "1", "true: field and gravity gradient are means over the time that a dipole is held",
-        start=True, needs=("v_eci",),
-    )  # fmt: skip
+        "1",
+        "true: field and gravity gradient are means over the time that a dipole is held",
+        start=True,
+        needs=("v_eci",),
+    )
     tau_desired_body: Vec3 = Output(
         "N.m", "T_D, body; of an open-loop law T_M: for the report", interval=True
     )
     mode: int = Output(
-        "1", "what the manager does; fallback: it has no law now", interval=True,
+        "1",
+        "what the manager does; fallback: it has no law now",
+        interval=True,
         choices=("idle", "dumping", "-", "fallback"),
-    )  # fmt: skip
+    )
 
     def start(self) -> None:
         super().start()
@@ -90,9 +115,13 @@ class MomentumManagement(MomentumDumping):
         of_coils, of_wheels = laws.weighting(live), laws.weighting(self.axes_wheel)
         for name, s in (("axes_coil", of_coils), ("axes_wheel", of_wheels)):
             if laws.condition(s) > 1.0 / ROOM:
-                left = " that are left" if name == "axes_coil" and self.dead_coil else ""
-                self.fail(f"{name}: the axes{left} do not span space: A A' has the condition "
-                          f"{laws.condition(s):.3g}, at most {1.0 / ROOM:g} may be")  # fmt: skip
+                left = (
+                    " that are left" if name == "axes_coil" and self.dead_coil else ""
+                )
+                self.fail(
+                    f"{name}: the axes{left} do not span space: A A' has the condition "
+                    f"{laws.condition(s):.3g}, at most {1.0 / ROOM:g} may be"
+                )
         if self.sample_time <= 0.0:
             self.fail(f"sample_time = {self.sample_time} s: a time above 0 is needed")
         self._to_coils = pseudo_inverse(live)
@@ -106,8 +135,8 @@ class MomentumManagement(MomentumDumping):
     @abstractmethod
     def law(self, t: float, h: Vec3) -> Vec3 | None:
         """mu_M (A m2, body) at the sample at t (s), None where the law has none; sets
-        `tau_desired_body`, and `mode` where it falls back on a dipole. h (N m s, body): the
-        momentum less its target."""
+        `tau_desired_body`, and `mode` where it falls back on a dipole. h (N m s, body):
+        the momentum less its target."""
 
     def dump(self, t: float, elapsed: float, h: Vec3) -> tuple[Vec3, Split]:
         if not (self.valid_b and self.valid_q):
@@ -115,7 +144,11 @@ class MomentumManagement(MomentumDumping):
             self._forget()
             return ZERO, (ZERO, ZERO)
         b_eci = rotate_back(self.q_bi, self.b_body)
-        mean = laws.held_field(b_eci, self._b_1, self._b_2, self._b_3) if self.mean else b_eci
+        mean = (
+            laws.held_field(b_eci, self._b_1, self._b_2, self._b_3)
+            if self.mean
+            else b_eci
+        )
         self._b = rotate(self.q_bi, mean)
         self._b_1, self._b_2, self._b_3 = b_eci, self._b_1, self._b_2
         if self.momentum == TOTAL:
@@ -137,7 +170,10 @@ class MomentumManagement(MomentumDumping):
         now = gravity_gradient(rotate(self.q_bi, self.r_eci), self._inertia)
         if not self.mean:
             return now
-        middle, end = self._gravity_in(0.5 * self.sample_time), self._gravity_in(self.sample_time)
+        middle, end = (
+            self._gravity_in(0.5 * self.sample_time),
+            self._gravity_in(self.sample_time),
+        )
         return scale(1.0 / 6.0, add(add(now, scale(4.0, middle)), end))
 
     def _gravity_in(self, ahead: float) -> Vec3:
@@ -156,17 +192,18 @@ class MomentumManagement(MomentumDumping):
 
 
 class GroundTables(Block):
-    """Tables that the ground computes and sends up: rows evenly from t = 0 on. Of a time beyond
-    the last row there is no law."""
+    """Tables that the ground computes and sends up: rows evenly from t = 0 on. Of a
+    time beyond the last row there is no law."""
 
     craft_needs: ClassVar[tuple[Need, ...]] = (Need.DESIGN, Need.INERTIAL)
 
     table_nodes: int = Parameter("1", "rows in use", start=4, min=4, max=CAPACITY)
     table_spacing: float = Parameter("s", "time between rows", start=150.0, min=1.0)
     made_for: float = Parameter(
-        "1", "what the tables were made for: a number that `desat design` makes of attitude, orbit "
+        "1",
+        "what the tables were made for: a number that `desat design` makes of attitude, orbit "
         "and field; 0: nothing",
-    )  # fmt: skip
+    )
 
     def place(self, t: float) -> tuple[int, float] | None:
         """Row and share of the way to the next at t (s); None outside the table."""
@@ -179,10 +216,15 @@ class NominalProfile(GroundTables):
     """H_NOM, the momentum that half-orbit open-loop solutions lead through, as a table."""
 
     table_period: int = Parameter(
-        "1", "rows of a desaturation period: the profile's slope jumps there", start=19, min=3,
+        "1",
+        "rows of a desaturation period: the profile's slope jumps there",
+        start=19,
+        min=3,
         max=CAPACITY,
-    )  # fmt: skip
-    profile_table: Table = Parameter("N.m.s", "a row a node: H_NOM, eci", shape=(CAPACITY, 3))
+    )
+    profile_table: Table = Parameter(
+        "N.m.s", "a row a node: H_NOM, eci", shape=(CAPACITY, 3)
+    )
 
     def nominal(self, t: float) -> Vec3 | None:
         """H_NOM (N m s, eci) at t (s); None outside the table."""
@@ -190,4 +232,6 @@ class NominalProfile(GroundTables):
         if where is None:
             return None
         i, share = where
-        return laws.profile3(self.profile_table, self.table_nodes, self.table_period, i, share)
+        return laws.profile3(
+            self.profile_table, self.table_nodes, self.table_period, i, share
+        )

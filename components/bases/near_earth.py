@@ -1,4 +1,5 @@
-"""What orbits around the Earth have in common: field, Sun, shadow and atmosphere along them."""
+"""What orbits around the Earth have in common: field, Sun, shadow and atmosphere along
+them."""
 
 from __future__ import annotations
 
@@ -51,8 +52,8 @@ NODES = 6
 """Points that a polynomial goes through."""
 
 THIRD_BODIES = 1.991e-7**2 + 0.0123 * 2.6617e-6**2
-"""Of the Sun and the Moon: the mean motion squared (1/s2), of the Moon times its share of the mass
-of both."""
+"""Of the Sun and the Moon: the mean motion squared (1/s2), of the Moon times its share
+of the mass of both."""
 MUCH_PLANE, MUCH_PERIGEE = 0.01, 2e4
 """What is said (rad, m)."""
 
@@ -61,17 +62,18 @@ NO_AIR, _AIR_TABLE, _AIR_EXPONENTIAL = 0, 1, 2
 
 _Vec6 = tuple[float, float, float, float, float, float]
 _Piece = tuple[int, tuple[Vec3, ...], tuple[_Vec6, ...], Vec3, Vec3, float]
-"""Of one interval between nodes: its number, B (eci) at the nodes around it, the polynomial of each
-component, the Sun's unit vector in date and in eci, its distance."""
+"""Of one interval between nodes: its number, B (eci) at the nodes around it, the
+polynomial of each component, the Sun's unit vector in date and in eci, its distance."""
 
 
 class NearEarth(Environment, EarthField):
-    """Base of the environments of an Earth orbit: a block adds `motion`, and to its page is added
-    what all of them compute.
+    """Base of the environments of an Earth orbit: a block adds `motion`, and to its
+    page is added what all of them compute.
 
-    `advance` prepares the polynomials of the interval between nodes that its step ends in, and
-    `output` uses them; called for another time, `output` makes them itself and does not keep them.
-    They depend on parameters and time only, so the outputs do not depend on the calls before.
+    `advance` prepares the polynomials of the interval between nodes that its step ends
+    in, and `output` uses them; called for another time, `output` makes them itself and
+    does not keep them. They depend on parameters and time only, so the outputs do not
+    depend on the calls before.
     """
 
     third_bodies: ClassVar[bool] = False
@@ -81,23 +83,35 @@ class NearEarth(Environment, EarthField):
         "1", "geomagnetic field", choices=("none", "dipole", "igrf"), start="igrf"
     )
     atmosphere: int = Parameter(
-        "1", "model of the atmosphere", choices=("none", "table", "exponential", "activity"),
+        "1",
+        "model of the atmosphere",
+        choices=("none", "table", "exponential", "activity"),
         start="table",
-    )  # fmt: skip
+    )
     solar_activity: int = Parameter(
-        "1", "activity: F10.7 and Ap of ECSS-E-ST-10-04C: 65, 0; 140, 15; 250, 45; or as given",
-        choices=("low", "moderate", "high", "given"), start="moderate",
-    )  # fmt: skip
+        "1",
+        "activity: F10.7 and Ap of ECSS-E-ST-10-04C: 65, 0; 140, 15; 250, 45; or as given",
+        choices=("low", "moderate", "high", "given"),
+        start="moderate",
+    )
     f107: float = Parameter(
-        "1", "given: solar flux at 10.7 cm, of the day and in the mean, 1e-22 W/(m2 Hz)",
-        start=140.0, min=0.0, max=500.0, usual=(60.0, 400.0)
-    )  # fmt: skip
-    ap: float = Parameter("1", "given: geomagnetic index Ap", start=15.0, min=0.0, max=400.0)
+        "1",
+        "given: solar flux at 10.7 cm, of the day and in the mean, 1e-22 W/(m2 Hz)",
+        start=140.0,
+        min=0.0,
+        max=500.0,
+        usual=(60.0, 400.0),
+    )
+    ap: float = Parameter(
+        "1", "given: geomagnetic index Ap", start=15.0, min=0.0, max=400.0
+    )
     density_base: float = Parameter(
         "kg/m3", "exponential: density at altitude_base", start=6.967e-13, min=0.0
     )
     altitude_base: float = Parameter("m", "exponential: base altitude", start=500e3)
-    scale_height: float = Parameter("m", "exponential: scale height", start=63822.0, min=1.0)
+    scale_height: float = Parameter(
+        "m", "exponential: scale height", start=63822.0, min=1.0
+    )
     atmosphere_radius: float = Parameter(
         "m", "exponential: radius of altitude 0", start=EARTH_RADIUS, min=0.0
     )
@@ -117,8 +131,13 @@ class NearEarth(Environment, EarthField):
     def start(self) -> None:
         self.start_field(igrf=self.field == _IGRF)
         given = self.solar_activity == len(atmosphere.ACTIVITY)
-        f107, ap = (self.f107, self.ap) if given else atmosphere.ACTIVITY[self.solar_activity]
-        self._coldest, self._kp = atmosphere.coldest_temperature(f107), atmosphere.kp_of_ap(ap)
+        f107, ap = (
+            (self.f107, self.ap) if given else atmosphere.ACTIVITY[self.solar_activity]
+        )
+        self._coldest, self._kp = (
+            atmosphere.coldest_temperature(f107),
+            atmosphere.kp_of_ap(ap),
+        )
         self._piece: _Piece | None = None
 
     def foresee(self, begin: float, end: float, wired: frozenset[str]) -> Iterator[str]:
@@ -126,7 +145,10 @@ class NearEarth(Environment, EarthField):
         self.covered(begin, end + NODE_TIME * (NODES // 2), self.field == _IGRF)
         years = tuple(earth.decimal_year(self.epoch_j2000 + t) for t in (begin, end))
         first, last = earth.SUN_YEARS
-        if wired & {"sun_eci", "sunlight"} and not first <= min(years) <= max(years) <= last:
+        if (
+            wired & {"sun_eci", "sunlight"}
+            and not first <= min(years) <= max(years) <= last
+        ):
             yield (
                 f"epoch_j2000 = {self.epoch_j2000:.10g} s: the year {max(years):.2f} is outside "
                 f"[{first:.0f}, {last:.0f}], in which the Sun's direction is good to 0.01 deg"
@@ -138,28 +160,35 @@ class NearEarth(Environment, EarthField):
             # above `most` there is too little air to count
             if low < least:
                 name = ("none", "table", "exponential", "activity")[self.atmosphere]
-                yield (f"atmosphere = {name}: its density is good from {1e-3 * least:.0f} to "
-                       f"{1e-3 * most:.0f} km, the orbit is {1e-3 * low:.0f} to {1e-3 * high:.0f} "
-                       "km high: it is extrapolated")  # fmt: skip
+                yield (
+                    f"atmosphere = {name}: its density is good from {1e-3 * least:.0f} to "
+                    f"{1e-3 * most:.0f} km, the orbit is {1e-3 * low:.0f} to {1e-3 * high:.0f} "
+                    "km high: it is extrapolated"
+                )
         if not self.third_bodies and "r_eci" in wired:
             yield from self._left_out(end - begin)
 
     def _left_out(self, span: float) -> Iterator[str]:
         """What Sun and Moon do to an orbit within a time (s), where that is much.
 
-        Their mean field, averaged over the orbit and over their own: with w = (n_sun^2 + 0.0123
-        n_moon^2) / n the plane turns by at most 3/8 w (1 + 4 e^2) / sqrt(1 - e^2) sin 2 epsilon and
-        the eccentricity changes by at most 15/8 w e sqrt(1 - e^2) (Cook, Geophys. J. 6 (1962) 271).
+        Their mean field, averaged over the orbit and over their own: with w = (n_sun^2
+        + 0.0123 n_moon^2) / n the plane turns by at most 3/8 w (1 + 4 e^2) / sqrt(1 -
+        e^2) sin 2 epsilon and the eccentricity changes by at most 15/8 w e sqrt(1 -
+        e^2) (Cook, Geophys. J. 6 (1962) 271).
         """
         a, e = self.size()
         w = THIRD_BODIES / mean_motion(a)
         round_ = sqrt(1.0 - e * e)
-        plane = 0.375 * w * (1.0 + 4.0 * e * e) / round_ * sin(2.0 * earth.OBLIQUITY) * span
+        plane = (
+            0.375 * w * (1.0 + 4.0 * e * e) / round_ * sin(2.0 * earth.OBLIQUITY) * span
+        )
         perigee = 1.875 * w * e * round_ * a * span
         if plane > MUCH_PLANE or perigee > MUCH_PERIGEE:
-            yield (f"the Sun and the Moon, which it leaves out, turn the orbit's plane by up to "
-                   f"{degrees(plane):.2g} deg and move its perigee by up to "
-                   f"{1e-3 * perigee:.2g} km in {span / 86400.0:.0f} days")  # fmt: skip
+            yield (
+                f"the Sun and the Moon, which it leaves out, turn the orbit's plane by up to "
+                f"{degrees(plane):.2g} deg and move its perigee by up to "
+                f"{1e-3 * perigee:.2g} km in {span / 86400.0:.0f} days"
+            )
 
     def output(self, t: float) -> None:
         interval = floor(t / NODE_TIME)
@@ -186,7 +215,8 @@ class NearEarth(Environment, EarthField):
             self._piece = self._piece_of(interval)
 
     def _piece_of(self, interval: int) -> _Piece:
-        """What holds from one node to the next; of the nodes kept those that serve are reused."""
+        """What holds from one node to the next; of the nodes kept those that serve are
+        reused."""
         nodes: Annotated[tuple[Vec3, ...], NODES] = ()
         polynomials: tuple[_Vec6, ...] = ()
         if self.field != _NO_FIELD:
@@ -195,7 +225,9 @@ class NearEarth(Environment, EarthField):
             first = interval - NODES // 2 + 1
             missing = range(first + len(nodes), first + NODES)
             nodes += tuple(
-                self.to_eci(self.field_date(self.motion(t)[0], t, igrf=self.field == _IGRF))
+                self.to_eci(
+                    self.field_date(self.motion(t)[0], t, igrf=self.field == _IGRF)
+                )
                 for t in (NODE_TIME * k for k in missing)
             )
             polynomials = tuple(quintic(f) for f in zip(*nodes, strict=True))
@@ -216,13 +248,18 @@ class NearEarth(Environment, EarthField):
                 self.scale_height,
             )
         return atmosphere.by_activity(
-            earth.height(r_date), r_date, sun_date, self.epoch_j2000 + t, self._coldest, self._kp
+            earth.height(r_date),
+            r_date,
+            sun_date,
+            self.epoch_j2000 + t,
+            self._coldest,
+            self._kp,
         )
 
 
 def quintic(f: tuple[float, ...]) -> _Vec6:
-    """Coefficients c0 to c5 of the polynomial in s (s) with the values f at s = -2, -1, 0, 1, 2, 3
-    times NODE_TIME: the sum of c_n s^n."""
+    """Coefficients c0 to c5 of the polynomial in s (s) with the values f at s = -2, -1,
+    0, 1, 2, 3 times NODE_TIME: the sum of c_n s^n."""
     a, b, c, d, e, g = f
     h = 1.0 / NODE_TIME
     return (

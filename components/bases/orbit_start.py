@@ -17,37 +17,59 @@ class OrbitStart(Block):
     """Parameters of an orbit at t = 0, as elements or as position and velocity."""
 
     orbit_start: int = Parameter(
-        "1", "what gives the orbit at t = 0: the elements, as mean or as osculating ones, or "
+        "1",
+        "what gives the orbit at t = 0: the elements, as mean or as osculating ones, or "
         "r_start and v_start; alike where the Earth is taken as a sphere",
-        choices=("mean", "osculating", "state"), start="mean",
-    )  # fmt: skip
+        choices=("mean", "osculating", "state"),
+        start="mean",
+    )
     orbit_frame: int = Parameter(
-        "1", "what they are relative to: eci, or the mean equator and equinox of date or of J2000",
-        choices=("eci", "date", "j2000"), start="eci",
-    )  # fmt: skip
-    semi_major_axis: float = Parameter("m", "semi-major axis a", start=6928137.0, min=6.4e6)
+        "1",
+        "what they are relative to: eci, or the mean equator and equinox of date or of J2000",
+        choices=("eci", "date", "j2000"),
+        start="eci",
+    )
+    semi_major_axis: float = Parameter(
+        "m", "semi-major axis a", start=6928137.0, min=6.4e6
+    )
     eccentricity: float = Parameter("1", "eccentricity e", start=0.0, min=0.0, max=0.95)
-    inclination: float = Parameter("rad", "inclination i", start=1.7033, min=0.0, max=3.1415926536)
-    raan: float = Parameter("rad", "right ascension of the ascending node at t = 0", usual=TURN)
-    argument_of_perigee: float = Parameter("rad", "argument of perigee at t = 0", usual=TURN)
+    inclination: float = Parameter(
+        "rad", "inclination i", start=1.7033, min=0.0, max=3.1415926536
+    )
+    raan: float = Parameter(
+        "rad", "right ascension of the ascending node at t = 0", usual=TURN
+    )
+    argument_of_perigee: float = Parameter(
+        "rad", "argument of perigee at t = 0", usual=TURN
+    )
     mean_anomaly: float = Parameter("rad", "mean anomaly at t = 0", usual=TURN)
-    r_start: Vec3 = Parameter("m", "state: position at t = 0", start=(6928137.0, 0.0, 0.0))
-    v_start: Vec3 = Parameter("m/s", "state: velocity at t = 0", start=(0.0, 0.0, 7585.1))
-    mu: float = Parameter("m3/s2", "gravitational parameter of the Earth", start=MU, min=1e14)
+    r_start: Vec3 = Parameter(
+        "m", "state: position at t = 0", start=(6928137.0, 0.0, 0.0)
+    )
+    v_start: Vec3 = Parameter(
+        "m/s", "state: velocity at t = 0", start=(0.0, 0.0, 7585.1)
+    )
+    mu: float = Parameter(
+        "m3/s2", "gravitational parameter of the Earth", start=MU, min=1e14
+    )
 
     epoch_j2000: float
     eci_frame: int
 
     def start_elements(self, degree: int, wanted: int) -> Elements:
-        """The elements at t = 0, MEAN or OSCULATING as wanted, in the mean equator and equinox of
-        date; fails where they are those of no orbit.
+        """The elements at t = 0, MEAN or OSCULATING as wanted, in the mean equator and
+        equinox of date; fails where they are those of no orbit.
 
         `degree`: of the zonal harmonics; 1: a sphere.
         """
         elements = Elements(
-            self.semi_major_axis, self.eccentricity, self.inclination, self.raan,
-            self.argument_of_perigee, self.mean_anomaly,
-        )  # fmt: skip
+            self.semi_major_axis,
+            self.eccentricity,
+            self.inclination,
+            self.raan,
+            self.argument_of_perigee,
+            self.mean_anomaly,
+        )
         name = f"semi_major_axis = {self.semi_major_axis:g} m with eccentricity = "
         name += f"{self.eccentricity:g}"
         if self.orbit_start == STATE:
@@ -71,7 +93,9 @@ class OrbitStart(Block):
                 f"inclination = {elements.inclination:g} rad: between mean and osculating elements "
                 f"it must be below {_STEEPEST:g} rad"
             )
-        convert = averaging.mean_elements if wanted == MEAN else averaging.osculating_elements
+        convert = (
+            averaging.mean_elements if wanted == MEAN else averaging.osculating_elements
+        )
         return convert(elements, degree, self.mu)
 
     def start_size(self) -> tuple[float, float]:

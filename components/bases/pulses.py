@@ -16,7 +16,8 @@ BEGIN, CENTRED = range(2)
 ENTRIES = 8
 
 Jet = tuple[Vec3, Vec3, float]
-"""What fires: torque (N m) and force (N) on the body, body, and the thrust that it takes (N)."""
+"""What fires: torque (N m) and force (N) on the body, body, and the thrust that it
+takes (N)."""
 
 Pulse = tuple[float, float, int, Jet]
 """From begin to end (s): which axis or nozzle, and what it does."""
@@ -45,7 +46,10 @@ class PulsedThrusters(Thrusters):
         "1", "true: what pulses leave of a wanted on-time is added to the next one's"
     )
     placement: int = Parameter(
-        "1", "where in the sample period pulses are", choices=("begin", "centred"), start="begin"
+        "1",
+        "where in the sample period pulses are",
+        choices=("begin", "centred"),
+        start="begin",
     )
     specific_impulse: float = Parameter(
         "s",
@@ -54,11 +58,16 @@ class PulsedThrusters(Thrusters):
         min=1.0,
         usual=(20.0, 1e4),
     )
-    schedule_start: Table = Parameter("s", "scheduled firings: when each begins", shape=(ENTRIES,))
+    schedule_start: Table = Parameter(
+        "s", "scheduled firings: when each begins", shape=(ENTRIES,)
+    )
     schedule_duration: Table = Parameter(
-        "s", "scheduled firings: how long; 0: none", shape=(ENTRIES,), min=0.0,
+        "s",
+        "scheduled firings: how long; 0: none",
+        shape=(ENTRIES,),
+        min=0.0,
         needs=("tau_mean_thruster_body", "tau_slope_thruster_body"),
-    )  # fmt: skip
+    )
     schedule_tau_body: Table = Parameter(
         "N.m",
         "scheduled firings: torque of each on the body, body",
@@ -66,13 +75,17 @@ class PulsedThrusters(Thrusters):
         usual=(-100.0, 100.0),
     )
     schedule_force_body: Table = Parameter(
-        "N", "scheduled firings: force of each on the craft, body; propellant by its size",
+        "N",
+        "scheduled firings: force of each on the craft, body; propellant by its size",
         shape=(ENTRIES, 3),
         usual=(-1e4, 1e4),
-    )  # fmt: skip
-    schedule_on_time: float = Output("s", "time of scheduled firings; no part of on_time")
+    )
+    schedule_on_time: float = Output(
+        "s", "time of scheduled firings; no part of on_time"
+    )
     schedule_propellant: float = Output(
-        "kg", "propellant of scheduled firings whose force is given; no part of propellant"
+        "kg",
+        "propellant of scheduled firings whose force is given; no part of propellant",
     )
 
     _pulses: tuple[Pulse, ...]
@@ -82,7 +95,12 @@ class PulsedThrusters(Thrusters):
         self._pulses = ()
         self._rests = (0.0,) * ENTRIES
         self._schedule: tuple[Pulse, ...] = tuple(
-            (self.schedule_start[i], self.schedule_start[i] + duration, i, self.scheduled(i))
+            (
+                self.schedule_start[i],
+                self.schedule_start[i] + duration,
+                i,
+                self.scheduled(i),
+            )
             for i, duration in enumerate(self.schedule_duration)
             if duration > 0.0
         )
@@ -127,10 +145,15 @@ class PulsedThrusters(Thrusters):
         self.force_mean_thruster_body = (force[0], force[1], force[2])
 
     def fire(
-        self, mean: list[float], slope: list[float], force: list[float], t: float, dt: float
+        self,
+        mean: list[float],
+        slope: list[float],
+        force: list[float],
+        t: float,
+        dt: float,
     ) -> None:
-        """Add what the pulses do over the step from t on to the torque's mean and slope (N m) and
-        the force's mean (N), body, and count them."""
+        """Add what the pulses do over the step from t on to the torque's mean and slope
+        (N m) and the force's mean (N), body, and count them."""
         exhaust = STANDARD_GRAVITY * self.specific_impulse
         used = 0.0
         for begin, end, _, jet in self._pulses:
@@ -139,7 +162,9 @@ class PulsedThrusters(Thrusters):
         share = max(0.0, left) / used if used > left else 1.0
         for begin, end, i, (torque, push, thrust) in self._pulses:
             torque, push = scale(share, torque), scale(share, push)
-            seconds = share * _add(mean, slope, force, (torque, push, thrust), begin, end, t, dt)
+            seconds = share * _add(
+                mean, slope, force, (torque, push, thrust), begin, end, t, dt
+            )
             self._on_time += seconds
             self._propellant += seconds * thrust / exhaust
             self.fired(i, seconds)
@@ -152,8 +177,8 @@ class PulsedThrusters(Thrusters):
 
     @abstractmethod
     def wanted(self, period: float) -> Iterable[tuple[float, Jet]]:
-        """What the command wants in this sample period of each axis or nozzle: on-time (s), and
-        what fires."""
+        """What the command wants in this sample period of each axis or nozzle: on-time
+        (s), and what fires."""
 
     def scheduled(self, i: int) -> Jet:
         """What fires in the scheduled firing i."""
@@ -168,8 +193,8 @@ class PulsedThrusters(Thrusters):
         """The scheduled firing i has lasted some time (s) of this step."""
 
     def _rest(self, i: int, jet: Jet) -> float:
-        """What is left (s) of the last on-time of an axis or nozzle, against it of a pair that has
-        turned the other way; no more than the pulse that is not given."""
+        """What is left (s) of the last on-time of an axis or nozzle, against it of a
+        pair that has turned the other way; no more than the pulse that is not given."""
         most = max(self.least_pulse, self.least_on_time)
         return max(-most, min(self._rests[i] * _way(jet), most))
 
@@ -190,10 +215,18 @@ def _way(jet: Jet) -> float:
     return -1.0 if x + y + z < 0.0 else 1.0
 
 
-def _add(mean: list[float], slope: list[float], force: list[float], jet: Jet, begin: float,
-         end: float, t: float, dt: float) -> float:  # fmt: skip
-    """Add what fires on [begin, end] to the torque's mean and slope and the force's mean on
-    [t, t + dt]; return the time on (s)."""
+def _add(
+    mean: list[float],
+    slope: list[float],
+    force: list[float],
+    jet: Jet,
+    begin: float,
+    end: float,
+    t: float,
+    dt: float,
+) -> float:
+    """Add what fires on [begin, end] to the torque's mean and slope and the force's
+    mean on [t, t + dt]; return the time on (s)."""
     share, lead, seconds = window(begin, end, t, dt)
     if seconds > 0.0:
         for i, x in enumerate(jet[0]):

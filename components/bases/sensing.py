@@ -17,7 +17,9 @@ class Sensor(Sampled):
     """What a sensor does at its samples; a block adds `measure`."""
 
     fail_time: float = Parameter(
-        "s", "from this time on invalid, holding the last value; negative: never", start=-1.0
+        "s",
+        "from this time on invalid, holding the last value; negative: never",
+        start=-1.0,
     )
     seed: int = Parameter(
         "1", "seed of the errors; instance name and variable key them as well", start=1
@@ -31,8 +33,10 @@ class Sensor(Sampled):
     def foresee(self, begin: float, end: float, wired: frozenset[str]) -> Iterator[str]:
         drawn = [name for name in self.white if getattr(self, name) > 0.0]
         if drawn and self.sample_time <= 0.0:
-            yield (f"{drawn[0]} = {getattr(self, drawn[0]):g} is drawn anew at every step, "
-                   "without a sample_time: what it does depends on the step")  # fmt: skip
+            yield (
+                f"{drawn[0]} = {getattr(self, drawn[0]):g} is drawn anew at every step, "
+                "without a sample_time: what it does depends on the step"
+            )
         yield from super().foresee(begin, end, wired)
 
     def start(self) -> None:
@@ -61,7 +65,8 @@ class Sensor(Sampled):
 
     @abstractmethod
     def measure(self, sample: int, elapsed: float) -> None:
-        """Take sample number `sample`, `elapsed` (s) after the one before; 0 for the first."""
+        """Take sample number `sample`, `elapsed` (s) after the one before; 0 for the
+        first."""
 
 
 def failed(t: float, fail_time: float) -> bool:
@@ -71,7 +76,8 @@ def failed(t: float, fail_time: float) -> bool:
 
 
 def digital(x: float, resolution: float, full_scale: float) -> float:
-    """x rounded to a multiple of `resolution`, then within +-full_scale; 0 leaves either out."""
+    """x rounded to a multiple of `resolution`, then within +-full_scale; 0 leaves
+    either out."""
     if resolution > 0.0:
         x = resolution * round(x / resolution)
     return min(max(x, -full_scale), full_scale) if full_scale > 0.0 else x
@@ -89,10 +95,12 @@ def digital3(a: Vec3, resolution: float, full_scale: float) -> Vec3:
 
 
 def gauss_markov(x: Vec3, decay: float, sigma: float, n: Vec3) -> Vec3:
-    """The next value of a first-order Gauss-Markov process, exact whatever the time between.
+    """The next value of a first-order Gauss-Markov process, exact whatever the time
+    between.
 
-    decay = exp(-time / correlation time), sigma: stationary deviation of each component, n:
-    standard normal numbers. Gelb, Applied Optimal Estimation (1974), ch. 3.
+    decay = exp(-time / correlation time), sigma: stationary deviation of each
+    component, n: standard normal numbers. Gelb, Applied Optimal Estimation (1974), ch.
+    3.
     """
     s = sigma * sqrt(1.0 - decay * decay)
     return (decay * x[0] + s * n[0], decay * x[1] + s * n[1], decay * x[2] + s * n[2])

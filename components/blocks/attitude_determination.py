@@ -19,11 +19,11 @@ class AttitudeDetermination(Role, Sensor):
         a_k = misalignment + misalignment_norm u + x_k + noise n_k
         x_k = p x_(k-1) + markov_sigma sqrt(1 - p^2) w_k,       p = exp(-T / correlation_time)
 
-    at each sample, T = `sample_time` after the last one, held in between. dq(a) is the rotation
-    by |a| about a, in body axes. u is a unit vector drawn once, n and w are standard normal
-    numbers of each axis, and x starts from its stationary distribution (a first-order
-    Gauss-Markov process). The errors are functions of seed, instance name
-    and sample index.
+    at each sample, T = `sample_time` after the last one, held in between. dq(a) is the
+    rotation by |a| about a, in body axes. u is a unit vector drawn once, n and w are
+    standard normal numbers of each axis, and x starts from its stationary distribution
+    (a first-order Gauss-Markov process). The errors are functions of seed, instance
+    name and sample index.
 
     An *average determination error* E (paper 004: 3 deg) comes from either
     - `misalignment_norm` = E: constant, its direction drawn;
@@ -56,13 +56,18 @@ class AttitudeDetermination(Role, Sensor):
         usual=(0.0, 1e6),
     )
     noise: float = Parameter(
-        "rad", "standard deviation of the white error of each axis", min=0.0, usual=SMALL_ANGLE
+        "rad",
+        "standard deviation of the white error of each axis",
+        min=0.0,
+        usual=SMALL_ANGLE,
     )
 
     def start(self) -> None:
         self._noise = stream(self.instance, "q_meas_bi", self.seed)
         drawn = unit(normal3(self._noise, 0, _MISALIGNMENT))
-        self._constant = add(self.misalignment_body, scale(self.misalignment_norm, drawn))
+        self._constant = add(
+            self.misalignment_body, scale(self.misalignment_norm, drawn)
+        )
         _, markov = normal6(self._noise, 0)
         self._markov = scale(self.markov_sigma, markov)
         super().start()
@@ -72,7 +77,13 @@ class AttitudeDetermination(Role, Sensor):
         if self.noise > 0.0 or self.markov_sigma > 0.0:
             white, markov = normal6(self._noise, sample)
             if elapsed > 0.0:
-                decay = exp(-elapsed / self.correlation_time) if self.correlation_time else 0.0
-                self._markov = gauss_markov(self._markov, decay, self.markov_sigma, markov)
+                decay = (
+                    exp(-elapsed / self.correlation_time)
+                    if self.correlation_time
+                    else 0.0
+                )
+                self._markov = gauss_markov(
+                    self._markov, decay, self.markov_sigma, markov
+                )
         error = add(add(self._constant, self._markov), scale(self.noise, white))
         self.q_meas_bi = propagated(self.q_bi, error, 1.0)

@@ -13,25 +13,37 @@ class ControllerPd(Controller):
         delta omega = omega_bi_body - C(dq) omega_ref_body                          (eq. 8)
         tau_ctrl_body = -G (kp e + kd delta omega)                                  (eqs. 10, 11)
 
-    at each sample, held in between, each axis within +-`torque_limit`; `controller_pid` without its
-    integral. No torque at a sample whose attitude or rate is not valid. e is half the angle for
-    small errors. Eq. 8 subtracts the rates without saying in which frame; here the reference rate
-    is brought into the body frame.
+    at each sample, held in between, each axis within +-`torque_limit`; `controller_pid`
+    without its integral. No torque at a sample whose attitude or rate is not valid. e
+    is half the angle for small errors. Eq. 8 subtracts the rates without saying in
+    which frame; here the reference rate is brought into the body frame.
 
     Source: paper 004, eqs. 7-11.
     """
 
-    kp: float = Parameter("N.m", "gain on e; 1/s2 where G is an inertia", start=1e-2, min=0.0,
-                          needs=("q_bi", "tau_ctrl_body"))  # fmt: skip
-    kd: float = Parameter("N.m.s", "gain on delta omega; 1/s where G is", start=0.1, min=0.0,
-                          needs=("omega_bi_body", "tau_ctrl_body"))  # fmt: skip
+    kp: float = Parameter(
+        "N.m",
+        "gain on e; 1/s2 where G is an inertia",
+        start=1e-2,
+        min=0.0,
+        needs=("q_bi", "tau_ctrl_body"),
+    )
+    kd: float = Parameter(
+        "N.m.s",
+        "gain on delta omega; 1/s where G is",
+        start=0.1,
+        min=0.0,
+        needs=("omega_bi_body", "tau_ctrl_body"),
+    )
     gain_matrix: Mat33 = Parameter(
         "1",
         "G, body: the identity, or the inertia matrix in kg.m2 (eq. 11)",
         start=IDENTITY,
         follows="spacecraft.inertia",
     )
-    torque_limit: float = Parameter("N.m", "largest torque of each axis; 0: no limit", min=0.0)
+    torque_limit: float = Parameter(
+        "N.m", "largest torque of each axis; 0: no limit", min=0.0
+    )
 
     def start(self) -> None:
         super().start()

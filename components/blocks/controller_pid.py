@@ -2,7 +2,13 @@ from __future__ import annotations
 
 from ..contract.block import Mat33, Parameter, Vec3
 from ..contract.roles import Controller
-from ..laws.attitude_control import integrated, limited, pid_torque, tracking_error, unwound
+from ..laws.attitude_control import (
+    integrated,
+    limited,
+    pid_torque,
+    tracking_error,
+    unwound,
+)
 from ..maths.vector import IDENTITY, ZERO
 
 
@@ -14,25 +20,37 @@ class ControllerPid(Controller):
         xi = clip(xi + T e, integral_limit)
         tau_ctrl_body = -G (kp e + kd delta omega + ki xi)                          (eqs. 10, 11)
 
-    at each sample, T = `sample_time` (or the step) after the last one, held in between, each axis
-    within +-`torque_limit`. e is half the angle for small errors. Eq. 8 subtracts the rates without
-    saying in which frame; here the reference rate is brought into the body frame.
+    at each sample, T = `sample_time` (or the step) after the last one, held in between,
+    each axis within +-`torque_limit`. e is half the angle for small errors. Eq. 8
+    subtracts the rates without saying in which frame; here the reference rate is
+    brought into the body frame.
 
-    With `anti_windup` the integral does not grow at a sample whose torque the limit cuts. While
-    disabled it is zero. At a sample whose attitude or rate is not valid there is no torque, and the
-    integral stays.
+    With `anti_windup` the integral does not grow at a sample whose torque the limit
+    cuts. While disabled it is zero. At a sample whose attitude or rate is not valid
+    there is no torque, and the integral stays.
 
-    The paper's tuning with G the inertia is kp >= beta, kd >= 3 beta, ki <= beta / 500 (eq. 12),
-    beta 1e-3 to 1e-2; at equality the phase margin is 3 to 22 deg. The defaults, beta = 1e-2 and
-    kd = 10 beta, have 65 deg, less the crossover of 0.11 rad/s times all delays.
+    The paper's tuning with G the inertia is kp >= beta, kd >= 3 beta, ki <= beta / 500
+    (eq. 12), beta 1e-3 to 1e-2; at equality the phase margin is 3 to 22 deg. The
+    defaults, beta = 1e-2 and kd = 10 beta, have 65 deg, less the crossover of 0.11
+    rad/s times all delays.
 
     Source: paper 004, eqs. 7-12.
     """
 
-    kp: float = Parameter("N.m", "gain on e; 1/s2 where G is an inertia", start=1e-2, min=0.0,
-                          needs=("q_bi", "tau_ctrl_body"))  # fmt: skip
-    kd: float = Parameter("N.m.s", "gain on delta omega; 1/s where G is", start=0.1, min=0.0,
-                          needs=("omega_bi_body", "tau_ctrl_body"))  # fmt: skip
+    kp: float = Parameter(
+        "N.m",
+        "gain on e; 1/s2 where G is an inertia",
+        start=1e-2,
+        min=0.0,
+        needs=("q_bi", "tau_ctrl_body"),
+    )
+    kd: float = Parameter(
+        "N.m.s",
+        "gain on delta omega; 1/s where G is",
+        start=0.1,
+        min=0.0,
+        needs=("omega_bi_body", "tau_ctrl_body"),
+    )
     ki: float = Parameter("N.m/s", "gain on xi; 1/s3 where G is", start=2e-5, min=0.0)
     gain_matrix: Mat33 = Parameter(
         "1",
@@ -43,8 +61,12 @@ class ControllerPid(Controller):
     integral_limit: float = Parameter(
         "s", "largest magnitude of each component of xi; 0: no limit", min=0.0
     )
-    torque_limit: float = Parameter("N.m", "largest torque of each axis; 0: no limit", min=0.0)
-    anti_windup: bool = Parameter("1", "true: the integral does not grow while torque is limited")
+    torque_limit: float = Parameter(
+        "N.m", "largest torque of each axis; 0: no limit", min=0.0
+    )
+    anti_windup: bool = Parameter(
+        "1", "true: the integral does not grow while torque is limited"
+    )
 
     def start(self) -> None:
         super().start()

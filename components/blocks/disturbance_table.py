@@ -17,28 +17,37 @@ HOLD, LINEAR = range(2)
 class DisturbanceTable(Disturbance):
     """A torque by a table over time, added to any other
 
-    Between two rows of `torque` the torque is that of the earlier one (`hold`) or the straight line
-    between both (`linear`); a row whose time does not grow ends the table. Its mean over each step
-    is exact, in the frame of the table; it is turned into the body with attitude and orbit of the
-    step's begin:
+    Between two rows of `torque` the torque is that of the earlier one (`hold`) or the
+    straight line between both (`linear`); a row whose time does not grow ends the
+    table. Its mean over each step is exact, in the frame of the table; it is turned
+    into the body with attitude and orbit of the step's begin:
 
         tau_ext_body = C tau_mean factor + tau_other_body
 
-    A table of one row is a constant torque. With `repeated` the last row begins anew as the first;
-    without, a table of several rows covers the whole run.
+    A table of one row is a constant torque. With `repeated` the last row begins anew as
+    the first; without, a table of several rows covers the whole run.
 
     Source: a table of the user's.
     """
 
     torque: Table = Parameter(
-        "1", "a row a time: time s, torque about x, y, z N m", shape=(ROWS, 4),
+        "1",
+        "a row a time: time s, torque about x, y, z N m",
+        shape=(ROWS, 4),
         needs=("tau_ext_body",),
-    )  # fmt: skip
-    frame: int = Parameter("1", "what the torques are relative to",
-                           choices=("body", "lvlh", "eci"), start="body")  # fmt: skip
-    between: int = Parameter("1", "torque between two rows", choices=("hold", "linear"),
-                             start="linear")  # fmt: skip
-    repeated: bool = Parameter("1", "true: the last row's time is the first's of the next round")
+    )
+    frame: int = Parameter(
+        "1",
+        "what the torques are relative to",
+        choices=("body", "lvlh", "eci"),
+        start="body",
+    )
+    between: int = Parameter(
+        "1", "torque between two rows", choices=("hold", "linear"), start="linear"
+    )
+    repeated: bool = Parameter(
+        "1", "true: the last row's time is the first's of the next round"
+    )
     factor: float = Parameter("1", "factor on all torques", start=1.0)
 
     def start(self) -> None:
@@ -58,11 +67,15 @@ class DisturbanceTable(Disturbance):
 
     def foresee(self, begin: float, end: float, wired: frozenset[str]) -> Iterator[str]:
         last = self.torque[4 * self._count - 4]
-        if self._count > 1 and not self.repeated and (
-            self.torque[0] > begin or last < end - 1e-6
-        ):  # fmt: skip
-            self.fail(f"torque: the table is from {self.torque[0]:g} to {last:g} s, the run from "
-                      f"{begin:g} to {end:g} s; repeated = true begins it anew")  # fmt: skip
+        if (
+            self._count > 1
+            and not self.repeated
+            and (self.torque[0] > begin or last < end - 1e-6)
+        ):
+            self.fail(
+                f"torque: the table is from {self.torque[0]:g} to {last:g} s, the run from "
+                f"{begin:g} to {end:g} s; repeated = true begins it anew"
+            )
         yield from super().foresee(begin, end, wired)
 
     def advance(self, t: float, dt: float) -> None:
@@ -90,13 +103,20 @@ class DisturbanceTable(Disturbance):
             else:
                 high = middle
         whole = scale(float(rounds), self._impulses[self._count - 1])
-        return add(whole, add(self._impulses[low], self._within(low, t - self.torque[4 * low])))
+        return add(
+            whole, add(self._impulses[low], self._within(low, t - self.torque[4 * low]))
+        )
 
     def _within(self, i: int, span: float) -> Vec3:
-        """The impulse (N m s) from row i over a time span (s) within its part of the table."""
+        """The impulse (N m s) from row i over a time span (s) within its part of the
+        table."""
         x, y, z = self.torque[4 * i + 1 : 4 * i + 4]
         if self.between == HOLD or self._count == 1:
             return (x * span, y * span, z * span)
         bend = 0.5 * span * span / (self.torque[4 * i + 4] - self.torque[4 * i])
         u, v, w = self.torque[4 * i + 5 : 4 * i + 8]
-        return (x * span + bend * (u - x), y * span + bend * (v - y), z * span + bend * (w - z))
+        return (
+            x * span + bend * (u - x),
+            y * span + bend * (v - y),
+            z * span + bend * (w - z),
+        )

@@ -26,17 +26,18 @@ class EnvironmentKepler(NearEarth, OrbitStart):
 
     in closed form; p points to the perigee, q 90 deg ahead.
 
-    With `j2` the Earth is no sphere: raan, argument of perigee and M of the mean elements drift at
-    the secular rates of its oblateness (first order; Vallado, Fundamentals of Astrodynamics and
-    Applications, section 9.6)
+    With `j2` the Earth is no sphere: raan, argument of perigee and M of the mean
+    elements drift at the secular rates of its oblateness (first order; Vallado,
+    Fundamentals of Astrodynamics and Applications, section 9.6)
 
         raan' = -3/2 k n cos i,  arg' = 3/4 k n (5 cos^2 i - 1),
         M' = n + 3/4 k n sqrt(1 - e^2) (3 cos^2 i - 1),  k = J2 (R / (a (1 - e^2)))^2;
 
-    the periodic part, some km, is left out. Osculating elements, or position and velocity, are
-    averaged first over a revolution integrated in J2 to J4; given as if they were mean ones, they
-    are off by 50 to 100 km after a revolution in a low orbit. environment_propagated keeps the
-    periodic part. v is the time derivative of r either way.
+    the periodic part, some km, is left out. Osculating elements, or position and
+    velocity, are averaged first over a revolution integrated in J2 to J4; given as if
+    they were mean ones, they are off by 50 to 100 km after a revolution in a low orbit.
+    environment_propagated keeps the periodic part. v is the time derivative of r either
+    way.
     """
 
     j2: bool = Parameter("1", "true: secular drift of the mean elements by J2")
@@ -55,7 +56,9 @@ class EnvironmentKepler(NearEarth, OrbitStart):
 
     def motion(self, t: float) -> tuple[Vec3, Vec3]:
         if self.j2:
-            return drifting_state(Elements(*self._elements), Drift(*self._drift), t, self.mu)
+            return drifting_state(
+                Elements(*self._elements), Drift(*self._drift), t, self.mu
+            )
         a, e, _, _, _, anomaly = self._elements
         n = self._mean_motion
         return ellipse_state(a, e, anomaly + n * t, n, self._to_perigee, self._ahead)

@@ -11,8 +11,8 @@ from ..physics.orbit import EARTH_RADIUS, mean_motion, orbit_plane
 class EnvironmentOrbitDipole(Environment):
     """Circular orbit with the dipole field of paper 000, given in the orbital frame
 
-    With u = phase + n t the argument of latitude and lvlh = (x along the velocity, y minus orbit
-    normal, z to nadir):
+    With u = phase + n t the argument of latitude and lvlh = (x along the velocity, y
+    minus orbit normal, z to nadir):
 
         B_lvlh = (b_x cos u, b_y, b_z sin u)            (eq. 30, which prints mT for microtesla)
 
@@ -23,11 +23,21 @@ class EnvironmentOrbitDipole(Environment):
     """
 
     altitude: float = Parameter(
-        "m", "height of the orbit above 6378137 m", start=650e3, min=100e3, usual=(200e3, 2000e3)
+        "m",
+        "height of the orbit above 6378137 m",
+        start=650e3,
+        min=100e3,
+        usual=(200e3, 2000e3),
     )
-    inclination: float = Parameter("rad", "inclination", start=1.7104, min=0.0, max=3.1415926536)
-    raan: float = Parameter("rad", "right ascension of the ascending node", start=0.0, usual=TURN)
-    phase: float = Parameter("rad", "argument of latitude at t = 0", start=0.0, usual=TURN)
+    inclination: float = Parameter(
+        "rad", "inclination", start=1.7104, min=0.0, max=3.1415926536
+    )
+    raan: float = Parameter(
+        "rad", "right ascension of the ascending node", start=0.0, usual=TURN
+    )
+    phase: float = Parameter(
+        "rad", "argument of latitude at t = 0", start=0.0, usual=TURN
+    )
     b_x: float = Parameter("T", "eq. 30, amplitude along the velocity", start=23e-6)
     b_z: float = Parameter("T", "eq. 30, amplitude to nadir", start=46e-6)
     paper_b_y: float = Parameter(
@@ -41,7 +51,11 @@ class EnvironmentOrbitDipole(Environment):
         radius = EARTH_RADIUS + self.altitude
         self._radius, self._rate = radius, mean_motion(radius)
         self._node, self._ahead, self._normal = orbit_plane(self.inclination, self.raan)
-        self.sun_eci, self.sunlight, self.density = ZERO, 0.0, 0.0  # the paper has neither
+        self.sun_eci, self.sunlight, self.density = (
+            ZERO,
+            0.0,
+            0.0,
+        )  # the paper has neither
 
     def output(self, t: float) -> None:
         n = self._rate

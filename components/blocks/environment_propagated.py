@@ -17,7 +17,8 @@ _BEFORE = NODES // 2 - 1
 
 _Vec6 = tuple[float, float, float, float, float, float]
 _Path = tuple[int, tuple[_Vec6, _Vec6, _Vec6]]
-"""Of one interval between nodes: its number, and the polynomial of each component of r."""
+"""Of one interval between nodes: its number, and the polynomial of each component of r.
+"""
 _Arc = tuple[State, State, State, State, State, State]
 
 
@@ -26,26 +27,30 @@ class EnvironmentPropagated(NearEarth, OrbitStart):
 
         r'' = g(r) - 1/2 rho C_d A / m |w| w + C(q_bi)' F / m,    w = v - omega_earth x r
 
-    from mean or osculating elements, or from position and velocity. g is the Earth's gravity with
-    the zonal harmonics J2 to J4 (EGM-96), drag is that of `area_drag`, F the thrusters' force. The
-    osculating elements of mean ones are those whose average over a revolution the mean ones are.
+    from mean or osculating elements, or from position and velocity. g is the Earth's
+    gravity with the zonal harmonics J2 to J4 (EGM-96), drag is that of `area_drag`, F
+    the thrusters' force. The osculating elements of mean ones are those whose average
+    over a revolution the mean ones are.
 
-    Between the nodes at the multiples of 10 s it is integrated by the Runge-Kutta method of order 8
-    of Dormand and Prince (Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I): the
-    step does not depend on the master's. In between r is the polynomial of fifth degree through
-    position, velocity and acceleration of both nodes, 1e-9 m from the solution; v its derivative.
+    Between the nodes at the multiples of 10 s it is integrated by the Runge-Kutta
+    method of order 8 of Dormand and Prince (Hairer, Norsett, Wanner, Solving Ordinary
+    Differential Equations I): the step does not depend on the master's. In between r is
+    the polynomial of fifth degree through position, velocity and acceleration of both
+    nodes, 1e-9 m from the solution; v its derivative.
 
-    With `firings` the mean force of a step acts over it, in the body that turns on from q_bi with
-    omega_bi_body; the orbit goes on from where it leads. `environment.force_mean_thruster_body`,
-    `q_bi` and `omega_bi_body` are to be wired from the thrusters and the spacecraft in the craft
-    file. With `specific_impulse` the craft's mass falls by what that force takes,
+    With `firings` the mean force of a step acts over it, in the body that turns on from
+    q_bi with omega_bi_body; the orbit goes on from where it leads.
+    `environment.force_mean_thruster_body`, `q_bi` and `omega_bi_body` are to be wired
+    from the thrusters and the spacecraft in the craft file. With `specific_impulse` the
+    craft's mass falls by what that force takes,
 
         m' = -|force_mean_thruster_body| / (g0 specific_impulse)
 
-    which is nothing of what thrusters spend against each other; without it `mass` is constant.
+    which is nothing of what thrusters spend against each other; without it `mass` is
+    constant.
 
-    A block of its own, not a choice of environment_kepler: it has a state, which firings change,
-    where that one is a function of time.
+    A block of its own, not a choice of environment_kepler: it has a state, which
+    firings change, where that one is a function of time.
     """
 
     _first: int
@@ -53,30 +58,42 @@ class EnvironmentPropagated(NearEarth, OrbitStart):
     _path: _Path
 
     zonals: int = Parameter(
-        "1", "highest zonal harmonic of gravity", choices=("none", "j2", "j3", "j4"), start="j4"
+        "1",
+        "highest zonal harmonic of gravity",
+        choices=("none", "j2", "j3", "j4"),
+        start="j4",
     )
     mass: float = Parameter("kg", "mass, for drag and firings", start=100.0, min=1e-3)
-    area_drag: float = Parameter("m2", "projected area; 0: no drag on the orbit", min=0.0)
+    area_drag: float = Parameter(
+        "m2", "projected area; 0: no drag on the orbit", min=0.0
+    )
     drag_coefficient: float = Parameter("1", "drag coefficient", start=2.2, min=0.0)
     firings: bool = Parameter(
-        "1", "true: the thrusters' force acts on the orbit",
+        "1",
+        "true: the thrusters' force acts on the orbit",
         needs=("force_mean_thruster_body", "q_bi", "omega_bi_body"),
-    )  # fmt: skip
+    )
 
     specific_impulse: float = Parameter(
-        "s", "of the thrusters, by which their force takes mass; 0: none, the mass is constant",
-        min=0.0, needs=("force_mean_thruster_body",),
-    )  # fmt: skip
+        "s",
+        "of the thrusters, by which their force takes mass; 0: none, the mass is constant",
+        min=0.0,
+        needs=("force_mean_thruster_body",),
+    )
     mass_left: float = Output("kg", "mass of the craft")
 
     def start(self) -> None:
         super().start()
         self._mass, self._flow = self.mass, 0.0
         if self.specific_impulse > 0.0 and not self.firings:
-            self.fail(f"specific_impulse = {self.specific_impulse:g} s needs firings = true: no "
-                      "force acts on the orbit")  # fmt: skip
+            self.fail(
+                f"specific_impulse = {self.specific_impulse:g} s needs firings = true: no "
+                "force acts on the orbit"
+            )
         if self.area_drag > 0.0 and self.atmosphere == NO_AIR:
-            self.fail(f"area_drag = {self.area_drag:g} m2 needs an atmosphere, which is none")
+            self.fail(
+                f"area_drag = {self.area_drag:g} m2 needs an atmosphere, which is none"
+            )
         elements = self.start_elements(self.zonals + 1, OSCULATING)
         r, v = state_from_elements(elements, self.mu)
         if self.orbit_start == STATE:
@@ -108,7 +125,9 @@ class EnvironmentPropagated(NearEarth, OrbitStart):
         if self.firings and any(self.force_mean_thruster_body):
             self._fire(t, dt)
         while self._first + _BEFORE < interval:
-            latest = self._step(NODE_TIME * (self._first + NODES - 1), self._arc[-1], NODE_TIME)
+            latest = self._step(
+                NODE_TIME * (self._first + NODES - 1), self._arc[-1], NODE_TIME
+            )
             _, b, c, d, e, f = self._arc
             self._first, self._arc = self._first + 1, (b, c, d, e, f, latest)
         if self._path[0] != interval:
@@ -136,7 +155,8 @@ class EnvironmentPropagated(NearEarth, OrbitStart):
         self._piece = None  # the field is that of another path
 
     def _new_arc(self, t: float, y: State) -> None:
-        """The nodes around t (s) of the orbit through y at t, and the path between them."""
+        """The nodes around t (s) of the orbit through y at t, and the path between
+        them."""
         interval = floor(t / NODE_TIME)
         s = t - NODE_TIME * interval
         at = self._step(t, y, -s) if s > 0.0 else y
@@ -150,7 +170,8 @@ class EnvironmentPropagated(NearEarth, OrbitStart):
         self._path = self._path_of(interval)
 
     def _node(self, k: int) -> State:
-        """The state at node k; integrated from the arc, and not kept, where it is not of it."""
+        """The state at node k; integrated from the arc, and not kept, where it is not
+        of it."""
         index = k - self._first
         if 0 <= index < NODES:
             return self._arc[index]
@@ -167,13 +188,16 @@ class EnvironmentPropagated(NearEarth, OrbitStart):
         t = NODE_TIME * interval
         a = self._acceleration(t, left, self._sun(t))
         b = self._acceleration(t + NODE_TIME, right, self._sun(t + NODE_TIME))
-        x, y, z = (hermite(left[i], left[i + 3], a[i], right[i], right[i + 3], b[i])
-                   for i in range(3))  # fmt: skip
+        x, y, z = (
+            hermite(left[i], left[i + 3], a[i], right[i], right[i + 3], b[i])
+            for i in range(3)
+        )
         return interval, (x, y, z)
 
     def _step(self, t: float, y: State, dt: float, firing_since: float = -1.0) -> State:
-        """The state dt (s) after y at t (s): without force where `firing_since` is negative, else
-        with that of the master's step that began so long (s) before t."""
+        """The state dt (s) after y at t (s): without force where `firing_since` is
+        negative, else with that of the master's step that began so long (s) before
+        t."""
         sun = self._sun(t + 0.5 * dt)
 
         def slope(e: float, y: State) -> State:
@@ -194,7 +218,13 @@ class EnvironmentPropagated(NearEarth, OrbitStart):
         if self.area_drag == 0.0:
             return (gx, gy, gz)
         wx, wy, wz = y[3] + self.earth_rate * y[1], y[4] - self.earth_rate * y[0], y[5]
-        k = 0.5 * self.density_at(r, t, sun) * self.drag_coefficient * self.area_drag / self._mass
+        k = (
+            0.5
+            * self.density_at(r, t, sun)
+            * self.drag_coefficient
+            * self.area_drag
+            / self._mass
+        )
         k *= sqrt(wx * wx + wy * wy + wz * wz)
         return (gx - k * wx, gy - k * wy, gz - k * wz)
 
@@ -204,8 +234,9 @@ class EnvironmentPropagated(NearEarth, OrbitStart):
 
 
 def hermite(r0: float, v0: float, a0: float, r1: float, v1: float, a1: float) -> _Vec6:
-    """Coefficients c0 to c5 of the polynomial with value, derivative and second derivative r0, v0,
-    a0 at s = 0 and r1, v1, a1 at s = NODE_TIME: the sum of c_n s^n."""
+    """Coefficients c0 to c5 of the polynomial with value, derivative and second
+    derivative r0, v0, a0 at s = 0 and r1, v1, a1 at s = NODE_TIME: the sum of c_n
+    s^n."""
     h = NODE_TIME
     c2 = 0.5 * a0
     r = (r1 - r0 - (v0 + c2 * h) * h) / h**3

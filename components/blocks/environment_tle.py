@@ -9,47 +9,62 @@ from ..physics.tle import teme_state
 class EnvironmentTle(NearEarth):
     """Orbit from two-line elements with the Earth's field, Sun, eclipse and atmosphere
 
-    Position and velocity by SGP4 and SDP4 (Vallado and others, Revisiting Spacetrack Report #3,
-    AIAA 2006-6753; WGS-72) from the mean elements of a two-line set, `epoch_j2000` -
-    `epoch_tle_j2000` + t after their epoch. TEME, the frame of SGP4, is taken as `eci`.
-    `components.tle.tle_parameters` turns the two lines into the parameters. The derivatives of the
-    mean motion are not among them: SGP4 does not use them.
+    Position and velocity by SGP4 and SDP4 (Vallado and others, Revisiting Spacetrack
+    Report #3, AIAA 2006-6753; WGS-72) from the mean elements of a two-line set,
+    `epoch_j2000` - `epoch_tle_j2000` + t after their epoch. TEME, the frame of SGP4, is
+    taken as `eci`. `components.tle.tle_parameters` turns the two lines into the
+    parameters. The derivatives of the mean motion are not among them: SGP4 does not use
+    them.
 
-    Firings do not act on this orbit, whatever is wired: elements of the next set would have them.
-    `environment_propagated` takes them.
+    Firings do not act on this orbit, whatever is wired: elements of the next set would
+    have them. `environment_propagated` takes them.
 
-    v is the velocity of SGP4, whose short-period part is simplified: on low, nearly circular orbits
-    it is the derivative of r to 0.04 m/s. The derivatives of the field follow r.
+    v is the velocity of SGP4, whose short-period part is simplified: on low, nearly
+    circular orbits it is the derivative of r to 0.04 m/s. The derivatives of the field
+    follow r.
 
-    The host's Python needs the package sgp4 (pip install sgp4). Without it the block fails as it
-    starts, with a message that says so.
+    The host's Python needs the package sgp4 (pip install sgp4). Without it the block
+    fails as it starts, with a message that says so.
     """
 
     third_bodies = True  # SGP4 has them of slow orbits
 
     epoch_j2000: float = Parameter(
-        "s", "UTC of t = 0: seconds since 2000-01-01T12:00:00 UTC, leap seconds not counted; "
+        "s",
+        "UTC of t = 0: seconds since 2000-01-01T12:00:00 UTC, leap seconds not counted; "
         "629208000 is 2019-12-10T00:00:00",
-        start=629208000.0, min=-3.2e9, max=3.2e9,
-    )  # fmt: skip
+        start=629208000.0,
+        min=-3.2e9,
+        max=3.2e9,
+    )
     epoch_tle_j2000: float = Parameter(
-        "s", "UTC of the elements, counted like epoch_j2000. All start values: ISS, 2019-12-09",
-        start=629181509.3634241, min=-3.2e9, max=3.2e9,
-    )  # fmt: skip
+        "s",
+        "UTC of the elements, counted like epoch_j2000. All start values: ISS, 2019-12-09",
+        start=629181509.3634241,
+        min=-3.2e9,
+        max=3.2e9,
+    )
     bstar: float = Parameter("1", "drag term B*, per Earth radius", start=3.8792e-5)
-    eccentricity: float = Parameter("1", "mean eccentricity", start=7.417e-4, min=0.0, max=0.99)
+    eccentricity: float = Parameter(
+        "1", "mean eccentricity", start=7.417e-4, min=0.0, max=0.99
+    )
     argument_of_perigee: float = Parameter(
         "rad", "mean argument of perigee", start=0.3083420829620822, usual=TURN
     )
     inclination: float = Parameter(
         "rad", "mean inclination", start=0.9013560935706996, min=0.0, max=3.1415926536
     )
-    mean_anomaly: float = Parameter("rad", "mean anomaly", start=1.4946964807494398, usual=TURN)
+    mean_anomaly: float = Parameter(
+        "rad", "mean anomaly", start=1.4946964807494398, usual=TURN
+    )
     mean_motion: float = Parameter(
         "rad/s", "mean motion (Kozai)", start=0.0011272670555414889, min=1e-6, max=2e-3
     )
     raan: float = Parameter(
-        "rad", "mean right ascension of the ascending node", start=3.686137125541276, usual=TURN
+        "rad",
+        "mean right ascension of the ascending node",
+        start=3.686137125541276,
+        usual=TURN,
     )
 
     def size(self) -> tuple[float, float]:

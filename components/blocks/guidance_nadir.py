@@ -13,18 +13,21 @@ class GuidanceNadir(Guidance):
         q_ref_bi = q_bo (x) q_oi(r, v)
         omega_ref_body = C(q_bo) (0, -|r x v| / r^2, 0)
 
-    at each sample, held in between. q_oi is the attitude of lvlh (z to nadir, y to minus orbit
-    normal); its rate is exact on circular and elliptic Kepler orbits. A force across the orbit
-    turns the plane and adds r f / |r x v| about z, which is left out: for the Earth's J2 less
-    than 2e-3 of the orbital rate. The sign of the quaternion is that of the sample before.
+    at each sample, held in between. q_oi is the attitude of lvlh (z to nadir, y to
+    minus orbit normal); its rate is exact on circular and elliptic Kepler orbits. A
+    force across the orbit turns the plane and adds r f / |r x v| about z, which is left
+    out: for the Earth's J2 less than 2e-3 of the orbital rate. The sign of the
+    quaternion is that of the sample before.
 
     Source: paper 004, sec. 3; the rate from the conservation of angular momentum.
     """
 
     q_bo: Vec4 = Parameter(
-        "1", "wanted attitude: body from lvlh, scalar last; normalised", start=UPRIGHT,
+        "1",
+        "wanted attitude: body from lvlh, scalar last; normalised",
+        start=UPRIGHT,
         needs=("r_eci", "v_eci"),
-    )  # fmt: skip
+    )
 
     def start(self) -> None:
         super().start()

@@ -13,13 +13,14 @@ class GuidanceSlew(Guidance):
         s = 10 u^3 - 15 u^4 + 6 u^5,        u = (t - t_begin) / (t_end - t_begin) in [0, 1]
         q_ref_bi = dq(a s) (x) q_begin,     omega_ref_body = a ds/dt
 
-    at each sample, held in between. a is the shortest rotation vector from `q_begin_bi` to
-    `q_end_bi`, or `slew_body` where that is not zero, dq(a) the rotation by |a| about a; a has the
-    same components in every frame on the way. Rate and acceleration are zero at both ends; the
-    largest rate is 15/8 of the mean. Before `t_begin` and after `t_end` the reference rests.
+    at each sample, held in between. a is the shortest rotation vector from `q_begin_bi`
+    to `q_end_bi`, or `slew_body` where that is not zero, dq(a) the rotation by |a|
+    about a; a has the same components in every frame on the way. Rate and acceleration
+    are zero at both ends; the largest rate is 15/8 of the mean. Before `t_begin` and
+    after `t_end` the reference rests.
 
-    Source: paper 004, sec. 3 (Figures 6-8: a slew of 1.5 h), which does not give its profile; the
-    quintic is ours.
+    Source: paper 004, sec. 3 (Figures 6-8: a slew of 1.5 h), which does not give its
+    profile; the quintic is ours.
     """
 
     q_begin_bi: Vec4 = Parameter(
@@ -42,10 +43,14 @@ class GuidanceSlew(Guidance):
             if not any(getattr(self, name)):
                 self.fail(f"{name} is zero; it must be a quaternion")
         if self.t_end <= self.t_begin:
-            self.fail(f"t_end = {self.t_end} s must be after t_begin = {self.t_begin} s")
+            self.fail(
+                f"t_end = {self.t_end} s must be after t_begin = {self.t_begin} s"
+            )
         self._q_begin = normalised(self.q_begin_bi)
         axis, angle = eigenaxis(self._q_begin, normalised(self.q_end_bi))
-        self._rotation = scale(angle, axis) if self.slew_body == ZERO else self.slew_body
+        self._rotation = (
+            scale(angle, axis) if self.slew_body == ZERO else self.slew_body
+        )
         self._point(0.0)
 
     def advance(self, t: float, dt: float) -> None:

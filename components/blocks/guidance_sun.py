@@ -14,29 +14,35 @@ class GuidanceSun(Guidance):
 
         C(q_ref_bi) s = `axis_body`,     omega_ref_body = `sun_rate` C(q_ref_bi) n
 
-    at each sample, held in between, with s the unit vector to the Sun and n the ecliptic's north.
-    About it the craft is turned so that `second_body` is as near to n as it can be. In eclipse it
-    holds: s is the direction to the Sun, seen or not.
+    at each sample, held in between, with s the unit vector to the Sun and n the
+    ecliptic's north. About it the craft is turned so that `second_body` is as near to n
+    as it can be. In eclipse it holds: s is the direction to the Sun, seen or not.
 
-    Seen from the Earth the Sun moves along the ecliptic by 0.953 to 1.019 deg a day; omega_ref_body
-    has the mean rate, and errs by 7e-9 rad/s at most. Seen from an orbit about the Sun s moves at
-    that orbit's rate.
+    Seen from the Earth the Sun moves along the ecliptic by 0.953 to 1.019 deg a day;
+    omega_ref_body has the mean rate, and errs by 7e-9 rad/s at most. Seen from an orbit
+    about the Sun s moves at that orbit's rate.
 
     Source: geometry.
     """
 
     axis_body: Vec3 = Parameter(
-        "1", "body axis that points to the Sun; of any length", start=(0.0, 0.0, 1.0),
+        "1",
+        "body axis that points to the Sun; of any length",
+        start=(0.0, 0.0, 1.0),
         needs=("sun_eci",),
-    )  # fmt: skip
+    )
     second_body: Vec3 = Parameter(
-        "1", "body axis that is nearest to the ecliptic's north; across axis_body as far as it is "
-        "used", start=(0.0, 1.0, 0.0),
-    )  # fmt: skip
+        "1",
+        "body axis that is nearest to the ecliptic's north; across axis_body as far as it is "
+        "used",
+        start=(0.0, 1.0, 0.0),
+    )
     sun_rate: float = Parameter(
-        "rad/s", "rate of the Sun's direction about the ecliptic's north; start: from the Earth",
-        start=1.990986e-7, min=0.0,
-    )  # fmt: skip
+        "rad/s",
+        "rate of the Sun's direction about the ecliptic's north; start: from the Earth",
+        start=1.990986e-7,
+        min=0.0,
+    )
 
     def start(self) -> None:
         super().start()
@@ -45,7 +51,9 @@ class GuidanceSun(Guidance):
         axis = unit(self.axis_body)
         across = cross(cross(axis, self.second_body), axis)
         if norm(across) <= PARALLEL * norm(self.second_body):
-            self.fail("second_body is zero or along axis_body; a direction across it is needed")
+            self.fail(
+                "second_body is zero or along axis_body; a direction across it is needed"
+            )
         self._to_body = inverse(from_axes(axis, unit(across)))
         self.q_ref_bi, self.omega_ref_body = UPRIGHT, ZERO
         self._point()
@@ -59,5 +67,9 @@ class GuidanceSun(Guidance):
             self.fail("sun_eci is zero: no Sun is modelled")
         sun = unit(self.sun_eci)
         north = unit(cross(cross(sun, ECLIPTIC_NORTH), sun))
-        self.q_ref_bi = nearest(product(self._to_body, from_axes(sun, north)), self.q_ref_bi)
-        self.omega_ref_body = scale(self.sun_rate, rotate(self.q_ref_bi, ECLIPTIC_NORTH))
+        self.q_ref_bi = nearest(
+            product(self._to_body, from_axes(sun, north)), self.q_ref_bi
+        )
+        self.omega_ref_body = scale(
+            self.sun_rate, rotate(self.q_ref_bi, ECLIPTIC_NORTH)
+        )

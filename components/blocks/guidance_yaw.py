@@ -10,33 +10,42 @@ from ..physics.orbit import lvlh_attitude
 
 
 class GuidanceYaw(Guidance):
-    """Yaw steering: nadir pointing, turned about nadir so that a panel's axis is across the Sun
+    """Yaw steering: nadir pointing, turned about nadir so that a panel's axis is across
+    the Sun
 
-    With s = (s_x, s_y, s_z) the unit vector to the Sun in lvlh (z to nadir, y to minus orbit
-    normal) and n = |r x v| / r^2, the craft is turned from lvlh by
+    With s = (s_x, s_y, s_z) the unit vector to the Sun in lvlh (z to nadir, y to minus
+    orbit normal) and n = |r x v| / r^2, the craft is turned from lvlh by
 
         psi = atan2(s_y, s_x),     psi' = -n s_y s_z / (s_x^2 + s_y^2)
 
     about z, at each sample, held in between: the Sun lies in the plane of x and z, on the side of
     +x, and a panel that turns about y faces it. `q_bf` turns the body from that frame.
 
-    Where the Sun comes near the orbit's plane, psi turns by up to half a turn at noon and midnight.
-    The craft follows with rates up to `rate_limit` and accelerations up to `acceleration_limit`:
-    while it is behind by b, at the rate psi' + sqrt(acceleration_limit |b|) towards it, or
-    psi' + b / (10 samples) where that is less.
+    Where the Sun comes near the orbit's plane, psi turns by up to half a turn at noon
+    and midnight. The craft follows with rates up to `rate_limit` and accelerations up
+    to `acceleration_limit`: while it is behind by b, at the rate psi' +
+    sqrt(acceleration_limit |b|) towards it, or psi' + b / (10 samples) where that is
+    less.
 
-    Source: geometry; the convention is that of GPS block II (Bar-Sever, J. Geodesy 70 (1996) 714).
+    Source: geometry; the convention is that of GPS block II (Bar-Sever, J. Geodesy 70
+    (1996) 714).
     """
 
     q_bf: Vec4 = Parameter(
-        "1", "attitude of the body from the steered frame, scalar last; normalised", start=UPRIGHT,
+        "1",
+        "attitude of the body from the steered frame, scalar last; normalised",
+        start=UPRIGHT,
         needs=("r_eci", "v_eci", "sun_eci"),
-    )  # fmt: skip
+    )
     rate_limit: float = Parameter(
         "rad/s", "largest rate about nadir", start=5e-3, min=1e-6, usual=(1e-5, 0.05)
     )
     acceleration_limit: float = Parameter(
-        "rad/s2", "largest acceleration about nadir", start=1e-5, min=1e-10, usual=(1e-9, 1e-3)
+        "rad/s2",
+        "largest acceleration about nadir",
+        start=1e-5,
+        min=1e-10,
+        usual=(1e-9, 1e-3),
     )
 
     def start(self) -> None:

@@ -13,39 +13,55 @@ class ManagerBDot(Manager):
 
         M = -gain B' / |B|^2
 
-    at each sample, with B the measured field and B' its rate from this sample and the one before,
-    each component of M within +-`m_limit`; the wheels get no torque. As B' is -omega x B, the
-    torque brakes the body across the field with gain / J (1/s). With n the orbit rate, J_min the
-    smallest moment of inertia and xi the angle between the orbit and the magnetic equator
+    at each sample, with B the measured field and B' its rate from this sample and the
+    one before, each component of M within +-`m_limit`; the wheels get no torque. As B'
+    is -omega x B, the torque brakes the body across the field with gain / J (1/s). With
+    n the orbit rate, J_min the smallest moment of inertia and xi the angle between the
+    orbit and the magnetic equator
 
         gain = 2 n (1 + sin xi) J_min
 
-    is the fastest that still lets the field turn under the craft, as its source has it; flown from
-    a tumble, crafts with one small moment are slow with it, and up to ten times as quick with 7 n
-    times the mean moment. What is left are the turns of the field along the orbit, about 2 n.
+    is the fastest that still lets the field turn under the craft, as its source has it;
+    flown from a tumble, crafts with one small moment are slow with it, and up to ten
+    times as quick with 7 n times the mean moment. What is left are the turns of the
+    field along the orbit, about 2 n.
 
-    With `plain_gain` k above 0 the law is M = -k B' instead, as most others print it; at one field
-    both are the same with k = gain / |B|^2, 1e7 A m2 s/T for 1e-2 N m s at 31.6 uT.
+    With `plain_gain` k above 0 the law is M = -k B' instead, as most others print it;
+    at one field both are the same with k = gain / |B|^2, 1e7 A m2 s/T for 1e-2 N m s at
+    31.6 uT.
 
-    There is no dipole at the first sample, nor at one whose field or that before is not valid.
+    There is no dipole at the first sample, nor at one whose field or that before is not
+    valid.
 
-    Source: Stickler & Alfriend, J. Spacecraft 13 (1976) 282; the gain: Avanzini & Giulietti, J.
-    Guidance, Control, and Dynamics 35 (2012) 1326.
+    Source: Stickler & Alfriend, J. Spacecraft 13 (1976) 282; the gain: Avanzini &
+    Giulietti, J. Guidance, Control, and Dynamics 35 (2012) 1326.
     """
 
     no_law = "it brakes a tumbling craft and leaves the wheels as they are"
     brakes = True
 
-    gain: float = Parameter("N.m.s", "gain on B' / |B|^2", start=1e-2, min=0.0,
-                            needs=("b_body", "m_cmd_body"))  # fmt: skip
-    plain_gain: float = Parameter(
-        "A.m2.s/T", "gain on B' alone, in the place of `gain`; 0: it is not used", min=0.0
+    gain: float = Parameter(
+        "N.m.s",
+        "gain on B' / |B|^2",
+        start=1e-2,
+        min=0.0,
+        needs=("b_body", "m_cmd_body"),
     )
-    m_limit: float = Parameter("A.m2", "largest dipole of each axis", start=1.0, min=0.0,
-                               follows="torquers.m_limit")  # fmt: skip
+    plain_gain: float = Parameter(
+        "A.m2.s/T",
+        "gain on B' alone, in the place of `gain`; 0: it is not used",
+        min=0.0,
+    )
+    m_limit: float = Parameter(
+        "A.m2",
+        "largest dipole of each axis",
+        start=1.0,
+        min=0.0,
+        follows="torquers.m_limit",
+    )
     mode: int = Output(
         "1", "what the manager does", interval=True, choices=("idle", "detumbling")
-    )  # fmt: skip
+    )
 
     def start(self) -> None:
         super().start()

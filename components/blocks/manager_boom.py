@@ -12,8 +12,9 @@ IDLE, CONTROLLING, RECOVERING = range(3)
 class ManagerBoom(Boom):
     """Coils and at most one wheel keep a boom upright, as published
 
-    With u nadir in body, tilt = (u_2, -u_1), omega the rate relative to lvlh, h the wheel's
-    momentum less `h_target_body`, B the measured field, N the wheel's torque on the body:
+    With u nadir in body, tilt = (u_2, -u_1), omega the rate relative to lvlh, h the
+    wheel's momentum less `h_target_body`, B the measured field, N the wheel's torque on
+    the body:
 
         M = e x B / |B|                                                     (eq. 16)
         e_1 = gain_tilt tilt_1 + gain_rate omega_1
@@ -21,8 +22,8 @@ class ManagerBoom(Boom):
         e_3 = gain_yaw yaw + gain_yaw_rate omega_3;   with a wheel along z: gain_dump h_3
         N   = -kp yaw - kd omega_3 about z, or -kp pitch - kd omega_2 about y
 
-    so that the torque of the coils is -|B| e across B. Yaw and pitch are angles of the 2-1-3
-    sequence (eq. 6). No dipole while |e| is at most `deadband`.
+    so that the torque of the coils is -|B| e across B. Yaw and pitch are angles of the
+    2-1-3 sequence (eq. 6). No dipole while |e| is at most `deadband`.
 
     **Recovery** (an option, of a wheel along y; ours). A craft that stands upside down is stable.
     Each time that nadir goes through the boom's line, u_1 = 0, the wheel is sent to h_2 = -A
@@ -32,34 +33,52 @@ class ManagerBoom(Boom):
     not dump h_2 but damp omega_2: a craft that goes over and over gets from the wheel on one side
     what that takes on the other.
 
-    Without a valid field, attitude or rate: see `reason`; coils off, the wheel holds the rate
-    (-kd omega). Without a valid h there is no dumping.
+    Without a valid field, attitude or rate: see `reason`; coils off, the wheel holds
+    the rate (-kd omega). Without a valid h there is no dumping.
 
-    Source: paper 002, eqs. 6 and 16; which quantities e holds and all gains are not in it: ours,
-    fitted to its figures.
+    Source: paper 002, eqs. 6 and 16; which quantities e holds and all gains are not in
+    it: ours, fitted to its figures.
     """
 
     wheel: int = Parameter("1", "which wheel there is", choices=("none", "y", "z"))
-    gain_tilt: float = Parameter("A.m2/rad", "of the tilt", start=25.0, min=0.0,
-                                 needs=("b_body", "m_cmd_body", "q_ref_bi"))  # fmt: skip
+    gain_tilt: float = Parameter(
+        "A.m2/rad",
+        "of the tilt",
+        start=25.0,
+        min=0.0,
+        needs=("b_body", "m_cmd_body", "q_ref_bi"),
+    )
     gain_rate: float = Parameter("A.m2.s/rad", "of its rate", start=4.4e4, min=0.0)
     gain_yaw: float = Parameter("A.m2/rad", "of yaw, without a wheel along z", min=0.0)
     gain_yaw_rate: float = Parameter("A.m2.s/rad", "of its rate", min=0.0)
-    gain_dump: float = Parameter("1/(T.s)", "of the wheel's momentum", start=380.0, min=0.0)
+    gain_dump: float = Parameter(
+        "1/(T.s)", "of the wheel's momentum", start=380.0, min=0.0
+    )
     kp: float = Parameter("N.m/rad", "of the wheel's angle", start=8e-5, min=0.0)
     kd: float = Parameter("N.m.s/rad", "of the wheel's rate", start=1.5e-2, min=0.0)
     recovery: bool = Parameter("1", "true: turn a craft that is upside down")
     recovery_momentum: float = Parameter(
-        "N.m.s", "by how much the wheel's momentum goes to either side of its target", start=0.1,
+        "N.m.s",
+        "by how much the wheel's momentum goes to either side of its target",
+        start=0.1,
         min=1e-6,
-    )  # fmt: skip
-    recovery_rate: float = Parameter(
-        "rad/s", "recovery ends below this rate through upright", start=1e-3, min=0.0, usual=SPIN
     )
-    recovery_torque: float = Parameter("N.m", "largest torque of it", start=5e-3, min=1e-9)
+    recovery_rate: float = Parameter(
+        "rad/s",
+        "recovery ends below this rate through upright",
+        start=1e-3,
+        min=0.0,
+        usual=SPIN,
+    )
+    recovery_torque: float = Parameter(
+        "N.m", "largest torque of it", start=5e-3, min=1e-9
+    )
     deadband: float = Parameter("A.m2", "no dipole up to this size of e", min=0.0)
     mode: int = Output(
-        "1", "what the manager does", interval=True, choices=("idle", "controlling", "recovering")
+        "1",
+        "what the manager does",
+        interval=True,
+        choices=("idle", "controlling", "recovering"),
     )
 
     def start(self) -> None:
@@ -87,7 +106,9 @@ class ManagerBoom(Boom):
             if self.recovery and self.valid_h and self._turn((a[2], a[5], a[8]), y):
                 most = self.recovery_torque
                 e_x, e_y = self.gain_rate * x, self.gain_rate * y
-                torque = scale(min(max(0.05 * (h[1] - self._goal), -most), most), Y_AXIS)
+                torque = scale(
+                    min(max(0.05 * (h[1] - self._goal), -most), most), Y_AXIS
+                )
         elif self.wheel == WHEEL_Z:
             e_z = self.gain_dump * h[2]
             torque = scale(laws.pd(yaw, z, self.kp, self.kd), Z_AXIS)

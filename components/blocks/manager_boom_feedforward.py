@@ -17,24 +17,26 @@ NONE = -1
 
 
 class ManagerBoomFeedforward(Boom):
-    """One to three wheels keep a boom upright, and take what a firing gives while it gives it
+    """One to three wheels keep a boom upright, and take what a firing gives while it
+    gives it
 
-    A sample of T = `sample_time`. With theta the rotation vector from the reference to the body,
-    omega_o the rate relative to the reference, h the wheels' momentum less `h_target_body`, F the
-    mean torque that the firing will give over [t, t + T], the torque on the body about each axis
-    that has a wheel is
+    A sample of T = `sample_time`. With theta the rotation vector from the reference to
+    the body, omega_o the rate relative to the reference, h the wheels' momentum less
+    `h_target_body`, F the mean torque that the firing will give over [t, t + T], the
+    torque on the body about each axis that has a wheel is
 
         N = -J wn^2 (theta - lean) - 2 damping wn J omega_o - M x B - F + omega x h
 
-    within +-torque_limit: the wheels take the firing, the coils' own torque and the gyroscopic
-    torque of their momentum. The coils, as eq. 16 of paper 002,
+    within +-torque_limit: the wheels take the firing, the coils' own torque and the
+    gyroscopic torque of their momentum. The coils, as eq. 16 of paper 002,
 
         M = e x B / |B|,   e_i = gain_dump h_i of an axis with a wheel, where |h| > h_deadband
                            e_i = gain_tilt tilt_i + gain_rate omega_oi of one without
 
-    none while |e| is at most `deadband`; M is what pulses of the coils make of it. Gravity dumps,
-    too: the craft leans by lean = gain_lean h, within +-lean_limit, about roll and pitch where they
-    have wheels, so that the gravity-gradient torque is against h.
+    none while |e| is at most `deadband`; M is what pulses of the coils make of it.
+    Gravity dumps, too: the craft leans by lean = gain_lean h, within +-lean_limit,
+    about roll and pitch where they have wheels, so that the gravity-gradient torque is
+    against h.
 
     **Firings** are known as a schedule, one at a time, each from a sample on. `schedule_start`,
     `_duration` and `_tau_body` are those of the thrusters (`shared`); thrusters that differ from
@@ -49,9 +51,10 @@ class ManagerBoomFeedforward(Boom):
     for the firings after it, in proportion to their size, once `learning_time` has gone by after
     its end.
 
-    Without a valid field, attitude or rate: see `reason`; coils off, the wheels hold the rate and
-    still take the firing. Without a valid h nothing is dumped and the filter stands still.
-    `reason` is torque_limit where a wheel's torque would have to be larger than torque_limit.
+    Without a valid field, attitude or rate: see `reason`; coils off, the wheels hold
+    the rate and still take the firing. Without a valid h nothing is dumped and the
+    filter stands still. `reason` is torque_limit where a wheel's torque would have to
+    be larger than torque_limit.
 
     Source: ours; eq. 16 of paper 002.
     """
@@ -59,28 +62,42 @@ class ManagerBoomFeedforward(Boom):
     sample_time: float = Parameter(
         "s", "time between samples, a multiple of the step", start=10.0, min=1e-3
     )
-    wheels: int = Parameter("1", "about which body axes wheels give a torque",
-                            choices=("z", "y_z", "x_y_z"), start="x_y_z",
-                            needs=("q_ref_bi", "omega_ref_body"))  # fmt: skip
+    wheels: int = Parameter(
+        "1",
+        "about which body axes wheels give a torque",
+        choices=("z", "y_z", "x_y_z"),
+        start="x_y_z",
+        needs=("q_ref_bi", "omega_ref_body"),
+    )
     inertia: Mat33 = Parameter(
-        "kg.m2", "inertia of the whole craft, wheels locked, body",
-        start=(153.0, 0.25, -0.1, 0.25, 153.0, -0.0005, -0.1, -0.0005, 5.0), shared=True,
-    )  # fmt: skip
+        "kg.m2",
+        "inertia of the whole craft, wheels locked, body",
+        start=(153.0, 0.25, -0.1, 0.25, 153.0, -0.0005, -0.1, -0.0005, 5.0),
+        shared=True,
+    )
     schedule_start: Table = Parameter(
-        "s", "firings: when each begins, a multiple of sample_time", shape=(ENTRIES,), shared=True
+        "s",
+        "firings: when each begins, a multiple of sample_time",
+        shape=(ENTRIES,),
+        shared=True,
     )
     schedule_duration: Table = Parameter(
         "s", "firings: how long; 0: none", shape=(ENTRIES,), min=0.0, shared=True
     )
     schedule_tau_body: Table = Parameter(
-        "N.m", "firings: torque of each on the body, body, as far as it is known",
-        shape=(ENTRIES, 3), shared=True,
-    )  # fmt: skip
+        "N.m",
+        "firings: torque of each on the body, body, as far as it is known",
+        shape=(ENTRIES, 3),
+        shared=True,
+    )
     feedforward: bool = Parameter("1", "false: the firing is not known", start=True)
     learning: bool = Parameter("1", "true: a firing teaches of the next", start=True)
     learning_time: float = Parameter("s", "after a firing's end", start=300.0, min=0.0)
     firing_uncertainty: float = Parameter(
-        "1", "deviation of a firing's torque, each axis, over its size", start=0.3, min=0.0
+        "1",
+        "deviation of a firing's torque, each axis, over its size",
+        start=0.3,
+        min=0.0,
     )
     gyro_noise: float = Parameter(
         "rad/s", "deviation of the measured rate, each axis", start=3.49e-5, min=1e-12
@@ -89,41 +106,83 @@ class ManagerBoomFeedforward(Boom):
         "N.m", "deviation of the unknown torque over a sample", start=1e-5, min=0.0
     )
     attitude_gain: float = Parameter(
-        "1", "share of the measured attitude that the estimate takes over at a sample", start=0.1,
-        min=0.0, max=1.0,
-    )  # fmt: skip
-    bandwidth: Vec3 = Parameter("rad/s", "wn of each axis", start=(0.02, 0.02, 0.04), min=0.0)
+        "1",
+        "share of the measured attitude that the estimate takes over at a sample",
+        start=0.1,
+        min=0.0,
+        max=1.0,
+    )
+    bandwidth: Vec3 = Parameter(
+        "rad/s", "wn of each axis", start=(0.02, 0.02, 0.04), min=0.0
+    )
     damping: float = Parameter("1", "damping of the wheels' law", start=1.0, min=0.0)
-    torque_limit: float = Parameter("N.m", "of the wheels, each axis", start=5e-3, min=1e-9,
-                                    follows="wheels.torque_limit")  # fmt: skip
-    gain_tilt: float = Parameter("A.m2/rad", "of the tilt, without a wheel", start=25.0, min=0.0,
-                                 needs=("b_body", "m_cmd_body"))  # fmt: skip
+    torque_limit: float = Parameter(
+        "N.m",
+        "of the wheels, each axis",
+        start=5e-3,
+        min=1e-9,
+        follows="wheels.torque_limit",
+    )
+    gain_tilt: float = Parameter(
+        "A.m2/rad",
+        "of the tilt, without a wheel",
+        start=25.0,
+        min=0.0,
+        needs=("b_body", "m_cmd_body"),
+    )
     gain_rate: float = Parameter("A.m2.s/rad", "of its rate", start=8e4, min=0.0)
-    gain_dump: Vec3 = Parameter("1/(T.s)", "of the wheels' momentum", start=150.0, min=0.0)
-    h_deadband: float = Parameter("N.m.s", "no dumping by coils up to this |h|", start=5e-3,
-                                  min=0.0)  # fmt: skip
+    gain_dump: Vec3 = Parameter(
+        "1/(T.s)", "of the wheels' momentum", start=150.0, min=0.0
+    )
+    h_deadband: float = Parameter(
+        "N.m.s", "no dumping by coils up to this |h|", start=5e-3, min=0.0
+    )
     deadband: float = Parameter("A.m2", "no dipole up to this |e|", start=0.3, min=0.0)
     gain_lean: float = Parameter("rad/(N.m.s)", "of the lean", start=0.5, min=0.0)
     lean_limit: float = Parameter(
         "rad", "largest lean of each axis", start=4.4e-3, min=0.0, usual=SMALL_ANGLE
     )
-    m_limit: float = Parameter("A.m2", "dipole of each coil", start=3.604, min=1e-6,
-                               follows="torquers.m_limit")  # fmt: skip
-    duty_max: float = Parameter("1", "largest share of the period", start=0.8, min=0.0, max=1.0,
-                                follows="torquers.duty_max")  # fmt: skip
-    least_pulse: float = Parameter("s", "length of one pulse", start=0.2, min=1e-6,
-                                   follows="torquers.least_pulse")  # fmt: skip
-    mode: int = Output("1", "what the manager does", interval=True,
-                       choices=("idle", "controlling", "firing"))  # fmt: skip
-    reason: int = Output(
-        "1", "what is lost at this sample, or short", interval=True,
-        choices=("nothing", "no_field", "no_attitude", "no_rate", "no_momentum", "torque_limit"),
-    )  # fmt: skip
-    tau_firing_body: Vec3 = Output(
-        "N.m", "torque of the firing that goes on or was the last, as far as it is known now, body",
+    m_limit: float = Parameter(
+        "A.m2", "dipole of each coil", start=3.604, min=1e-6, follows="torquers.m_limit"
+    )
+    duty_max: float = Parameter(
+        "1",
+        "largest share of the period",
+        start=0.8,
+        min=0.0,
+        max=1.0,
+        follows="torquers.duty_max",
+    )
+    least_pulse: float = Parameter(
+        "s", "length of one pulse", start=0.2, min=1e-6, follows="torquers.least_pulse"
+    )
+    mode: int = Output(
+        "1",
+        "what the manager does",
         interval=True,
-    )  # fmt: skip
-    omega_est_body: Vec3 = Output("rad/s", "the rate that the law takes, body", interval=True)
+        choices=("idle", "controlling", "firing"),
+    )
+    reason: int = Output(
+        "1",
+        "what is lost at this sample, or short",
+        interval=True,
+        choices=(
+            "nothing",
+            "no_field",
+            "no_attitude",
+            "no_rate",
+            "no_momentum",
+            "torque_limit",
+        ),
+    )
+    tau_firing_body: Vec3 = Output(
+        "N.m",
+        "torque of the firing that goes on or was the last, as far as it is known now, body",
+        interval=True,
+    )
+    omega_est_body: Vec3 = Output(
+        "rad/s", "the rate that the law takes, body", interval=True
+    )
 
     def start(self) -> None:
         super().start()
@@ -159,16 +218,22 @@ class ManagerBoomFeedforward(Boom):
                     f"sample_time = {self.sample_time:g} s"
                 )
             for j in range(i):
-                if firing.overlap(
-                    start, duration, self.schedule_start[j], self.schedule_duration[j]
-                ) > 0.0:  # fmt: skip
+                if (
+                    firing.overlap(
+                        start,
+                        duration,
+                        self.schedule_start[j],
+                        self.schedule_duration[j],
+                    )
+                    > 0.0
+                ):
                     self.fail(
                         f"schedule_start[{i + 1}] = {start:g} s for {duration:g} s overlaps "
                         f"firing {j + 1}, from {self.schedule_start[j]:g} s for "
                         f"{self.schedule_duration[j]:g} s; one at a time"
                     )
 
-    # --- what is known ------------------------------------------------------------------------
+    # --- what is known ----------------------------------------------------------------
 
     def _known(self, i: int) -> Vec3:
         """The torque of firing i before it began."""
@@ -176,7 +241,8 @@ class ManagerBoomFeedforward(Boom):
         return add((x, y, z), scale(norm((x, y, z)), self._learnt))
 
     def _begin(self, t: float) -> float:
-        """Take over the firing that goes on at t; for how long (s) of this sample it does."""
+        """Take over the firing that goes on at t; for how long (s) of this sample it
+        does."""
         for i in range(ENTRIES):
             on = firing.overlap(
                 self.schedule_start[i], self.schedule_duration[i], t, self.sample_time
@@ -189,7 +255,8 @@ class ManagerBoomFeedforward(Boom):
         return 0.0
 
     def _learn(self, t: float) -> None:
-        """Take what the last firing taught for those to come, once, when all of it has shown."""
+        """Take what the last firing taught for those to come, once, when all of it has
+        shown."""
         i = self._firing
         if not self.learning or i == NONE or i == self._taught:
             return
@@ -197,18 +264,23 @@ class ManagerBoomFeedforward(Boom):
         size, duration = norm((x, y, z)), self.schedule_duration[i]
         ended = t >= self.schedule_start[i] + duration + self.learning_time
         if ended and size > 0.0:
-            self._learnt = add(self._learnt, scale(1.0 / (size * duration), self._found))
+            self._learnt = add(
+                self._learnt, scale(1.0 / (size * duration), self._found)
+            )
             self._taught = i
 
     def _expected(self, t: float, on: float) -> Vec3:
-        """The impulse (N m s) of the firing over this sample, by what it has given so far."""
+        """The impulse (N m s) of the firing over this sample, by what it has given so
+        far."""
         if on <= 0.0 or not self.feedforward:
             return ZERO
         i = self._firing
         past = t - self.schedule_start[i]
         beyond = scale(1.0 / past, self._found) if past > 0.0 else ZERO
         self.tau_firing_body = add(self._known(i), beyond)
-        self._found = add(self._found, scale(on, beyond))  # expected, so not to be found again
+        self._found = add(
+            self._found, scale(on, beyond)
+        )  # expected, so not to be found again
         return scale(on, self.tau_firing_body)
 
     def _estimate(self, t: float) -> Vec3:
@@ -221,13 +293,22 @@ class ManagerBoomFeedforward(Boom):
         else:
             elapsed = t - self._t_before
             predicted = firing.predicted_rate(
-                omega, self._h_before, h, self._impulse, self.inertia, self._inverse, elapsed
+                omega,
+                self._h_before,
+                h,
+                self._impulse,
+                self.inertia,
+                self._inverse,
+                elapsed,
             )
             unknown = 0.0
             if self._firing != NONE:
                 i = self._firing
                 on = firing.overlap(
-                    self.schedule_start[i], self.schedule_duration[i], self._t_before, elapsed
+                    self.schedule_start[i],
+                    self.schedule_duration[i],
+                    self._t_before,
+                    elapsed,
                 )
                 unknown = self.firing_uncertainty * on * norm(self.tau_firing_body)
             x, y, z = sub(self.omega_bi_body, predicted)
@@ -249,8 +330,8 @@ class ManagerBoomFeedforward(Boom):
     def _corrected(
         self, i: int, innovation: float, unknown: float, elapsed: float
     ) -> tuple[float, float]:
-        """Of axis i: the correction of its rate (rad/s), and the variance after it; unknown: what
-        the firing may have given beyond what was known (N m s)."""
+        """Of axis i: the correction of its rate (rad/s), and the variance after it;
+        unknown: what the firing may have given beyond what was known (N m s)."""
         steady, fired = (
             self.torque_noise[i] * elapsed / self._moments[i],
             unknown / self._moments[i],
@@ -259,7 +340,7 @@ class ManagerBoomFeedforward(Boom):
         gain = firing.kalman_gain(variance, self.gyro_noise)
         return gain * innovation, (1.0 - gain) * variance
 
-    # --- what is done -------------------------------------------------------------------------
+    # --- what is done -----------------------------------------------------------------
 
     def act(self, t: float) -> None:
         on = self._begin(t)
@@ -277,10 +358,15 @@ class ManagerBoomFeedforward(Boom):
         if self.valid_h:
             taken = sub(taken, gyroscopic)
         lean = clip(scale(self.gain_lean, h), self.lean_limit)
-        theta = sub(laws.rotation_vector(q), (lean[0] * self._has[0], lean[1] * self._has[1], 0.0))
+        theta = sub(
+            laws.rotation_vector(q),
+            (lean[0] * self._has[0], lean[1] * self._has[1], 0.0),
+        )
         self.mode = FIRING if on > 0.0 else CONTROLLING
         self.give(m, self._within(sub(self._pd(theta, turning), taken)))
-        gravity = laws.gravity_vector_torque(nadir, self.inertia, norm(self.omega_ref_body))
+        gravity = laws.gravity_vector_torque(
+            nadir, self.inertia, norm(self.omega_ref_body)
+        )
         self._impulse = add(scale(self.sample_time, add(coil, gravity)), expected)
 
     def hold(self, t: float) -> Vec3:
@@ -306,7 +392,8 @@ class ManagerBoomFeedforward(Boom):
         )
 
     def _within(self, torque: Vec3) -> Vec3:
-        """The torque about the axes that have a wheel, within its limit; says where it is short."""
+        """The torque about the axes that have a wheel, within its limit; says where it
+        is short."""
         has = self._has
         wanted = (has[0] * torque[0], has[1] * torque[1], has[2] * torque[2])
         given = clip(wanted, self.torque_limit)
@@ -315,11 +402,16 @@ class ManagerBoomFeedforward(Boom):
         return given
 
     def _dipole(self, nadir: Vec3, rate: Vec3, h: Vec3) -> Vec3:
-        """What the coils make over the sample of the dipole that is wanted (A m2, body)."""
+        """What the coils make over the sample of the dipole that is wanted (A m2,
+        body)."""
         lean = laws.tilt(nadir)
         has = self._has
         full = norm((has[0] * h[0], has[1] * h[1], has[2] * h[2])) > self.h_deadband
-        dump, tilt, damp = self.gain_dump if full else ZERO, self.gain_tilt, self.gain_rate
+        dump, tilt, damp = (
+            self.gain_dump if full else ZERO,
+            self.gain_tilt,
+            self.gain_rate,
+        )
         e = (
             dump[0] * h[0] if has[0] > 0.0 else tilt * lean[0] + damp * rate[0],
             dump[1] * h[1] if has[1] > 0.0 else tilt * lean[1] + damp * rate[1],
@@ -331,4 +423,6 @@ class ManagerBoomFeedforward(Boom):
         return (self._pulsed(m[0]), self._pulsed(m[1]), self._pulsed(m[2]))
 
     def _pulsed(self, m: float) -> float:
-        return firing.pulsed(m, self.m_limit, self.least_pulse, self.sample_time, self.duty_max)
+        return firing.pulsed(
+            m, self.m_limit, self.least_pulse, self.sample_time, self.duty_max
+        )

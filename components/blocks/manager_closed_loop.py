@@ -16,12 +16,13 @@ class ManagerClosedLoop(MomentumManagement):
         T_D = -gain (H + H_B) - T_GG                                       (eq. 5)
         mu_M = (S B) x P,      P = T_D / (B'S B)                           (Table 1)
 
-    so that T_M = mu_M x B is the torque across B that is nearest to T_D, in the norm of S^-1. With
-    `wheels` and four skewed wheels it is the cross-product (CP) law of 1980.
+    so that T_M = mu_M x B is the torque across B that is nearest to T_D, in the norm of
+    S^-1. With `wheels` and four skewed wheels it is the cross-product (CP) law of 1980.
 
-    H_B keeps the wheels' centre speed at zero. The paper gives no law for that; ours, the centre
-    loop: at the end of each `centre_period` H_B grows by `centre_gain` times the middle between the
-    largest and the least H of that time, each axis of eci on its own.
+    H_B keeps the wheels' centre speed at zero. The paper gives no law for that; ours,
+    the centre loop: at the end of each `centre_period` H_B grows by `centre_gain` times
+    the middle between the largest and the least H of that time, each axis of eci on its
+    own.
 
     Coils, limits and measurements that are not valid: `bases/momentum_management.py`.
 
@@ -29,8 +30,12 @@ class ManagerClosedLoop(MomentumManagement):
     """
 
     offers = (
-        Law("CP with gravity", {"gain": "craft.rate", "weighting": "identity"}, rate="gain"),
-    )  # fmt: skip
+        Law(
+            "CP with gravity",
+            {"gain": "craft.rate", "weighting": "identity"},
+            rate="gain",
+        ),
+    )
 
     gain: float = Parameter("1/s", "K_M of eq. 5", start=1e-3, min=1e-9)
     centre_gain: float = Parameter("1", "of the centre loop; 0: none", min=0.0, max=1.0)

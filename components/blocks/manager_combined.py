@@ -26,51 +26,78 @@ class ManagerCombined(ThrusterDumping):
     - `bounded_quadratic`: as ocdc, but among the dipoles within the limit;
     - `bounded_one_norm`: least |N_T|_1, the thrusters' on-time, among the dipoles within the limit.
 
-    With `saturation` each component of M stays within duty * m_limit and the thrusters make up for
-    the rest (eq. 34); the bounded splits stay within it anyway. `dead_axis` is left out by all of
-    them. At a sample whose field is not valid the thrusters give all of N; where the momentum is
-    not valid nothing is dumped; a rate that is not valid is taken as zero.
+    With `saturation` each component of M stays within duty * m_limit and the thrusters
+    make up for the rest (eq. 34); the bounded splits stay within it anyway. `dead_axis`
+    is left out by all of them. At a sample whose field is not valid the thrusters give
+    all of N; where the momentum is not valid nothing is dumped; a rate that is not
+    valid is taken as zero.
 
-    The wheels are commanded to give the body what the controller wants and to absorb, with
-    `feedforward`, the dumping torque and, with `gyroscopic`, omega x h:
+    The wheels are commanded to give the body what the controller wants and to absorb,
+    with `feedforward`, the dumping torque and, with `gyroscopic`, omega x h:
 
         tau_cmd_wheel = A^+ (N - tau_ctrl_body - omega x A h)        (paper 004, eq. 16)
 
     at each sample, or every `wheel_sample_time`, held in between.
 
-    Source: Chen & Steyn (paper 000), eqs. 15-34; the bounded splits are not in the paper.
+    Source: Chen & Steyn (paper 000), eqs. 15-34; the bounded splits are not in the
+    paper.
     """
 
     craft_needs = (Need.COILS,)
     offers = (
-        Law("ocdc", {
-            "law": "ilqr", "split": "ocdc", "g_rate": "craft.rate",
-            # a thruster's torque is priced as the dipole that gives it across the field
-            "weight_ratio": "1 / craft.field / craft.field",
-        }),
-        Law("bounded 1-norm", {
-            "law": "ilqr", "split": "bounded_one_norm", "g_rate": "craft.rate",
-        }),
-    )  # fmt: skip
+        Law(
+            "ocdc",
+            {
+                "law": "ilqr",
+                "split": "ocdc",
+                "g_rate": "craft.rate",
+                # a thruster's torque is priced as the dipole that gives it across the
+                # field
+                "weight_ratio": "1 / craft.field / craft.field",
+            },
+        ),
+        Law(
+            "bounded 1-norm",
+            {
+                "law": "ilqr",
+                "split": "bounded_one_norm",
+                "g_rate": "craft.rate",
+            },
+        ),
+    )
 
-    law: int = Parameter("1", "dumping law", choices=("ilqr", "lqr", "mec"), start="ilqr")
+    law: int = Parameter(
+        "1", "dumping law", choices=("ilqr", "lqr", "mec"), start="ilqr"
+    )
     split: int = Parameter(
         "1",
         "division of the torque",
-        choices=("dct", "cccp", "crcp", "ocdc", "bounded_quadratic", "bounded_one_norm"),
+        choices=(
+            "dct",
+            "cccp",
+            "crcp",
+            "ocdc",
+            "bounded_quadratic",
+            "bounded_one_norm",
+        ),
         start="ocdc",
         needs=("b_body",),
     )
     saturation: bool = Parameter("1", "true: bounded dipole, eq. 34", start=True)
     g_rate: float = Parameter(
-        "1/s", "sqrt(F/R): closed-loop rate of ilqr and lqr", start=0.0077, min=0.0,
+        "1/s",
+        "sqrt(F/R): closed-loop rate of ilqr and lqr",
+        start=0.0077,
+        min=0.0,
         needs=("h_wheel", "tau_cmd_thruster_body"),
-    )  # fmt: skip
+    )
     horizon: float = Parameter(
         "s", "final time of lqr and mec after the start", start=600.0, min=1.0
     )
     k_cross: float = Parameter("1/T", "gain k of cccp", start=35000.0, min=0.0)
-    weight_ratio: float = Parameter("1/T2", "b/a of ocdc and bounded_quadratic", start=1e9, min=0.0)
+    weight_ratio: float = Parameter(
+        "1/T2", "b/a of ocdc and bounded_quadratic", start=1e9, min=0.0
+    )
 
     def start(self) -> None:
         super().start()
@@ -111,10 +138,16 @@ class ManagerCombined(ThrusterDumping):
         self._omega = self.rate()
         if self.law == LQR:
             self._offsets = dumping.lqr_offsets(
-                self._omega, self.g_rate, self.n_con_body, self.horizon, self.sample_time
+                self._omega,
+                self.g_rate,
+                self.n_con_body,
+                self.horizon,
+                self.sample_time,
             )
         elif self.law == MEC:
-            self._costate = dumping.mec_costate(h, self._omega, self.n_con_body, self.horizon)
+            self._costate = dumping.mec_costate(
+                h, self._omega, self.n_con_body, self.horizon
+            )
 
     def _torque(self, elapsed: float, h: Vec3) -> Vec3:
         if self.law == ILQR:

@@ -30,26 +30,28 @@ SATURATED, EVEN_DECAY, LOOK_AHEAD = range(3)
 class ManagerDetumblingOptimal(Acquisition):
     """Detumbling and wheel start-up with all coils at their limit
 
-    Detumbling, with omega the rate by `rate_from`, B the field, T the wheel's torque on the body:
+    Detumbling, with omega the rate by `rate_from`, B the field, T the wheel's torque on
+    the body:
 
         M = gain omega x B,   each coil within +-m_limit;      T = -gain_wheel omega_2
 
-    (M x B).omega = -M.(omega x B): so with a large gain, each coil at its limit with the sign of
-    (omega x B)_i, kinetic energy falls as fast as the coils can make it.
+    (M x B).omega = -M.(omega x B): so with a large gain, each coil at its limit with
+    the sign of (omega x B)_i, kinetic energy falls as fast as the coils can make it.
 
-    `start_up` from the first second on, where attitude and momentum are valid, a along -y the
-    wheel's axis, n the orbit normal, omega_o the rate relative to lvlh:
+    `start_up` from the first second on, where attitude and momentum are valid, a along
+    -y the wheel's axis, n the orbit normal, omega_o the rate relative to lvlh:
 
         M = gain_start_up e x B / |B|^2
         e = J omega + beta J omega_o + (h - h_nominal) a - gamma h_nominal (n - a)
         T = -gain_wheel omega_o2, or -kp theta - kd theta' where the angle between a and n is below
             `upright_angle` and every rate below `upright_rate`
 
-    e drives the momentum of craft and wheel to that of the craft pointing; gamma is how far the
-    wheel's axis is drawn to the normal against how far the wheel is filled first. From gamma 1 on
-    some attitudes stay inverted; 0 needs no attitude.
+    e drives the momentum of craft and wheel to that of the craft pointing; gamma is how
+    far the wheel's axis is drawn to the normal against how far the wheel is filled
+    first. From gamma 1 on some attitudes stay inverted; 0 needs no attitude.
 
-    Phases of `start_up` only say how far it is: detumbling, momentum_dump, three_axis, done.
+    Phases of `start_up` only say how far it is: detumbling, momentum_dump, three_axis,
+    done.
 
     **Rate.** `gyro`; `field`: B x B' / |B|^2, the part across the field, by the field's rate;
     `observer`: Euler's equations with the commanded dipole and the wheel's measured momentum,
@@ -57,34 +59,48 @@ class ManagerDetumblingOptimal(Acquisition):
     is not valid `field` takes its place, and no condition is met; without a valid field there is no
     dipole, and the observer begins anew; without a valid attitude or momentum it detumbles.
 
-    Two laws of others, for comparison, as `law` of detumbling's dipole: `even_decay`,
-    M = 2 n (1 + sin xi) J_min (omega x B) / |B|^2 (Avanzini & Giulietti 2012), and `look_ahead`,
-    which also weighs what will be left where the field will be after `horizon`, by `alpha` (Willis
-    et al. 2024). The latter needs attitude, position and velocity; while the attitude is not valid
-    ours takes its place.
+    Two laws of others, for comparison, as `law` of detumbling's dipole: `even_decay`, M
+    = 2 n (1 + sin xi) J_min (omega x B) / |B|^2 (Avanzini & Giulietti 2012), and
+    `look_ahead`, which also weighs what will be left where the field will be after
+    `horizon`, by `alpha` (Willis et al. 2024). The latter needs attitude, position and
+    velocity; while the attitude is not valid ours takes its place.
 
-    The wheel is commanded here, as by `manager_start_up`, and not through `tau_ctrl_body`.
+    The wheel is commanded here, as by `manager_start_up`, and not through
+    `tau_ctrl_body`.
 
     Source: ours; eq. 10 of paper 003 for the pitch angle.
     """
 
-    task: int = Parameter("1", "detumbling alone, or start-up",
-                          choices=("detumbling", "start_up"))  # fmt: skip
-    law: int = Parameter("1", "law of detumbling's dipole",
-                         choices=("saturated", "even_decay", "look_ahead"))  # fmt: skip
-    rate_from: int = Parameter("1", "where the rate is from",
-                               choices=("gyro", "field", "observer"))  # fmt: skip
+    task: int = Parameter(
+        "1", "detumbling alone, or start-up", choices=("detumbling", "start_up")
+    )
+    law: int = Parameter(
+        "1",
+        "law of detumbling's dipole",
+        choices=("saturated", "even_decay", "look_ahead"),
+    )
+    rate_from: int = Parameter(
+        "1", "where the rate is from", choices=("gyro", "field", "observer")
+    )
     inertia: Mat33 = Parameter(
-        "kg.m2", "inertia of the whole craft, wheels locked, body",
-        start=(0.3078, 0.0, 0.0, 0.0, 0.2865, 0.0, 0.0, 0.0, 0.2747), shared=True,
-    )  # fmt: skip
-    inertia_wheel: Vec4 = Parameter(
-        "kg.m2", "spin inertia of each wheel", start=(3.43774677e-4, 0.0, 0.0, 0.0), min=0.0,
+        "kg.m2",
+        "inertia of the whole craft, wheels locked, body",
+        start=(0.3078, 0.0, 0.0, 0.0, 0.2865, 0.0, 0.0, 0.0, 0.2747),
         shared=True,
-    )  # fmt: skip
-    gain: float = Parameter("A.m2.s/T", "of detumbling", start=3e7, min=0.0,
-                            needs=("b_body", "m_cmd_body"))  # fmt: skip
-    gain_wheel: float = Parameter("N.m.s", "of the wheel's rate law", start=1e-2, min=0.0)
+    )
+    inertia_wheel: Vec4 = Parameter(
+        "kg.m2",
+        "spin inertia of each wheel",
+        start=(3.43774677e-4, 0.0, 0.0, 0.0),
+        min=0.0,
+        shared=True,
+    )
+    gain: float = Parameter(
+        "A.m2.s/T", "of detumbling", start=3e7, min=0.0, needs=("b_body", "m_cmd_body")
+    )
+    gain_wheel: float = Parameter(
+        "N.m.s", "of the wheel's rate law", start=1e-2, min=0.0
+    )
     orbit_rate: float = Parameter("rad/s", "even_decay: n", start=1.0716e-3, min=0.0)
     field_inclination: float = Parameter(
         "rad",
@@ -93,14 +109,23 @@ class ManagerDetumblingOptimal(Acquisition):
         min=0.0,
         usual=TURN,
     )
-    gain_ahead: float = Parameter("1/(T.s)", "look_ahead: of the dipole", start=1e4, min=0.0)
+    gain_ahead: float = Parameter(
+        "1/(T.s)", "look_ahead: of the dipole", start=1e4, min=0.0
+    )
     horizon: float = Parameter("s", "look_ahead: how far", start=600.0, min=0.0)
-    alpha: float = Parameter("1", "look_ahead: weight of what will be left", start=10.0, min=0.0)
+    alpha: float = Parameter(
+        "1", "look_ahead: weight of what will be left", start=10.0, min=0.0
+    )
     gain_start_up: float = Parameter("1/s", "of start-up", start=0.01, min=0.0)
-    beta: float = Parameter("1", "of start-up: weight of the rate relative to lvlh", start=1.0,
-                            min=0.0)  # fmt: skip
-    gamma: float = Parameter("1", "of start-up: weight of the axis' angle to the orbit normal",
-                             start=0.3, min=0.0)  # fmt: skip
+    beta: float = Parameter(
+        "1", "of start-up: weight of the rate relative to lvlh", start=1.0, min=0.0
+    )
+    gamma: float = Parameter(
+        "1",
+        "of start-up: weight of the axis' angle to the orbit normal",
+        start=0.3,
+        min=0.0,
+    )
     upright_angle: float = Parameter(
         "rad", "eq. 10 below this angle", start=0.6435, min=0.0, usual=TURN
     )
@@ -110,11 +135,15 @@ class ManagerDetumblingOptimal(Acquisition):
     kp: float = Parameter("N.m", "K_p of eq. 10", start=9.1708e-4, min=0.0)
     kd: float = Parameter("N.m.s", "K_d of eq. 10", start=2.292e-2, min=0.0)
     bandwidth: float = Parameter("rad/s", "of the observer", start=0.1, min=1e-6)
-    omega_est_body: Vec3 = Output("rad/s", "the rate that the law takes, body", interval=True)
+    omega_est_body: Vec3 = Output(
+        "rad/s", "the rate that the law takes, body", interval=True
+    )
 
     def start(self) -> None:
         super().start()
-        self._carrier = carrier_inertia(self.inertia, self.axes_wheel, self.inertia_wheel)
+        self._carrier = carrier_inertia(
+            self.inertia, self.axes_wheel, self.inertia_wheel
+        )
         self._inverse = inverse_inertia(self._carrier)
         self._least = min(self.inertia[0], self.inertia[4], self.inertia[8])
         self._omega: Vec3 | None = None
@@ -157,12 +186,19 @@ class ManagerDetumblingOptimal(Acquisition):
             self._omega, self._b_model = ZERO, b
         else:
             elapsed = t - self._t_before
-            # the wheel's torque is what its momentum has changed by, whatever was commanded
+            # the wheel's torque is what its momentum has changed by, whatever was
+            # commanded
             torque = (h - self._h_before) / elapsed
             omega, model = rate_observer.predicted(
-                omega, model, self.m_cmd_body, (0.0, torque, 0.0),
-                scale(self._h_before, laws.PITCH_BIAS), self._carrier, self._inverse, elapsed,
-            )  # fmt: skip
+                omega,
+                model,
+                self.m_cmd_body,
+                (0.0, torque, 0.0),
+                scale(self._h_before, laws.PITCH_BIAS),
+                self._carrier,
+                self._inverse,
+                elapsed,
+            )
             self._omega, self._b_model = rate_observer.corrected(
                 omega, model, b, self.bandwidth, elapsed
             )
@@ -176,7 +212,12 @@ class ManagerDetumblingOptimal(Acquisition):
         if not self.valid_b:
             missing = NO_FIELD
         if omega is not None:
-            if self.task == START_UP and self.valid_q and self.valid_h and missing == START:
+            if (
+                self.task == START_UP
+                and self.valid_q
+                and self.valid_h
+                and missing == START
+            ):
                 self._start_up(omega)
             else:
                 self._detumble(omega)
@@ -190,12 +231,18 @@ class ManagerDetumblingOptimal(Acquisition):
             b, gain = self.b_body, self.gain
             if self.law == EVEN_DECAY:
                 size2 = dot(b, b)
-                k = laws.even_decay_gain(self._least, self.orbit_rate, self.field_inclination)
+                k = laws.even_decay_gain(
+                    self._least, self.orbit_rate, self.field_inclination
+                )
                 gain = k / size2 if size2 > 0.0 else 0.0
             if self.law == LOOK_AHEAD and self.valid_q and any(b):
-                later = rotate(self.q_bi, laws.field_ahead(self.r_eci, self.v_eci, self.horizon))
+                later = rotate(
+                    self.q_bi, laws.field_ahead(self.r_eci, self.v_eci, self.horizon)
+                )
                 h = mat_vec(self.inertia, omega)
-                m = scale(self.gain_ahead, laws.look_ahead(h, unit(b), later, self.alpha))
+                m = scale(
+                    self.gain_ahead, laws.look_ahead(h, unit(b), later, self.alpha)
+                )
             else:
                 m = laws.all_coils(omega, b, gain)
         self.give(m, laws.wheel_rate(omega[1], self.gain_wheel))
@@ -203,8 +250,16 @@ class ManagerDetumblingOptimal(Acquisition):
     def _start_up(self, omega: Vec3) -> None:
         normal, h = self.normal(), self.h()
         rate = self.relative(omega)
-        e = laws.start_up_error(mat_vec(self.inertia, omega), self.inertia, rate, h,
-                                self.h_nominal, normal, self.beta, self.gamma)  # fmt: skip
+        e = laws.start_up_error(
+            mat_vec(self.inertia, omega),
+            self.inertia,
+            rate,
+            h,
+            self.h_nominal,
+            normal,
+            self.beta,
+            self.gamma,
+        )
         upright = dot(normal, laws.PITCH_BIAS) > cos(self.upright_angle)
         if upright and max(map(abs, rate)) < self.upright_rate:
             angle = laws.pitch_angle(self.of_reference((0.0, 0.0, 1.0)))

@@ -18,35 +18,38 @@ MOST_STEPS = 4000
 FRICTION_TIME = 5.0
 """Over which a wheel's friction is averaged (s)."""
 MISSES = 5
-"""Samples in a row at which a wheel does not follow, after which it is taken for dead."""
+"""Samples in a row at which a wheel does not follow, after which it is taken for dead.
+"""
 _STILL: Vec4 = (0.0, 0.0, 0.0, 0.0)
 
 
 def missed(before: int, torque: float, got: float, limit: float) -> int:
-    """Samples in a row at which a wheel gave less than a fifth of a torque (N m) that is more than
-    a third of its limit; smaller ones say nothing."""
+    """Samples in a row at which a wheel gave less than a fifth of a torque (N m) that
+    is more than a third of its limit; smaller ones say nothing."""
     if abs(torque) <= 0.3 * limit or limit == 0.0:
         return before
     return before + 1 if got * torque < 0.2 * torque * torque else 0
 
 
 class ManagerDetumblingRollout(Manager, WheelInertias):
-    """Detumbling with torques of the wheels that are looked for by flying them in a model
+    """Detumbling with torques of the wheels that are looked for by flying them in a
+    model
 
-    Every coil follows, within its limit, and every wheel, within its limit and where no sequence
-    says otherwise,
+    Every coil follows, within its limit, and every wheel, within its limit and where no
+    sequence says otherwise,
 
         M = gain omega x B,       u_i = gain_wheel g_i . omega
 
-    with g_i the wheels' axes and u_i the torque to the rotor. Each `plan_time` the craft is flown
-    in a model, by Euler's equations with the field held in space, under `rounds` times
-    `candidates` sequences of four torques of `segment` each, after which the law above goes on
-    (`components.laws.rollout`); the one after which every rate is soonest below `rate_limit` is
-    followed. The law alone is always one of them.
+    with g_i the wheels' axes and u_i the torque to the rotor. Each `plan_time` the
+    craft is flown in a model, by Euler's equations with the field held in space, under
+    `rounds` times `candidates` sequences of four torques of `segment` each, after which
+    the law above goes on (`components.laws.rollout`); the one after which every rate is
+    soonest below `rate_limit` is followed. The law alone is always one of them.
 
-    It knows the craft's `inertia`, from which the flight may differ, and neither attitude nor
-    orbit. Once every rate is below `rate_limit` the law above alone goes on, until a rate is above
-    `rate_again`; after `hold_time` below the limit the craft is detumbled (`mode`).
+    It knows the craft's `inertia`, from which the flight may differ, and neither
+    attitude nor orbit. Once every rate is below `rate_limit` the law above alone goes
+    on, until a rate is above `rate_again`; after `hold_time` below the limit the craft
+    is detumbled (`mode`).
 
     **Rate.** `gyro`, or `filter`: an extended Kalman filter of magnetometer and tachometers
     (`components.laws.rate_filter`), by whose covariance alone the craft counts as slow. Without a
@@ -61,76 +64,130 @@ class ManagerDetumblingRollout(Manager, WheelInertias):
 
     **Field.** `coil_coupling` times the dipole commanded last is taken off the measured field.
 
-    One plan takes at most rounds candidates horizon / model_step steps of the model; the work of
-    most is far less, as a sequence is dropped once it takes longer than the best.
+    One plan takes at most rounds candidates horizon / model_step steps of the model;
+    the work of most is far less, as a sequence is dropped once it takes longer than the
+    best.
 
-    Source: ours; rollout: Bertsekas, Dynamic Programming and Optimal Control, vol. 1, sec. 2.4.
+    Source: ours; rollout: Bertsekas, Dynamic Programming and Optimal Control, vol. 1,
+    sec. 2.4.
     """
 
     no_law = "it brakes a tumbling craft: no law for wheels that hold an attitude"
     brakes = True
 
     inertia: Mat33 = Parameter(
-        "kg.m2", "inertia of the whole craft, wheels locked, body",
-        start=(0.3078, 0.0, 0.0, 0.0, 0.2865, 0.0, 0.0, 0.0, 0.2747), shared=True,
-    )  # fmt: skip
-    m_limit: float = Parameter("A.m2", "largest dipole of each axis", start=2.0, min=0.0,
-                               follows="torquers.m_limit")  # fmt: skip
-    torque_limit: float = Parameter("N.m", "largest torque command to a wheel", start=1e-3,
-                                    min=0.0, follows="wheels.torque_limit")  # fmt: skip
-    h_limit: float = Parameter("N.m.s", "momentum beyond which a wheel is not driven",
-                               start=0.18, min=1e-9,
-                               follows="wheels.inertia_wheel * wheels.speed_limit")  # fmt: skip
-    rate_from: int = Parameter("1", "where the rate is from", choices=("gyro", "filter"))
-    field_noise: float = Parameter("T", "filter: of the magnetometer, each axis", start=3e-7,
-                                   min=1e-12)  # fmt: skip
-    rate_noise: float = Parameter("rad/s", "filter: random walk of the rate over a root second",
-                                  start=3e-5, min=0.0)  # fmt: skip
-    field_turn: float = Parameter("T", "filter: random walk of the field over a root second",
-                                  start=3e-7, min=0.0)  # fmt: skip
-    gain: float = Parameter("A.m2.s/T", "of the coils", start=3e7, min=0.0,
-                            needs=("b_body", "m_cmd_body"))  # fmt: skip
+        "kg.m2",
+        "inertia of the whole craft, wheels locked, body",
+        start=(0.3078, 0.0, 0.0, 0.0, 0.2865, 0.0, 0.0, 0.0, 0.2747),
+        shared=True,
+    )
+    m_limit: float = Parameter(
+        "A.m2",
+        "largest dipole of each axis",
+        start=2.0,
+        min=0.0,
+        follows="torquers.m_limit",
+    )
+    torque_limit: float = Parameter(
+        "N.m",
+        "largest torque command to a wheel",
+        start=1e-3,
+        min=0.0,
+        follows="wheels.torque_limit",
+    )
+    h_limit: float = Parameter(
+        "N.m.s",
+        "momentum beyond which a wheel is not driven",
+        start=0.18,
+        min=1e-9,
+        follows="wheels.inertia_wheel * wheels.speed_limit",
+    )
+    rate_from: int = Parameter(
+        "1", "where the rate is from", choices=("gyro", "filter")
+    )
+    field_noise: float = Parameter(
+        "T", "filter: of the magnetometer, each axis", start=3e-7, min=1e-12
+    )
+    rate_noise: float = Parameter(
+        "rad/s",
+        "filter: random walk of the rate over a root second",
+        start=3e-5,
+        min=0.0,
+    )
+    field_turn: float = Parameter(
+        "T", "filter: random walk of the field over a root second", start=3e-7, min=0.0
+    )
+    gain: float = Parameter(
+        "A.m2.s/T", "of the coils", start=3e7, min=0.0, needs=("b_body", "m_cmd_body")
+    )
     gain_wheel: float = Parameter("N.m.s", "of the wheels", start=1e-2, min=0.0)
     gain_alone: float = Parameter(
-        "N.m.s", "of the coils on |B|^2, once no wheel follows: 2 n (1 + sin xi) J_min",
-        start=1.2e-3, min=0.0,
-    )  # fmt: skip
+        "N.m.s",
+        "of the coils on |B|^2, once no wheel follows: 2 n (1 + sin xi) J_min",
+        start=1.2e-3,
+        min=0.0,
+    )
     coil_coupling: Mat33 = Parameter(
-        "T/(A.m2)", "field of a dipole at the magnetometer, taken off",
+        "T/(A.m2)",
+        "field of a dipole at the magnetometer, taken off",
         start=(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
-    )  # fmt: skip
+    )
     rate_limit: float = Parameter(
         "rad/s", "detumbled: every rate below", start=3e-3, min=1e-9, usual=SPIN
     )
-    margin: float = Parameter("1", "of rate_limit, at which a flight of the model ends",
-                              start=0.9, min=1e-3, max=1.0)  # fmt: skip
-    hold_time: float = Parameter("s", "so long, before it is detumbled", start=60.0, min=0.0)
-    rate_again: float = Parameter("rad/s", "detumbled no more: a rate above", start=6e-3,
-                                  min=1e-9, usual=SPIN)  # fmt: skip
+    margin: float = Parameter(
+        "1",
+        "of rate_limit, at which a flight of the model ends",
+        start=0.9,
+        min=1e-3,
+        max=1.0,
+    )
+    hold_time: float = Parameter(
+        "s", "so long, before it is detumbled", start=60.0, min=0.0
+    )
+    rate_again: float = Parameter(
+        "rad/s", "detumbled no more: a rate above", start=6e-3, min=1e-9, usual=SPIN
+    )
     plan_time: float = Parameter("s", "time between searches", start=10.0, min=0.0)
-    segment: float = Parameter("s", "each torque of a sequence is held", start=20.0, min=1e-3)
-    horizon: float = Parameter("s", "a flight of the model ends at the latest", start=900.0,
-                               min=1e-3)  # fmt: skip
-    model_step: float = Parameter("s", "of the model; at rates of 0.1 rad/s 2 s is too long",
-                                  start=1.0, min=1e-3)  # fmt: skip
-    rounds: int = Parameter("1", "of a search, each closer about its best", start=4, min=0, max=16)
+    segment: float = Parameter(
+        "s", "each torque of a sequence is held", start=20.0, min=1e-3
+    )
+    horizon: float = Parameter(
+        "s", "a flight of the model ends at the latest", start=900.0, min=1e-3
+    )
+    model_step: float = Parameter(
+        "s", "of the model; at rates of 0.1 rad/s 2 s is too long", start=1.0, min=1e-3
+    )
+    rounds: int = Parameter(
+        "1", "of a search, each closer about its best", start=4, min=0, max=16
+    )
     candidates: int = Parameter("1", "sequences in a round", start=64, min=1, max=256)
     mode: int = Output(
-        "1", "what the manager does", interval=True,
+        "1",
+        "what the manager does",
+        interval=True,
         choices=("idle", "braking", "planned", "detumbled"),
-    )  # fmt: skip
-    coil_saturated: bool = Output("1", "true: a dipole command is at its limit", interval=True)
-    omega_est_body: Vec3 = Output("rad/s", "the rate that the law takes, body", interval=True)
+    )
+    coil_saturated: bool = Output(
+        "1", "true: a dipole command is at its limit", interval=True
+    )
+    omega_est_body: Vec3 = Output(
+        "rad/s", "the rate that the law takes, body", interval=True
+    )
     wheels_dead: int = Output("1", "how many wheels are taken for dead", interval=True)
-    time_left: float = Output("s", "until detumbled, as the last search has it", interval=True)
+    time_left: float = Output(
+        "s", "until detumbled, as the last search has it", interval=True
+    )
 
     def start(self) -> None:
         super().start()
         carrier = carrier_inertia(self.inertia, self.axes_wheel, self.inertia_wheel)
         self._carrier, self._inverse = carrier, inverse_inertia(carrier)
         if self.rate_again <= self.rate_limit:
-            self.fail(f"rate_again = {self.rate_again} rad/s is not above rate_limit = "
-                      f"{self.rate_limit}: it would never be detumbled")  # fmt: skip
+            self.fail(
+                f"rate_again = {self.rate_again} rad/s is not above rate_limit = "
+                f"{self.rate_limit}: it would never be detumbled"
+            )
         self._trust()
         self._friction = _STILL
         self._was_valid_h = False
@@ -138,8 +195,10 @@ class ManagerDetumblingRollout(Manager, WheelInertias):
         self._length = max(1, int(self.segment / self.model_step + 0.999999))
         self._horizon = max(1, int(self.horizon / self.model_step + 0.999999))
         if self._horizon > MOST_STEPS:
-            self.fail(f"horizon = {self.horizon} s is {self._horizon} steps of model_step = "
-                      f"{self.model_step} s; at most {MOST_STEPS} are allowed")  # fmt: skip
+            self.fail(
+                f"horizon = {self.horizon} s is {self._horizon} steps of model_step = "
+                f"{self.model_step} s; at most {MOST_STEPS} are allowed"
+            )
         self._drop()
         self._searches = 0
         self._slow_since = -1.0
@@ -158,18 +217,27 @@ class ManagerDetumblingRollout(Manager, WheelInertias):
     def _model(self) -> rollout.Model:
         """The craft as it is known now."""
         return rollout.Model(
-            self._carrier, self._inverse, self.axes_wheel, self.m_limit, self._limits, self.h_limit,
-            self.gain, self.gain_wheel, self.margin * self.rate_limit, self.model_step,
-        )  # fmt: skip
+            self._carrier,
+            self._inverse,
+            self.axes_wheel,
+            self.m_limit,
+            self._limits,
+            self.h_limit,
+            self.gain,
+            self.gain_wheel,
+            self.margin * self.rate_limit,
+            self.model_step,
+        )
 
     def _trust(self) -> None:
         """Take every wheel that there is for one that works."""
         a, torque = self.axes_wheel, self.torque_limit
         self._limits: Vec4 = (
-            torque if any((a[0], a[4], a[8])) else 0.0, torque if any((a[1], a[5], a[9])) else 0.0,
+            torque if any((a[0], a[4], a[8])) else 0.0,
+            torque if any((a[1], a[5], a[9])) else 0.0,
             torque if any((a[2], a[6], a[10])) else 0.0,
             torque if any((a[3], a[7], a[11])) else 0.0,
-        )  # fmt: skip
+        )
         self._misses = (0, 0, 0, 0)
         self.wheels_dead = 0
 
@@ -179,7 +247,9 @@ class ManagerDetumblingRollout(Manager, WheelInertias):
         self._planned_at = -1.0
 
     def foresee(self, begin: float, end: float, wired: frozenset[str]) -> Iterator[str]:
-        needed = ("h_wheel",) if self.rate_from == FILTER else ("omega_bi_body", "h_wheel")
+        needed = (
+            ("h_wheel",) if self.rate_from == FILTER else ("omega_bi_body", "h_wheel")
+        )
         for name in needed:
             if name not in wired:
                 yield f"{name} is not wired: the law of detumbling is of no use without it"
@@ -209,23 +279,31 @@ class ManagerDetumblingRollout(Manager, WheelInertias):
         else:
             self._plan(t, omega)
         if self.valid_b:
-            self.m_cmd_body = clip(all_coils(omega, self._b, self._coil_gain()), self.m_limit)
+            self.m_cmd_body = clip(
+                all_coils(omega, self._b, self._coil_gain()), self.m_limit
+            )
         self.coil_saturated = any(abs(x) >= self.m_limit for x in self.m_cmd_body)
         self.tau_cmd_wheel = self._command(t, omega)
 
     def _watch(self, t: float) -> None:
-        """What each wheel's momentum has not followed of its command: friction, or a dead wheel."""
+        """What each wheel's momentum has not followed of its command: friction, or a
+        dead wheel."""
         if not self.valid_h or not self._was_valid_h:
             self._was_valid_h = self.valid_h
             return
         elapsed = t - self._t_before
         h, before, u, limit = (
-            self.h_wheel, self._h_before, self.tau_cmd_wheel, self._limits,
-        )  # fmt: skip
+            self.h_wheel,
+            self._h_before,
+            self.tau_cmd_wheel,
+            self._limits,
+        )
         got = (
-            (h[0] - before[0]) / elapsed, (h[1] - before[1]) / elapsed,
-            (h[2] - before[2]) / elapsed, (h[3] - before[3]) / elapsed,
-        )  # fmt: skip
+            (h[0] - before[0]) / elapsed,
+            (h[1] - before[1]) / elapsed,
+            (h[2] - before[2]) / elapsed,
+            (h[3] - before[3]) / elapsed,
+        )
         share, f = min(elapsed / FRICTION_TIME, 1.0), self._friction
         self._friction = (
             within(f[0] + share * (u[0] - got[0] - f[0]), limit[0]),
@@ -235,14 +313,18 @@ class ManagerDetumblingRollout(Manager, WheelInertias):
         )
         n = self._misses
         self._misses = (
-            missed(n[0], u[0], got[0], limit[0]), missed(n[1], u[1], got[1], limit[1]),
-            missed(n[2], u[2], got[2], limit[2]), missed(n[3], u[3], got[3], limit[3]),
-        )  # fmt: skip
+            missed(n[0], u[0], got[0], limit[0]),
+            missed(n[1], u[1], got[1], limit[1]),
+            missed(n[2], u[2], got[2], limit[2]),
+            missed(n[3], u[3], got[3], limit[3]),
+        )
         n = self._misses
         left = (
-            0.0 if n[0] >= MISSES else limit[0], 0.0 if n[1] >= MISSES else limit[1],
-            0.0 if n[2] >= MISSES else limit[2], 0.0 if n[3] >= MISSES else limit[3],
-        )  # fmt: skip
+            0.0 if n[0] >= MISSES else limit[0],
+            0.0 if n[1] >= MISSES else limit[1],
+            0.0 if n[2] >= MISSES else limit[2],
+            0.0 if n[3] >= MISSES else limit[3],
+        )
         if left != limit:
             self._limits = left
             self.wheels_dead += 1
@@ -273,22 +355,42 @@ class ManagerDetumblingRollout(Manager, WheelInertias):
         else:
             elapsed = t - self._t_before
             # the torque is what the momentum has changed by, whatever was commanded
-            u = ((before[0] - h[0]) / elapsed, (before[1] - h[1]) / elapsed,
-                 (before[2] - h[2]) / elapsed, (before[3] - h[3]) / elapsed)  # fmt: skip
+            u = (
+                (before[0] - h[0]) / elapsed,
+                (before[1] - h[1]) / elapsed,
+                (before[2] - h[2]) / elapsed,
+                (before[3] - h[3]) / elapsed,
+            )
             axes, carrier, inverse = self.axes_wheel, self._carrier, self._inverse
             wheel = rollout.along(axes, before)
             rates, mixed, fields = rate_filter.spread(
-                omega, model, wheel, self._rates, self._mixed, self._fields, carrier,
-                inverse, self.rate_noise, self.field_turn, elapsed,
-            )  # fmt: skip
+                omega,
+                model,
+                wheel,
+                self._rates,
+                self._mixed,
+                self._fields,
+                carrier,
+                inverse,
+                self.rate_noise,
+                self.field_turn,
+                elapsed,
+            )
             omega, model = rate_observer.predicted(
-                omega, model, self.m_cmd_body, rollout.along(axes, u), wheel, carrier,
-                inverse, elapsed,
-            )  # fmt: skip
+                omega,
+                model,
+                self.m_cmd_body,
+                rollout.along(axes, u),
+                wheel,
+                carrier,
+                inverse,
+                elapsed,
+            )
             self._omega, self._b_model, self._rates, self._mixed, self._fields = (
-                rate_filter.corrected(omega, model, self._b, rates, mixed, fields,
-                                      self.field_noise)
-            )  # fmt: skip
+                rate_filter.corrected(
+                    omega, model, self._b, rates, mixed, fields, self.field_noise
+                )
+            )
 
     def _judge(self, t: float, omega: Vec3) -> None:
         """Slow or not, and for how long."""
@@ -310,7 +412,9 @@ class ManagerDetumblingRollout(Manager, WheelInertias):
     def _is_sure(self) -> bool:
         """Whether the rate is known within its limit (1 sigma)."""
         p, limit = self._rates, self.rate_limit * self.rate_limit
-        return self.rate_from == GYRO or (p[0] < limit and p[4] < limit and p[8] < limit)
+        return self.rate_from == GYRO or (
+            p[0] < limit and p[4] < limit and p[8] < limit
+        )
 
     def _plan(self, t: float, omega: Vec3) -> None:
         """Search, where it is due."""
@@ -325,12 +429,22 @@ class ManagerDetumblingRollout(Manager, WheelInertias):
             elapsed += int(since / self.model_step + 0.5)
         is_over = elapsed >= self._segments * self._length
         before = (
-            rollout.none() if is_over else rollout.Sequence(self._planned, self._segments, elapsed)
+            rollout.none()
+            if is_over
+            else rollout.Sequence(self._planned, self._segments, elapsed)
         )
         found, cost = rollout.sought(
-            self._model(), omega, self._b, self.h_wheel, before, self._searches, self.rounds,
-            self.candidates, self._length, self._horizon,
-        )  # fmt: skip
+            self._model(),
+            omega,
+            self._b,
+            self.h_wheel,
+            before,
+            self._searches,
+            self.rounds,
+            self.candidates,
+            self._length,
+            self._horizon,
+        )
         self._planned, self._segments, self._elapsed = found
         self._searches += 1
         self._planned_at = t
@@ -340,13 +454,19 @@ class ManagerDetumblingRollout(Manager, WheelInertias):
         """The torque to each rotor, with what friction takes."""
         u = rollout.by_law(self._model(), omega)
         if self._planned_at >= 0.0:
-            elapsed = self._elapsed + int((t - self._planned_at) / self.model_step + 1e-6)
+            elapsed = self._elapsed + int(
+                (t - self._planned_at) / self.model_step + 1e-6
+            )
             if elapsed < self._segments * self._length:
                 u = rollout.of_sequence(self._planned, elapsed // self._length)
                 self.mode = PLANNED
         if not self.valid_h:
             return u
         f, limit = self._friction, self._limits
-        u = (within(u[0] + f[0], limit[0]), within(u[1] + f[1], limit[1]),
-             within(u[2] + f[2], limit[2]), within(u[3] + f[3], limit[3]))  # fmt: skip
+        u = (
+            within(u[0] + f[0], limit[0]),
+            within(u[1] + f[1], limit[1]),
+            within(u[2] + f[2], limit[2]),
+            within(u[3] + f[3], limit[3]),
+        )
         return rollout.allowed(u, self.h_wheel, self.h_limit)

@@ -16,17 +16,17 @@ OFF: Vec4 = (0.0, 0.0, 0.0, 0.0)
 class ManagerIntegrated(WheelManager):
     """Attitude control and magnetic momentum management in one loop
 
-    The controller's torque tau is split by k = `magnetic_share`, and the wheels are told to give
-    away momentum besides, A being `axes_wheel` and B the measured field:
+    The controller's torque tau is split by k = `magnetic_share`, and the wheels are
+    told to give away momentum besides, A being `axes_wheel` and B the measured field:
 
         tau_cmd_wheel = A^+ (t_DES - (1 - k) tau - omega x A h)       (eqs. 13, 14, 16, 21, 22)
         m_cmd_body = B x (k tau) / |B|^2                              (eqs. 17, 18)
         t_DES = -gain (A h')_perp, at most `torque_limit`             (eq. 19)
 
-    perp: across B. The controller answers t_DES with a tau that cancels it, of which the coils
-    give the share k; so the wheels lose k t_DES. The dipole is made smaller as a whole where a
-    component exceeds `m_limit`. At each sample t_DES, dipole and mode are decided; the wheels
-    are commanded then, or every `wheel_sample_time`.
+    perp: across B. The controller answers t_DES with a tau that cancels it, of which
+    the coils give the share k; so the wheels lose k t_DES. The dipole is made smaller
+    as a whole where a component exceeds `m_limit`. At each sample t_DES, dipole and
+    mode are decided; the wheels are commanded then, or every `wheel_sample_time`.
 
     h' leaves out the wheels near what is wanted of them, so that a wheel is not brought through
     zero speed: with e = h - A^+ h_target_body - h_null n, wheel i counts in A h' = sum g_i e_i from
@@ -49,13 +49,15 @@ class ManagerIntegrated(WheelManager):
     it is in no A h and stays. `null_gain` adds -null_gain (e.n / n.n) n to tau_cmd_wheel, no wheel
     more than `null_torque_limit`; `h_null` holds the wheels at h_null n, away from zero.
 
-    `enable` false: no dumping, the wheels give all of tau. `mode`: 0 idle (no wheel to unload, the
-    coils still give their share), 1 dumping, 4 emergency, 5 velocity dumping, whatever else.
+    `enable` false: no dumping, the wheels give all of tau. `mode`: 0 idle (no wheel to
+    unload, the coils still give their share), 1 dumping, 4 emergency, 5 velocity
+    dumping, whatever else.
 
-    A measurement that is not valid is not used. At a sample without `valid_h` no momentum is
-    unloaded and which wheels are to be stays as it was; without `valid_b` the wheels give all of
-    tau, as no dipole is commanded. While `valid_omega` is false omega x A h is left out, as it is
-    without `valid_h`, velocity dumping neither begins nor ends, and gives no torque.
+    A measurement that is not valid is not used. At a sample without `valid_h` no
+    momentum is unloaded and which wheels are to be stays as it was; without `valid_b`
+    the wheels give all of tau, as no dipole is commanded. While `valid_omega` is false
+    omega x A h is left out, as it is without `valid_h`, velocity dumping neither begins
+    nor ends, and gives no torque.
 
     Source: paper 004, eqs. 9 and 13-26.
     """
@@ -65,67 +67,107 @@ class ManagerIntegrated(WheelManager):
     craft_needs = (Need.COILS, Need.CONTROLLER)
     offers = (
         # the wheels lose a quarter of t_DES, and no dipole beyond m_limit is asked for
-        Law("integrated", {
-            "magnetic_share": "0.25", "gain": "4 * craft.rate", "gain_emergency": "4 * craft.rate",
-            "torque_limit": "4 * torquers.m_limit * craft.field",
-        }),
-    )  # fmt: skip
+        Law(
+            "integrated",
+            {
+                "magnetic_share": "0.25",
+                "gain": "4 * craft.rate",
+                "gain_emergency": "4 * craft.rate",
+                "torque_limit": "4 * torquers.m_limit * craft.field",
+            },
+        ),
+    )
 
     magnetic_share: float = Parameter(
-        "1", "k: share of the control torque that the coils give", start=0.25, min=0.0, max=1.0,
+        "1",
+        "k: share of the control torque that the coils give",
+        start=0.25,
+        min=0.0,
+        max=1.0,
         needs=("b_body", "m_cmd_body"),
-    )  # fmt: skip
+    )
     gain: float = Parameter(
         "1/s", "k_DES of eq. 19", start=0.05, min=0.0, needs=("h_wheel", "b_body")
     )
     torque_limit: float = Parameter(
-        "N.m", "largest t_DES; the coils see k of it; 0: no limit", start=1.2e-5, min=0.0
+        "N.m",
+        "largest t_DES; the coils see k of it; 0: no limit",
+        start=1.2e-5,
+        min=0.0,
     )
-    m_limit: float = Parameter("A.m2", "largest dipole of each axis", start=0.3, min=0.0,
-                               follows="torquers.m_limit")  # fmt: skip
-    h_limit: float = Parameter("N.m.s", "momentum capacity of a wheel", start=0.02, min=1e-9,
-                               follows="wheels.inertia_wheel * wheels.speed_limit")  # fmt: skip
+    m_limit: float = Parameter(
+        "A.m2",
+        "largest dipole of each axis",
+        start=0.3,
+        min=0.0,
+        follows="torquers.m_limit",
+    )
+    h_limit: float = Parameter(
+        "N.m.s",
+        "momentum capacity of a wheel",
+        start=0.02,
+        min=1e-9,
+        follows="wheels.inertia_wheel * wheels.speed_limit",
+    )
     threshold_off: float = Parameter(
-        "1", "share of h_limit below which a wheel is not unloaded", start=0.1, min=0.0, max=1.0
+        "1",
+        "share of h_limit below which a wheel is not unloaded",
+        start=0.1,
+        min=0.0,
+        max=1.0,
     )
     threshold_on: float = Parameter(
         "1", "share of h_limit from which on it is again", start=0.11, min=0.0, max=1.0
     )
-    paper_signed_threshold: bool = Parameter("1", "true: eq. 23 as printed, without |.|")
+    paper_signed_threshold: bool = Parameter(
+        "1", "true: eq. 23 as printed, without |.|"
+    )
     emergency_on: float = Parameter(
         "1", "share of h_limit of a wheel that begins the emergency", start=0.9, min=0.0
     )
     emergency_off: float = Parameter(
         "1", "share of h_limit below which all wheels end it", start=0.6, min=0.0
     )
-    gain_emergency: float = Parameter("1/s", "k_DES in the emergency", start=0.05, min=0.0)
-    velocity_dumping: bool = Parameter("1", "true: velocity dumping above the rates below",
-                                       needs=("omega_bi_body",))  # fmt: skip
+    gain_emergency: float = Parameter(
+        "1/s", "k_DES in the emergency", start=0.05, min=0.0
+    )
+    velocity_dumping: bool = Parameter(
+        "1", "true: velocity dumping above the rates below", needs=("omega_bi_body",)
+    )
     gain_rate: float = Parameter("N.m.s", "k_DMP of eq. 24", start=2e-3, min=0.0)
     rate_on: float = Parameter(
         "rad/s", "velocity dumping begins from this rate on", min=0.0, usual=SPIN
     )
     rate_off: float = Parameter("rad/s", "and ends below this one", min=0.0, usual=SPIN)
-    null_gain: float = Parameter("1/s", "rate at which null-space momentum decays", min=0.0,
-                                 needs=("h_wheel",))  # fmt: skip
+    null_gain: float = Parameter(
+        "1/s", "rate at which null-space momentum decays", min=0.0, needs=("h_wheel",)
+    )
     null_torque_limit: float = Parameter(
         "N.m", "largest torque of a wheel along the null space", start=1e-5, min=0.0
     )
     h_null: float = Parameter(
-        "N.m.s", "wanted momentum along the null space: of the wheel whose element of n is 1"
+        "N.m.s",
+        "wanted momentum along the null space: of the wheel whose element of n is 1",
     )
     mode: int = Output(
-        "1", "what the manager does", interval=True,
+        "1",
+        "what the manager does",
+        interval=True,
         choices=("idle", "dumping", "-", "-", "emergency", "velocity_dumping"),
-    )  # fmt: skip
+    )
     tau_des_body: Vec3 = Output("N.m", "t_DES, body: for the report", interval=True)
 
     def start(self) -> None:
         super().start()
-        for on, off in (("threshold_on", "threshold_off"), ("emergency_on", "emergency_off"),
-                        ("rate_on", "rate_off")):  # fmt: skip
+        for on, off in (
+            ("threshold_on", "threshold_off"),
+            ("emergency_on", "emergency_off"),
+            ("rate_on", "rate_off"),
+        ):
             if getattr(self, on) < getattr(self, off):
-                self.fail(f"{on} = {getattr(self, on)} is below {off} = {getattr(self, off)}")
+                self.fail(
+                    f"{on} = {getattr(self, on)} is below {off} = {getattr(self, off)}"
+                )
         self._to_wheels = pseudo_inverse(self.axes_wheel)
         self._null = integrated.null_vector(self.axes_wheel)
         self._unloading = (False, False, False, False)
@@ -179,7 +221,11 @@ class ManagerIntegrated(WheelManager):
         elif self._tumbling:
             self.mode = VELOCITY_DUMPING
         else:
-            self.mode = DUMPING if any(self._unloading) and self.valid_h and self.valid_b else IDLE
+            self.mode = (
+                DUMPING
+                if any(self._unloading) and self.valid_h and self.valid_b
+                else IDLE
+            )
 
     def _manage(self) -> None:
         b = self.b_body
@@ -193,19 +239,30 @@ class ManagerIntegrated(WheelManager):
         if self._emergency:
             all_of_it = body_momentum(self.axes_wheel, excess)
             most = self.m_limit * norm(b)
-            self.tau_des_body = integrated.desaturation(all_of_it, b, self.gain_emergency, most)
+            self.tau_des_body = integrated.desaturation(
+                all_of_it, b, self.gain_emergency, most
+            )
             self._share, by_coils = 0.0, self.tau_des_body
         else:
             k, on = self.magnetic_share, self._unloading
-            counted = (on[0] * excess[0], on[1] * excess[1], on[2] * excess[2], on[3] * excess[3])
+            counted = (
+                on[0] * excess[0],
+                on[1] * excess[1],
+                on[2] * excess[2],
+                on[3] * excess[3],
+            )
             self.tau_des_body = integrated.desaturation(
-                body_momentum(self.axes_wheel, counted), b, self.gain, self.torque_limit or inf
+                body_momentum(self.axes_wheel, counted),
+                b,
+                self.gain,
+                self.torque_limit or inf,
             )
             self._share, by_coils = k, scale(k, self._wanted())
         self.m_cmd_body = integrated.dipole(by_coils, b, self.m_limit)
 
     def _watch(self, excess: Vec4) -> None:
-        """Emergency, the wheels to unload and the null space's torque, from a valid momentum."""
+        """Emergency, the wheels to unload and the null space's torque, from a valid
+        momentum."""
         capacity = self.h_limit
         self._emergency = integrated.hysteresis(
             self._emergency,
@@ -229,6 +286,8 @@ class ManagerIntegrated(WheelManager):
         n, bias = self._null, self.h_null
         a, b, c, d = to_wheels(self._to_wheels, self.h_target_body)
         return (
-            h[0] - a - bias * n[0], h[1] - b - bias * n[1],
-            h[2] - c - bias * n[2], h[3] - d - bias * n[3],
-        )  # fmt: skip
+            h[0] - a - bias * n[0],
+            h[1] - b - bias * n[1],
+            h[2] - c - bias * n[2],
+            h[3] - d - bias * n[3],
+        )

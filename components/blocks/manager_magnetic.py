@@ -14,8 +14,8 @@ LQR, MEC = range(2)
 class ManagerMagnetic(TorquerDumping):
     """Optimal dumping by magnetic torquers, from a design made beforehand
 
-    At each sample, with B the measured field and t the time since the first sample with `enable`,
-    until `horizon`:
+    At each sample, with B the measured field and t the time since the first sample with
+    `enable`, until `horizon`:
 
         M = -R^-1 Q' p,        Q = -[B x], R = diag(dipole_weight)        (eqs. 11, 13)
 
@@ -25,24 +25,34 @@ class ManagerMagnetic(TorquerDumping):
     - `mec`: p = exp(W t) costate, W = -[omega_nominal_body x]: least 1/2 int M'R M dt to a given
       end (eq. 12), in open loop: the momentum is not used.
 
-    Tables and costate belong to one orbit, attitude and start; `desat design` computes them.
-    Limit, wheels and measurements that are not valid as in `manager_cross_product`.
+    Tables and costate belong to one orbit, attitude and start; `desat design` computes
+    them. Limit, wheels and measurements that are not valid as in
+    `manager_cross_product`.
 
     Source: Chen & Steyn (paper 000), eqs. 10-14.
     """
 
     craft_needs = (Need.DESIGN,)
-    offers = (Law("optimal LQR", {"law": "lqr"}), Law("optimal, open loop", {"law": "mec"}))
+    offers = (
+        Law("optimal LQR", {"law": "lqr"}),
+        Law("optimal, open loop", {"law": "mec"}),
+    )
 
     law: int = Parameter("1", "dumping law", choices=("lqr", "mec"), start="lqr")
     horizon: float = Parameter("s", "final time after the start", start=3000.0, min=1.0)
     dipole_weight: Vec3 = Parameter("1", "diagonal of R", start=1.0, min=1e-9)
-    table_nodes: int = Parameter("1", "rows of the tables in use", start=2, min=2, max=CAPACITY)
+    table_nodes: int = Parameter(
+        "1", "rows of the tables in use", start=2, min=2, max=CAPACITY
+    )
     gain_table: Table = Parameter(
-        "1/(T2.s)", "lqr: a row a node: K, its upper triangle xx, xy, xz, yy, yz, zz",
-        shape=(CAPACITY, magnetic.UPPER), needs=("h_wheel",),
-    )  # fmt: skip
-    offset_table: Table = Parameter("A.m2/T", "lqr: a row a node: g", shape=(CAPACITY, 3))
+        "1/(T2.s)",
+        "lqr: a row a node: K, its upper triangle xx, xy, xz, yy, yz, zz",
+        shape=(CAPACITY, magnetic.UPPER),
+        needs=("h_wheel",),
+    )
+    offset_table: Table = Parameter(
+        "A.m2/T", "lqr: a row a node: g", shape=(CAPACITY, 3)
+    )
     costate: Vec3 = Parameter("A.m2/T", "mec: p at the start, body")
     omega_nominal_body: Vec3 = Parameter(
         "rad/s", "mec: rate that the costate was computed for", usual=SPIN

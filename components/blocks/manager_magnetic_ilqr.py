@@ -11,31 +11,43 @@ from ..maths.vector import mat_vec, sub
 class ManagerMagneticIlqr(TorquerDumping):
     """Optimal dumping by magnetic torquers, solved at every sample
 
-    The best feedback for a field that would stay as it is (quasi-static LQR). At each sample, with
-    h the wheels' momentum less `h_target_body`, B the measured field and omega the measured rate:
+    The best feedback for a field that would stay as it is (quasi-static LQR). At each
+    sample, with h the wheels' momentum less `h_target_body`, B the measured field and
+    omega the measured rate:
 
         M = -R^-1 Q' (K h - g),        Q = -[B x], W = -[omega x], S = Q R^-1 Q'        (eq. 11)
         W'K + K W - K S K + F = 0,     g = (W - S K)^-T K N_con
 
     with F = diag(momentum_weight), R = diag(dipole_weight) and K by doubling
-    (`laws/riccati.py`). No tables, no knowledge of the orbit. There is no such K, and so no
-    dipole at that sample, where B is zero or along omega, or where B, h or omega is not valid.
-    Limit and wheels as in `manager_cross_product`.
+    (`laws/riccati.py`). No tables, no knowledge of the orbit. There is no such K, and
+    so no dipole at that sample, where B is zero or along omega, or where B, h or omega
+    is not valid. Limit and wheels as in `manager_cross_product`.
 
     Source: Chen & Steyn (paper 000), eqs. 10-11 and section III.A.
     """
 
     offers = (
-        # so that momentum across the field goes out at the rate, its price of a dipole being 1
-        Law("quasi-static LQR", {
-            "momentum_weight": "craft.rate * craft.rate / craft.field / craft.field",
-        }),
-    )  # fmt: skip
+        # so that momentum across the field goes out at the rate, its price of a dipole
+        # being 1
+        Law(
+            "quasi-static LQR",
+            {
+                "momentum_weight": "craft.rate * craft.rate / craft.field / craft.field",
+            },
+        ),
+    )
 
-    momentum_weight: Vec3 = Parameter("1/(T2.s2)", "diagonal of F", start=3000.0, min=0.0,
-                                      needs=("h_wheel", "omega_bi_body"))  # fmt: skip
+    momentum_weight: Vec3 = Parameter(
+        "1/(T2.s2)",
+        "diagonal of F",
+        start=3000.0,
+        min=0.0,
+        needs=("h_wheel", "omega_bi_body"),
+    )
     dipole_weight: Vec3 = Parameter("1", "diagonal of R", start=1.0, min=1e-9)
-    n_con_body: Vec3 = Parameter("N.m", "known constant torque of an off-nadir attitude, body")
+    n_con_body: Vec3 = Parameter(
+        "N.m", "known constant torque of an off-nadir attitude, body"
+    )
 
     def dipole(self, elapsed: float, h: Vec3) -> Vec3 | None:
         if not self.valid_omega:
@@ -46,7 +58,17 @@ class ManagerMagneticIlqr(TorquerDumping):
         fx, fy, fz = self.momentum_weight
         w = (0.0, z, -y, -z, 0.0, x, y, -x, 0.0)
         q = (0.0, bz, -by, -bz, 0.0, bx, by, -bx, 0.0)
-        weighted = (0.0, bz / ry, -by / rz, -bz / rx, 0.0, bx / rz, by / rx, -bx / ry, 0.0)
+        weighted = (
+            0.0,
+            bz / ry,
+            -by / rz,
+            -bz / rx,
+            0.0,
+            bx / rz,
+            by / rx,
+            -bx / ry,
+            0.0,
+        )
         s = multiply(weighted, transposed(q))
         k = riccati.infinite_gain(w, s, (fx, 0.0, 0.0, 0.0, fy, 0.0, 0.0, 0.0, fz))
         if k is None:

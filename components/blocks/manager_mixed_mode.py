@@ -10,14 +10,16 @@ from ..maths.attitude import rotate
 class ManagerMixedMode(MomentumManagement, NominalProfile):
     """Mixed-mode momentum management: closed loop along an open-loop profile
 
-    At each sample, with D = `sample_time`, B the measured field and S = A A' the `weighting`,
+    At each sample, with D = `sample_time`, B the measured field and S = A A' the
+    `weighting`,
 
         T_D = (H_NOM(t + D) - H(t)) / D - T_GG(t)                          (eq. 4)
         mu_M = (S B) x P,      P = T_D / (B'S B)                           (Table 1)
 
-    H_NOM is the profile of half-orbit open-loop solutions, computed on the ground (`desat design`)
-    for one orbit, attitude and span, in eci: cubic between rows, never across the end of a
-    desaturation period. Beyond the table there is no dipole, and `mode` says fallback.
+    H_NOM is the profile of half-orbit open-loop solutions, computed on the ground
+    (`desat design`) for one orbit, attitude and span, in eci: cubic between rows, never
+    across the end of a desaturation period. Beyond the table there is no dipole, and
+    `mode` says fallback.
 
     Coils, limits and measurements that are not valid: `bases/momentum_management.py`.
 

@@ -34,27 +34,30 @@ LARGEST = 1e30
 class ManagerOpenLoop(MomentumManagement, NominalProfile, EarthField):
     """Open-loop momentum management
 
-    Every `update_period` from t_i on, over the samples until t_f = t_i + `desaturation_period`,
+    Every `update_period` from t_i on, over the samples until t_f = t_i +
+    `desaturation_period`,
 
         H_D = H_NOM(t_f) - H(t_i) - integral of T_GG                       (eqs. 2 and 7)
         P = [integral of [B]'S[B] dt]^-1 H_D,      S = A A'                (Table 1)
 
-    and at each sample until the next update mu_M = S (B x P), so that T_M takes the momentum to
-    H_NOM(t_f) exactly where the prediction is right (eq. 3). Integrals are sums over the middles of
-    samples, on two-body motion from r_eci and v_eci. The field is the manager's own, dipole or
-    IGRF, `field_scale` times (1: right), and with `field_tilt` false a dipole along the Earth's
-    axis; `command_field` measured takes the magnetometer's in mu_M. With `wheels` as weighting the
-    coils' energy is weighed otherwise; the wheels' speed is not made least by it.
+    and at each sample until the next update mu_M = S (B x P), so that T_M takes the
+    momentum to H_NOM(t_f) exactly where the prediction is right (eq. 3). Integrals are
+    sums over the middles of samples, on two-body motion from r_eci and v_eci. The field
+    is the manager's own, dipole or IGRF, `field_scale` times (1: right), and with
+    `field_tilt` false a dipole along the Earth's axis; `command_field` measured takes
+    the magnetometer's in mu_M. With `wheels` as weighting the coils' energy is weighed
+    otherwise; the wheels' speed is not made least by it.
 
-    H_NOM is a table from the ground (`desat design`), in eci. The current minimum energy (ME) law:
-    600 s, updated every 200 s. The matrix of a short period is nearly singular: where `condition`,
-    its largest over its least eigenvalue, exceeds `condition_limit`, there is no new costate;
-    `mode` says fallback and the last command is held, or with `on_singular` none there is none.
+    H_NOM is a table from the ground (`desat design`), in eci. The current minimum
+    energy (ME) law: 600 s, updated every 200 s. The matrix of a short period is nearly
+    singular: where `condition`, its largest over its least eigenvalue, exceeds
+    `condition_limit`, there is no new costate; `mode` says fallback and the last
+    command is held, or with `on_singular` none there is none.
 
-    With `manoeuvre` the slew of `guidance_slew` with the same q_begin_bi, q_end_bi, t_begin and
-    t_end is known: then a single desaturation period goes from `lead_time` before it to `lag_time`
-    after it, along the planned attitude. As the craft is at rest at both ends, the wheels' momentum
-    serves there (eq. 7).
+    With `manoeuvre` the slew of `guidance_slew` with the same q_begin_bi, q_end_bi,
+    t_begin and t_end is known: then a single desaturation period goes from `lead_time`
+    before it to `lag_time` after it, along the planned attitude. As the craft is at
+    rest at both ends, the wheels' momentum serves there (eq. 7).
 
     Coils, limits and measurements that are not valid: `bases/momentum_management.py`.
 
@@ -71,19 +74,30 @@ class ManagerOpenLoop(MomentumManagement, NominalProfile, EarthField):
         "1", "largest condition of the costate's matrix", start=1e4, min=1.0
     )
     on_singular: int = Parameter(
-        "1", "without a costate: hold the last command, or none", choices=("hold", "none"),
+        "1",
+        "without a costate: hold the last command, or none",
+        choices=("hold", "none"),
         start="hold",
-    )  # fmt: skip
+    )
     command_field: int = Parameter(
-        "1", "the field that makes the dipole of the costate", choices=("predicted", "measured"),
+        "1",
+        "the field that makes the dipole of the costate",
+        choices=("predicted", "measured"),
         start="predicted",
-    )  # fmt: skip
+    )
     field_model: int = Parameter(
-        "1", "the manager's own field", choices=("dipole", "igrf"), start="dipole",
+        "1",
+        "the manager's own field",
+        choices=("dipole", "igrf"),
+        start="dipole",
         needs=("r_eci", "v_eci"),
-    )  # fmt: skip
-    field_scale: float = Parameter("1", "it is multiplied by this; 1: right", start=1.0, min=0.0)
-    field_tilt: bool = Parameter("1", "false: its dipole lies along the Earth's axis", start=True)
+    )
+    field_scale: float = Parameter(
+        "1", "it is multiplied by this; 1: right", start=1.0, min=0.0
+    )
+    field_tilt: bool = Parameter(
+        "1", "false: its dipole lies along the Earth's axis", start=True
+    )
     manoeuvre: bool = Parameter("1", "true: the slew below is planned for")
     q_begin_bi: Vec4 = Parameter("1", "attitude before the slew", start=UPRIGHT)
     q_end_bi: Vec4 = Parameter("1", "attitude after the slew", start=UPRIGHT)
@@ -92,9 +106,15 @@ class ManagerOpenLoop(MomentumManagement, NominalProfile, EarthField):
     )
     t_begin: float = Parameter("s", "when the slew begins")
     t_end: float = Parameter("s", "when it ends", start=5400.0)
-    lead_time: float = Parameter("s", "from the period's begin to the slew's", start=600.0, min=0.0)
-    lag_time: float = Parameter("s", "from the slew's end to the period's", start=600.0, min=0.0)
-    condition: float = Output("1", "of the last costate's matrix; 1e30: singular", interval=True)
+    lead_time: float = Parameter(
+        "s", "from the period's begin to the slew's", start=600.0, min=0.0
+    )
+    lag_time: float = Parameter(
+        "s", "from the slew's end to the period's", start=600.0, min=0.0
+    )
+    condition: float = Output(
+        "1", "of the last costate's matrix; 1e30: singular", interval=True
+    )
     miss_predicted: float = Output(
         "N.m.s", "what the prediction itself misses H_NOM(t_f) by", interval=True
     )
@@ -102,16 +122,22 @@ class ManagerOpenLoop(MomentumManagement, NominalProfile, EarthField):
     def start(self) -> None:
         super().start()
         if self.update_period > self.desaturation_period * (1.0 + 1e-9):
-            self.fail(f"update_period = {self.update_period} s is longer than desaturation_period "
-                      f"= {self.desaturation_period} s")  # fmt: skip
+            self.fail(
+                f"update_period = {self.update_period} s is longer than desaturation_period "
+                f"= {self.desaturation_period} s"
+            )
         self._in_samples("desaturation_period", self.desaturation_period)
         self._in_samples("update_period", self.update_period)
         if self.manoeuvre and self.t_end <= self.t_begin:
-            self.fail(f"t_end = {self.t_end} s must be after t_begin = {self.t_begin} s")
+            self.fail(
+                f"t_end = {self.t_end} s must be after t_begin = {self.t_begin} s"
+            )
         self.start_field(igrf=self.field_model == IGRF)
         self._q_begin = normalised(self.q_begin_bi)
         axis, angle = eigenaxis(self._q_begin, normalised(self.q_end_bi))
-        self._rotation = scale(angle, axis) if self.slew_body == ZERO else self.slew_body
+        self._rotation = (
+            scale(angle, axis) if self.slew_body == ZERO else self.slew_body
+        )
         self._costate = self._last = ZERO
         self._solved = False
         self._next = -1.0
@@ -124,7 +150,8 @@ class ManagerOpenLoop(MomentumManagement, NominalProfile, EarthField):
         yield from super().foresee(begin, end, wired)
 
     def _forget(self) -> None:
-        """A measurement is lost: what was planned is not what happens, so plan anew after it."""
+        """A measurement is lost: what was planned is not what happens, so plan anew
+        after it."""
         super()._forget()
         self._next = -1.0
 
@@ -132,7 +159,9 @@ class ManagerOpenLoop(MomentumManagement, NominalProfile, EarthField):
         """Refuse a period (s) that is no multiple of the sample time."""
         count = period / self.sample_time
         if abs(count - floor(count + 0.5)) > 1e-6 or count < 0.5:
-            self.fail(f"{name} = {period} s is no multiple of sample_time = {self.sample_time} s")
+            self.fail(
+                f"{name} = {period} s is no multiple of sample_time = {self.sample_time} s"
+            )
 
     def law(self, t: float, h: Vec3) -> Vec3 | None:
         orbit = elements_from_state(self.r_eci, self.v_eci)
@@ -168,7 +197,8 @@ class ManagerOpenLoop(MomentumManagement, NominalProfile, EarthField):
         return self.manoeuvre and begin <= t + 1e-6 and t < end - 1e-6
 
     def _solve(self, orbit: Elements, t: float, end: float, h_eci: Vec3) -> None:
-        """The costate (A m2/T, eci) of the period from t to `end` (s), with H (N m s, eci) now."""
+        """The costate (A m2/T, eci) of the period from t to `end` (s), with H (N m s,
+        eci) now."""
         nominal = self.nominal(end)
         self._solved = False
         if nominal is None:
@@ -188,9 +218,11 @@ class ManagerOpenLoop(MomentumManagement, NominalProfile, EarthField):
         self._costate = laws.open_loop_costate(product, wanted)
         self.miss_predicted = norm(sub(mat_vec(product, self._costate), wanted))
 
-    def _ahead(self, orbit: Elements, t: float, ahead: float) -> tuple[Vec4, Vec3, Vec3]:
-        """The planned attitude, and predicted position (m) and field (T) in eci, `ahead` (s) of now
-        (t, s)."""
+    def _ahead(
+        self, orbit: Elements, t: float, ahead: float
+    ) -> tuple[Vec4, Vec3, Vec3]:
+        """The planned attitude, and predicted position (m) and field (T) in eci,
+        `ahead` (s) of now (t, s)."""
         a, e, inclination, raan, perigee, anomaly = orbit
         n = mean_motion(a)
         x, y = perifocal_axes(inclination, raan, perigee)
@@ -198,10 +230,14 @@ class ManagerOpenLoop(MomentumManagement, NominalProfile, EarthField):
         if self.field_tilt:
             b = self.field_eci(r, t + ahead, self.field_model == IGRF)
         else:
-            b = self.to_eci(dipole(self.to_date(r), (0.0, 0.0, -norm(self.dipole_earth))))
+            b = self.to_eci(
+                dipole(self.to_date(r), (0.0, 0.0, -norm(self.dipole_earth)))
+            )
         q = self.q_bi
         if self.manoeuvre:
-            s, _ = rest_to_rest((t + ahead - self.t_begin) / (self.t_end - self.t_begin))
+            s, _ = rest_to_rest(
+                (t + ahead - self.t_begin) / (self.t_end - self.t_begin)
+            )
             q = propagated(self._q_begin, self._rotation, s)
         return q, r, scale(self.field_scale, b)
 

@@ -32,23 +32,25 @@ PLANNED = 30.0
 ORBITS, SHARE = 1.5, 0.05
 """Of an orbit: how far a plan reaches, and the longest of its intervals."""
 STIFF, PEAK, CLOSE = 1.0, 0.1, 0.85
-"""Of momentum against energy: q = (STIFF n)^2 / b^2; w_p = PEAK q h_s^2, h_s = CLOSE times the
-peak."""
+"""Of momentum against energy: q = (STIFF n)^2 / b^2; w_p = PEAK q h_s^2, h_s = CLOSE
+times the peak."""
 SCALE = 1e-3
 """Least eigenvalue of the coils' price, as a share of its mean."""
 LEAST_ENERGY = 0.05
 """Price of a dipole of a coil that gives none, as a share."""
 COIL_PRICE, PATIENCE, RESERVE = 2e-3, 1e-3, 0.35
-"""Of an emptying: what a full dipole or a second costs besides, squared and halved; what a last
-second is cheaper than a first; share of the thrusters' time that plans leave free but in
-their first interval: so thrusters may turn out weaker by that."""
+"""Of an emptying: what a full dipole or a second costs besides, squared and halved;
+what a last second is cheaper than a first; share of the thrusters' time that plans
+leave free but in their first interval: so thrusters may turn out weaker by that."""
 SPREAD, OWN = 0.2, 0.02
-"""Spread beforehand of constant torques, as a share of n^2 J, and of the own dipole, of m_limit."""
+"""Spread beforehand of constant torques, as a share of n^2 J, and of the own dipole, of
+m_limit."""
 UNKNOWN, DRIFT = 0.01, 0.1
-"""Torque that is not modelled, as a share of n^2 J, for a sixth of an orbit at a time; what a
-parameter that is learnt may change by in an orbit, as a share of its spread."""
+"""Torque that is not modelled, as a share of n^2 J, for a sixth of an orbit at a time;
+what a parameter that is learnt may change by in an orbit, as a share of its spread."""
 CLEAR = 2.0
-"""What may stay in the null space, over the largest momentum that a wheel has otherwise."""
+"""What may stay in the null space, over the largest momentum that a wheel has
+otherwise."""
 BINS = 8
 """Parts of an orbit whose largest wheel momenta are kept."""
 STRANGE = 0.3
@@ -59,104 +61,150 @@ AT_1, AT_2 = 0.21132486540518713, 0.7886751345948129
 
 
 class ManagerPredictive(MomentumDumping, EarthField):
-    """One law for every craft: plans on a forecast of field and torque, replanned as it goes
+    """One law for every craft: plans on a forecast of field and torque, replanned as it
+    goes
 
-    Every 30 s, or `sample_time` where that is longer, a plan is made over the next 1.5 orbits, or
-    until `end`: what coils and thrusters do in up to 64 intervals, the first as long as the time
-    between plans, each next twice as long up to a twentieth of an orbit, so that
+    Every 30 s, or `sample_time` where that is longer, a plan is made over the next 1.5
+    orbits, or until `end`: what coils and thrusters do in up to 64 intervals, the first
+    as long as the time between plans, each next twice as long up to a twentieth of an
+    orbit, so that
 
         sum dt [ w_e u^2 / 2 + q |X|^2 / 2 + 0.1 q h_s^2 sum (h_i / h_s)^16 ]        (hold)
 
-    is least: X the wheels' momentum less its target, eci; u the dipoles that coils really give; h_i
-    each wheel's momentum; q = w_m n^2 / b^2, n the orbit rate and b^2 half the mean of
-    sum |a_j x B|^2; h_s 0.85 times the largest wheel momentum of the last orbit and of the plan
-    without this term. w_m and w_e are the `weights`, whatever the craft. With `goal` empty the cost
-    is the thrusters' time, weighed by the third, and X shall be zero at `end`; thrusters are used
-    for that alone. Between plans a coil follows the plan's costate with the measured field.
+    is least: X the wheels' momentum less its target, eci; u the dipoles that coils
+    really give; h_i each wheel's momentum; q = w_m n^2 / b^2, n the orbit rate and b^2
+    half the mean of sum |a_j x B|^2; h_s 0.85 times the largest wheel momentum of the
+    last orbit and of the plan without this term. w_m and w_e are the `weights`,
+    whatever the craft. With `goal` empty the cost is the thrusters' time, weighed by
+    the third, and X shall be zero at `end`; thrusters are used for that alone. Between
+    plans a coil follows the plan's costate with the measured field.
 
-    The forecast: two-body motion from r_eci and v_eci, the attitude fixed to lvlh or eci, whichever
-    the measured rate is nearer to (or at `q_bo` from lvlh), the field of `field_model`, scaled to
-    what was measured over an orbit, gravity gradient of `inertia`, and what
-    `laws/disturbance_learning.py` has learnt: the size of gravity gradient, torques that are
-    constant in eci, and in lvlh constant or of once an orbit, the craft's own dipole, and the
-    signed `effectiveness` of each coil and thruster axis. A coil that is lost, weak or turned is so
-    planned around; what the filter takes for noise is what the sensors have: `h_noise`,
-    `rate_noise` and `attitude_noise`. `laws/predictive.py` has the solver.
+    The forecast: two-body motion from r_eci and v_eci, the attitude fixed to lvlh or
+    eci, whichever the measured rate is nearer to (or at `q_bo` from lvlh), the field of
+    `field_model`, scaled to what was measured over an orbit, gravity gradient of
+    `inertia`, and what `laws/disturbance_learning.py` has learnt: the size of gravity
+    gradient, torques that are constant in eci, and in lvlh constant or of once an
+    orbit, the craft's own dipole, and the signed `effectiveness` of each coil and
+    thruster axis. A coil that is lost, weak or turned is so planned around; what the
+    filter takes for noise is what the sensors have: `h_noise`, `rate_noise` and
+    `attitude_noise`. `laws/predictive.py` has the solver.
 
-    Where the measured field is off the model by more than 0.3 of it, or a plan to hold has not
-    settled after 30 steps, `mode` is fallback: M = n (h x B) / |B|^2, the cross-product law, until
-    the next plan. A plan to empty is flown as far as it has come after four times 80 steps. Without
-    a valid field there is no dipole, without a valid attitude nothing. The wheels are commanded as
-    by `manager_cross_product`; what they hold in their null space, which no coil can take, decays
-    at `null_gain`, or the rate n, to twice the largest momentum that a wheel had otherwise in the
-    last orbit: so much of it keeps them from standstill, and less is not made more.
+    Where the measured field is off the model by more than 0.3 of it, or a plan to hold
+    has not settled after 30 steps, `mode` is fallback: M = n (h x B) / |B|^2, the
+    cross-product law, until the next plan. A plan to empty is flown as far as it has
+    come after four times 80 steps. Without a valid field there is no dipole, without a
+    valid attitude nothing. The wheels are commanded as by `manager_cross_product`; what
+    they hold in their null space, which no coil can take, decays at `null_gain`, or the
+    rate n, to twice the largest momentum that a wheel had otherwise in the last orbit:
+    so much of it keeps them from standstill, and less is not made more.
     """
 
     craft_needs = (Need.COILS,)
     offers = (
-        Law("predictive", {
-            "goal": "hold", "h_noise": "craft.h_noise", "rate_noise": "craft.rate_noise",
-            "attitude_noise": "craft.attitude_noise",
-        }),
-    )  # fmt: skip
+        Law(
+            "predictive",
+            {
+                "goal": "hold",
+                "h_noise": "craft.h_noise",
+                "rate_noise": "craft.rate_noise",
+                "attitude_noise": "craft.attitude_noise",
+            },
+        ),
+    )
 
     goal: int = Parameter(
-        "1", "hold: the momentum is kept low; empty: it is at its target at `end`",
-        choices=("hold", "empty"), start="hold",
-    )  # fmt: skip
+        "1",
+        "hold: the momentum is kept low; empty: it is at its target at `end`",
+        choices=("hold", "empty"),
+        start="hold",
+    )
     weights: Vec3 = Parameter(
-        "1", "of momentum, coil energy and propellant; 1 each: as the rules have it",
-        start=(1.0, 1.0, 1.0), min=0.0,
-    )  # fmt: skip
+        "1",
+        "of momentum, coil energy and propellant; 1 each: as the rules have it",
+        start=(1.0, 1.0, 1.0),
+        min=0.0,
+    )
     end: float = Parameter("s", "with goal empty: when, from t = 0 on", min=0.0)
     horizon: float = Parameter("s", "how far a plan reaches; 0: 1.5 orbits", min=0.0)
     sample_time: float = Parameter(
-        "s", "time between samples, a multiple of the step; above 0", start=10.0, min=0.0
+        "s",
+        "time between samples, a multiple of the step; above 0",
+        start=10.0,
+        min=0.0,
     )
     axes_coil: Mat34 = Parameter(
-        "1", "M, columns: the coils' axes, body; zero where there is no coil",
-        start=(1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0), shared=True,
-    )  # fmt: skip
+        "1",
+        "M, columns: the coils' axes, body; zero where there is no coil",
+        start=(1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0),
+        shared=True,
+    )
     m_limit: float = Parameter(
-        "A.m2", "largest dipole of each coil, mean over a sample", start=20.0, min=0.0,
-        needs=("b_body", "r_eci", "v_eci", "h_wheel", "m_cmd_body"), follows="torquers.m_limit",
-    )  # fmt: skip
+        "A.m2",
+        "largest dipole of each coil, mean over a sample",
+        start=20.0,
+        min=0.0,
+        needs=("b_body", "r_eci", "v_eci", "h_wheel", "m_cmd_body"),
+        follows="torquers.m_limit",
+    )
     dead_coil: int = Parameter(
-        "1", "which coil is known to be dead", choices=("none", "1", "2", "3", "4"), start="none"
+        "1",
+        "which coil is known to be dead",
+        choices=("none", "1", "2", "3", "4"),
+        start="none",
     )
     tau_level: Vec3 = Parameter(
-        "N.m", "torque of the thrusters about each axis while they fire; 0: none",
-        needs=("tau_cmd_thruster_body",), min=0.0,
-    )  # fmt: skip
+        "N.m",
+        "torque of the thrusters about each axis while they fire; 0: none",
+        needs=("tau_cmd_thruster_body",),
+        min=0.0,
+    )
     least_pulse: float = Parameter(
-        "s", "on-times that the thrusters make are multiples of it", start=0.05, min=1e-6
+        "s",
+        "on-times that the thrusters make are multiples of it",
+        start=0.05,
+        min=1e-6,
     )
     null_gain: float = Parameter(
-        "1/s", "rate at which momentum in the wheels' null space decays to what keeps them from "
+        "1/s",
+        "rate at which momentum in the wheels' null space decays to what keeps them from "
         "standstill; 0: the orbit's",
-        min=0.0, needs=("h_wheel", "tau_cmd_wheel"),
-    )  # fmt: skip
+        min=0.0,
+        needs=("h_wheel", "tau_cmd_wheel"),
+    )
     inertia: Mat33 = Parameter(
-        "kg.m2", "inertia of the whole craft, wheels locked, body",
-        start=(40.45, 0.0, 0.0, 0.0, 42.09, 0.0, 0.0, 0.0, 40.36), shared=True,
-    )  # fmt: skip
+        "kg.m2",
+        "inertia of the whole craft, wheels locked, body",
+        start=(40.45, 0.0, 0.0, 0.0, 42.09, 0.0, 0.0, 0.0, 40.36),
+        shared=True,
+    )
     inertia_scale: float = Parameter(
-        "1", "the law's own inertia is the inertia times this; 1: right", start=1.0, min=0.0
+        "1",
+        "the law's own inertia is the inertia times this; 1: right",
+        start=1.0,
+        min=0.0,
     )
     attitude: int = Parameter(
-        "1", "measured: q_bi; assumed: q_bo from lvlh", choices=("measured", "assumed"),
+        "1",
+        "measured: q_bi; assumed: q_bo from lvlh",
+        choices=("measured", "assumed"),
         start="measured",
-    )  # fmt: skip
+    )
     q_bo: Vec4 = Parameter(
-        "1", "assumed attitude: body from lvlh, scalar last; normalised", start=(0.0, 0.0, 0.0, 1.0)
+        "1",
+        "assumed attitude: body from lvlh, scalar last; normalised",
+        start=(0.0, 0.0, 0.0, 1.0),
     )
     field_model: int = Parameter(
-        "1", "model of the field ahead", choices=("orbit_dipole", "dipole", "igrf"), start="igrf"
+        "1",
+        "model of the field ahead",
+        choices=("orbit_dipole", "dipole", "igrf"),
+        start="igrf",
     )
     b_amplitude: Vec3 = Parameter(
-        "T", "orbit_dipole: amplitudes along velocity, minus orbit normal, nadir",
+        "T",
+        "orbit_dipole: amplitudes along velocity, minus orbit normal, nadir",
         start=(23e-6, 2.4e-6, 46e-6),
-    )  # fmt: skip
+    )
     h_noise: float = Parameter(
         "N.m.s", "standard deviation of a measured wheel momentum", start=1e-4, min=0.0
     )
@@ -167,20 +215,25 @@ class ManagerPredictive(MomentumDumping, EarthField):
         "rad", "standard deviation of a measured attitude", start=2e-4, min=0.0
     )
     mode: int = Output(
-        "1", "what the manager does; fallback: the cross-product law", interval=True,
-        choices=("idle", "dumping", "-", "fallback"),
-    )  # fmt: skip
-    effectiveness: Vec4 = Output(
-        "1", "e, the share of its commanded dipole that each coil is seen to have, with its sign",
+        "1",
+        "what the manager does; fallback: the cross-product law",
         interval=True,
-    )  # fmt: skip
+        choices=("idle", "dumping", "-", "fallback"),
+    )
+    effectiveness: Vec4 = Output(
+        "1",
+        "e, the share of its commanded dipole that each coil is seen to have, with its sign",
+        interval=True,
+    )
     thruster_effectiveness: Vec3 = Output(
         "1", "the same of the thrusters about each axis", interval=True
     )
     gravity_scale: float = Output(
         "1", "s, gravity gradient as it is seen over what the law knows", interval=True
     )
-    torque_eci: Vec3 = Output("N.m", "the constant torque that is seen, eci", interval=True)
+    torque_eci: Vec3 = Output(
+        "N.m", "the constant torque that is seen, eci", interval=True
+    )
     plan_steps: int = Output("1", "Newton steps of the last plan", interval=True)
 
     def start(self) -> None:
@@ -189,25 +242,37 @@ class ManagerPredictive(MomentumDumping, EarthField):
         if a + b + c <= 0.0:
             self.fail("weights = (0, 0, 0): a plan needs a weight that is above 0")
         if b <= 0.0:
-            self.fail("weights[2] = 0: coil energy needs a weight above 0, as a price sets dipoles")
+            self.fail(
+                "weights[2] = 0: coil energy needs a weight above 0, as a price sets dipoles"
+            )
         if self.goal == HOLD and a <= 0.0:
-            self.fail("weights[1] = 0: with goal hold the momentum needs a weight above 0")
+            self.fail(
+                "weights[1] = 0: with goal hold the momentum needs a weight above 0"
+            )
         if self.sample_time <= 0.0:
             self.fail("sample_time = 0 s: a plan is made of samples")
         if 0.0 < self.horizon < 2.0 * self.sample_time:
-            self.fail(f"horizon = {self.horizon:.10g} s is below two samples of sample_time = "
-                      f"{self.sample_time:.10g} s")  # fmt: skip
+            self.fail(
+                f"horizon = {self.horizon:.10g} s is below two samples of sample_time = "
+                f"{self.sample_time:.10g} s"
+            )
         if self.goal == EMPTY and self.end < 2.0 * self.sample_time:
-            self.fail(f"end = {self.end:.10g} s is before now or within two samples of sample_time "
-                      f"= {self.sample_time:.10g} s")  # fmt: skip
+            self.fail(
+                f"end = {self.end:.10g} s is before now or within two samples of sample_time "
+                f"= {self.sample_time:.10g} s"
+            )
         if self.goal == EMPTY and c <= 0.0:
-            self.fail("weights[3] = 0: with goal empty propellant needs a weight above 0")
+            self.fail(
+                "weights[3] = 0: with goal empty propellant needs a weight above 0"
+            )
         live = without(self.axes_coil, self.dead_coil)
         x, y, z = self.tau_level
         with_coils = self.m_limit > 0.0 and any(x != 0.0 for x in live)
         if not with_coils and not (self.goal == EMPTY and x + y + z > 0.0):
-            self.fail(f"m_limit = {self.m_limit:.10g} A m2 with these axes_coil: no coil is left "
-                      "that the law could use")  # fmt: skip
+            self.fail(
+                f"m_limit = {self.m_limit:.10g} A m2 with these axes_coil: no coil is left "
+                "that the law could use"
+            )
         self._to_coils = pseudo_inverse(live)
         self._null = null_vector(self.axes_wheel)
         self._live = live
@@ -256,7 +321,8 @@ class ManagerPredictive(MomentumDumping, EarthField):
         self.tau_cmd_wheel = (a + e, b + f, c + g, d + i)
 
     def _peak(self) -> float:
-        """The largest momentum (N m s) of a wheel over the last orbit, its null space apart."""
+        """The largest momentum (N m s) of a wheel over the last orbit, its null space
+        apart."""
         peak = 0.0
         for x in self._bins:
             peak = max(peak, x)
@@ -265,7 +331,9 @@ class ManagerPredictive(MomentumDumping, EarthField):
     def dump(self, t: float, elapsed: float, h: Vec3) -> tuple[Vec3, Split]:
         nothing = ZERO, (ZERO, ZERO)
         assumed = self.attitude == 1
-        if not (self.valid_q or assumed) or (self.goal == EMPTY and t >= self.end - 1e-6):
+        if not (self.valid_q or assumed) or (
+            self.goal == EMPTY and t >= self.end - 1e-6
+        ):
             self.mode, self._coils, self._thrust = IDLE, (0.0, 0.0, 0.0, 0.0), ZERO
             self._known = -1.0
             return nothing
@@ -275,7 +343,9 @@ class ManagerPredictive(MomentumDumping, EarthField):
         turn = scale(1.0 / size2, cross(self.r_eci, self.v_eci))
         orbital = rotate(q, turn)
         rate = orbital if assumed else self.rate()
-        self._observe(t, q, add(add(h, self.h_target_body), mat_vec(self._inertia, rate)))
+        self._observe(
+            t, q, add(add(h, self.h_target_body), mat_vec(self._inertia, rate))
+        )
         model = self._field(self.r_eci, self.v_eci, t)
         b = rotate_back(q, self.b_body) if self.valid_b else model
         strange = norm(sub(b, model)) > STRANGE * norm(model)
@@ -288,7 +358,9 @@ class ManagerPredictive(MomentumDumping, EarthField):
             self._plan(t, q, lvlh, turning, rotate_back(q, h), sub(b, model))
             self._planned = t
         self._b_eci, self._q, self._r, self._v = b, q, self.r_eci, self.v_eci
-        self._gravity = rotate_back(q, gravity_gradient(rotate(q, self.r_eci), self._inertia))
+        self._gravity = rotate_back(
+            q, gravity_gradient(rotate(q, self.r_eci), self._inertia)
+        )
         middle = self._coasted(0.5 * self.sample_time)
         soon = self._field(middle[0], middle[1], t + 0.5 * self.sample_time)
         mean = rotate(q, add(b, sub(scale(self._field_scale, soon), model)))
@@ -313,7 +385,9 @@ class ManagerPredictive(MomentumDumping, EarthField):
         """s from plan to plan, a multiple of the sample time."""
         if self.goal == EMPTY:
             return self.sample_time
-        return self.sample_time * float(int(max(PLANNED / self.sample_time, 1.0) + 0.999999))
+        return self.sample_time * float(
+            int(max(PLANNED / self.sample_time, 1.0) + 0.999999)
+        )
 
     def _motion(self) -> tuple[float, float]:
         """The orbit's rate (rad/s) and time (s)."""
@@ -322,7 +396,9 @@ class ManagerPredictive(MomentumDumping, EarthField):
 
     def _coasted(self, ahead: float) -> tuple[Vec3, Vec3]:
         """r (m) and v (m/s), eci, `ahead` (s) of now."""
-        a, e, inclination, raan, perigee, anomaly = elements_from_state(self.r_eci, self.v_eci)
+        a, e, inclination, raan, perigee, anomaly = elements_from_state(
+            self.r_eci, self.v_eci
+        )
         n = mean_motion(a)
         p, q = perifocal_axes(inclination, raan, perigee)
         return ellipse_state(a, e, anomaly + n * ahead, n, p, q)
@@ -330,13 +406,15 @@ class ManagerPredictive(MomentumDumping, EarthField):
     def _field(self, r: Vec3, v: Vec3, t: float) -> Vec3:
         """The model's B (T, eci) at r (m) with v (m/s) at t (s)."""
         if self.field_model == NADIR:
-            in_lvlh = receding_horizon.orbit_dipole(self.r_eci, self.v_eci, self.b_amplitude)
+            in_lvlh = receding_horizon.orbit_dipole(
+                self.r_eci, self.v_eci, self.b_amplitude
+            )
             return rotate_back(lvlh_attitude(r, v), in_lvlh(r))
         return self.field_eci(r, t, igrf=self.field_model == IGRF)
 
     def _weigh(self, b: Vec3, model: Vec3) -> None:
-        """Take a measured field (T, eci) and the model's into account: how much of the model's the
-        field is, by the last orbit, and 1 as if measured once."""
+        """Take a measured field (T, eci) and the model's into account: how much of the
+        model's the field is, by the last orbit, and 1 as if measured once."""
         _, orbit = self._motion()
         kept = max(1.0 - self.sample_time / orbit, 0.0)
         one = dot(model, model) if self._models == 0.0 else 0.0
@@ -362,19 +440,28 @@ class ManagerPredictive(MomentumDumping, EarthField):
         return body_momentum(self._live, (e * a, f * b, g * c, i * d))
 
     def _observe(self, t: float, q: Vec4, total: Vec3) -> None:
-        """Learn from what the momentum of the craft, `total` (N m s, body), did since the last
-        sample."""
+        """Learn from what the momentum of the craft, `total` (N m s, body), did since
+        the last sample."""
         h = rotate_back(q, total)
         n, orbit = self._motion()
-        largest = max(abs(self._inertia[0]), abs(self._inertia[4]), abs(self._inertia[8]))
+        largest = max(
+            abs(self._inertia[0]), abs(self._inertia[4]), abs(self._inertia[8])
+        )
         most = n * n * largest
-        from_rate, from_attitude = largest * self.rate_noise, norm(total) * self.attitude_noise
+        from_rate, from_attitude = (
+            largest * self.rate_noise,
+            norm(total) * self.attitude_noise,
+        )
         noise = sqrt(
-            self.h_noise * self.h_noise + from_rate * from_rate + from_attitude * from_attitude
+            self.h_noise * self.h_noise
+            + from_rate * from_rate
+            + from_attitude * from_attitude
         )
         noise = max(noise, 1e-3 * most * self.sample_time)
         if self._deviations[learning.GRAVITY] == 0.0:
-            self._deviations = learning.spreads(SPREAD * most, OWN * self.m_limit, noise)
+            self._deviations = learning.spreads(
+                SPREAD * most, OWN * self.m_limit, noise
+            )
             self._p = learning.first_covariance(self._deviations)
             self._x = learning.first_state(h)
         passed = t - self._known
@@ -384,31 +471,76 @@ class ManagerPredictive(MomentumDumping, EarthField):
             self._p = learning.forgotten(self._p, noise)
         else:
             b = rotate_back(q, self.b_body)
-            pull = rotate_back(q, gravity_gradient(rotate(q, self.r_eci), self._inertia))
-            then, now = lvlh_attitude(self._r, self._v), lvlh_attitude(self.r_eci, self.v_eci)
+            pull = rotate_back(
+                q, gravity_gradient(rotate(q, self.r_eci), self._inertia)
+            )
+            then, now = (
+                lvlh_attitude(self._r, self._v),
+                lvlh_attitude(self.r_eci, self.v_eci),
+            )
             half = 0.5 * passed
             (c0, s0), (c1, s1) = self._latitude(self._r), self._latitude(self.r_eci)
-            causes = learning.causes((
-                scale(half, add(self._gravity, pull)),
-                *(scale(passed, axis) for axis in AXES),
-                *(scale(half, add(rotate_back(then, axis), rotate_back(now, axis)))
-                  for axis in AXES),
-                *(scale(half, self._moved(axis, q, b)) for axis in AXES),
-                *(scale(half * coil, self._moved((self._live[i], self._live[4 + i],
-                                                  self._live[8 + i]), q, b))
-                  for i, coil in enumerate(self._coils)),
-                *(scale(half * torque, add(rotate_back(self._q, axis), rotate_back(q, axis)))
-                  for axis, torque in zip(AXES, self._thrust, strict=True)),
-                *(scale(half, add(scale(c0, rotate_back(then, axis)),
-                                  scale(c1, rotate_back(now, axis)))) for axis in AXES),
-                *(scale(half, add(scale(s0, rotate_back(then, axis)),
-                                  scale(s1, rotate_back(now, axis)))) for axis in AXES),
-            ))  # fmt: skip
+            causes = learning.causes(
+                (
+                    scale(half, add(self._gravity, pull)),
+                    *(scale(passed, axis) for axis in AXES),
+                    *(
+                        scale(
+                            half, add(rotate_back(then, axis), rotate_back(now, axis))
+                        )
+                        for axis in AXES
+                    ),
+                    *(scale(half, self._moved(axis, q, b)) for axis in AXES),
+                    *(
+                        scale(
+                            half * coil,
+                            self._moved(
+                                (self._live[i], self._live[4 + i], self._live[8 + i]),
+                                q,
+                                b,
+                            ),
+                        )
+                        for i, coil in enumerate(self._coils)
+                    ),
+                    *(
+                        scale(
+                            half * torque,
+                            add(rotate_back(self._q, axis), rotate_back(q, axis)),
+                        )
+                        for axis, torque in zip(AXES, self._thrust, strict=True)
+                    ),
+                    *(
+                        scale(
+                            half,
+                            add(
+                                scale(c0, rotate_back(then, axis)),
+                                scale(c1, rotate_back(now, axis)),
+                            ),
+                        )
+                        for axis in AXES
+                    ),
+                    *(
+                        scale(
+                            half,
+                            add(
+                                scale(s0, rotate_back(then, axis)),
+                                scale(s1, rotate_back(now, axis)),
+                            ),
+                        )
+                        for axis in AXES
+                    ),
+                )
+            )
             self._x, self._p = learning.learnt(
-                self._x, self._p, h, causes, noise,
+                self._x,
+                self._p,
+                h,
+                causes,
+                noise,
                 UNKNOWN * most * sqrt(orbit * passed / 3.0),
-                self._deviations, DRIFT * sqrt(passed / orbit),
-            )  # fmt: skip
+                self._deviations,
+                DRIFT * sqrt(passed / orbit),
+            )
         self._known = t
         x = self._x
         self.gravity_scale = x[learning.GRAVITY]
@@ -424,14 +556,14 @@ class ManagerPredictive(MomentumDumping, EarthField):
         return dot(r, node) / size, dot(r, ahead) / size
 
     def _moved(self, axis: Vec3, q: Vec4, b: Vec3) -> Vec3:
-        """axis x B (T, eci) of the sample before and of this one, with q and b (T, eci), summed;
-        axis: body."""
+        """axis x B (T, eci) of the sample before and of this one, with q and b (T,
+        eci), summed; axis: body."""
         then = cross(rotate_back(self._q, axis), self._b_eci)
         return add(then, cross(rotate_back(q, axis), b))
 
     def _axes(self) -> tuple[tuple[Vec3, Vec3, Vec3], tuple[Vec3, Vec3, Vec3], Vec3]:
-        """Three commands (1, body) whose coils' energies add up, what dipole a unit of each really
-        gives (1, body), and how far each may go (A m2)."""
+        """Three commands (1, body) whose coils' energies add up, what dipole a unit of
+        each really gives (1, body), and how far each may go (A m2)."""
         p, e = self._to_coils, self.effectiveness
         xx, xy, xz, yy, yz, zz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
         for i in range(4):
@@ -448,11 +580,16 @@ class ManagerPredictive(MomentumDumping, EarthField):
         l33 = sqrt(zz + least - l31 * l31 - l32 * l32)
         first = (1.0 / l11, 0.0, 0.0)
         second = (-l21 / (l11 * l22), 1.0 / l22, 0.0)
-        third = ((l21 * l32 - l31 * l22) / (l11 * l22 * l33), -l32 / (l22 * l33), 1.0 / l33)
+        third = (
+            (l21 * l32 - l31 * l22) / (l11 * l22 * l33),
+            -l32 / (l22 * l33),
+            1.0 / l33,
+        )
         given = (
-            self._given(to_wheels(p, first)), self._given(to_wheels(p, second)),
+            self._given(to_wheels(p, first)),
+            self._given(to_wheels(p, second)),
             self._given(to_wheels(p, third)),
-        )  # fmt: skip
+        )
         most = (self._reach(first), self._reach(second), self._reach(third))
         return (first, second, third), given, most
 
@@ -475,9 +612,9 @@ class ManagerPredictive(MomentumDumping, EarthField):
 
     def _plan(
         self, t: float, q: Vec4, lvlh: Vec4, turning: bool, x0: Vec3, off: Vec3
-    ) -> None:  # fmt: skip
-        """Make a plan at t (s) with the attitude q, held to lvlh where `turning`; x0: X (N m s,
-        eci); off: what the measured field has over the model's (T, eci)."""
+    ) -> None:
+        """Make a plan at t (s) with the attitude q, held to lvlh where `turning`; x0: X
+        (N m s, eci); off: what the measured field has over the model's (T, eci)."""
         count, dt = self._grid(t)
         from_lvlh = product(q, inverse(lvlh))
         # not taken apart, which would be a second copy on the stack
@@ -512,17 +649,26 @@ class ManagerPredictive(MomentumDumping, EarthField):
         return count, tuple(dt)
 
     def _forecast(
-        self, t: float, q: Vec4, from_lvlh: Vec4, turning: bool, off: Vec3, count: int, dt: Table
-    ) -> tuple[Table, Table, Table, float]:  # fmt: skip
-        """What X changes by in each interval (N m s, eci), by a unit of each actuator, the wheels'
-        axes at its end (eci), and b^2 (T2); `from_lvlh`: body from lvlh."""
+        self,
+        t: float,
+        q: Vec4,
+        from_lvlh: Vec4,
+        turning: bool,
+        off: Vec3,
+        count: int,
+        dt: Table,
+    ) -> tuple[Table, Table, Table, float]:
+        """What X changes by in each interval (N m s, eci), by a unit of each actuator,
+        the wheels' axes at its end (eci), and b^2 (T2); `from_lvlh`: body from lvlh."""
         drift = [0.0] * (3 * predictive.INTERVALS)
         effect = [0.0] * (3 * predictive.ACTUATORS * predictive.INTERVALS)
         rows = [0.0] * (12 * predictive.HELD)
         hold = self.goal == HOLD
         each = predictive.COILS if hold else predictive.ACTUATORS
         n, _ = self._motion()
-        a, e, inclination, raan, perigee, anomaly = elements_from_state(self.r_eci, self.v_eci)
+        a, e, inclination, raan, perigee, anomaly = elements_from_state(
+            self.r_eci, self.v_eci
+        )
         to_perigee, onward = perifocal_axes(inclination, raan, perigee)
         _, given, _ = self._axes()
         turn = cross(self.r_eci, self.v_eci)
@@ -572,9 +718,15 @@ class ManagerPredictive(MomentumDumping, EarthField):
         return tuple(drift), tuple(effect), tuple(rows), strength / begin
 
     def _hold(
-        self, count: int, x0: Vec3, dt: Table, drift: Table, effect: Table, rows: Table,
+        self,
+        count: int,
+        x0: Vec3,
+        dt: Table,
+        drift: Table,
+        effect: Table,
+        rows: Table,
         strength: float,
-    ) -> None:  # fmt: skip
+    ) -> None:
         """Plan a course that is held low from X = x0 (N m s, eci) on."""
         n, _ = self._motion()
         _, _, limits = self._axes()
@@ -582,19 +734,45 @@ class ManagerPredictive(MomentumDumping, EarthField):
         momentum = self.weights[0] * stiff * stiff / max(strength, 1e-30)
         bias = to_wheels(self._to_wheels, self.h_target_body)
         u, _, course, steps, _ = predictive.held(
-            count, x0, predictive.NO_PLAN, dt, drift, effect, self.weights[1], limits, rows, bias,
-            momentum, 0.0, 1.0,
-        )  # fmt: skip
-        size = CLOSE * max(predictive.largest(count, course, rows, bias), self._peak(), 1e-9)
+            count,
+            x0,
+            predictive.NO_PLAN,
+            dt,
+            drift,
+            effect,
+            self.weights[1],
+            limits,
+            rows,
+            bias,
+            momentum,
+            0.0,
+            1.0,
+        )
+        size = CLOSE * max(
+            predictive.largest(count, course, rows, bias), self._peak(), 1e-9
+        )
         _, self._costate, _, more, settled = predictive.held(
-            count, x0, u, dt, drift, effect, self.weights[1], limits, rows, bias, momentum,
-            PEAK * momentum * size * size, size,
-        )  # fmt: skip
+            count,
+            x0,
+            u,
+            dt,
+            drift,
+            effect,
+            self.weights[1],
+            limits,
+            rows,
+            bias,
+            momentum,
+            PEAK * momentum * size * size,
+            size,
+        )
         self.plan_steps, self._failed = steps + more, not settled
 
-    def _empty(self, count: int, x0: Vec3, dt: Table, drift: Table, effect: Table) -> None:
-        """Plan the dipole and the pulses of the first interval so that X = x0 (N m s, eci) becomes
-        zero."""
+    def _empty(
+        self, count: int, x0: Vec3, dt: Table, drift: Table, effect: Table
+    ) -> None:
+        """Plan the dipole and the pulses of the first interval so that X = x0 (N m s,
+        eci) becomes zero."""
         fee = [0.0] * predictive.INTERVALS
         most = [0.0] * predictive.INTERVALS
         _, _, limits = self._axes()
@@ -612,7 +790,16 @@ class ManagerPredictive(MomentumDumping, EarthField):
         weight = 10.0 * self.weights[2] / (level * least)
         near, stride = 0.01 * least, 0.5 * self.weights[2] / level
         u, self.plan_steps, _ = predictive.emptied(
-            count, rest, effect, COIL_PRICE, limits, tuple(fee), tuple(most), weight, near, stride
+            count,
+            rest,
+            effect,
+            COIL_PRICE,
+            limits,
+            tuple(fee),
+            tuple(most),
+            weight,
+            near,
+            stride,
         )
         thrust = (self._pulse(u[3], 0), self._pulse(u[4], 1), self._pulse(u[5], 2))
         if count == 1:
@@ -623,9 +810,17 @@ class ManagerPredictive(MomentumDumping, EarthField):
                 done = scale(on, (effect[i], effect[i + 1], effect[i + 2]))
                 rest = add(rest, done)
             u, _, _ = predictive.emptied(
-                count, rest, effect, COIL_PRICE, limits, tuple(fee),
-                (0.0,) * predictive.INTERVALS, weight, near, stride,
-            )  # fmt: skip
+                count,
+                rest,
+                effect,
+                COIL_PRICE,
+                limits,
+                tuple(fee),
+                (0.0,) * predictive.INTERVALS,
+                weight,
+                near,
+                stride,
+            )
         commands, _, _ = self._axes()
         m = ZERO
         for j in range(3):
@@ -633,21 +828,26 @@ class ManagerPredictive(MomentumDumping, EarthField):
         self._dipole_planned, self._thrust = m, thrust
 
     def _bias(self, q: Vec4, turn: Vec3, size2: float, turning: bool) -> Vec3:
-        """What of the craft's momentum (N m s, eci) is not to be dumped: the body's turn, and the
-        target. turn (m2/s): r x v; size2 (m2): r^2."""
+        """What of the craft's momentum (N m s, eci) is not to be dumped: the body's
+        turn, and the target. turn (m2/s): r x v; size2 (m2): r^2."""
         rate = rotate(q, scale(1.0 / size2, turn)) if turning else ZERO
         return rotate_back(q, add(mat_vec(self._inertia, rate), self.h_target_body))
 
     def _torque(self, q: Vec4, lvlh: Vec4, r: Vec3, b: Vec3) -> Vec3:
-        """The torque (N m, eci) on the craft as far as it is known, at r (m) in the field b (T)."""
+        """The torque (N m, eci) on the craft as far as it is known, at r (m) in the
+        field b (T)."""
         x = self._x
         gravity = rotate_back(q, gravity_gradient(rotate(q, r), self._inertia))
         own = cross(rotate_back(q, (x[10], x[11], x[12])), b)
         c, s = self._latitude(r)
-        orbital = rotate_back(lvlh, (
-            x[7] + c * x[20] + s * x[23], x[8] + c * x[21] + s * x[24],
-            x[9] + c * x[22] + s * x[25],
-        ))  # fmt: skip
+        orbital = rotate_back(
+            lvlh,
+            (
+                x[7] + c * x[20] + s * x[23],
+                x[8] + c * x[21] + s * x[24],
+                x[9] + c * x[22] + s * x[25],
+            ),
+        )
         return add(add(scale(x[3], gravity), (x[4], x[5], x[6])), add(orbital, own))
 
     def _pulse(self, on_time: float, axis: int) -> float:

@@ -15,16 +15,17 @@ class ManagerPreview(MomentumManagement, GroundTables):
 
         mu_M = S (B x P),      P = -(K(t) H + g(t))                (Table 1, open loop)
 
-    a costate that depends on the momentum: neither field model nor integral nor singular period
-    onboard. K and g are tables that the ground computes (`desat design`) for one orbit, attitude
-    and span, in eci, linear between rows: those of the cheapest course over the predicted field and
-    gravity gradient, in coil energy, momentum and, with a weight on it, the largest wheel speed,
-    and of the stiffness with which it is held. Beyond the tables there is no dipole, and `mode`
+    a costate that depends on the momentum: neither field model nor integral nor
+    singular period onboard. K and g are tables that the ground computes
+    (`desat design`) for one orbit, attitude and span, in eci, linear between rows:
+    those of the cheapest course over the predicted field and gravity gradient, in coil
+    energy, momentum and, with a weight on it, the largest wheel speed, and of the
+    stiffness with which it is held. Beyond the tables there is no dipole, and `mode`
     says fallback.
 
-    Not in paper 001. Its kin: Psiaki, J. Guidance 24 (2001) 386; Lovera & Varga, IEEE CDC (2005),
-    periodic linear-quadratic laws of magnetic attitude control; Chen & Steyn (paper 000), eq. 13,
-    over one dumping.
+    Not in paper 001. Its kin: Psiaki, J. Guidance 24 (2001) 386; Lovera & Varga, IEEE
+    CDC (2005), periodic linear-quadratic laws of magnetic attitude control; Chen &
+    Steyn (paper 000), eq. 13, over one dumping.
 
     Coils, limits and measurements that are not valid: `bases/momentum_management.py`.
     """
@@ -32,10 +33,14 @@ class ManagerPreview(MomentumManagement, GroundTables):
     offers = (Law("preview"),)
 
     feedback_table: Table = Parameter(
-        "1/(T2.s)", "a row a node: K, eci, its upper triangle xx, xy, xz, yy, yz, zz",
-        shape=(CAPACITY, laws.GAIN), needs=("h_wheel",),
-    )  # fmt: skip
-    costate_table: Table = Parameter("A.m2/T", "a row a node: g, eci", shape=(CAPACITY, 3))
+        "1/(T2.s)",
+        "a row a node: K, eci, its upper triangle xx, xy, xz, yy, yz, zz",
+        shape=(CAPACITY, laws.GAIN),
+        needs=("h_wheel",),
+    )
+    costate_table: Table = Parameter(
+        "A.m2/T", "a row a node: g, eci", shape=(CAPACITY, 3)
+    )
 
     def law(self, t: float, h: Vec3) -> Vec3 | None:
         where = self.place(t)
@@ -43,7 +48,9 @@ class ManagerPreview(MomentumManagement, GroundTables):
             return None
         i, share = where
         gain = laws.between6(self.feedback_table, i, share)
-        costate = laws.preview_costate(gain, self.offset(i, share), rotate_back(self.q_bi, h))
+        costate = laws.preview_costate(
+            gain, self.offset(i, share), rotate_back(self.q_bi, h)
+        )
         p = rotate(self.q_bi, costate)
         m = laws.open_loop_dipole(p, self.field(), self._s)
         self.tau_desired_body = cross(m, self.field())

@@ -14,19 +14,21 @@ from ..physics.wheel_array import body_momentum, to_wheels
 from .manager_preview import ManagerPreview
 
 TURNED = 1.25e-7
-"""1 - |q'q| of two attitudes a milliradian apart; beyond it the craft turns: nothing is learnt."""
+"""1 - |q'q| of two attitudes a milliradian apart; beyond it the craft turns: nothing is
+learnt."""
 
 
 class ManagerPreviewLearning(ManagerPreview):
     """A preview that learns what its coils do and how large gravity gradient is
 
-    P = -(K(t) H + s g(t)): s, the `gravity_scale`, and the `effectiveness` e_j of each coil are
-    estimated from the momentum that every update leaves (`laws/momentum_learning.py`). Course and
-    costate are proportional to gravity gradient, so that s makes of g what the ground would have
-    sent up had it known. Where a coil is found lost, g is the ground's for that case, from
-    `lost_table`, and nothing else changes, as mu_T = M'(M M')^-1 mu_M gives the coils that are left
-    M'(B x P) anyway. Zeros in its first row say that there is none for that coil. The wheels absorb
-    what the coils really give.
+    P = -(K(t) H + s g(t)): s, the `gravity_scale`, and the `effectiveness` e_j of each
+    coil are estimated from the momentum that every update leaves
+    (`laws/momentum_learning.py`). Course and costate are proportional to gravity
+    gradient, so that s makes of g what the ground would have sent up had it known.
+    Where a coil is found lost, g is the ground's for that case, from `lost_table`, and
+    nothing else changes, as mu_T = M'(M M')^-1 mu_M gives the coils that are left M'(B
+    x P) anyway. Zeros in its first row say that there is none for that coil. The wheels
+    absorb what the coils really give.
 
     Nothing is learnt while the craft turns, nor over a sample that was left out.
     """
@@ -34,25 +36,37 @@ class ManagerPreviewLearning(ManagerPreview):
     offers = (Law("preview that learns"),)
 
     lost_table: Table = Parameter(
-        "A.m2/T", "a row a node: g with coil 1, 2, 3 or 4 lost, eci",
+        "A.m2/T",
+        "a row a node: g with coil 1, 2, 3 or 4 lost, eci",
         shape=(CAPACITY, learning.LOST),
-    )  # fmt: skip
+    )
     learn: bool = Parameter("1", "true: what is learnt is used", start=True)
     learn_noise: float = Parameter(
-        "N.m.s", "of the momentum's change over an update, standard deviation", start=0.1, min=1e-6
+        "N.m.s",
+        "of the momentum's change over an update, standard deviation",
+        start=0.1,
+        min=1e-6,
     )
     learn_drift: float = Parameter(
-        "1", "what scale and effectiveness may change by from one update to the next, standard "
-        "deviation", start=0.01, min=0.0,
-    )  # fmt: skip
+        "1",
+        "what scale and effectiveness may change by from one update to the next, standard "
+        "deviation",
+        start=0.01,
+        min=0.0,
+    )
     effectiveness: Vec4 = Output(
-        "1", "e, the share of its commanded dipole that each coil is seen to have", interval=True
+        "1",
+        "e, the share of its commanded dipole that each coil is seen to have",
+        interval=True,
     )
     gravity_scale: float = Output(
         "1", "s, gravity gradient as it is seen over what the law knows", interval=True
     )
     lost_coil: int = Output(
-        "1", "the coil that is found lost", interval=True, choices=("none", "1", "2", "3", "4")
+        "1",
+        "the coil that is found lost",
+        interval=True,
+        choices=("none", "1", "2", "3", "4"),
     )
 
     @classmethod
@@ -101,9 +115,13 @@ class ManagerPreviewLearning(ManagerPreview):
         h = add(wheels, mat_vec(self._inertia, self.rate()))
         if self._then is not None and self._still(t - self._then) and self._b_2 != ZERO:
             coils = to_wheels(self._to_coils, self.m_cmd_body)
-            b = rotate(self.q_bi, learning.passed_field(self._b_1, self._b_2, self._b_3))
+            b = rotate(
+                self.q_bi, learning.passed_field(self._b_1, self._b_2, self._b_3)
+            )
             change = sub(h, rotate(self.q_bi, self._h_eci))
-            rows = learning.effects(self.sample_time, self._gravity, self.axes_coil, coils, b)
+            rows = learning.effects(
+                self.sample_time, self._gravity, self.axes_coil, coils, b
+            )
             self._x, self._p = learning.learnt(
                 self._x, self._p, change, rows, self.learn_noise, self.learn_drift
             )
@@ -116,4 +134,7 @@ class ManagerPreviewLearning(ManagerPreview):
         """Whether the last sample was the one before, and the attitude is that of then."""
         a, b = self.q_bi, self._q
         alike = abs(a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + a[3] * b[3])
-        return abs(elapsed - self.sample_time) <= 1e-6 * self.sample_time and 1.0 - alike <= TURNED
+        return (
+            abs(elapsed - self.sample_time) <= 1e-6 * self.sample_time
+            and 1.0 - alike <= TURNED
+        )

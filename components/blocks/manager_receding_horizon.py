@@ -17,58 +17,74 @@ ORBIT_DIPOLE, _, IGRF = range(3)
 class ManagerRecedingHorizon(ThrusterDumping, EarthField):
     """Dumping with the least thruster time, planned over the remaining time
 
-    At each sample, from the measured momentum, all samples until `horizon` are planned anew: mean
-    dipoles M_k and on-times of the thrusters, by the linear programme
+    At each sample, from the measured momentum, all samples until `horizon` are planned
+    anew: mean dipoles M_k and on-times of the thrusters, by the linear programme
 
         minimise  the thrusters' on-time
         C_f' h_target - C_0' h = T sum C_k' (N_T,k + M_k x B_k + n_con)
         |M_k| <= duty m_limit each axis, 0 for `dead_axis`
         |N_T,k| <= (1 - reserve) thruster_duty tau_level each axis
 
-    T = `sample_time`; C the attitude, fixed at `q_bo` from lvlh, and B_k the field, in the middle
-    of sample k on two-body motion from r_eci and v_eci. The plan's first sample is commanded. Its
-    field is the measured one with the model's change over half a sample; the others come from a
-    model of the manager's own, `field_scale` (1: right) times
+    T = `sample_time`; C the attitude, fixed at `q_bo` from lvlh, and B_k the field, in
+    the middle of sample k on two-body motion from r_eci and v_eci. The plan's first
+    sample is commanded. Its field is the measured one with the model's change over half
+    a sample; the others come from a model of the manager's own, `field_scale` (1:
+    right) times
 
     - `orbit_dipole`: (b_x cos u, b_y, b_z sin u) in lvlh, u the argument of latitude (eq. 30);
     - `dipole`: centred, Earth-fixed; `igrf`: IGRF-14 up to `igrf_degree`, as the environments do.
 
-    With `field_spread` above 0 the model is corrected by what the magnetometer has measured since
-    the start: B = b + A b + c |b| at every sample ahead, b being the model's field and A and c the
-    likeliest where each element is 0 with this deviation beforehand and a measurement differs from
-    the fit by `field_noise`. A misaligned attitude, a wrong scale and a wrong constant part are of
-    this form; a plan that trusts a wrong model counts on torques that the coils then cannot give.
+    With `field_spread` above 0 the model is corrected by what the magnetometer has
+    measured since the start: B = b + A b + c |b| at every sample ahead, b being the
+    model's field and A and c the likeliest where each element is 0 with this deviation
+    beforehand and a measurement differs from the fit by `field_noise`. A misaligned
+    attitude, a wrong scale and a wrong constant part are of this form; a plan that
+    trusts a wrong model counts on torques that the coils then cannot give.
 
-    On-times are rounded to whole `least_pulse`; the next plan knows what that did. After the last
-    sample there is none, so there the dipole makes up for the rounding as far as it can. What can
-    fire early or late fires late, when more is known. The `reserve` is for what was not foreseen:
-    where no plan keeps it in all samples it is used, at first in this one only.
+    On-times are rounded to whole `least_pulse`; the next plan knows what that did.
+    After the last sample there is none, so there the dipole makes up for the rounding
+    as far as it can. What can fire early or late fires late, when more is known. The
+    `reserve` is for what was not foreseen: where no plan keeps it in all samples it is
+    used, at first in this one only.
 
-    Where there is no plan (the momentum is more than can be dumped in time) the torque N = -g_rate
-    h, or -h over the time left where that is more, is shared out by the bounded 1-norm blend of
-    `manager_combined`, its thrusters within thruster_duty tau_level, with `mode` 3 instead of 2; so
-    it is at a sample whose field is not valid, there by thrusters alone. Where the momentum is not
-    valid nothing is dumped. From `horizon` on `mode` is 0: no dumping. The wheels are commanded as
-    by `manager_combined`.
+    Where there is no plan (the momentum is more than can be dumped in time) the torque
+    N = -g_rate h, or -h over the time left where that is more, is shared out by the
+    bounded 1-norm blend of `manager_combined`, its thrusters within thruster_duty
+    tau_level, with `mode` 3 instead of 2; so it is at a sample whose field is not
+    valid, there by thrusters alone. Where the momentum is not valid nothing is dumped.
+    From `horizon` on `mode` is 0: no dumping. The wheels are commanded as by
+    `manager_combined`.
     """
 
     no_law = "it empties the wheels once, until `horizon`, and rests from then on"
 
     sample_time: float = Parameter(
-        "s", "time between samples, a multiple of the step; above 0, and at least horizon / 600",
-        start=10.0, min=0.0,
-    )  # fmt: skip
+        "s",
+        "time between samples, a multiple of the step; above 0, and at least horizon / 600",
+        start=10.0,
+        min=0.0,
+    )
     horizon: float = Parameter(
-        "s", "when the momentum shall be h_target_body, after the start; to the nearest sample",
-        start=600.0, min=1.0,
+        "s",
+        "when the momentum shall be h_target_body, after the start; to the nearest sample",
+        start=600.0,
+        min=1.0,
         needs=("r_eci", "v_eci", "h_wheel", "b_body", "tau_cmd_thruster_body"),
-    )  # fmt: skip
-    tau_level: Vec3 = Parameter("N.m", "torque of each axis while it fires", start=0.04, min=1e-9,
-                                follows="thrusters.tau_level")  # fmt: skip
+    )
+    tau_level: Vec3 = Parameter(
+        "N.m",
+        "torque of each axis while it fires",
+        start=0.04,
+        min=1e-9,
+        follows="thrusters.tau_level",
+    )
     thruster_duty: float = Parameter(
-        "1", "largest share of the period that the thrusters of an axis may be on", start=1.0,
-        min=0.0, max=1.0,
-    )  # fmt: skip
+        "1",
+        "largest share of the period that the thrusters of an axis may be on",
+        start=1.0,
+        min=0.0,
+        max=1.0,
+    )
     reserve: float = Parameter(
         "1", "share of that time that plans leave free", start=0.2, min=0.0, max=1.0
     )
@@ -82,22 +98,36 @@ class ManagerRecedingHorizon(ThrusterDumping, EarthField):
         min=1e-6,
         follows="thrusters.least_pulse",
     )
-    g_rate: float = Parameter("1/s", "closed-loop rate of the fallback", start=0.0077, min=0.0)
+    g_rate: float = Parameter(
+        "1/s", "closed-loop rate of the fallback", start=0.0077, min=0.0
+    )
     q_bo: Vec4 = Parameter(
-        "1", "assumed attitude: body from lvlh, scalar last; normalised", start=(0.0, 0.0, 0.0, 1.0)
+        "1",
+        "assumed attitude: body from lvlh, scalar last; normalised",
+        start=(0.0, 0.0, 0.0, 1.0),
     )
     field_model: int = Parameter(
-        "1", "model of the field ahead", choices=("orbit_dipole", "dipole", "igrf"),
+        "1",
+        "model of the field ahead",
+        choices=("orbit_dipole", "dipole", "igrf"),
         start="orbit_dipole",
-    )  # fmt: skip
-    field_scale: float = Parameter("1", "the model's field is multiplied by it", start=1.0)
-    b_x: float = Parameter("T", "orbit_dipole: amplitude along the velocity", start=23e-6)
-    b_y: float = Parameter("T", "orbit_dipole: constant part, minus orbit normal", start=2.4e-6)
+    )
+    field_scale: float = Parameter(
+        "1", "the model's field is multiplied by it", start=1.0
+    )
+    b_x: float = Parameter(
+        "T", "orbit_dipole: amplitude along the velocity", start=23e-6
+    )
+    b_y: float = Parameter(
+        "T", "orbit_dipole: constant part, minus orbit normal", start=2.4e-6
+    )
     b_z: float = Parameter("T", "orbit_dipole: amplitude to nadir", start=46e-6)
     field_spread: float = Parameter(
-        "1", "how wrong the model may be, as a share of the field; 0: it is taken as it is",
-        start=0.1, min=0.0,
-    )  # fmt: skip
+        "1",
+        "how wrong the model may be, as a share of the field; 0: it is taken as it is",
+        start=0.1,
+        min=0.0,
+    )
     field_noise: float = Parameter(
         "T",
         "how much a measurement may differ from the best fit of the model",
@@ -105,17 +135,21 @@ class ManagerRecedingHorizon(ThrusterDumping, EarthField):
         min=1e-10,
     )
     mode: int = Output(
-        "1", "what the manager does", interval=True,
+        "1",
+        "what the manager does",
+        interval=True,
         choices=("idle", "-", "receding_horizon", "fallback"),
-    )  # fmt: skip
+    )
 
     def start(self) -> None:
         super().start()
         if self.sample_time <= 0.0:
             self.fail("sample_time = 0 s: a plan is made of samples")
         if self.horizon / self.sample_time > receding_horizon.SAMPLES:
-            self.fail(f"horizon = {self.horizon:.10g} s is more than {receding_horizon.SAMPLES} "
-                      f"samples of sample_time = {self.sample_time:.10g} s")  # fmt: skip
+            self.fail(
+                f"horizon = {self.horizon:.10g} s is more than {receding_horizon.SAMPLES} "
+                f"samples of sample_time = {self.sample_time:.10g} s"
+            )
         self._q_bo = normalised(self.q_bo)
         self._fit = receding_horizon.NO_FIT
         self.start_field(igrf=self.field_model == IGRF)
@@ -145,9 +179,10 @@ class ManagerRecedingHorizon(ThrusterDumping, EarthField):
 
     def _planned(
         self, h: Vec3, q_bi: tuple[Vec4, ...], fields: tuple[Vec3, ...]
-    ) -> tuple[Vec3, Vec3] | None:  # fmt: skip
-        """Dipole and on-times of the plan's first sample: the reserve kept in all samples, or in
-        all but this one, where that costs no more than `reserve_cost`; else in none."""
+    ) -> tuple[Vec3, Vec3] | None:
+        """Dipole and on-times of the plan's first sample: the reserve kept in all
+        samples, or in all but this one, where that costs no more than `reserve_cost`;
+        else in none."""
         whole = self.thruster_duty * self.sample_time
         kept = (1.0 - self.reserve) * whole
         free = self._step(h, q_bi, fields, (whole, whole))
@@ -160,9 +195,12 @@ class ManagerRecedingHorizon(ThrusterDumping, EarthField):
         return free[0], free[1]
 
     def _step(
-        self, h: Vec3, q_bi: tuple[Vec4, ...], fields: tuple[Vec3, ...],
+        self,
+        h: Vec3,
+        q_bi: tuple[Vec4, ...],
+        fields: tuple[Vec3, ...],
         longest: tuple[float, float],
-    ) -> tuple[Vec3, Vec3, float] | None:  # fmt: skip
+    ) -> tuple[Vec3, Vec3, float] | None:
         plan = receding_horizon.programme(
             add(h, self.h_target_body),
             self.h_target_body,
@@ -199,11 +237,15 @@ class ManagerRecedingHorizon(ThrusterDumping, EarthField):
         )
         return (x, y, z)
 
-    def _predicted(self, t: float, samples: int) -> tuple[tuple[Vec4, ...], tuple[Vec3, ...]]:
-        """The attitudes now, in the middle of each sample and at the end, and B (T, body) in the
-        middle of each sample."""
+    def _predicted(
+        self, t: float, samples: int
+    ) -> tuple[tuple[Vec4, ...], tuple[Vec3, ...]]:
+        """The attitudes now, in the middle of each sample and at the end, and B (T,
+        body) in the middle of each sample."""
         period = self.sample_time
-        middles = tuple(period * (k + 0.5) for k in range(min(samples, receding_horizon.SAMPLES)))
+        middles = tuple(
+            period * (k + 0.5) for k in range(min(samples, receding_horizon.SAMPLES))
+        )
         ahead = (0.0, *middles, period * samples)
         states = receding_horizon.coast(self.r_eci, self.v_eci, ahead)
         q_bi = tuple(product(self._q_bo, lvlh_attitude(r, v)) for r, v in states)
@@ -219,15 +261,20 @@ class ManagerRecedingHorizon(ThrusterDumping, EarthField):
         return q_bi, (add(self.b_body, sub(fields[1], fields[0])), *fields[2:])
 
     def _modelled(
-        self, t: float, ahead: tuple[float, ...], q_bi: tuple[Vec4, ...],
+        self,
+        t: float,
+        ahead: tuple[float, ...],
+        q_bi: tuple[Vec4, ...],
         states: tuple[tuple[Vec3, Vec3], ...],
-    ) -> tuple[Vec3, ...]:  # fmt: skip
-        """The model's B (T, body) so many seconds `ahead` of t, at the states (m, m/s; eci)."""
+    ) -> tuple[Vec3, ...]:
+        """The model's B (T, body) so many seconds `ahead` of t, at the states (m, m/s;
+        eci)."""
         if self.field_model == ORBIT_DIPOLE:
             amplitudes = (self.b_x, self.b_y, self.b_z)
             in_lvlh = receding_horizon.orbit_dipole(self.r_eci, self.v_eci, amplitudes)
             return tuple(
-                rotate(self._q_bo, in_lvlh(r)) for _, (r, _) in zip(ahead, states, strict=True)
+                rotate(self._q_bo, in_lvlh(r))
+                for _, (r, _) in zip(ahead, states, strict=True)
             )
         return tuple(
             rotate(q, self.field_eci(r, t + s, igrf=self.field_model == IGRF))

@@ -25,8 +25,8 @@ B_DOT, WHEEL, WHEEL_PROPORTIONAL, WHEEL_RATE = range(4)
 class ManagerStartUp(Acquisition):
     """Detumbling and wheel start-up as published
 
-    With B the measured field, B' its rate (eq. 2), h the wheel's momentum along -y, T the wheel's
-    torque on the body about +y:
+    With B the measured field, B' its rate (eq. 2), h the wheel's momentum along -y, T
+    the wheel's torque on the body about +y:
 
         b_dot:               M = -gain_b_dot B'                                    (eq. 1)
         wheel:               T = wheel_torque sgn(B_3 B_1' - B_1 B_3')             (eq. 7)
@@ -38,54 +38,71 @@ class ManagerStartUp(Acquisition):
         momentum_dump:       M = gain_dump (h - h_nominal) (-B_3, 0, B_1)          (eq. 11)
         three_axis:          T = -kp theta - kd theta'                             (eq. 10)
 
-    Procedure `conventional`: detumbling by `detumbling`, pitch_spin, wheel_ramp, three_axis, done;
-    `proposed`: detumbling, momentum_dump, three_axis, done; `detumbling`: detumbling, done. When
-    done the law before goes on. omega_2 in eq. 9, theta and theta' are relative to lvlh.
+    Procedure `conventional`: detumbling by `detumbling`, pitch_spin, wheel_ramp,
+    three_axis, done; `proposed`: detumbling, momentum_dump, three_axis, done;
+    `detumbling`: detumbling, done. When done the law before goes on. omega_2 in eq. 9,
+    theta and theta' are relative to lvlh.
 
-    Beyond what is printed: eq. 8's coil is on in every phase after detumbling, for M_1 of eq. 9
-    alone never reaches the target (`spin_coil_alone`: as printed), and eq. 1 on all three axes
-    pumps the wheel when it holds the pitch angle (`b_dot_last`: as printed, with gain_pitch_coil);
-    eq. 11 goes on in three_axis, for else nothing holds h. In momentum_dump, for which the paper
-    gives the wheel no law, it keeps the pitch rate by eq. 6: the constant torque of eq. 7 is less
-    than the coils' 1e-4 N m of pitch torque, and so the body would spin up.
+    Beyond what is printed: eq. 8's coil is on in every phase after detumbling, for M_1
+    of eq. 9 alone never reaches the target (`spin_coil_alone`: as printed), and eq. 1
+    on all three axes pumps the wheel when it holds the pitch angle (`b_dot_last`: as
+    printed, with gain_pitch_coil); eq. 11 goes on in three_axis, for else nothing holds
+    h. In momentum_dump, for which the paper gives the wheel no law, it keeps the pitch
+    rate by eq. 6: the constant torque of eq. 7 is less than the coils' 1e-4 N m of
+    pitch torque, and so the body would spin up.
 
-    The wheel is commanded here and `tau_ctrl_body` is not used: eq. 10 is one of several laws of
-    one wheel, of which the phase chooses, and a controller apart would have to know the phase.
+    The wheel is commanded here and `tau_ctrl_body` is not used: eq. 10 is one of
+    several laws of one wheel, of which the phase chooses, and a controller apart would
+    have to know the phase.
 
-    Without a valid field the coils are off, and the wheel is if its law needs the field. Where the
-    law needs a rate or an attitude that is not valid, all coils follow eq. 1 and the wheel keeps
-    its speed; without a valid h there is no ramp and no eq. 11.
+    Without a valid field the coils are off, and the wheel is if its law needs the
+    field. Where the law needs a rate or an attitude that is not valid, all coils follow
+    eq. 1 and the wheel keeps its speed; without a valid h there is no ramp and no eq.
+    11.
 
     Source: paper 003, eqs. 1-11, Figs. 5 and 6.
     """
 
-    procedure: int = Parameter("1", "which phases",
-                               choices=("detumbling", "conventional", "proposed"),
-                               start="proposed")  # fmt: skip
+    procedure: int = Parameter(
+        "1",
+        "which phases",
+        choices=("detumbling", "conventional", "proposed"),
+        start="proposed",
+    )
     detumbling: int = Parameter(
-        "1", "law of detumbling",
-        choices=("b_dot", "wheel", "wheel_proportional", "wheel_rate"), start="wheel",
+        "1",
+        "law of detumbling",
+        choices=("b_dot", "wheel", "wheel_proportional", "wheel_rate"),
+        start="wheel",
         needs=("b_body", "m_cmd_body"),
-    )  # fmt: skip
+    )
     gain_b_dot: float = Parameter("A.m2.s/T", "K of eq. 1", start=5e5, min=0.0)
     gain_pitch_coil: float = Parameter("A.m2.s/T", "K of eq. 8", start=3e7, min=0.0)
     wheel_torque: float = Parameter("N.m", "K_w of eq. 7", start=5e-5, min=0.0)
     gain_wheel_field: float = Parameter("N.m.s/T2", "K_w of eq. 6", start=5e6, min=0.0)
     gain_wheel_rate: float = Parameter("N.m.s", "K_w of eq. 3", start=5e-3, min=0.0)
     gain_spin: float = Parameter("A.m2.s", "K_s of eq. 9", start=3e7, min=0.0)
-    spin_coil_alone: bool = Parameter("1", "true: eq. 9 as printed, without the pitch coil")
-    ramp_torque: float = Parameter("N.m", "torque of the open-loop ramp", start=1e-3, min=1e-9)
+    spin_coil_alone: bool = Parameter(
+        "1", "true: eq. 9 as printed, without the pitch coil"
+    )
+    ramp_torque: float = Parameter(
+        "N.m", "torque of the open-loop ramp", start=1e-3, min=1e-9
+    )
     gain_dump: float = Parameter("1/(T2.s)", "K_ws of eq. 11", start=3e7, min=0.0)
     dump_reversed: bool = Parameter("1", "true: eq. 11 with h counted along +y")
     kp: float = Parameter("N.m", "K_p of eq. 10", start=9.1708e-4, min=0.0)
     kd: float = Parameter("N.m.s", "K_d of eq. 10", start=2.292e-2, min=0.0)
-    b_dot_last: bool = Parameter("1", "true: eq. 1 on all axes in three_axis, as printed")
+    b_dot_last: bool = Parameter(
+        "1", "true: eq. 1 on all axes in three_axis, as printed"
+    )
 
     def start(self) -> None:
         super().start()
         if self.detumbling == WHEEL and self.wheel_torque > self.torque_limit:
-            self.fail(f"wheel_torque = {self.wheel_torque} N m is beyond torque_limit = "
-                      f"{self.torque_limit}")  # fmt: skip
+            self.fail(
+                f"wheel_torque = {self.wheel_torque} N m is beyond torque_limit = "
+                f"{self.torque_limit}"
+            )
 
     def sequence(self) -> tuple[int, ...]:
         return (
@@ -98,7 +115,9 @@ class ManagerStartUp(Acquisition):
         return self.omega_bi_body if self.valid_omega else None
 
     def act(self, phase: int) -> int:
-        law = (self._detumble, self._spin, self._ramp, self._dump, self._stabilise)[phase]
+        law = (self._detumble, self._spin, self._ramp, self._dump, self._stabilise)[
+            phase
+        ]
         return law()
 
     def _detumble(self) -> int:
@@ -108,7 +127,9 @@ class ManagerStartUp(Acquisition):
         kind = self.detumbling
         if kind == B_DOT:
             self._b_dot(b_rate, self.gain_b_dot)
-            return START if self.valid_omega else NO_RATE  # its condition needs the rate
+            return (
+                START if self.valid_omega else NO_RATE
+            )  # its condition needs the rate
         if kind == WHEEL_RATE:
             if not self.valid_omega:
                 self._b_dot(b_rate, self.gain_b_dot)
@@ -155,7 +176,11 @@ class ManagerStartUp(Acquisition):
         angle = laws.pitch_angle(self.of_reference((0.0, 0.0, 1.0)))
         torque = laws.pitch_pd(angle, self.turning()[1], self.kp, self.kd)
         if self.b_dot_last:
-            m = ZERO if self._b_rate is None else laws.b_dot(self._b_rate, self.gain_pitch_coil)
+            m = (
+                ZERO
+                if self._b_rate is None
+                else laws.b_dot(self._b_rate, self.gain_pitch_coil)
+            )
         else:
             m = add(self._pitch_coil(), self._dump_dipole())
         self.give(m, torque)
@@ -164,7 +189,8 @@ class ManagerStartUp(Acquisition):
         return START if self.valid_h else NO_MOMENTUM
 
     def _without(self) -> int:
-        """Where rate or attitude are not valid: eq. 1 on all coils, the wheel at its speed."""
+        """Where rate or attitude are not valid: eq. 1 on all coils, the wheel at its
+        speed."""
         if self.valid_omega and self.valid_q:
             return START
         if self._b_rate is not None:

@@ -22,9 +22,11 @@ class ManagerTestSignal(Manager):
     period: Vec4 = Parameter("s", "period for each wheel", start=600.0, min=1e-3)
     phase: Vec4 = Parameter("rad", "phase for each wheel", usual=TURN)
     mode: int = Output(
-        "1", "what the manager does", interval=True,
+        "1",
+        "what the manager does",
+        interval=True,
         choices=("idle",),
-    )  # fmt: skip
+    )
 
     def start(self) -> None:
         super().start()

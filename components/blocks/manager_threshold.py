@@ -13,37 +13,40 @@ WHEELS, SUM = range(2)
 THRUSTERS, COILS = range(2)
 WAITING = 2
 LAST, SAMPLES = 0.05, 10
-"""Of the torque: no sample of a dump has less, or noise would keep it from its end; and so many
-samples that are to come to the end are the last, whatever comes in meanwhile."""
+"""Of the torque: no sample of a dump has less, or noise would keep it from its end; and
+so many samples that are to come to the end are the last, whatever comes in
+meanwhile."""
 
 
 class ManagerThreshold(MomentumDumping):
     """Dumping from one threshold to another, by thrusters or by magnetic torquers
 
-    Momentum is left in the wheels until `fill` comes to `begin`; it is dumped then until `fill` is
-    at `end`, with h the wheels' momentum less `h_target_body` and h_i that of each wheel:
+    Momentum is left in the wheels until `fill` comes to `begin`; it is dumped then
+    until `fill` is at `end`, with h the wheels' momentum less `h_target_body` and h_i
+    that of each wheel:
 
         wheels:  fill = max |h_i|            sum:  fill = |h|
 
-    thrusters: the dumping torque is N = -torque h / |h|, at the last sample no more than brings
-    `fill` to `end`; pairs about the body's axes give it with on-times of |N_x|, |N_y| and |N_z|
-    over their levels. With `aligned` above 0 a dump waits until |h_x| + |h_y| + |h_z| is at most
-    aligned |h| in the attitude that the craft comes to, for that is what it costs, but no longer
-    than `longest_wait`. Thrusters fire whole pulses: with `pulse_body`, the angular impulse of the
-    shortest about each axis, N is of whole ones, and what is left of an axis comes with its next
-    sample: the wheels take up just what is fired, and noise about zero fires nothing.
+    thrusters: the dumping torque is N = -torque h / |h|, at the last sample no more
+    than brings `fill` to `end`; pairs about the body's axes give it with on-times of
+    |N_x|, |N_y| and |N_z| over their levels. With `aligned` above 0 a dump waits until
+    |h_x| + |h_y| + |h_z| is at most aligned |h| in the attitude that the craft comes
+    to, for that is what it costs, but no longer than `longest_wait`. Thrusters fire
+    whole pulses: with `pulse_body`, the angular impulse of the shortest about each
+    axis, N is of whole ones, and what is left of an axis comes with its next sample:
+    the wheels take up just what is fired, and noise about zero fires nothing.
 
-    coils: M = gain (h x B) / |B|^2, each component within +-`m_limit`; N = M x B. None at a sample
-    whose field is not valid.
+    coils: M = gain (h x B) / |B|^2, each component within +-`m_limit`; N = M x B. None
+    at a sample whose field is not valid.
 
-    The wheels are commanded to give the body what the controller wants and to absorb, with
-    `feedforward`, the dumping torque and, with `gyroscopic`, omega x h:
+    The wheels are commanded to give the body what the controller wants and to absorb,
+    with `feedforward`, the dumping torque and, with `gyroscopic`, omega x h:
 
         tau_cmd_wheel = A^+ (N - tau_ctrl_body - omega x A h)        (paper 004, eq. 16)
 
-    at each sample, or every `wheel_sample_time`, held in between. What the wheels hold against each
-    other no dump takes out: with four of them `null_gain` lets it decay, or `fill` of the fullest
-    may never come to `end`.
+    at each sample, or every `wheel_sample_time`, held in between. What the wheels hold
+    against each other no dump takes out: with four of them `null_gain` lets it decay,
+    or `fill` of the fullest may never come to `end`.
 
     Source: ours.
     """
@@ -53,30 +56,58 @@ class ManagerThreshold(MomentumDumping):
     sample_time: float = Parameter(
         "s", "time between samples, a multiple of the step", start=10.0, min=0.0
     )
-    by: int = Parameter("1", "what dumps", choices=("thrusters", "coils"), start="thrusters")
-    fill: int = Parameter("1", "which momentum is held against the thresholds",
-                          choices=("wheels", "sum"), start="wheels")  # fmt: skip
-    begin: float = Parameter("N.m.s", "momentum at which a dump begins", start=0.7, min=1e-9,
-                             needs=("h_wheel",))  # fmt: skip
-    end: float = Parameter("N.m.s", "momentum at which it ends; below begin", start=0.1, min=0.0)
+    by: int = Parameter(
+        "1", "what dumps", choices=("thrusters", "coils"), start="thrusters"
+    )
+    fill: int = Parameter(
+        "1",
+        "which momentum is held against the thresholds",
+        choices=("wheels", "sum"),
+        start="wheels",
+    )
+    begin: float = Parameter(
+        "N.m.s",
+        "momentum at which a dump begins",
+        start=0.7,
+        min=1e-9,
+        needs=("h_wheel",),
+    )
+    end: float = Parameter(
+        "N.m.s", "momentum at which it ends; below begin", start=0.1, min=0.0
+    )
     torque: float = Parameter(
-        "N.m", "torque of a dump by thrusters, which the wheels take up", start=0.01, min=1e-9
+        "N.m",
+        "torque of a dump by thrusters, which the wheels take up",
+        start=0.01,
+        min=1e-9,
     )
     pulse_body: Vec3 = Parameter(
-        "N.m.s", "impulse of the shortest pulse about each axis; 0: any is fired", min=0.0
+        "N.m.s",
+        "impulse of the shortest pulse about each axis; 0: any is fired",
+        min=0.0,
     )
     aligned: float = Parameter(
-        "1", "a dump by thrusters waits until |h|_1 / |h| is at most this; 0: it does not",
-        min=0.0, max=1.7320508075688772,
-    )  # fmt: skip
+        "1",
+        "a dump by thrusters waits until |h|_1 / |h| is at most this; 0: it does not",
+        min=0.0,
+        max=1.7320508075688772,
+    )
     longest_wait: float = Parameter("s", "no dump waits longer", start=86400.0, min=0.0)
     gain: float = Parameter("1/s", "gain of the coils' law", start=5e-3, min=0.0)
-    m_limit: float = Parameter("A.m2", "largest dipole of each axis", start=20.0, min=0.0,
-                               follows="torquers.m_limit")  # fmt: skip
+    m_limit: float = Parameter(
+        "A.m2",
+        "largest dipole of each axis",
+        start=20.0,
+        min=0.0,
+        follows="torquers.m_limit",
+    )
 
     mode: int = Output(
-        "1", "what the manager does", interval=True, choices=("idle", "dumping", "waiting")
-    )  # fmt: skip
+        "1",
+        "what the manager does",
+        interval=True,
+        choices=("idle", "dumping", "waiting"),
+    )
     dumps: int = Output("1", "dumps that have begun", interval=True)
     dumping_time: float = Output("s", "time of all dumps", interval=True)
     dumped: float = Output(
@@ -92,7 +123,9 @@ class ManagerThreshold(MomentumDumping):
         if self.end >= self.begin:
             self.fail(f"end = {self.end} N m s is not below begin = {self.begin} N m s")
         if 0.0 < self.aligned < 1.0:
-            self.fail(f"aligned = {self.aligned}: |h|_1 / |h| is never below 1; 0 does not wait")
+            self.fail(
+                f"aligned = {self.aligned}: |h|_1 / |h| is never below 1; 0 does not wait"
+            )
         self.dumps, self.dumping_time, self.dumped = 0, 0.0, 0.0
         self._since = 0.0
         self._rest: Vec3 = ZERO
@@ -105,8 +138,10 @@ class ManagerThreshold(MomentumDumping):
         if name not in wired:
             self.fail(f"by = {('thrusters', 'coils')[self.by]}: {name} is unused")
         if 0.5 * max(self.pulse_body) >= self.begin - self.end:
-            yield (f"pulse_body = {self.pulse_body} N m s: half a pulse is no less than begin - "
-                   f"end = {self.begin - self.end:.4g} N m s: a dump may fire nothing")  # fmt: skip
+            yield (
+                f"pulse_body = {self.pulse_body} N m s: half a pulse is no less than begin - "
+                f"end = {self.begin - self.end:.4g} N m s: a dump may fire nothing"
+            )
         yield from super().foresee(begin, end, wired)
 
     def dump(self, t: float, elapsed: float, h: Vec3) -> tuple[Vec3, Split]:
@@ -120,7 +155,7 @@ class ManagerThreshold(MomentumDumping):
             self.dumps += 1
         if self.mode == DUMPING and (
             self._last >= SAMPLES or fill <= self.end or size == 0.0
-        ):  # fmt: skip
+        ):
             self.mode = IDLE
         if self.mode != DUMPING:
             return ZERO, (ZERO, ZERO)
@@ -148,17 +183,21 @@ class ManagerThreshold(MomentumDumping):
         self.dumped = self._dumped_before + norm(self._taken)
 
     def _is_done(self, left: Vec3) -> bool:
-        """Whether what is left of a dump (N m s) is less than half a pulse about each axis."""
+        """Whether what is left of a dump (N m s) is less than half a pulse about each
+        axis."""
         a, b, c = self.pulse_body
         x, y, z = left
         return abs(x) < 0.5 * a and abs(y) < 0.5 * b and abs(z) < 0.5 * c
 
     def _in_pulses(self, n: Vec3, left: Vec3) -> Vec3:
-        """The torque (N m) of whole pulses over a sample for a wanted one, no more than bring what
-        is left of the dump (N m s) to within half a pulse; keeps what a pulse does not give."""
+        """The torque (N m) of whole pulses over a sample for a wanted one, no more than
+        bring what is left of the dump (N m s) to within half a pulse; keeps what a
+        pulse does not give."""
         wanted = add(scale(self.sample_time, n), self._rest)
         x, y, z = (
-            copysign(size * int(min(abs(impulse), abs(rest) + 0.5 * size) / size), impulse)
+            copysign(
+                size * int(min(abs(impulse), abs(rest) + 0.5 * size) / size), impulse
+            )
             if size > 0.0
             else impulse
             for impulse, rest, size in zip(wanted, left, self.pulse_body, strict=True)
@@ -168,6 +207,10 @@ class ManagerThreshold(MomentumDumping):
 
     def _goes(self, t: float, h: Vec3, size: float) -> bool:
         """Whether a dump that is due begins at this sample."""
-        if self.by == COILS or self.aligned == 0.0 or t - self._since >= self.longest_wait:
+        if (
+            self.by == COILS
+            or self.aligned == 0.0
+            or t - self._since >= self.longest_wait
+        ):
             return True
         return abs(h[0]) + abs(h[1]) + abs(h[2]) <= self.aligned * size

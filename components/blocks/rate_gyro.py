@@ -20,21 +20,23 @@ class RateGyro(Role, Sensor):
         d_k = e^(-T / instability_time) d_(k-1) + s_k
         sigma^2 = noise^2 + angle_random_walk^2 / T
 
-    at each sample, T = `sample_time` after the last one, held in between; n and w are standard
-    normal numbers of each axis. Then each axis is rounded to a multiple of `resolution` and
-    limited to +-`full_scale`, where these are not 0. A limited value stays valid: it still has
-    the sign. The noise is a function of seed, instance name and sample index.
+    at each sample, T = `sample_time` after the last one, held in between; n and w are
+    standard normal numbers of each axis. Then each axis is rounded to a multiple of
+    `resolution` and limited to +-`full_scale`, where these are not 0. A limited value
+    stays valid: it still has the sign. The noise is a function of seed, instance name
+    and sample index.
 
-    a is `misalignment_body`, the small rotation of its axes. d, a first-order Gauss-Markov process
-    from its stationary state on, is what a data sheet calls bias instability: the floor of the
-    Allan deviation, which that of d alone reaches at 1.89 times `instability_time`.
+    a is `misalignment_body`, the small rotation of its axes. d, a first-order
+    Gauss-Markov process from its stationary state on, is what a data sheet calls bias
+    instability: the floor of the Allan deviation, which that of d alone reaches at 1.89
+    times `instability_time`.
 
-    The walks are given by what they come to in one second, so the numbers are those of a data
-    sheet in rad/sqrt(s) and rad/s/sqrt(s); 1 deg/sqrt(h) = 2.909e-4 rad/sqrt(s).
+    The walks are given by what they come to in one second, so the numbers are those of
+    a data sheet in rad/sqrt(s) and rad/s/sqrt(s); 1 deg/sqrt(h) = 2.909e-4 rad/sqrt(s).
 
-    Source: Farrenkopf's gyro model, as in Markley & Crassidis, Fundamentals of Spacecraft
-    Attitude Determination and Control (2014), sec. 4.7; the sample is the rate at its time, not
-    the mean since the last one.
+    Source: Farrenkopf's gyro model, as in Markley & Crassidis, Fundamentals of
+    Spacecraft Attitude Determination and Control (2014), sec. 4.7; the sample is the
+    rate at its time, not the mean since the last one.
     """
 
     bias_body: Vec3 = Parameter("rad/s", "bias at the start, body", usual=SPIN)
@@ -111,8 +113,15 @@ class RateGyro(Role, Sensor):
         if self._sigma > 0.0 or self.bias_walk > 0.0:
             white, walk = normal6(self._noise, sample)
             if elapsed > 0.0:
-                self._bias = add(self._bias, scale(self.bias_walk * sqrt(elapsed), walk))
-        omega, error, bias, s = self.omega_bi_body, self.scale_error, self._bias, self._sigma
+                self._bias = add(
+                    self._bias, scale(self.bias_walk * sqrt(elapsed), walk)
+                )
+        omega, error, bias, s = (
+            self.omega_bi_body,
+            self.scale_error,
+            self._bias,
+            self._sigma,
+        )
         if self.bias_instability > 0.0:
             n = normal3(self._instability, sample)
             sigma = self.bias_instability / _PEAK

@@ -10,7 +10,8 @@ from ..physics.orbit import MU, lvlh_attitude
 def constant_torque(inertia: Mat33, omega: Vec3, nadir: Vec3, radius: float) -> Vec3:
     """N_con = -omega x J omega + 3 mu / r^3 u x J u (N m, body): paper 000, eq. 3.
 
-    Inertia in kg m2, inertial rate in rad/s, u the unit vector to nadir, all in body; r in m.
+    Inertia in kg m2, inertial rate in rad/s, u the unit vector to nadir, all in body; r
+    in m.
     """
     return sub(
         scale(3.0 * MU / radius**3, cross(nadir, mat_vec(inertia, nadir))),
@@ -21,19 +22,19 @@ def constant_torque(inertia: Mat33, omega: Vec3, nadir: Vec3, radius: float) -> 
 class SpacecraftFixedAttitude(Spacecraft):
     """Spacecraft with a fixed attitude in the orbital frame and ideal wheels inside
 
-    The wheels absorb every torque, so the attitude never moves and the state is their momentum
-    h (three ideal wheels along the body axes; `h_copy_wheel[4]` is 0):
+    The wheels absorb every torque, so the attitude never moves and the state is their
+    momentum h (three ideal wheels along the body axes; `h_copy_wheel[4]` is 0):
 
         h' = -omega x h + N_T + M x B + N_con + tau_ext            (eq. 7; W h = -omega x h)
         N_con = -omega x J omega + 3 n^2 u x J u                   (eq. 3; u to nadir)
         omega = C(q_bo) (0, -n, 0)                                 (eq. 2)
 
-    integrated by one RK4 step, with the field as b + b' t + b'' t^2 / 2 and torque and dipole as
-    mean and slope. The orbit is taken as circular. `h_wheel` and the wheel torques are not read:
-    the wheels are inside.
+    integrated by one RK4 step, with the field as b + b' t + b'' t^2 / 2 and torque and
+    dipole as mean and slope. The orbit is taken as circular. `h_wheel` and the wheel
+    torques are not read: the wheels are inside.
 
-    Source: Chen & Steyn (paper 000), eqs. 1-9. Inertia: UoSAT-12, from the literature on the
-    craft, not in the paper; it matters off nadir only.
+    Source: Chen & Steyn (paper 000), eqs. 1-9. Inertia: UoSAT-12, from the literature
+    on the craft, not in the paper; it matters off nadir only.
     """
 
     inertia: Mat33 = Parameter(
@@ -42,9 +43,11 @@ class SpacecraftFixedAttitude(Spacecraft):
         start=(40.45, 0.0, 0.0, 0.0, 42.09, 0.0, 0.0, 0.0, 40.36),
     )
     q_bo: Vec4 = Parameter(
-        "1", "fixed attitude: body from lvlh, scalar last; normalised",
-        start=(0.0, 0.0, 0.0, 1.0), needs=("r_eci", "v_eci"),
-    )  # fmt: skip
+        "1",
+        "fixed attitude: body from lvlh, scalar last; normalised",
+        start=(0.0, 0.0, 0.0, 1.0),
+        needs=("r_eci", "v_eci"),
+    )
     h_start_body: Vec3 = Parameter("N.m.s", "the wheels' momentum at the start, body")
     tau_disturbance_body: Vec3 = Parameter("N.m", "a constant external torque, body")
 
@@ -55,7 +58,9 @@ class SpacecraftFixedAttitude(Spacecraft):
         self._q = product(q_bo, lvlh_attitude(self.r_eci, self.v_eci))
         self._omega = rotate(q_bo, (0.0, -n, 0.0))
         nadir = rotate(self._q, scale(-1.0, up))
-        self._n_con = constant_torque(self.inertia, self._omega, nadir, norm(self.r_eci))
+        self._n_con = constant_torque(
+            self.inertia, self._omega, nadir, norm(self.r_eci)
+        )
         self._spin = mat_vec(self.inertia, self._omega)
         self._h = self.h_start_body
         self._start_momentum = self._total()
@@ -71,7 +76,11 @@ class SpacecraftFixedAttitude(Spacecraft):
 
     def advance(self, t: float, dt: float) -> None:
         omega = self._omega
-        q = (self._q, propagated(self._q, omega, 0.5 * dt), propagated(self._q, omega, dt))
+        q = (
+            self._q,
+            propagated(self._q, omega, 0.5 * dt),
+            propagated(self._q, omega, dt),
+        )
         constant = add(add(self._n_con, self.tau_disturbance_body), self.tau_ext_body)
 
         def slope(i: int, h: Vec3) -> Vec3:
@@ -81,7 +90,9 @@ class SpacecraftFixedAttitude(Spacecraft):
                 scale(0.5 * (s * dt) ** 2, self.b_accel_eci),
             )
             dipole = add(self.m_mean_body, scale(lead, self.m_slope_body))
-            thrust = add(self.tau_mean_thruster_body, scale(lead, self.tau_slope_thruster_body))
+            thrust = add(
+                self.tau_mean_thruster_body, scale(lead, self.tau_slope_thruster_body)
+            )
             torque = add(add(constant, thrust), cross(dipole, rotate(q[i], b_eci)))
             return sub(torque, cross(omega, h))
 

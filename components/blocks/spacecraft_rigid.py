@@ -31,7 +31,8 @@ from ..physics.wheel_array import body_momentum
 NONE, AREA, PLATES = range(3)
 
 ANGLE_4, ANGLE_6, ANGLE_8 = 0.009, 0.055, 0.3
-"""Up to where one step of RK4, RK6 or RK8 errs by about the same share of the angle (rad)."""
+"""Up to where one step of RK4, RK6 or RK8 errs by about the same share of the angle
+(rad)."""
 MOST_PARTS = 100_000
 """Of a step; more is a mistake."""
 
@@ -39,15 +40,15 @@ MOST_PARTS = 100_000
 class SpacecraftRigid(Spacecraft, WheelInertias):
     """Rigid body with up to four wheels about any axes
 
-    The state is the attitude q and the total inertial angular momentum H, beside an own copy of the
-    wheels' axial momenta h:
+    The state is the attitude q and the total inertial angular momentum H, beside an own
+    copy of the wheels' axial momenta h:
 
         q' = 1/2 Omega(omega) q,     H' = C(q)' tau_ext,     h' = tau_wheel
         omega = J_r^-1 (C(q) H - sum g h),     J_r = J - sum J_s g g'
 
-    so that without external torque H is constant to the last bit, and what the wheels take the
-    body gives. Wheel torque, dipole and thruster torque come as mean and slope over the step, the
-    field as value, rate and second derivative. External torque:
+    so that without external torque H is constant to the last bit, and what the wheels
+    take the body gives. Wheel torque, dipole and thruster torque come as mean and slope
+    over the step, the field as value, rate and second derivative. External torque:
 
         tau_ext = (m + m_residual) x B + 3 mu / r^3 u x J u + drag + radiation + thrusters
                   + tau_disturbance + tau_ext_body
@@ -58,18 +59,20 @@ class SpacecraftRigid(Spacecraft, WheelInertias):
         b = dt^2 |J_r^-1| (|A tau_wheel| + |tau_ext|)
         c = dt^2 |J_r^-1| (change of these torques within the step)
 
-    with l = C(q) H and the torques at their largest. Times a constant, RK4 errs by
-    a (a^2 + b)^2 + b c and RK6 by a (a^2 + b)^3 + 2 b c^2, where c is large for a thruster's pulse
-    that is shorter than the step. Where that error is small they integrate the step at once, else
-    ceil((a + c / 2) / angle_limit) steps of order 8 do. The error of phase is then a few 1e-12 of
-    the angle turned, whatever the step. Without torque, the default angle_limit takes 1e-8 of the
-    energy of a nutation of 1 rad/s in a day, half of it 3e-11. `h_wheel` is read in initialisation
-    mode only: the copy starts from it.
+    with l = C(q) H and the torques at their largest. Times a constant, RK4 errs by a
+    (a^2 + b)^2 + b c and RK6 by a (a^2 + b)^3 + 2 b c^2, where c is large for a
+    thruster's pulse that is shorter than the step. Where that error is small they
+    integrate the step at once, else ceil((a + c / 2) / angle_limit) steps of order 8
+    do. The error of phase is then a few 1e-12 of the angle turned, whatever the step.
+    Without torque, the default angle_limit takes 1e-8 of the energy of a nutation of 1
+    rad/s in a day, half of it 3e-11. `h_wheel` is read in initialisation mode only: the
+    copy starts from it.
 
-    The air turns with the Earth about the z axis of eci. Where that is J2000's it is 0.15 deg off
-    in 2026, and drag by 3e-4 of itself at most.
+    The air turns with the Earth about the z axis of eci. Where that is J2000's it is
+    0.15 deg off in 2026, and drag by 3e-4 of itself at most.
 
-    Source: conservation of momentum; paper 004, eqs. 1-6; Wertz (1978), ch. 17 for the torques.
+    Source: conservation of momentum; paper 004, eqs. 1-6; Wertz (1978), ch. 17 for the
+    torques.
     """
 
     inertia: Mat33 = Parameter(
@@ -79,14 +82,20 @@ class SpacecraftRigid(Spacecraft, WheelInertias):
         shared=True,
     )
     q_start_bi: Vec4 = Parameter(
-        "1", "attitude at the start: body from eci, scalar last; normalised",
+        "1",
+        "attitude at the start: body from eci, scalar last; normalised",
         start=(0.0, 0.0, 0.0, 1.0),
-    )  # fmt: skip
-    omega_start_body: Vec3 = Parameter("rad/s", "angular rate at the start, body", usual=SPIN)
+    )
+    omega_start_body: Vec3 = Parameter(
+        "rad/s", "angular rate at the start, body", usual=SPIN
+    )
     start_frame: int = Parameter(
-        "1", "what q_start_bi and omega_start_body are relative to", choices=("eci", "lvlh"),
-        start="eci", needs=("r_eci", "v_eci"),
-    )  # fmt: skip
+        "1",
+        "what q_start_bi and omega_start_body are relative to",
+        choices=("eci", "lvlh"),
+        start="eci",
+        needs=("r_eci", "v_eci"),
+    )
     gravity_gradient: bool = Parameter(
         "1", "true: gravity-gradient torque", start=True, needs=("r_eci", "v_eci")
     )
@@ -94,34 +103,50 @@ class SpacecraftRigid(Spacecraft, WheelInertias):
         "A.m2", "dipole of the craft itself, body", needs=("b_eci",)
     )
     aerodynamics: int = Parameter(
-        "1", "drag torque", choices=("none", "area", "plates"), start="none",
+        "1",
+        "drag torque",
+        choices=("none", "area", "plates"),
+        start="none",
         needs=("density", "r_eci", "v_eci"),
-    )  # fmt: skip
+    )
     drag_coefficient: float = Parameter("1", "drag coefficient", start=2.2, min=0.0)
     area_drag: float = Parameter("m2", "projected area for `area`", start=1.0, min=0.0)
     centre_drag_body: Vec3 = Parameter("m", "centre of pressure for `area`, body")
     radiation: int = Parameter(
-        "1", "solar torque", choices=("none", "area", "plates"), start="none",
+        "1",
+        "solar torque",
+        choices=("none", "area", "plates"),
+        start="none",
         needs=("sun_eci", "sunlight"),
-    )  # fmt: skip
-    area_radiation: float = Parameter(
-        "m2", "projected area times radiation coefficient for `area`", start=1.0, min=0.0
     )
-    centre_radiation_body: Vec3 = Parameter("m", "centre of radiation pressure for `area`, body")
+    area_radiation: float = Parameter(
+        "m2",
+        "projected area times radiation coefficient for `area`",
+        start=1.0,
+        min=0.0,
+    )
+    centre_radiation_body: Vec3 = Parameter(
+        "m", "centre of radiation pressure for `area`, body"
+    )
     plates: Table = Parameter(
         "1",
         "a row a plate: outward normal (3), area m2, centre (3) m, specular, diffuse share",
         shape=(16, torques.PLATE_COLUMNS),
     )
     drive_plate: Table = Parameter(
-        "1", "a row a plate: the body axis about which it turns to face the Sun; 0: it is fixed",
-        shape=(16, 3), needs=("sun_eci",),
-    )  # fmt: skip
+        "1",
+        "a row a plate: the body axis about which it turns to face the Sun; 0: it is fixed",
+        shape=(16, 3),
+        needs=("sun_eci",),
+    )
     tau_disturbance_body: Vec3 = Parameter("N.m", "a constant external torque, body")
     angle_limit: float = Parameter(
-        "rad", "largest angle of body and nutation in one integration step; half: 1/250 the error",
-        start=ANGLE_8, min=0.01, max=0.5,
-    )  # fmt: skip
+        "rad",
+        "largest angle of body and nutation in one integration step; half: 1/250 the error",
+        start=ANGLE_8,
+        min=0.01,
+        max=0.5,
+    )
 
     def start(self) -> None:
         check_inertia(self.inertia)
@@ -153,16 +178,23 @@ class SpacecraftRigid(Spacecraft, WheelInertias):
             abs(i[3]) + abs(i[4]) + abs(i[5]),
             abs(i[6]) + abs(i[7]) + abs(i[8]),
         )
-        # gravity at most 3 mu / r^3 times half the largest moment (N m times r^3); every surface
-        # head on to the flow (N m over density speed^2); every surface a mirror (N m)
-        self._gravity_size = 1.5 * MU * max(self.inertia[0], self.inertia[4], self.inertia[8])
+        # gravity at most 3 mu / r^3 times half the largest moment (N m times r^3);
+        # every surface head on to the flow (N m over density speed^2); every surface a
+        # mirror (N m)
+        self._gravity_size = (
+            1.5 * MU * max(self.inertia[0], self.inertia[4], self.inertia[8])
+        )
         on_plates = torques.lever(self._plates)
         drag = self.area_drag * norm(self.centre_drag_body)
         drag = on_plates if self.aerodynamics == PLATES else drag
-        self._drag_size = 0.0 if self.aerodynamics == NONE else 0.5 * self.drag_coefficient * drag
+        self._drag_size = (
+            0.0 if self.aerodynamics == NONE else 0.5 * self.drag_coefficient * drag
+        )
         light = self.area_radiation * norm(self.centre_radiation_body)
         light = 2.0 * on_plates if self.radiation == PLATES else light
-        self._light_size = 0.0 if self.radiation == NONE else torques.SOLAR_PRESSURE * light
+        self._light_size = (
+            0.0 if self.radiation == NONE else torques.SOLAR_PRESSURE * light
+        )
 
     def _from_lvlh(self, q_bo: Vec4, omega_bo: Vec3) -> tuple[Vec4, Vec3]:
         n = norm(cross(self.r_eci, self.v_eci)) / dot(self.r_eci, self.r_eci)
@@ -182,12 +214,19 @@ class SpacecraftRigid(Spacecraft, WheelInertias):
     def advance(self, t: float, dt: float) -> None:
         axes, h, mean = self.axes_wheel, self._h, self.tau_mean_wheel
         wheels = body_momentum(axes, h)
-        motors = ramp(body_momentum(axes, mean), body_momentum(axes, self.tau_slope_wheel))
+        motors = ramp(
+            body_momentum(axes, mean), body_momentum(axes, self.tau_slope_wheel)
+        )
         given = ramp(
-            add(self.tau_disturbance_body, add(self.tau_ext_body, self.tau_mean_thruster_body)),
+            add(
+                self.tau_disturbance_body,
+                add(self.tau_ext_body, self.tau_mean_thruster_body),
+            ),
             self.tau_slope_thruster_body,
         )
-        dipole = ramp(add(self.m_mean_body, self.residual_dipole_body), self.m_slope_body)
+        dipole = ramp(
+            add(self.m_mean_body, self.residual_dipole_body), self.m_slope_body
+        )
         magnetic = dipole != STILL
         torque = peak(motors) + peak(given) + self._largest_around()
         if magnetic:
@@ -205,13 +244,22 @@ class SpacecraftRigid(Spacecraft, WheelInertias):
         if self.gravity_gradient:
             place = course(self.r_eci, self.v_eci, _fall(self.r_eci), dt)
         slope = slopes(
-            self.inertia, self._half_inverse, gathered(wheels, motors, dt), given, dipole,
-            field, place, self._surfaces(dt),
-        )  # fmt: skip
+            self.inertia,
+            self._half_inverse,
+            gathered(wheels, motors, dt),
+            given,
+            dipole,
+            field,
+            place,
+            self._surfaces(dt),
+        )
         y = (*self._q, *self._momentum)
         if angle * square * square + gained * bend <= self._limit4:
             y = step4(slope, 0.0, y, 1.0, dt)
-        elif angle * square * square * square + 2.0 * gained * bend * bend <= self._limit6:
+        elif (
+            angle * square * square * square + 2.0 * gained * bend * bend
+            <= self._limit6
+        ):
             y = step6(slope, 0.0, y, 1.0, dt)
         else:
             n = ceil((angle + 0.5 * bend) / self.angle_limit)
@@ -224,14 +272,18 @@ class SpacecraftRigid(Spacecraft, WheelInertias):
         self._q = normalised(y[:4])
         self._momentum = (y[4], y[5], y[6])
         self._h = (
-            h[0] + dt * mean[0], h[1] + dt * mean[1], h[2] + dt * mean[2], h[3] + dt * mean[3],
-        )  # fmt: skip
+            h[0] + dt * mean[0],
+            h[1] + dt * mean[1],
+            h[2] + dt * mean[2],
+            h[3] + dt * mean[3],
+        )
 
     def _angle(self, dt: float, wheels: Vec3, gained: float) -> float:
-        """Angle (rad) that body and nutation turn in dt, with the wheels' momentum (N m s, body) at
-        its start and what the torques add at most (rad).
+        """Angle (rad) that body and nutation turn in dt, with the wheels' momentum (N m
+        s, body) at its start and what the torques add at most (rad).
 
-        Raises BlockError where it is not finite or would take too many integration steps.
+        Raises BlockError where it is not finite or would take too many integration
+        steps.
         """
         total = rotate(self._q, self._momentum)
         omega = rate(total, wheels, self._inverse)
@@ -254,8 +306,8 @@ class SpacecraftRigid(Spacecraft, WheelInertias):
         return torque
 
     def _surfaces(self, dt: float) -> Torque | None:
-        """f(e, C): drag and radiation torque (N m, body), density and Sun as at the step's start
-        and the wind moving with the orbit."""
+        """f(e, C): drag and radiation torque (N m, body), density and Sun as at the
+        step's start and the wind moving with the orbit."""
         drag = self.aerodynamics if self.density > 0.0 else NONE
         light = self.radiation if self.sunlight > 0.0 else NONE
         if drag == NONE and light == NONE:
@@ -266,7 +318,12 @@ class SpacecraftRigid(Spacecraft, WheelInertias):
         bx, by, bz = scale(dt, sub(_fall(r), cross(spin, v))) if drag != NONE else ZERO
         density, sun_eci = self.density, self.sun_eci
         pressure = self.sunlight * torques.SOLAR_PRESSURE
-        cd, fixed, drives, driven = self.drag_coefficient, self._plates, self._drives, self._driven
+        cd, fixed, drives, driven = (
+            self.drag_coefficient,
+            self._plates,
+            self._drives,
+            self._driven,
+        )
 
         def surfaces(e: float, c: Mat33) -> Vec3:
             total = ZERO
@@ -275,7 +332,9 @@ class SpacecraftRigid(Spacecraft, WheelInertias):
             if drag != NONE:
                 flow = mat_vec(c, (ax + e * bx, ay + e * by, az + e * bz))
                 total = (
-                    torques.drag(flow, density, cd * self.area_drag, self.centre_drag_body)
+                    torques.drag(
+                        flow, density, cd * self.area_drag, self.centre_drag_body
+                    )
                     if drag == AREA
                     else torques.drag_on_plates(flow, density, cd, plates)
                 )
@@ -283,7 +342,9 @@ class SpacecraftRigid(Spacecraft, WheelInertias):
                 return total
             return add(
                 total,
-                torques.radiation(sun, pressure, self.area_radiation, self.centre_radiation_body)
+                torques.radiation(
+                    sun, pressure, self.area_radiation, self.centre_radiation_body
+                )
                 if light == AREA
                 else torques.radiation_on_plates(sun, pressure, plates),
             )

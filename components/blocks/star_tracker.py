@@ -25,39 +25,50 @@ class StarTracker(Role, Sensor):
         x_k = p x_(k-1) + sqrt(1 - p^2) S (drift_cross, drift_about) w_k
         S (c, d) v = c (v - (v.e) e) + d (v.e) e,       p = exp(-T / drift_time)
 
-    at each sample, T = `sample_time` after the last one, held in between, and given out `delay`
-    later. dq(a) is the rotation by |a| about a, in body axes, e the boresight, n and w are standard
-    normal numbers, x is the low-frequency error (a first-order Gauss-Markov process from its
-    stationary state on).
+    at each sample, T = `sample_time` after the last one, held in between, and given out
+    `delay` later. dq(a) is the rotation by |a| about a, in body axes, e the boresight,
+    n and w are standard normal numbers, x is the low-frequency error (a first-order
+    Gauss-Markov process from its stationary state on).
 
-    No stars are seen while the Sun is lit and within `sun_exclusion` of the boresight, the limb of
-    the (spherical) Earth within `earth_exclusion` of it, the rate above `rate_limit`, and in
-    drop-outs, which come at random. It is valid again at the first sample that is
-    `reacquisition_time` or more after the last one without stars. The errors and drop-outs are
-    functions of seed, instance name and sample index. While invalid the last valid attitude stays;
-    before the first it is that of eci, (0, 0, 0, 1).
+    No stars are seen while the Sun is lit and within `sun_exclusion` of the boresight,
+    the limb of the (spherical) Earth within `earth_exclusion` of it, the rate above
+    `rate_limit`, and in drop-outs, which come at random. It is valid again at the first
+    sample that is `reacquisition_time` or more after the last one without stars. The
+    errors and drop-outs are functions of seed, instance name and sample index. While
+    invalid the last valid attitude stays; before the first it is that of eci, (0, 0, 0,
+    1).
 
-    Source: Markley & Crassidis, Fundamentals of Spacecraft Attitude Determination and Control
-    (2014), sec. 4.2; Gelb, Applied Optimal Estimation (1974), ch. 3.
+    Source: Markley & Crassidis, Fundamentals of Spacecraft Attitude Determination and
+    Control (2014), sec. 4.2; Gelb, Applied Optimal Estimation (1974), ch. 3.
     """
 
-    boresight_body: Vec3 = Parameter("1", "boresight, body; normalised", start=(0.0, 0.0, 1.0))
+    boresight_body: Vec3 = Parameter(
+        "1", "boresight, body; normalised", start=(0.0, 0.0, 1.0)
+    )
     noise_cross: float = Parameter(
-        "rad", "standard deviation of the white error, each of two axes across the boresight",
-        min=0.0, usual=SMALL_ANGLE,
-    )  # fmt: skip
+        "rad",
+        "standard deviation of the white error, each of two axes across the boresight",
+        min=0.0,
+        usual=SMALL_ANGLE,
+    )
     noise_about: float = Parameter(
-        "rad", "standard deviation of the white error about the boresight",
-        min=0.0, usual=SMALL_ANGLE,
-    )  # fmt: skip
+        "rad",
+        "standard deviation of the white error about the boresight",
+        min=0.0,
+        usual=SMALL_ANGLE,
+    )
     drift_cross: float = Parameter(
-        "rad", "standard deviation of the low-frequency error, each of two axes across",
-        min=0.0, usual=SMALL_ANGLE,
-    )  # fmt: skip
+        "rad",
+        "standard deviation of the low-frequency error, each of two axes across",
+        min=0.0,
+        usual=SMALL_ANGLE,
+    )
     drift_about: float = Parameter(
-        "rad", "standard deviation of the low-frequency error about the boresight",
-        min=0.0, usual=SMALL_ANGLE,
-    )  # fmt: skip
+        "rad",
+        "standard deviation of the low-frequency error about the boresight",
+        min=0.0,
+        usual=SMALL_ANGLE,
+    )
     drift_time: float = Parameter(
         "s",
         "correlation time of the low-frequency error; 0: white",
@@ -66,15 +77,22 @@ class StarTracker(Role, Sensor):
         usual=(0.0, 1e5),
     )
     sun_exclusion: float = Parameter(
-        "rad", "smallest angle from the boresight to the Sun; 0: not blinded", min=0.0,
+        "rad",
+        "smallest angle from the boresight to the Sun; 0: not blinded",
+        min=0.0,
         max=3.141592653589793,
-    )  # fmt: skip
+    )
     earth_exclusion: float = Parameter(
-        "rad", "smallest angle from the boresight to the Earth's limb; 0: not blinded", min=0.0,
+        "rad",
+        "smallest angle from the boresight to the Earth's limb; 0: not blinded",
+        min=0.0,
         max=3.141592653589793,
-    )  # fmt: skip
+    )
     rate_limit: float = Parameter(
-        "rad/s", "largest angular rate at which stars are seen; 0: any", min=0.0, usual=SPIN
+        "rad/s",
+        "largest angular rate at which stars are seen; 0: any",
+        min=0.0,
+        usual=SPIN,
     )
     dropout_interval: float = Parameter(
         "s",
@@ -89,7 +107,9 @@ class StarTracker(Role, Sensor):
         usual=(0.0, 1e4),
     )
     delay: float = Parameter(
-        "s", f"from a sample to its output: up to {ON_THEIR_WAY} times sample_time", min=0.0
+        "s",
+        f"from a sample to its output: up to {ON_THEIR_WAY} times sample_time",
+        min=0.0,
     )
 
     white = ("noise_cross", "noise_about")
@@ -104,7 +124,9 @@ class StarTracker(Role, Sensor):
 
     def foresee(self, begin: float, end: float, wired: frozenset[str]) -> Iterator[str]:
         if self.sun_exclusion > 0.0 and "sun_eci" not in wired:
-            self.fail(f"sun_exclusion = {self.sun_exclusion} rad needs sun_eci, which has no wire")
+            self.fail(
+                f"sun_exclusion = {self.sun_exclusion} rad needs sun_eci, which has no wire"
+            )
         if self.earth_exclusion > 0.0 and "r_eci" not in wired:
             self.fail(
                 f"earth_exclusion = {self.earth_exclusion} rad needs r_eci, which has no wire"
@@ -136,7 +158,8 @@ class StarTracker(Role, Sensor):
         self.q_meas_bi = UPRIGHT
         # (sample, why there are no stars, attitude), in order; the newest one as well
         self._waiting: Annotated[
-            tuple[tuple[float, float, float, float, float, float], ...], ON_THEIR_WAY + 1
+            tuple[tuple[float, float, float, float, float, float], ...],
+            ON_THEIR_WAY + 1,
         ] = ()
         super().start()
 
@@ -151,7 +174,10 @@ class StarTracker(Role, Sensor):
         q = self._attitude(sample, elapsed)
         if self._late > 0:
             before = self._waiting if sample > 0 else ()
-            self._waiting = (*before, (float(sample), float(reason), q[0], q[1], q[2], q[3]))
+            self._waiting = (
+                *before,
+                (float(sample), float(reason), q[0], q[1], q[2], q[3]),
+            )
             reason, q = self.lost_to if sample > 0 else LATE, self.q_meas_bi
             while self._waiting and self._waiting[0][0] + self._late <= sample:
                 _, came, x, y, z, w = self._waiting[0]

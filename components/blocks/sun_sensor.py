@@ -15,24 +15,35 @@ class SunSensor(Role, Sensor):
 
         s = C(q_bi) sun_eci,        sun_meas_body = unit(s + noise n)
 
-    at each sample, held in between, where the Sun is seen: within `half_angle` of the boresight,
-    and with no less than `sunlight_min` of its light. Otherwise the vector is zero and
-    invalid. n are standard normal numbers, so `noise` is the angular error of each of the two
-    axes across the direction. The noise is a function of seed, instance name and sample index.
+    at each sample, held in between, where the Sun is seen: within `half_angle` of the
+    boresight, and with no less than `sunlight_min` of its light. Otherwise the vector
+    is zero and invalid. n are standard normal numbers, so `noise` is the angular error
+    of each of the two axes across the direction. The noise is a function of seed,
+    instance name and sample index.
     """
 
     boresight_body: Vec3 = Parameter(
         "1", "axis of the field of view, body; normalised", start=(0.0, 0.0, 1.0)
     )
     half_angle: float = Parameter(
-        "rad", "half-angle of the field of view; pi: sees everywhere", start=pi, min=0.0, max=pi
+        "rad",
+        "half-angle of the field of view; pi: sees everywhere",
+        start=pi,
+        min=0.0,
+        max=pi,
     )
     sunlight_min: float = Parameter(
-        "1", "light of the Sun, over that at 1 astronomical unit, from which on it is seen",
-        start=0.5, min=0.0, max=0.96,
-    )  # fmt: skip
+        "1",
+        "light of the Sun, over that at 1 astronomical unit, from which on it is seen",
+        start=0.5,
+        min=0.0,
+        max=0.96,
+    )
     noise: float = Parameter(
-        "rad", "standard deviation of the direction, each of two axes", min=0.0, usual=SMALL_ANGLE
+        "rad",
+        "standard deviation of the direction, each of two axes",
+        min=0.0,
+        usual=SMALL_ANGLE,
     )
 
     def start(self) -> None:
@@ -52,7 +63,9 @@ class SunSensor(Role, Sensor):
             self.lost()
             return
         s = rotate(self.q_bi, scale(1.0 / size, self.sun_eci))
-        if dot(s, self._boresight) < self._cosine - 1e-12:  # rounding must not cut pi or 0
+        if (
+            dot(s, self._boresight) < self._cosine - 1e-12
+        ):  # rounding must not cut pi or 0
             self.lost()
             return
         if self.noise > 0.0:

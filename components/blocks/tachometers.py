@@ -12,8 +12,8 @@ class Tachometers(Role, Sensor):
         h_meas_wheel = h_wheel + bias + noise
 
     at each sample, held in between; then each wheel's value is rounded to a multiple of
-    `resolution` and limited to +-`full_scale`, where these are not 0. The noise is a function of
-    seed, instance name and sample index.
+    `resolution` and limited to +-`full_scale`, where these are not 0. The noise is a
+    function of seed, instance name and sample index.
     """
 
     bias_wheel: Vec4 = Parameter(

@@ -11,24 +11,27 @@ from ..maths.vector import ZERO
 class Thrusters(PulsedThrusters):
     """Pulsed thruster pairs, one torque level per body axis
 
-    At each sample the command of an axis becomes a pulse of `tau_level` with the command's sign
-    and its impulse over the `sample_time`: n times `least_pulse` long, n rounded to the nearest,
-    at most the whole period, and left out where shorter than `least_on_time`. Pulses begin at the
-    sample or are centred in the period (`placement`). Their edges may fall anywhere inside a step;
-    impulse and first moment are exact (mean and slope).
+    At each sample the command of an axis becomes a pulse of `tau_level` with the
+    command's sign and its impulse over the `sample_time`: n times `least_pulse` long, n
+    rounded to the nearest, at most the whole period, and left out where shorter than
+    `least_on_time`. Pulses begin at the sample or are centred in the period
+    (`placement`). Their edges may fall anywhere inside a step; impulse and first moment
+    are exact (mean and slope).
 
         on_time += sum over the axes;  propellant += on-time tau_level / (arm g0 I_sp)
 
-    With a `tank` nothing more is fired by command once `propellant` has come to it: the step in
-    which that happens has the torque of what was left, as a mean over its pulses.
+    With a `tank` nothing more is fired by command once `propellant` has come to it: the
+    step in which that happens has the torque of what was left, as a mean over its
+    pulses.
 
-    A pair has no force. Up to eight scheduled firings (`schedule_...`: an orbit manoeuvre, say) add
-    their torque and force, and count in `schedule_on_time` and `schedule_propellant` only:
+    A pair has no force. Up to eight scheduled firings (`schedule_...`: an orbit
+    manoeuvre, say) add their torque and force, and count in `schedule_on_time` and
+    `schedule_propellant` only:
 
         schedule_propellant += time |force| / (g0 I_sp)
 
-    Source: Chen & Steyn (paper 000), section VI: +-40 mN m, 50 ms. Arm and specific impulse
-    (cold nitrogen) are not in the paper.
+    Source: Chen & Steyn (paper 000), section VI: +-40 mN m, 50 ms. Arm and specific
+    impulse (cold nitrogen) are not in the paper.
     """
 
     tau_level: Vec3 = Parameter(
@@ -51,7 +54,9 @@ class Thrusters(PulsedThrusters):
         min=0.0,
         usual=(0.0, 1e4),
     )
-    propellant_left: float = Output("kg", "propellant in the tank; 0 where it is without end")
+    propellant_left: float = Output(
+        "kg", "propellant in the tank; 0 where it is without end"
+    )
 
     def output(self, t: float) -> None:
         super().output(t)

@@ -15,9 +15,9 @@ class ThrustersMisaligned(Thrusters):
         tau_i = (1 + scale_error) (1 + schedule_scale_error_i)
                 R(schedule_turn_i) R(turn_body) schedule_tau_body_i
 
-    where R(a) turns by |a| about a: an error that all firings have, and one of each beyond it.
-    `schedule_start`, `_duration` and `_tau_body` are what is known, of all components that know it
-    (`shared`). Two scheduled firings at a time are refused.
+    where R(a) turns by |a| about a: an error that all firings have, and one of each
+    beyond it. `schedule_start`, `_duration` and `_tau_body` are what is known, of all
+    components that know it (`shared`). Two scheduled firings at a time are refused.
 
     Source: ours; paper 000, section VI, for the pulses.
     """
@@ -26,17 +26,26 @@ class ThrustersMisaligned(Thrusters):
         "s", "scheduled firings: when each begins", shape=(ENTRIES,), shared=True
     )
     schedule_duration: Table = Parameter(
-        "s", "scheduled firings: how long; 0: none", shape=(ENTRIES,), min=0.0, shared=True,
+        "s",
+        "scheduled firings: how long; 0: none",
+        shape=(ENTRIES,),
+        min=0.0,
+        shared=True,
         needs=("tau_mean_thruster_body", "tau_slope_thruster_body"),
-    )  # fmt: skip
+    )
     schedule_tau_body: Table = Parameter(
-        "N.m", "scheduled firings: torque of each on the body as it is known, body",
-        shape=(ENTRIES, 3), shared=True,
+        "N.m",
+        "scheduled firings: torque of each on the body as it is known, body",
+        shape=(ENTRIES, 3),
+        shared=True,
         usual=(-100.0, 100.0),
-    )  # fmt: skip
-    scale_error: float = Parameter("1", "of all scheduled firings: true over known torque, less 1",
-                                   min=-1.0,
-        usual=(-0.5, 0.5),)  # fmt: skip
+    )
+    scale_error: float = Parameter(
+        "1",
+        "of all scheduled firings: true over known torque, less 1",
+        min=-1.0,
+        usual=(-0.5, 0.5),
+    )
     turn_body: Vec3 = Parameter(
         "rad",
         "of all scheduled firings: rotation from the known to the true torque, body",

@@ -9,58 +9,80 @@ from ..maths.vector import ZERO, add, cross, norm, scale
 
 NOZZLES = 8
 SIDES = (
-    ("+x", (1.0, 0.0, 0.0)), ("-x", (-1.0, 0.0, 0.0)), ("+y", (0.0, 1.0, 0.0)),
-    ("-y", (0.0, -1.0, 0.0)), ("+z", (0.0, 0.0, 1.0)), ("-z", (0.0, 0.0, -1.0)),
-)  # fmt: skip
+    ("+x", (1.0, 0.0, 0.0)),
+    ("-x", (-1.0, 0.0, 0.0)),
+    ("+y", (0.0, 1.0, 0.0)),
+    ("-y", (0.0, -1.0, 0.0)),
+    ("+z", (0.0, 0.0, 1.0)),
+    ("-z", (0.0, 0.0, -1.0)),
+)
 
 
 class ThrustersNozzles(PulsedThrusters):
     """Pulsed thrusters: up to eight nozzles anywhere on the body
 
-    Nozzle i at r_i with the force F_i = thrust_i direction_i on the body has the torque r_i x F_i.
-    At each sample the on-times x_i follow from the linear programme
+    Nozzle i at r_i with the force F_i = thrust_i direction_i on the body has the torque
+    r_i x F_i. At each sample the on-times x_i follow from the linear programme
 
         minimise sum x_i,   sum x_i (r_i x F_i) = sample_time tau_cmd,   0 <= x_i <= sample_time
 
-    and where the nozzles cannot give that impulse, the error's 1-norm is minimised first. Each
-    on-time is rounded to the nearest multiple of `least_pulse` and left out where shorter than
-    `least_on_time`. Pulses begin at the sample or are centred in the period (`placement`). Their
-    edges may fall anywhere inside a step; impulse and first moment are exact (mean and slope).
+    and where the nozzles cannot give that impulse, the error's 1-norm is minimised
+    first. Each on-time is rounded to the nearest multiple of `least_pulse` and left out
+    where shorter than `least_on_time`. Pulses begin at the sample or are centred in the
+    period (`placement`). Their edges may fall anywhere inside a step; impulse and first
+    moment are exact (mean and slope).
 
         on_time += sum over the nozzles;  propellant += on-time thrust / (g0 I_sp)
 
-    Up to eight scheduled firings (`schedule_...`: an orbit manoeuvre, say) add torque and force,
-    and count in `schedule_on_time` and `schedule_propellant` only: those of the nozzles that
-    `schedule_nozzle` names, each with a share s_i of its thrust in the mean (off-modulated), and
-    those given by themselves, of an engine that is none of the nozzles:
+    Up to eight scheduled firings (`schedule_...`: an orbit manoeuvre, say) add torque
+    and force, and count in `schedule_on_time` and `schedule_propellant` only: those of
+    the nozzles that `schedule_nozzle` names, each with a share s_i of its thrust in the
+    mean (off-modulated), and those given by themselves, of an engine that is none of
+    the nozzles:
 
         tau = schedule_tau + sum s_i r_i x F_i,   F = schedule_force + sum s_i F_i
         schedule_propellant += time (|schedule_force| + sum s_i thrust_i) / (g0 I_sp)
 
     `on_time_nozzle` is the time that each nozzle was open, scheduled or not.
 
-    The default is six nozzles of 0.1 N at 0.4 m: 40 mN m about each axis, one nozzle each way.
+    The default is six nozzles of 0.1 N at 0.4 m: 40 mN m about each axis, one nozzle
+    each way.
 
     Source: Crawford, AIAA 69-845 (1969), for the programme.
     """
 
     position_nozzle: Table = Parameter(
-        "m", "position of each nozzle from the centre of mass, body", shape=(NOZZLES, 3),
-        start=(
-            (0.0, 0.4, 0.0), (0.0, -0.4, 0.0), (-0.4, 0.0, 0.0), (0.4, 0.0, 0.0),
-            (0.4, 0.0, 0.0), (0.4, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0),
-        ),
-        usual=(-20.0, 20.0),
-    )  # fmt: skip
-    direction_nozzle: Table = Parameter(
-        "1", "direction of each nozzle's force on the body, unit vector; zero: no nozzle",
+        "m",
+        "position of each nozzle from the centre of mass, body",
         shape=(NOZZLES, 3),
         start=(
-            (0.0, 0.0, 1.0), (0.0, 0.0, 1.0), (0.0, 0.0, 1.0), (0.0, 0.0, 1.0),
-            (0.0, 1.0, 0.0), (0.0, -1.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0),
+            (0.0, 0.4, 0.0),
+            (0.0, -0.4, 0.0),
+            (-0.4, 0.0, 0.0),
+            (0.4, 0.0, 0.0),
+            (0.4, 0.0, 0.0),
+            (0.4, 0.0, 0.0),
+            (0.0, 0.0, 0.0),
+            (0.0, 0.0, 0.0),
+        ),
+        usual=(-20.0, 20.0),
+    )
+    direction_nozzle: Table = Parameter(
+        "1",
+        "direction of each nozzle's force on the body, unit vector; zero: no nozzle",
+        shape=(NOZZLES, 3),
+        start=(
+            (0.0, 0.0, 1.0),
+            (0.0, 0.0, 1.0),
+            (0.0, 0.0, 1.0),
+            (0.0, 0.0, 1.0),
+            (0.0, 1.0, 0.0),
+            (0.0, -1.0, 0.0),
+            (0.0, 0.0, 0.0),
+            (0.0, 0.0, 0.0),
         ),
         usual=(-1.0, 1.0),
-    )  # fmt: skip
+    )
     thrust: Table = Parameter(
         "N",
         "thrust of each nozzle",
@@ -71,11 +93,16 @@ class ThrustersNozzles(PulsedThrusters):
     )
 
     schedule_nozzle: Table = Parameter(
-        "1", "scheduled firings: a row each, the share of the time that each nozzle is open",
-        shape=(ENTRIES, NOZZLES), min=0.0, max=1.0,
-    )  # fmt: skip
+        "1",
+        "scheduled firings: a row each, the share of the time that each nozzle is open",
+        shape=(ENTRIES, NOZZLES),
+        min=0.0,
+        max=1.0,
+    )
     on_time_nozzle: Table = Output(
-        "s", "time that each nozzle was open, scheduled firings included", shape=(NOZZLES,)
+        "s",
+        "time that each nozzle was open, scheduled firings included",
+        shape=(NOZZLES,),
     )
 
     def start(self) -> None:
@@ -87,8 +114,10 @@ class ThrustersNozzles(PulsedThrusters):
         torques = tuple(jet[0] for jet in self._jets)
         lost = [name for name, side in SIDES if not gives(torques, side)]
         if lost and "tau_cmd_thruster_body" in wired:
-            yield (f"thrust, position_nozzle and direction_nozzle give no torque about "
-                   f"{', '.join(lost)} alone: what is commanded there is not given")  # fmt: skip
+            yield (
+                f"thrust, position_nozzle and direction_nozzle give no torque about "
+                f"{', '.join(lost)} alone: what is commanded there is not given"
+            )
         yield from super().foresee(begin, end, wired)
 
     def output(self, t: float) -> None:
@@ -98,7 +127,9 @@ class ThrustersNozzles(PulsedThrusters):
     def _jet(self, i: int) -> Jet:
         x, y, z = self.direction_nozzle[3 * i : 3 * i + 3]
         if (x, y, z) != ZERO and abs(norm((x, y, z)) - 1.0) > 1e-6:
-            self.fail(f"direction_nozzle: row {i + 1} = {(x, y, z)} is not a unit vector")
+            self.fail(
+                f"direction_nozzle: row {i + 1} = {(x, y, z)} is not a unit vector"
+            )
         px, py, pz = self.position_nozzle[3 * i : 3 * i + 3]
         force = scale(self.thrust[i], (x, y, z))
         return cross((px, py, pz), force), force, self.thrust[i]
@@ -117,12 +148,15 @@ class ThrustersNozzles(PulsedThrusters):
         return torque, force, thrust
 
     def fired(self, i: int, seconds: float) -> None:
-        self._open = tuple(x + seconds if k == i else x for k, x in enumerate(self._open))
+        self._open = tuple(
+            x + seconds if k == i else x for k, x in enumerate(self._open)
+        )
 
     def fired_as_scheduled(self, i: int, seconds: float) -> None:
         if seconds > 0.0:
             self._open = tuple(
-                x + share * seconds for x, share in zip(self._open, self._shares(i), strict=True)
+                x + share * seconds
+                for x, share in zip(self._open, self._shares(i), strict=True)
             )
 
     def _shares(self, i: int) -> Table:

@@ -21,22 +21,25 @@ class ThrustersValves(ThrustersNozzles):
 
         s_i' = (c - s_i) / rise_time while it is open,    s_i' = -s_i / decay_time while it is shut
 
-    through edges that may fall anywhere inside a step; mean and slope are exact. A decaying rest
-    reaches into the next sample period. c = p (1 + impulse_scatter n), n a standard normal number
-    of each pulse (none is below 0), and p the tank's pressure over that of the start: with a
-    `tank` of propellant, filled to 1 / blowdown by gas that expands at one temperature,
+    through edges that may fall anywhere inside a step; mean and slope are exact. A
+    decaying rest reaches into the next sample period. c = p (1 + impulse_scatter n), n
+    a standard normal number of each pulse (none is below 0), and p the tank's pressure
+    over that of the start: with a `tank` of propellant, filled to 1 / blowdown by gas
+    that expands at one temperature,
 
         p = 1 / (1 + (blowdown - 1) propellant / tank)
 
-    as the step begins, and 0 when the tank is empty; the step in which that happens has the thrust
-    of what was left. `on_time` counts valves, `propellant` what left: thrust / (g0 I_sp).
+    as the step begins, and 0 when the tank is empty; the step in which that happens has
+    the thrust of what was left. `on_time` counts valves, `propellant` what left: thrust
+    / (g0 I_sp).
 
-    The valve of `stuck_nozzle` is `stuck` closed or open from `stuck_from` on, whatever is
-    commanded. With `failure_known` the on-times at the samples from then on come from the others,
-    less what the open one does.
+    The valve of `stuck_nozzle` is `stuck` closed or open from `stuck_from` on, whatever
+    is commanded. With `failure_known` the on-times at the samples from then on come
+    from the others, less what the open one does.
 
-    Scheduled firings have neither edges nor scatter; those that take nozzles are refused beside a
-    stuck one, all of them beside a tank. The craft's inertia does not change.
+    Scheduled firings have neither edges nor scatter; those that take nozzles are
+    refused beside a stuck one, all of them beside a tank. The craft's inertia does not
+    change.
 
     Source: ours; Boyle's law for the pressure.
     """
@@ -54,17 +57,23 @@ class ThrustersValves(ThrustersNozzles):
         usual=(0.0, 1.0),
     )
     impulse_scatter: float = Parameter(
-        "1", "standard deviation of a pulse's thrust, relative; each pulse anew", min=0.0,
+        "1",
+        "standard deviation of a pulse's thrust, relative; each pulse anew",
+        min=0.0,
         usual=(0.0, 0.3),
-    )  # fmt: skip
+    )
     seed: int = Parameter(
         "1", "seed of the scatter; instance name and variable key it as well", start=1
     )
     stuck_nozzle: int = Parameter(
-        "1", "whose valve is stuck", choices=("none", "1", "2", "3", "4", "5", "6", "7", "8"),
+        "1",
+        "whose valve is stuck",
+        choices=("none", "1", "2", "3", "4", "5", "6", "7", "8"),
         start="none",
-    )  # fmt: skip
-    stuck: int = Parameter("1", "how it is stuck", choices=("closed", "open"), start="closed")
+    )
+    stuck: int = Parameter(
+        "1", "how it is stuck", choices=("closed", "open"), start="closed"
+    )
     stuck_from: float = Parameter("s", "when it is", start=0.0)
     failure_known: bool = Parameter("1", "true: the allocation then reckons with it")
     tank: float = Parameter(
@@ -74,18 +83,27 @@ class ThrustersValves(ThrustersNozzles):
         usual=(0.0, 1e4),
     )
     blowdown: float = Parameter(
-        "1", "the tank's pressure at the start over that when it is empty; 1: regulated", start=1.0,
-        min=1.0, usual=(1.0, 10.0),
-    )  # fmt: skip
-    propellant_left: float = Output("kg", "propellant in the tank; 0 where it is without end")
+        "1",
+        "the tank's pressure at the start over that when it is empty; 1: regulated",
+        start=1.0,
+        min=1.0,
+        usual=(1.0, 10.0),
+    )
+    propellant_left: float = Output(
+        "kg", "propellant in the tank; 0 where it is without end"
+    )
 
     def start(self) -> None:
         super().start()
         i = self.stuck_nozzle - 1
         if i >= 0 and self._jets[i][1] == ZERO:
-            self.fail(f"stuck_nozzle = {i + 1}: its thrust or direction is 0: no such nozzle")
+            self.fail(
+                f"stuck_nozzle = {i + 1}: its thrust or direction is 0: no such nozzle"
+            )
         if i >= 0 and any(x > 0.0 for x in self.schedule_nozzle):
-            self.fail(f"stuck_nozzle = {i + 1}: not beside scheduled firings of schedule_nozzle")
+            self.fail(
+                f"stuck_nozzle = {i + 1}: not beside scheduled firings of schedule_nozzle"
+            )
         if self.tank > 0.0 and any(x > 0.0 for x in self.schedule_duration):
             self.fail(f"tank = {self.tank} kg: not beside scheduled firings")
         if self.blowdown > 1.0 and self.tank == 0.0:
@@ -118,7 +136,12 @@ class ThrustersValves(ThrustersNozzles):
         return zip(on_times, self._jets, strict=True)
 
     def fire(
-        self, mean: list[float], slope: list[float], force: list[float], t: float, dt: float
+        self,
+        mean: list[float],
+        slope: list[float],
+        force: list[float],
+        t: float,
+        dt: float,
     ) -> None:
         made = [0.0] * (2 * NOZZLES)  # mean and slope of each nozzle's share
         opened, levels = [0.0] * NOZZLES, list(self._levels)
@@ -155,8 +178,8 @@ class ThrustersValves(ThrustersNozzles):
     def _share(
         self, i: int, level: float, pressure: float, t: float, dt: float
     ) -> tuple[float, float, float, float]:
-        """Mean, slope and end of nozzle i's share of its thrust over a step, and how long (s) its
-        valve is open."""
+        """Mean, slope and end of nozzle i's share of its thrust over a step, and how
+        long (s) its valve is open."""
         begin = end = t
         for first, last, which, _ in self._pulses:
             if which == i:
@@ -174,9 +197,11 @@ class ThrustersValves(ThrustersNozzles):
             goal *= max(1.0 + self.impulse_scatter * self._drawn(i), 0.0)
         mean = slope = 0.0
         for first, last, target, lag in (
-            (0.0, on, 0.0, self.decay_time), (on, off, goal, self.rise_time),
-            (off, always, 0.0, self.decay_time), (always, dt, pressure, self.rise_time),
-        ):  # fmt: skip
+            (0.0, on, 0.0, self.decay_time),
+            (on, off, goal, self.rise_time),
+            (off, always, 0.0, self.decay_time),
+            (always, dt, pressure, self.rise_time),
+        ):
             if last > first:
                 x, lead, after = target, 0.0, target
                 if lag > 0.0:

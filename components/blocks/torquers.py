@@ -17,43 +17,48 @@ OFF: Vec4 = (0.0, 0.0, 0.0, 0.0)
 class Torquers(Role):
     """Magnetic torquers, up to four coils, driven linearly or by pulses
 
-    At each sample the commanded dipole is allocated to the coils, u = A^+ m_cmd_body (least
-    squares; A: `axes_coil`). `drive` says what becomes of the command u_i of a coil:
+    At each sample the commanded dipole is allocated to the coils, u = A^+ m_cmd_body
+    (least squares; A: `axes_coil`). `drive` says what becomes of the command u_i of a
+    coil:
 
     - `ideal`: as commanded, without limit (paper 000, Table 2);
     - `limited`: as commanded, within +-m_limit, each coil on its own;
     - `pulsed`: +-m_limit for n pulses of `least_pulse` in each `sample_time`, n rounded to the
       nearest and at most `duty_max` of the period (paper 000, Table 3).
 
-    All coils are off for `quiet_time` from each sample on, so that a magnetometer that samples with
-    the same period is not disturbed; pulses begin `pulse_delay` after that. A coil follows with
-    the time constant `lag`,
+    All coils are off for `quiet_time` from each sample on, so that a magnetometer that
+    samples with the same period is not disturbed; pulses begin `pulse_delay` after
+    that. A coil follows with the time constant `lag`,
 
         m_i' = (u_i - m_i) / lag,        m_body = A m,
 
-    through edges that may fall anywhere inside a step; a decaying rest of its dipole then reaches
-    into the quiet time. Mean, slope and energies over the step are exact:
+    through edges that may fall anywhere inside a step; a decaying rest of its dipole
+    then reaches into the quiet time. Mean, slope and energies over the step are exact:
 
         dipole_energy   = sum_i 1/2 int m_i^2 dt            (paper 000, eq. 32)
         electric_energy = sum_i int resistance (m_i / area_turns)^2 dt
 
-    on_time counts commands, not the decay. m_body, m_coil and power are what the step just made
-    ended with. From `failed_from` on the failed coil has `failed_share` of its dipole; with
-    `failure_known` the allocation at the samples from then on uses the others only.
+    on_time counts commands, not the decay. m_body, m_coil and power are what the step
+    just made ended with. From `failed_from` on the failed coil has `failed_share` of
+    its dipole; with `failure_known` the allocation at the samples from then on uses the
+    others only.
 
-    Source: Chen & Steyn (paper 000), sections V and VI. Resistance and area-turns (defaults: 1.2 W
-    at 40 A m2) are not in the paper.
+    Source: Chen & Steyn (paper 000), sections V and VI. Resistance and area-turns
+    (defaults: 1.2 W at 40 A m2) are not in the paper.
     """
 
     drive: int = Parameter(
-        "1", "how a command becomes a dipole", choices=("ideal", "limited", "pulsed"),
+        "1",
+        "how a command becomes a dipole",
+        choices=("ideal", "limited", "pulsed"),
         start="limited",
-    )  # fmt: skip
+    )
     axes_coil: Mat34 = Parameter(
-        "1", "columns: the coils' axes, body; zero where there is no coil",
+        "1",
+        "columns: the coils' axes, body; zero where there is no coil",
         start=(1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0),
         usual=(-1.0, 1.0),
-    )  # fmt: skip
+    )
     m_limit: float = Parameter(
         "A.m2", "largest dipole of each coil", start=40.0, min=0.0, usual=(1e-3, 5000.0)
     )
@@ -104,10 +109,15 @@ class Torquers(Role):
     )
     failed_from: float = Parameter("s", "when it fails", start=0.0)
     failed_share: float = Parameter(
-        "1", "share of its dipole that a failed coil still gives: 0: dead, -1: turned", start=0.0,
-        min=-1.0, max=1.0,
-    )  # fmt: skip
-    failure_known: bool = Parameter("1", "true: the allocation then leaves the failed coil out")
+        "1",
+        "share of its dipole that a failed coil still gives: 0: dead, -1: turned",
+        start=0.0,
+        min=-1.0,
+        max=1.0,
+    )
+    failure_known: bool = Parameter(
+        "1", "true: the allocation then leaves the failed coil out"
+    )
     m_coil: Vec4 = Output("A.m2", "dipole of each coil at this time")
     power: float = Output("W", "electric power of all coils at this time")
 
@@ -116,10 +126,14 @@ class Torquers(Role):
         self._check_axes()
         self._check_times()
         failed = self.failed_coil - 1
-        rest = tuple(0.0 if i % 4 == failed else x for i, x in enumerate(self.axes_coil))
+        rest = tuple(
+            0.0 if i % 4 == failed else x for i, x in enumerate(self.axes_coil)
+        )
         self._allocation = pseudo_inverse(self.axes_coil)
         self._allocation_of_rest = pseudo_inverse(rest)
-        self._command = self._end = self._m = OFF  # end: when the command of each coil ends
+        self._command = self._end = self._m = (
+            OFF  # end: when the command of each coil ends
+        )
         self._command_body = ZERO
         self._begin = self._constant_until = 0.0
         self._coils_on = 0
@@ -138,19 +152,25 @@ class Torquers(Role):
         if self.drive == PULSED:
             if period == 0.0 or self.m_limit == 0.0:
                 self.fail("pulsed drive needs a sample_time and an m_limit above 0")
-            if self.quiet_time + self.pulse_delay + self.duty_max * period > period * (1.0 + 1e-12):
+            if self.quiet_time + self.pulse_delay + self.duty_max * period > period * (
+                1.0 + 1e-12
+            ):
                 self.fail(
                     "quiet_time + pulse_delay + duty_max * sample_time = "
                     f"{self.quiet_time} + {self.pulse_delay} + {self.duty_max} * {period} s "
                     "exceeds sample_time"
                 )
         elif self.quiet_time > 0.0 and self.quiet_time >= period:
-            self.fail(f"quiet_time = {self.quiet_time} s must be shorter than sample_time")
+            self.fail(
+                f"quiet_time = {self.quiet_time} s must be shorter than sample_time"
+            )
 
     def foresee(self, begin: float, end: float, wired: frozenset[str]) -> Iterator[str]:
         if self.m_limit == 0.0 and self.drive != IDEAL and "m_cmd_body" in wired:
-            self.fail("m_limit = 0 A.m2: these rods make no dipole, whatever a manager commands; "
-                      "give them one, or fly without torquers")  # fmt: skip
+            self.fail(
+                "m_limit = 0 A.m2: these rods make no dipole, whatever a manager commands; "
+                "give them one, or fly without torquers"
+            )
         yield from super().foresee(begin, end, wired)
 
     def output(self, t: float) -> None:
@@ -169,7 +189,9 @@ class Torquers(Role):
             self._hold(dt)
             return
         over_step = self._switched if self.lag == 0.0 else self._switched_with_lag
-        mean, slope, self._m = zip(*[over_step(i, t, dt) for i in range(4)], strict=True)
+        mean, slope, self._m = zip(
+            *[over_step(i, t, dt) for i in range(4)], strict=True
+        )
         self.m_mean_body = body_momentum(self.axes_coil, mean)
         self.m_slope_body = body_momentum(self.axes_coil, slope)
 
@@ -182,7 +204,9 @@ class Torquers(Role):
             self._m = self._without_failed(self._m)
         self._failed = failed
         self._command = self._driven(wanted)
-        self._begin = t + self.quiet_time + (self.pulse_delay if self.drive == PULSED else 0.0)
+        self._begin = (
+            t + self.quiet_time + (self.pulse_delay if self.drive == PULSED else 0.0)
+        )
         self._end = self._ends(wanted)
         if fails and not failed:
             i = self.failed_coil - 1
@@ -195,7 +219,9 @@ class Torquers(Role):
     def _allocated(self, failed: bool) -> Vec4:
         """The dipole that is wanted of each coil."""
         if failed and self.failure_known:
-            return self._without_failed(to_wheels(self._allocation_of_rest, self.m_cmd_body))
+            return self._without_failed(
+                to_wheels(self._allocation_of_rest, self.m_cmd_body)
+            )
         wanted = to_wheels(self._allocation, self.m_cmd_body)
         return self._without_failed(wanted) if failed else wanted
 
@@ -204,9 +230,19 @@ class Torquers(Role):
         a, b, c, d = wanted
         most = self.m_limit
         if self.drive == PULSED:
-            return (copysign(most, a), copysign(most, b), copysign(most, c), copysign(most, d))
+            return (
+                copysign(most, a),
+                copysign(most, b),
+                copysign(most, c),
+                copysign(most, d),
+            )
         if self.drive == LIMITED:
-            return (_within(a, most), _within(b, most), _within(c, most), _within(d, most))
+            return (
+                _within(a, most),
+                _within(b, most),
+                _within(c, most),
+                _within(d, most),
+            )
         return wanted
 
     def _ends(self, wanted: Vec4) -> Vec4:
@@ -227,18 +263,28 @@ class Torquers(Role):
         self._on_time += dt * self._coils_on
         if self.lag == 0.0:
             self._energy += 0.5 * (a * a + b * b + c * c + d * d) * dt
-            self._m, self.m_mean_body, self.m_slope_body = self._command, self._command_body, ZERO
+            self._m, self.m_mean_body, self.m_slope_body = (
+                self._command,
+                self._command_body,
+                ZERO,
+            )
             return
         # m = command + gap exp(-t / lag), all coils at once
         mean, slope, end = lag(dt / self.lag)
         mean_square = lag(2.0 * dt / self.lag)[0]
         p, q, r, s = self._m
         p, q, r, s = gap = p - a, q - b, r - c, s - d
-        self._energy += 0.5 * dt * (
-            a * (a + 2.0 * mean * p) + b * (b + 2.0 * mean * q)
-            + c * (c + 2.0 * mean * r) + d * (d + 2.0 * mean * s)
-            + mean_square * (p * p + q * q + r * r + s * s)
-        )  # fmt: skip
+        self._energy += (
+            0.5
+            * dt
+            * (
+                a * (a + 2.0 * mean * p)
+                + b * (b + 2.0 * mean * q)
+                + c * (c + 2.0 * mean * r)
+                + d * (d + 2.0 * mean * s)
+                + mean_square * (p * p + q * q + r * r + s * s)
+            )
+        )
         self._m = (a + end * p, b + end * q, c + end * r, d + end * s)
         gap_body = body_momentum(self.axes_coil, gap)
         self.m_mean_body = add(self._command_body, scale(mean, gap_body))
@@ -257,7 +303,9 @@ class Torquers(Role):
             return ZERO
         self._on_time += seconds
         self._energy += 0.5 * u * u * seconds
-        last = t + dt * (1.0 - 1e-6)  # clear of rounding where an edge falls on the step's end
+        last = t + dt * (
+            1.0 - 1e-6
+        )  # clear of rounding where an edge falls on the step's end
         return u * share, u * lead, u if self._begin < last < self._end[i] else 0.0
 
     def _switched_with_lag(self, i: int, t: float, dt: float) -> Vec3:

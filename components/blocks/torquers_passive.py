@@ -11,35 +11,38 @@ from ..maths.vector import ZERO, add, scale, sub
 MU_0 = 4e-7 * pi
 """Permeability of free space (T m/A)."""
 PART = 0.05
-"""Of the coercive field: so much H changes by in one part of a rod's course at the most."""
+"""Of the coercive field: so much H changes by in one part of a rod's course at the
+most."""
 MOST_PARTS = 1000
 
 
 class TorquersPassive(Torquers):
     """A permanent magnet and hysteresis rods: the oldest way to stop a tumble
 
-    The dipole is m = `magnet_body` + B_rod V / mu_0, with V the volume of rods along each body
-    axis. The flux B_rod of an axis follows the field H = B_ext / mu_0 along it, between the two
-    branches of its loop, H_b(B) = tan(pi B / (2 B_s)) / k -+ H_c with k =
-    tan(pi B_r / (2 B_s)) / H_c:
+    The dipole is m = `magnet_body` + B_rod V / mu_0, with V the volume of rods along
+    each body axis. The flux B_rod of an axis follows the field H = B_ext / mu_0 along
+    it, between the two branches of its loop, H_b(B) = tan(pi B / (2 B_s)) / k -+ H_c
+    with k = tan(pi B_r / (2 B_s)) / H_c:
 
         dB/dH = 2/pi k B_s cos^2(pi B / (2 B_s)) [q + (1 - q) ((H - H_b) / (2 H_c))^2]
 
-    with H_b the branch that H moves away from, and q = `reversal_slope` the share of its branch's
-    slope that B has just after H has turned. Rods are of one material and long against their width:
-    `coercive_field`, `remanence` and `saturation` are those of the rod, as it is measured, and
-    interactions of rods beside each other are left out.
+    with H_b the branch that H moves away from, and q = `reversal_slope` the share of
+    its branch's slope that B has just after H has turned. Rods are of one material and
+    long against their width: `coercive_field`, `remanence` and `saturation` are those
+    of the rod, as it is measured, and interactions of rods beside each other are left
+    out.
 
-    At each step H goes from its last value to that of the step's begin; over the step it is taken
-    to go on as in the one before, by which m_mean_body and m_slope_body are said. No command is
-    read, and no power taken.
+    At each step H goes from its last value to that of the step's begin; over the step
+    it is taken to go on as in the one before, by which m_mean_body and m_slope_body are
+    said. No command is read, and no power taken.
 
-    Source: Flatley & Henretty, "A Magnetic Hysteresis Model", NASA Flight Mechanics Symposium
-    (1995), eqs. 1 to 6.
+    Source: Flatley & Henretty, "A Magnetic Hysteresis Model", NASA Flight Mechanics
+    Symposium (1995), eqs. 1 to 6.
     """
 
-    magnet_body: Vec3 = Parameter("A.m2", "dipole of the permanent magnet, body",
-                                  usual=(-10.0, 10.0))  # fmt: skip
+    magnet_body: Vec3 = Parameter(
+        "A.m2", "dipole of the permanent magnet, body", usual=(-10.0, 10.0)
+    )
     rod_volume: Vec3 = Parameter(
         "m3",
         "volume of all rods along each body axis; 0: none",
@@ -68,15 +71,23 @@ class TorquersPassive(Torquers):
         min=1e-9,
         usual=(1e-3, 3.0),
     )
-    reversal_slope: float = Parameter("1", "q: slope just after a reversal", min=0.0, max=1.0)
-    flux_body: Vec3 = Output("T", "flux of the rods along each body axis, at the step's begin")
+    reversal_slope: float = Parameter(
+        "1", "q: slope just after a reversal", min=0.0, max=1.0
+    )
+    flux_body: Vec3 = Output(
+        "T", "flux of the rods along each body axis, at the step's begin"
+    )
 
     def start(self) -> None:
         super().start()
         if not 0.0 < self.remanence < self.saturation:
-            self.fail(f"remanence = {self.remanence} T is not below saturation = "
-                      f"{self.saturation} T")  # fmt: skip
-        self._steepness = tan(0.5 * pi * self.remanence / self.saturation) / self.coercive_field
+            self.fail(
+                f"remanence = {self.remanence} T is not below saturation = "
+                f"{self.saturation} T"
+            )
+        self._steepness = (
+            tan(0.5 * pi * self.remanence / self.saturation) / self.coercive_field
+        )
         self._field: Vec3 | None = None
         self._flux = ZERO
         self.on_time = self.dipole_energy = self.electric_energy = 0.0
@@ -115,7 +126,9 @@ class TorquersPassive(Torquers):
 
     def _follow(self, flux: Vec3, begin: Vec3, end: Vec3) -> Vec3:
         """The flux (T) of each axis as H (A/m) goes straight from begin to end."""
-        x, y, z = (self._along(b, h0, h1) for b, h0, h1 in zip(flux, begin, end, strict=True))
+        x, y, z = (
+            self._along(b, h0, h1) for b, h0, h1 in zip(flux, begin, end, strict=True)
+        )
         return (x, y, z)
 
     def _along(self, b: float, begin: float, end: float) -> float:

@@ -17,37 +17,44 @@ NEAR = 1e-9
 class TorquersRods(Torquers):
     """Magnetic torquers with their core, winding and supply
 
-    As `torquers`, and a coil's current i, counted as the dipole x = area_turns i, follows its
-    command u through a winding of `inductance` L and the resistance of its `temperature`,
+    As `torquers`, and a coil's current i, counted as the dipole x = area_turns i,
+    follows its command u through a winding of `inductance` L and the resistance of its
+    `temperature`,
 
         R = resistance (1 + temperature_coefficient (temperature - 293.15 K))
 
-    from a bridge of +-supply_voltage V, which can hold no more than X = area_turns V / R. With
-    `regulation` of the `current` the whole voltage is on the coil until the current is there; of
-    the `voltage`, what a coil of `resistance` would need is on it, so that a warm one has less:
+    from a bridge of +-supply_voltage V, which can hold no more than X = area_turns V /
+    R. With `regulation` of the `current` the whole voltage is on the coil until the
+    current is there; of the `voltage`, what a coil of `resistance` would need is on it,
+    so that a warm one has less:
 
         current:  x' = (+-X - x) R / L until x = u;     voltage:  x' = (u resistance / R - x) R / L
 
     Without a supply_voltage the current follows by `lag`, as in `torquers`.
 
-    Of the core's hysteresis the share `remanence` of m_limit is left when the current has gone from
-    m_limit to none; the core begins demagnetised. With N = 8 plays p_k of half widths
-    r_k = (k - 1/2) m_limit / N, Rayleigh's law as N grows:
+    Of the core's hysteresis the share `remanence` of m_limit is left when the current
+    has gone from m_limit to none; the core begins demagnetised. With N = 8 plays p_k of
+    half widths r_k = (k - 1/2) m_limit / N, Rayleigh's law as N grows:
 
         m = (1 - 2 remanence) x + 4 remanence / N sum_k p_k
         p_k <- min(max(p_k, x - r_k), x + r_k)
 
-    What remains is a dipole like any other: in the quiet time, in m_body, and in a dead coil. All
-    is exact over a step of any length. dipole_energy is of m, electric_energy of i and R.
+    What remains is a dipole like any other: in the quiet time, in m_body, and in a dead
+    coil. All is exact over a step of any length. dipole_energy is of m, electric_energy
+    of i and R.
 
-    Source: Rayleigh, Phil. Mag. 23 (1887) 225; Brokate & Sprekels, Hysteresis and Phase Transitions
-    (1996), ch. 2, for the plays; copper's coefficient, 0.00393 1/K at 293 K: IEC 60028.
+    Source: Rayleigh, Phil. Mag. 23 (1887) 225; Brokate & Sprekels, Hysteresis and Phase
+    Transitions (1996), ch. 2, for the plays; copper's coefficient, 0.00393 1/K at 293
+    K: IEC 60028.
     """
 
     remanence: float = Parameter(
-        "1", "share of m_limit that is left when the current has gone from it to none; 0: no core",
-        min=0.0, max=0.5, usual=(0.0, 0.1),
-    )  # fmt: skip
+        "1",
+        "share of m_limit that is left when the current has gone from it to none; 0: no core",
+        min=0.0,
+        max=0.5,
+        usual=(0.0, 0.1),
+    )
     supply_voltage: float = Parameter(
         "V",
         "what the bridge can put on a coil; 0: any, and the current follows by lag",
@@ -55,9 +62,11 @@ class TorquersRods(Torquers):
         usual=(0.0, 200.0),
     )
     regulation: int = Parameter(
-        "1", "what the bridge holds, with a supply_voltage", choices=("current", "voltage"),
+        "1",
+        "what the bridge holds, with a supply_voltage",
+        choices=("current", "voltage"),
         start="current",
-    )  # fmt: skip
+    )
     inductance: float = Parameter(
         "H",
         "inductance of each coil, with a supply_voltage",
@@ -65,13 +74,19 @@ class TorquersRods(Torquers):
         usual=(0.0, 100.0),
     )
     temperature: float = Parameter(
-        "K", "temperature of the windings", start=293.15, min=1.0, usual=(173.15, 423.15)
+        "K",
+        "temperature of the windings",
+        start=293.15,
+        min=1.0,
+        usual=(173.15, 423.15),
     )
     temperature_coefficient: float = Parameter(
-        "1/K", "relative change of the resistance with temperature, at 293.15 K", start=0.00393,
+        "1/K",
+        "relative change of the resistance with temperature, at 293.15 K",
+        start=0.00393,
         min=0.0,
         usual=(0.0, 0.01),
-    )  # fmt: skip
+    )
 
     def start(self) -> None:
         super().start()
@@ -81,21 +96,31 @@ class TorquersRods(Torquers):
                 f"{self.temperature_coefficient} 1/K the resistance is not above 0"
             )
         if self.remanence > 0.0 and (self.drive == IDEAL or self.m_limit == 0.0):
-            self.fail(f"remanence = {self.remanence} is a share of m_limit: it needs one above 0, "
-                      "and a drive that keeps it (limited, pulsed)")  # fmt: skip
-        self._ohm = warm(self.resistance, self.temperature, self.temperature_coefficient)
+            self.fail(
+                f"remanence = {self.remanence} is a share of m_limit: it needs one above 0, "
+                "and a drive that keeps it (limited, pulsed)"
+            )
+        self._ohm = warm(
+            self.resistance, self.temperature, self.temperature_coefficient
+        )
         self._most = 0.0  # what the supply can hold, A m2; 0: anything
         self._time_constant = self.lag
         if self.supply_voltage > 0.0:
             if self._ohm == 0.0:
-                self.fail("resistance = 0 Ohm: with a supply_voltage the coils need one")
+                self.fail(
+                    "resistance = 0 Ohm: with a supply_voltage the coils need one"
+                )
             if self.lag > 0.0:
-                self.fail(f"lag = {self.lag} s beside a supply_voltage: the inductance says how "
-                          "the current rises, give 0")  # fmt: skip
+                self.fail(
+                    f"lag = {self.lag} s beside a supply_voltage: the inductance says how "
+                    "the current rises, give 0"
+                )
             self._most = self.area_turns * self.supply_voltage / self._ohm
             self._time_constant = self.inductance / self._ohm
         elif self.inductance > 0.0:
-            self.fail(f"inductance = {self.inductance} H needs a supply_voltage above 0")
+            self.fail(
+                f"inductance = {self.inductance} H needs a supply_voltage above 0"
+            )
         self._share = self.resistance / self._ohm if self.regulation == VOLTAGE else 1.0
         self._plays: tuple[Plays, ...] = (DEMAGNETISED,) * 4
         self._dipoles: Vec4 = (0.0, 0.0, 0.0, 0.0)
@@ -121,7 +146,9 @@ class TorquersRods(Torquers):
     def advance(self, t: float, dt: float) -> None:
         if self.due(t):
             self._take(t)
-        mean, slope, self._m = zip(*[self._rod(i, t, dt) for i in range(4)], strict=True)
+        mean, slope, self._m = zip(
+            *[self._rod(i, t, dt) for i in range(4)], strict=True
+        )
         self.m_mean_body = body_momentum(self.axes_coil, mean)
         self.m_slope_body = body_momentum(self.axes_coil, slope)
         self._dipoles = (
@@ -132,7 +159,8 @@ class TorquersRods(Torquers):
         )
 
     def _rod(self, i: int, t: float, dt: float) -> Vec3:
-        """Mean and slope of coil i's dipole over a step, and the current at its end (A m2)."""
+        """Mean and slope of coil i's dipole over a step, and the current at its end (A
+        m2)."""
         u, x, plays = self._command[i], self._m[i], self._plays[i]
         alive = self._alive(i, t, dt)
         on = min(max(self._begin - t, 0.0), alive)
@@ -141,11 +169,16 @@ class TorquersRods(Torquers):
         mean = slope = 0.0
         # off, on, off, and dead: nobody drives a current then
         for first, last, target, lag in (
-            (0.0, on, 0.0, self._time_constant), (on, off, self._held(u), self._time_constant),
-            (off, alive, 0.0, self._time_constant), (alive, dt, 0.0, 0.0),
-        ):  # fmt: skip
+            (0.0, on, 0.0, self._time_constant),
+            (on, off, self._held(u), self._time_constant),
+            (off, alive, 0.0, self._time_constant),
+            (alive, dt, 0.0, 0.0),
+        ):
             there, towards = self._way(x, target, lag, first, last)
-            for begin, end, aim, slow in ((first, there, towards, lag), (there, last, target, 0.0)):
+            for begin, end, aim, slow in (
+                (first, there, towards, lag),
+                (there, last, target, 0.0),
+            ):
                 if end > begin:
                     made, plays = over(
                         plays, x, aim, slow, end - begin, self.m_limit, self.remanence
@@ -172,8 +205,8 @@ class TorquersRods(Torquers):
     def _way(
         self, x: float, target: float, lag: float, first: float, last: float
     ) -> tuple[float, float]:
-        """When a current that leaves x (A m2) at `first` is at its target (s), at most `last`, and
-        the value (A m2) that it goes towards until then."""
+        """When a current that leaves x (A m2) at `first` is at its target (s), at most
+        `last`, and the value (A m2) that it goes towards until then."""
         if lag <= 0.0 or x == target:
             return first, target
         full = copysign(self._most, target - x)

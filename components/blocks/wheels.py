@@ -19,10 +19,23 @@ FLAT = 1e-3
 """Sine of the angle up to which axes count as parallel, or as in a plane."""
 
 FAILURES = (
-    (0, 0, 0, 0), (1, 0, 0, 0), (0, 1, 0, 0), (0, 0, 1, 0), (0, 0, 0, 1), (1, 1, 0, 0),
-    (1, 0, 1, 0), (1, 0, 0, 1), (0, 1, 1, 0), (0, 1, 0, 1), (0, 0, 1, 1), (1, 1, 1, 0),
-    (1, 1, 0, 1), (1, 0, 1, 1), (0, 1, 1, 1), (1, 1, 1, 1),
-)  # fmt: skip
+    (0, 0, 0, 0),
+    (1, 0, 0, 0),
+    (0, 1, 0, 0),
+    (0, 0, 1, 0),
+    (0, 0, 0, 1),
+    (1, 1, 0, 0),
+    (1, 0, 1, 0),
+    (1, 0, 0, 1),
+    (0, 1, 1, 0),
+    (0, 1, 0, 1),
+    (0, 0, 1, 1),
+    (1, 1, 1, 0),
+    (1, 1, 0, 1),
+    (1, 0, 1, 1),
+    (0, 1, 1, 1),
+    (1, 1, 1, 1),
+)
 """By the choices of `failed`: 1 for each wheel that fails."""
 
 Loop = tuple[int, float]
@@ -32,52 +45,64 @@ Loop = tuple[int, float]
 class Wheels(Role, WheelInertias):
     """Reaction wheels, one to four, with motor lag, friction, limits and failures
 
-    For each wheel, g its axis, Omega = h / J_s - g.omega its speed relative to the body:
+    For each wheel, g its axis, Omega = h / J_s - g.omega its speed relative to the
+    body:
 
         h' = drive - friction(Omega),      drive = T + learnt, within +-torque_limit
         T' = (command - T) / lag,          learnt' = compensation (friction - learnt)
         friction = c_v Omega + c_c tanh(Omega / omega_eps)
 
     `command` is the torque command within +-torque_limit (`command_mode` torque), or
-    speed_gain J_s (speed command - Omega) within it, sampled every `speed_sample_time` by the
-    wheel's own electronics, whatever the step (`speed`). At |Omega| = speed_limit the wheel is
-    saturated: it keeps that speed, also while the body turns, until its torque points inwards. A
-    failed wheel's motor gives no torque from `failed_from` on, which may be inside a step.
+    speed_gain J_s (speed command - Omega) within it, sampled every `speed_sample_time`
+    by the wheel's own electronics, whatever the step (`speed`). At |Omega| =
+    speed_limit the wheel is saturated: it keeps that speed, also while the body turns,
+    until its torque points inwards. A failed wheel's motor gives no torque from
+    `failed_from` on, which may be inside a step.
 
-    With `stiction` friction is dry, c_v Omega +- c_c, and stops the rotor in a finite time. It then
-    stands, and turns with the body, until the motor's torque and that of the body's motion, J_s
-    (g.omega)', differ by more than `stiction`, which is no less than c_c.
+    With `stiction` friction is dry, c_v Omega +- c_c, and stops the rotor in a finite
+    time. It then stands, and turns with the body, until the motor's torque and that of
+    the body's motion, J_s (g.omega)', differ by more than `stiction`, which is no less
+    than c_c.
 
     What leaves the block is what the rotors took: over a step from h0 to h1
 
         tau_mean = (h1 - h0) / H,     tau_slope = 12 (I1 - tau_mean / 2)
         I1 = (h1 - mean of h) / H
 
-    The body's rate inside the step is extrapolated from its last two values. `speed_wheel` is of
-    the step's begin, with the rate of then; `power` and `saturated_wheel` are of its end, with the
-    extrapolated rate, which errs by H^2 (g.omega)'' at most.
+    The body's rate inside the step is extrapolated from its last two values.
+    `speed_wheel` is of the step's begin, with the rate of then; `power` and
+    `saturated_wheel` are of its end, with the extrapolated rate, which errs by H^2
+    (g.omega)'' at most.
 
-    Unbalance is a product of inertia of the rotor, whose momentum across the axis turns with it:
+    Unbalance is a product of inertia of the rotor, whose momentum across the axis turns
+    with it:
 
         tau_jitter = -(p1 - p0) / H,     p = unbalance Omega e(phi),     phi' = Omega
 
-    e a unit vector across the axis, phi at the start drawn from the seed. So its impulse is exact
-    at any step, and none remains. It is never part of tau_mean_wheel.
+    e a unit vector across the axis, phi at the start drawn from the seed. So its
+    impulse is exact at any step, and none remains. It is never part of tau_mean_wheel.
 
-    Source: definition of the exchange in the project's design; friction as in Wertz (1978) and
-    paper 004.
+    Source: definition of the exchange in the project's design; friction as in Wertz
+    (1978) and paper 004.
     """
 
     h_start_wheel: Vec4 = Parameter("N.m.s", "axial momentum at the start, absolute")
     command_mode: int = Parameter(
-        "1", "which command counts", choices=("torque", "speed"), start="torque",
+        "1",
+        "which command counts",
+        choices=("torque", "speed"),
+        start="torque",
         needs=("speed_cmd_wheel", "omega_bi_body"),
-    )  # fmt: skip
+    )
     torque_limit: float = Parameter(
         "N.m", "largest motor torque of a wheel", start=0.02, min=0.0, usual=(1e-6, 1.0)
     )
     speed_limit: float = Parameter(
-        "rad/s", "speed at which a wheel is saturated", start=600.0, min=1e-3, usual=(1.0, 1100.0)
+        "rad/s",
+        "speed at which a wheel is saturated",
+        start=600.0,
+        min=1e-3,
+        usual=(1.0, 1100.0),
     )
     speed_gain: float = Parameter(
         "1/s",
@@ -103,9 +128,12 @@ class Wheels(Role, WheelInertias):
         usual=(0.0, 1e-2),
     )
     coulomb: float = Parameter(
-        "N.m", "Coulomb friction c_c", min=0.0, needs=("omega_bi_body",),
+        "N.m",
+        "Coulomb friction c_c",
+        min=0.0,
+        needs=("omega_bi_body",),
         usual=(0.0, 0.1),
-    )  # fmt: skip
+    )
     friction_speed: float = Parameter(
         "rad/s",
         "omega_eps: speed over which Coulomb friction turns",
@@ -120,23 +148,47 @@ class Wheels(Role, WheelInertias):
         usual=(0.0, 100.0),
     )
     stiction: float = Parameter(
-        "N.m", "torque that a standing rotor resists, no less than coulomb; 0: none", min=0.0,
+        "N.m",
+        "torque that a standing rotor resists, no less than coulomb; 0: none",
+        min=0.0,
         needs=("omega_bi_body",),
         usual=(0.0, 0.1),
-    )  # fmt: skip
+    )
     failed: int = Parameter(
-        "1", "which wheels fail",
-        choices=("none", "1", "2", "3", "4", "1+2", "1+3", "1+4", "2+3", "2+4", "3+4", "1+2+3",
-                 "1+2+4", "1+3+4", "2+3+4", "1+2+3+4"), start="none",
-    )  # fmt: skip
+        "1",
+        "which wheels fail",
+        choices=(
+            "none",
+            "1",
+            "2",
+            "3",
+            "4",
+            "1+2",
+            "1+3",
+            "1+4",
+            "2+3",
+            "2+4",
+            "3+4",
+            "1+2+3",
+            "1+2+4",
+            "1+3+4",
+            "2+3+4",
+            "1+2+3+4",
+        ),
+        start="none",
+    )
     failed_from: float = Parameter("s", "when they fail", start=0.0)
     unbalance: float = Parameter(
-        "kg.m2", "product of inertia of each rotor, whose turning makes the jitter", min=0.0,
+        "kg.m2",
+        "product of inertia of each rotor, whose turning makes the jitter",
+        min=0.0,
         needs=("tau_jitter_body", "omega_bi_body"),
         usual=(0.0, 1e-3),
-    )  # fmt: skip
+    )
     seed: int = Parameter(
-        "1", "seed of the jitter's phase; instance name and variable key it as well", start=1
+        "1",
+        "seed of the jitter's phase; instance name and variable key it as well",
+        start=1,
     )
     idle_power: float = Parameter(
         "W",
@@ -170,23 +222,37 @@ class Wheels(Role, WheelInertias):
             )
         elif len(axes) > 2 and all(abs(dot(unit(normal), a)) < FLAT for a in axes):
             about = ", ".join(f"{x:.3g}" for x in unit(normal))
-            self.fail(f"axes_wheel: they lie in a plane: no wheel turns the craft about ({about})")
+            self.fail(
+                f"axes_wheel: they lie in a plane: no wheel turns the craft about ({about})"
+            )
         yield from super().foresee(begin, end, wired)
 
     def start(self) -> None:
         self._present = tuple(i for i in range(4) if self.inertia_wheel[i] > 0.0)
         self._check_parameters()
         self._motors: tuple[Motor, ...] = tuple(
-            (j, self.motor_lag, self.viscous, self.coulomb, self.friction_speed,
-             self.compensation, self.stiction, self.torque_limit)
+            (
+                j,
+                self.motor_lag,
+                self.viscous,
+                self.coulomb,
+                self.friction_speed,
+                self.compensation,
+                self.stiction,
+                self.torque_limit,
+            )
             for j in self.inertia_wheel
-        )  # fmt: skip
+        )
         self._rates = self._axial(self.omega_bi_body)
         # rates at the begin of the last two steps, and how long these were
-        self._past: tuple[tuple[Vec4, float], tuple[Vec4, float]] = ((self._rates, 0.0),) * 2
+        self._past: tuple[tuple[Vec4, float], tuple[Vec4, float]] = (
+            (self._rates, 0.0),
+        ) * 2
         self._last_command = NOTHING
         self._steps_since = 0
-        self._rotors: tuple[Rotor, ...] = tuple((h, 0.0, 0.0, 0.0) for h in self.h_start_wheel)
+        self._rotors: tuple[Rotor, ...] = tuple(
+            (h, 0.0, 0.0, 0.0) for h in self.h_start_wheel
+        )
         self._check_speeds()
         self.speed_wheel = self._speeds()
         self._rotors = tuple(
@@ -195,7 +261,8 @@ class Wheels(Role, WheelInertias):
         )
         self._loops: tuple[Loop, ...] = ((-1, 0.0),) * 4
         self._turned: tuple[float, ...] = tuple(
-            FULL_TURN * uniform(stream(self.instance, "tau_jitter_body", self.seed), 0, i)
+            FULL_TURN
+            * uniform(stream(self.instance, "tau_jitter_body", self.seed), 0, i)
             for i in range(4)
         )  # the rotors' angles, rad
         self._across_axes: tuple[tuple[Vec3, Vec3], ...] = tuple(
@@ -209,10 +276,17 @@ class Wheels(Role, WheelInertias):
     def _check_parameters(self) -> None:
         for i in self._present:
             if abs(norm(self._axis(i)) - 1.0) > 1e-6:
-                self.fail(f"axes_wheel: column {i + 1} = {self._axis(i)} is not a unit vector")
+                self.fail(
+                    f"axes_wheel: column {i + 1} = {self._axis(i)} is not a unit vector"
+                )
         if 0.0 < self.stiction < self.coulomb:
-            self.fail(f"stiction = {self.stiction} N m is below coulomb = {self.coulomb} N m")
-        if self.command_mode == SPEED and self.speed_gain * self.speed_sample_time > 1.0:
+            self.fail(
+                f"stiction = {self.stiction} N m is below coulomb = {self.coulomb} N m"
+            )
+        if (
+            self.command_mode == SPEED
+            and self.speed_gain * self.speed_sample_time > 1.0
+        ):
             self.fail(
                 f"speed_gain = {self.speed_gain} 1/s is above 1 / speed_sample_time = "
                 f"{1.0 / self.speed_sample_time} 1/s"
@@ -295,10 +369,18 @@ class Wheels(Role, WheelInertias):
             if torque_mode and not fails[i]:
                 command = min(max(self.tau_cmd_wheel[i], -most), most)
                 rotors[i], integral = self.turned(
-                    self._motors[i], rotors[i], command, now[i], then[i], dt, self.speed_limit
+                    self._motors[i],
+                    rotors[i],
+                    command,
+                    now[i],
+                    then[i],
+                    dt,
+                    self.speed_limit,
                 )
             else:
-                rotors[i], integral, loops[i] = self._in_pieces(i, t, dt, now[i], then[i])
+                rotors[i], integral, loops[i] = self._in_pieces(
+                    i, t, dt, now[i], then[i]
+                )
             h1 = rotors[i][0]
             mean[i] = (h1 - h0) / dt
             slope[i] = 12.0 * ((h1 - integral / dt) / dt - 0.5 * mean[i])
@@ -315,10 +397,17 @@ class Wheels(Role, WheelInertias):
             self.tau_jitter_body = scale(1.0 / dt, sub(before, self._across))
 
     def turned(
-        self, motor: Motor, rotor: Rotor, command: float, rate0: float, rate1: float, dt: float,
+        self,
+        motor: Motor,
+        rotor: Rotor,
+        command: float,
+        rate0: float,
+        rate1: float,
+        dt: float,
         fastest: float,
-    ) -> tuple[Rotor, float]:  # fmt: skip
-        """A rotor after dt (s), and the integral of its h; a block may turn it otherwise."""
+    ) -> tuple[Rotor, float]:
+        """A rotor after dt (s), and the integral of its h; a block may turn it
+        otherwise."""
         return step(motor, rotor, command, rate0, rate1, dt, fastest)
 
     def driven(self, torque: float, speed: float) -> float:
@@ -326,9 +415,12 @@ class Wheels(Role, WheelInertias):
         return min(max(torque, -self.torque_limit), self.torque_limit)
 
     def _ahead(self, now: Vec4, dt: float) -> Vec4:
-        """The rates about the axes (rad/s) a step dt (s) ahead: a parabola through the last three
-        as long as the command stays, for it bends their course; a line through two otherwise."""
-        command = self.tau_cmd_wheel if self.command_mode == TORQUE else self.speed_cmd_wheel
+        """The rates about the axes (rad/s) a step dt (s) ahead: a parabola through the
+        last three as long as the command stays, for it bends their course; a line
+        through two otherwise."""
+        command = (
+            self.tau_cmd_wheel if self.command_mode == TORQUE else self.speed_cmd_wheel
+        )
         steps = self._steps_since + 1 if command == self._last_command else 0
         (a, long), (b, before) = self._past
         self._past, self._steps_since = ((now, dt), self._past[0]), steps
@@ -338,9 +430,11 @@ class Wheels(Role, WheelInertias):
         line = dt / long
         if steps < 2 or before == 0.0:
             return (
-                now[0] + line * (now[0] - a[0]), now[1] + line * (now[1] - a[1]),
-                now[2] + line * (now[2] - a[2]), now[3] + line * (now[3] - a[3]),
-            )  # fmt: skip
+                now[0] + line * (now[0] - a[0]),
+                now[1] + line * (now[1] - a[1]),
+                now[2] + line * (now[2] - a[2]),
+                now[3] + line * (now[3] - a[3]),
+            )
         bend = dt * (dt + long) / (long + before)
         p, q = line + bend / long, bend / before
         return (
@@ -353,8 +447,8 @@ class Wheels(Role, WheelInertias):
     def _in_pieces(
         self, i: int, t: float, dt: float, now: float, then: float
     ) -> tuple[Rotor, float, Loop]:
-        """Rotor i after the step, the integral of its h, and its speed loop; cut where the wheel
-        fails and where its speed loop takes a sample."""
+        """Rotor i after the step, the integral of its h, and its speed loop; cut where
+        the wheel fails and where its speed loop takes a sample."""
         motor, rotor, (sample, held) = self._motors[i], self._rotors[i], self._loops[i]
         fails = self.failed_from - t if FAILURES[self.failed][i] else inf
         total, begin, rate = 0.0, 0.0, now
@@ -362,7 +456,10 @@ class Wheels(Role, WheelInertias):
             end, command, fastest = min(dt, fails), 0.0, self.speed_limit
             if fails <= begin + EDGE * dt:
                 end, fastest = dt, inf
-                motor, rotor = (*motor[:5], 0.0, motor[6], 0.0), (rotor[0], 0.0, 0.0, rotor[3])
+                motor, rotor = (
+                    (*motor[:5], 0.0, motor[6], 0.0),
+                    (rotor[0], 0.0, 0.0, rotor[3]),
+                )
             elif self.command_mode == TORQUE:
                 command = self._limited(self.tau_cmd_wheel[i])
             else:
@@ -372,7 +469,9 @@ class Wheels(Role, WheelInertias):
                 end, command = min(end, (due + 1) * self.speed_sample_time - t), held
             end = dt if end > dt * (1.0 - EDGE) else end
             ahead = then if end == dt else now + (then - now) * end / dt
-            rotor, integral = self.turned(motor, rotor, command, rate, ahead, end - begin, fastest)
+            rotor, integral = self.turned(
+                motor, rotor, command, rate, ahead, end - begin, fastest
+            )
             total, begin, rate = total + integral, end, ahead
         return rotor, total, (sample, held)
 
@@ -388,16 +487,22 @@ class Wheels(Role, WheelInertias):
         axis = self._axis(i)
         if axis == ZERO:
             return ZERO, ZERO
-        one = unit(cross(axis, (1.0, 0.0, 0.0) if abs(axis[0]) < 0.8 else (0.0, 1.0, 0.0)))
+        one = unit(
+            cross(axis, (1.0, 0.0, 0.0) if abs(axis[0]) < 0.8 else (0.0, 1.0, 0.0))
+        )
         return one, cross(axis, one)
 
     def _momentum_across(self, speeds: Vec4) -> Vec3:
-        """The momentum of the rotors' products of inertia (N m s, body), across their axes."""
+        """The momentum of the rotors' products of inertia (N m s, body), across their
+        axes."""
         total = ZERO
         if self.unbalance == 0.0:
             return total
         for i in self._present:
             size, angle = self.unbalance * speeds[i], self._turned[i]
             one, other = self._across_axes[i]
-            total = add(total, add(scale(size * cos(angle), one), scale(size * sin(angle), other)))
+            total = add(
+                total,
+                add(scale(size * cos(angle), one), scale(size * sin(angle), other)),
+            )
         return total

@@ -12,44 +12,55 @@ from .wheels import Wheels
 class WheelsMotor(Wheels):
     """Reaction wheels with their motor's torque-speed curve and a table of their drag
 
-    As `wheels`, and the drive of a motor on `supply_voltage` V with the torque constant k and the
-    motor constant K_m (torque by the root of the copper loss: k^2 / resistance = K_m^2) is within
+    As `wheels`, and the drive of a motor on `supply_voltage` V with the torque constant
+    k and the motor constant K_m (torque by the root of the copper loss: k^2 /
+    resistance = K_m^2) is within
 
         K_m^2 (-V / k - Omega) <= drive <= K_m^2 (V / k - Omega)
 
-    beside +-torque_limit: full torque up to the speed V / k - torque_limit / K_m^2, none at V / k.
-    A failed motor gives nothing. With a table of the drag, in the place of viscous and Coulomb
-    friction,
+    beside +-torque_limit: full torque up to the speed V / k - torque_limit / K_m^2,
+    none at V / k. A failed motor gives nothing. With a table of the drag, in the place
+    of viscous and Coulomb friction,
 
         friction = tanh(Omega / friction_speed) d(|Omega|)
 
-    with d linear between the entries `drag_torque` at `drag_speed`, and as between the last two
-    beyond them. The speed is integrated to 1e-8 rad/s a piece, wherever curve and table bend.
+    with d linear between the entries `drag_torque` at `drag_speed`, and as between the
+    last two beyond them. The speed is integrated to 1e-8 rad/s a piece, wherever curve
+    and table bend.
 
-    Source: the equations of a permanent-magnet motor, e.g. Hughes, Electric Motors and Drives,
-    ch. 3; else that of `wheels`.
+    Source: the equations of a permanent-magnet motor, e.g. Hughes, Electric Motors and
+    Drives, ch. 3; else that of `wheels`.
     """
 
     supply_voltage: float = Parameter(
-        "V", "voltage on the motors; 0: any torque at any speed", min=0.0,
+        "V",
+        "voltage on the motors; 0: any torque at any speed",
+        min=0.0,
         needs=("omega_bi_body",),
         usual=(0.0, 200.0),
-    )  # fmt: skip
+    )
     torque_constant: float = Parameter(
-        "N.m/A", "torque by current, which is voltage by speed (V s/rad), with a supply_voltage",
-        start=0.01, min=1e-6,
+        "N.m/A",
+        "torque by current, which is voltage by speed (V s/rad), with a supply_voltage",
+        start=0.01,
+        min=1e-6,
         usual=(1e-4, 10.0),
-    )  # fmt: skip
+    )
     drag_speed: Table = Parameter(
-        "rad/s", "table of the drag: speeds, rising from 0; all 0: no table",
-        shape=(ENTRIES,), min=0.0, needs=("omega_bi_body",),
+        "rad/s",
+        "table of the drag: speeds, rising from 0; all 0: no table",
+        shape=(ENTRIES,),
+        min=0.0,
+        needs=("omega_bi_body",),
         usual=(0.0, 2000.0),
-    )  # fmt: skip
+    )
     drag_torque: Table = Parameter(
-        "N.m", "table of the drag: the torque against the rotation at each speed",
-        shape=(ENTRIES,), min=0.0,
+        "N.m",
+        "table of the drag: the torque against the rotation at each speed",
+        shape=(ENTRIES,),
+        min=0.0,
         usual=(0.0, 0.1),
-    )  # fmt: skip
+    )
 
     def start(self) -> None:
         entries = self._entries()
@@ -57,16 +68,21 @@ class WheelsMotor(Wheels):
         if self.supply_voltage > 0.0:
             no_load = self.supply_voltage / self.torque_constant
             if self.motor_constant == 0.0:
-                self.fail("motor_constant = 0 N m: with a supply_voltage it is needed, above 0")
+                self.fail(
+                    "motor_constant = 0 N m: with a supply_voltage it is needed, above 0"
+                )
         if (entries > 0 or no_load > 0.0) and self.stiction > 0.0:
             self.fail(
                 f"stiction = {self.stiction} N m: not with supply_voltage or a table of the drag; "
                 "give 0, or take the block wheels"
             )
         self._curve: Curve = (
-            no_load, self.motor_constant * self.motor_constant, entries, _row(self.drag_speed),
+            no_load,
+            self.motor_constant * self.motor_constant,
+            entries,
+            _row(self.drag_speed),
             _row(self.drag_torque),
-        )  # fmt: skip
+        )
         super().start()
 
     def _entries(self) -> int:
@@ -80,8 +96,10 @@ class WheelsMotor(Wheels):
             return 0
         for k in range(1, entries):
             if speeds[k] <= speeds[k - 1]:
-                self.fail(f"drag_speed[{k + 1}] = {speeds[k]} rad/s is not above "
-                          f"drag_speed[{k}] = {speeds[k - 1]} rad/s")  # fmt: skip
+                self.fail(
+                    f"drag_speed[{k + 1}] = {speeds[k]} rad/s is not above "
+                    f"drag_speed[{k}] = {speeds[k - 1]} rad/s"
+                )
         if speeds[0] > 0.0:
             self.fail(f"drag_speed[1] = {speeds[0]} rad/s: the table begins at 0")
         if self.viscous > 0.0 or self.coulomb > 0.0:
@@ -94,9 +112,11 @@ class WheelsMotor(Wheels):
     def foresee(self, begin: float, end: float, wired: frozenset[str]) -> Iterator[str]:
         no_load, _, entries, speeds, _ = self._curve
         if 0.0 < no_load < self.speed_limit:
-            yield (f"supply_voltage = {self.supply_voltage:g} V turns the wheels at {no_load:.3g} "
-                   f"rad/s at most: speed_limit = {self.speed_limit:g} rad/s is never reached, and "
-                   "what takes it for their capacity errs")  # fmt: skip
+            yield (
+                f"supply_voltage = {self.supply_voltage:g} V turns the wheels at {no_load:.3g} "
+                f"rad/s at most: speed_limit = {self.speed_limit:g} rad/s is never reached, and "
+                "what takes it for their capacity errs"
+            )
         if entries > 0 and speeds[entries - 1] < self.speed_limit:
             yield (
                 f"drag_speed ends at {speeds[entries - 1]:g} rad/s, below speed_limit = "
@@ -105,9 +125,15 @@ class WheelsMotor(Wheels):
         yield from super().foresee(begin, end, wired)
 
     def turned(
-        self, motor: Motor, rotor: Rotor, command: float, rate0: float, rate1: float, dt: float,
+        self,
+        motor: Motor,
+        rotor: Rotor,
+        command: float,
+        rate0: float,
+        rate1: float,
+        dt: float,
         fastest: float,
-    ) -> tuple[Rotor, float]:  # fmt: skip
+    ) -> tuple[Rotor, float]:
         if self._curve[0] == 0.0 and self._curve[2] == 0:
             return plain_step(motor, rotor, command, rate0, rate1, dt, fastest)
         return step(motor, self._curve, rotor, command, rate0, rate1, dt, fastest)

@@ -7,8 +7,9 @@ A block is a class with typed declarations:
         sample_time: float = Parameter("s", "sample time", start=1.0, min=0.0)
         b_body: Vec3 = Output("T", "measured field, body", interval=True)
 
-The annotation gives type and shape, the declaration unit, meaning, start value and bounds. On an
-instance each name is a plain attribute (a float, int, bool, or a flat tuple in row-major order).
+The annotation gives type and shape, the declaration unit, meaning, start value and
+bounds. On an instance each name is a plain attribute (a float, int, bool, or a flat
+tuple in row-major order).
 
 - `start()` puts the state to its start values; initialisation mode calls it again whenever an
   input or a parameter has changed.
@@ -16,11 +17,12 @@ instance each name is a plain attribute (a float, int, bool, or a flat tuple in 
 - `advance(t, dt)` moves the state from t to t + dt with the inputs of t and assigns the
   *interval* outputs, which are valid on [t, t + dt).
 
-`instance` is the name that the block has in its system: an FMU's as given at instantiation, a bare
-block's its component's, and its role's until it is told. Noise is keyed by it.
+`instance` is the name that the block has in its system: an FMU's as given at
+instantiation, a bare block's its component's, and its role's until it is told. Noise is
+keyed by it.
 
-Everything a block keeps is an attribute that is immutable and JSON-able (float, int, bool, str,
-None, tuples of these), so that a copy of its `__dict__` is its whole state.
+Everything a block keeps is an attribute that is immutable and JSON-able (float, int,
+bool, str, None, tuples of these), so that a copy of its `__dict__` is its whole state.
 """
 
 from __future__ import annotations
@@ -46,7 +48,9 @@ Mat34 = tuple[float, ...]
 Table = tuple[float, ...]
 Flags4 = tuple[bool, bool, bool, bool]
 
-_SHAPES: dict[str, tuple[Literal["Real", "Integer", "Boolean"], tuple[int, ...] | None]] = {
+_SHAPES: dict[
+    str, tuple[Literal["Real", "Integer", "Boolean"], tuple[int, ...] | None]
+] = {
     "float": ("Real", ()),
     "int": ("Integer", ()),
     "bool": ("Boolean", ()),
@@ -63,7 +67,8 @@ Value = Scalar | tuple[Scalar, ...]
 
 
 class BlockError(ValueError):
-    """A block's parameters or inputs make no sense; the text says which and what is allowed."""
+    """A block's parameters or inputs make no sense; the text says which and what is
+    allowed."""
 
 
 @dataclass(frozen=True)
@@ -105,7 +110,9 @@ class Variable:
         if len(self.shape) == 1:
             return [f"{self.name}[{i + 1}]" for i in range(self.shape[0])]
         rows, columns = self.shape
-        return [f"{self.name}[{i + 1},{j + 1}]" for i in range(rows) for j in range(columns)]
+        return [
+            f"{self.name}[{i + 1},{j + 1}]" for i in range(rows) for j in range(columns)
+        ]
 
     def flat_start(self) -> tuple[Scalar, ...]:
         """The start value as a flat tuple of `size` scalars."""
@@ -115,7 +122,9 @@ class Variable:
 class _Declaration:
     """A declaration waiting for the name and annotation that its class gives it."""
 
-    def __init__(self, causality: Any, unit: str, description: str, **options: Any) -> None:
+    def __init__(
+        self, causality: Any, unit: str, description: str, **options: Any
+    ) -> None:
         self.causality, self.unit, self.description = causality, unit, description
         self.options = options
 
@@ -123,8 +132,10 @@ class _Declaration:
         annotation = owner.__annotations__.get(name)
         where = f"{owner.__name__}.{name}"
         if annotation is not None and not isinstance(annotation, str):
-            raise TypeError(f"{where}: annotations are read as text: its file needs the line "
-                            "`from __future__ import annotations` at its head")  # fmt: skip
+            raise TypeError(
+                f"{where}: annotations are read as text: its file needs the line "
+                "`from __future__ import annotations` at its head"
+            )
         if annotation not in _SHAPES:
             raise TypeError(f"{where}: annotate it with one of {', '.join(_SHAPES)}")
         try:
@@ -149,7 +160,9 @@ class _Declaration:
             flat = _flatten(start if start is not None else 0)
             flat = flat * size if len(flat) == 1 else flat
             if len(flat) != size:
-                raise TypeError(f"{where}: start has {len(flat)} values, the shape needs {size}")
+                raise TypeError(
+                    f"{where}: start has {len(flat)} values, the shape needs {size}"
+                )
             value = tuple(cast(x) for x in flat)
         else:
             value = cast(start if start is not None else 0)
@@ -157,9 +170,16 @@ class _Declaration:
         if usual and not all(usual[0] <= x <= usual[1] for x in _flatten(value)):
             raise TypeError(f"{where}: its start value is not within what is usual")
         return Variable(
-            name, self.causality, kind, shape, self.unit, self.description, value,
-            choices=choices, **options,
-        )  # fmt: skip
+            name,
+            self.causality,
+            kind,
+            shape,
+            self.unit,
+            self.description,
+            value,
+            choices=choices,
+            **options,
+        )
 
 
 def _flatten(value: Any) -> list[Any]:
@@ -168,60 +188,115 @@ def _flatten(value: Any) -> list[Any]:
     return [value]
 
 
-def Input(unit: str, description: str, *, start: Any = None, min: float | None = None,
-          max: float | None = None, needs: tuple[str, ...] = (),
-          source: str | tuple[str, ...] = (), initial: bool = False,
-          asked: bool = False) -> Any:  # fmt: skip
-    """Declare an input: unit, meaning with frame and sign, value while unconnected; `initial`: it
-    is read in initialisation mode only.
+def Input(
+    unit: str,
+    description: str,
+    *,
+    start: Any = None,
+    min: float | None = None,
+    max: float | None = None,
+    needs: tuple[str, ...] = (),
+    source: str | tuple[str, ...] = (),
+    initial: bool = False,
+    asked: bool = False,
+) -> Any:
+    """Declare an input: unit, meaning with frame and sign, value while unconnected;
+    `initial`: it is read in initialisation mode only.
 
-    `source` names the outputs (`role.output`) that usually feed it, the best first; `asked`: only
-    where something of the block needs it, for most of the role do not read it. `needs` names other
-    variables without which it has no effect, as for a parameter; it counts where the input is
-    wired.
+    `source` names the outputs (`role.output`) that usually feed it, the best first;
+    `asked`: only where something of the block needs it, for most of the role do not
+    read it. `needs` names other variables without which it has no effect, as for a
+    parameter; it counts where the input is wired.
     """
     usual = (source,) if isinstance(source, str) else source
-    return _Declaration("input", unit, description, start=start, minimum=min, maximum=max,
-                        needs=needs, source=usual, initial=initial, asked=asked)  # fmt: skip
+    return _Declaration(
+        "input",
+        unit,
+        description,
+        start=start,
+        minimum=min,
+        maximum=max,
+        needs=needs,
+        source=usual,
+        initial=initial,
+        asked=asked,
+    )
 
 
-def Output(unit: str, description: str, *, interval: bool = False, mean: bool = False,
-           slope: str = "", starts_from: tuple[str, ...] = (),
-           choices: tuple[str, ...] = (), shape: tuple[int, ...] | None = None,
-           ) -> Any:  # fmt: skip
+def Output(
+    unit: str,
+    description: str,
+    *,
+    interval: bool = False,
+    mean: bool = False,
+    slope: str = "",
+    starts_from: tuple[str, ...] = (),
+    choices: tuple[str, ...] = (),
+    shape: tuple[int, ...] | None = None,
+) -> Any:
     """Declare an output: *state* (set in `output`) or *interval* (set in `advance`).
 
-    `mean`: an interval output that is the mean over the step of a quantity whose integral counts (a
-    torque, a dipole); `slope` names the output with its slope, and makes the two a pair. A master
-    hands the integral on, whatever the rates of the two sides; of another interval output a slower
-    receiver takes one value in so many. `starts_from` names the inputs that its value in
-    initialisation mode depends on. `choices` names its integer values, `-` for one that it never
-    has; where a role declares the output, each block declares it again with its own.
+    `mean`: an interval output that is the mean over the step of a quantity whose
+    integral counts (a torque, a dipole); `slope` names the output with its slope, and
+    makes the two a pair. A master hands the integral on, whatever the rates of the two
+    sides; of another interval output a slower receiver takes one value in so many.
+    `starts_from` names the inputs that its value in initialisation mode depends on.
+    `choices` names its integer values, `-` for one that it never has; where a role
+    declares the output, each block declares it again with its own.
     """
-    return _Declaration("output", unit, description, interval=interval or mean or bool(slope),
-                        mean=mean or bool(slope), slope=slope, starts_from=starts_from,
-                        choices=choices, shape=shape)  # fmt: skip
+    return _Declaration(
+        "output",
+        unit,
+        description,
+        interval=interval or mean or bool(slope),
+        mean=mean or bool(slope),
+        slope=slope,
+        starts_from=starts_from,
+        choices=choices,
+        shape=shape,
+    )
 
 
-def Parameter(unit: str, description: str, *, start: Any = None, min: float | None = None,
-              max: float | None = None, choices: tuple[str, ...] = (),
-              shape: tuple[int, ...] | None = None, shared: bool = False,
-              needs: tuple[str, ...] = (), follows: str = "",
-              usual: tuple[float, float] | None = None) -> Any:  # fmt: skip
+def Parameter(
+    unit: str,
+    description: str,
+    *,
+    start: Any = None,
+    min: float | None = None,
+    max: float | None = None,
+    choices: tuple[str, ...] = (),
+    shape: tuple[int, ...] | None = None,
+    shared: bool = False,
+    needs: tuple[str, ...] = (),
+    follows: str = "",
+    usual: tuple[float, float] | None = None,
+) -> Any:
     """Declare a parameter, fixed once the simulation runs.
 
-    `choices` names its integer values; `shared`: all blocks of a system that have a parameter of
-    this name must have the same value; a flight computer's may err. `needs` names the block's
-    inputs that must be wired or given, and the outputs that must reach somebody, unless the
-    parameter is off: 0, false, its first choice, or all elements so. `desat check` holds a system
-    to that. `follows`: what of the craft it usually is, a product of parameters
-    (`role.parameter`) as a scenario may give it; where it differs, a check warns that it may be
-    another craft's. `usual`: the range outside of which a value is allowed, but more likely a
-    slip, of units for instance: a warning.
+    `choices` names its integer values; `shared`: all blocks of a system that have a
+    parameter of this name must have the same value; a flight computer's may err.
+    `needs` names the block's inputs that must be wired or given, and the outputs that
+    must reach somebody, unless the parameter is off: 0, false, its first choice, or all
+    elements so. `desat check` holds a system to that. `follows`: what of the craft it
+    usually is, a product of parameters (`role.parameter`) as a scenario may give it;
+    where it differs, a check warns that it may be another craft's. `usual`: the range
+    outside of which a value is allowed, but more likely a slip, of units for instance:
+    a warning.
     """
-    return _Declaration("parameter", unit, description, start=start, minimum=min, maximum=max,
-                        choices=choices, shape=shape, shared=shared, needs=needs,
-                        follows=follows, usual=usual)  # fmt: skip
+    return _Declaration(
+        "parameter",
+        unit,
+        description,
+        start=start,
+        minimum=min,
+        maximum=max,
+        choices=choices,
+        shape=shape,
+        shared=shared,
+        needs=needs,
+        follows=follows,
+        usual=usual,
+    )
 
 
 class Access:
@@ -233,7 +308,9 @@ class Access:
     def __init__(self, block: Block, positions: Sequence[int]) -> None:
         scalars = block.scalars()
         self._values = vars(block)
-        self._steps: list[tuple[str, int | None, int, int]] = []  # name, index, first, last
+        self._steps: list[
+            tuple[str, int | None, int, int]
+        ] = []  # name, index, first, last
         k = 0
         while k < len(positions):
             variable, index = scalars[positions[k]]
@@ -243,7 +320,9 @@ class Access:
                 self._steps.append((variable.name, None, k, k + size))
                 k += size
             else:
-                self._steps.append((variable.name, -1 if index is None else index, k, k + 1))
+                self._steps.append(
+                    (variable.name, -1 if index is None else index, k, k + 1)
+                )
                 k += 1
         self.size = k
 
@@ -276,7 +355,8 @@ class Access:
 
 
 class Block:
-    """Base of all blocks. The docstring of a block is its page: Markdown, first line the title."""
+    """Base of all blocks. The docstring of a block is its page: Markdown, first line
+    the title."""
 
     role: ClassVar[str] = ""
     role_title: ClassVar[str] = ""  # of a role, for people
@@ -286,30 +366,45 @@ class Block:
 
     variables: ClassVar[tuple[Variable, ...]] = ()
 
-    fault: bool = Output("1", "true: the block has failed and stands still; see the log")
+    fault: bool = Output(
+        "1", "true: the block has failed and stands still; see the log"
+    )
 
     def __init_subclass__(cls) -> None:
-        found = {v.name: v for base in cls.__bases__ for v in getattr(base, "variables", ())}
+        found = {
+            v.name: v for base in cls.__bases__ for v in getattr(base, "variables", ())
+        }
         for name, declaration in list(vars(cls).items()):
             if not isinstance(declaration, _Declaration):
                 continue
             variable = declaration.variable(cls, name)
             older = found.get(name)
             if older and (older.causality, older.type, older.shape, older.unit) != (
-                variable.causality, variable.type, variable.shape, variable.unit
-            ):  # fmt: skip
+                variable.causality,
+                variable.type,
+                variable.shape,
+                variable.unit,
+            ):
                 raise TypeError(f"{cls.__name__}.{name} changes what its role declares")
             found[name] = variable
             delattr(cls, name)
         for name in {n for v in found.values() for n in v.needs}:
             if name not in found or found[name].causality == "parameter":
-                raise TypeError(f"{cls.__name__}: needs {name!r}, which is no input or output")
+                raise TypeError(
+                    f"{cls.__name__}: needs {name!r}, which is no input or output"
+                )
         for v in found.values():
             other = found.get(v.slope) if v.slope else None
-            if v.slope and (other is None or not other.interval or other.shape != v.shape):
-                raise TypeError(f"{cls.__name__}.{v.name}: its slope {v.slope!r} is no such output")
+            if v.slope and (
+                other is None or not other.interval or other.shape != v.shape
+            ):
+                raise TypeError(
+                    f"{cls.__name__}.{v.name}: its slope {v.slope!r} is no such output"
+                )
         cls.variables = tuple(
-            replace(v, needed_by=tuple(n for n, w in found.items() if v.name in w.needs))
+            replace(
+                v, needed_by=tuple(n for n, w in found.items() if v.name in w.needs)
+            )
             for v in found.values()
         )
 
@@ -321,37 +416,45 @@ class Block:
     @classmethod
     def scalars(cls) -> list[tuple[Variable, int | None]]:
         """Every scalar of every variable in order: (variable, index in it or None)."""
-        return [(v, i if v.shape else None) for v in cls.variables for i in range(v.size)]
+        return [
+            (v, i if v.shape else None) for v in cls.variables for i in range(v.size)
+        ]
 
     def access(self, positions: Sequence[int]) -> Access:
         """Read and write the scalars at these positions of `scalars()`, in this order."""
         return Access(self, positions)
 
     def check(self) -> None:
-        """Raise BlockError when a parameter is outside its declared bounds or is not finite."""
+        """Raise BlockError when a parameter is outside its declared bounds or is not
+        finite."""
         for v in self.variables:
             if v.causality != "parameter":
                 continue
             value = getattr(self, v.name)
-            for name, x in zip(v.elements(), value if v.shape else (value,), strict=True):
+            for name, x in zip(
+                v.elements(), value if v.shape else (value,), strict=True
+            ):
                 if not math.isfinite(x):
                     raise BlockError(f"{name} = {x} is not a finite number")
                 if (v.minimum is not None and x < v.minimum) or (
                     v.maximum is not None and x > v.maximum
                 ):
-                    raise BlockError(f"{name} = {x} is outside [{v.minimum}, {v.maximum}]")
+                    raise BlockError(
+                        f"{name} = {x} is outside [{v.minimum}, {v.maximum}]"
+                    )
 
     def fail(self, text: str) -> NoReturn:
         """Raise BlockError: these parameters or inputs make no sense."""
         raise BlockError(text)
 
     def foresee(self, begin: float, end: float, wired: frozenset[str]) -> Iterator[str]:
-        """What is known before a run from begin to end (s) that makes its results doubtful or this
-        block useless, a line each, which begins with the variable that it is about. Raises
-        BlockError where the run would fail on the way.
+        """What is known before a run from begin to end (s) that makes its results
+        doubtful or this block useless, a line each, which begins with the variable that
+        it is about. Raises BlockError where the run would fail on the way.
 
-        `desat check` asks a block that has its parameters and has started; no host does. `wired`:
-        the inputs that something feeds or gives, and the outputs that somebody reads.
+        `desat check` asks a block that has its parameters and has started; no host
+        does. `wired`: the inputs that something feeds or gives, and the outputs that
+        somebody reads.
         """
         yield from ()
 
@@ -372,14 +475,18 @@ class Sampled(Block):
     """A block that takes samples: base of sensors, computers and pulsed actuators."""
 
     sample_time: float = Parameter(
-        "s", "time between samples, a multiple of the step; 0: at every step", start=0.0, min=0.0
+        "s",
+        "time between samples, a multiple of the step; 0: at every step",
+        start=0.0,
+        min=0.0,
     )
 
     def start(self) -> None:
         self._sample = -1
 
     def due(self, t: float) -> bool:
-        """True when a sample falls on the step that starts at t (s); call it once a step."""
+        """True when a sample falls on the step that starts at t (s); call it once a
+        step."""
         if self.sample_time <= 0.0:
             self._sample += 1
             return True

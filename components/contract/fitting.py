@@ -1,7 +1,7 @@
 """What a manager asks of a craft, and the gains that its laws have by rule from it.
 
-A manager declares both (`Manager.craft_needs`, `Manager.offers`); whoever chooses among managers
-asks these declarations, and nothing else.
+A manager declares both (`Manager.craft_needs`, `Manager.offers`); whoever chooses among
+managers asks these declarations, and nothing else.
 """
 
 from __future__ import annotations
@@ -26,8 +26,9 @@ class Need(Enum):
 class Law(NamedTuple):
     """A law of a manager that holds the momentum of wheels as long as it flies.
 
-    `gains`: parameter -> a choice by its name, true or false, or a rule, which is a product as
-    scenarios have it, of numbers, of parameters of the craft (`torquers.m_limit`) and of
+    `gains`: parameter -> a choice by its name, true or false, or a rule, which is a
+    product as scenarios have it, of numbers, of parameters of the craft
+    (`torquers.m_limit`) and of
 
     - `craft.rate`, 1/s: at which momentum across the field is to go out: five times the orbit's
       rate, or what the craft's own law has;
@@ -44,11 +45,15 @@ class Law(NamedTuple):
     rate: str = ""
     """The gain by which others take over the rate of a craft's own law; empty: none."""
     units: Mapping[str, str] = MappingProxyType({})
-    """parameter -> its unit under this law, where that is not the one that it is declared with."""
+    """parameter -> its unit under this law, where that is not the one that it is
+    declared with."""
 
 
-def unit_under(manager: type, parameter: str, values: Mapping[str, object]) -> str | None:
-    """The unit of a parameter under the law that a manager's values choose; None: as declared."""
+def unit_under(
+    manager: type, parameter: str, values: Mapping[str, object]
+) -> str | None:
+    """The unit of a parameter under the law that a manager's values choose; None: as
+    declared."""
     for law in getattr(manager, "offers", ()):
         chosen = {k: x for k, x in law.gains.items() if isinstance(values.get(k), str)}
         if parameter in law.units and all(values[k] == x for k, x in chosen.items()):

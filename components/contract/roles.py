@@ -1,7 +1,8 @@
-"""The interface of each role: what all blocks (and anybody's FMU) of one role have in common.
+"""The interface of each role: what all blocks (and anybody's FMU) of one role have in
+common.
 
-A block of a role adds parameters and telemetry, never another connector to the loop, so that
-swapping one block for another changes one `source` and its parameters.
+A block of a role adds parameters and telemetry, never another connector to the loop, so
+that swapping one block for another changes one `source` and its parameters.
 """
 
 from __future__ import annotations
@@ -20,10 +21,12 @@ ON_THEIR_WAY = 16
 
 
 class Computer(Sampled):
-    """A flight computer: its commands leave it `delay` after the sample that they are made of.
+    """A flight computer: its commands leave it `delay` after the sample that they are
+    made of.
 
-    A block says in `compute` what it decides and in `commands` and `command` which of its outputs
-    are commands. What it decides for itself, as modes and integrals, is not delayed.
+    A block says in `compute` what it decides and in `commands` and `command` which of
+    its outputs are commands. What it decides for itself, as modes and integrals, is not
+    delayed.
     """
 
     delay: float = Parameter(
@@ -68,7 +71,9 @@ class Computer(Sampled):
         if abs(steps - round(steps)) > 1e-6:
             self.fail(f"delay = {self.delay} s is not a multiple of the step of {dt} s")
         if len(self._waiting) == ON_THEIR_WAY:
-            self.fail(f"delay = {self.delay} s holds more than {ON_THEIR_WAY} commands back")
+            self.fail(
+                f"delay = {self.delay} s holds more than {ON_THEIR_WAY} commands back"
+            )
         self._waiting = (*self._waiting, (t + self.delay, *self._decided))
 
 
@@ -94,34 +99,44 @@ class WheelInertias(WheelAxes):
     """What every block that moves the wheels has, beside its role."""
 
     inertia_wheel: Vec4 = Parameter(
-        "kg.m2", "spin inertia of each wheel", start=(0.008, 0.008, 0.008, 0.0), min=0.0,
+        "kg.m2",
+        "spin inertia of each wheel",
+        start=(0.008, 0.008, 0.008, 0.0),
+        min=0.0,
         shared=True,
-    )  # fmt: skip
+    )
 
 
 class Environment(Block):
     """Where the spacecraft is and what surrounds it; never a torque.
 
-    `eci` is the mean equator and equinox of date: those of t = 0, held while a system runs; of
-    J2000 where `eci_frame` says so.
+    `eci` is the mean equator and equinox of date: those of t = 0, held while a system
+    runs; of J2000 where `eci_frame` says so.
     """
 
     role = "environment"
     role_title = "Environment: orbit, field, Sun and air"
     typical_block = "environment_kepler"
 
-    # for orbits that firings change; the usual ones read nothing, so no craft wires these unasked
+    # for orbits that firings change; the usual ones read nothing, so no craft wires
+    # these unasked
     force_mean_thruster_body: Vec3 = Input(
         "N", "force of the thrusters, body, mean over the step", needs=("q_bi",)
     )
     q_bi: Vec4 = Input("1", "attitude: body from eci, scalar last", start=UPRIGHT)
-    omega_bi_body: Vec3 = Input("rad/s", "angular rate of the body relative to eci, body")
+    omega_bi_body: Vec3 = Input(
+        "rad/s", "angular rate of the body relative to eci, body"
+    )
     r_eci: Vec3 = Output("m", "position, eci")
     v_eci: Vec3 = Output("m/s", "velocity, eci")
     b_eci: Vec3 = Output("T", "geomagnetic field at the spacecraft, eci")
-    b_rate_eci: Vec3 = Output("T/s", "its time derivative along the orbit, eci components")
+    b_rate_eci: Vec3 = Output(
+        "T/s", "its time derivative along the orbit, eci components"
+    )
     b_accel_eci: Vec3 = Output("T/s2", "its second time derivative, eci components")
-    sun_eci: Vec3 = Output("1", "unit vector to the Sun, eci; zero where no Sun is modelled")
+    sun_eci: Vec3 = Output(
+        "1", "unit vector to the Sun, eci; zero where no Sun is modelled"
+    )
     sunlight: float = Output(
         "1",
         "the Sun's light over that at 1 astronomical unit: 0 in eclipse, near the Earth 0.967 to "
@@ -137,20 +152,32 @@ class Spacecraft(Block):
     role_title = "Spacecraft: motion of the body"
     typical_block = "spacecraft_rigid"
 
-    r_eci: Vec3 = Input("m", "position, eci", start=(7.0e6, 0.0, 0.0), source="environment.r_eci")
-    v_eci: Vec3 = Input("m/s", "velocity, eci", start=(0.0, 7.5e3, 0.0), source="environment.v_eci")
+    r_eci: Vec3 = Input(
+        "m", "position, eci", start=(7.0e6, 0.0, 0.0), source="environment.r_eci"
+    )
+    v_eci: Vec3 = Input(
+        "m/s", "velocity, eci", start=(0.0, 7.5e3, 0.0), source="environment.v_eci"
+    )
     b_eci: Vec3 = Input("T", "geomagnetic field, eci", source="environment.b_eci")
     b_rate_eci: Vec3 = Input(
         "T/s", "its time derivative, eci components", source="environment.b_rate_eci"
     )
     b_accel_eci: Vec3 = Input(
-        "T/s2", "its second time derivative, eci components", source="environment.b_accel_eci"
+        "T/s2",
+        "its second time derivative, eci components",
+        source="environment.b_accel_eci",
     )
-    sun_eci: Vec3 = Input("1", "unit vector to the Sun, eci", source="environment.sun_eci")
+    sun_eci: Vec3 = Input(
+        "1", "unit vector to the Sun, eci", source="environment.sun_eci"
+    )
     sunlight: float = Input(
-        "1", "the Sun's light over that at 1 astronomical unit", source="environment.sunlight"
+        "1",
+        "the Sun's light over that at 1 astronomical unit",
+        source="environment.sunlight",
     )
-    density: float = Input("kg/m3", "density of the atmosphere", source="environment.density")
+    density: float = Input(
+        "kg/m3", "density of the atmosphere", source="environment.density"
+    )
     h_wheel: Vec4 = Input(
         "N.m.s",
         "axial momentum of each wheel, absolute; read in initialisation mode only",
@@ -164,7 +191,9 @@ class Spacecraft(Block):
         needs=("h_wheel",),
     )
     tau_slope_wheel: Vec4 = Input(
-        "N.m", "net torque on each rotor, slope over the step", source="wheels.tau_slope_wheel"
+        "N.m",
+        "net torque on each rotor, slope over the step",
+        source="wheels.tau_slope_wheel",
     )
     m_mean_body: Vec3 = Input(
         "A.m2",
@@ -173,7 +202,9 @@ class Spacecraft(Block):
         needs=("b_eci",),
     )
     m_slope_body: Vec3 = Input(
-        "A.m2", "magnetic dipole of the torquers, body, slope", source="torquers.m_slope_body"
+        "A.m2",
+        "magnetic dipole of the torquers, body, slope",
+        source="torquers.m_slope_body",
     )
     tau_mean_thruster_body: Vec3 = Input(
         "N.m",
@@ -191,9 +222,13 @@ class Spacecraft(Block):
         source=("disturbance.tau_ext_body", "wheels.tau_jitter_body"),
     )
 
-    q_bi: Vec4 = Output("1", "attitude: body from eci, scalar last", starts_from=("r_eci", "v_eci"))
+    q_bi: Vec4 = Output(
+        "1", "attitude: body from eci, scalar last", starts_from=("r_eci", "v_eci")
+    )
     omega_bi_body: Vec3 = Output(
-        "rad/s", "angular rate of the body relative to eci, body", starts_from=("r_eci", "v_eci")
+        "rad/s",
+        "angular rate of the body relative to eci, body",
+        starts_from=("r_eci", "v_eci"),
     )
     h_copy_wheel: Vec4 = Output(
         "N.m.s",
@@ -211,14 +246,22 @@ class Disturbance(Block):
     typical_block = "disturbance_table"
 
     q_bi: Vec4 = Input(
-        "1", "attitude: body from eci, scalar last", start=UPRIGHT, source="spacecraft.q_bi"
+        "1",
+        "attitude: body from eci, scalar last",
+        start=UPRIGHT,
+        source="spacecraft.q_bi",
     )
-    r_eci: Vec3 = Input("m", "position, eci", start=(7.0e6, 0.0, 0.0), source="environment.r_eci")
-    v_eci: Vec3 = Input("m/s", "velocity, eci", start=(0.0, 7.5e3, 0.0), source="environment.v_eci")
+    r_eci: Vec3 = Input(
+        "m", "position, eci", start=(7.0e6, 0.0, 0.0), source="environment.r_eci"
+    )
+    v_eci: Vec3 = Input(
+        "m/s", "velocity, eci", start=(0.0, 7.5e3, 0.0), source="environment.v_eci"
+    )
     tau_other_body: Vec3 = Input(
-        "N.m", "any other external torque, body, to which it is added",
+        "N.m",
+        "any other external torque, body, to which it is added",
         source="wheels.tau_jitter_body",
-    )  # fmt: skip
+    )
     tau_ext_body: Vec3 = Output("N.m", "torque, body, mean over the step", mean=True)
 
 
@@ -232,13 +275,19 @@ class Magnetometer(Sampled):
 
     b_eci: Vec3 = Input("T", "geomagnetic field, eci", source="environment.b_eci")
     q_bi: Vec4 = Input(
-        "1", "attitude: body from eci, scalar last", start=UPRIGHT, source="spacecraft.q_bi"
+        "1",
+        "attitude: body from eci, scalar last",
+        start=UPRIGHT,
+        source="spacecraft.q_bi",
     )
     m_body: Vec3 = Input(
         "A.m2", "dipole of the torquers at this time, body", source="torquers.m_body"
     )
     b_body: Vec3 = Output(
-        "T", "measured field, body", interval=True, starts_from=("b_eci", "q_bi", "m_body")
+        "T",
+        "measured field, body",
+        interval=True,
+        starts_from=("b_eci", "q_bi", "m_body"),
     )
     valid: bool = Output("1", "true: the measurement may be used", interval=True)
 
@@ -274,10 +323,15 @@ class RateGyro(Sampled):
     is_sensor = True
 
     omega_bi_body: Vec3 = Input(
-        "rad/s", "angular rate of the body relative to eci, body", source="spacecraft.omega_bi_body"
+        "rad/s",
+        "angular rate of the body relative to eci, body",
+        source="spacecraft.omega_bi_body",
     )
     omega_meas_body: Vec3 = Output(
-        "rad/s", "measured angular rate, body", interval=True, starts_from=("omega_bi_body",)
+        "rad/s",
+        "measured angular rate, body",
+        interval=True,
+        starts_from=("omega_bi_body",),
     )
     valid: bool = Output("1", "true: the measurement may be used", interval=True)
 
@@ -291,10 +345,16 @@ class AttitudeDetermination(Sampled):
     is_sensor = True
 
     q_bi: Vec4 = Input(
-        "1", "attitude: body from eci, scalar last", start=UPRIGHT, source="spacecraft.q_bi"
+        "1",
+        "attitude: body from eci, scalar last",
+        start=UPRIGHT,
+        source="spacecraft.q_bi",
     )
     q_meas_bi: Vec4 = Output(
-        "1", "estimated attitude: body from eci, scalar last", interval=True, starts_from=("q_bi",)
+        "1",
+        "estimated attitude: body from eci, scalar last",
+        interval=True,
+        starts_from=("q_bi",),
     )
     valid: bool = Output("1", "true: the estimate may be used", interval=True)
 
@@ -307,13 +367,20 @@ class SunSensor(Sampled):
     typical_block = "sun_sensor"
     is_sensor = True
 
-    sun_eci: Vec3 = Input("1", "unit vector to the Sun, eci", source="environment.sun_eci")
+    sun_eci: Vec3 = Input(
+        "1", "unit vector to the Sun, eci", source="environment.sun_eci"
+    )
     sunlight: float = Input(
-        "1", "the Sun's light over that at 1 astronomical unit", start=1.0,
+        "1",
+        "the Sun's light over that at 1 astronomical unit",
+        start=1.0,
         source="environment.sunlight",
-    )  # fmt: skip
+    )
     q_bi: Vec4 = Input(
-        "1", "attitude: body from eci, scalar last", start=UPRIGHT, source="spacecraft.q_bi"
+        "1",
+        "attitude: body from eci, scalar last",
+        start=UPRIGHT,
+        source="spacecraft.q_bi",
     )
     sun_meas_body: Vec3 = Output(
         "1",
@@ -341,17 +408,28 @@ class StarTracker(Sampled):
     is_sensor = True
 
     q_bi: Vec4 = Input(
-        "1", "attitude: body from eci, scalar last", start=UPRIGHT, source="spacecraft.q_bi"
+        "1",
+        "attitude: body from eci, scalar last",
+        start=UPRIGHT,
+        source="spacecraft.q_bi",
     )
     omega_bi_body: Vec3 = Input(
-        "rad/s", "angular rate of the body relative to eci, body", source="spacecraft.omega_bi_body"
+        "rad/s",
+        "angular rate of the body relative to eci, body",
+        source="spacecraft.omega_bi_body",
     )
-    r_eci: Vec3 = Input("m", "position, eci", start=(7.0e6, 0.0, 0.0), source="environment.r_eci")
-    sun_eci: Vec3 = Input("1", "unit vector to the Sun, eci", source="environment.sun_eci")
+    r_eci: Vec3 = Input(
+        "m", "position, eci", start=(7.0e6, 0.0, 0.0), source="environment.r_eci"
+    )
+    sun_eci: Vec3 = Input(
+        "1", "unit vector to the Sun, eci", source="environment.sun_eci"
+    )
     sunlight: float = Input(
-        "1", "the Sun's light over that at 1 astronomical unit", start=1.0,
+        "1",
+        "the Sun's light over that at 1 astronomical unit",
+        start=1.0,
         source="environment.sunlight",
-    )  # fmt: skip
+    )
     q_meas_bi: Vec4 = Output(
         "1",
         "measured attitude: body from eci, scalar last",
@@ -373,12 +451,19 @@ class Guidance(Sampled):
     role_title = "Reference attitude"
     typical_block = "guidance_nadir"
 
-    r_eci: Vec3 = Input("m", "position, eci", start=(7.0e6, 0.0, 0.0), source="environment.r_eci")
-    v_eci: Vec3 = Input("m/s", "velocity, eci", start=(0.0, 7.5e3, 0.0), source="environment.v_eci")
+    r_eci: Vec3 = Input(
+        "m", "position, eci", start=(7.0e6, 0.0, 0.0), source="environment.r_eci"
+    )
+    v_eci: Vec3 = Input(
+        "m/s", "velocity, eci", start=(0.0, 7.5e3, 0.0), source="environment.v_eci"
+    )
     sun_eci: Vec3 = Input(
-        "1", "unit vector to the Sun, eci", start=(1.0, 0.0, 0.0), source="environment.sun_eci",
+        "1",
+        "unit vector to the Sun, eci",
+        start=(1.0, 0.0, 0.0),
+        source="environment.sun_eci",
         asked=True,
-    )  # fmt: skip
+    )
     q_ref_bi: Vec4 = Output(
         "1",
         "reference attitude: body from eci, scalar last",
@@ -394,8 +479,8 @@ class Guidance(Sampled):
 
 
 class Controller(Computer):
-    """Says which torque the body needs to follow its reference; none while a measurement is not
-    valid."""
+    """Says which torque the body needs to follow its reference; none while a
+    measurement is not valid."""
 
     role = "controller"
     role_title = "Attitude control"
@@ -433,7 +518,9 @@ class Controller(Computer):
     valid_omega: bool = Input(
         "1", "false: omega_bi_body is not used", start=True, source="gyro.valid"
     )
-    tau_ctrl_body: Vec3 = Output("N.m", "torque wanted on the body, body", interval=True)
+    tau_ctrl_body: Vec3 = Output(
+        "N.m", "torque wanted on the body, body", interval=True
+    )
 
     def foresee(self, begin: float, end: float, wired: frozenset[str]) -> Iterator[str]:
         if "q_ref_bi" not in wired:
@@ -449,8 +536,8 @@ class Controller(Computer):
 
 
 class Manager(Computer):
-    """Decides how the wheels' momentum is dumped, and by which actuator; a measurement that is not
-    valid is not used."""
+    """Decides how the wheels' momentum is dumped, and by which actuator; a measurement
+    that is not valid is not used."""
 
     role = "manager"
     role_title = "Momentum management"
@@ -458,16 +545,19 @@ class Manager(Computer):
     craft_needs: ClassVar[tuple[Need, ...]] = ()
     """What a craft must have for it to be of use, besides what its bases say."""
     offers: ClassVar[tuple[Law, ...]] = ()
-    """Its laws that hold the wheels' momentum, each with its gains by rule from the craft."""
+    """Its laws that hold the wheels' momentum, each with its gains by rule from the
+    craft."""
     no_law: ClassVar[str] = ""
     """Why it has no such law, where it has none."""
     brakes: ClassVar[bool] = False
     """Whether it takes the rate out of a craft that tumbles."""
     passes_torque: ClassVar[bool] = False
-    """Whether the wheels give the body tau_ctrl_body at each of their commands, and, unless a
-    parameter `gyroscopic` is false, omega x h."""
+    """Whether the wheels give the body tau_ctrl_body at each of their commands, and,
+    unless a parameter `gyroscopic` is false, omega x h."""
 
-    b_body: Vec3 = Input("T", "measured geomagnetic field, body", source="magnetometer.b_body")
+    b_body: Vec3 = Input(
+        "T", "measured geomagnetic field, body", source="magnetometer.b_body"
+    )
     q_bi: Vec4 = Input(
         "1",
         "measured attitude: body from eci, scalar last",
@@ -479,12 +569,20 @@ class Manager(Computer):
         "measured angular rate, body",
         source=("gyro.omega_meas_body", "spacecraft.omega_bi_body"),
     )
-    r_eci: Vec3 = Input("m", "position, eci", start=(7.0e6, 0.0, 0.0), source="environment.r_eci")
-    v_eci: Vec3 = Input("m/s", "velocity, eci", start=(0.0, 7.5e3, 0.0), source="environment.v_eci")
+    r_eci: Vec3 = Input(
+        "m", "position, eci", start=(7.0e6, 0.0, 0.0), source="environment.r_eci"
+    )
+    v_eci: Vec3 = Input(
+        "m/s", "velocity, eci", start=(0.0, 7.5e3, 0.0), source="environment.v_eci"
+    )
     h_wheel: Vec4 = Input(
         "N.m.s",
         "measured axial momentum of each wheel",
-        source=("tachometers.h_meas_wheel", "wheels.h_wheel", "spacecraft.h_copy_wheel"),
+        source=(
+            "tachometers.h_meas_wheel",
+            "wheels.h_wheel",
+            "spacecraft.h_copy_wheel",
+        ),
     )
     tau_ctrl_body: Vec3 = Input(
         "N.m",
@@ -501,10 +599,15 @@ class Manager(Computer):
         "rad/s",
         "rate of the reference frame, in the reference frame",
     )
-    h_target_body: Vec3 = Input("N.m.s", "wanted sum of the wheels' momentum (a bias), body")
+    h_target_body: Vec3 = Input(
+        "N.m.s", "wanted sum of the wheels' momentum (a bias), body"
+    )
     enable: bool = Input("1", "false: no dumping", start=True)
     valid_b: bool = Input(
-        "1", "false: b_body is not used, no dipole", start=True, source="magnetometer.valid"
+        "1",
+        "false: b_body is not used, no dipole",
+        start=True,
+        source="magnetometer.valid",
     )
     valid_q: bool = Input(
         "1",
@@ -516,13 +619,20 @@ class Manager(Computer):
         "1", "false: omega_bi_body is not used", start=True, source="gyro.valid"
     )
     valid_h: bool = Input(
-        "1", "false: h_wheel is not used, no dumping", start=True, source="tachometers.valid"
+        "1",
+        "false: h_wheel is not used, no dumping",
+        start=True,
+        source="tachometers.valid",
     )
 
     tau_cmd_wheel: Vec4 = Output("N.m", "torque command to each rotor", interval=True)
     m_cmd_body: Vec3 = Output("A.m2", "dipole command, body", interval=True)
-    tau_cmd_thruster_body: Vec3 = Output("N.m", "thruster torque command, body", interval=True)
-    mode: int = Output("1", "what the manager does; its values are each block's", interval=True)
+    tau_cmd_thruster_body: Vec3 = Output(
+        "N.m", "thruster torque command, body", interval=True
+    )
+    mode: int = Output(
+        "1", "what the manager does; its values are each block's", interval=True
+    )
 
     def commands(self) -> tuple[float, ...]:
         return (*self.tau_cmd_wheel, *self.m_cmd_body, *self.tau_cmd_thruster_body)
@@ -535,15 +645,16 @@ class Manager(Computer):
 
 
 class WheelManager(Manager, WheelAxes):
-    """A manager that commands the wheels, at samples of their own where the attitude control that
-    passes through it is faster than the dumping."""
+    """A manager that commands the wheels, at samples of their own where the attitude
+    control that passes through it is faster than the dumping."""
 
     craft_needs: ClassVar[tuple[Need, ...]] = (Need.WHEELS,)
 
     wheel_sample_time: float = Parameter(
-        "s", "time between commands to the wheels, sample_time over a whole number; 0: sample_time",
+        "s",
+        "time between commands to the wheels, sample_time over a whole number; 0: sample_time",
         min=0.0,
-    )  # fmt: skip
+    )
 
     def start(self) -> None:
         super().start()
@@ -557,8 +668,8 @@ class WheelManager(Manager, WheelAxes):
                 )
 
     def wheels_due(self, t: float, sampled: bool) -> bool:
-        """True when the wheels are commanded anew in the step that starts at t (s); `sampled`: the
-        manager takes a sample there. Call it once a step."""
+        """True when the wheels are commanded anew in the step that starts at t (s);
+        `sampled`: the manager takes a sample there. Call it once a step."""
         if self.wheel_sample_time <= 0.0:
             return sampled
         sample = floor(t / self.wheel_sample_time + 1e-6)
@@ -576,14 +687,25 @@ class Torquers(Sampled):
     typical_block = "torquers"
 
     # for those without a command
-    b_eci: Vec3 = Input("T", "geomagnetic field, eci", source="environment.b_eci", asked=True)
+    b_eci: Vec3 = Input(
+        "T", "geomagnetic field, eci", source="environment.b_eci", asked=True
+    )
     q_bi: Vec4 = Input(
-        "1", "attitude: body from eci, scalar last", start=UPRIGHT, source="spacecraft.q_bi",
+        "1",
+        "attitude: body from eci, scalar last",
+        start=UPRIGHT,
+        source="spacecraft.q_bi",
         asked=True,
-    )  # fmt: skip
-    m_cmd_body: Vec3 = Input("A.m2", "dipole command, body", source="manager.m_cmd_body")
-    m_mean_body: Vec3 = Output("A.m2", "dipole, body, mean over the step", slope="m_slope_body")
-    m_slope_body: Vec3 = Output("A.m2", "dipole, body, slope over the step", interval=True)
+    )
+    m_cmd_body: Vec3 = Input(
+        "A.m2", "dipole command, body", source="manager.m_cmd_body"
+    )
+    m_mean_body: Vec3 = Output(
+        "A.m2", "dipole, body, mean over the step", slope="m_slope_body"
+    )
+    m_slope_body: Vec3 = Output(
+        "A.m2", "dipole, body, slope over the step", interval=True
+    )
     on_time: float = Output("s", "time that coils were on, summed over the coils")
     dipole_energy: float = Output(
         "A2.m4.s", "half the integral of the squared dipole (paper 000, eq. 32)"
@@ -608,7 +730,9 @@ class Thrusters(Sampled):
     tau_slope_thruster_body: Vec3 = Output(
         "N.m", "torque, body, slope over the step", interval=True
     )
-    force_mean_thruster_body: Vec3 = Output("N", "force, body, mean over the step", mean=True)
+    force_mean_thruster_body: Vec3 = Output(
+        "N", "force, body, mean over the step", mean=True
+    )
     on_time: float = Output("s", "firing time, summed over the nozzles or axes")
     propellant: float = Output("kg", "propellant used")
 
@@ -623,18 +747,26 @@ class Wheels(Block):
     tau_cmd_wheel: Vec4 = Input(
         "N.m", "torque command to each rotor", source="manager.tau_cmd_wheel"
     )
-    speed_cmd_wheel: Vec4 = Input("rad/s", "speed command to each rotor, relative to the body")
+    speed_cmd_wheel: Vec4 = Input(
+        "rad/s", "speed command to each rotor, relative to the body"
+    )
     omega_bi_body: Vec3 = Input(
-        "rad/s", "angular rate of the body relative to eci, body", source="spacecraft.omega_bi_body"
+        "rad/s",
+        "angular rate of the body relative to eci, body",
+        source="spacecraft.omega_bi_body",
     )
     tau_mean_wheel: Vec4 = Output(
         "N.m",
         "net torque on each rotor, friction included, mean over the step",
         slope="tau_slope_wheel",
     )
-    tau_slope_wheel: Vec4 = Output("N.m", "net torque on each rotor, slope", interval=True)
+    tau_slope_wheel: Vec4 = Output(
+        "N.m", "net torque on each rotor, slope", interval=True
+    )
     tau_jitter_body: Vec3 = Output(
-        "N.m", "disturbance of unbalanced rotors on the body, body, mean over the step", mean=True
+        "N.m",
+        "disturbance of unbalanced rotors on the body, body, mean over the step",
+        mean=True,
     )
     h_wheel: Vec4 = Output(
         "N.m.s",
@@ -642,11 +774,15 @@ class Wheels(Block):
         starts_from=("omega_bi_body",),
     )
     speed_wheel: Vec4 = Output(
-        "rad/s", "speed of each rotor relative to the body, at the step's begin", interval=True,
+        "rad/s",
+        "speed of each rotor relative to the body, at the step's begin",
+        interval=True,
         starts_from=("omega_bi_body",),
-    )  # fmt: skip
+    )
     saturated_wheel: Flags4 = Output("1", "true: the wheel is at its momentum limit")
     failed_wheel: Flags4 = Output("1", "true: the wheel has failed")
     power: float = Output(
-        "W", "electric power of all wheels, nothing recovered", starts_from=("omega_bi_body",)
+        "W",
+        "electric power of all wheels, nothing recovered",
+        starts_from=("omega_bi_body",),
     )

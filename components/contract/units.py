@@ -1,10 +1,11 @@
 """Units: any product of the names below, in FMI's and Modelica's spelling.
 
-`rad/s2`, `kg.m2/s`, `1/(T2.s2)`, `mA.m2`: factors with whole-number exponents, joined by `.`, and
-at most one `/`, whose denominator is one factor or stands in parentheses. A unit is its exponents
-of the SI base units (as FMI 2.0 `BaseUnit` counts them) and a factor to SI. Signals of our blocks
-are SI throughout; units with a factor other than 1 exist for people, and so that connectors of
-foreign FMUs can be understood and converted.
+`rad/s2`, `kg.m2/s`, `1/(T2.s2)`, `mA.m2`: factors with whole-number exponents, joined
+by `.`, and at most one `/`, whose denominator is one factor or stands in parentheses. A
+unit is its exponents of the SI base units (as FMI 2.0 `BaseUnit` counts them) and a
+factor to SI. Signals of our blocks are SI throughout; units with a factor other than 1
+exist for people, and so that connectors of foreign FMUs can be understood and
+converted.
 """
 
 from __future__ import annotations
@@ -74,7 +75,8 @@ _LONGEST = 60
 
 @lru_cache(maxsize=256)
 def unit_of(text: str) -> Unit:
-    """The unit of an expression; the empty text is 1. Raises ValueError with what is wrong."""
+    """The unit of an expression; the empty text is 1. Raises ValueError with what is
+    wrong."""
     if len(text) > _LONGEST:
         raise ValueError(f"more than {_LONGEST} characters")
     tokens = _tokens(text.strip() or "1")
@@ -83,7 +85,11 @@ def unit_of(text: str) -> Unit:
     except ZeroDivisionError:
         unit, end = Unit(factor=0.0), len(tokens)
     if end < len(tokens):
-        hint = "; a product below / stands in parentheses" if tokens[end] in ("/", ".") else ""
+        hint = (
+            "; a product below / stands in parentheses"
+            if tokens[end] in ("/", ".")
+            else ""
+        )
         raise ValueError(f"{tokens[end]} is one too many{hint}")
     if not 0.0 < unit.factor < inf:
         raise ValueError("its factor to SI is no number")
@@ -93,9 +99,14 @@ def unit_of(text: str) -> Unit:
 def times(a: Unit, b: Unit, power: int = 1) -> Unit:
     """The unit a b^power."""
     return Unit(
-        a.kg + power * b.kg, a.m + power * b.m, a.s + power * b.s, a.A + power * b.A,
-        a.K + power * b.K, a.rad + power * b.rad, a.factor * b.factor**power,
-    )  # fmt: skip
+        a.kg + power * b.kg,
+        a.m + power * b.m,
+        a.s + power * b.s,
+        a.A + power * b.A,
+        a.K + power * b.K,
+        a.rad + power * b.rad,
+        a.factor * b.factor**power,
+    )
 
 
 def _tokens(text: str) -> list[str]:
@@ -111,7 +122,8 @@ def _tokens(text: str) -> list[str]:
 
 
 def _quotient(tokens: list[str], at: int) -> tuple[Unit, int]:
-    """The unit of the tokens from `at` on, and where it ends: a product, or two with / between."""
+    """The unit of the tokens from `at` on, and where it ends: a product, or two with /
+    between."""
     unit, at = _product(tokens, at)
     if at < len(tokens) and tokens[at] == "/":
         below, at = _factor(tokens, at + 1)
@@ -164,4 +176,6 @@ def conversion(source: Unit, target: Unit) -> tuple[float, float] | None:
         return None
     if source.factor == target.factor:
         return 1.0, (source.offset - target.offset) / target.factor
-    return source.factor / target.factor, (source.offset - target.offset) / target.factor
+    return source.factor / target.factor, (
+        source.offset - target.offset
+    ) / target.factor

@@ -1,9 +1,11 @@
-"""Detumbling and wheel start-up of a craft with a pitch-bias wheel: paper 003, and laws of ours.
+"""Detumbling and wheel start-up of a craft with a pitch-bias wheel: paper 003, and laws
+of ours.
 
-Body axes: roll x, pitch y, yaw z. The wheel's axis is along the pitch axis; its momentum h (N m s)
-counts along -y, where the orbit normal is when the craft points to nadir, and so it is positive in
-eq. 11. A dipole m (A m2) gives the torque m x b, b (T) the field, b' (T/s) its rate in body. A
-torque of the wheel (N m) is that on the body about +y.
+Body axes: roll x, pitch y, yaw z. The wheel's axis is along the pitch axis; its
+momentum h (N m s) counts along -y, where the orbit normal is when the craft points to
+nadir, and so it is positive in eq. 11. A dipole m (A m2) gives the torque m x b, b (T)
+the field, b' (T/s) its rate in body. A torque of the wheel (N m) is that on the body
+about +y.
 """
 
 from __future__ import annotations
@@ -15,7 +17,8 @@ from ..maths.vector import ZERO, add, cross, dot, mat_vec, norm, scale, sub, uni
 from ..physics.geomagnetic import dipole
 
 PITCH_BIAS: Vec3 = (0.0, -1.0, 0.0)
-"""The direction along which the wheel's momentum counts, body; of the orbit normal, lvlh."""
+"""The direction along which the wheel's momentum counts, body; of the orbit normal,
+lvlh."""
 
 
 def sign(x: float) -> float:
@@ -28,7 +31,7 @@ def within(x: float, limit: float) -> float:
     return min(max(x, -limit), limit)
 
 
-# --- paper 003: detumbling --------------------------------------------------------------------
+# --- paper 003: detumbling ------------------------------------------------------------
 
 
 def b_dot(b_rate: Vec3, gain: float) -> Vec3:
@@ -47,7 +50,8 @@ def wheel_rate(omega_y: float, gain: float) -> float:
 
 
 def _across_pitch(b: Vec3, b_rate: Vec3) -> float:
-    """b_3 b_1' - b_1 b_3' (T2/s): -|b|^2 omega_y for a body that turns across the field."""
+    """b_3 b_1' - b_1 b_3' (T2/s): -|b|^2 omega_y for a body that turns across the
+    field."""
     return b[2] * b_rate[0] - b[0] * b_rate[2]
 
 
@@ -61,31 +65,32 @@ def wheel_constant(b: Vec3, b_rate: Vec3, torque: float) -> float:
     return torque * sign(_across_pitch(b, b_rate))
 
 
-# --- paper 003: start-up ----------------------------------------------------------------------
+# --- paper 003: start-up --------------------------------------------------------------
 
 
 def pitch_spin(b: Vec3, omega_y: float, target: float, gain: float) -> Vec3:
     """m = (K_s (omega_y - target) sgn(b_3), 0, 0) (A m2), eq. 9; K_s in A m2 s.
 
-    Its pitch torque is -K_s (omega_y - target) |b_3|. It turns roll and yaw as well, and alone it
-    never reaches the target: `pitch_coil` is to be added.
+    Its pitch torque is -K_s (omega_y - target) |b_3|. It turns roll and yaw as well,
+    and alone it never reaches the target: `pitch_coil` is to be added.
     """
     return (gain * (omega_y - target) * sign(b[2]), 0.0, 0.0)
 
 
 def momentum_dump(b: Vec3, h: float, target: float, gain: float) -> Vec3:
-    """m = K_ws (h - target) (-b_3, 0, b_1) (A m2), eq. 11; K_ws in 1/(T2 s), h along -y.
+    """m = K_ws (h - target) (-b_3, 0, b_1) (A m2), eq. 11; K_ws in 1/(T2 s), h along
+    -y.
 
-    Its pitch torque is K_ws (h - target) (b_1^2 + b_3^2); the wheel, which holds the pitch angle,
-    gives it back and so comes to the target.
+    Its pitch torque is K_ws (h - target) (b_1^2 + b_3^2); the wheel, which holds the
+    pitch angle, gives it back and so comes to the target.
     """
     excess = gain * (h - target)
     return (-excess * b[2], 0.0, excess * b[0])
 
 
 def pitch_angle(nadir: Vec3) -> float:
-    """The pitch angle (rad, -pi to pi) from the direction of nadir in body: the turn about y that
-    would bring nadir into the y-z plane with z > 0."""
+    """The pitch angle (rad, -pi to pi) from the direction of nadir in body: the turn
+    about y that would bring nadir into the y-z plane with z > 0."""
     return atan2(-nadir[0], nadir[2])
 
 
@@ -94,15 +99,17 @@ def pitch_pd(angle: float, rate: float, kp: float, kd: float) -> float:
     return -kp * angle - kd * rate
 
 
-# --- ours -------------------------------------------------------------------------------------
+# --- ours -----------------------------------------------------------------------------
 
 
 def all_coils(omega: Vec3, b: Vec3, gain: float) -> Vec3:
-    """m = K omega x b (A m2), for coils that are then limited each on its own; K in A m2 s/T.
+    """m = K omega x b (A m2), for coils that are then limited each on its own; K in A
+    m2 s/T.
 
-    Power of the torque: (m x b).omega = -m.(omega x b), so a large K, where every coil is at its
-    limit with the sign of (omega x b)_i, takes kinetic energy as fast as the coils can (Avanzini &
-    Giulietti 2012 scale K with inertia and orbit rate instead, for an even decay).
+    Power of the torque: (m x b).omega = -m.(omega x b), so a large K, where every coil
+    is at its limit with the sign of (omega x b)_i, takes kinetic energy as fast as the
+    coils can (Avanzini & Giulietti 2012 scale K with inertia and orbit rate instead,
+    for an even decay).
     """
     return scale(gain, cross(omega, b))
 
@@ -110,25 +117,28 @@ def all_coils(omega: Vec3, b: Vec3, gain: float) -> Vec3:
 def even_decay_gain(inertia: float, orbit_rate: float, inclination: float) -> float:
     """K_w of m = K_w (omega x b) / |b|^2: 2 n (1 + sin xi) J_min (N m s).
 
-    Avanzini & Giulietti, Magnetic detumbling of a rigid spacecraft, J. Guidance, Control, and
-    Dynamics 35 (2012) 1326. inertia J_min (kg m2): the least principal one; orbit_rate n (rad/s);
-    inclination xi (rad): of the orbit to the geomagnetic equator.
+    Avanzini & Giulietti, Magnetic detumbling of a rigid spacecraft, J. Guidance,
+    Control, and Dynamics 35 (2012) 1326. inertia J_min (kg m2): the least principal
+    one; orbit_rate n (rad/s); inclination xi (rad): of the orbit to the geomagnetic
+    equator.
     """
     return 2.0 * orbit_rate * (1.0 + sin(inclination)) * inertia
 
 
 def look_ahead(momentum: Vec3, b: Vec3, later: Vec3, alpha: float) -> Vec3:
-    """The first u (N m s) of two torques u x b, then v x b_later, with b and b_later unit vectors:
+    """The first u (N m s) of two torques u x b, then v x b_later, with b and b_later
+    unit vectors:
 
         least |h + u x b|^2 + alpha |h + u x b + v x b_later|^2 + |u|^2 + |v|^2
 
-    h (N m s): the momentum to be taken; alpha: what is left after the second counts so much more.
-    What is along b now is left for later where the field will have turned, and no step leads to h
-    along b_later, from where the coils could not take it. v is eliminated, u across b follows from
-    two lines (Sherman and Morrison).
+    h (N m s): the momentum to be taken; alpha: what is left after the second counts so
+    much more. What is along b now is left for later where the field will have turned,
+    and no step leads to h along b_later, from where the coils could not take it. v is
+    eliminated, u across b follows from two lines (Sherman and Morrison).
 
-    After Willis, Fisch, Seletskiy & Manchester, Building a better B-dot: fast detumbling with
-    non-monotonic Lyapunov functions, IEEE Aerospace Conference (2024), with regulariser 1.
+    After Willis, Fisch, Seletskiy & Manchester, Building a better B-dot: fast
+    detumbling with non-monotonic Lyapunov functions, IEEE Aerospace Conference (2024),
+    with regulariser 1.
     """
     rest = alpha / (1.0 + alpha)
     more = alpha - rest
@@ -141,8 +151,8 @@ def look_ahead(momentum: Vec3, b: Vec3, later: Vec3, alpha: float) -> Vec3:
 
 
 def field_ahead(r: Vec3, v: Vec3, horizon: float) -> Vec3:
-    """The direction of the field after `horizon` (s) on a circular orbit, of a dipole along the
-    Earth's axis; r (m), v (m/s) and it in eci; zero where r or v is."""
+    """The direction of the field after `horizon` (s) on a circular orbit, of a dipole
+    along the Earth's axis; r (m), v (m/s) and it in eci; zero where r or v is."""
     size, speed = norm(r), norm(v)
     if size == 0.0 or speed == 0.0:
         return ZERO
@@ -152,15 +162,22 @@ def field_ahead(r: Vec3, v: Vec3, horizon: float) -> Vec3:
 
 
 def start_up_error(
-    momentum: Vec3, inertia: Mat33, omega_orbit: Vec3, h: float, target: float, normal: Vec3,
-    beta: float, gamma: float,
-) -> Vec3:  # fmt: skip
+    momentum: Vec3,
+    inertia: Mat33,
+    omega_orbit: Vec3,
+    h: float,
+    target: float,
+    normal: Vec3,
+    beta: float,
+    gamma: float,
+) -> Vec3:
     """e = J omega + beta J omega_o + (h - h_t) a - gamma h_t (n - a) (N m s, body).
 
-    momentum: J omega; omega_orbit: the rate relative to lvlh (rad/s); a: PITCH_BIAS; n (normal):
-    the orbit normal. e = 0 where the craft is at rest in lvlh with its wheel at the target along
-    the orbit normal, but for the orbit rate's J n. The larger gamma, the sooner the wheel's axis
-    turns to the normal, and the smaller the part of attitudes from which it gets there.
+    momentum: J omega; omega_orbit: the rate relative to lvlh (rad/s); a: PITCH_BIAS; n
+    (normal): the orbit normal. e = 0 where the craft is at rest in lvlh with its wheel
+    at the target along the orbit normal, but for the orbit rate's J n. The larger
+    gamma, the sooner the wheel's axis turns to the normal, and the smaller the part of
+    attitudes from which it gets there.
     """
     bias = scale(h - target + gamma * target, PITCH_BIAS)
     e = add(momentum, scale(beta, mat_vec(inertia, omega_orbit)))

@@ -1,7 +1,7 @@
 """Attitude guidance and control: paper 004, eqs. 7-11, and eigenaxis slews.
 
-Quaternions as in `attitude.py`. q_BI, omega_BI_B: the body; q_RI, omega_RI_R: the reference frame,
-its rate (rad/s) in the reference frame itself.
+Quaternions as in `attitude.py`. q_BI, omega_BI_B: the body; q_RI, omega_RI_R: the
+reference frame, its rate (rad/s) in the reference frame itself.
 """
 
 from __future__ import annotations
@@ -13,12 +13,16 @@ from ..maths.attitude import inverse, product, rotate
 from ..maths.vector import ZERO, add, clip, mat_vec, scale, sub
 
 
-def tracking_error(q_BI: Vec4, omega_BI_B: Vec3, q_RI: Vec4, omega_RI_R: Vec3) -> tuple[Vec3, Vec3]:
-    """(e, delta omega): the attitude error sign(dq_4) dq_1:3 and the rate error (rad/s), body.
+def tracking_error(
+    q_BI: Vec4, omega_BI_B: Vec3, q_RI: Vec4, omega_RI_R: Vec3
+) -> tuple[Vec3, Vec3]:
+    """(e, delta omega): the attitude error sign(dq_4) dq_1:3 and the rate error
+    (rad/s), body.
 
-    dq = q_BI (x) q_RI^-1 (eq. 7). The sign takes the short way round (eq. 10), with sign(0) = 1 so
-    that half a turn is not an equilibrium. delta omega = omega_BI_B - C(dq) omega_RI_R: eq. 8
-    subtracts without saying in which frame; these agree to first order in the error.
+    dq = q_BI (x) q_RI^-1 (eq. 7). The sign takes the short way round (eq. 10), with
+    sign(0) = 1 so that half a turn is not an equilibrium. delta omega = omega_BI_B -
+    C(dq) omega_RI_R: eq. 8 subtracts without saying in which frame; these agree to
+    first order in the error.
     """
     dq = product(q_BI, inverse(q_RI))
     x, y, z, w = dq
@@ -47,10 +51,18 @@ def pd_torque(e: Vec3, d_omega: Vec3, kp: float, kd: float, gain_matrix: Mat33) 
 
 
 def pid_torque(
-    e: Vec3, d_omega: Vec3, xi: Vec3, kp: float, kd: float, ki: float, gain_matrix: Mat33
+    e: Vec3,
+    d_omega: Vec3,
+    xi: Vec3,
+    kp: float,
+    kd: float,
+    ki: float,
+    gain_matrix: Mat33,
 ) -> Vec3:
     """-G (kp e + kd delta omega + ki xi) (N m): eq. 10 with xi the integral of e (s), eq. 11."""
-    return sub(pd_torque(e, d_omega, kp, kd, gain_matrix), mat_vec(gain_matrix, scale(ki, xi)))
+    return sub(
+        pd_torque(e, d_omega, kp, kd, gain_matrix), mat_vec(gain_matrix, scale(ki, xi))
+    )
 
 
 def limited(tau: Vec3, limit: float) -> Vec3:
@@ -59,7 +71,8 @@ def limited(tau: Vec3, limit: float) -> Vec3:
 
 
 def eigenaxis(q_from: Vec4, q_to: Vec4) -> tuple[Vec3, float]:
-    """Axis and angle (rad, 0 to pi) of the shortest rotation from one attitude to another.
+    """Axis and angle (rad, 0 to pi) of the shortest rotation from one attitude to
+    another.
 
     The axis has the same components in both frames; it is zero where they are the same.
     """

@@ -1,10 +1,11 @@
-"""The split of a dumping torque N between magnetic torquers and thrusters: paper 000, eqs. 20-34.
+"""The split of a dumping torque N between magnetic torquers and thrusters: paper 000,
+eqs. 20-34.
 
-N = N_T + M x B (eq. 20): N_T (N m) by thrusters, M (A m2) the torquers' dipole, B (T) the measured
-field; all in the body frame. Each split returns (M, N_T).
+N = N_T + M x B (eq. 20): N_T (N m) by thrusters, M (A m2) the torquers' dipole, B (T)
+the measured field; all in the body frame. Each split returns (M, N_T).
 
-The bounded splits at the end are not in the paper: they know the limit while they optimise, where
-eq. 34 repairs afterwards what was optimal without it.
+The bounded splits at the end are not in the paper: they know the limit while they
+optimise, where eq. 34 repairs afterwards what was optimal without it.
 """
 
 from __future__ import annotations
@@ -13,7 +14,19 @@ from math import copysign, inf
 
 from ..contract.block import Mat33, Vec3
 from ..maths.simplex import least_cost
-from ..maths.vector import IDENTITY, ZERO, add, clip, cross, dot, inverse, mat_vec, norm, scale, sub
+from ..maths.vector import (
+    IDENTITY,
+    ZERO,
+    add,
+    clip,
+    cross,
+    dot,
+    inverse,
+    mat_vec,
+    norm,
+    scale,
+    sub,
+)
 
 Split = tuple[Vec3, Vec3]
 _Held = tuple[float | None, float | None, float | None]
@@ -41,10 +54,11 @@ def crcp(n: Vec3, b: Vec3) -> Split:
 
 
 def ocdc(n: Vec3, b: Vec3, weight_ratio: float) -> Split:
-    """Optimal blending, least a |M|^2 + b |N_T|^2; weight_ratio = b / a in 1/T2 (eq. 24).
+    """Optimal blending, least a |M|^2 + b |N_T|^2; weight_ratio = b / a in 1/T2 (eq.
+    24).
 
-    S^-1 A' (A S^-1 A')^-1 N has the closed form N_T = N_par + N_perp / (1 + (b / a) |B|^2), with
-    par and perp along and across B (notes, invariants).
+    S^-1 A' (A S^-1 A')^-1 N has the closed form N_T = N_par + N_perp / (1 + (b / a)
+    |B|^2), with par and perp along and across B (notes, invariants).
     """
     size2 = dot(b, b)
     if size2 == 0.0:
@@ -54,34 +68,45 @@ def ocdc(n: Vec3, b: Vec3, weight_ratio: float) -> Split:
 
 
 def saturated(split: Split, b: Vec3, limit: float) -> Split:
-    """Each dipole component within +-limit (A m2); thrusters compensate what is lost (eq. 34)."""
+    """Each dipole component within +-limit (A m2); thrusters compensate what is lost
+    (eq. 34)."""
     return _compensated(split, b, clip(split[0], limit))
 
 
 def without(split: Split, b: Vec3, axis: int) -> Split:
-    """No dipole along `axis` (0 to 2): a dead coil; thrusters compensate what is lost (eq. 34)."""
+    """No dipole along `axis` (0 to 2): a dead coil; thrusters compensate what is lost
+    (eq. 34)."""
     x, y, z = (0.0 if i == axis else m for i, m in enumerate(split[0]))
     return _compensated(split, b, (x, y, z))
 
 
 def bounded_quadratic(n: Vec3, b: Vec3, weight_ratio: float, limit: Vec3) -> Split:
-    """Optimal blending with |M_i| <= limit_i (A m2): least a |M|^2 + b |N_T|^2, as `ocdc`.
+    """Optimal blending with |M_i| <= limit_i (A m2): least a |M|^2 + b |N_T|^2, as
+    `ocdc`.
 
-    Exact, without tolerances. Where the optimum without bounds breaks some of them, the optimum
-    with bounds lies on one of those (else a step towards the former would better it): each is held
-    in turn, and what is left is the same problem with one component less.
+    Exact, without tolerances. Where the optimum without bounds breaks some of them, the
+    optimum with bounds lies on one of those (else a step towards the former would
+    better it): each is held in turn, and what is left is the same problem with one
+    component less.
     """
     split = ocdc(n, b, weight_ratio)
     if all(abs(m) <= most for m, most in zip(split[0], limit, strict=True)):
         return split
     x, y, z = b
     s, k = dot(b, b), weight_ratio
-    # half the gradient is hessian M - slope, as |N - M x B|^2 = |N|^2 + 2 M.(N x B) + |M x B|^2
+    # half the gradient is hessian M - slope, as |N - M x B|^2 = |N|^2 + 2 M.(N x B) +
+    # |M x B|^2
     hessian = (
-        1.0 + k * (s - x * x), -k * x * y, -k * x * z,
-        -k * x * y, 1.0 + k * (s - y * y), -k * y * z,
-        -k * x * z, -k * y * z, 1.0 + k * (s - z * z),
-    )  # fmt: skip
+        1.0 + k * (s - x * x),
+        -k * x * y,
+        -k * x * z,
+        -k * x * y,
+        1.0 + k * (s - y * y),
+        -k * y * z,
+        -k * x * z,
+        -k * y * z,
+        1.0 + k * (s - z * z),
+    )
     return _with_thrusters(
         n, b, _in_box(hessian, scale(-k, cross(n, b)), limit, (None, None, None))
     )
@@ -90,13 +115,14 @@ def bounded_quadratic(n: Vec3, b: Vec3, weight_ratio: float, limit: Vec3) -> Spl
 def bounded_one_norm(n: Vec3, b: Vec3, limit: Vec3) -> Split:
     """Least |N_T|_1, the thrusters' on-time, with |M_i| <= limit_i (A m2).
 
-    A linear programme (`simplex`). Dipole along B gives no torque: of the dipoles with the same
-    torque the smallest is taken.
+    A linear programme (`simplex`). Dipole along B gives no torque: of the dipoles with
+    the same torque the smallest is taken.
     """
     size = norm(b)
     if size == 0.0:
         return ZERO, n
-    # M = y - limit with 0 <= y <= 2 limit, and torques over |B|, so that all is of the size of M
+    # M = y - limit with 0 <= y <= 2 limit, and torques over |B|, so that all is of the
+    # size of M
     x, y, z = scale(1.0 / size, b)
     columns = ((0.0, -z, y), (z, 0.0, -x), (-y, x, 0.0))  # e_i x B / |B|
     lowest = scale(-1.0, limit)
@@ -108,21 +134,27 @@ def bounded_one_norm(n: Vec3, b: Vec3, limit: Vec3) -> Split:
 
 
 def _in_box(hessian: Mat33, slope: Vec3, limit: Vec3, held: _Held) -> Vec3:
-    """The M of least M'(hessian M / 2 - slope) with |M_i| <= limit_i and M_i = held[i], where that
-    is not None."""
+    """The M of least M'(hessian M / 2 - slope) with |M_i| <= limit_i and M_i = held[i],
+    where that is not None."""
     rows = [h if held[k // 3] is None else IDENTITY[k] for k, h in enumerate(hessian)]
-    right = tuple(s if fixed is None else fixed for s, fixed in zip(slope, held, strict=True))
+    right = tuple(
+        s if fixed is None else fixed for s, fixed in zip(slope, held, strict=True)
+    )
     solved = mat_vec(inverse(tuple(rows)), right)  # type: ignore[arg-type]
     x, y, z = m = tuple(
-        value if fixed is None else fixed for value, fixed in zip(solved, held, strict=True)
+        value if fixed is None else fixed
+        for value, fixed in zip(solved, held, strict=True)
     )
     broken = [i for i in range(3) if abs(m[i]) > limit[i] and held[i] is None]
     if not broken:
         return (x, y, z)
     on_bounds = (
-        _in_box(hessian, slope, limit, _with(held, i, copysign(limit[i], m[i]))) for i in broken
+        _in_box(hessian, slope, limit, _with(held, i, copysign(limit[i], m[i])))
+        for i in broken
     )
-    return min(on_bounds, key=lambda v: dot(v, sub(scale(0.5, mat_vec(hessian, v)), slope)))
+    return min(
+        on_bounds, key=lambda v: dot(v, sub(scale(0.5, mat_vec(hessian, v)), slope))
+    )
 
 
 def _with(held: _Held, axis: int, value: float) -> _Held:
@@ -131,7 +163,8 @@ def _with(held: _Held, axis: int, value: float) -> _Held:
 
 
 def _nearest_along(m: Vec3, u: Vec3, limit: Vec3) -> Vec3:
-    """The shortest m + s u, u of length 1, with every component within its limit, as m is."""
+    """The shortest m + s u, u of length 1, with every component within its limit, as m
+    is."""
     low, high = -inf, inf
     for component, slope, most in zip(m, u, limit, strict=True):
         if slope != 0.0:

@@ -1,7 +1,7 @@
 """Cross-product laws for momentum dumping by magnetic torquers alone.
 
-h (N m s) is the excess momentum of the wheels, B (T) the measured field, both in body; the dipole
-M (A m2) gives the torque M x B = -k h across B.
+h (N m s) is the excess momentum of the wheels, B (T) the measured field, both in body;
+the dipole M (A m2) gives the torque M x B = -k h across B.
 """
 
 from __future__ import annotations
@@ -11,7 +11,8 @@ from ..maths.vector import ZERO, cross, dot, norm, scale
 
 
 def normalised(h: Vec3, b: Vec3, gain: float) -> Vec3:
-    """M = gain (h x B) / |B|^2, gain in 1/s: the rate at which momentum across B decays."""
+    """M = gain (h x B) / |B|^2, gain in 1/s: the rate at which momentum across B
+    decays."""
     size2 = dot(b, b)
     return scale(gain / size2, cross(h, b)) if size2 > 0.0 else ZERO
 

@@ -1,17 +1,18 @@
-"""What a law learns in flight of the torques on its craft and of what its actuators give.
+"""What a law learns in flight of the torques on its craft and of what its actuators
+give.
 
 The momentum H (N m s, eci) of the whole craft, measured at each sample, obeys
 
     H' = s T_GG + T_eci + C_o' (T_o + T_c cos u + T_s sin u) + (C' d) x B
          + sum_j e_j C' (m_j a_j x B) + sum_i f_i C' t_i
 
-with T_GG gravity gradient as the law knows it, T_eci (eci), T_o, T_c and T_s (lvlh) constant, u the
-argument of latitude, d the craft's own dipole (A m2, body), e and f the signed effectiveness of
-coils and thrusters, m and t what they were commanded (A m2, N m). (H, s, T_eci, T_o, d, e, f, T_c,
-T_s) is estimated by a Kalman filter whose
-parameters walk at random; H is measured with the sensors' noise, and walks by what is not modelled.
-Where a measurement is further off than `DOUBT` deviations allow, something has failed: the
-effectiveness is as unknown as at first again.
+with T_GG gravity gradient as the law knows it, T_eci (eci), T_o, T_c and T_s (lvlh)
+constant, u the argument of latitude, d the craft's own dipole (A m2, body), e and f the
+signed effectiveness of coils and thrusters, m and t what they were commanded (A m2, N
+m). (H, s, T_eci, T_o, d, e, f, T_c, T_s) is estimated by a Kalman filter whose
+parameters walk at random; H is measured with the sensors' noise, and walks by what is
+not modelled. Where a measurement is further off than `DOUBT` deviations allow,
+something has failed: the effectiveness is as unknown as at first again.
 
 Fault detection by a momentum balance: Willsky, Automatica 12 (1976) 601.
 """
@@ -25,8 +26,9 @@ GRAVITY, INERTIAL, ORBITAL, DIPOLE, COILS, THRUSTERS, WAVES = 3, 4, 7, 10, 13, 1
 CAUSES = STATES - 3
 DOUBT = 6.0
 MOST = 1.1
-"""No actuator gives more of what it is commanded, nor more of its opposite. Where a coil hardly
-moves, its effectiveness and the craft's own dipole are one and the same to the filter."""
+"""No actuator gives more of what it is commanded, nor more of its opposite. Where a
+coil hardly moves, its effectiveness and the craft's own dipole are one and the same to
+the filter."""
 SPREAD_GRAVITY, SPREAD_ACTUATOR = 0.3, 0.5
 """Standard deviations of s and of e and f beforehand (1)."""
 
@@ -34,20 +36,66 @@ SPREAD_GRAVITY, SPREAD_ACTUATOR = 0.3, 0.5
 def first_state(h: Vec3) -> Table:
     """The state before anything is learnt, with H (N m s) as measured."""
     return (
-        h[0], h[1], h[2], 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0,
-        1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0,
-    )  # fmt: skip
+        h[0],
+        h[1],
+        h[2],
+        1.0,
+        0.0,
+        0.0,
+        0.0,
+        0.0,
+        0.0,
+        0.0,
+        0.0,
+        0.0,
+        0.0,
+        1.0,
+        1.0,
+        1.0,
+        1.0,
+        1.0,
+        1.0,
+        1.0,
+        0.0,
+        0.0,
+        0.0,
+        0.0,
+        0.0,
+        0.0,
+    )
 
 
 def spreads(torque: float, dipole: float, noise: float) -> Table:
-    """The standard deviations of `first_state`: of H noise (N m s), of the constant torques
-    `torque` (N m), of the craft's dipole `dipole` (A m2)."""
+    """The standard deviations of `first_state`: of H noise (N m s), of the constant
+    torques `torque` (N m), of the craft's dipole `dipole` (A m2)."""
     return (
-        noise, noise, noise, SPREAD_GRAVITY, torque, torque, torque, torque, torque, torque,
-        dipole, dipole, dipole, SPREAD_ACTUATOR, SPREAD_ACTUATOR, SPREAD_ACTUATOR,
-        SPREAD_ACTUATOR, SPREAD_ACTUATOR, SPREAD_ACTUATOR, SPREAD_ACTUATOR,
-        torque, torque, torque, torque, torque, torque,
-    )  # fmt: skip
+        noise,
+        noise,
+        noise,
+        SPREAD_GRAVITY,
+        torque,
+        torque,
+        torque,
+        torque,
+        torque,
+        torque,
+        dipole,
+        dipole,
+        dipole,
+        SPREAD_ACTUATOR,
+        SPREAD_ACTUATOR,
+        SPREAD_ACTUATOR,
+        SPREAD_ACTUATOR,
+        SPREAD_ACTUATOR,
+        SPREAD_ACTUATOR,
+        SPREAD_ACTUATOR,
+        torque,
+        torque,
+        torque,
+        torque,
+        torque,
+        torque,
+    )
 
 
 def first_covariance(deviations: Table) -> Table:
@@ -75,14 +123,20 @@ def causes(columns: tuple[Vec3, ...]) -> Table:
 
 
 def learnt(
-    x: Table, p: Table, measured: Vec3, rows: Table, noise: float, walk: float,
-    deviations: Table, drift: float,
-) -> tuple[Table, Table]:  # fmt: skip
+    x: Table,
+    p: Table,
+    measured: Vec3,
+    rows: Table,
+    noise: float,
+    walk: float,
+    deviations: Table,
+    drift: float,
+) -> tuple[Table, Table]:
     """(x, P) after a sample at whose end H is `measured` (N m s, eci).
 
-    rows: what a unit of each parameter adds to H over the sample, as of `causes`; noise (N m s) of
-    a measurement; walk (N m s), by which H may change otherwise; drift (1), by how much of its
-    deviation beforehand a parameter may walk.
+    rows: what a unit of each parameter adds to H over the sample, as of `causes`; noise
+    (N m s) of a measurement; walk (N m s), by which H may change otherwise; drift (1),
+    by how much of its deviation beforehand a parameter may walk.
     """
     now = [0.0] * STATES
     cov = [0.0] * (STATES * STATES)
@@ -128,7 +182,9 @@ def learnt(
             for other in range(3):
                 for i in range(COILS - 3, WAVES - 3):
                     share = rows[CAUSES * row + i] * rows[CAUSES * other + i]
-                    cov[STATES * row + other] += share * deviations[3 + i] * deviations[3 + i]
+                    cov[STATES * row + other] += (
+                        share * deviations[3 + i] * deviations[3 + i]
+                    )
             for i in range(COILS - 3, WAVES - 3):
                 added = rows[CAUSES * row + i] * deviations[3 + i] * deviations[3 + i]
                 cov[STATES * row + 3 + i] += added

@@ -1,12 +1,12 @@
 """The torque that dumps the wheels' momentum: paper 000, eqs. 15-19.
 
-The model is h' = W h + N + N_con (eq. 15): h (N m s) the wheels' momentum, N (N m) the external
-torque that the wheels absorb, N_con (N m) the constant torque of an off-nadir attitude (eq. 3),
-W = -[omega x] with omega (rad/s) the body's inertial rate; all in the body frame. W is skew, so
-exp(W t) is the rotation by -omega t.
+The model is h' = W h + N + N_con (eq. 15): h (N m s) the wheels' momentum, N (N m) the
+external torque that the wheels absorb, N_con (N m) the constant torque of an off-nadir
+attitude (eq. 3), W = -[omega x] with omega (rad/s) the body's inertial rate; all in the
+body frame. W is skew, so exp(W t) is the rotation by -omega t.
 
-Weights are isotropic, F = f I and R = r I. Only their ratio matters: g_rate = sqrt(f / r) (1/s) is
-the closed-loop rate.
+Weights are isotropic, F = f I and R = r I. Only their ratio matters: g_rate = sqrt(f /
+r) (1/s) is the closed-loop rate.
 """
 
 from __future__ import annotations
@@ -14,7 +14,17 @@ from __future__ import annotations
 from math import cos, sin, tanh
 
 from ..contract.block import BlockError, Mat33, Vec3
-from ..maths.vector import add, cross, dot, inverse, mat_vec, norm, rotation_about, scale, sub
+from ..maths.vector import (
+    add,
+    cross,
+    dot,
+    inverse,
+    mat_vec,
+    norm,
+    rotation_about,
+    scale,
+    sub,
+)
 
 MOST_SAMPLES = 4096
 """Of a horizon."""
@@ -39,9 +49,11 @@ def ilqr_offset(omega: Vec3, g_rate: float, n_con: Vec3) -> Vec3:
 
 
 def lqr(h: Vec3, g_rate: float, time_to_go: float, offset: Vec3) -> Vec3:
-    """Finite-horizon LQR torque (N m), eq. 17, with `time_to_go` (s) left and R^-1 g = offset.
+    """Finite-horizon LQR torque (N m), eq. 17, with `time_to_go` (s) left and R^-1 g =
+    offset.
 
-    For isotropic weights K = sqrt(f r) tanh(g_rate (t_f - t)) I: K' = K K / r - F, K(t_f) = 0.
+    For isotropic weights K = sqrt(f r) tanh(g_rate (t_f - t)) I: K' = K K / r - F,
+    K(t_f) = 0.
     """
     return sub(offset, scale(g_rate * tanh(g_rate * time_to_go), h))
 
@@ -49,10 +61,11 @@ def lqr(h: Vec3, g_rate: float, time_to_go: float, offset: Vec3) -> Vec3:
 def lqr_offsets(
     omega: Vec3, g_rate: float, n_con: Vec3, horizon: float, sample_time: float
 ) -> tuple[float, ...]:
-    """R^-1 g (N m) at each sample time (s) from 0 to the horizon (s), flat, three a sample.
+    """R^-1 g (N m) at each sample time (s) from 0 to the horizon (s), flat, three a
+    sample.
 
-    g' = -(W - S K)' g + K N_con backwards from g(t_f) = 0 (eq. 11), by RK4 with 0.5 s or less.
-    Raises BlockError beyond MOST_SAMPLES.
+    g' = -(W - S K)' g + K N_con backwards from g(t_f) = 0 (eq. 11), by RK4 with 0.5 s
+    or less. Raises BlockError beyond MOST_SAMPLES.
     """
     samples = int(horizon / sample_time + 0.5)
     substeps = max(1, int(2.0 * sample_time))
@@ -85,14 +98,16 @@ def lqr_offsets(
 def mec_costate(h: Vec3, omega: Vec3, n_con: Vec3, horizon: float) -> Vec3:
     """p(t_0) (N m) of eq. 19 so that h(t_0 + horizon) = 0: the minimum-energy torque.
 
-    With exp(W t) a rotation, exp(-W t_f) h(t_f) = h_0 + int_0^t_f exp(-W s) N_con ds - t_f p.
+    With exp(W t) a rotation, exp(-W t_f) h(t_f) = h_0 + int_0^t_f exp(-W s) N_con ds -
+    t_f p.
     """
     total = add(h, _integral_of_rotation(omega, n_con, horizon))
     return scale(1.0 / horizon, total)
 
 
 def mec(p: Vec3, omega: Vec3, elapsed: float) -> Vec3:
-    """Minimum-energy torque N = -exp(W t) p(t_0) (N m), t = elapsed (s) since t_0 (eq. 19)."""
+    """Minimum-energy torque N = -exp(W t) p(t_0) (N m), t = elapsed (s) since t_0 (eq.
+    19)."""
     return scale(-1.0, mat_vec(rotation_about(scale(-1.0, omega), elapsed), p))
 
 

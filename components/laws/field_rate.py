@@ -1,7 +1,8 @@
-"""The rate of the measured geomagnetic field in body axes, and the body's rate that it shows.
+"""The rate of the measured geomagnetic field in body axes, and the body's rate that it
+shows.
 
-b (T) is the field, body; b' (T/s) its derivative as the body sees it, which is -omega x b plus the
-field's own turning along the orbit (up to some 2e-3 rad/s in low orbits).
+b (T) is the field, body; b' (T/s) its derivative as the body sees it, which is -omega x
+b plus the field's own turning along the orbit (up to some 2e-3 rad/s in low orbits).
 """
 
 from __future__ import annotations
@@ -30,8 +31,8 @@ def filtered(last: Vec3, rate: Vec3, cut_off: float, elapsed: float) -> Vec3:
 def rate_across(b: Vec3, b_rate: Vec3) -> Vec3:
     """The body's rate across the field (rad/s): b x b' / |b|^2 with the sign of omega.
 
-    b' = -omega x b gives b x b' = -(|b|^2 omega - (b.omega) b); so minus that. The part along b is
-    not seen, and the field's own turning counts as the body's.
+    b' = -omega x b gives b x b' = -(|b|^2 omega - (b.omega) b); so minus that. The part
+    along b is not seen, and the field's own turning counts as the body's.
     """
     size2 = dot(b, b)
     return scale(-1.0 / size2, cross(b, b_rate)) if size2 > 0.0 else ZERO

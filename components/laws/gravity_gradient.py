@@ -1,10 +1,11 @@
-"""A craft that a boom keeps pointing to nadir: paper 002, the attitude part of its laws, and ours.
+"""A craft that a boom keeps pointing to nadir: paper 002, the attitude part of its
+laws, and ours.
 
-Body axes: roll x, pitch y, yaw z (along the boom, to nadir). u is the direction of nadir in body:
-the third column of A, which takes vectors from orbital (lvlh) to body axes. A tilt (rad) is the
-rotation from upright, u = (-tilt_y, tilt_x, 1) to first order; rates (rad/s) are relative to lvlh.
-Dipoles m (A m2) give the torque m x b, b (T) the field in body. A torque of a wheel (N m) is that
-on the body.
+Body axes: roll x, pitch y, yaw z (along the boom, to nadir). u is the direction of
+nadir in body: the third column of A, which takes vectors from orbital (lvlh) to body
+axes. A tilt (rad) is the rotation from upright, u = (-tilt_y, tilt_x, 1) to first
+order; rates (rad/s) are relative to lvlh. Dipoles m (A m2) give the torque m x b, b (T)
+the field in body. A torque of a wheel (N m) is that on the body.
 """
 
 from __future__ import annotations
@@ -14,17 +15,18 @@ from math import asin, atan2, cos, sin, sqrt, tan
 from ..contract.block import Mat33, Vec3
 from ..maths.vector import cross, dot, norm, scale, sub
 
-# --- paper 002: kinematics, torques, field ----------------------------------------------------
+# --- paper 002: kinematics, torques, field --------------------------------------------
 
 
 def euler_angles(a: Mat33) -> Vec3:
-    """Roll phi, pitch theta, yaw psi (rad) of A = R3(psi) R1(phi) R2(theta), the 2-1-3 sequence
-    whose rates are eq. 6; phi within +-pi/2, where it is singular."""
+    """Roll phi, pitch theta, yaw psi (rad) of A = R3(psi) R1(phi) R2(theta), the 2-1-3
+    sequence whose rates are eq. 6; phi within +-pi/2, where it is singular."""
     return asin(min(max(-a[7], -1.0), 1.0)), atan2(a[6], a[8]), atan2(a[1], a[4])
 
 
 def euler_rates(angles: Vec3, omega: Vec3) -> Vec3:
-    """Rates of roll, pitch and yaw (rad/s), eq. 6; omega: relative to the reference, body."""
+    """Rates of roll, pitch and yaw (rad/s), eq. 6; omega: relative to the reference,
+    body."""
     roll, _, yaw = angles
     across = omega[0] * sin(yaw) + omega[1] * cos(yaw)
     roll_rate = omega[0] * cos(yaw) - omega[1] * sin(yaw)
@@ -32,8 +34,8 @@ def euler_rates(angles: Vec3, omega: Vec3) -> Vec3:
 
 
 def gravity_torque(a: Mat33, moments: Vec3, products: Vec3, rate: float) -> Vec3:
-    """Eqs. 7-9 as written (N m): moments I_xx, I_yy, I_zz and products I_xy, I_yz, I_zx (kg m2) in
-    the positive form, whose tensor has -I_xy; rate: the orbit's (rad/s).
+    """Eqs. 7-9 as written (N m): moments I_xx, I_yy, I_zz and products I_xy, I_yz, I_zx
+    (kg m2) in the positive form, whose tensor has -I_xy; rate: the orbit's (rad/s).
 
     The same as 3 rate^2 u x J u.
     """
@@ -42,13 +44,31 @@ def gravity_torque(a: Mat33, moments: Vec3, products: Vec3, rate: float) -> Vec3
     a13, a23, a33 = a[2], a[5], a[8]
     g = 3.0 * rate * rate
     return (
-        g * ((izz - iyy) * a23 * a33 + ixy * a13 * a33 + iyz * a33 * a33 - izx * a13 * a23
-             - iyz * a23 * a23),
-        g * ((ixx - izz) * a13 * a33 - ixy * a23 * a33 - izx * a33 * a33 + izx * a13 * a13
-             + iyz * a13 * a23),
-        g * ((iyy - ixx) * a13 * a23 + ixy * a23 * a23 + izx * a23 * a33 - ixy * a13 * a13
-             - iyz * a13 * a33),
-    )  # fmt: skip
+        g
+        * (
+            (izz - iyy) * a23 * a33
+            + ixy * a13 * a33
+            + iyz * a33 * a33
+            - izx * a13 * a23
+            - iyz * a23 * a23
+        ),
+        g
+        * (
+            (ixx - izz) * a13 * a33
+            - ixy * a23 * a33
+            - izx * a33 * a33
+            + izx * a13 * a13
+            + iyz * a13 * a23
+        ),
+        g
+        * (
+            (iyy - ixx) * a13 * a23
+            + ixy * a23 * a23
+            + izx * a23 * a33
+            - ixy * a13 * a13
+            - iyz * a13 * a33
+        ),
+    )
 
 
 def gravity_vector_torque(u: Vec3, inertia: Mat33, rate: float) -> Vec3:
@@ -63,18 +83,23 @@ def gravity_vector_torque(u: Vec3, inertia: Mat33, rate: float) -> Vec3:
     return scale(3.0 * rate * rate, cross(u, ju))
 
 
-def aerodynamic_torque(density: float, speed: float, area: float, centre: Vec3, flow: Vec3) -> Vec3:
-    """rho V^2 A_p (c_p x V) (N m), eq. 10: density kg/m3, speed m/s, projected area m2, centre of
-    pressure m from the centre of mass, unit velocity. The force is along -V: as printed, the torque
-    has the opposite sign of the one that the air gives."""
+def aerodynamic_torque(
+    density: float, speed: float, area: float, centre: Vec3, flow: Vec3
+) -> Vec3:
+    """rho V^2 A_p (c_p x V) (N m), eq. 10: density kg/m3, speed m/s, projected area m2,
+    centre of pressure m from the centre of mass, unit velocity. The force is along -V:
+    as printed, the torque has the opposite sign of the one that the air gives."""
     return scale(density * speed * speed * area, cross(centre, flow))
 
 
 def dipole_field(strength: Vec3, r: Vec3) -> Vec3:
-    """M_e / R^3 [1 - 3 R R'] (T), eq. 12: strength M_e (T m3) points north, r (m) the position."""
+    """M_e / R^3 [1 - 3 R R'] (T), eq. 12: strength M_e (T m3) points north, r (m) the
+    position."""
     size = norm(r)
     radial = scale(1.0 / size, r)
-    return scale(1.0 / size**3, sub(strength, scale(3.0 * dot(strength, radial), radial)))
+    return scale(
+        1.0 / size**3, sub(strength, scale(3.0 * dot(strength, radial), radial))
+    )
 
 
 def coil_matrix(b: Vec3) -> Mat33:
@@ -89,7 +114,7 @@ def cross_product(e: Vec3, b: Vec3) -> Vec3:
     return scale(1.0 / size, cross(e, b)) if size > 0.0 else (0.0, 0.0, 0.0)
 
 
-# --- paper 002: the attitude part, which it does not give --------------------------------------
+# --- paper 002: the attitude part, which it does not give -----------------------------
 
 
 def tilt(u: Vec3) -> Vec3:
@@ -107,7 +132,7 @@ def pd(angle: float, rate: float, kp: float, kd: float) -> float:
     return -kp * angle - kd * rate
 
 
-# --- ours -------------------------------------------------------------------------------------
+# --- ours -----------------------------------------------------------------------------
 
 
 def rotation_vector(q: tuple[float, float, float, float]) -> Vec3:

@@ -1,9 +1,10 @@
-"""Integrated magnetic management of wheel momentum (paper 004, sections 2.2, 2.3 and 4).
+"""Integrated magnetic management of wheel momentum (paper 004, sections 2.2, 2.3 and
+4).
 
-The attitude controller's torque is split between wheels and coils, and the wheels are told to give
-momentum away besides. The coils never see that torque: the wheels' part in the control torque that
-follows cancels all of it but the share k, so the momentum that leaves the craft is k t_DES (eqs. 9,
-13, 17 and 19 together).
+The attitude controller's torque is split between wheels and coils, and the wheels are
+told to give momentum away besides. The coils never see that torque: the wheels' part in
+the control torque that follows cancels all of it but the share k, so the momentum that
+leaves the craft is k t_DES (eqs. 9, 13, 17 and 19 together).
 
 Torques N m, momenta N m s, field T, rates rad/s. Body frame, or along the wheels' axes.
 """
@@ -21,11 +22,13 @@ def hysteresis(on: bool, x: float, low: float, high: float) -> bool:
     return x >= high or (on and x >= low)
 
 
-def unloading(on: Flags4, h: Vec4, low: float, high: float, paper_signed: bool = False) -> Flags4:
+def unloading(
+    on: Flags4, h: Vec4, low: float, high: float, paper_signed: bool = False
+) -> Flags4:
     """Which wheels count in the momentum to dump: eq. 23 on |h_i|, with a hysteresis.
 
-    `paper_signed` takes h_i as eq. 23 is printed, which leaves every wheel that turns backwards
-    as it is.
+    `paper_signed` takes h_i as eq. 23 is printed, which leaves every wheel that turns
+    backwards as it is.
     """
     a, b, c, d = h if paper_signed else map(abs, h)
     return (
@@ -37,10 +40,11 @@ def unloading(on: Flags4, h: Vec4, low: float, high: float, paper_signed: bool =
 
 
 def desaturation(h_B: Vec3, b_B: Vec3, gain: float, limit: float) -> Vec3:
-    """t_DES = -gain (h - (h.b) b), b = B / |B|: the wanted rate of the wheels' momentum (eq. 19).
+    """t_DES = -gain (h - (h.b) b), b = B / |B|: the wanted rate of the wheels' momentum
+    (eq. 19).
 
-    Across the field, so that coils can balance it, and not larger than `limit`; gain in 1/s. Zero
-    without a field.
+    Across the field, so that coils can balance it, and not larger than `limit`; gain in
+    1/s. Zero without a field.
     """
     size2 = dot(b_B, b_B)
     if size2 == 0.0:
@@ -53,8 +57,8 @@ def desaturation(h_B: Vec3, b_B: Vec3, gain: float, limit: float) -> Vec3:
 def dipole(t_B: Vec3, b_B: Vec3, m_limit: float) -> Vec3:
     """M = B x t / |B|^2 (A m2), which gives the part of t across B (eq. 18).
 
-    Where a component exceeds m_limit the whole is made smaller, so that the torque keeps its
-    direction. Zero without a field.
+    Where a component exceeds m_limit the whole is made smaller, so that the torque
+    keeps its direction. Zero without a field.
     """
     size2 = dot(b_B, b_B)
     if size2 == 0.0:
@@ -70,15 +74,19 @@ def velocity_torque(omega_B: Vec3, gain: float) -> Vec3:
 
 
 def null_vector(axes: Mat34) -> Vec4:
-    """n with A n = 0, its largest element +-1, the first of those +1: (1, -1, 1, -1) for a pyramid.
+    """n with A n = 0, its largest element +-1, the first of those +1: (1, -1, 1, -1)
+    for a pyramid.
 
-    The components are the minors of A. Zero where the wheels that are there have no null space:
-    fewer than four, or axes in one plane.
+    The components are the minors of A. Zero where the wheels that are there have no
+    null space: fewer than four, or axes in one plane.
     """
     p, q, r, s = ((axes[i], axes[4 + i], axes[8 + i]) for i in range(4))
     minors = (
-        dot(q, cross(r, s)), -dot(p, cross(r, s)), dot(p, cross(q, s)), -dot(p, cross(q, r)),
-    )  # fmt: skip
+        dot(q, cross(r, s)),
+        -dot(p, cross(r, s)),
+        dot(p, cross(q, s)),
+        -dot(p, cross(q, r)),
+    )
     largest = max(minors, key=abs)
     if abs(largest) < 1e-9 or ZERO in (p, q, r, s):
         return NO_NULL_SPACE

@@ -1,7 +1,8 @@
-"""The least firing time for a wanted angular impulse over a horizon: a linear programme.
+"""The least firing time for a wanted angular impulse over a horizon: a linear
+programme.
 
-The momentum of the craft in an inertial frame is the sum of impulses, so the dynamics of a whole
-horizon are three linear equations. Needs numpy and HiGHS.
+The momentum of the craft in an inertial frame is the sum of impulses, so the dynamics
+of a whole horizon are three linear equations. Needs numpy and HiGHS.
 """
 
 from __future__ import annotations
@@ -29,32 +30,46 @@ class Plan(NamedTuple):
 
 
 def least_firing(
-    impulse: Array, thrust: Array, longest: Array, dipole: Array, dipole_cost: float = 0.0,
-    patience: float = 0.0, bounded: bool = True,
-) -> Plan | None:  # fmt: skip
-    """The plan of least firing time whose impulses add up to `impulse`; None where there is none.
+    impulse: Array,
+    thrust: Array,
+    longest: Array,
+    dipole: Array,
+    dipole_cost: float = 0.0,
+    patience: float = 0.0,
+    bounded: bool = True,
+) -> Plan | None:
+    """The plan of least firing time whose impulses add up to `impulse`; None where
+    there is none.
 
     minimise  sum (1 - patience k / n) on_time + dipole_cost sum |share|
     sum on_time thrust + sum share dipole = impulse,  0 <= on_time <= longest,  |share| <= 1
 
-    All in one inertial frame: impulse (3,) N m s; thrust (n, p, 3) N m, the mean torque of thruster
-    j over interval k; longest (n,) s; dipole (n, c, 3) N m s, the impulse of coil j over interval k
-    with all of its dipole, without a limit where not `bounded`. `dipole_cost` (s) is what a whole
-    dipole over one interval is worth: a little of it keeps dipoles off that save nothing. A little
-    `patience` makes late what could as well be early.
+    All in one inertial frame: impulse (3,) N m s; thrust (n, p, 3) N m, the mean torque
+    of thruster j over interval k; longest (n,) s; dipole (n, c, 3) N m s, the impulse
+    of coil j over interval k with all of its dipole, without a limit where not
+    `bounded`. `dipole_cost` (s) is what a whole dipole over one interval is worth: a
+    little of it keeps dipoles off that save nothing. A little `patience` makes late
+    what could as well be early.
     """
     n, p, _ = thrust.shape
     c = dipole.shape[1]
     torques, impulses = thrust.reshape(-1, 3).T, dipole.reshape(-1, 3).T
-    strength = np.abs(torques).max()  # seconds on both sides: the solver's tolerances are absolute
+    strength = np.abs(
+        torques
+    ).max()  # seconds on both sides: the solver's tolerances are absolute
     x, price = programme(
         np.concatenate(
-            [np.repeat(1.0 - patience * np.arange(n) / n, p), np.full(2 * n * c, dipole_cost)]
+            [
+                np.repeat(1.0 - patience * np.arange(n) / n, p),
+                np.full(2 * n * c, dipole_cost),
+            ]
         ),
         np.concatenate([torques, impulses, -impulses], axis=1) / strength,
         impulse / strength,
         np.zeros(n * (p + 2 * c)),
-        np.concatenate([np.repeat(longest, p), np.full(2 * n * c, 1.0 if bounded else np.inf)]),
+        np.concatenate(
+            [np.repeat(longest, p), np.full(2 * n * c, 1.0 if bounded else np.inf)]
+        ),
     )
     if x is None or price is None:
         return None
@@ -70,10 +85,12 @@ def least_firing(
 def programme(
     cost: Array, rows: Array, wanted: Array, least: Array, most: Array
 ) -> tuple[Array, Array] | tuple[None, None]:
-    """The x (n,), least <= x <= most, that minimises cost x with rows x = wanted, and how the
-    least cost changes with each of `wanted` (m,); None, None where there is none.
+    """The x (n,), least <= x <= most, that minimises cost x with rows x = wanted, and
+    how the least cost changes with each of `wanted` (m,); None, None where there is
+    none.
 
-    By the dual simplex method of HiGHS itself: scipy's function for it takes 0.3 s to import.
+    By the dual simplex method of HiGHS itself: scipy's function for it takes 0.3 s to
+    import.
     """
     m, n = rows.shape
     task = highspy.HighsLp()
@@ -86,7 +103,11 @@ def programme(
     task.a_matrix_.index_ = row
     task.a_matrix_.value_ = rows.T[column, row]
     solver = highspy.Highs()
-    for option, value in (("output_flag", False), ("solver", "simplex"), ("threads", 1)):
+    for option, value in (
+        ("output_flag", False),
+        ("solver", "simplex"),
+        ("threads", 1),
+    ):
         solver.setOptionValue(option, value)
     solver.passModel(task)
     solver.run()

@@ -1,13 +1,14 @@
 """Optimal dumping by magnetic torquers alone: paper 000, eqs. 10-14.
 
-The model is h' = W h + M x B + N_con (eq. 7): h (N m s) the wheels' momentum, M (A m2) the
-torquers' dipole, B (T) the measured field, N_con (N m) the constant torque of an off-nadir attitude
-(eq. 3), W = -[omega x] with omega (rad/s) the body's inertial rate; all in the body frame. W is
-skew, so exp(W t) is the rotation by -omega t, and M x B = Q M with Q = -[B x] (eq. 5).
+The model is h' = W h + M x B + N_con (eq. 7): h (N m s) the wheels' momentum, M (A m2)
+the torquers' dipole, B (T) the measured field, N_con (N m) the constant torque of an
+off-nadir attitude (eq. 3), W = -[omega x] with omega (rad/s) the body's inertial rate;
+all in the body frame. W is skew, so exp(W t) is the rotation by -omega t, and M x B = Q
+M with Q = -[B x] (eq. 5).
 
-Of the cost 1/2 int h'F h + M'R M dt with R = diag(weight) (1) and F (1/(T2 s2)), the costate p is
-in A m2/T and the gain K, p = K h - g, in 1/(T2 s). A symmetric matrix is six numbers: its upper
-triangle, row by row.
+Of the cost 1/2 int h'F h + M'R M dt with R = diag(weight) (1) and F (1/(T2 s2)), the
+costate p is in A m2/T and the gain K, p = K h - g, in 1/(T2 s). A symmetric matrix is
+six numbers: its upper triangle, row by row.
 """
 
 from __future__ import annotations
@@ -44,12 +45,15 @@ def full(upper: Table) -> Mat33:
     return (xx, xy, xz, xy, yy, yz, xz, yz, zz)
 
 
-def interpolated(table: Table, columns: int, nodes: int, horizon: float, t: float) -> Table:
-    """A row between the rows of a table whose first `nodes` rows lie evenly from 0 to the horizon.
+def interpolated(
+    table: Table, columns: int, nodes: int, horizon: float, t: float
+) -> Table:
+    """A row between the rows of a table whose first `nodes` rows lie evenly from 0 to
+    the horizon.
 
-    Linear, so that between two gains without negative eigenvalues there is none with; the error is
-    at most 1/8 (horizon / (nodes - 1))^2 times the second derivative. t and horizon in s,
-    0 <= t <= horizon; nodes >= 2.
+    Linear, so that between two gains without negative eigenvalues there is none with;
+    the error is at most 1/8 (horizon / (nodes - 1))^2 times the second derivative. t
+    and horizon in s, 0 <= t <= horizon; nodes >= 2.
     """
     x = t / horizon * (nodes - 1)
     i = min(int(x), nodes - 2)

@@ -1,7 +1,9 @@
-"""What `magnetic.py` needs to know beforehand: gain tables and costates. Offline: numpy and scipy.
+"""What `magnetic.py` needs to know beforehand: gain tables and costates. Offline: numpy
+and scipy.
 
-Model, units and signs as in `magnetic.py`. `field(t)` is B (T, body) at t (s) after the start,
-`omega` (rad/s) the constant rate of the attitude, weights are the diagonals of F (1/(T2 s2)) and R.
+Model, units and signs as in `magnetic.py`. `field(t)` is B (T, body) at t (s) after the
+start, `omega` (rad/s) the constant rate of the attitude, weights are the diagonals of F
+(1/(T2 s2)) and R.
 """
 
 from __future__ import annotations
@@ -24,7 +26,8 @@ _UPPER = np.triu_indices(3)
 _FULL = np.array([[0, 1, 2], [1, 3, 4], [2, 4, 5]])
 
 POINTS = 24
-"""Of a Gauss-Legendre rule, exact for polynomials of degree 47, in each interval of QUADRATURE."""
+"""Of a Gauss-Legendre rule, exact for polynomials of degree 47, in each interval of
+QUADRATURE."""
 QUADRATURE = 300.0
 """Length of an interval of the quadrature (s): a twentieth of a low orbit."""
 
@@ -42,13 +45,18 @@ def reach(b: Triple, dipole_weight: Triple) -> Array:
 
 
 def gains(
-    field: Field, omega: Triple, momentum_weight: Triple,
-    dipole_weight: Triple, n_con: Triple, times: Array,
-) -> tuple[Array, Array]:  # fmt: skip
-    """K (nodes, 6; 1/(T2 s)) and g (nodes, 3; A m2/T) of eq. 11 at `times` (s), rising to t_f.
+    field: Field,
+    omega: Triple,
+    momentum_weight: Triple,
+    dipole_weight: Triple,
+    n_con: Triple,
+    times: Array,
+) -> tuple[Array, Array]:
+    """K (nodes, 6; 1/(T2 s)) and g (nodes, 3; A m2/T) of eq. 11 at `times` (s), rising
+    to t_f.
 
-    K' = -K W - W'K + K S K - F and g' = -(W - S K)' g + K N_con, backwards from K(t_f) = 0 and
-    g(t_f) = 0 (notes, item 5), to 1e-10 of their size.
+    K' = -K W - W'K + K S K - F and g' = -(W - S K)' g + K N_con, backwards from K(t_f)
+    = 0 and g(t_f) = 0 (notes, item 5), to 1e-10 of their size.
     """
     w, f, n = -cross_matrix(omega), np.diag(momentum_weight), np.asarray(n_con)
     largest = float(np.max(momentum_weight))
@@ -65,21 +73,32 @@ def gains(
         return np.concatenate((dk[_UPPER], dg)) / unit
 
     solution = solve_ivp(
-        slope, (times[-1], times[0]), np.zeros(9), t_eval=times[::-1], method="DOP853",
-        rtol=1e-10, atol=1e-12,
-    )  # fmt: skip
+        slope,
+        (times[-1], times[0]),
+        np.zeros(9),
+        t_eval=times[::-1],
+        method="DOP853",
+        rtol=1e-10,
+        atol=1e-12,
+    )
     table = unit * solution.y.T[::-1]
     return table[:, :6], table[:, 6:]
 
 
 def costate(
-    field: Field, omega: Triple, dipole_weight: Triple, n_con: Triple,
-    start: Triple, end: Triple, horizon: float,
-) -> Array:  # fmt: skip
-    """p(t_0) (A m2/T) of eq. 13 that leads from h(t_0) = start to h(t_0 + horizon) = end (N m s).
+    field: Field,
+    omega: Triple,
+    dipole_weight: Triple,
+    n_con: Triple,
+    start: Triple,
+    end: Triple,
+    horizon: float,
+) -> Array:
+    """p(t_0) (A m2/T) of eq. 13 that leads from h(t_0) = start to h(t_0 + horizon) =
+    end (N m s).
 
-    In z = exp(-W t) h, eq. 14 is z' = -exp(-W t) S exp(W t) p(t_0) + exp(-W t) N_con; its integral
-    is linear in p(t_0).
+    In z = exp(-W t) h, eq. 14 is z' = -exp(-W t) S exp(W t) p(t_0) + exp(-W t) N_con;
+    its integral is linear in p(t_0).
     """
     gramian, drift = np.zeros((3, 3)), np.zeros(3)
     for t, weight in zip(*_quadrature(horizon), strict=True):
@@ -105,7 +124,8 @@ def _quadrature(horizon: float) -> tuple[Array, Array]:
 
 
 def cheapest_end(free: Array, effect: Array, cost: Array, size: float) -> Array:
-    """The end h = free + effect p (N m s) of length `size` whose cost 1/2 p'cost p is least.
+    """The end h = free + effect p (N m s) of length `size` whose cost 1/2 p'cost p is
+    least.
 
     With a multiplier m, (cost + m effect'effect) p = -m effect'free; as m rises, |h| falls from
     |free| to 0. free (3,), effect (3, 3), cost (3, 3), 0 < size < |free|.
@@ -117,5 +137,7 @@ def cheapest_end(free: Array, effect: Array, cost: Array, size: float) -> Array:
         p = np.linalg.solve(cost + m * effect.T @ effect, -m * effect.T @ free)
         return np.asarray(free + effect @ p)
 
-    log = brentq(lambda x: np.linalg.norm(end(x)) - size, -12.0, 12.0, xtol=1e-14, rtol=1e-14)
+    log = brentq(
+        lambda x: np.linalg.norm(end(x)) - size, -12.0, 12.0, xtol=1e-14, rtol=1e-14
+    )
     return end(float(log))

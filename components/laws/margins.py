@@ -1,10 +1,12 @@
 """Stability margins of the quaternion PID on a rigid body (paper 004, eqs. 10 to 12).
 
-About one axis, with the gains times the inertia (eq. 11) and e half the angle, the open loop is
+About one axis, with the gains times the inertia (eq. 11) and e half the angle, the open
+loop is
 
     L(s) = (kd s + kp / 2 + ki / (2 s)) / s^2  exp(-delay s)
 
-kp in 1/s2, kd in 1/s, ki in 1/s3; frequencies in rad/s. Analysis only, no block uses it.
+kp in 1/s2, kd in 1/s, ki in 1/s3; frequencies in rad/s. Analysis only, no block uses
+it.
 """
 
 from __future__ import annotations
@@ -59,4 +61,6 @@ def pid_margins(kp: float, kd: float, ki: float, delay: float = 0.0) -> Margins:
 
 def _root(f: Callable[[float], float], low: float, high: float) -> float:
     """Where f changes its sign between two positive bounds."""
-    return float(np.exp(brentq(lambda x: f(np.exp(x)), np.log(low), np.log(high), xtol=1e-14)))
+    return float(
+        np.exp(brentq(lambda x: f(np.exp(x)), np.log(low), np.log(high), xtol=1e-14))
+    )

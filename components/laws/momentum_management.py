@@ -1,14 +1,16 @@
 """Momentum management by magnetic torquers: paper 001, eqs. 1-8 and Table 1.
 
-The torque on the craft is T_M = mu x B, with mu (A m2) the dipole and B (T) the field, and its
-total momentum obeys H' = T_GG + T_M (N m) in axes that do not turn. Everything of one call is in
-the same axes. S = A A' (1) is the weighting: of the coils' axes M for least coil energy, of the
-wheels' axes W for least wheel speed, the identity for orthogonal ones.
+The torque on the craft is T_M = mu x B, with mu (A m2) the dipole and B (T) the field,
+and its total momentum obeys H' = T_GG + T_M (N m) in axes that do not turn. Everything
+of one call is in the same axes. S = A A' (1) is the weighting: of the coils' axes M for
+least coil energy, of the wheels' axes W for least wheel speed, the identity for
+orthogonal ones.
 
-Table 1 in a clean form. Closed loop: P = T_D / (B'S B), mu_M = (S B) x P. Read with the skew matrix
-of B in place of the vector, its matrix is singular, and the pseudo-inverse gives the same T_M
-whatever A, against the text. Open loop, where the skew matrix is meant:
-P = [integral of [B]'S[B] dt]^-1 H_D, mu_M = S (B x P). Both: mu_T = M'(M M')^-1 mu_M.
+Table 1 in a clean form. Closed loop: P = T_D / (B'S B), mu_M = (S B) x P. Read with the
+skew matrix of B in place of the vector, its matrix is singular, and the pseudo-inverse
+gives the same T_M whatever A, against the text. Open loop, where the skew matrix is
+meant: P = [integral of [B]'S[B] dt]^-1 H_D, mu_M = S (B x P). Both: mu_T = M'(M M')^-1
+mu_M.
 """
 
 from __future__ import annotations
@@ -19,7 +21,8 @@ from ..contract.block import Mat33, Mat34, Table, Vec3, Vec4
 from ..maths.vector import ZERO, add, cross, dot, inverse, mat_vec, scale, sub
 
 GAIN, COSTATE = 6, 3
-"""Numbers in a row of the preview's tables: the upper triangle xx, xy, xz, yy, yz, zz; a vector."""
+"""Numbers in a row of the preview's tables: the upper triangle xx, xy, xz, yy, yz, zz;
+a vector."""
 
 
 def weighting(axes: Mat34) -> Mat33:
@@ -68,10 +71,16 @@ def field_product(b: Vec3, s: Mat33) -> Mat33:
     second = cross(mat_vec(s, (-z, 0.0, x)), b)
     third = cross(mat_vec(s, (y, -x, 0.0)), b)
     return (
-        first[0], second[0], third[0],
-        first[1], second[1], third[1],
-        first[2], second[2], third[2],
-    )  # fmt: skip
+        first[0],
+        second[0],
+        third[0],
+        first[1],
+        second[1],
+        third[1],
+        first[2],
+        second[2],
+        third[2],
+    )
 
 
 def open_loop_costate(product: Mat33, momentum: Vec3) -> Vec3:
@@ -81,8 +90,8 @@ def open_loop_costate(product: Mat33, momentum: Vec3) -> Vec3:
 
 
 def condition(m: Mat33) -> float:
-    """Largest over least eigenvalue (1) of a symmetric matrix without negative ones; inf where
-    the least is none.
+    """Largest over least eigenvalue (1) of a symmetric matrix without negative ones;
+    inf where the least is none.
 
     Closed form: Smith, Communications of the ACM 4 (1961) 168.
     """
@@ -93,38 +102,45 @@ def condition(m: Mat33) -> float:
     if spread == 0.0:
         return 1.0 if mean > 0.0 else inf
     determinant = a * (d * f - e * e) - b * (b * f - c * e) + c * (b * e - c * d)
-    angle = acos(min(max(0.5 * determinant / (spread * spread * spread), -1.0), 1.0)) / 3.0
+    angle = (
+        acos(min(max(0.5 * determinant / (spread * spread * spread), -1.0), 1.0)) / 3.0
+    )
     least = mean + 2.0 * spread * cos(angle + 2.0 * pi / 3.0)
     most = mean + 2.0 * spread * cos(angle)
     return inf if least <= 1e-15 * most else most / least
 
 
 def held_field(b: Vec3, before: Vec3, second: Vec3, third: Vec3) -> Vec3:
-    """The mean of the field (T) over the time until the next sample, from this and the last three,
-    in axes that do not turn; zero stands for one that there is not. Adams and Bashforth's weights:
-    for a field that turns by a per sample it errs by 0.35 a^4."""
+    """The mean of the field (T) over the time until the next sample, from this and the
+    last three, in axes that do not turn; zero stands for one that there is not. Adams
+    and Bashforth's weights: for a field that turns by a per sample it errs by 0.35
+    a^4."""
     if before == ZERO:
         return b
     if second == ZERO:
         return sub(scale(1.5, b), scale(0.5, before))
     if third == ZERO:
-        return add(sub(scale(23.0 / 12.0, b), scale(4.0 / 3.0, before)), scale(5.0 / 12.0, second))
+        return add(
+            sub(scale(23.0 / 12.0, b), scale(4.0 / 3.0, before)),
+            scale(5.0 / 12.0, second),
+        )
     newer = sub(scale(55.0 / 24.0, b), scale(59.0 / 24.0, before))
     return add(newer, sub(scale(37.0 / 24.0, second), scale(9.0 / 24.0, third)))
 
 
 def reduced(m: Vec3, coils: Vec4, limit: float) -> Vec3:
-    """The dipole m (A m2), whose allocation to the coils is `coils`, made smaller in its own
-    direction so far that no coil exceeds its limit."""
+    """The dipole m (A m2), whose allocation to the coils is `coils`, made smaller in
+    its own direction so far that no coil exceeds its limit."""
     a, b, c, d = coils
     most = max(abs(a), abs(b), abs(c), abs(d))
     return m if most <= limit else scale(limit / most, m)
 
 
 def preview_costate(gain: Table, offset: Vec3, h: Vec3) -> Vec3:
-    """P = -(K h + g) (A m2/T), for `open_loop_dipole`: the state feedback that makes the cost
-    q |H|^2 + |mu_T|^2 least over a predicted field and gravity gradient, K (1/(T2 s)) as six
-    numbers and g (A m2/T). Not in the paper; Psiaki, J. Guidance 24 (2001) 386, has it periodic."""
+    """P = -(K h + g) (A m2/T), for `open_loop_dipole`: the state feedback that makes
+    the cost q |H|^2 + |mu_T|^2 least over a predicted field and gravity gradient, K
+    (1/(T2 s)) as six numbers and g (A m2/T). Not in the paper; Psiaki, J. Guidance 24
+    (2001) 386, has it periodic."""
     xx, xy, xz, yy, yz, zz = gain
     x, y, z = h
     return (
@@ -135,15 +151,18 @@ def preview_costate(gain: Table, offset: Vec3, h: Vec3) -> Vec3:
 
 
 def place(nodes: int, spacing: float, t: float) -> tuple[int, float]:
-    """The row of an even table at or before t (s), and the share of the way to the next, for
-    0 <= t <= (nodes - 1) spacing."""
+    """The row of an even table at or before t (s), and the share of the way to the
+    next, for 0 <= t <= (nodes - 1) spacing."""
     x = t / spacing
     i = min(max(int(x), 0), nodes - 2)
     return i, x - i
 
 
-def between3(table: Table, i: int, share: float, first: int = 0, width: int = 3) -> Vec3:
-    """Three numbers of a row, from `first` on, linear between rows i and i + 1 of `width`."""
+def between3(
+    table: Table, i: int, share: float, first: int = 0, width: int = 3
+) -> Vec3:
+    """Three numbers of a row, from `first` on, linear between rows i and i + 1 of
+    `width`."""
     k, r = width * i + first, 1.0 - share
     return (
         r * table[k] + share * table[k + width],
@@ -153,7 +172,8 @@ def between3(table: Table, i: int, share: float, first: int = 0, width: int = 3)
 
 
 def between6(table: Table, i: int, share: float) -> Table:
-    """A row of six, linear: between two gains without negative eigenvalues there is none with."""
+    """A row of six, linear: between two gains without negative eigenvalues there is
+    none with."""
     k, r = 6 * i, 1.0 - share
     return (
         r * table[k] + share * table[k + 6],
@@ -166,9 +186,10 @@ def between6(table: Table, i: int, share: float) -> Table:
 
 
 def profile3(table: Table, nodes: int, period: int, i: int, share: float) -> Vec3:
-    """A row of three between rows i and i + 1 of a profile whose slope jumps every `period` rows,
-    where a desaturation period ends: cubic through the four rows around, and at a jump, or at the
-    table's end, of the three on this side of it; linear where there are but two."""
+    """A row of three between rows i and i + 1 of a profile whose slope jumps every
+    `period` rows, where a desaturation period ends: cubic through the four rows around,
+    and at a jump, or at the table's end, of the three on this side of it; linear where
+    there are but two."""
     first = i - i % period
     last = min(first + period, nodes - 1)
     if last - first < 2:
@@ -178,10 +199,12 @@ def profile3(table: Table, nodes: int, period: int, i: int, share: float) -> Vec
     h00, h01 = 2.0 * w - 3.0 * v + 1.0, 3.0 * v - 2.0 * w
     h10, h11 = w - 2.0 * v + u, w - v
     x, y, z = (
-        h00 * table[3 * i + k] + h01 * table[3 * i + 3 + k]
-        + h10 * _slope(table, k, i, first, last) + h11 * _slope(table, k, i + 1, first, last)
+        h00 * table[3 * i + k]
+        + h01 * table[3 * i + 3 + k]
+        + h10 * _slope(table, k, i, first, last)
+        + h11 * _slope(table, k, i + 1, first, last)
         for k in range(3)
-    )  # fmt: skip
+    )
     return (x, y, z)
 
 

@@ -1,8 +1,10 @@
-"""What the ground computes for momentum management: H_NOM of paper 001, and the preview's tables.
+"""What the ground computes for momentum management: H_NOM of paper 001, and the
+preview's tables.
 
-A course is what is predicted for N samples of dt (s), in axes that do not turn: the means of B (T)
-and T_GG (N m), and S (1), the weighting; H (N m s) is the total momentum, m (A m2) the dipole, held
-over a sample: H_k+1 = H_k + dt (T_GG + m x B). Needs numpy and scipy; no block imports it.
+A course is what is predicted for N samples of dt (s), in axes that do not turn: the
+means of B (T) and T_GG (N m), and S (1), the weighting; H (N m s) is the total
+momentum, m (A m2) the dipole, held over a sample: H_k+1 = H_k + dt (T_GG + m x B).
+Needs numpy and scipy; no block imports it.
 """
 
 from __future__ import annotations
@@ -19,8 +21,8 @@ EXPONENT = 8
 
 @dataclass(frozen=True)
 class Course:
-    """A predicted course: dt (s), field (N, 3), gravity (N, 3), weighting (N, 3, 3), and what makes
-    wheel momenta of H at the samples' ends (N, wheels, 3)."""
+    """A predicted course: dt (s), field (N, 3), gravity (N, 3), weighting (N, 3, 3),
+    and what makes wheel momenta of H at the samples' ends (N, wheels, 3)."""
 
     dt: float
     field: Array
@@ -36,8 +38,8 @@ class Course:
 
 @dataclass(frozen=True)
 class Optimum:
-    """A course of the momentum (N + 1, 3), its dipoles (N, 3) and costates (N, 3; A m2/T), with
-    m = S (B x P)."""
+    """A course of the momentum (N + 1, 3), its dipoles (N, 3) and costates (N, 3; A
+    m2/T), with m = S (B x P)."""
 
     momentum: Array
     dipole: Array
@@ -45,9 +47,9 @@ class Optimum:
 
 
 def periodic_ends(course: Course, rate: float, period: int) -> Array:
-    """Where the profile is to be at the ends of its periods (N m s; a row an end, the start first):
-    on the motion of twice the orbital rate (rad/s) that gravity gradient alone leads to, which has
-    mean zero; its secular part is left out."""
+    """Where the profile is to be at the ends of its periods (N m s; a row an end, the
+    start first): on the motion of twice the orbital rate (rad/s) that gravity gradient
+    alone leads to, which has mean zero; its secular part is left out."""
     t = course.dt * np.arange(len(course.gravity) + 1)
     built = np.vstack([np.zeros(3), np.cumsum(course.gravity * course.dt, axis=0)])
     wave = np.stack([np.cos(2.0 * rate * t), np.sin(2.0 * rate * t)], axis=1)
@@ -57,9 +59,12 @@ def periodic_ends(course: Course, rate: float, period: int) -> Array:
     return np.asarray(wave[ends] @ part)
 
 
-def profile(course: Course, ends: Array, period: int, start: Array) -> tuple[Array, Array]:
-    """H_NOM at the samples' ends (N + 1, 3) by consecutive open-loop solutions of `period` samples
-    (paper 001, eqs. 2, 3 and Table 1) from `start` to `ends`, and each period's condition."""
+def profile(
+    course: Course, ends: Array, period: int, start: Array
+) -> tuple[Array, Array]:
+    """H_NOM at the samples' ends (N + 1, 3) by consecutive open-loop solutions of
+    `period` samples (paper 001, eqs. 2, 3 and Table 1) from `start` to `ends`, and each
+    period's condition."""
     skew = _skew(course.field)
     product = skew.transpose(0, 2, 1) @ course.weighting @ skew
     rows, conditions = [np.asarray(start, float)], []
@@ -74,15 +79,20 @@ def profile(course: Course, ends: Array, period: int, start: Array) -> tuple[Arr
 
 
 def cheapest(
-    course: Course, momentum_weight: Array, peak_weight: float, peak: float, start: Array
-) -> Optimum:  # fmt: skip
+    course: Course,
+    momentum_weight: Array,
+    peak_weight: float,
+    peak: float,
+    start: Array,
+) -> Optimum:
     """The course that makes least, of all that begin at `start` (N m s),
 
         sum m' S^-1 m + H' diag(momentum_weight) H + peak_weight sum_i (h_i / peak)^EXPONENT
 
-    over the samples, with m' S^-1 m the squared dipoles of the coils and h (N m s) the wheels'
-    momenta; weights in 1/(T2 s2) and A2 m4, peak in N m s. By Newton's method: each step is a
-    linear-quadratic problem. Raises RuntimeError where it does not converge.
+    over the samples, with m' S^-1 m the squared dipoles of the coils and h (N m s) the
+    wheels' momenta; weights in 1/(T2 s2) and A2 m4, peak in N m s. By Newton's method:
+    each step is a linear-quadratic problem. Raises RuntimeError where it does not
+    converge.
     """
     q = np.diag(np.asarray(momentum_weight, float))
     none = np.zeros((len(course.field), 3))
@@ -116,13 +126,16 @@ def cheapest(
     raise RuntimeError("the cheapest course: Newton's method did not converge")
 
 
-def least_energy(course: Course, peak: float, start: Array, accuracy: float = 1e-3) -> float | None:
-    """A lower bound of the integral of the coils' squared dipoles (A2 m4 s) over a course that
-    keeps each wheel within +-peak (N m s) at all samples' ends, from `start` (N m s) on; within
-    `accuracy` of the least. None where none is found that keeps within it.
+def least_energy(
+    course: Course, peak: float, start: Array, accuracy: float = 1e-3
+) -> float | None:
+    """A lower bound of the integral of the coils' squared dipoles (A2 m4 s) over a
+    course that keeps each wheel within +-peak (N m s) at all samples' ends, from
+    `start` (N m s) on; within `accuracy` of the least. None where none is found that
+    keeps within it.
 
-    A convex quadratic programme, by a logarithmic barrier: with 2 n limits and the weight w of the
-    barrier its optimum is at most 2 n w above the least.
+    A convex quadratic programme, by a logarithmic barrier: with 2 n limits and the
+    weight w of the barrier its optimum is at most 2 n w above the least.
     """
     inverse = np.linalg.inv(course.weighting)
     weight, now = 1e3, None
@@ -142,7 +155,10 @@ def least_energy(course: Course, peak: float, start: Array, accuracy: float = 1e
         for _ in range(30):
             h = wheels(course, now)
             gap = peak * peak - h * h
-            slope, bend = 2.0 * w * h / gap, 2.0 * w * (peak * peak + h * h) / (gap * gap)
+            slope, bend = (
+                2.0 * w * h / gap,
+                2.0 * w * (peak * peak + h * h) / (gap * gap),
+            )
             step = _newton(course, slope, bend, h, start, None)
             share = 1.0
             value = coils(now) - w * np.log(gap).sum()
@@ -167,16 +183,19 @@ def least_energy(course: Course, peak: float, start: Array, accuracy: float = 1e
 
 
 def feedback(course: Course, momentum_weight: Array) -> Array:
-    """K (N, 3, 3; 1/(T2 s)) that holds a course: the cost of H' diag(momentum_weight) H and of the
-    coils' squared dipoles from each sample on is H'K H where nothing disturbs."""
+    """K (N, 3, 3; 1/(T2 s)) that holds a course: the cost of H' diag(momentum_weight) H
+    and of the coils' squared dipoles from each sample on is H'K H where nothing
+    disturbs."""
     count = len(course.field)
-    weights = np.broadcast_to(np.diag(np.asarray(momentum_weight, float)), (count, 3, 3))
+    weights = np.broadcast_to(
+        np.diag(np.asarray(momentum_weight, float)), (count, 3, 3)
+    )
     return _riccati(course, weights)
 
 
 def at_rows(values: Array, dt: float, times: Array, period: int = 0) -> Array:
-    """Values at k dt (rows, ...) at other times (s), by cubic splines that end every `period`
-    values; 0: one spline."""
+    """Values at k dt (rows, ...) at other times (s), by cubic splines that end every
+    `period` values; 0: one spline."""
     from scipy.interpolate import CubicSpline  # takes a while to load
 
     grid = dt * np.arange(len(values))
@@ -205,29 +224,40 @@ def _between(a: Optimum, b: Optimum, share: float) -> Optimum:
 
 
 def _newton(
-    course: Course, slope: Array, bend: Array, h: Array, start: Array, weight: Array | None
+    course: Course,
+    slope: Array,
+    bend: Array,
+    h: Array,
+    start: Array,
+    weight: Array | None,
 ) -> Optimum:
-    """The optimum of a cost of the wheels' momenta (N, wheels) taken as a parabola around h, with
-    these first and second derivatives; `weight` (3, 3) of H beside."""
+    """The optimum of a cost of the wheels' momenta (N, wheels) taken as a parabola
+    around h, with these first and second derivatives; `weight` (3, 3) of H beside."""
     to = course.to_wheels
     if weight is None:
-        # a wheel at its limit counts 1e11 times as much as one that is not: by singular values the
-        # inverse has no negative eigenvalue of rounding
-        _, values, axes = np.linalg.svd(np.sqrt(0.5 * bend)[:, :, None] * to, full_matrices=False)
+        # a wheel at its limit counts 1e11 times as much as one that is not: by singular
+        # values the inverse has no negative eigenvalue of rounding
+        _, values, axes = np.linalg.svd(
+            np.sqrt(0.5 * bend)[:, :, None] * to, full_matrices=False
+        )
         inverse = np.einsum("kia,ki,kib->kab", axes, values**-2.0, axes)
     else:
-        inverse = np.linalg.inv(weight + 0.5 * np.einsum("kwa,kw,kwb->kab", to, bend, to))
+        inverse = np.linalg.inv(
+            weight + 0.5 * np.einsum("kwa,kw,kwb->kab", to, bend, to)
+        )
     linear = 0.5 * np.einsum("kw,kwa->ka", slope - bend * h, to)
     return _linear_quadratic(course, inverse, linear, start)
 
 
-def _linear_quadratic(course: Course, inverse: Array, linear: Array, start: Array) -> Optimum:
-    """Least sum m' S^-1 m + H_k+1' weights H_k+1 + 2 linear . H_k+1, of weights whose `inverse`
-    (N, 3, 3) is given.
+def _linear_quadratic(
+    course: Course, inverse: Array, linear: Array, start: Array
+) -> Optimum:
+    """Least sum m' S^-1 m + H_k+1' weights H_k+1 + 2 linear . H_k+1, of weights whose
+    `inverse` (N, 3, 3) is given.
 
-    With P the multipliers of H_k+1 = H_k + push + effect m, m = S (B x P) and
-    dt (weights H_k+1 + linear) = P_k+1 - P_k; so P obeys a block tridiagonal system without
-    negative eigenvalues.
+    With P the multipliers of H_k+1 = H_k + push + effect m, m = S (B x P) and dt
+    (weights H_k+1 + linear) = P_k+1 - P_k; so P obeys a block tridiagonal system
+    without negative eigenvalues.
     """
     from scipy.linalg import solveh_banded  # takes a while to load
 
@@ -260,7 +290,9 @@ def _riccati(course: Course, weights: Array) -> Array:
     for k in range(count - 1, -1, -1):
         whole, e = k_next + weights[k], effect[k]
         through = e.T @ whole
-        k_next = whole @ (np.eye(3) - e @ np.linalg.solve(effort[k] + through @ e, through))
+        k_next = whole @ (
+            np.eye(3) - e @ np.linalg.solve(effort[k] + through @ e, through)
+        )
         k_next = kept[k] = 0.5 * (k_next + k_next.T)
     return kept
 

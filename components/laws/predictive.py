@@ -1,7 +1,8 @@
 """Plans of coils and thrusters over a forecast of field and torque, by Newton's method.
 
-Over intervals k of dt_k (s), with X (N m s) the wheels' momentum less its target, D_k what the
-forecast adds to it, and actuators j with |u_kj| <= u_max,j, all in one inertial frame:
+Over intervals k of dt_k (s), with X (N m s) the wheels' momentum less its target, D_k
+what the forecast adds to it, and actuators j with |u_kj| <= u_max,j, all in one
+inertial frame:
 
     X_k+1 = X_k + D_k + sum_j g_kj u_kj
 
@@ -9,19 +10,21 @@ u is a dipole (A m2; g = e dt a x B) or an on-time (s; g = e tau). `held` makes
 
     J = sum_k dt_k [ sum_j r_j u_kj^2 / 2 + q |X_k+1|^2 / 2 + w_p sum_i (h_i / h_s)^16 ]
 
-least, h_i = a_ki . X_k+1 + b_i the momentum of wheel i. Each step takes J to second order in X with
-the actuators that stand at a bound and do not want to leave it held there; the rest follows from a
-backward sweep of 3 x 3 matrices (Riccati), the new u from a forward sweep that feeds back what the
-bounds take away, halved until J falls. So any plan that is left off is one that can be flown, and
-better than the one that was begun with.
+least, h_i = a_ki . X_k+1 + b_i the momentum of wheel i. Each step takes J to second
+order in X with the actuators that stand at a bound and do not want to leave it held
+there; the rest follows from a backward sweep of 3 x 3 matrices (Riccati), the new u
+from a forward sweep that feeds back what the bounds take away, halved until J falls. So
+any plan that is left off is one that can be flown, and better than the one that was
+begun with.
 
-`emptied` makes sum (r_j u_kj^2 / 2 + c_kj |u_kj|) + W |X_N|^2 / 2 least. There the costate W X_N is
-the same for all intervals, and three numbers are all that is sought: they make a concave function
-greatest, whose second derivative jumps where an actuator leaves zero or comes to its bound. r is
-large at first.
+`emptied` makes sum (r_j u_kj^2 / 2 + c_kj |u_kj|) + W |X_N|^2 / 2 least. There the
+costate W X_N is the same for all intervals, and three numbers are all that is sought:
+they make a concave function greatest, whose second derivative jumps where an actuator
+leaves zero or comes to its bound. r is large at first.
 
-Bertsekas, SIAM J. Control Optim. 20 (1982) 221 (projected Newton); Tassa, Mansard, Todorov, IEEE
-ICRA (2014) (the sweep with bounds). The peak as a high power: the space telescope's preview.
+Bertsekas, SIAM J. Control Optim. 20 (1982) 221 (projected Newton); Tassa, Mansard,
+Todorov, IEEE ICRA (2014) (the sweep with bounds). The peak as a high power: the space
+telescope's preview.
 """
 
 from __future__ import annotations
@@ -61,7 +64,17 @@ def root(m: Mat33) -> Mat33:
     b, c = m[3] / a, m[6] / a
     d = sqrt(max(m[4] - b * b, _ROUNDED * m[4]))
     e = (m[7] - c * b) / d
-    return (a, 0.0, 0.0, b, d, 0.0, c, e, sqrt(max(m[8] - c * c - e * e, _ROUNDED * m[8])))
+    return (
+        a,
+        0.0,
+        0.0,
+        b,
+        d,
+        0.0,
+        c,
+        e,
+        sqrt(max(m[8] - c * c - e * e, _ROUNDED * m[8])),
+    )
 
 
 def inverse_of_lower(m: Mat33) -> Mat33:
@@ -73,13 +86,15 @@ def inverse_of_lower(m: Mat33) -> Mat33:
 
 def path_cost(
     x: Vec3, k: int, rows: Table, bias: Table, q: float, peak: float, size: float
-) -> float:  # fmt: skip
+) -> float:
     """q |X|^2 / 2 + w_p sum (h_i / h_s)^16 at the end of interval k."""
     cost = 0.5 * q * (x[0] * x[0] + x[1] * x[1] + x[2] * x[2])
     if peak > 0.0:
         for i in range(_WHEELS):
             n = 3 * (_WHEELS * k + i)
-            s = (rows[n] * x[0] + rows[n + 1] * x[1] + rows[n + 2] * x[2] + bias[i]) / size
+            s = (
+                rows[n] * x[0] + rows[n + 1] * x[1] + rows[n + 2] * x[2] + bias[i]
+            ) / size
             s2 = s * s
             s4 = s2 * s2
             s8 = s4 * s4
@@ -89,7 +104,7 @@ def path_cost(
 
 def path_slope(
     x: Vec3, k: int, rows: Table, bias: Table, q: float, peak: float, size: float
-) -> tuple[Vec3, Mat33]:  # fmt: skip
+) -> tuple[Vec3, Mat33]:
     """The first and second derivatives of `path_cost` by X."""
     gx, gy, gz = q * x[0], q * x[1], q * x[2]
     xx, xy, xz, yy, yz, zz = q, 0.0, 0.0, q, 0.0, q
@@ -110,14 +125,25 @@ def path_slope(
 
 
 def held(
-    count: int, x0: Vec3, first: Table, dt: Table, drift: Table, effect: Table, price: float,
-    most: Vec3, rows: Table, bias: Table, q: float, peak: float, size: float,
-) -> tuple[Table, Vec3, Table, int, bool]:  # fmt: skip
+    count: int,
+    x0: Vec3,
+    first: Table,
+    dt: Table,
+    drift: Table,
+    effect: Table,
+    price: float,
+    most: Vec3,
+    rows: Table,
+    bias: Table,
+    q: float,
+    peak: float,
+    size: float,
+) -> tuple[Table, Vec3, Table, int, bool]:
     """The plan over `count` intervals from X = x0, sought from the plan `first` on.
 
-    dt; drift: D, three an interval; effect: g, COILS vectors an
-    interval; price, most: r and u_max; rows: a, four vectors an interval; bias: b. Returns u, the
-    costate of the first interval (dJ / dX_1), the course X_1 .. X_count, the steps taken, and
+    dt; drift: D, three an interval; effect: g, COILS vectors an interval; price, most:
+    r and u_max; rows: a, four vectors an interval; bias: b. Returns u, the costate of
+    the first interval (dJ / dX_1), the course X_1 .. X_count, the steps taken, and
     whether J had settled.
     """
     u = [0.0] * (COILS * HELD)
@@ -129,7 +155,11 @@ def held(
     cost = 0.0
     x = x0
     for k in range(count):
-        nx, ny, nz = x[0] + drift[3 * k], x[1] + drift[3 * k + 1], x[2] + drift[3 * k + 2]
+        nx, ny, nz = (
+            x[0] + drift[3 * k],
+            x[1] + drift[3 * k + 1],
+            x[2] + drift[3 * k + 2],
+        )
         for j in range(COILS):
             i = COILS * k + j
             v = min(max(first[i], -most[j]), most[j])
@@ -143,7 +173,8 @@ def held(
     steps, settled = 0, False
     while steps < STEPS and not settled:
         steps += 1
-        # backward: V_k = X' P X / 2 + p X of the change of X; `tied` is the gradient of J by X
+        # backward: V_k = X' P X / 2 + p X of the change of X; `tied` is the gradient of
+        # J by X
         p: Mat33 = NOTHING
         tied, value = ZERO, ZERO
         for back_k in range(count):
@@ -151,13 +182,27 @@ def held(
             here = (course[3 * k], course[3 * k + 1], course[3 * k + 2])
             slope, curve = path_slope(here, k, rows, bias, q, peak, size)
             t = dt[k]
-            tied = (tied[0] + t * slope[0], tied[1] + t * slope[1], tied[2] + t * slope[2])
-            m = (value[0] + t * slope[0], value[1] + t * slope[1], value[2] + t * slope[2])
+            tied = (
+                tied[0] + t * slope[0],
+                tied[1] + t * slope[1],
+                tied[2] + t * slope[2],
+            )
+            m = (
+                value[0] + t * slope[0],
+                value[1] + t * slope[1],
+                value[2] + t * slope[2],
+            )
             big: Mat33 = (
-                p[0] + t * curve[0], p[1] + t * curve[1], p[2] + t * curve[2],
-                p[3] + t * curve[3], p[4] + t * curve[4], p[5] + t * curve[5],
-                p[6] + t * curve[6], p[7] + t * curve[7], p[8] + t * curve[8],
-            )  # fmt: skip
+                p[0] + t * curve[0],
+                p[1] + t * curve[1],
+                p[2] + t * curve[2],
+                p[3] + t * curve[3],
+                p[4] + t * curve[4],
+                p[5] + t * curve[5],
+                p[6] + t * curve[6],
+                p[7] + t * curve[7],
+                p[8] + t * curve[8],
+            )
             sxx, sxy, sxz, syy, syz, szz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
             bx, by, bz = 0.0, 0.0, 0.0
             for j in range(COILS):
@@ -171,19 +216,37 @@ def held(
                         free[i] = 1.0
                         w = 1.0 / (t * price)
                         bx, by, bz = bx + a * u[i], by + b * u[i], bz + c * u[i]
-                        sxx, sxy, sxz = sxx + w * a * a, sxy + w * a * b, sxz + w * a * c
-                        syy, syz, szz = syy + w * b * b, syz + w * b * c, szz + w * c * c
+                        sxx, sxy, sxz = (
+                            sxx + w * a * a,
+                            sxy + w * a * b,
+                            sxz + w * a * c,
+                        )
+                        syy, syz, szz = (
+                            syy + w * b * b,
+                            syz + w * b * c,
+                            szz + w * c * c,
+                        )
             s: Mat33 = (sxx, sxy, sxz, sxy, syy, syz, sxz, syz, szz)
-            # with M = L L' and Z = (1 + L'S L)^-1: (1 + S M)^-1 = L'^-1 Z L', and so on, which
-            # keeps what M leaves of the directions that it does not hold
+            # with M = L L' and Z = (1 + L'S L)^-1: (1 + S M)^-1 = L'^-1 Z L', and so
+            # on, which keeps what M leaves of the directions that it does not hold
             low = root(big)
             up = inverse_of_lower(low)
             held_back = multiply(transposed(low), multiply(s, low))
-            z = inverse_of_lower(root((
-                1.0 + held_back[0], held_back[1], held_back[2],
-                held_back[3], 1.0 + held_back[4], held_back[5],
-                held_back[6], held_back[7], 1.0 + held_back[8],
-            )))  # fmt: skip
+            z = inverse_of_lower(
+                root(
+                    (
+                        1.0 + held_back[0],
+                        held_back[1],
+                        held_back[2],
+                        held_back[3],
+                        1.0 + held_back[4],
+                        held_back[5],
+                        held_back[6],
+                        held_back[7],
+                        1.0 + held_back[8],
+                    )
+                )
+            )
             zl = multiply(z, transposed(low))
             shrink = multiply(transposed(multiply(z, up)), zl)
             p = multiply(transposed(zl), zl)
@@ -212,10 +275,29 @@ def held(
                 ex = back[n + 9] * vx + back[n + 10] * vy + back[n + 11] * vz
                 ey = back[n + 12] * vx + back[n + 13] * vy + back[n + 14] * vz
                 ez = back[n + 15] * vx + back[n + 16] * vy + back[n + 17] * vz
-                lx = back[n] * ex + back[n + 1] * ey + back[n + 2] * ez + share * back[n + 18]
-                ly = back[n + 3] * ex + back[n + 4] * ey + back[n + 5] * ez + share * back[n + 19]
-                lz = back[n + 6] * ex + back[n + 7] * ey + back[n + 8] * ez + share * back[n + 20]
-                nx, ny, nz = x[0] + drift[3 * k], x[1] + drift[3 * k + 1], x[2] + drift[3 * k + 2]
+                lx = (
+                    back[n] * ex
+                    + back[n + 1] * ey
+                    + back[n + 2] * ez
+                    + share * back[n + 18]
+                )
+                ly = (
+                    back[n + 3] * ex
+                    + back[n + 4] * ey
+                    + back[n + 5] * ez
+                    + share * back[n + 19]
+                )
+                lz = (
+                    back[n + 6] * ex
+                    + back[n + 7] * ey
+                    + back[n + 8] * ez
+                    + share * back[n + 20]
+                )
+                nx, ny, nz = (
+                    x[0] + drift[3 * k],
+                    x[1] + drift[3 * k + 1],
+                    x[2] + drift[3 * k + 2],
+                )
                 for j in range(COILS):
                     i = COILS * k + j
                     v = u[i]
@@ -229,7 +311,11 @@ def held(
                         trial += t * (0.5 * price * v * v)
                 x = (nx, ny, nz)
                 ahead[3 * k], ahead[3 * k + 1], ahead[3 * k + 2] = x
-                dx, dy, dz = nx - course[3 * k], ny - course[3 * k + 1], nz - course[3 * k + 2]
+                dx, dy, dz = (
+                    nx - course[3 * k],
+                    ny - course[3 * k + 1],
+                    nz - course[3 * k + 2],
+                )
                 trial += t * path_cost(x, k, rows, bias, q, peak, size)
             if trial < cost:
                 better = True
@@ -250,20 +336,33 @@ def held(
         k = count - 1 - back_k
         here = (course[3 * k], course[3 * k + 1], course[3 * k + 2])
         slope, _ = path_slope(here, k, rows, bias, q, peak, size)
-        tied = (tied[0] + dt[k] * slope[0], tied[1] + dt[k] * slope[1], tied[2] + dt[k] * slope[2])
+        tied = (
+            tied[0] + dt[k] * slope[0],
+            tied[1] + dt[k] * slope[1],
+            tied[2] + dt[k] * slope[2],
+        )
     return tuple(u), tied, tuple(course), steps, settled
 
 
 def emptied(
-    count: int, rest: Vec3, effect: Table, price: float, limits: Vec3, fee: Table, most: Table,
-    weight: float, near: float, stride: float,
-) -> tuple[Table, int, bool]:  # fmt: skip
+    count: int,
+    rest: Vec3,
+    effect: Table,
+    price: float,
+    limits: Vec3,
+    fee: Table,
+    most: Table,
+    weight: float,
+    near: float,
+    stride: float,
+) -> tuple[Table, int, bool]:
     """The plan over `count` intervals that leads X_0 + sum D = `rest` (N m s) to zero.
 
-    effect: g, ACTUATORS vectors an interval, coils first; price: r of a second, and of a coil's
-    whole dipole, which is one of `limits`; fee, most: c and u_max of thrusters, an interval each;
-    weight: W; near (N m s): how well the end is to be what W makes of it; stride: how far the
-    costate goes in a step, at most. Returns u, the steps taken, and whether it came so near.
+    effect: g, ACTUATORS vectors an interval, coils first; price: r of a second, and of
+    a coil's whole dipole, which is one of `limits`; fee, most: c and u_max of
+    thrusters, an interval each; weight: W; near (N m s): how well the end is to be what
+    W makes of it; stride: how far the costate goes in a step, at most. Returns u, the
+    steps taken, and whether it came so near.
     """
     u = [0.0] * (ACTUATORS * INTERVALS)
     best = [0.0] * (ACTUATORS * INTERVALS)
@@ -278,20 +377,38 @@ def emptied(
             tried = add(costate, scale(share, step))
             total = dot(tried, rest) - 0.5 / weight * dot(tried, tried)
             gx, gy, gz = sub(rest, scale(1.0 / weight, tried))
-            sxx, sxy, sxz, syy, syz, szz = 1.0 / weight, 0.0, 0.0, 1.0 / weight, 0.0, 1.0 / weight
+            sxx, sxy, sxz, syy, syz, szz = (
+                1.0 / weight,
+                0.0,
+                0.0,
+                1.0 / weight,
+                0.0,
+                1.0 / weight,
+            )
             for i in range(ACTUATORS * count):
                 a, b, c = effect[3 * i], effect[3 * i + 1], effect[3 * i + 2]
                 pull = a * tried[0] + b * tried[1] + c * tried[2]
                 k, j = i // ACTUATORS, i % ACTUATORS
                 limit = limits[j] if j < COILS else most[k]
                 unit = max(limit * limit, 1e-12) if j < COILS else 1.0
-                beyond, r = abs(pull) - (0.0 if j < COILS else fee[k]), stage * (price / unit)
+                beyond, r = (
+                    abs(pull) - (0.0 if j < COILS else fee[k]),
+                    stage * (price / unit),
+                )
                 v = 0.0
                 if beyond > 0.0 and limit > 0.0:
                     v = beyond / r
                     if v < limit:
-                        sxx, sxy, sxz = sxx + a * a / r, sxy + a * b / r, sxz + a * c / r
-                        syy, syz, szz = syy + b * b / r, syz + b * c / r, szz + c * c / r
+                        sxx, sxy, sxz = (
+                            sxx + a * a / r,
+                            sxy + a * b / r,
+                            sxz + a * c / r,
+                        )
+                        syy, syz, szz = (
+                            syy + b * b / r,
+                            syz + b * c / r,
+                            szz + c * c / r,
+                        )
                     v = min(v, limit)
                     total += 0.5 * r * v * v - beyond * v
                     v = -v if pull > 0.0 else v

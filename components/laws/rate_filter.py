@@ -4,14 +4,16 @@ The model is that of `rate_observer`: rate omega (rad/s) and field b (T), body,
 
     J_r omega' = m x b + tau - omega x (J_r omega + w),      b' = -omega x b,
 
-with the field measured. The part of omega along the field does not move it; it is known by how
-it couples the axes, which a fixed gain does not use and the covariance does. From sample to sample
+with the field measured. The part of omega along the field does not move it; it is known
+by how it couples the axes, which a fixed gain does not use and the covariance does.
+From sample to sample
 
     P = [[P_w, C], [C', P_b]],   F = [[F_w, 0], [[b x] T, 1 - [omega x] T]],
     F_w = 1 + A T + (A T)^2 / 2,   A = J_r^-1 ([(J_r omega + w) x] - [omega x] J_r).
 
 Source: Psiaki, Martel & Pal, Three-axis attitude determination via Kalman filtering of
-magnetometer data, J. Guidance, Control, and Dynamics 13 (1990) 506, without the attitude.
+magnetometer data, J. Guidance, Control, and Dynamics 13 (1990) 506, without the
+attitude.
 """
 
 from __future__ import annotations
@@ -35,12 +37,23 @@ def crossing(a: Vec3) -> Mat33:
 
 
 def spread(
-    omega: Vec3, b: Vec3, wheel: Vec3, rates: Mat33, mixed: Mat33, fields: Mat33,
-    inertia: Mat33, inverse_inertia: Mat33, rate_noise: float, field_noise: float, elapsed: float,
-) -> tuple[Mat33, Mat33, Mat33]:  # fmt: skip
-    """(P_w, C, P_b) after `elapsed` (s) from a state (omega, b) with wheels' momentum w (N m s).
+    omega: Vec3,
+    b: Vec3,
+    wheel: Vec3,
+    rates: Mat33,
+    mixed: Mat33,
+    fields: Mat33,
+    inertia: Mat33,
+    inverse_inertia: Mat33,
+    rate_noise: float,
+    field_noise: float,
+    elapsed: float,
+) -> tuple[Mat33, Mat33, Mat33]:
+    """(P_w, C, P_b) after `elapsed` (s) from a state (omega, b) with wheels' momentum w
+    (N m s).
 
-    rate_noise, field_noise: random walk of rate (rad/s) and field (T) over a root second.
+    rate_noise, field_noise: random walk of rate (rad/s) and field (T) over a root
+    second.
     """
     momentum = add(mat_vec(inertia, omega), wheel)
     turning = crossing(omega)
@@ -52,26 +65,41 @@ def spread(
     moved, coupled = multiply(f, rates), multiply(down, mixed)
     of_both = multiply(coupled, across)
     return (
-        plus(multiply(moved, transposed(f)), diagonal(rate_noise * rate_noise * elapsed)),
+        plus(
+            multiply(moved, transposed(f)), diagonal(rate_noise * rate_noise * elapsed)
+        ),
         plus(multiply(moved, transposed(down)), multiply(multiply(f, mixed), across)),
         plus(
-            plus(multiply(multiply(down, rates), transposed(down)),
-                 multiply(multiply(transposed(across), fields), across)),
-            plus(plus(of_both, transposed(of_both)), diagonal(field_noise * field_noise * elapsed)),
+            plus(
+                multiply(multiply(down, rates), transposed(down)),
+                multiply(multiply(transposed(across), fields), across),
+            ),
+            plus(
+                plus(of_both, transposed(of_both)),
+                diagonal(field_noise * field_noise * elapsed),
+            ),
         ),
-    )  # fmt: skip
+    )
 
 
 def corrected(
-    omega: Vec3, b: Vec3, measured: Vec3, rates: Mat33, mixed: Mat33, fields: Mat33, noise: float
+    omega: Vec3,
+    b: Vec3,
+    measured: Vec3,
+    rates: Mat33,
+    mixed: Mat33,
+    fields: Mat33,
+    noise: float,
 ) -> tuple[Vec3, Vec3, Mat33, Mat33, Mat33]:
-    """(omega, b, P_w, C, P_b) with a measured field (T), of this noise (T) in each axis."""
+    """(omega, b, P_w, C, P_b) with a measured field (T), of this noise (T) in each
+    axis."""
     gain = inverse(plus(fields, diagonal(noise * noise)))
     d = sub(measured, b)
     of_rate, of_field = multiply(mixed, gain), multiply(fields, gain)
     return (
-        add(omega, mat_vec(of_rate, d)), add(b, mat_vec(of_field, d)),
+        add(omega, mat_vec(of_rate, d)),
+        add(b, mat_vec(of_field, d)),
         subtract(rates, multiply(of_rate, transposed(mixed))),
         subtract(mixed, multiply(of_rate, fields)),
         subtract(fields, multiply(of_field, fields)),
-    )  # fmt: skip
+    )

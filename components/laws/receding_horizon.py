@@ -1,13 +1,14 @@
 """Fuel-optimal dumping over a horizon with a predicted field.
 
-The wheels' momentum h (N m s) obeys h' = -omega x h + N_T + M x B + N_con (paper 000, eq. 15); in
-an inertial frame it is the sum of what acts. So, over samples of `period` (s) with C_k the body's
-attitude and B_k (T, body) the field in the middle of sample k, and C_0 and C_f the attitudes now
-and at the end,
+The wheels' momentum h (N m s) obeys h' = -omega x h + N_T + M x B + N_con (paper 000,
+eq. 15); in an inertial frame it is the sum of what acts. So, over samples of `period`
+(s) with C_k the body's attitude and B_k (T, body) the field in the middle of sample k,
+and C_0 and C_f the attitudes now and at the end,
 
     C_f' h_target - C_0' h = period sum C_k' (N_T + M x B_k + N_con)
 
-for constant N_T (N m) and M (A m2) in each sample: within a sample of 10 s that is right to 2e-5.
+for constant N_T (N m) and M (A m2) in each sample: within a sample of 10 s that is
+right to 2e-5.
 """
 
 from __future__ import annotations
@@ -29,16 +30,16 @@ from ..physics.orbit import (
 SAMPLES = COLUMNS // 6
 """The most that a plan may have."""
 _DIPOLE_COST = 1e-4
-"""s of firing that a coil's whole dipole over one sample is worth: without it dipoles that save
-nothing would be anything; it costs 0.02 s at the most in 60 samples."""
+"""s of firing that a coil's whole dipole over one sample is worth: without it dipoles
+that save nothing would be anything; it costs 0.02 s at the most in 60 samples."""
 _PATIENCE = 1e-3
-"""What a second in the last sample is cheaper than one now: what need not fire now may not be
-needed, should the field turn out better than predicted."""
+"""What a second in the last sample is cheaper than one now: what need not fire now may
+not be needed, should the field turn out better than predicted."""
 
 
 def coast(
     r_eci: Vec3, v_eci: Vec3, times: tuple[float, ...]
-) -> tuple[tuple[Vec3, Vec3], ...]:  # fmt: skip
+) -> tuple[tuple[Vec3, Vec3], ...]:
     """Position (m) and velocity (m/s) after `times` (s) of two-body motion, eci.
 
     Raises ValueError where the motion is not an ellipse.
@@ -50,10 +51,11 @@ def coast(
 
 
 def orbit_dipole(r_eci: Vec3, v_eci: Vec3, amplitudes: Vec3) -> Callable[[Vec3], Vec3]:
-    """The field of paper 000, (b_x cos u, b_y, b_z sin u) in lvlh (eq. 30), along an orbit.
+    """The field of paper 000, (b_x cos u, b_y, b_z sin u) in lvlh (eq. 30), along an
+    orbit.
 
-    The function returned takes a position (m, eci) on the orbit through r (m) with v (m/s); u is
-    its argument of latitude; amplitudes (b_x, b_y, b_z) in T.
+    The function returned takes a position (m, eci) on the orbit through r (m) with v
+    (m/s); u is its argument of latitude; amplitudes (b_x, b_y, b_z) in T.
     """
     elements = elements_from_state(r_eci, v_eci)
     node, ahead, _ = orbit_plane(elements.inclination, elements.raan)
@@ -68,22 +70,30 @@ def orbit_dipole(r_eci: Vec3, v_eci: Vec3, amplitudes: Vec3) -> Callable[[Vec3],
 
 Vec10 = tuple[float, float, float, float, float, float, float, float, float, float]
 Fit = tuple[Vec10, tuple[Vec4, Vec4, Vec4]]
-"""Sums of a fit of the field: X X' (the upper triangle, row by row) and, of each axis, X D, without
-the prior."""
+"""Sums of a fit of the field: X X' (the upper triangle, row by row) and, of each axis,
+X D, without the prior."""
 NO_FIT: Fit = ((0.0,) * 10, ((0.0,) * 4, (0.0,) * 4, (0.0,) * 4))
 
 
 def learnt(fit: Fit, model: Vec3, measured: Vec3) -> Fit:
-    """A fit with one more measurement: D = measured - model (T, body) at X = (model, size), where
-    size is that of the model's field."""
+    """A fit with one more measurement: D = measured - model (T, body) at X = (model,
+    size), where size is that of the model's field."""
     (xx, xy, xz, xs, yy, yz, ys, zz, zs, ss), sums = fit
     x, y, z = model
     s = norm(model)
     d = sub(measured, model)
     squares = (
-        xx + x * x, xy + x * y, xz + x * z, xs + x * s, yy + y * y, yz + y * z, ys + y * s,
-        zz + z * z, zs + z * s, ss + s * s,
-    )  # fmt: skip
+        xx + x * x,
+        xy + x * y,
+        xz + x * z,
+        xs + x * s,
+        yy + y * y,
+        yz + y * z,
+        ys + y * s,
+        zz + z * z,
+        zs + z * s,
+        ss + s * s,
+    )
     return squares, (
         _with(sums[0], d[0], model, s),
         _with(sums[1], d[1], model, s),
@@ -98,13 +108,15 @@ def _with(sums: Vec4, d: float, model: Vec3, size: float) -> Vec4:
 
 def corrected(
     fit: Fit, fields: tuple[Vec3, ...], spread: float, noise: float
-) -> tuple[Vec3, ...]:  # fmt: skip
-    """The field where a model has `fields` (T, body), as measurements so far make it likely.
+) -> tuple[Vec3, ...]:
+    """The field where a model has `fields` (T, body), as measurements so far make it
+    likely.
 
-    B = b + A b + c |b|: a misaligned attitude, a wrong scale and a wrong constant part are of this
-    form. The elements of A and c are the likeliest where each is 0 with a deviation of `spread`
-    before anything is measured, and each measurement errs by `noise` (T). What one measurement says
-    is shared out between them as the prior has it; as the field turns, they come apart.
+    B = b + A b + c |b|: a misaligned attitude, a wrong scale and a wrong constant part
+    are of this form. The elements of A and c are the likeliest where each is 0 with a
+    deviation of `spread` before anything is measured, and each measurement errs by
+    `noise` (T). What one measurement says is shared out between them as the prior has
+    it; as the field turns, they come apart.
     """
     (xx, xy, xz, xs, yy, yz, ys, zz, zs, ss), sums = fit
     share = noise / spread
@@ -119,7 +131,8 @@ def _times(row: Vec4, b: Vec3) -> float:
 
 
 def _solved(m: Vec10, v: Vec4) -> Vec4:
-    """m^-1 v, m symmetric and positive definite, its upper triangle row by row: elimination."""
+    """m^-1 v, m symmetric and positive definite, its upper triangle row by row:
+    elimination."""
     a, b, c, d, e, f, g, h, i, j = m
     p, q, r, s = v
     k, n, o = b / a, c / a, d / a
@@ -153,22 +166,24 @@ def programme(
 ) -> Programme:
     """The plan of least firing time as a linear programme, in eci.
 
-    h, h_target: the wheels' momentum now and wanted at the end (N m s); q_bi: the predicted
-    attitudes now, in the middle of each sample, and at the end; fields: B (T) in the middle of
-    each sample, at most SAMPLES; n_con (N m); limit: the largest mean dipole (A m2); tau_level
-    (N m) of the thrusters, which may be on for `longest` (s) of `period` (s), in the first sample
-    and in the others. All in body axes.
+    h, h_target: the wheels' momentum now and wanted at the end (N m s); q_bi: the
+    predicted attitudes now, in the middle of each sample, and at the end; fields: B (T)
+    in the middle of each sample, at most SAMPLES; n_con (N m); limit: the largest mean
+    dipole (A m2); tau_level (N m) of the thrusters, which may be on for `longest` (s)
+    of `period` (s), in the first sample and in the others. All in body axes.
 
-    Of each sample six columns: what a second of firing about each axis does, and what the largest
-    dipole along each does over the sample. All is divided by the strongest level, so that seconds
-    stand on both sides, as the tolerances need it.
+    Of each sample six columns: what a second of firing about each axis does, and what
+    the largest dipole along each does over the sample. All is divided by the strongest
+    level, so that seconds stand on both sides, as the tolerances need it.
     """
     n = len(fields)
     strength = max(tau_level)
     external = ZERO
     for k in range(n):
         external = add(external, mat_t_vec(matrix(q_bi[k + 1]), n_con))
-    wanted = sub(mat_t_vec(matrix(q_bi[n + 1]), h_target), mat_t_vec(matrix(q_bi[0]), h))
+    wanted = sub(
+        mat_t_vec(matrix(q_bi[n + 1]), h_target), mat_t_vec(matrix(q_bi[0]), h)
+    )
     goal = scale(1.0 / strength, sub(wanted, scale(period, external)))
     columns = tuple(
         mat_t_vec(matrix(q), scale(1.0 / strength, column))
@@ -183,20 +198,24 @@ def programme(
         )
     )
     cost = tuple(
-        1.0 - _PATIENCE * k / n if i < 3 else _DIPOLE_COST for k in range(n) for i in range(6)
+        1.0 - _PATIENCE * k / n if i < 3 else _DIPOLE_COST
+        for k in range(n)
+        for i in range(6)
     )
     most = tuple(
-        (longest[0] if k == 0 else longest[1]) if i < 3 else 1.0 for k in range(n) for i in range(6)
+        (longest[0] if k == 0 else longest[1]) if i < 3 else 1.0
+        for k in range(n)
+        for i in range(6)
     )
     return goal, columns, cost, most
 
 
 def first_step(plan: Programme, limit: Vec3) -> tuple[Vec3, Vec3, float] | None:
-    """What a plan does in its first sample; None where there is none. limit: the largest mean
-    dipole (A m2), as in the plan.
+    """What a plan does in its first sample; None where there is none. limit: the
+    largest mean dipole (A m2), as in the plan.
 
-    Returns the mean dipole (A m2), the on-time of each axis (s) with the sign of its torque, and
-    the on-time of all axes over the whole plan (s).
+    Returns the mean dipole (A m2), the on-time of each axis (s) with the sign of its
+    torque, and the on-time of all axes over the whole plan (s).
     """
     goal, columns, cost, most = plan
     x = least_effort(columns, cost, most, goal)
@@ -206,4 +225,8 @@ def first_step(plan: Programme, limit: Vec3) -> tuple[Vec3, Vec3, float] | None:
     for i in range(len(x)):
         if i % 6 < 3:
             firing += abs(x[i])
-    return (x[3] * limit[0], x[4] * limit[1], x[5] * limit[2]), (x[0], x[1], x[2]), firing
+    return (
+        (x[3] * limit[0], x[4] * limit[1], x[5] * limit[2]),
+        (x[0], x[1], x[2]),
+        firing,
+    )

@@ -13,20 +13,23 @@ from ..maths.matrix import add, multiply, scale, subtract, transposed
 from ..maths.vector import IDENTITY, inverse, mat_vec
 
 LEAST_DECAY = 1e-6
-"""Of the slowest closed-loop mode, as a share of sqrt(|S| |F|): below it the system counts as one
-that cannot be stabilised."""
+"""Of the slowest closed-loop mode, as a share of sqrt(|S| |F|): below it the system
+counts as one that cannot be stabilised."""
 _SHIFT = 0.5
 _DOUBLINGS = 30  # as many as LEAST_DECAY needs; eight are usual
 
 
 def infinite_gain(w: Mat33, s: Mat33, f: Mat33) -> Mat33 | None:
-    """K of W'K + K W - K S K + F = 0 for which W - S K is stable; None where there is none.
+    """K of W'K + K W - K S K + F = 0 for which W - S K is stable; None where there is
+    none.
 
-    S and F symmetric without negative eigenvalues. By the doubling algorithm, scaled so that S and
-    F are of size 1: after k doublings the Cayley transform of the closed loop is at the power 2^k.
+    S and F symmetric without negative eigenvalues. By the doubling algorithm, scaled so
+    that S and F are of size 1: after k doublings the Cayley transform of the closed
+    loop is at the power 2^k.
 
-    Source: Chu, Fan, Lin, A structure-preserving doubling algorithm for continuous-time algebraic
-    Riccati equations, Linear Algebra and its Applications 396 (2005) 55; paper 000, section III.A.
+    Source: Chu, Fan, Lin, A structure-preserving doubling algorithm for continuous-time
+    algebraic Riccati equations, Linear Algebra and its Applications 396 (2005) 55;
+    paper 000, section III.A.
     """
     largest_s, largest_f = _size(s), _size(f)
     rate = sqrt(largest_s * largest_f)
@@ -69,8 +72,8 @@ def _size(m: Mat33) -> float:
 
 
 def _decays(m: Mat33, least: float) -> bool:
-    """True where all eigenvalues of m have real parts below -least: Routh's criterion for those of
-    m + least."""
+    """True where all eigenvalues of m have real parts below -least: Routh's criterion
+    for those of m + least."""
     a, b, c, d, e, f, g, h, i = add(m, scale(least, IDENTITY))
     second = -(a + e + i)
     first = (a * e - b * d) + (a * i - c * g) + (e * i - f * h)

@@ -1,22 +1,24 @@
-"""Detumbling by rollout: wheel torques chosen by flying many of them in a model, to the end.
+"""Detumbling by rollout: wheel torques chosen by flying many of them in a model, to the
+end.
 
-The model carries the body's rate omega (rad/s), the field b (T) and the wheels' momenta h_i (N m s)
-from step to step,
+The model carries the body's rate omega (rad/s), the field b (T) and the wheels' momenta
+h_i (N m s) from step to step,
 
     J_r omega' = m x b - sum g_i u_i - omega x (J_r omega + sum g_i h_i),
     b' = -omega x b,      h_i' = u_i,
 
-so the field is held in space and no attitude is needed. In each step every coil follows the law
-m = K omega x b within its limit, and every wheel a torque of a *sequence*, constant over each
-segment, and after it u_i = K_w g_i . omega within its limit (`law`). What is sought is the sequence
-after which every rate is soonest below a limit: torques that first turn the body about the wheels'
-axes swing momentum from axes that the coils serve badly to those that the wheels take, which no law
-of the present rate does.
+so the field is held in space and no attitude is needed. In each step every coil follows
+the law m = K omega x b within its limit, and every wheel a torque of a *sequence*,
+constant over each segment, and after it u_i = K_w g_i . omega within its limit (`law`).
+What is sought is the sequence after which every rate is soonest below a limit: torques
+that first turn the body about the wheels' axes swing momentum from axes that the coils
+serve badly to those that the wheels take, which no law of the present rate does.
 
-The search draws sequences, keeps the best and draws about it, ever closer (random search with
-shrinking spread; rollout: Bertsekas, Dynamic Programming and Optimal Control, vol. 1, sec. 2.4).
-The law alone and what was chosen before are always among those flown, so that in the model no
-choice is later than either. A sequence is dropped once it has taken longer than the best.
+The search draws sequences, keeps the best and draws about it, ever closer (random
+search with shrinking spread; rollout: Bertsekas, Dynamic Programming and Optimal
+Control, vol. 1, sec. 2.4). The law alone and what was chosen before are always among
+those flown, so that in the model no choice is later than either. A sequence is dropped
+once it has taken longer than the best.
 """
 
 from __future__ import annotations
@@ -84,15 +86,23 @@ def by_law(model: Model, omega: Vec3) -> Vec4:
     """u_i = K_w g_i . omega within the limit (N m, to each rotor)."""
     g = model.axes
     return (
-        within(model.gain_wheel * (g[0] * omega[0] + g[4] * omega[1] + g[8] * omega[2]),
-               model.torque_limit[0]),
-        within(model.gain_wheel * (g[1] * omega[0] + g[5] * omega[1] + g[9] * omega[2]),
-               model.torque_limit[1]),
-        within(model.gain_wheel * (g[2] * omega[0] + g[6] * omega[1] + g[10] * omega[2]),
-               model.torque_limit[2]),
-        within(model.gain_wheel * (g[3] * omega[0] + g[7] * omega[1] + g[11] * omega[2]),
-               model.torque_limit[3]),
-    )  # fmt: skip
+        within(
+            model.gain_wheel * (g[0] * omega[0] + g[4] * omega[1] + g[8] * omega[2]),
+            model.torque_limit[0],
+        ),
+        within(
+            model.gain_wheel * (g[1] * omega[0] + g[5] * omega[1] + g[9] * omega[2]),
+            model.torque_limit[1],
+        ),
+        within(
+            model.gain_wheel * (g[2] * omega[0] + g[6] * omega[1] + g[10] * omega[2]),
+            model.torque_limit[2],
+        ),
+        within(
+            model.gain_wheel * (g[3] * omega[0] + g[7] * omega[1] + g[11] * omega[2]),
+            model.torque_limit[3],
+        ),
+    )
 
 
 def of_sequence(torques: Table, segment: int) -> Vec4:
@@ -126,11 +136,21 @@ def largest(omega: Vec3) -> float:
 
 
 def flown(
-    model: Model, omega: Vec3, b: Vec3, h: Vec4, torques: Table, segments: int, elapsed: int,
-    length: int, horizon: int, best: float, fastest: float,
-) -> float:  # fmt: skip
-    """Steps until every rate is below its limit; where the horizon comes first, its steps and the
-    largest rate in parts of the limit. Infinite once it is above `best`, or a rate `fastest`."""
+    model: Model,
+    omega: Vec3,
+    b: Vec3,
+    h: Vec4,
+    torques: Table,
+    segments: int,
+    elapsed: int,
+    length: int,
+    horizon: int,
+    best: float,
+    fastest: float,
+) -> float:
+    """Steps until every rate is below its limit; where the horizon comes first, its
+    steps and the largest rate in parts of the limit. Infinite once it is above `best`,
+    or a rate `fastest`."""
     planned = segments * length - elapsed
     for k in range(horizon):
         size = largest(omega) / model.rate_limit
@@ -140,15 +160,25 @@ def flown(
             return inf
         m = clip(all_coils(omega, b, model.gain), model.m_limit)
         free = k >= planned
-        u = by_law(model, omega) if free else of_sequence(torques, (k + elapsed) // length)
+        u = (
+            by_law(model, omega)
+            if free
+            else of_sequence(torques, (k + elapsed) // length)
+        )
         u = allowed(u, h, model.h_limit)
         omega, b = stepped(model, omega, b, h, m, u)
-        h = (h[0] + model.step * u[0], h[1] + model.step * u[1],
-             h[2] + model.step * u[2], h[3] + model.step * u[3])  # fmt: skip
+        h = (
+            h[0] + model.step * u[0],
+            h[1] + model.step * u[1],
+            h[2] + model.step * u[2],
+            h[3] + model.step * u[3],
+        )
     return horizon + largest(omega) / model.rate_limit
 
 
-def stepped(model: Model, omega: Vec3, b: Vec3, h: Vec4, m: Vec3, u: Vec4) -> tuple[Vec3, Vec3]:
+def stepped(
+    model: Model, omega: Vec3, b: Vec3, h: Vec4, m: Vec3, u: Vec4
+) -> tuple[Vec3, Vec3]:
     """(omega, b) after a step with m (A m2) and u (N m) held: midpoint rule."""
     dt = model.step
     tau, w = along(model.axes, u), along(model.axes, h)
@@ -180,16 +210,27 @@ def sought(
 ) -> tuple[Sequence, float]:
     """The best sequence found from here, and its cost (see `flown`).
 
-    index: which search it is, for the draws; candidates: sequences in each round; length (steps):
-    of a segment; horizon (steps): of a flight.
+    index: which search it is, for the draws; candidates: sequences in each round;
+    length (steps): of a segment; horizon (steps): of a flight.
     """
     fastest = max(TURN / model.step, largest(omega))
     cost = flown(model, omega, b, h, NOTHING, 0, 0, length, horizon, inf, inf)
     torques, segments, elapsed = NOTHING, 0, 0
     if cost <= 0.0:
         return none(), cost
-    again = flown(model, omega, b, h, before.torques, before.segments, before.elapsed, length,
-                  horizon, cost, fastest)  # fmt: skip
+    again = flown(
+        model,
+        omega,
+        b,
+        h,
+        before.torques,
+        before.segments,
+        before.elapsed,
+        length,
+        horizon,
+        cost,
+        fastest,
+    )
     if again < cost:
         cost, torques = again, before.torques
         segments, elapsed = before.segments, before.elapsed
@@ -202,15 +243,20 @@ def sought(
             about = NOTHING if anew else centre
             trial = tuple(
                 within(
-                    about[j] + spread * _BEYOND * model.torque_limit[j % _WHEELS]
+                    about[j]
+                    + spread
+                    * _BEYOND
+                    * model.torque_limit[j % _WHEELS]
                     * (2.0 * uniform(_KEY, index, number + j) - 1.0),
                     model.torque_limit[j % _WHEELS],
                 )
                 for j in range(SEGMENTS * _WHEELS)
-            )  # fmt: skip
+            )
             many = 1 + i % SEGMENTS if anew else used
             since = 0 if anew else begun
-            made = flown(model, omega, b, h, trial, many, since, length, horizon, cost, fastest)
+            made = flown(
+                model, omega, b, h, trial, many, since, length, horizon, cost, fastest
+            )
             if made < cost:
                 cost, torques, segments, elapsed = made, trial, many, since
         spread *= 0.5

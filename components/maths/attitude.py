@@ -1,7 +1,7 @@
 """Attitude: unit quaternions, scalar last, v_B = C(q_BI) v_I (paper 004, eqs. 5-6).
 
-The product is the one with C(a (x) b) = C(a) C(b), and q' = 1/2 Omega(omega) q with omega the rate
-of the left frame relative to the right one, in the left frame.
+The product is the one with C(a (x) b) = C(a) C(b), and q' = 1/2 Omega(omega) q with
+omega the rate of the left frame relative to the right one, in the left frame.
 """
 
 from __future__ import annotations
@@ -43,14 +43,21 @@ def matrix(q: Vec4) -> Mat33:
     xx, yy, zz, ww = x * x, y * y, z * z, w * w
     xy, xz, yz, xw, yw, zw = x * y, x * z, y * z, x * w, y * w, z * w
     return (
-        xx - yy - zz + ww, 2.0 * (xy + zw), 2.0 * (xz - yw),
-        2.0 * (xy - zw), -xx + yy - zz + ww, 2.0 * (yz + xw),
-        2.0 * (xz + yw), 2.0 * (yz - xw), -xx - yy + zz + ww,
-    )  # fmt: skip
+        xx - yy - zz + ww,
+        2.0 * (xy + zw),
+        2.0 * (xz - yw),
+        2.0 * (xy - zw),
+        -xx + yy - zz + ww,
+        2.0 * (yz + xw),
+        2.0 * (xz + yw),
+        2.0 * (yz - xw),
+        -xx - yy + zz + ww,
+    )
 
 
 def from_matrix(c: Mat33) -> Vec4:
-    """The quaternion of a rotation matrix, scalar >= 0 (Shepperd's choice of the largest)."""
+    """The quaternion of a rotation matrix, scalar >= 0 (Shepperd's choice of the
+    largest)."""
     c11, c12, c13, c21, c22, c23, c31, c32, c33 = c
     trace = c11 + c22 + c33
     candidates = (c11, c22, c33, trace)
@@ -73,8 +80,8 @@ def from_axes(x: Vec3, y: Vec3) -> Vec4:
 
 
 def nearest(q: Vec4, before: Vec4) -> Vec4:
-    """q or -q, the same attitude, whichever is nearer to the one before: followed without jumps, a
-    quaternion shows as it turns."""
+    """q or -q, the same attitude, whichever is nearer to the one before: followed
+    without jumps, a quaternion shows as it turns."""
     a, b, c, d = q
     w, x, y, z = before
     same = a * w + b * x + c * y + d * z >= 0.0
@@ -85,7 +92,11 @@ def rotate(q: Vec4, v: Vec3) -> Vec3:
     """C(q) v: the components in the left frame of a vector given in the right one."""
     x, y, z, w = q
     vx, vy, vz = v
-    tx, ty, tz = 2.0 * (y * vz - z * vy), 2.0 * (z * vx - x * vz), 2.0 * (x * vy - y * vx)
+    tx, ty, tz = (
+        2.0 * (y * vz - z * vy),
+        2.0 * (z * vx - x * vz),
+        2.0 * (x * vy - y * vx),
+    )
     return (
         vx - w * tx + y * tz - z * ty,
         vy - w * ty + z * tx - x * tz,

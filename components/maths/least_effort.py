@@ -1,10 +1,12 @@
-"""Linear programmes of least weighted effort with three equations, by the dual simplex method.
+"""Linear programmes of least weighted effort with three equations, by the dual simplex
+method.
 
-Chvatal, Linear Programming, 1983, chapters 8 and 10, with the long steps of Maros, Computational
-Techniques of the Simplex Method, 2003, section 10.3. Plain floats, so that it runs in any host.
+Chvatal, Linear Programming, 1983, chapters 8 and 10, with the long steps of Maros,
+Computational Techniques of the Simplex Method, 2003, section 10.3. Plain floats, so
+that it runs in any host.
 
-`simplex` is for a few columns, and errors that may be paid for: it goes on exchange by exchange, to
-1e-8. Here are hundreds of columns, and equations that hold to 1e-12.
+`simplex` is for a few columns, and errors that may be paid for: it goes on exchange by
+exchange, to 1e-8. Here are hundreds of columns, and equations that hold to 1e-12.
 """
 
 from __future__ import annotations
@@ -20,27 +22,32 @@ _AXES: tuple[Vec3, ...] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 _FIT = 1e-12
 """How far the equations may be missed, as a share of the goal (and of 1)."""
 _PIVOT = 1e-11
-"""A column that changes by less, as a share of its length, is taken as standing still."""
+"""A column that changes by less, as a share of its length, is taken as standing still.
+"""
 _LONG = 200
-"""Exchanges after which steps are short and the first candidate is taken, which cannot cycle
-(Bland); 5 to 10 are usual."""
+"""Exchanges after which steps are short and the first candidate is taken, which cannot
+cycle (Bland); 5 to 10 are usual."""
 _MOST_EXCHANGES = 5000
 
 
 def least_effort(
-    columns: tuple[Vec3, ...], cost: tuple[float, ...], most: tuple[float, ...], goal: Vec3
+    columns: tuple[Vec3, ...],
+    cost: tuple[float, ...],
+    most: tuple[float, ...],
+    goal: Vec3,
 ) -> tuple[float, ...] | None:
     """The x, |x| <= most, of the linear programme
 
     minimise  sum cost |x|,   sum x column = goal;
 
-    None where no x is enough. Columns and goal should be of the size of 1, and cost above 0.
-    At most three |x| are neither 0 nor at their most. Raises BlockError where rounding keeps it
-    from an end, which has not been seen.
+    None where no x is enough. Columns and goal should be of the size of 1, and cost
+    above 0. At most three |x| are neither 0 nor at their most. Raises BlockError where
+    rounding keeps it from an end, which has not been seen.
 
-    The dual is a maximum over three prices y, with a kink where column.y = +-cost: there x leaves 0
-    for +-most. `side` is x / most where it is not in the basis; from y = 0 each exchange follows an
-    edge over as many kinks as it rises. Three columns whose most is 0 are the basis at first.
+    The dual is a maximum over three prices y, with a kink where column.y = +-cost:
+    there x leaves 0 for +-most. `side` is x / most where it is not in the basis; from y
+    = 0 each exchange follows an edge over as many kinks as it rises. Three columns
+    whose most is 0 are the basis at first.
     """
     n = len(columns)
     side, rate, when = [0.0] * COLUMNS, [0.0] * COLUMNS, [inf] * COLUMNS
@@ -60,8 +67,11 @@ def least_effort(
             edge = kink[i] * most[basis[i]] if basis[i] >= 0 else 0.0
             over, under = values[i] - max(edge, 0.0), min(edge, 0.0) - values[i]
             worst = max(over, under)
-            better = worst > excess if exchange < _LONG else (
-                worst > allowed and (leaving < 0 or basis[i] < basis[leaving]))  # fmt: skip
+            better = (
+                worst > excess
+                if exchange < _LONG
+                else (worst > allowed and (leaving < 0 or basis[i] < basis[leaving]))
+            )
             if better:
                 leaving, excess, turn = i, worst, 1.0 if over > under else -1.0
         if leaving < 0:
@@ -79,13 +89,17 @@ def least_effort(
             side[out] = turn if turn == kink[leaving] else 0.0
         for j in range(n):
             rate[j], when[j] = dot(step, columns[j]), inf
-            if most[j] > 0.0 and abs(rate[j]) > stiff * norm(columns[j]) and (
-                j == out or j not in basis
-            ):  # fmt: skip
+            if (
+                most[j] > 0.0
+                and abs(rate[j]) > stiff * norm(columns[j])
+                and (j == out or j not in basis)
+            ):
                 way = 1.0 if rate[j] > 0.0 else -1.0
                 if side[j] != way:
                     next_kink = way if side[j] == 0.0 else -way
-                    now = kink[leaving] * cost[j] if j == out else dot(price, columns[j])
+                    now = (
+                        kink[leaving] * cost[j] if j == out else dot(price, columns[j])
+                    )
                     when[j] = max((next_kink * cost[j] - now) / rate[j], 0.0)
         while True:
             entering = 0
@@ -110,9 +124,14 @@ def least_effort(
 
 
 def _solution(
-    basis: tuple[int, ...], values: Vec3, side: tuple[float, ...], most: tuple[float, ...]
-) -> tuple[float, ...]:  # fmt: skip
+    basis: tuple[int, ...],
+    values: Vec3,
+    side: tuple[float, ...],
+    most: tuple[float, ...],
+) -> tuple[float, ...]:
     return tuple(
-        min(max(values[basis.index(j)], -limit), limit) if j in basis else side[j] * limit
+        min(max(values[basis.index(j)], -limit), limit)
+        if j in basis
+        else side[j] * limit
         for j, limit in enumerate(most)
     )

@@ -1,4 +1,5 @@
-"""Products and sums of matrices of nine floats, as flat tuples (row-major). No units, no frames."""
+"""Products and sums of matrices of nine floats, as flat tuples (row-major). No units,
+no frames."""
 
 from __future__ import annotations
 
@@ -10,10 +11,16 @@ def multiply(p: Mat33, q: Mat33) -> Mat33:
     a, b, c, d, e, f, g, h, i = p
     j, k, m, n, r, s, t, u, v = q
     return (
-        a * j + b * n + c * t, a * k + b * r + c * u, a * m + b * s + c * v,
-        d * j + e * n + f * t, d * k + e * r + f * u, d * m + e * s + f * v,
-        g * j + h * n + i * t, g * k + h * r + i * u, g * m + h * s + i * v,
-    )  # fmt: skip
+        a * j + b * n + c * t,
+        a * k + b * r + c * u,
+        a * m + b * s + c * v,
+        d * j + e * n + f * t,
+        d * k + e * r + f * u,
+        d * m + e * s + f * v,
+        g * j + h * n + i * t,
+        g * k + h * r + i * u,
+        g * m + h * s + i * v,
+    )
 
 
 def transposed(m: Mat33) -> Mat33:
@@ -24,21 +31,43 @@ def transposed(m: Mat33) -> Mat33:
 def add(p: Mat33, q: Mat33) -> Mat33:
     """p + q"""
     return (
-        p[0] + q[0], p[1] + q[1], p[2] + q[2], p[3] + q[3], p[4] + q[4], p[5] + q[5],
-        p[6] + q[6], p[7] + q[7], p[8] + q[8],
-    )  # fmt: skip
+        p[0] + q[0],
+        p[1] + q[1],
+        p[2] + q[2],
+        p[3] + q[3],
+        p[4] + q[4],
+        p[5] + q[5],
+        p[6] + q[6],
+        p[7] + q[7],
+        p[8] + q[8],
+    )
 
 
 def subtract(p: Mat33, q: Mat33) -> Mat33:
     """p - q"""
     return (
-        p[0] - q[0], p[1] - q[1], p[2] - q[2], p[3] - q[3], p[4] - q[4], p[5] - q[5],
-        p[6] - q[6], p[7] - q[7], p[8] - q[8],
-    )  # fmt: skip
+        p[0] - q[0],
+        p[1] - q[1],
+        p[2] - q[2],
+        p[3] - q[3],
+        p[4] - q[4],
+        p[5] - q[5],
+        p[6] - q[6],
+        p[7] - q[7],
+        p[8] - q[8],
+    )
 
 
 def scale(s: float, m: Mat33) -> Mat33:
     """s m"""
     return (
-        s * m[0], s * m[1], s * m[2], s * m[3], s * m[4], s * m[5], s * m[6], s * m[7], s * m[8],
-    )  # fmt: skip
+        s * m[0],
+        s * m[1],
+        s * m[2],
+        s * m[3],
+        s * m[4],
+        s * m[5],
+        s * m[6],
+        s * m[7],
+        s * m[8],
+    )

@@ -5,9 +5,9 @@ Over a step of length H, with s = (t - t_k) / H:
     x_mean  = int_0^1 x ds
     x_slope = 12 int_0^1 (s - 1/2) x ds
 
-Both have the unit of x, and the receiver applies x_mean + x_slope (s - 1/2). Impulse and first
-moment are then exact whatever the signal did, so nothing is lost between two blocks. A constant
-has slope 0.
+Both have the unit of x, and the receiver applies x_mean + x_slope (s - 1/2). Impulse
+and first moment are then exact whatever the signal did, so nothing is lost between two
+blocks. A constant has slope 0.
 """
 
 from __future__ import annotations
@@ -17,13 +17,15 @@ from math import exp, expm1
 
 
 def pulse(begin: float, end: float) -> tuple[float, float]:
-    """Mean and slope of a unit pulse from s = begin to s = end (0 <= begin <= end <= 1)."""
+    """Mean and slope of a unit pulse from s = begin to s = end (0 <= begin <= end <=
+    1)."""
     width = end - begin
     return width, 6.0 * width * (begin + end - 1.0)
 
 
 def window(begin: float, end: float, t: float, dt: float) -> tuple[float, float, float]:
-    """Mean and slope on [t, t + dt] of a signal that is 1 on [begin, end], and the time on (s)."""
+    """Mean and slope on [t, t + dt] of a signal that is 1 on [begin, end], and the time
+    on (s)."""
     first, last = max(begin - t, 0.0), min(end - t, dt)
     if last <= first:
         return 0.0, 0.0, 0.0
@@ -32,16 +34,19 @@ def window(begin: float, end: float, t: float, dt: float) -> tuple[float, float,
 
 
 def part(begin: float, end: float, mean: float, slope: float) -> tuple[float, float]:
-    """Mean and slope over the step of what has `mean` and `slope` from s = begin to s = end."""
+    """Mean and slope over the step of what has `mean` and `slope` from s = begin to s =
+    end."""
     width = end - begin
     return mean * width, width * (6.0 * mean * (begin + end - 1.0) + slope * width)
 
 
 @lru_cache(maxsize=64)  # most steps have the same length
 def lag(ratio: float) -> tuple[float, float, float]:
-    """Mean, slope and end value of exp(-s ratio), ratio = step / time constant, over one step.
+    """Mean, slope and end value of exp(-s ratio), ratio = step / time constant, over
+    one step.
 
-    A first-order lag from x0 to x1 has mean x1 + (x0 - x1) * mean, and slope and end likewise.
+    A first-order lag from x0 to x1 has mean x1 + (x0 - x1) * mean, and slope and end
+    likewise.
     """
     if ratio < 1.0:  # the closed form cancels; the series is good to 1e-17
         mean = slope = 0.0
@@ -57,7 +62,9 @@ def lag(ratio: float) -> tuple[float, float, float]:
     return mean, 12.0 * (first - 0.5 * mean), end
 
 
-def first_order(x0: float, x1: float, ratio: float) -> tuple[float, float, float, float]:
+def first_order(
+    x0: float, x1: float, ratio: float
+) -> tuple[float, float, float, float]:
     """Mean, slope, end value and mean square of a first-order lag from x0 towards x1."""
     mean, slope, end = lag(ratio)
     square = lag(2.0 * ratio)[0]

@@ -1,9 +1,10 @@
-"""Seeded noise as a function of (key, index, channel): it does not depend on call patterns.
+"""Seeded noise as a function of (key, index, channel): it does not depend on call
+patterns.
 
-A stream's key is made of the instance's name, the variable and the seed (`stream`), so that no two
-variables of a system draw the same numbers, whatever their seeds. A counter-based generator (the
-SplitMix64 finaliser) and the Box-Muller transform; the same bits on every platform that rounds
-sqrt, log, cos and sin alike.
+A stream's key is made of the instance's name, the variable and the seed (`stream`), so
+that no two variables of a system draw the same numbers, whatever their seeds. A
+counter-based generator (the SplitMix64 finaliser) and the Box-Muller transform; the
+same bits on every platform that rounds sqrt, log, cos and sin alike.
 """
 
 from __future__ import annotations
@@ -26,7 +27,8 @@ def _mix(key: int) -> int:
 def stream(instance: str, variable: str, seed: int) -> int:
     """The key (64 bits) of the noise of one variable of one instance.
 
-    FNV-1a over `instance.variable` in UTF-8 (Fowler, Noll & Vo; RFC 9923), mixed with the seed.
+    FNV-1a over `instance.variable` in UTF-8 (Fowler, Noll & Vo; RFC 9923), mixed with
+    the seed.
     """
     key = 0xCBF29CE484222325
     for byte in f"{instance}.{variable}".encode():
@@ -42,7 +44,9 @@ def _sample(key: int, index: int) -> int:
 
 def uniform(key: int, index: int, channel: int = 0) -> float:
     """A number from (0, 1), never 0 or 1."""
-    x = ((_sample(key, index) ^ channel) + 0x9E3779B97F4A7C15) & _MASK  # _mix, written out
+    x = (
+        (_sample(key, index) ^ channel) + 0x9E3779B97F4A7C15
+    ) & _MASK  # _mix, written out
     x = ((x ^ (x >> 30)) * 0xBF58476D1CE4E5B9) & _MASK
     x = ((x ^ (x >> 27)) * 0x94D049BB133111EB) & _MASK
     return (((x ^ (x >> 31)) >> 12) + 0.5) / (1 << 52)
@@ -56,7 +60,8 @@ def normal_pair(key: int, index: int, channel: int = 0) -> tuple[float, float]:
 
 
 def normal3(key: int, index: int, channel: int = 0) -> Vec3:
-    """Three independent standard normal numbers; four channels from `channel` on are used."""
+    """Three independent standard normal numbers; four channels from `channel` on are
+    used."""
     a, b = normal_pair(key, index, channel)
     c, _ = normal_pair(key, index, channel + 2)
     return (a, b, c)

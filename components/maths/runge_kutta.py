@@ -1,8 +1,10 @@
-"""One step of an explicit Runge-Kutta method of order 4, 6 or 8, for a state of seven numbers.
+"""One step of an explicit Runge-Kutta method of order 4, 6 or 8, for a state of seven
+numbers.
 
-Each integrates y' = f(e, y) from y at e, with y' per second and e the share of an outer step; the
-step is `dt` seconds or `de` of that share. The products stand in a fixed order, so that a
-translation to C gives the same bits. In `f(e + c de, y + sum a k)` c and a are the method's table.
+Each integrates y' = f(e, y) from y at e, with y' per second and e the share of an outer
+step; the step is `dt` seconds or `de` of that share. The products stand in a fixed
+order, so that a translation to C gives the same bits. In `f(e + c de, y + sum a k)` c
+and a are the method's table.
 """
 
 from __future__ import annotations
@@ -28,7 +30,8 @@ def step4(f: Slope, e: float, y: State, de: float, dt: float) -> State:
 def step6(f: Slope, e: float, y: State, de: float, dt: float) -> State:
     """Butcher's method: 7 stages, order 6.
 
-    Source: Butcher, On Runge-Kutta processes of high order, J. Austral. Math. Soc. 4 (1964) 179.
+    Source: Butcher, On Runge-Kutta processes of high order, J. Austral. Math. Soc. 4
+    (1964) 179.
     """
     third, half = e + de / 3.0, e + 0.5 * de
     h = dt
@@ -36,23 +39,37 @@ def step6(f: Slope, e: float, y: State, de: float, dt: float) -> State:
     k2 = f(third, _plus1(y, h / 3.0, k1))
     k3 = f(e + de / 1.5, _plus1(y, h / 1.5, k2))
     k4 = f(third, _plus3(y, h / 12.0, k1, h / 3.0, k2, h / -12.0, k3))
-    k5 = f(half, _plus4(y, h / -16.0, k1, h * 1.125, k2, h * -0.1875, k3, h * -0.375, k4))
+    k5 = f(
+        half, _plus4(y, h / -16.0, k1, h * 1.125, k2, h * -0.1875, k3, h * -0.375, k4)
+    )
     k6 = f(half, _plus4(y, h * 1.125, k2, h * -0.375, k3, h * -0.75, k4, h * 0.5, k5))
-    k7 = f(e + de, _plus5(
-        y, h * 9.0 / 44.0, k1, h * -9.0 / 11.0, k2, h * 63.0 / 44.0, k3, h * 18.0 / 11.0, k4,
-        h * -16.0 / 11.0, k6,
-    ))  # fmt: skip
+    k7 = f(
+        e + de,
+        _plus5(
+            y,
+            h * 9.0 / 44.0,
+            k1,
+            h * -9.0 / 11.0,
+            k2,
+            h * 63.0 / 44.0,
+            k3,
+            h * 18.0 / 11.0,
+            k4,
+            h * -16.0 / 11.0,
+            k6,
+        ),
+    )
     end, inner, middle = h * 11.0 / 120.0, h * 0.675, h * -4.0 / 15.0
     return _plus5(
         _plus1(y, end, k1), inner, k3, inner, k4, middle, k5, middle, k6, end, k7
-    )  # fmt: skip
+    )
 
 
 def step8(f: Slope, e: float, y: State, de: float, dt: float) -> State:
     """The method of Dormand and Prince that DOP853 advances with: 12 stages, order 8.
 
-    Source: Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I (1993), sec. II.5;
-    the table is that of their program dop853.
+    Source: Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I (1993),
+    sec. II.5; the table is that of their program dop853.
     """
     h = dt
     k1 = f(e, y)
@@ -68,7 +85,13 @@ def step8(f: Slope, e: float, y: State, de: float, dt: float) -> State:
     k5 = f(
         e + 0.2816496580927726 * de,
         _plus3(
-            y, 0.2413651341592667 * h, k1, -0.8845494793282861 * h, k3, 0.924834003261792 * h, k4
+            y,
+            0.2413651341592667 * h,
+            k1,
+            -0.8845494793282861 * h,
+            k3,
+            0.924834003261792 * h,
+            k4,
         ),
     )
     k6 = f(
@@ -76,83 +99,166 @@ def step8(f: Slope, e: float, y: State, de: float, dt: float) -> State:
         _plus3(
             y, h / 27.0, k1, 0.17082860872947386 * h, k4, 0.12546768756682242 * h, k5
         ),
-    )  # fmt: skip
+    )
     k7 = f(
         e + 0.25 * de,
         _plus4(
-            y, 0.037109375 * h, k1, 0.17025221101954405 * h, k4, 0.06021653898045596 * h, k5,
-            -0.017578125 * h, k6,
+            y,
+            0.037109375 * h,
+            k1,
+            0.17025221101954405 * h,
+            k4,
+            0.06021653898045596 * h,
+            k5,
+            -0.017578125 * h,
+            k6,
         ),
-    )  # fmt: skip
+    )
     k8 = f(
         e + 0.3076923076923077 * de,
         _plus5(
-            y, 0.03709200011850479 * h, k1, 0.17038392571223998 * h, k4,
-            0.10726203044637328 * h, k5, -0.015319437748624402 * h, k6,
-            0.008273789163814023 * h, k7,
+            y,
+            0.03709200011850479 * h,
+            k1,
+            0.17038392571223998 * h,
+            k4,
+            0.10726203044637328 * h,
+            k5,
+            -0.015319437748624402 * h,
+            k6,
+            0.008273789163814023 * h,
+            k7,
         ),
-    )  # fmt: skip
+    )
     k9 = f(
         e + 0.6512820512820513 * de,
         _plus3(
             _plus3(
-                y, 0.6241109587160757 * h, k1, -3.3608926294469414 * h, k4,
-                -0.868219346841726 * h, k5,
+                y,
+                0.6241109587160757 * h,
+                k1,
+                -3.3608926294469414 * h,
+                k4,
+                -0.868219346841726 * h,
+                k5,
             ),
-            27.59209969944671 * h, k6, 20.154067550477894 * h, k7, -43.48988418106996 * h, k8,
+            27.59209969944671 * h,
+            k6,
+            20.154067550477894 * h,
+            k7,
+            -43.48988418106996 * h,
+            k8,
         ),
-    )  # fmt: skip
+    )
     k10 = f(
         e + 0.6 * de,
         _plus4(
             _plus3(
-                y, 0.47766253643826434 * h, k1, -2.4881146199716677 * h, k4,
-                -0.590290826836843 * h, k5,
+                y,
+                0.47766253643826434 * h,
+                k1,
+                -2.4881146199716677 * h,
+                k4,
+                -0.590290826836843 * h,
+                k5,
             ),
-            21.230051448181193 * h, k6, 15.279233632882423 * h, k7, -33.28821096898486 * h, k8,
-            -0.020331201708508627 * h, k9,
+            21.230051448181193 * h,
+            k6,
+            15.279233632882423 * h,
+            k7,
+            -33.28821096898486 * h,
+            k8,
+            -0.020331201708508627 * h,
+            k9,
         ),
-    )  # fmt: skip
+    )
     k11 = f(
         e + 0.8571428571428571 * de,
         _plus5(
             _plus3(
-                y, -0.9371424300859873 * h, k1, 5.186372428844064 * h, k4,
-                1.0914373489967295 * h, k5,
+                y,
+                -0.9371424300859873 * h,
+                k1,
+                5.186372428844064 * h,
+                k4,
+                1.0914373489967295 * h,
+                k5,
             ),
-            -8.149787010746927 * h, k6, -18.52006565999696 * h, k7, 22.739487099350505 * h, k8,
-            2.4936055526796523 * h, k9, -3.0467644718982196 * h, k10,
+            -8.149787010746927 * h,
+            k6,
+            -18.52006565999696 * h,
+            k7,
+            22.739487099350505 * h,
+            k8,
+            2.4936055526796523 * h,
+            k9,
+            -3.0467644718982196 * h,
+            k10,
         ),
-    )  # fmt: skip
+    )
     k12 = f(
         e + de,
         _plus5(
             _plus4(
-                y, 2.273310147516538 * h, k1, -10.53449546673725 * h, k4,
-                -2.0008720582248625 * h, k5, -17.9589318631188 * h, k6,
+                y,
+                2.273310147516538 * h,
+                k1,
+                -10.53449546673725 * h,
+                k4,
+                -2.0008720582248625 * h,
+                k5,
+                -17.9589318631188 * h,
+                k6,
             ),
-            27.94888452941996 * h, k7, -2.8589982771350235 * h, k8, -8.87285693353063 * h, k9,
-            12.360567175794303 * h, k10, 0.6433927460157636 * h, k11,
+            27.94888452941996 * h,
+            k7,
+            -2.8589982771350235 * h,
+            k8,
+            -8.87285693353063 * h,
+            k9,
+            12.360567175794303 * h,
+            k10,
+            0.6433927460157636 * h,
+            k11,
         ),
-    )  # fmt: skip
+    )
     return _plus4(
         _plus4(
-            y, 0.054293734116568765 * h, k1, 4.450312892752409 * h, k6,
-            1.8915178993145003 * h, k7, -5.801203960010585 * h, k8,
+            y,
+            0.054293734116568765 * h,
+            k1,
+            4.450312892752409 * h,
+            k6,
+            1.8915178993145003 * h,
+            k7,
+            -5.801203960010585 * h,
+            k8,
         ),
-        0.3111643669578199 * h, k9, -0.1521609496625161 * h, k10,
-        0.20136540080403034 * h, k11, 0.04471061572777259 * h, k12,
-    )  # fmt: skip
+        0.3111643669578199 * h,
+        k9,
+        -0.1521609496625161 * h,
+        k10,
+        0.20136540080403034 * h,
+        k11,
+        0.04471061572777259 * h,
+        k12,
+    )
 
 
-# y + a p + b q + ..., for one to five slopes. Written out, for most of a step's time is spent here.
+# y + a p + b q + ..., for one to five slopes. Written out, for most of a step's time is
+# spent here.
 
 
 def _plus1(y: State, a: float, p: State) -> State:
     return (
-        y[0] + a * p[0], y[1] + a * p[1], y[2] + a * p[2], y[3] + a * p[3],
-        y[4] + a * p[4], y[5] + a * p[5], y[6] + a * p[6],
-    )  # fmt: skip
+        y[0] + a * p[0],
+        y[1] + a * p[1],
+        y[2] + a * p[2],
+        y[3] + a * p[3],
+        y[4] + a * p[4],
+        y[5] + a * p[5],
+        y[6] + a * p[6],
+    )
 
 
 def _plus2(y: State, a: float, p: State, b: float, q: State) -> State:
@@ -167,7 +273,9 @@ def _plus2(y: State, a: float, p: State, b: float, q: State) -> State:
     )
 
 
-def _plus3(y: State, a: float, p: State, b: float, q: State, c: float, r: State) -> State:
+def _plus3(
+    y: State, a: float, p: State, b: float, q: State, c: float, r: State
+) -> State:
     return (
         y[0] + (a * p[0] + b * q[0] + c * r[0]),
         y[1] + (a * p[1] + b * q[1] + c * r[1]),
@@ -180,7 +288,15 @@ def _plus3(y: State, a: float, p: State, b: float, q: State, c: float, r: State)
 
 
 def _plus4(
-    y: State, a: float, p: State, b: float, q: State, c: float, r: State, d: float, s: State
+    y: State,
+    a: float,
+    p: State,
+    b: float,
+    q: State,
+    c: float,
+    r: State,
+    d: float,
+    s: State,
 ) -> State:
     return (
         y[0] + (a * p[0] + b * q[0] + c * r[0] + d * s[0]),
@@ -194,9 +310,18 @@ def _plus4(
 
 
 def _plus5(
-    y: State, a: float, p: State, b: float, q: State, c: float, r: State, d: float, s: State,
-    e: float, t: State,
-) -> State:  # fmt: skip
+    y: State,
+    a: float,
+    p: State,
+    b: float,
+    q: State,
+    c: float,
+    r: State,
+    d: float,
+    s: State,
+    e: float,
+    t: State,
+) -> State:
     return (
         y[0] + (a * p[0] + b * q[0] + c * r[0] + d * s[0] + e * t[0]),
         y[1] + (a * p[1] + b * q[1] + c * r[1] + d * s[1] + e * t[1]),

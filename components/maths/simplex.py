@@ -1,7 +1,7 @@
 """Linear programmes with three equations, by the simplex method for bounded variables.
 
-Chvatal, Linear Programming, 1983, chapter 8. Plain floats: at this size ten times faster than a
-library, and it runs in any host.
+Chvatal, Linear Programming, 1983, chapter 8. Plain floats: at this size ten times
+faster than a library, and it runs in any host.
 """
 
 from __future__ import annotations
@@ -12,11 +12,17 @@ from ..contract.block import Vec3
 from .vector import ZERO, dot, inverse, mat_t_vec, mat_vec, scale, sub
 
 _ERRORS: tuple[Vec3, ...] = (
-    (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0),
-    (-1.0, 0.0, 0.0), (0.0, -1.0, 0.0), (0.0, 0.0, -1.0),
-)  # fmt: skip
+    (1.0, 0.0, 0.0),
+    (0.0, 1.0, 0.0),
+    (0.0, 0.0, 1.0),
+    (-1.0, 0.0, 0.0),
+    (0.0, -1.0, 0.0),
+    (0.0, 0.0, -1.0),
+)
 _TOLERANCE = 1e-8
-_MOST_EXCHANGES = 100  # four are usual, 22 the most seen: an end, whatever rounding does
+_MOST_EXCHANGES = (
+    100  # four are usual, 22 the most seen: an end, whatever rounding does
+)
 
 
 def least_cost(
@@ -30,8 +36,8 @@ def least_cost(
 
     minimise  sum cost x + error_cost |e|_1,   sum x column + e = goal.
 
-    At most three x are neither 0 nor at their most. Columns should be of the size of 1 or be zero:
-    what pays less than 1e-8 counts as nothing. The units are the caller's.
+    At most three x are neither 0 nor at their most. Columns should be of the size of 1
+    or be zero: what pays less than 1e-8 counts as nothing. The units are the caller's.
     """
     n = len(columns)
     with_errors, price_of = columns + _ERRORS, cost + (error_cost,) * 6
@@ -47,7 +53,9 @@ def least_cost(
             if full[j]:
                 rest = sub(rest, scale(limit[j], with_errors[j]))
         values = mat_vec(to_basis, rest)
-        price = mat_t_vec(to_basis, (price_of[basis[0]], price_of[basis[1]], price_of[basis[2]]))
+        price = mat_t_vec(
+            to_basis, (price_of[basis[0]], price_of[basis[1]], price_of[basis[2]])
+        )
         entering = _entering(with_errors, price_of, price, tuple(basis), tuple(full))
         if entering < 0 or exchange == _MOST_EXCHANGES:
             break
@@ -58,8 +66,12 @@ def least_cost(
         for i, fall in enumerate(falls):
             if abs(fall) <= _TOLERANCE:
                 continue
-            reach = max((values[i] - (0.0 if fall > 0.0 else limit[basis[i]])) / fall, 0.0)
-            if reach < room or (reach == room and leaving >= 0 and basis[i] < basis[leaving]):
+            reach = max(
+                (values[i] - (0.0 if fall > 0.0 else limit[basis[i]])) / fall, 0.0
+            )
+            if reach < room or (
+                reach == room and leaving >= 0 and basis[i] < basis[leaving]
+            ):
                 room, leaving = reach, i
         if full[entering]:
             full[entering] = False
@@ -83,7 +95,8 @@ def _entering(
     basis: tuple[int, ...],
     full: tuple[bool, ...],
 ) -> int:
-    """The first column whose change pays, or -1: the first, not the best, cannot cycle (Bland)."""
+    """The first column whose change pays, or -1: the first, not the best, cannot cycle
+    (Bland)."""
     for j, column in enumerate(columns):
         gain = dot(price, column) - cost[j]
         if (gain < -_TOLERANCE if full[j] else gain > _TOLERANCE) and j not in basis:

@@ -85,14 +85,21 @@ def inverse(m: Mat33) -> Mat33:
     ca, cb, cc = e * i - f * h, f * g - d * i, d * h - e * g
     s = 1.0 / (a * ca + b * cb + c * cc)
     return (
-        s * ca, s * (c * h - b * i), s * (b * f - c * e),
-        s * cb, s * (a * i - c * g), s * (c * d - a * f),
-        s * cc, s * (b * g - a * h), s * (a * e - b * d),
-    )  # fmt: skip
+        s * ca,
+        s * (c * h - b * i),
+        s * (b * f - c * e),
+        s * cb,
+        s * (a * i - c * g),
+        s * (c * d - a * f),
+        s * cc,
+        s * (b * g - a * h),
+        s * (a * e - b * d),
+    )
 
 
 def rotation_about(axis_rate: Vec3, t: float) -> Mat33:
-    """exp([axis_rate x] t): turns a vector by |axis_rate| t about axis_rate (Rodrigues)."""
+    """exp([axis_rate x] t): turns a vector by |axis_rate| t about axis_rate
+    (Rodrigues)."""
     w = norm(axis_rate)
     if w == 0.0:
         return IDENTITY
@@ -100,7 +107,13 @@ def rotation_about(axis_rate: Vec3, t: float) -> Mat33:
     c, s = cos(w * t), sin(w * t)
     v = 1.0 - c
     return (
-        c + x * x * v, x * y * v - z * s, x * z * v + y * s,
-        y * x * v + z * s, c + y * y * v, y * z * v - x * s,
-        z * x * v - y * s, z * y * v + x * s, c + z * z * v,
-    )  # fmt: skip
+        c + x * x * v,
+        x * y * v - z * s,
+        x * z * v + y * s,
+        y * x * v + z * s,
+        c + y * y * v,
+        y * z * v - x * s,
+        z * x * v - y * s,
+        z * y * v + x * s,
+        c + z * z * v,
+    )

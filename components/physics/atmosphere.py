@@ -8,8 +8,8 @@ from math import asin, atan2, copysign, cos, exp, pi, radians, remainder, sin, s
 from ..contract.block import Vec3
 
 HEIGHTS = (100e3, 1000e3)
-"""Between which the densities of `table` and `by_activity` are those of an orbit (m): below, the
-air is no free flow of molecules; above, the outermost layer goes on."""
+"""Between which the densities of `table` and `by_activity` are those of an orbit (m):
+below, the air is no free flow of molecules; above, the outermost layer goes on."""
 
 # base altitude (km), nominal density (kg/m3), scale height (km)
 _LAYERS = (
@@ -45,32 +45,61 @@ _LAYERS = (
 _BASES = tuple(1e3 * layer[0] for layer in _LAYERS)
 
 
-def exponential(altitude: float, base: float, density: float, scale_height: float) -> float:
+def exponential(
+    altitude: float, base: float, density: float, scale_height: float
+) -> float:
     """rho (kg/m3) = density exp(-(altitude - base) / scale_height), heights in m."""
     return density * exp((base - altitude) / scale_height)
 
 
 def table(altitude: float) -> float:
-    """Density (kg/m3) at a height (m) above the ellipsoid: static, of moderate solar activity.
+    """Density (kg/m3) at a height (m) above the ellipsoid: static, of moderate solar
+    activity.
 
-    Vallado, Fundamentals of Astrodynamics and Applications, 4th ed., table 8-4 (US Standard
-    Atmosphere 1976, CIRA-72). Between two layers it steps by 1e-4 at the most, by 1.4e-3 at 25 km.
-    Below 0 and above 1000 km the outermost layers go on.
+    Vallado, Fundamentals of Astrodynamics and Applications, 4th ed., table 8-4 (US
+    Standard Atmosphere 1976, CIRA-72). Between two layers it steps by 1e-4 at the most,
+    by 1.4e-3 at 25 km. Below 0 and above 1000 km the outermost layers go on.
     """
     base, density, scale_height = _LAYERS[max(bisect_right(_BASES, altitude) - 1, 0)]
     return exponential(altitude, 1e3 * base, density, 1e3 * scale_height)
 
 
-# --- by solar activity --------------------------------------------------------------------------
+# --- by solar activity ----------------------------------------------------------------
 
 ACTIVITY = ((65.0, 0.0), (140.0, 15.0), (250.0, 45.0))
-"""F10.7 (1e-22 W/(m2 Hz)) and Ap of low, moderate and high activity, long-term: ECSS-E-ST-10-04C,
-Space environment (2008), and ISO 14222."""
+"""F10.7 (1e-22 W/(m2 Hz)) and Ap of low, moderate and high activity, long-term:
+ECSS-E-ST-10-04C, Space environment (2008), and ISO 14222."""
 
 _AP = (
-    0, 2, 3, 4, 5, 6, 7, 9, 12, 15, 18, 22, 27, 32, 39, 48, 56, 67, 80, 94, 111, 132, 154, 179,
-    207, 236, 300, 400,
-)  # fmt: skip
+    0,
+    2,
+    3,
+    4,
+    5,
+    6,
+    7,
+    9,
+    12,
+    15,
+    18,
+    22,
+    27,
+    32,
+    39,
+    48,
+    56,
+    67,
+    80,
+    94,
+    111,
+    132,
+    154,
+    179,
+    207,
+    236,
+    300,
+    400,
+)
 """ap (2 nT) of Kp = 0, 1/3, 2/3 to 9: its definition (Bartels)."""
 
 _BASE = 120e3
@@ -96,17 +125,19 @@ def kp_of_ap(ap: float) -> float:
 
 
 def coldest_temperature(f107: float) -> float:
-    """The least temperature (K) of the exosphere of a day without magnetic disturbance, by F10.7
-    (1e-22 W/(m2 Hz)), which also stands for its mean over 81 days. Jacchia (1971)."""
+    """The least temperature (K) of the exosphere of a day without magnetic disturbance,
+    by F10.7 (1e-22 W/(m2 Hz)), which also stands for its mean over 81 days. Jacchia
+    (1971)."""
     return 379.0 + 3.24 * f107
 
 
-def exosphere(latitude: float, hour_angle: float, declination: float, coldest: float,
-              kp: float) -> float:  # fmt: skip
+def exosphere(
+    latitude: float, hour_angle: float, declination: float, coldest: float, kp: float
+) -> float:
     """The temperature of the exosphere (K), with its bulge two hours after noon.
 
-    Angles in rad: geographic latitude, hour angle and declination of the Sun. Jacchia (1971);
-    Montenbruck & Gill, Satellite Orbits, section 3.5.3.
+    Angles in rad: geographic latitude, hour angle and declination of the Sun. Jacchia
+    (1971); Montenbruck & Gill, Satellite Orbits, section 3.5.3.
     """
     theta, eta = 0.5 * abs(latitude + declination), 0.5 * abs(latitude - declination)
     lag = hour_angle - radians(37.0) + radians(6.0) * sin(hour_angle + radians(43.0))
@@ -121,19 +152,25 @@ def exosphere(latitude: float, hour_angle: float, declination: float, coldest: f
 
 
 def semiannual(epoch: float) -> float:
-    """The share g of the semiannual variation at an epoch (s since J2000). Jacchia (1971)."""
+    """The share g of the semiannual variation at an epoch (s since J2000). Jacchia
+    (1971)."""
     phase = (epoch / 86400.0 + 51544.5 - 36204.0) / 365.2422
-    turn: float = phase + 0.09544 * ((0.5 + 0.5 * sin(tau * phase + 6.035)) ** 1.65 - 0.5)
-    return 0.02835 + (0.3817 + 0.17829 * sin(tau * turn + 4.137)) * sin(2.0 * tau * turn + 4.259)
+    turn: float = phase + 0.09544 * (
+        (0.5 + 0.5 * sin(tau * phase + 6.035)) ** 1.65 - 0.5
+    )
+    return 0.02835 + (0.3817 + 0.17829 * sin(tau * turn + 4.137)) * sin(
+        2.0 * tau * turn + 4.259
+    )
 
 
 def separated(altitude: float, temperature: float, helium: float) -> float:
-    """Density (kg/m3) at a height (m) from 120 km on, by the temperature of the exosphere (K).
+    """Density (kg/m3) at a height (m) from 120 km on, by the temperature of the
+    exosphere (K).
 
-    Each gas by itself in diffusive equilibrium above 120 km, where its number is given; `helium`
-    multiplies that of helium. Jacchia, Static diffusion models of the upper atmosphere with
-    empirical temperature profiles, Smithsonian Astrophys. Obs. Special Report 170 (1964), in the
-    closed form of Walker, J. Atmos. Sci. 22 (1965) 462.
+    Each gas by itself in diffusive equilibrium above 120 km, where its number is given;
+    `helium` multiplies that of helium. Jacchia, Static diffusion models of the upper
+    atmosphere with empirical temperature profiles, Smithsonian Astrophys. Obs. Special
+    Report 170 (1964), in the closed form of Walker, J. Atmos. Sci. 22 (1965) 462.
     """
     x = temperature - 800.0
     x /= 750.0 + 1.722e-4 * x * x
@@ -141,28 +178,33 @@ def separated(altitude: float, temperature: float, helium: float) -> float:
     gradient = 2.91e-5 * exp(-0.5 * x * x) + 1.0 / base
     up = (altitude - _BASE) * base / (_RADIUS + altitude)
     decay = exp(-gradient * up)
-    cooler = _BASE_TEMPERATURE / (temperature - (temperature - _BASE_TEMPERATURE) * decay)
+    cooler = _BASE_TEMPERATURE / (
+        temperature - (temperature - _BASE_TEMPERATURE) * decay
+    )
     gravity = 9.80665 * (_RADIUS / base) ** 2
     k = gravity / (_GAS_CONSTANT * temperature * gradient)
     density = 0.0
     for number, mass, diffusion in _GASES:
         gamma = mass * k
-        amount = number * cooler ** (1.0 + diffusion + gamma) * exp(-gamma * gradient * up)
+        amount = (
+            number * cooler ** (1.0 + diffusion + gamma) * exp(-gamma * gradient * up)
+        )
         density += mass * _DALTON * (amount if diffusion == 0.0 else helium * amount)
     return density
 
 
-def by_activity(altitude: float, r: Vec3, sun: Vec3, epoch: float, coldest: float,
-                kp: float) -> float:  # fmt: skip
+def by_activity(
+    altitude: float, r: Vec3, sun: Vec3, epoch: float, coldest: float, kp: float
+) -> float:
     """Density (kg/m3) by solar and magnetic activity, place, local time and season.
 
-    altitude (m) above the ellipsoid; r (m) and the unit vector to the Sun in axes of the equator;
-    epoch (s since J2000); the temperature of `coldest_temperature` (K); Kp. `separated` by the
-    temperature of `exosphere`, with the semiannual and the seasonal variation of Jacchia (1971).
-    Below 120 km `table`, scaled to meet it.
+    altitude (m) above the ellipsoid; r (m) and the unit vector to the Sun in axes of
+    the equator; epoch (s since J2000); the temperature of `coldest_temperature` (K);
+    Kp. `separated` by the temperature of `exosphere`, with the semiannual and the
+    seasonal variation of Jacchia (1971). Below 120 km `table`, scaled to meet it.
 
-    Jacchia, Revised static models of the thermosphere and exosphere with empirical temperature
-    profiles, Smithsonian Astrophys. Obs. Special Report 332 (1971).
+    Jacchia, Revised static models of the thermosphere and exosphere with empirical
+    temperature profiles, Smithsonian Astrophys. Obs. Special Report 332 (1971).
     """
     x, y, z = r
     latitude = asin(max(min(z / sqrt(x * x + y * y + z * z), 1.0), -1.0))

@@ -1,7 +1,7 @@
 """Mean and osculating elements: averages over a revolution, by integration.
 
-The mean elements at t = 0 are the averages of the osculating ones over the revolution around it; so
-their drift is that of `orbit.j2_drift`, up to the second order in J2.
+The mean elements at t = 0 are the averages of the osculating ones over the revolution
+around it; so their drift is that of `orbit.j2_drift`, up to the second order in J2.
 """
 
 from __future__ import annotations
@@ -9,23 +9,32 @@ from __future__ import annotations
 from math import atan, atan2, ceil, cos, pi, remainder, sin, sqrt, tan, tau
 
 from ..maths.runge_kutta import State, step8
-from .orbit import Elements, elements_from_state, gravity, mean_motion, state_from_elements
+from .orbit import (
+    Elements,
+    elements_from_state,
+    gravity,
+    mean_motion,
+    state_from_elements,
+)
 
 STEPS = 60
-"""Of integration in half a revolution of a circle; more where the perigee is passed faster."""
+"""Of integration in half a revolution of a circle; more where the perigee is passed
+faster."""
 
 _Six = tuple[float, float, float, float, float, float]
-"""Equinoctial elements: a (m), e sin, e cos of the longitude of the perigee, tan(i/2) sin,
-tan(i/2) cos of raan, mean longitude (rad). Of no orbit singular but at i = pi."""
+"""Equinoctial elements: a (m), e sin, e cos of the longitude of the perigee, tan(i/2)
+sin, tan(i/2) cos of raan, mean longitude (rad). Of no orbit singular but at i = pi."""
 
 
 def mean_elements(osculating: Elements, degree: int, mu: float) -> Elements:
-    """The mean elements of osculating ones, in gravity with the zonal harmonics up to `degree`."""
+    """The mean elements of osculating ones, in gravity with the zonal harmonics up to
+    `degree`."""
     return _elements(_averages(osculating, degree, mu))
 
 
 def osculating_elements(mean: Elements, degree: int, mu: float) -> Elements:
-    """The osculating elements whose mean elements are these: the inverse of `mean_elements`.
+    """The osculating elements whose mean elements are these: the inverse of
+    `mean_elements`.
 
     By fixed-point iteration; each step gains a factor of 1000, as J2 is small.
     """
@@ -45,7 +54,8 @@ def osculating_elements(mean: Elements, degree: int, mu: float) -> Elements:
 
 
 def _averages(osculating: Elements, degree: int, mu: float) -> _Six:
-    """Over the revolution around t = 0; its length is the turn of the mean longitude itself."""
+    """Over the revolution around t = 0; its length is the turn of the mean longitude
+    itself."""
     half = pi / mean_motion(osculating.semi_major_axis, mu)
     for _ in range(2):
         ahead = _half_sum(osculating, half, degree, mu)
@@ -54,20 +64,33 @@ def _averages(osculating: Elements, degree: int, mu: float) -> _Six:
         half *= tau / last
     a, b = ahead[0], behind[0]
     return (
-        0.5 * (a[0] + b[0]), 0.5 * (a[1] + b[1]), 0.5 * (a[2] + b[2]),
-        0.5 * (a[3] + b[3]), 0.5 * (a[4] + b[4]), 0.5 * (a[5] + b[5]),
-    )  # fmt: skip
+        0.5 * (a[0] + b[0]),
+        0.5 * (a[1] + b[1]),
+        0.5 * (a[2] + b[2]),
+        0.5 * (a[3] + b[3]),
+        0.5 * (a[4] + b[4]),
+        0.5 * (a[5] + b[5]),
+    )
 
 
-def _half_sum(osculating: Elements, time: float, degree: int, mu: float) -> tuple[_Six, float]:
-    """The averages from t = 0 to `time` (s) by the trapezoidal rule, and the last longitude."""
+def _half_sum(
+    osculating: Elements, time: float, degree: int, mu: float
+) -> tuple[_Six, float]:
+    """The averages from t = 0 to `time` (s) by the trapezoidal rule, and the last
+    longitude."""
     (x, y, z), (vx, vy, vz) = state_from_elements(osculating, mu)
     n = ceil(STEPS / (1.0 - osculating.eccentricity) ** 1.5)
     here: State = (x, y, z, vx, vy, vz, 0.0)
     first = _equinoctial(osculating)
     longitude = first[5]
-    a, h, k, p, q, turn = (0.5 * first[0], 0.5 * first[1], 0.5 * first[2], 0.5 * first[3],
-                           0.5 * first[4], 0.5 * first[5])  # fmt: skip
+    a, h, k, p, q, turn = (
+        0.5 * first[0],
+        0.5 * first[1],
+        0.5 * first[2],
+        0.5 * first[3],
+        0.5 * first[4],
+        0.5 * first[5],
+    )
 
     def slope(e: float, y: State) -> State:
         ax, ay, az = gravity((y[0], y[1], y[2]), degree, mu)
@@ -76,7 +99,9 @@ def _half_sum(osculating: Elements, time: float, degree: int, mu: float) -> tupl
     for step in range(n):
         here = step8(slope, 0.0, here, 1.0, time / n)
         now = _equinoctial(
-            elements_from_state((here[0], here[1], here[2]), (here[3], here[4], here[5]), mu)
+            elements_from_state(
+                (here[0], here[1], here[2]), (here[3], here[4], here[5]), mu
+            )
         )
         longitude += remainder(now[5] - longitude, tau)
         weight = 0.5 if step == n - 1 else 1.0
@@ -89,15 +114,23 @@ def _equinoctial(elements: Elements) -> _Six:
     a, e, i, raan, perigee, anomaly = elements
     longitude, tilt = raan + perigee, tan(0.5 * i)
     return (
-        a, e * sin(longitude), e * cos(longitude), tilt * sin(raan), tilt * cos(raan),
+        a,
+        e * sin(longitude),
+        e * cos(longitude),
+        tilt * sin(raan),
+        tilt * cos(raan),
         longitude + anomaly,
-    )  # fmt: skip
+    )
 
 
 def _elements(six: _Six) -> Elements:
     a, h, k, p, q, turn = six
     raan, longitude = atan2(p, q), atan2(h, k)
     return Elements(
-        a, sqrt(h * h + k * k), 2.0 * atan(sqrt(p * p + q * q)), raan, longitude - raan,
+        a,
+        sqrt(h * h + k * k),
+        2.0 * atan(sqrt(p * p + q * q)),
+        raan,
+        longitude - raan,
         turn - longitude,
-    )  # fmt: skip
+    )

@@ -1,14 +1,15 @@
-"""Coils and rods of magnetic torquers by their making: dipole, resistance, power and mass.
+"""Coils and rods of magnetic torquers by their making: dipole, resistance, power and
+mass.
 
-A coil of N turns around an area A has the dipole m = N I A. Around a core of radius r, length l and
-relative permeability mu the field adds to it
+A coil of N turns around an area A has the dipole m = N I A. Around a core of radius r,
+length l and relative permeability mu the field adds to it
 
     m = pi r^2 N I [1 + (mu - 1) / (1 + (mu - 1) N_d)],
     N_d = 4 (ln(l / r) - 1) / ((l / r)^2 - 4 ln(l / r)),
 
-N_d the demagnetising factor of a long cylinder (Mehrjardi & Mirshams, "Design and Manufacturing of
-a Research Magnetic Torquer Rod", Contemporary Engineering Sciences 3 (2010) 227). The wire is of
-copper: 1.72e-8 Ohm m at 20 deg C, 8960 kg/m3.
+N_d the demagnetising factor of a long cylinder (Mehrjardi & Mirshams, "Design and
+Manufacturing of a Research Magnetic Torquer Rod", Contemporary Engineering Sciences 3
+(2010) 227). The wire is of copper: 1.72e-8 Ohm m at 20 deg C, 8960 kg/m3.
 """
 
 from __future__ import annotations
@@ -38,22 +39,31 @@ class Coil(NamedTuple):
 
 
 def air(turns: float, a: float, b: float, wire: float, current: float) -> Coil:
-    """A coil of turns around a x b (m) of a wire of this diameter (m), at a current (A)."""
+    """A coil of turns around a x b (m) of a wire of this diameter (m), at a current
+    (A)."""
     return _coil(turns, turns * a * b, 2.0 * turns * (a + b), wire, current, 0.0)
 
 
 def core_factor(length: float, radius: float, permeability: float) -> float:
-    """What a core of this length and radius (m) multiplies the dipole of its winding by."""
+    """What a core of this length and radius (m) multiplies the dipole of its winding
+    by."""
     slender = length / radius
-    demagnetising = 4.0 * (log(slender) - 1.0) / (slender * slender - 4.0 * log(slender))
+    demagnetising = (
+        4.0 * (log(slender) - 1.0) / (slender * slender - 4.0 * log(slender))
+    )
     return 1.0 + (permeability - 1.0) / (1.0 + (permeability - 1.0) * demagnetising)
 
 
 def rod(
-    turns: float, length: float, radius: float, permeability: float, wire: float, current: float
-) -> Coil:  # fmt: skip
-    """A rod of this length and radius (m) with turns of a wire of this diameter (m) around it, at a
-    current (A)."""
+    turns: float,
+    length: float,
+    radius: float,
+    permeability: float,
+    wire: float,
+    current: float,
+) -> Coil:
+    """A rod of this length and radius (m) with turns of a wire of this diameter (m)
+    around it, at a current (A)."""
     section = pi * radius * radius
     area = turns * section * core_factor(length, radius, permeability)
     core = section * length * CORE_DENSITY
@@ -61,9 +71,19 @@ def rod(
 
 
 def _coil(
-    turns: float, area_turns: float, length: float, wire: float, current: float, core: float
-) -> Coil:  # fmt: skip
+    turns: float,
+    area_turns: float,
+    length: float,
+    wire: float,
+    current: float,
+    core: float,
+) -> Coil:
     section = pi * wire * wire / 4.0
     resistance = COPPER * length / section
-    return Coil(current * area_turns, area_turns, resistance, resistance * current * current,
-                length * section * COPPER_DENSITY + core)  # fmt: skip
+    return Coil(
+        current * area_turns,
+        area_turns,
+        resistance,
+        resistance * current * current,
+        length * section * COPPER_DENSITY + core,
+    )

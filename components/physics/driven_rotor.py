@@ -1,19 +1,23 @@
-"""One reaction wheel over a step, as `rotor`, with its motor's curve and a table of its drag.
+"""One reaction wheel over a step, as `rotor`, with its motor's curve and a table of its
+drag.
 
-A motor of the constant K_m (torque by the root of the copper loss, N m / W^(1/2)) on a voltage that
-would turn it at Omega_0 without load gives at the speed Omega, within +-torque limit,
+A motor of the constant K_m (torque by the root of the copper loss, N m / W^(1/2)) on a
+voltage that would turn it at Omega_0 without load gives at the speed Omega, within
++-torque limit,
 
     K_m^2 (-Omega_0 - Omega) <= drive <= K_m^2 (Omega_0 - Omega)
 
-for its current is (voltage - k Omega) / R with k^2 / R = K_m^2 and voltage = k Omega_0. The drag is
-linear between the entries of its table, goes on as the last two do, and turns its sign as
-tanh(Omega / omega_eps). There is no stiction.
+for its current is (voltage - k Omega) / R with k^2 / R = K_m^2 and voltage = k Omega_0.
+The drag is linear between the entries of its table, goes on as the last two do, and
+turns its sign as tanh(Omega / omega_eps). There is no stiction.
 
-What the motor's answer to its command alone would give is in closed form; what curve and drag take
-of that is integrated by RK4 whose steps are halved and doubled, two halves against one whole, until
-they differ by less than SMALL_SPEED; so bends of curve and table may fall anywhere.
+What the motor's answer to its command alone would give is in closed form; what curve
+and drag take of that is integrated by RK4 whose steps are halved and doubled, two
+halves against one whole, until they differ by less than SMALL_SPEED; so bends of curve
+and table may fall anywhere.
 
-Source: the equations of a permanent-magnet motor, e.g. Hughes, Electric Motors and Drives, ch. 3.
+Source: the equations of a permanent-magnet motor, e.g. Hughes, Electric Motors and
+Drives, ch. 3.
 """
 
 from __future__ import annotations
@@ -44,11 +48,12 @@ PIECES = 4096
 Row = tuple[float, float, float, float, float, float, float, float]
 
 Curve = tuple[float, float, int, Row, Row]
-"""Omega_0 (rad/s; 0: any torque at any speed), K_m^2 (N m s/rad), how many entries the table of the
-drag has (0: none), their speeds (rad/s) and torques (N m)"""
+"""Omega_0 (rad/s; 0: any torque at any speed), K_m^2 (N m s/rad), how many entries the
+table of the drag has (0: none), their speeds (rad/s) and torques (N m)"""
 
 Moving = tuple[float, float, float]
-"""h less what the motor's answer has given (N m s), learnt (N m), and the integral of the first"""
+"""h less what the motor's answer has given (N m s), learnt (N m), and the integral of
+the first"""
 
 
 def drag(motor: Motor, curve: Curve, omega: float) -> float:
@@ -73,15 +78,23 @@ def limited(motor: Motor, curve: Curve, torque: float, omega: float) -> float:
 
 
 def step(
-    motor: Motor, curve: Curve, rotor: Rotor, command: float, rate0: float, rate1: float,
-    dt: float, fastest: float,
-) -> tuple[Rotor, float]:  # fmt: skip
-    """As `rotor.step`: the state after dt (s) with a held motor command (N m), and the integral of
-    h (N m s2)."""
+    motor: Motor,
+    curve: Curve,
+    rotor: Rotor,
+    command: float,
+    rate0: float,
+    rate1: float,
+    dt: float,
+    fastest: float,
+) -> tuple[Rotor, float]:
+    """As `rotor.step`: the state after dt (s) with a held motor command (N m), and the
+    integral of h (N m s2)."""
     change, rest, total = (rate1 - rate0) / dt, dt, 0.0
     for _ in range(CHANGES):
         axial = rate1 - change * rest, change
-        rotor, lasted, integral = _state(motor, curve, rotor, command, axial, rest, fastest)
+        rotor, lasted, integral = _state(
+            motor, curve, rotor, command, axial, rest, fastest
+        )
         total += integral
         rest -= lasted
         if rest <= 0.0:
@@ -90,11 +103,16 @@ def step(
 
 
 def _state(
-    motor: Motor, curve: Curve, rotor: Rotor, command: float, axial: Axial, dt: float,
+    motor: Motor,
+    curve: Curve,
+    rotor: Rotor,
+    command: float,
+    axial: Axial,
+    dt: float,
     fastest: float,
-) -> tuple[Rotor, float, float]:  # fmt: skip
-    """The state when moving, or staying at the limit, ends or after dt (s), how long that was (s),
-    and the integral of h."""
+) -> tuple[Rotor, float, float]:
+    """The state when moving, or staying at the limit, ends or after dt (s), how long
+    that was (s), and the integral of h."""
     j = motor[0]
     h, torque, learnt, _ = rotor
     omega = h / j - axial[0]
@@ -105,14 +123,21 @@ def _state(
         balance = j * axial[1] + drag(motor, curve, omega)
         now = motor_torque(motor, torque, command, 0.0) + learnt
         if (limited(motor, curve, now, omega) - balance) * outwards > 0.0:
-            return at_limit(motor, rotor, command, axial, dt, outwards * fastest, balance - learnt)
+            return at_limit(
+                motor, rotor, command, axial, dt, outwards * fastest, balance - learnt
+            )
     return _moving(motor, curve, rotor, command, axial, dt, fastest)
 
 
 def _moving(
-    motor: Motor, curve: Curve, rotor: Rotor, command: float, axial: Axial, dt: float,
+    motor: Motor,
+    curve: Curve,
+    rotor: Rotor,
+    command: float,
+    axial: Axial,
+    dt: float,
     fastest: float,
-) -> tuple[Rotor, float, float]:  # fmt: skip
+) -> tuple[Rotor, float, float]:
     torque = rotor[1]
     now: Moving = (rotor[0], rotor[2], 0.0)
     begin, size = 0.0, dt
@@ -126,14 +151,20 @@ def _moving(
             least, lasted = 0.0, size
             for _ in range(HALVINGS):
                 middle = 0.5 * (least + lasted)
-                tried, _ = _piece(motor, curve, torque, command, axial, begin, now, middle)
-                if _beyond(motor, torque, command, tried, axial, begin + middle, fastest):
+                tried, _ = _piece(
+                    motor, curve, torque, command, axial, begin, now, middle
+                )
+                if _beyond(
+                    motor, torque, command, tried, axial, begin + middle, fastest
+                ):
                     lasted = middle
                 else:
                     least = middle
             after, _ = _piece(motor, curve, torque, command, axial, begin, now, lasted)
             end = begin + lasted
-            (h, after_torque, learnt, way), integral = _there(motor, rotor, command, after, end)
+            (h, after_torque, learnt, way), integral = _there(
+                motor, rotor, command, after, end
+            )
             rate = axial[0] + axial[1] * end
             h = motor[0] * (copysign(fastest, h / motor[0] - rate) + rate)
             return (h, after_torque, learnt, way), end, integral
@@ -155,32 +186,55 @@ def _there(
 
 
 def _beyond(
-    motor: Motor, torque: float, command: float, now: Moving, axial: Axial, t: float,
+    motor: Motor,
+    torque: float,
+    command: float,
+    now: Moving,
+    axial: Axial,
+    t: float,
     fastest: float,
-) -> bool:  # fmt: skip
+) -> bool:
     """True where the rotor, t (s) after `axial`, is beyond its limit."""
     h = now[0] + driven(motor, torque, command, t)[0]
     return abs(h / motor[0] - axial[0] - axial[1] * t) > fastest * (1.0 + AT_LIMIT)
 
 
 def _piece(
-    motor: Motor, curve: Curve, torque: float, command: float, axial: Axial, begin: float,
-    now: Moving, size: float,
-) -> tuple[Moving, float]:  # fmt: skip
-    """The state a time `size` (s) after `begin` (s), by two halves and, extrapolated, the whole;
-    and by how much (N m s) these differ."""
+    motor: Motor,
+    curve: Curve,
+    torque: float,
+    command: float,
+    axial: Axial,
+    begin: float,
+    now: Moving,
+    size: float,
+) -> tuple[Moving, float]:
+    """The state a time `size` (s) after `begin` (s), by two halves and, extrapolated,
+    the whole; and by how much (N m s) these differ."""
     half = 0.5 * size
     whole = _runge_kutta(motor, curve, torque, command, axial, begin, now, size)
     middle = _runge_kutta(motor, curve, torque, command, axial, begin, now, half)
-    after = _runge_kutta(motor, curve, torque, command, axial, begin + half, middle, half)
+    after = _runge_kutta(
+        motor, curve, torque, command, axial, begin + half, middle, half
+    )
     apart = after[0] - whole[0]
-    return (after[0] + apart / 15.0, after[1] + (after[1] - whole[1]) / 15.0, after[2]), abs(apart)
+    return (
+        after[0] + apart / 15.0,
+        after[1] + (after[1] - whole[1]) / 15.0,
+        after[2],
+    ), abs(apart)
 
 
 def _runge_kutta(
-    motor: Motor, curve: Curve, torque: float, command: float, axial: Axial, begin: float,
-    now: Moving, size: float,
-) -> Moving:  # fmt: skip
+    motor: Motor,
+    curve: Curve,
+    torque: float,
+    command: float,
+    axial: Axial,
+    begin: float,
+    now: Moving,
+    size: float,
+) -> Moving:
     j, lag, c, (rate, change) = motor[0], motor[1], motor[5], axial
     y, learnt, total = now
     excess = torque - command if lag > 0.0 else 0.0

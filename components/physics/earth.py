@@ -1,9 +1,10 @@
 """The Earth's turn, the Sun and the Earth's shadow.
 
-Times are epochs: seconds since 2000-01-01T12:00:00 UTC, leap seconds not counted, UT1 = UTC. The
-frame of this module is `date`: the mean equator and equinox of date (what the elements of SGP4 mean
-by TEME, to 20 arcsec), held fixed during a run; so the Earth's angle is the sidereal time and the
-Sun's direction that of the almanac. v_earth_fixed = R3(angle) v_date.
+Times are epochs: seconds since 2000-01-01T12:00:00 UTC, leap seconds not counted, UT1 =
+UTC. The frame of this module is `date`: the mean equator and equinox of date (what the
+elements of SGP4 mean by TEME, to 20 arcsec), held fixed during a run; so the Earth's
+angle is the sidereal time and the Sun's direction that of the almanac. v_earth_fixed =
+R3(angle) v_date.
 """
 
 from __future__ import annotations
@@ -52,7 +53,8 @@ def _days_before(year: int) -> int:
 
 
 def decimal_year(epoch: float) -> float:
-    """The calendar year with its elapsed share, 2026.5 for the middle of 2026, of an epoch (s)."""
+    """The calendar year with its elapsed share, 2026.5 for the middle of 2026, of an
+    epoch (s)."""
     days = epoch / _DAY + 0.5
     year = 2000 + floor(days / 365.2425)
     if days < _days_before(year):
@@ -64,29 +66,45 @@ def decimal_year(epoch: float) -> float:
 
 
 def precession(epoch: float) -> Mat33:
-    """P with v_date = P v_j2000: from the mean equator and equinox of J2000 to those of an epoch
-    (s).
+    """P with v_date = P v_j2000: from the mean equator and equinox of J2000 to those of
+    an epoch (s).
 
-    IAU 1976, the precession that goes with the sidereal time of 1982 (Lieske and others, Astron.
-    Astrophys. 58 (1977) 1; Vallado, Fundamentals of Astrodynamics and Applications, 4th ed.,
-    eq. 3-88): P = R3(-z) R2(theta) R3(-zeta). That of 2006 differs by 0.3 arcsec a century.
+    IAU 1976, the precession that goes with the sidereal time of 1982 (Lieske and
+    others, Astron. Astrophys. 58 (1977) 1; Vallado, Fundamentals of Astrodynamics and
+    Applications, 4th ed., eq. 3-88): P = R3(-z) R2(theta) R3(-zeta). That of 2006
+    differs by 0.3 arcsec a century.
     """
     c = epoch / (36525.0 * _DAY)
     zeta = radians((2306.2181 + (0.30188 + 0.017998 * c) * c) * c / 3600.0)
     theta = radians((2004.3109 - (0.42665 + 0.041833 * c) * c) * c / 3600.0)
     z = radians((2306.2181 + (1.09468 + 0.018203 * c) * c) * c / 3600.0)
-    cx, sx, cy, sy, cz, sz = cos(zeta), sin(zeta), cos(theta), sin(theta), cos(z), sin(z)
+    cx, sx, cy, sy, cz, sz = (
+        cos(zeta),
+        sin(zeta),
+        cos(theta),
+        sin(theta),
+        cos(z),
+        sin(z),
+    )
     return (
-        cz * cy * cx - sz * sx, -cz * cy * sx - sz * cx, -cz * sy,
-        sz * cy * cx + cz * sx, -sz * cy * sx + cz * cx, -sz * sy,
-        sy * cx, -sy * sx, cy,
-    )  # fmt: skip
+        cz * cy * cx - sz * sx,
+        -cz * cy * sx - sz * cx,
+        -cz * sy,
+        sz * cy * cx + cz * sx,
+        -sz * cy * sx + cz * cx,
+        -sz * sy,
+        sy * cx,
+        -sy * sx,
+        cy,
+    )
 
 
 def sun(epoch: float) -> tuple[Vec3, float]:
-    """Unit vector from the Earth to the Sun, date, and the distance (m), at an epoch (s).
+    """Unit vector from the Earth to the Sun, date, and the distance (m), at an epoch
+    (s).
 
-    The low-precision formulae of the Astronomical Almanac (page C5): 0.01 deg from 1950 to 2050.
+    The low-precision formulae of the Astronomical Almanac (page C5): 0.01 deg from 1950
+    to 2050.
     """
     days = epoch / _DAY
     g = radians(357.528 + 0.9856003 * days)
@@ -95,11 +113,16 @@ def sun(epoch: float) -> tuple[Vec3, float]:
     obliquity = radians(23.439 - 4e-7 * days)
     distance = 1.00014 - 0.01671 * cos_g - 0.00014 * (2.0 * cos_g * cos_g - 1.0)
     s = sin(longitude)
-    return (cos(longitude), cos(obliquity) * s, sin(obliquity) * s), distance * ASTRONOMICAL_UNIT
+    return (
+        cos(longitude),
+        cos(obliquity) * s,
+        sin(obliquity) * s,
+    ), distance * ASTRONOMICAL_UNIT
 
 
 def raan_of_local_time(hours: float, epoch: float) -> float:
-    """The raan (rad, from 0 to 2 pi) whose node has a mean local solar time, at an epoch (s).
+    """The raan (rad, from 0 to 2 pi) whose node has a mean local solar time, at an
+    epoch (s).
 
     `hours` from 0 to 24 for the ascending node: 12 puts it under the mean Sun.
     """
@@ -108,10 +131,11 @@ def raan_of_local_time(hours: float, epoch: float) -> float:
 
 
 def sunlight(r_date: Vec3, sun_date: Vec3, sun_distance: float) -> float:
-    """The visible share of the Sun's disc at r (m): 0 in umbra, 1 outside of the penumbra.
+    """The visible share of the Sun's disc at r (m): 0 in umbra, 1 outside of the
+    penumbra.
 
-    The Earth is a sphere of the equatorial radius. Two overlapping discs, Montenbruck & Gill,
-    Satellite Orbits, section 3.4.2.
+    The Earth is a sphere of the equatorial radius. Two overlapping discs, Montenbruck &
+    Gill, Satellite Orbits, section 3.4.2.
     """
     x, y, z = r_date
     sx, sy, sz = sun_date
@@ -119,7 +143,8 @@ def sunlight(r_date: Vec3, sun_date: Vec3, sun_distance: float) -> float:
     if along >= 0.0:  # before the Earth
         return 1.0
     size2 = x * x + y * y + z * z
-    # spacecraft to Sun: its distance, and the cosine of its angle from the Earth's centre
+    # spacecraft to Sun: its distance, and the cosine of its angle from the Earth's
+    # centre
     distance = sqrt(sun_distance * (sun_distance - 2.0 * along) + size2)
     radius = sqrt(size2)
     a = asin(SUN_RADIUS / distance)

@@ -1,6 +1,7 @@
 """The geomagnetic field: centred dipole and spherical harmonics, in Earth-fixed axes.
 
-Earth-fixed: z along the rotation axis to the north pole, x to the meridian of Greenwich.
+Earth-fixed: z along the rotation axis to the north pole, x to the meridian of
+Greenwich.
 """
 
 from __future__ import annotations
@@ -16,14 +17,16 @@ REFERENCE_RADIUS = 6371200.0
 
 _Row = tuple[float, float, float, float, float, float, float]
 Harmonics = tuple[tuple[_Row, ...], ...]
-"""What `field` sums: of each order m the rows of its degrees, as `harmonics` writes them."""
+"""What `field` sums: of each order m the rows of its degrees, as `harmonics` writes
+them."""
 
 
 def dipole(r: Vec3, moment: Vec3) -> Vec3:
     """B = (3 (m.u) u - m) / r^3 (T) of a centred dipole, with u = r / |r| and r in m.
 
-    `moment` is mu_0 / (4 pi) times the magnetic moment (T m3), or (g11, h11, g10) times the cube of
-    the reference radius: it points south. r, moment and B are in the same axes, whichever.
+    `moment` is mu_0 / (4 pi) times the magnetic moment (T m3), or (g11, h11, g10) times
+    the cube of the reference radius: it points south. r, moment and B are in the same
+    axes, whichever.
     """
     x, y, z = r
     mx, my, mz = moment
@@ -46,30 +49,34 @@ _SCHMIDT = tuple(
 def harmonics(coefficients: igrf14.Gauss, degree: int) -> Harmonics:
     """Gauss coefficients up to a degree as the sum that `field` takes.
 
-    The potential R sum (R/r)^(n+1) (g cos m phi + h sin m phi) S_nm is a sum of solid harmonics
-    Z_nm = (R/r)^(n+1) P_nm e^(i m phi), without normalisation. The Cartesian derivatives of one are
-    harmonics of the next degree (Montenbruck & Gill, Satellite Orbits, eq. 3.33):
+    The potential R sum (R/r)^(n+1) (g cos m phi + h sin m phi) S_nm is a sum of solid
+    harmonics Z_nm = (R/r)^(n+1) P_nm e^(i m phi), without normalisation. The Cartesian
+    derivatives of one are harmonics of the next degree (Montenbruck & Gill, Satellite
+    Orbits, eq. 3.33):
 
         d/dz Z_nm = -(n-m+1) Z_n+1,m
         d/dx Z_nm = (-Z_n+1,m+1 + (n-m+2)(n-m+1) Z_n+1,m-1) / 2    (-Z_n+1,1 for m = 0)
 
-    and likewise d/dy; so each component of B is such a sum itself, of one degree more, and needs
-    neither an angle nor a division by the cosine of the latitude. With Z_nm = K_nm (R/r) w^m p_nm,
-    w = (x + i y) R/r^2, p_mm = 1, the recursion in n needs but one constant:
+    and likewise d/dy; so each component of B is such a sum itself, of one degree more,
+    and needs neither an angle nor a division by the cosine of the latitude. With Z_nm =
+    K_nm (R/r) w^m p_nm, w = (x + i y) R/r^2, p_mm = 1, the recursion in n needs but one
+    constant:
 
         p_n+1 = (z R/r^2) p_n - beta_n (R/r)^2 p_n-1
 
-    A row is beta_n, then K_nm times the real and imaginary part of the factor of Z_nm in B_x, B_y
-    and B_z; the imaginary part has its sign turned.
+    A row is beta_n, then K_nm times the real and imaginary part of the factor of Z_nm
+    in B_x, B_y and B_z; the imaginary part has its sign turned.
     """
     top = min(degree, igrf14.DEGREE) + 1
     return tuple(
-        tuple(_row(coefficients, top - 1, n, m) for n in range(m, top + 1)) for m in range(top + 1)
+        tuple(_row(coefficients, top - 1, n, m) for n in range(m, top + 1))
+        for m in range(top + 1)
     )
 
 
 def _row(coefficients: igrf14.Gauss, degree: int, n: int, m: int) -> _Row:
-    """The row of Z_nm: from the coefficients of degree n - 1 and of the orders m - 1, m, m + 1."""
+    """The row of Z_nm: from the coefficients of degree n - 1 and of the orders m - 1,
+    m, m + 1."""
     scale = 1.0
     for odd in range(1, 2 * m, 2):
         scale *= odd
@@ -82,26 +89,33 @@ def _row(coefficients: igrf14.Gauss, degree: int, n: int, m: int) -> _Row:
     k = 0.5 * (n - m) * (n - m - 1)
     return (
         (n + m) * (n - m) / ((2 * n + 1) * (2 * n - 1)),
-        scale * (half * g_below - k * g_above), scale * (half * h_below - k * h_above),
-        scale * (-half * h_below - k * h_above), scale * (half * g_below + k * g_above),
-        scale * ((n - m) * g), scale * ((n - m) * h),
-    )  # fmt: skip
+        scale * (half * g_below - k * g_above),
+        scale * (half * h_below - k * h_above),
+        scale * (-half * h_below - k * h_above),
+        scale * (half * g_below + k * g_above),
+        scale * ((n - m) * g),
+        scale * ((n - m) * h),
+    )
 
 
-def _gauss(coefficients: igrf14.Gauss, degree: int, n: int, m: int) -> tuple[float, float]:
+def _gauss(
+    coefficients: igrf14.Gauss, degree: int, n: int, m: int
+) -> tuple[float, float]:
     """g_nm and h_nm (T) without normalisation; 0 where there is none."""
     if not (1 <= n <= degree and 0 <= m <= n):
         return 0.0, 0.0
     first, schmidt = n * n - 1, _SCHMIDT[n][m]
     if m == 0:
         return coefficients[first] * schmidt, 0.0
-    return coefficients[first + 2 * m - 1] * schmidt, coefficients[first + 2 * m] * schmidt
+    return coefficients[first + 2 * m - 1] * schmidt, coefficients[
+        first + 2 * m
+    ] * schmidt
 
 
 @lru_cache(maxsize=16)
 def _model(k: int, degree: int) -> tuple[Harmonics, Harmonics]:
-    """Model number k of IGRF-14 and its change a year, for `field`; remembered, as a block asks for
-    it again at each node. The change of today's ends at degree 8."""
+    """Model number k of IGRF-14 and its change a year, for `field`; remembered, as a
+    block asks for it again at each node. The change of today's ends at degree 8."""
     now, change = igrf14.model(k, degree)
     last = 0
     for n in range(1, degree + 1):

@@ -1,8 +1,8 @@
 """A rigid body with wheels: momentum and rate.
 
-H_B = J_r omega + sum g_i h_i, with J_r = J - sum J_s,i g_i g_i' the inertia without the wheels'
-axial part, g_i the wheels' axes and h_i = J_s,i (Omega_i + g_i . omega) their absolute axial
-momenta. Body frame; J (kg m2) is the whole craft with the wheels locked.
+H_B = J_r omega + sum g_i h_i, with J_r = J - sum J_s,i g_i g_i' the inertia without the
+wheels' axial part, g_i the wheels' axes and h_i = J_s,i (Omega_i + g_i . omega) their
+absolute axial momenta. Body frame; J (kg m2) is the whole craft with the wheels locked.
 """
 
 from __future__ import annotations
@@ -25,11 +25,11 @@ def carrier_inertia(inertia: Mat33, axes: Mat34, inertia_wheel: Vec4) -> Mat33:
 
 
 def check_inertia(inertia: Mat33) -> None:
-    """Raise BlockError for an inertia (kg m2) that no body can have: one that is not symmetric, or
-    whose principal moments are not positive or break the triangle rule.
+    """Raise BlockError for an inertia (kg m2) that no body can have: one that is not
+    symmetric, or whose principal moments are not positive or break the triangle rule.
 
-    With d V = rho dx dy dz, J = tr(S) 1 - S where S = int x x' dV has no negative eigenvalue, and
-    S = tr(J) / 2 1 - J.
+    With d V = rho dx dy dz, J = tr(S) 1 - S where S = int x x' dV has no negative
+    eigenvalue, and S = tr(J) / 2 1 - J.
     """
     a, b, c, d, e, f, g, h, i = inertia
     small = 1e-9 * max(abs(a), abs(e), abs(i))
@@ -40,7 +40,9 @@ def check_inertia(inertia: Mat33) -> None:
                 "must be equal; both are the negative product of inertia"
             )
     if not (a > 0.0 and a * e - b * d > 0.0 and _determinant(inertia) > 0.0):
-        raise BlockError(f"inertia = {inertia} kg m2: its principal moments must be above 0")
+        raise BlockError(
+            f"inertia = {inertia} kg m2: its principal moments must be above 0"
+        )
     half = 0.5 * (a + e + i)
     p, q, r = half - a + small, half - e + small, half - i + small
     spread: Mat33 = (p, -b, -c, -d, q, -f, -g, -h, r)
@@ -64,8 +66,10 @@ def inverse_inertia(inertia: Mat33) -> Mat33:
     symmetric = max(abs(b - d), abs(c - g), abs(f - h)) <= 1e-9 * max(a, e, i)
     determinant = a * (e * i - f * h) - b * (d * i - f * g) + c * (d * h - e * g)
     if not (symmetric and a > 0.0 and a * e - b * d > 0.0 and determinant > 0.0):
-        raise BlockError("inertia (less the wheels' axial part, by inertia_wheel: 0 where there is "
-                         "no wheel) is not symmetric and positive")  # fmt: skip
+        raise BlockError(
+            "inertia (less the wheels' axial part, by inertia_wheel: 0 where there is "
+            "no wheel) is not symmetric and positive"
+        )
     return inverse(inertia)
 
 
@@ -85,7 +89,8 @@ def over_determinant(carrier: Mat33) -> Mat33:
 
 
 def nutation(h_total: Vec3, over_det: Mat33) -> float:
-    """sqrt(l.J_r l / det J_r): how fast (rad/s) the total momentum l (N m s, body) nutates.
+    """sqrt(l.J_r l / det J_r): how fast (rad/s) the total momentum l (N m s, body)
+    nutates.
 
     The eigenvalue of l x J_r^-1, by which dl' = l x J_r^-1 dl + dl x omega.
     """

@@ -13,8 +13,8 @@ from pathlib import Path
 from ..contract.block import BlockError
 
 Gauss = tuple[float, ...]
-"""Gauss coefficients (T), Schmidt semi-normalised: of degree n = 1, 2, ... one after the other
-g_n0, g_n1, h_n1, g_n2, h_n2 to g_nn, h_nn."""
+"""Gauss coefficients (T), Schmidt semi-normalised: of degree n = 1, 2, ... one after
+the other g_n0, g_n1, h_n1, g_n2, h_n2 to g_nn, h_nn."""
 
 DEGREE = 13
 """Of the field since 2000; before it is 10."""
@@ -24,23 +24,29 @@ FIRST_YEAR, LAST_YEAR = 1900.0, 2030.0
 _COEFFICIENTS = DEGREE * (DEGREE + 2)
 
 _LEEWAY = 1e-5
-"""Years beyond either end, five minutes: for the points around the first and the last step."""
+"""Years beyond either end, five minutes: for the points around the first and the last
+step."""
 
 
 @cache
 def _table() -> tuple[tuple[float, ...], tuple[tuple[float, ...], ...]]:
     """The years, and of each coefficient, as `Gauss` orders them, nT in each year."""
     data = json.loads(Path(__file__).with_suffix(".json").read_text(encoding="utf-8"))
-    by_name = {(n, m): tuple(map(float, values)) for n, m, *values in data["coefficients"]}
+    by_name = {
+        (n, m): tuple(map(float, values)) for n, m, *values in data["coefficients"]
+    }
     rows = tuple(
-        by_name[n, m] for n in range(1, DEGREE + 1) for order in range(n + 1)
+        by_name[n, m]
+        for n in range(1, DEGREE + 1)
+        for order in range(n + 1)
         for m in ((order, -order) if order else (0,))
-    )  # fmt: skip
+    )
     return tuple(map(float, data["years"])), rows
 
 
 def model_of(year: float) -> int:
-    """The number of the last model, counted from 0, that is not after a decimal year (2026.5).
+    """The number of the last model, counted from 0, that is not after a decimal year
+    (2026.5).
 
     Raises BlockError outside 1900 to 2030.
     """
@@ -59,11 +65,11 @@ def model_year(k: int) -> float:
 
 
 def model(k: int, degree: int = DEGREE) -> tuple[Gauss, Gauss]:
-    """The coefficients (T) of model number k and their change (T a year) to the next, up to a
-    degree from 1 to 13.
+    """The coefficients (T) of model number k and their change (T a year) to the next,
+    up to a degree from 1 to 13.
 
-    The field is linear between the models, which are five years apart; after 2025 its change is
-    the published secular variation.
+    The field is linear between the models, which are five years apart; after 2025 its
+    change is the published secular variation.
     """
     years, rows = _table()
     span = years[k + 1] - years[k]

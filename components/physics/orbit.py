@@ -1,7 +1,7 @@
 """Orbits: constants of the Earth, Kepler motion, the local orbital frame.
 
-Frames: `eci`, where gravity and drift have z to the Earth's pole; `lvlh` (z to nadir, y to minus
-orbit normal, x completes: along the velocity on a circular orbit).
+Frames: `eci`, where gravity and drift have z to the Earth's pole; `lvlh` (z to nadir, y
+to minus orbit normal, x completes: along the velocity on a circular orbit).
 """
 
 from __future__ import annotations
@@ -54,7 +54,8 @@ def mean_motion(semi_major_axis: float, mu: float = MU) -> float:
 
 
 def orbit_plane(inclination: float, raan: float) -> tuple[Vec3, Vec3, Vec3]:
-    """Unit vectors in eci: to the ascending node, 90 deg ahead in the plane, and the normal.
+    """Unit vectors in eci: to the ascending node, 90 deg ahead in the plane, and the
+    normal.
 
     Angles in rad.
     """
@@ -73,7 +74,8 @@ def lvlh_attitude(r_eci: Vec3, v_eci: Vec3) -> Vec4:
 def perifocal_axes(
     inclination: float, raan: float, argument_of_perigee: float
 ) -> tuple[Vec3, Vec3]:
-    """Unit vectors in eci: to the perigee, and 90 deg ahead in the plane. Angles in rad."""
+    """Unit vectors in eci: to the perigee, and 90 deg ahead in the plane. Angles in
+    rad."""
     node, ahead, _ = orbit_plane(inclination, raan)
     c, s = cos(argument_of_perigee), sin(argument_of_perigee)
     return add(scale(c, node), scale(s, ahead)), add(scale(-s, node), scale(c, ahead))
@@ -82,8 +84,9 @@ def perifocal_axes(
 def eccentric_anomaly(mean_anomaly: float, eccentricity: float) -> float:
     """E - e sin E = M for 0 <= e < 1, to rounding (rad, from -pi to pi).
 
-    Newton's iteration. Above e = 0.8 it starts at pi, on the side where the equation is convex, so
-    it converges from there for any M (Montenbruck & Gill, Satellite Orbits, section 2.2.4).
+    Newton's iteration. Above e = 0.8 it starts at pi, on the side where the equation is
+    convex, so it converges from there for any M (Montenbruck & Gill, Satellite Orbits,
+    section 2.2.4).
     """
     m, e = remainder(mean_anomaly, tau), eccentricity
     x = m + e * sin(m) if e < 0.8 else copysign(pi, m)
@@ -91,7 +94,8 @@ def eccentric_anomaly(mean_anomaly: float, eccentricity: float) -> float:
         s = sin(x)
         step = (x - e * s - m) / (1.0 - e * cos(x))
         x -= step
-        # the next step would be of the order of step^2: below rounding (and nan ends here)
+        # the next step would be of the order of step^2: below rounding (and nan ends
+        # here)
         if not abs(step) > 1e-9:
             return x
 
@@ -104,18 +108,24 @@ def mean_from_true_anomaly(true_anomaly: float, eccentricity: float) -> float:
 
 
 def ellipse_of_altitudes(perigee: float, apogee: float) -> tuple[float, float]:
-    """Semi-major axis (m) and eccentricity from the heights (m) above the equatorial radius."""
+    """Semi-major axis (m) and eccentricity from the heights (m) above the equatorial
+    radius."""
     low, high = EARTH_RADIUS + perigee, EARTH_RADIUS + apogee
     return 0.5 * (low + high), (high - low) / (high + low)
 
 
 def ellipse_state(
-    semi_major_axis: float, eccentricity: float, mean_anomaly: float, anomaly_rate: float,
-    to_perigee: Vec3, ahead: Vec3,
-) -> tuple[Vec3, Vec3]:  # fmt: skip
+    semi_major_axis: float,
+    eccentricity: float,
+    mean_anomaly: float,
+    anomaly_rate: float,
+    to_perigee: Vec3,
+    ahead: Vec3,
+) -> tuple[Vec3, Vec3]:
     """Position and velocity on an ellipse in the plane of two unit vectors.
 
-    a in m, M in rad and its rate in rad/s; r in m, v in m/s, in the frame of the unit vectors.
+    a in m, M in rad and its rate in rad/s; r in m, v in m/s, in the frame of the unit
+    vectors.
     """
     anomaly = eccentric_anomaly(mean_anomaly, eccentricity)
     c, s = cos(anomaly), sin(anomaly)
@@ -131,8 +141,11 @@ def ellipse_state(
     )
 
 
-def drifting_state(elements: Elements, drift: Drift, t: float, mu: float) -> tuple[Vec3, Vec3]:
-    """r (m) and v (m/s) in eci, t (s) after the elements, on an ellipse whose angles drift.
+def drifting_state(
+    elements: Elements, drift: Drift, t: float, mu: float
+) -> tuple[Vec3, Vec3]:
+    """r (m) and v (m/s) in eci, t (s) after the elements, on an ellipse whose angles
+    drift.
 
     v is the time derivative of r, the turning of the ellipse included.
     """
@@ -148,7 +161,8 @@ def drifting_state(elements: Elements, drift: Drift, t: float, mu: float) -> tup
 def j2_drift(
     semi_major_axis: float, eccentricity: float, inclination: float, mu: float = MU
 ) -> Drift:
-    """The secular drift by the Earth's oblateness, first order in J2, for mean elements.
+    """The secular drift by the Earth's oblateness, first order in J2, for mean
+    elements.
 
     Vallado, Fundamentals of Astrodynamics and Applications, 4th ed., section 9.6.
     """
@@ -164,8 +178,8 @@ def j2_drift(
 
 
 def gravity(r: Vec3, degree: int, mu: float = MU) -> Vec3:
-    """The Earth's gravity (m/s2) at r (m, z to the pole) with the zonal harmonics up to `degree`,
-    from 1 (none) to 4.
+    """The Earth's gravity (m/s2) at r (m, z to the pole) with the zonal harmonics up to
+    `degree`, from 1 (none) to 4.
 
     Vallado, Fundamentals of Astrodynamics and Applications, 4th ed., section 8.7.
     """
@@ -195,7 +209,9 @@ def gravity(r: Vec3, degree: int, mu: float = MU) -> Vec3:
     return (inward * x, inward * y, g * (along - z))
 
 
-def sun_synchronous_inclination(semi_major_axis: float, eccentricity: float = 0.0) -> float:
+def sun_synchronous_inclination(
+    semi_major_axis: float, eccentricity: float = 0.0
+) -> float:
     """The inclination (rad) at which J2 turns the node once in a tropical year.
 
     Raises ValueError for an orbit that is too high (a > 12 352 km when circular).
@@ -213,8 +229,8 @@ def sun_synchronous_inclination(semi_major_axis: float, eccentricity: float = 0.
 def elements_from_state(r_eci: Vec3, v_eci: Vec3, mu: float = MU) -> Elements:
     """The elements of the ellipse through r (m) with v (m/s).
 
-    raan is 0 on an equatorial orbit, the argument of perigee 0 on a circular one. Raises
-    ValueError where the motion is not an ellipse.
+    raan is 0 on an equatorial orbit, the argument of perigee 0 on a circular one.
+    Raises ValueError where the motion is not an ellipse.
     """
     radius = norm(r_eci)
     a = 1.0 / (2.0 / radius - dot(v_eci, v_eci) / mu)
@@ -229,7 +245,9 @@ def elements_from_state(r_eci: Vec3, v_eci: Vec3, mu: float = MU) -> Elements:
     e_sin, e_cos = dot(r_eci, v_eci) / sqrt(mu * a), 1.0 - radius / a
     e = sqrt(e_sin * e_sin + e_cos * e_cos)
     if e < 1e-14:
-        return Elements(a, 0.0, inclination, raan, 0.0, atan2(dot(r_eci, ahead), dot(r_eci, node)))
+        return Elements(
+            a, 0.0, inclination, raan, 0.0, atan2(dot(r_eci, ahead), dot(r_eci, node))
+        )
     anomaly = atan2(e_sin, e_cos)
     true = atan2(sqrt(1.0 - e * e) * sin(anomaly), cos(anomaly) - e)
     perigee = remainder(atan2(dot(r_eci, ahead), dot(r_eci, node)) - true, tau)
@@ -245,7 +263,9 @@ def state_from_elements(elements: Elements, mu: float = MU) -> tuple[Vec3, Vec3]
 
 def turned(elements: Elements, c: Mat33) -> Elements:
     """The elements of the same ellipse in another frame, v_other = c v."""
-    p, q = perifocal_axes(elements.inclination, elements.raan, elements.argument_of_perigee)
+    p, q = perifocal_axes(
+        elements.inclination, elements.raan, elements.argument_of_perigee
+    )
     p, q = mat_vec(c, p), mat_vec(c, q)
     nx, ny, nz = cross(p, q)
     tilt = sqrt(nx * nx + ny * ny)
@@ -254,6 +274,10 @@ def turned(elements: Elements, c: Mat33) -> Elements:
     node, ahead, _ = orbit_plane(inclination, raan)
     perigee = atan2(dot(p, ahead), dot(p, node))
     return Elements(
-        elements.semi_major_axis, elements.eccentricity, inclination, raan, perigee,
+        elements.semi_major_axis,
+        elements.eccentricity,
+        inclination,
+        raan,
+        perigee,
         elements.mean_anomaly,
-    )  # fmt: skip
+    )

@@ -1,7 +1,8 @@
-"""Motion of a rigid body with wheels over a step, in which all that acts on it is given.
+"""Motion of a rigid body with wheels over a step, in which all that acts on it is
+given.
 
-What is given goes as a polynomial in the share e of the step, from 0 to 1: a mean with its slope,
-a value with its first and second derivative.
+What is given goes as a polynomial in the share e of the step, from 0 to 1: a mean with
+its slope, a value with its first and second derivative.
 """
 
 from __future__ import annotations
@@ -29,7 +30,11 @@ _NONE: Quadratic = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
 
 def ramp(mean: Vec3, slope: Vec3) -> Ramp:
     """mean + slope (e - 1/2)."""
-    return (mean[0] - 0.5 * slope[0], mean[1] - 0.5 * slope[1], mean[2] - 0.5 * slope[2]), slope
+    return (
+        mean[0] - 0.5 * slope[0],
+        mean[1] - 0.5 * slope[1],
+        mean[2] - 0.5 * slope[2],
+    ), slope
 
 
 def peak(x: Ramp) -> float:
@@ -67,15 +72,16 @@ def slopes(
     place: Quadratic | None,
     others: Torque | None,
 ) -> Slope:
-    """f(e, y), the derivative per second of y = (q, H): attitude, total momentum (N m s, eci).
+    """f(e, y), the derivative per second of y = (q, H): attitude, total momentum (N m
+    s, eci).
 
         q' = 1/2 Omega(omega) q                         omega = J_r^-1 (C H - h)
         H' = C' (tau + m x C B + 3 mu / r^5 p x J p + others)         p = C r
 
-    In body: inertia J (kg m2), half_inverse J_r^-1 / 2, wheels h (N m s), torque tau (N m) and
-    dipole m (A m2); in eci: field B (T) and place r (m), each None where it does not act.
-    Vectors have x, y, z in body and u, v, w in eci. One expression after another, for this is where
-    a simulation spends its time.
+    In body: inertia J (kg m2), half_inverse J_r^-1 / 2, wheels h (N m s), torque tau (N
+    m) and dipole m (A m2); in eci: field B (T) and place r (m), each None where it does
+    not act. Vectors have x, y, z in body and u, v, w in eci. One expression after
+    another, for this is where a simulation spends its time.
     """
     j11, j12, j13, j21, j22, j23, j31, j32, j33 = inertia
     i11, i12, i13, i21, i22, i23, i31, i32, i33 = half_inverse
@@ -92,9 +98,21 @@ def slopes(
         q1, q2, q3, q4, hx, hy, hz = state
         # C(q)
         a, b, c, d = q1 * q1, q2 * q2, q3 * q3, q4 * q4
-        c11, c12, c13 = a - b - c + d, 2.0 * (q1 * q2 + q3 * q4), 2.0 * (q1 * q3 - q2 * q4)
-        c21, c22, c23 = 2.0 * (q1 * q2 - q3 * q4), d - a + b - c, 2.0 * (q2 * q3 + q1 * q4)
-        c31, c32, c33 = 2.0 * (q1 * q3 + q2 * q4), 2.0 * (q2 * q3 - q1 * q4), d - a - b + c
+        c11, c12, c13 = (
+            a - b - c + d,
+            2.0 * (q1 * q2 + q3 * q4),
+            2.0 * (q1 * q3 - q2 * q4),
+        )
+        c21, c22, c23 = (
+            2.0 * (q1 * q2 - q3 * q4),
+            d - a + b - c,
+            2.0 * (q2 * q3 + q1 * q4),
+        )
+        c31, c32, c33 = (
+            2.0 * (q1 * q3 + q2 * q4),
+            2.0 * (q2 * q3 - q1 * q4),
+            d - a - b + c,
+        )
         # momentum of the body without the wheels, and half its rate
         x = c11 * hx + c12 * hy + c13 * hz - (w0x + e * (w1x + e * w2x))
         y = c21 * hx + c22 * hy + c23 * hz - (w0y + e * (w1y + e * w2y))
@@ -139,10 +157,13 @@ def slopes(
             x, y, z = others(e, (c11, c12, c13, c21, c22, c23, c31, c32, c33))
             tx, ty, tz = tx + x, ty + y, tz + z
         return (
-            d1, d2, d3, d4,
+            d1,
+            d2,
+            d3,
+            d4,
             c11 * tx + c21 * ty + c31 * tz,
             c12 * tx + c22 * ty + c32 * tz,
             c13 * tx + c23 * ty + c33 * tz,
-        )  # fmt: skip
+        )
 
     return slope

@@ -1,16 +1,19 @@
-"""The rod of a magnetic torquer: hysteresis of its core, and what its winding can be driven to.
+"""The rod of a magnetic torquer: hysteresis of its core, and what its winding can be
+driven to.
 
-The current i is counted as the dipole that it stands for, x = area_turns i (A m2). Of a core with
-the remanence rho (the share of the dipole at the limit X that remains when the current has gone)
+The current i is counted as the dipole that it stands for, x = area_turns i (A m2). Of a
+core with the remanence rho (the share of the dipole at the limit X that remains when
+the current has gone)
 
     m = (1 - 2 rho) x + 4 rho / N sum_k p_k,       p_k <- min(max(p_k, x - r_k), x + r_k)
 
-with N plays p_k of half widths r_k = (k - 1/2) X / N: a Prandtl-Ishlinskii operator of even
-density, which is Rayleigh's law as N grows. From the demagnetised core m is X at X, and rho X is
-left at 0; the loop of a cycle of +-X has the area 8/3 rho X^2 (1 + 1/(2 N^2)).
+with N plays p_k of half widths r_k = (k - 1/2) X / N: a Prandtl-Ishlinskii operator of
+even density, which is Rayleigh's law as N grows. From the demagnetised core m is X at
+X, and rho X is left at 0; the loop of a cycle of +-X has the area 8/3 rho X^2 (1 + 1/(2
+N^2)).
 
-Source: Rayleigh, Phil. Mag. 23 (1887) 225; Brokate & Sprekels, Hysteresis and Phase Transitions
-(1996), ch. 2.
+Source: Rayleigh, Phil. Mag. 23 (1887) 225; Brokate & Sprekels, Hysteresis and Phase
+Transitions (1996), ch. 2.
 """
 
 from __future__ import annotations
@@ -25,7 +28,8 @@ Plays = tuple[float, float, float, float, float, float, float, float]
 DEMAGNETISED: Plays = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 CUTS = PLAYS + 1
-"""Into how many pieces a current that goes one way cuts a time at most: one more than plays."""
+"""Into how many pieces a current that goes one way cuts a time at most: one more than
+plays."""
 JOINED = 1e-12
 """A play so near, relative to the limit, has joined."""
 
@@ -44,11 +48,15 @@ def moved(plays: Plays, x: float, limit: float) -> Plays:
     """The plays after the current has gone one way to x (A m2)."""
     a, b, c, d, e, f, g, h = plays
     return (
-        _moved(a, x, half_width(0, limit)), _moved(b, x, half_width(1, limit)),
-        _moved(c, x, half_width(2, limit)), _moved(d, x, half_width(3, limit)),
-        _moved(e, x, half_width(4, limit)), _moved(f, x, half_width(5, limit)),
-        _moved(g, x, half_width(6, limit)), _moved(h, x, half_width(7, limit)),
-    )  # fmt: skip
+        _moved(a, x, half_width(0, limit)),
+        _moved(b, x, half_width(1, limit)),
+        _moved(c, x, half_width(2, limit)),
+        _moved(d, x, half_width(3, limit)),
+        _moved(e, x, half_width(4, limit)),
+        _moved(f, x, half_width(5, limit)),
+        _moved(g, x, half_width(6, limit)),
+        _moved(h, x, half_width(7, limit)),
+    )
 
 
 def _moved(p: float, x: float, r: float) -> float:
@@ -58,12 +66,14 @@ def _moved(p: float, x: float, r: float) -> float:
 def dipole(x: float, plays: Plays, remanence: float) -> float:
     """m (A m2) at the current x (A m2)."""
     a, b, c, d, e, f, g, h = plays
-    return (1.0 - 2.0 * remanence) * x + 4.0 * remanence / PLAYS * (a + b + c + d + e + f + g + h)
+    return (1.0 - 2.0 * remanence) * x + 4.0 * remanence / PLAYS * (
+        a + b + c + d + e + f + g + h
+    )
 
 
 def _next(plays: Plays, x: float, limit: float, up: bool) -> tuple[int, float]:
-    """How many plays go along with a current at x (A m2) that goes up or down, and where the next
-    one joins them (A m2)."""
+    """How many plays go along with a current at x (A m2) that goes up or down, and
+    where the next one joins them (A m2)."""
     along, level = 0, inf if up else -inf
     for k in range(PLAYS):
         r = half_width(k, limit)
@@ -76,15 +86,22 @@ def _next(plays: Plays, x: float, limit: float, up: bool) -> tuple[int, float]:
 
 
 Over = tuple[float, float, float, float, float]
-"""Mean and slope of m (A m2) over a time, the means of m^2 and x^2 (A2 m4), and x at its end"""
+"""Mean and slope of m (A m2) over a time, the means of m^2 and x^2 (A2 m4), and x at
+its end"""
 
 
 def over(
-    plays: Plays, x: float, towards: float, lag: float, time: float, limit: float,
+    plays: Plays,
+    x: float,
+    towards: float,
+    lag: float,
+    time: float,
+    limit: float,
     remanence: float,
-) -> tuple[Over, Plays]:  # fmt: skip
-    """What a rod does in a time (s) in which its current goes from x towards another value (A m2)
-    with the time constant lag (s); 0: it is there at once. Exact: cut where a play joins."""
+) -> tuple[Over, Plays]:
+    """What a rod does in a time (s) in which its current goes from x towards another
+    value (A m2) with the time constant lag (s); 0: it is there at once. Exact: cut
+    where a play joins."""
     plays = moved(plays, x, limit)
     if lag <= 0.0:
         plays = moved(plays, towards, limit)
@@ -105,7 +122,9 @@ def over(
         length = (end - begin) / time
         a, b = part(begin / time, end / time, rest + steep * x_mean, steep * x_slope)
         mean, slope = mean + a, slope + b
-        square += length * (rest * (rest + 2.0 * steep * x_mean) + steep * steep * x_square)
+        square += length * (
+            rest * (rest + 2.0 * steep * x_mean) + steep * steep * x_square
+        )
         heat += length * x_square
         x, begin = after, end
         plays = moved(plays, x, limit)

@@ -6,8 +6,9 @@ The absolute axial momentum h (N m s) of a rotor that moves obeys
     T' = (command - T) / lag                 learnt' = compensation (friction - learnt)
     friction = c_v Omega + c_c tanh(Omega / omega_eps)
 
-with T the motor's answer to its command (N m), Omega = h / J_s - g.omega the speed relative to the
-body (rad/s), and `learnt` what a compensating speed loop has found of the friction.
+with T the motor's answer to its command (N m), Omega = h / J_s - g.omega the speed
+relative to the body (rad/s), and `learnt` what a compensating speed loop has found of
+the friction.
 
 Two states beside that keep Omega, and so h' = J_s (g.omega)'. With stiction, Coulomb friction is
 dry, +-c_c, and brings a rotor to rest in a finite time; from then on it *stands* as long as
@@ -23,11 +24,12 @@ from math import ceil, copysign, exp, expm1, inf, log, tanh
 from ..maths.moments import lag as lag_moments
 
 Motor = tuple[float, float, float, float, float, float, float, float]
-"""J_s (kg m2), lag (s), c_v (N m s/rad), c_c (N m), omega_eps (rad/s), compensation (1/s),
-stiction (N m), torque limit (N m)"""
+"""J_s (kg m2), lag (s), c_v (N m s/rad), c_c (N m), omega_eps (rad/s), compensation
+(1/s), stiction (N m), torque limit (N m)"""
 
 Rotor = tuple[float, float, float, float]
-"""h (N m s), T (N m), learnt (N m), and with stiction the way it moves: 1, -1, or 0 as it stands"""
+"""h (N m s), T (N m), learnt (N m), and with stiction the way it moves: 1, -1, or 0 as
+it stands"""
 
 Axial = tuple[float, float]
 """The body's axial rate g.omega (rad/s) and its change (rad/s2), which is constant"""
@@ -35,7 +37,8 @@ Axial = tuple[float, float]
 SMALL_SPEED = 3e-8
 """A motor transient is not resolved where friction makes less of it (rad/s)."""
 CHANGES = 16
-"""Most changes between moving, standing and the limit in a step; the rest of it then moves on."""
+"""Most changes between moving, standing and the limit in a step; the rest of it then
+moves on."""
 HALVINGS = 48
 """Of a step, to find when a state ends."""
 TURNS = 1e-9
@@ -50,13 +53,19 @@ def friction(omega: float, viscous: float, coulomb: float, omega_eps: float) -> 
 
 
 def step(
-    motor: Motor, rotor: Rotor, command: float, rate0: float, rate1: float, dt: float,
+    motor: Motor,
+    rotor: Rotor,
+    command: float,
+    rate0: float,
+    rate1: float,
+    dt: float,
     fastest: float,
-) -> tuple[Rotor, float]:  # fmt: skip
-    """The state after dt (s) with a held motor command (N m), and the integral of h (N m s2).
+) -> tuple[Rotor, float]:
+    """The state after dt (s) with a held motor command (N m), and the integral of h (N
+    m s2).
 
-    The body's axial rate g.omega goes linearly from rate0 to rate1 (rad/s); |Omega| <= fastest
-    (rad/s). A rotor that is faster brakes with the torque limit.
+    The body's axial rate g.omega goes linearly from rate0 to rate1 (rad/s); |Omega| <=
+    fastest (rad/s). A rotor that is faster brakes with the torque limit.
     """
     j, viscous, coulomb, stiction = motor[0], motor[2], motor[3], motor[6]
     # as `_may_pass`, written out, for most steps end here
@@ -73,14 +82,21 @@ def step(
         rest -= lasted
         if rest <= 0.0:
             return rotor, total
-    rotor, integral = _free(motor, rotor, command, (rate1 - change * rest, change), rest)
+    rotor, integral = _free(
+        motor, rotor, command, (rate1 - change * rest, change), rest
+    )
     return rotor, total + integral
 
 
 def _may_pass(
-    motor: Motor, rotor: Rotor, command: float, rate0: float, rate1: float, dt: float,
+    motor: Motor,
+    rotor: Rotor,
+    command: float,
+    rate0: float,
+    rate1: float,
+    dt: float,
     fastest: float,
-) -> bool:  # fmt: skip
+) -> bool:
     """True where the motor may take the rotor beyond its limit within dt (s)."""
     gained = max(abs(rotor[1]), abs(command)) * dt / motor[0] + abs(rate1 - rate0)
     return abs(rotor[0] / motor[0] - rate0) + gained > fastest
@@ -102,9 +118,13 @@ def _state(
         return braking(motor, rotor, command, axial, dt, fastest)
     if abs(omega) >= fastest * (1.0 - AT_LIMIT):
         outwards = copysign(1.0, omega)
-        balance = turning + _drag(motor, omega, outwards) - learnt  # of the motor's torque
+        balance = (
+            turning + _drag(motor, omega, outwards) - learnt
+        )  # of the motor's torque
         if (motor_torque(motor, torque, command, 0.0) - balance) * outwards > 0.0:
-            return at_limit(motor, rotor, command, axial, dt, outwards * fastest, balance)
+            return at_limit(
+                motor, rotor, command, axial, dt, outwards * fastest, balance
+            )
     return _moving(motor, rotor, command, axial, dt, fastest)
 
 
@@ -115,7 +135,8 @@ def motor_torque(motor: Motor, torque: float, command: float, t: float) -> float
 
 
 def _reaches(motor: Motor, torque: float, command: float, level: float) -> float:
-    """When T is at a level (N m) on its way from `torque` to the command (s); inf: never."""
+    """When T is at a level (N m) on its way from `torque` to the command (s); inf:
+    never."""
     lag, there, to_go = motor[1], level - command, torque - command
     on_its_way = lag > 0.0 and there * to_go > 0.0 and abs(there) <= abs(to_go)
     return lag * log(to_go / there) if on_its_way else inf
@@ -129,7 +150,7 @@ def _drag(motor: Motor, omega: float, way: float) -> float:
     return viscous * omega + coulomb * tanh(omega / omega_eps)
 
 
-# --- states that keep the speed -------------------------------------------------------------------
+# --- states that keep the speed -------------------------------------------------------
 
 
 def _standing(
@@ -147,11 +168,16 @@ def _standing(
 
 
 def at_limit(
-    motor: Motor, rotor: Rotor, command: float, axial: Axial, dt: float, omega: float,
+    motor: Motor,
+    rotor: Rotor,
+    command: float,
+    axial: Axial,
+    dt: float,
+    omega: float,
     balance: float,
-) -> tuple[Rotor, float, float]:  # fmt: skip
-    """The rotor keeps the speed `omega` (rad/s) until T is at its `balance` (N m); the compensating
-    loop rests."""
+) -> tuple[Rotor, float, float]:
+    """The rotor keeps the speed `omega` (rad/s) until T is at its `balance` (N m); the
+    compensating loop rests."""
     h0, torque, learnt, way = rotor
     lasted = min(_reaches(motor, torque, command, balance), dt)
     h = motor[0] * (omega + axial[0] + axial[1] * lasted)
@@ -167,14 +193,16 @@ def braking(
     h0, torque, learnt, way = rotor
     omega = h0 / j - axial[0]
     outwards = copysign(1.0, omega)
-    falls = torque_limit / j + outwards * axial[1]  # the speed relative to the body, rad/s2
+    falls = (
+        torque_limit / j + outwards * axial[1]
+    )  # the speed relative to the body, rad/s2
     lasted = min((abs(omega) - fastest) / falls, dt) if falls > 0.0 else dt
     h = h0 - outwards * torque_limit * lasted
     after = motor_torque(motor, torque, command, lasted)
     return (h, after, learnt, way), lasted, 0.5 * lasted * (h0 + h)
 
 
-# --- moving ---------------------------------------------------------------------------------------
+# --- moving ---------------------------------------------------------------------------
 
 
 def _free(
@@ -185,7 +213,9 @@ def _free(
     n = _parts(motor, rotor, command, axial, dt, inf)
     part, total = dt / n, 0.0
     for i in range(n):
-        rotor, integral = _part(motor, rotor, command, (rate + change * i * part, change), part)
+        rotor, integral = _part(
+            motor, rotor, command, (rate + change * i * part, change), part
+        )
         total += integral
     return rotor, total
 
@@ -193,10 +223,12 @@ def _free(
 def _moving(
     motor: Motor, rotor: Rotor, command: float, axial: Axial, dt: float, fastest: float
 ) -> tuple[Rotor, float, float]:
-    """The state when moving ends or after dt (s), how long that was (s), and the integral of h."""
+    """The state when moving ends or after dt (s), how long that was (s), and the
+    integral of h."""
     rate, change = axial
     if motor[6] > 0.0:
-        # where the torque turns, so does the speed: it may not pass zero in a part and come back
+        # where the torque turns, so does the speed: it may not pass zero in a part and
+        # come back
         h, torque, learnt, way = rotor
         balance = _drag(motor, h / motor[0] - rate, way) - learnt + motor[0] * change
         turns = _reaches(motor, torque, command, balance)
@@ -208,16 +240,22 @@ def _moving(
         now = rate + change * i * part, change
         after, integral = _part(motor, rotor, command, now, part)
         if _has_ended(motor, after, now, part, fastest):
-            after, lasted, integral = _to_its_end(motor, rotor, command, now, part, fastest)
+            after, lasted, integral = _to_its_end(
+                motor, rotor, command, now, part, fastest
+            )
             return after, i * part + lasted, total + integral
         rotor, total = after, total + integral
     return rotor, dt, total
 
 
-def _has_ended(motor: Motor, rotor: Rotor, axial: Axial, t: float, fastest: float) -> bool:
-    """True when the rotor, t (s) after `axial`, is beyond its limit or turns the other way."""
+def _has_ended(
+    motor: Motor, rotor: Rotor, axial: Axial, t: float, fastest: float
+) -> bool:
+    """True when the rotor, t (s) after `axial`, is beyond its limit or turns the other
+    way."""
     omega = rotor[0] / motor[0] - axial[0] - axial[1] * t
-    # without stiction no state follows where the speed turns, and `way` is that of the start
+    # without stiction no state follows where the speed turns, and `way` is that of the
+    # start
     stops = motor[6] > 0.0 and omega * rotor[3] < 0.0
     return abs(omega) > fastest * (1.0 + AT_LIMIT) or stops
 
@@ -231,7 +269,11 @@ def _to_its_end(
     for _ in range(HALVINGS):
         middle = 0.5 * (before + lasted)
         if _has_ended(
-            motor, _part(motor, rotor, command, axial, middle)[0], axial, middle, fastest
+            motor,
+            _part(motor, rotor, command, axial, middle)[0],
+            axial,
+            middle,
+            fastest,
         ):
             lasted = middle
         else:
@@ -241,20 +283,28 @@ def _to_its_end(
     omega = h / j - rate
     if motor[6] > 0.0 and omega * way < 0.0:
         return (j * rate, torque, 0.0, 0.0), lasted, integral
-    return (j * (copysign(fastest, omega) + rate), torque, learnt, way), lasted, integral
+    return (
+        (j * (copysign(fastest, omega) + rate), torque, learnt, way),
+        lasted,
+        integral,
+    )
 
 
 def _parts(
     motor: Motor, rotor: Rotor, command: float, axial: Axial, dt: float, fastest: float
 ) -> int:
-    """Into how many parts a step is cut so that friction is integrated well, and that the speed
-    does not pass its limit or zero within one and come back."""
+    """Into how many parts a step is cut so that friction is integrated well, and that
+    the speed does not pass its limit or zero within one and come back."""
     inertia, lag, viscous, coulomb, omega_eps, _, stiction, _ = motor
     (h, torque, _, _), rate = rotor, axial[0]
     decay = viscous / inertia  # of the speed by friction, 1/s
     parts = 0.0
     gained = max(abs(torque), abs(command)) * dt / inertia
-    if coulomb > 0.0 and stiction == 0.0 and abs(h / inertia - rate) < 8.0 * omega_eps + gained:
+    if (
+        coulomb > 0.0
+        and stiction == 0.0
+        and abs(h / inertia - rate) < 8.0 * omega_eps + gained
+    ):
         # the sign of Coulomb friction may turn
         decay += coulomb / omega_eps / inertia
         parts = 2.0 * gained / omega_eps
@@ -264,7 +314,8 @@ def _parts(
     if decay * swing * min(lag, dt) > SMALL_SPEED:
         parts = max(parts, 0.5 * dt / lag)
     if torque * command < 0.0 < lag and (
-        stiction > 0.0 or _may_pass(motor, rotor, command, rate, rate + axial[1] * dt, dt, fastest)
+        stiction > 0.0
+        or _may_pass(motor, rotor, command, rate, rate + axial[1] * dt, dt, fastest)
     ):
         parts = max(parts, 4.0 * dt / lag)
     return min(max(1, ceil(parts)), 64)
@@ -280,7 +331,9 @@ def _part(
     if compensation <= 0.0:
         return _with_friction(motor, rotor, command, axial, dt)
     after, integral = _compensated(motor, rotor, command, axial, dt)
-    start = (rotor[1] if lag > 0.0 else command) + rotor[2]  # without an exponential of 0
+    start = (rotor[1] if lag > 0.0 else command) + rotor[
+        2
+    ]  # without an exponential of 0
     most = torque_limit * (1.0 + 1e-12)
     if abs(start) > most or abs(after[1] + after[2]) > most:
         return _clipped(motor, rotor, command, axial, dt)
@@ -289,7 +342,7 @@ def _part(
 
 def _frictionless(
     motor: Motor, rotor: Rotor, command: float, dt: float
-) -> tuple[Rotor, float]:  # fmt: skip
+) -> tuple[Rotor, float]:
     lag = motor[1]
     h0, torque, learnt, way = rotor
     if lag > 0.0:
@@ -306,8 +359,8 @@ def _frictionless(
 def driven(
     motor: Motor, torque0: float, command: float, dt: float
 ) -> tuple[float, float, float, float]:
-    """What the motor does in dt (s): momentum (N m s), its integral, T at the end, and the motor's
-    excess over the command, in momentum."""
+    """What the motor does in dt (s): momentum (N m s), its integral, T at the end, and
+    the motor's excess over the command, in momentum."""
     lag = motor[1]
     pushed, torque, first = command * dt, command, 0.5 * command * dt * dt
     excess = (torque0 - command) * lag
@@ -332,16 +385,19 @@ def _with_friction(
 def _lost(
     motor: Motor, rotor: Rotor, excess: float, command: float, axial: Axial, dt: float
 ) -> tuple[float, float]:
-    """The momentum that friction takes (N m s) by RK4, and the integral of what it has taken."""
+    """The momentum that friction takes (N m s) by RK4, and the integral of what it has
+    taken."""
     j, lag, viscous, coulomb, omega_eps, _, stiction, _ = motor
     (rate, change), (h0, _, _, way) = axial, rotor
 
     def drag(s: float, lost: float) -> float:
-        """The friction at s into the step, with `lost` of the momentum lost so far: `_drag`,
-        written out, for it is called often."""
+        """The friction at s into the step, with `lost` of the momentum lost so far:
+        `_drag`, written out, for it is called often."""
         pushed = command * s + (excess * (1.0 - exp(-s / lag)) if excess else 0.0)
         omega = (h0 + pushed - lost) / j - rate - change * s
-        return viscous * omega + coulomb * (way if stiction > 0.0 else tanh(omega / omega_eps))
+        return viscous * omega + coulomb * (
+            way if stiction > 0.0 else tanh(omega / omega_eps)
+        )
 
     half = 0.5 * dt
     a = drag(0.0, 0.0)
@@ -355,8 +411,8 @@ def _lost(
 def _compensated(
     motor: Motor, rotor: Rotor, command: float, axial: Axial, dt: float
 ) -> tuple[Rotor, float]:
-    """A loop of bandwidth c (1/s) learns what friction takes: friction goes linearly from start to
-    end, the loop's exponential is exact."""
+    """A loop of bandwidth c (1/s) learns what friction takes: friction goes linearly
+    from start to end, the loop's exponential is exact."""
     j, c, (rate, change) = motor[0], motor[5], axial
     h0, torque0, learnt, way = rotor
     pushed, first_pushed, torque, _ = driven(motor, torque0, command, dt)

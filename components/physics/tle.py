@@ -1,7 +1,7 @@
 """Two-line elements and their propagation with SGP4, by the package sgp4.
 
-sgp4 is the only package outside of the standard library that a block needs; it is looked for when
-it is first used.
+sgp4 is the only package outside of the standard library that a block needs; it is
+looked for when it is first used.
 """
 
 from __future__ import annotations
@@ -19,7 +19,8 @@ _SGP4_EPOCH = 18263.5
 
 MeanElements = tuple[float, float, float, float, float, float, float, float]
 """Epoch (s since J2000, UTC), B* (per Earth radius), eccentricity, argument of perigee,
-inclination, mean anomaly (rad), mean motion (rad/s), raan (rad): of Kozai's theory, TEME."""
+inclination, mean anomaly (rad), mean motion (rad/s), raan (rad): of Kozai's theory,
+TEME."""
 
 
 def _package() -> Any:
@@ -33,15 +34,28 @@ def _package() -> Any:
 
 @lru_cache(maxsize=16)
 def _satellite(elements: MeanElements) -> Any:
-    """The initialised record of sgp4; which cannot be kept in a block, as it is not JSON-able."""
+    """The initialised record of sgp4; which cannot be kept in a block, as it is not
+    JSON-able."""
     sgp4 = _package()
     epoch, bstar, eccentricity, perigee, inclination, anomaly, motion, raan = elements
     record = sgp4.Satrec()
-    # SGP4 itself uses neither the catalogue number nor the derivatives of the mean motion
+    # SGP4 itself uses neither the catalogue number nor the derivatives of the mean
+    # motion
     record.sgp4init(
-        sgp4.WGS72, "i", 0, epoch / _DAY + _SGP4_EPOCH, bstar, 0.0, 0.0, eccentricity, perigee,
-        inclination, anomaly, 60.0 * motion, raan,
-    )  # fmt: skip
+        sgp4.WGS72,
+        "i",
+        0,
+        epoch / _DAY + _SGP4_EPOCH,
+        bstar,
+        0.0,
+        0.0,
+        eccentricity,
+        perigee,
+        inclination,
+        anomaly,
+        60.0 * motion,
+        raan,
+    )
     return record
 
 
@@ -60,8 +74,9 @@ def teme_state(elements: MeanElements, time: float) -> tuple[Vec3, Vec3]:
 def tle_parameters(line1: str, line2: str) -> dict[str, float]:
     """The parameters of the block environment_tle from the two lines, for a scenario.
 
-    `epoch_j2000` is not among them: t = 0 may be any time, best within days of `epoch_tle_j2000`.
-    Raises BlockError where the lines are not those of a two-line element set.
+    `epoch_j2000` is not among them: t = 0 may be any time, best within days of
+    `epoch_tle_j2000`. Raises BlockError where the lines are not those of a two-line
+    element set.
     """
     api, lines = _package(), (line1, line2)
     for number, line in enumerate(lines, 1):

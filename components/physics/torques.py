@@ -12,15 +12,18 @@ from ..maths.vector import ZERO, cross, dot, mat_vec, norm, scale, sub, unit
 from .orbit import MU
 
 SOLAR_PRESSURE = 4.56e-6
-"""Radiation pressure at 1 astronomical unit (N/m2), 1367 W/m2 over the speed of light."""
+"""Radiation pressure at 1 astronomical unit (N/m2), 1367 W/m2 over the speed of light.
+"""
 
 PLATE_COLUMNS = 9
-"""Of a plate table: outward normal (3), area (m2), centre (3, m), specular and diffuse share."""
+"""Of a plate table: outward normal (3), area (m2), centre (3, m), specular and diffuse
+share."""
 
 Plate = tuple[
     float, float, float, float, float, float, float, float, float, float, float, float
-]  # fmt: skip
-"""Normal n (3), area (m2), centre c (3, m), c x n (3, m), specular and diffuse share."""
+]
+"""Normal n (3), area (m2), centre c (3, m), c x n (3, m), specular and diffuse share.
+"""
 
 Plates = tuple[Plate, ...]
 
@@ -43,7 +46,9 @@ def drag(v: Vec3, density: float, area_cd: float, centre: Vec3) -> Vec3:
     return cross(centre, scale(-0.5 * density * area_cd * speed, v))
 
 
-def drag_on_plates(v: Vec3, density: float, drag_coefficient: float, plates: Plates) -> Vec3:
+def drag_on_plates(
+    v: Vec3, density: float, drag_coefficient: float, plates: Plates
+) -> Vec3:
     """Sum over the plates that face the flow: c x F with F = -1/2 rho C_d A (n.v) v."""
     vx, vy, vz = v
     x = y = z = 0.0  # the sum of A (n.v) c
@@ -53,7 +58,8 @@ def drag_on_plates(v: Vec3, density: float, drag_coefficient: float, plates: Pla
             size = area * facing
             x, y, z = x + size * cx, y + size * cy, z + size * cz
     return scale(
-        -0.5 * density * drag_coefficient, (y * vz - z * vy, z * vx - x * vz, x * vy - y * vx)
+        -0.5 * density * drag_coefficient,
+        (y * vz - z * vy, z * vx - x * vz, x * vy - y * vx),
     )
 
 
@@ -63,10 +69,11 @@ def radiation(sun: Vec3, pressure: float, area_cr: float, centre: Vec3) -> Vec3:
 
 
 def radiation_on_plates(sun: Vec3, pressure: float, plates: Plates) -> Vec3:
-    """Sum over the lit plates: c x F with F = -P A cos [(1 - rs) s + 2 (rs cos + rd / 3) n].
+    """Sum over the lit plates: c x F with F = -P A cos [(1 - rs) s + 2 (rs cos + rd /
+    3) n].
 
-    rs and rd are the specular and the diffuse share of the reflected light (Wertz, Spacecraft
-    Attitude Determination and Control, eq. 17-34).
+    rs and rd are the specular and the diffuse share of the reflected light (Wertz,
+    Spacecraft Attitude Determination and Control, eq. 17-34).
     """
     sx, sy, sz = sun
     x = y = z = 0.0  # the sum of A cos (1 - rs) c
@@ -79,12 +86,14 @@ def radiation_on_plates(sun: Vec3, pressure: float, plates: Plates) -> Vec3:
             a = a * (1.0 - specular)
             x, y, z = x + a * cx, y + a * cy, z + a * cz
             tx, ty, tz = tx + b * mx, ty + b * my, tz + b * mz
-    return scale(-pressure, (tx + y * sz - z * sy, ty + z * sx - x * sz, tz + x * sy - y * sx))
+    return scale(
+        -pressure, (tx + y * sz - z * sy, ty + z * sx - x * sz, tz + x * sy - y * sx)
+    )
 
 
 def facing(plates: Plates, drives: tuple[Vec3, ...], sun: Vec3) -> Plates:
-    """The plates as their drives turn them about their axes (unit vectors; zero: fixed): the normal
-    of each as near to the Sun's direction as it can be."""
+    """The plates as their drives turn them about their axes (unit vectors; zero:
+    fixed): the normal of each as near to the Sun's direction as it can be."""
     return tuple(_turned(p, axis, sun) for p, axis in zip(plates, drives, strict=True))
 
 
@@ -119,12 +128,16 @@ def plates_of(table: Table) -> Plates:
 
     Raises BlockError for an area, a normal or reflected shares that make no sense.
     """
-    rows = tuple(table[i : i + PLATE_COLUMNS] for i in range(0, len(table), PLATE_COLUMNS))
+    rows = tuple(
+        table[i : i + PLATE_COLUMNS] for i in range(0, len(table), PLATE_COLUMNS)
+    )
     for i, (nx, ny, nz, area, _, _, _, specular, diffuse) in enumerate(rows):
         if area < 0.0:
             raise BlockError(f"plates[{i + 1},4] = {area} m2: an area is 0 or more")
         if area > 0.0 and nx == ny == nz == 0.0:
-            raise BlockError(f"plates[{i + 1},1..3] = 0: a plate with an area needs a normal")
+            raise BlockError(
+                f"plates[{i + 1},1..3] = 0: a plate with an area needs a normal"
+            )
         if not (specular >= 0.0 and diffuse >= 0.0 and specular + diffuse <= 1.0):
             raise BlockError(
                 f"plates[{i + 1},8..9] = {specular}, {diffuse}: the specular and the diffuse share "
@@ -141,7 +154,8 @@ def _plate(row: Table) -> Plate:
 
 
 def lever(plates: Plates) -> float:
-    """The sum of area times distance from the centre (m3): no pressure makes more torque."""
+    """The sum of area times distance from the centre (m3): no pressure makes more
+    torque."""
     total = 0.0
     for _, _, _, area, cx, cy, cz, _, _, _, _, _ in plates:
         total += area * norm((cx, cy, cz))

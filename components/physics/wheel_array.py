@@ -1,7 +1,8 @@
-"""Axial quantities of up to four actuators, wheels or coils, each with an axis fixed in the body.
+"""Axial quantities of up to four actuators, wheels or coils, each with an axis fixed in
+the body.
 
-The axes are the columns of a 3 x 4 matrix (row-major, body frame); a column of zeros stands for
-an actuator that is not there.
+The axes are the columns of a 3 x 4 matrix (row-major, body frame); a column of zeros
+stands for an actuator that is not there.
 """
 
 from __future__ import annotations
@@ -26,27 +27,37 @@ def pseudo_inverse(axes: Mat34) -> tuple[float, ...]:
     """A^+ = A' (A A')^+ as 4 rows of 3: least squares where the axes span no space."""
     rows = (axes[0:4], axes[4:8], axes[8:12])
     gram = tuple(
-        0.0 + p[0] * q[0] + p[1] * q[1] + p[2] * q[2] + p[3] * q[3] for p in rows for q in rows
+        0.0 + p[0] * q[0] + p[1] * q[1] + p[2] * q[2] + p[3] * q[3]
+        for p in rows
+        for q in rows
     )
     m = _gram_inverse(gram)  # type: ignore[arg-type]
     a, b, c = rows
     return tuple(
-        0.0 + a[i] * m[j] + b[i] * m[3 + j] + c[i] * m[6 + j] for i in range(4) for j in range(3)
+        0.0 + a[i] * m[j] + b[i] * m[3 + j] + c[i] * m[6 + j]
+        for i in range(4)
+        for j in range(3)
     )
 
 
 def _gram_inverse(gram: Mat33) -> Mat33:
     """The pseudo-inverse of a symmetric matrix without negative eigenvalues.
 
-    Rank 2 has a null vector n, and G^+ = (G + tr n n')^-1 - n n' / tr, with n n' = adj G / tr adj G
-    and tr = trace G; rank 1 is G = tr u u'.
+    Rank 2 has a null vector n, and G^+ = (G + tr n n')^-1 - n n' / tr, with n n' = adj
+    G / tr adj G and tr = trace G; rank 1 is G = tr u u'.
     """
     a, b, c, _, d, e, _, _, f = gram
     adjugate = (
-        d * f - e * e, c * e - b * f, b * e - c * d,
-        c * e - b * f, a * f - c * c, b * c - a * e,
-        b * e - c * d, b * c - a * e, a * d - b * b,
-    )  # fmt: skip
+        d * f - e * e,
+        c * e - b * f,
+        b * e - c * d,
+        c * e - b * f,
+        a * f - c * c,
+        b * c - a * e,
+        b * e - c * d,
+        b * c - a * e,
+        a * d - b * b,
+    )
     trace, minors = a + d + f, adjugate[0] + adjugate[4] + adjugate[8]
     determinant = a * adjugate[0] + b * adjugate[1] + c * adjugate[2]
     if trace == 0.0:
@@ -61,12 +72,18 @@ def _gram_inverse(gram: Mat33) -> Mat33:
 
 
 def wheel_torque(
-    pinv: tuple[float, ...], axes: Mat34, absorbed: Vec3, tau_body: Vec3, omega: Vec3, h: Vec4
+    pinv: tuple[float, ...],
+    axes: Mat34,
+    absorbed: Vec3,
+    tau_body: Vec3,
+    omega: Vec3,
+    h: Vec4,
 ) -> Vec4:
     """What to command to the rotors (N m) so that the body feels tau_body (N m).
 
-    h' = A^+ (absorbed - tau_body - omega x A h): the wheels take the external torque `absorbed`
-    and the gyroscopic torque of their own momentum (paper 004, eqs. 14-16, 21).
+    h' = A^+ (absorbed - tau_body - omega x A h): the wheels take the external torque
+    `absorbed` and the gyroscopic torque of their own momentum (paper 004, eqs. 14-16,
+    21).
     """
     hx, hy, hz = body_momentum(axes, h)
     x, y, z = omega
@@ -81,7 +98,8 @@ def wheel_torque(
 
 
 def to_wheels(pinv: tuple[float, ...], v: Vec3) -> Vec4:
-    """A^+ v: the axial quantities of least norm whose body-frame sum is v, or nearest to it."""
+    """A^+ v: the axial quantities of least norm whose body-frame sum is v, or nearest
+    to it."""
     x, y, z = v
     p = pinv
     return (

@@ -1,4 +1,5 @@
-"""Calls of the subset to C: our own functions, the library's mathematics, loops over tuples."""
+"""Calls of the subset to C: our own functions, the library's mathematics, loops over
+tuples."""
 
 from __future__ import annotations
 
@@ -46,17 +47,41 @@ LONGEST = 1 << 16
 FUNCTIONS = {
     getattr(math, name): f"py_{name}"
     for name in (
-        "sqrt", "sin", "cos", "tan", "asin", "acos", "atan", "atan2", "sinh", "cosh", "tanh",
-        "exp", "expm1", "log", "log10", "log1p", "log2", "remainder", "fmod",
+        "sqrt",
+        "sin",
+        "cos",
+        "tan",
+        "asin",
+        "acos",
+        "atan",
+        "atan2",
+        "sinh",
+        "cosh",
+        "tanh",
+        "exp",
+        "expm1",
+        "log",
+        "log10",
+        "log1p",
+        "log2",
+        "remainder",
+        "fmod",
     )
-}  # fmt: skip
+}
 PLAIN = {math.fabs: "fabs", math.copysign: "copysign"}
-ROUNDED = {math.floor: "floor", math.ceil: "ceil", math.trunc: "trunc", round: "rint", int: "trunc"}
+ROUNDED = {
+    math.floor: "floor",
+    math.ceil: "ceil",
+    math.trunc: "trunc",
+    round: "rint",
+    int: "trunc",
+}
 
 
 @dataclass
 class Iteration:
-    """What a loop runs over: how many passes, what each gets; `unroll`: each pass is of its own."""
+    """What a loop runs over: how many passes, what each gets; `unroll`: each pass is of
+    its own."""
 
     count: Value
     item: Callable[[Value], Value]
@@ -93,9 +118,13 @@ class Calls(Expressions):
                 and (func.value.func.id == "super")
             ):
                 return self.super_call(node, func.attr)
-            if func.attr in ("index", "count", "encode", "real", "imag") and not self.is_self(
-                func.value
-            ):
+            if func.attr in (
+                "index",
+                "count",
+                "encode",
+                "real",
+                "imag",
+            ) and not self.is_self(func.value):
                 return self.tuple_method(node, func)
             if self.is_self(func.value) and func.attr == "fail":
                 (text,) = node.args
@@ -106,7 +135,9 @@ class Calls(Expressions):
         if isinstance(func, ast.Name) and func.id == "getattr" and len(node.args) == 2:
             name = self.expression(node.args[1])
             if not (self.is_self(node.args[0]) and name.is_const):
-                raise self.refuse(node, "getattr of this", "of self, with a constant name")
+                raise self.refuse(
+                    node, "getattr of this", "of self, with a constant name"
+                )
             made = ast.Attribute(node.args[0], name.const, ast.Load())
             return self.field(ast.copy_location(made, node))
         target = self.expression(func)
@@ -114,7 +145,9 @@ class Calls(Expressions):
         if isinstance(target.type, Function):
             return self.call_function(node, target, node.args, node.keywords)
         if not isinstance(target.type, Known):
-            raise self.refuse(node, f"a call of {shown(target.type)}", "call a function")
+            raise self.refuse(
+                node, f"a call of {shown(target.type)}", "call a function"
+            )
         return self.call_known(node, target.type.thing)
 
     ended: bool
@@ -126,7 +159,10 @@ class Calls(Expressions):
             if name in vars(cls):
                 callee = Callee(vars(cls)[name], bound=True)
                 return self.call_function(
-                    node, Value(Function((callee,)), "", again=True), node.args, node.keywords
+                    node,
+                    Value(Function((callee,)), "", again=True),
+                    node.args,
+                    node.keywords,
                 )
         raise self.refuse(node, f"super().{name}", "a method that a base has")
 
@@ -135,9 +171,14 @@ class Calls(Expressions):
         if func.attr == "encode" and base.type == S:
             return base
         if isinstance(base.type, (Tuple, List)) and func.attr in ("index", "count"):
-            x, wanted = self.temporary(base), self.temporary(self.expression(node.args[0]))
+            x, wanted = (
+                self.temporary(base),
+                self.temporary(self.expression(node.args[0])),
+            )
             if isinstance(x.type, Tuple) and x.parts is None and not x.type.uniform:
-                raise self.refuse(node, f".{func.attr} of a mixed tuple", "of one of one type")
+                raise self.refuse(
+                    node, f".{func.attr} of a mixed tuple", "of one of one type"
+                )
             n = self.length(x)
             name, k = self.fresh(func.attr), self.fresh("k")
             first = "0" if func.attr == "count" else "-1"
@@ -145,18 +186,32 @@ class Calls(Expressions):
             same = self.compared(node, ast.Eq(), self.at(x, k), wanted).code
             self.line(f"int64_t {name} = {first};")
             if func.attr == "count":
-                self.line(f"for (int64_t {k} = 0; {k} < {n.code}; {k}++) {name} += {same};")
+                self.line(
+                    f"for (int64_t {k} = 0; {k} < {n.code}; {k}++) {name} += {same};"
+                )
             else:
-                self.line(f"for (int64_t {k} = 0; {k} < {n.code} && {name} < 0; {k}++) "
-                          f"if ({same}) {name} = {k};")  # fmt: skip
+                self.line(
+                    f"for (int64_t {k} = 0; {k} < {n.code} && {name} < 0; {k}++) "
+                    f"if ({same}) {name} = {k};"
+                )
                 self.line(f"py_found({name});")
-            return Value(I, name, again=True, low=0, high=n.high if n.high is not None else n.const)
+            return Value(
+                I,
+                name,
+                again=True,
+                low=0,
+                high=n.high if n.high is not None else n.const,
+            )
         raise self.refuse(node, f".{func.attr}()", "a function of the subset")
 
-    # --- our own functions ------------------------------------------------------------------------
+    # --- our own functions ------------------------------------------------------------
 
     def call_function(
-        self, node: ast.AST, target: Value, args: Sequence[Any], keywords: Sequence[ast.keyword]
+        self,
+        node: ast.AST,
+        target: Value,
+        args: Sequence[Any],
+        keywords: Sequence[ast.keyword],
     ) -> Value:
         """Call one of our functions; where it is one of several, by a switch."""
         callees = target.type.callees
@@ -171,7 +226,9 @@ class Calls(Expressions):
         for callee in callees:
             self.out, outer = [], self.out
             self.level += 2
-            value = self.call_one(node, Value(Function((callee,)), ""), callee, values, dict(named))
+            value = self.call_one(
+                node, Value(Function((callee,)), ""), callee, values, dict(named)
+            )
             cases.append((value, self.out))
             self.out = outer
             self.level -= 2
@@ -208,17 +265,29 @@ class Calls(Expressions):
             if isinstance(a, ast.Starred):
                 v = self.some(v)
                 if isinstance(v.type, List) and v.parts is None:
-                    raise self.refuse(node, "* of a tuple of unknown length", "write it out")
-                values += self.elements(v, len(v.parts) if v.parts is not None else most(v.type))
+                    raise self.refuse(
+                        node, "* of a tuple of unknown length", "write it out"
+                    )
+                values += self.elements(
+                    v, len(v.parts) if v.parts is not None else most(v.type)
+                )
             else:
                 values.append(v)
-        named = {k.arg: v for k, v in zip(keywords, found[len(makers) :], strict=True) if k.arg}
+        named = {
+            k.arg: v
+            for k, v in zip(keywords, found[len(makers) :], strict=True)
+            if k.arg
+        }
         return values, named
 
     def call_one(
-        self, node: ast.AST, target: Value, callee: Callee, values: list[Value],
+        self,
+        node: ast.AST,
+        target: Value,
+        callee: Callee,
+        values: list[Value],
         named: dict[str, Value],
-    ) -> Value:  # fmt: skip
+    ) -> Value:
         """Call a function that is known."""
         program = self.program
         info = program.info(callee)
@@ -234,7 +303,9 @@ class Calls(Expressions):
             else:
                 raise self.refuse(node, f"{info.name} without {name}", "give it")
         if named or len(given) != len(info.parameters):
-            raise self.refuse(node, f"these arguments of {info.name}", "as it declares them")
+            raise self.refuse(
+                node, f"these arguments of {info.name}", "as it declares them"
+            )
         types: list[Type] = []
         consts: list[Any] = []
         for k, v in enumerate(given):
@@ -249,14 +320,23 @@ class Calls(Expressions):
                 if fits:
                     low, high = v.low, v.high
                     code = self.convert(v, wanted, node)
-                    v = Value(wanted, code, COND, again=False, low=low, high=high,
-                              const=v.const)  # fmt: skip
+                    v = Value(
+                        wanted,
+                        code,
+                        COND,
+                        again=False,
+                        low=low,
+                        high=high,
+                        const=v.const,
+                    )
                     if v.is_const and wanted == F:
                         v = constant(float(v.const))  # type: ignore[assignment]
             t = v.type
             if isinstance(t, Known):
                 if not isinstance(t.thing, RangeOf):
-                    raise self.refuse(node, "this as an argument", "a number, tuple or function")
+                    raise self.refuse(
+                        node, "this as an argument", "a number, tuple or function"
+                    )
                 raise self.refuse(node, "a range as an argument", "its ends")
             if isinstance(t, Tuple) and v.parts is not None and not t.uniform:
                 try:  # one type for all, where they have one
@@ -285,7 +365,9 @@ class Calls(Expressions):
         code = f"{spec.name}({', '.join(texts)})"
         if spec.result == NEVER and not spec.done:
             raise UnknownYetError(
-                self.refuse(node, f"the type of what {info.name} returns", "annotate it")
+                self.refuse(
+                    node, f"the type of what {info.name} returns", "annotate it"
+                )
             )
         if spec.never_returns:
             self.line(f"{code};")
@@ -321,9 +403,15 @@ class Calls(Expressions):
             return self.convert(v, spec.types[k], node)
         if how == "change":
             if not v.again or v.parts is not None:
-                raise self.refuse(node, "a list that is changed by this call", "give it a name")
-            if not any(v.code == self.local(name) for name in self.spec.changed_in_place):
-                raise self.refuse(node, "a list that a method changes", "a function of the module")
+                raise self.refuse(
+                    node, "a list that is changed by this call", "give it a name"
+                )
+            if not any(
+                v.code == self.local(name) for name in self.spec.changed_in_place
+            ):
+                raise self.refuse(
+                    node, "a list that a method changes", "a function of the module"
+                )
             return address(v.code)
         text = self.convert(v, spec.types[k], node)
         if text == v.code and v.again and not (spec.effects and "self->" in text):
@@ -334,7 +422,7 @@ class Calls(Expressions):
         self.line(f"const {self.program.names(spec.types[k])} {name} = {text};")
         return f"&{name}"
 
-    # --- the library ------------------------------------------------------------------------------
+    # --- the library ------------------------------------------------------------------
 
     def call_known(self, node: ast.Call, thing: Any) -> Value:
         if isinstance(thing, type) and hasattr(thing, "_fields"):
@@ -343,10 +431,13 @@ class Calls(Expressions):
             kinds = typing.get_type_hints(thing)
             parts = tuple(
                 Value(F, self.convert(v, F), COND, again=v.again, const=v.const)
-                if v.type == I and kinds[name] is float else v
+                if v.type == I and kinds[name] is float
+                else v
                 for name, v in zip(thing._fields, values, strict=True)
-            )  # fmt: skip
-            return Value(Tuple(tuple(p.type for p in parts), thing._fields), "", parts=parts)
+            )
+            return Value(
+                Tuple(tuple(p.type for p in parts), thing._fields), "", parts=parts
+            )
         if isinstance(thing, type) and issubclass(thing, BaseException):
             raise self.refuse(node, f"{thing.__name__} as a value", "raise it")
         if isinstance(thing, RangeOf):
@@ -364,7 +455,9 @@ class Calls(Expressions):
             result: Value = method(node)
             return result
         if thing in (bisect.bisect_right, bisect.bisect_left, bisect.bisect):
-            return self.bisected(node, "left" if thing is bisect.bisect_left else "right")
+            return self.bisected(
+                node, "left" if thing is bisect.bisect_left else "right"
+            )
         if thing in (math.radians, math.degrees):
             (x,) = self.in_order(node.args)
             factor = math.pi / 180.0 if thing is math.radians else 180.0 / math.pi
@@ -376,12 +469,18 @@ class Calls(Expressions):
             (x,) = self.in_order(node.args)
             return Value(B, f"{name}({self.convert(self.some(x), F)})")
         if thing is math.hypot:
-            raise self.refuse(node, "hypot", "sqrt(x * x + y * y): CPython's is not libm's")
+            raise self.refuse(
+                node, "hypot", "sqrt(x * x + y * y): CPython's is not libm's"
+            )
         if thing is math.pow:
             raise self.refuse(node, "math.pow", "x ** y, which fails otherwise")
         if thing is sum:
-            raise self.refuse(node, "sum", "write it out: Python 3.12 and later compensate")
-        raise self.refuse(node, f"{name}()", "what translates is listed in docs/hosts.md")
+            raise self.refuse(
+                node, "sum", "write it out: Python 3.12 and later compensate"
+            )
+        raise self.refuse(
+            node, f"{name}()", "what translates is listed in docs/hosts.md"
+        )
 
     def mathematics(self, node: ast.Call, name: str, python: str) -> Value:
         values = [self.some(v) for v in self.in_order(node.args)]
@@ -391,7 +490,9 @@ class Calls(Expressions):
             raise self.refuse(node, "log with a base", "log(x) / log(base)")
         if all(v.is_const for v in values):
             try:
-                return constant(float(getattr(math, python)(*(v.const for v in values))))  # type: ignore[return-value]
+                return constant(
+                    float(getattr(math, python)(*(v.const for v in values)))
+                )  # type: ignore[return-value]
             except (ArithmeticError, ValueError):
                 pass
         return Value(F, f"{name}({', '.join(self.convert(v, F) for v in values)})")
@@ -406,11 +507,18 @@ class Calls(Expressions):
             raise self.refuse(node, f"an integer of {shown(value.type)}", "of a number")
         if value.is_const:
             try:
-                exact: Any = {"floor": math.floor, "ceil": math.ceil, "rint": round, "trunc": int}
+                exact: Any = {
+                    "floor": math.floor,
+                    "ceil": math.ceil,
+                    "rint": round,
+                    "trunc": int,
+                }
                 return constant(int(exact[name](value.const)))  # type: ignore[return-value]
             except (ArithmeticError, ValueError):
                 pass
-        return Value(I, f"py_{name}({value.code})", as_float=f"py_{name}_f({value.code})")
+        return Value(
+            I, f"py_{name}({value.code})", as_float=f"py_{name}_f({value.code})"
+        )
 
     def bisected(self, node: ast.Call, side: str) -> Value:
         table, x = self.in_order(node.args)
@@ -422,7 +530,11 @@ class Calls(Expressions):
             if not table.is_const:
                 raise self.refuse(node, "bisect in integers", "in floats")
             table = constant(tuple(map(float, table.const)))  # type: ignore[assignment]
-        place = self.placed(table) if table.parts is not None else self.temporary(table).code
+        place = (
+            self.placed(table)
+            if table.parts is not None
+            else self.temporary(table).code
+        )
         code = f"py_bisect_{side}({place}.e, {n}, {self.convert(self.some(x), F)})"
         return Value(I, code, low=0, high=n)
 
@@ -435,15 +547,23 @@ class Calls(Expressions):
         if value.type == F:
             return Value(F, f"fabs({value.code})")
         if value.type in (I, B):
-            return Value(I, f"py_abs_i({value.code})", low=0, high=None if value.low is None or
-                         value.high is None else max(-value.low, value.high))  # fmt: skip
+            return Value(
+                I,
+                f"py_abs_i({value.code})",
+                low=0,
+                high=None
+                if value.low is None or value.high is None
+                else max(-value.low, value.high),
+            )
         raise self.refuse(node, f"abs of {shown(value.type)}", "of a number")
 
     def call_float(self, node: ast.Call) -> Value:
         value = self.some(self.expression(node.args[0]))
         if value.is_const:
             return constant(float(value.const))  # type: ignore[return-value]
-        return Value(F, self.convert(value, F), UNARY if value.type != F else value.binds)
+        return Value(
+            F, self.convert(value, F), UNARY if value.type != F else value.binds
+        )
 
     def call_bool(self, node: ast.Call) -> Value:
         return self.condition(node.args[0])
@@ -492,7 +612,9 @@ class Calls(Expressions):
             if t == I:
                 pick: Any = min if name == "min" else max
                 lows, highs = (result.low, v.low), (result.high, v.high)
-                known_low, known_high = ([x for x in xs if x is not None] for xs in (lows, highs))
+                known_low, known_high = (
+                    [x for x in xs if x is not None] for xs in (lows, highs)
+                )
                 if name == "min":
                     low = pick(lows) if None not in lows else None
                     high = min(known_high) if known_high else None
@@ -505,9 +627,14 @@ class Calls(Expressions):
         return result
 
     def searched(
-        self, node: ast.AST, name: str, sign: str, iteration: Iteration, key: ast.expr | None,
+        self,
+        node: ast.AST,
+        name: str,
+        sign: str,
+        iteration: Iteration,
+        key: ast.expr | None,
         default: ast.expr | None,
-    ) -> Value:  # fmt: skip
+    ) -> Value:
         """The extreme element of a loop, by a key."""
         best, value = self.fresh(name), self.fresh("value")
         probe: list[Type] = []
@@ -517,7 +644,9 @@ class Calls(Expressions):
             x = self.temporary(self.some(item))
             k = self.temporary(self.keyed(node, key, x))
             if probe and probe != [x.type, k.type]:
-                raise JoinError(f"{shown(probe[0])} and {shown(x.type)}, by {name} with a key")
+                raise JoinError(
+                    f"{shown(probe[0])} and {shown(x.type)}, by {name} with a key"
+                )
             probe[:] = [x.type, k.type]
             self.line(f"if (!{best}.some || {k.code} {sign} {value}) {{")
             self.level += 1
@@ -529,12 +658,20 @@ class Calls(Expressions):
 
         self.run(iteration, body)
         t = Maybe(probe[0])
-        self.out.insert(mark, "    " * self.level + f"{self.program.names(probe[1])} {value} = 0;")
-        self.out.insert(mark, "    " * self.level + f"{self.program.names(t)} {best} = {{0}};")
+        self.out.insert(
+            mark, "    " * self.level + f"{self.program.names(probe[1])} {value} = 0;"
+        )
+        self.out.insert(
+            mark, "    " * self.level + f"{self.program.names(t)} {best} = {{0}};"
+        )
         found = Value(probe[0], f"{best}.v", again=True)
         if default is None:
             self.line(f"py_not_empty({best}.some);")
-            if probe[0] == I and iteration.start is not None and iteration.most is not None:
+            if (
+                probe[0] == I
+                and iteration.start is not None
+                and iteration.most is not None
+            ):
                 start = iteration.start
                 if start.is_const:
                     return found.bounded(start.const, start.const + iteration.most - 1)
@@ -578,8 +715,10 @@ class Calls(Expressions):
             iteration = self.iteration(argument)
             if iteration.fixed is not None and iteration.fixed <= UNROLLED:
                 mark = len(self.out)
-                tests = [self.truth(iteration.item(constant(k)), node)  # type: ignore[arg-type]
-                         for k in range(iteration.fixed)]  # fmt: skip
+                tests = [
+                    self.truth(iteration.item(constant(k)), node)  # type: ignore[arg-type]
+                    for k in range(iteration.fixed)
+                ]
                 if len(self.out) == mark and not any(t.is_const for t in tests):
                     text = f" {sign} ".join(t.within(level + 1) for t in tests)
                     return Value(B, text, level)
@@ -615,7 +754,9 @@ class Calls(Expressions):
 
         self.comprehended(argument, body, f"!{found}.some")
         t = Maybe(types[0])
-        self.out.insert(mark, "    " * self.level + f"{self.program.names(t)} {found} = {{0}};")
+        self.out.insert(
+            mark, "    " * self.level + f"{self.program.names(t)} {found} = {{0}};"
+        )
         self.line(f"py_next({found}.some);")
         return Value(types[0], f"{found}.v", again=True)
 
@@ -641,7 +782,7 @@ class Calls(Expressions):
     def call_range(self, node: ast.Call) -> Value:
         return Value(Known(RangeOf(self.iteration(node))), "", again=True)
 
-    # --- loops ------------------------------------------------------------------------------------
+    # --- loops ------------------------------------------------------------------------
 
     def collected(self, iteration: Iteration, node: ast.AST) -> Value:
         """All that a loop gets, as a tuple."""
@@ -654,16 +795,21 @@ class Calls(Expressions):
             return self.tuple_of(
                 [iteration.item(constant(k)) for k in range(iteration.fixed)]  # type: ignore[arg-type]
             )
-        return self.gathered(node, lambda body: self.run(iteration, body), iteration.most)
+        return self.gathered(
+            node, lambda body: self.run(iteration, body), iteration.most
+        )
 
     def iteration(self, node: ast.expr) -> Iteration:
         """What a loop over an expression runs over."""
         if isinstance(node, ast.Call):
             target = self.quiet_target(node.func)
             kinds: dict[Any, Callable[[ast.Call], Iteration]] = {
-                range: self.over_range, enumerate: self.over_enumerate, zip: self.over_zip,
-                reversed: self.over_reversed, map: self.over_map,
-            }  # fmt: skip
+                range: self.over_range,
+                enumerate: self.over_enumerate,
+                zip: self.over_zip,
+                reversed: self.over_reversed,
+                map: self.over_map,
+            }
             if target in kinds:
                 return kinds[target](node)
             if target in (tuple, list) and node.args:
@@ -673,7 +819,11 @@ class Calls(Expressions):
         return self.over_value(node, self.expression(node))
 
     def quiet_target(self, node: ast.expr) -> Any:
-        if isinstance(node, ast.Name) and node.id not in self.types and node.id not in self.bound:
+        if (
+            isinstance(node, ast.Name)
+            and node.id not in self.types
+            and node.id not in self.bound
+        ):
             value = self.outside(node, node.id)
             if isinstance(value.type, Known):
                 return value.type.thing
@@ -686,7 +836,9 @@ class Calls(Expressions):
         if value.type == S:
             return self.over_text(value)
         if not isinstance(value.type, (Tuple, List)):
-            raise self.refuse(node, f"a loop over {shown(value.type)}", "over tuples and ranges")
+            raise self.refuse(
+                node, f"a loop over {shown(value.type)}", "over tuples and ranges"
+            )
         x = self.temporary(value)
         if isinstance(x.type, List) and x.parts is None:
             return Iteration(self.length(x), lambda k: self.indexed_by(x, k), source=x)
@@ -703,9 +855,10 @@ class Calls(Expressions):
         count = Value(I, f"(int64_t)strlen({x.code})", low=0, high=1 << 30)
         return Iteration(
             self.temporary(count),
-            lambda k: Value(I, f"(int64_t)(unsigned char){x.code}[{k.code}]", UNARY, low=0,
-                            high=255),
-        )  # fmt: skip
+            lambda k: Value(
+                I, f"(int64_t)(unsigned char){x.code}[{k.code}]", UNARY, low=0, high=255
+            ),
+        )
 
     def indexed_by(self, x: Value, k: Value) -> Value:
         if k.is_const:
@@ -717,7 +870,10 @@ class Calls(Expressions):
         values = [self.some(v) for v in self.in_order(args)]
         if any(v.type not in (I, B) for v in values):
             raise self.refuse(node, "a range of this", "of integers")
-        values = [v if v.is_const else self.temporary(replace(v, as_float=None)) for v in values]
+        values = [
+            v if v.is_const else self.temporary(replace(v, as_float=None))
+            for v in values
+        ]
         zero, one = constant(0), constant(1)
         assert zero is not None
         assert one is not None
@@ -746,7 +902,11 @@ class Calls(Expressions):
 
         def item(k: Value) -> Value:
             low = high = None
-            if start.low is not None and start.high is not None and count.high is not None:
+            if (
+                start.low is not None
+                and start.high is not None
+                and count.high is not None
+            ):
                 last = (count.high - 1) * s
                 low, high = start.low + min(0, last), start.high + max(0, last)
             if stop.high is not None and s > 0 and start.low is not None:
@@ -759,8 +919,14 @@ class Calls(Expressions):
                 code, binds = text, (k.binds if s == 1 else MUL)
             else:
                 code, binds = f"{start.code} + {text}", 70
-            return Value(I, code, binds, low=low, high=high, again=k.again and s == 1 and
-                         start.is_const and start.const == 0)  # fmt: skip
+            return Value(
+                I,
+                code,
+                binds,
+                low=low,
+                high=high,
+                again=k.again and s == 1 and start.is_const and start.const == 0,
+            )
 
         return Iteration(count, item, start=start, step=s)
 
@@ -792,16 +958,20 @@ class Calls(Expressions):
 
     def over_enumerate(self, node: ast.Call) -> Iteration:
         inner = self.iteration(node.args[0])
-        extra = node.args[1] if len(node.args) > 1 else next(
-            (k.value for k in node.keywords if k.arg == "start"), None
-        )  # fmt: skip
+        extra = (
+            node.args[1]
+            if len(node.args) > 1
+            else next((k.value for k in node.keywords if k.arg == "start"), None)
+        )
         first = self.expression(extra) if extra is not None else constant(0)
         assert first
 
         def item(k: Value) -> Value:
-            index = self.binary(node, ast.Add, k, first) if not (
-                first.is_const and first.const == 0
-            ) else k  # fmt: skip
+            index = (
+                self.binary(node, ast.Add, k, first)
+                if not (first.is_const and first.const == 0)
+                else k
+            )
             return self.tuple_of([index, inner.item(k)])
 
         return Iteration(inner.count, item, inner.unroll)
@@ -820,8 +990,11 @@ class Calls(Expressions):
         function, *rest = node.args
         (argument,) = rest
         inner = self.iteration(argument)
-        return Iteration(inner.count, lambda k: self.keyed(node, function, inner.item(k)),
-                         inner.unroll)  # fmt: skip
+        return Iteration(
+            inner.count,
+            lambda k: self.keyed(node, function, inner.item(k)),
+            inner.unroll,
+        )
 
     def over_zip(self, node: ast.Call) -> Iteration:
         strict = any(
@@ -835,17 +1008,30 @@ class Calls(Expressions):
         count = inner[0].count
         if len(fixed) > 1 or None in fixed:
             if not strict:
-                raise self.refuse(node, "zip of tuples of unknown length", "zip(..., strict=True)")
+                raise self.refuse(
+                    node, "zip of tuples of unknown length", "zip(..., strict=True)"
+                )
             if None not in fixed:
-                raise self.refuse(node, f"zip of {sorted(fixed)} elements", "of as many")  # type: ignore[type-var]
+                raise self.refuse(
+                    node,
+                    f"zip of {sorted(n for n in fixed if n)} elements",
+                    "of as many",
+                )
             for other in inner[1:]:
                 self.line(f"py_same_length({count.code}, {other.count.code});")
             known = [i.count for i in inner if i.fixed is not None]
-            count = known[0] if known else min(
-                (i.count for i in inner), key=lambda c: 1 << 60 if c.high is None else c.high
-            )  # fmt: skip
+            count = (
+                known[0]
+                if known
+                else min(
+                    (i.count for i in inner),
+                    key=lambda c: 1 << 60 if c.high is None else c.high,
+                )
+            )
         return Iteration(
-            count, lambda k: self.tuple_of([i.item(k) for i in inner]), any(i.unroll for i in inner)
+            count,
+            lambda k: self.tuple_of([i.item(k) for i in inner]),
+            any(i.unroll for i in inner),
         )
 
     def over_columns(self, node: ast.AST, argument: ast.expr) -> Iteration:
@@ -860,8 +1046,10 @@ class Calls(Expressions):
                 t = List(element(item), rows.type.most)
                 name, r = self.fresh("column"), self.fresh("r")
                 self.line(f"{self.program.names(t)} {name} = {{.n = {rows.code}.n}};")
-                self.line(f"for (int64_t {r} = 0; {r} < {rows.code}.n; {r}++) "
-                          f"{name}.e[{r}] = {rows.code}.e[{r}].e[{k.code}];")  # fmt: skip
+                self.line(
+                    f"for (int64_t {r} = 0; {r} < {rows.code}.n; {r}++) "
+                    f"{name}.e[{r}] = {rows.code}.e[{r}].e[{k.code}];"
+                )
                 return Value(t, name, again=True)
 
             return Iteration(constant(most(item)), column)  # type: ignore[arg-type]
@@ -869,7 +1057,9 @@ class Calls(Expressions):
         parts = [self.element_at(rows, k) for k in range(n)]
         sizes = {len(p.parts) if p.parts is not None else most(p.type) for p in parts}
         if len(sizes) != 1:
-            raise self.refuse(node, "columns of rows of different lengths", "of equal ones")
+            raise self.refuse(
+                node, "columns of rows of different lengths", "of equal ones"
+            )
         parts = [self.temporary(p) for p in parts]
         return Iteration(
             constant(sizes.pop()),  # type: ignore[arg-type]
@@ -878,8 +1068,12 @@ class Calls(Expressions):
         )
 
     def run(
-        self, iteration: Iteration, body: Callable[[Value], None], stop: str = "", hint: str = "k",
-    ) -> None:  # fmt: skip
+        self,
+        iteration: Iteration,
+        body: Callable[[Value], None],
+        stop: str = "",
+        hint: str = "k",
+    ) -> None:
         """Write a loop: the body once where it is one of C, else once for each pass."""
         if iteration.unroll or (iteration.fixed is not None and iteration.fixed <= 1):
             for one in range(iteration.fixed or 0):
@@ -893,17 +1087,23 @@ class Calls(Expressions):
             return
         k = self.fresh(hint)
         test = (
-            f"{stop} && {k} < {iteration.count.code}" if stop else f"{k} < {iteration.count.code}"
+            f"{stop} && {k} < {iteration.count.code}"
+            if stop
+            else f"{k} < {iteration.count.code}"
         )
         self.line(f"for (int64_t {k} = 0; {test}; {k}++) {{")
         self.level += 1
         top = iteration.most
-        index = Value(I, k, again=True, low=0, high=None if top is None else max(top - 1, 0))
+        index = Value(
+            I, k, again=True, low=0, high=None if top is None else max(top - 1, 0)
+        )
         body(iteration.item(index))
         self.level -= 1
         self.line("}")
 
-    def comprehended(self, node: Any, body: Callable[[Value], None], stop: str = "") -> None:
+    def comprehended(
+        self, node: Any, body: Callable[[Value], None], stop: str = ""
+    ) -> None:
         """Write the loops of a comprehension around a body that gets its elements."""
 
         def inner(generators: Sequence[ast.comprehension]) -> None:
@@ -962,14 +1162,17 @@ class Calls(Expressions):
             if counts is not None:
                 size = counts[0]
         return self.gathered(
-            node, lambda body: self.comprehended(node, body), size if whole else None, whole
+            node,
+            lambda body: self.comprehended(node, body),
+            size if whole else None,
+            whole,
         )
 
     _generatorexp = _listcomp = comprehension
 
     def counted(self, node: Any) -> tuple[int, bool] | None:
-        """How many elements a comprehension has without its conditions, and whether it must be
-        written out; None where that is not known."""
+        """How many elements a comprehension has without its conditions, and whether it
+        must be written out; None where that is not known."""
         outer, saved, level = self.out, dict(self.bound), self.level
         counts = dict(self.counts)
         self.out = []
@@ -988,9 +1191,12 @@ class Calls(Expressions):
             self.out, self.bound, self.level, self.counts = outer, saved, level, counts
 
     def gathered(
-        self, node: ast.AST, loops: Callable[[Callable[[Value], None]], None], size: int | None,
+        self,
+        node: ast.AST,
+        loops: Callable[[Callable[[Value], None]], None],
+        size: int | None,
         whole: bool = False,
-    ) -> Value:  # fmt: skip
+    ) -> Value:
         """What loops give, in a tuple; `whole`: it has `size` elements."""
         name = self.fresh("all")
         mark, level = len(self.out), self.level
@@ -1007,10 +1213,13 @@ class Calls(Expressions):
             self.line(f"@{name}@{self.code(item)}")
             holes.append(len(self.out) - 1)
 
-        # those of a tuple in which this one is an element do not count what this one has
+        # those of a tuple in which this one is an element do not count what this one
+        # has
         before, plain = self.run, MethodType(type(self).run, self)
 
-        def run(iteration: Iteration, inner: Any, stop: str = "", hint: str = "k") -> None:
+        def run(
+            iteration: Iteration, inner: Any, stop: str = "", hint: str = "k"
+        ) -> None:
             top = iteration.most
             limits[0] = None if top is None or limits[0] is None else limits[0] * top
             plain(iteration, inner, stop, hint)
@@ -1027,8 +1236,11 @@ class Calls(Expressions):
         if self.most_wanted is not None:
             limit = self.most_wanted if limit is None else min(limit, self.most_wanted)
         if limit is None or limit > LONGEST or found == NEVER:
-            raise self.refuse(node, "a tuple that may get any length",
-                              "Annotated[tuple[...], MOST], or a range with an end")  # fmt: skip
+            raise self.refuse(
+                node,
+                "a tuple that may get any length",
+                "Annotated[tuple[...], MOST], or a range with an end",
+            )
         result: Type = Tuple((found,) * limit) if whole and size else List(found, limit)
         text = self.program.names(result)
         one = any(t != found for t in types)
@@ -1036,11 +1248,15 @@ class Calls(Expressions):
             line = self.out[hole]
             indent, _, code = line.partition(f"@{name}@")
             if one:
-                raise self.refuse(node, "elements of different types", "keep to one type")
+                raise self.refuse(
+                    node, "elements of different types", "keep to one type"
+                )
             if isinstance(result, Tuple):
                 self.out[hole] = f"{indent}{name}.e[{name}_n++] = {code};"
             else:
-                self.out[hole] = f"{indent}{name}.e[py_room({name}.n++, {limit})] = {code};"
+                self.out[hole] = (
+                    f"{indent}{name}.e[py_room({name}.n++, {limit})] = {code};"
+                )
         if isinstance(result, Tuple):
             self.out.insert(mark, "    " * level + f"int64_t {name}_n = 0;")
             self.out.insert(mark, "    " * level + f"{text} {name};")

@@ -56,8 +56,14 @@ from .value import (
 
 MASK = (1 << 64) - 1
 ARITHMETIC = {ast.Add: ("+", ADD), ast.Sub: ("-", ADD), ast.Mult: ("*", MUL)}
-COMPARISONS = {ast.Eq: "==", ast.NotEq: "!=", ast.Lt: "<", ast.LtE: "<=", ast.Gt: ">",
-               ast.GtE: ">="}  # fmt: skip
+COMPARISONS = {
+    ast.Eq: "==",
+    ast.NotEq: "!=",
+    ast.Lt: "<",
+    ast.LtE: "<=",
+    ast.Gt: ">",
+    ast.GtE: ">=",
+}
 EXACT = 1 << 53
 
 
@@ -74,8 +80,8 @@ INSTEAD: dict[type[ast.expr], tuple[str, str]] = {
 
 
 class Known:
-    """Something that only exists while translating: a module, a class, a function of the library,
-    a range, a generator."""
+    """Something that only exists while translating: a module, a class, a function of
+    the library, a range, a generator."""
 
     def __init__(self, thing: Any) -> None:
         self.thing = thing
@@ -89,7 +95,7 @@ class Expressions(ABC):
     out: list[str]
     level: int
 
-    # --- places -----------------------------------------------------------------------------------
+    # --- places -----------------------------------------------------------------------
 
     def refuse(self, node: ast.AST, what: str, instead: str) -> SubsetError:
         line = getattr(node, "lineno", 0)
@@ -124,7 +130,8 @@ class Expressions(ABC):
     counts: dict[str, int]
 
     def in_order(self, nodes: Sequence[ast.expr | Callable[[], Value]]) -> list[Value]:
-        """The values of some expressions, what each of them needs done before it in their order."""
+        """The values of some expressions, what each of them needs done before it in
+        their order."""
         values: list[Value] = []
         marks: list[int] = []
         for node in nodes:
@@ -153,7 +160,9 @@ class Expressions(ABC):
             parts = []
             for p in value.parts:
                 before = len(self.out)
-                parts.append(p if p.is_const or self.is_fixed(p) else self.pinned(p, at))
+                parts.append(
+                    p if p.is_const or self.is_fixed(p) else self.pinned(p, at)
+                )
                 at += len(self.out) - before
             return replace(value, parts=tuple(parts))
         return self.temporary(replace(value, again=False), at)
@@ -170,7 +179,7 @@ class Expressions(ABC):
         made = {f"{h}_{k}" for h, n in self.counts.items() for k in range(1, n + 1)}
         return made.difference(self.spec.locals_names)
 
-    # --- conversion -------------------------------------------------------------------------------
+    # --- conversion -------------------------------------------------------------------
 
     def code(self, value: Value) -> str:
         """The C of a value of any type."""
@@ -186,17 +195,24 @@ class Expressions(ABC):
         name = self.program.names(t)
         if isinstance(t, List):
             inside = ", ".join(self.convert(p, t.item) for p in parts)
-            return f"({name}){{{len(parts)}, {{{inside}}}}}" if parts else f"({name}){{0}}"
+            return (
+                f"({name}){{{len(parts)}, {{{inside}}}}}" if parts else f"({name}){{0}}"
+            )
         assert isinstance(t, Tuple)
-        inside = ", ".join(self.convert(p, x) for p, x in zip(parts, t.items, strict=True))
+        inside = ", ".join(
+            self.convert(p, x) for p, x in zip(parts, t.items, strict=True)
+        )
         return f"({name}){{{{{inside}}}}}" if t.uniform else f"({name}){{{inside}}}"
 
     def convert(self, value: Value, t: Type, node: ast.AST | None = None) -> str:
         """The C of a value as one of type t."""
         v = value.type
         if isinstance(v, Known):
-            raise self.refuse(node or self.spec.node, f"a {type(v.thing).__name__} as a value",
-                              "use it where it stands")  # fmt: skip
+            raise self.refuse(
+                node or self.spec.node,
+                f"a {type(v.thing).__name__} as a value",
+                "use it where it stands",
+            )
         if v == t:
             return self.code(value)
         if t == F and v in (I, B, U):
@@ -226,7 +242,9 @@ class Expressions(ABC):
             return self.convert(some, t, node)
         if isinstance(t, Tuple) and isinstance(v, (Tuple, List, Array)):
             if isinstance(v, List) and v.most == 0 and t.items:
-                raise self.refuse(node or self.spec.node, "an empty tuple here", "give its values")
+                raise self.refuse(
+                    node or self.spec.node, "an empty tuple here", "give its values"
+                )
             parts = self.elements(value, len(t.items), node)
             if isinstance(v, Tuple) and v.items == t.items:
                 return self.code(value)
@@ -247,23 +265,35 @@ class Expressions(ABC):
             return name
         if isinstance(t, Function) and isinstance(v, Function) and len(v.callees) == 1:
             return f"({self.program.names(t)}){{{t.callees.index(v.callees[0])}}}"
-        raise self.refuse(node or self.spec.node, f"{shown(v)} where {shown(t)} is needed",
-                          "keep to one type")  # fmt: skip
+        raise self.refuse(
+            node or self.spec.node,
+            f"{shown(v)} where {shown(t)} is needed",
+            "keep to one type",
+        )
 
-    def elements(self, value: Value, n: int, node: ast.AST | None = None) -> list[Value]:
+    def elements(
+        self, value: Value, n: int, node: ast.AST | None = None
+    ) -> list[Value]:
         """The n elements of a tuple or list."""
         t = value.type
         if isinstance(t, Maybe):
             return self.elements(self.some(value), n, node)
         if value.parts is not None:
             if len(value.parts) != n:
-                raise self.refuse(node or self.spec.node, f"{len(value.parts)} values for {n}",
-                                  "give as many")  # fmt: skip
+                raise self.refuse(
+                    node or self.spec.node,
+                    f"{len(value.parts)} values for {n}",
+                    "give as many",
+                )
             return list(value.parts)
         if not isinstance(t, (Tuple, List, Array)):
-            raise self.refuse(node or self.spec.node, f"{shown(t)} is taken apart", "a tuple")
+            raise self.refuse(
+                node or self.spec.node, f"{shown(t)} is taken apart", "a tuple"
+            )
         if not isinstance(t, List) and most(t) != n:
-            raise self.refuse(node or self.spec.node, f"{most(t)} values for {n}", "give as many")
+            raise self.refuse(
+                node or self.spec.node, f"{most(t)} values for {n}", "give as many"
+            )
         x = self.temporary(value, hint="all")
         if isinstance(t, List):
             self.line(f"py_unpack({x.code}.n, {n});")
@@ -280,7 +310,8 @@ class Expressions(ABC):
         return Value(element(t), f"{x.code}.e[{k}]", again=True)
 
     def some(self, value: Value) -> Value:
-        """What is in a value that may be None; in C a check where nothing has made it sure."""
+        """What is in a value that may be None; in C a check where nothing has made it
+        sure."""
         if not isinstance(value.type, Maybe):
             return value
         x = self.temporary(value)
@@ -313,14 +344,19 @@ class Expressions(ABC):
             return constant(True)  # type: ignore[return-value]
         raise self.refuse(node, f"{shown(t)} as a condition", "compare it")
 
-    # --- expressions ------------------------------------------------------------------------------
+    # --- expressions ------------------------------------------------------------------
 
     def expression(self, node: ast.expr) -> Value:
         """The value of an expression; statements that it needs are in `out` then."""
         method = getattr(self, f"_{type(node).__name__.lower()}", None)
         if method is None:
-            raise self.refuse(node, *INSTEAD.get(type(node), (
-                type(node).__name__, "what translates is listed in docs/hosts.md")))  # fmt: skip
+            raise self.refuse(
+                node,
+                *INSTEAD.get(
+                    type(node),
+                    (type(node).__name__, "what translates is listed in docs/hosts.md"),
+                ),
+            )
         try:
             result: Value = method(node)
         except JoinError as error:
@@ -330,7 +366,9 @@ class Expressions(ABC):
     def _constant(self, node: ast.Constant) -> Value:
         value = constant(node.value)
         if value is None:
-            raise self.refuse(node, repr(node.value), "numbers, truth values, text and None")
+            raise self.refuse(
+                node, repr(node.value), "numbers, truth values, text and None"
+            )
         return value
 
     def _name(self, node: ast.Name) -> Value:
@@ -362,7 +400,9 @@ class Expressions(ABC):
         builtins = scope["__builtins__"]
         builtins = builtins if isinstance(builtins, dict) else vars(builtins)
         if name in self.spec.locals_names and name not in scope:
-            raise self.refuse(node, f"{name} may have no value here", "assign it on every way")
+            raise self.refuse(
+                node, f"{name} may have no value here", "assign it on every way"
+            )
         if name not in scope and name not in builtins:
             raise self.refuse(node, f"{name} is not known", "define it in the module")
         if isinstance(scope.get(name), tuple):
@@ -379,7 +419,9 @@ class Expressions(ABC):
             return Value(Function((Callee(x),)), "", again=True)
         if isinstance(x, (ModuleType, BuiltinFunctionType, type)) or callable(x):
             return Value(Known(x), "", const=UNKNOWN, again=True)
-        raise self.refuse(node, f"a {type(x).__name__} of the module", "numbers and tuples of them")
+        raise self.refuse(
+            node, f"a {type(x).__name__} of the module", "numbers and tuples of them"
+        )
 
     def _attribute(self, node: ast.Attribute) -> Value:
         if self.is_self(node.value):
@@ -389,8 +431,12 @@ class Expressions(ABC):
             return self.thing(getattr(base.type.thing, node.attr), node)
         base = self.some(base)
         if isinstance(base.type, Tuple) and node.attr in base.type.names:
-            return self.element_at(self.temporary(base), base.type.names.index(node.attr))
-        raise self.refuse(node, f".{node.attr}", "fields of self, of modules and of named tuples")
+            return self.element_at(
+                self.temporary(base), base.type.names.index(node.attr)
+            )
+        raise self.refuse(
+            node, f".{node.attr}", "fields of self, of modules and of named tuples"
+        )
 
     def is_self(self, node: ast.AST) -> bool:
         return isinstance(node, ast.Name) and node.id == "self" and self.spec.has_self
@@ -435,7 +481,9 @@ class Expressions(ABC):
                 fixed = False
                 growing.append((v, True))
             else:
-                inside = self.elements(v, len(v.parts) if v.parts is not None else most(v.type), e)
+                inside = self.elements(
+                    v, len(v.parts) if v.parts is not None else most(v.type), e
+                )
                 parts += inside
                 growing += [(p, False) for p in inside]
         if fixed:
@@ -446,19 +494,31 @@ class Expressions(ABC):
         parts = tuple(parts)
         if not parts:
             return constant(())  # type: ignore[return-value]
-        const = tuple(p.const for p in parts) if all(p.is_const for p in parts) else UNKNOWN
-        return Value(Tuple(tuple(p.type for p in parts)), "", parts=parts, const=const,
-                     again=all(p.again for p in parts))  # fmt: skip
+        const = (
+            tuple(p.const for p in parts) if all(p.is_const for p in parts) else UNKNOWN
+        )
+        return Value(
+            Tuple(tuple(p.type for p in parts)),
+            "",
+            parts=parts,
+            const=const,
+            again=all(p.again for p in parts),
+        )
 
-    def concatenated(self, pieces: Sequence[tuple[Value, bool]], node: ast.AST) -> Value:
-        """A tuple of single values and of tuples whose length is known at run time only."""
+    def concatenated(
+        self, pieces: Sequence[tuple[Value, bool]], node: ast.AST
+    ) -> Value:
+        """A tuple of single values and of tuples whose length is known at run time
+        only."""
         item: Type = NEVER
         size = 0
         for v, many in pieces:
             try:
                 item = join(item, element(v.type) if many else v.type)
             except JoinError as error:
-                raise self.refuse(node, f"a tuple of {error}", "keep to one type") from None
+                raise self.refuse(
+                    node, f"a tuple of {error}", "keep to one type"
+                ) from None
             size += most(v.type) if many else 1
         t = List(item, min(size, self.most_wanted or size))
         name = self.fresh("joined")
@@ -484,7 +544,9 @@ class Expressions(ABC):
     def _list(self, node: ast.List) -> Value:
         if any(isinstance(e, ast.Starred) for e in node.elts) or not node.elts:
             raise self.refuse(node, "this list", "a tuple, or a list of a fixed length")
-        return replace(self.tuple_of(self.in_order(node.elts)), generator=False, const=UNKNOWN)
+        return replace(
+            self.tuple_of(self.in_order(node.elts)), generator=False, const=UNKNOWN
+        )
 
     def _unaryop(self, node: ast.UnaryOp) -> Value:
         if isinstance(node.op, ast.Not):
@@ -494,7 +556,9 @@ class Expressions(ABC):
             return Value(B, f"!{value.within(UNARY)}", UNARY)
         value = self.some(self.expression(node.operand))
         if value.is_const and isinstance(value.const, (int, float)):
-            return constant(-value.const if isinstance(node.op, ast.USub) else value.const)  # type: ignore[return-value]
+            return constant(
+                -value.const if isinstance(node.op, ast.USub) else value.const
+            )  # type: ignore[return-value]
         if isinstance(node.op, ast.USub) and value.type in (F, I, B):
             low = None if value.high is None else -value.high
             high = None if value.low is None else -value.low
@@ -503,9 +567,17 @@ class Expressions(ABC):
             floats = None if value.as_float is None else f"(0.0 - {value.as_float})"
             if value.type == I and value.low is None:
                 text = f"py_sub_i(0, {value.code})"
-            return Value(F if value.type == F else I, text, UNARY, low=low, high=high,
-                         as_float=floats)  # fmt: skip
-        raise self.refuse(node, f"{type(node.op).__name__} of {shown(value.type)}", "not, or -")
+            return Value(
+                F if value.type == F else I,
+                text,
+                UNARY,
+                low=low,
+                high=high,
+                as_float=floats,
+            )
+        raise self.refuse(
+            node, f"{type(node.op).__name__} of {shown(value.type)}", "not, or -"
+        )
 
     def _binop(self, node: ast.BinOp) -> Value:
         if _is_literal(node):  # (1 << 64) - 1, a part of which has more than 64 bits
@@ -546,15 +618,23 @@ class Expressions(ABC):
         code, binds = text(node)
         return Value(U, code, binds)
 
-    def binary(self, node: ast.AST, op: type[ast.operator], a: Value, b: Value) -> Value:
+    def binary(
+        self, node: ast.AST, op: type[ast.operator], a: Value, b: Value
+    ) -> Value:
         """a op b"""
-        if a.is_const and b.is_const and (folded := self.fold(op, a.const, b.const)) is not None:
+        if (
+            a.is_const
+            and b.is_const
+            and (folded := self.fold(op, a.const, b.const)) is not None
+        ):
             return folded
         ta, tb = a.type, b.type
         if isinstance(ta, (Tuple, List, Array)) or isinstance(tb, (Tuple, List, Array)):
             return self.of_tuples(node, op, a, b)
         if not {ta, tb} <= {F, I, B, U}:
-            raise self.refuse(node, f"{op.__name__} of {shown(ta)} and {shown(tb)}", "numbers")
+            raise self.refuse(
+                node, f"{op.__name__} of {shown(ta)} and {shown(tb)}", "numbers"
+            )
         if U in (ta, tb):
             return self.of_masks(node, op, a, b)
         if op is ast.Div:
@@ -587,10 +667,15 @@ class Expressions(ABC):
         if a is None or b is None:
             return None
         operation: Any = {
-            ast.Add: lambda: a + b, ast.Sub: lambda: a - b, ast.Mult: lambda: a * b,
-            ast.Div: lambda: a / b, ast.FloorDiv: lambda: a // b, ast.Mod: lambda: a % b,
-            ast.Pow: lambda: a**b, ast.LShift: lambda: a << b,
-        }.get(op)  # fmt: skip
+            ast.Add: lambda: a + b,
+            ast.Sub: lambda: a - b,
+            ast.Mult: lambda: a * b,
+            ast.Div: lambda: a / b,
+            ast.FloorDiv: lambda: a // b,
+            ast.Mod: lambda: a % b,
+            ast.Pow: lambda: a**b,
+            ast.LShift: lambda: a << b,
+        }.get(op)
         if operation is None:
             return None
         try:
@@ -620,23 +705,37 @@ class Expressions(ABC):
         if low is not None and high is not None and max(-low, high) < 1 << 62:
             right = b.within(level + 1)
             if op is ast.Mult:
-                return Value(I, f"{a.within(level)} * {right}", level, low=low, high=high)
-            return Value(I, f"{a.within(level)} {sign} {right}", level, low=low, high=high)
+                return Value(
+                    I, f"{a.within(level)} * {right}", level, low=low, high=high
+                )
+            return Value(
+                I, f"{a.within(level)} {sign} {right}", level, low=low, high=high
+            )
         name = {"+": "add", "-": "sub", "*": "mul"}[sign]
         return Value(I, f"py_{name}_i({a.code}, {b.code})", low=low, high=high)
 
-    def of_masks(self, node: ast.AST, op: type[ast.operator], a: Value, b: Value) -> Value:
+    def of_masks(
+        self, node: ast.AST, op: type[ast.operator], a: Value, b: Value
+    ) -> Value:
         if F in (a.type, b.type):
             x = a if a.type == F else Value(F, f"(double){a.within(UNARY)}", UNARY)
             y = b if b.type == F else Value(F, f"(double){b.within(UNARY)}", UNARY)
             return self.binary(node, op, x, y)
         if op is ast.Div:
-            return self.quotient(Value(F, f"(double){a.within(UNARY)}", UNARY),
-                                 Value(F, self.convert(b, F), UNARY))  # fmt: skip
-        signs = {ast.BitXor: ("^", XOR), ast.BitOr: ("|", OR_BITS), ast.BitAnd: ("&", AND_BITS),
-                 ast.RShift: (">>", SHIFT)}  # fmt: skip
+            return self.quotient(
+                Value(F, f"(double){a.within(UNARY)}", UNARY),
+                Value(F, self.convert(b, F), UNARY),
+            )
+        signs = {
+            ast.BitXor: ("^", XOR),
+            ast.BitOr: ("|", OR_BITS),
+            ast.BitAnd: ("&", AND_BITS),
+            ast.RShift: (">>", SHIFT),
+        }
         if op not in signs:
-            raise self.refuse(node, f"{op.__name__} of 64-bit masks", "with & (1 << 64) - 1 after")
+            raise self.refuse(
+                node, f"{op.__name__} of 64-bit masks", "with & (1 << 64) - 1 after"
+            )
         sign, level = signs[op]
         if op is ast.RShift:
             if not b.is_const or not 0 <= b.const < 64:
@@ -668,19 +767,34 @@ class Expressions(ABC):
             return Value(I, f"py_{name}_i({a.code}, {b.code})", low=low, high=high)
         return Value(F, f"py_{name}({self.convert(a, F)}, {self.convert(b, F)})")
 
-    def of_tuples(self, node: ast.AST, op: type[ast.operator], a: Value, b: Value) -> Value:
+    def of_tuples(
+        self, node: ast.AST, op: type[ast.operator], a: Value, b: Value
+    ) -> Value:
         """Concatenation and repetition."""
         if op is ast.Mult and b.is_const and isinstance(b.const, int):
             x = self.temporary(a)
             n = len(x.parts) if x.parts is not None else most(a.type)
-            if n == 1 and b.const > 64 and x.parts is not None and is_scalar(x.parts[0].type):
-                t, name, k = Tuple((x.parts[0].type,) * b.const), self.fresh("all"), self.fresh("k")
+            if (
+                n == 1
+                and b.const > 64
+                and x.parts is not None
+                and is_scalar(x.parts[0].type)
+            ):
+                t, name, k = (
+                    Tuple((x.parts[0].type,) * b.const),
+                    self.fresh("all"),
+                    self.fresh("k"),
+                )
                 self.line(f"{self.program.names(t)} {name};")
-                self.line(f"for (int64_t {k} = 0; {k} < {b.const}; {k}++) "
-                          f"{name}.e[{k}] = {x.parts[0].code};")  # fmt: skip
+                self.line(
+                    f"for (int64_t {k} = 0; {k} < {b.const}; {k}++) "
+                    f"{name}.e[{k}] = {x.parts[0].code};"
+                )
                 return Value(t, name, again=True)
             if isinstance(a.type, List) and x.parts is None:
-                raise self.refuse(node, "a tuple of unknown length, repeated", "write it out")
+                raise self.refuse(
+                    node, "a tuple of unknown length, repeated", "write it out"
+                )
             return self.tuple_of(self.elements(x, n, node) * b.const)
         if op is ast.Add:
             pieces: list[tuple[Value, bool]] = []
@@ -689,7 +803,11 @@ class Expressions(ABC):
                 if isinstance(v.type, List) and v.parts is None:
                     fixed = False
                     pieces.append((v, True))
-                elif isinstance(v.type, Tuple) and v.parts is None and len(v.type.items) > 16:
+                elif (
+                    isinstance(v.type, Tuple)
+                    and v.parts is None
+                    and len(v.type.items) > 16
+                ):
                     pieces.append((v, True))
                 else:
                     n = len(v.parts) if v.parts is not None else most(v.type)
@@ -713,15 +831,20 @@ class Expressions(ABC):
         self.sure = saved
         return result
 
-    def either(self, node: ast.BoolOp, is_and: bool, left: Value, operand: ast.expr) -> Value:
-        """left and operand, or left or operand: the operand is looked at only where needed."""
+    def either(
+        self, node: ast.BoolOp, is_and: bool, left: Value, operand: ast.expr
+    ) -> Value:
+        """left and operand, or left or operand: the operand is looked at only where
+        needed."""
         if left.is_const:
             return left if bool(left.const) != is_and else self.expression(operand)
         inner: list[str] = []
         self.out, outer = inner, self.out
         self.level += 1
         right = self.expression(operand)
-        if id(node) in self.conditions:  # what its truth needs done is done only where it counts
+        if (
+            id(node) in self.conditions
+        ):  # what its truth needs done is done only where it counts
             right = self.truth(right, node)
         self.out = outer
         self.level -= 1
@@ -736,7 +859,9 @@ class Expressions(ABC):
                 second = self.truth(right, node)
                 if second.is_const and bool(second.const) == is_and:
                     return first
-                return Value(B, f"{first.within(level)} {sign} {second.within(level + 1)}", level)
+                return Value(
+                    B, f"{first.within(level)} {sign} {second.within(level + 1)}", level
+                )
             name = self.fresh("both" if is_and else "either")
             self.line(f"bool {name} = {first.code};")
             self.line(f"if ({name if is_and else '!' + name}) {{")
@@ -751,15 +876,22 @@ class Expressions(ABC):
         taken = x
         if isinstance(x.type, Maybe) and not is_and:
             taken = Value(x.type.item, f"{x.code}.v", again=True)
-        return self.choose(node, first, (right, inner), (taken, [])) if is_and else self.choose(
-            node, first, (taken, []), (right, inner)
-        )  # fmt: skip
+        return (
+            self.choose(node, first, (right, inner), (taken, []))
+            if is_and
+            else self.choose(node, first, (taken, []), (right, inner))
+        )
 
     conditions: set[int]
     """Expressions of which only the truth counts."""
 
-    def choose(self, node: ast.AST, test: Value, yes: tuple[Value, list[str]],
-               no: tuple[Value, list[str]]) -> Value:  # fmt: skip
+    def choose(
+        self,
+        node: ast.AST,
+        test: Value,
+        yes: tuple[Value, list[str]],
+        no: tuple[Value, list[str]],
+    ) -> Value:
         """test ? yes : no, each with the statements that it needs."""
         if test.is_const:
             value, lines = yes if test.const else no
@@ -802,7 +934,8 @@ class Expressions(ABC):
         return Value(t, name, again=True, low=low, high=high)
 
     def branch(self, node: ast.expr, sure: set[str]) -> tuple[Value, list[str]]:
-        """The value of an expression that stands in a branch, with what it needs done before."""
+        """The value of an expression that stands in a branch, with what it needs done
+        before."""
         saved = set(self.sure)
         self.sure |= sure
         self.out, outer = [], self.out
@@ -820,7 +953,7 @@ class Expressions(ABC):
             return self.expression(node.body if test.const else node.orelse)
         return self.choose(
             node, test, self.branch(node.body, yes), self.branch(node.orelse, no)
-        )  # fmt: skip
+        )
 
     def condition(self, node: ast.expr) -> Value:
         """The truth of an expression."""
@@ -846,9 +979,13 @@ class Expressions(ABC):
             return None
 
         match test:
-            case ast.Compare(left=x, ops=[ast.Is()], comparators=[ast.Constant(value=None)]):
+            case ast.Compare(
+                left=x, ops=[ast.Is()], comparators=[ast.Constant(value=None)]
+            ):
                 return set(), {p} if (p := path(x)) else set()
-            case ast.Compare(left=x, ops=[ast.IsNot()], comparators=[ast.Constant(value=None)]):
+            case ast.Compare(
+                left=x, ops=[ast.IsNot()], comparators=[ast.Constant(value=None)]
+            ):
                 return {p} if (p := path(x)) else set(), set()
             case ast.UnaryOp(op=ast.Not(), operand=x):
                 yes, no = self.certain(x)
@@ -871,8 +1008,11 @@ class Expressions(ABC):
             rest = [self.expression(e) for e in node.comparators[1:]]
             values += [*(self.temporary(v) for v in rest[:-1]), rest[-1]]
             if len(self.out) > mark:
-                raise self.refuse(node, "a chained comparison, of which a part is not for sure",
-                                  "two comparisons and `and`")  # fmt: skip
+                raise self.refuse(
+                    node,
+                    "a chained comparison, of which a part is not for sure",
+                    "two comparisons and `and`",
+                )
         result: Value | None = None
         for op, a, b in zip(node.ops, values, values[1:], strict=False):
             one = self.compared(node, op, a, b)
@@ -914,7 +1054,9 @@ class Expressions(ABC):
         if U in (a.type, b.type) and {a.type, b.type} != {U}:
             raise self.refuse(node, "a 64-bit mask compared", "with another one")
         if not {a.type, b.type} <= {F, I, B, U}:
-            raise self.refuse(node, f"{sign} of {shown(a.type)} and {shown(b.type)}", "numbers")
+            raise self.refuse(
+                node, f"{sign} of {shown(a.type)} and {shown(b.type)}", "numbers"
+            )
         left, right = a.within(LESS + 1), b.within(LESS + 1)
         if F in (a.type, b.type):
             left = left if a.type == F else self.exactly(a)
@@ -959,7 +1101,8 @@ class Expressions(ABC):
         return Value(element(x.type), f"{x.code}.e[{k}]", again=True)
 
     def placed(self, x: Value) -> str:
-        """A tuple in a variable, whose elements have one type, so that an index finds them."""
+        """A tuple in a variable, whose elements have one type, so that an index finds
+        them."""
         if x.parts is not None and x.is_const:
             t = uniform_constant(x.const)
             table = self.program.table(x.const, t) if t and t.uniform else None
@@ -987,8 +1130,13 @@ class Expressions(ABC):
                 self.compared(node, ast.Eq(), x, y).within(OR + 1)
                 for y in self.elements(self.temporary(b), n, node)
             ]
-            texts = [f"({text})" if " && " in text and len(texts) > 1 else text for text in texts]
-            result = Value(B, " || ".join(texts) or "false", OR if len(texts) > 1 else EQUAL)
+            texts = [
+                f"({text})" if " && " in text and len(texts) > 1 else text
+                for text in texts
+            ]
+            result = Value(
+                B, " || ".join(texts) or "false", OR if len(texts) > 1 else EQUAL
+            )
         if isinstance(op, ast.NotIn):
             return Value(B, f"!{result.within(UNARY)}", UNARY)
         return result
@@ -1002,7 +1150,7 @@ class Expressions(ABC):
     def assign(self, target: ast.expr, value: Value) -> None:
         """Write what puts a value into a name, a field or the names of a tuple."""
 
-    # --- indices ----------------------------------------------------------------------------------
+    # --- indices ----------------------------------------------------------------------
 
     def length(self, value: Value) -> Value:
         if value.parts is not None:
@@ -1027,12 +1175,18 @@ class Expressions(ABC):
         if index.type == B:
             index = replace(index, type=I, low=0, high=1)
         if index.type != I:
-            raise self.refuse(node, f"an index that is {shown(index.type)}", "an integer")
+            raise self.refuse(
+                node, f"an index that is {shown(index.type)}", "an integer"
+            )
         n = len(value.parts) if value.parts is not None else most(value.type)
-        if index.is_const and not (isinstance(value.type, List) and value.parts is None):
+        if index.is_const and not (
+            isinstance(value.type, List) and value.parts is None
+        ):
             k = index.const
             if not -n <= k < n:
-                raise self.refuse(node, f"index {k} of a tuple of {n}", f"from {-n} to {n - 1}")
+                raise self.refuse(
+                    node, f"index {k} of a tuple of {n}", f"from {-n} to {n - 1}"
+                )
             return self.element_at(self.temporary(value), k % n)
         x = self.temporary(value)
         if (isinstance(x.type, (Tuple, Array)) and x.parts is not None) or (
@@ -1041,26 +1195,34 @@ class Expressions(ABC):
             try:
                 item = element(x.type)
             except JoinError as error:
-                raise self.refuse(node, f"an index into a tuple of {error}",
-                                  "if and elif") from None  # fmt: skip
+                raise self.refuse(
+                    node, f"an index into a tuple of {error}", "if and elif"
+                ) from None
             code = self.placed(x)
             x = Value(Tuple((item,) * n), code, again=True)
         k = self.checked(index, self.length(x))
         item = element(x.type)
         if item == NEVER:
-            raise self.refuse(node, "an index of an empty tuple", "of one with elements")
+            raise self.refuse(
+                node, "an index of an empty tuple", "of one with elements"
+            )
         return Value(item, f"{x.code}.e[{k}]", again=bool(re.fullmatch(r"\w+", k)))
 
     def checked(self, index: Value, n: Value) -> str:
-        """The C of an index that is within a tuple; as in Python it may count from the end."""
-        if n.is_const and index.low is not None and index.high is not None and (
-            index.low >= 0 and index.high < n.const
-        ):  # fmt: skip
+        """The C of an index that is within a tuple; as in Python it may count from the
+        end."""
+        if (
+            n.is_const
+            and index.low is not None
+            and index.high is not None
+            and (index.low >= 0 and index.high < n.const)
+        ):
             return index.code
         return f"py_index({index.code}, {n.code})"
 
     def linear(self, node: ast.expr) -> dict[str, int]:
-        """An integer expression as a sum: text of a term, or "" for the constant -> factor."""
+        """An integer expression as a sum: text of a term, or "" for the constant ->
+        factor."""
         match node:
             case ast.BinOp(left=a, op=ast.Add(), right=b):
                 return _sum(self.linear(a), self.linear(b), 1)
@@ -1088,32 +1250,50 @@ class Expressions(ABC):
     def sliced(self, node: ast.AST, value: Value, s: ast.Slice) -> Value:
         x = self.temporary(value)
         variable = isinstance(x.type, List) and x.parts is None
-        n = None if variable else (len(x.parts) if x.parts is not None else most(x.type))
-        lower, upper, step = (None if e is None else self.expression(e)
-                              for e in (s.lower, s.upper, s.step))  # fmt: skip
+        n = (
+            None
+            if variable
+            else (len(x.parts) if x.parts is not None else most(x.type))
+        )
+        lower, upper, step = (
+            None if e is None else self.expression(e)
+            for e in (s.lower, s.upper, s.step)
+        )
         if step is not None and not step.is_const:
             raise self.refuse(node, "a slice with this step", "a constant step")
         if n is not None and all(e is None or e.is_const for e in (lower, upper)):
-            indices = range(n)[slice(*(None if e is None else e.const
-                                       for e in (lower, upper, step)))]  # fmt: skip
+            indices = range(n)[
+                slice(*(None if e is None else e.const for e in (lower, upper, step)))
+            ]
             return self.tuple_of([self.element_at(x, k) for k in indices])
         if n is not None and not isinstance(x.type, List):
-            x = x if x.parts is None and x.type.uniform else Value(
-                Tuple((element(x.type),) * n), self.placed(x), again=True
-            )  # fmt: skip
+            x = (
+                x
+                if x.parts is None and x.type.uniform
+                else Value(Tuple((element(x.type),) * n), self.placed(x), again=True)
+            )
         if step is not None and step.const != 1:
             if n is None or upper is not None or lower is None or n % step.const:
-                raise self.refuse(node, "a slice with a step", "of a row of a table: [i::columns]")
+                raise self.refuse(
+                    node, "a slice with a step", "of a row of a table: [i::columns]"
+                )
             if lower.low is None or lower.low < 0:
                 # Python would count from the end
                 self.line(f"py_window({lower.code}, 1, {step.const});")
             first = self.temporary(Value(I, self.checked(lower, constant(step.const))))  # type: ignore[arg-type]
             item = element(x.type)
-            return self.tuple_of([
-                Value(item, f"{x.code}.e[{first.code} + {k}]" if k else f"{x.code}.e[{first.code}]",
-                      again=True)
-                for k in range(0, n, step.const)
-            ])  # fmt: skip
+            return self.tuple_of(
+                [
+                    Value(
+                        item,
+                        f"{x.code}.e[{first.code} + {k}]"
+                        if k
+                        else f"{x.code}.e[{first.code}]",
+                        again=True,
+                    )
+                    for k in range(0, n, step.const)
+                ]
+            )
         if s.lower is not None and s.upper is not None:
             difference = _sum(self.linear(s.upper), self.linear(s.lower), -1)
             if not {k for k, v in difference.items() if v} - {""}:
@@ -1125,9 +1305,12 @@ class Expressions(ABC):
         if not lower.again:
             lower = self.temporary(replace(lower, as_float=None))
         n = self.length(x)
-        sure = n.is_const and lower.low is not None and lower.high is not None and (
-            lower.low >= 0 and lower.high + count <= n.const
-        )  # fmt: skip
+        sure = (
+            n.is_const
+            and lower.low is not None
+            and lower.high is not None
+            and (lower.low >= 0 and lower.high + count <= n.const)
+        )
         if not sure:
             self.line(f"py_window({lower.code}, {count}, {n.code});")
         item = element(x.type)
@@ -1135,30 +1318,42 @@ class Expressions(ABC):
             t = Tuple((item,) * count)
             name, k = self.fresh("row"), self.fresh("k")
             self.line(f"{self.program.names(t)} {name};")
-            self.line(f"for (int64_t {k} = 0; {k} < {count}; {k}++) "
-                      f"{name}.e[{k}] = {x.code}.e[{lower.code} + {k}];")  # fmt: skip
+            self.line(
+                f"for (int64_t {k} = 0; {k} < {count}; {k}++) "
+                f"{name}.e[{k}] = {x.code}.e[{lower.code} + {k}];"
+            )
             return Value(t, name, again=True)
         start = lower.within(ADD)
         return self.tuple_of(
-            [Value(item, f"{x.code}.e[{start}{f' + {k}' if k else ''}]", again=True)
-             for k in range(count)]
-        )  # fmt: skip
+            [
+                Value(item, f"{x.code}.e[{start}{f' + {k}' if k else ''}]", again=True)
+                for k in range(count)
+            ]
+        )
 
-    def run_time_slice(self, x: Value, lower: Value | None, upper: Value | None) -> Value:
+    def run_time_slice(
+        self, x: Value, lower: Value | None, upper: Value | None
+    ) -> Value:
         """A slice as Python cuts it, of a length known at run time."""
         t = List(element(x.type), most(x.type))
         name, k, n = self.fresh("slice"), self.fresh("k"), self.length(x)
         first, last = self.fresh("from"), self.fresh("to")
-        self.line(f"const int64_t {first} = "
-                  f"{f'py_bound({lower.code}, {n.code})' if lower else '0'};")  # fmt: skip
-        self.line(f"const int64_t {last} = "
-                  f"{f'py_bound({upper.code}, {n.code})' if upper else n.code};")  # fmt: skip
+        self.line(
+            f"const int64_t {first} = "
+            f"{f'py_bound({lower.code}, {n.code})' if lower else '0'};"
+        )
+        self.line(
+            f"const int64_t {last} = "
+            f"{f'py_bound({upper.code}, {n.code})' if upper else n.code};"
+        )
         self.line(f"{self.program.names(t)} {name} = {{0}};")
-        self.line(f"for (int64_t {k} = {first}; {k} < {last}; {k}++) "
-                  f"{name}.e[{name}.n++] = {x.code}.e[{k}];")  # fmt: skip
+        self.line(
+            f"for (int64_t {k} = {first}; {k} < {last}; {k}++) "
+            f"{name}.e[{name}.n++] = {x.code}.e[{k}];"
+        )
         return Value(t, name, again=True)
 
-    # --- text -------------------------------------------------------------------------------------
+    # --- text -------------------------------------------------------------------------
 
     def _joinedstr(self, node: ast.JoinedStr) -> Value:
         pieces = []
@@ -1198,8 +1393,12 @@ class Expressions(ABC):
         elif t in (F, I) and spec:
             found = re.fullmatch(r"(?:\.(\d+))?([gfe])", spec)
             if not found:
-                raise self.refuse(node, f"the format {spec!r}", "g, f or e with a precision")
-            self.line(f"py_text_format('{found[2]}', {found[1] or 6}, {self.convert(value, F)});")
+                raise self.refuse(
+                    node, f"the format {spec!r}", "g, f or e with a precision"
+                )
+            self.line(
+                f"py_text_format('{found[2]}', {found[1] or 6}, {self.convert(value, F)});"
+            )
         elif spec:
             raise self.refuse(node, f"the format {spec!r} of {shown(t)}", "of a number")
         elif t == F:
@@ -1218,11 +1417,14 @@ class Expressions(ABC):
         elif t == NONE:
             self.line('py_text("None");')
         else:
-            raise self.refuse(node, f"the text of {shown(t)}", "of numbers and tuples of them")
+            raise self.refuse(
+                node, f"the text of {shown(t)}", "of numbers and tuples of them"
+            )
 
 
 class UnknownYetError(Exception):
-    """Something is not known in this pass, perhaps in the next; else it is refused by `reason`."""
+    """Something is not known in this pass, perhaps in the next; else it is refused by
+    `reason`."""
 
     def __init__(self, reason: SubsetError) -> None:
         super().__init__(str(reason))

@@ -36,11 +36,15 @@ from .types import (
 from .value import Value, constant
 
 RAISES = {
-    "BlockError": "PY_BLOCK_ERROR", "ValueError": "PY_VALUE_ERROR", "TypeError": "PY_TYPE_ERROR",
-    "ZeroDivisionError": "PY_ZERO_DIVISION", "OverflowError": "PY_OVERFLOW",
-    "IndexError": "PY_INDEX_ERROR", "RuntimeError": "PY_RUNTIME_ERROR",
+    "BlockError": "PY_BLOCK_ERROR",
+    "ValueError": "PY_VALUE_ERROR",
+    "TypeError": "PY_TYPE_ERROR",
+    "ZeroDivisionError": "PY_ZERO_DIVISION",
+    "OverflowError": "PY_OVERFLOW",
+    "IndexError": "PY_INDEX_ERROR",
+    "RuntimeError": "PY_RUNTIME_ERROR",
     "ArithmeticError": "PY_ZERO_DIVISION, PY_OVERFLOW",
-}  # fmt: skip
+}
 CAUGHT = {
     "BlockError": "1 << PY_BLOCK_ERROR",
     "ValueError": "1 << PY_BLOCK_ERROR | 1 << PY_VALUE_ERROR",
@@ -90,12 +94,17 @@ class Translation(Calls):
             if name == "self":
                 continue
             at = f"all->{safe(name)}"
-            if isinstance(t, Function) and len(t.callees) == 1 and not t.callees[0].captured:
+            if (
+                isinstance(t, Function)
+                and len(t.callees) == 1
+                and not t.callees[0].captured
+            ):
                 at = ""
             self.bound[name] = Value(t, at, again=True)
 
     def widened(self) -> None:
-        """A parameter that gets values of another type is copied to a variable of that type."""
+        """A parameter that gets values of another type is copied to a variable of that
+        type."""
         for name, t in self.spec.arguments:
             final = self.spec.variables.get(name, t)
             if final != t and name not in self.bound:
@@ -108,7 +117,7 @@ class Translation(Calls):
             return f"(*{safe(name)})"
         return safe(name)
 
-    # --- statements -------------------------------------------------------------------------------
+    # --- statements -------------------------------------------------------------------
 
     def block(self, body: Sequence[ast.stmt]) -> bool:
         """Write statements; True when the end cannot be reached."""
@@ -137,8 +146,11 @@ class Translation(Calls):
     def statement(self, node: ast.stmt) -> None:
         method = getattr(self, f"do_{type(node).__name__.lower()}", None)
         if method is None:
-            raise self.refuse(node, f"a {type(node).__name__.lower()} statement",
-                              "plain assignments, if, for, while, return, raise")  # fmt: skip
+            raise self.refuse(
+                node,
+                f"a {type(node).__name__.lower()} statement",
+                "plain assignments, if, for, while, return, raise",
+            )
         method(node)
 
     def do_pass(self, node: ast.Pass) -> None:
@@ -183,13 +195,18 @@ class Translation(Calls):
             self.most_wanted = self.program.wanted[first.attr]
         value = self.expression(node.value)
         self.most_wanted = None
-        if isinstance(node.value, ast.Name) and isinstance(first, ast.Name) and isinstance(
-            value.type, Tuple
-        ):  # fmt: skip
+        if (
+            isinstance(node.value, ast.Name)
+            and isinstance(first, ast.Name)
+            and isinstance(value.type, Tuple)
+        ):
             for name in (node.value.id, first.id):
                 if name in self.spec.changed_in_place:
-                    raise self.refuse(node, f"a second name for the list {name}",
-                                      "list(...) copies it")  # fmt: skip
+                    raise self.refuse(
+                        node,
+                        f"a second name for the list {name}",
+                        "list(...) copies it",
+                    )
         if len(node.targets) > 1:
             value = self.temporary(value)
         for target in reversed(node.targets) if len(node.targets) > 1 else node.targets:
@@ -206,7 +223,10 @@ class Translation(Calls):
             and (self.types[node.target.id] == S)
         ):
             joined = ast.JoinedStr(
-                [ast.FormattedValue(load, -1, None), ast.FormattedValue(node.value, -1, None)]
+                [
+                    ast.FormattedValue(load, -1, None),
+                    ast.FormattedValue(node.value, -1, None),
+                ]
             )
             value = self.expression(ast.copy_location(joined, node))
         else:
@@ -215,12 +235,15 @@ class Translation(Calls):
         self.assign(node.target, value)
 
     def assign(self, target: ast.expr, value: Value) -> None:
-        """Assign a value to a name, a field, an element, or one after the other to several."""
+        """Assign a value to a name, a field, an element, or one after the other to
+        several."""
         if isinstance(target, ast.Name):
             self.store(target, value)
         elif isinstance(target, ast.Attribute):
             if not self.is_self(target.value):
-                raise self.refuse(target, "an assignment to a field of this", "fields of self")
+                raise self.refuse(
+                    target, "an assignment to a field of this", "fields of self"
+                )
             self.store_field(target, value)
         elif isinstance(target, ast.Subscript):
             self.store_element(target, value)
@@ -233,8 +256,10 @@ class Translation(Calls):
             for k, part in enumerate(parts):
                 text = self.text_of(part)
                 calls = re.search(r"\bself\b(?!->)", text) is not None
-                if any(c and (_mentions(text, c) or (calls and c.startswith("self->")))
-                       for c in names[:k]):  # fmt: skip
+                if any(
+                    c and (_mentions(text, c) or (calls and c.startswith("self->")))
+                    for c in names[:k]
+                ):
                     parts = [self.pin(p) for p in parts]
                     break
             for e, part in zip(target.elts, parts, strict=True):
@@ -243,7 +268,11 @@ class Translation(Calls):
             raise self.refuse(target, "this target", "names and fields of self")
 
     def pin(self, value: Value) -> Value:
-        if value.is_const or value.type in (NONE, NEVER) or isinstance(value.type, Known):
+        if (
+            value.is_const
+            or value.type in (NONE, NEVER)
+            or isinstance(value.type, Known)
+        ):
             return value
         if value.parts is not None:
             return replace(value, parts=tuple(self.pin(p) for p in value.parts))
@@ -273,8 +302,11 @@ class Translation(Calls):
         self.sure.discard(name)
         if name in self.bound:
             if name in dict(self.spec.callee.captured):
-                raise self.refuse(target, f"{name} belongs to the function around",
-                                  "a name of its own")  # fmt: skip
+                raise self.refuse(
+                    target,
+                    f"{name} belongs to the function around",
+                    "a name of its own",
+                )
             del self.bound[name]
         if isinstance(value.type, Known) or (
             isinstance(value.type, Function) and len(value.type.callees) == 1
@@ -284,9 +316,13 @@ class Translation(Calls):
             if not (isinstance(value.type, Function) and self.spec.stores[name] > 1):
                 self.bound[name] = value
                 return
-        if value.is_const and self.spec.stores[name] == 1 and name not in self.types and (
-            value.type in (S, I) or isinstance(value.type, (Tuple, List))
-        ) and name not in {*self.spec.changed_in_place, *self.spec.in_loops}:  # fmt: skip
+        if (
+            value.is_const
+            and self.spec.stores[name] == 1
+            and name not in self.types
+            and (value.type in (S, I) or isinstance(value.type, (Tuple, List)))
+            and name not in {*self.spec.changed_in_place, *self.spec.in_loops}
+        ):
             self.bound[name] = value
             return
         if self.stays(name, value):
@@ -296,8 +332,9 @@ class Translation(Calls):
         t = self.kept(old, value.type, self.wanted.get(name), target, name)
         given = dict(self.spec.arguments).get(name)
         if given == I and t != I and t != F:
-            raise self.refuse(target, f"{name} is an integer and then a 64-bit mask",
-                              "another name")  # fmt: skip
+            raise self.refuse(
+                target, f"{name} is an integer and then a 64-bit mask", "another name"
+            )
         if t != self.spec.variables.get(name):
             self.changed = True
             self.spec.variables[name] = t
@@ -309,12 +346,16 @@ class Translation(Calls):
             return
         text = self.convert(value, final, target)
         self.bounds[name] = (None, None)
-        if value.type == I and name not in self.spec.in_loops and (
-            self.spec.stores[name] == 1 and given is None
-        ):  # fmt: skip
+        if (
+            value.type == I
+            and name not in self.spec.in_loops
+            and (self.spec.stores[name] == 1 and given is None)
+        ):
             self.bounds[name] = (value.low, value.high)
         if name not in self.declared:
-            if self.level == 1 + self.tries or name in self.spec.inline.get(id(target), ()):
+            if self.level == 1 + self.tries or name in self.spec.inline.get(
+                id(target), ()
+            ):
                 self.declared.add(name)
                 const = "const " if self.spec.stores[name] == 1 else ""
                 const = "" if name in self.spec.changed_in_place else const
@@ -326,7 +367,8 @@ class Translation(Calls):
         self.line(f"{self.local(name)} = {text};")
 
     def stays(self, name: str, value: Value) -> bool:
-        """True for what a function remembers, which another name may stand for: no copy."""
+        """True for what a function remembers, which another name may stand for: no
+        copy."""
         return (
             value.again
             and value.code.startswith("(*kept_")
@@ -336,7 +378,9 @@ class Translation(Calls):
             and name not in {*self.types, *self.wanted, *self.spec.changed_in_place}
         )
 
-    def kept(self, old: Type, new: Type, limit: int | None, node: ast.AST, name: str) -> Type:
+    def kept(
+        self, old: Type, new: Type, limit: int | None, node: ast.AST, name: str
+    ) -> Type:
         """The type of a variable that gets another value."""
         try:
             t = join(old, new)
@@ -360,13 +404,19 @@ class Translation(Calls):
         self.effects = True
         self.sure.discard(f"self.{name}")
         if isinstance(value.type, (Known, Function)) or _has(Function, value.type):
-            raise self.refuse(target, f"self.{name} keeps a function", "numbers and tuples")
+            raise self.refuse(
+                target, f"self.{name} keeps a function", "numbers and tuples"
+            )
         declared = program.declared.get(name)
         if declared is None and _has(S, value.type):
-            raise self.refuse(target, f"self.{name} keeps text", "a number; text is for messages")
+            raise self.refuse(
+                target, f"self.{name} keeps text", "a number; text is for messages"
+            )
         old = program.fields.get(name, NEVER)
         if declared is None:
-            t = self.kept(old, value.type, program.wanted.get(name), target, f"self.{name}")
+            t = self.kept(
+                old, value.type, program.wanted.get(name), target, f"self.{name}"
+            )
             if t != old:
                 program.fields[name] = t
                 program.changed = True
@@ -384,7 +434,9 @@ class Translation(Calls):
         value = self.temporary(value) if not value.again else value
         x = self.expression(target.value)
         if x.code != self.local(name) or not isinstance(x.type, (Tuple,)):
-            raise self.refuse(target, f"an element of {name} is changed", "of a list made here")
+            raise self.refuse(
+                target, f"an element of {name} is changed", "of a list made here"
+            )
         index = self.expression(target.slice)
         n = most(x.type)
         item = element(x.type)
@@ -398,7 +450,9 @@ class Translation(Calls):
             return
         if index.is_const:
             if not -n <= index.const < n:
-                raise self.refuse(target, f"index {index.const} of {n}", "one that is there")
+                raise self.refuse(
+                    target, f"index {index.const} of {n}", "one that is there"
+                )
             k = str(index.const % n)
         else:
             k = self.checked(index, constant(n))  # type: ignore[arg-type]
@@ -444,7 +498,9 @@ class Translation(Calls):
                 self.line(f"py_raise({RAISES[name]}, {value.code});")
                 self.ended = True
                 return
-        raise self.refuse(node, "raise of this", "raise BlockError(text), or self.fail(text)")
+        raise self.refuse(
+            node, "raise of this", "raise BlockError(text), or self.fail(text)"
+        )
 
     def do_if(self, node: ast.If) -> None:
         test = self.condition(node.test)
@@ -473,8 +529,11 @@ class Translation(Calls):
             second = False
         self.line("}")
         after_no = set(self.sure)
-        self.bounds = {k: v for k, v in self.bounds.items() if bounds.get(k) == v or
-                       self.spec.stores[k] == 1}  # fmt: skip
+        self.bounds = {
+            k: v
+            for k, v in self.bounds.items()
+            if bounds.get(k) == v or self.spec.stores[k] == 1
+        }
         self.sure = after_no if first else after_yes if second else after_yes & after_no
         self.ended = first and second
 
@@ -508,7 +567,9 @@ class Translation(Calls):
         self.sure = before & self.sure
         self.level -= 1
         self.line("}")
-        self.ended = endless and not any(isinstance(n, ast.Break) for n in _own(node.body))
+        self.ended = endless and not any(
+            isinstance(n, ast.Break) for n in _own(node.body)
+        )
 
     def forget(self, node: ast.stmt) -> None:
         """Within a loop nothing is sure of what the loop assigns."""
@@ -525,16 +586,28 @@ class Translation(Calls):
         iteration = self.iteration(node.iter)
         self.forget(node)
         runs_over = reads(node.iter)
-        if isinstance(node.iter, ast.Call) and self.quiet_target(node.iter.func) is range:
+        if (
+            isinstance(node.iter, ast.Call)
+            and self.quiet_target(node.iter.func) is range
+        ):
             runs_over = reads(node.iter.args[0]) if len(node.iter.args) > 1 else set()
         clash = runs_over & self.order.changes(*node.body)
         if clash and not isinstance(node.iter, (ast.Name, ast.Attribute)):
-            stored = {n.id for s in node.body for n in ast.walk(s)
-                      if isinstance(n, ast.Name) and isinstance(n.ctx, ast.Store)}  # fmt: skip
+            stored = {
+                n.id
+                for s in node.body
+                for n in ast.walk(s)
+                if isinstance(n, ast.Name) and isinstance(n.ctx, ast.Store)
+            }
             if clash & stored or not clash <= self.spec.changed_in_place:
-                raise self.refuse(node, f"{min(clash)} changes in a loop over it",
-                                  "a tuple of it, before")  # fmt: skip
-        if clash & self.spec.changed_in_place:  # each pass gets what is there when it begins
+                raise self.refuse(
+                    node,
+                    f"{min(clash)} changes in a loop over it",
+                    "a tuple of it, before",
+                )
+        if (
+            clash & self.spec.changed_in_place
+        ):  # each pass gets what is there when it begins
             item = iteration.item
             iteration = replace(iteration, item=lambda k: self.pin(item(k)))
         if (
@@ -544,23 +617,41 @@ class Translation(Calls):
         ):
             source = self.temporary(replace(iteration.source, again=False), hint="over")
             iteration = self.over_value(node.iter, source)
-        names = [n.id for n in ast.walk(node.target) if isinstance(n, ast.Name) and n.id != "_"]
-        stored = {n.id for s in node.body for n in ast.walk(s)
-                  if isinstance(n, ast.Name) and isinstance(n.ctx, ast.Store)}  # fmt: skip
-        free = not any(n in stored or self.spec.used_after(node, n) or n in self.types
-                       or self.spec.outside_of(node, n) for n in names)  # fmt: skip
+        names = [
+            n.id
+            for n in ast.walk(node.target)
+            if isinstance(n, ast.Name) and n.id != "_"
+        ]
+        stored = {
+            n.id
+            for s in node.body
+            for n in ast.walk(s)
+            if isinstance(n, ast.Name) and isinstance(n.ctx, ast.Store)
+        }
+        free = not any(
+            n in stored
+            or self.spec.used_after(node, n)
+            or n in self.types
+            or self.spec.outside_of(node, n)
+            for n in names
+        )
         breaks = any(isinstance(n, (ast.Break, ast.Continue)) for n in _own(node.body))
         if iteration.unroll and breaks:
-            raise self.refuse(node, "break or continue over a mixed tuple", "over equal elements")
-        if iteration.unroll or (iteration.fixed is not None and iteration.fixed <= 1
-                                and not breaks and free):  # fmt: skip
+            raise self.refuse(
+                node, "break or continue over a mixed tuple", "over equal elements"
+            )
+        if iteration.unroll or (
+            iteration.fixed is not None and iteration.fixed <= 1 and not breaks and free
+        ):
             for one in range(iteration.fixed or 0):
                 self.one_pass(node, iteration, constant(one), True)  # type: ignore[arg-type]
                 if self.ended:
                     break
             self.ended = False
             return
-        simple = isinstance(node.target, ast.Name) and free and iteration.start is not None
+        simple = (
+            isinstance(node.target, ast.Name) and free and iteration.start is not None
+        )
         if simple and node.target.id != "_":  # type: ignore[attr-defined]
             self.counting(node, iteration)
             return
@@ -568,7 +659,9 @@ class Translation(Calls):
         self.line(f"for (int64_t {k} = 0; {k} < {iteration.count.code}; {k}++) {{")
         self.level += 1
         top = iteration.most
-        index = Value(I, k, again=True, low=0, high=None if top is None else max(top - 1, 0))
+        index = Value(
+            I, k, again=True, low=0, high=None if top is None else max(top - 1, 0)
+        )
         self.one_pass(node, iteration, index, free)
         self.ended = False
         self.level -= 1
@@ -586,13 +679,19 @@ class Translation(Calls):
             self.line(f"for (int64_t {k} = 0; {k} < {end}; {k}++) {{")
         else:
             count = self.fresh("k")
-            self.line(f"for (int64_t {count} = 0; {count} < {iteration.count.code}; {count}++) {{")
+            self.line(
+                f"for (int64_t {count} = 0; {count} < {iteration.count.code}; {count}++) {{"
+            )
             self.level += 1
-            item = iteration.item(Value(I, count, again=True, low=0, high=iteration.most))
+            item = iteration.item(
+                Value(I, count, again=True, low=0, high=iteration.most)
+            )
             self.line(f"const int64_t {k} = {item.code};")
             self.level -= 1
         top = iteration.most
-        first = Value(I, k, again=True, low=0, high=None if top is None else max(top - 1, 0))
+        first = Value(
+            I, k, again=True, low=0, high=None if top is None else max(top - 1, 0)
+        )
         bounds = iteration.item(first)
         self.bound[name] = Value(I, k, again=True, low=bounds.low, high=bounds.high)
         self.level += 1
@@ -608,7 +707,9 @@ class Translation(Calls):
         self.bound.pop(name, None)
         self.line("}")
 
-    def one_pass(self, node: ast.For, iteration: Iteration, k: Value, free: bool) -> None:
+    def one_pass(
+        self, node: ast.For, iteration: Iteration, k: Value, free: bool
+    ) -> None:
         """The body of a loop, with what the target gets at pass k."""
         saved, sure = dict(self.bound), set(self.sure)
         known = set(self.declared)
@@ -622,7 +723,9 @@ class Translation(Calls):
         self.loops.pop()
         self.declared = known | (self.declared & self.spec.top)
         names = {n.id for n in ast.walk(node.target) if isinstance(n, ast.Name)}
-        self.bound = {n: v for n, v in self.bound.items() if n in saved or n not in names}
+        self.bound = {
+            n: v for n, v in self.bound.items() if n in saved or n not in names
+        }
         self.bound.update({n: v for n, v in saved.items() if n in names})
         self.sure &= sure
 
@@ -643,7 +746,9 @@ class Translation(Calls):
         if node.finalbody or node.orelse or len(node.handlers) != 1:
             raise self.refuse(node, "this try", "one except, no else, no finally")
         (handler,) = node.handlers
-        kinds = handler.type.elts if isinstance(handler.type, ast.Tuple) else [handler.type]
+        kinds = (
+            handler.type.elts if isinstance(handler.type, ast.Tuple) else [handler.type]
+        )
         masks = []
         for kind in kinds:
             if not isinstance(kind, ast.Name) or kind.id not in CAUGHT:
@@ -670,7 +775,9 @@ class Translation(Calls):
             self.bound[handler.name] = Value(S, "error", again=True)
         over = self.block(handler.body)
         if not over:
-            raise self.refuse(handler, "an except that goes on", "one that raises or fails")
+            raise self.refuse(
+                handler, "an except that goes on", "one that raises or fails"
+            )
         if handler.name:
             del self.bound[handler.name]
         self.level -= 1
@@ -685,11 +792,17 @@ class Translation(Calls):
         captured: list[tuple[str, Any]] = []
         own = {a.arg for a in node.args.args}
         own |= {
-            n.id for n in ast.walk(node) if isinstance(n, ast.Name) and isinstance(n.ctx, ast.Store)
+            n.id
+            for n in ast.walk(node)
+            if isinstance(n, ast.Name) and isinstance(n.ctx, ast.Store)
         }
-        names = list(dict.fromkeys(
-            n.id for n in ast.walk(node) if isinstance(n, ast.Name) and n.id not in own
-        ))  # fmt: skip
+        names = list(
+            dict.fromkeys(
+                n.id
+                for n in ast.walk(node)
+                if isinstance(n, ast.Name) and n.id not in own
+            )
+        )
         values = []
         for name in names:
             if name == "self":
@@ -698,22 +811,32 @@ class Translation(Calls):
                 continue
             if name not in self.types and name not in self.bound:
                 if name in self.spec.locals_names and name not in self.spec.globals:
-                    raise self.refuse(node, f"{node.name} uses {name}, which comes later",
-                                      "assign it before")  # fmt: skip
+                    raise self.refuse(
+                        node,
+                        f"{node.name} uses {name}, which comes later",
+                        "assign it before",
+                    )
                 continue
             value = self._name(ast.copy_location(ast.Name(name, ast.Load()), node))
             if isinstance(value.type, Known) or (value.type == S and value.is_const):
-                raise self.refuse(node, f"{node.name} uses {name}", "a number or a tuple")
+                raise self.refuse(
+                    node, f"{node.name} uses {name}", "a number or a tuple"
+                )
             for other in ast.walk(self.spec.node):
                 if (
                     isinstance(other, ast.Name)
                     and isinstance(other.ctx, ast.Store)
                     and (
-                        other.id == name and other.lineno > node.lineno and not _inside(node, other)
+                        other.id == name
+                        and other.lineno > node.lineno
+                        and not _inside(node, other)
                     )
                 ):
-                    raise self.refuse(other, f"{name} changes after {node.name}, which uses it",
-                                      "another name")  # fmt: skip
+                    raise self.refuse(
+                        other,
+                        f"{name} changes after {node.name}, which uses it",
+                        "another name",
+                    )
             captured.append((name, value.type))
             values.append(self.code(value))
         callee = Callee(self.program.nested(node, self.spec), captured=tuple(captured))
@@ -736,7 +859,9 @@ def optional(annotation: ast.expr, scope: dict[str, Any]) -> Type | None:
     match annotation:
         case ast.BinOp(left=left, op=ast.BitOr(), right=ast.Constant(value=None)):
             try:
-                thing = eval(compile(ast.Expression(left), "annotation", "eval"), dict(scope))
+                thing = eval(
+                    compile(ast.Expression(left), "annotation", "eval"), dict(scope)
+                )
             except Exception:
                 return None
             return of_annotation(thing)[0]
@@ -772,16 +897,27 @@ def _changes(node: ast.For, code: str) -> bool:
     """True where a loop's body may change what it runs over."""
     if not code:
         return False
-    stored = {n.id for s in node.body for n in ast.walk(s)
-              if isinstance(n, ast.Name) and isinstance(n.ctx, ast.Store)}  # fmt: skip
+    stored = {
+        n.id
+        for s in node.body
+        for n in ast.walk(s)
+        if isinstance(n, ast.Name) and isinstance(n.ctx, ast.Store)
+    }
     if re.match(r"\(?\*?self->", code):
-        fields = {n.attr for s in node.body for n in ast.walk(s)
-                  if isinstance(n, ast.Attribute) and isinstance(n.ctx, ast.Store)}  # fmt: skip
+        fields = {
+            n.attr
+            for s in node.body
+            for n in ast.walk(s)
+            if isinstance(n, ast.Attribute) and isinstance(n.ctx, ast.Store)
+        }
         calls = any(
-            isinstance(n, ast.Call) and isinstance(n.func, ast.Attribute)
-            and isinstance(n.func.value, ast.Name) and n.func.value.id == "self"
-            for s in node.body for n in ast.walk(s)
-        )  # fmt: skip
+            isinstance(n, ast.Call)
+            and isinstance(n.func, ast.Attribute)
+            and isinstance(n.func.value, ast.Name)
+            and n.func.value.id == "self"
+            for s in node.body
+            for n in ast.walk(s)
+        )
         return calls or any(f"self->{f}" in code for f in fields)
     root = re.match(r"\(?\*?(\w+)", code)
     return root is not None and root[1] in stored

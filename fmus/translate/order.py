@@ -1,7 +1,7 @@
 """What a part of a function changes: fields of self, names, elements of lists.
 
-Python evaluates in an order, and a list may have two names. Where the C that is written would not
-do the same, `refused` says so before a function is translated.
+Python evaluates in an order, and a list may have two names. Where the C that is written
+would not do the same, `refused` says so before a function is translated.
 """
 
 from __future__ import annotations
@@ -17,12 +17,16 @@ _COMPREHENSIONS = (ast.GeneratorExp, ast.ListComp)
 
 
 class Order:
-    """What nodes of a function read and change: `name` of locals, `self.name` of fields."""
+    """What nodes of a function read and change: `name` of locals, `self.name` of
+    fields."""
 
     def __init__(self, node: ast.FunctionDef, block: type, lists: set[str]) -> None:
         self._block, self._lists = block, lists
-        self._within = {n.name: n for n in ast.walk(node)
-                        if isinstance(n, ast.FunctionDef) and n is not node}  # fmt: skip
+        self._within = {
+            n.name: n
+            for n in ast.walk(node)
+            if isinstance(n, ast.FunctionDef) and n is not node
+        }
         self._busy: set[str] = set()
 
     def changes(self, *nodes: ast.AST) -> set[str]:
@@ -48,18 +52,26 @@ class Order:
             case ast.Name(id=name) if name in self._within and name not in self._busy:
                 self._busy.add(name)
                 inside = self._within[name]
-                own = {n.id for n in ast.walk(inside) if isinstance(n, ast.Name)
-                       and isinstance(n.ctx, ast.Store)}  # fmt: skip
+                own = {
+                    n.id
+                    for n in ast.walk(inside)
+                    if isinstance(n, ast.Name) and isinstance(n.ctx, ast.Store)
+                }
                 found = self.changes(*inside.body) - own
                 self._busy.discard(name)
                 return found
             case ast.Name():
-                return {a.id for a in call.args if isinstance(a, ast.Name)} & self._lists
+                return {
+                    a.id for a in call.args if isinstance(a, ast.Name)
+                } & self._lists
         return set()
 
 
-def fields_changed(block: type, name: str, seen: frozenset[str] = frozenset()) -> set[str]:
-    """The fields that a method assigns, also by the methods that it calls, as `self.name`."""
+def fields_changed(
+    block: type, name: str, seen: frozenset[str] = frozenset()
+) -> set[str]:
+    """The fields that a method assigns, also by the methods that it calls, as
+    `self.name`."""
     found: set[str] = set()
     if name in seen:
         return found
@@ -69,13 +81,17 @@ def fields_changed(block: type, name: str, seen: frozenset[str] = frozenset()) -
             continue
         functions = source(method.__code__.co_filename).functions
         for n in ast.walk(functions.get(method.__code__.co_firstlineno, ast.Pass())):
-            if isinstance(getattr(n, "ctx", None), ast.Store) and _path(n).startswith("self."):
+            if isinstance(getattr(n, "ctx", None), ast.Store) and _path(n).startswith(
+                "self."
+            ):
                 found.add(_path(n))
             match n:
                 case (
                     ast.Call(func=ast.Attribute(value=ast.Name(id="self"), attr=other))
                     | ast.Call(
-                        func=ast.Attribute(value=ast.Call(func=ast.Name(id="super")), attr=other)
+                        func=ast.Attribute(
+                            value=ast.Call(func=ast.Name(id="super")), attr=other
+                        )
                     )
                 ) if other != name:
                     found |= fields_changed(block, other, seen | {name})
@@ -94,11 +110,11 @@ def reads(node: ast.AST) -> set[str]:
     return found
 
 
-def refused(order: Order, node: ast.FunctionDef, lists: set[str], given: set[str]) -> Iterator[
-    tuple[ast.AST, str, str]
-]:  # fmt: skip
-    """What is refused in a function: where, what, what to write instead. `lists`: those of which
-    elements are assigned; `given`: its parameters."""
+def refused(
+    order: Order, node: ast.FunctionDef, lists: set[str], given: set[str]
+) -> Iterator[tuple[ast.AST, str, str]]:
+    """What is refused in a function: where, what, what to write instead. `lists`: those
+    of which elements are assigned; `given`: its parameters."""
     for n in ast.walk(node):
         match n:
             case ast.AugAssign(target=target) if order.calls_change(target):
@@ -115,15 +131,30 @@ def refused(order: Order, node: ast.FunctionDef, lists: set[str], given: set[str
                 _named(e, lists) and isinstance(e.ctx, ast.Load)  # type: ignore[attr-defined]
                 for e in elements
             ):
-                yield n, "a list that changes, within another one", "tuple(...) copies it"
+                yield (
+                    n,
+                    "a list that changes, within another one",
+                    "tuple(...) copies it",
+                )
             case ast.Call(args=[_, _, *_] as args) if any(
-                _named(a, lists) and a.id in order.changes(*(b for b in args if b is not a))  # type: ignore[attr-defined]
+                _named(a, lists)
+                and a.id in order.changes(*(b for b in args if b is not a))  # type: ignore[attr-defined]
                 for a in args
             ):
-                yield n, "a list, and what changes it, as arguments of one call", "change it before"
+                yield (
+                    n,
+                    "a list, and what changes it, as arguments of one call",
+                    "change it before",
+                )
             case ast.Return(value=ast.Name(id=name)) if name in lists & given:
-                yield n, f"{name} is changed and returned", "change it alone, or tuple(...) of it"
-            case ast.Assign(targets=[ast.Attribute()], value=value) if _named(value, lists):
+                yield (
+                    n,
+                    f"{name} is changed and returned",
+                    "change it alone, or tuple(...) of it",
+                )
+            case ast.Assign(targets=[ast.Attribute()], value=value) if _named(
+                value, lists
+            ):
                 yield n, "a second name for a list that changes", "list(...) copies it"
             case ast.Assign(targets=[ast.Name(id=name)], value=value) if name in lists:
                 made = isinstance(value, (ast.List, ast.ListComp, ast.BinOp, ast.Name))
@@ -132,20 +163,32 @@ def refused(order: Order, node: ast.FunctionDef, lists: set[str], given: set[str
                     made = _named(value.func, {"list"}) or not shares
                 if not made:
                     yield n, f"{name} may be another list, too", "list(...) copies it"
-            case ast.FunctionDef() if n is not node and reads(n) & lists & _outside(node, n):
+            case ast.FunctionDef() if n is not node and reads(n) & lists & _outside(
+                node, n
+            ):
                 (name, *_) = sorted(reads(n) & lists & _outside(node, n))
-                yield n, f"{n.name} uses {name}, a list that changes", "give it as an argument"
+                yield (
+                    n,
+                    f"{n.name} uses {name}, a list that changes",
+                    "give it as an argument",
+                )
             case ast.Try(body=body, handlers=handlers):
                 stored = {x for s in body for x in order.changes(s) if "." not in x}
                 for h in handlers:
                     if used := sorted(stored & {x for s in h.body for x in reads(s)}):
-                        yield h, f"{used[0]} is assigned in the try and used in its except", (
-                            "keep to what was known before"
-                        )  # fmt: skip
+                        yield (
+                            h,
+                            f"{used[0]} is assigned in the try and used in its except",
+                            ("keep to what was known before"),
+                        )
         for c in getattr(n, "generators", ()) if isinstance(n, _COMPREHENSIONS) else ():
             rest = [n.elt, *c.ifs, *(x for g in n.generators for x in (g.iter, *g.ifs))]  # type: ignore[attr-defined]
             if clash := sorted(reads(c.iter) & order.changes(*rest)):
-                yield n, f"{clash[0]} changes in a loop over it", "a tuple of it, before"
+                yield (
+                    n,
+                    f"{clash[0]} changes in a loop over it",
+                    "a tuple of it, before",
+                )
 
 
 def _walk(node: ast.AST) -> Iterator[ast.AST]:
@@ -178,4 +221,6 @@ def _named(node: Any, names: set[str]) -> bool:
 def _outside(node: ast.FunctionDef, inner: ast.FunctionDef) -> set[str]:
     """The names that stand in a function and not only in one within it."""
     within = {id(n) for n in ast.walk(inner)}
-    return {n.id for n in ast.walk(node) if isinstance(n, ast.Name) and id(n) not in within}
+    return {
+        n.id for n in ast.walk(node) if isinstance(n, ast.Name) and id(n) not in within
+    }

@@ -1,5 +1,5 @@
-"""A whole block to C99: its functions for the types that they are called with, its fields, its
-tables, and what the FMI wrapper needs to know of its variables."""
+"""A whole block to C99: its functions for the types that they are called with, its
+fields, its tables, and what the FMI wrapper needs to know of its variables."""
 
 from __future__ import annotations
 
@@ -78,7 +78,7 @@ class Program:
         self.table_names: dict[int, str] = {}
         self._translate()
 
-    # --- passes -----------------------------------------------------------------------------------
+    # --- passes -----------------------------------------------------------------------
 
     unsettled = ""
 
@@ -99,8 +99,10 @@ class Program:
             if not self.changed and self.later is None:
                 self._started()
                 return
-        raise SubsetError(f"{self.block.__name__}: the types of its variables do not settle: "
-                      f"{self.unsettled}")  # fmt: skip
+        raise SubsetError(
+            f"{self.block.__name__}: the types of its variables do not settle: "
+            f"{self.unsettled}"
+        )
 
     def _started(self) -> None:
         """Refuse a field that may be read before it is assigned: in C it would be zero."""
@@ -109,8 +111,10 @@ class Program:
             if name not in self.declared and f"self.{name}" not in known:
                 node = self.infos[self.block.start, True].node
                 where = self.infos[self.block.start, True].where
-                raise SubsetError(f"{where}:{node.lineno}: start does not assign self.{name}: "
-                                  "assign it there")  # fmt: skip
+                raise SubsetError(
+                    f"{where}:{node.lineno}: start does not assign self.{name}: "
+                    "assign it there"
+                )
 
     def _entry(self, name: str, types: tuple[Type, ...]) -> Spec:
         callee = Callee(getattr(self.block, name), bound=True)
@@ -120,7 +124,8 @@ class Program:
             return self.memory[callee, types, ("None",) * len(types)]
 
     def _shown(self, path: Path) -> str:
-        """The name of a file for people and for comments; none of one that does not translate."""
+        """The name of a file for people and for comments; none of one that does not
+        translate."""
         if path.is_relative_to(COMPONENTS):
             return path.relative_to(COMPONENTS.parent).as_posix()
         return path.name if path == self.file else ""
@@ -134,9 +139,11 @@ class Program:
             if not isinstance(function, Nested):
                 shown = self._shown(Path(function.__code__.co_filename).resolve())
                 if not shown:
-                    raise SubsetError(f"{self.block.__name__}: {function.__name__} of "
-                                      f"{function.__code__.co_filename}: functions of "
-                                      f"components/, or of {self.file.name}")  # fmt: skip
+                    raise SubsetError(
+                        f"{self.block.__name__}: {function.__name__} of "
+                        f"{function.__code__.co_filename}: functions of "
+                        f"components/, or of {self.file.name}"
+                    )
             self.infos[key] = Info(callee, shown)
         return self.infos[key]
 
@@ -145,15 +152,22 @@ class Program:
         return self._nested.setdefault((id(node), spec.key), Nested(node, spec))
 
     def specialised(
-        self, callee: Callee, types: tuple[Type, ...], consts: tuple[Any, ...], caller: Any
+        self,
+        callee: Callee,
+        types: tuple[Type, ...],
+        consts: tuple[Any, ...],
+        caller: Any,
     ) -> Spec:
-        """A function for these arguments; translated now where that is not done in this pass."""
+        """A function for these arguments; translated now where that is not done in this
+        pass."""
         info = self.info(callee)
         key = (callee, types, tuple(map(repr, consts)))
         if key not in self.memory:
             owner = None
             if callee.bound:
-                owner = next(c for c in self.block.__mro__ if callee.function in vars(c).values())
+                owner = next(
+                    c for c in self.block.__mro__ if callee.function in vars(c).values()
+                )
             self.memory[key] = Spec(key, info, callee, types, consts, owner, "")
         spec = self.memory[key]
         if spec.busy:
@@ -187,7 +201,9 @@ class Program:
             for name, calls in one.kept_of.items():
                 if calls > 1 or name in one.reached:
                     what = f"{name} is called again, which keeps but its last result"
-                    raise one.refuse(spec.node, what, "a function of its own for each call")
+                    raise one.refuse(
+                        spec.node, what, "a function of its own for each call"
+                    )
             spec.reached = one.reached | set(one.kept_of)
             spec.done = True
             spec.lines = one.out
@@ -219,7 +235,9 @@ class Program:
         """MOST of Annotated[tuple[...], MOST]."""
         if "Annotated" not in ast.unparse(annotation):
             return None
-        thing = eval(compile(ast.Expression(annotation), "annotation", "eval"), dict(scope))
+        thing = eval(
+            compile(ast.Expression(annotation), "annotation", "eval"), dict(scope)
+        )
         for x in (thing, *typing.get_args(thing)):
             if typing.get_origin(x) is typing.Annotated:
                 found = [m for m in x.__metadata__ if isinstance(m, int)]
@@ -227,7 +245,7 @@ class Program:
                     return found[0]
         return None
 
-    # --- tables -----------------------------------------------------------------------------------
+    # --- tables -----------------------------------------------------------------------
 
     def table(self, const: Any, t: Type) -> str | None:
         """The name of a constant table; None where its rows are not alike."""
@@ -246,7 +264,7 @@ class Program:
             self.tables[key] = (const, unique, text)
         return self.tables[key][1]
 
-    # --- text -------------------------------------------------------------------------------------
+    # --- text -------------------------------------------------------------------------
 
     def text(self, name: str, guid: str) -> str:
         """The C source."""
@@ -260,9 +278,10 @@ class Program:
             f"typedef struct {BLOCK} {BLOCK};",
         ]
         state = [
-            (n, t) for n, t in self.fields.items()
+            (n, t)
+            for n, t in self.fields.items()
             if n not in self.declared and not _is_nothing(t)
-        ]  # fmt: skip
+        ]
         for _, t in (*self.declared.items(), *state):
             self.names(t)
         functions: list[str] = []
@@ -272,7 +291,9 @@ class Program:
         lines += [f"struct {BLOCK} {{", "    const char *instance;"]
         for v in self.block.variables:
             comment = f"{v.unit}: {v.description}".replace("*/", "* /")
-            lines.append(f"    {self.names(self.declared[v.name])} {safe(v.name)}; /* {comment} */")
+            lines.append(
+                f"    {self.names(self.declared[v.name])} {safe(v.name)}; /* {comment} */"
+            )
         lines += [f"    {self.names(t)} {safe(n)};" for n, t in state]
         lines += ["};", ""]
         lines += [text for _, _, text in self.tables.values()]
@@ -290,7 +311,11 @@ class Program:
         for k, (n, t) in enumerate(spec.arguments):
             if spec.consts[k] is not None:
                 continue
-            if isinstance(t, Function) and len(t.callees) == 1 and not t.callees[0].captured:
+            if (
+                isinstance(t, Function)
+                and len(t.callees) == 1
+                and not t.callees[0].captured
+            ):
                 continue
             how = spec.passing(k)
             text = self.names(t)
@@ -304,7 +329,8 @@ class Program:
         kind = "void" if result in (NONE, NEVER) else self.names(result)
         if spec.memo:
             kind = f"const {kind} *"
-        # inlined, its lists would lie on the stack for as long as the function around runs
+        # inlined, its lists would lie on the stack for as long as the function around
+        # runs
         apart = "PY_APART " if spec.changed_in_place else ""
         return f"static {apart}{kind} {spec.name}({', '.join(arguments) or 'void'})"
 
@@ -326,7 +352,9 @@ class Program:
             members = " ".join(f"{self.names(t)} {safe(n)};" for n, t in spec.arguments)
             kind = self.names(spec.result)
             yield f"    static PY_THREAD struct {{ bool known; {members} {kind} value; }} memo;"
-            same = " && ".join(f"memo.{safe(n)} == {safe(n)}" for n, _ in spec.arguments)
+            same = " && ".join(
+                f"memo.{safe(n)} == {safe(n)}" for n, _ in spec.arguments
+            )
             yield f"    if (memo.known && {same})"
             yield "        return &memo.value;"
             yield "    memo.known = false;"
@@ -362,13 +390,17 @@ class Program:
         yield f"static const block_variable {PREFIX}variables[] = {{"
         for v in self.block.variables:
             kind, cause = v.type[0], v.causality[0]
-            low, high = (("NAN", "None") if x is None else (number(float(x)), repr(x))
-                         for x in (v.minimum, v.maximum))  # fmt: skip
+            low, high = (
+                ("NAN", "None") if x is None else (number(float(x)), repr(x))
+                for x in (v.minimum, v.maximum)
+            )
             for k, element in enumerate(v.elements()):
                 at = f"offsetof({BLOCK}, {safe(v.name)})"
                 at += f" + {k} * sizeof({self.names(KINDS[v.type])})" if k else ""
-                yield (f"    {{{c_text(element)}, {at}, '{kind}', '{cause}', {low[0]}, {high[0]}, "
-                       f"{c_text(f'[{low[1]}, {high[1]}]')}}},")  # fmt: skip
+                yield (
+                    f"    {{{c_text(element)}, {at}, '{kind}', '{cause}', {low[0]}, {high[0]}, "
+                    f"{c_text(f'[{low[1]}, {high[1]}]')}}},"
+                )
         yield "};"
         yield ""
         for spec, (entry, types) in zip(self.entries, ENTRIES.items(), strict=True):

@@ -1,4 +1,5 @@
-"""Python files as the translator reads them: trees, comments, and what a function declares."""
+"""Python files as the translator reads them: trees, comments, and what a function
+declares."""
 
 from __future__ import annotations
 
@@ -14,7 +15,19 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from .types import NEVER, B, Callee, F, JoinError, Maybe, Scalar, SubsetError, Tuple, Type, join
+from .types import (
+    NEVER,
+    B,
+    Callee,
+    F,
+    JoinError,
+    Maybe,
+    Scalar,
+    SubsetError,
+    Tuple,
+    Type,
+    join,
+)
 
 BY_ADDRESS = 64
 """Arguments larger than that (bytes) are handed over by their address."""
@@ -38,11 +51,15 @@ class Source:
         for token in tokenize.generate_tokens(io.StringIO(text).readline):
             if token.type == tokenize.COMMENT and not _TOOLS.match(token.string):
                 said = re.split(r"\s*#\s*(?:fmt:|type:|noqa)", token.string)[0]
-                self._comments[token.start[0]] = said.lstrip("# ").rstrip().replace("*/", "* /")
+                self._comments[token.start[0]] = (
+                    said.lstrip("# ").rstrip().replace("*/", "* /")
+                )
 
     def comments(self, first: int, last: int) -> list[str]:
         """The comments from one line to another."""
-        return [self._comments[k] for k in range(first, last + 1) if self._comments.get(k)]
+        return [
+            self._comments[k] for k in range(first, last + 1) if self._comments.get(k)
+        ]
 
 
 @cache
@@ -75,14 +92,18 @@ class Info:
             defaults: tuple[Any, ...] = ()
             named: dict[str, Any] = {}
             if self.node.args.defaults or self.node.args.kw_defaults:
-                raise SubsetError(f"{self.where}:{self.node.lineno}: defaults of a function within "
-                              "another: give the arguments")  # fmt: skip
+                raise SubsetError(
+                    f"{self.where}:{self.node.lineno}: defaults of a function within "
+                    "another: give the arguments"
+                )
         else:
             code = function.__code__
             self.source = source(code.co_filename)
             self.where = shown
             if code.co_firstlineno not in self.source.functions:
-                raise SubsetError(f"{shown}:{code.co_firstlineno}: a lambda with a name: def")
+                raise SubsetError(
+                    f"{shown}:{code.co_firstlineno}: a lambda with a name: def"
+                )
             self.node = self.source.functions[code.co_firstlineno]
             self.globals = function.__globals__
             defaults, named = function.__defaults__ or (), function.__kwdefaults__ or {}
@@ -107,13 +128,17 @@ class Info:
             self.annotated.append(t)
             self.optional.append(optional)
         in_slices = {
-            n.id for s in ast.walk(self.node) if isinstance(s, ast.Slice)
-            for n in ast.walk(s) if isinstance(n, ast.Name)
-        }  # fmt: skip
+            n.id
+            for s in ast.walk(self.node)
+            if isinstance(s, ast.Slice)
+            for n in ast.walk(s)
+            if isinstance(n, ast.Name)
+        }
         assigned = {
-            n.id for n in ast.walk(self.node)
+            n.id
+            for n in ast.walk(self.node)
             if isinstance(n, ast.Name) and isinstance(n.ctx, ast.Store)
-        }  # fmt: skip
+        }
         self.wants_constant = [a in in_slices - assigned for a, _ in self.parameters]
         self.is_constant: Any = None
         if self.cached and not self.parameters:
@@ -123,20 +148,25 @@ class Info:
         if node is None:
             return None, True
         try:
-            thing = eval(compile(ast.Expression(node), "annotation", "eval"), dict(self.globals))
+            thing = eval(
+                compile(ast.Expression(node), "annotation", "eval"), dict(self.globals)
+            )
         except Exception:
             return None, "None" in ast.unparse(node)
         return of_annotation(thing)
 
 
 def of_annotation(thing: Any) -> tuple[Type | None, bool]:
-    """The type that an annotation says, None where it does not say all, and whether it may be
-    None."""
+    """The type that an annotation says, None where it does not say all, and whether it
+    may be None."""
     if thing is float:
         return F, False
     if thing is bool:
         return B, False
-    if isinstance(thing, python_types.UnionType) or typing.get_origin(thing) is typing.Union:
+    if (
+        isinstance(thing, python_types.UnionType)
+        or typing.get_origin(thing) is typing.Union
+    ):
         return None, type(None) in typing.get_args(thing)
     if isinstance(thing, type) and hasattr(thing, "_fields"):
         kinds = typing.get_type_hints(thing)
@@ -159,15 +189,26 @@ def of_annotation(thing: Any) -> tuple[Type | None, bool]:
 
 
 class Spec:
-    """A function with the types of its arguments: what is found out about it, pass by pass."""
+    """A function with the types of its arguments: what is found out about it, pass by
+    pass."""
 
-    def __init__(self, key: Any, info: Info, callee: Callee, types: tuple[Type, ...],
-                 consts: tuple[Any, ...], owner: Any, name: str) -> None:  # fmt: skip
+    def __init__(
+        self,
+        key: Any,
+        info: Info,
+        callee: Callee,
+        types: tuple[Type, ...],
+        consts: tuple[Any, ...],
+        owner: Any,
+        name: str,
+    ) -> None:
         self.key, self.info, self.callee = key, info, callee
         self.types, self.consts, self.owner, self.name = types, consts, owner, name
         self.node, self.globals, self.source = info.node, info.globals, info.source
         self.where = info.where
-        self.arguments = [(n, t) for (n, _), t in zip(info.parameters, types, strict=True)]
+        self.arguments = [
+            (n, t) for (n, _), t in zip(info.parameters, types, strict=True)
+        ]
         nested = isinstance(callee.function, Nested)
         self.takes_self = callee.bound
         self.self_captured = nested and any(n == "self" for n, _ in callee.captured)
@@ -179,7 +220,8 @@ class Spec:
         self.effects = False
         self.lines: list[str] = []
         self.reached: set[str] = set()
-        """The functions that remember their last result which it calls, or which those call."""
+        """The functions that remember their last result which it calls, or which those
+        call."""
         self.recursive = False
         self.end_reached = False
         self.busy = False
@@ -190,7 +232,8 @@ class Spec:
         return self.hoisted
 
     def _places(self) -> None:
-        """Where each local name stands: how often it is assigned, in which block of statements."""
+        """Where each local name stands: how often it is assigned, in which block of
+        statements."""
         self.stores: Counter[str] = Counter()
         self.changed_in_place: set[str] = set()
         self.in_loops: set[str] = set()
@@ -199,10 +242,16 @@ class Spec:
         firsts: dict[str, tuple[tuple[int, ...], int]] = {}
         self._lines: dict[str, list[int]] = {}
 
-        def names(node: ast.AST, path: tuple[int, ...], loop: bool, own: frozenset[str]) -> None:
+        def names(
+            node: ast.AST, path: tuple[int, ...], loop: bool, own: frozenset[str]
+        ) -> None:
             if isinstance(node, (ast.GeneratorExp, ast.ListComp, ast.Lambda)):
-                inner = {n.id for g in getattr(node, "generators", []) for n in ast.walk(g.target)
-                         if isinstance(n, ast.Name)}  # fmt: skip
+                inner = {
+                    n.id
+                    for g in getattr(node, "generators", [])
+                    for n in ast.walk(g.target)
+                    if isinstance(n, ast.Name)
+                }
                 if isinstance(node, ast.Lambda):
                     inner = {a.arg for a in node.args.args}
                 own = own | inner
@@ -214,9 +263,11 @@ class Spec:
                     firsts.setdefault(node.id, (path, id(node)))
                 paths.setdefault(node.id, []).append(path)
                 self._lines.setdefault(node.id, []).append(node.lineno)
-            if isinstance(node, ast.Subscript) and isinstance(node.ctx, ast.Store) and isinstance(
-                node.value, ast.Name
-            ):  # fmt: skip
+            if (
+                isinstance(node, ast.Subscript)
+                and isinstance(node.ctx, ast.Store)
+                and isinstance(node.value, ast.Name)
+            ):
                 self.changed_in_place.add(node.value.id)
             for child in ast.iter_child_nodes(node):
                 names(child, path, loop, own)
@@ -227,13 +278,19 @@ class Spec:
                 if isinstance(s, ast.FunctionDef):
                     names(s, here, loop, frozenset(a.arg for a in s.args.args))
                     continue
-                lists = [getattr(s, f) for f in ("body", "orelse") if isinstance(s, (
-                    ast.If, ast.For, ast.While, ast.Try)) and getattr(s, f, None)]  # fmt: skip
+                lists = [
+                    getattr(s, f)
+                    for f in ("body", "orelse")
+                    if isinstance(s, (ast.If, ast.For, ast.While, ast.Try))
+                    and getattr(s, f, None)
+                ]
                 if isinstance(s, ast.Try):
                     lists += [h.body for h in s.handlers]
                 inside = {id(x) for b in lists for x in b}
                 for child in ast.iter_child_nodes(s):
-                    if id(child) not in inside and not isinstance(child, ast.ExceptHandler):
+                    if id(child) not in inside and not isinstance(
+                        child, ast.ExceptHandler
+                    ):
                         names(child, here, loop, frozenset())
                 if isinstance(s, ast.AugAssign) and isinstance(s.target, ast.Name):
                     self.stores[s.target.id] += 1
@@ -251,15 +308,18 @@ class Spec:
             if common == path and paths[name][0] == path:
                 self.inline.setdefault(node, set()).add(name)
         own_names = {a for a, _ in self.arguments}
-        for s in ast.walk(self.node):  # a list that another function changes is changed here
+        for s in ast.walk(
+            self.node
+        ):  # a list that another function changes is changed here
             if isinstance(s, ast.Call):
                 self._passed(s, own_names)
         self.locals_names = {*self.stores, *own_names}
         self.by_address = {
-            n for (n, t) in self.arguments
+            n
+            for (n, t) in self.arguments
             if n in self.changed_in_place
             or (self.stores[n] == 0 and (size(t) > BY_ADDRESS or _captures(t)))
-        }  # fmt: skip
+        }
 
     def _passed(self, call: ast.Call, own: set[str]) -> None:
         if not isinstance(call.func, ast.Name):
@@ -271,14 +331,18 @@ class Spec:
             return
         if not inspect.getsourcefile(target):
             return
-        node = source(target.__code__.co_filename).functions.get(target.__code__.co_firstlineno)
+        node = source(target.__code__.co_filename).functions.get(
+            target.__code__.co_firstlineno
+        )
         if node is None:
             return
         changed = {
-            n.value.id for n in ast.walk(node)
-            if isinstance(n, ast.Subscript) and isinstance(n.ctx, ast.Store)
+            n.value.id
+            for n in ast.walk(node)
+            if isinstance(n, ast.Subscript)
+            and isinstance(n.ctx, ast.Store)
             and isinstance(n.value, ast.Name)
-        }  # fmt: skip
+        }
         for argument, parameter in zip(call.args, node.args.args, strict=False):
             if parameter.arg in changed and isinstance(argument, ast.Name):
                 self.changed_in_place.add(argument.id)
@@ -335,5 +399,7 @@ def size(t: Type) -> int:
     if name == "Maybe":
         return 8 + size(t.item)
     if name == "Function":
-        return sum(8 if x == "self" else size(x) for c in t.callees for _, x in c.captured)
+        return sum(
+            8 if x == "self" else size(x) for c in t.callees for _, x in c.captured
+        )
     return 8

@@ -7,7 +7,8 @@ from typing import Any
 
 
 class SubsetError(Exception):
-    """A construct outside of the subset; the text says where, what, and what to write instead."""
+    """A construct outside of the subset; the text says where, what, and what to write
+    instead."""
 
 
 @dataclass(frozen=True)
@@ -61,8 +62,8 @@ class Maybe:
 
 @dataclass(frozen=True)
 class Callee:
-    """A function known while translating: of a module, of the block (`bound`), or inside another,
-    with what it captures."""
+    """A function known while translating: of a module, of the block (`bound`), or
+    inside another, with what it captures."""
 
     function: Any
     bound: bool = False
@@ -133,7 +134,13 @@ def element(t: Type) -> Type:
 
 def most(t: Type) -> int:
     """The most elements that a value of a type has."""
-    return t.most if isinstance(t, List) else t.size if isinstance(t, Array) else len(t.items)
+    return (
+        t.most
+        if isinstance(t, List)
+        else t.size
+        if isinstance(t, Array)
+        else len(t.items)
+    )
 
 
 def shown(t: Type) -> str:
@@ -164,8 +171,15 @@ class Names:
 
     def __call__(self, t: Type) -> str:
         if isinstance(t, Scalar):
-            return {F: "double", B: "bool", I: "int64_t", U: "uint64_t", S: "const char *",
-                    NONE: "void", NEVER: "void"}[t]  # fmt: skip
+            return {
+                F: "double",
+                B: "bool",
+                I: "int64_t",
+                U: "uint64_t",
+                S: "const char *",
+                NONE: "void",
+                NEVER: "void",
+            }[t]
         if t not in self._names:
             self._names[t] = self._define(t)
         return self._names[t]
@@ -187,7 +201,9 @@ class Names:
             body = f"{base} e[{n}];"
         elif isinstance(t, Tuple):
             names = member_names(t)
-            body = " ".join(f"{self(x)} {n};" for x, n in zip(t.items, names, strict=True))
+            body = " ".join(
+                f"{self(x)} {n};" for x, n in zip(t.items, names, strict=True)
+            )
             body = body or "char nothing;"
         elif isinstance(t, List):
             item = "double" if t.item == NEVER else self(t.item)
@@ -219,8 +235,13 @@ def hidden(t: Type) -> bool:
 
 
 def _kind(t: Type) -> str:
-    return {"Tuple": "tuple", "List": "upto", "Maybe": "maybe", "Function": "function",
-            "Array": "list"}[type(t).__name__]  # fmt: skip
+    return {
+        "Tuple": "tuple",
+        "List": "upto",
+        "Maybe": "maybe",
+        "Function": "function",
+        "Array": "list",
+    }[type(t).__name__]
 
 
 def member_names(t: Tuple) -> list[str]:
@@ -229,7 +250,8 @@ def member_names(t: Tuple) -> list[str]:
 
 
 PREFIX = "desat_"
-"""What each name begins with that is known in the whole of a C file: none of a library does."""
+"""What each name begins with that is known in the whole of a C file: none of a library
+does."""
 BLOCK = f"{PREFIX}block"
 _WORDS = """auto break case char const continue default do double else enum extern float for goto if
 inline int long register restrict return short signed sizeof static struct switch typedef union

@@ -1,4 +1,5 @@
-"""What an expression is while it is translated: its type, its C, and what else is known of it."""
+"""What an expression is while it is translated: its type, its C, and what else is known
+of it."""
 
 from __future__ import annotations
 
@@ -6,21 +7,48 @@ import math
 from dataclasses import dataclass, replace
 from typing import Any
 
-from .types import NEVER, NONE, B, F, I, JoinError, List, S, Scalar, Tuple, Type, U, join
+from .types import (
+    NEVER,
+    NONE,
+    B,
+    F,
+    I,
+    JoinError,
+    List,
+    S,
+    Scalar,
+    Tuple,
+    Type,
+    U,
+    join,
+)
 
 UNKNOWN: Any = object()
 """The constant of what is not one."""
 
 ATOM, UNARY, MUL, ADD, SHIFT, LESS, EQUAL, AND_BITS, XOR, OR_BITS, AND, OR, COND = (
-    100, 90, 80, 70, 60, 50, 45, 40, 35, 30, 20, 15, 10,
-)  # fmt: skip
+    100,
+    90,
+    80,
+    70,
+    60,
+    50,
+    45,
+    40,
+    35,
+    30,
+    20,
+    15,
+    10,
+)
 """How tightly C binds."""
 
 
 @dataclass(frozen=True)
 class Value:
-    """An expression: C `code` that binds by `binds`; a constant; the parts of a tuple that is
-    written out; bounds of an integer; `again`: the code may stand several times."""
+    """An expression: C `code` that binds by `binds`; a constant; the parts of a tuple
+    that is written out; bounds of an integer; `again`: the code may stand several
+    times."""
 
     type: Type
     code: str
@@ -67,10 +95,14 @@ def constant(x: Any) -> Value | None:
         if x > 2**63 - 1:
             return Value(U, f"UINT64_C(0x{x:X})", const=x, again=True)
         code = str(x) if abs(x) < 2**31 else f"INT64_C({x})"
-        return Value(I, code, ATOM if x >= 0 else UNARY, const=x, low=x, high=x, again=True)
+        return Value(
+            I, code, ATOM if x >= 0 else UNARY, const=x, low=x, high=x, again=True
+        )
     if isinstance(x, float):
         code = number(x)
-        return Value(F, code, UNARY if code.startswith("-") else ATOM, const=x, again=True)
+        return Value(
+            F, code, UNARY if code.startswith("-") else ATOM, const=x, again=True
+        )
     if isinstance(x, str):
         return Value(S, c_text(x), const=x, again=True)
     if isinstance(x, tuple):
@@ -81,14 +113,18 @@ def constant(x: Any) -> Value | None:
             return Value(List(NEVER, 0), "", const=(), parts=(), again=True)
         names = tuple(getattr(type(x), "_fields", ()))
         return Value(
-            Tuple(tuple(p.type for p in parts if p), names), "", const=x,
-            parts=tuple(p for p in parts if p), again=True,
-        )  # fmt: skip
+            Tuple(tuple(p.type for p in parts if p), names),
+            "",
+            const=x,
+            parts=tuple(p for p in parts if p),
+            again=True,
+        )
     return None
 
 
 def uniform_constant(x: Any) -> Type | None:
-    """The type of a constant table, in which all rows are made alike; None where that fails."""
+    """The type of a constant table, in which all rows are made alike; None where that
+    fails."""
     if isinstance(x, tuple):
         items = [uniform_constant(e) for e in x]
         if not items or any(t is None for t in items):
@@ -111,5 +147,11 @@ def c_text(x: str) -> str:
     out = []
     for byte in x.encode():
         char = chr(byte)
-        out.append(f"\\{char}" if char in '"\\' else char if 32 <= byte < 127 else f"\\{byte:03o}")
+        out.append(
+            f"\\{char}"
+            if char in '"\\'
+            else char
+            if 32 <= byte < 127
+            else f"\\{byte:03o}"
+        )
     return '"' + "".join(out).replace("??", "?\\?") + '"'

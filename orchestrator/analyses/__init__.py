@@ -1,6 +1,8 @@
-"""What is computed of a run beyond its numbers: a file an analysis, found by the folder.
+"""What is computed of a run beyond its numbers: a file an analysis, found by the
+folder.
 
-A module that has `applies` is an analysis, here and in a folder `analyses/` of another room:
+A module that has `applies` is an analysis, here and in a folder `analyses/` of another
+room:
 
     KEY = "rigid_body"                              # its place in the manifest
     PARTS                                           # its class, which component is what
@@ -18,8 +20,9 @@ and what of these it has:
     def figures(manifest, results) -> [(caption, Figure)]
     def remarks(manifest, results) -> list of lines # what to beware of
 
-What to beware of in a checked system (`warnings(system) -> lines`), and what stands against running
-it (`problems(system) -> lines`), are functions beside these; `runs/prepare.py` lists them.
+What to beware of in a checked system (`warnings(system) -> lines`), and what stands
+against running it (`problems(system) -> lines`), are functions beside these;
+`runs/prepare.py` lists them.
 """
 
 from __future__ import annotations
@@ -52,10 +55,11 @@ class Parts:
 
 _NOTHING: dict[str, Any] = {
     "BOUND_KEYS": (),
-    "signals": lambda parts: [], "balanced": lambda parts: [],
+    "signals": lambda parts: [],
+    "balanced": lambda parts: [],
     **dict.fromkeys(("unmet", "figures", "remarks"), lambda manifest, results: []),
     "unchecked": lambda manifest, results: {},
-}  # fmt: skip
+}
 
 
 class Analysis:
@@ -82,8 +86,8 @@ def with_titles(rows: Mapping[str, tuple[str, float | None, str]]) -> dict[str, 
 
 
 def not_checked(reasons: Mapping[str, str]) -> list[str]:
-    """A line for each reason why numbers cannot be made that a run is held against; `reasons` by
-    the numbers' names."""
+    """A line for each reason why numbers cannot be made that a run is held against;
+    `reasons` by the numbers' names."""
     named: dict[str, list[str]] = {}
     for name, why in reasons.items():
         named.setdefault(why, []).append(name)

@@ -1,5 +1,6 @@
-"""Figures of a craft that two of its components hold, each for itself, where they must be one: what
-they come to in one component is an account that the other's contradicts."""
+"""Figures of a craft that two of its components hold, each for itself, where they must
+be one: what they come to in one component is an account that the other's
+contradicts."""
 
 from __future__ import annotations
 
@@ -20,24 +21,30 @@ ABOUT = 3.0
 
 
 def problems(system: System) -> Iterator[str]:
-    """A line for an orbit that loses another mass to a force than the thrusters that give it
-    spend."""
+    """A line for an orbit that loses another mass to a force than the thrusters that
+    give it spend."""
     for target, wire in system.by_input[FORCE].items():
         source = wire.source
         thrusters, orbit = system.components[source], system.components[target]
-        if IMPULSE not in thrusters.interface.signals or IMPULSE not in orbit.interface.signals:
+        if (
+            IMPULSE not in thrusters.interface.signals
+            or IMPULSE not in orbit.interface.signals
+        ):
             continue
         theirs, its = thrusters.values[IMPULSE], orbit.values[IMPULSE]
         if its > 0.0 and abs(its - theirs) > 1e-9 * theirs:
             where = orbit.given.get(IMPULSE, f"{system.where}: default")
-            yield (f"{where}: {target}.{IMPULSE} = {its:g} s, but {source}.{IMPULSE} = "
-                   f"{theirs:g} s: the mass that leaves the craft is not the propellant that is "
-                   f'spent; given as "{source}.{IMPULSE}" it follows')  # fmt: skip
+            yield (
+                f"{where}: {target}.{IMPULSE} = {its:g} s, but {source}.{IMPULSE} = "
+                f"{theirs:g} s: the mass that leaves the craft is not the propellant that is "
+                f'spent; given as "{source}.{IMPULSE}" it follows'
+            )
 
 
 def warnings(system: System) -> Iterator[str]:
-    """A line for each figure of the drag that the orbit has otherwise than the attitude, and for
-    each noise that a manager's filter is told otherwise than the sensors have it."""
+    """A line for each figure of the drag that the orbit has otherwise than the
+    attitude, and for each noise that a manager's filter is told otherwise than the
+    sensors have it."""
     yield from _drag(system)
     noise = noise_of(system)
     for c in system.components.values():
@@ -46,13 +53,16 @@ def warnings(system: System) -> Iterator[str]:
             if is_so == 0.0:
                 continue
             if not is_so / ABOUT <= told <= is_so * ABOUT:
-                yield (f"{c.given.get(name, f'{system.where}: default')}: {c.name}.{name} = "
-                       f"{told:.3g} {unit}, but the craft's sensors have {is_so:.3g}: what the law "
-                       f"filters errs; --set {c.name}.{name}={is_so:.3g} tells it")  # fmt: skip
+                yield (
+                    f"{c.given.get(name, f'{system.where}: default')}: {c.name}.{name} = "
+                    f"{told:.3g} {unit}, but the craft's sensors have {is_so:.3g}: what the law "
+                    f"filters errs; --set {c.name}.{name}={is_so:.3g} tells it"
+                )
 
 
 def _told_noise(c: Component) -> dict[str, str]:
-    """Return which parameters of a manager are a sensor's noise, by the rules of its laws.
+    """Return which parameters of a manager are a sensor's noise, by the rules of its
+    laws.
 
     A parameter of such a name may be another quantity, as a random walk.
     """
@@ -68,7 +78,11 @@ def _told_noise(c: Component) -> dict[str, str]:
 
 def _drag(system: System) -> Iterator[str]:
     bodies, orbits = (
-        [c for c in system.components.values() if c.interface.signals.keys() >= {*DRAG, option}]
+        [
+            c
+            for c in system.components.values()
+            if c.interface.signals.keys() >= {*DRAG, option}
+        ]
         for option in ("aerodynamics", "zonals")
     )
     for body in bodies:
@@ -79,5 +93,7 @@ def _drag(system: System) -> Iterator[str]:
                 if abs(its - other) > 1e-9 * abs(other):
                     where = orbit.given.get(name, f"{system.where}: default")
                     unit = " m2" if name == DRAG[0] else ""
-                    yield (f"{where}: {orbit.name}.{name} = {its:g}{unit}, but {body.name}.{name} "
-                           f"= {other:g}{unit}: two accounts of one drag")  # fmt: skip
+                    yield (
+                        f"{where}: {orbit.name}.{name} = {its:g}{unit}, but {body.name}.{name} "
+                        f"= {other:g}{unit}: two accounts of one drag"
+                    )

@@ -1,7 +1,9 @@
-"""Whether the attitude control of a craft is stable as it is sampled, with momentum in its wheels.
+"""Whether the attitude control of a craft is stable as it is sampled, with momentum in
+its wheels.
 
-`system/sampled_loop.py` has the linear loop. It is looked at with wheels at rest, as they start,
-and full: at the threshold of dumps where there is one, else at their capacity.
+`system/sampled_loop.py` has the linear loop. It is looked at with wheels at rest, as
+they start, and full: at the threshold of dumps where there is one, else at their
+capacity.
 """
 
 from __future__ import annotations
@@ -59,12 +61,15 @@ def loop_of(system: System) -> AttitudeLoop | None:
         kp=controller.values["kp"],
         kd=controller.values["kd"],
         ki=controller.values.get("ki", 0.0),
-        actuated=(body.axes * body.wheels.exist) @ np.linalg.pinv(axes_of(manager.values)),
+        actuated=(body.axes * body.wheels.exist)
+        @ np.linalg.pinv(axes_of(manager.values)),
         motor_lag=body.wheels.component.values.get("motor_lag", 0.0),
         gyroscopic=bool(own.get("gyroscopic", True)),
         step=step,
         gyro_sample=_sample(craft.gyro, step),
-        attitude_sample=max(_sample(craft.determination, step), _sample(craft.star_tracker, step)),
+        attitude_sample=max(
+            _sample(craft.determination, step), _sample(craft.star_tracker, step)
+        ),
         controller_sample=controller.values["sample_time"] or step,
         wheel_sample=own.get("wheel_sample_time") or own["sample_time"] or step,
         controller_delay=controller.values.get("delay", 0.0),
@@ -72,15 +77,23 @@ def loop_of(system: System) -> AttitudeLoop | None:
     )
 
 
-def _is_closed(system: System, body: RigidBody, controller: Component, manager: Component) -> bool:
+def _is_closed(
+    system: System, body: RigidBody, controller: Component, manager: Component
+) -> bool:
     """Return whether our controller and manager close the attitude loop by the wheels."""
-    if controller.interface.model not in CONTROLLERS or manager.interface.model not in names():
+    if (
+        controller.interface.model not in CONTROLLERS
+        or manager.interface.model not in names()
+    ):
         return False
     block = block_class(manager.interface.model)
     if not issubclass(block, Manager) or not block.passes_torque:
         return False
     wheels = body.wheels.component
-    if (wheels.name, "tau_cmd_wheel") not in system.fed or "axes_wheel" not in wheels.values:
+    if (
+        wheels.name,
+        "tau_cmd_wheel",
+    ) not in system.fed or "axes_wheel" not in wheels.values:
         return False
     if wheels.values.get("command_mode", 0) != 0:
         return False
@@ -94,12 +107,16 @@ def _sample(sensor: Component | None, step: float) -> float:
     return step if sensor is None else sensor.values.get("sample_time", 0.0) or step
 
 
-def conditions(system: System, loop: AttitudeLoop, body: RigidBody) -> Iterator[Condition]:
+def conditions(
+    system: System, loop: AttitudeLoop, body: RigidBody
+) -> Iterator[Condition]:
     """Look at a loop with wheels at rest, as they start, and full."""
     yield Condition("with wheels at rest", np.zeros(3), stability(loop, np.zeros(3)))
     start = axes_of(body.wheels.component.values) @ body.wheels.h_start
     if start.any():
-        yield Condition("with the wheels' momentum at the start", start, stability(loop, start))
+        yield Condition(
+            "with the wheels' momentum at the start", start, stability(loop, start)
+        )
     each, name = _full(system, body)
     if np.isfinite(each).all():
         momentum, found = worst_momentum(loop, body.wheels.axes, each)
@@ -116,7 +133,8 @@ def _full(system: System, body: RigidBody) -> tuple[Array, str]:
 
 
 def problems(system: System) -> Iterator[str]:
-    """Find whether the attitude loop is unstable at rest or as the wheels start, a line each.
+    """Find whether the attitude loop is unstable at rest or as the wheels start, a line
+    each.
 
     A scenario whose loop is unstable on purpose says so (`unstable`).
     """
@@ -124,7 +142,8 @@ def problems(system: System) -> Iterator[str]:
 
 
 def problems_when_full(system: System) -> Iterator[str]:
-    """Find whether the attitude loop is unstable with full wheels, which a run may not come to."""
+    """Find whether the attitude loop is unstable with full wheels, which a run may not
+    come to."""
     yield from _unstable(system, full=True)
 
 
@@ -137,8 +156,8 @@ def _unstable(system: System, full: bool) -> Iterator[str]:
 
 
 def warnings(system: System) -> Iterator[str]:
-    """Find conditions in which the attitude loop is poorly damped, a line each; those in which it
-    is unstable where a scenario says why, and with full wheels."""
+    """Find conditions in which the attitude loop is poorly damped, a line each; those
+    in which it is unstable where a scenario says why, and with full wheels."""
     why = content_of(system.about).unstable
     for condition, loop in _looked_at(system):
         found = condition.stability
@@ -150,7 +169,9 @@ def warnings(system: System) -> Iterator[str]:
             yield _line(system, loop, condition, damping)
 
 
-_KNOWN: dict[tuple[object, ...], list[Condition]] = {}  # of the last systems, by all that counts
+_KNOWN: dict[
+    tuple[object, ...], list[Condition]
+] = {}  # of the last systems, by all that counts
 MOST_KNOWN = 64
 
 
@@ -161,8 +182,16 @@ def _looked_at(system: System) -> Iterator[tuple[Condition, AttitudeLoop]]:
         return
     wheels = body.wheels
     each, name = _full(system, body)
-    loops = (x.tobytes() if isinstance(x, np.ndarray) else x for x in vars(loop).values())
-    key = (*loops, wheels.axes.tobytes(), each.tobytes(), wheels.h_start.tobytes(), name)
+    loops = (
+        x.tobytes() if isinstance(x, np.ndarray) else x for x in vars(loop).values()
+    )
+    key = (
+        *loops,
+        wheels.axes.tobytes(),
+        each.tobytes(),
+        wheels.h_start.tobytes(),
+        name,
+    )
     if key not in _KNOWN:
         if len(_KNOWN) >= MOST_KNOWN:
             _KNOWN.clear()
@@ -181,6 +210,8 @@ def _line(system: System, loop: AttitudeLoop, condition: Condition, what: str) -
     axes, (each, _) = body.wheels.axes, _full(system, body)
     each = each if np.isfinite(each).all() else np.zeros(len(each))
     enough = longest_sample(loop, axes, each, SAMPLE_TIMES)
-    remedy = "no sample time alone helps" if enough is None else f"{enough:g} s would do"
+    remedy = (
+        "no sample time alone helps" if enough is None else f"{enough:g} s would do"
+    )
     name = f"{system.where}: {controller.name}"
     return f"{name}: attitude control {what} {condition.name}{at}: {remedy}"

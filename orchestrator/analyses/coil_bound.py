@@ -1,10 +1,12 @@
-"""`desat bound` of management by coils: the least energy for the wheels' largest momentum.
+"""`desat bound` of management by coils: the least energy for the wheels' largest
+momentum.
 
-A run's truth (field, attitude and, with it, every external torque but the coils') is taken as
-given. Over the manager's samples it is a convex quadratic programme (`least_energy` of
-`components/laws/momentum_offline.py`): the least integral of the squared coil dipoles that keeps
-each wheel within what the run's own fastest had, and is free in the momentum at the end. It knows
-the whole run, and its coils have no limit: no law with such samples does with less.
+A run's truth (field, attitude and, with it, every external torque but the coils') is
+taken as given. Over the manager's samples it is a convex quadratic programme
+(`least_energy` of `components/laws/momentum_offline.py`): the least integral of the
+squared coil dipoles that keeps each wheel within what the run's own fastest had, and is
+free in the momentum at the end. It knows the whole run, and its coils have no limit: no
+law with such samples does with less.
 """
 
 from __future__ import annotations
@@ -29,13 +31,18 @@ if TYPE_CHECKING:
     from ..engine.recording.results import Results
 
 SIGNALS = (
-    "spacecraft.q_bi", "spacecraft.impulse_eci", "environment.b_eci", "torquers.m_mean_body",
-    "torquers.dipole_energy", "wheels.h_wheel",
-)  # fmt: skip
+    "spacecraft.q_bi",
+    "spacecraft.impulse_eci",
+    "environment.b_eci",
+    "torquers.m_mean_body",
+    "torquers.dipole_energy",
+    "wheels.h_wheel",
+)
 
 
 START = 0.02  # share of a run that counts as its start
-WORTH = 0.01  # share of a run's energy below which the least for its start momentum says nothing
+# share of a run's energy below which the least for its start momentum says nothing
+WORTH = 0.01
 
 
 @dataclass(frozen=True)
@@ -56,7 +63,11 @@ class CoilBound:
         rows: dict[str, tuple[str, float | None, str]] = {
             "energy": ("Integral of the squared coil dipoles", self.energy, "A2.m4.s"),
             "peak": ("Largest momentum of a wheel", self.peak, "N.m.s"),
-            "least": ("Least coil energy for the same peak momentum", self.least, "A2.m4.s"),
+            "least": (
+                "Least coil energy for the same peak momentum",
+                self.least,
+                "A2.m4.s",
+            ),
             "above": ("Excess coil energy over the least", self.above_percent, "%"),
         }
         return with_titles(rows)
@@ -100,19 +111,23 @@ def of_run(manifest: Manifest, results: Results) -> CoilBound:
 
 def curve(
     manifest: Manifest, results: Results, peaks: Sequence[float]
-) -> list[tuple[float, float]]:  # fmt: skip
-    """The least energy (A2 m4 s) of each largest wheel momentum (N m s), where there is one."""
+) -> list[tuple[float, float]]:
+    """The least energy (A2 m4 s) of each largest wheel momentum (N m s), where there is
+    one."""
     course, start = course_of(manifest, results)
     energies = ((p, offline.least_energy(course, p, start)) for p in peaks)
     return [(p, least) for p, least in energies if least is not None]
 
 
 def course_of(manifest: Manifest, results: Results) -> tuple[offline.Course, Any]:
-    """What acted on a run over the manager's samples, in eci, with the coils that work; and the
-    momentum that it began with (3; N m s). Raises DesatError where a series is not recorded."""
+    """What acted on a run over the manager's samples, in eci, with the coils that work;
+    and the momentum that it began with (3; N m s). Raises DesatError where a series is
+    not recorded."""
     missing = [s for s in SIGNALS if s not in results.names()]
     if missing:
-        raise DesatError(f"{manifest.scenario}: {missing[0]} is not recorded; a bound needs it")
+        raise DesatError(
+            f"{manifest.scenario}: {missing[0]} is not recorded; a bound needs it"
+        )
     q, impulse, field, dipole = (results.values(s) for s in SIGNALS[:4])
     parameters = {c: manifest.values_of(c) for c in manifest.parameters}
     step = manifest.step

@@ -1,24 +1,26 @@
-"""The range in which the exchange is shown to be exact: two numbers of a rigid craft with wheels.
+"""The range in which the exchange is shown to be exact: two numbers of a rigid craft
+with wheels.
 
-Over a substep H (`system/schedule.py`) components exchange means and slopes; what a torque does
-beside, curvature c inside it, leaves an error of the rate of about
-H^3 / 60 |omega x J_r^-1 c + J_r^-1 (J_r^-1 c x L)|. So it depends, with L the body's total
+Over a substep H (`system/schedule.py`) components exchange means and slopes; what a
+torque does beside, curvature c inside it, leaves an error of the rate of about H^3 / 60
+|omega x J_r^-1 c + J_r^-1 (J_r^-1 c x L)|. So it depends, with L the body's total
 momentum, on
 
 - `turn`: H (|omega| + nutation), nutation = sqrt(L . J_r L / det J_r); rad
 - `kick`: H^2 times the largest acceleration that wheels, coils or thrusters give the body; rad
 
-How fast a motor or coil follows is none of them: after a command the curvature of 1 - exp(-t / lag)
-is largest where the lag is a third of H, and falls with the lag below.
+How fast a motor or coil follows is none of them: after a command the curvature of 1 -
+exp(-t / lag) is largest where the lag is a third of H, and falls with the lag below.
 
-H is the mean of a step's substeps. Before a run the numbers are those of the state at the start
-and of what each actuator may give at most; after it those of what was recorded (`remarks`), for a
-jet may spin up a craft that begins at rest. `tests/test_convergence.py` holds the limits at the
-largest that the scenarios of `ssp/gyrostat` reach, which err by 2e-5 rad at most.
+H is the mean of a step's substeps. Before a run the numbers are those of the state at
+the start and of what each actuator may give at most; after it those of what was
+recorded (`remarks`), for a jet may spin up a craft that begins at rest.
+`tests/test_convergence.py` holds the limits at the largest that the scenarios of
+`ssp/gyrostat` reach, which err by 2e-5 rad at most.
 
-Beside them, what is handed on with less than mean and slope: the jitter of unbalanced wheels, of
-which the body gets the mean alone. Inside a step it turns with the wheel, so at every step it
-leaves up to unbalance Omega H / J of attitude.
+Beside them, what is handed on with less than mean and slope: the jitter of unbalanced
+wheels, of which the body gets the mean alone. Inside a step it turns with the wheel, so
+at every step it leaves up to unbalance Omega H / J of attitude.
 """
 
 from __future__ import annotations
@@ -55,11 +57,14 @@ class StepCriteria:
 
 
 LIMITS = StepCriteria(turn=0.46, kick=0.0076)
-"""Reached by heavy-wheels with its substeps (1e-6 rad) and by saturating without (4e-6 rad)."""
+"""Reached by heavy-wheels with its substeps (1e-6 rad) and by saturating without (4e-6
+rad)."""
 TOGETHER = 0.0103
-"""The limit of `kick` after a run, when it is that of all actuators together (rad): saturating."""
+"""The limit of `kick` after a run, when it is that of all actuators together (rad):
+saturating."""
 AT_RANDOM = 8.0
-"""What steps leave of jitter adds up, in this way and that, to about so many of the largest."""
+"""What steps leave of jitter adds up, in this way and that, to about so many of the
+largest."""
 JITTER = 1e-6
 """Attitude error (rad) that jitter may leave without a word."""
 FIELD = 6e-5
@@ -73,8 +78,8 @@ REMEDY = "--substeps auto chooses their number and states the error"
 
 @dataclass(frozen=True)
 class Body:
-    """A rigid body: inertia without the wheels' axial part (3, 3; kg m2), the wheels' axes (3, 4)
-    and the momentum that they have at the start (4,; N m s)."""
+    """A rigid body: inertia without the wheels' axial part (3, 3; kg m2), the wheels'
+    axes (3, 4) and the momentum that they have at the start (4,; N m s)."""
 
     carrier: Array
     axes: Array
@@ -92,29 +97,39 @@ class Body:
 
     def pushed(self, torque: Array) -> Array:
         """The size of the acceleration (rad/s2) that torques (n, 3), N m, give."""
-        return np.asarray(np.linalg.norm(np.linalg.solve(self.carrier, torque.T), axis=0))
+        return np.asarray(
+            np.linalg.norm(np.linalg.solve(self.carrier, torque.T), axis=0)
+        )
 
 
 def body_of(system: System) -> Body | None:
-    """Of a checked system; None where there is no rigid body with wheels, or its inertia is none
-    of a body, which is said when it starts."""
+    """Of a checked system; None where there is no rigid body with wheels, or its
+    inertia is none of a body, which is said when it starts."""
     body = craft_of(system).rigid_body
     if body is None or not body.is_possible:
         return None
     wheels = body.wheels
-    return Body(body.carrier, body.axes, wheels.h_start, body.component.name, wheels.component.name)
+    return Body(
+        body.carrier,
+        body.axes,
+        wheels.h_start,
+        body.component.name,
+        wheels.component.name,
+    )
 
 
 def bound(system: System) -> StepCriteria | None:
-    """The two numbers of a checked system before it runs; None where there is no rigid body with
-    wheels."""
+    """The two numbers of a checked system before it runs; None where there is no rigid
+    body with wheels."""
     body = body_of(system)
     return None if body is None else _criteria(system, body)[0]
 
 
 def _criteria(system: System, body: Body) -> tuple[StepCriteria, str]:
     """The two numbers, and which actuator may turn the body most."""
-    omega = np.array(system.components[body.spacecraft].values.get("omega_start_body", (0.0,) * 3))
+    omega = np.array(
+        system.components[body.spacecraft].values.get("omega_start_body", (0.0,) * 3)
+    )
     step = system.step / system.parts
     turn = step * float(body.turning(omega[None], body.h_start[None])[0])
     kicks = dict(_kicks(system, body, step))
@@ -124,8 +139,12 @@ def _criteria(system: System, body: Body) -> tuple[StepCriteria, str]:
 
 def _kicks(system: System, body: Body, step: float) -> Iterator[tuple[str, float]]:
     """What each actuator that the body feels may turn it in a step (rad), and its name."""
-    for name in sorted({c.source for c in system.connections if c.target == body.spacecraft}):
-        torques = np.array(list(_torques(system, name, body)), dtype=float).reshape(-1, 3)
+    for name in sorted(
+        {c.source for c in system.connections if c.target == body.spacecraft}
+    ):
+        torques = np.array(list(_torques(system, name, body)), dtype=float).reshape(
+            -1, 3
+        )
         if len(torques):
             yield name, step**2 * float(body.pushed(torques).max())
 
@@ -147,9 +166,10 @@ def _torques(system: System, name: str, body: Body) -> Iterator[Any]:
 
 
 def jitter(parts: StepParts, speeds: Array, step: float) -> float:
-    """The attitude error (rad) that jitter leaves with wheels at such speeds (n, 4; rad/s), which
-    the body gets as a mean over a substep (s): AT_RANDOM of the steps' own, unbalance Omega H
-    / J, and less where a step is short to a wheel's turn. `parts` as of `applies`."""
+    """The attitude error (rad) that jitter leaves with wheels at such speeds (n, 4;
+    rad/s), which the body gets as a mean over a substep (s): AT_RANDOM of the steps'
+    own, unbalance Omega H / J, and less where a step is short to a wheel's turn.
+    `parts` as of `applies`."""
     fast = np.abs(speeds)
     turned = (fast * np.minimum(1.0, fast * step)).sum(axis=1).max(initial=0.0)
     least = float(np.linalg.eigvalsh(np.array(parts.carrier))[0])
@@ -163,8 +183,8 @@ def _speeds(parts: StepParts, h: Array) -> Array:
 
 
 def warnings(system: System) -> list[str]:
-    """What leaves the range that the cases cover, a line each; none of a run that chooses its
-    substeps, which looks itself."""
+    """What leaves the range that the cases cover, a line each; none of a run that
+    chooses its substeps, which looks itself."""
     body = None if system.substeps == AUTO else body_of(system)
     if body is None:
         return []
@@ -182,8 +202,10 @@ def _of_jitter(left: float, when: str) -> list[str]:
     """A line where it is worth one."""
     if left <= JITTER:
         return []
-    return [f"the jitter of unbalanced wheels is averaged over each substep, which causes "
-            f"an attitude error of about {left:.1e} rad, {when}; {REMEDY}"]  # fmt: skip
+    return [
+        f"the jitter of unbalanced wheels is averaged over each substep, which causes "
+        f"an attitude error of about {left:.1e} rad, {when}; {REMEDY}"
+    ]
 
 
 def _beyond(numbers: StepCriteria) -> Iterator[tuple[str, float]]:
@@ -193,17 +215,19 @@ def _beyond(numbers: StepCriteria) -> Iterator[tuple[str, float]]:
 
 
 def _line(what: str, value: float, limit: float) -> str:
-    return f"{what}: {value:.3g} rad, accuracy is shown up to {limit:g} rad only: {REMEDY}"
+    return (
+        f"{what}: {value:.3g} rad, accuracy is shown up to {limit:g} rad only: {REMEDY}"
+    )
 
 
-# --- after a run ----------------------------------------------------------------------------------
+# --- after a run ----------------------------------------------------------------------
 
 
 @dataclass(frozen=True)
 class Reached:
-    """What a body came to at its rows: its turning (n,; rad/s), by how much actuators have
-    accelerated it from each to the next (n - 1,; rad/s2), and how much that has changed from each
-    pair to the next (n - 2,; rad/s2)."""
+    """What a body came to at its rows: its turning (n,; rad/s), by how much actuators
+    have accelerated it from each to the next (n - 1,; rad/s2), and how much that has
+    changed from each pair to the next (n - 2,; rad/s2)."""
 
     times: Array
     turning: Array
@@ -212,20 +236,26 @@ class Reached:
 
     def largest(self) -> tuple[float, float, float]:
         """Of the three."""
-        return (float(self.turning.max(initial=0.0)), float(self.pushed.max(initial=0.0)),
-                float(self.changed.max(initial=0.0)))  # fmt: skip
+        return (
+            float(self.turning.max(initial=0.0)),
+            float(self.pushed.max(initial=0.0)),
+            float(self.changed.max(initial=0.0)),
+        )
 
 
 def reached_by(
     body: Body, times: Array, q: Array, omega: Array, h: Array, impulse: Array
-) -> Reached:  # fmt: skip
-    """Of states at times (n,; s): attitude (n, 4), rate (n, 3; rad/s), momenta of the wheels (n, 4;
-    N m s), external impulse until then (n, 3; N m s, eci)."""
+) -> Reached:
+    """Of states at times (n,; s): attitude (n, 4), rate (n, 3; rad/s), momenta of the
+    wheels (n, 4; N m s), external impulse until then (n, 3; N m s, eci)."""
     seconds = np.diff(times)[:, None]
     torque = rotate(q[:-1], np.diff(impulse, axis=0) / seconds)
     torque = torque - np.diff(h, axis=0) / seconds @ body.axes.T
     return Reached(
-        times, body.turning(omega, h), body.pushed(torque), body.pushed(np.diff(torque, axis=0))
+        times,
+        body.turning(omega, h),
+        body.pushed(torque),
+        body.pushed(np.diff(torque, axis=0)),
     )
 
 
@@ -251,11 +281,20 @@ def applies(system: System) -> StepParts | None:
 
 def _step_parts(system: System, body: Body) -> StepParts:
     craft, wheels = body.spacecraft, system.components[body.wheels]
-    series = [f"{craft}.q_bi", f"{craft}.omega_bi_body", system.fed[craft, "h_wheel"].series,
-              f"{craft}.impulse_eci"]  # fmt: skip
+    series = [
+        f"{craft}.q_bi",
+        f"{craft}.omega_bi_body",
+        system.fed[craft, "h_wheel"].series,
+        f"{craft}.impulse_eci",
+    ]
     spin = system.components[craft].values["inertia_wheel"]
-    return StepParts(series, body.axes.tolist(), body.carrier.tolist(), spin,
-                 float(np.max(wheels.values.get("unbalance", 0.0))))  # fmt: skip
+    return StepParts(
+        series,
+        body.axes.tolist(),
+        body.carrier.tolist(),
+        spin,
+        float(np.max(wheels.values.get("unbalance", 0.0))),
+    )
 
 
 def of_run(parts: StepParts | None, results: Results) -> Reached | None:
@@ -271,7 +310,8 @@ def of_run(parts: StepParts | None, results: Results) -> Reached | None:
 
 
 def numbers(manifest: Manifest, results: Results) -> dict[str, Value]:
-    """Of a run that has chosen its substeps: how many, and the error that it expects (rad)."""
+    """Of a run that has chosen its substeps: how many, and the error that it expects
+    (rad)."""
     choice = manifest.substep_choice
     if choice is None:
         return {}
@@ -283,15 +323,17 @@ def numbers(manifest: Manifest, results: Results) -> dict[str, Value]:
 
 
 def remarks(manifest: Manifest, results: Results) -> list[str]:
-    """Where a run with given substeps has left the range, a line each; and that one which has
-    chosen them could not be looked at again."""
+    """Where a run with given substeps has left the range, a line each; and that one
+    which has chosen them could not be looked at again."""
     choice, parts = manifest.substep_choice, manifest.parts[KEY]
     if choice is not None and choice.estimate is not None:
         lacking = set(parts.series if parts else ()) - set(results.names())
         if choice.reached is None or not lacking:
             return []
-        return [f"its substeps are chosen by its first {choice.steps} steps, and not looked "
-                f"at again: not recorded: {', '.join(sorted(lacking))}"]  # fmt: skip
+        return [
+            f"its substeps are chosen by its first {choice.steps} steps, and not looked "
+            f"at again: not recorded: {', '.join(sorted(lacking))}"
+        ]
     if manifest.algorithm != "gauss_seidel":
         return []
     found = of_run(parts, results)
@@ -299,8 +341,9 @@ def remarks(manifest: Manifest, results: Results) -> list[str]:
         return []
     step = manifest.step / manifest.substeps
     rows = (
-        ("turn", step * found.turning, LIMITS.turn), ("kick", step**2 * found.pushed, TOGETHER)
-    )  # fmt: skip
+        ("turn", step * found.turning, LIMITS.turn),
+        ("kick", step**2 * found.pushed, TOGETHER),
+    )
     lines = []
     for name, values, limit in rows:
         k = int(values.argmax())
@@ -309,4 +352,6 @@ def remarks(manifest: Manifest, results: Results) -> list[str]:
             lines.append(_line(at, float(values[k]), limit))
     speeds = _speeds(parts, results.values(parts.series[2]))
     left, told = (jitter(parts, of, step) for of in (speeds, speeds[:1]))
-    return lines + (_of_jitter(left, "at their largest speeds") if left > 2.0 * told else [])
+    return lines + (
+        _of_jitter(left, "at their largest speeds") if left > 2.0 * told else []
+    )

@@ -1,30 +1,34 @@
-"""The standing monitor of a rigid body from outside: does its energy add up, and its impulse?
+"""The standing monitor of a rigid body from outside: does its energy add up, and its
+impulse?
 
-The kinetic energy of the body without the wheels' axial part, E = 1/2 omega . J_r omega, changes by
+The kinetic energy of the body without the wheels' axial part, E = 1/2 omega . J_r
+omega, changes by
 
     dE/dt = P = omega . (tau_ext - A tau_wheel)
 
-(the wheels' own, h^2 / 2 J_s, changes by tau_wheel . h / J_s, which the momentum of each wheel
-fulfils by itself; the sum of both is tau_ext . omega + tau_wheel . Omega). Both integrals, of work
-and of impulse, are taken over each of the body's own steps: from the rows where these have them one
-by one, else while it runs (`OnlineBalance`). Between the ends of a step `motion.py` knows the body
-and the external torque from what reaches it: exact but for terms of order 6 in nutation times
-step. Where that torque is not known, its mean by the body's own impulse serves for the work,
-which then errs by order 2 where the torque changes within a step.
+(the wheels' own, h^2 / 2 J_s, changes by tau_wheel . h / J_s, which the momentum of
+each wheel fulfils by itself; the sum of both is tau_ext . omega + tau_wheel . Omega).
+Both integrals, of work and of impulse, are taken over each of the body's own steps:
+from the rows where these have them one by one, else while it runs (`OnlineBalance`).
+Between the ends of a step `motion.py` knows the body and the external torque from what
+reaches it: exact but for terms of order 6 in nutation times step. Where that torque is
+not known, its mean by the body's own impulse serves for the work, which then errs by
+order 2 where the torque changes within a step.
 
-What stays of the energy is what the integrator takes or makes; what stays of the impulse is a
-torque that the body has computed otherwise.
+What stays of the energy is what the integrator takes or makes; what stays of the
+impulse is a torque that the body has computed otherwise.
 
-Neither sees what the exchange leaves out, for it compares the body with the torques that it was
-given. How much work a step hides does: dE less Simpson's rule for P, from the two ends of a step
-and its middle, is what bends in it, of order 5 in its length. So is the curvature of the motors'
-torque that mean and slope do not carry, and an attitude errs as this goes:
+Neither sees what the exchange leaves out, for it compares the body with the torques
+that it was given. How much work a step hides does: dE less Simpson's rule for P, from
+the two ends of a step and its middle, is what bends in it, of order 5 in its length. So
+is the curvature of the motors' torque that mean and slope do not carry, and an attitude
+errs as this goes:
 
     hidden work = max over steps of  dt^2 |dE - dt/6 (P_0 + 4 P_1/2 + P_1)| / (tr J_r / 3)
 
-in units of the energy that a turn of 1 rad in the step would take. It does not grow with a run's
-length, and is the same for a craft that is as much heavier or slower as its torques and steps are.
-The page of `ssp/gyrostat` shows what it tells apart.
+in units of the energy that a turn of 1 rad in the step would take. It does not grow
+with a run's length, and is the same for a craft that is as much heavier or slower as
+its torques and steps are. The page of `ssp/gyrostat` shows what it tells apart.
 """
 
 from __future__ import annotations
@@ -56,8 +60,8 @@ if TYPE_CHECKING:
 
 KEY = "energy"
 BOUND = 1e-6
-"""Of the impulse's mismatch, as a share of the largest momentum, where a scenario has no
-`impulse_bound`."""
+"""Of the impulse's mismatch, as a share of the largest momentum, where a scenario has
+no `impulse_bound`."""
 ENERGY_BOUND = 2e-8
 """Of the hidden work, where a scenario has no `energy_bound`."""
 NUMBERS = ("energy_mismatch", "hidden_work", "impulse_mismatch")
@@ -65,7 +69,8 @@ BOUND_KEYS = ("impulse_bound", "energy_bound")
 BLOCK = 8192
 """Steps that are computed at once: what comes between fits the processor's cache."""
 PAIR = ("tau_mean_wheel", "tau_slope_wheel")
-DECLARED = "energy"  # J: the output by which a spacecraft declares its energy without the wheels'
+# J: the output by which a spacecraft declares its energy without the wheels'
+DECLARED = "energy"
 
 
 @dataclass(frozen=True)
@@ -76,8 +81,8 @@ class EnergyParts(residual.RigidBodyParts):
     tau_slope_wheel: str | None = None
     feeds: motion.Feeds | None = None
     rows: bool | None = None
-    """Whether a row holds one step of the body and all that reaches it; None: a run of before,
-    where substeps say so."""
+    """Whether a row holds one step of the body and all that reaches it; None: a run of
+    before, where substeps say so."""
     why: str = ""
     """Why there is no balance."""
     declared: str | None = None
@@ -95,8 +100,8 @@ PARTS = EnergyParts
 def applies(system: System) -> EnergyParts | None:
     """As for the momentum residual.
 
-    A body that is not ours may have parts that move: its energy is that of an output `energy` (J),
-    if it has one.
+    A body that is not ours may have parts that move: its energy is that of an output
+    `energy` (J), if it has one.
     """
     parts = residual.rigid_body(system)
     if parts is None:
@@ -104,18 +109,27 @@ def applies(system: System) -> EnergyParts | None:
     body = system.components[parts.spacecraft]
     if body.interface.model != residual.BLOCK:
         why = f"{body.name} is no {residual.BLOCK} of ours: its energy and torques are not known"
-        declared = f"{body.name}.{DECLARED}" if DECLARED in body.interface.signals else None
+        declared = (
+            f"{body.name}.{DECLARED}" if DECLARED in body.interface.signals else None
+        )
         mean = _mean_torque(system, body)
         return EnergyParts(
-            parts.spacecraft, parts.wheels, tau_mean_wheel=mean, rows=True, why=why,
+            parts.spacecraft,
+            parts.wheels,
+            tau_mean_wheel=mean,
+            rows=True,
+            why=why,
             declared=declared if mean else None,
-        )  # fmt: skip
+        )
     wheels = system.components[parts.wheels.partition(".")[0]]
     pair: dict[str, str] = {}
     rows, why = system.parts == 1 and body.step_ratio == 1, ""
     for name in PAIR:
-        feeds = [c for c in system.connections if c.target == body.name
-                 and c.input_array == name]  # fmt: skip
+        feeds = [
+            c
+            for c in system.connections
+            if c.target == body.name and c.input_array == name
+        ]
         series = {f"{c.source}.{c.output.partition('[')[0]}" for c in feeds}
         if len(series) != 1 or len(feeds) != len(body.interface.elements.get(name, ())):
             why = why or f"{body.name}.{name} does not come from one component"
@@ -124,17 +138,25 @@ def applies(system: System) -> EnergyParts | None:
         same = all((c.factor, c.offset) == (1.0, 0.0) for c in feeds)
         rows = rows and same and system.components[feeds[0].source].step_ratio == 1
     if body.step_ratio % wheels.step_ratio:
-        why = why or f"{wheels.name} is slower than {body.name}: its momentum is not known there"
+        why = (
+            why
+            or f"{wheels.name} is slower than {body.name}: its momentum is not known there"
+        )
     fed = motion.feeds(system, body.name)
     rows = rows and (fed is not None or not motion.is_known_body(system, body.name))
-    return EnergyParts(parts.spacecraft, parts.wheels, **pair, feeds=fed, rows=rows, why=why)
+    return EnergyParts(
+        parts.spacecraft, parts.wheels, **pair, feeds=fed, rows=rows, why=why
+    )
 
 
 def _mean_torque(system: System, body: Component) -> str | None:
-    """Return the series of the wheels' mean torque on a body, or None where there is no one."""
+    """Return the series of the wheels' mean torque on a body, or None where there is no
+    one."""
     feeds = [
-        c for c in system.connections if c.target == body.name and c.input_array == PAIR[0]
-    ]  # fmt: skip
+        c
+        for c in system.connections
+        if c.target == body.name and c.input_array == PAIR[0]
+    ]
     series = {f"{c.source}.{c.output_array}" for c in feeds}
     return series.pop() if len(series) == 1 else None
 
@@ -153,12 +175,14 @@ def warnings(system: System) -> list[str]:
 
 
 def _foreign(parts: EnergyParts) -> str:
-    return f"what torques act on {parts.spacecraft} is known of our {motion.BLOCK} alone"
+    return (
+        f"what torques act on {parts.spacecraft} is known of our {motion.BLOCK} alone"
+    )
 
 
 def blocks_of(manifest: Manifest, results: Results) -> Iterator[Steps]:
-    """The steps of a run, a block at a time; none where the rows do not have them one by one:
-    `_not_of_rows`."""
+    """The steps of a run, a block at a time; none where the rows do not have them one
+    by one: `_not_of_rows`."""
     parts: EnergyParts | None = manifest.parts.get(KEY)
     if parts is None or _not_of_rows(manifest, results):
         return
@@ -177,7 +201,9 @@ def blocks_of(manifest: Manifest, results: Results) -> Iterator[Steps]:
         mean, slope = (results.values(s, rows) for s in pair)
         reach = parts.feeds and motion.recorded_inputs(results, parts.feeds, rows)
         torque = reach and motion.torque(given, reach, dt)
-        yield Steps(dt, carrier, axes, q, omega, impulse, h, mean, slope, torque or None)
+        yield Steps(
+            dt, carrier, axes, q, omega, impulse, h, mean, slope, torque or None
+        )
 
 
 def _not_of_rows(manifest: Manifest, results: Results) -> str:
@@ -200,8 +226,8 @@ def _not_of_rows(manifest: Manifest, results: Results) -> str:
 
 
 class Block(NamedTuple):
-    """Of so many steps: energy (J) at their ends (steps + 1,), in each the work (J) and the impulse
-    (N m s, eci) of the torques, and the hidden work."""
+    """Of so many steps: energy (J) at their ends (steps + 1,), in each the work (J) and
+    the impulse (N m s, eci) of the torques, and the hidden work."""
 
     energy: Array
     work: Array
@@ -212,9 +238,12 @@ class Block(NamedTuple):
 def sums(steps: Steps) -> Block:
     """Both integrals over each step, and what Simpson's rule leaves of the first."""
     dt = np.broadcast_to(np.reshape(steps.dt, (-1, 1)), (len(steps.mean), 1))
-    ends = sum((omega * (torque - steps.motors(e))).sum(axis=1)
-               for e, omega, torque in zip((0.0, 1.0), (steps.omega[:-1], steps.omega[1:]),
-                                           steps.ends, strict=True))  # fmt: skip
+    ends = sum(
+        (omega * (torque - steps.motors(e))).sum(axis=1)
+        for e, omega, torque in zip(
+            (0.0, 1.0), (steps.omega[:-1], steps.omega[1:]), steps.ends, strict=True
+        )
+    )
     work, turned = WEIGHTS[0] * ends, WEIGHTS[0] * (steps.turned[0] + steps.turned[1])
     simpson = ends / 6.0
     for e, weight in zip(NODES[1:-1], WEIGHTS[1:-1], strict=True):
@@ -232,8 +261,8 @@ def sums(steps: Steps) -> Block:
 
 @dataclass
 class Totals:
-    """What a run comes to, block by block: energies and work (J), impulses (N m s, eci), hidden
-    work. All of it is JSON."""
+    """What a run comes to, block by block: energies and work (J), impulses (N m s,
+    eci), hidden work. All of it is JSON."""
 
     start: float | None = None
     work: float = 0.0
@@ -319,8 +348,8 @@ def balanced(parts: EnergyParts) -> list[str]:
 
 
 def numbers(manifest: Manifest, results: Results) -> dict[str, Value]:
-    """The largest mismatch of energy, as a share of the largest energy that the body had or got,
-    the hidden work, and the largest mismatch of impulse (N m s)."""
+    """The largest mismatch of energy, as a share of the largest energy that the body
+    had or got, the hidden work, and the largest mismatch of impulse (N m s)."""
     parts: EnergyParts | None = manifest.parts.get(KEY)
     if parts is not None and parts.declared:
         return _declared_numbers(parts, manifest, results)
@@ -330,26 +359,38 @@ def numbers(manifest: Manifest, results: Results) -> dict[str, Value]:
     rows: dict[str, Value] = {}
     if (scale := max(totals.energy, totals.worked)) > 0.0:
         rows["energy_mismatch"] = Value(
-            "Largest energy mismatch", totals.mismatch / scale, "1",
+            "Largest energy mismatch",
+            totals.mismatch / scale,
+            "1",
             "relative to the body's largest energy or work",
-        )  # fmt: skip
+        )
     rows["hidden_work"] = Value(
-        "Largest unresolved work within a step", totals.hidden, "1",
+        "Largest unresolved work within a step",
+        totals.hidden,
+        "1",
         "relative to the energy of a turn of 1 rad in it",
-    )  # fmt: skip
+    )
     if totals.impulse is not None:
-        title = "Largest difference of the external impulse from one computed independently"
+        title = (
+            "Largest difference of the external impulse from one computed independently"
+        )
         rows["impulse_mismatch"] = Value(title, totals.impulse, "N.m.s")
     return rows
 
 
-def _declared_numbers(parts: EnergyParts, manifest: Manifest, results: Results) -> dict[str, Value]:
+def _declared_numbers(
+    parts: EnergyParts, manifest: Manifest, results: Results
+) -> dict[str, Value]:
     """Compute the energy mismatch of a body that declares its energy.
 
-    The work is that of the mean external torque, by the body's own impulse, and of the wheels' mean
-    torque, by the trapezoidal rule: it errs by order 2 in the step.
+    The work is that of the mean external torque, by the body's own impulse, and of the
+    wheels' mean torque, by the trapezoidal rule: it errs by order 2 in the step.
     """
-    series = [parts.declared, *(f"{parts.spacecraft}.{n}" for n in _STATES), parts.tau_mean_wheel]
+    series = [
+        parts.declared,
+        *(f"{parts.spacecraft}.{n}" for n in _STATES),
+        parts.tau_mean_wheel,
+    ]
     names = [name for name in series if name is not None]
     if residual.missing(names, results):
         return {}
@@ -396,8 +437,8 @@ def unchecked(manifest: Manifest, results: Results) -> dict[str, str]:
 
 
 def unmet(manifest: Manifest, results: Results) -> list[str]:
-    """An external impulse that is not the one of the torques from outside the body; work that is
-    hidden in a step."""
+    """An external impulse that is not the one of the torques from outside the body;
+    work that is hidden in a step."""
     told, lines = manifest.numbers, []
     bound = manifest.about.get("energy_bound", ENERGY_BOUND)
     hidden = told["hidden_work"].value if "hidden_work" in told else None
@@ -445,8 +486,8 @@ _STATES = ("q_bi", "omega_bi_body", "impulse_eci")
 
 
 class OnlineBalance:
-    """Balances of a system's rigid body; `parts` as `applies` has them, `parameters` as a
-    manifest has them."""
+    """Balances of a system's rigid body; `parts` as `applies` has them, `parameters` as
+    a manifest has them."""
 
     def __init__(self, system: System, parts: EnergyParts, parameters: Table) -> None:
         assert isinstance(system.substeps, int), "it is chosen when a run begins"
@@ -457,9 +498,10 @@ class OnlineBalance:
         wheels, _, momentum = parts.wheels.partition(".")
         names = [(self._body.name, n) for n in _STATES] + [(wheels, momentum)]
         outputs = [
-            (owner, s.name) for owner, n in names
+            (owner, s.name)
+            for owner, n in names
             for s in system.components[owner].interface.elements.get(n, ())
-        ]  # fmt: skip
+        ]
         self.kept = Kept(self._body.name, outputs)
         self._known = motion.is_known_body(system, self._body.name)
         self._totals, self._steps = Totals(), 0
@@ -485,12 +527,15 @@ class OnlineBalance:
         mean, slope = (x[name] for name in PAIR)
         torque = motion.torque(self._parameters, x, dt) if self._known else None
         self._totals.add(
-            Steps(dt, self._carrier, self._axes, q, omega, impulse, h, mean, slope, torque)
+            Steps(
+                dt, self._carrier, self._axes, q, omega, impulse, h, mean, slope, torque
+            )
         )
         self._steps += len(given)
 
     def _inputs(self, given: Array) -> dict[str, Array]:
-        """The body's inputs, (steps, elements) each: what it is given, and the values of others."""
+        """The body's inputs, (steps, elements) each: what it is given, and the values
+        of others."""
         columns = {name: i for i, name in enumerate(self.kept.inputs)}
         made: dict[str, Array] = {}
         for name in dict.fromkeys(s.array for s in self._body.interface.inputs):
@@ -498,10 +543,11 @@ class OnlineBalance:
             if self._body.interface.signals[elements[0]].kind != "Real":
                 continue
             columns_of_it = [
-                given[:, columns[e]] if e in columns
+                given[:, columns[e]]
+                if e in columns
                 else np.full(len(given), self._body.values[e], float)
                 for e in elements
-            ]  # fmt: skip
+            ]
             made[name] = np.column_stack(columns_of_it)
         return made
 
@@ -514,8 +560,8 @@ class OnlineBalance:
         return parts[(self._steps + np.arange(n)) % substeps][:, None]
 
     def finish(self, master: Master, failed: bool) -> JsonObject | None:
-        """The totals at the end of a run, which `failed` within a step or ended after one; None
-        where it has not made a step of the body."""
+        """The totals at the end of a run, which `failed` within a step or ended after
+        one; None where it has not made a step of the body."""
         if not failed:
             self.kept.end(master.k)
         self.look()

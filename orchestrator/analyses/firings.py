@@ -1,5 +1,6 @@
-"""Firings of thrusters: scheduled ones that a run does not see to their end or that wheels cannot
-take, a force that is wired to an orbit which it does not move, and commands that never fire."""
+"""Firings of thrusters: scheduled ones that a run does not see to their end or that
+wheels cannot take, a force that is wired to an orbit which it does not move, and
+commands that never fire."""
 
 from __future__ import annotations
 
@@ -46,7 +47,10 @@ def applies(system: System) -> FiringParts | None:
     for thrusters, wire in system.by_input["tau_cmd_thruster_body"].items():
         manager, of = wire.source, system.components[thrusters]
         body = system.takers.get((thrusters, "tau_mean_thruster_body"))
-        if body is None or "h_copy_wheel" not in system.components[body].interface.arrays:
+        if (
+            body is None
+            or "h_copy_wheel" not in system.components[body].interface.arrays
+        ):
             continue
         if "on_time" in of.interface.arrays:
             times = of.values.get(DURATION, ())
@@ -65,13 +69,15 @@ def unmet(manifest: Manifest, results: Results) -> list[str]:
     if impulses is None or impulses[2] > 0.0 or not any(impulses[0]):
         return []
     parts: FiringParts = manifest.parts[KEY]
-    return [f"{parts.thrusters}: commanded {np.sum(impulses[0]):.3g} N m s, never fired: on-times "
-            "below half of least_pulse, or below least_on_time, are left out"]  # fmt: skip
+    return [
+        f"{parts.thrusters}: commanded {np.sum(impulses[0]):.3g} N m s, never fired: on-times "
+        "below half of least_pulse, or below least_on_time, are left out"
+    ]
 
 
 def remarks(manifest: Manifest, results: Results) -> list[str]:
-    """A line for a tank that is empty, else for each axis about which most of what is commanded is
-    not fired."""
+    """A line for a tank that is empty, else for each axis about which most of what is
+    commanded is not fired."""
     impulses, parts = _impulses(manifest, results), manifest.parts[KEY]
     if impulses is None or impulses[2] == 0.0 or parts.scheduled:
         return []
@@ -82,23 +88,30 @@ def remarks(manifest: Manifest, results: Results) -> list[str]:
         used, times = results.values(spent), results.times()
         if used[-1] >= tank * (1.0 - 1e-9):
             empty = float(times[int(np.argmax(used >= tank * (1.0 - 1e-9)))])
-            return [f"{parts.thrusters}: its tank of {tank:g} kg is empty from {empty:g} s on, and "
-                    "fires nothing more"]  # fmt: skip
+            return [
+                f"{parts.thrusters}: its tank of {tank:g} kg is empty from {empty:g} s on, and "
+                "fires nothing more"
+            ]
     return [
         f"{parts.thrusters}: commanded {commanded[i]:.3g} N m s about {axis}, fired "
         f"{given[i]:.3g}: shorter on-times than it can give are left out"
-        for i, axis in enumerate("xyz") if given[i] < MOST * commanded[i]
-    ]  # fmt: skip
+        for i, axis in enumerate("xyz")
+        if given[i] < MOST * commanded[i]
+    ]
 
 
 def _impulses(
     manifest: Manifest, results: Results
 ) -> tuple[list[float], list[float], float] | None:
-    """What was commanded and what was given about each axis (N m s; 0 where too little was
-    commanded to count), and the time on (s); None where it is not recorded."""
+    """What was commanded and what was given about each axis (N m s; 0 where too little
+    was commanded to count), and the time on (s); None where it is not recorded."""
     parts: FiringParts = manifest.parts[KEY]
-    names = (f"{parts.manager}.tau_cmd_thruster_body", f"{parts.thrusters}.tau_mean_thruster_body",
-             f"{parts.thrusters}.on_time", f"{parts.spacecraft}.h_copy_wheel")  # fmt: skip
+    names = (
+        f"{parts.manager}.tau_cmd_thruster_body",
+        f"{parts.thrusters}.tau_mean_thruster_body",
+        f"{parts.thrusters}.on_time",
+        f"{parts.spacecraft}.h_copy_wheel",
+    )
     if not set(names) <= set(results.names()):
         return None
     command, torque, on_time, h = (results.values(n) for n in names)
@@ -108,7 +121,7 @@ def _impulses(
     steps = np.append(np.diff(times), times[-1] - times[-2])
     commanded, given = (
         np.abs(x * steps[: len(x), None]).sum(axis=0) for x in (command, torque)
-    )  # fmt: skip
+    )
     counts = commanded > COUNTS * float(np.abs(h).max())
     return (commanded * counts).tolist(), given.tolist(), float(on_time[-1])
 
@@ -119,8 +132,9 @@ def warnings(system: System) -> list[str]:
 
 
 def _scheduled(system: System) -> list[str]:
-    """A line for each firing that begins in the run and lasts beyond it, and for each torque that
-    a manager with feed-forward is to cancel and its limit does not let it."""
+    """A line for each firing that begins in the run and lasts beyond it, and for each
+    torque that a manager with feed-forward is to cancel and its limit does not let
+    it."""
     lines = []
     for component in system.components.values():
         if component.interface.arrays.keys() >= {TORQUE, LIMIT}:
@@ -154,14 +168,19 @@ def _too_strong(component: Component) -> list[str]:
 
 
 def _unmoved(system: System) -> list[str]:
-    """A line for each component that is given the force and has not the option, or has it off."""
+    """A line for each component that is given the force and has not the option, or has
+    it off."""
     lines = []
     for name in system.by_input[INPUT]:
         component = system.components[name]
         if OPTION not in component.interface.signals:
-            lines.append(f"{name}.{INPUT}: {component.source} has no {OPTION}; its orbit does not "
-                         "move by it (environment_propagated's does)")  # fmt: skip
+            lines.append(
+                f"{name}.{INPUT}: {component.source} has no {OPTION}; its orbit does not "
+                "move by it (environment_propagated's does)"
+            )
         elif not component.values[OPTION]:
-            lines.append(f"{name}.{INPUT}: {name}.{OPTION} is false, so the orbit does not move by "
-                         "it")  # fmt: skip
+            lines.append(
+                f"{name}.{INPUT}: {name}.{OPTION} is false, so the orbit does not move by "
+                "it"
+            )
     return lines

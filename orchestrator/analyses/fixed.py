@@ -1,8 +1,10 @@
-"""The balance of a craft whose attitude is given: does the momentum of its wheels add up?
+"""The balance of a craft whose attitude is given: does the momentum of its wheels add
+up?
 
-They are inside the body and take every torque, so its momentum C'(J omega + h), from the momentum
-that it shows, ought to change by the impulse of the torques that reach it, computed outside it
-(`motion.py`). There is no energy to hold against anything: the body turns as it is told to.
+They are inside the body and take every torque, so its momentum C'(J omega + h), from
+the momentum that it shows, ought to change by the impulse of the torques that reach it,
+computed outside it (`motion.py`). There is no energy to hold against anything: the body
+turns as it is told to.
 """
 
 from __future__ import annotations
@@ -87,7 +89,8 @@ def _why_not(manifest: Manifest, results: Results) -> str:
 
 
 def mismatch(manifest: Manifest, results: Results) -> tuple[float, float] | None:
-    """The largest mismatch of the impulse and the largest momentum (N m s); None: not checked."""
+    """The largest mismatch of the impulse and the largest momentum (N m s); None: not
+    checked."""
     return results.once(KEY, lambda: _mismatch(manifest, results))
 
 
@@ -95,7 +98,11 @@ def _mismatch(manifest: Manifest, results: Results) -> tuple[float, float] | Non
     if _why_not(manifest, results):
         return None
     parts: FixedAttitudeParts = manifest.parts[KEY]
-    name, dt, parameters = parts.spacecraft, manifest.step, manifest.parameters[parts.spacecraft]
+    name, dt, parameters = (
+        parts.spacecraft,
+        manifest.step,
+        manifest.parameters[parts.spacecraft],
+    )
     inertia = np.reshape(parameters["inertia"].value, (3, 3))
     q, omega, h = (results.values(f"{name}.{n}") for n in _OWN)
     total = rotate_back(q, omega @ inertia.T + h[:, :3])
@@ -108,7 +115,9 @@ def _mismatch(manifest: Manifest, results: Results) -> tuple[float, float] | Non
         turned = _turned(q[rows], omega[0], e * dt)
         given += weight * dt * rotate_back(turned, torque(e, turned))
     off = total[1:] - total[0] - np.cumsum(given, axis=0)
-    return float(np.linalg.norm(off, axis=1).max()), float(np.linalg.norm(total, axis=1).max())
+    return float(np.linalg.norm(off, axis=1).max()), float(
+        np.linalg.norm(total, axis=1).max()
+    )
 
 
 def _turned(q: Array, omega: Array, t: float) -> Array:
@@ -116,10 +125,12 @@ def _turned(q: Array, omega: Array, t: float) -> Array:
     rate = float(np.linalg.norm(omega))
     vector = omega * (sin(0.5 * rate * t) / rate) if rate else np.zeros(3)
     scalar = cos(0.5 * rate * t)
-    return np.hstack([
-        scalar * q[:, :3] + q[:, 3:] * vector - cross(vector, q[:, :3]),
-        scalar * q[:, 3:] - (q[:, :3] @ vector)[:, None],
-    ])  # fmt: skip
+    return np.hstack(
+        [
+            scalar * q[:, :3] + q[:, 3:] * vector - cross(vector, q[:, :3]),
+            scalar * q[:, 3:] - (q[:, :3] @ vector)[:, None],
+        ]
+    )
 
 
 def numbers(manifest: Manifest, results: Results) -> dict[str, Value]:

@@ -1,8 +1,10 @@
-"""What no law of momentum management changes of a craft: its field, attitude and disturbances.
+"""What no law of momentum management changes of a craft: its field, attitude and
+disturbances.
 
-Either of a run that was flown (`flight_of`), or flown without one, by the environment's own block
-at the attitude that a run has shown (`Attitude`): at another date, or on another orbit. Torques are
-those of `analyses/motion.py`, which knows the spacecraft's by its parameters.
+Either of a run that was flown (`flight_of`), or flown without one, by the environment's
+own block at the attitude that a run has shown (`Attitude`): at another date, or on
+another orbit. Torques are those of `analyses/motion.py`, which knows the spacecraft's
+by its parameters.
 """
 
 from __future__ import annotations
@@ -34,18 +36,30 @@ ROLES = ("environment", "spacecraft", "manager")
 SOURCES = ("gravity gradient", "drag", "radiation", "residual dipole")
 GIVEN = "given torque"
 """The source that a component of the role disturbance is."""
-SERIES = ("spacecraft.q_bi", "spacecraft.omega_bi_body", "spacecraft.impulse_eci",
-          "spacecraft.h_copy_wheel", "environment.b_eci", "environment.r_eci",
-          "environment.v_eci", "environment.density", "environment.sun_eci",
-          "environment.sunlight", "torquers.m_mean_body", "thrusters.tau_mean_thruster_body",
-          "wheels.h_wheel", "disturbance.tau_ext_body")  # fmt: skip
+SERIES = (
+    "spacecraft.q_bi",
+    "spacecraft.omega_bi_body",
+    "spacecraft.impulse_eci",
+    "spacecraft.h_copy_wheel",
+    "environment.b_eci",
+    "environment.r_eci",
+    "environment.v_eci",
+    "environment.density",
+    "environment.sun_eci",
+    "environment.sunlight",
+    "torquers.m_mean_body",
+    "thrusters.tau_mean_thruster_body",
+    "wheels.h_wheel",
+    "disturbance.tau_ext_body",
+)
 WANDERS = 0.1
-"""An attitude that stays so near to its mean (rad), 95 % of the time, is one that another orbit can
-be flown at."""
+"""An attitude that stays so near to its mean (rad), 95 % of the time, is one that
+another orbit can be flown at."""
 NODE_TIME = 10.0
 """Between the rows of the sources of a recorded run (s)."""
 GUIDED = {"guidance_sun": "sun", "guidance_yaw": "yaw"}
-"""Guidances whose attitude follows from where the craft and the Sun are, by its name."""
+"""Guidances whose attitude follows from where the craft and the Sun are, by its name.
+"""
 _MOVES = "environment_propagated"
 """It integrates its orbit: it cannot begin at another date."""
 
@@ -69,7 +83,8 @@ class Hardware:
     m_limit: float
     """of each coil, A m2"""
     longest: float
-    """share of m_limit that a coil has in the mean at the most: pulses; inf: no limit"""
+    """share of m_limit that a coil has in the mean at the most: pulses; inf: no limit
+    """
     open: float
     """share of the time that a coil is not kept off for the magnetometer"""
     inertia: Array
@@ -81,7 +96,8 @@ class Hardware:
     specific_impulse: float | None
     """s"""
     noise: float = 0.0
-    """of the momentum of each wheel as it is measured, standard deviation at each sample, N m s"""
+    """of the momentum of each wheel as it is measured, standard deviation at each
+    sample, N m s"""
 
     def spread(self) -> Array:
         """(4, 3): a momentum as shared by the wheels with the least squares."""
@@ -97,7 +113,8 @@ class Flight:
     period: float
     """of the orbit, s"""
     disturbance: Array
-    """(n + 1, 3) N m s, eci: impulse since the start of all torques but coils' and thrusters'"""
+    """(n + 1, 3) N m s, eci: impulse since the start of all torques but coils' and
+    thrusters'"""
     q: Array
     """(n + 1, 4) attitude"""
     b: Array
@@ -128,8 +145,8 @@ class Attitude(NamedTuple):
     """How a craft points."""
 
     kind: str
-    """`nadir`: q_bo relative to lvlh stays; `inertial`: q_bi stays; `sun`, `yaw`: as the guidance
-    has it; `moving`: none of these"""
+    """`nadir`: q_bo relative to lvlh stays; `inertial`: q_bi stays; `sun`, `yaw`: as
+    the guidance has it; `moving`: none of these"""
     q: tuple[float, float, float, float]
     """the one that stays"""
     wanders: float
@@ -137,25 +154,30 @@ class Attitude(NamedTuple):
 
 
 def values_of(system: System) -> Mapping[str, Values]:
-    """`role` -> parameter -> value, of all components. Raises DesatError for a role that the
-    system has not."""
+    """`role` -> parameter -> value, of all components. Raises DesatError for a role
+    that the system has not."""
     lacking = [r for r in ROLES if r not in system.components]
     if not lacking and not {"torquers", "thrusters"} & system.components.keys():
         lacking = ["torquers"]
     if lacking:
-        raise DesatError(f"{system.name}: no {lacking[0]}: a craft with {', '.join(ROLES)} and "
-                         "torquers or thrusters is needed")  # fmt: skip
+        raise DesatError(
+            f"{system.name}: no {lacking[0]}: a craft with {', '.join(ROLES)} and "
+            "torquers or thrusters is needed"
+        )
     every = table(system.components.values())
     return {role: {k: p.value for k, p in rows.items()} for role, rows in every.items()}
 
 
 def hardware_of(system: System) -> Hardware:
-    """The wheels, coils and thrusters of a system. Raises DesatError where it has no inertia."""
+    """The wheels, coils and thrusters of a system. Raises DesatError where it has no
+    inertia."""
     given = values_of(system)
     craft, coils = given["spacecraft"], given.get("torquers", NO_COILS)
     wheels, thrusters = given.get("wheels", {}), given.get("thrusters", {})
     if "inertia" not in craft:
-        raise DesatError(f"{system.name}: spacecraft has no inertia: a rigid body is needed")
+        raise DesatError(
+            f"{system.name}: spacecraft has no inertia: a rigid body is needed"
+        )
     inertia = np.reshape(craft["inertia"], (3, 3))
     # without wheels of its own it has ideal ones inside, one along each body axis
     axes = np.reshape(craft.get("axes_wheel", np.eye(3, 4)), (3, 4))
@@ -168,21 +190,37 @@ def hardware_of(system: System) -> Hardware:
     axes_coil = np.reshape(coils["axes_coil"], (3, -1))
     period, quiet = coils.get("sample_time", 0.0), coils.get("quiet_time", 0.0)
     drive = str(coils.get("drive"))
-    longest = float(coils["duty_max"]) if drive == "pulsed" else inf if drive == "ideal" else 1.0
+    longest = (
+        float(coils["duty_max"])
+        if drive == "pulsed"
+        else inf
+        if drive == "ideal"
+        else 1.0
+    )
     return Hardware(
-        axes, capacity,
+        axes,
+        capacity,
         float(wheels.get("torque_limit", inf)),
-        axes_coil[:, np.linalg.norm(axes_coil, axis=0) > 0.0], _largest_dipole(coils),
-        longest, 1.0 - quiet / period if period and drive != "pulsed" else 1.0,
-        inertia, carrier, thrusters.get("arm"), thrusters.get("specific_impulse"),
+        axes_coil[:, np.linalg.norm(axes_coil, axis=0) > 0.0],
+        _largest_dipole(coils),
+        longest,
+        1.0 - quiet / period if period and drive != "pulsed" else 1.0,
+        inertia,
+        carrier,
+        thrusters.get("arm"),
+        thrusters.get("specific_impulse"),
         float(given.get("tachometers", {}).get("noise", 0.0)),
-    )  # fmt: skip
+    )
 
 
 def _failed(system: System) -> NDArray[np.bool_]:
     """Return which wheels (4,) fail before a run ends."""
     wheels, failed = system.roles.get("wheels"), np.zeros(4, bool)
-    if wheels is None or "failed" not in wheels.values or wheels.interface.model not in names():
+    if (
+        wheels is None
+        or "failed" not in wheels.values
+        or wheels.interface.model not in names()
+    ):
         return failed
     named = wheels.choice("failed")
     if named != "none" and wheels.values.get("failed_from", 0.0) < system.stop:
@@ -201,19 +239,21 @@ def _largest_dipole(coils: Values) -> float:
     return float(min(share * limit, coils["area_turns"] * voltage / ohm))
 
 
-# --- of a run -----------------------------------------------------------------------------------
+# --- of a run -------------------------------------------------------------------------
 
 
 def series_for(system: System) -> tuple[str, ...]:
     """What a run has to record for `flight_of`."""
     fed = motion.feeds(system, "spacecraft") or {}
     more = {x for x in fed.values() if isinstance(x, str)}
-    return tuple(sorted({s for s in SERIES if s.partition(".")[0] in system.components} | more))
+    return tuple(
+        sorted({s for s in SERIES if s.partition(".")[0] in system.components} | more)
+    )
 
 
 def flight_of(system: System, results: Any) -> Flight:
-    """The flight of a run that has recorded each step. Raises DesatError where it is shorter than
-    an orbit."""
+    """The flight of a run that has recorded each step. Raises DesatError where it is
+    shorter than an orbit."""
     hardware = hardware_of(system)
     known = set(results.names())
     q, omega, impulse, b, r, v, dipole = (
@@ -221,12 +261,16 @@ def flight_of(system: System, results: Any) -> Flight:
     )
     times = results.times()
     n = min(len(times), len(q), len(dipole) + 1)
-    times, q, omega, impulse, b, r, v = (x[:n] for x in (times, q, omega, impulse, b, r, v))
+    times, q, omega, impulse, b, r, v = (
+        x[:n] for x in (times, q, omega, impulse, b, r, v)
+    )
     h = results.values("wheels.h_wheel" if "wheels.h_wheel" in known else SERIES[3])
     period = motion.period_of(r[0], v[0])
     if times[-1] - times[0] < period:
-        raise DesatError(f"{system.name}: the run lasts {times[-1] - times[0]:g} s, an orbit "
-                         f"{period:.0f} s: at least one is needed (--stop)")  # fmt: skip
+        raise DesatError(
+            f"{system.name}: the run lasts {times[-1] - times[0]:g} s, an orbit "
+            f"{period:.0f} s: at least one is needed (--stop)"
+        )
     disturbance = impulse - coil_impulse(times, b, q, dipole[: n - 1])
     every = max(1, round(NODE_TIME / float(times[1] - times[0])))
     rows = slice(0, n - 1)
@@ -242,27 +286,51 @@ def flight_of(system: System, results: Any) -> Flight:
     if SERIES[11] in known:
         # pulses of thrusters are too short for rows: what they have given is left out
         if not sources:
-            raise DesatError(f"{system.name}: thrusters fire, and the disturbances of a spacecraft "
-                             "that is not ours cannot be told from them")  # fmt: skip
+            raise DesatError(
+                f"{system.name}: thrusters fire, and the disturbances of a spacecraft "
+                "that is not ours cannot be told from them"
+            )
         total = np.sum(list(sources.values()), axis=0)
         disturbance = np.stack([np.interp(times, at, x) for x in total.T], axis=1)
     body = omega @ hardware.carrier.T
-    return Flight(times, period, disturbance, q, b, body, hardware.axes_wheel @ h[0],
-                  sources, at, r, v, omega)  # fmt: skip
+    return Flight(
+        times,
+        period,
+        disturbance,
+        q,
+        b,
+        body,
+        hardware.axes_wheel @ h[0],
+        sources,
+        at,
+        r,
+        v,
+        omega,
+    )
 
 
 def torques(system: System, inputs: dict[str, Array], q: Array) -> dict[str, Array]:
-    """The torque (rows, 3) N m, eci, of each source on a spacecraft of ours at these inputs, which
-    are (rows, elements) each."""
+    """The torque (rows, 3) N m, eci, of each source on a spacecraft of ours at these
+    inputs, which are (rows, elements) each."""
     given = table([system.components["spacecraft"]])["spacecraft"]
     off: Values = {
-        "gravity_gradient": False, "aerodynamics": "none", "radiation": "none",
-        "residual_dipole_body": [0.0, 0.0, 0.0], "tau_disturbance_body": [0.0, 0.0, 0.0],
-    }  # fmt: skip
+        "gravity_gradient": False,
+        "aerodynamics": "none",
+        "radiation": "none",
+        "residual_dipole_body": [0.0, 0.0, 0.0],
+        "tau_disturbance_body": [0.0, 0.0, 0.0],
+    }
     still = {k: Parameter(x, "1") for k, x in off.items()}
     quiet = dict(inputs)
-    for name in ("m_mean_body", "m_slope_body", "tau_mean_thruster_body", "b_rate_eci",
-                 "tau_slope_thruster_body", "tau_ext_body", "b_accel_eci"):  # fmt: skip
+    for name in (
+        "m_mean_body",
+        "m_slope_body",
+        "tau_mean_thruster_body",
+        "b_rate_eci",
+        "tau_slope_thruster_body",
+        "tau_ext_body",
+        "b_accel_eci",
+    ):
         quiet[name] = np.zeros((len(q), 3))
     keys = dict(zip(SOURCES, list(off)[:4], strict=True))
     made = {}
@@ -270,7 +338,9 @@ def torques(system: System, inputs: dict[str, Array], q: Array) -> dict[str, Arr
         on = {key: given[key]} if key in given else {}
         if key == "gravity_gradient" and key not in given:
             on = {key: Parameter(True, "1")}  # of a body that always has it
-        made[name] = rotate_back(q, motion.torque({**given, **still, **on}, quiet, 0.0)(0.0, q))
+        made[name] = rotate_back(
+            q, motion.torque({**given, **still, **on}, quiet, 0.0)(0.0, q)
+        )
     constant = np.asarray(given["tau_disturbance_body"].value, float)
     if constant.any():
         made["constant"] = rotate_back(q, np.broadcast_to(constant, (len(q), 3)))
@@ -279,7 +349,7 @@ def torques(system: System, inputs: dict[str, Array], q: Array) -> dict[str, Arr
 
 def impulses(
     system: System, inputs: dict[str, Array], q: Array, times: Array
-) -> dict[str, Array]:  # fmt: skip
+) -> dict[str, Array]:
     """The impulse (rows, 3) N m s, eci, of each source since the start: of `torques`."""
     return {name: integral(x, times) for name, x in torques(system, inputs, q).items()}
 
@@ -291,12 +361,12 @@ def integral(torque: Array, times: Array) -> Array:
     return np.vstack([np.zeros(3), np.cumsum(parts, axis=0)])
 
 
-# --- without a run ------------------------------------------------------------------------------
+# --- without a run --------------------------------------------------------------------
 
 
 def attitude_of(system: System, q: Array, r: Array, v: Array) -> Attitude:
-    """How a craft points: as its guidance says, or by the last three quarters of its attitudes
-    q (n, 4) at r (n, 3) m with v (n, 3) m/s."""
+    """How a craft points: as its guidance says, or by the last three quarters of its
+    attitudes q (n, 4) at r (n, 3) m with v (n, 3) m/s."""
     guide = system.roles.get("guidance")
     if guide is not None and (kind := GUIDED.get(guide.interface.model)):
         return Attitude(kind, (0.0, 0.0, 0.0, 1.0), 0.0)
@@ -333,24 +403,32 @@ def wanted_attitude(system: System) -> Attitude:
     """Return the attitude that the guidance wants. Raises DesatError for one that moves
     otherwise."""
     guide = system.roles.get("guidance")
-    kept = {"guidance_nadir": ("nadir", "q_bo"), "guidance_inertial": ("inertial", "q_target_bi")}
+    kept = {
+        "guidance_nadir": ("nadir", "q_bo"),
+        "guidance_inertial": ("inertial", "q_target_bi"),
+    }
     model = "" if guide is None else guide.interface.model
     if guide is not None and model in GUIDED:
         return Attitude(GUIDED[model], (0.0, 0.0, 0.0, 1.0), 0.0)
     if guide is None or model not in kept:
-        raise DesatError(f"{system.name}: guidance: one of {', '.join((*kept, *GUIDED))} is needed")
+        raise DesatError(
+            f"{system.name}: guidance: one of {', '.join((*kept, *GUIDED))} is needed"
+        )
     kind, name = kept[model]
     x, y, z, w = guide.values[name]
     return Attitude(kind, (x, y, z, w), 0.0)
 
 
 def environment_block(component: Component, changes: Values | None = None) -> Block:
-    """The bare block of an environment with its parameters, some of them changed. Raises DesatError
-    for one that cannot be flown by itself: not ours, or one that integrates its orbit."""
+    """The bare block of an environment with its parameters, some of them changed.
+    Raises DesatError for one that cannot be flown by itself: not ours, or one that
+    integrates its orbit."""
     model = component.interface.model
     if model not in names() or model == _MOVES:
         why = "it integrates its orbit" if model == _MOVES else "it is no block of ours"
-        raise DesatError(f"{model}: {why}, so other dates and orbits cannot be asked of it")
+        raise DesatError(
+            f"{model}: {why}, so other dates and orbits cannot be asked of it"
+        )
     block: Block = bare_block(component)
     for name, value in (changes or {}).items():
         if not hasattr(block, name):
@@ -364,24 +442,32 @@ def environment_block(component: Component, changes: Values | None = None) -> Bl
 def needless(system: System) -> dict[str, int]:
     """Return what of an environment may be left out, as changes of its parameters.
 
-    A craft without coils and residual dipole needs no field, which takes most of the time.
+    A craft without coils and residual dipole needs no field, which takes most of the
+    time.
     """
     craft = system.roles.get("spacecraft")
-    dipole = np.any(craft.values.get("residual_dipole_body", 0.0)) if craft is not None else True
+    dipole = (
+        np.any(craft.values.get("residual_dipole_body", 0.0))
+        if craft is not None
+        else True
+    )
     if dipole or "torquers" in system.roles:
         return {}
     return without_field(system.roles["environment"])
 
 
 def without_field(environment: Component) -> dict[str, int]:
-    """Return the change of parameters by which an environment makes no field, if it has one."""
+    """Return the change of parameters by which an environment makes no field, if it has
+    one."""
     field = environment.interface.signals.get("field")
     if field is None or "none" not in field.choices:
         return {}
     return {"field": field.choices.index("none")}
 
 
-def guided(component: Component, inputs: Mapping[str, Array], times: Array) -> tuple[Array, Array]:
+def guided(
+    component: Component, inputs: Mapping[str, Array], times: Array
+) -> tuple[Array, Array]:
     """The attitude (n, 4) and rate (n, 3) rad/s that a guidance of ours wants."""
     block = bare_block(component)
     q, omega, last = [], [], None
@@ -402,15 +488,19 @@ def guided(component: Component, inputs: Mapping[str, Array], times: Array) -> t
 
 def _given_torque(
     component: Component, inputs: Mapping[str, Array], q: Array, times: Array
-) -> Array:  # fmt: skip
+) -> Array:
     """The impulse (n, 3) N m s, eci, of a table of torques since the first time."""
     block = bare_block(component)
     block.check()
     block.start()
     total = [np.zeros(3)]
-    for k, (t, then) in enumerate(zip(times[:-1].tolist(), times[1:].tolist(), strict=True)):
+    for k, (t, then) in enumerate(
+        zip(times[:-1].tolist(), times[1:].tolist(), strict=True)
+    ):
         block.q_bi = tuple(q[k].tolist())
-        block.r_eci, block.v_eci = (tuple(inputs[n][k].tolist()) for n in ("r_eci", "v_eci"))
+        block.r_eci, block.v_eci = (
+            tuple(inputs[n][k].tolist()) for n in ("r_eci", "v_eci")
+        )
         block.advance(t, then - t)
         mean = rotate_back(q[k : k + 1], np.array([block.tau_ext_body]))[0]
         total.append(total[-1] + (then - t) * mean)
@@ -418,8 +508,8 @@ def _given_torque(
 
 
 def inputs_at(block: Block, times: Sequence[float]) -> dict[str, Array]:
-    """What an environment gives at times (s), one after the other: (times, elements) each. Raises
-    DesatError for a time that it does not cover."""
+    """What an environment gives at times (s), one after the other: (times, elements)
+    each. Raises DesatError for a time that it does not cover."""
     every = ("r_eci", "v_eci", "b_eci", "sun_eci", "sunlight", "density")
     kept: dict[str, list[Any]] = {name: [] for name in every}
     last = None
@@ -433,24 +523,31 @@ def inputs_at(block: Block, times: Sequence[float]) -> dict[str, Array]:
                 rows.append(getattr(block, name))
     except BlockError as error:
         raise DesatError(str(error)) from error
-    return {k: np.reshape(np.array(x, float), (len(times), -1)) for k, x in kept.items()}
+    return {
+        k: np.reshape(np.array(x, float), (len(times), -1)) for k, x in kept.items()
+    }
 
 
 def between(inputs: dict[str, Array], nodes: Array, times: Array) -> dict[str, Array]:
-    """What an environment gives at `times` (s), from what it has given at `nodes` (s) around them:
-    cubic splines, linear for light and air. With nodes at 120 s of a low orbit the field errs by
-    1e-5, and by 1e-4 in the first and last of them."""
+    """What an environment gives at `times` (s), from what it has given at `nodes` (s)
+    around them: cubic splines, linear for light and air. With nodes at 120 s of a low
+    orbit the field errs by 1e-5, and by 1e-4 in the first and last of them."""
     from scipy.interpolate import CubicSpline
 
-    made = {k: CubicSpline(nodes, inputs[k])(times) for k in ("r_eci", "v_eci", "b_eci", "sun_eci")}
+    made = {
+        k: CubicSpline(nodes, inputs[k])(times)
+        for k in ("r_eci", "v_eci", "b_eci", "sun_eci")
+    }
     for name in ("sunlight", "density"):
         made[name] = np.interp(times, nodes, inputs[name][:, 0])[:, None]
     return made
 
 
-def flown_at(system: System, attitude: Attitude, inputs: dict[str, Array], times: Array) -> Flight:
-    """The flight of a craft at an attitude that stays, in an environment that has given `inputs` at
-    `times` (s), from wheels at rest."""
+def flown_at(
+    system: System, attitude: Attitude, inputs: dict[str, Array], times: Array
+) -> Flight:
+    """The flight of a craft at an attitude that stays, in an environment that has given
+    `inputs` at `times` (s), from wheels at rest."""
     r, v = inputs["r_eci"], inputs["v_eci"]
     pairs = list(zip(map(tuple, r.tolist()), map(tuple, v.tolist()), strict=True))
     if attitude.kind == "nadir":
@@ -464,13 +561,26 @@ def flown_at(system: System, attitude: Attitude, inputs: dict[str, Array], times
         q = np.broadcast_to(np.array(attitude.q), (len(times), 4))
         omega = np.zeros((len(times), 3))
     fed = motion.feeds(system, "spacecraft") or {}
-    loose = {k: np.broadcast_to(np.array(x, float), (len(times), len(x)))
-             for k, x in fed.items() if not isinstance(x, str) and k in inputs}  # fmt: skip
+    loose = {
+        k: np.broadcast_to(np.array(x, float), (len(times), len(x)))
+        for k, x in fed.items()
+        if not isinstance(x, str) and k in inputs
+    }
     sources = impulses(system, inputs | loose, q, times)
     if (given := system.roles.get("disturbance")) is not None:
         sources[GIVEN] = _given_torque(given, inputs, q, times)
     hardware = hardware_of(system)
     return Flight(
-        times, motion.period_of(r[0], v[0]), np.sum(list(sources.values()), axis=0), q,
-        inputs["b_eci"], omega @ hardware.carrier.T, np.zeros(3), sources, times, r, v, omega,
-    )  # fmt: skip
+        times,
+        motion.period_of(r[0], v[0]),
+        np.sum(list(sources.values()), axis=0),
+        q,
+        inputs["b_eci"],
+        omega @ hardware.carrier.T,
+        np.zeros(3),
+        sources,
+        times,
+        r,
+        v,
+        omega,
+    )

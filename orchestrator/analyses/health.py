@@ -1,5 +1,5 @@
-"""Whether a run went well whatever its scenario requires: sensors that never measured, an attitude
-that was lost, wheels that were full."""
+"""Whether a run went well whatever its scenario requires: sensors that never measured,
+an attitude that was lost, wheels that were full."""
 
 from __future__ import annotations
 
@@ -21,7 +21,8 @@ if TYPE_CHECKING:
 KEY = "health"
 NUMBERS = ()
 LOST = 30.0
-"""An attitude whose error is above this (deg), rms over the second half of a run, is lost."""
+"""An attitude whose error is above this (deg), rms over the second half of a run, is
+lost."""
 SELDOM = 0.05
 """A sensor that is valid for less of the time is told of."""
 TIME = 600.0
@@ -36,7 +37,8 @@ BRAKES = "velocity_dumping"
 
 @dataclass(frozen=True)
 class HealthParts(Parts):
-    """What is looked at; `attitude`: the attitude and the reference that it is to follow."""
+    """What is looked at; `attitude`: the attitude and the reference that it is to
+    follow."""
 
     sensors: tuple[str, ...] = ()
     """that somebody reads and that no scenario has fail at once"""
@@ -52,14 +54,21 @@ def applies(system: System) -> HealthParts | None:
     read = {source for source, _ in system.read}
     of_roles = role_classes()
     sensors = tuple(
-        c.name for c in system.components.values()
-        if c.name in read and getattr(of_roles.get(c.interface.role), "is_sensor", False)
+        c.name
+        for c in system.components.values()
+        if c.name in read
+        and getattr(of_roles.get(c.interface.role), "is_sensor", False)
         and "valid" in c.interface.arrays
         and not _fails_at_once(system, c.name)
-    )  # fmt: skip
-    wheels = next((c.name for c in system.components.values()
-                   if c.interface.role == "wheels" and "saturated_wheel" in c.interface.arrays),
-                  None)  # fmt: skip
+    )
+    wheels = next(
+        (
+            c.name
+            for c in system.components.values()
+            if c.interface.role == "wheels" and "saturated_wheel" in c.interface.arrays
+        ),
+        None,
+    )
     found = HealthParts(sensors, _attitude(system), wheels)
     return found if found != HealthParts() else None
 
@@ -71,8 +80,9 @@ def _fails_at_once(system: System, name: str) -> bool:
 
 
 def _attitude(system: System) -> tuple[str, str] | None:
-    """The attitude of the craft and the reference that a controller which is on follows; None:
-    nobody controls it so, or a manager brakes the craft first (paper 004, section 4)."""
+    """The attitude of the craft and the reference that a controller which is on
+    follows; None: nobody controls it so, or a manager brakes the craft first (paper
+    004, section 4)."""
     parts = system.components.values()
     if any(BRAKES in c.interface.signals and c.values[BRAKES] for c in parts):
         return None
@@ -97,7 +107,8 @@ def numbers(manifest: Manifest, results: Results) -> dict[str, Value]:
 
 
 def unmet(manifest: Manifest, results: Results) -> list[str]:
-    """A line for each sensor that was never valid, and one for an attitude that was lost."""
+    """A line for each sensor that was never valid, and one for an attitude that was
+    lost."""
     parts: HealthParts = manifest.parts[KEY]
     if not manifest.completed:
         return []
@@ -105,16 +116,21 @@ def unmet(manifest: Manifest, results: Results) -> list[str]:
     for name in parts.sensors:
         series = f"{name}.valid"
         if series in there and len(valid := results.values(series)) and not valid.any():
-            lines.append(f"{name}: it was never valid{_reason(manifest, results, name)}")
+            lines.append(
+                f"{name}: it was never valid{_reason(manifest, results, name)}"
+            )
     error, held = _attitude_error(parts, results)
     if error > LOST and held:
-        lines.append(f"the attitude was lost: {error:.3g} deg from its reference, rms in the "
-                     "second half of the run")  # fmt: skip
+        lines.append(
+            f"the attitude was lost: {error:.3g} deg from its reference, rms in the "
+            "second half of the run"
+        )
     return lines
 
 
 def _reason(manifest: Manifest, results: Results, name: str) -> str:
-    """What a sensor says of why it is not valid, most often; empty where it says nothing."""
+    """What a sensor says of why it is not valid, most often; empty where it says
+    nothing."""
     series = f"{name}.lost_to"
     if series not in set(results.names()) or not len(codes := results.values(series)):
         return ""
@@ -123,8 +139,8 @@ def _reason(manifest: Manifest, results: Results, name: str) -> str:
 
 
 def _attitude_error(parts: HealthParts, results: Results) -> tuple[float, bool]:
-    """The rms error of the attitude (deg) in the second half, and whether it had been held before;
-    0 where it is not known."""
+    """The rms error of the attitude (deg) in the second half, and whether it had been
+    held before; 0 where it is not known."""
     if parts.attitude is None or not set(parts.attitude) <= set(results.names()):
         return 0.0, False
     q, reference = (results.values(s) for s in parts.attitude)
@@ -140,23 +156,31 @@ def _attitude_error(parts: HealthParts, results: Results) -> tuple[float, bool]:
 
 
 def remarks(manifest: Manifest, results: Results) -> list[str]:
-    """A line for wheels that were full, for sensors that were seldom valid, and for an attitude
-    that was never reached."""
+    """A line for wheels that were full, for sensors that were seldom valid, and for an
+    attitude that was never reached."""
     parts: HealthParts = manifest.parts[KEY]
     series, lines = f"{parts.wheels}.saturated_wheel", []
     if series in set(results.names()) and len(full := results.values(series)):
         share = np.atleast_2d(full.astype(float).T).mean(axis=1)
-        lines += [f"{parts.wheels}: wheel {i + 1} was at its speed limit for {100.0 * x:.3g} % of "
-                  "the run" for i, x in enumerate(share.tolist()) if x > FULL]  # fmt: skip
+        lines += [
+            f"{parts.wheels}: wheel {i + 1} was at its speed limit for {100.0 * x:.3g} % of "
+            "the run"
+            for i, x in enumerate(share.tolist())
+            if x > FULL
+        ]
     for name in parts.sensors:
         there = f"{name}.valid" in set(results.names())
         valid = results.values(f"{name}.valid") if there else np.empty(0)
         if len(valid) and 0.0 < (share := float(valid.mean())) < SELDOM:
-            lines.append(f"{name}: it was valid in {100.0 * share:.2g} % of the run"
-                         f"{_reason(manifest, results, name)}")  # fmt: skip
+            lines.append(
+                f"{name}: it was valid in {100.0 * share:.2g} % of the run"
+                f"{_reason(manifest, results, name)}"
+            )
     error, held = _attitude_error(parts, results)
     times = results.times()
     if error > LOST and not held and times[-1] - times[0] >= TIME:
-        lines.append(f"the attitude never stayed within {HELD:g} deg of its reference for "
-                     f"{WHILE:g} s: {error:.3g} deg rms in the second half of the run")  # fmt: skip
+        lines.append(
+            f"the attitude never stayed within {HELD:g} deg of its reference for "
+            f"{WHILE:g} s: {error:.3g} deg rms in the second half of the run"
+        )
     return lines

@@ -1,10 +1,11 @@
 """`desat bound`: the least firing time that a dumping run could have done with.
 
-A run's truth (field, attitude, and with them every external torque but those of torquers and
-thrusters) is taken as given; what the two have to give together in an inertial frame then follows
-from the wheels' momentum that is wanted at the end, and the least firing time for it is one linear
-programme over the whole run (`components/laws/least_firing.py`). It knows the field ahead, fires
-no pulses, and holds dipoles and torques over each sample of the manager at their mean: no law with
+A run's truth (field, attitude, and with them every external torque but those of
+torquers and thrusters) is taken as given; what the two have to give together in an
+inertial frame then follows from the wheels' momentum that is wanted at the end, and the
+least firing time for it is one linear programme over the whole run
+(`components/laws/least_firing.py`). It knows the field ahead, fires no pulses, and
+holds dipoles and torques over each sample of the manager at their mean: no law with
 such samples does with less, but for the 0.01 rad that the body turns within a sample.
 """
 
@@ -37,7 +38,9 @@ NUMBERS = ("bound", "bound_same_end", "above_bound")
 
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(3)
 NODES, WEIGHTS = (NODES + 1.0) / 2.0, WEIGHTS / 2.0
-NOT_APPLICABLE = "{}: no manager commands thrusters in it beside torquers; there is no firing time"
+NOT_APPLICABLE = (
+    "{}: no manager commands thrusters in it beside torquers; there is no firing time"
+)
 SMALLEST = 1e-6
 """A bound (s) below which no percentage of it is given."""
 
@@ -53,7 +56,8 @@ class LowerBound:
     least_same_end: float | None
     """with the momentum left that the run left (s)"""
     above_percent: float | None
-    """how far the run is above the bound of its own end; None where that is 0 or not known"""
+    """how far the run is above the bound of its own end; None where that is 0 or not
+    known"""
     final_momentum: float
     """left by the run, less its target (N m s)"""
     price: list[float] | None
@@ -62,16 +66,23 @@ class LowerBound:
     """s, of the samples that dipoles and torques are held over"""
 
     def numbers(self) -> dict[str, Value]:
-        """As a manifest's numbers; what is not known is left out, and all where none fired."""
+        """As a manifest's numbers; what is not known is left out, and all where none
+        fired."""
         if self.seconds == 0.0:
             return {}
         rows: dict[str, tuple[str, float | None, str]] = {
             "bound": ("Least possible firing time to zero momentum", self.least, "s"),
-            "bound_same_end": ("Least possible firing time to the same final momentum",
-                               self.least_same_end, "s"),
-            "above_bound": ("Excess of the firing time over the least possible",
-                            self.above_percent, "%"),
-        }  # fmt: skip
+            "bound_same_end": (
+                "Least possible firing time to the same final momentum",
+                self.least_same_end,
+                "s",
+            ),
+            "above_bound": (
+                "Excess of the firing time over the least possible",
+                self.above_percent,
+                "%",
+            ),
+        }
         return with_titles(rows)
 
     def as_json(self) -> JsonObject:
@@ -96,9 +107,15 @@ PARTS = ThrusterParts
 def applies(system: System) -> ThrusterParts | None:
     """By the connections; None where no manager commands thrusters."""
     for body, wire in system.by_input["tau_mean_thruster_body"].items():
-        ends = (wire.source, "tau_cmd_thruster_body"), (body, "m_mean_body"), (body, "b_eci")
+        ends = (
+            (wire.source, "tau_cmd_thruster_body"),
+            (body, "m_mean_body"),
+            (body, "b_eci"),
+        )
         if all(end in system.fed for end in ends):
-            return ThrusterParts(body, wire.source, *(system.fed[end].source for end in ends))
+            return ThrusterParts(
+                body, wire.source, *(system.fed[end].source for end in ends)
+            )
     return None
 
 
@@ -119,14 +136,16 @@ def signals(who: ThrusterParts) -> list[str]:
 
 
 def of_run(manifest: Manifest, results: Results) -> LowerBound:
-    """The bound of a run. Raises DesatError where it has none: another kind of run, or not
-    recorded."""
+    """The bound of a run. Raises DesatError where it has none: another kind of run, or
+    not recorded."""
     name = manifest.scenario
     who: ThrusterParts | None = manifest.parts.get(KEY)
     if who is None:
         raise DesatError(NOT_APPLICABLE.format(name))
     if manifest.algorithm != "gauss_seidel":
-        raise DesatError(f"{name}: a run by {manifest.algorithm}; the bound needs gauss_seidel")
+        raise DesatError(
+            f"{name}: a run by {manifest.algorithm}; the bound needs gauss_seidel"
+        )
     truth = _Truth(manifest, results, who)
     c_end = truth.attitude(truth.times[-1:])[0]
     left = (truth.momentum_left @ c_end).astype(float)
@@ -137,7 +156,9 @@ def of_run(manifest: Manifest, results: Results) -> LowerBound:
         seconds=seconds,
         least=least,
         least_same_end=same,
-        above_percent=100.0 * (seconds / same - 1.0) if same and same > SMALLEST else None,
+        above_percent=100.0 * (seconds / same - 1.0)
+        if same and same > SMALLEST
+        else None,
         final_momentum=float(np.linalg.norm(truth.momentum_left)),
         price=price,
         period=truth.period,
@@ -149,18 +170,29 @@ def numbers(manifest: Manifest, results: Results) -> dict[str, Value]:
     if not manifest.completed:
         return {}
     with suppress(DesatError):
-        (on_time,) = _series(manifest, results, [f"{manifest.parts[KEY].thrusters}.on_time"])
-        if on_time[-1] > 0.0:  # else the programme, which takes long, has nothing to tell
+        (on_time,) = _series(
+            manifest, results, [f"{manifest.parts[KEY].thrusters}.on_time"]
+        )
+        if (
+            on_time[-1] > 0.0
+        ):  # else the programme, which takes long, has nothing to tell
             return of_run(manifest, results).numbers()
     return {}
 
 
 class _Truth:
-    """What happened in a run: splines of attitude and field, and what the actuators gave."""
+    """What happened in a run: splines of attitude and field, and what the actuators
+    gave."""
 
-    def __init__(self, manifest: Manifest, results: Results, who: ThrusterParts) -> None:
-        self._parameters = {role: manifest.values_of(c) for role, c in vars(who).items()}
-        q, h, b, tau, tau_slope, m, m_slope, _ = _series(manifest, results, signals(who))
+    def __init__(
+        self, manifest: Manifest, results: Results, who: ThrusterParts
+    ) -> None:
+        self._parameters = {
+            role: manifest.values_of(c) for role, c in vars(who).items()
+        }
+        q, h, b, tau, tau_slope, m, m_slope, _ = _series(
+            manifest, results, signals(who)
+        )
         self.times = times = results.times()[: len(q)]
         self.attitude = Spline(times, matrices(q))
         self._field = Spline(times, b)
@@ -183,9 +215,9 @@ class _Truth:
 
     def _means(
         self, begin: Array, end: Array, torque: Callable[[Array, Array], Array]
-    ) -> Array:  # fmt: skip
-        """The mean over each interval, in eci, of torque(C, B): C (n, 3, 3, 3) and B (n, 3, 3; T,
-        body) at the nodes of the interval to (n, 3, ..., 3), body."""
+    ) -> Array:
+        """The mean over each interval, in eci, of torque(C, B): C (n, 3, 3, 3) and B
+        (n, 3, 3; T, body) at the nodes of the interval to (n, 3, ..., 3), body."""
         at = begin[:, None] + np.outer(end - begin, NODES)
         c = self.attitude(at)
         field = np.einsum("nsij,nsj->nsi", c, self._field(at))
@@ -193,11 +225,13 @@ class _Truth:
         return mean
 
     def least(self, impulse: Array) -> tuple[float | None, list[float] | None]:
-        """The least firing time (s) for an impulse (N m s, eci) and its price; None: none can."""
+        """The least firing time (s) for an impulse (N m s, eci) and its price; None:
+        none can."""
         from desat.components.laws.least_firing import least_firing
 
-        edges = np.append(np.arange(self.times[0], self.times[-1] - 1e-6, self.period),
-                          self.times[-1])  # fmt: skip
+        edges = np.append(
+            np.arange(self.times[0], self.times[-1] - 1e-6, self.period), self.times[-1]
+        )
         begin, end = edges[:-1], edges[1:]
         length = end - begin
         jets, coils = self._jets(), self._coils()
@@ -207,9 +241,12 @@ class _Truth:
         unit = self._means(begin, end, lambda c, b: np.cross(coils, b[:, :, None]))
         share = self._share(begin, end)
         plan = least_firing(
-            impulse, thrust, length, (length[:, None] * share)[:, :, None] * unit,
+            impulse,
+            thrust,
+            length,
+            (length[:, None] * share)[:, :, None] * unit,
             bounded=self._parameters["torquers"].get("drive") != "ideal",
-        )  # fmt: skip
+        )
         return (None, None) if plan is None else (plan.seconds, plan.price.tolist())
 
     def _jets(self) -> Array:
@@ -220,7 +257,8 @@ class _Truth:
             return np.concatenate([pairs, -pairs])
         try:
             place, way = (
-                np.reshape(given[k], (-1, 3)) for k in ("position_nozzle", "direction_nozzle")
+                np.reshape(given[k], (-1, 3))
+                for k in ("position_nozzle", "direction_nozzle")
             )
             return np.cross(place, np.array(given["thrust"])[:, None] * way)
         except KeyError as error:
@@ -232,9 +270,13 @@ class _Truth:
         """The largest dipole of each coil (c, 3), A m2, body."""
         given = self._parameters["torquers"]
         try:
-            return np.asarray(given["m_limit"] * np.reshape(given["axes_coil"], (3, -1)).T)
+            return np.asarray(
+                given["m_limit"] * np.reshape(given["axes_coil"], (3, -1)).T
+            )
         except KeyError as error:
-            raise DesatError(f"torquers: no {error.args[0]}: their dipole is unknown") from None
+            raise DesatError(
+                f"torquers: no {error.args[0]}: their dipole is unknown"
+            ) from None
 
     def _share(self, begin: Array, end: Array) -> Array:
         """The largest share of each interval that each coil may be on (n, c)."""
@@ -256,10 +298,14 @@ def _series(manifest: Manifest, results: Results, names: list[str]) -> list[Arra
     scenario = manifest.scenario
     missing = sorted(set(names) - set(results.names()))
     if missing:
-        raise DesatError(f"{scenario}: not recorded, and the bound needs it: {', '.join(missing)}")
+        raise DesatError(
+            f"{scenario}: not recorded, and the bound needs it: {', '.join(missing)}"
+        )
     times = results.times()
     if len(times) < 2 or times[1] - times[0] > 1.5 * manifest.step:
-        raise DesatError(f"{scenario}: the bound needs every step recorded, and at least one")
+        raise DesatError(
+            f"{scenario}: the bound needs every step recorded, and at least one"
+        )
     series = [results.values(name) for name in names]
     if not all(np.isfinite(values).all() for values in series):
         raise DesatError(f"{scenario}: the run diverged; it has no bound")

@@ -1,12 +1,15 @@
-"""The standard numbers of a managed run: what the wheels hold, and what the coils do about it.
+"""The standard numbers of a managed run: what the wheels hold, and what the coils do
+about it.
 
-Of wheels with axes A (columns) and momenta h the coils can act on the sum A h alone. What is left,
-h - A^+ A h, adds up to nothing: no torque on the body changes it. A mean over wheels cannot tell
-the two apart, so each has its number; the others say how near wheels and coils are to their limits.
+Of wheels with axes A (columns) and momenta h the coils can act on the sum A h alone.
+What is left, h - A^+ A h, adds up to nothing: no torque on the body changes it. A mean
+over wheels cannot tell the two apart, so each has its number; the others say how near
+wheels and coils are to their limits.
 
-What management takes out is said against the same run without it: the external impulse less that of
-coils and thrusters, at the attitudes that were flown, would be in the wheels. A law that is to hold
-the momentum and leaves more of it in the second half of a run than none would has its goal not met.
+What management takes out is said against the same run without it: the external impulse
+less that of coils and thrusters, at the attitudes that were flown, would be in the
+wheels. A law that is to hold the momentum and leaves more of it in the second half of a
+run than none would has its goal not met.
 """
 
 from __future__ import annotations
@@ -40,20 +43,32 @@ if TYPE_CHECKING:
 
 KEY = "management"
 NUMBERS = (
-    "sum_rms", "sum_largest", "null_rms", "coil_duty", "coil_limit_share", "momentum_margin",
-    "limit_time", "crossings", "left_rms", "unmanaged_rms",
+    "sum_rms",
+    "sum_largest",
+    "null_rms",
+    "coil_duty",
+    "coil_limit_share",
+    "momentum_margin",
+    "limit_time",
+    "crossings",
+    "left_rms",
+    "unmanaged_rms",
     "least_braking",
-)  # fmt: skip
+)
 AT_LIMIT = 0.999
-"""Share of its limit from which on a coil counts as at it: one with a lag never is quite."""
+"""Share of its limit from which on a coil counts as at it: one with a lag never is
+quite."""
 SMALL, ALIKE = 1e-3, 0.01
-"""Momentum that counts as nothing, as a share of a wheel's capacity: what its tachometer sees; and
-as a share of what there would be without management, which is estimated."""
+"""Momentum that counts as nothing, as a share of a wheel's capacity: what its
+tachometer sees; and as a share of what there would be without management, which is
+estimated."""
 FIELD = 3e-5
 """Of a low orbit (T)."""
 ACROSS = 1e-3
-"""A target across the orbit's normal by more than this share of its size turns with the craft."""
-MOST_TURN = 0.05  # rad in an orbit, by which a bias may turn: the node's drift, the Sun's course
+"""A target across the orbit's normal by more than this share of its size turns with the
+craft."""
+# rad in an orbit, by which a bias may turn: the node's drift, the Sun's course
+MOST_TURN = 0.05
 TURN_ROWS = 193  # at which the wanted attitude is looked at, of two orbits and of a run
 NOTHING = 0.01  # share of what comes in below which a manager does nothing
 MOST_BRAKED = 90.0  # deg of rotation in a sample up to which B-dot brakes
@@ -73,8 +88,8 @@ class ManagementParts(Parts):
     wheels: str | None = None  # None: they are ideal ones within the craft
     field: str | None = None  # the series of the geomagnetic field, eci
     thrusters: str | None = None  # whose firings are all management's
-    # N m s, body: the sum of the wheels' momentum that is wanted; None: it changes, or nobody
-    # manages it
+    # N m s, body: the sum of the wheels' momentum that is wanted; None: it changes, or
+    # nobody manages it
     target: tuple[float, ...] | None = None
     holds: bool = False  # whether the law is to hold it there as long as the run lasts
     deadband: float = 0.0  # N m s, within which it does nothing
@@ -87,14 +102,18 @@ PARTS = ManagementParts
 
 
 def applies(system: System) -> ManagementParts | None:
-    """Return what manages the wheels' momentum, by the connections; None of a craft without wheels.
+    """Return what manages the wheels' momentum, by the connections; None of a craft
+    without wheels.
 
-    Of a craft whose momentum only thrusters manage, or nobody, no law is judged: dumps between
-    thresholds leave momentum until the next one.
+    Of a craft whose momentum only thrusters manage, or nobody, no law is judged: dumps
+    between thresholds leave momentum until the next one.
     """
     for torquers, wire in system.by_input["m_cmd_body"].items():
         body = system.takers.get((torquers, "m_mean_body"))
-        if body is not None and "h_copy_wheel" in system.components[body].interface.arrays:
+        if (
+            body is not None
+            and "h_copy_wheel" in system.components[body].interface.arrays
+        ):
             return _by_coils(system, torquers, system.components[wire.source], body)
     for body, wire in system.by_input["h_wheel"].items():
         if "h_copy_wheel" in system.components[body].interface.arrays:
@@ -102,7 +121,9 @@ def applies(system: System) -> ManagementParts | None:
     return None
 
 
-def _by_coils(system: System, torquers: str, law: Component, body: str) -> ManagementParts:
+def _by_coils(
+    system: System, torquers: str, law: Component, body: str
+) -> ManagementParts:
     """Return the parts of a craft whose manager commands coils."""
     thrusters = system.fed.get((body, "tau_mean_thruster_body"))
     field = system.fed.get((body, "b_eci"))
@@ -114,7 +135,9 @@ def _by_coils(system: System, torquers: str, law: Component, body: str) -> Manag
         thrusters=thrusters.source if thrusters else None,
         target=_target(system, law),
         holds=content_of(system.about).stop_when is None and _holds(law),
-        deadband=law.values["h_deadband"] if "h_deadband" in law.interface.signals else 0.0,
+        deadband=law.values["h_deadband"]
+        if "h_deadband" in law.interface.signals
+        else 0.0,
         brakes=_brakes(law),
         reference=_reference(system),
         manager=law.name,
@@ -139,8 +162,11 @@ def _without_coils(system: System, body: str, wheels: str) -> ManagementParts:
 
 
 def _with_speed(system: System, wheels: str | None) -> str | None:
-    """Return the component of the wheels where it says their speed and whether they saturate."""
-    if wheels is None or not system.components[wheels].interface.arrays.keys() >= {*_OF_WHEELS}:
+    """Return the component of the wheels where it says their speed and whether they
+    saturate."""
+    if wheels is None or not system.components[wheels].interface.arrays.keys() >= {
+        *_OF_WHEELS
+    }:
         return None
     return wheels
 
@@ -153,16 +179,17 @@ def _reference(system: System) -> str | None:
 
 
 def _target(system: System, law: Component) -> tuple[float, ...] | None:
-    """The momentum that a manager is to keep (3,) N m s, body; None where another component says
-    it."""
+    """The momentum that a manager is to keep (3,) N m s, body; None where another
+    component says it."""
     if (law.name, "h_target_body") in system.fed:
         return None
     return tuple(law.values.get("h_target_body", (0.0, 0.0, 0.0)))
 
 
 def _holds(law: Component) -> bool:
-    """Whether a manager holds momentum, by what its block says of its laws (`Manager.offers`):
-    the choices that these have in common are its own. One that is not ours does."""
+    """Whether a manager holds momentum, by what its block says of its laws
+    (`Manager.offers`): the choices that these have in common are its own. One that is
+    not ours does."""
     signals = law.interface.signals
     if "enable" in signals and not law.values["enable"]:
         return False
@@ -171,8 +198,10 @@ def _holds(law: Component) -> bool:
     block = block_class(law.interface.model)
     if not issubclass(block, Manager) or block.no_law or not block.offers:
         return False
-    first, *others = ({k: v for k, v in x.gains.items() if k in signals and signals[k].choices}
-                      for x in block.offers)  # fmt: skip
+    first, *others = (
+        {k: v for k, v in x.gains.items() if k in signals and signals[k].choices}
+        for x in block.offers
+    )
     common = {k: v for k, v in first.items() if all(x.get(k) == v for x in others)}
     return all(law.choice(k) == v for k, v in common.items())
 
@@ -184,9 +213,9 @@ def _brakes(law: Component) -> bool:
 
 
 def warnings(system: System) -> Iterator[str]:
-    """A line for a law whose gain takes more out in a sample than there is: it overshoots, and
-    only the coils' limit keeps it from growing; and for one that brakes a rotation which it samples
-    too seldom."""
+    """A line for a law whose gain takes more out in a sample than there is: it
+    overshoots, and only the coils' limit keeps it from growing; and for one that brakes
+    a rotation which it samples too seldom."""
     yield from _aliased(system)
     for c in system.components.values():
         block = block_class(c.interface.model) if c.interface.model in names() else None
@@ -195,22 +224,27 @@ def warnings(system: System) -> Iterator[str]:
         sample = max(float(c.values.get("sample_time", 0.0)), system.step)
         for law in block.offers:
             rule = str(law.gains.get(law.rate, ""))
-            choices = {k: v for k, v in law.gains.items()
-                       if k in c.interface.signals and c.interface.signals[k].choices}  # fmt: skip
+            choices = {
+                k: v
+                for k, v in law.gains.items()
+                if k in c.interface.signals and c.interface.signals[k].choices
+            }
             chosen = all(c.choice(k) == v for k, v in choices.items())
             if not law.rate or not chosen:
                 continue
             rate = c.values[law.rate] * (FIELD if "craft.field" in rule else 1.0)
             if rate * sample > 1.0:
                 where = c.given.get(law.rate, system.where)
-                yield (f"{where}: {c.name}.{law.rate} = {c.values[law.rate]:g}: at {rate:.3g} 1/s "
-                       f"it takes {rate * sample:.3g} times the momentum out within a sample of "
-                       f"{sample:g} s; usual is the orbit's rate, some 1e-3 1/s")  # fmt: skip
+                yield (
+                    f"{where}: {c.name}.{law.rate} = {c.values[law.rate]:g}: at {rate:.3g} 1/s "
+                    f"it takes {rate * sample:.3g} times the momentum out within a sample of "
+                    f"{sample:g} s; usual is the orbit's rate, some 1e-3 1/s"
+                )
 
 
 def _aliased(system: System) -> Iterator[str]:
-    """Find whether a craft turns by more than 90 deg between two samples of a law that brakes it:
-    the field then seems to turn the other way."""
+    """Find whether a craft turns by more than 90 deg between two samples of a law that
+    brakes it: the field then seems to turn the other way."""
     manager, craft = system.roles.get("manager"), system.roles.get("spacecraft")
     if manager is None or craft is None or not _brakes(manager):
         return
@@ -230,8 +264,8 @@ def _aliased(system: System) -> Iterator[str]:
 
 
 def problems(system: System) -> Iterator[str]:
-    """Find managers that are to keep a bias which the wanted attitude turns in eci, a line each:
-    no law here makes a bias turn."""
+    """Find managers that are to keep a bias which the wanted attitude turns in eci, a
+    line each: no law here makes a bias turn."""
     guide, manager = system.roles.get("guidance"), system.roles.get("manager")
     if guide is None or manager is None or not _holds(manager):
         return
@@ -268,13 +302,17 @@ def problems(system: System) -> Iterator[str]:
 
 
 def _turned(system: System, bias: Array) -> float:
-    """Return by how much (rad) a bias (3,), body, turns in eci within an orbit at the wanted
-    attitude. Raises DesatError or BlockError where guidance and environment are not our blocks."""
+    """Return by how much (rad) a bias (3,), body, turns in eci within an orbit at the
+    wanted attitude. Raises DesatError or BlockError where guidance and environment are
+    not our blocks."""
     component = system.roles["environment"]
     block = environment_block(component, without_field(component))
     first = inputs_at(block, [system.start])
     period = period_of(first["r_eci"][0], first["v_eci"][0])
-    ends = min(system.stop, system.start + 2.0 * period), system.stop  # a slew may come late
+    ends = (
+        min(system.stop, system.start + 2.0 * period),
+        system.stop,
+    )  # a slew may come late
     times = np.unique([np.linspace(system.start, end, TURN_ROWS) for end in ends])
     block = environment_block(component, without_field(component))
     q, _ = guided(system.roles["guidance"], inputs_at(block, times.tolist()), times)
@@ -292,8 +330,8 @@ def signals(parts: ManagementParts) -> list[str]:
 
 
 def numbers(manifest: Manifest, results: Results) -> dict[str, Value]:
-    """The standard numbers of a completed run, as a manifest has them; none where too little was
-    recorded, and only those for which the parameters are known."""
+    """The standard numbers of a completed run, as a manifest has them; none where too
+    little was recorded, and only those for which the parameters are known."""
     parts: ManagementParts = manifest.parts[KEY]
     if not manifest.completed or missing(signals(parts), results):
         return {}
@@ -302,8 +340,9 @@ def numbers(manifest: Manifest, results: Results) -> dict[str, Value]:
     there = existing(known_wheels)
     h, axes = h[:, there], axes_of(known_wheels)[:, there]
     times = results.times()
-    known = dict[str, float](zip(OF_MOMENTUM, of_momentum(times, h, axes, np.linalg.pinv(axes)),
-                                 strict=True))  # fmt: skip
+    known = dict[str, float](
+        zip(OF_MOMENTUM, of_momentum(times, h, axes, np.linalg.pinv(axes)), strict=True)
+    )
     if parts.torquers:
         known |= _of_their_coils(parts.torquers, manifest, results)
     if parts.wheels:
@@ -311,7 +350,9 @@ def numbers(manifest: Manifest, results: Results) -> dict[str, Value]:
         if "inertia_wheel" in own and "speed_limit" in own and there.any():
             known["momentum_margin"] = margin(h, capacities(own)[there])
         saturated, speed = (results.values(f"{parts.wheels}.{n}") for n in _OF_WHEELS)
-        known |= zip(OF_WHEELS, of_wheels(times, saturated, speed[:, there]), strict=True)
+        known |= zip(
+            OF_WHEELS, of_wheels(times, saturated, speed[:, there]), strict=True
+        )
     if (compared := compare(manifest, results)) is not None:
         known |= zip(OF_BALANCE, compared, strict=True)
     if (least := _least_braking(manifest, results)) is not None:
@@ -319,9 +360,11 @@ def numbers(manifest: Manifest, results: Results) -> dict[str, Value]:
     return with_titles({n: (TITLES[n][0], x, TITLES[n][1]) for n, x in known.items()})
 
 
-def _of_their_coils(torquers: str, manifest: Manifest, results: Results) -> dict[str, float]:
-    """Return the numbers of a run's coils; none where they have no limit, or less than a period was
-    recorded."""
+def _of_their_coils(
+    torquers: str, manifest: Manifest, results: Results
+) -> dict[str, float]:
+    """Return the numbers of a run's coils; none where they have no limit, or less than
+    a period was recorded."""
     m, coils = results.values(f"{torquers}.m_mean_body"), manifest.values_of(torquers)
     if (most := most_of_coils(coils)) is None:
         return {}
@@ -342,41 +385,61 @@ TITLES: Mapping[str, tuple[str, str]] = {
     "momentum_margin": ("Smallest momentum margin of a wheel", "%"),
     "limit_time": ("Time with a wheel saturated", "s"),
     "crossings": ("Zero crossings of the wheels", "1"),
-    "left_rms": ("Total wheel momentum less its target in the second half, rms", "N.m.s"),
+    "left_rms": (
+        "Total wheel momentum less its target in the second half, rms",
+        "N.m.s",
+    ),
     "unmanaged_rms": (
-        "Total wheel momentum without management in the second half, rms (estimated)", "N.m.s"
+        "Total wheel momentum without management in the second half, rms (estimated)",
+        "N.m.s",
     ),
     "least_braking": ("Shortest detumbling time with saturated coils", "s"),
-}  # fmt: skip
+}
 """Of each number, and its unit."""
-OF_MOMENTUM, OF_COILS = ("sum_rms", "sum_largest", "null_rms"), ("coil_duty", "coil_limit_share")
+OF_MOMENTUM, OF_COILS = (
+    ("sum_rms", "sum_largest", "null_rms"),
+    ("coil_duty", "coil_limit_share"),
+)
 OF_WHEELS, OF_BALANCE = ("limit_time", "crossings"), ("left_rms", "unmanaged_rms")
 """What `of_momentum`, `of_coils`, `of_wheels` and `off_target` give, in their order."""
 
 
 def of_momentum(
     times: Array, h: Array, axes: Array, inverse: Array
-) -> tuple[float, float, float]:  # fmt: skip
-    """Of momenta h (rows, wheels; N m s) about axes (3, wheels) with their pseudoinverse: rms and
-    largest size of their sum, and rms of the largest part that adds up to nothing."""
+) -> tuple[float, float, float]:
+    """Of momenta h (rows, wheels; N m s) about axes (3, wheels) with their
+    pseudoinverse: rms and largest size of their sum, and rms of the largest part that
+    adds up to nothing."""
     stored = h @ axes.T
     size = np.linalg.norm(stored, axis=1)
     idle = h - stored @ inverse.T
-    return _rms(size, times), float(size.max()), _rms(np.abs(idle).max(axis=1, initial=0.0), times)
+    return (
+        _rms(size, times),
+        float(size.max()),
+        _rms(np.abs(idle).max(axis=1, initial=0.0), times),
+    )
 
 
 def _least_braking(manifest: Manifest, results: Results) -> float | None:
-    """How long (s) coils at their limit take at least for the momentum that the body has at the
-    start: a rod across the field B gives m |B|, and half of that in the mean over the attitudes of
-    a craft that tumbles. None where it is not known, or the run is shorter."""
+    """How long (s) coils at their limit take at least for the momentum that the body
+    has at the start: a rod across the field B gives m |B|, and half of that in the mean
+    over the attitudes of a craft that tumbles. None where it is not known, or the run
+    is shorter."""
     parts: ManagementParts = manifest.parts[KEY]
     if not parts.brakes or not parts.torquers:
         return None
-    given, coils = manifest.parameters.get(parts.spacecraft, {}), manifest.values_of(parts.torquers)
+    given, coils = (
+        manifest.parameters.get(parts.spacecraft, {}),
+        manifest.values_of(parts.torquers),
+    )
     series = f"{parts.spacecraft}.omega_bi_body", str(parts.field)
     if missing(list(series), results) or "inertia" not in given:
         return None
-    if coils.get("drive") == "ideal" or "m_limit" not in coils or "axes_coil" not in coils:
+    if (
+        coils.get("drive") == "ideal"
+        or "m_limit" not in coils
+        or "axes_coil" not in coils
+    ):
         return None
     omega, b = (results.values(s) for s in series)
     begun = float(np.linalg.norm(np.reshape(given["inertia"].value, (3, 3)) @ omega[0]))
@@ -391,7 +454,8 @@ def _least_braking(manifest: Manifest, results: Results) -> float | None:
 
 
 def _rms(values: Array, times: Array) -> float:
-    """The root of the mean over time of the square, linear between rows (rows,) at times (s)."""
+    """The root of the mean over time of the square, linear between rows (rows,) at
+    times (s)."""
     times = times[: len(values)]
     if len(values) < 2:
         return float(np.abs(values).mean())
@@ -410,13 +474,17 @@ def balanced(parts: ManagementParts) -> list[str]:
 
 
 def compare(manifest: Manifest, results: Results) -> tuple[float, float] | None:
-    """The wheels' momentum less its target over the second half, and what it would have been
-    without management: rms (N m s). None where too little is recorded or known."""
+    """The wheels' momentum less its target over the second half, and what it would have
+    been without management: rms (N m s). None where too little is recorded or known."""
     parts: ManagementParts = manifest.parts[KEY]
     if parts.holds and _lost(parts, results) is not None:
         return None
     held = balance(manifest, results)
-    return None if held is None else off_target(held.times, held.stored, held.without, held.target)
+    return (
+        None
+        if held is None
+        else off_target(held.times, held.stored, held.without, held.target)
+    )
 
 
 class Balance(NamedTuple):
@@ -436,8 +504,8 @@ class Balance(NamedTuple):
 
 
 def balance(manifest: Manifest, results: Results) -> Balance | None:
-    """The momentum of the wheels with management and without; None where too little is recorded or
-    known."""
+    """The momentum of the wheels with management and without; None where too little is
+    recorded or known."""
     return results.once("managed", lambda: _balance(manifest, results))
 
 
@@ -449,19 +517,30 @@ def _balance(manifest: Manifest, results: Results) -> Balance | None:
         return None
     if missing(needed, results):
         return None
-    if parts.thrusters and any(np.ravel(manifest.values_of(parts.thrusters).get(
-            "schedule_duration", 0.0)).tolist()):  # fmt: skip
+    if parts.thrusters and any(
+        np.ravel(
+            manifest.values_of(parts.thrusters).get("schedule_duration", 0.0)
+        ).tolist()
+    ):
         return None  # the torque of what is scheduled is a disturbance
     q, omega, impulse, h, *actuators = (results.values(s) for s in needed)
     fired = actuators.pop() if parts.thrusters else None
     intervals = [x for x in (fired, *actuators[:1]) if x is not None]
-    count = min(len(q), *(len(b) for b in actuators[1:]), *(len(x) + 1 for x in intervals))
-    times, q, omega, impulse, h = (x[:count] for x in (results.times(), q, omega, impulse, h))
+    count = min(
+        len(q), *(len(b) for b in actuators[1:]), *(len(x) + 1 for x in intervals)
+    )
+    times, q, omega, impulse, h = (
+        x[:count] for x in (results.times(), q, omega, impulse, h)
+    )
     if count < 4:
         return None
     known_wheels = _wheels_of(manifest, parts)
     axes = axes_of(known_wheels)
-    body = omega @ carrier_of(given)[0].T if {"inertia", "inertia_wheel"} <= given.keys() else 0.0
+    body = (
+        omega @ carrier_of(given)[0].T
+        if {"inertia", "inertia_wheel"} <= given.keys()
+        else 0.0
+    )
     managed = np.zeros((count, 3))
     if actuators:
         dipole, b = actuators
@@ -471,13 +550,19 @@ def _balance(manifest: Manifest, results: Results) -> Balance | None:
     stored = h @ axes.T
     without = unmanaged(q, impulse, stored, body, managed)
     there = existing(known_wheels)
-    return Balance(times, stored, without, np.array(parts.target), h[:, there],
-                   np.linalg.pinv(axes[:, there]))  # fmt: skip
+    return Balance(
+        times,
+        stored,
+        without,
+        np.array(parts.target),
+        h[:, there],
+        np.linalg.pinv(axes[:, there]),
+    )
 
 
 def figures(manifest: Manifest, results: Results) -> list[tuple[str, Figure]]:
-    """The momentum of the fullest wheel over time, with management and without, and what a wheel
-    can hold."""
+    """The momentum of the fullest wheel over time, with management and without, and
+    what a wheel can hold."""
     held = balance(manifest, results)
     if held is None or not held.h.shape[1]:
         return []
@@ -489,36 +574,54 @@ def figures(manifest: Manifest, results: Results) -> list[tuple[str, Figure]]:
     fullest = np.abs(held.h).max(axis=1)
     without = np.abs(held.without @ held.inverse.T).max(axis=1)
     capacity = _capacity(manifest.values_of(parts.wheels or ""))
-    factor, unit = (1e3, "mN.m.s") if max(fullest.max(), without.max()) < 1.0 else (1.0, "N.m.s")
+    factor, unit = (
+        (1e3, "mN.m.s") if max(fullest.max(), without.max()) < 1.0 else (1.0, "N.m.s")
+    )
     fig, ax = figure()
     seconds, time_unit = time_axis(held.times)
     x = held.times / seconds
     ax.plot(x, factor * fullest, COLOURS[0], width=1.4, label="with management")
-    ax.plot(x, factor * without, COLOURS[1], width=1.2, dash=(4.0, 2.0),
-            label="without (estimated)")  # fmt: skip
+    ax.plot(
+        x,
+        factor * without,
+        COLOURS[1],
+        width=1.2,
+        dash=(4.0, 2.0),
+        label="without (estimated)",
+    )
     if capacity > 0.0:
         most = factor * max(fullest.max(), without.max())
         text = f"{factor * capacity:.4g}  capacity of a wheel"
         if factor * capacity < 10.0 * most:
             ax.level(factor * capacity, LIMIT, width=0.9, dash=DOTTED, label=text)
         else:
-            ax.plot([np.nan], [np.nan], LIMIT, width=0.9, dash=DOTTED, label=f"{text}: far beyond")
+            ax.plot(
+                [np.nan],
+                [np.nan],
+                LIMIT,
+                width=0.9,
+                dash=DOTTED,
+                label=f"{text}: far beyond",
+            )
     timeline(ax, seconds, time_unit)
     ax.y.label, ax.y.low = f"momentum [{spell_unit(unit)}]", 0.0
     return [("Momentum of the fullest wheel, with management and without", fig)]
 
 
 def fired_impulse(times: Array, q: Array, torque: Array) -> Array:
-    """The impulse (rows, 3) of thrusters since the start (N m s, eci), by their mean torque over
-    each step (N m, body)."""
+    """The impulse (rows, 3) of thrusters since the start (N m s, eci), by their mean
+    torque over each step (N m, body)."""
     steps = np.diff(times)[:, None]
     given = rotate_back(q[:-1], torque[: len(times) - 1]) * steps
     return np.vstack([np.zeros(3), np.cumsum(given, axis=0)])
 
 
-def unmanaged(q: Array, impulse: Array, stored: Array, body: Any, managed: Array) -> Array:
-    """What the wheels would hold without management (rows, 3; N m s, body): by what they and the
-    body hold (body), and the impulse from outside and that of management since the start (eci)."""
+def unmanaged(
+    q: Array, impulse: Array, stored: Array, body: Any, managed: Array
+) -> Array:
+    """What the wheels would hold without management (rows, 3; N m s, body): by what
+    they and the body hold (body), and the impulse from outside and that of management
+    since the start (eci)."""
     first = rotate_back(q[:1], (stored + body)[:1])
     without: Array = rotate(q, first + impulse - impulse[:1] - managed) - body
     return without
@@ -526,9 +629,9 @@ def unmanaged(q: Array, impulse: Array, stored: Array, body: Any, managed: Array
 
 def off_target(
     times: Array, stored: Array, without: Array, target: Array
-) -> tuple[float, float]:  # fmt: skip
-    """The wheels' momentum less its target (3,) over the second half, with and without management:
-    rms (N m s)."""
+) -> tuple[float, float]:
+    """The wheels' momentum less its target (3,) over the second half, with and without
+    management: rms (N m s)."""
     late = times >= (times[0] + times[-1]) / 2.0
     left = np.linalg.norm(stored[late] - target, axis=1)
     other = np.linalg.norm(without[late] - target, axis=1)
@@ -548,8 +651,8 @@ def unchecked(manifest: Manifest, results: Results) -> dict[str, str]:
 
 
 def unmet(manifest: Manifest, results: Results) -> list[str]:
-    """Say where a law that is to hold the momentum leaves more than none would, or does nothing;
-    and where one that brakes a rotation has made it faster."""
+    """Say where a law that is to hold the momentum leaves more than none would, or does
+    nothing; and where one that brakes a rotation has made it faster."""
     parts: ManagementParts = manifest.parts[KEY]
     if not manifest.completed:
         return []
@@ -559,8 +662,11 @@ def unmet(manifest: Manifest, results: Results) -> list[str]:
     if _lost(parts, results) is not None:
         return lines
     if (share := removed(manifest, results)) is not None and share < NOTHING:
-        return [*lines, f"management: {parts.manager} is on and takes out {100.0 * share:.2g} % of "
-                "what comes in: it does nothing"]  # fmt: skip
+        return [
+            *lines,
+            f"management: {parts.manager} is on and takes out {100.0 * share:.2g} % of "
+            "what comes in: it does nothing",
+        ]
     compared = compare(manifest, results)
     if compared is None:
         return lines
@@ -568,8 +674,11 @@ def unmet(manifest: Manifest, results: Results) -> list[str]:
     capacity = _capacity(manifest.values_of(parts.wheels or ""))
     if left <= (1.0 + ALIKE) * max(without, parts.deadband) + SMALL * capacity:
         return lines
-    return [*lines, f"management: wheel momentum less its target is {left:.3g} N m s rms in the "
-            f"second half of the run, without management it would be {without:.3g}"]  # fmt: skip
+    return [
+        *lines,
+        f"management: wheel momentum less its target is {left:.3g} N m s rms in the "
+        f"second half of the run, without management it would be {without:.3g}",
+    ]
 
 
 def _driven(parts: ManagementParts, results: Results) -> list[str]:
@@ -580,12 +689,15 @@ def _driven(parts: ManagementParts, results: Results) -> list[str]:
     rates = np.degrees(np.linalg.norm(results.values(series), axis=1))
     if len(rates) < 2 or rates[-1] <= (1.0 + ALIKE) * rates[0] + SETTLED:
         return []
-    return [f"management: {parts.manager} is to brake a rotation, which began at {rates[0]:.3g} "
-            f"deg/s and ends at {rates[-1]:.3g} deg/s"]  # fmt: skip
+    return [
+        f"management: {parts.manager} is to brake a rotation, which began at {rates[0]:.3g} "
+        f"deg/s and ends at {rates[-1]:.3g} deg/s"
+    ]
 
 
 def _lost(parts: ManagementParts, results: Results) -> float | None:
-    """Return the largest attitude error in the second half (deg) where it is above LOST."""
+    """Return the largest attitude error in the second half (deg) where it is above
+    LOST."""
     series = [f"{parts.spacecraft}.q_bi", str(parts.reference)]
     if missing(series, results):
         return None
@@ -600,8 +712,9 @@ def _lost(parts: ManagementParts, results: Results) -> float | None:
 def removed(manifest: Manifest, results: Results) -> float | None:
     """Return what management takes out over what comes in, both at their largest.
 
-    What comes in is the external impulse without management's, and what the wheels hold beyond
-    their target at the start. None where that is nothing to speak of, or too little is recorded.
+    What comes in is the external impulse without management's, and what the wheels hold
+    beyond their target at the start. None where that is nothing to speak of, or too
+    little is recorded.
     """
     held = balance(manifest, results)
     if held is None or held.times[-1] - held.times[0] < LONG_ENOUGH:
@@ -618,21 +731,23 @@ def removed(manifest: Manifest, results: Results) -> float | None:
 
 
 def _wheels_of(manifest: Manifest, parts: ManagementParts) -> Values:
-    """Return the parameters that say which wheels there are: the wheels', else the craft's."""
+    """Return the parameters that say which wheels there are: the wheels', else the
+    craft's."""
     wheels = manifest.values_of(parts.wheels or "")
     return wheels if "axes_wheel" in wheels else manifest.values_of(parts.spacecraft)
 
 
 def _capacity(wheels: Values) -> float:
-    """Return the capacity of the smallest wheel that exists (N m s); 0 where it is not known."""
+    """Return the capacity of the smallest wheel that exists (N m s); 0 where it is not
+    known."""
     if "inertia_wheel" not in wheels or "speed_limit" not in wheels:
         return 0.0
     return smallest_capacity(wheels)
 
 
 def most_of_coils(given: Values) -> float | None:
-    """The largest dipole of a coil (A m2) by the parameters of torquers, of pulsed ones in the mean
-    of a period; None where it has no limit or is not known."""
+    """The largest dipole of a coil (A m2) by the parameters of torquers, of pulsed ones
+    in the mean of a period; None where it has no limit or is not known."""
     most = given.get("m_limit", 0.0)
     if given.get("drive") == "ideal" or not most or "axes_coil" not in given:
         return None
@@ -640,15 +755,19 @@ def most_of_coils(given: Values) -> float | None:
 
 
 def rows_a_period(given: Values, step: float) -> int:
-    """Over how many rows the dipole of coils counts in the mean: of pulsed ones those of a
-    period."""
-    return max(1, round(given["sample_time"] / step)) if given.get("drive") == "pulsed" else 1
+    """Over how many rows the dipole of coils counts in the mean: of pulsed ones those
+    of a period."""
+    return (
+        max(1, round(given["sample_time"] / step))
+        if given.get("drive") == "pulsed"
+        else 1
+    )
 
 
 def of_coils(m: Array, inverse: Array, most: float, period: int) -> tuple[float, float]:
-    """Duty of coils, and the share of the time with one at its limit (%), by their dipole m (rows,
-    3; A m2, body), the pseudoinverse (coils, 3) of their axes, and the largest dipole of each, in
-    the mean of so many rows."""
+    """Duty of coils, and the share of the time with one at its limit (%), by their
+    dipole m (rows, 3; A m2, body), the pseudoinverse (coils, 3) of their axes, and the
+    largest dipole of each, in the mean of so many rows."""
     coils = np.abs(m @ inverse.T)
     coils = coils[: len(coils) // period * period]
     coils = coils.reshape(-1, period, coils.shape[1]).mean(axis=1)
@@ -657,8 +776,8 @@ def of_coils(m: Array, inverse: Array, most: float, period: int) -> tuple[float,
 
 
 def margin(h: Array, capacity: Array) -> float:
-    """The smallest momentum margin (%) of wheels with momenta (rows, wheels) and capacities
-    (wheels,), N m s."""
+    """The smallest momentum margin (%) of wheels with momenta (rows, wheels) and
+    capacities (wheels,), N m s."""
     return 100.0 * (1.0 - float((np.abs(h) / capacity).max()))
 
 

@@ -1,4 +1,5 @@
-"""The manifest of a run: what was run, with which values, how it ended, and its numbers."""
+"""The manifest of a run: what was run, with which values, how it ended, and its
+numbers."""
 
 from __future__ import annotations
 
@@ -23,8 +24,15 @@ from ..system.parameters import Parameter, table
 from ..system.typed import JsonObject, fault_of
 from . import analyses
 
-AT_THE_END = {"stopped_when", "loop", "numbers", "verdicts", "unmet", "not_checked",
-              "balance"}  # fmt: skip
+AT_THE_END = {
+    "stopped_when",
+    "loop",
+    "numbers",
+    "verdicts",
+    "unmet",
+    "not_checked",
+    "balance",
+}
 """What is said once a run is over, be it that there is none."""
 UNKNOWN = "?"
 """Stands for what a run that was killed could not say."""
@@ -44,8 +52,8 @@ class Stopped:
 
 @dataclass(frozen=True)
 class Slow:
-    """What components cost that do not step at every step: errors of the attitude (rad) and of a
-    wheel's momentum (N m s) until a time (s)."""
+    """What components cost that do not step at every step: errors of the attitude (rad)
+    and of a wheel's momentum (N m s) until a time (s)."""
 
     attitude: float
     momentum: float
@@ -65,12 +73,13 @@ class SubstepChoice:
     why: str = ""
     """Why nothing was estimated."""
     steps: int = 0
-    """So many steps of the run, from its start, were flown with the count that was taken."""
+    """So many steps of the run, from its start, were flown with the count that was
+    taken."""
     tried: Mapping[int, float] = field(default_factory=dict)
     """Count -> estimate (rad)."""
     reached: tuple[float, float, float] | None = None
-    """Of the flights that did not see the whole run: largest turning (rad/s), acceleration by
-    actuators and change of that (rad/s2)."""
+    """Of the flights that did not see the whole run: largest turning (rad/s),
+    acceleration by actuators and change of that (rad/s2)."""
     flown: int = 0
     """Substeps of all flights"""
     again: list[str] = field(default_factory=list)
@@ -92,8 +101,8 @@ class SubstepChoice:
 
 @dataclass(frozen=True, eq=False)
 class Manifest(Mapping[str, Any]):
-    """A run's manifest. As a mapping it is its JSON, whose keys are the names of the fields; those
-    of `parts` and `more` stand among them."""
+    """A run's manifest. As a mapping it is its JSON, whose keys are the names of the
+    fields; those of `parts` and `more` stand among them."""
 
     scenario: str = ""
     about: Mapping[str, Any] = field(default_factory=dict)
@@ -112,7 +121,8 @@ class Manifest(Mapping[str, Any]):
     ssp: Mapping[str, str] | None = None
     fmus: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
     parts: Mapping[str, Any] = field(default_factory=dict)
-    """Of each analysis, by its key, which component is what; None where it does not apply."""
+    """Of each analysis, by its key, which component is what; None where it does not
+    apply."""
     choices: Mapping[str, Sequence[str]] = field(default_factory=dict)
     """What the values of an output stand for, by `component.output`."""
     parameters: Table = field(default_factory=dict)
@@ -167,33 +177,38 @@ class Manifest(Mapping[str, Any]):
             versions=versions(),
             platform=platform.platform(),
             ssp={"file": path.name, "sha256": library.sha256(path)}
-            if path.suffix == ".ssp" else None,
+            if path.suffix == ".ssp"
+            else None,
             fmus={
                 c.name: {"source": c.source, "sha256": c.fmu.sha256}
-                for c in system.components.values() if c.fmu is not None
+                for c in system.components.values()
+                if c.fmu is not None
             },
             parts={a.KEY: a.applies(system) for a in analyses()},
             choices={
                 f"{c.name}.{s.name}": list(s.choices)
                 for c in system.components.values()
-                for s in c.interface.outputs if s.choices
+                for s in c.interface.outputs
+                if s.choices
             },
             parameters=table(system.components.values()),
             digest=of_system(system, options),
-        )  # fmt: skip
+        )
 
     def varied(self, system: System, changed: Iterable[Component]) -> Manifest:
-        """That of the same system with other values of some components, before it runs; without a
-        digest, which costs more than all else here."""
+        """That of the same system with other values of some components, before it runs;
+        without a digest, which costs more than all else here."""
         return replace(
-            self, parts={a.KEY: a.applies(system) for a in analyses()},
-            parameters={**self.parameters, **table(changed)}, digest="",
-        )  # fmt: skip
+            self,
+            parts={a.KEY: a.applies(system) for a in analyses()},
+            parameters={**self.parameters, **table(changed)},
+            digest="",
+        )
 
     @cached_property
     def content(self) -> Content:
-        """What the scenario says. Raises DesatError where that of another version is not in the
-        language."""
+        """What the scenario says. Raises DesatError where that of another version is
+        not in the language."""
         return content_of(self.about)
 
     @property
@@ -217,15 +232,18 @@ class Manifest(Mapping[str, Any]):
             value = getattr(self, f.name)
             if f.name in ("parts", "more"):
                 told |= {key: _as_json(x) for key, x in value.items()}
-            elif self.message is not None if f.name in AT_THE_END else (
-                value is not None or f.name == "ssp"
-            ):  # fmt: skip
+            elif (
+                self.message is not None
+                if f.name in AT_THE_END
+                else (value is not None or f.name == "ssp")
+            ):
                 told[f.name] = _as_json(value)
         return told
 
     @classmethod
     def from_json(cls, told: JsonObject) -> Manifest:
-        """Read a manifest, also one of an older version, which lacks some keys, or of a newer one.
+        """Read a manifest, also one of an older version, which lacks some keys, or of a
+        newer one.
 
         Raises
         ------
@@ -241,8 +259,12 @@ class Manifest(Mapping[str, Any]):
         for analysis in analyses():
             key = analysis.KEY
             if key in told:
-                parts[key] = told[key] and _read(key, analysis.PARTS.from_json, told[key])
-        more = {key: x for key, x in told.items() if key not in made and key not in parts}
+                parts[key] = told[key] and _read(
+                    key, analysis.PARTS.from_json, told[key]
+                )
+        more = {
+            key: x for key, x in told.items() if key not in made and key not in parts
+        }
         manifest = cls(**{**made, "parts": parts, "more": more})
         fault = fault_of(manifest, cls, "")
         for key, part in parts.items():
@@ -274,7 +296,8 @@ def _as_json(x: Any) -> Any:
 
 
 def _read(key: str, of: Callable[[Any], Any], told: Any) -> Any:
-    """Return the value of a key as `of` reads it. Raises ValueError, which names the key."""
+    """Return the value of a key as `of` reads it. Raises ValueError, which names the
+    key."""
     try:
         return of(told)
     except (ValueError, TypeError, KeyError, AttributeError) as error:
@@ -282,7 +305,9 @@ def _read(key: str, of: Callable[[Any], Any], told: Any) -> Any:
 
 
 _TYPED: dict[str, Callable[[Any], Any]] = {
-    "parameters": lambda t: {c: {k: Parameter(**p) for k, p in of.items()} for c, of in t.items()},
+    "parameters": lambda t: {
+        c: {k: Parameter(**p) for k, p in of.items()} for c, of in t.items()
+    },
     "numbers": lambda t: {name: Value(**n) for name, n in t.items()},
     "substep_choice": SubstepChoice.from_json,
     "decimated": lambda t: Slow(**t),

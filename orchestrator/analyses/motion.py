@@ -1,9 +1,11 @@
-"""A rigid body between the rows of a run: attitude, momentum and rate inside every step.
+"""A rigid body between the rows of a run: attitude, momentum and rate inside every
+step.
 
-From the rows: attitude, rate and external impulse at both ends, the wheels' momentum at the start
-and their torque as mean and slope. The attitude is the polynomial of degree 5 through values, first
-and second derivatives at both ends; it errs by (nutation step)^6 / 46,080. The momentum goes by the
-impulse, and by the torque at both ends where that is known.
+From the rows: attitude, rate and external impulse at both ends, the wheels' momentum at
+the start and their torque as mean and slope. The attitude is the polynomial of degree 5
+through values, first and second derivatives at both ends; it errs by (nutation step)^6
+/ 46,080. The momentum goes by the impulse, and by the torque at both ends where that is
+known.
 """
 
 from __future__ import annotations
@@ -29,11 +31,13 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 Torque = Callable[[float, Array], Array]
-"""f(e, q): N m, body (steps, 3), at the share e of every step, where the attitudes are q."""
+"""f(e, q): N m, body (steps, 3), at the share e of every step, where the attitudes are
+q."""
 
 NODES = (0.0, 0.5 - 0.5 * sqrt(3.0 / 7.0), 0.5, 0.5 + 0.5 * sqrt(3.0 / 7.0), 1.0)
 WEIGHTS = (1.0 / 20.0, 49.0 / 180.0, 16.0 / 45.0, 49.0 / 180.0, 1.0 / 20.0)
-"""Of Lobatto's quadrature of order 8 over a step, as shares of it: at both ends all is known."""
+"""Of Lobatto's quadrature of order 8 over a step, as shares of it: at both ends all is
+known."""
 
 
 BEYOND = 1e10
@@ -41,7 +45,8 @@ BEYOND = 1e10
 
 
 def period_of(r: Sequence[float] | Array, v: Sequence[float] | Array) -> float:
-    """The period (s) of the orbit through r (m) with v (m/s); a day for one about the Sun."""
+    """The period (s) of the orbit through r (m) with v (m/s); a day for one about the
+    Sun."""
     if float(np.linalg.norm(r)) > BEYOND:
         return 86400.0
     axis = 1.0 / (2.0 / float(np.linalg.norm(r)) - float(np.dot(v, v)) / MU)
@@ -52,13 +57,17 @@ def _turned(q: Array, omega: Array) -> Array:
     """1/2 Omega(omega) q, row by row."""
     vector, scalar = q[:, :3], q[:, 3:]
     return 0.5 * np.hstack(
-        [scalar * omega - cross(omega, vector), -(omega * vector).sum(axis=1, keepdims=True)]
+        [
+            scalar * omega - cross(omega, vector),
+            -(omega * vector).sum(axis=1, keepdims=True),
+        ]
     )
 
 
 @dataclass
 class Steps:
-    """All steps of a run at once; arrays have a row a step, or one more where they say so."""
+    """All steps of a run at once; arrays have a row a step, or one more where they say
+    so."""
 
     dt: float | Array
     """s; of each step its own as (steps, 1)"""
@@ -90,8 +99,10 @@ class Steps:
         """The external torque (N m, body) at the start and at the end of every step."""
         self._start = self._edge(0, self.q[:-1], self.omega[:-1], spin[:-1])
         self._end = self._edge(1, self.q[1:], self.omega[1:], spin[1:])
-        self.turned = (rotate_back(self.q[:-1], self.ends[0]),
-                       rotate_back(self.q[1:], self.ends[1]))  # fmt: skip
+        self.turned = (
+            rotate_back(self.q[:-1], self.ends[0]),
+            rotate_back(self.q[1:], self.ends[1]),
+        )
         """The same in eci."""
         self._bend = self.dt * (self.turned[1] - self.turned[0])
 
@@ -103,7 +114,9 @@ class Steps:
         """What the wheels' rotors take from the body (N m, body)."""
         return np.asarray((self.mean + (e - 0.5) * self.slope) @ self.axes.T)
 
-    def _edge(self, e: int, q: Array, omega: Array, spin: Array) -> tuple[Array, Array, Array]:
+    def _edge(
+        self, e: int, q: Array, omega: Array, spin: Array
+    ) -> tuple[Array, Array, Array]:
         """q and its first and second derivative by the share of the step."""
         torque = self.ends[e] - self.motors(e) - cross(omega, spin)
         first = _turned(q, omega)
@@ -115,9 +128,14 @@ class Steps:
         z = 1.0 - e
 
         def basis(s: float) -> tuple[float, float, float]:
-            """At s for the value, first and second derivative at 0; 0 with all three at 1."""
+            """At s for the value, first and second derivative at 0; 0 with all three at
+            1."""
             c = (1.0 - s) ** 3
-            return c * (1.0 + s * (3.0 + 6.0 * s)), c * s * (1.0 + 3.0 * s), 0.5 * c * s * s
+            return (
+                c * (1.0 + s * (3.0 + 6.0 * s)),
+                c * s * (1.0 + 3.0 * s),
+                0.5 * c * s * s,
+            )
 
         a, b, c = basis(e)
         f, g, h = basis(z)
@@ -128,7 +146,9 @@ class Steps:
     def rate(self, e: float, q: Array) -> Array:
         """The body's rate (rad/s, body) where its attitude is q."""
         h = self.h[:-1] + self.dt * (e * self.mean + 0.5 * (e * e - e) * self.slope)
-        total = rotate(q, self.momentum[:-1] + e * self.gained + 0.5 * (e * e - e) * self._bend)
+        total = rotate(
+            q, self.momentum[:-1] + e * self.gained + 0.5 * (e * e - e) * self._bend
+        )
         return np.asarray((total - h @ self.axes.T) @ self.inverse.T)
 
 
@@ -142,15 +162,29 @@ Feeds = dict[str, str | list[Any]]
 
 BLOCK, FIXED = "spacecraft_rigid", "spacecraft_fixed_attitude"
 _ALWAYS: dict[str, Any] = {
-    "residual_dipole_body": [0.0, 0.0, 0.0], "gravity_gradient": True, "plates": [],
-    "drive_plate": [], "aerodynamics": "none", "radiation": "none",
-}  # fmt: skip
+    "residual_dipole_body": [0.0, 0.0, 0.0],
+    "gravity_gradient": True,
+    "plates": [],
+    "drive_plate": [],
+    "aerodynamics": "none",
+    "radiation": "none",
+}
 """Of a body that has no such parameter."""
 INPUTS = (
-    "r_eci", "v_eci", "b_eci", "b_rate_eci", "b_accel_eci", "sun_eci", "sunlight", "density",
-    "m_mean_body", "m_slope_body", "tau_mean_thruster_body", "tau_slope_thruster_body",
+    "r_eci",
+    "v_eci",
+    "b_eci",
+    "b_rate_eci",
+    "b_accel_eci",
+    "sun_eci",
+    "sunlight",
+    "density",
+    "m_mean_body",
+    "m_slope_body",
+    "tau_mean_thruster_body",
+    "tau_slope_thruster_body",
     "tau_ext_body",
-)  # fmt: skip
+)
 
 
 def is_known_body(system: System, body: str) -> bool:
@@ -160,8 +194,8 @@ def is_known_body(system: System, body: str) -> bool:
 
 
 def feeds(system: System, body: str) -> Feeds | None:
-    """What feeds the inputs of a body; None for another block than ours, and for an input that
-    comes changed (factor, unit) or not at every step."""
+    """What feeds the inputs of a body; None for another block than ours, and for an
+    input that comes changed (factor, unit) or not at every step."""
     component = system.components[body]
     interface = component.interface
     if not is_known_body(system, body):
@@ -169,7 +203,9 @@ def feeds(system: System, body: str) -> Feeds | None:
     fed: Feeds = {}
     for name in INPUTS:
         signals = interface.arrays.get(name, ())
-        wires = [c for c in system.connections if c.target == body and c.input_array == name]
+        wires = [
+            c for c in system.connections if c.target == body and c.input_array == name
+        ]
         if not wires:
             fed[name] = [component.values[s.name] for s in signals]
             continue
@@ -179,44 +215,58 @@ def feeds(system: System, body: str) -> Feeds | None:
         signal = source.interface.signals.get(wire.output) if source.interface else None
         same = all(c.factor == 1.0 and c.offset == 0.0 for c in wires)
         if not (
-            same and signal and len(series) == 1 and len(wires) == len(signals)
-            and source.step_ratio == 1 and signal.unit_name == signals[0].unit_name
-        ):  # fmt: skip
+            same
+            and signal
+            and len(series) == 1
+            and len(wires) == len(signals)
+            and source.step_ratio == 1
+            and signal.unit_name == signals[0].unit_name
+        ):
             return None
         fed[name] = series.pop()
     return fed
 
 
-def recorded_inputs(results: Results, fed: Feeds, rows: slice) -> dict[str, Array] | None:
-    """The inputs of a body in these steps of a run, (steps, elements) each; None where a series is
-    not recorded."""
+def recorded_inputs(
+    results: Results, fed: Feeds, rows: slice
+) -> dict[str, Array] | None:
+    """The inputs of a body in these steps of a run, (steps, elements) each; None where
+    a series is not recorded."""
     n = rows.stop - rows.start
     known = set(results.names())
     if not {x for x in fed.values() if isinstance(x, str)} <= known:
         return None
     return {
-        name: np.reshape(results.values(f, rows), (n, -1)) if isinstance(f, str)
+        name: np.reshape(results.values(f, rows), (n, -1))
+        if isinstance(f, str)
         else np.broadcast_to(np.array(f, dtype=float), (n, len(f)))
         for name, f in fed.items()
-    }  # fmt: skip
+    }
 
 
-def torque(parameters: Mapping[str, Parameter], x: dict[str, Array], dt: float | Array) -> Torque:
-    """The torque in steps of dt (s) on a body of these parameters (as a manifest has them), its
-    inputs at each being x."""
+def torque(
+    parameters: Mapping[str, Parameter], x: dict[str, Array], dt: float | Array
+) -> Torque:
+    """The torque in steps of dt (s) on a body of these parameters (as a manifest has
+    them), its inputs at each being x."""
     given = _ALWAYS | {k: p.value for k, p in parameters.items()}
     inertia = np.reshape(given["inertia"], (3, 3))
     fall = -MU * x["r_eci"] / np.linalg.norm(x["r_eci"], axis=1, keepdims=True) ** 3
     plates = np.reshape(given["plates"], (-1, PLATE_COLUMNS))
     drives = np.reshape(given["drive_plate"], (-1, 3))
     there = [k for k in range(len(plates)) if plates[k, 3] > 0.0]
-    axes: dict[int, Array] = {k: drives[k] / size for k in there if k < len(drives)
-            and (size := np.linalg.norm(drives[k])) > 0.0}  # fmt: skip
+    axes: dict[int, Array] = {
+        k: drives[k] / size
+        for k in there
+        if k < len(drives) and (size := np.linalg.norm(drives[k])) > 0.0
+    }
 
     def normal_of(k: int, s: Array) -> Array:
         """Of a plate (rows, 3), which its drive turns to the Sun s (rows, 3), body."""
         if k not in axes:
-            return np.broadcast_to(plates[k, :3] / np.linalg.norm(plates[k, :3]), s.shape)
+            return np.broadcast_to(
+                plates[k, :3] / np.linalg.norm(plates[k, :3]), s.shape
+            )
         across = s - np.outer(s @ axes[k], axes[k])
         return np.asarray(across / np.linalg.norm(across, axis=1, keepdims=True))
 
@@ -224,7 +274,9 @@ def torque(parameters: Mapping[str, Parameter], x: dict[str, Array], dt: float |
         """v (m/s, body) through the air, of size |v|; s as of `light`."""
         head = -0.5 * x["density"] * given["drag_coefficient"]
         if given["aerodynamics"] == "area":
-            force = head * given["area_drag"] * np.linalg.norm(v, axis=1, keepdims=True) * v
+            force = (
+                head * given["area_drag"] * np.linalg.norm(v, axis=1, keepdims=True) * v
+            )
             return cross(given["centre_drag_body"], force)
         total = np.zeros_like(v)
         for k in there:
@@ -237,7 +289,9 @@ def torque(parameters: Mapping[str, Parameter], x: dict[str, Array], dt: float |
         """s: unit vector to the Sun, body."""
         pressure = SOLAR_PRESSURE * x["sunlight"]
         if given["radiation"] == "area":
-            return cross(given["centre_radiation_body"], -pressure * given["area_radiation"] * s)
+            return cross(
+                given["centre_radiation_body"], -pressure * given["area_radiation"] * s
+            )
         total = np.zeros_like(s)
         for k in there:
             p, normal = plates[k], normal_of(k, s)
@@ -250,8 +304,14 @@ def torque(parameters: Mapping[str, Parameter], x: dict[str, Array], dt: float |
         t, lead = e * dt, e - 0.5
         r = x["r_eci"] + t * x["v_eci"] + 0.5 * t * t * fall
         b = x["b_eci"] + t * x["b_rate_eci"] + 0.5 * t * t * x["b_accel_eci"]
-        dipole = x["m_mean_body"] + lead * x["m_slope_body"] + given["residual_dipole_body"]
-        total = x["tau_ext_body"] + given["tau_disturbance_body"] + cross(dipole, rotate(q, b))
+        dipole = (
+            x["m_mean_body"] + lead * x["m_slope_body"] + given["residual_dipole_body"]
+        )
+        total = (
+            x["tau_ext_body"]
+            + given["tau_disturbance_body"]
+            + cross(dipole, rotate(q, b))
+        )
         total += x["tau_mean_thruster_body"] + lead * x["tau_slope_thruster_body"]
         if given["gravity_gradient"]:
             p = rotate(q, r)
@@ -259,7 +319,9 @@ def torque(parameters: Mapping[str, Parameter], x: dict[str, Array], dt: float |
             total += 3.0 * MU / size**5 * cross(p, p @ inertia.T)
         if given["aerodynamics"] != "none":
             wind = (
-                x["v_eci"] + t * fall - cross([0.0, 0.0, EARTH_RATE], x["r_eci"] + t * x["v_eci"])
+                x["v_eci"]
+                + t * fall
+                - cross([0.0, 0.0, EARTH_RATE], x["r_eci"] + t * x["v_eci"])
             )
             total += drag(rotate(q, wind), rotate(q, x["sun_eci"]))
         if given["radiation"] != "none":

@@ -1,4 +1,5 @@
-"""Figures of a craft that contradict each other, or are those of no craft: hardware and orbit.
+"""Figures of a craft that contradict each other, or are those of no craft: hardware and
+orbit.
 
 `desat new craft`, `check`, `run` and `size` all say them.
 """
@@ -38,9 +39,13 @@ Array = NDArray[np.float64]
 
 ROWS = 37  # of an orbit that is looked at
 LARGEST_FIELD = 6e-5  # T, at the ground near a pole
-HARMLESS = 0.5  # share of a wheel up to which an estimate of an orbit's momentum is enough
+HARMLESS = (
+    0.5  # share of a wheel up to which an estimate of an orbit's momentum is enough
+)
 LARGEST_COIL_POWER = 200.0  # W, each; the largest rods take some tens
-SMALLEST_THRESHOLD = 0.01  # share of a wheel's capacity below which a threshold is a slip of units
+SMALLEST_THRESHOLD = (
+    0.01  # share of a wheel's capacity below which a threshold is a slip of units
+)
 LARGEST_TANK = 0.9  # share of the mass
 
 
@@ -66,7 +71,9 @@ def _body(system: System) -> Iterator[str]:
     if craft is not None and "inertia" in craft.values:
         inertia = np.diag(np.reshape(craft.values["inertia"], (3, 3))).tolist()
         where = _where(system, craft, "inertia")
-        yield from (f"{where}: body: {line}" for line in contradictions(system.body, inertia))
+        yield from (
+            f"{where}: body: {line}" for line in contradictions(system.body, inertia)
+        )
     tank = 0.0 if thrusters is None else thrusters.values.get("tank", 0.0)
     if thrusters is not None and tank > LARGEST_TANK * system.body.mass:
         yield (
@@ -80,7 +87,10 @@ def _dumps(system: System, wheels: WheelArray) -> Iterator[str]:
     manager = craft_of(system).manager
     if manager is None or manager.interface.model != "manager_threshold":
         return
-    begin, capacity = manager.values["begin"], smallest_capacity(wheels.component.values)
+    begin, capacity = (
+        manager.values["begin"],
+        smallest_capacity(wheels.component.values),
+    )
     if not 0.0 < capacity < inf:
         return
     most, whose = capacity, "a wheel holds"
@@ -98,8 +108,13 @@ def _dumps(system: System, wheels: WheelArray) -> Iterator[str]:
             f"{where}: {manager.name}.begin = {begin:g} N m s is {100.0 * begin / capacity:.2g} % "
             f"of a wheel's {capacity:.4g} N m s: is it a share of it?"
         )
-    torque, limit = manager.values["torque"], wheels.component.values.get("torque_limit", inf)
-    if manager.choice("by") != "thrusters" or not manager.values.get("feedforward", True):
+    torque, limit = (
+        manager.values["torque"],
+        wheels.component.values.get("torque_limit", inf),
+    )
+    if manager.choice("by") != "thrusters" or not manager.values.get(
+        "feedforward", True
+    ):
         return
     needed = torque * float(np.linalg.norm(np.linalg.pinv(wheels.axes), axis=1).max())
     if needed > limit * (1.0 + 1e-9):
@@ -113,7 +128,10 @@ def _dumps(system: System, wheels: WheelArray) -> Iterator[str]:
 def _coils(system: System) -> Iterator[str]:
     """Check the power of coils at their largest dipole."""
     coils = craft_of(system).coils
-    if coils is None or not {"resistance", "area_turns", "m_limit"} <= coils.values.keys():
+    if (
+        coils is None
+        or not {"resistance", "area_turns", "m_limit"} <= coils.values.keys()
+    ):
         return
     given = {"resistance", "area_turns"} & coils.given.keys()
     current = coils.values["m_limit"] / coils.values["area_turns"]
@@ -131,7 +149,10 @@ def _coils(system: System) -> Iterator[str]:
 
 def _orbit_momentum(system: System, wheels: WheelArray) -> Iterator[str]:
     """Check what an orbit brings into the wheels against what they hold."""
-    craft, capacity = craft_of(system).spacecraft, smallest_capacity(wheels.component.values)
+    craft, capacity = (
+        craft_of(system).spacecraft,
+        smallest_capacity(wheels.component.values),
+    )
     axes, name = wheels.axes, wheels.component.name
     spans = axes.any() and np.linalg.matrix_rank(axes, tol=1e-3) == 3
     if craft is None or not spans or not 0.0 < capacity < inf:
@@ -163,7 +184,8 @@ def _orbit_momentum(system: System, wheels: WheelArray) -> Iterator[str]:
 
 
 def _most_in_an_orbit(system: System, craft: Component) -> float:
-    """Estimate from above what disturbances do in an orbit (N m s); inf where it is not known."""
+    """Estimate from above what disturbances do in an orbit (N m s); inf where it is not
+    known."""
     environment = craft_of(system).environment
     if environment is None or environment.interface.model not in names():
         return 0.0  # nothing is known of it
@@ -176,24 +198,31 @@ def _most_in_an_orbit(system: System, craft: Component) -> float:
     radius, values = float(np.linalg.norm(r)), craft.values
     light = float(getattr(block, "sunlight", 1.0)) or 1.0
     torque = float(np.linalg.norm(values.get("tau_disturbance_body", 0.0)))
-    torque += SOLAR_PRESSURE * light * 2.0 * _lever(values, "radiation", "area_radiation")
+    torque += (
+        SOLAR_PRESSURE * light * 2.0 * _lever(values, "radiation", "area_radiation")
+    )
     if radius < motion.BEYOND:
         period = motion.period_of(r, v)
         axis = (MU * (period / (2.0 * pi)) ** 2) ** (1.0 / 3.0)
         eccentric = (r @ v) ** 2 / (MU * axis) + (1.0 - radius / axis) ** 2
         near = axis * (1.0 - sqrt(min(eccentric, 0.99)))
-        inertia = np.linalg.eigvalsh(np.reshape(values.get("inertia", np.zeros(9)), (3, 3)))
+        inertia = np.linalg.eigvalsh(
+            np.reshape(values.get("inertia", np.zeros(9)), (3, 3))
+        )
         torque += 1.5 * MU / near**3 * float(inertia[-1] - inertia[0])
         field = LARGEST_FIELD * (EARTH_RADIUS / near) ** 3
         torque += field * float(np.linalg.norm(values.get("residual_dipole_body", 0.0)))
         density = 10.0 * atmosphere.table(near - EARTH_RADIUS)  # high solar activity
-        torque += density * MU / near * 2.2 * _lever(values, "aerodynamics", "area_drag")
+        torque += (
+            density * MU / near * 2.2 * _lever(values, "aerodynamics", "area_drag")
+        )
         return float(period * (torque + _given(system)))
     return float(motion.period_of(r, v) * (torque + _given(system)))
 
 
 def _lever(values: Values, option: str, area: str) -> float:
-    """Return area times lever (m3) of drag or light, 0 where they are off, inf of plates."""
+    """Return area times lever (m3) of drag or light, 0 where they are off, inf of
+    plates."""
     if not values.get(option, 0):
         return 0.0
     if values[option] != 1:
@@ -213,10 +242,13 @@ def _given(system: System) -> float:
 
 
 def _orbit(system: System) -> Flight:
-    """Fly an orbit, or a day in deep space, at the wanted attitude and without management."""
+    """Fly an orbit, or a day in deep space, at the wanted attitude and without
+    management."""
     block = environment_block(system.roles["environment"], needless(system))
     first = inputs_at(block, [system.start])
     period = motion.period_of(first["r_eci"][0], first["v_eci"][0])
     times = system.start + np.linspace(0.0, period, ROWS)
     block = environment_block(system.roles["environment"], needless(system))
-    return flown_at(system, wanted_attitude(system), inputs_at(block, times.tolist()), times)
+    return flown_at(
+        system, wanted_attitude(system), inputs_at(block, times.tolist()), times
+    )

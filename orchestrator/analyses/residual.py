@@ -1,8 +1,9 @@
 """The standing monitor of a rigid body: does its momentum add up?
 
-The inertial angular momentum of the craft, from its attitude and rate and from the momentum that
-the *wheels* report, less its start and the external impulse, ought to be zero. The spacecraft's own
-copy of the wheels' momentum is not used, so an exchange that loses momentum shows.
+The inertial angular momentum of the craft, from its attitude and rate and from the
+momentum that the *wheels* report, less its start and the external impulse, ought to be
+zero. The spacecraft's own copy of the wheels' momentum is not used, so an exchange that
+loses momentum shows.
 """
 
 from __future__ import annotations
@@ -34,9 +35,11 @@ KEY = "rigid_body"
 NUMBERS = ("momentum_residual",)
 BOUND_KEYS = ("residual_bound",)
 BOUND = 1e-9
-"""Of the residual, as a share of the largest momentum, where a scenario has no `residual_bound`."""
+"""Of the residual, as a share of the largest momentum, where a scenario has no
+`residual_bound`."""
 BLOCK = "spacecraft_rigid"
-TOTAL = "momentum_eci"  # N m s: the output by which a spacecraft declares its total momentum
+# N m s: the output by which a spacecraft declares its total momentum
+TOTAL = "momentum_eci"
 UNKNOWN = f"is no {BLOCK} of ours and declares no total momentum ({TOTAL})"
 
 
@@ -62,10 +65,11 @@ PARTS = MomentumParts
 
 
 def applies(system: System) -> MomentumParts | None:
-    """Return which component is the body and where its wheels' momentum comes from, or None.
+    """Return which component is the body and where its wheels' momentum comes from, or
+    None.
 
-    A body that is not ours may have parts that move. An output `momentum_eci` (N m s) declares its
-    total momentum; without it nothing is known of that.
+    A body that is not ours may have parts that move. An output `momentum_eci` (N m s)
+    declares its total momentum; without it nothing is known of that.
     """
     for body, wire in system.by_input["h_wheel"].items():
         if len(system.components[body].interface.elements.get(TOTAL, ())) == 3:
@@ -79,14 +83,17 @@ def applies(system: System) -> MomentumParts | None:
 
 
 def rigid_body(system: System) -> RigidBodyParts | None:
-    """Return a component with the parameters of a rigid body with wheels, ours or not, or None."""
+    """Return a component with the parameters of a rigid body with wheels, ours or not,
+    or None."""
     body = craft_of(system).rigid_body
-    return None if body is None else RigidBodyParts(body.component.name, body.wheel_series)
+    return (
+        None if body is None else RigidBodyParts(body.component.name, body.wheel_series)
+    )
 
 
 class Momentum(NamedTuple):
-    """Times (s), the residual (rows, 3) in N m s, eci, and the largest momentum (N m s), of the
-    whole or of the wheels."""
+    """Times (s), the residual (rows, 3) in N m s, eci, and the largest momentum (N m
+    s), of the whole or of the wheels."""
 
     times: Array
     residual: Array
@@ -125,8 +132,8 @@ def _momentum(manifest: Manifest, results: Results) -> Momentum | None:
 
 
 def carrier_of(given: Mapping[str, Parameter]) -> tuple[Array, Array]:
-    """(J_r, axes) of a rigid body of these parameters: inertia (3, 3) without the wheels' axial
-    part, kg m2, and the wheels' axes (3, 4)."""
+    """(J_r, axes) of a rigid body of these parameters: inertia (3, 3) without the
+    wheels' axial part, kg m2, and the wheels' axes (3, 4)."""
     values = {name: parameter.value for name, parameter in given.items()}
     return carrier_inertia(values), axes_of(values)
 
@@ -166,7 +173,8 @@ def unchecked(manifest: Manifest, results: Results) -> dict[str, str]:
     if why := manifest.parts[KEY].unknown:
         return {"momentum_residual": why}
     return {
-        "momentum_residual": missing(balanced(manifest.parts[KEY]), results) or "there are no rows"
+        "momentum_residual": missing(balanced(manifest.parts[KEY]), results)
+        or "there are no rows"
     }
 
 
@@ -177,7 +185,8 @@ def missing(series: list[str], results: Results) -> str:
 
 
 def unmet(manifest: Manifest, results: Results) -> list[str]:
-    """A residual above its bound; not under jacobi, whose exchange is known to lose momentum."""
+    """A residual above its bound; not under jacobi, whose exchange is known to lose
+    momentum."""
     series = momentum(manifest, results)
     if series is None or manifest.algorithm != "gauss_seidel":
         return []
@@ -186,20 +195,29 @@ def unmet(manifest: Manifest, results: Results) -> list[str]:
     return beyond("momentum_residual", number, "residual_bound", bound, series.largest)
 
 
-def beyond(name: str, number: Value, key: str, bound: float, largest: float) -> list[str]:
-    """A line where a number (N m s) is above its bound, a share of the largest momentum."""
+def beyond(
+    name: str, number: Value, key: str, bound: float, largest: float
+) -> list[str]:
+    """A line where a number (N m s) is above its bound, a share of the largest
+    momentum."""
     value = number.value
     if value is None or value <= bound * largest:
         return []
-    return [f"{name} = {value:.2g} N m s: above {key} = {bound:g} of the largest momentum, "
-            f"{largest:.3g} N m s"]  # fmt: skip
+    return [
+        f"{name} = {value:.2g} N m s: above {key} = {bound:g} of the largest momentum, "
+        f"{largest:.3g} N m s"
+    ]
 
 
 def figures(manifest: Manifest, results: Results) -> list[tuple[str, Figure]]:
     """The residual over time."""
     series = momentum(manifest, results)
     caption = "Momentum residual: momentum lost by the exchange between components"
-    return [] if series is None else [(caption, plot(series.times, series.residual, results))]
+    return (
+        []
+        if series is None
+        else [(caption, plot(series.times, series.residual, results))]
+    )
 
 
 def plot(times: Array, residual: Array, results: Results) -> Figure:

@@ -11,7 +11,8 @@ from ..system.model import System
 from ..system.wheels import axes_of, existing
 
 FLAT = 1e-3
-"""Axes whose smallest singular value, against the largest, is below this lie in a plane."""
+"""Axes whose smallest singular value, against the largest, is below this lie in a
+plane."""
 
 
 def warnings(system: System) -> Iterator[str]:
@@ -27,21 +28,30 @@ def _axes(system: System) -> Iterator[str]:
             continue
         there, axes = existing(c.values), axes_of(c.values)
         if lost := _left_out(axes[:, there]):
-            yield (f"{c.name}: {int(there.sum())} wheels: none turns the craft about {lost}, which "
-                   "the controller wants")  # fmt: skip
+            yield (
+                f"{c.name}: {int(there.sum())} wheels: none turns the craft about {lost}, which "
+                "the controller wants"
+            )
             continue
         failed, since = c.choice("failed"), c.values["failed_from"]
         if failed != "none" and since < system.stop:
             there[[int(x) - 1 for x in failed.split("+")]] = False
             if lost := _left_out(axes[:, there]):
-                where, begin = c.given.get("failed", system.where), max(since, system.start)
-                yield (f"{where}: {c.name}.failed = {failed}: from {begin:g} s on no wheel turns "
-                       f"the craft about {lost}, which the controller wants")  # fmt: skip
+                where, begin = (
+                    c.given.get("failed", system.where),
+                    max(since, system.start),
+                )
+                yield (
+                    f"{where}: {c.name}.failed = {failed}: from {begin:g} s on no wheel turns "
+                    f"the craft about {lost}, which the controller wants"
+                )
 
 
 def _left_out(axes: NDArray[np.float64]) -> str:
     """The direction that axes (3, n) do not reach, for people; empty: none."""
-    left, sizes, _ = np.linalg.svd(axes) if axes.size else (np.eye(3), np.zeros(3), None)
+    left, sizes, _ = (
+        np.linalg.svd(axes) if axes.size else (np.eye(3), np.zeros(3), None)
+    )
     if len(sizes) == 3 and sizes[2] > FLAT * sizes[0]:
         return ""
     if len(sizes) < 2 or sizes[1] <= FLAT * sizes[0]:

@@ -1,5 +1,6 @@
-"""A block of one's own to begin with: a file that flies as it is, and its test. Of a manager it is
-a law in twenty lines; of another role a block of ours, to be changed where it says so."""
+"""A block of one's own to begin with: a file that flies as it is, and its test. Of a
+manager it is a law in twenty lines; of another role a block of ours, to be changed
+where it says so."""
 
 from __future__ import annotations
 
@@ -21,18 +22,21 @@ LAW = "law"
 
 
 def write_law(file: Path, force: bool = False) -> list[Path]:
-    """Write NAME.py, a manager, and test_NAME.py beside it; both. Raises DesatError for a name that
-    no block can have, and where one of them exists already, unless `force`; then nothing is
-    written."""
+    """Write NAME.py, a manager, and test_NAME.py beside it; both. Raises DesatError for
+    a name that no block can have, and where one of them exists already, unless `force`;
+    then nothing is written."""
     return _write(file, LAW, {}, force)
 
 
 def write(what: str, file: Path | None, force: bool = False) -> list[Path]:
-    """Write a block of a role, or one that derives from a block of ours, and its test, as
-    `write_law`; without a file `my_ROLE.py`. Raises DesatError for what is neither, too."""
+    """Write a block of a role, or one that derives from a block of ours, and its test,
+    as `write_law`; without a file `my_ROLE.py`. Raises DesatError for what is neither,
+    too."""
     roles = role_classes()
     if what not in roles and what not in names():
-        raise DesatError(f"{what}: no role and no block of ours{nearest(what, {*roles, *names()})}")
+        raise DesatError(
+            f"{what}: no role and no block of ours{nearest(what, {*roles, *names()})}"
+        )
     file = file or Path(f"my_{what}")
     if what == Manager.role:
         return write_law(file, force)
@@ -44,9 +48,15 @@ def _description(base: str, block: type[Block]) -> dict[str, Any]:
     """What the template says of the block that one begins with."""
     method, what = "advance", "A step: dt (s) from t (s) on."
     if issubclass(block, Computer):
-        method, what = "compute", "A step: dt (s) from t (s) on; it decides at its samples."
+        method, what = (
+            "compute",
+            "A step: dt (s) from t (s) on; it decides at its samples.",
+        )
     elif hasattr(block, "measure"):
-        method, what = "measure", "A sample: its number, and the time since the last (s)."
+        method, what = (
+            "measure",
+            "A sample: its number, and the time since the last (s).",
+        )
     function = inspect.signature(getattr(block, method))
     given = list(function.parameters.values())[1:]
     lines: dict[str, list[str]] = {"input": [], "output": []}
@@ -56,11 +66,15 @@ def _description(base: str, block: type[Block]) -> dict[str, Any]:
             unit = f" ({v.unit})" if v.unit != "1" else ""
             lines[v.causality].append(text[: 86 - len(unit)] + unit)
     return {
-        "base": base, "base_class": block.__name__, "method": method, "what": what,
+        "base": base,
+        "base_class": block.__name__,
+        "method": method,
+        "what": what,
         "arguments": ", ".join(f"{p.name}: {p.annotation}" for p in given),
         "names": ", ".join(p.name for p in given),
-        "inputs": lines["input"], "outputs": lines["output"],
-    }  # fmt: skip
+        "inputs": lines["input"],
+        "outputs": lines["output"],
+    }
 
 
 def _write(file: Path, kind: str, more: Mapping[str, Any], force: bool) -> list[Path]:
@@ -79,12 +93,17 @@ def _write(file: Path, kind: str, more: Mapping[str, Any], force: bool) -> list[
     from jinja2 import Environment, PackageLoader, StrictUndefined
 
     environment = Environment(
-        loader=PackageLoader("desat", f"templates/{kind}"), undefined=StrictUndefined,
+        loader=PackageLoader("desat", f"templates/{kind}"),
+        undefined=StrictUndefined,
         keep_trailing_newline=True,
-    )  # fmt: skip
+    )
     words = [w for w in name.split("_") if w]
-    told = {"name": name, "cls": "".join(w[:1].upper() + w[1:] for w in words) or "Mine",
-            "title": " ".join(words).capitalize() or "A block", **more}  # fmt: skip
+    told = {
+        "name": name,
+        "cls": "".join(w[:1].upper() + w[1:] for w in words) or "Mine",
+        "title": " ".join(words).capitalize() or "A block",
+        **more,
+    }
     if told["cls"] == told.get("base_class"):
         told["cls"] = f"{told['cls']}Mine"
     file.parent.mkdir(parents=True, exist_ok=True)

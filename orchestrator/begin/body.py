@@ -1,7 +1,9 @@
-"""The body of a new craft: its mass, its sides and its moments of inertia, given or assumed.
+"""The body of a new craft: its mass, its sides and its moments of inertia, given or
+assumed.
 
-What is not given follows from what is: sides from the mass and the class density, the mass from the
-sides and that density (of a CubeSat from its units), both from the moments of inertia alone.
+What is not given follows from what is: sides from the mass and the class density, the
+mass from the sides and that density (of a CubeSat from its units), both from the
+moments of inertia alone.
 """
 
 from __future__ import annotations
@@ -92,16 +94,21 @@ def _options(wanted: CraftFacts) -> str:
         "--mass": wanted.mass,
         "--inertia": wanted.inertia,
     }
-    return " ".join(f"{name} {value}" for name, value in given.items() if value is not None)
+    return " ".join(
+        f"{name} {value}" for name, value in given.items() if value is not None
+    )
 
 
 def _given_sides(wanted: CraftFacts) -> tuple[Sides | None, str, str, int]:
-    """Return the sides (m) that are given, their origin, the shape and a CubeSat's units."""
+    """Return the sides (m) that are given, their origin, the shape and a CubeSat's
+    units."""
     if wanted.box is not None:
         if wanted.size is not None:
             raise DesatError(f"--box {wanted.box}: --size {wanted.size} says it, too")
         if len(wanted.box.split(",")) != 3:
-            raise DesatError(f"--box {wanted.box}: three sides are needed, as 0.5,0.5,0.8 in m")
+            raise DesatError(
+                f"--box {wanted.box}: three sides are needed, as 0.5,0.5,0.8 in m"
+            )
         a, b, c = BOX.many(wanted.box)
         return (a, b, c), "given", f"a box of {a:g} x {b:g} x {c:g} m", 0
     if wanted.size is None:
@@ -111,7 +118,12 @@ def _given_sides(wanted: CraftFacts) -> tuple[Sides | None, str, str, int]:
     if match is None or int(match[1]) not in CUBESATS:
         known = ", ".join(f"{n}U" for n in CUBESATS)
         raise DesatError(f"--size {text}: there is {known}; --box has any other")
-    return CUBESATS[int(match[1])], f"given: {text.upper()}", f"a {text.upper()}", int(match[1])
+    return (
+        CUBESATS[int(match[1])],
+        f"given: {text.upper()}",
+        f"a {text.upper()}",
+        int(match[1]),
+    )
 
 
 def _moments(text: str) -> Sides:

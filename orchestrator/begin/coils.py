@@ -1,5 +1,5 @@
-"""Torquers by their making, as people type them: coils and rods of so many turns, or of what their
-dipole takes."""
+"""Torquers by their making, as people type them: coils and rods of so many turns, or of
+what their dipole takes."""
 
 from __future__ import annotations
 
@@ -12,8 +12,10 @@ from desat.components.physics import coil
 from ..system.errors import DesatError
 from ..system.quantity import Quantity
 
-FORMS = ("'coil TURNS 80x80mm WIRE CURRENT', as 'coil 300 80x80mm 0.2mm 100mA'",
-         "'rod TURNS 60x8mm WIRE CURRENT', as 'rod 800 60x8mm 0.2mm 100mA'")  # fmt: skip
+FORMS = (
+    "'coil TURNS 80x80mm WIRE CURRENT', as 'coil 300 80x80mm 0.2mm 100mA'",
+    "'rod TURNS 60x8mm WIRE CURRENT', as 'rod 800 60x8mm 0.2mm 100mA'",
+)
 TURNS = Quantity("--rods", "1", 1.0, 1e6, what="turns")
 DIPOLE = Quantity("--rods", "A.m2", 0.0, 1e5, above=True)
 LENGTH = Quantity("--rods", "m", 1e-6, 100.0)
@@ -40,7 +42,11 @@ def made(text: str, most_mass: float = inf) -> tuple[coil.Coil, str]:
         `most_mass` (kg).
     """
     words = text.split()
-    size = re.fullmatch(r"([\d.]+)x([\d.]+)(m|cm|mm)", words[2]) if len(words) == 5 else None
+    size = (
+        re.fullmatch(r"([\d.]+)x([\d.]+)(m|cm|mm)", words[2])
+        if len(words) == 5
+        else None
+    )
     if size is None:
         raise DesatError(f"--rods {text}: the form is {' or '.join(FORMS)}")
     a, b = (LENGTH(f"{size[k]} {size[3]}") for k in (1, 2))
@@ -52,8 +58,10 @@ def made(text: str, most_mass: float = inf) -> tuple[coil.Coil, str]:
             return coil.air(turns, a, b, wire, current)
     else:
         if a < 4.0 * b:
-            raise DesatError(f"--rods {text}: a rod is at least four times as long as it is thick; "
-                             f"got {size[0]}")  # fmt: skip
+            raise DesatError(
+                f"--rods {text}: a rod is at least four times as long as it is thick; "
+                f"got {size[0]}"
+            )
 
         def build(turns: float) -> coil.Coil:
             return coil.rod(turns, a, b / 2.0, PERMEABILITY, wire, current)
@@ -64,21 +72,29 @@ def made(text: str, most_mass: float = inf) -> tuple[coil.Coil, str]:
             f"--rods {text}: {density:.3g} A/mm2 in the wire; up to {MOST_DENSITY:g} are possible, "
             f"{1e9 * MOST_DENSITY * pi * wire * wire / 4.0:.3g} mA in {words[3]}"
         )
-    turns = TURNS(words[1]) if re.fullmatch(r"[\d.]+", words[1]) else _turns(words[1], build)
+    turns = (
+        TURNS(words[1])
+        if re.fullmatch(r"[\d.]+", words[1])
+        else _turns(words[1], build)
+    )
     found = build(turns)
     if found.mass > most_mass:
         raise DesatError(
             f"--rods {text}: {turns:.3g} turns of {found.mass:.3g} kg; {most_mass:.3g} kg each is "
             "a tenth of the craft: take a larger current"
         )
-    return found, (f"{words[0]} of {turns:.0f} turns, {words[2]}, wire of {words[3]}, {words[4]}: "
-                   f"{found.power:.3g} W, {1e3 * found.mass:.3g} g each")  # fmt: skip
+    return found, (
+        f"{words[0]} of {turns:.0f} turns, {words[2]}, wire of {words[3]}, {words[4]}: "
+        f"{found.power:.3g} W, {1e3 * found.mass:.3g} g each"
+    )
 
 
 def _turns(dipole: str, build: Callable[[float], coil.Coil]) -> float:
     """How many turns a dipole takes. Raises DesatError where one turn gives more."""
     wanted, one = DIPOLE(dipole), build(1.0).dipole
     if wanted < one:
-        raise DesatError(f"--rods {dipole}: one turn gives {one:.3g} A m2: a smaller current or "
-                         "area is needed")  # fmt: skip
+        raise DesatError(
+            f"--rods {dipole}: one turn gives {one:.3g} A m2: a smaller current or "
+            "area is needed"
+        )
     return float(-(-wanted // one))

@@ -1,6 +1,6 @@
-"""A new craft's folder, from what its owner knows of it: `craft.toml` with every number's origin,
-and the scenarios `nominal`, `worst` and `detumbling`. What is not given is typical of its class
-(templates/classes.toml, templates/craft/).
+"""A new craft's folder, from what its owner knows of it: `craft.toml` with every
+number's origin, and the scenarios `nominal`, `worst` and `detumbling`. What is not
+given is typical of its class (templates/classes.toml, templates/craft/).
 
 Rules, each written beside its number:
 
@@ -43,11 +43,24 @@ from desat.components.physics.orbit import EARTH_RADIUS
 from desat.components.physics.torques import SOLAR_PRESSURE
 
 from ..files import io
-from ..files.hardware import COMPENSATION, WHEEL_LAG, Figures, classes, friction, quantity, walk
+from ..files.hardware import (
+    COMPENSATION,
+    WHEEL_LAG,
+    Figures,
+    classes,
+    friction,
+    quantity,
+    walk,
+)
 from ..system.errors import DesatError, nearest, plain
 from ..system.model import J2000
 from ..system.quantity import Quantity, is_number
-from ..system.sampled_loop import SAMPLE_TIMES, AttitudeLoop, longest_sample, worst_momentum
+from ..system.sampled_loop import (
+    SAMPLE_TIMES,
+    AttitudeLoop,
+    longest_sample,
+    worst_momentum,
+)
 from . import coils, cyclic
 from .body import body_of
 from .facts import CraftFacts
@@ -60,16 +73,18 @@ SCENARIOS = ("nominal", "worst", "detumbling")
 LAYOUTS = ("pyramid", "axes")
 POINTINGS = ("nadir", "inertial", "sun", "yaw")
 BRAKING = 7.0
-"""Of B-dot: gain over the mean moment of inertia, in orbit rates. Of gains from 0.003 to 0.03 1/s,
-flown on 24 random crafts of 1U to 150 kg, it is within 1.3 of the quickest in 23. Stronger rods are
-at their limit for less long, which does not move the best gain; Avanzini & Giulietti (2012), 2 n
-(1 + sin xi) J_min, are up to ten times slower where J_min is far below the others."""
+"""Of B-dot: gain over the mean moment of inertia, in orbit rates. Of gains from 0.003
+to 0.03 1/s, flown on 24 random crafts of 1U to 150 kg, it is within 1.3 of the quickest
+in 23. Stronger rods are at their limit for less long, which does not move the best
+gain; Avanzini & Giulietti (2012), 2 n (1 + sin xi) J_min, are up to ten times slower
+where J_min is far below the others."""
 SLOW = 6.0 * 3600.0
 """Periods (s) from which on nothing asks for steps of a second."""
 LARGEST_TURN = 0.02
 """By a wheel's torque in a step (rad)."""
 KICK = 0.0076
-"""By the wheels' torque in a substep (rad): so far accuracy is shown (analyses/coverage.py)."""
+"""By the wheels' torque in a substep (rad): so far accuracy is shown
+(analyses/coverage.py)."""
 DUMPS, MOST_STEPS = 9, 2_500_000
 """How many a scenario lasts for, and in how many steps at the most."""
 OFF: Vec4 = (0.05, -0.05, 0.0513, 0.9962)
@@ -123,7 +138,8 @@ class NewWheels:
 
 @dataclass(frozen=True)
 class NewDumps:
-    """How a new craft dumps momentum between thresholds: texts for its files, and numbers in SI."""
+    """How a new craft dumps momentum between thresholds: texts for its files, and
+    numbers in SI."""
 
     by: str
     percent: tuple[str, str]  # of a wheel's capacity: where a dump begins and ends
@@ -155,7 +171,9 @@ class NewCraft:
     assumptions: tuple[Assumption, ...]
 
 
-def write(folder: Path, wanted: CraftFacts, command: str, force: bool = False) -> NewCraft:
+def write(
+    folder: Path, wanted: CraftFacts, command: str, force: bool = False
+) -> NewCraft:
     """Write the folder of a craft.
 
     Raises
@@ -168,18 +186,23 @@ def write(folder: Path, wanted: CraftFacts, command: str, force: bool = False) -
         raise DesatError(f"{folder}: it exists; --force writes the craft into it")
     name = folder.absolute().name
     if not re.fullmatch(r"[\w.+ -]+", name):
-        raise DesatError(f"{plain(str(folder))}: a name of letters, digits, blanks and . _ + - is "
-                         "needed")  # fmt: skip
+        raise DesatError(
+            f"{plain(str(folder))}: a name of letters, digits, blanks and . _ + - is "
+            "needed"
+        )
     made = _template_values(wanted, name, plain(command))
     from jinja2 import Environment, PackageLoader, StrictUndefined
 
     environment = Environment(
-        loader=PackageLoader("desat", "templates/craft"), undefined=StrictUndefined,
+        loader=PackageLoader("desat", "templates/craft"),
+        undefined=StrictUndefined,
         keep_trailing_newline=True,
-    )  # fmt: skip
+    )
     scenarios = SCENARIOS if made["rods"] else SCENARIOS[:2]
-    texts = {f"{name}.toml": environment.get_template(f"{name}.toml").render(made)
-             for name in ("craft", *scenarios)}  # fmt: skip
+    texts = {
+        f"{name}.toml": environment.get_template(f"{name}.toml").render(made)
+        for name in ("craft", *scenarios)
+    }
     fresh = not folder.exists()
     folder.mkdir(parents=True, exist_ok=True)
     try:
@@ -189,7 +212,9 @@ def write(folder: Path, wanted: CraftFacts, command: str, force: bool = False) -
         if fresh:
             shutil.rmtree(folder, ignore_errors=True)
         raise
-    return NewCraft(tuple(folder / name for name in texts), tuple(_assumptions(wanted, made)))
+    return NewCraft(
+        tuple(folder / name for name in texts), tuple(_assumptions(wanted, made))
+    )
 
 
 def _assumptions(wanted: CraftFacts, made: Mapping[str, Any]) -> Iterator[Assumption]:
@@ -198,12 +223,16 @@ def _assumptions(wanted: CraftFacts, made: Mapping[str, Any]) -> Iterator[Assump
     yield Assumption("mass", body["mass"], "kg", body["mass_from"])
     yield Assumption("sides", body["sides"].strip("[]"), "m", body["sides_from"])
     moments = [made["inertia"]["moments"][i] for i in range(3)]
-    yield Assumption("moments of inertia", ", ".join(moments), "kg m2", made["inertia"]["why"])
+    yield Assumption(
+        "moments of inertia", ", ".join(moments), "kg m2", made["inertia"]["why"]
+    )
     if not orbit.of_tle:
         for key, value, why in orbit.rows[: 3 if orbit.eccentricity > 0.0 else 2]:
             number, _, unit = value.strip('"').partition(" ")
             yield Assumption(key.replace("_", " "), number, unit, why)
-    yield Assumption("pointing", made["pointing"], "", "given" if wanted.pointing else "class")
+    yield Assumption(
+        "pointing", made["pointing"], "", "given" if wanted.pointing else "class"
+    )
     yield Assumption(
         "wheels",
         f"{wheels.count} x {wheels.capacity_si:g}",
@@ -221,19 +250,29 @@ def _assumptions(wanted: CraftFacts, made: Mapping[str, Any]) -> Iterator[Assump
             "residual dipole", made["dipole"]["size"], "A m2", made["dipole"]["origin"]
         )
     if sources.air:
-        yield Assumption("area for drag", made["area"]["value"], "m2", made["area"]["why"])
-    if sources.light:
-        yield Assumption("area for radiation", made["light"]["area"], "m2", made["light"]["why"])
         yield Assumption(
-            "its centre of pressure", made["light"]["centre"].strip("[]"), "m",
+            "area for drag", made["area"]["value"], "m2", made["area"]["why"]
+        )
+    if sources.light:
+        yield Assumption(
+            "area for radiation", made["light"]["area"], "m2", made["light"]["why"]
+        )
+        yield Assumption(
+            "its centre of pressure",
+            made["light"]["centre"].strip("[]"),
+            "m",
             "given" if wanted.panel else "class: 5 % of each side",
-        )  # fmt: skip
+        )
     if (given := sources.given) is not None:
-        yield Assumption("torque, mean size", f"{given.size:.4g}", "N m", f"given: {given.option}")
+        yield Assumption(
+            "torque, mean size", f"{given.size:.4g}", "N m", f"given: {given.option}"
+        )
     if thrusters := made["thrusters"]:
         number, _, unit = thrusters["force"].partition(" ")
         yield Assumption("thrust of each", number, unit, "given")
-        yield Assumption("arm of a pair", thrusters["arm"], "m", "class: half the largest side")
+        yield Assumption(
+            "arm of a pair", thrusters["arm"], "m", "class: half the largest side"
+        )
         number, _, unit = thrusters["impulse"].partition(" ")
         yield Assumption("specific impulse", number, unit, thrusters["impulse_why"])
         if thrusters["tank"]:
@@ -247,18 +286,29 @@ def _assumptions(wanted: CraftFacts, made: Mapping[str, Any]) -> Iterator[Assump
     yield Assumption("sample time and step", f"{made['step']:g}", "s", made["step_why"])
 
 
-def _of_class(asked: Quantity, kind: str, measure: str, text: str) -> tuple[str, Figures, float]:
+def _of_class(
+    asked: Quantity, kind: str, measure: str, text: str
+) -> tuple[str, Figures, float]:
     """The class that a size belongs to, its figures, and the size."""
     known, option, unit = classes()[kind], asked.option, asked.unit
     if text in known:
         return text, known[text], quantity(option, known[text][measure], unit)
     if not is_number(text):
-        raise DesatError(f"{option} {text}: no class{nearest(text, known)}; there is "
-                         f"{', '.join(known)}, or a number in {unit}")  # fmt: skip
+        raise DesatError(
+            f"{option} {text}: no class{nearest(text, known)}; there is "
+            f"{', '.join(known)}, or a number in {unit}"
+        )
     size = asked(text)
-    if kind == "wheels" and not re.search("[A-Za-z]", text.replace("e", "").replace("E", "")):
-        raise DesatError(f"{option} {text}: a unit is needed, as {text}mNms or {text}Nms")
-    name = min(known, key=lambda n: abs(math.log(size / quantity(option, known[n][measure], unit))))
+    if kind == "wheels" and not re.search(
+        "[A-Za-z]", text.replace("e", "").replace("E", "")
+    ):
+        raise DesatError(
+            f"{option} {text}: a unit is needed, as {text}mNms or {text}Nms"
+        )
+    name = min(
+        known,
+        key=lambda n: abs(math.log(size / quantity(option, known[n][measure], unit))),
+    )
     return name, known[name], size
 
 
@@ -274,29 +324,45 @@ def _template_values(wanted: CraftFacts, name: str, command: str) -> dict[str, A
     """What the templates are filled with."""
     pointing = wanted.pointing or ("nadir" if wanted.sun is None else "sun")
     if pointing not in POINTINGS:
-        raise DesatError(f"--pointing {pointing}: there is {', '.join(POINTINGS)}"
-                         f"{nearest(pointing, POINTINGS)}")  # fmt: skip
+        raise DesatError(
+            f"--pointing {pointing}: there is {', '.join(POINTINGS)}"
+            f"{nearest(pointing, POINTINGS)}"
+        )
     body = body_of(wanted)
     mass, sides, inertia = body.mass, body.sides, list(body.inertia)
     epoch = epoch_of(wanted)
     orbit = orbit_of(wanted, (epoch - J2000).total_seconds())
     if pointing in ("nadir", "yaw") and not orbit.of_earth:
-        raise DesatError(f"--pointing {pointing}: there is no Earth about the Sun; sun and "
-                         "inertial are left")  # fmt: skip
+        raise DesatError(
+            f"--pointing {pointing}: there is no Earth about the Sun; sun and "
+            "inertial are left"
+        )
     wheels = _wheels(wanted, inertia)
     rods = _rods(wanted, mass, orbit)
     thrusters = _thrusters(wanted, sides)
     if wanted.propellant is not None and PROPELLANT(wanted.propellant) > 0.9 * mass:
-        raise DesatError(f"--propellant {wanted.propellant}: more than 90 % of {mass:g} kg")
+        raise DesatError(
+            f"--propellant {wanted.propellant}: more than 90 % of {mass:g} kg"
+        )
     step = _step(orbit, inertia, wheels.torque_si, sides, pointing in ("nadir", "yaw"))
     given_sample = None if wanted.sample is None else _given_sample(wanted.sample)
     step = step if given_sample is None else given_sample
     quick = 0.1 / step
-    bandwidth = min(quick, math.sqrt(wheels.torque_si / (max(inertia) * math.radians(5.0))))
-    fullest = 1.0 if wanted.dump is None else min(_thresholds(wanted.dump)[0] + 10.0, 98.0) / 100.0
+    bandwidth = min(
+        quick, math.sqrt(wheels.torque_si / (max(inertia) * math.radians(5.0)))
+    )
+    fullest = (
+        1.0
+        if wanted.dump is None
+        else min(_thresholds(wanted.dump)[0] + 10.0, 98.0) / 100.0
+    )
     loop = _attitude_loop(inertia, wheels, bandwidth, step)
     step = _stable_sample(loop, wheels, fullest, given_sample is not None)
-    step_why = "given" if given_sample is not None else "orbit, torques and full wheels allow it"
+    step_why = (
+        "given"
+        if given_sample is not None
+        else "orbit, torques and full wheels allow it"
+    )
     dump = _dump(wanted, wheels, thrusters, rods is not None, min(inertia), step)
     dipole = 0.005 * mass
     why = "class: 5 mA m2 a kilogram, no magnetic cleanliness"
@@ -322,58 +388,115 @@ def _template_values(wanted: CraftFacts, name: str, command: str) -> dict[str, A
     light, centre, centre_why = _radiation(wanted, area, sides)
     tumble = 5.0 if mass < 50.0 else 1.0
     return {
-        "title": name, "command": command, "pointing": pointing, "orbit": orbit,
-        "start": start, "outer": outer, "has": sources, "worse": ", ".join(_worse(orbit, sources)),
+        "title": name,
+        "command": command,
+        "pointing": pointing,
+        "orbit": orbit,
+        "start": start,
+        "outer": outer,
+        "has": sources,
+        "worse": ", ".join(_worse(orbit, sources)),
         "epoch": epoch.strftime("%Y-%m-%dT%H:%M:%SZ"),
         "description": f"{mass:.4g} kg, {pointing} pointing under "
-        + _torques(orbit, sources) + "; " + (
+        + _torques(orbit, sources)
+        + "; "
+        + (
             "a cross-product law takes the momentum that they leave in the wheels out through the "
-            "coils." if dump is None else f"dumps by {dump.by} take the momentum that they "
+            "coils."
+            if dump is None
+            else f"dumps by {dump.by} take the momentum that they "
             f"leave in the wheels out from {dump.percent[0]} % of a wheel's capacity to "
-            f"{dump.percent[1]} %."),
+            f"{dump.percent[1]} %."
+        ),
         "limits": _limits(mass, orbit, thrusters),
-        "step": step, "step_why": step_why,
+        "step": step,
+        "step_why": step_why,
         "substeps": _substeps(step, wheels.torque_si / min(inertia), dump),
-        "stop": _stop(orbit, dump, _secular(orbit, sources, light, centre, dipole),
-                             step),
-        "inertia": {"value": "[" + ", ".join(_list([x if i == j else 0.0 for j in range(3)])
-                    for i, x in enumerate(inertia)) + "]", "why": body.inertia_from,
-                    "moments": [_text(x) for x in inertia]},
-        "body": {"mass": _text(mass), "sides": _list(sides), "mass_from": body.mass_from,
-                 "sides_from": body.sides_from},
-        "wheels": wheels, "rods": rods, "thrusters": thrusters, "dump": dump,
-        "gyro": _gyro(), "star_tracker": classes()["star_trackers"]["cubesat"],
-        "dipole": {"value": _list(dipole * x for x in along), "why": f"A m2; {why}",
-                   "size": _text(dipole), "origin": why,
-                   "twice": _list(2.0 * dipole * x for x in along)},
-        "area": {"value": _text(area), "why": f"class: mean over all sides of {body.shape}"},
-        "light": {"area": _text(light), "more": _text(1.3 * light), "centre": _list(centre),
-                  "why": centre_why},
-        "centre": {"value": _list(0.05 * x for x in sides), "why": "m; class: 5 % of each side"},
+        "stop": _stop(
+            orbit, dump, _secular(orbit, sources, light, centre, dipole), step
+        ),
+        "inertia": {
+            "value": "["
+            + ", ".join(
+                _list([x if i == j else 0.0 for j in range(3)])
+                for i, x in enumerate(inertia)
+            )
+            + "]",
+            "why": body.inertia_from,
+            "moments": [_text(x) for x in inertia],
+        },
+        "body": {
+            "mass": _text(mass),
+            "sides": _list(sides),
+            "mass_from": body.mass_from,
+            "sides_from": body.sides_from,
+        },
+        "wheels": wheels,
+        "rods": rods,
+        "thrusters": thrusters,
+        "dump": dump,
+        "gyro": _gyro(),
+        "star_tracker": classes()["star_trackers"]["cubesat"],
+        "dipole": {
+            "value": _list(dipole * x for x in along),
+            "why": f"A m2; {why}",
+            "size": _text(dipole),
+            "origin": why,
+            "twice": _list(2.0 * dipole * x for x in along),
+        },
+        "area": {
+            "value": _text(area),
+            "why": f"class: mean over all sides of {body.shape}",
+        },
+        "light": {
+            "area": _text(light),
+            "more": _text(1.3 * light),
+            "centre": _list(centre),
+            "why": centre_why,
+        },
+        "centre": {
+            "value": _list(0.05 * x for x in sides),
+            "why": "m; class: 5 % of each side",
+        },
         "gains": {
             "bandwidth": _text(bandwidth),
-            **{k: _text(x) for k, x in zip(("kp", "kd", "ki"), _gains(bandwidth), strict=True)},
-            "why": f"fast beside the orbit, slow beside a sample of {0.1 / quick:g} s" if enough
+            **{
+                k: _text(x)
+                for k, x in zip(("kp", "kd", "ki"), _gains(bandwidth), strict=True)
+            },
+            "why": f"fast beside the orbit, slow beside a sample of {0.1 / quick:g} s"
+            if enough
             else "what the wheels' torque turns an error of 5 deg with",
             "yaw": _text(YAW_ERROR * bandwidth**2),
-            "manager": _text(rate), "start": _text(0.1 * wheels.capacity_si),
+            "manager": _text(rate),
+            "start": _text(0.1 * wheels.capacity_si),
             "b_dot": _text(BRAKING * rate * sum(inertia) / 3.0),
         },
-        "tumbling": {"step": min(1.0, step), "substeps": max(1, round(8.0 * min(1.0, step))),
-                     "sample": 1.0},
-        "tumble": _text(tumble), "tumble_size": _text(math.radians(tumble) * math.sqrt(3.0)),
-    }  # fmt: skip
+        "tumbling": {
+            "step": min(1.0, step),
+            "substeps": max(1, round(8.0 * min(1.0, step))),
+            "sample": 1.0,
+        },
+        "tumble": _text(tumble),
+        "tumble_size": _text(math.radians(tumble) * math.sqrt(3.0)),
+    }
 
 
 def _radiation(
     wanted: CraftFacts, area: float, sides: tuple[float, float, float]
-) -> tuple[float, list[float], str]:  # fmt: skip
+) -> tuple[float, list[float], str]:
     """The area (m2) and the centre (m, body) of the Sun's light, and why."""
     if wanted.panel is None:
-        return 1.5 * area, [0.05 * x for x in sides], "as for drag; half of the light is mirrored"
+        return (
+            1.5 * area,
+            [0.05 * x for x in sides],
+            "as for drag; half of the light is mirrored",
+        )
     match = re.fullmatch(r"\s*([\d.eE+-]+)\s*m2\s+([\d.eE+-]+)\s*m\s*", wanted.panel)
     if match is None:
-        raise DesatError(f"--panel {wanted.panel}: area and arm are needed, as '13m2 1.35m'")
+        raise DesatError(
+            f"--panel {wanted.panel}: area and arm are needed, as '13m2 1.35m'"
+        )
     size, arm = PANEL(match[1]), ARM(match[2])
     return size, [0.0, -arm, 0.0], "given: one panel, on -y, which follows the Sun"
 
@@ -407,26 +530,39 @@ def _worse(orbit: Orbit, sources: Sources) -> list[str]:
 
 
 def _start(pointing: str, orbit: Orbit) -> dict[str, Any]:
-    """The wanted attitude at t = 0, relative to lvlh or to eci, and one that is OFF from it."""
+    """The wanted attitude at t = 0, relative to lvlh or to eci, and one that is OFF
+    from it."""
     if pointing in ("nadir", "inertial"):
-        return {"frame": "lvlh" if pointing == "nadir" else "eci", "q": None, "off": _list(OFF),
-                "turned": np.eye(3)}  # fmt: skip
+        return {
+            "frame": "lvlh" if pointing == "nadir" else "eci",
+            "q": None,
+            "off": _list(OFF),
+            "turned": np.eye(3),
+        }
     block = GuidanceSun() if pointing == "sun" else GuidanceYaw()
     (block.r_eci, block.v_eci), block.sun_eci = orbit.state, orbit.sun
     block.check()
     block.start()
     q = block.q_ref_bi
-    return {"frame": "eci", "q": _list(q), "off": _list(product(OFF, q)),
-            "omega": "[" + ", ".join(f"{x:.4g}" for x in block.omega_ref_body) + "]",
-            "turned": np.reshape(matrix(q), (3, 3))}  # fmt: skip
+    return {
+        "frame": "eci",
+        "q": _list(q),
+        "off": _list(product(OFF, q)),
+        "omega": "[" + ", ".join(f"{x:.4g}" for x in block.omega_ref_body) + "]",
+        "turned": np.reshape(matrix(q), (3, 3)),
+    }
 
 
 def _secular(
     orbit: Orbit, sources: Sources, area: float, centre: list[float], dipole: float
-) -> float:  # fmt: skip
-    """Estimate what is left in the wheels (N m): of light, of a dipole a tenth of its torque in the
-    field of a circular orbit, and what is given."""
-    light = orbit.light * SOLAR_PRESSURE * area * math.hypot(*centre) if sources.light else 0.0
+) -> float:
+    """Estimate what is left in the wheels (N m): of light, of a dipole a tenth of its
+    torque in the field of a circular orbit, and what is given."""
+    light = (
+        orbit.light * SOLAR_PRESSURE * area * math.hypot(*centre)
+        if sources.light
+        else 0.0
+    )
     light += 0.0 if sources.given is None else sources.given.size
     if not orbit.of_earth or orbit.eccentricity > 0.1:
         return light
@@ -435,26 +571,38 @@ def _secular(
 
 
 def _step(
-    orbit: Orbit, inertia: list[float], torque: float, sides: tuple[float, float, float],
+    orbit: Orbit,
+    inertia: list[float],
+    torque: float,
+    sides: tuple[float, float, float],
     turns: bool,
-) -> float:  # fmt: skip
-    """How long a step is (s): a second, of a slow orbit as long as neither the wheels' torque (N m)
-    nor the air at perigee turns the craft far in it, nor it lags behind where it `turns` with an
-    ellipse."""
+) -> float:
+    """How long a step is (s): a second, of a slow orbit as long as neither the wheels'
+    torque (N m) nor the air at perigee turns the craft far in it, nor it lags behind
+    where it `turns` with an ellipse."""
     if orbit.period < SLOW:
         return 1.0
     (r, v), (a, b, c) = orbit.state, sides
     lever = 0.05 * math.hypot(a, b, c)
     area, speed = (a * b + b * c + c * a) / 2.0, math.sqrt(sum(x * x for x in v))
-    air = atmosphere.table(math.sqrt(sum(x * x for x in r)) - EARTH_RADIUS) if orbit.air else 0.0
+    air = (
+        atmosphere.table(math.sqrt(sum(x * x for x in r)) - EARTH_RADIUS)
+        if orbit.air
+        else 0.0
+    )
     wind = 1.1 * air * speed * speed * area * lever
-    # the controller's bandwidth w is a tenth of the samples' rate, and J w^2 its stiffness
-    return next((
-        x for x in SAMPLES
-        if 0.5 * torque / min(inertia) * x * x <= LARGEST_TURN
-        and wind / min(inertia) * (10.0 * x) ** 2 <= DEVIATION
-        and (not turns or _bend(orbit) * (10.0 * x) ** 2 <= 2.5 * DEVIATION)
-    ), 1.0)  # fmt: skip
+    # the controller's bandwidth w is a tenth of the samples' rate, and J w^2 its
+    # stiffness
+    return next(
+        (
+            x
+            for x in SAMPLES
+            if 0.5 * torque / min(inertia) * x * x <= LARGEST_TURN
+            and wind / min(inertia) * (10.0 * x) ** 2 <= DEVIATION
+            and (not turns or _bend(orbit) * (10.0 * x) ** 2 <= 2.5 * DEVIATION)
+        ),
+        1.0,
+    )
 
 
 def _is_multiple(time: float, step: float) -> bool:
@@ -464,11 +612,13 @@ def _is_multiple(time: float, step: float) -> bool:
 
 
 def _given_sample(text: str) -> float:
-    """Return the sample time (s) of --sample. Raises DesatError where 10 s are no multiple of it:
-    coils and manager sample every 10 s."""
+    """Return the sample time (s) of --sample. Raises DesatError where 10 s are no
+    multiple of it: coils and manager sample every 10 s."""
     sample = SAMPLE(text)
     if not _is_multiple(10.0, sample):
-        raise DesatError(f"--sample {text}: 10 s over a whole number is needed, as 0.5s, 0.2s")
+        raise DesatError(
+            f"--sample {text}: 10 s over a whole number is needed, as 0.5s, 0.2s"
+        )
     return sample
 
 
@@ -501,7 +651,9 @@ def _gains(bandwidth: float) -> tuple[float, float, float]:
     return 2.0 * bandwidth**2, 1.4 * bandwidth, 0.2 * bandwidth**3
 
 
-def _stable_sample(loop: AttitudeLoop, wheels: NewWheels, fullest: float, given: bool) -> float:
+def _stable_sample(
+    loop: AttitudeLoop, wheels: NewWheels, fullest: float, given: bool
+) -> float:
     """Return the sample time (s) at which the attitude loop is well damped.
 
     Parameters
@@ -539,24 +691,36 @@ def _stable_sample(loop: AttitudeLoop, wheels: NewWheels, fullest: float, given:
 
 def _limits(
     mass: float, orbit: Orbit, thrusters: Mapping[str, str] | None
-) -> dict[str, str]:  # fmt: skip
-    """What the scenarios require, as their numbers have it; the class is that of the mass."""
+) -> dict[str, str]:
+    """What the scenarios require, as their numbers have it; the class is that of the
+    mass."""
     known = classes()["requirements"]
     name = [n for n, x in known.items() if quantity("", x["mass"], "kg") <= mass][-1]
     figures = known[name]
-    made = {key: f"{quantity('', figures[key], unit):g}" for key, unit in (
-        ("fill", "%"), ("duty", "%"), ("pointing", "deg"), ("dumping", "deg"), ("detumbling", "h"),
-        ("years", "1"))}  # fmt: skip
+    made = {
+        key: f"{quantity('', figures[key], unit):g}"
+        for key, unit in (
+            ("fill", "%"),
+            ("duty", "%"),
+            ("pointing", "deg"),
+            ("dumping", "deg"),
+            ("detumbling", "h"),
+            ("years", "1"),
+        )
+    }
     if orbit.eccentricity > 0.1:
         made["duty"] = ""  # coils are at their limits where the field is of no use
-    tank = "" if thrusters is None or not thrusters["tank"] else _text(
-        quantity("", thrusters["tank"], "kg") / float(made["years"]))  # fmt: skip
+    tank = (
+        ""
+        if thrusters is None or not thrusters["tank"]
+        else _text(quantity("", thrusters["tank"], "kg") / float(made["years"]))
+    )
     return {**made, "name": name, "a_year": tank}
 
 
 def _bend(orbit: Orbit) -> float:
-    """The largest angular acceleration of nadir (rad/s2): 2 n^2 e sin v (1 + e cos v)^3 /
-    (1 - e^2)^3 at the true anomaly v."""
+    """The largest angular acceleration of nadir (rad/s2): 2 n^2 e sin v (1 + e cos v)^3
+    / (1 - e^2)^3 at the true anomaly v."""
     e = orbit.eccentricity
     v = np.linspace(0.0, math.pi, 721)
     bend = np.sin(v) * (1.0 + e * np.cos(v)) ** 3
@@ -564,43 +728,53 @@ def _bend(orbit: Orbit) -> float:
 
 
 def _substeps(step: float, acceleration: float, dump: NewDumps | None) -> int:
-    """As many as `coverage.LIMITS` asks of wheels that all turn the craft at their torque (rad/s2
-    each), where dumps make runs long; eight of a day's run."""
+    """As many as `coverage.LIMITS` asks of wheels that all turn the craft at their
+    torque (rad/s2 each), where dumps make runs long; eight of a day's run."""
     if dump is None:
         return max(1, round(8.0 * step)) if step <= 1.0 else 1
     return min(8, math.ceil(step * math.sqrt(2.4 * acceleration / KICK)))
 
 
-def _stop(
-    orbit: Orbit, dump: NewDumps | None, torque: float, step: float
-) -> float:  # fmt: skip
-    """How long a scenario lasts (s): a day, ten orbits of a slow one, or until there have been
-    DUMPS dumps; all wheels of a pyramid hold 1.7 times what one does."""
+def _stop(orbit: Orbit, dump: NewDumps | None, torque: float, step: float) -> float:
+    """How long a scenario lasts (s): a day, ten orbits of a slow one, or until there
+    have been DUMPS dumps; all wheels of a pyramid hold 1.7 times what one does."""
     days = 1.0
     if orbit.period >= SLOW:
         days = math.ceil(10.0 * orbit.period / 86400.0) if orbit.of_earth else 10.0
     if dump is not None and dump.by == "thrusters":
-        days = max(days, math.ceil(DUMPS * 1.7 * dump.room / max(torque, 1e-12) / 86400.0))
+        days = max(
+            days, math.ceil(DUMPS * 1.7 * dump.room / max(torque, 1e-12) / 86400.0)
+        )
     return 86400.0 * max(1.0, min(days, math.floor(MOST_STEPS * step / 86400.0)))
 
 
 def _dump(
-    wanted: CraftFacts, wheels: NewWheels, thrusters: Mapping[str, str] | None, rods: bool,
-    inertia: float, step: float,
-) -> NewDumps | None:  # fmt: skip
+    wanted: CraftFacts,
+    wheels: NewWheels,
+    thrusters: Mapping[str, str] | None,
+    rods: bool,
+    inertia: float,
+    step: float,
+) -> NewDumps | None:
     """What dumps between thresholds are made with; None: a law that dumps all the time."""
     if wanted.dump is None:
         if not rods:
-            raise DesatError("no rods: --dump says what takes momentum out, as --thrusters '4 1N' "
-                             "--dump 'thrusters 70:10'")  # fmt: skip
+            raise DesatError(
+                "no rods: --dump says what takes momentum out, as --thrusters '4 1N' "
+                "--dump 'thrusters 70:10'"
+            )
         return None
     begin, end, by, aligned = _thresholds(wanted.dump)
     if by == "coils" and not rods:
         raise DesatError(f"--dump {wanted.dump}: --rods none leaves no coils")
     if by == "coils" and aligned:
-        raise DesatError(f"--dump {wanted.dump}: aligned is of thrusters, which pay for each axis")
+        raise DesatError(
+            f"--dump {wanted.dump}: aligned is of thrusters, which pay for each axis"
+        )
     if by == "thrusters" and thrusters is None:
-        raise DesatError(f"--dump {wanted.dump}: --thrusters says which, as --thrusters '4 1N'")
+        raise DesatError(
+            f"--dump {wanted.dump}: --thrusters says which, as --thrusters '4 1N'"
+        )
     capacity = wheels.capacity_si
     torque, sample = 0.5 * wheels.torque_si, 10.0
     why = "half of what the wheels give"
@@ -608,10 +782,15 @@ def _dump(
         if float(thrusters["torque_si"]) < torque:
             torque, why = float(thrusters["torque_si"]), "what a pair gives"
         room = 8.0 * inertia * DEVIATION
-        longest = (x for x in SAMPLES if torque * x * x <= room and _is_multiple(x, step))
+        longest = (
+            x for x in SAMPLES if torque * x * x <= room and _is_multiple(x, step)
+        )
         sample = next(longest, step)
         if torque * sample * sample > room:
-            torque, why = room / sample**2, "no pulse turns the craft by more than 0.1 deg"
+            torque, why = (
+                room / sample**2,
+                "no pulse turns the craft by more than 0.1 deg",
+            )
     return NewDumps(
         by=by,
         percent=(f"{begin:g}", f"{end:g}"),
@@ -628,11 +807,14 @@ def _dump(
 
 
 def _thresholds(text: str) -> tuple[float, float, str, bool]:
-    """Return begin and end of dumps (%), what dumps, and whether dumps wait for an axis.
+    """Return begin and end of dumps (%), what dumps, and whether dumps wait for an
+    axis.
 
     Raises DesatError.
     """
-    match = re.fullmatch(r"\s*(\w+)\s+([\d.]+)\s*:\s*([\d.]+)\s*(%?)(\s+aligned)?\s*", text)
+    match = re.fullmatch(
+        r"\s*(\w+)\s+([\d.]+)\s*:\s*([\d.]+)\s*(%?)(\s+aligned)?\s*", text
+    )
     if match is None or match[1] not in DUMPERS:
         raise DesatError(
             f"--dump {text}: the form is thrusters BEGIN:END or coils BEGIN:END, in % of a wheel's "
@@ -640,7 +822,9 @@ def _thresholds(text: str) -> tuple[float, float, str, bool]:
         )
     begin, end = FILL(match[2]), FILL(match[3])
     if end >= begin:
-        raise DesatError(f"--dump {text}: it ends at {end:g} %, which is not below {begin:g} %")
+        raise DesatError(
+            f"--dump {text}: it ends at {end:g} %, which is not below {begin:g} %"
+        )
     if begin < 1.0 and not match[4]:
         raise DesatError(
             f"--dump {text}: thresholds are in % of a wheel's capacity: "
@@ -650,16 +834,24 @@ def _thresholds(text: str) -> tuple[float, float, str, bool]:
 
 
 def _holds(
-    pointing: str, orbit: Orbit, inertia: list[float], wheels: NewWheels,
-    dipole: list[float], start: Mapping[str, Any],
-) -> None:  # fmt: skip
+    pointing: str,
+    orbit: Orbit,
+    inertia: list[float],
+    wheels: NewWheels,
+    dipole: list[float],
+    start: Mapping[str, Any],
+) -> None:
     """Raises DesatError where the fullest wheel cannot hold what an orbit alone brings."""
     a, b, c = inertia
     to_earth = pointing in ("nadir", "yaw")
     momentum = cyclic.momentum(
-        to_earth, orbit.rate, orbit.inclination, (a, 0.0, 0.0, 0.0, b, 0.0, 0.0, 0.0, c), dipole,
+        to_earth,
+        orbit.rate,
+        orbit.inclination,
+        (a, 0.0, 0.0, 0.0, b, 0.0, 0.0, 0.0, c),
+        dipole,
         None if to_earth else start["turned"],
-    )  # fmt: skip
+    )
     needs, has = cyclic.fullest(np.array(wheels.axes_si), momentum), wheels.capacity_si
     if needs > has:
         raise DesatError(
@@ -677,23 +869,34 @@ def _wheels(wanted: CraftFacts, inertia: list[float]) -> NewWheels:
     text = wanted.wheels or f"4 pyramid {max(size, 2e-3):.2g} N.m.s"
     match = re.fullmatch(r"\s*(\d)\s+(\w+)\s+(.+?)\s*", text)
     if match is None:
-        raise DesatError(f"--wheels {text}: the form is COUNT LAYOUT SIZE, as 4 pyramid 30mNms")
+        raise DesatError(
+            f"--wheels {text}: the form is COUNT LAYOUT SIZE, as 4 pyramid 30mNms"
+        )
     count, layout = int(match[1]), match[2]
     if layout not in LAYOUTS:
-        raise DesatError(f"--wheels {text}: no layout {layout}{nearest(layout, LAYOUTS)}; there is "
-                         f"{', '.join(LAYOUTS)}")  # fmt: skip
+        raise DesatError(
+            f"--wheels {text}: no layout {layout}{nearest(layout, LAYOUTS)}; there is "
+            f"{', '.join(LAYOUTS)}"
+        )
     if count != {"pyramid": 4, "axes": 3}[layout]:
-        raise DesatError(f"--wheels {text}: {layout} has {4 if layout == 'pyramid' else 3} wheels")
+        raise DesatError(
+            f"--wheels {text}: {layout} has {4 if layout == 'pyramid' else 3} wheels"
+        )
     name, figures, capacity = _of_class(WHEELS, "wheels", "capacity", match[3])
     speed = quantity("--wheels", figures["speed"], "rad/s")
     share = capacity / quantity("--wheels", figures["capacity"], "N.m.s")
     torque = share * quantity("--wheels", figures["torque"], "N.m")
     s = 1.0 / math.sqrt(3.0)
-    axes = [[s, -s, -s, s], [s, s, -s, -s], [s, s, s, s]] if count == 4 else [
-        [1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]]  # fmt: skip
+    axes = (
+        [[s, -s, -s, s], [s, s, -s, -s], [s, s, s, s]]
+        if count == 4
+        else [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]]
+    )
     rotor = capacity / speed
     viscous, coulomb = friction(torque, speed)
-    held = "a pyramid along (+-1, +-1, 1)" if count == 4 else "one wheel along each axis"
+    held = (
+        "a pyramid along (+-1, +-1, 1)" if count == 4 else "one wheel along each axis"
+    )
     return NewWheels(
         count=count,
         inertia_si=rotor,
@@ -708,7 +911,8 @@ def _wheels(wanted: CraftFacts, inertia: list[float]) -> NewWheels:
         torque=f"{torque * 1e3:.4g} mN.m",
         torque_si=torque,
         capacity_si=capacity,
-        why=f"class: {name}" + ("" if abs(share - 1.0) < 1e-9 else f" times {share:.3g}"),
+        why=f"class: {name}"
+        + ("" if abs(share - 1.0) < 1e-9 else f" times {share:.3g}"),
         viscous=f"{viscous:.3g}",
         coulomb=f"{coulomb:.3g}",
         lag=WHEEL_LAG,
@@ -722,47 +926,79 @@ def _rods(wanted: CraftFacts, mass: float, orbit: Orbit) -> dict[str, str] | Non
     if wanted.rods == "none" or (wanted.rods is None and not orbit.of_earth):
         return None
     if not orbit.of_earth:
-        raise DesatError(f"--rods {wanted.rods}: there is no field in deep space; thrusters dump "
-                         "there, as --thrusters '4 10mN' --dump 'thrusters 70:10'")  # fmt: skip
+        raise DesatError(
+            f"--rods {wanted.rods}: there is no field in deep space; thrusters dump "
+            "there, as --thrusters '4 10mN' --dump 'thrusters 70:10'"
+        )
     text = wanted.rods or f"{0.02 * mass:.2g}"
     if coils.is_made(text):
         found, why = coils.made(text, 0.1 * mass)
-        return {"dipole": f"{found.dipole:.4g} A.m2", "lag": "20 ms", "why": why,
-                "resistance": f"{found.resistance:.4g}",
-                "resistance_why": "of its wire, at 20 deg C",
-                "area_turns": f"{found.area_turns:.4g}"}  # fmt: skip
+        return {
+            "dipole": f"{found.dipole:.4g} A.m2",
+            "lag": "20 ms",
+            "why": why,
+            "resistance": f"{found.resistance:.4g}",
+            "resistance_why": "of its wire, at 20 deg C",
+            "area_turns": f"{found.area_turns:.4g}",
+        }
     name, figures, dipole = _of_class(RODS, "rods", "dipole", text)
     why = "given" if wanted.rods else "class: 20 mA m2 a kilogram"
     share = dipole / quantity("--rods", figures["dipole"], "A.m2")
-    current = share * quantity("--rods", figures["power"], "W") / (
-        voltage := quantity("--rods", figures["voltage"], "V"))  # fmt: skip
-    return {"dipole": f"{dipole:g} A.m2", "lag": figures["lag"], "why": f"{why}; lag as {name}",
-            "resistance": f"{voltage / current:.4g}", "area_turns": f"{dipole / current:.4g}",
-            "resistance_why": f"class {name}: {1e3 * voltage * current:.3g} mW at the full dipole",
-            }  # fmt: skip
+    current = (
+        share
+        * quantity("--rods", figures["power"], "W")
+        / (voltage := quantity("--rods", figures["voltage"], "V"))
+    )
+    return {
+        "dipole": f"{dipole:g} A.m2",
+        "lag": figures["lag"],
+        "why": f"{why}; lag as {name}",
+        "resistance": f"{voltage / current:.4g}",
+        "area_turns": f"{dipole / current:.4g}",
+        "resistance_why": f"class {name}: {1e3 * voltage * current:.3g} mW at the full dipole",
+    }
 
 
 def _gyro() -> dict[str, str]:
-    """Its angle random walk: the angle after 1 s (deg), and after 1 h, as its class has it."""
+    """Its angle random walk: the angle after 1 s (deg), and after 1 h, as its class has
+    it."""
     figures = classes()["gyros"]["mems"]
     return {"in_1_s": _text(math.degrees(walk(figures))), "in_1_h": figures["walk"]}
 
 
-def _thrusters(wanted: CraftFacts, sides: tuple[float, float, float]) -> Mapping[str, str] | None:
+def _thrusters(
+    wanted: CraftFacts, sides: tuple[float, float, float]
+) -> Mapping[str, str] | None:
     if wanted.thrusters is None:
-        for option, given in (("--propellant", wanted.propellant), ("--isp", wanted.isp)):
+        for option, given in (
+            ("--propellant", wanted.propellant),
+            ("--isp", wanted.isp),
+        ):
             if given is not None:
-                raise DesatError(f"{option} {given}: --thrusters says which, as --thrusters '4 1N'")
+                raise DesatError(
+                    f"{option} {given}: --thrusters says which, as --thrusters '4 1N'"
+                )
         return None
     match = re.fullmatch(r"\s*(?:4\s+)?([^\s].*?)\s*", wanted.thrusters)
     if match is None or re.match(r"\d+\s+\d", match[1]):
-        raise DesatError(f"--thrusters {wanted.thrusters}: the form is 4 SIZE, as 4 1N: pairs both "
-                         "ways about each axis")  # fmt: skip
+        raise DesatError(
+            f"--thrusters {wanted.thrusters}: the form is 4 SIZE, as 4 1N: pairs both "
+            "ways about each axis"
+        )
     name, figures, force = _of_class(THRUSTERS, "thrusters", "force", match[1])
     arm = max(sides) / 2.0
-    return {"torque": _list([2.0 * force * arm] * 3), "force": f"{force:g} N", "arm": _text(arm),
-            "torque_si": _text(2.0 * force * arm),
-            "impulse": figures["impulse"] if wanted.isp is None else f"{ISP(wanted.isp):g} s",
-            "impulse_why": f"class: {name}" if wanted.isp is None else "given",
-            "tank": "" if wanted.propellant is None else f"{PROPELLANT(wanted.propellant):g} kg",
-            "pulse": figures["pulse"], "class": name}  # fmt: skip
+    return {
+        "torque": _list([2.0 * force * arm] * 3),
+        "force": f"{force:g} N",
+        "arm": _text(arm),
+        "torque_si": _text(2.0 * force * arm),
+        "impulse": figures["impulse"]
+        if wanted.isp is None
+        else f"{ISP(wanted.isp):g} s",
+        "impulse_why": f"class: {name}" if wanted.isp is None else "given",
+        "tank": ""
+        if wanted.propellant is None
+        else f"{PROPELLANT(wanted.propellant):g} kg",
+        "pulse": figures["pulse"],
+        "class": name,
+    }

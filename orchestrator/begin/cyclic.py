@@ -1,4 +1,5 @@
-"""The momentum that an orbit turns in and out of the wheels whatever coils do about the rest."""
+"""The momentum that an orbit turns in and out of the wheels whatever coils do about the
+rest."""
 
 from __future__ import annotations
 
@@ -20,21 +21,33 @@ DIPOLE = 7.75e15
 
 
 def momentum(
-    nadir: bool, rate: float, inclination: float, inertia: Mat33, dipole: Sequence[float],
+    nadir: bool,
+    rate: float,
+    inclination: float,
+    inertia: Mat33,
+    dipole: Sequence[float],
     turned: Array | None = None,
-) -> Array:  # fmt: skip
-    """(N, 3) N m s, body, over a circular orbit about its middle, of residual dipole (A m2) and
-    gravity gradient alone, in the field of a dipole along the Earth's axis. Drag, radiation and the
-    field's tilt are left out. `rate`: the mean motion (rad/s); `nadir`: the craft turns with the
-    orbit, else it stays in eci; `turned` (3, 3): its attitude beyond that."""
+) -> Array:
+    """(N, 3) N m s, body, over a circular orbit about its middle, of residual dipole (A
+    m2) and gravity gradient alone, in the field of a dipole along the Earth's axis.
+    Drag, radiation and the field's tilt are left out. `rate`: the mean motion (rad/s);
+    `nadir`: the craft turns with the orbit, else it stays in eci; `turned` (3, 3): its
+    attitude beyond that."""
     to_node, ahead, _ = (np.array(x) for x in orbit_plane(inclination, 0.0))
     u = np.linspace(0.0, 2.0 * pi, 361)[:, None]
-    out, along = np.cos(u) * to_node + np.sin(u) * ahead, np.cos(u) * ahead - np.sin(u) * to_node
+    out, along = (
+        np.cos(u) * to_node + np.sin(u) * ahead,
+        np.cos(u) * ahead - np.sin(u) * to_node,
+    )
     radius = (MU / rate**2) ** (1.0 / 3.0)
     beyond = np.eye(3) if turned is None else turned
     turns, torques = [], []
     for r, v in zip((radius * out).tolist(), along.tolist(), strict=True):
-        c = beyond @ np.reshape(matrix(lvlh_attitude(r, v)), (3, 3)) if nadir else beyond
+        c = (
+            beyond @ np.reshape(matrix(lvlh_attitude(r, v)), (3, 3))
+            if nadir
+            else beyond
+        )
         field = geomagnetic.dipole(r, (0.0, 0.0, -DIPOLE))
         x, y, z = (c @ r).tolist()
         gravity = torques_of.gravity_gradient((x, y, z), inertia)
@@ -42,19 +55,24 @@ def momentum(
         torques.append(c.T @ (np.cross(dipole, c @ field) + gravity))
     each = np.array(torques)
     step = 2.0 * pi / rate / (len(u) - 1)
-    impulse = np.cumsum(np.vstack([np.zeros(3), (each[1:] + each[:-1]) * step / 2.0]), axis=0)
+    impulse = np.cumsum(
+        np.vstack([np.zeros(3), (each[1:] + each[:-1]) * step / 2.0]), axis=0
+    )
     cyclic = impulse - u / u[-1] * impulse[-1]
     cyclic -= (cyclic.max(axis=0) + cyclic.min(axis=0)) / 2.0
     return np.asarray(np.einsum("kij,kj->ki", np.array(turns), cyclic))
 
 
 def fullest(axes: Array, cyclic: Array) -> float:
-    """What the fullest of wheels along axes (3, n) has of it, shared with the least squares."""
+    """What the fullest of wheels along axes (3, n) has of it, shared with the least
+    squares."""
     return float(np.abs(cyclic @ np.linalg.pinv(axes).T).max())
 
 
 def shortfall(needs: float, has: float) -> str:
     """That wheels of a capacity (N m s) do not hold what an orbit brings, for people."""
-    return (f"{has * 1e3:.4g} mN m s a wheel; residual dipole and gravity gradient turn "
-            f"{needs * 1e3:.4g} mN m s in and out of the fullest within each orbit, which no rods "
-            "prevent")  # fmt: skip
+    return (
+        f"{has * 1e3:.4g} mN m s a wheel; residual dipole and gravity gradient turn "
+        f"{needs * 1e3:.4g} mN m s in and out of the fullest within each orbit, which no rods "
+        "prevent"
+    )

@@ -1,5 +1,6 @@
-"""The orbit of a new craft, from what its owner knows of it: a circular or Sun-synchronous one, one
-by the heights of its ends or by its name, one of two-line elements, or one about the Sun."""
+"""The orbit of a new craft, from what its owner knows of it: a circular or
+Sun-synchronous one, one by the heights of its ends or by its name, one of two-line
+elements, or one about the Sun."""
 
 from __future__ import annotations
 
@@ -40,15 +41,16 @@ ORBITS = {
     "gto": ("250x35786km", 6.0, 178.0, "class: from Kourou"),
     "molniya": ("504x39863km", 63.4349, 270.0, "class: its perigee stays in the south"),
 }
-"""By name: heights of perigee and apogee, inclination and argument of perigee (deg), and why."""
+"""By name: heights of perigee and apogee, inclination and argument of perigee (deg),
+and why."""
 INCLINATION = Quantity("--inclination", "deg", 0.0, 180.0, bare=False)
 DISTANCES = 0.1, 40.0
 """From the Sun (astronomical units)."""
 YEARS = 1957, 2056
 """Of an epoch: those that two-line elements can name."""
 DOUBTFUL, MEANINGLESS = 7.0, 30.0
-"""Age of two-line elements (days): from the first on SGP4 is off by tens of kilometres, from the
-second on by hundreds."""
+"""Age of two-line elements (days): from the first on SGP4 is off by tens of kilometres,
+from the second on by hundreds."""
 
 
 @dataclass(frozen=True)
@@ -89,7 +91,8 @@ class Orbit:
 
 
 def epoch_of(wanted: CraftFacts) -> datetime:
-    """Of t = 0: what is given, else that of two-line elements, to a second. Raises DesatError."""
+    """Of t = 0: what is given, else that of two-line elements, to a second. Raises
+    DesatError."""
     of_tle = None if wanted.tle is None else _of_file(wanted.tle)["epoch_tle_j2000"]
     if wanted.epoch is None:
         if of_tle is None:
@@ -103,10 +106,14 @@ def epoch_of(wanted: CraftFacts) -> datetime:
         ) from None
     made = made if made.tzinfo else made.replace(tzinfo=UTC)
     if not YEARS[0] <= made.year <= YEARS[1]:
-        raise DesatError(f"--epoch {wanted.epoch}: a year from {YEARS[0]} to {YEARS[1]} is needed")
+        raise DesatError(
+            f"--epoch {wanted.epoch}: a year from {YEARS[0]} to {YEARS[1]} is needed"
+        )
     if of_tle is not None and abs(age := _days(made, of_tle)) > MEANINGLESS:
-        raise DesatError(f"--epoch {wanted.epoch}: {_aged(age)} those of --tle {wanted.tle}; SGP4 "
-                         f"means nothing beyond {MEANINGLESS:g} days")  # fmt: skip
+        raise DesatError(
+            f"--epoch {wanted.epoch}: {_aged(age)} those of --tle {wanted.tle}; SGP4 "
+            f"means nothing beyond {MEANINGLESS:g} days"
+        )
     return made
 
 
@@ -126,24 +133,36 @@ def doubts(wanted: CraftFacts) -> list[str]:
     age = _days(epoch_of(wanted), _of_file(wanted.tle)["epoch_tle_j2000"])
     if abs(age) <= DOUBTFUL:
         return []
-    return [f"--epoch {wanted.epoch}: {_aged(age)} those of --tle {wanted.tle}; beyond "
-            f"{DOUBTFUL:g} days SGP4 is off by tens of kilometres"]  # fmt: skip
+    return [
+        f"--epoch {wanted.epoch}: {_aged(age)} those of --tle {wanted.tle}; beyond "
+        f"{DOUBTFUL:g} days SGP4 is off by tens of kilometres"
+    ]
 
 
 def orbit_of(wanted: CraftFacts, epoch: float) -> Orbit:
     """The orbit of a craft at an epoch (s since J2000). Raises DesatError."""
-    given = {"--altitude": wanted.altitude, "--sso": wanted.sso, "--tle": wanted.tle,
-             "--orbit": wanted.orbit, "--sun": wanted.sun}  # fmt: skip
+    given = {
+        "--altitude": wanted.altitude,
+        "--sso": wanted.sso,
+        "--tle": wanted.tle,
+        "--orbit": wanted.orbit,
+        "--sun": wanted.sun,
+    }
     names = [name for name, value in given.items() if value is not None]
     if len(names) > 1:
         raise DesatError(f"{names[0]}, {names[1]}: one of them says the orbit")
     if wanted.tle is not None or wanted.sun is not None:
         said = f"{names[0]} {given[names[0]]} says the orbit"
-        for option, value in (("--inclination", wanted.inclination), ("--ltan", wanted.ltan)):
+        for option, value in (
+            ("--inclination", wanted.inclination),
+            ("--ltan", wanted.ltan),
+        ):
             if value is not None:
                 raise DesatError(f"{option} {value}: {said}")
     if wanted.ltan is not None and wanted.sso is None and names:
-        raise DesatError(f"--ltan {wanted.ltan}: it is of a Sun-synchronous orbit (--sso)")
+        raise DesatError(
+            f"--ltan {wanted.ltan}: it is of a Sun-synchronous orbit (--sso)"
+        )
     if wanted.tle is not None:
         return _of_tle(wanted.tle, epoch)
     if wanted.sun is not None:
@@ -162,14 +181,20 @@ def _circular(wanted: CraftFacts, option: str, epoch: float) -> Orbit:
         why = "given" if wanted.inclination else "class: that of the ISS"
     else:
         if wanted.inclination is not None:
-            raise DesatError(f"--inclination {wanted.inclination}: --altitude is needed with it; a "
-                             "Sun-synchronous orbit has its own")  # fmt: skip
+            raise DesatError(
+                f"--inclination {wanted.inclination}: --altitude is needed with it; a "
+                "Sun-synchronous orbit has its own"
+            )
         inclination, why = sun_synchronous_inclination(axis), "Sun-synchronous"
         hours = _hours(wanted.ltan or "10:30")
         raan = earth.raan_of_local_time(hours, epoch)
         raan_why = f"ascending node at {wanted.ltan or '10:30, class'} local time"
     rows = (
-        ("semi_major_axis", f'"{axis / 1e3:.9g} km"', f"{height / 1e3:g} km above 6378.137 km"),
+        (
+            "semi_major_axis",
+            f'"{axis / 1e3:.9g} km"',
+            f"{height / 1e3:g} km above 6378.137 km",
+        ),
         ("inclination", f'"{math.degrees(inclination):.6g} deg"', why),
         ("raan", f'"{math.degrees(raan):.6g} deg"', raan_why),
         ("j2", "true", "its node and perigee drift"),
@@ -179,23 +204,41 @@ def _circular(wanted: CraftFacts, option: str, epoch: float) -> Orbit:
 
 
 def _kepler(
-    rows: tuple[tuple[str, str, str], ...], axis: float, eccentricity: float, inclination: float,
-    raan: float, perigee: float, epoch: float, air: bool = True,
-) -> Orbit:  # fmt: skip
+    rows: tuple[tuple[str, str, str], ...],
+    axis: float,
+    eccentricity: float,
+    inclination: float,
+    raan: float,
+    perigee: float,
+    epoch: float,
+    air: bool = True,
+) -> Orbit:
     to, ahead = perifocal_axes(inclination, raan, perigee)
     rate = mean_motion(axis)
     state = ellipse_state(axis, eccentricity, 0.0, rate, to, ahead)
-    return Orbit("environment_kepler", rows, rate, inclination, eccentricity, state,
-                 earth.sun(epoch)[0], air=air)  # fmt: skip
+    return Orbit(
+        "environment_kepler",
+        rows,
+        rate,
+        inclination,
+        eccentricity,
+        state,
+        earth.sun(epoch)[0],
+        air=air,
+    )
 
 
 def _of_ends(text: str, given: str | None, epoch: float) -> Orbit:
     """By its name, or by the heights of its perigee and apogee."""
-    ends, inclination, perigee, why = ORBITS.get(text.strip().lower(), (text, 51.6, 0.0, "class"))
+    ends, inclination, perigee, why = ORBITS.get(
+        text.strip().lower(), (text, 51.6, 0.0, "class")
+    )
     match = re.fullmatch(r"\s*([\d.]+)\s*x\s*([\d.]+)\s*km\s*", ends)
     if match is None:
-        raise DesatError(f"--orbit {text}: there is {', '.join(ORBITS)}, or heights of perigee and "
-                         f"apogee, as 500x39860km{nearest(text, ORBITS)}")  # fmt: skip
+        raise DesatError(
+            f"--orbit {text}: there is {', '.join(ORBITS)}, or heights of perigee and "
+            f"apogee, as 500x39860km{nearest(text, ORBITS)}"
+        )
     low, high = sorted(
         Quantity("--orbit", "km", ALTITUDES[0], FARTHEST)(f"{height} km")
         for height in match.groups()
@@ -212,31 +255,63 @@ def _of_ends(text: str, given: str | None, epoch: float) -> Orbit:
         )
     air = low < AIR
     rows = (
-        ("semi_major_axis", f'"{axis / 1e3:.9g} km"', f"{low:g} x {high:g} km above 6378.137 km"),
+        (
+            "semi_major_axis",
+            f'"{axis / 1e3:.9g} km"',
+            f"{low:g} x {high:g} km above 6378.137 km",
+        ),
         ("eccentricity", f"{eccentricity:.9g}", "by these heights"),
         ("inclination", f'"{inclination:.6g} deg"', why),
         ("argument_of_perigee", f'"{perigee:g} deg"', why),
         ("j2", "true", "its node and perigee drift"),
-        ("atmosphere", '"activity"' if air else '"none"',
-         "by solar activity: moderate" if air else "there is none so high"),
-    )  # fmt: skip
-    return _kepler(rows, axis, eccentricity, math.radians(inclination), 0.0,
-                   math.radians(perigee), epoch, air)  # fmt: skip
+        (
+            "atmosphere",
+            '"activity"' if air else '"none"',
+            "by solar activity: moderate" if air else "there is none so high",
+        ),
+    )
+    return _kepler(
+        rows,
+        axis,
+        eccentricity,
+        math.radians(inclination),
+        0.0,
+        math.radians(perigee),
+        epoch,
+        air,
+    )
 
 
 def _about_the_sun(text: str) -> Orbit:
     """A circle in the ecliptic at a distance."""
     match = re.fullmatch(r"\s*([\d.]+)\s*(?:AU|au)\s*", text)
     if match is None:
-        raise DesatError(f"--sun {text}: a distance in astronomical units is needed, as 1.52AU")
+        raise DesatError(
+            f"--sun {text}: a distance in astronomical units is needed, as 1.52AU"
+        )
     distance = Quantity("--sun", "1", *DISTANCES)(match[1])
     axis = distance * earth.ASTRONOMICAL_UNIT
     rate = mean_motion(axis, SUN_MU)
     s, c = math.sin(earth.OBLIQUITY), math.cos(earth.OBLIQUITY)
     state = (axis, 0.0, 0.0), (0.0, axis * rate * c, axis * rate * s)
-    rows = (("semi_major_axis", f'"{axis / 1e3:.9g} km"', f"{distance:g} astronomical units"),)
-    return Orbit("environment_sun", rows, rate, 0.0, 0.0, state, (-1.0, 0.0, 0.0),
-                 1.0 / distance**2, False)  # fmt: skip
+    rows = (
+        (
+            "semi_major_axis",
+            f'"{axis / 1e3:.9g} km"',
+            f"{distance:g} astronomical units",
+        ),
+    )
+    return Orbit(
+        "environment_sun",
+        rows,
+        rate,
+        0.0,
+        0.0,
+        state,
+        (-1.0, 0.0, 0.0),
+        1.0 / distance**2,
+        False,
+    )
 
 
 def _hours(text: str) -> float:
@@ -262,16 +337,36 @@ def _of_file(file: Path) -> dict[str, float]:
 def _of_tle(file: Path, epoch: float) -> Orbit:
     """Raises DesatError for elements that SGP4 has no orbit of at the epoch."""
     values = _of_file(file)
-    at, bstar, *others = (values[k] for k in (
-        "epoch_tle_j2000", "bstar", "eccentricity", "argument_of_perigee", "inclination",
-        "mean_anomaly", "mean_motion", "raan"))  # fmt: skip
+    at, bstar, *others = (
+        values[k]
+        for k in (
+            "epoch_tle_j2000",
+            "bstar",
+            "eccentricity",
+            "argument_of_perigee",
+            "inclination",
+            "mean_anomaly",
+            "mean_motion",
+            "raan",
+        )
+    )
     try:
         state = teme_state((at, bstar, *others), epoch - at)  # type: ignore[arg-type]
     except ValueError as error:
         raise DesatError(f"--tle {file}: {error}") from None
     if not all(math.isfinite(x) for part in state for x in part):
         raise DesatError(f"--tle {file}: no orbit has these elements")
-    rows = tuple((name, repr(value), f"of {file.name}, SI") for name, value in values.items()
-                 if name != "epoch_j2000")  # fmt: skip
-    return Orbit("environment_tle", rows, values["mean_motion"], values["inclination"],
-                 values["eccentricity"], state, earth.sun(epoch)[0])  # fmt: skip
+    rows = tuple(
+        (name, repr(value), f"of {file.name}, SI")
+        for name, value in values.items()
+        if name != "epoch_j2000"
+    )
+    return Orbit(
+        "environment_tle",
+        rows,
+        values["mean_motion"],
+        values["inclination"],
+        values["eccentricity"],
+        state,
+        earth.sun(epoch)[0],
+    )

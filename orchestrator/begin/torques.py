@@ -60,7 +60,11 @@ def given_torque(wanted: CraftFacts) -> GivenTorque | None:
     """
     steady = None if wanted.secular is None else _secular(wanted.secular)
     if wanted.torque is None:
-        return None if steady is None else GivenTorque("--secular", "body", ((0.0, *steady),))
+        return (
+            None
+            if steady is None
+            else GivenTorque("--secular", "body", ((0.0, *steady),))
+        )
     name, _, frame = wanted.torque.strip().rpartition(" ")
     if not name or frame not in FRAMES:
         name, frame = wanted.torque.strip(), "body"
@@ -74,7 +78,9 @@ def _secular(text: str) -> tuple[float, float, float]:
     """Return a constant torque (N m, body), about y where one number is given."""
     values = SECULAR.many(text)
     if len(values) not in (1, 3):
-        raise DesatError(f"--secular {text}: one torque, about y, or three are needed, as 80uNm")
+        raise DesatError(
+            f"--secular {text}: one torque, about y, or three are needed, as 80uNm"
+        )
     if not any(values):
         raise DesatError(f"--secular {text}: a torque other than 0 is needed")
     x, y, z = values if len(values) == 3 else (0.0, *values, 0.0)
@@ -92,16 +98,22 @@ def read(file: Path) -> tuple[Row, ...]:
         if row is None and number == 1 and not _has_number(line):
             continue  # a heading
         if row is None:
-            raise DesatError(f"{where}:{number}: four numbers are needed, t in s and the torque "
-                             f"about x, y, z in N m; got {line.strip()[:60]}")  # fmt: skip
+            raise DesatError(
+                f"{where}:{number}: four numbers are needed, t in s and the torque "
+                f"about x, y, z in N m; got {line.strip()[:60]}"
+            )
         if rows and row[0] <= rows[-1][0]:
-            raise DesatError(f"{where}:{number}: its time {row[0]:g} s is not after that of the "
-                             f"row before, {rows[-1][0]:g} s")  # fmt: skip
+            raise DesatError(
+                f"{where}:{number}: its time {row[0]:g} s is not after that of the "
+                f"row before, {rows[-1][0]:g} s"
+            )
         rows.append(row)
     if not rows:
         raise DesatError(f"{where}: there is no row of four numbers")
     if len(rows) > ROWS:
-        raise DesatError(f"{where}: {len(rows)} rows; {ROWS} are taken at most: thin it")
+        raise DesatError(
+            f"{where}: {len(rows)} rows; {ROWS} are taken at most: thin it"
+        )
     return tuple(rows)
 
 
@@ -115,5 +127,6 @@ def _numbers(line: str) -> Row | None:
 
 
 def _has_number(line: str) -> bool:
-    """Return whether a field of a line is a number, nan and inf among them: no heading then."""
+    """Return whether a field of a line is a number, nan and inf among them: no heading
+    then."""
     return any(is_float(field) for field in line.replace(";", ",").split(","))

@@ -29,15 +29,19 @@ POINTS = 200
 """Parts of a run that an envelope has a value for."""
 
 
-def batch(plan: CampaignPlan, numbers: Sequence[int], attempt: int, versions: str) -> Batch:
+def batch(
+    plan: CampaignPlan, numbers: Sequence[int], attempt: int, versions: str
+) -> Batch:
     """Cases of one block, each made for the `attempt`th time, with these versions."""
     return Batch.of(row(plan, number, attempt, versions) for number in numbers)
 
 
-def row(plan: CampaignPlan, number: int, attempt: int = 1, versions: str = "") -> CaseRow:
-    """A case as a row: its inputs, its numbers, how it ended. A case that cannot begin is a row
-    that says so. From the second attempt on it is made in a process of its own, which can say what
-    ended it."""
+def row(
+    plan: CampaignPlan, number: int, attempt: int = 1, versions: str = ""
+) -> CaseRow:
+    """A case as a row: its inputs, its numbers, how it ended. A case that cannot begin
+    is a row that says so. From the second attempt on it is made in a process of its
+    own, which can say what ended it."""
     clock, values = time.perf_counter(), {}
     try:
         values = plan.values(number)
@@ -46,9 +50,14 @@ def row(plan: CampaignPlan, number: int, attempt: int = 1, versions: str = "") -
         if error.code > STOPPED:  # this process was told to end: it is lost
             raise SystemExit(int(error.code)) from error
         made = CaseRow("failed", int(error.code), str(error), values=values)
-    return replace(made, number=number, seconds=round(time.perf_counter() - clock, 6),
-                   worker=f"{platform.node()}:{os.getpid()}", attempts=attempt,
-                   versions=versions)  # fmt: skip
+    return replace(
+        made,
+        number=number,
+        seconds=round(time.perf_counter() - clock, 6),
+        worker=f"{platform.node()}:{os.getpid()}",
+        attempts=attempt,
+        versions=versions,
+    )
 
 
 def _ran(plan: CampaignPlan, values: Mapping[str, Drawn], supervised: bool) -> CaseRow:
@@ -66,13 +75,16 @@ def _ran(plan: CampaignPlan, values: Mapping[str, Drawn], supervised: bool) -> C
     chosen = {name: plots[name] for name in plan.curves}
     signals = [signal for plot in chosen.values() for signal in plot.signals]
     made = ran(source(plan), options, values, signals, look)
-    return CaseRow(**{**vars(made), "described": {**made.described, **told}}, curves=curves)
+    return CaseRow(
+        **{**vars(made), "described": {**made.described, **told}}, curves=curves
+    )
 
 
 def _described(
     plots: Mapping[str, Plot], values: Mapping[str, Drawn], run: Run
-) -> dict[str, dict[str, str]]:  # fmt: skip
-    """Title and unit of what is drawn, `in.component.variable`, and of envelopes, `curve.PLOT`."""
+) -> dict[str, dict[str, str]]:
+    """Title and unit of what is drawn, `in.component.variable`, and of envelopes,
+    `curve.PLOT`."""
     told = {}
     for name in values:
         owner, _, variable = name.partition(".")
@@ -90,8 +102,8 @@ def _units(plots: Mapping[str, Plot], run: Run) -> dict[str, str]:
 
 
 def _curves(plots: Mapping[str, Plot], run: Run) -> dict[str, list[float]]:
-    """Of each plot: the largest size of any of its lines in each part of the run; nan where the
-    run was over."""
+    """Of each plot: the largest size of any of its lines in each part of the run; nan
+    where the run was over."""
     start, stop = run.manifest.start, run.manifest.stop
     envelopes = {}
     for name, unit in _units(plots, run).items():
@@ -106,7 +118,9 @@ def _envelope(
     """Parts without a sample have what lies on the line between their neighbours."""
     top = np.full(POINTS, np.nan)
     for times, values in lines:
-        part = ((times - start) / (stop - start) * POINTS).astype(int).clip(0, POINTS - 1)
+        part = (
+            ((times - start) / (stop - start) * POINTS).astype(int).clip(0, POINTS - 1)
+        )
         np.fmax.at(top, part, np.abs(values))
     parts = np.arange(POINTS)
     if (known := np.isfinite(top)).any():

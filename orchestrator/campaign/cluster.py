@@ -1,4 +1,5 @@
-"""Cases on a Dask cluster: the same function as on this machine, and the system once per worker."""
+"""Cases on a Dask cluster: the same function as on this machine, and the system once
+per worker."""
 
 from __future__ import annotations
 
@@ -53,18 +54,24 @@ _compared: dict[tuple[str, str], str] = {}
 
 
 def shipped(target: str) -> bytes | None:
-    """What a target is made of, where it is a file: the archive, or a scenario file with the other
-    scenario files and FMUs of its folder, zipped. None for a scenario of ours. Raises DesatError
-    for more than LARGEST bytes."""
+    """What a target is made of, where it is a file: the archive, or a scenario file
+    with the other scenario files and FMUs of its folder, zipped. None for a scenario of
+    ours. Raises DesatError for more than LARGEST bytes."""
     path = Path(target)
     if not path.exists():
         return None
     buffer = io.BytesIO()
     whole = path.suffix == ".toml"
-    files = sorted(p for p in path.parent.iterdir() if p.suffix in _PARTS) if whole else [path]
+    files = (
+        sorted(p for p in path.parent.iterdir() if p.suffix in _PARTS)
+        if whole
+        else [path]
+    )
     if (size := sum(p.stat().st_size for p in files)) > LARGEST:
-        raise DesatError(f"{path.parent}: {size / 1e6:.0f} MB of scenario files and FMUs would be "
-                         f"sent to each worker; at most {LARGEST / 1e6:.0f} are")  # fmt: skip
+        raise DesatError(
+            f"{path.parent}: {size / 1e6:.0f} MB of scenario files and FMUs would be "
+            f"sent to each worker; at most {LARGEST / 1e6:.0f} are"
+        )
     with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED) as archive:
         for file in files:
             archive.writestr(zipfile.ZipInfo(file.name), file.read_bytes())
@@ -102,8 +109,9 @@ def other(there: Mapping[str, str], here: Mapping[str, str]) -> str:
 
 
 def unfit(plan: CampaignPlan, sent: bool, here: Mapping[str, str]) -> str:
-    """On a worker, which may have come late: why it cannot make the cases of a campaign; empty
-    where it can. `here`: the head's versions; `sent`: the system is a file."""
+    """On a worker, which may have come late: why it cannot make the cases of a
+    campaign; empty where it can. `here`: the head's versions; `sent`: the system is a
+    file."""
     if text := other(versions(), here):
         return f"has {text}"
     if sent and plan.digest not in _shipped:
@@ -124,9 +132,13 @@ def _compared_with(plan: CampaignPlan) -> str:
         there = digest_of(plan.target, plan.options)
     except DesatError as error:
         return f"cannot have the system: {error}"
-    return "" if there == plan.digest else (
-        f"has another {plan.target}: its wiring, times, content, parameters or FMUs differ"
-    )  # fmt: skip
+    return (
+        ""
+        if there == plan.digest
+        else (
+            f"has another {plan.target}: its wiring, times, content, parameters or FMUs differ"
+        )
+    )
 
 
 def on_worker(
@@ -137,8 +149,9 @@ def on_worker(
     attempt: int,
     told: str,
 ) -> Batch:
-    """On a worker: cases of one block. Those that take too long end their worker, which its nanny
-    replaces. Raises Unfit where the worker has other versions than the head, or another system."""
+    """On a worker: cases of one block. Those that take too long end their worker, which
+    its nanny replaces. Raises Unfit where the worker has other versions than the head,
+    or another system."""
     if why := unfit(plan, sent, here):
         raise Unfit(why)
     timer = threading.Timer(plan.limit, os._exit, (_LATE,))
@@ -152,39 +165,51 @@ def on_worker(
 
 
 class Cluster:
-    """The workers of a Dask cluster: an address, a scheduler file, or `local:N` processes here."""
+    """The workers of a Dask cluster: an address, a scheduler file, or `local:N`
+    processes here."""
 
     def __init__(self, address: str, plan: CampaignPlan) -> None:
         try:
             import distributed
         except ImportError as error:
-            raise DesatError("--cluster needs Dask: pip install 'desat[cluster]'") from error
+            raise DesatError(
+                "--cluster needs Dask: pip install 'desat[cluster]'"
+            ) from error
         import dask
 
         if ":" not in address and not Path(address).is_file():
-            raise DesatError(f"--cluster {address}: no such file, and no address such as "
-                             "tcp://HOST:8786 or local:2")  # fmt: skip
+            raise DesatError(
+                f"--cluster {address}: no such file, and no address such as "
+                "tcp://HOST:8786 or local:2"
+            )
         self._plan, self._address, self._local = plan, address, None
         dask.config.set(SETTINGS)
         for name in ("distributed", "distributed.client"):
-            logging.getLogger(name).setLevel(logging.CRITICAL + 1)  # we say it in a line
+            logging.getLogger(name).setLevel(
+                logging.CRITICAL + 1
+            )  # we say it in a line
         try:
             if address.startswith("local:"):
                 self._local = distributed.LocalCluster(
-                    n_workers=_whole(address), threads_per_worker=1, dashboard_address=None,
+                    n_workers=_whole(address),
+                    threads_per_worker=1,
+                    dashboard_address=None,
                     silence_logs=50,
-                )  # fmt: skip
+                )
                 self._client = distributed.Client(self._local)
             elif Path(address).is_file():
                 self._client = distributed.Client(scheduler_file=address, timeout=WAIT)
             else:
                 self._client = distributed.Client(address, timeout=WAIT)
         except (OSError, TimeoutError, ValueError, KeyError, TypeError) as error:
-            raise RunError(f"--cluster {address}: no scheduler answers ({error})",
-                           Exit.INPUT) from error  # fmt: skip
+            raise RunError(
+                f"--cluster {address}: no scheduler answers ({error})", Exit.INPUT
+            ) from error
         data = shipped(plan.target)
         self._sent = data is not None
-        self._done: queue.SimpleQueue[tuple[Hashable, tuple[Any, ...], Any]] = queue.SimpleQueue()
+        self._done: queue.SimpleQueue[tuple[Hashable, tuple[Any, ...], Any]] = (
+            queue.SimpleQueue()
+        )
         self._sent_away: list[str] = []
         try:
             if not (threads := self._client.nthreads()):
@@ -211,16 +236,20 @@ class Cluster:
 
     def _unfit(self) -> dict[str, str]:
         """Of each worker that cannot make these cases, why."""
-        told = self._client.run(unfit, self._plan, self._sent, versions(), on_error="return")
+        told = self._client.run(
+            unfit, self._plan, self._sent, versions(), on_error="return"
+        )
         # one that dies just now does not answer; one without desat has no such function
         return {
             worker: said if isinstance(said, str) else f"cannot be asked: {said}"
-            for worker, said in sorted(told.items()) if said and not isinstance(said, OSError)
-        }  # fmt: skip
+            for worker, said in sorted(told.items())
+            if said and not isinstance(said, OSError)
+        }
 
     def _send_away(self) -> bool:
-        """End the workers that came late and cannot make these cases, a line each: one that only
-        refused them would be free at once for the next. Whether there is or was any."""
+        """End the workers that came late and cannot make these cases, a line each: one
+        that only refused them would be free at once for the next. Whether there is or
+        was any."""
         if found := self._unfit():
             for worker, why in found.items():
                 print(f"worker {worker} {why}: sent away", file=sys.stderr, flush=True)
@@ -229,7 +258,8 @@ class Cluster:
         return bool(self._sent_away)
 
     def submit(self, key: Hashable, *arguments: Any) -> None:
-        """Have cases made: their numbers, which attempt it is, and the versions that rows say."""
+        """Have cases made: their numbers, which attempt it is, and the versions that
+        rows say."""
         future = self._client.submit(
             on_worker, self._plan, self._sent, versions(), *arguments, pure=False
         )
@@ -244,12 +274,16 @@ class Cluster:
             try:
                 return key, future.result()
             except KilledWorker:
-                return key, Lost("its worker died, or ended itself as it was not over within "
-                                 f"{self._plan.limit:g} s")  # fmt: skip
+                return key, Lost(
+                    "its worker died, or ended itself as it was not over within "
+                    f"{self._plan.limit:g} s"
+                )
             except CancelledError as error:
                 text = f"--cluster {self._address}: the scheduler is gone"
-                raise RunError(f"{text}; the same command goes on with what is left",
-                               Exit.COMPONENT) from error  # fmt: skip
+                raise RunError(
+                    f"{text}; the same command goes on with what is left",
+                    Exit.COMPONENT,
+                ) from error
             except Unfit:
                 self._send_away()
             except ImportError:  # it has no desat, or another one
@@ -261,5 +295,7 @@ class Cluster:
 def _whole(address: str) -> int:
     text = address.partition(":")[2]
     if not text.isdecimal() or int(text) < 1:
-        raise DesatError(f"--cluster {address}: local:N is needed, N a whole number from 1 on")
+        raise DesatError(
+            f"--cluster {address}: local:N is needed, N a whole number from 1 on"
+        )
     return int(text)

@@ -1,4 +1,5 @@
-"""The head of a campaign: hands out cases, keeps their rows, and goes on where it was stopped."""
+"""The head of a campaign: hands out cases, keeps their rows, and goes on where it was
+stopped."""
 
 from __future__ import annotations
 
@@ -43,18 +44,27 @@ _EACH = 2.0
 
 
 def planned(
-    target: str, count: int, *, seed: int = 1, sampling: Sampling = "random",
-    options: Options | None = None, curves: Sequence[str] | None = None, keep: Sequence[str] = (),
+    target: str,
+    count: int,
+    *,
+    seed: int = 1,
+    sampling: Sampling = "random",
+    options: Options | None = None,
+    curves: Sequence[str] | None = None,
+    keep: Sequence[str] = (),
     limit: float = 600.0,
-) -> tuple[CampaignPlan, list[str]]:  # fmt: skip
-    """The plan of a campaign, checked, and warnings. `curves` None: the first plot, if any.
+) -> tuple[CampaignPlan, list[str]]:
+    """The plan of a campaign, checked, and warnings. `curves` None: the first plot, if
+    any.
 
-    Raises DesatError for what is wrong with the system, its dispersions, a requirement, the
-    sampling or what is kept.
+    Raises DesatError for what is wrong with the system, its dispersions, a requirement,
+    the sampling or what is kept.
     """
     if sampling not in SAMPLINGS:
-        raise DesatError(f"--sampling {sampling}: there are {', '.join(SAMPLINGS)}"
-                         f"{nearest(sampling, SAMPLINGS)}")  # fmt: skip
+        raise DesatError(
+            f"--sampling {sampling}: there are {', '.join(SAMPLINGS)}"
+            f"{nearest(sampling, SAMPLINGS)}"
+        )
     options = options or Options()
     if Path(target).exists():
         target = str(Path(target).resolve())
@@ -62,12 +72,16 @@ def planned(
     system = source.to_draw(options.blocks)
     options = with_stop(source, options)
     if not (content := content_of(system.about)).dispersions:
-        raise DesatError(f"{target}: it has no [dispersions], so there is nothing to sample")
+        raise DesatError(
+            f"{target}: it has no [dispersions], so there is nothing to sample"
+        )
     whole_numbers(target, seed=(seed, 0), count=(count, 1))
     for name in dispersions_of(system):
         if "[" in name:
-            raise DesatError(f"{target}: dispersions: {name}: an element; what is drawn is all of "
-                             f"{name.partition('[')[0]}")  # fmt: skip
+            raise DesatError(
+                f"{target}: dispersions: {name}: an element; what is drawn is all of "
+                f"{name.partition('[')[0]}"
+            )
     if limit <= 0.0:
         raise DesatError(f"{target}: {limit:g} s for a case: more is needed")
     if lines := never(system, options):
@@ -83,23 +97,39 @@ def planned(
     if curves is None:
         curves = list(plots)[:1]
     if unknown := [c for c in curves if c not in plots]:
-        raise DesatError(f"--curve {unknown[0]}: no plot of that name{nearest(unknown[0], plots)}")
+        raise DesatError(
+            f"--curve {unknown[0]}: no plot of that name{nearest(unknown[0], plots)}"
+        )
     plan = CampaignPlan(
-        target, digest_of(source, options), count, seed, sampling, options, tuple(curves),
-        tuple(map(KeptSeries.parsed, keep)), limit,
-    )  # fmt: skip
+        target,
+        digest_of(source, options),
+        count,
+        seed,
+        sampling,
+        options,
+        tuple(curves),
+        tuple(map(KeptSeries.parsed, keep)),
+        limit,
+    )
     numbers = {n for n, e in content.numbers.items() if not e.of}
     checked, _ = case.or_raise()
     numbers |= {n for a in analyses() if a.applies(checked) for n in a.NUMBERS}
     for each in plan.keep:
         if each.number and each.number not in numbers:
             hint = nearest(each.number, numbers)
-            raise DesatError(f"--keep {each}: no number {each.number}{hint}; worst:N:NUMBER, or "
-                             "--by NUMBER, is needed")  # fmt: skip
-    warnings = [*case.checked.warnings, *_unmissable(content, checked.steps * checked.step)]
+            raise DesatError(
+                f"--keep {each}: no number {each.number}{hint}; worst:N:NUMBER, or "
+                "--by NUMBER, is needed"
+            )
+    warnings = [
+        *case.checked.warnings,
+        *_unmissable(content, checked.steps * checked.step),
+    ]
     if sampling == "sobol" and count & (count - 1):
-        warnings.append(f"--sampling sobol: -n {count} is no power of two, as {_power(count)} is: "
-                        "its points are not quite even")  # fmt: skip
+        warnings.append(
+            f"--sampling sobol: -n {count} is no power of two, as {_power(count)} is: "
+            "its points are not quite even"
+        )
     return plan, warnings
 
 
@@ -109,9 +139,11 @@ def _unmissable(content: Content, duration: float) -> list[str]:
         f"requirements.{name}: max = {entry.max:g} s is not before the end of a run, "
         f"{duration:g} s: no case can be above"
         for name, entry in content.requirements.items()
-        if entry.max is not None and entry.max >= duration
-        and entry.number in content.numbers and content.numbers[entry.number].unit == "s"
-    ]  # fmt: skip
+        if entry.max is not None
+        and entry.max >= duration
+        and entry.number in content.numbers
+        and content.numbers[entry.number].unit == "s"
+    ]
 
 
 def _power(count: int) -> int:
@@ -131,16 +163,19 @@ def _first(source: Target, options: Options, values: Mapping[str, Any]) -> Case:
 
 
 def run(
-    plan: CampaignPlan, folder: Path, jobs: int = 1, cluster: str | None = None,
+    plan: CampaignPlan,
+    folder: Path,
+    jobs: int = 1,
+    cluster: str | None = None,
     progress: bool = True,
     accept_versions: bool = False,
-) -> None:  # fmt: skip
-    """Make the cases of a campaign that are not there yet, and keep the series of those that are
-    to be kept. What is done when it is stopped, however, is there when it goes on; with other
-    versions of what computes where these are accepted.
+) -> None:
+    """Make the cases of a campaign that are not there yet, and keep the series of those
+    that are to be kept. What is done when it is stopped, however, is there when it goes
+    on; with other versions of what computes where these are accepted.
 
-    Raises DesatError where the folder has another campaign, one of other versions, or where another
-    head is at work in it.
+    Raises DesatError where the folder has another campaign, one of other versions, or
+    where another head is at work in it.
     """
     guarded()  # it cannot claim what its head has
     with claimed(folder):
@@ -148,16 +183,24 @@ def run(
 
 
 def _run(
-    plan: CampaignPlan, folder: Path, jobs: int, cluster: str | None, progress: bool,
+    plan: CampaignPlan,
+    folder: Path,
+    jobs: int,
+    cluster: str | None,
+    progress: bool,
     accept_versions: bool,
-) -> None:  # fmt: skip
+) -> None:
     longer = False
     if (folder / PLAN).exists():
         joined(old := read(folder), plan, folder)
-        same_versions(folder, kept_versions(folder), accept_versions, "old and new cases")
+        same_versions(
+            folder, kept_versions(folder), accept_versions, "old and new cases"
+        )
         longer = plan.limit > old.limit
     elif any(p.name != LOCK for p in folder.iterdir()):
-        raise DesatError(f"{folder}: it has other files, and no campaign; take another --out")
+        raise DesatError(
+            f"{folder}: it has other files, and no campaign; take another --out"
+        )
     plan.write(folder)
     rows = store.Store(folder, plan.count)
     if longer:
@@ -178,25 +221,37 @@ def _run(
 
 def _workers(plan: CampaignPlan, jobs: int, cluster: str | None) -> Workers:
     if cluster is None:
-        return Local(batch, jobs, 1.25 * plan.limit + 2.0)  # a supervised case ends itself before
+        return Local(
+            batch, jobs, 1.25 * plan.limit + 2.0
+        )  # a supervised case ends itself before
     from .cluster import Cluster
 
     return Cluster(cluster, plan)
 
 
 def _make(
-    plan: CampaignPlan, workers: Workers, rows: store.Store, at: Progressed, folder: Path,
+    plan: CampaignPlan,
+    workers: Workers,
+    rows: store.Store,
+    at: Progressed,
+    folder: Path,
     progress: bool,
-) -> None:  # fmt: skip
+) -> None:
     local, versions = isinstance(workers, Local), versions_here()
     attempts: dict[int, int] = {}
     sizes = _Sizes(plan, workers.size)
 
     def task(numbers: Sequence[int], attempt: int = 1) -> tuple[Any, tuple[Any, ...]]:
         key = tuple(numbers)
-        return key, (plan, key, attempt, versions) if local else (key, attempt, versions)
+        return key, (plan, key, attempt, versions) if local else (
+            key,
+            attempt,
+            versions,
+        )
 
-    def again(numbers: Sequence[int], reason: Lost) -> list[tuple[Any, tuple[Any, ...]]]:
+    def again(
+        numbers: Sequence[int], reason: Lost
+    ) -> list[tuple[Any, tuple[Any, ...]]]:
         if len(numbers) > 1:  # one of them, nobody knows which
             return [task([number]) for number in numbers]
         attempts[numbers[0]] = attempt = attempts.get(numbers[0], 1) + 1
@@ -220,9 +275,9 @@ def _make(
 
 
 class _Sizes:
-    """How many cases are handed out together: as many as take TOGETHER s (and a quarter of the
-    limit of one), so that the head has little to do for each; fewer towards the end, where each
-    worker is to have some."""
+    """How many cases are handed out together: as many as take TOGETHER s (and a quarter
+    of the limit of one), so that the head has little to do for each; fewer towards the
+    end, where each worker is to have some."""
 
     def __init__(self, plan: CampaignPlan, workers: int) -> None:
         self._workers = workers
@@ -262,13 +317,14 @@ TOGETHER = 2.0
 _SHARES = 4
 """Of what is left each worker gets at most this part at once."""
 _TRIES = 3
-"""A case whose process dies is made again, supervised, which names the cause; one that is lost so
-often has no row of its own."""
+"""A case whose process dies is made again, supervised, which names the cause; one that
+is lost so often has no row of its own."""
 
 
 def cases_to_keep(plan: CampaignPlan, folder: Path) -> list[int]:
-    """The cases that are to be kept: the worst are those with the largest number, or with the least
-    where a requirement on it has only a `min`; those that never reach it first."""
+    """The cases that are to be kept: the worst are those with the largest number, or
+    with the least where a requirement on it has only a `min`; those that never reach it
+    first."""
     from .plan import system
 
     content = content_of(system(plan).about)
@@ -290,26 +346,34 @@ def unreached(plan: CampaignPlan, folder: Path) -> list[str]:
             continue
         table = store.read(folder, columns=["case", f"out.{number}"])
         if f"out.{number}" not in table.column_names:
-            lines.append(f"--keep {keep}: no case has a number {number}: nothing is kept by it")
+            lines.append(
+                f"--keep {keep}: no case has a number {number}: nothing is kept by it"
+            )
         elif table[f"out.{number}"].null_count == table.num_rows:
-            lines.append(f"--keep {keep}: no case reaches {number}: kept are the first "
-                         f"{keep.count}")  # fmt: skip
+            lines.append(
+                f"--keep {keep}: no case reaches {number}: kept are the first "
+                f"{keep.count}"
+            )
     return lines
 
 
 def worst(folder: Path, number: str, count: int, least: bool = False) -> list[int]:
-    """The completed cases that never reach a number, then those with its largest (or least)
-    values, worst first."""
+    """The completed cases that never reach a number, then those with its largest (or
+    least) values, worst first."""
     table = store.read(folder, columns=["case", "status", f"out.{number}"])
     if f"out.{number}" not in table.column_names:
         return []
     sign = 1.0 if least else -1.0
     rows = [
         (-math.inf if value is None else sign * value, case)
-        for case, status, value in zip(table["case"].to_pylist(), table["status"].to_pylist(),
-                                       table[f"out.{number}"].to_pylist(), strict=True)
+        for case, status, value in zip(
+            table["case"].to_pylist(),
+            table["status"].to_pylist(),
+            table[f"out.{number}"].to_pylist(),
+            strict=True,
+        )
         if status == "completed"
-    ]  # fmt: skip
+    ]
     rows.sort()
     return [case for _, case in rows[:count]]
 
@@ -321,15 +385,18 @@ def _keep(plan: CampaignPlan, folder: Path, jobs: int) -> None:
         return
     tasks: Iterator[tuple[Any, tuple[Any, ...]]] = (
         (n, (plan, n, kept_in(folder, n))) for n in todo
-    )  # fmt: skip
+    )
     with Local(_keep_series, min(jobs, len(todo)), 1.25 * plan.limit) as workers:
         for number, result in results(workers, tasks, lambda key, why: ()):
             if isinstance(result, Lost):
-                raise RunError(f"{kept_in(folder, number)}: not kept: {result.why}", Exit.COMPONENT)
+                raise RunError(
+                    f"{kept_in(folder, number)}: not kept: {result.why}", Exit.COMPONENT
+                )
 
 
 def _is_kept(folder: Path) -> bool:
-    """Whether a case was run to its own end there, and not to that of a disk or of its head."""
+    """Whether a case was run to its own end there, and not to that of a disk or of its
+    head."""
     try:
         status = str(store.table(folder / "manifest.json").get("status"))
     except (FileNotFoundError, DesatError):
@@ -351,7 +418,7 @@ def kept_in(folder: Path, number: int) -> Path:
     return folder / "kept" / f"{number:06}"
 
 
-# --- How far a campaign is, for people and for programs -----------------------------------------
+# --- How far a campaign is, for people and for programs -------------------------------
 
 
 STATUS = "status.json"
@@ -375,14 +442,21 @@ class Progressed:
     def as_json(self, state: str) -> JsonObject:
         """What `status.json` says."""
         left = (self.count - self.done) / self.rate if self.rate else None
-        return {"state": state, "count": self.count, "done": self.done, "failed": self.failed,
-                "cases_per_second": round(self.rate, 3),
-                "seconds_left": None if left is None else round(left),
-                "head": f"{platform.node()}:{os.getpid()}", "written": time.time()}  # fmt: skip
+        return {
+            "state": state,
+            "count": self.count,
+            "done": self.done,
+            "failed": self.failed,
+            "cases_per_second": round(self.rate, 3),
+            "seconds_left": None if left is None else round(left),
+            "head": f"{platform.node()}:{os.getpid()}",
+            "written": time.time(),
+        }
 
 
 def status(folder: Path) -> JsonObject:
-    """How far a campaign is, as its head wrote last. Raises DesatError where there is none."""
+    """How far a campaign is, as its head wrote last. Raises DesatError where there is
+    none."""
     plan = read(folder)
     blank = {"state": "running", "count": plan.count, "done": 0, "failed": 0}
     try:
@@ -390,9 +464,11 @@ def status(folder: Path) -> JsonObject:
     except FileNotFoundError:
         told = blank
     head, _, pid = str(told.get("head", "")).rpartition(":")
-    if told["state"] == "running" and head == platform.node() and not (
-        pid.isdecimal() and _lives(int(pid))
-    ):  # fmt: skip
+    if (
+        told["state"] == "running"
+        and head == platform.node()
+        and not (pid.isdecimal() and _lives(int(pid)))
+    ):
         told["state"] = "killed"
     return told
 

@@ -1,5 +1,5 @@
-"""A campaign as an xarray data set: `in.*` what was drawn and `out.*` the numbers over `case`, or
-the envelopes of curves; read when they are looked at."""
+"""A campaign as an xarray data set: `in.*` what was drawn and `out.*` the numbers over
+`case`, or the envelopes of curves; read when they are looked at."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ from .plan import read
 
 
 def of_campaign(folder: Path, curves: bool = False) -> xr.Dataset:
-    """The cases of a campaign, a column each; or of each of its curves the envelopes (case, part).
-    Raises DesatError where no case is there yet."""
+    """The cases of a campaign, a column each; or of each of its curves the envelopes
+    (case, part). Raises DesatError where no case is there yet."""
     plan = read(folder)
     cases = store.read(folder, columns=["case"])["case"].to_numpy()
     described = store.described(folder)
@@ -27,22 +27,31 @@ def of_campaign(folder: Path, curves: bool = False) -> xr.Dataset:
     for field in () if curves else store.schema(folder):
         if field.name == "case":
             continue
-        lazy = Lazy((len(cases),), _dtype(field.type), _column(folder, field.name, cases))
+        lazy = Lazy(
+            (len(cases),), _dtype(field.type), _column(folder, field.name, cases)
+        )
         # what is drawn is told of as a whole, and has a column an element
         told = described.get(field.name.removeprefix("out.").partition("[")[0], {})
         variables[field.name] = lazy.variable(
-            ("case",), {"long_name": told.get("title", ""), "units": told.get("unit", "")}
+            ("case",),
+            {"long_name": told.get("title", ""), "units": told.get("unit", "")},
         )
     for name in plan.curves if curves else ():
         lazy = Lazy((len(cases), POINTS), float, _envelopes(folder, name, cases))
         told = described.get(f"curve.{name}", {})
         variables[f"curve.{name}"] = lazy.variable(
             ("case", "part"),
-            {"long_name": f"{told.get('title', name)}: largest size in each part of the run",
-             "units": told.get("unit", "")},
-        )  # fmt: skip
-    attributes = {"target": plan.target, "seed": plan.seed, "sampling": plan.sampling,
-                  "count": plan.count}  # fmt: skip
+            {
+                "long_name": f"{told.get('title', name)}: largest size in each part of the run",
+                "units": told.get("unit", ""),
+            },
+        )
+    attributes = {
+        "target": plan.target,
+        "seed": plan.seed,
+        "sampling": plan.sampling,
+        "count": plan.count,
+    }
     return xr.Dataset(variables, {"case": cases}, attributes)
 
 
@@ -59,7 +68,9 @@ def _column(folder: Path, name: str, cases: Any) -> Callable[[Any], Any]:
             return np.full(len(cases), np.nan)[key]
         column = table.to_pandas().set_index("case")[name]
         if lost := [case for case in cases if case not in column.index]:
-            raise DesatError(f"{folder}: case {lost[0]} is not there any more: load it again")
+            raise DesatError(
+                f"{folder}: case {lost[0]} is not there any more: load it again"
+            )
         return column.loc[cases].to_numpy()[key]
 
     return read
@@ -68,7 +79,11 @@ def _column(folder: Path, name: str, cases: Any) -> Callable[[Any], Any]:
 def _envelopes(folder: Path, name: str, cases: Any) -> Callable[[Any], Any]:
     def read(key: tuple[Any, ...]) -> Any:
         table = store.read(folder, store.CURVES)
-        known = table[name].to_pylist() if name in table.column_names else [None] * table.num_rows
+        known = (
+            table[name].to_pylist()
+            if name in table.column_names
+            else [None] * table.num_rows
+        )
         rows = dict(zip(table["case"].to_pylist(), known, strict=True))
         blank = [np.nan] * POINTS
         return np.array([rows.get(int(c)) or blank for c in cases], dtype=float)[key]

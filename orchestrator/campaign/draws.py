@@ -1,4 +1,5 @@
-"""Seeded draws of a scenario's dispersions (`sampling.py`), over processes, one row a draw."""
+"""Seeded draws of a scenario's dispersions (`sampling.py`), over processes, one row a
+draw."""
 
 from __future__ import annotations
 
@@ -51,11 +52,17 @@ class RunRow:
     def to_json(self) -> JsonObject:
         """As `draws` gives it."""
         return {
-            "draw": self.number, "status": self.status, "code": self.code,
-            "message": self.message, "unmet": list(self.unmet),
-            "stopped_when": None if self.stopped_when is None else self.stopped_when.to_json(),
-            "numbers": dict(self.numbers), "values": dict(self.values),
-        }  # fmt: skip
+            "draw": self.number,
+            "status": self.status,
+            "code": self.code,
+            "message": self.message,
+            "unmet": list(self.unmet),
+            "stopped_when": None
+            if self.stopped_when is None
+            else self.stopped_when.to_json(),
+            "numbers": dict(self.numbers),
+            "values": dict(self.values),
+        }
 
 
 @dataclass(frozen=True)
@@ -109,7 +116,9 @@ class SweepPoint:
         """Return values, medians and worst end; with draws also the spreads."""
         entry = {
             "values": self.values,
-            "numbers": {name: spread.levels["median"] for name, spread in self.summary.items()},
+            "numbers": {
+                name: spread.levels["median"] for name, spread in self.summary.items()
+            },
             "stopped": _count_stopped(self.rows),
             "status": self.worst.status,
             "code": self.worst.code,
@@ -143,15 +152,16 @@ def _count_stopped(rows: Sequence[RunRow]) -> int:
 
 
 class One:
-    """Makes runs of sources, by target: each is read once a process. (They are not sent to those
-    that start: what is larger than a pipe blocks where one ends before it has read it.)"""
+    """Makes runs of sources, by target: each is read once a process. (They are not sent
+    to those that start: what is larger than a pipe blocks where one ends before it has
+    read it.)"""
 
     def __init__(self, *known: Target) -> None:
         self._known = {source.text: source for source in known}
 
     def __call__(
         self, target: str, options: Options, seed: int, draw: int | None
-    ) -> RunRow:  # fmt: skip
+    ) -> RunRow:
         """`one` of a target."""
         if target not in self._known:
             self._known[target] = read(target)
@@ -161,7 +171,8 @@ class One:
 def one(source: Target, options: Options, seed: int, draw: int | None) -> RunRow:
     """A run with the values drawn (`draw` None: nothing is).
 
-    Raises DesatError, which names target and draw, for one that could not begin or was stopped.
+    Raises DesatError, which names target and draw, for one that could not begin or was
+    stopped.
     """
     target = source.text
     values = {} if draw is None else draw_of(source.to_draw(options.blocks), seed, draw)
@@ -174,11 +185,14 @@ def one(source: Target, options: Options, seed: int, draw: int | None) -> RunRow
 
 
 def ran(
-    source: Target, options: Options, values: Mapping[str, Any], also: Sequence[str] = (),
+    source: Target,
+    options: Options,
+    values: Mapping[str, Any],
+    also: Sequence[str] = (),
     look: Callable[[Run], None] = lambda run: None,
-) -> RunRow:  # fmt: skip
-    """A run with some values, at which `look` may look; recorded is what the numbers are made of,
-    and `also`."""
+) -> RunRow:
+    """A run with some values, at which `look` may look; recorded is what the numbers
+    are made of, and `also`."""
     case = with_values(source, replace(options, values={**options.values, **values}))
     system, _ = case.or_raise()
     if options.record == ("*",):
@@ -191,18 +205,23 @@ def ran(
     # requirements are of all draws or cases together, not of one
     code = Exit.COMPLETED if run.ok and not told.unmet else run.code
     row = RunRow(
-        told.status, int(code), told.message or "", told.unmet, told.stopped_when,
-        {name: n.value for name, n in told.numbers.items()}, values,
+        told.status,
+        int(code),
+        told.message or "",
+        told.unmet,
+        told.stopped_when,
+        {name: n.value for name, n in told.numbers.items()},
+        values,
         {name: {"title": n.title, "unit": n.unit} for name, n in told.numbers.items()},
-    )  # fmt: skip
+    )
     look(run)
     run.results.close()
     return row
 
 
 def series_of_numbers(system: System) -> tuple[str, ...]:
-    """What the numbers of a run are made of, and what it is judged by; the rest need not be
-    recorded."""
+    """What the numbers of a run are made of, and what it is judged by; the rest need
+    not be recorded."""
     content = content_of(system.about)
     needed = tuple(needed_signals(content))
     if system.substeps == AUTO and (parts := coverage.applies(system)):
@@ -216,8 +235,8 @@ def series_of_numbers(system: System) -> tuple[str, ...]:
 
 
 def _asks_for(content: Content, analysis: Analysis) -> bool:
-    """Whether a scenario asks for what an analysis makes of series that draws need not record: by
-    its bound, or a requirement on one of its numbers."""
+    """Whether a scenario asks for what an analysis makes of series that draws need not
+    record: by its bound, or a requirement on one of its numbers."""
     wanted = {r.number for r in content.requirements.values()}
     asked = content.written.keys() & set(analysis.BOUND_KEYS)
     return bool(asked or wanted & set(analysis.NUMBERS))
@@ -226,14 +245,20 @@ def _asks_for(content: Content, analysis: Analysis) -> bool:
 def never(system: Builder, options: Options) -> list[str]:
     """What the options give a value that is drawn instead: a line each."""
     names = [*(text.partition("=")[0] for text in options.sets), *options.values]
-    return [f"--set {name}: {'it' if name == what else what} is sampled, and so never has this "
-            "value"
-            for name in names if "." in name for what in overridden_by(system, name)]  # fmt: skip
+    return [
+        f"--set {name}: {'it' if name == what else what} is sampled, and so never has this "
+        "value"
+        for name in names
+        if "." in name
+        for what in overridden_by(system, name)
+    ]
 
 
 def lost(reason: Lost) -> RunRow:
     """The row of a run that never came back."""
-    return RunRow("failed", int(Exit.TIMEOUT if reason.timeout else Exit.COMPONENT), reason.why)
+    return RunRow(
+        "failed", int(Exit.TIMEOUT if reason.timeout else Exit.COMPONENT), reason.why
+    )
 
 
 def needed_signals(content: Content) -> list[str]:
@@ -242,13 +267,17 @@ def needed_signals(content: Content) -> list[str]:
 
 
 def rows_of(
-    tasks: Sequence[tuple[str, Options, int, int | None]], jobs: int, title: str, progress: bool,
+    tasks: Sequence[tuple[str, Options, int, int | None]],
+    jobs: int,
+    title: str,
+    progress: bool,
     *known: Target,
-) -> list[RunRow]:  # fmt: skip
-    """The row (`one`) of each task, over so many processes; `known`: sources read before.
+) -> list[RunRow]:
+    """The row (`one`) of each task, over so many processes; `known`: sources read
+    before.
 
-    A run whose process dies is made again in a process of its own, which can say why; with one
-    process, which is this one, each is.
+    A run whose process dies is made again in a process of its own, which can say why;
+    with one process, which is this one, each is.
     """
     jobs, tried = max(1, min(jobs, len(tasks))), set()
 
@@ -260,23 +289,32 @@ def rows_of(
         return [(key, (target, replace(options, supervised=True), *rest))]
 
     if jobs == 1:
-        tasks = [(t, replace(o, supervised=True), seed, draw) for t, o, seed, draw in tasks]
+        tasks = [
+            (t, replace(o, supervised=True), seed, draw) for t, o, seed, draw in tasks
+        ]
     rows: dict[Any, RunRow] = {}
     workers: Workers = Here(One(*known)) if jobs == 1 else Local(One(), jobs)
     with workers, shown(title, len(tasks), progress) as tell:
         for key, result in results(workers, iter(enumerate(tasks)), again):
             is_lost = isinstance(result, Lost)
-            rows[key] = replace(lost(result), number=tasks[key][3]) if is_lost else result
+            rows[key] = (
+                replace(lost(result), number=tasks[key][3]) if is_lost else result
+            )
             tell(len(rows), "")
     return [rows[key] for key in range(len(tasks))]
 
 
 def draws(
-    target: str | Target, count: int, seed: int, options: Options, jobs: int = 2,
-    progress: bool = False, first: int = 0,
-) -> Draws:  # fmt: skip
-    """Run the draws from `first` to before `count` and return rows and, for each number, median,
-    least and largest.
+    target: str | Target,
+    count: int,
+    seed: int,
+    options: Options,
+    jobs: int = 2,
+    progress: bool = False,
+    first: int = 0,
+) -> Draws:
+    """Run the draws from `first` to before `count` and return rows and, for each
+    number, median, least and largest.
 
     Draw i of a seed is the same whatever the count and the number of processes.
     """
@@ -284,21 +322,27 @@ def draws(
     target, system = source.text, source.to_draw(options.blocks)
     options = with_stop(source, options)
     if not content_of(system.about).dispersions:
-        raise DesatError(f"{target}: it has no [dispersions], so there is nothing to sample")
+        raise DesatError(
+            f"{target}: it has no [dispersions], so there is nothing to sample"
+        )
     whole_numbers(target, seed=(seed, 0), count=(count, first + 1))
     typical = replace(options, values={**options.values, **draw_of(system, seed, 0)})
     warnings = prepare(source, typical).checked.warnings
     warnings += never(system, options)
     tasks = [(target, options, seed, draw) for draw in range(first, count)]
     rows = rows_of(tasks, jobs, target, progress, source)
-    return Draws(target, seed, rows, summary(rows, late(content_of(system.about))), warnings)
+    return Draws(
+        target, seed, rows, summary(rows, late(content_of(system.about))), warnings
+    )
 
 
 def whole_numbers(target: str, **given: tuple[Any, int]) -> None:
     """Raises DesatError for what is no integer, or below its least value."""
     for name, (value, least) in given.items():
         if not isinstance(value, int) or isinstance(value, bool) or value < least:
-            raise DesatError(f"{target}: {name} = {value!r}: an integer from {least} on is needed")
+            raise DesatError(
+                f"{target}: {name} = {value!r}: an integer from {least} on is needed"
+            )
 
 
 def summary(rows: Sequence[RunRow], late: Collection[str]) -> dict[str, Spread]:
@@ -313,8 +357,9 @@ def summary(rows: Sequence[RunRow], late: Collection[str]) -> dict[str, Spread]:
 
 
 def axes_of(texts: Sequence[str]) -> dict[str, list[Any]]:
-    """`component.parameter` -> its values, from texts as `manager.gain=1,2,3`; arrays have `;`
-    between them. Raises DesatError for another form, and a name that comes twice."""
+    """`component.parameter` -> its values, from texts as `manager.gain=1,2,3`; arrays
+    have `;` between them. Raises DesatError for another form, and a name that comes
+    twice."""
     axes: dict[str, list[Any]] = {}
     for text in texts:
         name, _, values = text.partition("=")
@@ -328,30 +373,44 @@ def axes_of(texts: Sequence[str]) -> dict[str, list[Any]]:
 
 
 def sweep(
-    target: str, axes: Mapping[str, Sequence[Any]], options: Options | None = None, jobs: int = 2,
-    progress: bool = False, *, draws: int = 0, seed: int = 1,
-) -> Sweep:  # fmt: skip
-    """Run a system at the product of the axes' values ("component.parameter" -> values in SI).
+    target: str,
+    axes: Mapping[str, Sequence[Any]],
+    options: Options | None = None,
+    jobs: int = 2,
+    progress: bool = False,
+    *,
+    draws: int = 0,
+    seed: int = 1,
+) -> Sweep:
+    """Run a system at the product of the axes' values ("component.parameter" -> values
+    in SI).
 
-    With `draws`, so many seeded draws are run at each combination, and its numbers are medians.
-    Raises DesatError for what is unknown or out of bounds, and for an axis that is drawn.
+    With `draws`, so many seeded draws are run at each combination, and its numbers are
+    medians. Raises DesatError for what is unknown or out of bounds, and for an axis
+    that is drawn.
     """
     options = options or Options()
     if not axes or not all(axes.values()):
-        raise DesatError("a sweep needs a parameter and its values: component.parameter=a,b,c")
+        raise DesatError(
+            "a sweep needs a parameter and its values: component.parameter=a,b,c"
+        )
     source = read(target)
     system = source.to_draw(options.blocks)
     options = with_stop(source, options)
     for name in axes if draws else ():
         if drawn := overridden_by(system, name):
-            raise DesatError(f"{target}: {name}: {drawn[0]} is sampled, and so cannot be an "
-                             "axis")  # fmt: skip
-    points = [dict(zip(axes, v, strict=True)) for v in itertools.product(*axes.values())]
+            raise DesatError(
+                f"{target}: {name}: {drawn[0]} is sampled, and so cannot be an axis"
+            )
+    points = [
+        dict(zip(axes, v, strict=True)) for v in itertools.product(*axes.values())
+    ]
     warnings = _warnings(source, axes, options)
     tasks = [
         (target, replace(options, values={**options.values, **point}), seed, draw)
-        for point in points for draw in (range(draws) if draws else (None,))
-    ]  # fmt: skip
+        for point in points
+        for draw in (range(draws) if draws else (None,))
+    ]
     rows = rows_of(tasks, jobs, target, progress, source)
     count = max(draws, 1)
     times = late(content_of(system.about))
@@ -371,10 +430,16 @@ def sweep(
     )
 
 
-def _warnings(source: Target, axes: Mapping[str, Sequence[Any]], options: Options) -> list[str]:
-    """The warnings of each value beside the others' first. Raises DesatError for what is wrong."""
+def _warnings(
+    source: Target, axes: Mapping[str, Sequence[Any]], options: Options
+) -> list[str]:
+    """The warnings of each value beside the others' first. Raises DesatError for what
+    is wrong."""
     first = {name: values[0] for name, values in axes.items()}
-    tried = [first, *({**first, name: v} for name, values in axes.items() for v in values[1:])]
+    tried = [
+        first,
+        *({**first, name: v} for name, values in axes.items() for v in values[1:]),
+    ]
     lines: dict[str, None] = {}
     for point in tried:
         case = prepare(source, replace(options, values={**options.values, **point}))

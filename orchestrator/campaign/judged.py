@@ -1,4 +1,5 @@
-"""A requirement over the cases of a campaign: how many are outside, and what that shows."""
+"""A requirement over the cases of a campaign: how many are outside, and what that
+shows."""
 
 from __future__ import annotations
 
@@ -20,8 +21,9 @@ from ..system.typed import JsonObject
 
 @dataclass(frozen=True)
 class CaseVerdict:
-    """A requirement over the cases: how many are within and outside, with which interval, and
-    whether that shows that it is met; how many more would. Shares are in %."""
+    """A requirement over the cases: how many are within and outside, with which
+    interval, and whether that shows that it is met; how many more would. Shares are in
+    %."""
 
     requirement: Requirement
     n: int
@@ -42,7 +44,9 @@ class CaseVerdict:
 
     def to_json(self) -> JsonObject:
         """Return the requirement as it is written, and the verdict."""
-        verdict = {name: value for name, value in vars(self).items() if name != "requirement"}
+        verdict = {
+            name: value for name, value in vars(self).items() if name != "requirement"
+        }
         entry = self.requirement
         levels = {"probability": entry.probability, "confidence": entry.confidence}
         return {**entry.written, **levels, **verdict}
@@ -56,8 +60,8 @@ def requirement(
     folder: Path,
     unit: str = "",
 ) -> CaseVerdict:
-    """How many cases are within a requirement, and whether that shows that it is met. A case that
-    failed, or has not the number, or an infinite one, is outside."""
+    """How many cases are within a requirement, and whether that shows that it is met. A
+    case that failed, or has not the number, or an infinite one, is outside."""
     probability, confidence = entry.probability, entry.confidence
     values = out.get(entry.number, np.full(len(cases), np.nan))
     within = completed & entry.holds(values)
@@ -84,8 +88,9 @@ def requirement(
 
 
 def more(n: int, inside: int, probability: float, confidence: float) -> int | None:
-    """How many more cases would show the requirement met, and go on to show it with any number
-    above, if the share outside stayed as it is; 0 where it is shown, None where more cannot."""
+    """How many more cases would show the requirement met, and go on to show it with any
+    number above, if the share outside stayed as it is; 0 where it is shown, None where
+    more cannot."""
     share = (n - inside) / n
 
     def shown(total: int, outside: int) -> bool:
@@ -110,12 +115,16 @@ def more(n: int, inside: int, probability: float, confidence: float) -> int | No
     if k >= last:
         return None
     before = range(max(n, least(k - 1)), least(k))
-    return before.start + bisect_left(before, True, key=lambda total: shown(total, k - 1)) - n
+    return (
+        before.start
+        + bisect_left(before, True, key=lambda total: shown(total, k - 1))
+        - n
+    )
 
 
 def for_half_the_width(n: int, outside: int, confidence: float) -> int | None:
-    """How many more cases would make the interval of the share outside half as wide, if that share
-    stayed as it is; None where so many are not made."""
+    """How many more cases would make the interval of the share outside half as wide, if
+    that share stayed as it is; None where so many are not made."""
 
     def width(total: int) -> float:
         low, high = clopper_pearson(round(outside / n * total), total, confidence)

@@ -1,7 +1,8 @@
 """Paired differences: two scenarios that fly the same draws, number by number.
 
-What is drawn depends on seed, draw and name alone, so what both scenarios disperse alike has the
-same values in both, and the difference of a number within a draw has no scatter of that in it.
+What is drawn depends on seed, draw and name alone, so what both scenarios disperse
+alike has the same values in both, and the difference of a number within a draw has no
+scatter of that in it.
 """
 
 from __future__ import annotations
@@ -49,8 +50,9 @@ class Pairs:
 
 def common(
     one: Target, another: Target, seed: int, options: Options, plain: Options
-) -> dict[str, list[str]]:  # fmt: skip
-    """The names that two systems both draw, as `drawn_in_both`, and those that only one draws.
+) -> dict[str, list[str]]:
+    """The names that two systems both draw, as `drawn_in_both`, and those that only one
+    draws.
 
     Raises DesatError where there is none of the former, or one is drawn in another way.
     """
@@ -63,9 +65,11 @@ def common(
     values = [draw_of(s, seed, 0) for s in systems]
     for name in names:
         if ours[name] != theirs[name] or values[0][name] != values[1][name]:
-            raise DesatError(f"{target} and {other}: dispersions: {name} is drawn as "
-                             f"{ours[name].written} and as {theirs[name].written}; the same is "
-                             "needed")  # fmt: skip
+            raise DesatError(
+                f"{target} and {other}: dispersions: {name} is drawn as "
+                f"{ours[name].written} and as {theirs[name].written}; the same is "
+                "needed"
+            )
     return {
         "drawn_in_both": names,
         "drawn_only_in_it": sorted(ours.keys() - theirs.keys()),
@@ -75,9 +79,10 @@ def common(
 
 def each_draw(
     ours: Iterable[RunRow], theirs: Iterable[RunRow], name: str, ratio: bool = False
-) -> dict[int | None, float]:  # fmt: skip
-    """Of each draw of two lots of the same ones a number of ours less that of theirs, or over it.
-    Draws where one has not reached it, or theirs is 0 and would divide, are left out."""
+) -> dict[int | None, float]:
+    """Of each draw of two lots of the same ones a number of ours less that of theirs,
+    or over it. Draws where one has not reached it, or theirs is 0 and would divide, are
+    left out."""
     other = {row.number: row.numbers.get(name) for row in theirs}
     found = {}
     for row in ours:
@@ -88,8 +93,9 @@ def each_draw(
 
 
 def differences(ours: Draws, theirs: Draws) -> dict[str, Spread]:
-    """Of each number that two results of the same draws have by name and unit: ours less theirs of
-    each draw, in all. Draws where one has not reached it count as `not_reached` alone."""
+    """Of each number that two results of the same draws have by name and unit: ours
+    less theirs of each draw, in all. Draws where one has not reached it count as
+    `not_reached` alone."""
     rows = [[row for row in x.rows if row.numbers] for x in (ours, theirs)]
     both = len({row.number for row in rows[0]} & {row.number for row in rows[1]})
     compared: dict[str, Spread] = {}
@@ -97,7 +103,9 @@ def differences(ours: Draws, theirs: Draws) -> dict[str, Spread]:
         if name in theirs.summary and theirs.summary[name].unit == spread.unit:
             each = each_draw(rows[0], rows[1], name)
             compared[name] = replace(
-                confident(list(each.values())), unit=spread.unit, not_reached=both - len(each)
+                confident(list(each.values())),
+                unit=spread.unit,
+                not_reached=both - len(each),
             )
     return compared
 
@@ -107,22 +115,28 @@ def difference(ours: float, theirs: float) -> float:
     return 0.0 if math.isclose(ours, theirs, rel_tol=EQUAL) else ours - theirs
 
 
-# --- Two campaigns over the same cases, in pairs ------------------------------------------------
+# --- Two campaigns over the same cases, in pairs --------------------------------------
 
 
 def compare(first: Path, second: Path, level: float = 0.95) -> Pairs:
-    """Of each number that both have: the first's less the second's, case by case: median with its
-    interval (order statistics), and the share of cases in which the first's is lower.
+    """Of each number that both have: the first's less the second's, case by case:
+    median with its interval (order statistics), and the share of cases in which the
+    first's is lower.
 
     Raises DesatError where they are not of the same draws.
     """
     one, other = read(first), read(second)
     for key in ("seed", "sampling"):
         if getattr(one, key) != getattr(other, key):
-            raise DesatError(f"{first} and {second}: {key} is {getattr(one, key)} and "
-                             f"{getattr(other, key)}; pairs need the same")  # fmt: skip
+            raise DesatError(
+                f"{first} and {second}: {key} is {getattr(one, key)} and "
+                f"{getattr(other, key)}; pairs need the same"
+            )
     frames = [
-        store.read(folder).to_pandas(integer_object_nulls=True).set_index("case").sort_index()
+        store.read(folder)
+        .to_pandas(integer_object_nulls=True)
+        .set_index("case")
+        .sort_index()
         for folder in (first, second)
     ]
     completed = [frame[frame["status"] == "completed"] for frame in frames]
@@ -131,10 +145,13 @@ def compare(first: Path, second: Path, level: float = 0.95) -> Pairs:
         raise DesatError(f"{first} and {second}: no case is completed in both")
     matched = [frame.loc[cases] for frame in completed]
     _same_inputs(first, second, matched)
-    names = [n for n in frames[0].columns if n.startswith("out.") and n in frames[1].columns]
+    names = [
+        n for n in frames[0].columns if n.startswith("out.") and n in frames[1].columns
+    ]
     units = _same_units(first, second, names)
     numbers = {
-        name[4:]: replace(_differences(matched, name, level), unit=units[name]) for name in names
+        name[4:]: replace(_differences(matched, name, level), unit=units[name])
+        for name in names
     }
     warnings = [*_warnings(one, other), *_apart(frames, cases)]
     return Pairs(str(first), str(second), len(cases), warnings, numbers)
@@ -143,8 +160,7 @@ def compare(first: Path, second: Path, level: float = 0.95) -> Pairs:
 def _warnings(one: CampaignPlan, other: CampaignPlan) -> list[str]:
     """That the two do not end at the same time, as far as their systems are there."""
     try:
-        ends = [p.options.stop or system(p).stop
-                for p in (one, other)]  # fmt: skip
+        ends = [p.options.stop or system(p).stop for p in (one, other)]
     except DesatError:
         return []
     if None in ends or ends[0] == ends[1]:
@@ -156,19 +172,28 @@ def _apart(frames: Sequence[DataFrame], cases: Index) -> list[str]:
     """That cases which one of the two has completed failed in the other."""
     lines = []
     both = frames[0].index.intersection(frames[1].index)
-    for frame, own, other in zip(frames, ("first", "second"), ("second", "first"), strict=True):
+    for frame, own, other in zip(
+        frames, ("first", "second"), ("second", "first"), strict=True
+    ):
         completed = frame.index[frame["status"] == "completed"]
         failed = completed.intersection(both).difference(cases)
         if len(failed):
-            told = f"case {failed[0]}" + (f" and {len(failed) - 1} more" if len(failed) > 1 else "")
-            lines.append(f"{told}: completed in the {own}, failed in the {other}: in no pair")
+            told = f"case {failed[0]}" + (
+                f" and {len(failed) - 1} more" if len(failed) > 1 else ""
+            )
+            lines.append(
+                f"{told}: completed in the {own}, failed in the {other}: in no pair"
+            )
     return lines
 
 
 def _same_inputs(first: Path, second: Path, matched: Sequence[DataFrame]) -> None:
-    """Raises DesatError where the two drew other values under one name, or nothing alike."""
+    """Raises DesatError where the two drew other values under one name, or nothing
+    alike."""
     shared = sorted(
-        n for n in matched[0].columns.intersection(matched[1].columns) if n.startswith("in.")
+        n
+        for n in matched[0].columns.intersection(matched[1].columns)
+        if n.startswith("in.")
     )
     if not shared:
         raise DesatError(f"{first} and {second}: the two sample nothing in common")
@@ -184,14 +209,17 @@ def _same_inputs(first: Path, second: Path, matched: Sequence[DataFrame]) -> Non
 
 
 def _same_units(first: Path, second: Path, names: list[str]) -> dict[str, str]:
-    """The unit of each number. Raises DesatError where the second has it in another one."""
+    """The unit of each number. Raises DesatError where the second has it in another
+    one."""
     told = [store.described(f) for f in (first, second)]
     units = {}
     for name in names:
         ours, theirs = (t[name[4:]]["unit"] for t in told)
         if ours != theirs:
-            raise DesatError(f"{first} and {second}: {name[4:]} is in {ours} and in {theirs}; "
-                             "pairs need the same")  # fmt: skip
+            raise DesatError(
+                f"{first} and {second}: {name[4:]} is in {ours} and in {theirs}; "
+                "pairs need the same"
+            )
         units[name] = ours
     return units
 
@@ -199,7 +227,9 @@ def _same_units(first: Path, second: Path, names: list[str]) -> dict[str, str]:
 def _differences(matched: Sequence[DataFrame], name: str, level: float) -> Spread:
     a, b = (frame[name].to_list() for frame in matched)
     each = [
-        difference(x, y) for x, y in zip(a, b, strict=True) if math.isfinite(x) and math.isfinite(y)
+        difference(x, y)
+        for x, y in zip(a, b, strict=True)
+        if math.isfinite(x) and math.isfinite(y)
     ]
     return confident(each, level)
 

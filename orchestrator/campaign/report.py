@@ -1,4 +1,5 @@
-"""What a campaign says: percentiles, requirements with their confidence, what drives what."""
+"""What a campaign says: percentiles, requirements with their confidence, what drives
+what."""
 
 from __future__ import annotations
 
@@ -50,7 +51,8 @@ from .spread import Spread, to_json
 
 @dataclass(frozen=True)
 class VersionSet:
-    """How many cases were made with some versions, and in words what is not the same for all."""
+    """How many cases were made with some versions, and in words what is not the same
+    for all."""
 
     cases: int
     versions: dict[str, str]
@@ -105,7 +107,9 @@ class CampaignSummary:
             "failed": failed,
             "versions": [vars(x) for x in self.versions],
             "numbers": to_json(self.numbers),
-            "requirements": {name: x.to_json() for name, x in self.requirements.items()},
+            "requirements": {
+                name: x.to_json() for name, x in self.requirements.items()
+            },
             "drivers": [vars(x) for x in self.drivers],
         }
         del entry["folder"]
@@ -117,8 +121,8 @@ STRONG = 0.2
 CHANCE = 0.01
 """How likely one of all those shown may be by chance alone."""
 BASE = 64
-"""Groups of cases from which on Sobol indices are told: of a few, SALib's intervals, which are made
-of the same cases, say nothing."""
+"""Groups of cases from which on Sobol indices are told: of a few, SALib's intervals,
+which are made of the same cases, say nothing."""
 _WORST, _SCATTERS = 3, 4
 _BARS, _NAMED = 40, 12
 """Of a histogram at the most; the cases of a bar that are named."""
@@ -137,12 +141,15 @@ def summary(folder: Path) -> CampaignSummary:
     first = [name for name in about.numbers if name in out]
     out = {name: out[name] for name in dict.fromkeys([*first, *out])}
     inputs = {
-        n[3:]: flat(table[n]) for n in table.column_names
+        n[3:]: flat(table[n])
+        for n in table.column_names
         if n.startswith("in.") and not n.endswith(".seed") and _is_number(table[n])
-    }  # fmt: skip
+    }
     times = late(about)
     numbers = {
-        name: _number(name, told.get(name, {}), values[completed], cases[completed], name in times)
+        name: _number(
+            name, told.get(name, {}), values[completed], cases[completed], name in times
+        )
         for name, values in out.items()
     }
     failed = [
@@ -150,17 +157,22 @@ def summary(folder: Path) -> CampaignSummary:
         for row in table.filter(~completed).to_pylist()
     ]
     if lost := [n for n in out if n not in told]:
-        raise DesatError(f"{folder / store.NUMBERS}: damaged: it has nothing of {lost[0]}")
+        raise DesatError(
+            f"{folder / store.NUMBERS}: damaged: it has nothing of {lost[0]}"
+        )
     unmet = [
         f"case {int(c)}: {line}"
-        for c, lines in zip(cases, table["unmet"].to_pylist(), strict=True) for line in lines or ()
-    ]  # fmt: skip
+        for c, lines in zip(cases, table["unmet"].to_pylist(), strict=True)
+        for line in lines or ()
+    ]
     apart = _apart(plan, cases)
     each = {n: v[apart] for n, v in out.items()}
     verdicts = {}
     for name, entry in about.requirements.items():
         unit = told.get(entry.number, {}).get("unit", "")
-        verdicts[name] = requirement(entry, each, completed[apart], cases[apart], folder, unit)
+        verdicts[name] = requirement(
+            entry, each, completed[apart], cases[apart], folder, unit
+        )
     return CampaignSummary(
         target=plan.target,
         seed=plan.seed,
@@ -191,15 +203,19 @@ def _versions(rows: Sequence[str]) -> list[VersionSet]:
     various = [n for n in COMPUTING if len({one.get(n) for one, _ in sets}) > 1]
     made = []
     for one, n in sets:
-        text = f"{n} with {', '.join(f'{k} {one.get(k)}' for k in various)}" if various else ""
+        text = (
+            f"{n} with {', '.join(f'{k} {one.get(k)}' for k in various)}"
+            if various
+            else ""
+        )
         made.append(VersionSet(n, one, text))
     return made
 
 
 def _apart(plan: CampaignPlan, cases: Any) -> Any:
-    """Which cases share no value with another, as intervals and tests ask for: all, but those of
-    saltelli, of which each point stands for itself first and last among those that mix it with the
-    next (`sampling.saltelli`)."""
+    """Which cases share no value with another, as intervals and tests ask for: all, but
+    those of saltelli, of which each point stands for itself first and last among those
+    that mix it with the next (`sampling.saltelli`)."""
     if plan.sampling != "saltelli":
         return np.ones(len(cases), bool)
     width = sum(axes(system(plan))[1]) + 2
@@ -207,14 +223,17 @@ def _apart(plan: CampaignPlan, cases: Any) -> Any:
 
 
 def _is_number(column: Any) -> bool:
-    return all(isinstance(v, (int, float)) or v is None for v in column.slice(0, 50).to_pylist())
+    return all(
+        isinstance(v, (int, float)) or v is None
+        for v in column.slice(0, 50).to_pylist()
+    )
 
 
 def _number(
     name: str, entry: Mapping[str, str], values: Any, cases: Any, is_late: bool = False
 ) -> Spread:
-    """Return the spread of a number over all completed cases that have it; of a time over all
-    completed cases, those that do not reach it last."""
+    """Return the spread of a number over all completed cases that have it; of a time
+    over all completed cases, those that do not reach it last."""
     there = np.isfinite(values)
     spread = Spread(
         title=entry.get("title", name),
@@ -235,15 +254,17 @@ def _number(
     return replace(
         spread,
         percentiles={
-            key: float(x) if x <= last else None for key, x in zip(names, levels, strict=True)
+            key: float(x) if x <= last else None
+            for key, x in zip(names, levels, strict=True)
         },
         cases={f"{key}_case": int(cases[i]) for key, i in ends.items()},
     )
 
 
 def _drivers(inputs: Mapping[str, Array], out: Mapping[str, Array]) -> list[Driver]:
-    """Rank correlations (Spearman) between inputs and numbers, the strong ones, strongest first.
-    Of some hundred pairs several would be beyond a level meant for one, so CHANCE is for all."""
+    """Rank correlations (Spearman) between inputs and numbers, the strong ones,
+    strongest first. Of some hundred pairs several would be beyond a level meant for
+    one, so CHANCE is for all."""
     from scipy.stats import spearmanr  # half a second
 
     drivers = []
@@ -255,15 +276,17 @@ def _drivers(inputs: Mapping[str, Array], out: Mapping[str, Array]) -> list[Driv
                 continue
             result = spearmanr(x[there], y[there])
             if abs(result.statistic) >= STRONG and result.pvalue < level:
-                drivers.append(Driver(name, number, int(there.sum()), float(result.statistic)))
+                drivers.append(
+                    Driver(name, number, int(there.sum()), float(result.statistic))
+                )
     return sorted(drivers, key=lambda d: (-abs(d.correlation), d.input, d.number))
 
 
 def _sobol(
     plan: CampaignPlan, cases: Any, completed: Any, out: Mapping[str, Array]
 ) -> Mapping[str, Any] | None:
-    """Sobol indices of first and total order, where the cases were sampled for them and all are
-    there."""
+    """Sobol indices of first and total order, where the cases were sampled for them and
+    all are there."""
     if plan.sampling != "saltelli":
         return None
     if len(cases) != plan.count or not completed.all():
@@ -274,27 +297,49 @@ def _sobol(
         return {"missing": f"they need -n {least} or more"}
     how = dispersions_of(drafted)
     # of a direction each random number moves all elements
-    form = {n: "{}, random number {}" if how[n].kind in ("attitude", "direction") else "{}[{}]"
-            for n in names}  # fmt: skip
-    elements = [n if k == 1 else form[n].format(n, i) for n, k in zip(names, sizes, strict=True)
-                for i in range(1, k + 1)]  # fmt: skip
+    form = {
+        n: "{}, random number {}"
+        if how[n].kind in ("attitude", "direction")
+        else "{}[{}]"
+        for n in names
+    }
+    elements = [
+        n if k == 1 else form[n].format(n, i)
+        for n, k in zip(names, sizes, strict=True)
+        for i in range(1, k + 1)
+    ]
     analyze = sensitivity("analyze")
     indices = {}
     for number, y in out.items():
         if np.isfinite(y).all() and np.ptp(y) > 0.0:
-            with warnings.catch_warnings():  # of numbers that hardly differ: their interval says
+            with (
+                warnings.catch_warnings()
+            ):  # of numbers that hardly differ: their interval says
                 warnings.simplefilter("ignore")
                 cube = unit_cube(len(elements))
                 made = analyze(cube, y, calc_second_order=False, seed=plan.seed)
             indices[number] = {
-                name: {"first": float(made["S1"][i]), "first_conf": float(made["S1_conf"][i]),
-                       "total": float(made["ST"][i]), "total_conf": float(made["ST_conf"][i])}
+                name: {
+                    "first": float(made["S1"][i]),
+                    "first_conf": float(made["S1_conf"][i]),
+                    "total": float(made["ST"][i]),
+                    "total_conf": float(made["ST_conf"][i]),
+                }
                 for i, name in enumerate(elements)
-            }  # fmt: skip
+            }
     return indices
 
 
-TERMINAL_COLUMNS = (0, 2, 1, 3, 5, 6, 7, 8)  # without the percentile 99: lines stay short
+TERMINAL_COLUMNS = (
+    0,
+    2,
+    1,
+    3,
+    5,
+    6,
+    7,
+    8,
+)  # without the percentile 99: lines stay short
 
 
 def tabulate_numbers(numbers: Mapping[str, Spread]) -> Table:
@@ -325,16 +370,27 @@ def write(folder: Path) -> tuple[Path, CampaignSummary]:
     write_json(folder / "report.json", entry)
     drawn = _figures(folder, plan, told)
     text = render(
-        "campaign.html", told=entry, plan=plan, title=f"Campaign of {told.target}",
-        **figures_of([(f.caption, f.figure) for f in drawn]), commands=[f.commands for f in drawn],
+        "campaign.html",
+        told=entry,
+        plan=plan,
+        title=f"Campaign of {told.target}",
+        **figures_of([(f.caption, f.figure) for f in drawn]),
+        commands=[f.commands for f in drawn],
         small=(small := _histograms(folder, told)),
-        data=data_element({
-            "command": rerun(folder, "").rstrip(),
-            "histograms": [{"edges": s.edges, "cases": s.cases, "counts": s.counts} for s in small],
-        }),
-        number=shown, unit=spell_unit, numbers=tabulate_numbers(told.numbers),
+        data=data_element(
+            {
+                "command": rerun(folder, "").rstrip(),
+                "histograms": [
+                    {"edges": s.edges, "cases": s.cases, "counts": s.counts}
+                    for s in small
+                ],
+            }
+        ),
+        number=shown,
+        unit=spell_unit,
+        numbers=tabulate_numbers(told.numbers),
         kept=sorted(p.name for p in (folder / "kept").glob("*")),
-    )  # fmt: skip
+    )
     return write_page(folder / "report.html", text), told
 
 
@@ -352,7 +408,9 @@ def _figures(folder: Path, plan: CampaignPlan, told: CampaignSummary) -> list[_F
     good = _completed_cases(table)
     described = store.described(folder)
     strongest = {d.number: d for d in reversed(told.drivers)}  # of each number
-    for driver in sorted(strongest.values(), key=lambda d: -abs(d.correlation))[:_SCATTERS]:
+    for driver in sorted(strongest.values(), key=lambda d: -abs(d.correlation))[
+        :_SCATTERS
+    ]:
         x = flat(table[f"in.{driver.input}"])[good]
         y = flat(table[f"out.{driver.number}"])[good]
         spread = told.numbers[driver.number]
@@ -365,7 +423,8 @@ def _figures(folder: Path, plan: CampaignPlan, told: CampaignSummary) -> list[_F
 
 
 def _of_input(plan: CampaignPlan, name: str) -> str:
-    """What a sampled parameter is, for people: `wheels: axial momentum at the start, 2`."""
+    """What a sampled parameter is, for people:
+    `wheels: axial momentum at the start, 2`."""
     owner, _, variable = name.partition(".")
     variable, _, element = variable.partition("[")
     component = system(plan).components.get(owner)
@@ -377,8 +436,8 @@ def _of_input(plan: CampaignPlan, name: str) -> str:
 
 
 class _Small(NamedTuple):
-    """A histogram among others: where its bars begin and end, as shares of its width, and the cases
-    of each, the first few by number."""
+    """A histogram among others: where its bars begin and end, as shares of its width,
+    and the cases of each, the first few by number."""
 
     title: str
     image: Markup
@@ -406,22 +465,28 @@ def _histograms(folder: Path, told: CampaignSummary) -> list[_Small]:
         if not len(values) or np.ptp(values) <= 1e-9 * np.abs(values).max():
             continue
         lines = limits.get(name, [])
-        count, edges = np.histogram(values, min(_BARS, max(8, int(np.sqrt(len(values))))))
+        count, edges = np.histogram(
+            values, min(_BARS, max(8, int(np.sqrt(len(values)))))
+        )
         unit = spread.unit or ""
         fig, ax = histogram(name, unit, count, edges, [value for _, value in lines])
         bar = np.clip(np.searchsorted(edges, values, "right") - 1, 0, len(count) - 1)
-        made.append(_Small(
-            spread.title or "", Markup(fig.svg()),
-            "; ".join(f"{what} {shown(x)} {spell_unit(unit)}" for what, x in lines),
-            [round(float(x), 4) for x in ax.across(edges) / (INCH * fig.width)],
-            count.tolist(), [sorted(cases[bar == k].tolist())[:_NAMED] for k in range(len(count))],
-        ))  # fmt: skip
+        made.append(
+            _Small(
+                spread.title or "",
+                Markup(fig.svg()),
+                "; ".join(f"{what} {shown(x)} {spell_unit(unit)}" for what, x in lines),
+                [round(float(x), 4) for x in ax.across(edges) / (INCH * fig.width)],
+                count.tolist(),
+                [sorted(cases[bar == k].tolist())[:_NAMED] for k in range(len(count))],
+            )
+        )
     return made
 
 
 def _limits(plan: CampaignPlan, plot: Plot, unit: str) -> list[tuple[str, float]]:
-    """The limit lines of a plot that are the same in all cases, sizes, each once; none of a system
-    that is not to be had any more."""
+    """The limit lines of a plot that are the same in all cases, sizes, each once; none
+    of a system that is not to be had any more."""
     options = plan.options
     try:
         checked, _ = prepare(source(plan), options).or_raise()
@@ -448,7 +513,9 @@ def _curves(folder: Path, plan: CampaignPlan) -> list[_Figure]:
         rows = [row for row in table.select(["case", name]).to_pylist() if row[name]]
         curves = np.array([row[name] for row in rows], dtype=float)
         largest = np.nanmax(np.where(np.isfinite(curves), curves, -np.inf), axis=1)
-        order = sorted(range(len(rows)), key=lambda i: (-largest[i], rows[i]["case"]))[:_WORST]
+        order = sorted(range(len(rows)), key=lambda i: (-largest[i], rows[i]["case"]))[
+            :_WORST
+        ]
         plot = plots[name]
         unit = told.get(f"curve.{name}", {}).get("unit", "")
         title = f"{plot.axis or plot.title}, largest size"
@@ -457,23 +524,31 @@ def _curves(folder: Path, plan: CampaignPlan) -> list[_Figure]:
             f"percentiles over {len(rows)} cases"
         )
         worst = [(rows[i]["case"], curves[i]) for i in order]
-        figure = percentiles(title, unit, times, curves, worst, _limits(plan, plot, unit))
-        made.append(_Figure(caption, figure, [rerun(folder, case) for case, _ in worst]))
+        figure = percentiles(
+            title, unit, times, curves, worst, _limits(plan, plot, unit)
+        )
+        made.append(
+            _Figure(caption, figure, [rerun(folder, case) for case, _ in worst])
+        )
     return made
 
 
-# --- Figures of a campaign ----------------------------------------------------------------------
+# --- Figures of a campaign ------------------------------------------------------------
 
 
 Array = NDArray[np.float64]
 
 
 def percentiles(
-    title: str, unit: str, times: Array, curves: Array, worst: Sequence[tuple[int, Array]],
+    title: str,
+    unit: str,
+    times: Array,
+    curves: Array,
+    worst: Sequence[tuple[int, Array]],
     limits: Sequence[tuple[str, float]] = (),
-) -> Figure:  # fmt: skip
-    """Percentile curves of envelopes (cases, parts) at times (parts,), their extremes, the worst
-    cases by name, and limits by name."""
+) -> Figure:
+    """Percentile curves of envelopes (cases, parts) at times (parts,), their extremes,
+    the worst cases by name, and limits by name."""
     fig, ax = figure(3.3)
     scale, time_unit = time_axis(times)
     x = times / scale
@@ -486,11 +561,22 @@ def percentiles(
     ax.plot(x, p50, COLOURS[0], width=1.5, label="median")
     ax.plot(x, p99, COLOURS[4], label="99 %")
     for i, (case, line) in enumerate(worst):
-        ax.plot(x, line, COLOURS[1 + 2 * (i % 2)], width=0.8, dash=((), DASHED, DOTTED)[i % 3],
-                label=f"case {case}")  # fmt: skip
+        ax.plot(
+            x,
+            line,
+            COLOURS[1 + 2 * (i % 2)],
+            width=0.8,
+            dash=((), DASHED, DOTTED)[i % 3],
+            label=f"case {case}",
+        )
     for i, (name, value) in enumerate(limits):
-        ax.level(value, LIMIT, width=1.2, dash=(DASHED, (2.0, 2.0), (6.0, 2.0, 1.0, 2.0))[i % 3],
-                 label=name)  # fmt: skip
+        ax.level(
+            value,
+            LIMIT,
+            width=1.2,
+            dash=(DASHED, (2.0, 2.0), (6.0, 2.0, 1.0, 2.0))[i % 3],
+            label=name,
+        )
     ax.x.label, ax.y.label = f"time [{time_unit}]", axis_label(title, unit, 2.4)
     ax.y.low = 0.0
     ax.x.seconds = scale
@@ -500,8 +586,8 @@ def percentiles(
 def histogram(
     title: str, unit: str, count: Any, edges: Array, limits: Sequence[float]
 ) -> tuple[Figure, Axes]:
-    """A small histogram of a number, cases (n,) between edges (n + 1,), with the limits of
-    requirements, and its axes."""
+    """A small histogram of a number, cases (n,) between edges (n + 1,), with the limits
+    of requirements, and its axes."""
     fig = Figure(3.4, 2.0)
     ax = fig.add(left=0.15, right=0.04, top=0.07, bottom=0.27)
     ax.bars(edges[:-1], edges[1:], count, COLOURS[0], alpha=0.7)

@@ -10,10 +10,11 @@
     "environment.phase" = { one_of = [0.0, 1.5, 3.0] }       # one of these, as likely as each other
     "*.seed" = { seed = true }                               # every component that has a seed
 
-What is drawn depends on seed, draw and name alone, not on the order of the lines; with a sampling
-that spreads its points evenly, also on how many there are (latin-hypercube, saltelli) and on which
-names there are. Seeds are always random. An element that comes out beyond `within` is drawn again
-from the same stream, so that draws in which none does are those without a limit.
+What is drawn depends on seed, draw and name alone, not on the order of the lines; with
+a sampling that spreads its points evenly, also on how many there are (latin-hypercube,
+saltelli) and on which names there are. Seeds are always random. An element that comes
+out beyond `within` is drawn again from the same stream, so that draws in which none
+does are those without a limit.
 """
 
 from __future__ import annotations
@@ -44,8 +45,8 @@ MOST = 10_000_000
 def draw_of(
     system: Builder, seed: int, draw: int, sampling: Sampling = "random", count: int = 0
 ) -> dict[str, Drawn]:
-    """`component.variable` -> value for one draw of the system's dispersions, of `count` (which
-    only the samplings of FIXED ask for)."""
+    """`component.variable` -> value for one draw of the system's dispersions, of
+    `count` (which only the samplings of FIXED ask for)."""
     if sampling == "random":
         spread = dispersions_of(system)
         return {n: _random(system, n, spec, seed, draw) for n, spec in spread.items()}
@@ -56,16 +57,24 @@ def draw_of(
         spec = dispersions_of(system)[name]
         values[name] = _place(spec, np.array([next(unit) for _ in range(size)]))
     return {
-        name: values[name] if name in values else _random(system, name, spec, seed, draw)
+        name: values[name]
+        if name in values
+        else _random(system, name, spec, seed, draw)
         for name, spec in dispersions_of(system).items()
     }
 
 
 def axes(system: Builder) -> tuple[list[str], list[int]]:
-    """The names that a sampling spreads (all but seeds), sorted, and the uniform numbers that each
-    takes."""
-    spread = {n: spec for n, spec in sorted(dispersions_of(system).items()) if spec.kind != "seed"}
-    return list(spread), [1 if s.one_of else _size(system, n) for n, s in spread.items()]
+    """The names that a sampling spreads (all but seeds), sorted, and the uniform
+    numbers that each takes."""
+    spread = {
+        n: spec
+        for n, spec in sorted(dispersions_of(system).items())
+        if spec.kind != "seed"
+    }
+    return list(spread), [
+        1 if s.one_of else _size(system, n) for n, s in spread.items()
+    ]
 
 
 def _size(system: Builder, name: str) -> int:
@@ -75,8 +84,10 @@ def _size(system: Builder, name: str) -> int:
     if size := len(component.elements(variable)):
         return size
     signals = component.interface.parameters if component.interface else ()
-    raise DesatError(f"{system.where}: dispersions: {name}: no such parameter"
-                     f"{nearest(variable, {s.array for s in signals})}")  # fmt: skip
+    raise DesatError(
+        f"{system.where}: dispersions: {name}: no such parameter"
+        f"{nearest(variable, {s.array for s in signals})}"
+    )
 
 
 def _random(system: Builder, name: str, spec: Dispersion, seed: int, draw: int) -> Any:
@@ -93,7 +104,9 @@ def _random(system: Builder, name: str, spec: Dispersion, seed: int, draw: int) 
     if kind == "uniform":
         return [float(x) for x in stream.uniform(given[0], given[1], size)]
     if kind == "signs":
-        return [float(x) for x in stream.choice([-1.0, 1.0], len(given)) * np.array(given)]
+        return [
+            float(x) for x in stream.choice([-1.0, 1.0], len(given)) * np.array(given)
+        ]
     if kind == "one_of":
         return given[int(stream.integers(len(given)))]
     if kind == "seed":
@@ -115,7 +128,10 @@ def _place(spec: Dispersion, unit: NDArray[np.float64]) -> Any:
     if kind == "uniform":
         return [float(given[0] + (given[1] - given[0]) * x) for x in unit]
     if kind == "signs":
-        return [float(size if x < 0.5 else -size) for size, x in zip(given, unit, strict=True)]
+        return [
+            float(size if x < 0.5 else -size)
+            for size, x in zip(given, unit, strict=True)
+        ]
     if kind == "one_of":
         return given[min(int(unit[0] * len(given)), len(given) - 1)]
     return _directed(kind, given, ndtri(unit))
@@ -140,20 +156,31 @@ def allowed(sampling: Sampling, count: int, system: Builder) -> None:
         raise DesatError("saltelli: nothing is drawn but seeds")
     base = 2 ** max(0, round(np.log2(max(count, 1) / width)))
     if count != base * width:
-        raise DesatError(f"saltelli: -n {count}: with {width - 2} numbers drawn it is a power of "
-                         f"two times {width}, such as {base * width}")  # fmt: skip
+        raise DesatError(
+            f"saltelli: -n {count}: with {width - 2} numbers drawn it is a power of "
+            f"two times {width}, such as {base * width}"
+        )
 
 
 @lru_cache(maxsize=4)
 def _points(
-    sampling: Sampling, seed: int, count: int, names: tuple[str, ...], sizes: tuple[int, ...]
+    sampling: Sampling,
+    seed: int,
+    count: int,
+    names: tuple[str, ...],
+    sizes: tuple[int, ...],
 ) -> Callable[[int], NDArray[np.float64]]:
     """Draw -> its uniform numbers in (0, 1), those of all axes after each other."""
     width = sum(sizes)
     if sampling == "latin-hypercube":
-        keys = [(zlib.crc32(n.encode()), i) for n, k in zip(names, sizes, strict=True)
-                for i in range(k)]  # fmt: skip
-        strata = [np.random.default_rng([seed, *key]).permutation(count) for key in keys]
+        keys = [
+            (zlib.crc32(n.encode()), i)
+            for n, k in zip(names, sizes, strict=True)
+            for i in range(k)
+        ]
+        strata = [
+            np.random.default_rng([seed, *key]).permutation(count) for key in keys
+        ]
 
         def point(draw: int) -> NDArray[np.float64]:
             jitter = np.random.default_rng([seed, draw]).random(len(strata))
@@ -180,10 +207,13 @@ def _points(
 
 
 def saltelli(seed: int, count: int, width: int) -> NDArray[np.float64]:
-    """Points (count, width) in the unit cube for Sobol indices of first and total order (Saltelli
-    et al., Comput. Phys. Commun. 181 (2010) 259), by SALib. Raises DesatError without SALib."""
+    """Points (count, width) in the unit cube for Sobol indices of first and total order
+    (Saltelli et al., Comput. Phys. Commun. 181 (2010) 259), by SALib. Raises DesatError
+    without SALib."""
     sample = sensitivity("sample")
-    made = sample(unit_cube(width), count // (width + 2), calc_second_order=False, seed=seed)
+    made = sample(
+        unit_cube(width), count // (width + 2), calc_second_order=False, seed=seed
+    )
     return np.asarray(made, dtype=float)
 
 
@@ -193,13 +223,19 @@ def sensitivity(what: Literal["sample", "analyze"]) -> Callable[..., Any]:
         from SALib.analyze import sobol as analyze
         from SALib.sample import sobol as sample
     except ImportError as error:
-        raise DesatError("sampling saltelli needs SALib: pip install 'desat[cluster]'") from error
+        raise DesatError(
+            "sampling saltelli needs SALib: pip install 'desat[cluster]'"
+        ) from error
     return sample.sample if what == "sample" else analyze.analyze  # type: ignore[no-any-return]
 
 
 def unit_cube(width: int) -> Mapping[str, Any]:
     """SALib's description of the unit cube."""
-    return {"num_vars": width, "names": [str(i) for i in range(width)], "bounds": [[0, 1]] * width}
+    return {
+        "num_vars": width,
+        "names": [str(i) for i in range(width)],
+        "bounds": [[0, 1]] * width,
+    }
 
 
 def _open(unit: NDArray[np.float64]) -> NDArray[np.float64]:

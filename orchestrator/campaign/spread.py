@@ -15,14 +15,15 @@ from ..system.typed import JsonObject
 class Spread:
     """The spread of a number over runs, in its unit.
 
-    Levels and percentiles are None where they are a time that is not reached. Other fields are
-    None or empty, and not in JSON, where they do not apply.
+    Levels and percentiles are None where they are a time that is not reached. Other
+    fields are None or empty, and not in JSON, where they do not apply.
     """
 
     title: str | None = None
     unit: str | None = None
     levels: Mapping[str, float | None] = field(default_factory=dict)
-    """`median`, `min`, `max`; of draws also `low` and `high`, the median's 95 % interval."""
+    """`median`, `min`, `max`; of draws also `low` and `high`, the median's 95 %
+    interval."""
     n: int = 0
     """Runs that have the number."""
     lower: int | None = None
@@ -49,7 +50,9 @@ class Spread:
         """Return in how many runs it is not reached: `3 of 20 (15 %)`; "" for none."""
         missing = self.not_reached or 0
         count = self.n + missing
-        return f"{missing} of {count} ({100.0 * missing / count:.3g} %)" if missing else ""
+        return (
+            f"{missing} of {count} ({100.0 * missing / count:.3g} %)" if missing else ""
+        )
 
     def to_json(self) -> JsonObject:
         """Return the fields that apply, and the levels under their own names."""
@@ -68,12 +71,14 @@ def to_json(numbers: Mapping[str, Spread]) -> dict[str, JsonObject]:
 
 
 def spreads(
-    rows: Sequence[Mapping[str, float | None]], units: Mapping[str, str], late: Collection[str]
+    rows: Sequence[Mapping[str, float | None]],
+    units: Mapping[str, str],
+    late: Collection[str],
 ) -> dict[str, Spread]:
     """Return the spread of each number that has a unit here.
 
-    Numbers in `late` (`numbers.late`) are ranked over all rows, others over the rows that have
-    them.
+    Numbers in `late` (`numbers.late`) are ranked over all rows, others over the rows
+    that have them.
     """
     numbers: dict[str, Spread] = {}
     for name, unit in units.items():
@@ -90,5 +95,7 @@ def spreads(
         if name in late:
             levels = {key: None if x == math.inf else x for key, x in levels.items()}
         there = sum(x is not None for x in column)
-        numbers[name] = Spread(unit=unit, levels=levels, n=there, not_reached=len(rows) - there)
+        numbers[name] = Spread(
+            unit=unit, levels=levels, n=there, not_reached=len(rows) - there
+        )
     return numbers

@@ -1,4 +1,5 @@
-"""A campaign's folder: whole blocks of cases as Parquet files, rows of the others as they come.
+"""A campaign's folder: whole blocks of cases as Parquet files, rows of the others as
+they come.
 
     campaign.json            the plan (plan.py), versions
     cases/part-00012.parquet  cases 12 BLOCK to 13 BLOCK - 1, a row each, in their order
@@ -8,8 +9,8 @@
     status.json              how far it is
     kept/000123/             a run folder of a case that is kept
 
-Rows depend on plan and number alone, but for OWN: so do the files, whatever ran where, and how
-often it was stopped.
+Rows depend on plan and number alone, but for OWN: so do the files, whatever ran where,
+and how often it was stopped.
 """
 
 from __future__ import annotations
@@ -39,13 +40,15 @@ from .draws import RunRow
 
 
 def signature(path: Path) -> Path:
-    """Where the sha256 of a Parquet file lies; readers of the whole folder pass names with _ by."""
+    """Where the sha256 of a Parquet file lies; readers of the whole folder pass names
+    with _ by."""
     return path.with_name(f"_{path.stem}.sha256")
 
 
 def replace(part: Path, path: Path, octets: bytes) -> None:
-    """Put a written file in the place of a Parquet file, and keep its sha256 beside. While it is
-    replaced that of the old one stands there, too: a reader may find either."""
+    """Put a written file in the place of a Parquet file, and keep its sha256 beside.
+    While it is replaced that of the old one stands there, too: a reader may find
+    either."""
     made = hashlib.sha256(octets).hexdigest()
     replace_text(signature(path), f"{_signed(path)}\n{made}" if path.exists() else made)
     part.replace(path)
@@ -53,8 +56,8 @@ def replace(part: Path, path: Path, octets: bytes) -> None:
 
 
 def _signed(path: Path) -> str:
-    """The sha256 that a file was written with, and while it is replaced that of the new one;
-    "" where there is none."""
+    """The sha256 that a file was written with, and while it is replaced that of the new
+    one; "" where there is none."""
     try:
         return signature(path).read_text(encoding="ascii", errors="replace")
     except FileNotFoundError:
@@ -62,24 +65,31 @@ def _signed(path: Path) -> str:
 
 
 def _check(path: Path) -> None:
-    """Raises DesatError where a file is not what was written, or nothing says what that was."""
+    """Raises DesatError where a file is not what was written, or nothing says what that
+    was."""
     state = path.stat()
     if not (said := _signed(path)):
-        raise _summary(path, ValueError(f"{signature(path).name}, its sha256, is missing"))
+        raise _summary(
+            path, ValueError(f"{signature(path).name}, its sha256, is missing")
+        )
     _as_signed(path, said, state.st_mtime_ns, state.st_size)
 
 
 @lru_cache(maxsize=4096)
 def _as_signed(path: Path, said: str, *_: int) -> None:
-    """What is raised is not remembered: a file may be mended within a tick of the clock."""
+    """What is raised is not remembered: a file may be mended within a tick of the
+    clock."""
     found = hashlib.sha256(path.read_bytes()).hexdigest()
-    if found not in said.split() and _signed(path) == said:  # else it has been replaced meanwhile
+    if (
+        found not in said.split() and _signed(path) == said
+    ):  # else it has been replaced meanwhile
         raise _summary(path, ValueError("its sha256 is another"))
 
 
 @contextmanager
 def _open_parquet(path: Path) -> Iterator[BinaryIO]:
-    """Open a Parquet file. Raises DesatError where it, or what is read of it, is damaged."""
+    """Open a Parquet file. Raises DesatError where it, or what is read of it, is
+    damaged."""
     try:
         _check(path)
         with path.open("rb") as file:  # pyarrow takes no name that is not UTF-8
@@ -95,22 +105,28 @@ def columns(path: Path) -> pa.Schema:
 
 
 def count(path: Path) -> int:
-    """How many rows a Parquet file has, by its footer. Raises DesatError where it is damaged."""
+    """How many rows a Parquet file has, by its footer. Raises DesatError where it is
+    damaged."""
     with _open_parquet(path) as file:
         return int(pq.read_metadata(file).num_rows)
 
 
 def rows_in(path: Path, wanted: Sequence[str] | None = None) -> pa.Table:
-    """Its rows, of columns those of these that it has. Raises DesatError where it is damaged."""
+    """Its rows, of columns those of these that it has. Raises DesatError where it is
+    damaged."""
     with _open_parquet(path) as opened, pq.ParquetFile(opened) as file:
         names = file.schema_arrow.names
         return file.read(columns=wanted and [c for c in wanted if c in names])
 
 
 def _summary(path: Path, error: Exception) -> DesatError:
-    cases = path.parent.parent / "cases" / path.name  # without it the block is not there
-    return DesatError(f"{path}: damaged ({' '.join(str(error).split())}); without {cases} the same "
-                      "command makes its cases again")  # fmt: skip
+    cases = (
+        path.parent.parent / "cases" / path.name
+    )  # without it the block is not there
+    return DesatError(
+        f"{path}: damaged ({' '.join(str(error).split())}); without {cases} the same "
+        "command makes its cases again"
+    )
 
 
 def table(path: Path) -> JsonObject:
@@ -211,8 +227,8 @@ class Store:
                 self._reopen(block)
 
     def _reopen(self, block: int) -> None:
-        """Of a block that is whole no more, as there are more cases, or of some no account is made:
-        the rows back to its journal."""
+        """Of a block that is whole no more, as there are more cases, or of some no
+        account is made: the rows back to its journal."""
         self._open[block] = {row.case: row for row in _of_block(self.folder, block)}
         self._whole.discard(block)
         self._write_journal(block)
@@ -243,18 +259,26 @@ class Store:
             if block not in self._whole:
                 there = set(self._open.get(block, ()))
                 first = block * BLOCK
-                yield from (n for n in range(first, first + self._size(block)) if n not in there)
+                yield from (
+                    n for n in range(first, first + self._size(block)) if n not in there
+                )
 
     def failed(self) -> int:
         """How many of the cases that are there failed."""
-        waiting = sum(not r.completed for rows in self._open.values() for r in rows.values())
+        waiting = sum(
+            not r.completed for rows in self._open.values() for r in rows.values()
+        )
         parts = (rows_in(_part(self.folder, CASES, b), ["status"]) for b in self._whole)
-        return waiting + sum(int(s != "completed") for t in parts for s in t["status"].to_pylist())
+        return waiting + sum(
+            int(s != "completed") for t in parts for s in t["status"].to_pylist()
+        )
 
     def forget(self, code: int) -> None:
         """Make no account of the cases that ended with this code."""
         for block in sorted(self._whole):
-            codes = rows_in(_part(self.folder, CASES, block), ["code"])["code"].to_pylist()
+            codes = rows_in(_part(self.folder, CASES, block), ["code"])[
+                "code"
+            ].to_pylist()
             if code in codes:
                 self._reopen(block)
         for block, rows in self._open.items():
@@ -262,8 +286,8 @@ class Store:
             self._write_journal(block)
 
     def add(self, batch: Batch) -> list[CaseRow]:
-        """Keep cases of one block: in its file when it is whole, and until then in the journal, at
-        once. Returns their rows."""
+        """Keep cases of one block: in its file when it is whole, and until then in the
+        journal, at once. Returns their rows."""
         if not batch.described.keys() <= self._described.keys():
             self._described |= batch.described
             write_json(self.folder / NUMBERS, dict(sorted(self._described.items())))
@@ -282,7 +306,16 @@ class Store:
         return made
 
 
-_ROW = {"case", "status", "code", "message", "unmet", "stopped_when", "numbers", "values"}
+_ROW = {
+    "case",
+    "status",
+    "code",
+    "message",
+    "unmet",
+    "stopped_when",
+    "numbers",
+    "values",
+}
 """What a row of a journal has; the first line without ends it."""
 
 
@@ -305,21 +338,26 @@ def _journals(folder: Path) -> list[Path]:
 
 
 def _journal(folder: Path) -> Iterator[CaseRow]:
-    """The rows of all journals; the last line of one may be half a line, of a head that was
-    killed."""
+    """The rows of all journals; the last line of one may be half a line, of a head that
+    was killed."""
     for path in _journals(folder):
         for line in path.read_text(encoding="utf-8", errors="replace").splitlines():
             try:
                 row = json.loads(line)
             except ValueError:
                 break
-            if not (isinstance(row, dict) and row.keys() >= _ROW and isinstance(row["case"], int)):
+            if not (
+                isinstance(row, dict)
+                and row.keys() >= _ROW
+                and isinstance(row["case"], int)
+            ):
                 break
             yield CaseRow.from_json(row)
 
 
 def _write(folder: Path, block: int, rows: Sequence[CaseRow]) -> None:
-    """Write the files of a block, each under another name first; that of the cases last."""
+    """Write the files of a block, each under another name first; that of the cases
+    last."""
     curves = _curves_table(rows)
     if curves.num_columns > 1:
         _save(curves, _part(folder, CURVES, block))
@@ -331,7 +369,9 @@ def _curves_table(rows: Sequence[CaseRow]) -> pa.Table:
     curves = [row.curves or {} for row in rows]
     columns = {"case": pa.array([row.case for row in rows], pa.int64())}
     for name in sorted({name for each in curves for name in each}):
-        columns[name] = pa.array([each.get(name) for each in curves], pa.list_(pa.float64()))
+        columns[name] = pa.array(
+            [each.get(name) for each in curves], pa.list_(pa.float64())
+        )
     return pa.table(columns)
 
 
@@ -366,7 +406,9 @@ def _table(rows: Sequence[CaseRow]) -> pa.Table:
     for name in sorted({n for d in drawn for n in d}):
         columns[f"in.{name}"] = pa.array([d.get(name) for d in drawn])
     for name in sorted({n for r in rows for n in r.numbers}):
-        columns[f"out.{name}"] = pa.array([r.numbers.get(name) for r in rows], pa.float64())
+        columns[f"out.{name}"] = pa.array(
+            [r.numbers.get(name) for r in rows], pa.float64()
+        )
     return pa.table(dict(sorted(columns.items(), key=lambda c: (c[0] != "case", c[0]))))
 
 
@@ -386,40 +428,61 @@ def _of_block(folder: Path, block: int) -> list[CaseRow]:
     made = []
     table = rows_in(_part(folder, CASES, block)).to_pylist()
     path = _part(folder, CURVES, block)
-    curves = {r.pop("case"): r for r in rows_in(path).to_pylist()} if path.exists() else {}
+    curves = (
+        {r.pop("case"): r for r in rows_in(path).to_pylist()} if path.exists() else {}
+    )
     for entry in table:
-        values = {k[3:]: v for k, v in entry.items() if k.startswith("in.") and v is not None}
+        values = {
+            k[3:]: v for k, v in entry.items() if k.startswith("in.") and v is not None
+        }
         stopped = entry["stopped_when"]
-        made.append(CaseRow.from_json({
-            **entry, "values": values,
-            "numbers": {k[4:]: v for k, v in entry.items() if k.startswith("out.")},
-            "stopped_when": None if stopped is None else {"time": stopped},
-            "curves": curves.get(entry["case"]),
-        }))  # fmt: skip
+        made.append(
+            CaseRow.from_json(
+                {
+                    **entry,
+                    "values": values,
+                    "numbers": {
+                        k[4:]: v for k, v in entry.items() if k.startswith("out.")
+                    },
+                    "stopped_when": None if stopped is None else {"time": stopped},
+                    "curves": curves.get(entry["case"]),
+                }
+            )
+        )
     return made
 
 
-def read(folder: Path, kind: str = CASES, columns: Sequence[str] | None = None) -> pa.Table:
-    """All rows of a campaign, in the order of the cases, also of one that is not over; of columns
-    those named. Raises DesatError where there is none."""
+def read(
+    folder: Path, kind: str = CASES, columns: Sequence[str] | None = None
+) -> pa.Table:
+    """All rows of a campaign, in the order of the cases, also of one that is not over;
+    of columns those named. Raises DesatError where there is none."""
     blocks = sorted(_parts(folder))
     tables = []
     for block in blocks:
         path = _part(folder, kind, block)
         if path.exists():
             table = rows_in(path, columns)
-            if "case" in table.column_names and table.num_rows and (
-                table["case"][0].as_py() // BLOCK != block
-            ):  # fmt: skip
-                raise DesatError(f"{path}: damaged (it has other cases); without it the same "
-                                 "command makes its cases again")  # fmt: skip
+            if (
+                "case" in table.column_names
+                and table.num_rows
+                and (table["case"][0].as_py() // BLOCK != block)
+            ):
+                raise DesatError(
+                    f"{path}: damaged (it has other cases); without it the same "
+                    "command makes its cases again"
+                )
             tables.append(table)
-    rows = sorted((r for r in _journal(folder) if r.case // BLOCK not in blocks),
-                  key=lambda r: r.case)  # fmt: skip
+    rows = sorted(
+        (r for r in _journal(folder) if r.case // BLOCK not in blocks),
+        key=lambda r: r.case,
+    )
     if rows and kind == CASES:
         last = _table(rows)
         names = last.column_names
-        tables.append(last if columns is None else last.select([c for c in columns if c in names]))
+        tables.append(
+            last if columns is None else last.select([c for c in columns if c in names])
+        )
     elif rows and any(r.curves is not None for r in rows):
         tables.append(_curves_table(rows))
     if not tables:
@@ -432,8 +495,15 @@ def read(folder: Path, kind: str = CASES, columns: Sequence[str] | None = None) 
 def versions_of(folder: Path, case: int) -> dict[str, str] | None:
     """The versions that a case was made with; None where it is not there."""
     path = _part(folder, CASES, case // BLOCK)
-    found = [r["versions"] for r in rows_in(path, ["case", "versions"]).to_pylist()
-             if r["case"] == case] if path.exists() else []  # fmt: skip
+    found = (
+        [
+            r["versions"]
+            for r in rows_in(path, ["case", "versions"]).to_pylist()
+            if r["case"] == case
+        ]
+        if path.exists()
+        else []
+    )
     found = found or [r.versions for r in _journal(folder) if r.case == case]
     told: dict[str, str] | None = json.loads(found[-1]) if found else None
     return told
@@ -457,8 +527,8 @@ def described(folder: Path) -> dict[str, dict[str, str]]:
 
 
 def digest(folder: Path, first: int | None = None) -> str:
-    """sha256 of all that is there of cases and curves, but for OWN: equal for equal campaigns;
-    `first`: of the first so many."""
+    """sha256 of all that is there of cases and curves, but for OWN: equal for equal
+    campaigns; `first`: of the first so many."""
     made = hashlib.sha256()
     for kind in (CASES, CURVES):
         table = read(folder, kind).slice(0, first)

@@ -1,7 +1,9 @@
-"""Where many calls run: processes of this machine, which may die, or those of a Dask cluster.
+"""Where many calls run: processes of this machine, which may die, or those of a Dask
+cluster.
 
-Both take `submit(key, *arguments)` of one function, and give `(key, result)` in the order in which
-they end, where the result is `Lost` for a call whose process died or passed its time limit.
+Both take `submit(key, *arguments)` of one function, and give `(key, result)` in the
+order in which they end, where the result is `Lost` for a call whose process died or
+passed its time limit.
 """
 
 from __future__ import annotations
@@ -24,14 +26,17 @@ from ..engine import process_state
 from ..system.errors import Exit, RunError
 
 UNGUARDED = 78
-"""How a process ends whose script would make processes of its own while it is imported."""
-_GUARD = ('the script that asks for runs in several processes needs `if __name__ == "__main__":` '
-          "before it does: each process imports it first")  # fmt: skip
+"""How a process ends whose script would make processes of its own while it is imported.
+"""
+_GUARD = (
+    'the script that asks for runs in several processes needs `if __name__ == "__main__":` '
+    "before it does: each process imports it first"
+)
 
 
 def guarded() -> None:
-    """End a process that is importing the script of its head to begin with: it is the script that
-    asks for processes, again. Its head says so."""
+    """End a process that is importing the script of its head to begin with: it is the
+    script that asks for processes, again. Its head says so."""
     if getattr(current_process(), "_inheriting", False):
         sys.exit(UNGUARDED)
 
@@ -85,14 +90,17 @@ class Here:
 
 
 class Local:
-    """Processes of this machine. One that dies, or takes longer than `limit` s for a call, is
-    replaced; only its call is lost. Each has a pipe of its own, so that it is known which call.
+    """Processes of this machine. One that dies, or takes longer than `limit` s for a
+    call, is replaced; only its call is lost. Each has a pipe of its own, so that it is
+    known which call.
 
-    (concurrent.futures gives up all calls when a process dies; pebble 5.2 loses a call whose
-    process dies before its pool has read that it was taken.)
+    (concurrent.futures gives up all calls when a process dies; pebble 5.2 loses a call
+    whose process dies before its pool has read that it was taken.)
     """
 
-    def __init__(self, function: Callable[..., Any], size: int, limit: float | None = None) -> None:
+    def __init__(
+        self, function: Callable[..., Any], size: int, limit: float | None = None
+    ) -> None:
         guarded()
         self.size = size
         self._function, self._limit = function, limit
@@ -123,9 +131,15 @@ class Local:
     def ended(self) -> tuple[Hashable, Any]:
         while True:
             ready = wait([w.pipe for w in self._busy], self._patience())
-            late = [] if self._limit is None else [
-                w for w in self._busy if w.pipe not in ready and w.seconds() > self._limit
-            ]  # fmt: skip
+            late = (
+                []
+                if self._limit is None
+                else [
+                    w
+                    for w in self._busy
+                    if w.pipe not in ready and w.seconds() > self._limit
+                ]
+            )
             for worker in self._busy:
                 if worker.pipe in ready or worker in late:
                     break
@@ -135,7 +149,10 @@ class Local:
             result: Any
             if worker in late:
                 worker.end()
-                kind, result = "lost", Lost(f"it was not over within {self._limit:g} s", True)
+                kind, result = (
+                    "lost",
+                    Lost(f"it was not over within {self._limit:g} s", True),
+                )
             else:
                 kind, result = worker.answer()
             if kind == "ready":
@@ -189,7 +206,8 @@ class _Worker:
         return 0.0 if self._since is None else time.monotonic() - self._since
 
     def answer(self) -> tuple[str, Any]:
-        """What came of the call: `result`, `raised` or `lost`, and what; or that it is `ready`."""
+        """What came of the call: `result`, `raised` or `lost`, and what; or that it is
+        `ready`."""
         try:
             said: tuple[str, Any] = self.pipe.recv()
             return said
@@ -197,7 +215,9 @@ class _Worker:
             self._process.join()
             if self._process.exitcode == UNGUARDED and not self._ready:
                 return "raised", RunError(_GUARD, Exit.INPUT)
-            return "lost", Lost(f"its process ended by {_how(self._process.exitcode or 0)}")
+            return "lost", Lost(
+                f"its process ended by {_how(self._process.exitcode or 0)}"
+            )
 
     def end(self) -> None:
         """End it in the middle of a call."""
@@ -227,7 +247,9 @@ def _serve(pipe: Any, function: Callable[..., Any], head: int) -> None:
             try:
                 pipe.send(said)
             except (TypeError, AttributeError, pickle.PicklingError) as error:
-                pipe.send(("raised", RuntimeError(f"{said[1]!r} cannot be sent: {error}")))
+                pipe.send(
+                    ("raised", RuntimeError(f"{said[1]!r} cannot be sent: {error}"))
+                )
 
 
 def _die_with(head: int) -> None:
@@ -245,12 +267,13 @@ def _how(code: int) -> str:
 
 
 def results(
-    workers: Workers, tasks: Iterable[tuple[Hashable, tuple[Any, ...]]],
+    workers: Workers,
+    tasks: Iterable[tuple[Hashable, tuple[Any, ...]]],
     again: Callable[[Any, Lost], Sequence[tuple[Hashable, tuple[Any, ...]]]],
-) -> Iterator[tuple[Any, Any]]:  # fmt: skip
-    """Each task's key and result in the order in which they end, with a few in advance of what
-    runs. In place of a lost call those are made that `again` gives; none: its `Lost` is its
-    result."""
+) -> Iterator[tuple[Any, Any]]:
+    """Each task's key and result in the order in which they end, with a few in advance
+    of what runs. In place of a lost call those are made that `again` gives; none: its
+    `Lost` is its result."""
     tasks, running, more = iter(tasks), 0, True
     while more or running:
         while more and running < 3 * workers.size:

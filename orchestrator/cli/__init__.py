@@ -1,4 +1,5 @@
-"""The command `desat`: a file of a folder `commands/` each, or a few that belong together."""
+"""The command `desat`: a file of a folder `commands/` each, or a few that belong
+together."""
 
 from __future__ import annotations
 
@@ -35,23 +36,27 @@ def _version(wanted: bool) -> None:
 def _desat(
     version: Annotated[
         bool,
-        typer.Option("--version", help="Print the version.", callback=_version, is_eager=True),
+        typer.Option(
+            "--version", help="Print the version.", callback=_version, is_eager=True
+        ),
     ] = False,
 ) -> None:
     pass
 
 
 def _terminate(number: int, frame: Any) -> NoReturn:
-    """SIGTERM and SIGHUP end as an exception does: what is open is closed, what is temporary
-    removed."""
+    """SIGTERM and SIGHUP end as an exception does: what is open is closed, what is
+    temporary removed."""
     sys.exit(128 + number)
 
 
 def _repeat_swallowed(unraisable: Any) -> None:
-    """Send a signal to stop once more where Python swallowed the exception that it raised.
+    """Send a signal to stop once more where Python swallowed the exception that it
+    raised.
 
-    Python ignores an exception inside a weakref callback, a finaliser or a callback of ctypes, and
-    each import has a weakref callback: the signal would be lost, and a traceback printed.
+    Python ignores an exception inside a weakref callback, a finaliser or a callback of
+    ctypes, and each import has a weakref callback: the signal would be lost, and a
+    traceback printed.
     """
     error = unraisable.exc_value
     number = 0
@@ -68,8 +73,9 @@ def _repeat_swallowed(unraisable: Any) -> None:
 
 
 def app_for(words: Sequence[str]) -> typer.Typer:
-    """The application with the command that these words begin with, where that has a file of its
-    own: to make all of them takes as long as to list the families. Else with all."""
+    """The application with the command that these words begin with, where that has a
+    file of its own: to make all of them takes as long as to list the families. Else
+    with all."""
     one = words[0] if words and words[0].isidentifier() else "*"
     if not discovery.load("commands", one):
         discovery.load("commands")
@@ -120,12 +126,15 @@ def _code() -> int:
             return int(getattr(error, "exit_code", Exit.INPUT))
         if os.environ.get("DESAT_TRACEBACK"):
             traceback.print_exc()
-        _say(f"internal: {type(error).__name__}: {error} (DESAT_TRACEBACK=1 shows where)")
+        _say(
+            f"internal: {type(error).__name__}: {error} (DESAT_TRACEBACK=1 shows where)"
+        )
         return Exit.BUG
 
 
 def _refuse_empty(words: Sequence[str]) -> None:
-    """Raise DesatError for an empty word, which a path would take for the current folder."""
+    """Raise DesatError for an empty word, which a path would take for the current
+    folder."""
     for before, word in zip(("", *words), words, strict=False):
         name, equals, value = word.partition("=")
         if word == "":
@@ -155,7 +164,15 @@ RENAMED = {
 }
 """What takes the place of options and commands of before."""
 MEANT = {
-    "--stop": ("--duration", "--time", "--end", "--until", "--t-end", "--tend", "--stop-time"),
+    "--stop": (
+        "--duration",
+        "--time",
+        "--end",
+        "--until",
+        "--t-end",
+        "--tend",
+        "--stop-time",
+    ),
     "--step": ("--dt", "--timestep", "--time-step", "--step-size"),
     "--out": ("--output", "--output-dir", "--dir", "--folder", "-o"),
     "--set": ("--param", "--parameter", "--with", "-s", "-p"),
@@ -177,7 +194,9 @@ def _say_usage(error: Any) -> None:
     text = " ".join(text.replace("Value error, ", "").split())
     if (name := getattr(error, "option_name", None)) and context is not None:
         if name.startswith("-") and text.startswith("No such option"):
-            known = [x for p in context.command.params for x in (*p.opts, *p.secondary_opts)]
+            known = [
+                x for p in context.command.params for x in (*p.opts, *p.secondary_opts)
+            ]
             text = f"no option {name}{_instead(name, known)}"
     elif (unknown := re.fullmatch(r"No such command '(.*?)'\..*", text)) is not None:
         known = list(getattr(getattr(context, "command", None), "commands", {}))
@@ -186,7 +205,8 @@ def _say_usage(error: Any) -> None:
 
 
 def _instead(name: str, known: Sequence[str]) -> str:
-    """What an option or a command that is not known is called, as far as can be guessed."""
+    """What an option or a command that is not known is called, as far as can be
+    guessed."""
     if name in RENAMED:
         return f"; {RENAMED[name]}"
     for option, others in MEANT.items():

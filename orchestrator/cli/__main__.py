@@ -7,8 +7,11 @@ import desat
 # where this is a checkout, a folder of that name comes before the package
 if getattr(desat, "__file__", None) is None:
     there = ", ".join(dict.fromkeys(desat.__path__))
-    print(f"error: {there}: a folder of this name hides the package from `python -m`; run `desat`, "
-          "or python from another folder", file=sys.stderr)  # fmt: skip
+    print(
+        f"error: {there}: a folder of this name hides the package from `python -m`; run `desat`, "
+        "or python from another folder",
+        file=sys.stderr,
+    )
     sys.exit(2)
 
 from . import main

@@ -20,7 +20,8 @@ from typer.core import TyperGroup
 from ..report.table import Column, Table
 from ..system.errors import Exit, plain
 
-# a stream that is closed would be given to the next file that is opened, and written into
+# a stream that is closed would be given to the next file that is opened, and written
+# into
 for _number, _name in ((1, "stdout"), (2, "stderr")):
     if getattr(sys, _name) is None:
         os.dup2(os.open(os.devnull, os.O_WRONLY), _number)
@@ -28,8 +29,8 @@ for _number, _name in ((1, "stdout"), (2, "stderr")):
 
 
 class _Lasting(io.FileIO):
-    """Where a stream ends. Whoever reads it may go away: the rest is for nobody, and the command
-    ends as it would have."""
+    """Where a stream ends. Whoever reads it may go away: the rest is for nobody, and
+    the command ends as it would have."""
 
     def write(self, data: Any) -> int:
         try:
@@ -38,19 +39,30 @@ class _Lasting(io.FileIO):
             os.dup2(os.open(os.devnull, os.O_WRONLY), self.fileno())
             return len(data)
         except OSError as error:
-            error.filename = {1: "standard output", 2: "standard error"}.get(self.fileno())
+            error.filename = {1: "standard output", 2: "standard error"}.get(
+                self.fileno()
+            )
             raise
 
 
 # a path may have characters that the locale has not
 for _name in ("stdout", "stderr"):
-    if type(_stream := getattr(sys, _name)) is io.TextIOWrapper:  # not what tests put there
+    if (
+        type(_stream := getattr(sys, _name)) is io.TextIOWrapper
+    ):  # not what tests put there
         _stream.flush()
         _raw = _Lasting(_stream.fileno(), "w", closefd=False)
-        setattr(sys, _name, io.TextIOWrapper(
-            io.BufferedWriter(_raw), _stream.encoding, "backslashreplace",
-            line_buffering=_stream.line_buffering, write_through=_stream.write_through,
-        ))  # fmt: skip
+        setattr(
+            sys,
+            _name,
+            io.TextIOWrapper(
+                io.BufferedWriter(_raw),
+                _stream.encoding,
+                "backslashreplace",
+                line_buffering=_stream.line_buffering,
+                write_through=_stream.write_through,
+            ),
+        )
 
 EPILOG = "Exit codes: " + "; ".join(f"{e.value} {e.meaning}" for e in Exit) + "."
 
@@ -109,10 +121,13 @@ class WithDefault(TyperGroup):
 
 
 class _Plain(Console):
-    """A console that prints no control characters of names and messages that others gave."""
+    """A console that prints no control characters of names and messages that others
+    gave."""
 
     def render_str(self, text: str, **options: Any) -> Text:
-        return super().render_str("\n".join(plain(x) for x in text.split("\n")), **options)
+        return super().render_str(
+            "\n".join(plain(x) for x in text.split("\n")), **options
+        )
 
 
 def plain_console(**options: Any) -> Console:
@@ -153,24 +168,33 @@ def print_table(table: Table, *, is_folded: bool = False) -> None:
     """
     if not table.rows:
         return
-    shown = RichTable(box=None, pad_edge=False, header_style="bold", show_header=table.has_header)
+    shown = RichTable(
+        box=None, pad_edge=False, header_style="bold", show_header=table.has_header
+    )
     for heading, column in zip(table.headings(), table.columns, strict=True):
-        shown.add_column(heading, justify="right" if column.kind == "number" else "left")
+        shown.add_column(
+            heading, justify="right" if column.kind == "number" else "left"
+        )
     for row in table.cells():
         shown.add_row(*(Text(plain(str(cell.value)), MARKS[cell.mark]) for cell in row))
     usual = out.width
     if not is_folded:
-        whole = Measurement.get(out, out.options.update(max_width=10_000), shown).maximum
+        whole = Measurement.get(
+            out, out.options.update(max_width=10_000), shown
+        ).maximum
         out.width = max(usual, whole)  # `print` takes no greater one
     out.print(shown)
     out.width = usual
 
 
 SHOWN = 5
-"""Numbers that a command prints where not all are asked for, and those with a requirement."""
+"""Numbers that a command prints where not all are asked for, and those with a
+requirement."""
 
 
-def to_print(numbers: Iterable[str], judged: Container[str], everything: bool) -> list[str]:
+def to_print(
+    numbers: Iterable[str], judged: Container[str], everything: bool
+) -> list[str]:
     """The names of the numbers that are printed, in their order."""
     names = list(numbers)
     if everything:
@@ -200,4 +224,6 @@ def name_of(target: str) -> str:
     from ..files.scenario import name_of_file
 
     name = name_of_file(path) if path.suffix == ".toml" else path.stem
-    return os.fsdecode(name.encode("utf-8", "surrogateescape"))  # as the locale names files
+    return os.fsdecode(
+        name.encode("utf-8", "surrogateescape")
+    )  # as the locale names files

@@ -1,4 +1,5 @@
-"""The options that several commands have, each declared once: `from .. import options as o`."""
+"""The options that several commands have, each declared once:
+`from .. import options as o`."""
 
 from __future__ import annotations
 
@@ -41,7 +42,8 @@ def complete_family(incomplete: str) -> list[str]:
 
 
 def number(asked: Quantity, metavar: str, text: str) -> Any:
-    """An option of one number; each that is typed is one of these, or a whole one of typer's."""
+    """An option of one number; each that is typed is one of these, or a whole one of
+    typer's."""
     return typer.Option(asked.option, parser=asked.__call__, metavar=metavar, help=text)
 
 
@@ -54,11 +56,14 @@ def output_file(option: str, text: str) -> Any:
         place_of(Path(given), option)
         return Path(given)
 
-    return typer.Option(option, parser=checked, metavar="FILE", show_default=False, help=text)
+    return typer.Option(
+        option, parser=checked, metavar="FILE", show_default=False, help=text
+    )
 
 
 def refuse(ctx: typer.Context, why: str, *names: str) -> None:
-    """Raise DesatError, which names it, for an option that is typed and would be ignored."""
+    """Raise DesatError, which names it, for an option that is typed and would be
+    ignored."""
     for param in ctx.command.params:
         source = ctx.get_parameter_source(str(param.name))
         if param.name in names and source is not None and source.name == "COMMANDLINE":
@@ -75,103 +80,151 @@ TARGET = typer.Argument(
 Target = Annotated[str, TARGET]
 Sets = Annotated[
     list[str] | None,
-    typer.Option("--set", metavar="COMP.VAR=VALUE",
-                 help="Give a parameter (or unconnected input) another value; a choice by its "
-                 "name, an array as 1,2,3; shared.VAR in every component that has it. May be "
-                 "repeated."),
-]  # fmt: skip
+    typer.Option(
+        "--set",
+        metavar="COMP.VAR=VALUE",
+        help="Give a parameter (or unconnected input) another value; a choice by its "
+        "name, an array as 1,2,3; shared.VAR in every component that has it. May be "
+        "repeated.",
+    ),
+]
 Sources = Annotated[
     list[str] | None,
-    typer.Option("--source", metavar="COMP=FMU",
-                 help="Another FMU in a component's place: a file, one of ours by its name, or a "
-                 "block file of your own (.py), which is built. Parameters that both declare alike "
-                 "stay. May be repeated."),
-]  # fmt: skip
+    typer.Option(
+        "--source",
+        metavar="COMP=FMU",
+        help="Another FMU in a component's place: a file, one of ours by its name, or a "
+        "block file of your own (.py), which is built. Parameters that both declare alike "
+        "stay. May be repeated.",
+    ),
+]
 
 
 def _stop(given: str | float) -> str | float:
     """A stop time as it is typed: s, or the text of a number of orbits."""
     from ..system.options import orbits
 
-    return given if isinstance(given, str) and orbits(given) else Quantity("--stop", "s")(given)
+    return (
+        given
+        if isinstance(given, str) and orbits(given)
+        else Quantity("--stop", "s")(given)
+    )
 
 
 Stop = Annotated[
     str | None,
-    typer.Option("--stop", parser=_stop, metavar="TIME",
-                 help="Stop time: 6000 (s), 6h, 20d, 2orbits."),
-]  # fmt: skip
+    typer.Option(
+        "--stop",
+        parser=_stop,
+        metavar="TIME",
+        help="Stop time: 6000 (s), 6h, 20d, 2orbits.",
+    ),
+]
 Step = Annotated[float | None, number(Quantity("--step", "s"), "S", "Step, s.")]
 Substeps = Annotated[
     str | None,
-    typer.Option(metavar="N|auto",
-                 help="Number of substeps in each step for components that exchange step averages "
-                 "(actuators and body); auto: as many as --accuracy needs."),
-]  # fmt: skip
+    typer.Option(
+        metavar="N|auto",
+        help="Number of substeps in each step for components that exchange step averages "
+        "(actuators and body); auto: as many as --accuracy needs.",
+    ),
+]
 Accuracy = Annotated[
     float | None,
-    number(Quantity("--accuracy", "rad", 0.0, 1.0, above=True), "RAD",
-           "Bound of the estimated attitude error (rad) for --substeps auto."),
-]  # fmt: skip
+    number(
+        Quantity("--accuracy", "rad", 0.0, 1.0, above=True),
+        "RAD",
+        "Bound of the estimated attitude error (rad) for --substeps auto.",
+    ),
+]
 Alg = Annotated[
     choices.Algorithm,
-    typer.Option(help="gauss_seidel: no delay in the loop; jacobi: as libcosim and Ecos do."),
+    typer.Option(
+        help="gauss_seidel: no delay in the loop; jacobi: as libcosim and Ecos do."
+    ),
 ]
 LoopOption = Annotated[
     choices.Loop,
-    typer.Option("--loop", help="compiled: in C, where a compiler is there and all components are "
-                 "FMUs, else python; the same bits."),
-]  # fmt: skip
+    typer.Option(
+        "--loop",
+        help="compiled: in C, where a compiler is there and all components are "
+        "FMUs, else python; the same bits.",
+    ),
+]
 Blocks = Annotated[bool, typer.Option("--blocks", help="Bare blocks instead of FMUs.")]
 Fmus = Annotated[
     choices.Fmus,
-    typer.Option("--fmus", help="Which of our FMUs: native ones where there are such, or those of "
-                 "Python; the same bits."),
-]  # fmt: skip
+    typer.Option(
+        "--fmus",
+        help="Which of our FMUs: native ones where there are such, or those of "
+        "Python; the same bits.",
+    ),
+]
 Everything = Annotated[
     bool,
-    typer.Option("--all", help="Print every number; default: those with a requirement, and the "
-                 f"first of the others, {SHOWN} in all."),
-]  # fmt: skip
+    typer.Option(
+        "--all",
+        help="Print every number; default: those with a requirement, and the "
+        f"first of the others, {SHOWN} in all.",
+    ),
+]
 Json = Annotated[bool, typer.Option("--json", help="Print JSON for programs.")]
 Classes = Annotated[
     list[str] | None,
-    typer.Option("--output-class", metavar="COMP.OUT=CLASS",
-                 help="Class of an output: state or interval. May be repeated."),
-]  # fmt: skip
+    typer.Option(
+        "--output-class",
+        metavar="COMP.OUT=CLASS",
+        help="Class of an output: state or interval. May be repeated.",
+    ),
+]
 DesignOption = Annotated[
     str | None,
-    typer.Option("--design", metavar="now|FILE",
-                 help="Of a scenario with a design (gain tables, costates): make one now for these "
-                 "values, or take that of a file. Default: the kept one."),
-]  # fmt: skip
+    typer.Option(
+        "--design",
+        metavar="now|FILE",
+        help="Of a scenario with a design (gain tables, costates): make one now for these "
+        "values, or take that of a file. Default: the kept one.",
+    ),
+]
 TimeLimit = Annotated[
     float | None,
-    number(Quantity("--time-limit", "s", 0.0, LONGEST, above=True), "SECONDS",
-           "Wall time that a run may take to step; what it has by then is kept, and the command "
-           "ends with 5."),
-]  # fmt: skip
+    number(
+        Quantity("--time-limit", "s", 0.0, LONGEST, above=True),
+        "SECONDS",
+        "Wall time that a run may take to step; what it has by then is kept, and the command "
+        "ends with 5.",
+    ),
+]
 Trust = Annotated[
     Path | None,
-    typer.Option("--trust", metavar="FILE",
-                 help="A list of sha256 hashes (as of sha256sum): an FMU that is neither ours nor "
-                 "of it is refused."),
-]  # fmt: skip
+    typer.Option(
+        "--trust",
+        metavar="FILE",
+        help="A list of sha256 hashes (as of sha256sum): an FMU that is neither ours nor "
+        "of it is refused.",
+    ),
+]
 Outside = Annotated[
     bool,
     typer.Option("--allow-outside", help="Let an SSP name files outside its folder."),
 ]
 Strict = Annotated[
     bool,
-    typer.Option("--strict", help="Refuse a foreign FMU whose model description breaks the "
-                 "standard; else that is a warning."),
-]  # fmt: skip
+    typer.Option(
+        "--strict",
+        help="Refuse a foreign FMU whose model description breaks the "
+        "standard; else that is a warning.",
+    ),
+]
 Platforms = Annotated[
     str,
-    typer.Option(metavar="all|NAMES",
-                 help="Native for these platforms: all, or linux64,win64,darwin64,aarch64-linux "
-                 "(`pip install ziglang`). Default: this one.", show_default=False),
-]  # fmt: skip
+    typer.Option(
+        metavar="all|NAMES",
+        help="Native for these platforms: all, or linux64,win64,darwin64,aarch64-linux "
+        "(`pip install ziglang`). Default: this one.",
+        show_default=False,
+    ),
+]
 Fmi = Annotated[choices.FmiVersion, typer.Option(help="Of FMI 2.0 or of FMI 3.0.")]
 Jobs = Annotated[int, typer.Option(help="Processes.", min=1)]
 CPUS = os.cpu_count() or 1
@@ -200,7 +253,9 @@ def options_of(
         more["trusted"] = hashes(trust)
     if (substeps := more.get("substeps")) is not None:
         more["substeps"] = (
-            substeps if substeps == "auto" else _whole(f"--substeps {substeps}", substeps)
+            substeps
+            if substeps == "auto"
+            else _whole(f"--substeps {substeps}", substeps)
         )
     return Options(
         sets=list(sets or []),

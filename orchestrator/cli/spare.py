@@ -1,7 +1,8 @@
 """Arguments that need no conversion are given to a command as they are.
 
-typer 0.29 has pydantic convert every one, also a text to a text, and also one that was not given:
-to import it takes longer than `desat list` does. Older ones do not, and are left alone.
+typer 0.29 has pydantic convert every one, also a text to a text, and also one that was
+not given: to import it takes longer than `desat list` does. Older ones do not, and are
+left alone.
 """
 
 from __future__ import annotations
@@ -10,7 +11,8 @@ from enum import Enum
 from typing import Any
 
 _KEPT = "_runtime_param"
-"""Where typer 0.29 keeps how it converts a parameter's values, once it has made that."""
+"""Where typer 0.29 keeps how it converts a parameter's values, once it has made that.
+"""
 
 
 class _AsGiven:

@@ -1,9 +1,11 @@
-"""Checkpoints of a run: all that its next step depends on, to go on from with the same bits.
+"""Checkpoints of a run: all that its next step depends on, to go on from with the same
+bits.
 
-`checkpoints/K.npz` of a run folder, K the step that is next: the states of the components as FMI
-serialises them, the arrays of the master that outlive a step, how many rows of the series are on
-the disk, and what the caller wants to find again, as JSON. A file is written under another name,
-synchronised with the disk, and renamed; the two newest are kept, and the newest whole one counts.
+`checkpoints/K.npz` of a run folder, K the step that is next: the states of the
+components as FMI serialises them, the arrays of the master that outlive a step, how
+many rows of the series are on the disk, and what the caller wants to find again, as
+JSON. A file is written under another name, synchronised with the disk, and renamed; the
+two newest are kept, and the newest whole one counts.
 """
 
 from __future__ import annotations
@@ -48,7 +50,8 @@ class Checkpoint:
     states: dict[str, bytes]
 
     def restore(self, master: Master, ending: Ending) -> None:
-        """Put it back into an initialised master. Raises DesatError for one of another system."""
+        """Put it back into an initialised master. Raises DesatError for one of another
+        system."""
         memory = master.memory()
         shapes = {name: (a.shape, a.dtype) for name, a in memory.items()}
         if shapes != {name: (a.shape, a.dtype) for name, a in self.arrays.items()} or (
@@ -68,14 +71,25 @@ class Checkpoint:
 
 
 class Checkpoints:
-    """Writes those of a run, one every `every` steps; `tell` gives what the caller wants saved."""
+    """Writes those of a run, one every `every` steps; `tell` gives what the caller
+    wants saved."""
 
     def __init__(
-        self, folder: Path, every: int, master: Master, recorder: Recorder, ending: Ending,
+        self,
+        folder: Path,
+        every: int,
+        master: Master,
+        recorder: Recorder,
+        ending: Ending,
         tell: Callable[[], Mapping[str, Any]],
-    ) -> None:  # fmt: skip
+    ) -> None:
         self._folder, self.every = folder / FOLDER, every
-        self._master, self._recorder, self._ending, self._tell = master, recorder, ending, tell
+        self._master, self._recorder, self._ending, self._tell = (
+            master,
+            recorder,
+            ending,
+            tell,
+        )
         self._folder.mkdir(exist_ok=True)
 
     def next(self, k: int) -> int:
@@ -103,7 +117,11 @@ class Checkpoints:
         path = self._folder / f"{master.k:012}.npz"
         part = path.with_suffix(".part")
         with part.open("wb") as file:
-            np.savez(file, *memory.values(), **{f"_{i}": _bytes(b) for i, b in enumerate(blobs)})  # type: ignore[arg-type]
+            np.savez(
+                file,
+                *memory.values(),
+                **{f"_{i}": _bytes(b) for i, b in enumerate(blobs)},  # type: ignore[arg-type]
+            )
             file.flush()
             os.fsync(file.fileno())
         part.replace(path)
@@ -146,11 +164,19 @@ def _load(path: Path) -> Checkpoint:
     with path.open("rb") as opened, np.load(opened, allow_pickle=False) as file:
         head = json.loads(file["_0"].tobytes())
         arrays = {name: file[f"arr_{i}"] for i, name in enumerate(head["arrays"])}
-        states = {name: file[f"_{i + 1}"].tobytes() for i, name in enumerate(head["states"])}
+        states = {
+            name: file[f"_{i + 1}"].tobytes() for i, name in enumerate(head["states"])
+        }
     return Checkpoint(
-        path, int(head["k"]), int(head["rows"]), head["ending"], head["messages"], head["about"],
-        arrays, states,
-    )  # fmt: skip
+        path,
+        int(head["k"]),
+        int(head["rows"]),
+        head["ending"],
+        head["messages"],
+        head["about"],
+        arrays,
+        states,
+    )
 
 
 def _bytes(data: bytes) -> Array:

@@ -1,8 +1,8 @@
 """Work in a process of its own, which a component may end, or never come back from.
 
-The parent waits, hands signals on, and reports: what the run says of itself when it ends, or else
-component and call, and the signal or exit code that ended it. Nothing is added to a step but what
-`current_call.py` says.
+The parent waits, hands signals on, and reports: what the run says of itself when it
+ends, or else component and call, and the signal or exit code that ended it. Nothing is
+added to a step but what `current_call.py` says.
 """
 
 from __future__ import annotations
@@ -28,15 +28,18 @@ CAN = process_state.CAN_FORK
 _LOOK = 0.2
 """The parent looks at its child so often (s)."""
 _LATER = 0.5
-"""So much (s) after the limit of an isolated component has ended that component alone."""
+"""So much (s) after the limit of an isolated component has ended that component alone.
+"""
 _AT_ONCE = 0.8 * _LATER
-"""No more (s) between two looks is a call's: both processes may have been stopped (Ctrl-Z). Less
-than `_LATER`, so that a call which was stopped has its whole limit when it goes on."""
+"""No more (s) between two looks is a call's: both processes may have been stopped
+(Ctrl-Z). Less than `_LATER`, so that a call which was stopped has its whole limit when
+it goes on."""
 
 
 @dataclass
 class Ended:
-    """How a watched process ended. `reports`: what it has said by name (`layout`, `error`)."""
+    """How a watched process ended. `reports`: what it has said by name (`layout`,
+    `error`)."""
 
     reports: dict[str, Any] = field(default_factory=dict)
     component: str = ""
@@ -53,16 +56,21 @@ class Ended:
         if not self.call:
             return f"the process of the run ended by {self.how}, outside a call of a component"
         if self.hung:
-            return f"{self.component}: {self.call} did not return within {self.hung:g} s"
+            return (
+                f"{self.component}: {self.call} did not return within {self.hung:g} s"
+            )
         return f"{self.component}: {self.call} ended the process: {self.how}"
 
 
 def watch(
-    work: Callable[[Callable[[str, Any], None], RowBuffer], None], order: Sequence[str],
-    unwritten: RowBuffer, limit: float,
-) -> Ended:  # fmt: skip
-    """Do `work(tell, unwritten)` in a forked process, and say how that ended; after `limit` s in
-    one call of a component of `order`, or a second signal to stop, it is killed."""
+    work: Callable[[Callable[[str, Any], None], RowBuffer], None],
+    order: Sequence[str],
+    unwritten: RowBuffer,
+    limit: float,
+) -> Ended:
+    """Do `work(tell, unwritten)` in a forked process, and say how that ended; after
+    `limit` s in one call of a component of `order`, or a second signal to stop, it is
+    killed."""
     ours, theirs = Pipe(duplex=False)
     sys.stdout.flush()
     sys.stderr.flush()
@@ -83,9 +91,12 @@ def watch(
 
 
 def apart(work: Callable[[], T], order: Sequence[str], limit: float) -> T:
-    """What `work` gives, done in a forked process as by `watch`. Raises what it raises; EndedError
-    where a component has ended that process, and KeyboardInterrupt or SystemExit for a signal."""
-    ended = watch(lambda tell, unwritten: tell("made", work()), order, RowBuffer(), limit)
+    """What `work` gives, done in a forked process as by `watch`. Raises what it raises;
+    EndedError where a component has ended that process, and KeyboardInterrupt or
+    SystemExit for a signal."""
+    ended = watch(
+        lambda tell, unwritten: tell("made", work()), order, RowBuffer(), limit
+    )
     stopped(ended)
     if "error" in ended.reports:
         kind, arguments = ended.reports["error"]
@@ -115,10 +126,13 @@ def layout_of(ended: Ended) -> Layout | None:
 
 
 def _work(
-    work: Callable[[Callable[[str, Any], None], RowBuffer], None], pipe: Connection,
-    unwritten: RowBuffer, parent: int,
-) -> NoReturn:  # fmt: skip
-    """The child: what it does, and then nothing more, not even what the interpreter would."""
+    work: Callable[[Callable[[str, Any], None], RowBuffer], None],
+    pipe: Connection,
+    unwritten: RowBuffer,
+    parent: int,
+) -> NoReturn:
+    """The child: what it does, and then nothing more, not even what the interpreter
+    would."""
 
     def tell(name: str, what: Any) -> None:
         pipe.send((name, what))
@@ -133,7 +147,10 @@ def _work(
         except DesatError as error:
             tell("error", (type(error), error.args))
             tell("done", True)
-        except (KeyboardInterrupt, SystemExit):  # told to stop where it was not stepping
+        except (
+            KeyboardInterrupt,
+            SystemExit,
+        ):  # told to stop where it was not stepping
             pass
         except BaseException as error:
             if os.environ.get("DESAT_TRACEBACK"):
@@ -180,7 +197,9 @@ def _handed_on(child: int, ended: Ended) -> Iterator[None]:
     first = [0.0]
 
     def handler(number: int, frame: Any) -> None:
-        again = ended.signal and time.monotonic() - first[0] > 0.3  # a terminal tells us twice
+        again = (
+            ended.signal and time.monotonic() - first[0] > 0.3
+        )  # a terminal tells us twice
         if not ended.signal:
             ended.signal, first[0] = number, time.monotonic()
         with suppress(ProcessLookupError):

@@ -1,7 +1,8 @@
-"""The stepping loop in C (loop.c): built once into the user's cache, and run over a master's plan.
+"""The stepping loop in C (loop.c): built once into the user's cache, and run over a
+master's plan.
 
-It makes the same bits as `Master.advance`. It needs a C compiler and FMUs alone; where it cannot
-be had, `NotCompiledError` says why, and the master's own loop steps.
+It makes the same bits as `Master.advance`. It needs a C compiler and FMUs alone; where
+it cannot be had, `NotCompiledError` says why, and the master's own loop steps.
 """
 
 from __future__ import annotations
@@ -55,51 +56,81 @@ _LOOK, _FAILED, _NOT_FINITE = range(3)
 
 class _Table(ctypes.Structure):
     _fields_ = (
-        ("source", ctypes.c_void_p), ("rows", ctypes.c_void_p), ("bytes", ctypes.c_int64),
-    )  # fmt: skip
+        ("source", ctypes.c_void_p),
+        ("rows", ctypes.c_void_p),
+        ("bytes", ctypes.c_int64),
+    )
 
 
 class _Loop(ctypes.Structure):
     _fields_ = (
-        ("k", ctypes.c_int64), ("process", ctypes.c_int64),
-        ("word", ctypes.c_void_p), ("time", ctypes.c_void_p),
-        ("start", ctypes.c_double), ("step", ctypes.c_double),
-        ("steps", ctypes.c_int64), ("edges", ctypes.c_void_p), ("operations", ctypes.c_void_p),
-        ("failed", ctypes.c_int64), ("status", ctypes.c_int64),
-        ("warned", ctypes.c_void_p), ("warnings", ctypes.c_int64),
-        ("real", ctypes.c_void_p), ("reals", ctypes.c_int64),
-        ("ahead", ctypes.c_int64), ("capacity", ctypes.c_int64),
-        ("taken", ctypes.c_void_p), ("times", ctypes.c_void_p),
-        ("tables", ctypes.c_int64), ("table", _Table * len(KINDS)),
-        ("how", ctypes.c_int64), ("watched", ctypes.c_int64), ("asked", ctypes.c_int64),
-        ("places", ctypes.c_void_p), ("watched_reals", ctypes.c_void_p),
-        ("watched_integers", ctypes.c_void_p), ("limit", ctypes.c_double),
-    )  # fmt: skip
+        ("k", ctypes.c_int64),
+        ("process", ctypes.c_int64),
+        ("word", ctypes.c_void_p),
+        ("time", ctypes.c_void_p),
+        ("start", ctypes.c_double),
+        ("step", ctypes.c_double),
+        ("steps", ctypes.c_int64),
+        ("edges", ctypes.c_void_p),
+        ("operations", ctypes.c_void_p),
+        ("failed", ctypes.c_int64),
+        ("status", ctypes.c_int64),
+        ("warned", ctypes.c_void_p),
+        ("warnings", ctypes.c_int64),
+        ("real", ctypes.c_void_p),
+        ("reals", ctypes.c_int64),
+        ("ahead", ctypes.c_int64),
+        ("capacity", ctypes.c_int64),
+        ("taken", ctypes.c_void_p),
+        ("times", ctypes.c_void_p),
+        ("tables", ctypes.c_int64),
+        ("table", _Table * len(KINDS)),
+        ("how", ctypes.c_int64),
+        ("watched", ctypes.c_int64),
+        ("asked", ctypes.c_int64),
+        ("places", ctypes.c_void_p),
+        ("watched_reals", ctypes.c_void_p),
+        ("watched_integers", ctypes.c_void_p),
+        ("limit", ctypes.c_double),
+    )
 
 
 class CompiledSteps:
-    """Steps of an initialised master in C. Raises NotCompiledError where they cannot be."""
+    """Steps of an initialised master in C. Raises NotCompiledError where they cannot
+    be."""
 
     name: Loop = "compiled"
     why = ""
     seconds = 0.0
 
-    def __init__(self, master: Master, recorder: Recorder | None, ending: Ending) -> None:
-        self._run, self._master, self._recorder = _library().desat_loop, master, recorder
+    def __init__(
+        self, master: Master, recorder: Recorder | None, ending: Ending
+    ) -> None:
+        self._run, self._master, self._recorder = (
+            _library().desat_loop,
+            master,
+            recorder,
+        )
         self._program = _program(master)
         real = master.live["Real"]
         self._warned = np.zeros(len(self._program.operations), np.int64)
-        foreign = any(getattr(m.instance, "foreign", False) for m in master.members.values())
+        foreign = any(
+            getattr(m.instance, "foreign", False) for m in master.members.values()
+        )
         self._loop = _Loop(
             process=os.getpid() if foreign else 0,
             word=current_call.address(current_call.word),
             time=current_call.address(current_call.time),
-            start=master.start, step=master.step_size, steps=len(master.cycle),
+            start=master.start,
+            step=master.step_size,
+            steps=len(master.cycle),
             edges=self._program.edges.ctypes.data,
             operations=ctypes.addressof(self._program.operations),
             warned=self._warned.ctypes.data,
-            real=real.ctypes.data, reals=len(real), ahead=master.ahead,
-        )  # fmt: skip
+            real=real.ctypes.data,
+            reals=len(real),
+            ahead=master.ahead,
+        )
         if recorder is not None:
             self._record(master, recorder)
         self._watch(master, ending)
@@ -109,7 +140,10 @@ class CompiledSteps:
         loop, rows = self._loop, recorder.unwritten.active.rows
         loop.tables = len(rows)
         for place, kind in zip(loop.table, rows, strict=False):
-            place.source, place.bytes = master.row[kind].ctypes.data, rows[kind].strides[0]
+            place.source, place.bytes = (
+                master.row[kind].ctypes.data,
+                rows[kind].strides[0],
+            )
 
     def _aim(self, half: Bank) -> None:
         """Say where rows go."""
@@ -177,7 +211,14 @@ def _library() -> Any:
         raise NotCompiledError(str(error)) from error
     made = Path(command[0]).resolve()
     state = made.stat()
-    key = [*command, *FLAGS, platform.machine(), str(made), state.st_size, state.st_mtime_ns]
+    key = [
+        *command,
+        *FLAGS,
+        platform.machine(),
+        str(made),
+        state.st_size,
+        state.st_mtime_ns,
+    ]
     digest = hashlib.sha256(repr(key).encode() + SOURCE.read_bytes()).hexdigest()[:20]
     library = paths.cache() / "loop" / f"{digest}.so"
     try:
@@ -195,20 +236,45 @@ def _build(command: tuple[str, ...], library: Path) -> None:
         part = Path(folder) / library.name
         done = subprocess.run(
             [*command, *FLAGS, "-o", str(part), str(SOURCE), "-lm"],
-            capture_output=True, text=True, check=False,
-        )  # fmt: skip
+            capture_output=True,
+            text=True,
+            check=False,
+        )
         if done.returncode:
             said = (done.stderr.strip().splitlines() or [f"exit {done.returncode}"])[0]
-            raise NotCompiledError(f"{shlex.join(command)} does not compile {SOURCE.name}: {said}")
+            raise NotCompiledError(
+                f"{shlex.join(command)} does not compile {SOURCE.name}: {said}"
+            )
         part.replace(library)
 
 
-# --- A plan as the operations of the compiled loop, one by one: the layouts of loop.c -----------
+# --- A plan as the operations of the compiled loop, one by one: the layouts of loop.c -
 
 
-CODES = ("TICK", "LENGTH", "TAKE_8", "TAKE_4", "CONVERT", "TRANSFER", "STEP", "COPY", "CLEAR",
-          "JOIN", "CUT", "PUT_R", "PUT_I", "PUT_B", "FETCH_R", "FETCH_I", "FETCH_B",
-          "KEEP", "TRANSFER_3", "STEP_3", "TO_TYPE", "FROM_TYPE")  # fmt: skip
+CODES = (
+    "TICK",
+    "LENGTH",
+    "TAKE_8",
+    "TAKE_4",
+    "CONVERT",
+    "TRANSFER",
+    "STEP",
+    "COPY",
+    "CLEAR",
+    "JOIN",
+    "CUT",
+    "PUT_R",
+    "PUT_I",
+    "PUT_B",
+    "FETCH_R",
+    "FETCH_I",
+    "FETCH_B",
+    "KEEP",
+    "TRANSFER_3",
+    "STEP_3",
+    "TO_TYPE",
+    "FROM_TYPE",
+)
 _CODE = {name: i for i, name in enumerate(CODES)}
 _CALLS = ("TRANSFER", "STEP", "TRANSFER_3", "STEP_3", "TO_TYPE", "FROM_TYPE")
 """Those of which the worst status of several counts."""
@@ -220,10 +286,13 @@ class NotCompiledError(Exception):
 
 class _Operation(ctypes.Structure):
     _fields_ = (
-        ("code", ctypes.c_int32), ("more", ctypes.c_int32), ("n", ctypes.c_int64),
+        ("code", ctypes.c_int32),
+        ("more", ctypes.c_int32),
+        ("n", ctypes.c_int64),
         ("word", ctypes.c_int64),
-        ("p", ctypes.c_void_p * 6), ("x", ctypes.c_double * 3),
-    )  # fmt: skip
+        ("p", ctypes.c_void_p * 6),
+        ("x", ctypes.c_double * 3),
+    )
 
 
 _Row = tuple[str, int, Sequence[Any], Sequence[float]]
@@ -231,8 +300,8 @@ _Row = tuple[str, int, Sequence[Any], Sequence[float]]
 
 
 class Program:
-    """The operations of a cycle in one array; `edges` (2 steps + 1,) says where those before and
-    after each step's row begin."""
+    """The operations of a cycle in one array; `edges` (2 steps + 1,) says where those
+    before and after each step's row begin."""
 
     def __init__(self, cycle: Sequence[Step]) -> None:
         self._keep: list[Any] = []  # an array that nobody else holds
@@ -285,14 +354,26 @@ def _rows(operation: Operation) -> Iterator[_Row]:
             yield "COPY", fresh.nbytes, (live, fresh), ()
         case Accumulate(whole, i):
             if i == 0:
-                yield from (("CLEAR", len(x), (x,), ()) for x in (whole.mean, whole.slope))
+                yield from (
+                    ("CLEAR", len(x), (x,), ()) for x in (whole.mean, whole.slope)
+                )
             source, n = whole.source, len(whole.mean)
             sums = (whole.mean, whole.slope)
-            yield "JOIN", n, (whole.live, source.means, source.slopes, *sums), whole.weights[i]
+            yield (
+                "JOIN",
+                n,
+                (whole.live, source.means, source.slopes, *sums),
+                whole.weights[i],
+            )
             if i == len(whole.weights) - 1:
                 kept = np.flatnonzero(whole.target.slopes >= 0)
                 every, slopes = np.arange(n), whole.target.slopes[kept]
-                yield "TAKE_8", n, (whole.into, whole.target.means, whole.mean, every), ()
+                yield (
+                    "TAKE_8",
+                    n,
+                    (whole.into, whole.target.means, whole.mean, every),
+                    (),
+                )
                 yield "TAKE_8", len(kept), (whole.into, slopes, whole.slope, kept), ()
         case Split(part, i):
             source, target = part.source, part.target

@@ -1,7 +1,9 @@
-"""The call of a component that a process is in, kept in memory that it shares with its parent.
+"""The call of a component that a process is in, kept in memory that it shares with its
+parent.
 
-When a component ends the process, or never returns, the parent reads here which one it was. A word
-and a time are written, without a call: `loop` writes them before each call that it makes.
+When a component ends the process, or never returns, the parent reads here which one it
+was. A word and a time are written, without a call: `loop` writes them before each call
+that it makes.
 """
 
 from __future__ import annotations
@@ -12,20 +14,34 @@ import os
 import signal
 from collections.abc import Sequence
 
-VERBS = ("", "instantiating it", "entering initialisation", "leaving initialisation",
-         "setting its inputs", "the step", "reading its outputs", "freeing it",
-         "saving its state", "restoring its state", "terminating it")  # fmt: skip
-INSTANTIATE, ENTER, EXIT, PUSH, STEP, PULL, FREE, SAVE, RESTORE, TERMINATE = range(1, 11)
+VERBS = (
+    "",
+    "instantiating it",
+    "entering initialisation",
+    "leaving initialisation",
+    "setting its inputs",
+    "the step",
+    "reading its outputs",
+    "freeing it",
+    "saving its state",
+    "restoring its state",
+    "terminating it",
+)
+INSTANTIATE, ENTER, EXIT, PUSH, STEP, PULL, FREE, SAVE, RESTORE, TERMINATE = range(
+    1, 11
+)
 PLACE = 16
 """A word is so many times a component's place, and the verb."""
 
 UNKNOWN = -1
 """Instead of the status of a process that has ended."""
 
-page = mmap.mmap(-1, mmap.PAGESIZE)  # anonymous and shared: a forked child writes to the same
+page = mmap.mmap(
+    -1, mmap.PAGESIZE
+)  # anonymous and shared: a forked child writes to the same
 word = memoryview(page)[:8].cast("q")
-"""word[0]: PLACE times the component's place in the order of the schedule, and the verb; 0: no
-call."""
+"""word[0]: PLACE times the component's place in the order of the schedule, and the
+verb; 0: no call."""
 time = memoryview(page)[8:16].cast("d")
 """time[0]: the time of the call (s)."""
 
@@ -56,7 +72,8 @@ def describe(verb: int) -> str:
 
 
 def status_of(process: int) -> int | None:
-    """The status of a child that has ended, and is waited for no more; None while it runs."""
+    """The status of a child that has ended, and is waited for no more; None while it
+    runs."""
     try:
         found, status = os.waitpid(process, os.WNOHANG)
     except ChildProcessError:  # who made this process has it ignore SIGCHLD
@@ -71,4 +88,8 @@ def how(status: int) -> str:
     if not os.WIFSIGNALED(status):
         return f"exit({os.WEXITSTATUS(status)})"
     number = os.WTERMSIG(status)
-    return signal.Signals(number).name if number in set(signal.Signals) else f"signal {number}"
+    return (
+        signal.Signals(number).name
+        if number in set(signal.Signals)
+        else f"signal {number}"
+    )

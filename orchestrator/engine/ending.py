@@ -1,4 +1,5 @@
-"""What the stepping loops share: their names, and what may end a run before its stop time."""
+"""What the stepping loops share: their names, and what may end a run before its stop
+time."""
 
 from __future__ import annotations
 
@@ -15,10 +16,10 @@ How = Literal["never", "below", "above", "reaches", "always"]
 class Ending:
     """Why a run ends here, asked between steps: `reason` gives it, or nothing.
 
-    It may be asked after any step, and must be after each in which the watched outputs have met
-    their condition, and after the one that follows: the size of every element `below` the limit,
-    of any of them `above` it, or all of them equal to it (`reaches`); or after every step
-    (`always`).
+    It may be asked after any step, and must be after each in which the watched outputs
+    have met their condition, and after the one that follows: the size of every element
+    `below` the limit, of any of them `above` it, or all of them equal to it
+    (`reaches`); or after every step (`always`).
     """
 
     reason: Callable[[], str]
@@ -26,7 +27,8 @@ class Ending:
     watched: Sequence[Slot] = ()
     limit: float = 0.0
     memory: dict[str, Any] = field(default_factory=dict)
-    """What `reason` remembers from step to step, as JSON has it: a checkpoint keeps it."""
+    """What `reason` remembers from step to step, as JSON has it: a checkpoint keeps it.
+    """
 
 
 NEVER = Ending(lambda: "", "never")

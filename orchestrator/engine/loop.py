@@ -1,4 +1,5 @@
-"""The stepping loop of a run: to the end, to a condition, or to the first signal to stop."""
+"""The stepping loop of a run: to the end, to a condition, or to the first signal to
+stop."""
 
 from __future__ import annotations
 
@@ -18,7 +19,8 @@ from .process_state import stop_signals
 from .recording.recorder import Recorder
 
 AGAIN = 0.3
-"""A signal so soon after the first (s) is the same one: a terminal and a parent both send it."""
+"""A signal so soon after the first (s) is the same one: a terminal and a parent both
+send it."""
 
 
 class Stepper(Protocol):
@@ -66,9 +68,13 @@ class PythonSteps:
 
 
 def stepping(
-    master: Master, recorder: Recorder | None, ending: Ending = NEVER, loop: Loop = "compiled"
+    master: Master,
+    recorder: Recorder | None,
+    ending: Ending = NEVER,
+    loop: Loop = "compiled",
 ) -> Stepper:
-    """The steps of an initialised master by the loop that is wanted, where it can be had."""
+    """The steps of an initialised master by the loop that is wanted, where it can be
+    had."""
     if loop == "python":
         return PythonSteps(master, recorder, "it was asked for")
     try:
@@ -78,12 +84,18 @@ def stepping(
 
 
 def run(
-    master: Master, steps: Stepper, until: int, recorder: Recorder, ending: Ending = NEVER,
-    interrupted: Callable[[], int] = lambda: 0, report: Callable[[int], None] = lambda k: None,
-    checkpoints: Checkpoints | None = None, beside: Beside | None = None,
-) -> str:  # fmt: skip
-    """Step until step `until`, the first signal to stop, or an ending, whose reason is returned;
-    look at the clock twenty times a second."""
+    master: Master,
+    steps: Stepper,
+    until: int,
+    recorder: Recorder,
+    ending: Ending = NEVER,
+    interrupted: Callable[[], int] = lambda: 0,
+    report: Callable[[int], None] = lambda k: None,
+    checkpoints: Checkpoints | None = None,
+    beside: Beside | None = None,
+) -> str:
+    """Step until step `until`, the first signal to stop, or an ending, whose reason is
+    returned; look at the clock twenty times a second."""
     chunk = 1
     while master.k < until and not interrupted():
         began, first, edge = time.perf_counter(), master.k, min(master.k + chunk, until)
@@ -101,7 +113,9 @@ def run(
         finally:
             seconds = time.perf_counter() - began
             steps.seconds += seconds
-        made = master.k - first  # what ends a chunk earlier must not let it grow without end
+        made = (
+            master.k - first
+        )  # what ends a chunk earlier must not let it grow without end
         chunk = max(1, min(2 * made, int(made * 0.05 / max(seconds, 1e-6))))
         recorder.tick()
         report(master.k)
@@ -112,8 +126,8 @@ def run(
 
 @contextmanager
 def interruptible() -> Iterator[Callable[[], int]]:
-    """Within: a signal to stop only leaves its number, for an exception inside an FMU would crash
-    the process; a second one, later than AGAIN, ends it."""
+    """Within: a signal to stop only leaves its number, for an exception inside an FMU
+    would crash the process; a second one, later than AGAIN, ends it."""
     got, first = [0], [0.0]
 
     def handler(number: int, frame: Any) -> None:

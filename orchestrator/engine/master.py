@@ -8,13 +8,13 @@ t_k = start + k step, from an integer k.
 - `jacobi`: all step with held inputs, then all outputs move, as in libcosim and Ecos; a row holds
   all outputs at its time.
 
-Under `gauss_seidel` a step may have substeps, and components may be slower than the master
-(`system/schedule.py`): `plan.py` prepares what happens in each part of a step.
+Under `gauss_seidel` a step may have substeps, and components may be slower than the
+master (`system/schedule.py`): `plan.py` prepares what happens in each part of a step.
 
-All outputs live in one array per type, `live`. A step of a component is: gather its inputs from
-there, push, step, pull. A component whose outputs are all of the interval class pulls straight
-into `live`; any other pulls into `fresh`, from where its interval outputs follow at once and its
-state outputs when all have stepped.
+All outputs live in one array per type, `live`. A step of a component is: gather its
+inputs from there, push, step, pull. A component whose outputs are all of the interval
+class pulls straight into `live`; any other pulls into `fresh`, from where its interval
+outputs follow at once and its state outputs when all have stepped.
 """
 
 from __future__ import annotations
@@ -76,11 +76,11 @@ def instance_for(component: Component) -> Instance:
 
 class Master:
     """A running system. Use it as a context manager: leaving it frees the components.
-    `watched` chooses the outputs that are read although nothing is connected to them:
-    a function of component name and signal; default all. `halvings`: a step that a foreign FMU
-    discards is made in halves, quarters and so on, so many times at most. `isolated`: the FMUs
-    that run in processes of their own, each call of which may take `limit` s. `kept` keeps what
-    reaches a component; its outputs must be watched.
+    `watched` chooses the outputs that are read although nothing is connected to them: a
+    function of component name and signal; default all. `halvings`: a step that a
+    foreign FMU discards is made in halves, quarters and so on, so many times at most.
+    `isolated`: the FMUs that run in processes of their own, each call of which may take
+    `limit` s. `kept` keeps what reaches a component; its outputs must be watched.
     """
 
     def __init__(
@@ -113,7 +113,9 @@ class Master:
             self._rates = Rates(graded(1), every, frozenset())
         try:
             places = {name: PLACE * i for i, name in enumerate(schedule.order)}
-            for name in sorted(places, key=lambda n: n not in isolated):  # before others are there
+            for name in sorted(
+                places, key=lambda n: n not in isolated
+            ):  # before others are there
                 word[0], component = places[name] + INSTANTIATE, system.components[name]
                 instance: Instance
                 if name in isolated and component.fmu is not None:
@@ -124,11 +126,15 @@ class Master:
                 self.members[name] = self._member(component, instance, watched)
             self.members = {name: self.members[name] for name in schedule.order}
             self._outputs = Outputs(self.members.values())
-            self._plan = Plan(self.members, self._outputs, self._rates, self._gauss_seidel)
+            self._plan = Plan(
+                self.members, self._outputs, self._rates, self._gauss_seidel
+            )
             self._wire()
             for member in self.members.values() if halvings else ():
                 foreign = not member.component.interface.role
-                if foreign and isinstance(member.instance, FmuInstance | IsolatedInstance):
+                if foreign and isinstance(
+                    member.instance, FmuInstance | IsolatedInstance
+                ):
                     member.instance.halve(halvings)
         except BaseException:
             self.close()
@@ -147,14 +153,15 @@ class Master:
 
     @property
     def renewable(self) -> bool:
-        """Whether it can begin anew: all its components are our own native FMUs, in this process,
-        which are known to start from a reset as they do when they are made."""
+        """Whether it can begin anew: all its components are our own native FMUs, in
+        this process, which are known to start from a reset as they do when they are
+        made."""
         instances = (member.instance for member in self.members.values())
         return all(isinstance(i, FmuInstance) and i.places_known for i in instances)
 
     def renew(self, system: System, kept: Kept | None) -> None:
-        """Be as if it were made anew, of a system that differs from its own in values of parameters
-        alone; it is to be renewable."""
+        """Be as if it were made anew, of a system that differs from its own in values
+        of parameters alone; it is to be renewable."""
         self.system, self.k = system, 0
         for name, member in self.members.items():
             assert isinstance(member.instance, FmuInstance)
@@ -168,14 +175,18 @@ class Master:
             self._planned(kept)
 
     def __enter__(self) -> Self:
-        self._quiet = np.errstate(all="ignore")  # the check for NaN and infinity overflows
+        self._quiet = np.errstate(
+            all="ignore"
+        )  # the check for NaN and infinity overflows
         self._quiet.__enter__()
         return self
 
     def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None,
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
         trace: TracebackType | None,
-    ) -> None:  # fmt: skip
+    ) -> None:
         self._quiet.__exit__(kind, error, trace)
         if not self.spared:
             self.close()
@@ -196,10 +207,13 @@ class Master:
         """The communication point t_k (s)."""
         return self.start + self.k * self.step_size
 
-    # --- wiring -------------------------------------------------------------------------------
+    # --- wiring -----------------------------------------------------------------------
 
     def _member(
-        self, component: Component, instance: Instance, watched: Callable[[str, Signal], bool]
+        self,
+        component: Component,
+        instance: Instance,
+        watched: Callable[[str, Signal], bool],
     ) -> Node:
         """A component with the outputs that are read of it, not yet placed."""
         name = component.name
@@ -238,7 +252,10 @@ class Master:
         for member in self.members.values():
             signals = member.component.interface.signals
             member.instance.wire(
-                {k: [signals[c.input] for _, c in member.incoming.get(k, ())] for k in KINDS},
+                {
+                    k: [signals[c.input] for _, c in member.incoming.get(k, ())]
+                    for k in KINDS
+                },
                 {k: [slot.signal for slot in member.slots[k]] for k in KINDS},
                 {k: self._outputs.home(member, k) for k in KINDS},
                 clocks[member.every],
@@ -250,7 +267,10 @@ class Master:
         inner = len(self._rates.parts) > 1 and member.every == 1
         if not inner or "sample_time" not in member.component.interface.signals:
             return given
-        return {**given, "sample_time": member.component.values["sample_time"] or self.step_size}
+        return {
+            **given,
+            "sample_time": member.component.values["sample_time"] or self.step_size,
+        }
 
     def home(self, member: Node, kind: Kind) -> Array:
         """Where a member pulls its outputs of a type into."""
@@ -264,7 +284,7 @@ class Master:
         """The length of a step of a member (s), all inner ones alike."""
         return self.step_size * self._rates.edge(member.every)
 
-    # --- initialisation -----------------------------------------------------------------------
+    # --- initialisation ---------------------------------------------------------------
 
     def initialise(self) -> None:
         """Set parameters and exchange in initialisation mode until nothing changes.
@@ -273,8 +293,10 @@ class Master:
         """
         members = self.members.values()
         time[0], start = self.start, self.start
-        each(self._within(m, ENTER, partial(m.instance.enter, start, self.parameters(m)))
-              for m in members)  # fmt: skip
+        each(
+            self._within(m, ENTER, partial(m.instance.enter, start, self.parameters(m)))
+            for m in members
+        )
         for member in members:
             self._pull(member)
         self._settle()
@@ -284,7 +306,9 @@ class Master:
         self.check_finite()
         word[0] = 0
 
-    def _within(self, member: Node, verb: int, call: Callable[[], None]) -> Callable[[], None]:
+    def _within(
+        self, member: Node, verb: int, call: Callable[[], None]
+    ) -> Callable[[], None]:
         """A call of a component that is about to be made."""
         word[0] = member.instance.place + verb
         return call
@@ -304,14 +328,19 @@ class Master:
                 if gathers[name]:
                     self._judged(member, PUSH, member.instance.push)
                 self._pull(member)
-            if all(before[kind].tobytes() == self.live[kind].tobytes() for kind in KINDS):
+            if all(
+                before[kind].tobytes() == self.live[kind].tobytes() for kind in KINDS
+            ):
                 return
         changed = [
-            slot for slot in self.slots
+            slot
+            for slot in self.slots
             if before[slot.kind][slot.index].tobytes()
             != self.live[slot.kind][slot.index].tobytes()
-        ]  # fmt: skip
-        names = ", ".join(dict.fromkeys(f"{s.component}.{s.signal.name}" for s in changed))
+        ]
+        names = ", ".join(
+            dict.fromkeys(f"{s.component}.{s.signal.name}" for s in changed)
+        )
         raise DesatError(
             f"{self.system.where}: initialisation does not settle: {names} keep changing"
         )
@@ -328,12 +357,17 @@ class Master:
         if (status := call()) > 1:
             raise member.instance.failed(VERBS[verb], status)
         if status:
-            warn_of(member.instance, VERBS[verb], f", the first time at t = {self.start:g} s")
+            warn_of(
+                member.instance,
+                VERBS[verb],
+                f", the first time at t = {self.start:g} s",
+            )
 
-    # --- stepping -----------------------------------------------------------------------------
+    # --- stepping ---------------------------------------------------------------------
 
     def advance(self, record: Rows | None = None) -> None:
-        """One step. `record(k, outputs)` sees the row of this step: see the module's text."""
+        """One step. `record(k, outputs)` sees the row of this step: see the module's
+        text."""
         k, step = self.k, self.cycle[self.k % len(self.cycle)]
         for operation in step.before:
             operation(k)
@@ -343,18 +377,24 @@ class Master:
             operation(k)
         word[0] = 0
         self.k = k + 1
-        if self.live["Real"].dot(self._zeros) != 0.0:  # NaN or infinity times 0 is not 0
+        if (
+            self.live["Real"].dot(self._zeros) != 0.0
+        ):  # NaN or infinity times 0 is not 0
             self.check_finite()
 
     def terminate(self) -> None:
         """Tell all components that a simulation which has not failed is over. Raises
         ComponentError with a line for each that does not end."""
-        each(self._within(m, TERMINATE, m.instance.terminate) for m in self.members.values())
+        each(
+            self._within(m, TERMINATE, m.instance.terminate)
+            for m in self.members.values()
+        )
         word[0] = 0
 
     def memory(self) -> dict[str, Array]:
-        """All arrays that the next step of an initialised master depends on, by name: what is in
-        them may be saved, and put back. The states of the components come beside."""
+        """All arrays that the next step of an initialised master depends on, by name:
+        what is in them may be saved, and put back. The states of the components come
+        beside."""
         kept = self._plan.memory() | ({} if self._kept is None else self._kept.memory())
         for kind in KINDS:
             kept[f"live {kind}"] = self.live[kind]
@@ -365,15 +405,17 @@ class Master:
         return kept
 
     def messages(self) -> list[str]:
-        """A line for each message that the components have logged, and after these for each call
-        that returned a warning: their order is that of no loop."""
+        """A line for each message that the components have logged, and after these for
+        each call that returned a warning: their order is that of no loop."""
         for member in self.members.values():
             member.instance.look()
         lines = [
             f"{name}: {text}"
             for name, member in self.members.items()
-            for text in sorted(member.instance.messages, key=lambda m: m * is_of_status(m))
-        ]  # fmt: skip
+            for text in sorted(
+                member.instance.messages, key=lambda m: m * is_of_status(m)
+            )
+        ]
         return list(dict.fromkeys(lines))
 
     def check_finite(self) -> None:
@@ -387,8 +429,8 @@ class Master:
 
 
 class MasterPool:
-    """Keeps the master of a run that went well, for the next of many runs that differ in values of
-    parameters alone: making one takes a third of a short run."""
+    """Keeps the master of a run that went well, for the next of many runs that differ
+    in values of parameters alone: making one takes a third of a short run."""
 
     def __init__(self) -> None:
         self._key: Any = None
@@ -397,8 +439,9 @@ class MasterPool:
 
     def take(
         self, key: Any, system: System, kept: Kept | None, make: Callable[[], Master]
-    ) -> Master:  # fmt: skip
-        """The master that is kept, as new, where it is of the same key; else one that is made."""
+    ) -> Master:
+        """The master that is kept, as new, where it is of the same key; else one that
+        is made."""
         if not self._masters or self._key != key:
             _close(self._masters)
             self._key = key

@@ -1,7 +1,7 @@
 """What a master does in a step, operation by operation.
 
-An operation is called with the step's number k, by `master.py`; and it is plain data, which
-`compiled.py` hands to the compiled loop. There are no others.
+An operation is called with the step's number k, by `master.py`; and it is plain data,
+which `compiled.py` hands to the compiled loop. There are no others.
 """
 
 from __future__ import annotations
@@ -67,8 +67,8 @@ class Length:
 
 @dataclass(frozen=True, slots=True)
 class Gather:
-    """target[into] = factor source[index] + offset; without `conversion` the values as they are,
-    without `into` all of them."""
+    """target[into] = factor source[index] + offset; without `conversion` the values as
+    they are, without `into` all of them."""
 
     kind: Kind
     source: Array
@@ -194,8 +194,8 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Places:
-    """Where means (m,) and their slopes (m,) lie in an array, a negative number where there is no
-    slope."""
+    """Where means (m,) and their slopes (m,) lie in an array, a negative number where
+    there is no slope."""
 
     means: NDArray[np.intp]
     slopes: NDArray[np.intp]
@@ -218,14 +218,21 @@ class Places:
 
 
 class Whole:
-    """Joins the parts of a window: outputs of a fast component for a slower one, or for a row."""
+    """Joins the parts of a window: outputs of a fast component for a slower one, or for
+    a row."""
 
     def __init__(
-        self, live: Floats, source: Places, into: Floats, target: Places, parts: Sequence[Share]
+        self,
+        live: Floats,
+        source: Places,
+        into: Floats,
+        target: Places,
+        parts: Sequence[Share],
     ) -> None:
         self.live, self.source, self.into, self.target = live, source, into, target
         self.weights = [(w, 6.0 * w * (2.0 * a + w - 1.0), w * w) for a, w in parts]
-        """Of each part: of its mean in the mean and in the slope, and of its slope there."""
+        """Of each part: of its mean in the mean and in the slope, and of its slope
+        there."""
         self.mean = np.zeros(len(source.means))
         self.slope = np.zeros(len(source.means))
 

@@ -1,4 +1,5 @@
-"""What a master does in each part of its steps, prepared once: who steps, with which calls."""
+"""What a master does in each part of its steps, prepared once: who steps, with which
+calls."""
 
 from __future__ import annotations
 
@@ -28,12 +29,16 @@ from .operations import (
 class Plan:
     """Prepares the steps of a cycle.
 
-    Under `jacobi` (`gauss_seidel` false) nothing is joined or cut: an output moves only when its
-    source and its target are both due.
+    Under `jacobi` (`gauss_seidel` false) nothing is joined or cut: an output moves only
+    when its source and its target are both due.
     """
 
     def __init__(
-        self, members: dict[str, Node], outputs: Outputs, rates: Rates, gauss_seidel: bool
+        self,
+        members: dict[str, Node],
+        outputs: Outputs,
+        rates: Rates,
+        gauss_seidel: bool,
     ) -> None:
         self._members, self._outputs, self._rates = members, outputs, rates
         self._gauss_seidel = gauss_seidel
@@ -43,7 +48,8 @@ class Plan:
         self._start, self._step = start, step
         inner = len(self._rates.parts)
         self._clocks = {
-            m.every: Clock(start, step * self._rates.edge(m.every)) for m in self._members.values()
+            m.every: Clock(start, step * self._rates.edge(m.every))
+            for m in self._members.values()
         }
         self._lengths = [w * step for _, w in self._rates.parts] if inner > 1 else []
         return self._clocks
@@ -51,39 +57,51 @@ class Plan:
     def rewind(self) -> None:
         """Put the clocks back to the start."""
         for every, clock in self._clocks.items():
-            clock.t.value, clock.dt.value = self._start, self._step * self._rates.edge(every)
+            clock.t.value, clock.dt.value = (
+                self._start,
+                self._step * self._rates.edge(every),
+            )
 
     def windows(self) -> None:
-        """Give each member the windows of means that it takes from members of another rate."""
+        """Give each member the windows of means that it takes from members of another
+        rate."""
         if not self._gauss_seidel:
             return
         for member in self._members.values():
             sources = {slot.component for slot, _ in member.incoming.get("Real", ())}
             for name in sorted(sources):
                 source = self._members[name]
-                wanted = {s.index for s, _ in member.incoming["Real"] if s.component == name}
+                wanted = {
+                    s.index for s, _ in member.incoming["Real"] if s.component == name
+                }
                 places = means(source.slots["Real"], wanted)
                 if source.every != member.every and len(places.means):
                     member.windows.append(Window(name, places))
         self._outputs.make_room(w for m in self._members.values() for w in m.windows)
 
     def cycle(self, kept: Kept | None = None) -> list[Step]:
-        """What is done in each step of a cycle; with `kept`, who keeps what reaches a component."""
+        """What is done in each step of a cycle; with `kept`, who keeps what reaches a
+        component."""
         inner = len(self._rates.parts)
         self._kept = kept
         self._whole = {
             (m.name, w.source): Whole(
-                self._live, w.places, self._live, w.target,
+                self._live,
+                w.places,
+                self._live,
+                w.target,
                 self._rates.window(self._members[w.source].every, m.every),
             )
-            for m in self._members.values() for w in m.windows
+            for m in self._members.values()
+            for w in m.windows
             if self._members[w.source].every < m.every
-        }  # fmt: skip
+        }
         self.row = RowOperation(self._outputs, self._members.values(), self._rates)
         return [self._one(step * inner, inner) for step in range(self._rates.cycle)]
 
     def memory(self) -> dict[str, Array]:
-        """What outlives a step in it, by name: clocks, and windows that are not complete."""
+        """What outlives a step in it, by name: clocks, and windows that are not
+        complete."""
         kept: dict[str, Array] = {}
         for every, clock in self._clocks.items():
             kept[f"clock {every} t"] = np.frombuffer(memoryview(clock.t), np.float64)
@@ -127,11 +145,13 @@ class Plan:
 
     def _sample(self, member: Node) -> list[Gather]:
         """The start of a late member's window: it takes those inputs that belong there."""
-        return member.gathers(self._outputs.live, lambda slot: not self._at_end(member, slot))
+        return member.gathers(
+            self._outputs.live, lambda slot: not self._at_end(member, slot)
+        )
 
     def _at_end(self, member: Node, slot: Slot) -> bool:
-        """Whether a late member takes an input at the end of its window: what is over the window
-        is known there only."""
+        """Whether a late member takes an input at the end of its window: what is over
+        the window is known there only."""
         source = self._members[slot.component]
         return slot.interval and (
             slot.index in {int(i) for w in member.windows for i, _ in w.moved()}
@@ -139,8 +159,8 @@ class Plan:
         )
 
     def _move(self, member: Node, part: int, tick: Tick) -> list[Operation]:
-        """A member's step: its calls in their order, then what it shows at once and what it hands
-        on to members of another rate."""
+        """A member's step: its calls in their order, then what it shows at once and
+        what it hands on to members of another rate."""
         instance, live = member.instance, self._outputs.live
         if member.late:
             gathers = member.gathers(live, lambda slot: self._at_end(member, slot))
@@ -150,15 +170,18 @@ class Plan:
             due = lambda slot: part % self._members[slot.component].every == 0  # noqa: E731
             gathers = member.gathers(live, due)
         return [
-            *self._cuts(member, part), *gathers,
+            *self._cuts(member, part),
+            *gathers,
             *([Call.of(instance, "push", tick)] if member.incoming else []),
-            Call.of(instance, "step", tick), Call.of(instance, "pull", tick),
+            Call.of(instance, "step", tick),
+            Call.of(instance, "pull", tick),
             *(self._outputs.fresh_of(member, "interval") if self._gauss_seidel else []),
             *self._joins(member, part),
-        ]  # fmt: skip
+        ]
 
     def _cuts(self, member: Node, part: int) -> list[Split]:
-        """Cutting what a member takes from slower ones, for the window that ends with this step."""
+        """Cutting what a member takes from slower ones, for the window that ends with
+        this step."""
         cuts = []
         for window in member.windows:
             slow = self._members[window.source].every
@@ -172,22 +195,25 @@ class Plan:
         """Joining what a member gives to slower ones."""
         return [
             Accumulate(whole, part % self._members[target].every // member.every)
-            for (target, source), whole in self._whole.items() if source == member.name
-        ]  # fmt: skip
+            for (target, source), whole in self._whole.items()
+            if source == member.name
+        ]
 
     def _ends(self, part: int) -> list[Publish]:
-        """What is shown at the end of a part, by the members that have come to the end of their
-        windows."""
+        """What is shown at the end of a part, by the members that have come to the end
+        of their windows."""
         done = [m for m in self._members.values() if (part + 1) % m.every == 0]
         if len(done) == len(self._members):
             return self._outputs.all_fresh()
         which: Literal["state", "all"] = "state" if self._gauss_seidel else "all"
-        return [show for member in done for show in self._outputs.fresh_of(member, which)]
+        return [
+            show for member in done for show in self._outputs.fresh_of(member, which)
+        ]
 
 
 class RowOperation:
-    """A row of results. Of a step with substeps: states of t_k, means over the whole step, and
-    of another interval value the last; otherwise the outputs as they are."""
+    """A row of results. Of a step with substeps: states of t_k, means over the whole
+    step, and of another interval value the last; otherwise the outputs as they are."""
 
     def __init__(self, outputs: Outputs, members: Iterable[Node], rates: Rates) -> None:
         self.values = self._live = outputs.live
@@ -209,10 +235,15 @@ class RowOperation:
         """Takes the states of t_k."""
         if not self._last:
             return []
-        return [Publish(self.values[kind], values) for kind, values in self._live.items()]
+        return [
+            Publish(self.values[kind], values) for kind, values in self._live.items()
+        ]
 
     def add(self, i: int) -> list[Operation]:
         """Takes part i, when all have moved; the last one completes the row."""
         if not self._last:
             return []
-        return [*(self._intervals if i == self._last else []), Accumulate(self._whole, i)]
+        return [
+            *(self._intervals if i == self._last else []),
+            Accumulate(self._whole, i),
+        ]

@@ -31,10 +31,10 @@ _FULL = {
 @contextmanager
 def keep_state(
     who: str = "a component", whose: str = "the process"
-) -> Iterator[Callable[..., list[str]]]:  # fmt: skip
-    """Within: a function that puts the process back as it was at the beginning, and gives a line
-    for each thing that was changed; without `handlers`, where signals have handlers of ours, all
-    but those."""
+) -> Iterator[Callable[..., list[str]]]:
+    """Within: a function that puts the process back as it was at the beginning, and
+    gives a line for each thing that was changed; without `handlers`, where signals have
+    handlers of ours, all but those."""
     before = {name: get() for name, (get, _) in _STATE.items()}
 
     def changes(when: str, handlers: bool = True) -> list[str]:
@@ -86,7 +86,8 @@ def _put_rounding(mode: int) -> None:
 
 
 def _modes() -> int:
-    """How the processor calculates, beside rounding: traps, and what is too small taken as 0."""
+    """How the processor calculates, beside rounding: traps, and what is too small taken
+    as 0."""
     return int.from_bytes(_state(), "little") & _MODES if _MODES else 0
 
 
@@ -128,7 +129,8 @@ _LARGEST = 64
 _MODES = {"x86_64": 0x9FC0 << 8 * 28 | 0x033F, "aarch64": 0x0308_9F00}.get(
     platform.machine() if _M is not None and sys.platform == "linux" else "", 0
 )
-"""The bits of a `fenv_t` of Linux that hold the modes: of MXCSR and the x87's word, or of FPCR."""
+"""The bits of a `fenv_t` of Linux that hold the modes: of MXCSR and the x87's word, or
+of FPCR."""
 _STATE: dict[str, tuple[Callable[[], Any], Callable[[Any], Any]]] = {
     "rounding mode": (_rounding, _put_rounding),
     "floating-point modes": (_modes, _put_modes),
@@ -143,14 +145,16 @@ _STATE: dict[str, tuple[Callable[[], Any], Callable[[Any], Any]]] = {
 
 
 THREADS = "OPENBLAS_NUM_THREADS"
-"""How many threads numpy's products take, read when numpy is loaded. With one, which is enough for
-matrices of three columns, none of them waits busily for the next product, as those of a day's
-numbers do for a quarter of its CPU, and no bit hangs on the number of processors."""
+"""How many threads numpy's products take, read when numpy is loaded. With one, which is
+enough for matrices of three columns, none of them waits busily for the next product, as
+those of a day's numbers do for a quarter of its CPU, and no bit hangs on the number of
+processors."""
 
 
 @contextmanager
 def one_thread() -> Iterator[None]:
-    """Within: processes that begin take one thread, but where the user has said how many."""
+    """Within: processes that begin take one thread, but where the user has said how
+    many."""
     given = os.environ.get(THREADS)
     os.environ.setdefault(THREADS, "1")
     try:
@@ -171,14 +175,14 @@ def fork() -> int:
 
 
 def die_with(parent: int, number: int) -> None:
-    """Let no fault of a component print a trace in a forked process, and let it get a signal when
-    its parent dies (Linux)."""
+    """Let no fault of a component print a trace in a forked process, and let it get a
+    signal when its parent dies (Linux)."""
     faulthandler.disable()
     if sys.platform == "linux":
         libc = ctypes.CDLL(None)
         if hasattr(libc, "on_exit"):  # glibc
-            # a component that calls exit() ends here: what the parent's libraries have registered
-            # for their end needs threads that a fork does not have
+            # a component that calls exit() ends here: what the parent's libraries have
+            # registered for their end needs threads that a fork does not have
             libc.on_exit(ctypes.cast(libc._exit, ctypes.c_void_p), None)
         libc.prctl(1, number)  # PR_SET_PDEATHSIG
         if os.getppid() != parent:
@@ -186,7 +190,8 @@ def die_with(parent: int, number: int) -> None:
 
 
 def stop_signals() -> list[int]:
-    """The signals that stop a run; SIGHUP not where whoever started us has it ignored (nohup)."""
+    """The signals that stop a run; SIGHUP not where whoever started us has it ignored
+    (nohup)."""
     hung_up = getattr(signal, "SIGHUP", None)  # Windows has none
     if hung_up is None or signal.getsignal(hung_up) == signal.SIG_IGN:
         return [signal.SIGINT, signal.SIGTERM]
@@ -194,7 +199,8 @@ def stop_signals() -> list[int]:
 
 
 def no_space(text: str) -> str:
-    """Why there is no room, of the text of an error of HDF5 or of the system; else nothing."""
+    """Why there is no room, of the text of an error of HDF5 or of the system; else
+    nothing."""
     for number, meaning in _FULL.items():
         if f"errno = {number}," in text or f"[Errno {number}]" in text:
             return meaning
@@ -209,18 +215,22 @@ _PATIENCE = 0.5
 
 
 def adopt() -> None:
-    """Orphans of this process' children come to it, not to the system (Linux): daemons of FMUs."""
+    """Orphans of this process' children come to it, not to the system (Linux): daemons
+    of FMUs."""
     if sys.platform == "linux":
         ctypes.CDLL(None).prctl(36, 1)  # PR_SET_CHILD_SUBREAPER
 
 
 def end() -> None:
-    """End all children of this process: of those that are ours none is left when this is asked."""
+    """End all children of this process: of those that are ours none is left when this
+    is asked."""
     until = time.monotonic() + _PATIENCE
     while time.monotonic() < until:
         files = Path("/proc/self/task").glob("*/children")
         with suppress(OSError):
-            if not (left := [int(n) for file in files for n in file.read_text().split()]):
+            if not (
+                left := [int(n) for file in files for n in file.read_text().split()]
+            ):
                 return
             for process in left:
                 os.kill(process, signal.SIGKILL)

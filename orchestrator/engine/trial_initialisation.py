@@ -1,8 +1,9 @@
 """A trial of the initialisation, for `desat check`: what our own FMUs refuse.
 
-Rules that need all of a component's parameters live in its start, so only initialising tells. Our
-FMUs, told by their hash, and those of a list of trusted ones are initialised together, in a process
-of their own; of others only the description is read, and nothing of theirs is loaded.
+Rules that need all of a component's parameters live in its start, so only initialising
+tells. Our FMUs, told by their hash, and those of a list of trusted ones are initialised
+together, in a process of their own; of others only the description is read, and nothing
+of theirs is loaded.
 """
 
 from __future__ import annotations
@@ -23,9 +24,10 @@ TIMEOUT = 60.0
 def refusals(
     system: System, schedule: Schedule, trusted: frozenset[str] | None = None
 ) -> tuple[list[str], list[str]]:
-    """What the components of a checked system refuse when they are initialised, a line each:
-    problems, and warnings for those that were tried without the outputs of a foreign FMU that
-    they need. `trusted`: the sha256 of FMUs that may run besides ours."""
+    """What the components of a checked system refuse when they are initialised, a line
+    each: problems, and warnings for those that were tried without the outputs of a
+    foreign FMU that they need. `trusted`: the sha256 of FMUs that may run besides
+    ours."""
     fmus = {n: c.fmu for n, c in system.components.items() if c.fmu is not None}
     if not fmus:
         return _initialised(system, schedule), []
@@ -34,9 +36,11 @@ def refusals(
         return [], []
     # what a foreign FMU shows at the start is not known here, nor what follows from it
     blind = {
-        c.target for c in system.connections
-        if c.source not in ours and schedule.classes.get((c.source, c.output)) != "interval"
-    }  # fmt: skip
+        c.target
+        for c in system.connections
+        if c.source not in ours
+        and schedule.classes.get((c.source, c.output)) != "interval"
+    }
     while more := {c.target for c in system.connections if c.source in blind} - blind:
         blind |= more
     part = _part(system, ours)
@@ -45,7 +49,10 @@ def refusals(
     unsure = [line for line in lines if line.partition(":")[0] in blind]
     return (
         [line for line in lines if line not in unsure],
-        [f"{line} (tried without the foreign FMUs that it depends on)" for line in unsure],
+        [
+            f"{line} (tried without the foreign FMUs that it depends on)"
+            for line in unsure
+        ],
     )
 
 
@@ -57,7 +64,9 @@ def _part(system: System, names: set[str]) -> System:
 
 
 def _part_of(schedule: Schedule, names: set[str]) -> Schedule:
-    return replace(schedule, order=tuple(n for n in schedule.order if n in names), timing=())
+    return replace(
+        schedule, order=tuple(n for n in schedule.order if n in names), timing=()
+    )
 
 
 def _in_a_process(system: System, schedule: Schedule) -> list[str]:
@@ -65,7 +74,9 @@ def _in_a_process(system: System, schedule: Schedule) -> list[str]:
         return _initialised(system, schedule)
     library.unpack(system)
     try:
-        return child.apart(lambda: _initialised(system, schedule), schedule.order, TIMEOUT)
+        return child.apart(
+            lambda: _initialised(system, schedule), schedule.order, TIMEOUT
+        )
     except EndedError as error:
         return [f"{system.where}: {error}"]
 

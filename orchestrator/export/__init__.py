@@ -1,1 +1,2 @@
-"""What leaves desat: a loop as one FMU, a block as C, series as tables, a system as .ssp."""
+"""What leaves desat: a loop as one FMU, a block as C, series as tables, a system as
+.ssp."""

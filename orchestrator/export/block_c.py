@@ -17,11 +17,12 @@ from ..system.errors import DesatError, nearest
 
 def export(
     block: str, folder: Path, compilers: Sequence[str] | None = None
-) -> tuple[list[Path], list[Size]]:  # fmt: skip
-    """Write NAME.h and NAME.c into a folder, and return their paths and what each compiler makes of
-    them (default: this machine's, where it has one).
+) -> tuple[list[Path], list[Size]]:
+    """Write NAME.h and NAME.c into a folder, and return their paths and what each
+    compiler makes of them (default: this machine's, where it has one).
 
-    Raises DesatError where there is no such block, it has no C, or a compiler does not compile it.
+    Raises DesatError where there is no such block, it has no C, or a compiler does not
+    compile it.
     """
     fmu = _native(block)
     try:

@@ -1,8 +1,8 @@
 """A whole loop as one block in C: the operations of a master's plan, written out.
 
-The block's bytes are its own variables, the arrays that a master has (`live`, `fresh`, inputs,
-windows, clocks), and after them the bytes of the blocks that it is made of. Initialisation, order,
-substeps and rates are the master's, and so are the bits.
+The block's bytes are its own variables, the arrays that a master has (`live`, `fresh`,
+inputs, windows, clocks), and after them the bytes of the blocks that it is made of.
+Initialisation, order, substeps and rates are the master's, and so are the bits.
 """
 
 from __future__ import annotations
@@ -20,7 +20,16 @@ from desat.fmus.translate.value import c_text, number
 from ..engine.instances.base import Array
 from ..engine.master import Master
 from ..engine.node import Node, Slot
-from ..engine.operations import Accumulate, Call, Gather, Length, Operation, Publish, Split, Tick
+from ..engine.operations import (
+    Accumulate,
+    Call,
+    Gather,
+    Length,
+    Operation,
+    Publish,
+    Split,
+    Tick,
+)
 from ..system.interface import KINDS, Kind, Signal
 
 _TYPE: dict[Kind, str] = {"Real": "double", "Integer": "int32_t", "Boolean": "int32_t"}
@@ -30,12 +39,14 @@ _OWN: dict[Kind, str] = {"Real": "double", "Integer": "int64_t", "Boolean": "boo
 
 @dataclass(frozen=True)
 class Scalars:
-    """A variable of the loop: its name, its elements' names and start values, and what it is of."""
+    """A variable of the loop: its name, its elements' names and start values, and what
+    it is of."""
 
     name: str
     elements: tuple[str, ...]
     signals: tuple[tuple[tuple[str, Signal], ...], ...]
-    """Of each element, by component, the scalar that it is: of a shared parameter several."""
+    """Of each element, by component, the scalar that it is: of a shared parameter
+    several."""
     starts: tuple[Scalar, ...]
     causality: str
 
@@ -46,21 +57,27 @@ class Scalars:
 
 
 class Composite:
-    """The C of an initialised master. `models`: of each component that is part of it the block's
-    name; the others are `without`, whose outputs are inputs of the loop, and the reverse."""
+    """The C of an initialised master. `models`: of each component that is part of it
+    the block's name; the others are `without`, whose outputs are inputs of the loop,
+    and the reverse."""
 
     def __init__(
-        self, master: Master, models: Mapping[str, str], variables: Sequence[Scalars],
-    ) -> None:  # fmt: skip
+        self,
+        master: Master,
+        models: Mapping[str, str],
+        variables: Sequence[Scalars],
+    ) -> None:
         self._master, self._models, self._variables = master, models, variables
-        self._parts = {name: i for i, name in enumerate(n for n in master.members if n in models)}
+        self._parts = {
+            name: i for i, name in enumerate(n for n in master.members if n in models)
+        }
         self._names = {name: f"in_{i}" for i, name in enumerate(master.members)}
         self._regions: list[tuple[int, int, int, str]] = []
         self._functions: dict[str, str] = {}
         """Of each text its function: what a cycle does again is there once."""
         self._lay_out()
 
-    # --- where the master's values are in the block -----------------------------------------------
+    # --- where the master's values are in the block -----------------------------------
 
     def _lay_out(self) -> None:
         master, seen = self._master, set[int]()
@@ -70,19 +87,25 @@ class Composite:
             if not array.size or at in seen:
                 return ""
             seen.add(at)
-            self._regions.append((at, at + array.nbytes, array.itemsize, f"self->{name}"))
+            self._regions.append(
+                (at, at + array.nbytes, array.itemsize, f"self->{name}")
+            )
             return f"{kind} {name.removeprefix('live.')}[{array.size}];"
 
         live = [add(master.live[k], f"live.{k[0].lower()}", _TYPE[k]) for k in KINDS]
         fields = [f"struct {{ {' '.join(filter(None, live))} }} live;"]
         for kind in KINDS:
             letter = kind[0].lower()
-            fields += [add(master.memory()[f"fresh {kind}"], f"fresh_{letter}", _TYPE[kind]),
-                       add(master.row[kind], f"row_{letter}", _TYPE[kind])]  # fmt: skip
+            fields += [
+                add(master.memory()[f"fresh {kind}"], f"fresh_{letter}", _TYPE[kind]),
+                add(master.row[kind], f"row_{letter}", _TYPE[kind]),
+            ]
             for name, member in master.members.items():
                 if kind in member.instance.inputs:
                     inputs = member.instance.inputs[kind]
-                    fields.append(add(inputs, f"{self._names[name]}_{letter}", _TYPE[kind]))
+                    fields.append(
+                        add(inputs, f"{self._names[name]}_{letter}", _TYPE[kind])
+                    )
         kept = [x for k, x in master.memory().items() if k.startswith("clock ")]
         joins = [
             o.whole
@@ -95,7 +118,8 @@ class Composite:
         self._fields = [field for field in fields if field]
 
     def _at(self, of: Any) -> tuple[str, int]:
-        """The array of the block that a master's array lies in, and its first place there."""
+        """The array of the block that a master's array lies in, and its first place
+        there."""
         at = int(of.ctypes.data) if isinstance(of, np.ndarray) else ctypes.addressof(of)
         for first, end, size, name in self._regions:
             if first <= at < end:
@@ -110,7 +134,7 @@ class Composite:
         """A variable of a part."""
         return f"DESAT_{kind.upper()}({self._parts[component]}, {reference})"
 
-    # --- operations -------------------------------------------------------------------------------
+    # --- operations -------------------------------------------------------------------
 
     def _statements(self, operation: Operation) -> Iterator[str]:
         """An operation as statements."""
@@ -129,8 +153,10 @@ class Composite:
             case Publish(live, fresh) if not fresh.size:
                 pass
             case Publish(live, fresh):
-                yield (f"memcpy(&{self._element(live)}, &{self._element(fresh)}, {len(fresh)} * "
-                       f"sizeof {self._element(live)});")  # fmt: skip
+                yield (
+                    f"memcpy(&{self._element(live)}, &{self._element(fresh)}, {len(fresh)} * "
+                    f"sizeof {self._element(live)});"
+                )
             case Accumulate(whole, i):
                 yield from self._joined(whole, i)
             case Split(part, i):
@@ -160,7 +186,9 @@ class Composite:
         signals, inputs = member.component.interface.signals, member.instance.inputs
         for kind, feeds in member.incoming.items():
             for i, (_, c) in enumerate(feeds):
-                value = self._element(inputs[kind], i) + (" != 0" if kind == "Boolean" else "")
+                value = self._element(inputs[kind], i) + (
+                    " != 0" if kind == "Boolean" else ""
+                )
                 target = self._variable(member.name, kind, signals[c.input].reference)
                 yield f"{target} = {value};"
 
@@ -171,13 +199,17 @@ class Composite:
                 for i, of in enumerate(v.signals):
                     for component, signal in of:
                         if component in self._parts and name in ("", component):
-                            target = self._variable(component, signal.kind, signal.reference)
+                            target = self._variable(
+                                component, signal.kind, signal.reference
+                            )
                             yield f"{target} = self->v{n}[{i}];"
 
     def _step(self, member: Node) -> Iterator[str]:
         yield from self._opened("input", member.name)
         kept = self._master.memory()
-        t, dt = (self._element(kept[f"clock {member.every} {what}"]) for what in ("t", "dt"))
+        t, dt = (
+            self._element(kept[f"clock {member.every} {what}"]) for what in ("t", "dt")
+        )
         yield f"desat_stepped(c, {self._parts[member.name]}, {t}, {dt});"
 
     def _pull(self, member: Node) -> Iterator[str]:
@@ -192,9 +224,11 @@ class Composite:
         """What the loop is given in the place of a component's outputs."""
         at = {
             (component, signal.name): f"self->v{n}[{i}]"
-            for n, v in enumerate(self._variables) if v.causality == "input"
-            for i, of in enumerate(v.signals) for component, signal in of
-        }  # fmt: skip
+            for n, v in enumerate(self._variables)
+            if v.causality == "input"
+            for i, of in enumerate(v.signals)
+            for component, signal in of
+        }
         for kind in KINDS:
             home = self._master.home(member, kind)
             for i, slot in enumerate(member.slots[kind]):
@@ -203,7 +237,9 @@ class Composite:
 
     def _joined(self, whole: Any, i: int) -> Iterator[str]:
         mean, slope, weights = whole.mean, whole.slope, whole.weights[i]
-        places = zip(whole.source.means.tolist(), whole.source.slopes.tolist(), strict=True)
+        places = zip(
+            whole.source.means.tolist(), whole.source.slopes.tolist(), strict=True
+        )
         w, of_mean, of_slope = map(number, weights)
         for e, (m, s) in enumerate(places):
             a, b = self._element(mean, e), self._element(slope, e)
@@ -215,7 +251,11 @@ class Composite:
             yield f"{b} += {of_mean} * {of_m} + {of_slope} * {of_s};"
         if i == len(whole.weights) - 1:
             for e, (m, s) in enumerate(
-                zip(whole.target.means.tolist(), whole.target.slopes.tolist(), strict=True)
+                zip(
+                    whole.target.means.tolist(),
+                    whole.target.slopes.tolist(),
+                    strict=True,
+                )
             ):
                 yield f"{self._element(whole.into, m)} = {self._element(mean, e)};"
                 if s >= 0:
@@ -227,8 +267,10 @@ class Composite:
         places = (source.means, source.slopes, target.means, target.slopes)
         for m, s, tm, ts in zip(*(x.tolist() for x in places), strict=True):
             of_s = self._element(part.live, s) if s >= 0 else "0.0"
-            yield (f"{self._element(part.live, tm)} = {self._element(part.live, m)} + {in_mean} * "
-                   f"{of_s};")  # fmt: skip
+            yield (
+                f"{self._element(part.live, tm)} = {self._element(part.live, m)} + {in_mean} * "
+                f"{of_s};"
+            )
             if ts >= 0:
                 yield f"{self._element(part.live, ts)} = {in_slope} * {of_s};"
 
@@ -249,12 +291,14 @@ class Composite:
             if name := self._function(self._statements(operation), what):
                 yield f"    {name}(c);"
 
-    # --- initialisation ---------------------------------------------------------------------------
+    # --- initialisation ---------------------------------------------------------------
 
     def _settling(self) -> Iterator[str]:
         """One exchange in initialisation mode, as the master makes it."""
         for name, member in self._master.members.items():
-            gathers = member.gathers(self._master.live, lambda slot: True, started=False)
+            gathers = member.gathers(
+                self._master.live, lambda slot: True, started=False
+            )
             yield from self._calls(gathers)
             if gathers and name in self._parts:
                 push = self._function(self._push(member), f"push_{name}")
@@ -264,7 +308,9 @@ class Composite:
 
     def _pulled(self, member: Node) -> Iterator[str]:
         """A component's outputs read and shown at once."""
-        taken = self._pull(member) if member.name in self._parts else self._settings(member)
+        taken = (
+            self._pull(member) if member.name in self._parts else self._settings(member)
+        )
         if name := self._function(taken, f"pull_{member.name}"):
             yield f"    {name}(c);"
         yield from self._calls(self._master.shown(member))
@@ -276,69 +322,121 @@ class Composite:
             for key, value in self._master.parameters(member).items():
                 signal = member.component.interface.signals[key]
                 target = self._variable(name, signal.kind, signal.reference)
-                shown = number(value) if isinstance(value, float) else str(value).lower()
+                shown = (
+                    number(value) if isinstance(value, float) else str(value).lower()
+                )
                 if signal.kind == "Real":
                     shown = number(float(value))
                 yield f"    {target} = {shown};"
         yield from (f"    {line}" for line in self._opened("parameter"))
         yield from (f"    {line}" for line in self._opened("input"))
 
-    # --- text -------------------------------------------------------------------------------------
+    # --- text -------------------------------------------------------------------------
 
     def text(self, identifier: str, title: str) -> str:
         """The C source."""
         master, parts = self._master, list(self._parts)
-        steps: list[list[str]] = [[*self._calls((*s.before, *s.after))] for s in master.cycle]
+        steps: list[list[str]] = [
+            [*self._calls((*s.before, *s.after))] for s in master.cycle
+        ]
         settling, shown = list(self._settling()), list(self._exported())
         final = [line for m in master.members.values() for line in self._pulled(m)]
         blocks = dict.fromkeys(self._models[n] for n in parts)
         lines = [
-            f"/* {identifier}: {title}", "",
+            f"/* {identifier}: {title}",
+            "",
             f"   The components {', '.join(parts)}, and the operations of desat's master for a "
             "step, written out: generated, not to be changed. */",
-            '#include "block.h"', "",
+            '#include "block.h"',
+            "",
             "typedef struct desat_block desat_block;",
             f"enum {{ DESAT_PARTS = {len(parts)}, DESAT_LIVE = {len(master.live['Real'])}, "
             f"DESAT_STEPS = {len(steps)} }};",
             *(f"extern const block_description desat_{b}_block;" for b in blocks),
             "static const block_description *const desat_parts[DESAT_PARTS] = {",
-            *(f"    &desat_{self._models[n]}_block," for n in parts), "};",
+            *(f"    &desat_{self._models[n]}_block," for n in parts),
+            "};",
             "static const char *const desat_instances[DESAT_PARTS] = {",
-            *(f"    {c_text(n)}," for n in parts), "};",
+            *(f"    {c_text(n)}," for n in parts),
+            "};",
             "static const char *const desat_live_names[DESAT_LIVE] = {",
-            *(f"    {c_text(f'{s.component}.{s.signal.name}')}," for s in master.slots
-              if s.kind == "Real"), "};", "",
-            "struct desat_block {", "    const char *instance;", "    bool fault, begun;",
-            "    int64_t k;", "    double start;",
-            *(f"    {_OWN[v.kind]} v{n}[{len(v.elements)}]; /* {v.name} */"
-              for n, v in enumerate(self._variables)),
-            *(f"    {field}" for field in self._fields), "};", "",
-            "static const desat_block desat_at_start = {", "    .fault = false,",
-            *(f"    .v{n} = {{{', '.join(_text(x) for x in v.starts)}}},"
-              for n, v in enumerate(self._variables) if v.causality != "output"), "};", "",
+            *(
+                f"    {c_text(f'{s.component}.{s.signal.name}')},"
+                for s in master.slots
+                if s.kind == "Real"
+            ),
+            "};",
+            "",
+            "struct desat_block {",
+            "    const char *instance;",
+            "    bool fault, begun;",
+            "    int64_t k;",
+            "    double start;",
+            *(
+                f"    {_OWN[v.kind]} v{n}[{len(v.elements)}]; /* {v.name} */"
+                for n, v in enumerate(self._variables)
+            ),
+            *(f"    {field}" for field in self._fields),
+            "};",
+            "",
+            "static const desat_block desat_at_start = {",
+            "    .fault = false,",
+            *(
+                f"    .v{n} = {{{', '.join(_text(x) for x in v.starts)}}},"
+                for n, v in enumerate(self._variables)
+                if v.causality != "output"
+            ),
+            "};",
+            "",
             "static const block_variable desat_variables[] = {",
-            '    {"fault", offsetof(desat_block, fault), \'B\', \'o\', NAN, NAN, ""},',
-            *self._table(), "};", _ENGINE,
-        ]  # fmt: skip
+            "    {\"fault\", offsetof(desat_block, fault), 'B', 'o', NAN, NAN, \"\"},",
+            *self._table(),
+            "};",
+            _ENGINE,
+        ]
         for body, name in self._functions.items():
-            lines += [f"static void {name}(desat_context *c)", "{",
-                      "    desat_block *self = c->self;", "    (void)self;", body,
-                      "}", ""]  # fmt: skip
+            lines += [
+                f"static void {name}(desat_context *c)",
+                "{",
+                "    desat_block *self = c->self;",
+                "    (void)self;",
+                body,
+                "}",
+                "",
+            ]
         for i, calls in enumerate(steps):
-            lines += [f"static void desat_step_{i}(desat_context *c)", "{", *calls, "}", ""]
-        for name, own in (("desat_parameters", list(self._parameters())),
-                          ("desat_settling", settling), ("desat_ended", final),
-                          ("desat_shown", shown)):  # fmt: skip
-            lines += [f"static void {name}(desat_context *c)", "{",
-                      "    desat_block *self = c->self;", "    (void)self;", *own,
-                      "}", ""]  # fmt: skip
+            lines += [
+                f"static void desat_step_{i}(desat_context *c)",
+                "{",
+                *calls,
+                "}",
+                "",
+            ]
+        for name, own in (
+            ("desat_parameters", list(self._parameters())),
+            ("desat_settling", settling),
+            ("desat_ended", final),
+            ("desat_shown", shown),
+        ):
+            lines += [
+                f"static void {name}(desat_context *c)",
+                "{",
+                "    desat_block *self = c->self;",
+                "    (void)self;",
+                *own,
+                "}",
+                "",
+            ]
         lines += [
             "static void (*const desat_steps[DESAT_STEPS])(desat_context *) = {",
-            *(f"    desat_step_{i}," for i in range(len(steps))), "};", "",
+            *(f"    desat_step_{i}," for i in range(len(steps))),
+            "};",
+            "",
             f"#define DESAT_STEP {number(master.step_size)}",
             f"#define DESAT_PASSES {len(master.members) + 2}",
-            _ENTRIES.replace("/*CLOCKS*/", "\n".join(self._clocks()))
-            .replace("/*ROW*/", "\n".join(self._first_row())),
+            _ENTRIES.replace("/*CLOCKS*/", "\n".join(self._clocks())).replace(
+                "/*ROW*/", "\n".join(self._first_row())
+            ),
             "const block_description desat_the_block = {",
             f'    .name = {c_text(identifier)}, .guid = "@GUID@",',
             "    .size = sizeof(desat_block), .at_start = &desat_at_start,",
@@ -348,7 +446,7 @@ class Composite:
             "    .fault = offsetof(desat_block, fault),",
             "    .start = desat_do_start, .output = desat_do_output, .advance = desat_do_advance,",
             "};",
-        ]  # fmt: skip
+        ]
         return "\n".join(lines) + "\n"
 
     def _first_row(self) -> Iterator[str]:
@@ -356,13 +454,18 @@ class Composite:
         for kind, live in self._master.live.items():
             if live is not self._master.row[kind] and live.size:
                 row = self._element(self._master.row[kind])
-                yield (f"    memcpy(&{row}, &{self._element(live)}, {live.size} * sizeof {row});")
+                yield (
+                    f"    memcpy(&{row}, &{self._element(live)}, {live.size} * sizeof {row});"
+                )
 
     def _clocks(self) -> Iterator[str]:
         """The clocks as they are before the first step."""
         kept = self._master.memory()
         for member in {m.every: m for m in self._master.members.values()}.values():
-            t, dt = (self._element(kept[f"clock {member.every} {what}"]) for what in ("t", "dt"))
+            t, dt = (
+                self._element(kept[f"clock {member.every} {what}"])
+                for what in ("t", "dt")
+            )
             yield f"    {t} = t;"
             yield f"    {dt} = {number(self._master.length(member))};"
 
@@ -370,15 +473,22 @@ class Composite:
         for n, v in enumerate(self._variables):
             for i, (element, of) in enumerate(zip(v.elements, v.signals, strict=True)):
                 s = of[0][1]
-                bounds = (None, None) if v.causality == "output" else (s.minimum, s.maximum)
-                low, high = (("NAN", "None") if x is None else (number(float(x)), repr(x))
-                             for x in bounds)  # fmt: skip
-                yield (f"    {{{c_text(element)}, offsetof(desat_block, v{n}) + {i} * "
-                       f"sizeof({_OWN[v.kind]}), '{v.kind[0]}', '{v.causality[0]}', {low[0]}, "
-                       f"{high[0]}, {c_text(f'[{low[1]}, {high[1]}]')}}},")  # fmt: skip
+                bounds = (
+                    (None, None) if v.causality == "output" else (s.minimum, s.maximum)
+                )
+                low, high = (
+                    ("NAN", "None") if x is None else (number(float(x)), repr(x))
+                    for x in bounds
+                )
+                yield (
+                    f"    {{{c_text(element)}, offsetof(desat_block, v{n}) + {i} * "
+                    f"sizeof({_OWN[v.kind]}), '{v.kind[0]}', '{v.causality[0]}', {low[0]}, "
+                    f"{high[0]}, {c_text(f'[{low[1]}, {high[1]}]')}}},"
+                )
 
     def _exported(self) -> Iterator[str]:
-        """The outputs of the loop: states as they are now, interval values as of the row."""
+        """The outputs of the loop: states as they are now, interval values as of the
+        row."""
         places = {(s.component, s.signal.name): s for s in self._master.slots}
         for name, member in self._master.members.items():
             if name not in self._parts:
@@ -392,7 +502,9 @@ class Composite:
                 if signal.causality == "input":  # of a component that is left out
                     member = self._master.members[component]
                     feeds = member.incoming[v.kind]
-                    k = next(k for k, (_, c) in enumerate(feeds) if c.input == signal.name)
+                    k = next(
+                        k for k, (_, c) in enumerate(feeds) if c.input == signal.name
+                    )
                     value = self._element(member.instance.inputs[v.kind], k)
                 else:
                     slot = places[component, signal.name]
@@ -404,13 +516,16 @@ class Composite:
 
 def depends(
     master: Master, without: Collection[str], variables: Sequence[Scalars]
-) -> dict[str, set[str]]:  # fmt: skip
-    """Of each output of a loop the inputs that it depends on within a step, through the graph."""
+) -> dict[str, set[str]]:
+    """Of each output of a loop the inputs that it depends on within a step, through the
+    graph."""
     inputs = {
         (component, signal.name): v.name
-        for v in variables if v.causality == "input"
-        for of in v.signals for component, signal in of
-    }  # fmt: skip
+        for v in variables
+        if v.causality == "input"
+        for of in v.signals
+        for component, signal in of
+    }
     reached: dict[str, set[str]] = {name: set() for name in master.members}
     for (component, _), name in inputs.items():
         if component not in without:
@@ -441,7 +556,13 @@ def depends(
 
 
 def _text(x: Scalar) -> str:
-    return str(x).lower() if isinstance(x, bool) else number(x) if isinstance(x, float) else str(x)
+    return (
+        str(x).lower()
+        if isinstance(x, bool)
+        else number(x)
+        if isinstance(x, float)
+        else str(x)
+    )
 
 
 _ENGINE = """

@@ -31,7 +31,8 @@ from .composite import Composite, Scalars, depends
 
 @dataclass(frozen=True)
 class LoopEnds:
-    """What of a loop is seen from outside: `component.variable`, `*` and `?` as in file names."""
+    """What of a loop is seen from outside: `component.variable`, `*` and `?` as in file
+    names."""
 
     outputs: Sequence[str] = ()
     """None: those that the scenario plots."""
@@ -40,15 +41,21 @@ class LoopEnds:
     parameters: Sequence[str] = ()
     """Also `shared.NAME`, in all components that have it."""
     without: Sequence[str] = field(default=())
-    """Components that are left out: what they give becomes inputs, what they are given outputs."""
+    """Components that are left out: what they give becomes inputs, what they are given
+    outputs."""
 
 
 def export(
-    target: str, options: Options, wanted: LoopEnds, file: Path | None, platforms: str = "",
+    target: str,
+    options: Options,
+    wanted: LoopEnds,
+    file: Path | None,
+    platforms: str = "",
     third: bool = False,
-) -> Path:  # fmt: skip
-    """Write a scenario's loop as one FMU (default: NAME.fmu in this folder), for these platforms
-    (`fmus/native.py`, `targets_of`), of FMI 2.0 or (`third`) of FMI 3.0, and return its path.
+) -> Path:
+    """Write a scenario's loop as one FMU (default: NAME.fmu in this folder), for these
+    platforms (`fmus/native.py`, `targets_of`), of FMI 2.0 or (`third`) of FMI 3.0, and
+    return its path.
 
     Raises DesatError where a component has no C, or a name is not of the loop.
     """
@@ -89,36 +96,59 @@ def written_out(system: System, wanted: LoopEnds) -> LoopSource:
     """
     for name in wanted.without:
         if name not in system.components:
-            raise DesatError(f"--without {name}: {system.name} has no such component"
-                             f"{nearest(name, system.components)}")  # fmt: skip
-    units = {name: _unit(c) for name, c in system.components.items() if name not in wanted.without}
+            raise DesatError(
+                f"--without {name}: {system.name} has no such component"
+                f"{nearest(name, system.components)}"
+            )
+    units = {
+        name: _unit(c)
+        for name, c in system.components.items()
+        if name not in wanted.without
+    }
     outputs = _outputs_of(system, wanted)
     watched = {(c, s.name) for c, s in outputs}
     with Master(
-        system, schedule(system), watched=lambda name, signal: (name, signal.name) in watched
+        system,
+        schedule(system),
+        watched=lambda name, signal: (name, signal.name) in watched,
     ) as master:
         master.initialise()
         variables = tuple(_variables(master, system, wanted, outputs))
         identifier = re.sub(r"\W", "_", system.name, flags=re.ASCII)
         title = content_of(system.about).title or system.name
-        made = Composite(master, {n: model for n, (model, _) in units.items()}, variables)
-        interval = {f"{s.component}.{s.signal.array}" for s in master.slots if s.interval}
+        made = Composite(
+            master, {n: model for n, (model, _) in units.items()}, variables
+        )
+        interval = {
+            f"{s.component}.{s.signal.array}" for s in master.slots if s.interval
+        }
         return LoopSource(
-            identifier, made.text(identifier, title), dict(units.values()), variables,
+            identifier,
+            made.text(identifier, title),
+            dict(units.values()),
+            variables,
             frozenset(interval & {v.name for v in variables}),
             depends(master, wanted.without, variables),
-        )  # fmt: skip
+        )
 
 
 def _archive(
-    system: System, wanted: LoopEnds, source: LoopSource, file: Path | None,
-    targets: Sequence[native.Target], third: bool,
-) -> Path:  # fmt: skip
+    system: System,
+    wanted: LoopEnds,
+    source: LoopSource,
+    file: Path | None,
+    targets: Sequence[native.Target],
+    third: bool,
+) -> Path:
     identifier, variables, on = source.identifier, source.variables, source.on
     own = {f"{model}.c": text for model, text in source.blocks.items()}
     own |= {f"{identifier}.c": source.loop}
     block = _block(system, wanted, variables, on)
-    experiment = {"startTime": system.start, "stopTime": system.stop, "stepSize": system.step}
+    experiment = {
+        "startTime": system.start,
+        "stopTime": system.stop,
+        "stepSize": system.step,
+    }
 
     def described(guid: str) -> bytes:
         return model_description(
@@ -132,9 +162,13 @@ def _archive(
             native.compile_wrapper(Path(shared), targets)
             page = documentation(block, identifier)
             made = Path(shared) / "loop.fmu"
-            native.assemble(files, identifier, described(guid), page, Path(shared), made, targets)
+            native.assemble(
+                files, identifier, described(guid), page, Path(shared), made, targets
+            )
             if third:
-                made = fmi3.repack(made, block, Path(shared) / "loop3.fmu", on, experiment)
+                made = fmi3.repack(
+                    made, block, Path(shared) / "loop3.fmu", on, experiment
+                )
             io.replace_text(target, made.read_bytes())
     except NoCompilerError as error:
         raise DesatError(str(error)) from error
@@ -142,7 +176,8 @@ def _archive(
 
 
 def _unit(component: Component) -> tuple[str, str]:
-    """The name and the C of a component's block, out of its native FMU. Raises DesatError."""
+    """The name and the C of a component's block, out of its native FMU. Raises
+    DesatError."""
     fmu, name = component.fmu, component.name
     instead = f"`--without {name}` leaves it out"
     if fmu is None or not fmu.ours:
@@ -158,8 +193,11 @@ def _unit(component: Component) -> tuple[str, str]:
 
 
 def _block(
-    system: System, wanted: LoopEnds, variables: Sequence[Scalars], on: dict[str, set[str]]
-) -> type[Block]:  # fmt: skip
+    system: System,
+    wanted: LoopEnds,
+    variables: Sequence[Scalars],
+    on: dict[str, set[str]],
+) -> type[Block]:
     """What the loop declares, as a block does."""
     content = content_of(system.about)
     left = f" without {', '.join(wanted.without)}" if wanted.without else ""
@@ -184,20 +222,34 @@ def _declared(v: Scalars, inputs: tuple[str, ...], on: dict[str, set[str]]) -> V
     signal = v.signals[0][0][1]
     index = v.elements[-1].removeprefix(v.name)
     low, high = (
-        x if x is None or v.kind == "Real" else int(x) for x in (signal.minimum, signal.maximum)
+        x if x is None or v.kind == "Real" else int(x)
+        for x in (signal.minimum, signal.maximum)
     )
     shape = tuple(int(n) for n in index[1:-1].split(",")) if index else ()
-    text = signal.description.partition(": 0 = ")[0] if signal.choices else signal.description
+    text = (
+        signal.description.partition(": 0 = ")[0]
+        if signal.choices
+        else signal.description
+    )
     if v.causality == "output":
         text += f"; {_OF_STEP if signal.output_class == 'interval' else _OF_END}"
     return Variable(
-        v.name, v.causality, v.kind, shape, signal.unit_name or "1",  # type: ignore[arg-type]
-        text, v.starts if shape else v.starts[0], low, high, signal.choices,
-        interval=bool(on.get(v.name)), starts_from=inputs if v.causality == "output" else (),
-    )  # fmt: skip
+        v.name,
+        v.causality,  # type: ignore[arg-type]
+        v.kind,
+        shape,
+        signal.unit_name or "1",
+        text,
+        v.starts if shape else v.starts[0],
+        low,
+        high,
+        signal.choices,
+        interval=bool(on.get(v.name)),
+        starts_from=inputs if v.causality == "output" else (),
+    )
 
 
-# --- which variables ----------------------------------------------------------------------------
+# --- which variables ------------------------------------------------------------------
 
 
 def _outputs_of(system: System, wanted: LoopEnds) -> list[tuple[str, Signal]]:
@@ -213,43 +265,57 @@ def _outputs_of(system: System, wanted: LoopEnds) -> list[tuple[str, Signal]]:
 
 
 def _matching(
-    system: System, patterns: Sequence[str], causality: str, option: str, without: Sequence[str]
-) -> list[tuple[str, Signal]]:  # fmt: skip
-    """The scalars that names and patterns stand for, in order. Raises DesatError for one that
-    stands for none."""
+    system: System,
+    patterns: Sequence[str],
+    causality: str,
+    option: str,
+    without: Sequence[str],
+) -> list[tuple[str, Signal]]:
+    """The scalars that names and patterns stand for, in order. Raises DesatError for
+    one that stands for none."""
     known = [
-        (name, s) for name, c in system.components.items() if name not in without
-        for s in c.interface.of(causality) if s.kind in KINDS and s.name != "fault"
-    ]  # fmt: skip  # a part that fails ends the loop, whose own output `fault` tells
+        (name, s)
+        for name, c in system.components.items()
+        if name not in without
+        for s in c.interface.of(causality)
+        if s.kind in KINDS and s.name != "fault"
+    ]  # a part that fails ends the loop, whose own output `fault` tells
     found: dict[tuple[str, str], Signal] = {}
     for pattern in patterns:
         hits = [(n, s) for n, s in known if fnmatchcase(f"{n}.{s.array}", pattern)]
         if not hits:
             names = dict.fromkeys(f"{n}.{s.array}" for n, s in known)
-            raise DesatError(f"{option} {pattern}: {system.name} has no {causality} of this name"
-                             f"{nearest(pattern, names)}")  # fmt: skip
+            raise DesatError(
+                f"{option} {pattern}: {system.name} has no {causality} of this name"
+                f"{nearest(pattern, names)}"
+            )
         found |= {(n, s.name): s for n, s in hits}
     return [(name, s) for (name, _), s in found.items()]
 
 
 def _variables(
     master: Master, system: System, wanted: LoopEnds, outputs: list[tuple[str, Signal]]
-) -> Iterator[Scalars]:  # fmt: skip
+) -> Iterator[Scalars]:
     """The variables of the loop, parameters last as in a block."""
     fed = {(c.target, c.input) for c in system.connections}
-    live = {(s.component, s.signal.name): master.live[s.kind][s.index] for s in master.slots}
+    live = {
+        (s.component, s.signal.name): master.live[s.kind][s.index] for s in master.slots
+    }
     given: list[tuple[str, Signal]] = []
     taken: list[tuple[str, Signal]] = []
     for name in wanted.without:
         member = master.members[name]
         given += [(name, slot.signal) for of in member.slots.values() for slot in of]
         signals = member.component.interface.signals
-        taken += [(name, signals[c.input]) for of in member.incoming.values() for _, c in of]
+        taken += [
+            (name, signals[c.input]) for of in member.incoming.values() for _, c in of
+        ]
     open_ = _matching(system, wanted.inputs, "input", "--inputs", wanted.without)
     for name, signal in open_:
         if (name, signal.name) in fed:
-            raise DesatError(f"--inputs {name}.{signal.array}: something in the loop "
-                             "feeds it")  # fmt: skip
+            raise DesatError(
+                f"--inputs {name}.{signal.array}: something in the loop feeds it"
+            )
 
     def start(name: str, signal: Signal) -> Scalar:
         if (name, signal.name) in live:
@@ -257,8 +323,11 @@ def _variables(
         else:
             value = system.components[name].values[signal.name]
         number = float(value or 0)
-        return number if signal.kind == "Real" else (
-            bool(number) if signal.kind == "Boolean" else int(number))  # fmt: skip
+        return (
+            number
+            if signal.kind == "Real"
+            else (bool(number) if signal.kind == "Boolean" else int(number))
+        )
 
     def grouped(of: list[tuple[str, Signal]], causality: str) -> Iterator[Scalars]:
         arrays: dict[str, list[tuple[str, Signal]]] = {}
@@ -267,37 +336,58 @@ def _variables(
         for array, elements in arrays.items():
             elements.sort(key=lambda e: e[1].reference)
             yield Scalars(
-                array, tuple(f"{n}.{s.name}" for n, s in elements),
+                array,
+                tuple(f"{n}.{s.name}" for n, s in elements),
                 tuple(((n, s),) for n, s in elements),
-                tuple(start(n, s) if causality != "output" else 0 for n, s in elements), causality,
-            )  # fmt: skip
+                tuple(start(n, s) if causality != "output" else 0 for n, s in elements),
+                causality,
+            )
 
     yield from grouped([*given, *open_], "input")
     yield from grouped([*taken, *outputs], "output")
     plain = [p for p in wanted.parameters if not p.startswith("shared.")]
-    yield from grouped(_matching(system, plain, "parameter", "--parameters", wanted.without),
-                       "parameter")  # fmt: skip
+    yield from grouped(
+        _matching(system, plain, "parameter", "--parameters", wanted.without),
+        "parameter",
+    )
     for pattern in wanted.parameters:
         if pattern.startswith("shared."):
             yield _shared(system, pattern, wanted.without, start)
 
 
 def _shared(
-    system: System, name: str, without: Sequence[str], start: Callable[[str, Signal], Scalar]
+    system: System,
+    name: str,
+    without: Sequence[str],
+    start: Callable[[str, Signal], Scalar],
 ) -> Scalars:
     """A parameter that components share, as one."""
     base = name.removeprefix("shared.")
     owners = [
-        (n, c) for n, c in system.components.items() if n not in without
+        (n, c)
+        for n, c in system.components.items()
+        if n not in without
         and any(s.array == base and s.shared for s in c.interface.parameters)
-    ]  # fmt: skip
+    ]
     if not owners:
-        known = {f"shared.{s.array}" for c in system.components.values()
-                 for s in c.interface.parameters if s.shared}  # fmt: skip
-        raise DesatError(f"--parameters {name}: no component shares it{nearest(name, known)}")
-    first = sorted(owners[0][1].interface.elements.get(base, ()), key=lambda s: s.reference)
+        known = {
+            f"shared.{s.array}"
+            for c in system.components.values()
+            for s in c.interface.parameters
+            if s.shared
+        }
+        raise DesatError(
+            f"--parameters {name}: no component shares it{nearest(name, known)}"
+        )
+    first = sorted(
+        owners[0][1].interface.elements.get(base, ()), key=lambda s: s.reference
+    )
     return Scalars(
-        name, tuple(f"shared.{s.name}" for s in first),
-        tuple(tuple((n, c.interface.signals[s.name]) for n, c in owners) for s in first),
-        tuple(start(owners[0][0], s) for s in first), "parameter",
-    )  # fmt: skip
+        name,
+        tuple(f"shared.{s.name}" for s in first),
+        tuple(
+            tuple((n, c.interface.signals[s.name]) for n, c in owners) for s in first
+        ),
+        tuple(start(owners[0][0], s) for s in first),
+        "parameter",
+    )

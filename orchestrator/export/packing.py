@@ -1,8 +1,8 @@
 """Packing: a system as one .ssp that other tools can load, and those of the scenarios.
 
-What is written is the part of SSP that tools take alike (libcosim and Ecos run it in our tests):
-one flat system, listed connectors wired, one parameter set per component, the step size in
-annotations.
+What is written is the part of SSP that tools take alike (libcosim and Ecos run it in
+our tests): one flat system, listed connectors wired, one parameter set per component,
+the step size in annotations.
 """
 
 from __future__ import annotations
@@ -29,24 +29,33 @@ from ..system.model import Component, System
 
 
 def pack_scenario(
-    scenario: Scenario, target: Path | None = None, force: bool = False, fmus: str = "python",
+    scenario: Scenario,
+    target: Path | None = None,
+    force: bool = False,
+    fmus: str = "python",
     choose: Callable[[System], System] | None = None,
     tell: Callable[[str], None] = lambda text: None,
-) -> Path:  # fmt: skip
-    """Check a scenario, write its .ssp (default: among the packed ones) unless it is newer than
-    all that it is made of, and return its path. `choose` gives a system with `substeps = "auto"`
-    those that a run of it takes; without it a run of the archive chooses. `tell` gets a line
-    for each thing that other tools make otherwise of what is written.
+) -> Path:
+    """Check a scenario, write its .ssp (default: among the packed ones) unless it is
+    newer than all that it is made of, and return its path. `choose` gives a system with
+    `substeps = "auto"` those that a run of it takes; without it a run of the archive
+    chooses. `tell` gets a line for each thing that other tools make otherwise of what
+    is written.
 
     Raises DesatError with every problem of the scenario.
     """
-    folder = paths.packed_folder() / "native" if fmus == "native" else paths.packed_folder()
+    folder = (
+        paths.packed_folder() / "native" if fmus == "native" else paths.packed_folder()
+    )
     path = target or folder / f"{scenario.name}.ssp"
     inputs = [
-        *(ROOT / scenario.family).rglob("*.toml"), *(ROOT / scenario.family).rglob("*.ssd"),
-        *paths.fmus().rglob("*.fmu"), Path(__file__), *(paths.PACKAGE / "files").glob("*.py"),
+        *(ROOT / scenario.family).rglob("*.toml"),
+        *(ROOT / scenario.family).rglob("*.ssd"),
+        *paths.fmus().rglob("*.fmu"),
+        Path(__file__),
+        *(paths.PACKAGE / "files").glob("*.py"),
         *(paths.PACKAGE / "language").glob("*.py"),
-    ]  # fmt: skip
+    ]
     newest = max(p.stat().st_mtime_ns for p in inputs)
     if not force and path.exists() and path.stat().st_mtime_ns > newest:
         return path
@@ -59,26 +68,31 @@ def pack_scenario(
 
 
 def otherwise(system: System) -> list[str]:
-    """What other tools make otherwise of a packed system, a line each; its description has them."""
+    """What other tools make otherwise of a packed system, a line each; its description
+    has them."""
     lines = []
     if slow := [c.name for c in system.components.values() if c.step_ratio > 1]:
         lines.append(
             f"{', '.join(slow)}: slower than the step, by a hint (osp:StepSizeHint) that libcosim "
             "reads and Ecos, for one, does not: it steps them each time"
         )
-    if third := [c.name for c in system.components.values() if c.interface.fmi == "3.0"]:
-        lines.append(f"{', '.join(third)}: of FMI 3.0, which masters of FMI 2.0 alone cannot load")
+    if third := [
+        c.name for c in system.components.values() if c.interface.fmi == "3.0"
+    ]:
+        lines.append(
+            f"{', '.join(third)}: of FMI 3.0, which masters of FMI 2.0 alone cannot load"
+        )
     return lines
 
 
 def pack(system: System, target: Path, fmus: str = "python") -> None:
     """Write a system as one self-contained .ssp in the universal profile.
 
-    Ours are packed as Python FMUs, which run on more platforms, or with `fmus` native as native
-    ones, where there are such.
-    Components that step once in several steps get a step-size hint, which of the other tools only
-    libcosim reads. Raises DesatError for what they would misread: a connection that converts units
-    or values, a component without a file.
+    Ours are packed as Python FMUs, which run on more platforms, or with `fmus` native
+    as native ones, where there are such. Components that step once in several steps get
+    a step-size hint, which of the other tools only libcosim reads. Raises DesatError
+    for what they would misread: a connection that converts units or values, a component
+    without a file.
     """
     for connection in system.connections:
         if (connection.factor, connection.offset) != (1.0, 0.0):
@@ -102,20 +116,29 @@ def pack(system: System, target: Path, fmus: str = "python") -> None:
     elements = _sub(top, "Elements")
     for component in system.components.values():
         if component.fmu is None:
-            raise DesatError(f"{system.where}: {component.name}: no FMU {component.source}")
-        # the component's name: Ecos instantiates by the file, and noise is keyed by the instance
+            raise DesatError(
+                f"{system.where}: {component.name}: no FMU {component.source}"
+            )
+        # the component's name: Ecos instantiates by the file, and noise is keyed by the
+        # instance
         source = f"resources/{component.name}.fmu"
         members[source] = library.of_kind(component.fmu, fmus).path.read_bytes()
         element = _sub(
-            elements, "Component", name=component.name, type="application/x-fmu-sharedlibrary",
-            implementation="CoSimulation", source=source,
-        )  # fmt: skip
+            elements,
+            "Component",
+            name=component.name,
+            type="application/x-fmu-sharedlibrary",
+            implementation="CoSimulation",
+            source=source,
+        )
         signals = component.interface.signals.values()
         listed = [s for s in signals if (component.name, s.name) in wired]
         if listed:  # an empty list is none that SSP knows
             connectors = _sub(element, "Connectors")
             for signal in listed:
-                connector = _sub(connectors, "Connector", name=signal.name, kind=signal.causality)
+                connector = _sub(
+                    connectors, "Connector", name=signal.name, kind=signal.causality
+                )
                 etree.SubElement(connector, f"{{{SSC}}}{signal.kind}")
         if component.parameters:
             file = f"resources/{component.name}.ssv"
@@ -129,9 +152,13 @@ def pack(system: System, target: Path, fmus: str = "python") -> None:
     connections = _sub(top, "Connections") if system.connections else None
     for c in system.connections:
         _sub(
-            connections, "Connection", startElement=c.source, startConnector=c.output,
-            endElement=c.target, endConnector=c.input,
-        )  # fmt: skip
+            connections,
+            "Connection",
+            startElement=c.source,
+            startConnector=c.output,
+            endElement=c.target,
+            endConnector=c.input,
+        )
     _annotate_for_omsimulator(top, system)
     _default_experiment(root, system)
     members[FILE] = _text(root)
@@ -147,16 +174,23 @@ def _sub(parent: Any, tag: str, /, **attributes: str) -> Any:
 
 
 def _annotation(parent: Any, kind: str) -> Any:
-    return etree.SubElement(_sub(parent, "Annotations"), f"{{{SSC}}}Annotation", type=kind)
+    return etree.SubElement(
+        _sub(parent, "Annotations"), f"{{{SSC}}}Annotation", type=kind
+    )
 
 
 def _text(root: Any) -> bytes:
-    return bytes(etree.tostring(root, xml_declaration=True, encoding="UTF-8", pretty_print=True))
+    return bytes(
+        etree.tostring(root, xml_declaration=True, encoding="UTF-8", pretty_print=True)
+    )
 
 
 def _parameter_set(component: Component) -> bytes:
     root = etree.Element(
-        f"{{{SSV}}}ParameterSet", name="parameters", version="1.0", nsmap={"ssv": SSV, "ssc": SSC}
+        f"{{{SSV}}}ParameterSet",
+        name="parameters",
+        version="1.0",
+        nsmap={"ssv": SSV, "ssc": SSC},
     )
     parameters = etree.SubElement(root, f"{{{SSV}}}Parameters")
     for name, value in component.parameters.items():
@@ -172,7 +206,10 @@ def _annotate_for_omsimulator(top: Any, system: System) -> None:
     oms = etree.SubElement(annotation, f"{{{OMS}}}Annotations")
     information = etree.SubElement(oms, f"{{{OMS}}}SimulationInformation")
     etree.SubElement(
-        information, f"{{{OMS}}}FixedStepMaster", description="oms-ma", stepSize=f"{system.step!r}"
+        information,
+        f"{{{OMS}}}FixedStepMaster",
+        description="oms-ma",
+        stepSize=f"{system.step!r}",
     )
 
 
@@ -195,17 +232,18 @@ def _write_archive(members: dict[str, bytes], target: Path) -> None:
         for name, data in sorted(members.items()):
             info = zipfile.ZipInfo(name)
             info.create_system, info.external_attr = 3, 0o644 << 16
-            # hundreds of these with the same FMUs: level 6 takes thrice the time for 10 % less
+            # hundreds of these with the same FMUs: level 6 takes thrice the time for 10
+            # % less
             archive.writestr(info, data, zipfile.ZIP_DEFLATED, compresslevel=1)
     replace_text(target, buffer.getvalue())
 
 
-# --- The SSD of a craft file, a standard SSP 1.0 file that is committed beside it ---------------
+# --- The SSD of a craft file, a standard SSP 1.0 file that is committed beside it -----
 
 
 def craft_files(names: list[str]) -> list[Path]:
-    """The craft files of some families, or of all, and those given by their path. Raises
-    DesatError for an unknown family."""
+    """The craft files of some families, or of all, and those given by their path.
+    Raises DesatError for an unknown family."""
     files: list[Path] = []
     for name in names or families():
         if name.endswith(".toml"):
@@ -219,11 +257,14 @@ def craft_files(names: list[str]) -> list[Path]:
 
 def target(path: Path) -> Path:
     """Where the SSD of a craft file belongs."""
-    return path.with_name(ssp.FILE if path.name == craft.FILE else f"{craft.stem(path)}.ssd")
+    return path.with_name(
+        ssp.FILE if path.name == craft.FILE else f"{craft.stem(path)}.ssd"
+    )
 
 
 def write(path: Path) -> tuple[Path, bool]:
-    """Write the SSD of a craft file where it differs: its path, and whether it was written."""
+    """Write the SSD of a craft file where it differs: its path, and whether it was
+    written."""
     file, new = target(path), text(path).encode()
     place_of(file)
     if file.exists() and file.read_bytes() == new:
@@ -261,7 +302,9 @@ def text(path: Path) -> str:
     lines += ["    </ssd:Connections>", "  </ssd:System>"]
     if builder.stop is not None:
         start, stop = builder.start, builder.stop
-        lines.append(f'  <ssd:DefaultExperiment startTime="{start!r}" stopTime="{stop!r}"/>')
+        lines.append(
+            f'  <ssd:DefaultExperiment startTime="{start!r}" stopTime="{stop!r}"/>'
+        )
     return "\n".join([*lines, "</ssd:SystemStructureDescription>"]) + "\n"
 
 

@@ -1,4 +1,5 @@
-"""`desat export`: a run's series for other programs, with quantity and unit in every name.
+"""`desat export`: a run's series for other programs, with quantity and unit in every
+name.
 
 csv, parquet  a column an element, `component.variable[i] [unit]`, and `time [s]`
 mat           a struct a component, with `time`, `interval` and `units` (MATLAB, Octave, scipy)
@@ -22,7 +23,8 @@ FORMATS = ("csv", "parquet", "mat", "png", "pdf")
 
 
 def export(folder: Path, form: str, into: Path | None = None) -> tuple[list[Path], str]:
-    """Write a run folder's series (or plots) in a format; the files, and what is to be said.
+    """Write a run folder's series (or plots) in a format; the files, and what is to be
+    said.
 
     Raises DesatError for an unknown format, and where the folder has no series.
     """
@@ -38,7 +40,13 @@ def export(folder: Path, form: str, into: Path | None = None) -> tuple[list[Path
             from scipy.io import savemat
 
             structs = _structs(run)
-            savemat(file, structs, appendmat=False, do_compression=True, long_field_names=True)
+            savemat(
+                file,
+                structs,
+                appendmat=False,
+                do_compression=True,
+                long_field_names=True,
+            )
         else:
             table, note = _table(run)
             _write_table(table, form, file)
@@ -56,7 +64,11 @@ def _write_table(table: pa.Table, form: str, file: BinaryIO) -> None:
         from pyarrow import parquet
 
         parquet.write_table(
-            table, file, compression="zstd", use_dictionary=False, use_byte_stream_split=True
+            table,
+            file,
+            compression="zstd",
+            use_dictionary=False,
+            use_byte_stream_split=True,
         )
 
 
@@ -66,8 +78,8 @@ def no_formula(text: str) -> str:
 
 
 def _table(run: Run) -> tuple[pa.Table, str]:
-    """All series side by side. Where there are outputs of intervals, whose last row is that before
-    the last state, the last state has no place: what is said of it."""
+    """All series side by side. Where there are outputs of intervals, whose last row is
+    that before the last state, the last state has no place: what is said of it."""
     results = run.results
     rows = min((results.count(n) for n in results.names()), default=0)
     times = results.times()
@@ -79,9 +91,15 @@ def _table(run: Run) -> tuple[pa.Table, str]:
         if values.ndim == 1:
             columns[f"{name}{suffix}"] = values
         else:
-            columns |= {f"{name}[{i + 1}]{suffix}": values[:, i] for i in range(values.shape[1])}
+            columns |= {
+                f"{name}[{i + 1}]{suffix}": values[:, i] for i in range(values.shape[1])
+            }
     left = len(times) - rows
-    note = f"states at t = {times[-1]:g} s have no interval after them, and no row" if left else ""
+    note = (
+        f"states at t = {times[-1]:g} s have no interval after them, and no row"
+        if left
+        else ""
+    )
     return pa.table(columns), note
 
 
@@ -110,7 +128,9 @@ def _plots(run: Run, form: str, folder: Path, into: Path) -> list[Path]:
         if figure is None:
             continue
         if "/" in name or "\\" in name:
-            raise DesatError(f"{folder}: plot {plain(name)}: a file's name has no / and no \\")
+            raise DesatError(
+                f"{folder}: plot {plain(name)}: a file's name has no / and no \\"
+            )
         path = into / f"{name}.{form}"
         with io.replacing(path) as part:
             paint(figure, part, form)

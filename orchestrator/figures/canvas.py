@@ -1,8 +1,8 @@
 """Figures: lines, areas and points on axes with ticks and a legend, as SVG text.
 
-A figure is laid out here, in tenths of a point from its upper left corner, into shapes and texts;
-`svg` writes these, and `desat export` has matplotlib paint the same ones. That a report needs no
-plotting library takes half a second off every run.
+A figure is laid out here, in tenths of a point from its upper left corner, into shapes
+and texts; `svg` writes these, and `desat export` has matplotlib paint the same ones.
+That a report needs no plotting library takes half a second off every run.
 """
 
 from __future__ import annotations
@@ -39,17 +39,19 @@ STRIP = 94
 LINE = 115
 """Between the lines of a legend."""
 COLUMN = 5.0
-"""Width of a column of a line that has many points: of each its first, least, most and last are
-drawn."""
+"""Width of a column of a line that has many points: of each its first, least, most and
+last are drawn."""
 COLUMNS = 2400
-"""Of all lines of a figure that have more points, together: a file stays below 60 kB."""
+"""Of all lines of a figure that have more points, together: a file stays below 60 kB.
+"""
 
 DOTS = 2500
 """Of one kind at the most."""
 
 
 class Shape(NamedTuple):
-    """A painted path in tenths of a point: several parts, each (n, 2). With `fill` it is closed."""
+    """A painted path in tenths of a point: several parts, each (n, 2). With `fill` it
+    is closed."""
 
     parts: list[Array]
     colour: str
@@ -85,7 +87,8 @@ Drawn = Shape | Dots | Words
 
 @dataclass
 class Mark:
-    """A line, area or points in the data's coordinates; nan parts it, inf is an axes' edge."""
+    """A line, area or points in the data's coordinates; nan parts it, inf is an axes'
+    edge."""
 
     x: Array
     y: Array
@@ -169,7 +172,9 @@ class Axes:
 
     def plot(self, x: Any, y: Any, colour: str, **look: Any) -> None:
         """A line, or with `width` 0 and a `marker` points."""
-        self.marks.append(Mark(np.asarray(x, float), np.asarray(y, float), colour, **look))
+        self.marks.append(
+            Mark(np.asarray(x, float), np.asarray(y, float), colour, **look)
+        )
 
     def area(self, x: Any, low: Any, high: Any, colour: str, **look: Any) -> None:
         """What lies between two lines of the same x."""
@@ -179,8 +184,11 @@ class Axes:
         there_and_back = np.concatenate([x, x[::-1]]), np.concatenate([low, high[::-1]])
         self.marks.append(Mark(*there_and_back, colour, width=0.0, filled=True, **look))
 
-    def bars(self, begin: Any, end: Any, heights: Any, colour: str, **look: Any) -> None:
-        """Bars from zero, or on a logarithmic axis from its edge; nan where there is none."""
+    def bars(
+        self, begin: Any, end: Any, heights: Any, colour: str, **look: Any
+    ) -> None:
+        """Bars from zero, or on a logarithmic axis from its edge; nan where there is
+        none."""
         begin, end, heights = (np.asarray(a, float) for a in (begin, end, heights))
         foot = np.full_like(heights, -np.inf if self.y.log else 0.0)
         gap = np.full_like(heights, np.nan)
@@ -208,24 +216,29 @@ class Axes:
         """From where to where x goes, margins included."""
         others = [self.right] if self.right else []
         spans = [np.ravel(s.spans) for s in self.strips]
-        return _range(self.x, [*spans, *(m.x for a in (self, *others) for m in a.marks)])
+        return _range(
+            self.x, [*spans, *(m.x for a in (self, *others) for m in a.marks)]
+        )
 
     def across(self, values: Any) -> Array:
         """Where values of x stand in the figure, in tenths of a point from its left."""
         return _Scale(self.x, self.x_range(), self.left, self.width)(values)
 
-    # --- layout ---------------------------------------------------------------------------------
+    # --- layout -----------------------------------------------------------------------
 
     def shapes(self, column: float = COLUMN) -> Iterator[Drawn]:
-        """All that they consist of; lines of many points are thinned to columns so wide."""
+        """All that they consist of; lines of many points are thinned to columns so
+        wide."""
         others = [self.right] if self.right else []
         x = self.x_range()
         floor = self.height - STRIP * len({s.row for s in self.strips})
         box = (self.left, self.top, self.width, floor)
         yield from self._grid(x, box)
         for axes in (self, *others):
-            scales = (_Scale(axes.x, x, box[0], box[2]),
-                      _Scale(axes.y, axes.y_range(), box[1] + box[3], -box[3]))  # fmt: skip
+            scales = (
+                _Scale(axes.x, x, box[0], box[2]),
+                _Scale(axes.y, axes.y_range(), box[1] + box[3], -box[3]),
+            )
             for mark in axes.marks:
                 yield from _painted(mark, *scales, box, column)
         for strip in self.strips:
@@ -253,11 +266,19 @@ class Axes:
     def _grid(self, x: Point, box: Box) -> Iterator[Shape]:
         left, top, width, height = box
         y = self.y_range()
-        across, up = _Scale(self.x, x, left, width), _Scale(self.y, y, top + height, -height)
-        lines = [np.array([[left, v], [left + width, v]]) for v in up(self._of_y(y).values)]
+        across, up = (
+            _Scale(self.x, x, left, width),
+            _Scale(self.y, y, top + height, -height),
+        )
+        lines = [
+            np.array([[left, v], [left + width, v]]) for v in up(self._of_y(y).values)
+        ]
         # bars stand between given ticks
         if self.x.ticks is None or self.x.log:
-            lines += [np.array([[v, top], [v, top + height]]) for v in across(self._of_x(x).values)]
+            lines += [
+                np.array([[v, top], [v, top + height]])
+                for v in across(self._of_x(x).values)
+            ]
         yield Shape(lines, GRID, 0.6)
 
     def _ordinate(self, box: Box, right: bool) -> Iterator[Drawn]:
@@ -269,35 +290,51 @@ class Axes:
         lines = [np.array([[edge, top], [edge, top + height]])]
         longest = 0
         for value, text in zip(scale(made.values), made.labels, strict=True):
-            lines.append(np.array([[edge, value], [edge + side * (35 if text else 20), value]]))
-            yield Words((edge + side * 60, value + 0.35 * self.size), text, self.size,
-                        "start" if right else "end")  # fmt: skip
+            lines.append(
+                np.array([[edge, value], [edge + side * (35 if text else 20), value]])
+            )
+            yield Words(
+                (edge + side * 60, value + 0.35 * self.size),
+                text,
+                self.size,
+                "start" if right else "end",
+            )
             longest = max(longest, len(text))
         yield Shape(lines, INK, 0.8)
         if made.aside:
-            yield Words((edge, top - 35), made.aside, self.size, "end" if right else "start")
+            yield Words(
+                (edge, top - 35), made.aside, self.size, "end" if right else "start"
+            )
         rows = self.y.label.split("\n") if self.y.label else []
         at = edge + side * (60 + LETTER * self.size * longest + 50)
         for i, row in enumerate(rows):
             if right:
                 place = at + self.size + i * 1.2 * self.size
             else:
-                place = max(at - (len(rows) - 1 - i) * 1.2 * self.size, 0.8 * self.size * (i + 1))
-            yield Words((place, top + height / 2), row, self.size, "middle", turned=True)
+                place = max(
+                    at - (len(rows) - 1 - i) * 1.2 * self.size,
+                    0.8 * self.size * (i + 1),
+                )
+            yield Words(
+                (place, top + height / 2), row, self.size, "middle", turned=True
+            )
 
     def _abscissa(self, x: Point, box: Box) -> Iterator[Drawn]:
         left, top, width, height = box
         floor, made = self.top + self.height, self._of_x(x)
         lines = [np.array([[left, top + height], [left + width, top + height]])]
         row = floor + 30 + self.size
-        for value, text in zip(_Scale(self.x, x, left, width)(made.values), made.labels,
-                               strict=True):  # fmt: skip
+        for value, text in zip(
+            _Scale(self.x, x, left, width)(made.values), made.labels, strict=True
+        ):
             end = top + height + (35 if text else 20)
             lines.append(np.array([[value, top + height], [value, end]]))
             yield Words((value, row), text, self.size, "middle")
         yield Shape(lines, INK, 0.8)
         if made.aside:
-            yield Words((left + width, row + 1.2 * self.size), made.aside, self.size, "end")
+            yield Words(
+                (left + width, row + 1.2 * self.size), made.aside, self.size, "end"
+            )
         for i, text in enumerate(self.x.label.split("\n")):
             at = (left + width / 2, row + (1.3 + 1.2 * i) * self.size)
             yield Words(at, text, self.size, "middle")
@@ -307,7 +344,9 @@ class Axes:
         low, high = top, top + 0.8 * STRIP
         parts = []
         for begin, end in scale(np.array(strip.spans)):
-            parts.append(np.array([[begin, low], [end, low], [end, high], [begin, high]]))
+            parts.append(
+                np.array([[begin, low], [end, low], [end, high], [begin, high]])
+            )
         return Shape(parts, "", fill=strip.colour)
 
     def _legend(self, box: Box) -> Iterator[Drawn]:
@@ -321,7 +360,9 @@ class Axes:
         entries = [(m, textwrap.wrap(m.label, self.legend)) for m in named]
         size, pitch = float(SMALL), float(LINE)
         whole = sum(len(rows) for _, rows in entries)
-        if whole * pitch > (room := self.height + 300):  # smaller letters where there are many
+        if whole * pitch > (
+            room := self.height + 300
+        ):  # smaller letters where there are many
             size, pitch = size * room / (whole * pitch), room / whole
         left = box[0] + box[2] + (560 if self.right else 80)
         y = self.top + self.height / 2 - whole * pitch / 2 + 0.75 * pitch
@@ -340,12 +381,21 @@ class Figure:
     height: float
     axes: list[Axes] = field(default_factory=list)
 
-    def add(self, top: float = TOP, bottom: float = BOTTOM, left: float = LEFT,
-            right: float = RIGHT) -> Axes:  # fmt: skip
+    def add(
+        self,
+        top: float = TOP,
+        bottom: float = BOTTOM,
+        left: float = LEFT,
+        right: float = RIGHT,
+    ) -> Axes:
         """Axes with a free rim of these shares of the figure."""
         width, height = INCH * self.width, INCH * self.height
-        made = Axes(left * width, top * height, (1.0 - left - right) * width,
-                    (1.0 - top - bottom) * height)  # fmt: skip
+        made = Axes(
+            left * width,
+            top * height,
+            (1.0 - left - right) * width,
+            (1.0 - top - bottom) * height,
+        )
         self.axes.append(made)
         return made
 
@@ -353,7 +403,9 @@ class Figure:
         """All shapes and texts, the lowest first."""
         all_axes = [*self.axes, *(a.right for a in self.axes if a.right)]
         room = max((a.width for a in self.axes), default=0.0)
-        dense = sum(m.count > 2.0 * room / COLUMN for a in all_axes for m in a.marks if m.width)
+        dense = sum(
+            m.count > 2.0 * room / COLUMN for a in all_axes for m in a.marks if m.width
+        )
         for axes in self.axes:
             yield from axes.shapes(max(COLUMN, room * dense / COLUMNS))
 
@@ -386,7 +438,9 @@ class _Scale:
             with np.errstate(divide="ignore", invalid="ignore"):
                 edge = np.isinf(values)
                 # what is not above zero has no place
-                values = np.where(edge, values, np.log10(np.where(values > 0.0, values, np.nan)))
+                values = np.where(
+                    edge, values, np.log10(np.where(values > 0.0, values, np.nan))
+                )
         share = (values - self._low) / (self._high - self._low)
         share = np.where(values == np.inf, 1.0, np.where(values == -np.inf, 0.0, share))
         # what is far outside is cut off anyhow
@@ -396,7 +450,9 @@ class _Scale:
 
 def _range(axis: Axis, values: Sequence[Array]) -> Point:
     """From where to where an axis goes that shows these values."""
-    shown = [v[np.isfinite(v) & (v > 0.0)] if axis.log else v[np.isfinite(v)] for v in values]
+    shown = [
+        v[np.isfinite(v) & (v > 0.0)] if axis.log else v[np.isfinite(v)] for v in values
+    ]
     shown = [v for v in shown if len(v)]
     low = min((float(v.min()) for v in shown), default=0.1 if axis.log else 0.0)
     high = max((float(v.max()) for v in shown), default=1.0)
@@ -405,15 +461,21 @@ def _range(axis: Axis, values: Sequence[Array]) -> Point:
         low, high = low * 10.0**-rim, high * 10.0**rim
     else:
         # a constant: some of its own size about it
-        rim = axis.margin * (high - low) if high - low > 1e-12 * max(abs(low), abs(high)) else (
-            0.05 * max(abs(low), abs(high)) or 1.0)  # fmt: skip
+        rim = (
+            axis.margin * (high - low)
+            if high - low > 1e-12 * max(abs(low), abs(high))
+            else (0.05 * max(abs(low), abs(high)) or 1.0)
+        )
         low, high = low - rim, high + rim
-    return low if axis.low is None else axis.low, high if axis.high is None else axis.high
+    return (
+        low if axis.low is None else axis.low,
+        high if axis.high is None else axis.high,
+    )
 
 
 def _painted(
     mark: Mark, across: _Scale, up: _Scale, box: Box, column: float
-) -> Iterator[Drawn]:  # fmt: skip
+) -> Iterator[Drawn]:
     """A mark as shapes."""
     x, y = mark.path
     points = np.column_stack([across(x), up(y)])
@@ -448,16 +510,20 @@ def _parts(points: Array, known: NDArray[np.bool_]) -> list[Array]:
 
 
 def _thinned(points: Array, width: float) -> Array:
-    """Of each column of a line of many points its first, least, most and last; whole tenths, each
-    once."""
+    """Of each column of a line of many points its first, least, most and last; whole
+    tenths, each once."""
     points = np.round(points)
     starts = np.flatnonzero(np.diff(np.floor(points[:, 0] / width), prepend=-np.inf))
     if len(points) > 4 * len(starts) and (np.diff(points[:, 0]) >= 0.0).all():
         x, y = points.T
         last = np.append(starts[1:], len(x)) - 1
         times = [x[starts], x[starts], x[last], x[last]]
-        values = [y[starts], np.minimum.reduceat(y, starts), np.maximum.reduceat(y, starts),
-                  y[last]]  # fmt: skip
+        values = [
+            y[starts],
+            np.minimum.reduceat(y, starts),
+            np.maximum.reduceat(y, starts),
+            y[last],
+        ]
         points = np.column_stack([np.stack(v, axis=1).ravel() for v in (times, values)])
     moved: Array = points[np.append(True, (np.diff(points, axis=0) != 0.0).any(axis=1))]
     return moved
@@ -466,7 +532,9 @@ def _thinned(points: Array, width: float) -> Array:
 def _sample(mark: Mark | Strip, left: float, y: float) -> Iterator[Drawn]:
     """What stands before a label of a legend."""
     if isinstance(mark, Strip) or mark.filled:
-        box = np.array([[left, y - 32], [left + 130, y - 32], [left + 130, y + 32], [left, y + 32]])
+        box = np.array(
+            [[left, y - 32], [left + 130, y - 32], [left + 130, y + 32], [left, y + 32]]
+        )
         alpha = 1.0 if isinstance(mark, Strip) else mark.alpha
         yield Shape([box], "", alpha=alpha, fill=mark.colour)
         return
@@ -474,10 +542,12 @@ def _sample(mark: Mark | Strip, left: float, y: float) -> Iterator[Drawn]:
         line = np.array([[left, y], [left + 130, y]])
         yield Shape([line], mark.colour, mark.width, mark.dash, mark.alpha)
     if mark.marker:
-        yield from _dots(replace(mark, marker=max(mark.marker, 3.0)), np.array([[left + 65, y]]))
+        yield from _dots(
+            replace(mark, marker=max(mark.marker, 3.0)), np.array([[left + 65, y]])
+        )
 
 
-# --- SVG --------------------------------------------------------------------------------------
+# --- SVG ------------------------------------------------------------------------------
 
 
 def _markup(shape: Drawn) -> str:
@@ -487,8 +557,8 @@ def _markup(shape: Drawn) -> str:
 
 
 def _path_of(shape: Shape) -> str:
-    """A shape as SVG; what is cut off is so by an <svg> of its own, for names of clip paths would
-    be those of the whole page."""
+    """A shape as SVG; what is cut off is so by an <svg> of its own, for names of clip
+    paths would be those of the whole page."""
     path = "".join(_path(p) + "z" * bool(shape.fill) for p in shape.parts)
     if not path:
         return ""
@@ -506,19 +576,25 @@ def _path_of(shape: Shape) -> str:
     points = np.concatenate(shape.parts) - (left, top)
     if (points >= -5.0).all() and (points <= (width + 5.0, height + 5.0)).all():
         return drawn  # nothing to cut off
-    return (f'<svg x="{left}" y="{top}" width="{width}" height="{height}" '
-            f'viewBox="{left} {top} {width} {height}">{drawn}</svg>')  # fmt: skip
+    return (
+        f'<svg x="{left}" y="{top}" width="{width}" height="{height}" '
+        f'viewBox="{left} {top} {width} {height}">{drawn}</svg>'
+    )
 
 
 def _dots_of(dots: Dots) -> str:
     """Dots as lines of no length with round ends."""
     if not len(dots.at):
         return ""
-    moves = np.diff(np.rint(dots.at).astype(int), axis=0, prepend=np.zeros((1, 2), int)).tolist()
+    moves = np.diff(
+        np.rint(dots.at).astype(int), axis=0, prepend=np.zeros((1, 2), int)
+    ).tolist()
     path = "".join(f"m{x}{'' if y < 0 else ' '}{y}h0" for x, y in moves)
     alpha = f' opacity="{dots.alpha:g}"' if dots.alpha < 1.0 else ""
-    return (f'<path d="{path}" stroke="{dots.colour}" stroke-width="{10.0 * dots.width:g}" '
-            f'stroke-linecap="round"{alpha}/>')  # fmt: skip
+    return (
+        f'<path d="{path}" stroke="{dots.colour}" stroke-width="{10.0 * dots.width:g}" '
+        f'stroke-linecap="round"{alpha}/>'
+    )
 
 
 def _path(points: Array) -> str:
@@ -543,13 +619,19 @@ def _text(words: Words) -> str:
     if not words.text:
         return ""
     x, y = (round(v) for v in words.at)
-    place = f'transform="translate({x} {y})rotate(-90)"' if words.turned else f'x="{x}" y="{y}"'
+    place = (
+        f'transform="translate({x} {y})rotate(-90)"'
+        if words.turned
+        else f'x="{x}" y="{y}"'
+    )
     anchor = "" if words.anchor == "start" else f' text-anchor="{words.anchor}"'
     text = escape(plain(words.text), quote=False)
-    return f'<text {place} font-size="{words.size:.3g}"{anchor} fill="{INK}">{text}</text>'
+    return (
+        f'<text {place} font-size="{words.size:.3g}"{anchor} fill="{INK}">{text}</text>'
+    )
 
 
-# --- Where an axis has its ticks, and what stands at them ---------------------------------------
+# --- Where an axis has its ticks, and what stands at them -----------------------------
 
 
 _RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
@@ -561,8 +643,8 @@ _FEW = 3
 
 
 class Ticks(NamedTuple):
-    """The ticks of an axis: values, a label each (empty: a short tick without one), and what is
-    taken out of all labels, as `×10⁻⁶` or `+ 7000`."""
+    """The ticks of an axis: values, a label each (empty: a short tick without one), and
+    what is taken out of all labels, as `×10⁻⁶` or `+ 7000`."""
 
     values: tuple[float, ...]
     labels: tuple[str, ...]
@@ -575,7 +657,8 @@ def raised(number: int) -> str:
 
 
 def linear(low: float, high: float, most: int) -> Ticks:
-    """At most so many ticks, 1, 2, 2.5 or 5 times a power of ten apart, from low to high."""
+    """At most so many ticks, 1, 2, 2.5 or 5 times a power of ten apart, from low to
+    high."""
     step = nice((high - low) / max(most - 1, 1))
     first, last = math.ceil(low / step - 1e-9), math.floor(high / step + 1e-9)
     values = [k * step for k in range(first, last + 1)]
@@ -590,7 +673,9 @@ def linear(low: float, high: float, most: int) -> Ticks:
         aside = f"×10{raised(power)} {aside}".strip()
     # decimals of the step, of which 2.5 has one more
     size = step / 10.0**power
-    digits = next((d for d in range(12) if abs(round(size, d) - size) < 1e-6 * size), 12)
+    digits = next(
+        (d for d in range(12) if abs(round(size, d) - size) < 1e-6 * size), 12
+    )
     texts = [f"{(v - shift) / 10.0**power:.{digits}f}" for v in values]
     return Ticks(tuple(values), tuple(minus(t) for t in texts), aside)
 
@@ -602,8 +687,8 @@ def nice(step: float) -> float:
 
 
 def logarithmic(low: float, high: float, most: int) -> Ticks:
-    """At powers of ten, every so many that there are at most so many labels; of few decades also
-    between."""
+    """At powers of ten, every so many that there are at most so many labels; of few
+    decades also between."""
     first, last = math.floor(math.log10(low) + 1e-9), math.ceil(math.log10(high) - 1e-9)
     every = -(-(last - first + 1) // max(most, 2))
     ticks: list[tuple[float, str]] = []

@@ -1,8 +1,9 @@
-"""Figures for a page's script (`figures.js`, which has uPlot draw them): what the SVG of `canvas`
-shows, with more points, as JSON.
+"""Figures for a page's script (`figures.js`, which has uPlot draw them): what the SVG
+of `canvas` shows, with more points, as JSON.
 
-Series of a figure share their times. Those of more rows than there is room for are thinned to the
-least and most of parts of equal length; all figures of a page together stay below 1.3 MB.
+Series of a figure share their times. Those of more rows than there is room for are
+thinned to the least and most of parts of equal length; all figures of a page together
+stay below 1.3 MB.
 """
 
 from __future__ import annotations
@@ -25,8 +26,9 @@ FEWEST, MOST = 400, 20_000
 
 
 def data_of(figures: Sequence[Figure]) -> JsonObject:
-    """`grids`: values of x (of times s), base64 of little-endian doubles; `plots`: a figure each,
-    None for one that the script cannot draw, of which the SVG stays; `most`: values of a line."""
+    """`grids`: values of x (of times s), base64 of little-endian doubles; `plots`: a
+    figure each, None for one that the script cannot draw, of which the SVG stays;
+    `most`: values of a line."""
     lines = [_lines(f.axes[0]) if _drawable(f) else [] for f in figures]
     room = min(MOST, max(FEWEST, VALUES // max(sum(map(len, lines)), 1)))
     grids: dict[bytes, int] = {}
@@ -34,7 +36,11 @@ def data_of(figures: Sequence[Figure]) -> JsonObject:
         _plot(figure.axes[0], own, room, grids) if own else None
         for figure, own in zip(figures, lines, strict=True)
     ]
-    return {"grids": [base64.b64encode(g).decode() for g in grids], "plots": plots, "most": room}
+    return {
+        "grids": [base64.b64encode(g).decode() for g in grids],
+        "plots": plots,
+        "most": room,
+    }
 
 
 class _Line(NamedTuple):
@@ -54,8 +60,10 @@ def _lines(ax: Axes) -> list[_Line]:
     for m in ax.marks:
         if _is_area(m):
             half, label = len(m.x) // 2, m.name or m.label or bare
-            lines += [_Line(m, m.x[:half], m.y[:half], f"{label}: least", True),
-                      _Line(m, m.x[:half], m.y[half:][::-1], f"{label}: most", True)]  # fmt: skip
+            lines += [
+                _Line(m, m.x[:half], m.y[:half], f"{label}: least", True),
+                _Line(m, m.x[:half], m.y[half:][::-1], f"{label}: most", True),
+            ]
         elif _is_line(m):
             x, y = m.whole or (m.x, m.y)
             lines.append(_Line(m, x, y, m.name or m.label or bare))
@@ -68,8 +76,8 @@ def _bare(ax: Axes) -> str:
 
 
 def _is_across(mark: Mark) -> bool:
-    """Whether it is a level or band from edge to edge, or one so far away that its name alone is
-    shown (nan)."""
+    """Whether it is a level or band from edge to edge, or one so far away that its name
+    alone is shown (nan)."""
     return 0 < len(mark.x) <= 4 and not np.isfinite(mark.x).any()
 
 
@@ -80,9 +88,12 @@ def _is_upright(mark: Mark) -> bool:
 def _is_area(mark: Mark) -> bool:
     """Whether it lies between two lines of the same x."""
     half = len(mark.x) // 2
-    return mark.filled and mark.whole is None and half > 2 and bool(
-        np.array_equal(mark.x[:half], mark.x[half:][::-1])
-    )  # fmt: skip
+    return (
+        mark.filled
+        and mark.whole is None
+        and half > 2
+        and bool(np.array_equal(mark.x[:half], mark.x[half:][::-1]))
+    )
 
 
 def _is_line(mark: Mark) -> bool:
@@ -92,56 +103,98 @@ def _is_line(mark: Mark) -> bool:
 
 
 def _drawable(figure: Figure) -> bool:
-    """Whether it has lines of growing x, and besides areas and levels that go across only."""
+    """Whether it has lines of growing x, and besides areas and levels that go across
+    only."""
     ax = figure.axes[0]
-    known = all(_is_line(m) or _is_area(m) or _is_across(m) or _is_upright(m) for m in ax.marks)
-    if not known or ax.right is not None or ax.x.ticks is not None or ax.y.ticks is not None:
+    known = all(
+        _is_line(m) or _is_area(m) or _is_across(m) or _is_upright(m) for m in ax.marks
+    )
+    if (
+        not known
+        or ax.right is not None
+        or ax.x.ticks is not None
+        or ax.y.ticks is not None
+    ):
         return False
-    return all(len(line.x) and bool((np.diff(line.x) > 0.0).all()) for line in _lines(ax))
+    return all(
+        len(line.x) and bool((np.diff(line.x) > 0.0).all()) for line in _lines(ax)
+    )
 
 
-def _plot(ax: Axes, lines: Sequence[_Line], room: int, grids: dict[bytes, int]) -> JsonObject:
+def _plot(
+    ax: Axes, lines: Sequence[_Line], room: int, grids: dict[bytes, int]
+) -> JsonObject:
     seconds = ax.x.seconds
     x, columns = thinned([(line.x, line.y) for line in lines], room)
     label = " ".join(ax.y.label.split("\n"))
     low, high = ax.y_range()
     return {
-        "grid": grids.setdefault(((seconds or 1.0) * x).astype("<f8").tobytes(), len(grids)),
+        "grid": grids.setdefault(
+            ((seconds or 1.0) * x).astype("<f8").tobytes(), len(grids)
+        ),
         "axis": ax.x.label.partition("[")[0].strip(),
-        "unit": ax.x.label.partition("[")[2].rstrip("]"), "seconds": seconds, "xlog": ax.x.log,
+        "unit": ax.x.label.partition("[")[2].rstrip("]"),
+        "seconds": seconds,
+        "xlog": ax.x.log,
         "ends": list(ax.x_range()),
-        "label": label, "log": ax.y.log, "range": [low, high],
+        "label": label,
+        "log": ax.y.log,
+        "range": [low, high],
         "series": [
-            {"label": line.label, "colour": m.colour, "width": m.width, "dash": list(m.dash),
-             "points": m.marker, "hollow": m.hollow, "area": m.alpha if line.edge else 0.0,
-             "stepped": m.stepped and len(x) == len(line.x),
-             "gaps": bool(np.isnan(line.y.min(initial=0.0))),
-             **_encode(values)}
-            for line, values in zip(lines, columns, strict=True) for m in (line.mark,)
+            {
+                "label": line.label,
+                "colour": m.colour,
+                "width": m.width,
+                "dash": list(m.dash),
+                "points": m.marker,
+                "hollow": m.hollow,
+                "area": m.alpha if line.edge else 0.0,
+                "stepped": m.stepped and len(x) == len(line.x),
+                "gaps": bool(np.isnan(line.y.min(initial=0.0))),
+                **_encode(values),
+            }
+            for line, values in zip(lines, columns, strict=True)
+            for m in (line.mark,)
         ],
         "across": [
-            {"label": m.label, "colour": m.colour, "low": _finite(m.y.min()),
-             "high": _finite(m.y.max()), "filled": m.filled, "alpha": m.alpha}
-            for m in ax.marks if _is_across(m)
+            {
+                "label": m.label,
+                "colour": m.colour,
+                "low": _finite(m.y.min()),
+                "high": _finite(m.y.max()),
+                "filled": m.filled,
+                "alpha": m.alpha,
+            }
+            for m in ax.marks
+            if _is_across(m)
         ],
-        "upright": [{"label": m.label, "colour": m.colour, "at": float(m.x[0])}
-                    for m in ax.marks if _is_upright(m)],
+        "upright": [
+            {"label": m.label, "colour": m.colour, "at": float(m.x[0])}
+            for m in ax.marks
+            if _is_upright(m)
+        ],
         "strips": [
-            {"row": s.row, "label": s.label, "colour": s.colour,
-             "spans": [round(seconds * t, 6) for span in s.spans for t in span]}
+            {
+                "row": s.row,
+                "label": s.label,
+                "colour": s.colour,
+                "spans": [round(seconds * t, 6) for span in s.spans for t in span],
+            }
             for s in ax.strips
         ],
-    }  # fmt: skip
+    }
 
 
 def _finite(value: float) -> float | None:
     return float(value) if np.isfinite(value) else None
 
 
-def thinned(lines: Sequence[tuple[Array, Array]], most: int) -> tuple[Array, list[Array]]:
-    """Lines (times, values) over times that they share, `most` at the most (even): as they are, nan
-    where one has no value, or the least and most in each of `most` / 2 parts, in about the order in
-    which they come."""
+def thinned(
+    lines: Sequence[tuple[Array, Array]], most: int
+) -> tuple[Array, list[Array]]:
+    """Lines (times, values) over times that they share, `most` at the most (even): as
+    they are, nan where one has no value, or the least and most in each of `most` / 2
+    parts, in about the order in which they come."""
     longest = max((x for x, _ in lines), key=len)
     alike = all(np.array_equal(x, longest[: len(x)]) for x, _ in lines)
     shared = longest if alike else np.unique(np.concatenate([x for x, _ in lines]))
@@ -156,7 +209,9 @@ def thinned(lines: Sequence[tuple[Array, Array]], most: int) -> tuple[Array, lis
     times = np.column_stack([edges[:-1] + quarter, edges[1:] - quarter]).ravel()
     times[0], times[-1] = shared[0], shared[-1]
     starts = np.searchsorted(shared, edges[:-1])
-    return times, [_ends(y, starts if alike else np.searchsorted(x, edges[:-1])) for x, y in lines]
+    return times, [
+        _ends(y, starts if alike else np.searchsorted(x, edges[:-1])) for x, y in lines
+    ]
 
 
 def _ends(y: Array, starts: NDArray[np.intp]) -> Array:
@@ -164,16 +219,22 @@ def _ends(y: Array, starts: NDArray[np.intp]) -> Array:
     counts = np.diff(np.minimum(starts, len(y)), append=len(y))
     some = counts > 0
     begin = starts[some]
-    least, most = (np.fmin, np.fmax) if np.isnan(y.min()) else (np.minimum, np.maximum)  # faster
+    least, most = (
+        (np.fmin, np.fmax) if np.isnan(y.min()) else (np.minimum, np.maximum)
+    )  # faster
     low, high = least.reduceat(y, begin), most.reduceat(y, begin)
     falls = y[begin] > y[begin + counts[some] - 1]
     ends = np.full((len(starts), 2), np.nan)
-    ends[some, 0], ends[some, 1] = np.where(falls, high, low), np.where(falls, low, high)
+    ends[some, 0], ends[some, 1] = (
+        np.where(falls, high, low),
+        np.where(falls, low, high),
+    )
     return ends.ravel()
 
 
 def _encode(values: Array) -> JsonObject:
-    """Values as base64 of little-endian floats, less an offset where they hardly differ."""
+    """Values as base64 of little-endian floats, less an offset where they hardly
+    differ."""
     known = values[np.isfinite(values)]
     low, high = (float(known.min()), float(known.max())) if len(known) else (0.0, 0.0)
     offset = 0.5 * (low + high) if high - low < 1e-3 * max(abs(low), abs(high)) else 0.0

@@ -30,7 +30,9 @@ def paint(figure: Figure, path: Path, form: str) -> None:
     """Have matplotlib paint a figure's shapes, as they are, into a file."""
     if paths.no_home():  # it would say where it keeps what it finds of fonts
         os.environ.setdefault("MPLCONFIGDIR", str(paths.cache() / "matplotlib"))
-    backend = os.environ.pop("MPLBACKEND", None)  # we need none, and one that is unknown is refused
+    backend = os.environ.pop(
+        "MPLBACKEND", None
+    )  # we need none, and one that is unknown is refused
     try:
         from matplotlib import figure as painter
         from matplotlib.patches import PathPatch, Rectangle
@@ -44,23 +46,47 @@ def paint(figure: Figure, path: Path, form: str) -> None:
     ax.set_axis_off()
     for layer, shape in enumerate(figure.shapes()):
         if isinstance(shape, Words):
-            ax.text(*shape.at, shape.text, fontsize=shape.size / 10.0, color=INK, va="baseline",
-                    ha=ANCHORS[shape.anchor], rotation=90.0 * shape.turned, zorder=layer,
-                    rotation_mode="anchor", parse_math=False)  # fmt: skip
+            ax.text(
+                *shape.at,
+                shape.text,
+                fontsize=shape.size / 10.0,
+                color=INK,
+                va="baseline",
+                ha=ANCHORS[shape.anchor],
+                rotation=90.0 * shape.turned,
+                zorder=layer,
+                rotation_mode="anchor",
+                parse_math=False,
+            )
         elif isinstance(shape, Dots):
-            ax.plot(*shape.at.T, "o", color=shape.colour, alpha=shape.alpha, zorder=layer,
-                    markersize=shape.width, markeredgewidth=0.0)  # fmt: skip
+            ax.plot(
+                *shape.at.T,
+                "o",
+                color=shape.colour,
+                alpha=shape.alpha,
+                zorder=layer,
+                markersize=shape.width,
+                markeredgewidth=0.0,
+            )
         elif shape.parts:
             outline = Outline.make_compound_path(
                 *(Outline(p, closed=False) for p in map(np.asarray, shape.parts))
             )
             patch = PathPatch(
-                outline, facecolor=shape.fill or "none", edgecolor=shape.colour or "none",
-                linewidth=shape.width, alpha=shape.alpha, zorder=layer,
-                linestyle=(0, [d / shape.width for d in shape.dash]) if shape.dash else "-",
-            )  # fmt: skip
+                outline,
+                facecolor=shape.fill or "none",
+                edgecolor=shape.colour or "none",
+                linewidth=shape.width,
+                alpha=shape.alpha,
+                zorder=layer,
+                linestyle=(0, [d / shape.width for d in shape.dash])
+                if shape.dash
+                else "-",
+            )
             ax.add_patch(patch)
             if shape.within is not None:
                 left, top, across, down = shape.within
-                patch.set_clip_path(Rectangle((left, top), across, down, transform=ax.transData))
+                patch.set_clip_path(
+                    Rectangle((left, top), across, down, transform=ax.transData)
+                )
     page.savefig(path, format=form, dpi=150)

@@ -54,22 +54,31 @@ _OTHER: dict[str, Any] = {"width": 1.0, "dash": (4.0, 2.0), "alpha": 0.75}
 
 
 def series_figure(plot: Plot, runs: Sequence[Run]) -> Figure | None:
-    """The figure of a scenario's `[plots.NAME]` over runs. Of two the first is drawn in colours,
-    the other dashed; of more each run has a colour. None where a series is not recorded."""
+    """The figure of a scenario's `[plots.NAME]` over runs. Of two the first is drawn in
+    colours, the other dashed; of more each run has a colour. None where a series is not
+    recorded."""
     _, results, parameters = runs[0]
     if (unit := unit_of(plot, results)) is None:
         return None
     drawn = [lines_of(plot, r, unit) for _, r, _ in runs]
     limits = limits_of(plot.limits, parameters, unit)
     # the limits of a size have no other side
-    signed = any(np.nanmin(x.values, initial=0.0) < 0.0 for lines in drawn for x in lines)
+    signed = any(
+        np.nanmin(x.values, initial=0.0) < 0.0 for lines in drawn for x in lines
+    )
     orbit = plot.orbit
     seconds, time_unit = (orbit, "orbits") if orbit else time_axis(results.times())
     fig, panels = _panels(plot, results)
     for ax, begin in panels:
         whole = begin is None
-        lines = drawn if begin is None else [[_since(x, begin) for x in run] for run in drawn]
-        _draw(ax, lines, [label for label, _, _ in runs] if whole else None, seconds, plot)
+        lines = (
+            drawn
+            if begin is None
+            else [[_since(x, begin) for x in run] for run in drawn]
+        )
+        _draw(
+            ax, lines, [label for label, _, _ in runs] if whole else None, seconds, plot
+        )
         ax.y.log = plot.log and whole
         _draw_limits(ax, limits, signed, whole)
         ax.y.label = axis_label(plot.axis or plot.title, unit, ax.height / INCH)
@@ -81,19 +90,25 @@ def series_figure(plot: Plot, runs: Sequence[Run]) -> Figure | None:
 
 
 def of_name(name: str | None, plots: Mapping[str, Plot], runs: Sequence[Run]) -> Figure:
-    """The figure of a plot of a scenario, of its first (None), or of a series over runs. Raises
-    DesatError where there is none, or it is not recorded."""
+    """The figure of a plot of a scenario, of its first (None), or of a series over
+    runs. Raises DesatError where there is none, or it is not recorded."""
     from ..language.scenario import Plot  # takes long to import
 
     names = runs[0][1].names()
     if name is None:
         name = next(iter(plots), names[0] if names else "")
-    plot = plots.get(name) or (Plot(title=name, signals=(name,)) if name in names else None)
+    plot = plots.get(name) or (
+        Plot(title=name, signals=(name,)) if name in names else None
+    )
     if plot is None:
-        raise DesatError(f"{name}: no plot and no series{nearest(name, [*plots, *names])}")
+        raise DesatError(
+            f"{name}: no plot and no series{nearest(name, [*plots, *names])}"
+        )
     figure = series_figure(plot, runs)
     if figure is None:
-        raise DesatError(f"{name}: what it shows is not recorded: {', '.join(plot.signals)}")
+        raise DesatError(
+            f"{name}: what it shows is not recorded: {', '.join(plot.signals)}"
+        )
     return figure
 
 
@@ -108,15 +123,20 @@ def unit_of(plot: Plot, results: Results) -> str | None:
     return plot.unit or own or results.attribute(signals[0], "unit")
 
 
-def _panels(plot: Plot, results: Results) -> tuple[Figure, list[tuple[Axes, float | None]]]:
-    """A figure, and its pairs of axes: the whole run and, where the plot wants it, what follows its
-    `steady` (s)."""
+def _panels(
+    plot: Plot, results: Results
+) -> tuple[Figure, list[tuple[Axes, float | None]]]:
+    """A figure, and its pairs of axes: the whole run and, where the plot wants it, what
+    follows its `steady` (s)."""
     steady = plot.steady
     if steady is None or results.times()[-1] <= steady:
         fig = Figure(WIDTH, HEIGHT)
         return fig, [(fig.add(), None)]
     fig = Figure(WIDTH, PANELS)
-    return fig, [(fig.add(top=0.04, bottom=0.60), None), (fig.add(top=0.54, bottom=0.10), steady)]
+    return fig, [
+        (fig.add(top=0.04, bottom=0.60), None),
+        (fig.add(top=0.54, bottom=0.10), steady),
+    ]
 
 
 def _since(line: Line, begin: float) -> Line:
@@ -125,13 +145,17 @@ def _since(line: Line, begin: float) -> Line:
 
 
 def _draw(
-    ax: Axes, runs: list[list[Line]], labels: list[str] | None, seconds: float,
+    ax: Axes,
+    runs: list[list[Line]],
+    labels: list[str] | None,
+    seconds: float,
     plot: Plot,
-) -> None:  # fmt: skip
-    """The lines of several runs. A line is named in the first run; where there are several runs,
-    the first line of each other one has the run's name, and a lone line always has; of more than
-    two runs the first line of each; without `labels` none has. An `envelope` fills what a line that
-    is faster than the plot is wide lies between."""
+) -> None:
+    """The lines of several runs. A line is named in the first run; where there are
+    several runs, the first line of each other one has the run's name, and a lone line
+    always has; of more than two runs the first line of each; without `labels` none has.
+    An `envelope` fills what a line that is faster than the plot is wide lies
+    between."""
     for number, lines in enumerate(runs):
         for i, line in enumerate(lines):
             name = line.name if number == 0 else ""
@@ -140,26 +164,42 @@ def _draw(
             elif labels and len(runs) > 1 and (len(lines) == 1 or (number and i == 0)):
                 name = labels[number]
             name = name if labels else ""
-            of_runs = len(runs) > 2 or len(lines) == 1  # else lines are told apart, runs by dashes
+            of_runs = (
+                len(runs) > 2 or len(lines) == 1
+            )  # else lines are told apart, runs by dashes
             colour = COLOURS[(number if of_runs else i) % len(COLOURS)]
             run = labels[number] if labels and len(runs) > 1 else ""
             whose = ", ".join(part for part in (line.name, run) if part)
             if plot.envelope and len(line.times) > BINS:
                 x, low, high = between(line.times, line.values)
-                ax.area(x / seconds, low, high, colour, alpha=0.45,
-                        label=name and f"{name}: least to most", name=whose,
-                        whole=(line.times / seconds, line.values))  # fmt: skip
+                ax.area(
+                    x / seconds,
+                    low,
+                    high,
+                    colour,
+                    alpha=0.45,
+                    label=name and f"{name}: least to most",
+                    name=whose,
+                    whole=(line.times / seconds, line.values),
+                )
                 continue
-            ax.plot(line.times / seconds, line.values, colour, label=name, stepped=line.stepped,
-                    name=whose, **(_OTHER if number and len(runs) == 2 else _FIRST))  # fmt: skip
+            ax.plot(
+                line.times / seconds,
+                line.values,
+                colour,
+                label=name,
+                stepped=line.stepped,
+                name=whose,
+                **(_OTHER if number and len(runs) == 2 else _FIRST),
+            )
 
 
 def _draw_limits(
     ax: Axes, limits: list[tuple[str, float, bool]], signed: bool, always: bool = True
 ) -> None:
-    """Limit lines and bands (name, value, filled), on both sides of zero where `signed`; those that
-    are beyond what is drawn only where `always`. Of one so FAR that the lines would be flat beside
-    it there is the name alone."""
+    """Limit lines and bands (name, value, filled), on both sides of zero where
+    `signed`; those that are beyond what is drawn only where `always`. Of one so FAR
+    that the lines would be flat beside it there is the name alone."""
     low, high = ax.y_range()
     bands = iter(BANDS * len(limits))
     for name, value, filled in limits:
@@ -171,7 +211,14 @@ def _draw_limits(
             ax.band(-value if signed else 0.0, value, colour, alpha=0.16, label=text)
             continue
         if value > FAR * max(-low, high) > 0.0 and not ax.y.log:
-            ax.plot([np.nan], [np.nan], LIMIT, width=0.9, dash=DOTTED, label=f"{text}: far beyond")
+            ax.plot(
+                [np.nan],
+                [np.nan],
+                LIMIT,
+                width=0.9,
+                dash=DOTTED,
+                label=f"{text}: far beyond",
+            )
             continue
         ax.level(value, LIMIT, width=0.9, dash=DOTTED, label=text)
         if signed:
@@ -182,7 +229,11 @@ def lines_of(plot: Plot, results: Results, unit: str) -> list[Line]:
     """The lines of a scenario's plot in a run; none for a series that is not recorded."""
     known = set(results.names())
     if plot.derive:
-        return _derived_lines(plot, results, unit) if known.issuperset(plot.signals) else []
+        return (
+            _derived_lines(plot, results, unit)
+            if known.issuperset(plot.signals)
+            else []
+        )
     shown = (s for s in plot.signals if s in known)
     return [line for signal in shown for line in _lines(plot, results, signal, unit)]
 
@@ -194,16 +245,21 @@ def _derived_lines(plot: Plot, results: Results, unit: str) -> list[Line]:
     quantity, options = entry
     series = [results.values(s) for s in plot.signals]
     values = quantity.rows(results.times(), series, options)
-    values = values * scale(quantity.unit or results.attribute(plot.signals[0], "unit"), unit)
+    values = values * scale(
+        quantity.unit or results.attribute(plot.signals[0], "unit"), unit
+    )
     times = results.times()[: len(values)]
-    # a name of the scenario's that is empty leaves its element out; a quantity may have no name
+    # a name of the scenario's that is empty leaves its element out; a quantity may have
+    # no name
     names = enumerate(plot.components or quantity.names)
     return [Line(n, times, values[:, i]) for i, n in names if n or not plot.components]
 
 
 def _lines(plot: Plot, results: Results, signal: str, unit: str) -> list[Line]:
     """The lines of a signal: one an element, or its size."""
-    values = results.values(signal).astype(float) * scale(results.attribute(signal, "unit"), unit)
+    values = results.values(signal).astype(float) * scale(
+        results.attribute(signal, "unit"), unit
+    )
     times = results.times(signal)
     stepped = results.attribute(signal, "class") == "interval"
     prefix = "" if len(plot.signals) == 1 else signal.partition(".")[2]
@@ -221,8 +277,8 @@ def _lines(plot: Plot, results: Results, signal: str, unit: str) -> list[Line]:
 
 
 def elements_of(signal: str, count: int) -> list[str]:
-    """The names of a signal's elements for people: of a vector its axes, of wheels, coils and
-    nozzles which one, else their numbers."""
+    """The names of a signal's elements for people: of a vector its axes, of wheels,
+    coils and nozzles which one, else their numbers."""
     kind = signal.rpartition("_")[2]
     if kind in ("wheel", "coil", "nozzle"):
         return [f"{kind} {i + 1}" for i in range(count)]
@@ -236,16 +292,28 @@ def elements_of(signal: str, count: int) -> list[str]:
 # A strip stands for an Integer output whose values have names (`choices`).
 
 
-BAND_COLOURS = ("#d4d4d4", "#7fb8de", "#f2b84b", "#93c98a", "#e07a6e", "#b79ad6", "#6f6f6f",
-                "#c9a27a")  # fmt: skip
+BAND_COLOURS = (
+    "#d4d4d4",
+    "#7fb8de",
+    "#f2b84b",
+    "#93c98a",
+    "#e07a6e",
+    "#b79ad6",
+    "#6f6f6f",
+    "#c9a27a",
+)
 """Of the values, by their number."""
 COLUMNS = 800
-"""A span is drawn at least as long as one of so many columns, so that short ones are seen."""
+"""A span is drawn at least as long as one of so many columns, so that short ones are
+seen."""
 
 
-def timeline(ax: Axes, seconds: float, unit: str, results: Results | None = None) -> None:
-    """Name the axis of times, in `unit` of so many seconds. Under it, a strip of coloured bands for
-    each Integer of the results whose values have names: a mode, a phase."""
+def timeline(
+    ax: Axes, seconds: float, unit: str, results: Results | None = None
+) -> None:
+    """Name the axis of times, in `unit` of so many seconds. Under it, a strip of
+    coloured bands for each Integer of the results whose values have names: a mode, a
+    phase."""
     ax.x.label, ax.x.margin, ax.x.seconds = f"time [{unit}]", 0.01, seconds
     strips = results.once("strips", lambda: list(_strips(results))) if results else []
     for strip in strips:
@@ -266,10 +334,11 @@ def _strips(results: Results) -> Iterator[Strip]:
 def bands(
     times: Any, values: Any, columns: int = COLUMNS
 ) -> list[tuple[int, list[tuple[float, float]]]]:
-    """(value, its spans from begin to end in s) of a series of integers, those that hold longest
-    first. `times` may have one row more: the end of the last.
+    """(value, its spans from begin to end in s) of a series of integers, those that
+    hold longest first. `times` may have one row more: the end of the last.
 
-    A span is at least as long as a column, one of so many over all: what is shorter is seen.
+    A span is at least as long as a column, one of so many over all: what is shorter is
+    seen.
     """
     if len(values) == 0:
         return []
@@ -282,7 +351,10 @@ def bands(
         spans: list[tuple[float, float]] = []
         held = np.flatnonzero(values == value)
         breaks = np.flatnonzero(np.diff(held) > 1)
-        firsts, lasts = held[np.append(0, breaks + 1)], held[np.append(breaks, len(held) - 1)]
+        firsts, lasts = (
+            held[np.append(0, breaks + 1)],
+            held[np.append(breaks, len(held) - 1)],
+        )
         for first, last in zip(firsts, lasts, strict=True):
             begin, end = float(starts[first]), float(ends[last])
             end = max(end, min(begin + shortest, float(ends[-1])))
@@ -293,7 +365,7 @@ def bands(
     return strips
 
 
-# --- Of several runs together -------------------------------------------------------------------
+# --- Of several runs together ---------------------------------------------------------
 
 
 def scatter(*args: Any, **options: Any) -> str:
@@ -302,20 +374,36 @@ def scatter(*args: Any, **options: Any) -> str:
 
 
 def scattered(
-    groups: Mapping[str, tuple[Sequence[float], Sequence[float]]], xlabel: str, ylabel: str, *,
-    diagonal: str = "", joined: bool = False, log: str = "", size: float = 5.0,
-) -> Figure:  # fmt: skip
-    """Points of a size (pt): {label: (x, y)}, one without a label in no legend; `diagonal` names
-    the line y = x, empty for none; `joined`: a line from each to the next; `log`: the axes that are
-    logarithmic, of "x", "y", "xy". What is infinite, as a time not reached, has no point."""
+    groups: Mapping[str, tuple[Sequence[float], Sequence[float]]],
+    xlabel: str,
+    ylabel: str,
+    *,
+    diagonal: str = "",
+    joined: bool = False,
+    log: str = "",
+    size: float = 5.0,
+) -> Figure:
+    """Points of a size (pt): {label: (x, y)}, one without a label in no legend;
+    `diagonal` names the line y = x, empty for none; `joined`: a line from each to the
+    next; `log`: the axes that are logarithmic, of "x", "y", "xy". What is infinite, as
+    a time not reached, has no point."""
     fig, ax = figure()
     ax.x.log, ax.y.log, ax.x.label, ax.y.label = "x" in log, "y" in log, xlabel, ylabel
     drawn = {
-        label: tuple(np.where(np.isfinite(v), v, np.nan) for v in np.asarray(pair, float))
+        label: tuple(
+            np.where(np.isfinite(v), v, np.nan) for v in np.asarray(pair, float)
+        )
         for label, pair in groups.items()
     }
     for i, (label, (x, y)) in enumerate(drawn.items()):
-        ax.plot(x, y, COLOURS[i % len(COLOURS)], label=label, marker=size, width=float(joined))
+        ax.plot(
+            x,
+            y,
+            COLOURS[i % len(COLOURS)],
+            label=label,
+            marker=size,
+            width=float(joined),
+        )
     if diagonal:
         top = max(float(np.nanmax(v)) for pair in drawn.values() for v in pair)
         ax.plot([0, top], [0, top], "#888888", width=0.9, dash=DOTTED, label=diagonal)

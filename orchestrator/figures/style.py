@@ -11,8 +11,17 @@ import numpy as np
 from ..numbers.text import spell_unit
 from .canvas import Axes, Figure
 
-COLOURS = ("#0b62a4", "#d1495b", "#2e8b57", "#8a5fbf", "#e08e0b", "#444444", "#1aa6b7", "#8b5a2b",
-           "#a3b72c")  # fmt: skip
+COLOURS = (
+    "#0b62a4",
+    "#d1495b",
+    "#2e8b57",
+    "#8a5fbf",
+    "#e08e0b",
+    "#444444",
+    "#1aa6b7",
+    "#8b5a2b",
+    "#a3b72c",
+)
 LIMIT = "#b22222"
 BANDS = ("#b22222", "#e0a100", "#5b7f95")
 """Of filled limits, in their order."""

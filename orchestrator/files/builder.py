@@ -1,4 +1,5 @@
-"""From layers of values to a system: FMUs in their places, values expanded, units converted."""
+"""From layers of values to a system: FMUs in their places, values expanded, units
+converted."""
 
 from __future__ import annotations
 
@@ -33,9 +34,13 @@ from ..system.model import (
 from ..system.parameters import expand, in_unit_of, is_quantity, known_unit
 from . import library
 
-RESERVED = ("time", SHARED)  # names of no component: the series of times, parameters of all
+RESERVED = (
+    "time",
+    SHARED,
+)  # names of no component: the series of times, parameters of all
 MOST_LINES = 100  # about one kind of problem; more help nobody
-LARGEST = 1e40  # SI; no quantity of a spacecraft is larger, and squares and cubes of it are numbers
+# SI; no quantity of a spacecraft is larger, and squares and cubes of it are numbers
+LARGEST = 1e40
 MOST_STEPS = 1e12  # of a run: one of a microsecond each takes eleven days
 
 
@@ -51,21 +56,33 @@ class Part:
     connectors: dict[str, Connector]
     step_ratio: int
     parameters: dict[str, Scalar | str] = field(default_factory=dict)  # by element
-    references: dict[str, str] = field(default_factory=dict)  # given as products of parameters
-    units: dict[str, Unit | str] = field(default_factory=dict)  # where not the variable's own
+    references: dict[str, str] = field(
+        default_factory=dict
+    )  # given as products of parameters
+    units: dict[str, Unit | str] = field(
+        default_factory=dict
+    )  # where not the variable's own
     conflicts: dict[str, str] = field(default_factory=dict)
-    origins: dict[str, str] = field(default_factory=dict)  # who gave a variable its value
+    origins: dict[str, str] = field(
+        default_factory=dict
+    )  # who gave a variable its value
     placed_by: str = ""  # who put another FMU in its place
 
     def elements(self, name: str) -> list[str]:
-        """Return the names of a variable's scalars; none where the interface is not known."""
-        return [s.name for s in self.interface.elements.get(name, ())] if self.interface else []
+        """Return the names of a variable's scalars; none where the interface is not
+        known."""
+        return (
+            [s.name for s in self.interface.elements.get(name, ())]
+            if self.interface
+            else []
+        )
 
     def assign(self, name: str, value: Any, where: str) -> None:
-        """Give a parameter (or input) its value, or the text of one that follows from others.
+        """Give a parameter (or input) its value, or the text of one that follows from
+        others.
 
-        A text for a Real is a product of parameters (`expression.py`). Nothing is given where the
-        interface is not known: that it is missing is a problem already.
+        A text for a Real is a product of parameters (`expression.py`). Nothing is given
+        where the interface is not known: that it is missing is a problem already.
 
         Raises
         ------
@@ -116,7 +133,11 @@ class Builder:
     """
 
     def __init__(
-        self, first: Layer, blocks: bool = False, kind: str = "native", load: bool = True
+        self,
+        first: Layer,
+        blocks: bool = False,
+        kind: str = "native",
+        load: bool = True,
     ) -> None:
         self.blocks = blocks
         self.kind = kind
@@ -151,8 +172,17 @@ class Builder:
         for layer in layers:
             self.problems += layer.problems
             self.warnings += layer.warnings
-            for key in ("name", "title", "start", "stop", "step", "substeps", "accuracy", "about",
-                        "body"):  # fmt: skip
+            for key in (
+                "name",
+                "title",
+                "start",
+                "stop",
+                "step",
+                "substeps",
+                "accuracy",
+                "about",
+                "body",
+            ):
                 if (value := getattr(layer, key)) not in (None, ""):
                     setattr(self, key, value)
             self.output_classes |= layer.output_classes
@@ -175,10 +205,11 @@ class Builder:
         require(name, self.components, f"{where}: no component")
         return self.components[name]
 
-    # --- FMUs in their places -------------------------------------------------------------------
+    # --- FMUs in their places ---------------------------------------------------------
 
     def _fill(self, layer: Layer) -> list[str]:
-        """Put the FMUs of a layer in their places; the names of those that replace others."""
+        """Put the FMUs of a layer in their places; the names of those that replace
+        others."""
         replaced = []
         for place in layer.places:
             if not place.origin:
@@ -200,7 +231,8 @@ class Builder:
         return replaced
 
     def _replace(self, place: Place, layer: Layer) -> None:
-        """Put another FMU in a component's place, with the values that it declares alike."""
+        """Put another FMU in a component's place, with the values that it declares
+        alike."""
         where = place.origin if layer.of_options else f"{layer.where}: sources"
         part = self.part(place.name, where)
         part.placed_by = place.origin
@@ -216,7 +248,9 @@ class Builder:
                 f"{part.name}: {place.label} does not take {', '.join(lost)} of the FMU that it "
                 "replaces"
             )
-        own = [name for name in lost if f"parameters.{part.name}." in given.get(name, "")]
+        own = [
+            name for name in lost if f"parameters.{part.name}." in given.get(name, "")
+        ]
         if own and not layer.of_options:
             self.warnings.append(
                 f"{part.name}: {place.label} does not take {', '.join(own)} of the craft"
@@ -224,7 +258,8 @@ class Builder:
         self._drop_unwanted(part)
 
     def _load_interface(self, part: Part) -> None:
-        """Load the interface of a component from its FMU, or from the bare block of its name.
+        """Load the interface of a component from its FMU, or from the bare block of its
+        name.
 
         A bare block has no file: `fmu` is None from then on.
         """
@@ -238,20 +273,25 @@ class Builder:
             part.fmu = None
 
     def _drop_unwanted(self, part: Part) -> None:
-        """Take out what is wired or listed for a replaced component and its FMU does not have.
+        """Take out what is wired or listed for a replaced component and its FMU does
+        not have.
 
-        An FMU in a role's place needs only the inputs that its law wants, and may lack an output
-        of the role (a manager without thrusters): who reads that keeps its start value. Where it
-        has none of those that are read, or a part of an array, they stay, so that the check
-        misses them.
+        An FMU in a role's place needs only the inputs that its law wants, and may lack
+        an output of the role (a manager without thrusters): who reads that keeps its
+        start value. Where it has none of those that are read, or a part of an array,
+        they stay, so that the check misses them.
         """
         assert part.interface is not None
         name, signals = part.name, part.interface.signals
         fmu, bases = PurePath(part.source).name, part.interface.arrays
-        unwanted = [c for c in self.connections if c.target == name and c.input not in signals]
+        unwanted = [
+            c for c in self.connections if c.target == name and c.input not in signals
+        ]
         if unwanted:
             whole = {c.input_array for c in unwanted}.difference(bases)
-            names = {c.input_array if c.input_array in whole else c.input for c in unwanted}
+            names = {
+                c.input_array if c.input_array in whole else c.input for c in unwanted
+            }
             self.warnings.append(
                 f"{name}: {fmu} has no input {', '.join(sorted(names))}: left unwired"
             )
@@ -271,19 +311,23 @@ class Builder:
             self.connections = [c for c in self.connections if c not in unwanted]
         read = {c.output for c in self.connections if c.source == name}
         part.connectors = {
-            key: c for key, c in part.connectors.items() if key in signals or key in read
+            key: c
+            for key, c in part.connectors.items()
+            if key in signals or key in read
         }
 
     def _adopt_shared(self, part: Part) -> None:
-        """Give a replaced component the craft's values of the shared parameters that nobody gave
-        it, in place of its own defaults, which are another craft's."""
+        """Give a replaced component the craft's values of the shared parameters that
+        nobody gave it, in place of its own defaults, which are another craft's."""
         if part.interface is None:
             return
         shared = {s.array for s in part.interface.parameters if s.shared}
         given = {base_name(name) for name in part.parameters} | part.references.keys()
         for name in sorted(shared - given):
             wanted = part.elements(name)
-            owner = next((p for p in self._sharing(name, wanted) if p is not part), None)
+            owner = next(
+                (p for p in self._sharing(name, wanted) if p is not part), None
+            )
             if owner is None or owner.interface is None:
                 continue
             if name in owner.references:
@@ -307,10 +351,11 @@ class Builder:
             if part.interface.signals[elements[0]].shared:
                 yield part
 
-    # --- values ---------------------------------------------------------------------------------
+    # --- values -----------------------------------------------------------------------
 
     def _give(self, value: Value, layer: Layer, errors: list[str]) -> None:
-        """Give a value to its component, or to all that share it; what does not fit is an error."""
+        """Give a value to its component, or to all that share it; what does not fit is
+        an error."""
         for part in self._owners(value, errors):
             if value.unchecked:
                 part.take(value)
@@ -328,12 +373,18 @@ class Builder:
         """Return the components that a value is for."""
         if value.owner != SHARED or SHARED in self.components:
             return [self.part(value.owner, value.origin)]
-        owners = [part for part in self.components.values() if part.elements(value.name)]
+        owners = [
+            part for part in self.components.values() if part.elements(value.name)
+        ]
         if not owners:
-            interfaces = [p.interface for p in self.components.values() if p.interface is not None]
+            interfaces = [
+                p.interface for p in self.components.values() if p.interface is not None
+            ]
             known = {s.array for interface in interfaces for s in interface.parameters}
             hint = nearest(value.name, known)
-            errors.append(f"{value.origin}: no component has a parameter {value.name}{hint}")
+            errors.append(
+                f"{value.origin}: no component has a parameter {value.name}{hint}"
+            )
         return owners
 
     def _check_open(self, part: Part, value: Value) -> None:
@@ -347,7 +398,7 @@ class Builder:
                     "has this value"
                 )
 
-    # --- building -------------------------------------------------------------------------------
+    # --- building ---------------------------------------------------------------------
 
     def build(self) -> tuple[System | None, dict[str, Component]]:
         """Build the system.
@@ -427,7 +478,9 @@ class Builder:
         """Find names that those of variables and of series cannot begin with."""
         for part in self.components.values():
             name = part.name
-            bad = set("./[]*?=") & set(name) or not name.strip() or not name.isprintable()
+            bad = (
+                set("./[]*?=") & set(name) or not name.strip() or not name.isprintable()
+            )
             if bad or name in RESERVED:
                 yield (
                     f"{self.where}:{part.line}: component {name!r}: a name is needed without . / ["
@@ -439,7 +492,9 @@ class Builder:
         for connector in part.connectors.values():
             where = f"{self.where}:{connector.line}: {part.name}.{connector.name}"
             signal = interface.signals.get(connector.name)
-            if part.placed_by and (signal is None or connector.kind != signal.causality):
+            if part.placed_by and (
+                signal is None or connector.kind != signal.causality
+            ):
                 continue  # one line names all of its connections
             if signal is None:
                 hint = nearest(connector.name, interface.signals)
@@ -450,7 +505,11 @@ class Builder:
             listed = "Integer" if connector.type == "Enumeration" else connector.type
             if listed and listed != signal.kind:
                 yield f"{where}: listed as {connector.type}, but it is {signal.kind}"
-            if connector.unit and connector.unit != signal.unit_name and signal.unit is not None:
+            if (
+                connector.unit
+                and connector.unit != signal.unit_name
+                and signal.unit is not None
+            ):
                 unit = known_unit(connector.unit)
                 if unit is None or conversion(unit, signal.unit) != (1.0, 0.0):
                     own = signal.unit_name or 1
@@ -463,17 +522,25 @@ class Builder:
             where = part.origins.get(name, self.where)
             own = interface.signals.get(name)
             signals = interface.elements.get(name, ()) if own is None else [own]
-            if not (signals or interface.role):  # SSP 1.0: what matches no variable is ignored
+            if not (
+                signals or interface.role
+            ):  # SSP 1.0: what matches no variable is ignored
                 hint = nearest(name, interface.signals)
-                self._warn(f"{where}: {part.source} has no variable {name}{hint}: left out")
+                self._warn(
+                    f"{where}: {part.source} has no variable {name}{hint}: left out"
+                )
                 continue
             if name in part.conflicts:
                 self.problems.append(part.conflicts[name])
             unit = part.units.get(name)
             try:
                 if unit is not None and signals:
-                    value = self._converted_value(name, value, unit, signals[0], interface, where)
-                parameters.update(expand(interface, name, value, f"{where}: {part.name}"))
+                    value = self._converted_value(
+                        name, value, unit, signals[0], interface, where
+                    )
+                parameters.update(
+                    expand(interface, name, value, f"{where}: {part.name}")
+                )
             except DesatError as error:
                 self.problems.append(str(error))
         return parameters
@@ -530,7 +597,9 @@ class Builder:
                 continue
             where = f"{self.where}:{c.line}"
             if source.kind != target.kind:
-                self.problems.append(f"{where}: {c}: type {source.kind} does not fit {target.kind}")
+                self.problems.append(
+                    f"{where}: {c}: type {source.kind} does not fit {target.kind}"
+                )
             other = driven.setdefault((c.target, c.input), c)
             if other is not c:
                 self.problems.append(
@@ -543,15 +612,19 @@ class Builder:
                 self.problems.append(f"{where}: {c}: {error}")
         for name, ends in lacking.items():
             by = self.components[name].placed_by
-            self.problems.append(f"{by}: {name}: its FMU lacks what is wired: {', '.join(ends)}")
+            self.problems.append(
+                f"{by}: {name}: its FMU lacks what is wired: {', '.join(ends)}"
+            )
         return tuple(result)
 
     def _end(
         self, c: Connection, causality: str, lacking: Mapping[str, dict[str, None]]
     ) -> Signal | None:
-        """Return the variable at one end of a connection, or None where there is none that fits.
+        """Return the variable at one end of a connection, or None where there is none
+        that fits.
 
-        What an FMU lacks that was put in a component's place goes to `lacking`, by component.
+        What an FMU lacks that was put in a component's place goes to `lacking`, by
+        component.
         """
         outgoing = causality == "output"
         owner, connector = (c.source, c.output) if outgoing else (c.target, c.input)
@@ -572,7 +645,9 @@ class Builder:
             return None
         if connector not in known:
             hint = nearest(connector, known)
-            self.problems.append(f"{where}: {c}: {owner} has no connector {connector}{hint}")
+            self.problems.append(
+                f"{where}: {c}: {owner} has no connector {connector}{hint}"
+            )
             return None
         if signal is not None and signal.causality != causality:
             end = "start" if outgoing else "end"
@@ -594,14 +669,20 @@ class Builder:
         start, step, stop = self.start, self.step, self.stop
         if step is None or stop is None:
             missing = "step" if step is None else "stop time"
-            raise DesatError(f"{self.where}: no {missing} is given; use --{missing.split()[0]}")
-        by_step, by_stop = (self.origins.get(key, self.where) for key in ("step", "stop"))
+            raise DesatError(
+                f"{self.where}: no {missing} is given; use --{missing.split()[0]}"
+            )
+        by_step, by_stop = (
+            self.origins.get(key, self.where) for key in ("step", "stop")
+        )
         both = by_step if by_step == by_stop else f"{by_stop}, {by_step}"
         if not (math.isfinite(step) and step > 0.0):
             raise DesatError(f"{by_step}: step {step:g} s; a positive number is needed")
         span = (stop - start) / step
         if not 1.0 - 1e-9 <= span < math.inf:
-            raise DesatError(f"{both}: no step of {step:g} s from {start:g} s to {stop:g} s")
+            raise DesatError(
+                f"{both}: no step of {step:g} s from {start:g} s to {stop:g} s"
+            )
         if span >= MOST_STEPS:
             raise DesatError(
                 f"{both}: {span:.3g} steps of {step:g} s; at most {MOST_STEPS:g} are made"
@@ -612,12 +693,15 @@ class Builder:
                 f"{step:g} s"
             )
         if abs(span - round(span)) > 1e-6:
-            raise DesatError(f"{both}: {stop - start:g} s is not a multiple of the step {step:g} s")
+            raise DesatError(
+                f"{both}: {stop - start:g} s is not a multiple of the step {step:g} s"
+            )
         return step, stop
 
 
 def _keep_alike(part: Part, before: Interface | None) -> list[str]:
-    """Take away the values that a component's new interface does not declare as the old one did.
+    """Take away the values that a component's new interface does not declare as the old
+    one did.
 
     Returns
     -------
@@ -638,7 +722,8 @@ def _keep_alike(part: Part, before: Interface | None) -> list[str]:
     part.references = {
         name: text
         for name, text in part.references.items()
-        if before is not None and all(is_alike(s.name) for s in before.elements.get(name, ()))
+        if before is not None
+        and all(is_alike(s.name) for s in before.elements.get(name, ()))
     }
     return list(dict.fromkeys(base_name(k) for k in given if k not in part.parameters))
 

@@ -1,4 +1,5 @@
-"""Craft files: which block fills each role of a spacecraft, and what is wired otherwise than usual.
+"""Craft files: which block fills each role of a spacecraft, and what is wired otherwise
+than usual.
 
     title = "A rigid body with wheels, dumping while it points to nadir"
     stop = 600.0                          # s, where a scenario says nothing else
@@ -20,12 +21,13 @@
     [shared]                              # a parameter for every component that has it
     [parameters.manager]                  # parameters (or unconnected inputs) of one component
 
-Everything else is wired as the roles say (`source` in `components/contract/roles.py`): each input
-from the first of its sources whose component is there. A further instance is fed as its role is;
-what it gives goes nowhere unless [wiring] says so. Paths of FMUs start at the craft file.
+Everything else is wired as the roles say (`source` in `components/contract/roles.py`):
+each input from the first of its sources whose component is there. A further instance is
+fed as its role is; what it gives goes nowhere unless [wiring] says so. Paths of FMUs
+start at the craft file.
 
-`desat pack --ssd` writes the same system as a standard SSD beside the craft file: `craft.toml`
-gives `SystemStructure.ssd`, `NAME.craft.toml` gives `NAME.ssd`.
+`desat pack --ssd` writes the same system as a standard SSD beside the craft file:
+`craft.toml` gives `SystemStructure.ssd`, `NAME.craft.toml` gives `NAME.ssd`.
 """
 
 from __future__ import annotations
@@ -56,7 +58,16 @@ from .io import TomlTable, line_of, lines, parsed, text, utf8_name
 
 FILE = "craft.toml"
 ENDING = ".craft.toml"
-KEYS = ("title", "stop", "body", "components", "wiring", "hardware", "shared", "parameters")
+KEYS = (
+    "title",
+    "stop",
+    "body",
+    "components",
+    "wiring",
+    "hardware",
+    "shared",
+    "parameters",
+)
 BODY = ("mass", "sides")
 
 
@@ -81,7 +92,7 @@ def stem(path: Path) -> str:
     return path.name.removesuffix(".toml").removesuffix(".craft")
 
 
-# --- reading ----------------------------------------------------------------------------------
+# --- reading --------------------------------------------------------------------------
 
 
 class _Reader:
@@ -112,7 +123,8 @@ class _Reader:
             for name in dict.fromkeys(s.array for s in interface.inputs):
                 self.feed(owner, name, wiring)
         self.result.places = [
-            replace(place, connectors=self.connectors_of(place)) for place in self.result.places
+            replace(place, connectors=self.connectors_of(place))
+            for place in self.result.places
         ]
         self.hardware()
         self.parameters()
@@ -154,7 +166,9 @@ class _Reader:
         elif stop is not None:
             self.problem("stop", f" = {stop!r}: a time in seconds is needed")
         if self.data.get("components", {}) == {}:
-            self.problems.append(f"{self.where}: there is no component; name some in [components]")
+            self.problems.append(
+                f"{self.where}: there is no component; name some in [components]"
+            )
 
     def body(self) -> None:
         """Read mass and sides, where the file says them."""
@@ -168,27 +182,37 @@ class _Reader:
             mass = self.quantity("mass", "kg", table.get("mass"))
             sides = table.get("sides")
             if not isinstance(sides, list) or len(sides) != 3:
-                raise DesatError(f"{self.at('body.sides')} = {sides!r}: three sides are needed")
+                raise DesatError(
+                    f"{self.at('body.sides')} = {sides!r}: three sides are needed"
+                )
             a, b, c = (self.quantity("sides", "m", x) for x in sides)
             self.result.body = Body(mass, (a, b, c))
         except DesatError as error:
             self.problems.append(str(error))
 
     def quantity(self, key: str, unit: str, value: Any) -> float:
-        """Return a figure of the body in a unit. Raises DesatError for one that is not above 0."""
+        """Return a figure of the body in a unit. Raises DesatError for one that is not
+        above 0."""
         asked = Quantity(f"{self.at(f'body.{key}')} =", unit, 0.0, 1e9, above=True)
         if isinstance(value, (int, float, str)) and not isinstance(value, bool):
             return asked(value)
-        raise DesatError(f"{self.at(f'body.{key}')} = {value!r}: a number in {unit} is needed")
+        raise DesatError(
+            f"{self.at(f'body.{key}')} = {value!r}: a number in {unit} is needed"
+        )
 
     def component(self, name: str, source: Any) -> None:
         key = f"components.{name}"
         if not isinstance(source, str):
-            self.problem(key, f" = {source!r}: the name of a block or the path of an FMU is needed")
+            self.problem(
+                key,
+                f" = {source!r}: the name of a block or the path of an FMU is needed",
+            )
             return
         is_file = "/" in source or source.endswith(".fmu")
         try:
-            fmu, interface = self.from_file(source) if is_file else self.from_block(source)
+            fmu, interface = (
+                self.from_file(source) if is_file else self.from_block(source)
+            )
         except DesatError as error:
             self.problem(key, f" = {source}: {error}")
             return
@@ -219,11 +243,14 @@ class _Reader:
             return ""
         role = max(by_name, key=len)
         if interface.role and interface.role != role:
-            of_role = [n for n in registry.names() if registry.block_class(n).role == role]
+            of_role = [
+                n for n in registry.names() if registry.block_class(n).role == role
+            ]
             self.problem(
-                key, f" = {source}: its role is {interface.role}, not {role}"
+                key,
+                f" = {source}: its role is {interface.role}, not {role}"
                 f"{nearest(source, of_role)}",
-            )  # fmt: skip
+            )
             return ""
         return role
 
@@ -245,13 +272,17 @@ class _Reader:
             elif not variable:
                 self.problem(key, ": the form is COMPONENT.INPUT")
             elif variable not in (known := names(self.interfaces[name], "input")):
-                self.problem(key, f": {name} has no input {variable}{nearest(variable, known)}")
+                self.problem(
+                    key, f": {name} has no input {variable}{nearest(variable, known)}"
+                )
             elif value is False:
                 result[name, variable] = ""
             elif isinstance(value, str) and value:
                 result[name, variable] = value
             else:
-                self.problem(key, f' = {value!r}: "component.output" or false is needed')
+                self.problem(
+                    key, f' = {value!r}: "component.output" or false is needed'
+                )
         return result
 
     def feed(self, target: str, name: str, wiring: dict[tuple[str, str], str]) -> None:
@@ -263,7 +294,9 @@ class _Reader:
             usual = usual_sources()[role].get(name, ())
             if (role, name) in asked_for() and not self.is_needed(target, name):
                 return
-            source = next((s for s in usual if s.partition(".")[0] in self.interfaces), "")
+            source = next(
+                (s for s in usual if s.partition(".")[0] in self.interfaces), ""
+            )
             key = f"components.{target}"
         if not source:
             return
@@ -282,7 +315,9 @@ class _Reader:
             self.problem(key, f": {source} does not fit {target}.{name}: {reason}")
         else:
             self.result.connections += [
-                Connection(owner, outputs[i].name, target, inputs[i].name, line=self.line(key))
+                Connection(
+                    owner, outputs[i].name, target, inputs[i].name, line=self.line(key)
+                )
                 for i in inputs
             ]
 
@@ -306,10 +341,14 @@ class _Reader:
         for name, chosen in self.table("hardware").items():
             key = f"hardware.{name}"
             if name not in self.interfaces:
-                self.problem(key, f": no component {name}{nearest(name, self.interfaces)}")
+                self.problem(
+                    key, f": no component {name}{nearest(name, self.interfaces)}"
+                )
                 continue
             if not isinstance(chosen, str):
-                self.problem(key, f' = {chosen!r}: "class:NAME" or "product:NAME" is needed')
+                self.problem(
+                    key, f' = {chosen!r}: "class:NAME" or "product:NAME" is needed'
+                )
                 continue
             mine = self.interfaces[name]
             role, has = self.roles[name], frozenset(names(mine, "parameter"))
@@ -324,12 +363,15 @@ class _Reader:
                 continue
             for parameter, value in found.items():
                 if parameter not in has:
-                    self.problem(key, f" = {chosen}: {name} has no parameter {parameter}")
+                    self.problem(
+                        key, f" = {chosen}: {name} has no parameter {parameter}"
+                    )
                     continue
                 self.give(self.owner(name, parameter), parameter, value, key)
 
     def owner(self, name: str, parameter: str) -> str:
-        """Return the component, or SHARED where its parameter is one that components share."""
+        """Return the component, or SHARED where its parameter is one that components
+        share."""
         signals = self.interfaces[name].elements.get(parameter, ())
         return SHARED if any(s.shared for s in signals) else name
 
@@ -339,7 +381,11 @@ class _Reader:
         value = own.get(parameter) if isinstance(own, dict) else None
         value = self.table("shared").get(parameter) if value is None else value
         signals = self.interfaces[owner].elements.get(parameter, ())
-        given = {} if value is None else expand(self.interfaces[owner], parameter, value, parameter)
+        given = (
+            {}
+            if value is None
+            else expand(self.interfaces[owner], parameter, value, parameter)
+        )
         flat = [given.get(s.name, s.start) for s in signals]
         return flat if len(flat) > 1 else flat[0]
 
@@ -360,4 +406,6 @@ class _Reader:
 
     def give(self, owner: str, name: str, value: Any, key: str) -> None:
         origin = self.at(key)
-        self.result.values.append(Value(owner, name, value, origin, origin, raises=True))
+        self.result.values.append(
+            Value(owner, name, value, origin, origin, raises=True)
+        )

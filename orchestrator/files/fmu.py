@@ -29,14 +29,24 @@ LONGEST_NAME = 200
 """Of a library (characters)."""
 MOST_ELEMENTS = 1_000_000
 """Of an array."""
-_WHOLE = ("Int8", "Int16", "Int32", "Int64", "UInt8", "UInt16", "UInt32", "UInt64", "Enumeration")
+_WHOLE = (
+    "Int8",
+    "Int16",
+    "Int32",
+    "Int64",
+    "UInt8",
+    "UInt16",
+    "UInt32",
+    "UInt64",
+    "Enumeration",
+)
 _KINDS = {"Float32": "Real", "Float64": "Real", **dict.fromkeys(_WHOLE, "Integer")}
 """What types are here; others are called the same."""
 
 
 def of_fmu(path: Path, called: str = "") -> Interface:
-    """The interface of a co-simulation FMU of FMI 1.0, 2.0 or 3.0 (a file or an extracted folder);
-    `called`: its file's name, for messages.
+    """The interface of a co-simulation FMU of FMI 1.0, 2.0 or 3.0 (a file or an
+    extracted folder); `called`: its file's name, for messages.
 
     Raises DesatError when it is no such FMU.
     """
@@ -56,12 +66,15 @@ def _of_fmu(path: Path, called: str, _modified: int) -> Interface:
 def _interface(root: Any, description: Any) -> Interface:
     units = {
         u.name: Unit(b.kg, b.m, b.s, b.A, b.K, b.rad, b.factor, b.offset)
-        for u in description.unitDefinitions if (b := u.baseUnit) is not None
-    }  # fmt: skip
+        for u in description.unitDefinitions
+        if (b := u.baseUnit) is not None
+    }
     third = description.fmiVersion.startswith("3.")
     if negated := root.xpath("ModelVariables/ScalarVariable[@alias='negatedAlias']"):
-        raise ValueError(f"{negated[0].get('name')} is a negated alias, which FMI 2.0 has no more: "
-                         "export it without")  # fmt: skip
+        raise ValueError(
+            f"{negated[0].get('name')} is a negated alias, which FMI 2.0 has no more: "
+            "export it without"
+        )
     variables, ours = (_VARIABLES_3, _OURS_3) if third else (_VARIABLES_2, _OURS_2)
     notes = {
         variable.get("name"): dict(note.attrib)
@@ -73,7 +86,9 @@ def _interface(root: Any, description: Any) -> Interface:
     signals: dict[str, Signal] = {}
     for v in description.modelVariables:
         note = notes.get(v.name, {})
-        for name, start, element in _elements(v) if third else ((v.name, v.start, None),):
+        for name, start, element in (
+            _elements(v) if third else ((v.name, v.start, None),)
+        ):
             signals[name] = _signal(v, units, classes, note, name, start, element)
     signals |= apart(s for s in signals.values() if s.causality == "output")
     return Interface(
@@ -82,22 +97,31 @@ def _interface(root: Any, description: Any) -> Interface:
         signals,
         "" if block is None else block.get("role", ""),
         "3.0" if third else description.fmiVersion,
-    )  # fmt: skip
+    )
 
 
 _KIND = {"1.0": "Implementation/CoSimulation_StandAlone"}
-"""Where a description says that an FMU is for co-simulation and needs no tool to run."""
-_ALONE = (("scheduled execution", "ScheduledExecution"),
-          ("a tool of its own", "Implementation/CoSimulation_Tool"))  # fmt: skip
-_VARIABLES_2, _OURS_2 = "ModelVariables/ScalarVariable", f"Annotations/Tool[@name='{TOOL}']"
+"""Where a description says that an FMU is for co-simulation and needs no tool to run.
+"""
+_ALONE = (
+    ("scheduled execution", "ScheduledExecution"),
+    ("a tool of its own", "Implementation/CoSimulation_Tool"),
+)
+_VARIABLES_2, _OURS_2 = (
+    "ModelVariables/ScalarVariable",
+    f"Annotations/Tool[@name='{TOOL}']",
+)
 _VARIABLES_3, _OURS_3 = "ModelVariables/*", f"Annotations/Annotation[@type='{TOOL}']"
 
 
 def _elements(v: Any) -> Iterator[tuple[str, str | None, int]]:
-    """The scalars of a variable of FMI 3.0, as those of FMI 2.0 are called: name, start, place."""
+    """The scalars of a variable of FMI 3.0, as those of FMI 2.0 are called: name,
+    start, place."""
     if v.type == "Clock":
-        raise ValueError(f"{v.name} is a clock: there is no event mode here, in which clocks tick; "
-                         "export it without")  # fmt: skip
+        raise ValueError(
+            f"{v.name} is a clock: there is no event mode here, in which clocks tick; "
+            "export it without"
+        )
     count = prod(v.shape)
     if count > MOST_ELEMENTS:
         raise ValueError(f"{v.name}: {count} elements, more than {MOST_ELEMENTS}")
@@ -134,10 +158,13 @@ def _is_known(version: str) -> bool:
 
 
 def _read(path: Path, called: str) -> tuple[Any, Any]:
-    """The XML of an FMU's model description, and what fmpy makes of it. Raises DesatError."""
+    """The XML of an FMU's model description, and what fmpy makes of it. Raises
+    DesatError."""
     try:
         if path.is_dir():
-            xml = contents(path / "modelDescription.xml", f"{called}/modelDescription.xml")
+            xml = contents(
+                path / "modelDescription.xml", f"{called}/modelDescription.xml"
+            )
         else:
             with zipfile.ZipFile(path) as archive:
                 xml = archive.read("modelDescription.xml")
@@ -145,11 +172,15 @@ def _read(path: Path, called: str) -> tuple[Any, Any]:
         version = root.get("fmiVersion") or "of no version"
         known = _is_known(version)
         if not known or root.find(_KIND.get(version, "CoSimulation")) is None:
-            alone = next((kind for kind, element in _ALONE if root.find(element) is not None),
-                         "model exchange")  # fmt: skip
+            alone = next(
+                (kind for kind, element in _ALONE if root.find(element) is not None),
+                "model exchange",
+            )
             kind = f"FMI {version} for {alone} alone" if known else f"FMI {version}"
-            raise DesatError(f"{called}: {kind}: FMI 1.0, 2.0 or 3.0 for co-simulation is needed: "
-                             "export it as that")  # fmt: skip
+            raise DesatError(
+                f"{called}: {kind}: FMI 1.0, 2.0 or 3.0 for co-simulation is needed: "
+                "export it as that"
+            )
         _identifier(called, root)
         check_structure(root, f"{called}/modelDescription.xml")
         return root, description_of(path, called)
@@ -185,8 +216,8 @@ def description_of(path: Path, called: str = "") -> Any:
 
 @lru_cache(maxsize=256)
 def faults(path: Path) -> tuple[str, ...]:
-    """What is wrong with the model description of an extracted FMU by the standard, by fmpy's
-    validation, a line each."""
+    """What is wrong with the model description of an extracted FMU by the standard, by
+    fmpy's validation, a line each."""
     return _faults(path, whole=False)
 
 
@@ -198,16 +229,23 @@ def structure_faults(path: Path) -> tuple[str, ...]:
 def _faults(path: Path, whole: bool) -> tuple[str, ...]:
     """Return what fmpy's validation says, a line each."""
     try:
-        read_model_description(path, validate_variable_names=whole, validate_model_structure=whole)
+        read_model_description(
+            path, validate_variable_names=whole, validate_model_structure=whole
+        )
     except Exception as error:  # fmpy raises plain Exception
         lines = [line.strip(" -") for line in str(error).splitlines()]
-        return tuple(x for x in lines if x and not x.endswith(":")) or (type(error).__name__,)
+        return tuple(x for x in lines if x and not x.endswith(":")) or (
+            type(error).__name__,
+        )
     return ()
 
 
 def _identifier(called: str, root: Any) -> None:
-    """Raise DesatError unless the name of an FMU's library is one of C, no path to another file."""
-    for kind in [root] if root.get("fmiVersion") == "1.0" else root.iterfind("CoSimulation"):
+    """Raise DesatError unless the name of an FMU's library is one of C, no path to
+    another file."""
+    for kind in (
+        [root] if root.get("fmiVersion") == "1.0" else root.iterfind("CoSimulation")
+    ):
         name = kind.get("modelIdentifier", "")
         if not (name.isascii() and name.isidentifier() and len(name) <= LONGEST_NAME):
             raise DesatError(f"{called}: modelIdentifier {name[:80]!r} is no C name")
@@ -220,18 +258,26 @@ def _output_classes(description: Any) -> dict[str, OutputClass]:
     for unknown in description.outputs:
         depends = unknown.dependencies
         classes[unknown.variable.name] = (
-            "undeclared" if depends is None
-            else "interval" if any(id(v) in inputs for v in depends)
+            "undeclared"
+            if depends is None
+            else "interval"
+            if any(id(v) in inputs for v in depends)
             else "state"
-        )  # fmt: skip
+        )
     return classes
 
 
 def _signal(
-    v: Any, units: dict[str, Unit], classes: dict[str, OutputClass], note: dict[str, str],
-    name: str, start: str | None, element: int | None,
-) -> Signal:  # fmt: skip
-    """A scalar variable of fmpy's, or an element of one of FMI 3.0, with our annotation of it."""
+    v: Any,
+    units: dict[str, Unit],
+    classes: dict[str, OutputClass],
+    note: dict[str, str],
+    name: str,
+    start: str | None,
+    element: int | None,
+) -> Signal:
+    """A scalar variable of fmpy's, or an element of one of FMI 3.0, with our annotation
+    of it."""
     declared = v.declaredType
     unit_name = v.unit or (declared.unit if declared else None) or ""
     least = v.min if v.min is not None else getattr(declared, "min", None)
@@ -273,15 +319,23 @@ def _signal(
 
 
 _READ: dict[str, Callable[[str], Scalar]] = {
-    "Real": float, "Integer": int, "Boolean": frozenset(("true", "1")).__contains__,
-}  # fmt: skip
+    "Real": float,
+    "Integer": int,
+    "Boolean": frozenset(("true", "1")).__contains__,
+}
 """How a start value is read, by the variable's kind; any other is a text."""
 
 
 def _items(declared: Any) -> tuple[str, ...]:
-    """The names of an enumeration's values, where they have such and are counted from 0."""
+    """The names of an enumeration's values, where they have such and are counted from
+    0."""
     values = {int(i.value): i.name for i in getattr(declared, "items", None) or ()}
-    if not values or min(values) < 0 or max(values) > 999 or any(" " in n for n in values.values()):
+    if (
+        not values
+        or min(values) < 0
+        or max(values) > 999
+        or any(" " in n for n in values.values())
+    ):
         return ()
     return tuple(values.get(i, "-") for i in range(max(values) + 1))
 

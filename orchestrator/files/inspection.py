@@ -1,4 +1,5 @@
-"""An FMU as `desat check` describes it: its description is read, its binary is not loaded."""
+"""An FMU as `desat check` describes it: its description is read, its binary is not
+loaded."""
 
 from __future__ import annotations
 
@@ -17,8 +18,16 @@ from .fmu import description_of, of_fmu, root_of, structure_faults
 INDICES = re.compile(r"\[(\d+(?:,\d+)*)\]$")
 SUFFIX = ".fmu"
 DESCRIPTION = "modelDescription.xml"
-CAUSALITIES = ("input", "output", "parameter", "calculatedParameter", "structuralParameter",
-               "local", "independent", "dependent")  # fmt: skip
+CAUSALITIES = (
+    "input",
+    "output",
+    "parameter",
+    "calculatedParameter",
+    "structuralParameter",
+    "local",
+    "independent",
+    "dependent",
+)
 KINDS = {
     "CoSimulation": "co-simulation",
     "ModelExchange": "model exchange",
@@ -27,7 +36,9 @@ KINDS = {
     "Implementation/CoSimulation_Tool": "co-simulation by a tool",
 }
 """What an FMU is for, by the element of its description that says so."""
-MOST_FAULTS = 100  # lines: a description of thousands of variables may break a rule in each
+MOST_FAULTS = (
+    100  # lines: a description of thousands of variables may break a rule in each
+)
 
 
 @dataclass(frozen=True)
@@ -87,7 +98,9 @@ def inspect_fmu(path: Path) -> InspectedFmu:
         raise DesatError(f"{path}: No such file or directory")
     fmu = library.load(path)
     root = root_of(fmu.folder, path.name)
-    kinds = tuple(name for element, name in KINDS.items() if root.find(element) is not None)
+    kinds = tuple(
+        name for element, name in KINDS.items() if root.find(element) is not None
+    )
     if root.get("fmiVersion") == "1.0" and not kinds:
         kinds = (KINDS["ModelExchange"],)  # which no element of FMI 1.0 says
     problems = [
@@ -121,7 +134,8 @@ def _line(error: Exception) -> str:
 
 
 def _reference_faults(root: Any) -> list[str]:
-    """Return where ModelStructure, or a derivative, refers to a variable that there is not.
+    """Return where ModelStructure, or a derivative, refers to a variable that there is
+    not.
 
     FMI 2.0 counts variables from 1; FMI 3.0 names them by their value references.
     """
@@ -171,7 +185,8 @@ def _implementation_faults(folder: Path, root: Any) -> list[str]:
 
 
 def _variables(description: Any) -> tuple[InspectedVariable, ...]:
-    """Return the variables of a description; scalars that are called alike are one array."""
+    """Return the variables of a description; scalars that are called alike are one
+    array."""
     found: dict[tuple[str, str], InspectedVariable] = {}
     for v in description.modelVariables:
         causality = v.causality or "local"
@@ -205,7 +220,8 @@ def _larger(one: tuple[int, ...], other: tuple[int, ...]) -> tuple[int, ...]:
 
 
 def _obstacles(fmu: library.FmuFile) -> list[str]:
-    """Return why an FMU that is as the standard wants it would not run here, a line each."""
+    """Return why an FMU that is as the standard wants it would not run here, a line
+    each."""
     name = fmu.path.name
     try:
         version = of_fmu(fmu.folder, name).fmi

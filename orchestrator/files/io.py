@@ -1,4 +1,5 @@
-"""Files that are whole or not there: `replacing` writes each that a command is asked for."""
+"""Files that are whole or not there: `replacing` writes each that a command is asked
+for."""
 
 from __future__ import annotations
 
@@ -37,7 +38,8 @@ def is_full(error: BaseException | None) -> bool:
 
 @contextmanager
 def naming(path: Path) -> Iterator[None]:
-    """Within: an OSError that names no file, as one of writing to a full disk, names this one."""
+    """Within: an OSError that names no file, as one of writing to a full disk, names
+    this one."""
     try:
         yield
     except OSError as error:
@@ -47,27 +49,36 @@ def naming(path: Path) -> Iterator[None]:
 
 
 def place_of(path: Path, option: str = "") -> Path:
-    """Where a file is written that is asked for by an option: at the end of links, which stay.
+    """Where a file is written that is asked for by an option: at the end of links,
+    which stay.
 
-    Raises DesatError where there is something else than a regular file: a folder, a pipe, a device.
+    Raises DesatError where there is something else than a regular file: a folder, a
+    pipe, a device.
     """
     where = f"{option} {paths.shown(path)}".strip()
     try:
         if not stat.S_ISREG(path.stat().st_mode):
-            raise DesatError(f"{where}: not a regular file; nothing is written in its place")
+            raise DesatError(
+                f"{where}: not a regular file; nothing is written in its place"
+            )
     except FileNotFoundError:
         pass
     except (OSError, ValueError) as error:  # a loop of links; a byte that no path has
-        raise DesatError(f"{where}: {getattr(error, 'strerror', None) or error}") from error
+        raise DesatError(
+            f"{where}: {getattr(error, 'strerror', None) or error}"
+        ) from error
     return Path(os.path.realpath(path))
 
 
 @contextmanager
 def replacing(path: Path) -> Iterator[Path]:
-    """Within: a temporary name to write a file under, which then has its own (`place_of`); its
-    folder is made. Where that fails nothing is left of it, and an OSError names the file."""
+    """Within: a temporary name to write a file under, which then has its own
+    (`place_of`); its folder is made. Where that fails nothing is left of it, and an
+    OSError names the file."""
     place = place_of(path)
-    part = place.with_name(f"{place.name}.tmp")  # `.part` is what a run that goes on has
+    part = place.with_name(
+        f"{place.name}.tmp"
+    )  # `.part` is what a run that goes on has
     place.parent.mkdir(parents=True, exist_ok=True)
     try:
         with naming(path):
@@ -91,9 +102,9 @@ def replacing_file(path: Path) -> Iterator[BinaryIO]:
 def encoded(text: str) -> bytes:
     """Return a text as UTF-8, whatever file names are in it.
 
-    A name whose bytes Python could not read (a locale without UTF-8, or a name in another
-    encoding) holds them as surrogates: those that are UTF-8 come out as they are, others
-    as U+FFFD.
+    A name whose bytes Python could not read (a locale without UTF-8, or a name in
+    another encoding) holds them as surrogates: those that are UTF-8 come out as they
+    are, others as U+FFFD.
     """
     try:
         return text.encode()
@@ -126,13 +137,15 @@ TEXT = 64 << 20
 def contents(path: Path, where: str, most: int = TEXT) -> bytes:
     """The bytes of a regular file, which messages call `where`.
 
-    Raises DesatError where there is none, it holds more than `most` bytes, or it is something that
-    may never end (a device, a pipe).
+    Raises DesatError where there is none, it holds more than `most` bytes, or it is
+    something that may never end (a device, a pipe).
     """
     try:
         regular(path, where)
         # a pipe put there meanwhile does not keep us waiting
-        with os.fdopen(os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0)), "rb") as file:
+        with os.fdopen(
+            os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0)), "rb"
+        ) as file:
             data = file.read(most + 1)
     except FileNotFoundError as error:
         raise DesatError(f"{where}: no such file") from error
@@ -144,7 +157,8 @@ def contents(path: Path, where: str, most: int = TEXT) -> bytes:
 
 
 def regular(path: Path, where: str) -> None:
-    """Raise DesatError, or OSError where there is nothing, unless a path is a regular file."""
+    """Raise DesatError, or OSError where there is nothing, unless a path is a regular
+    file."""
     if not stat.S_ISREG(path.stat().st_mode):
         raise DesatError(f"{where}: not a regular file")
 
@@ -152,8 +166,8 @@ def regular(path: Path, where: str) -> None:
 def inside(folder: Path, source: str) -> Path:
     """The path of what a system in a folder names, which need not be there.
 
-    Links are followed: an archive has none, and in a folder they are its owner's. Raises DesatError
-    for an absolute path and one that leaves the folder.
+    Links are followed: an archive has none, and in a folder they are its owner's.
+    Raises DesatError for an absolute path and one that leaves the folder.
     """
     parts = PurePosixPath(source).parts
     strange = "\\" in source or "\0" in source or PureWindowsPath(source).drive
@@ -177,7 +191,8 @@ LARGEST = 1 << 30
 IN_ALL = 8 << 30
 """The most that all archives that a process extracts may hold (bytes)."""
 RATIO, SMALL = 200, 16 << 20
-"""The most that an archive may grow to, as a multiple of its file, once above so many bytes."""
+"""The most that an archive may grow to, as a multiple of its file, once above so many
+bytes."""
 DEPTH = 32
 """The most folders within each other."""
 _extracted = 0
@@ -186,8 +201,9 @@ _extracted = 0
 def extract(path: Path, folder: Path) -> None:
     """Extract an archive into a new folder.
 
-    Raises DesatError, which names archive and entry, for a file that is no archive, is above a
-    budget, has an entry twice, or an entry that is no regular file or would leave the folder.
+    Raises DesatError, which names archive and entry, for a file that is no archive, is
+    above a budget, has an entry twice, or an entry that is no regular file or would
+    leave the folder.
     """
     global _extracted
     try:
@@ -195,12 +211,17 @@ def extract(path: Path, folder: Path) -> None:
             entries = archive.infolist()
             size = _check(path.name, path.stat().st_size, entries)
             if _extracted + size > IN_ALL:
-                raise DesatError(f"{path.name}: with the archives before it more than "
-                                 f"{IN_ALL >> 20} MiB extracted")  # fmt: skip
+                raise DesatError(
+                    f"{path.name}: with the archives before it more than "
+                    f"{IN_ALL >> 20} MiB extracted"
+                )
             folder.mkdir(parents=True)
             if size > (free := shutil.disk_usage(folder).free):
-                raise RunError(f"{path.name}: {size >> 20} MiB extracted, {free >> 20} MiB are "
-                               f"free in {folder.parent}", Exit.SPACE)  # fmt: skip
+                raise RunError(
+                    f"{path.name}: {size >> 20} MiB extracted, {free >> 20} MiB are "
+                    f"free in {folder.parent}",
+                    Exit.SPACE,
+                )
             archive.extractall(folder)
             _extracted += size
     except DesatError:
@@ -213,11 +234,14 @@ def extract(path: Path, folder: Path) -> None:
                 f"{paths.shown(path)}: it cannot be extracted to {folder.parent} ({reason})",
                 Exit.SPACE,
             ) from error
-        raise DesatError(f"{paths.shown(path)}: not a readable archive ({error})") from error
+        raise DesatError(
+            f"{paths.shown(path)}: not a readable archive ({error})"
+        ) from error
 
 
 def _check(name: str, file_size: int, entries: list[zipfile.ZipInfo]) -> int:
-    """The size of the entries, extracted (bytes). Raises DesatError for what is not allowed."""
+    """The size of the entries, extracted (bytes). Raises DesatError for what is not
+    allowed."""
     if len(entries) > ENTRIES:
         raise DesatError(f"{name}: {len(entries)} entries; {ENTRIES} allowed")
     counts = Counter(e.filename for e in entries)
@@ -225,10 +249,18 @@ def _check(name: str, file_size: int, entries: list[zipfile.ZipInfo]) -> int:
         raise DesatError(f"{name}: holds {twice[0]} twice")
     for entry in entries:
         text, parts = entry.filename, PurePosixPath(entry.filename).parts
-        if not parts or ".." in parts or text.startswith("/") or "\\" in text or ":" in text:
+        if (
+            not parts
+            or ".." in parts
+            or text.startswith("/")
+            or "\\" in text
+            or ":" in text
+        ):
             raise DesatError(f"{name}: entry {text!r} would leave the folder")
         if len(parts) > DEPTH:
-            raise DesatError(f"{name}: entry {text[:80]!r}: {len(parts)} folders; {DEPTH} allowed")
+            raise DesatError(
+                f"{name}: entry {text[:80]!r}: {len(parts)} folders; {DEPTH} allowed"
+            )
         kind = stat.S_IFMT(entry.external_attr >> 16)
         if kind not in (0, stat.S_IFREG, stat.S_IFDIR):
             raise DesatError(f"{name}: entry {text!r} is no regular file")
@@ -236,12 +268,14 @@ def _check(name: str, file_size: int, entries: list[zipfile.ZipInfo]) -> int:
     if size > LARGEST:
         raise DesatError(f"{name}: {size >> 20} MiB extracted, {LARGEST >> 20} allowed")
     if size > max(SMALL, RATIO * file_size):
-        raise DesatError(f"{name}: {file_size >> 10} KiB would become {size >> 20} MiB; "
-                         f"{RATIO} times its size is allowed")  # fmt: skip
+        raise DesatError(
+            f"{name}: {file_size >> 10} KiB would become {size >> 20} MiB; "
+            f"{RATIO} times its size is allowed"
+        )
     return size
 
 
-# --- TOML files on disk: their text, their data, and the line of each key -----------------------
+# --- TOML files on disk: their text, their data, and the line of each key -------------
 
 
 LARGEST_TEXT = 2 << 20
@@ -249,18 +283,20 @@ LARGEST_TEXT = 2 << 20
 
 
 TomlTable = dict[str, Any]
-"""A table of a TOML file as it is parsed; `reader.py` makes of it what the language knows."""
+"""A table of a TOML file as it is parsed; `reader.py` makes of it what the language
+knows."""
 
 
 def toml(file: Path) -> TomlTable:
-    """The data of a TOML file. Raises DesatError where there is none or it cannot be read."""
+    """The data of a TOML file. Raises DesatError where there is none or it cannot be
+    read."""
     where = paths.shown(file)
     return parsed(text(file, where), where)
 
 
 def text(file: Path, where: str) -> str:
-    """The text of a file, which messages call `where`, without the mark that some editors of
-    Windows begin it with. Raises DesatError."""
+    """The text of a file, which messages call `where`, without the mark that some
+    editors of Windows begin it with. Raises DesatError."""
     try:
         return contents(file, where, LARGEST_TEXT).decode("utf-8-sig")
     except UnicodeDecodeError as error:
@@ -271,7 +307,10 @@ def parsed(source: str, where: str) -> TomlTable:
     """The data of a text in TOML. Raises DesatError, which begins with `where`."""
     try:
         return tomllib.loads(source)
-    except (ValueError, RecursionError) as error:  # ValueError also of a date that there is not
+    except (
+        ValueError,
+        RecursionError,
+    ) as error:  # ValueError also of a date that there is not
         raise DesatError(f"{where}: {error}") from error
 
 
@@ -290,24 +329,27 @@ def lines(source: str) -> dict[str, int]:
 
 
 def line_of(numbers: dict[str, int], key: str) -> int:
-    """The line of a key among those of a file (`lines`), of the first key within it, or of the
-    nearest table around it; 0 where it has none."""
+    """The line of a key among those of a file (`lines`), of the first key within it, or
+    of the nearest table around it; 0 where it has none."""
     while key:
-        if inside := [n for k, n in numbers.items() if k == key or k.startswith(f"{key}.")]:
+        if inside := [
+            n for k, n in numbers.items() if k == key or k.startswith(f"{key}.")
+        ]:
             return inside[0]
         key = key.rpartition(".")[0]
     return 0
 
 
 def at(where: str, key: str) -> str:
-    """A TOML file, as messages call it, with the line of a key in it, where it has that."""
+    """A TOML file, as messages call it, with the line of a key in it, where it has
+    that."""
     files = (paths.SCENARIOS.parent / where, Path(where))
     file = next((f for f in files if f.suffix == ".toml" and f.is_file()), None)
     line = 0 if file is None else line_of(lines(text(file, where)), key)
     return f"{where}:{line}" if line else where
 
 
-# --- A run folder is one process's at a time, and that of its children --------------------------
+# --- A run folder is one process's at a time, and that of its children ----------------
 
 
 if sys.platform != "win32":
@@ -318,9 +360,10 @@ LOCK = ".running"
 
 @contextmanager
 def claimed(folder: Path, wait: float = 0.0, made: bool = False) -> Iterator[None]:
-    """Within: a folder, made where there is none, is held by this process and those forked from
-    it, also when it is killed before them. Raises DesatError where another holds it for longer
-    than `wait` s. A folder that was made, here or (`made`) for this, and stays empty is removed."""
+    """Within: a folder, made where there is none, is held by this process and those
+    forked from it, also when it is killed before them. Raises DesatError where another
+    holds it for longer than `wait` s. A folder that was made, here or (`made`) for
+    this, and stays empty is removed."""
     made = made or not folder.exists()
     folder.mkdir(parents=True, exist_ok=True)
     lock = folder.absolute() / LOCK
@@ -346,6 +389,8 @@ def _locked(lock: Path, until: float) -> int:
         except BlockingIOError as error:
             if time.monotonic() > until:
                 os.close(number)
-                raise DesatError(f"{lock.parent}: another process runs in it") from error
+                raise DesatError(
+                    f"{lock.parent}: another process runs in it"
+                ) from error
             time.sleep(0.05)
         os.close(number)

@@ -18,7 +18,9 @@ from .merge import Keys
 if TYPE_CHECKING:
     from ..language.content import Content
 
-Origin = Callable[[Keys], tuple[str, str]]  # file and key where a scenario gives a value
+Origin = Callable[
+    [Keys], tuple[str, str]
+]  # file and key where a scenario gives a value
 
 
 def of_craft(content: Content, folder: Path, where: str, origin: Origin) -> Layer:
@@ -42,7 +44,9 @@ def of_craft(content: Content, folder: Path, where: str, origin: Origin) -> Laye
     """
     if content.ssd:
         if content.craft:
-            raise DesatError(f"{where}: craft and ssd: only one of them can say what is wired")
+            raise DesatError(
+                f"{where}: craft and ssd: only one of them can say what is wired"
+            )
         return ssp.read(_named_file(folder, content.ssd, "ssd", origin))
     if content.craft:
         return craft.read(_named_file(folder, content.craft, "craft", origin))
@@ -65,7 +69,12 @@ def _named_file(folder: Path, name: str, key: str, origin: Origin) -> Path:
 
 
 def of_scenario(
-    name: str, content: Content, parameters: TomlTable, folder: Path, where: str, origin: Origin
+    name: str,
+    content: Content,
+    parameters: TomlTable,
+    folder: Path,
+    where: str,
+    origin: Origin,
 ) -> Layer:
     """Make the layer of a scenario above that of its craft.
 
@@ -111,7 +120,9 @@ def of_scenario(
     for component, values in parameters.items():
         for variable, value in values.items():
             file, path = origin(("parameters", component, variable))
-            layer.values.append(Value(component, variable, value, f"{file}: {path}", file))
+            layer.values.append(
+                Value(component, variable, value, f"{file}: {path}", file)
+            )
     return layer
 
 
@@ -194,7 +205,8 @@ def _values(options: Options, sampled: Mapping[str, str]) -> Iterator[Value]:
 
 
 def _replacement(text: str, options: Options, layer: Layer) -> Place:
-    """Return the place of an FMU, a block of ours or a file of one's own that replaces another."""
+    """Return the place of an FMU, a block of ours or a file of one's own that replaces
+    another."""
     name, _, source = text.partition("=")
     if not source:
         raise DesatError(f"--source {text}: the form is COMPONENT=FMU")
@@ -203,7 +215,9 @@ def _replacement(text: str, options: Options, layer: Layer) -> Place:
     in_archive = source if file.suffix == ".fmu" else f"resources/{source}.fmu"
     if own.is_own(source):
         if options.blocks:
-            raise DesatError(f"--source {text}: --blocks runs our blocks, not a file of your own")
+            raise DesatError(
+                f"--source {text}: --blocks runs our blocks, not a file of your own"
+            )
         made = own.build(file)
         if made.why and options.fmus == "native":
             layer.warnings.append(f"{name}: {file.name} runs as Python: {made.why}")

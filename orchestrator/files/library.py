@@ -1,4 +1,5 @@
-"""Archives and FMUs on disk: each is extracted once per process, found again by its contents."""
+"""Archives and FMUs on disk: each is extracted once per process, found again by its
+contents."""
 
 from __future__ import annotations
 
@@ -30,17 +31,20 @@ from .fmu import description_of, faults, of_fmu
 from .io import contents, regular, text
 
 _PREFIX, _LOCK = "desat-", ".lock"
-_NAME, _OURS = re.compile(r"desat-[a-z0-9_]{8}"), re.compile(r"[0-9a-f]{20}|(run-|tmp).*")
+_NAME, _OURS = (
+    re.compile(r"desat-[a-z0-9_]{8}"),
+    re.compile(r"[0-9a-f]{20}|(run-|tmp).*"),
+)
 """What a temporary folder of a process is called, and what is in it beside its lock."""
 _LEFT = 3600.0
-"""One without a lock, which a process makes at once, is left from one that was killed while it
-removed it, after so long (s)."""
+"""One without a lock, which a process makes at once, is left from one that was killed
+while it removed it, after so long (s)."""
 _ELSEWHERE = ("/tmp", "/var/tmp")
 
 
 class FmuFile:
-    """An FMU on disk, a file or a folder with its contents: what is known of it, each read once,
-    when it is asked for. Raises DesatError for what cannot be read."""
+    """An FMU on disk, a file or a folder with its contents: what is known of it, each
+    read once, when it is asked for. Raises DesatError for what cannot be read."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
@@ -59,8 +63,8 @@ class FmuFile:
 
     @cached_property
     def ours(self) -> bool:
-        """Whether it is, byte by byte, one that we have built, of a block of ours or of the user's
-        own: a description may say anything."""
+        """Whether it is, byte by byte, one that we have built, of a block of ours or of
+        the user's own: a description may say anything."""
         return self.sha256 in index() or own.folder_of(self.path) is not None
 
     @cached_property
@@ -70,13 +74,15 @@ class FmuFile:
 
     @cached_property
     def interface(self) -> Interface:
-        """Its variables. Those of a block of ours, built of the Python that is here, are the
-        block's: its description says the same."""
+        """Its variables. Those of a block of ours, built of the Python that is here,
+        are the block's: its description says the same."""
         entry = {} if self.path.is_dir() else index().get(self.sha256, {})
         if entry.get("kind") in ("native", "python") and any(
-            (e["name"], e["computes"]) == (entry["name"], entry["computes"]) and meaning.is_as(e)
-            for e in index().values() if e["kind"] == "python"
-        ):  # fmt: skip
+            (e["name"], e["computes"]) == (entry["name"], entry["computes"])
+            and meaning.is_as(e)
+            for e in index().values()
+            if e["kind"] == "python"
+        ):
             return interface_of_block(entry["name"])
         return of_fmu(self.folder, self.path.name)
 
@@ -87,7 +93,8 @@ class FmuFile:
 
     @cached_property
     def faults(self) -> tuple[str, ...]:
-        """What is wrong with its model description by the standard; nothing of one of ours."""
+        """What is wrong with its model description by the standard; nothing of one of
+        ours."""
         return () if self.ours else faults(self.folder)
 
     @cached_property
@@ -118,8 +125,9 @@ def _root() -> Path:
 
 
 def _hold(parent: Path) -> tuple[Path, FileLock]:
-    """A new folder and its lock, held. Another process that sweeps may come between the two, take
-    the folder for one of a dead process, and remove it: then there is another."""
+    """A new folder and its lock, held. Another process that sweeps may come between the
+    two, take the folder for one of a dead process, and remove it: then there is
+    another."""
     while True:
         folder = Path(tempfile.mkdtemp(prefix=_PREFIX, dir=parent))
         lock = FileLock(folder / _LOCK)
@@ -135,7 +143,8 @@ def _hold(parent: Path) -> tuple[Path, FileLock]:
 
 
 def _plain(folder: Path) -> bool:
-    """Whether FMUs of Python find themselves there: pythonfmu knows no other `%20` of a URI."""
+    """Whether FMUs of Python find themselves there: pythonfmu knows no other `%20` of a
+    URI."""
     return "%" not in folder.absolute().as_uri().replace("%20", "")
 
 
@@ -143,12 +152,14 @@ def _remove(folder: Path, lock: FileLock, process: int) -> None:
     if os.getpid() == process:  # not one that was forked from it
         _remove_all(folder)
         lock.release()
-        shutil.rmtree(folder, ignore_errors=True)  # where an open file cannot be removed
+        shutil.rmtree(
+            folder, ignore_errors=True
+        )  # where an open file cannot be removed
 
 
 def _sweep(folder: Path) -> None:
-    """Remove a temporary folder that no process holds any more, also what another process left
-    of one that it was removing when it was killed."""
+    """Remove a temporary folder that no process holds any more, also what another
+    process left of one that it was removing when it was killed."""
     lock = folder / _LOCK
     try:
         if folder.stat().st_uid != paths.user() or not folder.is_dir():
@@ -165,8 +176,8 @@ def _sweep(folder: Path) -> None:
 
 
 def _remove_all(folder: Path) -> None:
-    """Remove a temporary folder, its lock last: who is killed meanwhile leaves one that is known
-    by it."""
+    """Remove a temporary folder, its lock last: who is killed meanwhile leaves one that
+    is known by it."""
     for entry in folder.glob("*"):
         if entry.is_dir() and not entry.is_symlink():
             shutil.rmtree(entry, ignore_errors=True)
@@ -183,7 +194,8 @@ _by_stat: dict[tuple[str, int, int], str] = {}
 
 
 def sha256(path: Path) -> str:
-    """The hash of a regular file's contents, remembered while size and time of the file stay."""
+    """The hash of a regular file's contents, remembered while size and time of the file
+    stay."""
     regular(path, path.name)
     stat = path.stat()
     key = (str(path), stat.st_mtime_ns, stat.st_size)
@@ -201,7 +213,9 @@ def extract(path: Path) -> Path:
         raise DesatError(f"{path.name}: {error.strerror}") from error
     if digest not in _by_contents:
         folder = _root() / digest[:20]
-        if not folder.is_dir():  # a process that was forked from this one may have been here
+        if (
+            not folder.is_dir()
+        ):  # a process that was forked from this one may have been here
             with tempfile.TemporaryDirectory(dir=_root()) as new:
                 io.extract(path, Path(new) / folder.name)
                 try:
@@ -215,10 +229,15 @@ def extract(path: Path) -> Path:
 
 def find(source: str, folder: Path) -> Fmu | None:
     """What an SSD's `source` stands for: beside the SSD, or, for an SSD in our own ssp/
-    alone, one of our built FMUs (a foreign system never runs ours because of an equal name)."""
+    alone, one of our built FMUs (a foreign system never runs ours because of an equal
+    name)."""
     beside = folder / source
     if not beside.exists():
-        return of_ours(source) if folder.resolve().is_relative_to(paths.SCENARIOS) else None
+        return (
+            of_ours(source)
+            if folder.resolve().is_relative_to(paths.SCENARIOS)
+            else None
+        )
     return load(beside)
 
 
@@ -229,8 +248,9 @@ def of_ours(source: str, kind: str = "native") -> Fmu | None:
 
 
 def our_file(source: str, kind: str = "native") -> Path | None:
-    """Our built FMU of a name (`resources/NAME.fmu`, `NAME.fmu`): the native one, where there is
-    none, or for `kind` python, the one of Python; None where there is neither."""
+    """Our built FMU of a name (`resources/NAME.fmu`, `NAME.fmu`): the native one, where
+    there is none, or for `kind` python, the one of Python; None where there is
+    neither."""
     name = Path(source).name
     folders = [paths.fmus() / "native"] if kind == "native" else []
     candidates = (folder / name for folder in (*folders, paths.fmus()))
@@ -238,8 +258,8 @@ def our_file(source: str, kind: str = "native") -> Path | None:
 
 
 def of_kind(fmu: Fmu, kind: str) -> Fmu:
-    """One of our built FMUs, or of a block file of the user's own, as native or as Python one; any
-    other as it is."""
+    """One of our built FMUs, or of a block file of the user's own, as native or as
+    Python one; any other as it is."""
     path = fmu.path
     if (folder := own.folder_of(path)) is not None:
         wanted = folder / ("native" if kind == "native" else "") / path.name
@@ -252,8 +272,8 @@ _loaded: dict[tuple[Path, int, int], FmuFile] = {}
 
 
 def load(path: Path) -> FmuFile:
-    """An FMU by its file, the same as long as that does not change, or by a folder with its
-    contents."""
+    """An FMU by its file, the same as long as that does not change, or by a folder with
+    its contents."""
     if path.is_dir():
         return FmuFile(path)
     stat = path.stat()
@@ -261,19 +281,25 @@ def load(path: Path) -> FmuFile:
 
 
 def unpack(system: System) -> None:
-    """Extract the FMUs of a system: a process forked from this one does not clean up after it."""
+    """Extract the FMUs of a system: a process forked from this one does not clean up
+    after it."""
     for component in system.components.values():
         if component.fmu is not None:
             _ = component.fmu.folder
 
 
 def computes(name: str, fmu: Fmu | None) -> str:
-    """What computes a component: of a foreign FMU, or of one of ours that is not of those built
-    here, the sha256 of its file; of a block of ours (`fmu` None: the bare one of this name) the
-    hash of its Python, the same for its native FMU, for that of Python and for the bare block."""
+    """What computes a component: of a foreign FMU, or of one of ours that is not of
+    those built here, the sha256 of its file; of a block of ours (`fmu` None: the bare
+    one of this name) the hash of its Python, the same for its native FMU, for that of
+    Python and for the bare block."""
     if fmu is not None:
         entry = index().get(fmu.sha256, {})
-        return f"block {entry['computes']}" if "computes" in entry else f"file {fmu.sha256}"
+        return (
+            f"block {entry['computes']}"
+            if "computes" in entry
+            else f"file {fmu.sha256}"
+        )
     for entry in index().values():
         if entry["name"] == name and entry["kind"] == "python" and meaning.is_as(entry):
             return f"block {entry['computes']}"
@@ -286,7 +312,8 @@ def _hash_of(name: str) -> str:
 
 
 def index() -> dict[str, JsonObject]:
-    """What is said of our built FMUs, by the sha256 of their files; empty where there are none."""
+    """What is said of our built FMUs, by the sha256 of their files; empty where there
+    are none."""
     if not paths.are_built():
         return {}
     file = paths.fmus() / "index.json"
@@ -305,7 +332,9 @@ def portable() -> bool:
 
 def python_alone() -> list[str]:
     """Our blocks of which there is no native FMU."""
-    return sorted(e["name"] for e in index().values() if e["kind"] == "python" and e.get("why"))
+    return sorted(
+        e["name"] for e in index().values() if e["kind"] == "python" and e.get("why")
+    )
 
 
 @lru_cache(maxsize=4)
@@ -343,21 +372,23 @@ _LINE = re.compile(r"([0-9a-fA-F]{64})(\s+\*?.*)?")
 
 
 def hashes(path: Path) -> frozenset[str]:
-    """The sha256 of a list, as sha256sum writes it: a hash a line, and what it is of. Raises
-    DesatError with the line that is no such."""
+    """The sha256 of a list, as sha256sum writes it: a hash a line, and what it is of.
+    Raises DesatError with the line that is no such."""
     known = set()
     for number, line in enumerate(text(path, str(path)).splitlines(), 1):
         line = line.partition("#")[0].strip()
         if line and not (match := _LINE.fullmatch(line)):
-            raise DesatError(f"{path}:{number}: {line[:40]!r}: a sha256 of 64 digits is needed")
+            raise DesatError(
+                f"{path}:{number}: {line[:40]!r}: a sha256 of 64 digits is needed"
+            )
         if line and match:
             known.add(match[1].lower())
     return frozenset(known)
 
 
 def fault_warnings(system: System) -> Iterator[str]:
-    """A line for each foreign FMU whose model description breaks the standard, with the first of
-    its faults."""
+    """A line for each foreign FMU whose model description breaks the standard, with the
+    first of its faults."""
     for c in system.components.values():
         if c.fmu is not None and (found := c.fmu.faults):
             more = f" ({len(found) - 1} more)" if len(found) > 1 else ""
@@ -367,13 +398,16 @@ def fault_warnings(system: System) -> Iterator[str]:
 def unused_warnings(system: System) -> Iterator[str]:
     """A line for each FMU with variables of a type that is not handed on."""
     for c in system.components.values():
-        if names := [s.name for s in c.interface.signals.values() if s.kind == "Binary"]:
+        if names := [
+            s.name for s in c.interface.signals.values() if s.kind == "Binary"
+        ]:
             more = f" and {len(names) - 3} more" if len(names) > 3 else ""
             yield f"{c.name}: Binary variables are not handed on: {', '.join(names[:3])}{more}"
 
 
 def problems(system: System, options: Options) -> Iterator[str]:
-    """A line for each FMU that has no code for this platform or, with a list, is not of it."""
+    """A line for each FMU that has no code for this platform or, with a list, is not of
+    it."""
     trusted = options.trusted
     for c in system.components.values():
         if c.fmu is None or c.fmu.ours:

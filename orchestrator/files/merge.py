@@ -9,7 +9,8 @@ from .io import TomlTable
 
 Keys = tuple[str, ...]
 Origins = dict[Keys, tuple[str, str]]
-"""Path of a value -> the file that gave it, and the axis' cell in it (`axes.method.dct.`)."""
+"""Path of a value -> the file that gave it, and the axis' cell in it
+(`axes.method.dct.`)."""
 
 
 def origin(origins: Origins, path: Keys) -> tuple[str, str]:
@@ -41,10 +42,14 @@ def leave_out(merged: TomlTable, data: TomlTable, origins: Origins, where: str) 
 
 
 def merge(
-    into: TomlTable, new: TomlTable, origins: Origins,
-    given: Origins | tuple[str, str], path: Keys = (),
-) -> None:  # fmt: skip
-    """Tables are merged, everything else is replaced; `given`: where the new values are from."""
+    into: TomlTable,
+    new: TomlTable,
+    origins: Origins,
+    given: Origins | tuple[str, str],
+    path: Keys = (),
+) -> None:
+    """Tables are merged, everything else is replaced; `given`: where the new values are
+    from."""
     for key, value in new.items():
         here = (*path, key)
         if isinstance(value, dict) and isinstance(into.get(key), dict):
@@ -90,7 +95,9 @@ def fill(value: Any, cell: dict[str, str]) -> Any:
             value = value.replace(f"{{{axis}}}", name)
         return value
     if isinstance(value, dict):
-        return {k: fill(v, cell) if isinstance(v, _FILLED) else v for k, v in value.items()}
+        return {
+            k: fill(v, cell) if isinstance(v, _FILLED) else v for k, v in value.items()
+        }
     if isinstance(value, list):
         return [fill(v, cell) if isinstance(v, _FILLED) else v for v in value]
     return value

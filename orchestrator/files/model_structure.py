@@ -29,7 +29,8 @@ ALLOWED: dict[str, tuple[str, ...]] = {
 OLDER_TYPES = ("Real", "Integer", "Boolean", "String", "Enumeration")
 """The element that gives a variable of FMI 1.0 and 2.0 its type."""
 LISTS_2 = ("Outputs", "Derivatives", "InitialUnknowns")
-"""The lists of ModelStructure in FMI 2.0, whose elements point to variables by index."""
+"""The lists of ModelStructure in FMI 2.0, whose elements point to variables by index.
+"""
 LONGEST = 80
 """Characters of somebody's text that a message repeats."""
 
@@ -59,7 +60,9 @@ def check_structure(root: Any, where: str) -> None:
     references = set()
     for variable in variables:
         if not variable.get("name"):
-            raise DesatError(f"{where}:{variable.sourceline}: a variable without a name")
+            raise DesatError(
+                f"{where}:{variable.sourceline}: a variable without a name"
+            )
         references.add(_whole(variable, "valueReference", where))
         if version != "1.0":
             _check_variability(variable, where, version)
@@ -103,20 +106,28 @@ def _check_variability(variable: Any, where: str, version: str) -> None:
     at = f"{_place(variable, where)}: causality {_short(causality)}"
     if causality not in ALLOWED:
         raise DesatError(f"{at}: there are {', '.join(ALLOWED)}")
-    allowed_by_default = ALLOWED[causality][0] if version.startswith("3.") else "continuous"
+    allowed_by_default = (
+        ALLOWED[causality][0] if version.startswith("3.") else "continuous"
+    )
     variability = variable.get("variability", allowed_by_default)
     if variability not in ALLOWED[causality]:
         allowed = " or ".join(ALLOWED[causality])
-        raise DesatError(f"{at} with variability {_short(variability)}: {allowed} is allowed")
+        raise DesatError(
+            f"{at} with variability {_short(variability)}: {allowed} is allowed"
+        )
 
 
 def _check_type(variable: Any, where: str) -> None:
     """Raise DesatError for a variable of FMI 1.0 or 2.0 without a type."""
     if not any(child.tag in OLDER_TYPES for child in variable):
-        raise DesatError(f"{_place(variable, where)}: it has none of {', '.join(OLDER_TYPES)}")
+        raise DesatError(
+            f"{_place(variable, where)}: it has none of {', '.join(OLDER_TYPES)}"
+        )
 
 
-def _check_references(element: Any, key: str, known: Container[int], where: str) -> None:
+def _check_references(
+    element: Any, key: str, known: Container[int], where: str
+) -> None:
     """Raise DesatError for a list of references of which one points nowhere."""
     for text in element.get(key, "").split():
         _check_known(element, key, text, known, where)
@@ -127,10 +138,16 @@ def _check_reference(element: Any, key: str, known: Container[int], where: str) 
     _check_known(element, key, element.get(key, ""), known, where)
 
 
-def _check_known(element: Any, key: str, text: str, known: Container[int], where: str) -> None:
+def _check_known(
+    element: Any, key: str, text: str, known: Container[int], where: str
+) -> None:
     if _read(text) in known:
         return
-    allowed = f"1 to {len(known)}" if isinstance(known, range) else "value references of variables"
+    allowed = (
+        f"1 to {len(known)}"
+        if isinstance(known, range)
+        else "value references of variables"
+    )
     raise DesatError(
         f"{_place(element, where)}: {key} {_short(text)!r} is no variable; {allowed} are allowed"
     )
@@ -150,7 +167,11 @@ def _whole(element: Any, key: str, where: str) -> int:
 def _read(text: str) -> int | None:
     """Return the whole number that a text is; None if it is none."""
     digits = text.strip()
-    return int(digits) if digits.isascii() and digits.isdigit() and len(digits) < 20 else None
+    return (
+        int(digits)
+        if digits.isascii() and digits.isdigit() and len(digits) < 20
+        else None
+    )
 
 
 def _place(element: Any, where: str) -> str:

@@ -1,11 +1,13 @@
-"""Where scenarios, FMUs, packed systems and stored draws are: in a checkout and in an installation.
+"""Where scenarios, FMUs, packed systems and stored draws are: in a checkout and in an
+installation.
 
-In a checkout all is in its folders: ssp/, fmus/dist/, ssp/dist/, docs/papers/. An installation
-brings scenarios, pages and draws below the package and keeps what it builds, FMUs and packed
-systems, in the user's cache, in a folder named after version and contents of what they are made of;
-nothing is written beside the package. What `desat list` has found is in the user's cache, too, in
-`lists`. `DESAT_CACHE` names another folder than the user's usual one; who has none that he can
-write gets one below the temporary folder.
+In a checkout all is in its folders: ssp/, fmus/dist/, ssp/dist/, docs/papers/. An
+installation brings scenarios, pages and draws below the package and keeps what it
+builds, FMUs and packed systems, in the user's cache, in a folder named after version
+and contents of what they are made of; nothing is written beside the package. What
+`desat list` has found is in the user's cache, too, in `lists`. `DESAT_CACHE` names
+another folder than the user's usual one; who has none that he can write gets one below
+the temporary folder.
 """
 
 from __future__ import annotations
@@ -35,8 +37,9 @@ _TEMPORARY = "desat-cache-"
 
 
 def fmus() -> Path:
-    """The folder with our FMUs. In an installation they are built now where they are not yet, by
-    one process at a time; raises DesatError where that fails. In a checkout `make fmus` builds."""
+    """The folder with our FMUs. In an installation they are built now where they are
+    not yet, by one process at a time; raises DesatError where that fails. In a checkout
+    `make fmus` builds."""
     return _build() if INSTALLED else PACKAGE.parent / "fmus" / "dist"
 
 
@@ -51,12 +54,14 @@ def packed_folder() -> Path:
 
 
 def writable(what: str, instead: str = "") -> None:
-    """Raise DesatError in an installation, whose scenarios are not to be written; `instead`: the
-    option that writes elsewhere."""
+    """Raise DesatError in an installation, whose scenarios are not to be written;
+    `instead`: the option that writes elsewhere."""
     if INSTALLED:
         hint = f"; {instead} writes elsewhere" if instead else ""
-        raise DesatError(f"{what} writes beside the scenarios and needs a checkout of desat; this "
-                         f"is an installation, {PACKAGE}{hint}")  # fmt: skip
+        raise DesatError(
+            f"{what} writes beside the scenarios and needs a checkout of desat; this "
+            f"is an installation, {PACKAGE}{hint}"
+        )
 
 
 def shown(path: Path) -> str:
@@ -66,7 +71,8 @@ def shown(path: Path) -> str:
 
 
 def cache() -> Path:
-    """The folder of desat in the user's cache; for a user who can write none, a temporary one."""
+    """The folder of desat in the user's cache; for a user who can write none, a
+    temporary one."""
     if given := os.environ.get("DESAT_CACHE"):
         return Path(given).absolute()
     return _users()
@@ -82,14 +88,20 @@ def _users() -> Path:
 
     usual = user_cache_path("desat", appauthor=False).absolute()
     there = next((p for p in (usual, *usual.parents) if p.exists()), usual)
-    if sys.platform == "win32" or (there.is_dir() and os.access(there, os.W_OK | os.X_OK)):
+    if sys.platform == "win32" or (
+        there.is_dir() and os.access(there, os.W_OK | os.X_OK)
+    ):
         return usual
     own = Path(tempfile.gettempdir()) / f"{_TEMPORARY}{user()}"
     with suppress(OSError):
         own.mkdir(mode=0o700, exist_ok=True)
         state = own.lstat()
         # code is loaded from there: it must be this user's alone
-        if stat.S_ISDIR(state.st_mode) and state.st_uid == user() and not state.st_mode & 0o77:
+        if (
+            stat.S_ISDIR(state.st_mode)
+            and state.st_uid == user()
+            and not state.st_mode & 0o77
+        ):
             return own
     return usual
 
@@ -116,9 +128,11 @@ def _sources() -> Iterable[Path]:
     rooms = ("components", "export", "files", "fmus", "language", "ssp", "system")
     folders = (PACKAGE / name for name in rooms)
     return sorted(
-        p for folder in folders for p in folder.rglob("*")
+        p
+        for folder in folders
+        for p in folder.rglob("*")
         if p.is_file() and p.suffix not in (".pyc", ".fmu", ".ssp")
-    )  # fmt: skip
+    )
 
 
 @memoised
@@ -140,11 +154,14 @@ def _build() -> Path:
         try:
             if sys.stderr.isatty():
                 print(f"building the FMUs, this once, into {folder}", file=sys.stderr)
-            # a process of its own: building spawns others, which need a script that can be imported
+            # a process of its own: building spawns others, which need a script that can
+            # be imported
             done = subprocess.run(
                 [sys.executable, "-m", "desat.fmus.build", "--into", str(part)],
-                capture_output=True, text=True, check=False,
-            )  # fmt: skip
+                capture_output=True,
+                text=True,
+                check=False,
+            )
             if done.returncode:
                 last = (done.stderr.strip().splitlines() or ["no message"])[-1]
                 raise DesatError(f"{folder}: our FMUs could not be built: {last}")

@@ -1,4 +1,5 @@
-"""What is wrong with a scenario's data, held against the language: (path, one line) each."""
+"""What is wrong with a scenario's data, held against the language: (path, one line)
+each."""
 
 from __future__ import annotations
 
@@ -20,19 +21,35 @@ from .merge import Keys
 
 T = TypeVar("T", bound=Table)
 NEEDED = {
-    "float_type": "a number", "int_type": "a whole number", "string_type": "a text",
-    "bool_type": "true or false", "tuple_type": "a list", "dict_type": "a table",
-    "model_type": "a table", "datetime_type": "a UTC time, 2026-01-01T00:00:00Z,",
+    "float_type": "a number",
+    "int_type": "a whole number",
+    "string_type": "a text",
+    "bool_type": "true or false",
+    "tuple_type": "a list",
+    "dict_type": "a table",
+    "model_type": "a table",
+    "datetime_type": "a UTC time, 2026-01-01T00:00:00Z,",
     "finite_number": "a finite number",
-}  # fmt: skip
-RENAMED = {"twin": "baseline", "story": "description", "draws": "samples", "inner": "substeps",
-           "decimation": "step_ratio"}  # fmt: skip
+}
+RENAMED = {
+    "twin": "baseline",
+    "story": "description",
+    "draws": "samples",
+    "inner": "substeps",
+    "decimation": "step_ratio",
+}
 """Keys of before by what they are called."""
-_KINDS = {"<table>": "a table", "<list>": "a list", "<text>": "a text", "<number>": "a number"}
+_KINDS = {
+    "<table>": "a table",
+    "<list>": "a list",
+    "<text>": "a text",
+    "<number>": "a number",
+}
 
 
 class WrongError(Exception):
-    """Data that are not in the language: path, and what is wrong there in one line, of each."""
+    """Data that are not in the language: path, and what is wrong there in one line, of
+    each."""
 
     def __init__(self, problems: list[tuple[Keys, str]]) -> None:
         super().__init__(problems)
@@ -40,8 +57,8 @@ class WrongError(Exception):
 
 
 def read(model: type[T], data: TomlTable, part: bool = False) -> T | None:
-    """The object of data; of a `part`, which others may complete, None where it is not whole.
-    Raises WrongError."""
+    """The object of data; of a `part`, which others may complete, None where it is not
+    whole. Raises WrongError."""
     try:
         return model.model_validate(data)
     except ValidationError as error:
@@ -49,7 +66,11 @@ def read(model: type[T], data: TomlTable, part: bool = False) -> T | None:
             (tuple(str(p) for p in e["loc"] if not str(p).startswith("<")), dict(e))
             for e in error.errors(include_url=False)
         ]
-    lines = [(p, _text(model, p, e)) for p, e in wrong if not (part and e["type"] == "incomplete")]
+    lines = [
+        (p, _text(model, p, e))
+        for p, e in wrong
+        if not (part and e["type"] == "incomplete")
+    ]
     if lines:
         raise WrongError(lines)
     return None
@@ -82,7 +103,8 @@ def _design(source: str, where: str) -> scenario.DesignFile:
 def read_packed(path: Path, where: str) -> Content:
     """What of a scenario travelled in a file of an .ssp, which messages call `where`.
 
-    Raises DesatError, a line a problem, for what is no JSON or not in the scenario language.
+    Raises DesatError, a line a problem, for what is no JSON or not in the scenario
+    language.
     """
     try:
         about = json.loads(contents(path, where).decode("utf-8"))
@@ -92,7 +114,9 @@ def read_packed(path: Path, where: str) -> Content:
     if not isinstance(about, dict):
         wrong = ["a table is needed"]
     else:
-        wrong = [f"{k}: unknown key{nearest(k, known)}" for k in about if k not in known]
+        wrong = [
+            f"{k}: unknown key{nearest(k, known)}" for k in about if k not in known
+        ]
         if not isinstance(about.get("plots", []), list):
             wrong.append("plots: a list is needed")
     if not wrong:
@@ -109,13 +133,17 @@ def _text(model: type[Table], path: Keys, error: dict[str, Any]) -> str:
     if kind == "extra_forbidden" and of_scenario and path[-1] in RENAMED:
         return f"unknown key; it is called {RENAMED[path[-1]]}"
     if kind == "extra_forbidden":
-        return f"unknown key{nearest(path[-1], keys(table_at(model, path[:-1]) or model))}"
+        return (
+            f"unknown key{nearest(path[-1], keys(table_at(model, path[:-1]) or model))}"
+        )
     if kind == "incomplete":
         return str(context["text"])
     got = repr(error["input"])
     got = got if len(got) <= 60 else f"{got[:57]}..."
     if kind == "literal_error" and isinstance(error["input"], str):
-        choices = [c.strip("' ") for c in context["expected"].replace(" or ", ", ").split(", ")]
+        choices = [
+            c.strip("' ") for c in context["expected"].replace(" or ", ", ").split(", ")
+        ]
         return f"got {got}{nearest(error['input'], choices)}"
     if kind == "union_tag_invalid":
         expected = context["expected_tags"].replace("'", "").split(", ")
@@ -140,11 +168,21 @@ def table_at(kind: Any, path: Keys) -> type[Table] | None:
     if isinstance(kind, type) and issubclass(kind, Table):
         if not path:
             return kind
-        fields = {field.alias or name: field for name, field in kind.model_fields.items()}
-        return table_at(fields[path[0]].annotation, path[1:]) if path[0] in fields else None
+        fields = {
+            field.alias or name: field for name, field in kind.model_fields.items()
+        }
+        return (
+            table_at(fields[path[0]].annotation, path[1:])
+            if path[0] in fields
+            else None
+        )
     inner = get_args(kind)
     if get_origin(kind) in (dict, tuple):
-        return table_at(inner[-1 if get_origin(kind) is dict else 0], path[1:]) if path else None
+        return (
+            table_at(inner[-1 if get_origin(kind) is dict else 0], path[1:])
+            if path
+            else None
+        )
     return next((found for x in inner if (found := table_at(x, path))), None)
 
 
@@ -159,7 +197,10 @@ def paper_problems(content: Content, axes: TomlTable) -> Iterator[tuple[Keys, st
             for method in given:
                 if method not in methods:
                     text = f"no value {method} of the axis method{nearest(method, methods)}"
-                    yield ("paper", name, key, *([method] if key != "only" else [])), text
+                    yield (
+                        ("paper", name, key, *([method] if key != "only" else [])),
+                        text,
+                    )
         if row.columns and case not in row.columns:
             text = f"no column {case}, a value of the axis case{nearest(case, row.columns)}"
             yield ("paper", name, "columns"), text

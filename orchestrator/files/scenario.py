@@ -1,13 +1,16 @@
-"""Scenarios: TOML files in ssp/FAMILY/scenarios/, each one scenario or, with axes, a table of them.
+"""Scenarios: TOML files in ssp/FAMILY/scenarios/, each one scenario or, with axes, a
+table of them.
 
-`desat help keys` prints the keys of such a file, `language/scenario.py` declares them. Besides:
+`desat help keys` prints the keys of such a file, `language/scenario.py` declares them.
+Besides:
 
     extends = "common"            # another file of the folder, or several, merged below this one
     without = ["parameters.manager"]  # what of those is left out
     [axes.method.crcp]            # each axis' values are partial scenarios (`without` included);
     [axes.case.ilqr-1]            # the product of the axes gives scenarios FILE-crcp-ilqr-1
 
-`{method}` in a text stands for the axis' value of the cell, in title and description for its label.
+`{method}` in a text stands for the axis' value of the cell, in title and description
+for its label.
 """
 
 from __future__ import annotations
@@ -62,7 +65,8 @@ class Scenario:
         return f"{at(file, key)}: {key}"
 
     def origin_of(self, path: tuple[str, ...]) -> tuple[str, str]:
-        """File and key that give a value; of a parameter that its data do not have, its design."""
+        """File and key that give a value; of a parameter that its data do not have, its
+        design."""
         own: Any = self.content.written
         for key in path:
             own = own.get(key, {}) if isinstance(own, dict) else {}
@@ -83,8 +87,8 @@ class Scenario:
 
     @property
     def design(self) -> Path | None:
-        """The file with its design, where it has a [design]; `of` names the scenario that has it
-        made."""
+        """The file with its design, where it has a [design]; `of` names the scenario
+        that has it made."""
         if self.content.design is None:
             return None
         name = self.content.design.of or self.name.partition("/")[2]
@@ -92,17 +96,21 @@ class Scenario:
 
     @property
     def each_draw(self) -> dict[str, Any] | None:
-        """What it says of its design, where that is made anew for the values of each draw."""
+        """What it says of its design, where that is made anew for the values of each
+        draw."""
         design = self.content.design
         return design.written if design and design.each_draw else None
 
     def parameters(self, designed: bool = True) -> TomlTable:
-        """Its [parameters], with those of its design below. Raises DesatError where it has none."""
+        """Its [parameters], with those of its design below. Raises DesatError where it
+        has none."""
         merged: TomlTable = {}
         if designed and self.design is not None:
             if not self.design.exists():
                 name = f"{self.family}/{self.design.stem}"
-                raise DesatError(f"{self.name} has no design yet; run `desat design {name}`")
+                raise DesatError(
+                    f"{self.name} has no design yet; run `desat design {name}`"
+                )
             from .reader import design
 
             merged = copy(design(self.design).parameters)
@@ -110,7 +118,8 @@ class Scenario:
         return merged
 
     def layers(self, designed: bool = True) -> list[Layer]:
-        """Read the layers of its craft and of itself; `designed` False leaves its design out.
+        """Read the layers of its craft and of itself; `designed` False leaves its
+        design out.
 
         Raises
         ------
@@ -134,7 +143,7 @@ class Scenario:
         return Builder(craft, blocks).add(own)
 
 
-# --- finding ----------------------------------------------------------------------------------
+# --- finding --------------------------------------------------------------------------
 
 
 @cache
@@ -144,16 +153,22 @@ def families() -> tuple[str, ...]:
 
 
 def summary(family: str) -> str:
-    """What a family of scenarios is about, in a line; empty where its folder does not say."""
+    """What a family of scenarios is about, in a line; empty where its folder does not
+    say."""
     file = ROOT / family / "family.toml"
     return str(toml(file).get("title", "")) if file.exists() else ""
 
 
 def abbreviations(family: str, text: str) -> str:
-    """The abbreviations of a family that a text has, spelt out; empty where there are none."""
+    """The abbreviations of a family that a text has, spelt out; empty where there are
+    none."""
     file = ROOT / family / "family.toml"
     known = toml(file).get("abbreviations", {}) if file.exists() else {}
-    there = [f"{name}: {what}" for name, what in known.items() if re.search(rf"\b{name}\b", text)]
+    there = [
+        f"{name}: {what}"
+        for name, what in known.items()
+        if re.search(rf"\b{name}\b", text)
+    ]
     return "; ".join(there)
 
 
@@ -165,14 +180,15 @@ def cells(file: Path, family: str) -> dict[str, Scenario]:
 
 @cache
 def _cell(file: Path, family: str, name: str) -> Scenario | None:
-    """The scenario of this name of a file, read alone; None where the file makes none of the name.
-    Raises DesatError, a line a problem with it."""
+    """The scenario of this name of a file, read alone; None where the file makes none
+    of the name. Raises DesatError, a line a problem with it."""
     return next(iter(_read(file, family, name)), None)
 
 
 @cache
 def survey(family: str) -> tuple[dict[str, Scenario], dict[str, str]]:
-    """The scenarios of a family by name, and what is wrong with its other files by their stem."""
+    """The scenarios of a family by name, and what is wrong with its other files by
+    their stem."""
     good: dict[str, Scenario] = {}
     broken: dict[str, str] = {}
     for file in sorted((ROOT / family / "scenarios").glob("*.toml")):
@@ -183,7 +199,9 @@ def survey(family: str) -> tuple[dict[str, Scenario], dict[str, str]]:
             continue
         for name in good.keys() & made.keys():
             both = f"{paths.shown(good[name].file)} and {paths.shown(file)}"
-            broken[file.stem] = f"{both}: both make a scenario {name}; rename a file or a value"
+            broken[file.stem] = (
+                f"{both}: both make a scenario {name}; rename a file or a value"
+            )
         good |= made
     known = {name.partition("/")[2] for name in good}
     wrong: dict[str, str] = {}
@@ -199,13 +217,15 @@ def survey(family: str) -> tuple[dict[str, Scenario], dict[str, str]]:
 
 
 def of_its_file(name: str) -> Scenario | None:
-    """The scenario of a name from the one file that has it; None where there is none, or something
-    is wrong: `survey` says what."""
+    """The scenario of a name from the one file that has it; None where there is none,
+    or something is wrong: `survey` says what."""
     family, _, rest = name.partition("/")
     files = (ROOT / family / "scenarios").glob("*.toml") if family in families() else ()
     found = [f for f in files if f"{rest}-".startswith(f"{f.stem}-")]
     try:
-        made = [scenario for f in found if (scenario := _cell(f, family, name)) is not None]
+        made = [
+            scenario for f in found if (scenario := _cell(f, family, name)) is not None
+        ]
     except DesatError:
         return None
     return made[0] if len(made) == 1 else None
@@ -224,8 +244,8 @@ def _others(content: Content) -> Iterator[tuple[tuple[str, ...], str]]:
 
 
 def readable(family: str | None = None) -> tuple[dict[str, Scenario], list[str]]:
-    """All scenarios by name, or those of one family, whose files are right; and what is wrong with
-    the others, one line each."""
+    """All scenarios by name, or those of one family, whose files are right; and what is
+    wrong with the others, one line each."""
     if family is not None and family not in families():
         raise DesatError(f"no family {family}{nearest(family, families())}")
     good: dict[str, Scenario] = {}
@@ -247,8 +267,8 @@ def scenarios(family: str | None = None) -> dict[str, Scenario]:
 
 
 def find(name: str) -> Scenario:
-    """The scenario of a name. Raises DesatError with the nearest name, or with what is wrong with
-    its file."""
+    """The scenario of a name. Raises DesatError with the nearest name, or with what is
+    wrong with its file."""
     family, _, rest = name.partition("/")
     if (scenario := of_its_file(name)) is not None and all(
         of_its_file(f"{family}/{other}") for _, other in _others(scenario.content)
@@ -256,7 +276,11 @@ def find(name: str) -> Scenario:
         return scenario
     known, _ = readable(family if family in families() else None)
     broken = survey(family)[1] if family in families() else {}
-    twice = [t for t in broken.values() if t.partition("both make a scenario ")[2].startswith(name)]
+    twice = [
+        t
+        for t in broken.values()
+        if t.partition("both make a scenario ")[2].startswith(name)
+    ]
     if name in known and not twice:
         return known[name]
     for stem, text in broken.items():
@@ -267,9 +291,11 @@ def find(name: str) -> Scenario:
             f"{name} is a family of {len(known)} scenarios (desat list {name}); one of them is "
             f"needed, as {next(iter(known))}"
         )
-    hint = "; a name is needed here, no file" if name.endswith(".toml") else nearest(
-        name, [*known, *_beside()]
-    )  # fmt: skip
+    hint = (
+        "; a name is needed here, no file"
+        if name.endswith(".toml")
+        else nearest(name, [*known, *_beside()])
+    )
     raise DesatError(f"no scenario {name}{hint}")
 
 
@@ -283,8 +309,8 @@ def _beside() -> list[str]:
 
 
 def name_of_file(file: Path) -> str:
-    """The name of what a file of one's own says: beside a craft file the craft's, which is its
-    folder's, with that of another scenario than its nominal one."""
+    """The name of what a file of one's own says: beside a craft file the craft's, which
+    is its folder's, with that of another scenario than its nominal one."""
     file = file.resolve()
     if not (file.parent / "craft.toml").is_file():
         return utf8_name(file.stem)
@@ -293,15 +319,18 @@ def name_of_file(file: Path) -> str:
 
 
 def own(file: Path) -> Scenario:
-    """The scenario of a file that is not one of ours. `extends` names files beside it, or ours as
-    FAMILY/NAME; its SSD is beside it, else that of the family that it extends.
+    """The scenario of a file that is not one of ours. `extends` names files beside it,
+    or ours as FAMILY/NAME; its SSD is beside it, else that of the family that it
+    extends.
 
     Raises DesatError, which names the file, for what is wrong with it.
     """
     where = paths.shown(file)
     made = _read(file, "")
     if len(made) != 1:
-        what = "is abstract" if not made else f"has axes, and so is {len(made)} scenarios"
+        what = (
+            "is abstract" if not made else f"has axes, and so is {len(made)} scenarios"
+        )
         raise DesatError(f"{where}: it {what}; one scenario is needed")
     (scenario,) = made
     wiring = scenario.content.ssd or scenario.content.craft
@@ -311,11 +340,12 @@ def own(file: Path) -> Scenario:
     return scenario if ours else replace(scenario, folder=file.parent)
 
 
-# --- reading ----------------------------------------------------------------------------------
+# --- reading --------------------------------------------------------------------------
 
 
 def load(file: Path, origins: Origins, seen: tuple[Path, ...] = ()) -> TomlTable:
-    """The data of a file merged over that of its bases. Raises DesatError, a line a problem."""
+    """The data of a file merged over that of its bases. Raises DesatError, a line a
+    problem."""
     where = paths.shown(file)
     state = file.stat() if file.is_file() else None
     data = copy(_table(file, where, state and (state.st_mtime_ns, state.st_size)))
@@ -336,7 +366,9 @@ def load(file: Path, origins: Origins, seen: tuple[Path, ...] = ()) -> TomlTable
         elif base in known:
             table = load(file.with_name(f"{base}.toml"), below, (*seen, file))
         else:
-            raise DesatError(f"{where}: extends: no file {base}.toml{nearest(base, known)}")
+            raise DesatError(
+                f"{where}: extends: no file {base}.toml{nearest(base, known)}"
+            )
         merge(merged, table, origins, below)
     for name in OWN_KEYS:
         merged.pop(name, None)
@@ -347,8 +379,8 @@ def load(file: Path, origins: Origins, seen: tuple[Path, ...] = ()) -> TomlTable
 
 @lru_cache(maxsize=1024)
 def _table(file: Path, where: str, _: object) -> TomlTable:
-    """What a file says, checked, not to be changed; kept, as files share their bases. Raises
-    DesatError, a line a problem."""
+    """What a file says, checked, not to be changed; kept, as files share their bases.
+    Raises DesatError, a line a problem."""
     from ..language.scenario import ScenarioFile
     from .reader import WrongError, read
 
@@ -372,8 +404,8 @@ def _of_role(name: str, where: str) -> Path:
 
 
 def _ours(name: str, where: str, origins: Origins, seen: tuple[Path, ...]) -> TomlTable:
-    """What a scenario file that is not one of ours extends as FAMILY/NAME: a scenario, or a file
-    of the family. Its `family` says which."""
+    """What a scenario file that is not one of ours extends as FAMILY/NAME: a scenario,
+    or a file of the family. Its `family` says which."""
     family, _, stem = name.partition("/")
     require(family, families(), f"{where}: extends: no family")
     file = paths.SCENARIOS / family / "scenarios" / f"{stem}.toml"
@@ -390,8 +422,8 @@ def _ours(name: str, where: str, origins: Origins, seen: tuple[Path, ...]) -> To
 
 
 def _read(file: Path, family: str, only: str | None = None) -> list[Scenario]:
-    """The scenarios that a file makes, or the one of a name. Raises DesatError, a line a problem
-    with these."""
+    """The scenarios that a file makes, or the one of a name. Raises DesatError, a line
+    a problem with these."""
     given: Origins = {}
     where = paths.shown(file)
     data = load(file, given)
@@ -415,17 +447,28 @@ def _read(file: Path, family: str, only: str | None = None) -> list[Scenario]:
             merge(merged, partial, origins, (where, f"axes.{axis}.{value}."))
         if abstract:
             continue
-        labels = {axis: axes[axis][value].get("label", value) for axis, value in cell.items()}
-        texts = {k: fill(merged[k], labels) for k in ("title", "description") if k in merged}
-        said = {**fill(merged, cell), **texts, "name": name, "cell": cell, "labels": labels}
-        cells.append(Scenario(_content(said, axes, origins, where), file, ROOT / home, origins))
+        labels = {
+            axis: axes[axis][value].get("label", value) for axis, value in cell.items()
+        }
+        texts = {
+            k: fill(merged[k], labels) for k in ("title", "description") if k in merged
+        }
+        said = {
+            **fill(merged, cell),
+            **texts,
+            "name": name,
+            "cell": cell,
+            "labels": labels,
+        }
+        cells.append(
+            Scenario(_content(said, axes, origins, where), file, ROOT / home, origins)
+        )
     return cells
 
 
-def _content(
-    said: TomlTable, axes: TomlTable, origins: Origins, where: str
-) -> Content:  # fmt: skip
-    """What a scenario says, merged. Raises DesatError, a line a problem, with what is wrong."""
+def _content(said: TomlTable, axes: TomlTable, origins: Origins, where: str) -> Content:
+    """What a scenario says, merged. Raises DesatError, a line a problem, with what is
+    wrong."""
     from ..language.content import Content
     from .reader import WrongError, paper_problems, whole
 
@@ -434,7 +477,9 @@ def _content(
         if wrong := list(paper_problems(content, axes)):
             raise WrongError(wrong)
     except WrongError as error:
-        given = ((*_place_of(origins, path, where), text) for path, text in error.problems)
+        given = (
+            (*_place_of(origins, path, where), text) for path, text in error.problems
+        )
         lines = [f"{at(file, key)}: {key}: {text}" for file, key, text in given]
         raise DesatError("\n".join(lines)) from error
     return content

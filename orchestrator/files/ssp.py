@@ -1,10 +1,11 @@
 """SSP files, read: a .ssp, a folder, or an .ssd; nested systems become one flat one.
 
-A component `add` of a system `inner` is called `inner_add`. Connectors of systems, and signals of
-dictionaries, hand on what they are given: a connection through them is one from component to
-component, with the product of its transformations, and a value that is given to one is given to
-all that it reaches. As SSP 1.0 has it, values of an outer system come before those of an inner one,
-and of a parameter set with a mapping what is not mapped goes by its own name.
+A component `add` of a system `inner` is called `inner_add`. Connectors of systems, and
+signals of dictionaries, hand on what they are given: a connection through them is one
+from component to component, with the product of its transformations, and a value that
+is given to one is given to all that it reaches. As SSP 1.0 has it, values of an outer
+system come before those of an inner one, and of a parameter set with a mapping what is
+not mapped goes by its own name.
 """
 
 from __future__ import annotations
@@ -40,7 +41,8 @@ OSP = "http://opensimulationplatform.com/SSP/OSPAnnotations"
 OMS = "https://raw.githubusercontent.com/OpenModelica/OMSimulator/master/schema/oms.xsd"
 FILE = "SystemStructure.ssd"
 ABOUT = "extra/desat/scenario.json"
-"""Where a packed scenario keeps its description, numbers and plots; other tools pass it by."""
+"""Where a packed scenario keeps its description, numbers and plots; other tools pass it
+by."""
 
 
 def read(path: Path, outside: bool = False) -> Layer:
@@ -69,29 +71,49 @@ def read(path: Path, outside: bool = False) -> Layer:
     file = path if path.suffix == ".ssd" else inside(folder, FILE)
     if not file.exists():
         raise DesatError(f"{path}: holds no {FILE}")
-    reader = _Reader(folder, file, where + file.name if where else str(file), where, outside)
+    reader = _Reader(
+        folder, file, where + file.name if where else str(file), where, outside
+    )
     layer = reader.layer()
     file = inside(folder, ABOUT)
     if file.exists():
-        from .reader import read_packed  # pydantic, only where there is something to check
+        from .reader import (
+            read_packed,
+        )  # pydantic, only where there is something to check
 
         layer.about = content = read_packed(file, f"{where}{ABOUT}")
         layer.output_classes.update(content.output_classes)
-        layer.substeps = content.substeps or 1  # what says none was packed before it was said
+        layer.substeps = (
+            content.substeps or 1
+        )  # what says none was packed before it was said
         layer.accuracy = content.accuracy or None
     return layer
 
 
-PREFIXES = {"ssd": SSD, "ssc": SSC, "ssv": SSV, "ssm": SSM, "ssb": SSB, "osp": OSP, "oms": OMS}
+PREFIXES = {
+    "ssd": SSD,
+    "ssc": SSC,
+    "ssv": SSV,
+    "ssm": SSM,
+    "ssb": SSB,
+    "osp": OSP,
+    "oms": OMS,
+}
 """What files that forget to declare a prefix mean by it."""
 
 
-_TAKES = {"input": True, "parameter": True, "output": False, "calculatedParameter": False}
+_TAKES = {
+    "input": True,
+    "parameter": True,
+    "output": False,
+    "calculatedParameter": False,
+}
 """Whether a connector of a kind takes values, or gives them."""
 
 
 class _End(NamedTuple):
-    """A connector: path of its system or component (`inner.add`; "" is the outermost system)."""
+    """A connector: path of its system or component (`inner.add`; "" is the outermost
+    system)."""
 
     path: str
     connector: str
@@ -111,10 +133,12 @@ class _Link:
     def after(self, first: _Link) -> _Link:
         """This one behind another, as one."""
         return replace(
-            self, start=first.start, factor=self.factor * first.factor,
+            self,
+            start=first.start,
+            factor=self.factor * first.factor,
             offset=self.factor * first.offset + self.offset,
             converts=self.converts and first.converts,
-        )  # fmt: skip
+        )
 
 
 class _Value(NamedTuple):
@@ -142,7 +166,9 @@ class _Value(NamedTuple):
 
 
 class _Reader:
-    def __init__(self, folder: Path, file: Path, where: str, prefix: str, outside: bool) -> None:
+    def __init__(
+        self, folder: Path, file: Path, where: str, prefix: str, outside: bool
+    ) -> None:
         self.outside = outside
         self.folder, self.file, self.where, self.prefix = folder, file, where, prefix
         self.result = Layer(where)
@@ -150,7 +176,8 @@ class _Reader:
         self.components: dict[str, Place] = {}
         """By path."""
         self.relays: dict[str, str] = {"": ""}
-        """Systems and dictionaries by path -> the path that their connectors are known by."""
+        """Systems and dictionaries by path -> the path that their connectors are known
+        by."""
         self.kinds: dict[_End, str] = {}
         """Of the connectors of components and systems, as the file lists them."""
         self.links: list[_Link] = []
@@ -174,11 +201,15 @@ class _Reader:
         layer.name = element.get("name", "")
         self.walk(element, "")
         if not self.components:
-            self.problems.append(f"{self.at(element)}: holds no component: nothing runs")
+            self.problems.append(
+                f"{self.at(element)}: holds no component: nothing runs"
+            )
         names = set[str]()
         for path, place in self.components.items():
             if place.name in names:
-                self.problems.append(f"{self.where}:{place.line}: component {path} twice")
+                self.problems.append(
+                    f"{self.where}:{place.line}: component {path} twice"
+                )
             names.add(place.name)
         reached = self.flatten()
         for path, value in self.values:
@@ -192,13 +223,16 @@ class _Reader:
         return layer
 
     def parse(self, file: Path, where: str) -> Any:
-        """The root of a file; known prefixes that it does not declare are, with a warning."""
+        """The root of a file; known prefixes that it does not declare are, with a
+        warning."""
         data, declared = contents(file, where), ""
         while True:
             try:
                 return parse_bytes(data, where)
             except DesatError as error:
-                lacking = re.search(r"Namespace prefix (\w+) .*is not defined", str(error))
+                lacking = re.search(
+                    r"Namespace prefix (\w+) .*is not defined", str(error)
+                )
                 prefix = lacking.group(1) if lacking else ""
                 if prefix not in PREFIXES or f" {prefix} " in declared:
                     raise
@@ -206,19 +240,25 @@ class _Reader:
                 text = f' xmlns:{prefix}="{PREFIXES[prefix]}"'.encode()
                 root = re.search(rb"<[^\s?!/>]+", data)
                 data = data[: root.end()] + text + data[root.end() :] if root else data
-                self.warnings.append(f"{where}: prefix {prefix} is not declared: taken for "
-                                     f"{PREFIXES[prefix]}")  # fmt: skip
+                self.warnings.append(
+                    f"{where}: prefix {prefix} is not declared: taken for "
+                    f"{PREFIXES[prefix]}"
+                )
 
     def validate(self, root: Any, schema: str, where: str) -> None:
         version = root.get("version", "")
         if version.startswith("2."):
-            self.warnings.append(f"{where}: version {version}: read as 1.0, without its schema")
+            self.warnings.append(
+                f"{where}: version {version}: read as 1.0, without its schema"
+            )
         else:
             self.problems += validate(root, schema, where)
 
-    def walk(self, system: Any, path: str, above: Mapping[str, str] = MappingProxyType({})) -> None:
-        """Gather what a system has, the innermost first. `above`: what the connectors of the
-        dictionaries of those that it is in are known by."""
+    def walk(
+        self, system: Any, path: str, above: Mapping[str, str] = MappingProxyType({})
+    ) -> None:
+        """Gather what a system has, the innermost first. `above`: what the connectors
+        of the dictionaries of those that it is in are known by."""
         dictionaries = {**above, **self.dictionaries(system, path)}
         for child in system.iterfind(f"{{{SSD}}}Connectors/{{{SSD}}}Connector"):
             self.kinds[_End(path, child.get("name", ""))] = child.get("kind", "")
@@ -226,8 +266,10 @@ class _Reader:
             tag, name = etree.QName(child).localname, child.get("name", "")
             within = f"{path}.{name}" if path else name
             if "." in name:
-                self.problems.append(f"{self.at(child)}: component {name!r}: a name is needed "
-                                     "without ., which parts a system from its own")  # fmt: skip
+                self.problems.append(
+                    f"{self.at(child)}: component {name!r}: a name is needed "
+                    "without ., which parts a system from its own"
+                )
             if within in self.components or within in self.relays:
                 self.problems.append(f"{self.at(child)}: component {within} twice")
             if tag == "Component":
@@ -245,17 +287,22 @@ class _Reader:
                     )
                 self.relays[within] = dictionaries.get(of, f"dictionary {of}")
             else:
-                raise DesatError(f"{self.at(child)}: element {name} is a {tag}; Component, System "
-                                 "and SignalDictionaryReference are supported")  # fmt: skip
+                raise DesatError(
+                    f"{self.at(child)}: element {name} is a {tag}; Component, System "
+                    "and SignalDictionaryReference are supported"
+                )
         for child in system.iterfind(f"{{{SSD}}}Connections/{{{SSD}}}Connection"):
             self.links.append(self.link(child, path))
         self.values += [(path, value) for value in self.bindings(system)]
 
     def dictionaries(self, system: Any, path: str) -> dict[str, str]:
-        """What the connectors of each signal dictionary of a system are known by; its file (.ssb)
-        is held against the schema, and no more, for what it names are types."""
+        """What the connectors of each signal dictionary of a system are known by; its
+        file (.ssb) is held against the schema, and no more, for what it names are
+        types."""
         made = {}
-        for child in system.iterfind(f"{{{SSD}}}SignalDictionaries/{{{SSD}}}SignalDictionary"):
+        for child in system.iterfind(
+            f"{{{SSD}}}SignalDictionaries/{{{SSD}}}SignalDictionary"
+        ):
             made[child.get("name", "")] = f"dictionary {path}.{child.get('name', '')}"
             if child.get("source") is not None:
                 root, where = self.named_file(child)
@@ -264,16 +311,19 @@ class _Reader:
         return made
 
     def flatten(self) -> dict[_End, list[_Link]]:
-        """Give the layer its connections from component to component; returned: how each connector
-        of a system or dictionary reaches the components that it feeds. Raises DesatError."""
+        """Give the layer its connections from component to component; returned: how
+        each connector of a system or dictionary reaches the components that it feeds.
+        Raises DesatError."""
         into: dict[_End, _Link] = {}
         systems = set(self.relays.values())
         for link in self.links:
             within = link.end.path in systems and link.end.path != ""
             if within and into.setdefault(link.end, link) is not link:
                 end = ".".join(filter(None, link.end))
-                self.problems.append(f"{self.where}:{link.line}: {end} has two sources, also "
-                                     f"line {into[link.end].line}")  # fmt: skip
+                self.problems.append(
+                    f"{self.where}:{link.line}: {end} has two sources, also "
+                    f"line {into[link.end].line}"
+                )
         reached: dict[_End, list[_Link]] = {}
         for link in self.links:
             if link.end.path in systems:
@@ -281,27 +331,39 @@ class _Reader:
             whole, passed = link, set[_End]()
             while whole.start.path in systems:
                 if whole.start in passed:
-                    raise DesatError(f"{self.where}:{link.line}: {'.'.join(whole.start)} is its "
-                                     "own source")  # fmt: skip
+                    raise DesatError(
+                        f"{self.where}:{link.line}: {'.'.join(whole.start)} is its "
+                        "own source"
+                    )
                 passed.add(whole.start)
                 reached.setdefault(whole.start, []).append(whole)
                 if whole.start not in into:
                     break
                 whole = whole.after(into[whole.start])
             else:
-                self.result.connections.append(Connection(
-                    self.named(whole.start.path), whole.start.connector, self.named(link.end.path),
-                    link.end.connector, link.line, whole.factor, whole.offset, whole.converts,
-                ))  # fmt: skip
+                self.result.connections.append(
+                    Connection(
+                        self.named(whole.start.path),
+                        whole.start.connector,
+                        self.named(link.end.path),
+                        link.end.connector,
+                        link.line,
+                        whole.factor,
+                        whole.offset,
+                        whole.converts,
+                    )
+                )
         return reached
 
     def named(self, path: str) -> str:
         """The name of a component in the flat system."""
         return path.replace(".", "_")
 
-    def give(self, path: str, value: _Value, name: str, reached: dict[_End, list[_Link]]) -> None:
-        """Give a value to the component that a name means in a system, or to all that are fed by
-        the connector of this name."""
+    def give(
+        self, path: str, value: _Value, name: str, reached: dict[_End, list[_Link]]
+    ) -> None:
+        """Give a value to the component that a name means in a system, or to all that
+        are fed by the connector of this name."""
         if path in self.components:
             self.give_to(self.components[path], name, value)
             return
@@ -316,12 +378,16 @@ class _Reader:
         if rest and (within in self.components or within in self.relays):
             self.give(within, value, rest, reached)
         else:
-            self.warnings.append(f"{value.at}: {value.name} reaches no component: left out")
+            self.warnings.append(
+                f"{value.at}: {value.name} reaches no component: left out"
+            )
 
     def give_to(self, component: Place, name: str, value: _Value) -> None:
         """Give a component's parameter the value that a parameter set has."""
         where = f"{value.at}: {component.name}.{name}"
-        conflict = f"{value.at} and {value.also}: {name} is given twice" if value.also else ""
+        conflict = (
+            f"{value.at} and {value.also}: {name} is given twice" if value.also else ""
+        )
         self.result.values.append(
             Value(
                 component.name,
@@ -339,9 +405,13 @@ class _Reader:
         source = unquote(element.get("source", "")).replace("\\", "/")
         if (proxy := re.fullmatch(r"proxyfmu://[^?]*\?file=(.+)", source)) is not None:
             source = proxy[1]
-            self.warnings.append(f"{self.at(element)}: {path}: of proxyfmu its file alone is used: "
-                                 f"{source} runs here")  # fmt: skip
-        fmu = library.find(source, self.folder) if self.inside(element, source) else None
+            self.warnings.append(
+                f"{self.at(element)}: {path}: of proxyfmu its file alone is used: "
+                f"{source} runs here"
+            )
+        fmu = (
+            library.find(source, self.folder) if self.inside(element, source) else None
+        )
         connectors: dict[str, Connector] = {}
         name = self.named(path)
         for child in element.iterfind(f"{{{SSD}}}Connectors/{{{SSD}}}Connector"):
@@ -354,7 +424,9 @@ class _Reader:
                 child.sourceline,
             )
             if connector.name in connectors:
-                self.problems.append(f"{self.at(child)}: {name}.{connector.name} is listed twice")
+                self.problems.append(
+                    f"{self.at(child)}: {name}.{connector.name} is listed twice"
+                )
             connectors[connector.name] = connector
             self.kinds[_End(path, connector.name)] = connector.kind
         hint = element.find(f".//{{{OSP}}}StepSizeHint")
@@ -363,13 +435,16 @@ class _Reader:
         return Place(name, source, fmu, line=element.sourceline, connectors=connectors)
 
     def inside(self, element: Any, source: str) -> Path | None:
-        """The path of a file that the system names; None, and a problem, for one outside."""
+        """The path of a file that the system names; None, and a problem, for one
+        outside."""
         if self.outside and "\0" not in source:
             return self.folder / source
         try:
             return inside(self.folder, source)
         except DesatError as error:
-            self.problems.append(f"{self.at(element)}: source {error}; --allow-outside allows it")
+            self.problems.append(
+                f"{self.at(element)}: source {error}; --allow-outside allows it"
+            )
             return None
 
     def number(self, element: Any, key: str, default: str = "") -> float:
@@ -380,16 +455,24 @@ class _Reader:
                 return number
         except ValueError:
             pass
-        raise DesatError(f"{self.at(element)}: {key} = {text[:40]!r}: a finite number is needed")
+        raise DesatError(
+            f"{self.at(element)}: {key} = {text[:40]!r}: a finite number is needed"
+        )
 
     def link(self, element: Any, path: str) -> _Link:
-        """A connection in the system at a path, from what gives to what takes: which is which do
-        the kinds of the connectors say, not start and end (SSP 1.0, `Connection`)."""
+        """A connection in the system at a path, from what gives to what takes: which is
+        which do the kinds of the connectors say, not start and end (SSP 1.0,
+        `Connection`)."""
         ends, takes = [], []
         for which in ("start", "end"):
-            connector, child = element.get(f"{which}Connector"), element.get(f"{which}Element")
+            connector, child = (
+                element.get(f"{which}Connector"),
+                element.get(f"{which}Element"),
+            )
             if connector is None:
-                raise DesatError(f"{self.at(element)}: a connection names two connectors")
+                raise DesatError(
+                    f"{self.at(element)}: a connection names two connectors"
+                )
             at = ".".join(filter(None, (path, child))) if child else path
             kind = self.kinds.get(_End(at, connector))
             inwards = child is None  # what a system takes it gives to what is within
@@ -399,13 +482,16 @@ class _Reader:
             ends.reverse()
         factor, offset = self.transformation(element, f"{ends[0]} -> {ends[1]}")
         start, end = ends
-        return _Link(start, end, element.sourceline, factor, offset, self.converts(element))
+        return _Link(
+            start, end, element.sourceline, factor, offset, self.converts(element)
+        )
 
     def converts(self, element: Any) -> bool:
         return element.get("suppressUnitConversion", "false") not in ("true", "1")
 
     def transformation(self, element: Any, of: str) -> tuple[float, float]:
-        """Factor and offset of a connection or of an entry of a mapping. Raises DesatError."""
+        """Factor and offset of a connection or of an entry of a mapping. Raises
+        DesatError."""
         factor, offset = 1.0, 0.0
         for child in element:
             if child.tag == f"{{{SSC}}}LinearTransformation":
@@ -419,8 +505,8 @@ class _Reader:
         return factor, offset
 
     def named_file(self, element: Any) -> tuple[Any, str]:
-        """The root of the file that an element names by `source`, and what messages call it; None,
-        and a problem, where it is not there."""
+        """The root of the file that an element names by `source`, and what messages
+        call it; None, and a problem, where it is not there."""
         source = unquote(element.get("source")).replace("\\", "/")
         file, where = self.inside(element, source), f"{self.prefix}{source}"
         if file is None:
@@ -433,7 +519,9 @@ class _Reader:
     def bindings(self, element: Any) -> list[_Value]:
         """The values of the parameter sets bound to a component or system, mapped."""
         values: list[_Value] = []
-        for binding in element.iterfind(f"{{{SSD}}}ParameterBindings/{{{SSD}}}ParameterBinding"):
+        for binding in element.iterfind(
+            f"{{{SSD}}}ParameterBindings/{{{SSD}}}ParameterBinding"
+        ):
             if binding.get("source") is None:
                 root = binding.find(f"{{{SSD}}}ParameterValues/{{{SSV}}}ParameterSet")
                 where = self.where
@@ -444,12 +532,17 @@ class _Reader:
             if root is None:
                 continue
             mapped, prefix = self.mapping(binding), binding.get("prefix", "")
-            given: dict[str, _Value] = {}  # another set may give it, too: the later one stands
+            given: dict[
+                str, _Value
+            ] = {}  # another set may give it, too: the later one stands
             for parameter in root.iterfind(f"{{{SSV}}}Parameters/{{{SSV}}}Parameter"):
                 value = next(iter(parameter), None)
                 if value is None:
                     continue
-                source, at = prefix + parameter.get("name", ""), f"{where}:{value.sourceline}"
+                source, at = (
+                    prefix + parameter.get("name", ""),
+                    f"{where}:{value.sourceline}",
+                )
                 unit = self.unit(value.get("unit"), root, f"{at}: {source}")
                 read = _Value(source, self.value(value, where), unit, at)
                 for name, factor, offset, converts in mapped.get(
@@ -462,8 +555,8 @@ class _Reader:
         return values
 
     def mapping(self, binding: Any) -> dict[str, list[tuple[str, float, float, bool]]]:
-        """Of a binding's mapping: name in the source -> (name of the target, factor, offset,
-        whether units are converted) of each entry."""
+        """Of a binding's mapping: name in the source -> (name of the target, factor,
+        offset, whether units are converted) of each entry."""
         made: dict[str, list[tuple[str, float, float, bool]]] = {}
         element = binding.find(f"{{{SSD}}}ParameterMapping")
         if element is None:
@@ -479,12 +572,14 @@ class _Reader:
         for entry in () if root is None else root.iterfind(f"{{{SSM}}}MappingEntry"):
             source, target = entry.get("source", ""), entry.get("target", "")
             transformed = reader.transformation(entry, f"{source} -> {target}")
-            made.setdefault(source, []).append((target, *transformed, reader.converts(entry)))
+            made.setdefault(source, []).append(
+                (target, *transformed, reader.converts(entry))
+            )
         return made
 
     def unit(self, name: str | None, root: Any, where: str) -> Unit | str | None:
-        """The unit that a value is given in: of the parameter set's own units, or one of ours; its
-        name where nobody says what it is."""
+        """The unit that a value is given in: of the parameter set's own units, or one
+        of ours; its name where nobody says what it is."""
         if name is None:
             return None
         for unit in root.iterfind(f"{{{SSV}}}Units/{{{SSC}}}Unit"):
@@ -494,7 +589,10 @@ class _Reader:
                     exponents = {k: int(base.get(k, "0")) for k in Unit._fields[:6]}
                 except ValueError as error:
                     raise DesatError(f"{where}: unit {name}: {error}") from error
-                factor, offset = self.number(base, "factor", "1"), self.number(base, "offset", "0")
+                factor, offset = (
+                    self.number(base, "factor", "1"),
+                    self.number(base, "offset", "0"),
+                )
                 if base.get("mol", "0") == base.get("cd", "0") == "0":
                     return Unit(**exponents, factor=factor, offset=offset)
         if (known := known_unit(name)) is not None:
@@ -516,8 +614,12 @@ class _Reader:
             if kind == "Boolean":
                 return {"true": True, "1": True, "false": False, "0": False}[text]
         except (ValueError, KeyError) as error:
-            raise DesatError(f"{where}:{element.sourceline}: {text!r} is no {kind}") from error
-        raise DesatError(f"{where}:{element.sourceline}: a {kind} value is not supported")
+            raise DesatError(
+                f"{where}:{element.sourceline}: {text!r} is no {kind}"
+            ) from error
+        raise DesatError(
+            f"{where}:{element.sourceline}: a {kind} value is not supported"
+        )
 
     def experiment(self, root: Any) -> None:
         """Times of the file; where it has none, those of its FMUs, with a warning."""
@@ -537,7 +639,9 @@ class _Reader:
                 layer.step = self.number(element, "stepSize")
         if layer.step is not None and layer.stop is not None:
             return
-        fmus = dict.fromkeys(c.fmu for c in self.components.values() if c.fmu is not None)
+        fmus = dict.fromkeys(
+            c.fmu for c in self.components.values() if c.fmu is not None
+        )
         suggested = [(fmu.path, *_suggested(fmu)) for fmu in fmus]
         steps = [(step, path) for path, step, _ in suggested if step]
         stops = [(stop, path) for path, _, stop in suggested if stop]
@@ -548,13 +652,15 @@ class _Reader:
             )
         if layer.stop is None and stops:
             layer.stop, path = max(stops)
-            self.warnings.append(f"{self.where}: no stop time: {layer.stop:g} s of {path.name}, or "
-                                 "--stop")  # fmt: skip
+            self.warnings.append(
+                f"{self.where}: no stop time: {layer.stop:g} s of {path.name}, or "
+                "--stop"
+            )
 
 
 def _suggested(fmu: Fmu) -> tuple[float | None, float | None]:
-    """Step and stop time (s) that an FMU's file suggests; None where it says none, or is none,
-    which is said elsewhere."""
+    """Step and stop time (s) that an FMU's file suggests; None where it says none, or
+    is none, which is said elsewhere."""
     try:
         told = fmu.description.defaultExperiment
         step, stop = (getattr(told, key, None) for key in ("stepSize", "stopTime"))

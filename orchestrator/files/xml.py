@@ -47,8 +47,12 @@ def validate(root: Any, schema: str, where: str) -> list[str]:
 
 def _plain(message: str) -> str:
     """Without the namespaces that make a schema message unreadable."""
-    for uri in ("SystemStructureDescription", "SystemStructureCommon",
-                "SystemStructureParameterValues", "SystemStructureParameterMapping",
-                "SystemStructureSignalDictionary"):  # fmt: skip
+    for uri in (
+        "SystemStructureDescription",
+        "SystemStructureCommon",
+        "SystemStructureParameterValues",
+        "SystemStructureParameterMapping",
+        "SystemStructureSignalDictionary",
+    ):
         message = message.replace(f"{{http://ssp-standard.org/SSP1/{uri}}}", "")
     return message

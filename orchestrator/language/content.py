@@ -1,5 +1,5 @@
-"""What a scenario says, whole: the objects of its tables; and what of it travels with its system in
-an .ssp, and stands in a manifest, as JSON."""
+"""What a scenario says, whole: the objects of its tables; and what of it travels with
+its system in an .ssp, and stands in a manifest, as JSON."""
 
 from __future__ import annotations
 
@@ -39,7 +39,8 @@ class Entry(PaperRow):
 
 
 class Content(ScenarioTable):
-    """What a scenario says, and what its file adds: its name, and the value of each axis."""
+    """What a scenario says, and what its file adds: its name, and the value of each
+    axis."""
 
     name: str = ""
     cell: dict[str, str] = Field({})
@@ -60,9 +61,14 @@ class Content(ScenarioTable):
 
     @property
     def data(self) -> dict[str, Any]:
-        """What a file of its own would have: of rows of a paper's tables those of its cell."""
+        """What a file of its own would have: of rows of a paper's tables those of its
+        cell."""
         own = {k: v for k, v in self.written.items() if k not in OWN}
-        return {**own, "paper": of_cell(own["paper"], self.cell)} if "paper" in own else own
+        return (
+            {**own, "paper": of_cell(own["paper"], self.cell)}
+            if "paper" in own
+            else own
+        )
 
     def as_json(self) -> Mapping[str, Any]:
         """What travels, in the order of KEYS; plots as a list, which keeps their order."""
@@ -70,7 +76,9 @@ class Content(ScenarioTable):
             return self._json
         told = {k: self.written[k] for k in KEYS if k in self.written}
         if "plots" in told:
-            told["plots"] = [{"name": name, **plot} for name, plot in told["plots"].items()]
+            told["plots"] = [
+                {"name": name, **plot} for name, plot in told["plots"].items()
+            ]
         return {"name": self.name, **told, "cell": self.cell}
 
     def counted(self) -> Mapping[str, Any]:
@@ -88,8 +96,8 @@ NOTHING = Content.model_construct().travelled({})
 
 
 def content_of(about: object) -> Content:
-    """What a system (its `about`) or a manifest (the same as JSON) says of its scenario. Raises
-    DesatError for JSON that is not in the language of today."""
+    """What a system (its `about`) or a manifest (the same as JSON) says of its
+    scenario. Raises DesatError for JSON that is not in the language of today."""
     if isinstance(about, Content):
         return about
     if not about or not isinstance(about, Mapping):
@@ -99,7 +107,9 @@ def content_of(about: object) -> Content:
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
         where = ".".join(["about", *map(str, first["loc"])])
-        raise DesatError(f"{where}: {first['msg']}: no content that this desat reads") from error
+        raise DesatError(
+            f"{where}: {first['msg']}: no content that this desat reads"
+        ) from error
 
 
 def data_of(about: Mapping[str, Any]) -> dict[str, Any]:
@@ -116,8 +126,8 @@ def data_of(about: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def of_cell(rows: Mapping[str, Any], cell: Mapping[str, str]) -> dict[str, Any]:
-    """Of the rows of a paper's tables, as they are written, those of one cell: of tables by method
-    and of lists with a value for each of `columns` the cell's own."""
+    """Of the rows of a paper's tables, as they are written, those of one cell: of
+    tables by method and of lists with a value for each of `columns` the cell's own."""
     method, case = (cell.get(axis, "") for axis in ("method", "case"))
     kept: dict[str, Any] = {}
     for name, row in rows.items():
@@ -125,14 +135,18 @@ def of_cell(rows: Mapping[str, Any], cell: Mapping[str, str]) -> dict[str, Any]:
         mine = "not_judged" in row or not isinstance(values, dict) or method in values
         if not mine or method not in row.get("only", [method]):
             continue
-        kept[name] = own = {k: v for k, v in row.items() if k not in ("columns", "only")}
+        kept[name] = own = {
+            k: v for k, v in row.items() if k not in ("columns", "only")
+        }
         for key in ("values", "tolerance", "remark", "tuned", "in_sample"):
             said = row.get(key)
             if isinstance(said, dict) and not (key == "tolerance" and by_number(said)):
                 said = said.get(method)
             if isinstance(said, dict) and "cases" in said:
                 said = said["what"] if case.startswith(tuple(said["cases"])) else None
-            band = key == "tolerance" and all(isinstance(x, (int, float)) for x in said or ())
+            band = key == "tolerance" and all(
+                isinstance(x, (int, float)) for x in said or ()
+            )
             if isinstance(said, list) and columns is not None and not band:
                 said = said[columns.index(case)]
             own[key] = said
@@ -141,7 +155,7 @@ def of_cell(rows: Mapping[str, Any], cell: Mapping[str, str]) -> dict[str, Any]:
     return kept
 
 
-# --- What of a system is drawn, and how: its [dispersions] by component and variable ------------
+# --- What of a system is drawn, and how: its [dispersions] by component and variable --
 
 
 class Described(Protocol):
@@ -171,13 +185,14 @@ def _having(system: Described, variable: str) -> list[str]:
     return [
         name
         for name, component in system.components.items()
-        if component.interface is not None and component.interface.elements.get(variable)
+        if component.interface is not None
+        and component.interface.elements.get(variable)
     ]
 
 
 def overridden_by(system: Described, name: str) -> list[str]:
-    """What is drawn of the parameters that a name gives a value: `component.parameter`, an element
-    of it, or `shared.parameter`."""
+    """What is drawn of the parameters that a name gives a value: `component.parameter`,
+    an element of it, or `shared.parameter`."""
     owner, variable = (part.strip() for part in base_name(name.strip()).split(".", 1))
     wanted = {f"{owner}.{variable}"}
     if owner == "shared" and owner not in system.components:

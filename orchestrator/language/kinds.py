@@ -1,4 +1,5 @@
-"""What tables of the scenario language are made of: keys, and the kinds of their values."""
+"""What tables of the scenario language are made of: keys, and the kinds of their
+values."""
 
 from __future__ import annotations
 
@@ -37,16 +38,16 @@ from ..system.errors import DesatError
 from ..system.parameters import unit_of
 
 Use = Literal["text", "run", "resolved", "system", "file"]
-"""What a key at the top of a scenario is of use for. `text`: it is for people, travels in manifests
-and .ssp, and moves no bit; `run`: it travels, and counts in the digest; `resolved`: it travels, and
-counts in the system that it is resolved into; `system`: it is resolved into the system, which
-travels; `file`: it is of the file alone."""
+"""What a key at the top of a scenario is of use for. `text`: it is for people, travels
+in manifests and .ssp, and moves no bit; `run`: it travels, and counts in the digest;
+`resolved`: it travels, and counts in the system that it is resolved into; `system`: it
+is resolved into the system, which travels; `file`: it is of the file alone."""
 TRAVELS: tuple[Use, ...] = ("text", "run", "resolved")
 
 
 class Declared(NamedTuple):
-    """What is true of a key beside its type: unit, use, and whether a file that extends another
-    has it from there."""
+    """What is true of a key beside its type: unit, use, and whether a file that extends
+    another has it from there."""
 
     unit: str = ""
     use: Use | None = None
@@ -54,11 +55,17 @@ class Declared(NamedTuple):
 
 
 def key(
-    text: str, unit: str = "", default: Any = None, *, use: Use | None = None,
-    inherited: bool = True, **limits: Any,
-) -> Any:  # fmt: skip
-    """A key of the language: its sentence, and what is `Declared` of it; its default, without one
-    that of its type, "", (), {} or False, where nobody can write that, and None of others."""
+    text: str,
+    unit: str = "",
+    default: Any = None,
+    *,
+    use: Use | None = None,
+    inherited: bool = True,
+    **limits: Any,
+) -> Any:
+    """A key of the language: its sentence, and what is `Declared` of it; its default,
+    without one that of its type, "", (), {} or False, where nobody can write that, and
+    None of others."""
     made = Field(default, description=text, **limits)
     made.metadata.append(Declared(unit, use, inherited))
     return made
@@ -66,8 +73,10 @@ def key(
 
 def declared(table: type[BaseModel]) -> dict[str, Declared]:
     """What is declared of each key of a table."""
-    found = {n: [x for x in f.metadata if isinstance(x, Declared)]
-             for n, f in table.model_fields.items()}  # fmt: skip
+    found = {
+        n: [x for x in f.metadata if isinstance(x, Declared)]
+        for n, f in table.model_fields.items()
+    }
     return {name: (x or [Declared()])[0] for name, x in found.items()}
 
 
@@ -90,7 +99,9 @@ def _a_value(value: Any) -> Any:
         if isinstance(x, list):
             _a_value(x)
         elif not isinstance(x, (bool, int, float, str)):
-            raise ValueError("a number, a text, true or false, or lists of these are needed")
+            raise ValueError(
+                "a number, a text, true or false, or lists of these are needed"
+            )
     return value
 
 
@@ -102,11 +113,14 @@ def utc(value: datetime) -> datetime:
 
 def by_kind(value: Any) -> str:
     names = {dict: "<table>", list: "<list>", str: "<text>"}
-    return next((name for kind, name in names.items() if isinstance(value, kind)), "<number>")
+    return next(
+        (name for kind, name in names.items() if isinstance(value, kind)), "<number>"
+    )
 
 
 def either(**kinds: Any) -> Any:
-    """A value of one of several kinds (`table`, `list`, `text`, `number`), told by its looks."""
+    """A value of one of several kinds (`table`, `list`, `text`, `number`), told by its
+    looks."""
     union: Any = None
     for name, kind in kinds.items():
         member: Any = Annotated[kind, Tag(f"<{name}>")]
@@ -185,9 +199,12 @@ def incomplete(text: str) -> PydanticCustomError:
 class Table(BaseModel):
     """A table of the language: no other keys, no conversions between types. Frozen."""
 
-    model_config = ConfigDict(extra="forbid", strict=True, frozen=True, defer_build=True)
+    model_config = ConfigDict(
+        extra="forbid", strict=True, frozen=True, defer_build=True
+    )
     NEEDED: ClassVar[tuple[str, ...]] = ()
-    """Keys that a whole table has; a part, which others complete, may leave them out."""
+    """Keys that a whole table has; a part, which others complete, may leave them out.
+    """
 
     @classmethod
     def __pydantic_init_subclass__(cls, **kwargs: Any) -> None:
@@ -199,7 +216,9 @@ class Table(BaseModel):
 
     @model_validator(mode="after")
     def _needed(self) -> Self:
-        if missing := [name for name in self.NEEDED if name not in self.model_fields_set]:
+        if missing := [
+            name for name in self.NEEDED if name not in self.model_fields_set
+        ]:
             raise incomplete(f"{', '.join(missing)} missing")
         return self
 

@@ -7,7 +7,19 @@ from typing import Annotated, Any, Self
 
 from pydantic import AfterValidator, Discriminator, FiniteFloat, Tag, model_validator
 
-from .kinds import Bounds, Many, Maybe, Table, Text, Unit, by_kind, either, incomplete, key, width
+from .kinds import (
+    Bounds,
+    Many,
+    Maybe,
+    Table,
+    Text,
+    Unit,
+    by_kind,
+    either,
+    incomplete,
+    key,
+    width,
+)
 
 
 class OfNumber(Table):
@@ -28,9 +40,12 @@ class Tuning(Table):
 
 
 class ShareOfDraws(Table):
-    """A row that gives the share of the draws whose number is at least, or at most, so much."""
+    """A row that gives the share of the draws whose number is at least, or at most, so
+    much."""
 
-    least: FiniteFloat = key("counts samples whose number is this or more", default=-inf)
+    least: FiniteFloat = key(
+        "counts samples whose number is this or more", default=-inf
+    )
     most: FiniteFloat = key("counts samples whose number is this or less", default=inf)
 
     @model_validator(mode="after")
@@ -45,7 +60,8 @@ _Cell = either(text=Width, table=OfNumber, list=Bounds)
 
 
 def by_number(tolerance: Any) -> bool:
-    """Whether a tolerance, as it is written, is one band by another number, no table by method."""
+    """Whether a tolerance, as it is written, is one band by another number, no table by
+    method."""
     return isinstance(tolerance, dict) and tolerance.keys() == {"of", "from", "to"}
 
 
@@ -64,27 +80,34 @@ Tolerances = Annotated[
     Discriminator(_tolerance),
 ]
 _PerMethod: Any = Annotated[
-    Annotated[Tolerances, Tag("<any>")] | Annotated[dict[str, Tolerances], Tag("<methods>")],
-    Discriminator(lambda v: "<methods>" if isinstance(v, dict) and not by_number(v) else "<any>"),
+    Annotated[Tolerances, Tag("<any>")]
+    | Annotated[dict[str, Tolerances], Tag("<methods>")],
+    Discriminator(
+        lambda v: "<methods>" if isinstance(v, dict) and not by_number(v) else "<any>"
+    ),
 ]
 Values = either(number=FiniteFloat, list=Many[FiniteFloat])
 Remarks = either(text=str, list=Many[str])
 
 
 class PaperRow(Table):
-    """[paper.NAME]: a row of a paper's table beside ours. `values`, `tolerance` and `remark` hold
-    for all, or are tables by method, of one for each of `columns`."""
+    """[paper.NAME]: a row of a paper's table beside ours. `values`, `tolerance` and
+    `remark` hold for all, or are tables by method, of one for each of `columns`."""
 
     NEEDED = ("table", "quantity", "unit")
     table: Text = key("the paper's table, such as 2, or a heading")
-    quantity: Text = key("what the row gives, and the number of that name, where `number` is not")
-    heading: Text = key("the quantity in words, for headings; default: its name without `_`")
+    quantity: Text = key(
+        "what the row gives, and the number of that name, where `number` is not"
+    )
+    heading: Text = key(
+        "the quantity in words, for headings; default: its name without `_`"
+    )
     number: Text = key("which number of the run it is held against; default: quantity")
     unit: Unit = key("its unit")
     columns: Many[Text] = key("the cases that lists give values for, in this order")
-    values: either(number=FiniteFloat, list=Many[FiniteFloat], table=dict[str, Values]) = key(  # type: ignore[valid-type]
-        "the paper's values, in `unit`; left out: it gives none"
-    )
+    values: either(  # type: ignore[valid-type]
+        number=FiniteFloat, list=Many[FiniteFloat], table=dict[str, Values]
+    ) = key("the paper's values, in `unit`; left out: it gives none")
     tolerance: _PerMethod = key(
         'what counts as within: "3 %", "0.02", [low, high] (inf: no bound), { of, from, to }'
     )
@@ -92,14 +115,18 @@ class PaperRow(Table):
     tuned: either(text=Text, table=dict[str, either(text=Text, table=Tuning)]) = key(  # type: ignore[valid-type]
         "what was tuned to this row"
     )
-    in_sample: either(text=Text, table=dict[str, either(text=Text, table=Tuning)]) = key(  # type: ignore[valid-type]
-        "why it is no test although nothing was tuned to it: what it had a part in, or repeats"
+    in_sample: either(text=Text, table=dict[str, either(text=Text, table=Tuning)]) = (  # type: ignore[valid-type]
+        key(
+            "why it is no test although nothing was tuned to it: what it had a part in, or repeats"
+        )
     )
     definition: Text = key("what is measured, in a sentence; default: the number's own")
     share: Maybe[ShareOfDraws] = key(
         "the share of samples (%) whose number is within this, with interval"
     )
-    remark: either(text=str, list=Many[str], table=dict[str, Remarks]) = key("for a reader")  # type: ignore[valid-type]
+    remark: either(text=str, list=Many[str], table=dict[str, Remarks]) = key(  # type: ignore[valid-type]
+        "for a reader"
+    )
     flag: bool = key("true: 0 and 1 are shown as no and yes")
     only: Many[Text] = key("only for these methods")
     label: Text = key("stands in the method's place")
@@ -110,9 +137,17 @@ class PaperRow(Table):
 
     @model_validator(mode="after")
     def _undecided(self) -> Self:
-        given = {"number", "tolerance", "each", "share", "tuned"} & self.model_fields_set
+        given = {
+            "number",
+            "tolerance",
+            "each",
+            "share",
+            "tuned",
+        } & self.model_fields_set
         if self.not_judged and given:
-            raise incomplete(f"not_judged, and {', '.join(sorted(given))}: one of the two")
+            raise incomplete(
+                f"not_judged, and {', '.join(sorted(given))}: one of the two"
+            )
         return self
 
     @model_validator(mode="after")
@@ -127,5 +162,7 @@ class PaperRow(Table):
                 if not self.columns:
                     raise incomplete(f"{name} is a list, and there are no columns")
                 if len(row) != len(self.columns):
-                    raise incomplete(f"{name}: {len(row)} for {len(self.columns)} columns")
+                    raise incomplete(
+                        f"{name}: {len(row)} for {len(self.columns)} columns"
+                    )
         return self

@@ -1,7 +1,8 @@
-"""The scenario language: every key of a scenario's TOML file, its type, its unit, and what it says.
+"""The scenario language: every key of a scenario's TOML file, its type, its unit, and
+what it says.
 
-Each key is declared once, as a field; `desat help keys` prints them, `problems` holds data against
-them. A table of the language is a class here, and its keys are the fields.
+Each key is declared once, as a field; `desat help keys` prints them, `problems` holds
+data against them. A table of the language is a class here, and its keys are the fields.
 """
 
 from __future__ import annotations
@@ -10,7 +11,14 @@ import math
 from datetime import datetime
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self
 
-from pydantic import AfterValidator, Discriminator, Field, FiniteFloat, Tag, model_validator
+from pydantic import (
+    AfterValidator,
+    Discriminator,
+    Field,
+    FiniteFloat,
+    Tag,
+    model_validator,
+)
 
 from ..system.model import ACCURACY, MOST_SUBSTEPS
 from .kinds import (
@@ -43,35 +51,50 @@ _Substeps = Annotated[
     Discriminator(by_kind),
 ]
 _Sequence = Annotated[str, Field(pattern="^[123]{3}$")]
-_Window = Annotated[Many[float], Field(min_length=2, max_length=2), AfterValidator(ordered)]
-_Weights = Annotated[Many[Annotated[FiniteFloat, Field(ge=0.0)]], Field(min_length=3, max_length=3)]
+_Window = Annotated[
+    Many[float], Field(min_length=2, max_length=2), AfterValidator(ordered)
+]
+_Weights = Annotated[
+    Many[Annotated[FiniteFloat, Field(ge=0.0)]], Field(min_length=3, max_length=3)
+]
 
 
 class Number(Written):
-    """[numbers.NAME]: a number of each run, from its series or from other runs' numbers."""
+    """[numbers.NAME]: a number of each run, from its series or from other runs'
+    numbers."""
 
     title: Text = key("what the number is, for a reader")
     signals: TextOrTexts = key(
-        "`component.output`, or several where the measure takes several", default=(), alias="signal"
+        "`component.output`, or several where the measure takes several",
+        default=(),
+        alias="signal",
     )
     measure: Text = key(
-        "how the series becomes a number (`desat help measures`); default: last", default="last"
+        "how the series becomes a number (`desat help measures`); default: last",
+        default="last",
     )
     options: dict[str, Value] = key("the measure's own options")
-    derive: Text = key("what is computed of the signals and then measured, such as euler")
-    sequence: _Sequence = key("of euler and euler_lvlh: the axes turned about; default: 321")
+    derive: Text = key(
+        "what is computed of the signals and then measured, such as euler"
+    )
+    sequence: _Sequence = key(
+        "of euler and euler_lvlh: the axes turned about; default: 321"
+    )
     element: Maybe[Annotated[int, Field(ge=1)]] = key(
         "only this element of what is measured, from 1 on"
     )
     window: _Window = key(
-        "only rows of this time, ends included; an end of 1e9: that of the run; default: all", "s"
+        "only rows of this time, ends included; an end of 1e9: that of the run; default: all",
+        "s",
     )
     percent_of: Maybe[NumberOrText] = key(
         "in per cent of this: a value in the signal's unit, or a text"
     )
     unit: Unit = key("the unit it is given in, converted from the signal's")
     of: Text = key("with `reference`: the number that is compared")
-    reference: Text = key("the scenario of this family whose number it is compared with")
+    reference: Text = key(
+        "the scenario of this family whose number it is compared with"
+    )
     form: Maybe[Literal["saving", "ratio", "difference", "paired_ratio"]] = key(
         "how: saving (per cent less) or ratio, of samples that of their medians; difference or "
         "paired_ratio, of samples pair by pair"
@@ -79,7 +102,9 @@ class Number(Written):
 
     @model_validator(mode="after")
     def _whole(self) -> Self:
-        given = {"signal" if name == "signals" else name for name in self.model_fields_set}
+        given = {
+            "signal" if name == "signals" else name for name in self.model_fields_set
+        }
         relation, series = {"of", "reference", "form"}, {"signal"}
         if "signal" in given and given & relation:
             raise incomplete("either signal or of, reference and form, not both")
@@ -92,10 +117,14 @@ class LimitLine(Table):
     """An entry of a plot's `limits` as a table: a line, or a band about zero."""
 
     NEEDED = ("value",)
-    value: NumberOrText = key("a number in the plot's unit, or parameters `component.parameter[i]`")
+    value: NumberOrText = key(
+        "a number in the plot's unit, or parameters `component.parameter[i]`"
+    )
     name: Text = key("what the legend calls it")
     fill: bool = key("true: a filled band about zero instead of a line")
-    unless: dict[str, Value] = key("left out where `component.parameter` has this value")
+    unless: dict[str, Value] = key(
+        "left out where `component.parameter` has this value"
+    )
 
 
 if TYPE_CHECKING:
@@ -112,35 +141,51 @@ class Plot(Table):
 
     NEEDED = ("title", "signals")
     title: Text = key("the caption")
-    signals: Annotated[Many[Text], Field(min_length=1)] = key("`component.output`, one or several")
-    components: Many[str] = key("names of the elements; those without a name are not shown")
+    signals: Annotated[Many[Text], Field(min_length=1)] = key(
+        "`component.output`, one or several"
+    )
+    components: Many[str] = key(
+        "names of the elements; those without a name are not shown"
+    )
     axis: Text = key("the quantity on the axis; default: the title")
     unit: Unit = key("the unit of the axis; default: the first signal's")
     norm: bool = key("true: the size of vectors, one line each")
     log: bool = key("true: a logarithmic axis")
-    derive: Text = key("what is computed from the signals first, such as pointing or euler")
-    sequence: _Sequence = key("of euler and euler_lvlh: the axes turned about; default: 321")
+    derive: Text = key(
+        "what is computed from the signals first, such as pointing or euler"
+    )
+    sequence: _Sequence = key(
+        "of euler and euler_lvlh: the axes turned about; default: 321"
+    )
     steady: Maybe[_Positive] = key(
         "a second panel shows the time from here on at its own scale", "s"
     )
     orbit: Maybe[_Positive] = key("the axis of times counts these", "s")
-    envelope: bool = key("true: where a line is faster than the plot is wide, what it lies between")
-    points: Maybe[Annotated[int, Field(ge=10)]] = key("so many points a line; default: 3000")
+    envelope: bool = key(
+        "true: where a line is faster than the plot is wide, what it lies between"
+    )
+    points: Maybe[Annotated[int, Field(ge=10)]] = key(
+        "so many points a line; default: 3000"
+    )
     limits: Many[_Limit] = key("limit lines: numbers, parameters, or tables")
 
 
 class Dispersion(Written):
-    """An entry of [dispersions], "component.parameter" or "*.parameter": exactly one kind."""
+    """An entry of [dispersions], "component.parameter" or "*.parameter": exactly one
+    kind."""
 
     LEAST_INSIDE: ClassVar[float] = 0.01
-    """Of what is drawn: with less inside, to draw again until it is would take for ever."""
+    """Of what is drawn: with less inside, to draw again until it is would take for
+    ever."""
 
     normal: MeanAndDeviation = key("each element: [mean, deviation]")
     within: Range = key("with normal: an element beyond [low, high] is drawn again")
     uniform: Range = key("each element: [low, high]")
     direction: Maybe[FiniteFloat] = key("a vector of random direction and this size")
     attitude: Maybe[Literal["random"]] = key("a quaternion, uniform over all attitudes")
-    signs: Annotated[Many[FiniteFloat], Field(min_length=1)] = key("each: plus or minus this")
+    signs: Annotated[Many[FiniteFloat], Field(min_length=1)] = key(
+        "each: plus or minus this"
+    )
     one_of: Annotated[Many[Value], Field(min_length=1)] = key("one of these values")
     seed: Maybe[Literal[True]] = key("a seed of its own for each sample")
 
@@ -171,18 +216,21 @@ class Dispersion(Written):
 
 
 class Requirement(Written):
-    """[requirements.NAME]: what a number must be, in a run and in so large a share of a campaign's
-    cases."""
+    """[requirements.NAME]: what a number must be, in a run and in so large a share of a
+    campaign's cases."""
 
     NEEDED = ("number",)
     number: Text = key("the number, of [numbers] or of an analysis")
-    max: Maybe[FiniteFloat] = key("a run is within where the number is at most this, in its unit")
+    max: Maybe[FiniteFloat] = key(
+        "a run is within where the number is at most this, in its unit"
+    )
     min: Maybe[FiniteFloat] = key("or where it is at least this; both may be given")
     probability: Annotated[float, Field(gt=0.0, lt=1.0)] = key(
         "the share of all cases that must be within; default: 0.95", default=0.95
     )
     confidence: Annotated[float, Field(ge=0.5, lt=1.0)] = key(
-        "met where it is so with this confidence (Clopper-Pearson); default: 0.95", default=0.95
+        "met where it is so with this confidence (Clopper-Pearson); default: 0.95",
+        default=0.95,
     )
 
     @model_validator(mode="after")
@@ -192,7 +240,8 @@ class Requirement(Written):
         return self
 
     def holds(self, values: Any) -> Any:
-        """Where values, in the number's unit, are finite and within; True or False for one."""
+        """Where values, in the number's unit, are finite and within; True or False for
+        one."""
         low = -math.inf if self.min is None else self.min
         high = math.inf if self.max is None else self.max
         return (values <= high) & (values >= low) & (abs(values) < math.inf)
@@ -218,14 +267,20 @@ class Design(Written):
     lost_momentum_weight: _Weights = key(
         "momentum_weight of the courses with a coil lost", "1/(T2.s2)"
     )
-    lost_peak_share: Maybe[_Positive] = key("peak_share of the courses with a coil lost")
+    lost_peak_share: Maybe[_Positive] = key(
+        "peak_share of the courses with a coil lost"
+    )
     lost_effort: _Positive = key(
         "mean squared dipoles of the course without peak_weight, below which one with a coil lost "
-        "has coils to spare", "A2.m4", default=0.0
-    )  # fmt: skip
+        "has coils to spare",
+        "A2.m4",
+        default=0.0,
+    )
     hold_weight: Maybe[_Positive] = key("how stiffly held", "1/(T2.s2)")
     each_draw: bool = key("true: made anew for each sample")
-    assume: dict[str, dict[str, Value]] = key("parameters that the design assumes instead")
+    assume: dict[str, dict[str, Value]] = key(
+        "parameters that the design assumes instead"
+    )
 
 
 class DesignFile(Table):
@@ -234,23 +289,33 @@ class DesignFile(Table):
     NEEDED = ("parameters",)
     tuned: dict[str, Value] = key("what was tuned for it")
     reached: dict[str, Value] = key("what the run that it was computed with ended with")
-    parameters: dict[str, dict[str, Value]] = key("the designed parameters of a component")
-    made_of: dict[str, Value] = key("what it was made from, `component.parameter` and more")
+    parameters: dict[str, dict[str, Value]] = key(
+        "the designed parameters of a component"
+    )
+    made_of: dict[str, Value] = key(
+        "what it was made from, `component.parameter` and more"
+    )
 
 
 def _value_reached(value: Any) -> Any:
-    if isinstance(value, bool) or type(value) is int or (isinstance(value, str) and value.strip()):
+    if (
+        isinstance(value, bool)
+        or type(value) is int
+        or (isinstance(value, str) and value.strip())
+    ):
         return value
     raise ValueError("a whole number, the name of a value, true or false is needed")
 
 
 class StopWhen(Table):
-    """[stop_when]: a condition that ends the run before its stop time; looked at after each
-    step. Exactly one of `below`, `above` and `reaches`."""
+    """[stop_when]: a condition that ends the run before its stop time; looked at after
+    each step. Exactly one of `below`, `above` and `reaches`."""
 
     NEEDED = ("signal",)
     signal: Text = key("`component.output`; it need not be recorded")
-    below: Maybe[NumberOrText] = key("met while the sizes of all elements are below this")
+    below: Maybe[NumberOrText] = key(
+        "met while the sizes of all elements are below this"
+    )
     above: Maybe[NumberOrText] = key("met while the size of any element is above this")
     reaches: Annotated[Any, AfterValidator(_value_reached)] = key(
         "met while an Integer, such as a mode, has this value (or its name); true or false"
@@ -276,7 +341,9 @@ class ScenarioTable(Written):
     without: Many[Text] = key(
         "paths of what is left out of that before, such as plots.rate", use="file"
     )
-    title: Text = key("what it is, in a line; {axis} stands for the axis' label", use="text")
+    title: Text = key(
+        "what it is, in a line; {axis} stands for the axis' label", use="text"
+    )
     description: Text = key("two sentences for a reader", use="text")
     source: Text = key("the paper it is from", use="text")
     unstable: Text = key(
@@ -284,7 +351,9 @@ class ScenarioTable(Written):
         use="text",
     )
     craft: Text = key("the craft file, beside; default: craft.toml", use="system")
-    ssd: Text = key("the wiring as an SSD kept by hand, in place of a craft file", use="system")
+    ssd: Text = key(
+        "the wiring as an SSD kept by hand, in place of a craft file", use="system"
+    )
     start: Maybe[FiniteFloat] = key("start time", "s", use="system")
     step: Maybe[FiniteFloat] = key("the master's step", "s", use="system")
     substeps: Maybe[_Substeps] = key(
@@ -303,7 +372,8 @@ class ScenarioTable(Written):
         use="run",
     )
     impulse_bound: Maybe[_Positive] = key(
-        "the same for the external impulse against one computed outside the body; 1e-6", use="run"
+        "the same for the external impulse against one computed outside the body; 1e-6",
+        use="run",
     )
     energy_bound: Maybe[_Positive] = key(
         "bound of the unresolved work within a step, relative to the energy of a turn of 1 rad in "
@@ -311,13 +381,19 @@ class ScenarioTable(Written):
         use="run",
     )
     stop_when: Maybe[StopWhen] = key("a condition that ends it before", use="run")
-    epoch: Maybe[Annotated[datetime, AfterValidator(utc)]] = key("UTC of t = 0", use="system")
+    epoch: Maybe[Annotated[datetime, AfterValidator(utc)]] = key(
+        "UTC of t = 0", use="system"
+    )
     sources: dict[str, Text] = key("another FMU for a component", use="system")
-    shared: dict[str, Value] = key("a parameter for every component that has it", use="system")
+    shared: dict[str, Value] = key(
+        "a parameter for every component that has it", use="system"
+    )
     parameters: dict[str, dict[str, Value]] = key(
         "parameters (or unwired inputs) of a component", use="system"
     )
-    design: Maybe[Design] = key("parameters below these that `desat design` computes", use="system")
+    design: Maybe[Design] = key(
+        "parameters below these that `desat design` computes", use="system"
+    )
     output_classes: dict[str, Literal["state", "interval"]] = key(
         "`component.output`: its class", use="resolved"
     )
@@ -355,13 +431,17 @@ class ScenarioFile(ScenarioTable):
     extends: TextOrTexts = key(
         "another file of the folder, or several, merged below this one; roles/manager, "
         "roles/thrusters: the standard numbers and plots of a managed run, of thrusters",
-        default=(), use="file", inherited=False,
-    )  # fmt: skip
+        default=(),
+        use="file",
+        inherited=False,
+    )
     abstract: bool = key("true: only for others to extend", use="file", inherited=False)
     axes: dict[str, dict[str, Cell]] = key(
         "each axis' values; their product gives scenarios", use="file"
     )
 
 
-OWN_KEYS = tuple(name for name, of in declared(ScenarioFile).items() if not of.inherited)
+OWN_KEYS = tuple(
+    name for name, of in declared(ScenarioFile).items() if not of.inherited
+)
 """Keys that no file has from those that it extends."""

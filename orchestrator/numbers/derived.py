@@ -1,9 +1,11 @@
-"""Quantities that numbers and plots derive from several series, before they are measured or drawn.
+"""Quantities that numbers and plots derive from several series, before they are
+measured or drawn.
 
     derive = "euler"        # of a number or a plot whose signals are attitude and reference
     sequence = "321"
 
-Each is a function of its series (rows, elements), and of `times` (rows,) where it asks for them.
+Each is a function of its series (rows, elements), and of `times` (rows,) where it asks
+for them.
 """
 
 from __future__ import annotations
@@ -27,8 +29,8 @@ Derive = Callable[..., Array]
 
 @dataclass(frozen=True)
 class DerivedQuantity:
-    """A derived quantity: its function, the names of its elements, and its unit (empty: that of its
-    first series)."""
+    """A derived quantity: its function, the names of its elements, and its unit (empty:
+    that of its first series)."""
 
     function: Callable[..., Array]
     names: tuple[str, ...]
@@ -43,7 +45,9 @@ class DerivedQuantity:
         other = ("times", *self.own)
         return [p.name for p in given if p.default is p.empty and p.name not in other]
 
-    def rows(self, times: Array, series: Sequence[Array], options: dict[str, Any]) -> Array:
+    def rows(
+        self, times: Array, series: Sequence[Array], options: dict[str, Any]
+    ) -> Array:
         """Its rows (rows, elements); series of other lengths end with the shortest."""
         count = min(map(len, series))
         given = [s[:count] for s in series]
@@ -58,8 +62,9 @@ QUANTITIES: dict[str, DerivedQuantity] = {}
 
 def quantity(
     *names: str, unit: str, own: tuple[str, ...] = ()
-) -> Callable[[Derive], Derive]:  # fmt: skip
-    """Make a function known by its name: its elements, its unit, the parameters that it takes."""
+) -> Callable[[Derive], Derive]:
+    """Make a function known by its name: its elements, its unit, the parameters that it
+    takes."""
 
     def known(function: Derive) -> Derive:
         QUANTITIES[function.__name__] = DerivedQuantity(function, names, unit, own)
@@ -69,7 +74,8 @@ def quantity(
 
 
 def of_entry(entry: Number | Plot) -> tuple[DerivedQuantity, dict[str, Any]] | None:
-    """Return what a number or plot derives, and its options; None where it derives nothing.
+    """Return what a number or plot derives, and its options; None where it derives
+    nothing.
 
     Raises
     ------
@@ -86,21 +92,23 @@ def of_entry(entry: Number | Plot) -> tuple[DerivedQuantity, dict[str, Any]] | N
     quantity = QUANTITIES[name]
     if len(entry.signals) != len(quantity.series):
         raise MisfitError(
-            f"{name} takes {len(quantity.series)} signals, {', '.join(quantity.series)}", "derive"
+            f"{name} takes {len(quantity.series)} signals, {', '.join(quantity.series)}",
+            "derive",
         )
     return quantity, {"sequence": entry.sequence} if entry.sequence else {}
 
 
 @quantity("x", "y", "z", unit="", own=("axes_wheel",))
 def in_body(h: Array, axes_wheel: Sequence[float]) -> Array:
-    """The sum of the wheels' momenta as a vector in body (rows, 3): of h_i along each axis, the
-    columns of axes_wheel (3, 4) row by row. Of numbers only: plots know no parameters."""
+    """The sum of the wheels' momenta as a vector in body (rows, 3): of h_i along each
+    axis, the columns of axes_wheel (3, 4) row by row. Of numbers only: plots know no
+    parameters."""
     return np.asarray(h @ np.reshape(axes_wheel, (3, -1)).T)
 
 
 def cross(a: ArrayLike, b: ArrayLike) -> Array:
-    """a x b, row by row, for (rows, 3) or one vector (3,) for all rows: the bits of numpy's, which
-    copies what it is given first."""
+    """a x b, row by row, for (rows, 3) or one vector (3,) for all rows: the bits of
+    numpy's, which copies what it is given first."""
     (ax, ay, az), (bx, by, bz) = np.asarray(a).T, np.asarray(b).T
     return _rows(ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx)
 
@@ -110,7 +118,9 @@ def rotate_back(q: Array, v: Array) -> Array:
     (x, y, z, w), (a, b, c) = q.T, v.T
     d, e, f = 2.0 * (y * c - z * b), 2.0 * (z * a - x * c), 2.0 * (x * b - y * a)
     return _rows(
-        a + w * d + (y * f - z * e), b + w * e + (z * d - x * f), c + w * f + (x * e - y * d)
+        a + w * d + (y * f - z * e),
+        b + w * e + (z * d - x * f),
+        c + w * f + (x * e - y * d),
     )
 
 
@@ -121,7 +131,9 @@ def rotate(q: Array, v: Array) -> Array:
 
 def from_body(q: Array) -> Array:
     """C(q)' (rows, 3, 3), row by row: from body to eci; by `rotate_back`."""
-    return np.stack([rotate_back(q, np.broadcast_to(e, (len(q), 3))) for e in np.eye(3)], axis=2)
+    return np.stack(
+        [rotate_back(q, np.broadcast_to(e, (len(q), 3))) for e in np.eye(3)], axis=2
+    )
 
 
 def unit_rows(rows: Array) -> Array:
@@ -142,11 +154,13 @@ def error_vector(q: Array, q_ref: Array) -> Array:
     """The rotation vectors from the reference to the attitude, body axes (deg)."""
     x, y, z, w = q.T
     a, b, c, d = q_ref.T
-    vector = np.array([
-        x * d - w * a - z * b + y * c,
-        y * d + z * a - w * b - x * c,
-        z * d - y * a + x * b - w * c,
-    ]).T  # fmt: skip
+    vector = np.array(
+        [
+            x * d - w * a - z * b + y * c,
+            y * d + z * a - w * b - x * c,
+            z * d - y * a + x * b - w * c,
+        ]
+    ).T
     scalar = (q * q_ref).sum(axis=1)
     sign = np.where(scalar < 0.0, -1.0, 1.0)[:, None]
     half_sine = np.linalg.norm(vector, axis=1, keepdims=True)
@@ -165,8 +179,8 @@ def pointing(q: Array, q_ref: Array) -> Array:
 
 @quantity("first", "second", "third", unit="deg")
 def euler(q: Array, q_ref: Array, sequence: str = "321") -> Array:
-    """Euler angles (rows, 3; deg) from a reference to an attitude: turns about body axes, first to
-    last as in `sequence`."""
+    """Euler angles (rows, 3; deg) from a reference to an attitude: turns about body
+    axes, first to last as in `sequence`."""
     with np.errstate(invalid="ignore"):  # of an attitude that is none
         unit = [x / np.linalg.norm(x, axis=1, keepdims=True) for x in (q_ref, q)]
     return _angles(matrices(unit[0]), matrices(unit[1]), sequence)
@@ -174,8 +188,8 @@ def euler(q: Array, q_ref: Array, sequence: str = "321") -> Array:
 
 @quantity("first", "second", "third", unit="deg")
 def euler_lvlh(q: Array, r: Array, v: Array, sequence: str = "321") -> Array:
-    """Euler angles (rows, 3; deg) from lvlh, by position and velocity in eci, to an attitude: as
-    `euler`, with a reference that no guidance samples."""
+    """Euler angles (rows, 3; deg) from lvlh, by position and velocity in eci, to an
+    attitude: as `euler`, with a reference that no guidance samples."""
     z = -r / np.linalg.norm(r, axis=1, keepdims=True)
     y = -np.cross(r, v)
     y /= np.linalg.norm(y, axis=1, keepdims=True)
@@ -183,8 +197,8 @@ def euler_lvlh(q: Array, r: Array, v: Array, sequence: str = "321") -> Array:
 
 
 def matrices(q: Array) -> Array:
-    """C(q) (rows, 3, 3) of attitudes (rows, 4), scalar last: from the frame that they are relative
-    to into body."""
+    """C(q) (rows, 3, 3) of attitudes (rows, 4), scalar last: from the frame that they
+    are relative to into body."""
     v, w = q[:, :3], q[:, 3]
     c = 2.0 * v[:, :, None] * v[:, None, :]
     c += (w**2 - (v**2).sum(axis=1))[:, None, None] * np.eye(3)
@@ -196,13 +210,15 @@ def matrices(q: Array) -> Array:
 
 
 def _angles(reference: Array, attitude: Array, sequence: str) -> Array:
-    """Euler angles (rows, 3; deg) of the turn from one C (rows, 3, 3) to another. Where first and
-    third axis fall together the third angle is 0."""
+    """Euler angles (rows, 3; deg) of the turn from one C (rows, 3, 3) to another. Where
+    first and third axis fall together the third angle is 0."""
     i, j, k = (int(axis) - 1 for axis in sequence)
     proper = i == k
     k = 3 - i - j if proper else k
     sign = 1.0 if (j - i) % 3 == 1 else -1.0  # of i, j, k in a cycle
-    m = np.einsum("nai,nbi->nab", reference, attitude)  # columns: body axes in the reference
+    m = np.einsum(
+        "nai,nbi->nab", reference, attitude
+    )  # columns: body axes in the reference
     if proper:
         across = np.hypot(m[:, j, i], m[:, k, i])
         second = np.arctan2(across, m[:, i, i])
@@ -221,8 +237,8 @@ def _angles(reference: Array, attitude: Array, sequence: str) -> Array:
 
 @quantity("x", "y", "z", unit="1")
 def nadir_body(q: Array, r: Array) -> Array:
-    """The unit vector to nadir in body (rows, 3), by the position in eci; its z is the cosine of
-    the tilt of the body's z axis."""
+    """The unit vector to nadir in body (rows, 3), by the position in eci; its z is the
+    cosine of the tilt of the body's z axis."""
     return rotate(q, -unit_rows(r))
 
 
@@ -234,19 +250,25 @@ def angle_between(a: Array, b: Array) -> Array:
 
 
 def coil_impulse(times: Array, b_eci: Array, q: Array, dipole: Array) -> Array:
-    """The impulse (rows, 3) of coils since the start (N m s, eci), by field and attitude at t_k and
-    the mean dipole over each step; the torque is taken at the middle of the step."""
+    """The impulse (rows, 3) of coils since the start (N m s, eci), by field and
+    attitude at t_k and the mean dipole over each step; the torque is taken at the
+    middle of the step."""
     n = min(len(dipole), len(b_eci) - 1)
     b, halfway = (b_eci[:n] + b_eci[1 : n + 1]) / 2.0, q[:n] + q[1 : n + 1]
-    m_eci = rotate_back(halfway / np.linalg.norm(halfway, axis=1, keepdims=True), dipole[:n])
+    m_eci = rotate_back(
+        halfway / np.linalg.norm(halfway, axis=1, keepdims=True), dipole[:n]
+    )
     steps = np.diff(times[: n + 1])[:, None]
     return np.vstack([np.zeros(3), np.cumsum(cross(m_eci, b) * steps, axis=0)])
 
 
 @quantity("disturbances", "coils", "both", unit="")
-def momentum_budget(times: Array, impulse: Array, b_eci: Array, q: Array, dipole: Array) -> Array:
-    """Sizes (rows, 3) of what disturbances, coils and both have given a craft since the start, as
-    vectors in eci (N m s): the external impulse, and the coils' (`coil_impulse`)."""
+def momentum_budget(
+    times: Array, impulse: Array, b_eci: Array, q: Array, dipole: Array
+) -> Array:
+    """Sizes (rows, 3) of what disturbances, coils and both have given a craft since the
+    start, as vectors in eci (N m s): the external impulse, and the coils'
+    (`coil_impulse`)."""
     coils = coil_impulse(times, b_eci, q, dipole)
     n = len(coils)
     parts = impulse[:n] - coils, coils, impulse[:n]

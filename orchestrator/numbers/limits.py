@@ -16,8 +16,8 @@ if TYPE_CHECKING:
 def limits_of(
     given: Iterable[LimitLine], parameters: Table, unit: str
 ) -> list[tuple[str, float, bool]]:
-    """(name, value, filled) of the limit lines, or bands about zero: products of parameters, or
-    numbers, that hold in this run."""
+    """(name, value, filled) of the limit lines, or bands about zero: products of
+    parameters, or numbers, that hold in this run."""
     limits = []
     for limit in given:
         if any(parameter_of(parameters, k) == v for k, v in limit.unless.items()):

@@ -1,7 +1,7 @@
 """The measures that a scenario's `[numbers.NAME]` may name: how series become a number.
 
-A measure takes times (rows,), values (rows, elements) and its options, and gives one number: in
-the unit of the values, or in the one that is declared with it.
+A measure takes times (rows,), values (rows, elements) and its options, and gives one
+number: in the unit of the values, or in the one that is declared with it.
 """
 
 from __future__ import annotations
@@ -22,10 +22,11 @@ Array = NDArray[np.float64]
 Measure = Callable[..., float]
 MEASURES: dict[str, Measure] = {}
 OWN_UNIT: dict[str, Callable[[Unit], Unit]] = {}
-"""Measures that give another unit than that of their values: which, from the values' unit."""
+"""Measures that give another unit than that of their values: which, from the values'
+unit."""
 LATE: set[str] = set()
-"""Measures of a time at which a run reaches something. Where it does not they give nan, no number;
-over several runs that is later than any time that one reached."""
+"""Measures of a time at which a run reaches something. Where it does not they give nan,
+no number; over several runs that is later than any time that one reached."""
 
 
 def measure(function: Measure) -> Measure:
@@ -36,9 +37,9 @@ def measure(function: Measure) -> Measure:
 
 def in_unit(
     unit: str | Callable[[Unit], Unit], late: bool = False
-) -> Callable[[Measure], Measure]:  # fmt: skip
-    """The same, of a function that gives a unit of its own, or one made from that of its values;
-    `late`: it is one of LATE."""
+) -> Callable[[Measure], Measure]:
+    """The same, of a function that gives a unit of its own, or one made from that of
+    its values; `late`: it is one of LATE."""
 
     def known(function: Measure) -> Measure:
         if late:
@@ -66,8 +67,15 @@ def settled(times: Array, good: NDArray[np.bool_]) -> float:
 __all__ = ["LATE", "MEASURES", "OWN_UNIT", "Measure"]
 
 
-SCALARS = ("last", "growth_in", "growth_between", "growth_each", "steps_in", "time_between",
-           "mean_rate")  # fmt: skip
+SCALARS = (
+    "last",
+    "growth_in",
+    "growth_between",
+    "growth_each",
+    "steps_in",
+    "time_between",
+    "mean_rate",
+)
 """Measures of one element."""
 
 SIZES: dict[str, Callable[[Array], Array]] = {
@@ -105,20 +113,25 @@ def norm_largest(times: Array, values: Array) -> float:
 @measure
 def rms(times: Array, values: Array, each: int = 0) -> float:
     """The root of the mean square size; with `each` 1 of the mean square element."""
-    return float(np.sqrt((values**2).mean() if each else (values**2).sum(axis=1).mean()))
+    return float(
+        np.sqrt((values**2).mean() if each else (values**2).sum(axis=1).mean())
+    )
 
 
 @measure
 def growth_in(times: Array, values: Array, time: float, multiple: float = 1.0) -> float:
-    """How much a scalar grows in `time` seconds, from first to last row, times `multiple`; of what
-    grows now and then take `steps_in`."""
-    return float(multiple * time * (values[-1, 0] - values[0, 0]) / (times[-1] - times[0]))
+    """How much a scalar grows in `time` seconds, from first to last row, times
+    `multiple`; of what grows now and then take `steps_in`."""
+    return float(
+        multiple * time * (values[-1, 0] - values[0, 0]) / (times[-1] - times[0])
+    )
 
 
 @in_unit("1")
 def steps_in(times: Array, values: Array, time: float) -> float:
-    """How often a scalar that grows now and then does so in `time` seconds: between its first and
-    its last rise, so that neither the time before nor that after counts; nan with less than two."""
+    """How often a scalar that grows now and then does so in `time` seconds: between its
+    first and its last rise, so that neither the time before nor that after counts; nan
+    with less than two."""
     rises = np.flatnonzero(np.diff(values[:, 0]) > 0.0)
     rises = rises[np.append(True, np.diff(rises) > 1)] if len(rises) else rises
     if len(rises) < 2:
@@ -128,19 +141,22 @@ def steps_in(times: Array, values: Array, time: float) -> float:
 
 @measure
 def growth_between(times: Array, values: Array, driver: Array, time: float) -> float:
-    """How much a scalar grows in `time` seconds, between the first and the last rise of another
-    that grows now and then, as what each of its events takes; nan with less than two."""
+    """How much a scalar grows in `time` seconds, between the first and the last rise of
+    another that grows now and then, as what each of its events takes; nan with less
+    than two."""
     rises = np.flatnonzero(np.diff(driver[:, 0]) > 0.0) + 1
     if len(rises) < 2:
         return float("nan")
     first, last = rises[0], rises[-1]
-    return float(time * (values[last, 0] - values[first, 0]) / (times[last] - times[first]))
+    return float(
+        time * (values[last, 0] - values[first, 0]) / (times[last] - times[first])
+    )
 
 
 @measure
 def growth_each(times: Array, values: Array, driver: Array) -> float:
-    """How much a scalar grows from one rise to the next of another that grows now and then, in the
-    mean; nan with less than two."""
+    """How much a scalar grows from one rise to the next of another that grows now and
+    then, in the mean; nan with less than two."""
     rises = np.flatnonzero(np.diff(driver[:, 0]) > 0.0) + 1
     if len(rises) < 2:
         return float("nan")
@@ -149,20 +165,22 @@ def growth_each(times: Array, values: Array, driver: Array) -> float:
 
 @in_unit("s")
 def time_between(times: Array, values: Array) -> float:
-    """The mean time from one rise to the next of a scalar that grows now and then (s); nan with
-    less than two."""
+    """The mean time from one rise to the next of a scalar that grows now and then (s);
+    nan with less than two."""
     rises = np.flatnonzero(np.diff(values[:, 0]) > 0.0) + 1
     return float(np.diff(times[rises]).mean()) if len(rises) > 1 else float("nan")
 
 
 @in_unit("%")
 def share_along(times: Array, values: Array, direction: Array) -> float:
-    """The root mean square of a vector's part along the direction of another, of that of its size
-    (%); nan where the vector is zero throughout."""
+    """The root mean square of a vector's part along the direction of another, of that
+    of its size (%); nan where the vector is zero throughout."""
     size = np.linalg.norm(direction, axis=1, keepdims=True)
     part = (values * direction).sum(axis=1) / np.where(size > 0.0, size, 1.0)[:, 0]
     whole = (values**2).sum()
-    return float(100.0 * np.sqrt((part**2).sum() / whole)) if whole > 0.0 else float("nan")
+    return (
+        float(100.0 * np.sqrt((part**2).sum() / whole)) if whole > 0.0 else float("nan")
+    )
 
 
 @measure
@@ -175,8 +193,8 @@ def norm_mean(times: Array, values: Array) -> float:
 def norm_level_while(
     times: Array, values: Array, driver: Array, least: float, level: float
 ) -> float:
-    """What the size of a vector stays below for `level` per cent of the time in which the size of
-    another is at least `least`; nan where it never is."""
+    """What the size of a vector stays below for `level` per cent of the time in which
+    the size of another is at least `least`; nan where it never is."""
     there = np.linalg.norm(driver, axis=1) >= least
     size = np.linalg.norm(values[there], axis=1)
     return float(np.percentile(size, level)) if there.any() else float("nan")
@@ -202,8 +220,8 @@ def largest_mean(times: Array, values: Array) -> float:
 
 @measure
 def load_until_below(times: Array, values: Array, stored: Array, limit: float) -> float:
-    """`largest_mean` of the values until the mean size of `stored` is below a limit to stay; of all
-    where it never is."""
+    """`largest_mean` of the values until the mean size of `stored` is below a limit to
+    stay; of all where it never is."""
     end = np.fmin(until_below(times, stored, limit), times[-1])
     return largest_mean(times, values[: max(1, int(np.searchsorted(times, end)))])
 
@@ -212,16 +230,17 @@ def load_until_below(times: Array, values: Array, stored: Array, limit: float) -
 def settled_within(
     times: Array, values: Array, limits: list[float], since: float, period: float
 ) -> float:
-    """After how many periods from `since` (s) on every element is within its limit to stay; 0: it
-    never was outside."""
+    """After how many periods from `since` (s) on every element is within its limit to
+    stay; 0: it never was outside."""
     good = np.asarray((np.abs(values) <= np.array(limits)).all(axis=1))
     return 0.0 if good.all() else (settled(times, good) - since) / period
 
 
 @measure
 def along(times: Array, values: Array, direction: list[float]) -> float:
-    """The size of the last value's part along a direction, divided by the direction's length as
-    the elements have it: |x.n| / n.n (the momentum of a wheel with n_i = 1 that n alone makes)."""
+    """The size of the last value's part along a direction, divided by the direction's
+    length as the elements have it: |x.n| / n.n (the momentum of a wheel with n_i = 1
+    that n alone makes)."""
     n = np.array(direction)
     return float(abs(values[-1] @ n) / (n @ n))
 
@@ -234,8 +253,8 @@ def above(times: Array, values: Array, direction: list[float], floor: float) -> 
 
 @in_unit("s", late=True)
 def until_below(times: Array, values: Array, limit: float, kind: str = "mean") -> float:
-    """When the values have come below a limit to stay (s): the mean size of the elements, the
-    largest, or the vector's (`norm`)."""
+    """When the values have come below a limit to stay (s): the mean size of the
+    elements, the largest, or the vector's (`norm`)."""
     return settled(times, SIZES[kind](values) < limit)
 
 
@@ -249,9 +268,9 @@ def first_reached(times: Array, values: Array, limit: float, count: int = 1) -> 
 def first_below(
     times: Array, values: Array, limit: float, held: float = 0.0, only_done: int = 0
 ) -> float:
-    """When the sizes of all elements at once have first come below a limit and stayed there for
-    `held` seconds (s: the beginning of that time); with `only_done` 1 median and largest of several
-    runs are of those that reach it."""
+    """When the sizes of all elements at once have first come below a limit and stayed
+    there for `held` seconds (s: the beginning of that time); with `only_done` 1 median
+    and largest of several runs are of those that reach it."""
     good = (np.abs(values) < limit).all(axis=1)
     begins = np.flatnonzero(np.diff(good.astype(int), prepend=0) == 1)
     bad = np.flatnonzero(~good)
@@ -273,8 +292,8 @@ def until_above(times: Array, values: Array, limit: float) -> float:
 def largest_while(
     times: Array, values: Array, driver: Array, value: int, element: int = 0
 ) -> float:
-    """The largest size of any element, or of one counted from 1, while a whole-number signal, such
-    as a phase, has a value; nan where it never has."""
+    """The largest size of any element, or of one counted from 1, while a whole-number
+    signal, such as a phase, has a value; nan where it never has."""
     there = (driver == value).all(axis=1)
     counted = values[:, element - 1 : element] if element else values
     return float(np.abs(counted[there]).max()) if there.any() else float("nan")
@@ -282,8 +301,8 @@ def largest_while(
 
 @in_unit("J")
 def drive_energy(times: Array, values: Array, power: float, nominal: float) -> float:
-    """The energy (J) of drives that take `power` (W) at `nominal` speed, and at another speed in
-    proportion to its size."""
+    """The energy (J) of drives that take `power` (W) at `nominal` speed, and at another
+    speed in proportion to its size."""
     speed = np.abs(values).sum(axis=1)
     return float(power / nominal * np.trapezoid(speed, times))
 
@@ -324,7 +343,7 @@ def mean_rate(times: Array, values: Array) -> float:
     return float((values[-1, 0] - values[0, 0]) / (times[-1] - times[0]))
 
 
-# --- Measures of the angle between two attitudes ------------------------------------------------
+# --- Measures of the angle between two attitudes --------------------------------------
 
 
 @in_unit("deg")
@@ -360,8 +379,8 @@ def pointing_until_below(times: Array, q: Array, q_ref: Array, limit: float) -> 
 
 @in_unit("deg")
 def pointing_level(times: Array, q: Array, q_ref: Array, level: float = 95.0) -> float:
-    """The angle that `level` per cent of the time stay below: absolute performance error (APE) at
-    this level (deg); ECSS-E-ST-60-10C."""
+    """The angle that `level` per cent of the time stay below: absolute performance
+    error (APE) at this level (deg); ECSS-E-ST-60-10C."""
     return float(np.percentile(pointing(q, q_ref), level))
 
 
@@ -369,9 +388,9 @@ def pointing_level(times: Array, q: Array, q_ref: Array, level: float = 95.0) ->
 def pointing_relative(
     times: Array, q: Array, q_ref: Array, interval: float, level: float | None = None
 ) -> float:
-    """The relative performance error (RPE) over intervals of so many seconds (deg): the distance
-    of the error vector from its mean over its interval. Its mean, or the value that `level` per
-    cent of the time stay below; ECSS-E-ST-60-10C."""
+    """The relative performance error (RPE) over intervals of so many seconds (deg): the
+    distance of the error vector from its mean over its interval. Its mean, or the value
+    that `level` per cent of the time stay below; ECSS-E-ST-60-10C."""
     error = error_vector(q, q_ref)
     count = max(1, round(interval / (times[1] - times[0])))
     whole = error[: len(error) // count * count].reshape(-1, count, 3)

@@ -63,7 +63,8 @@ It raises DesatError where there is no such series.
 
 
 class BoundNumber(NamedTuple):
-    """A number of a scenario with what it takes from the system or run that it is bound to."""
+    """A number of a scenario with what it takes from the system or run that it is bound
+    to."""
 
     number: Number
     measure: Measure
@@ -75,7 +76,8 @@ class BoundNumber(NamedTuple):
     def evaluate(self, results: Results) -> float | None:
         """Return its value in a run, in its unit.
 
-        None where the run does not reach it: no row in its window, or nothing there to measure.
+        None where the run does not reach it: no row in its window, or nothing there to
+        measure.
         """
         columns = self._columns(results)
         rows = min(len(c) for c in columns)
@@ -92,7 +94,8 @@ class BoundNumber(NamedTuple):
         return None if math.isnan(value) else self.convert(value)
 
     def _columns(self, results: Results) -> list[derived.Array]:
-        """Return what is measured, (rows, elements) each: the series, or what is derived of them.
+        """Return what is measured, (rows, elements) each: the series, or what is
+        derived of them.
 
         Several numbers measure the same.
         """
@@ -102,7 +105,9 @@ class BoundNumber(NamedTuple):
             return (values if values.ndim > 1 else values[:, None]).astype(float)
 
         number = self.number
-        columns = [results.recent(name, partial(column, name)) for name in number.signals]
+        columns = [
+            results.recent(name, partial(column, name)) for name in number.signals
+        ]
         if self.quantity is not None:
             key = (number.derive, *number.signals, number.sequence)
             options = self.derive_options
@@ -118,8 +123,8 @@ class BoundNumber(NamedTuple):
 def bind(number: Number, series: SeriesLookup, parameters: Table | None) -> BoundNumber:
     """Bind a number to the series and parameters of a system or of a run.
 
-    Without `parameters`, which a system that cannot be built lacks, what follows from them is left
-    out: it is a check then.
+    Without `parameters`, which a system that cannot be built lacks, what follows from
+    them is left out: it is a check then.
 
     Raises
     ------
@@ -158,7 +163,8 @@ def bind(number: Number, series: SeriesLookup, parameters: Table | None) -> Boun
 
 
 def evaluate(number: Number, results: Results, parameters: Table) -> float | None:
-    """Return the value of a scenario's number in a run; None where the run does not reach it.
+    """Return the value of a scenario's number in a run; None where the run does not
+    reach it.
 
     Raises
     ------
@@ -172,7 +178,7 @@ def evaluate(number: Number, results: Results, parameters: Table) -> float | Non
     return bind(number, series, parameters).evaluate(results)
 
 
-# --- What is wrong with a number by itself -------------------------------------------------------
+# --- What is wrong with a number by itself --------------------------------------------
 
 
 class MeasureOptions(NamedTuple):
@@ -190,12 +196,15 @@ def options_of(measure: str) -> MeasureOptions:
     series = [p.name for p in parameters if p.annotation == "Array"]
     options = [p for p in parameters if p.annotation != "Array"]
     return MeasureOptions(
-        series, {p.name: p.default for p in options}, {p.name: p.annotation for p in options}
+        series,
+        {p.name: p.default for p in options},
+        {p.name: p.annotation for p in options},
     )
 
 
 def check_words(number: Number) -> None:
-    """Check the measure of a number, its options, and what it derives, without any system.
+    """Check the measure of a number, its options, and what it derives, without any
+    system.
 
     Raises
     ------
@@ -204,18 +213,24 @@ def check_words(number: Number) -> None:
     """
     measure = number.measure
     if measure not in MEASURES:
-        raise MisfitError(f"no measure {measure}{nearest(measure, MEASURES)}", "measure")
+        raise MisfitError(
+            f"no measure {measure}{nearest(measure, MEASURES)}", "measure"
+        )
     series, defaults, kinds = options_of(measure)
     derived.of_entry(number)
     if number.element and len(series) > 1:
-        raise MisfitError(f"{measure} takes {len(series)} series; only with one", "element")
+        raise MisfitError(
+            f"{measure} takes {len(series)} series; only with one", "element"
+        )
     count = 1 if number.derive else len(number.signals)
     if count != len(series):
         raise MisfitError(f"{count} given; {measure} takes {len(series)}", "signal")
     for option, value in number.options.items():
         if option not in defaults:
             hint = nearest(option, defaults) or "; it has none"
-            raise MisfitError(f"{measure} has no option {option}{hint}", "options", option)
+            raise MisfitError(
+                f"{measure} has no option {option}{hint}", "options", option
+            )
         if needed := _needed_instead(option, kinds[option], value):
             raise MisfitError(f"got {value!r}; {needed} is needed", "options", option)
     for option, default in defaults.items():
@@ -224,14 +239,17 @@ def check_words(number: Number) -> None:
 
 
 def _needed_instead(option: str, annotation: str, value: Any) -> str:
-    """Return what an option of a measure needs in place of a value; empty where that is right.
+    """Return what an option of a measure needs in place of a value; empty where that is
+    right.
 
     A text may stand for a number: it names parameters.
     """
     if option == "kind":
         return "" if value in SIZES else " or ".join(SIZES)
     if annotation.startswith("list"):
-        is_list = isinstance(value, list) and all(type(x) in (int, float) for x in value)
+        is_list = isinstance(value, list) and all(
+            type(x) in (int, float) for x in value
+        )
         return "" if is_list else "a list of numbers"
     if annotation == "int":
         return "" if type(value) is int else "a whole number"
@@ -239,34 +257,43 @@ def _needed_instead(option: str, annotation: str, value: Any) -> str:
 
 
 def _check_elements(number: Number, count: int) -> None:
-    """Raise MisfitError where a number measures an element that there is not, or several as one."""
+    """Raise MisfitError where a number measures an element that there is not, or
+    several as one."""
     if not count:
         return
     if (number.element or 0) > count:
         what = number.derive or "the signal"
         raise MisfitError(f"got {number.element}; {what} has {count}", "element")
     if not number.element and count > 1 and number.measure in SCALARS:
-        raise MisfitError(f"{number.measure} takes one element; there are {count}", "element")
+        raise MisfitError(
+            f"{number.measure} takes one element; there are {count}", "element"
+        )
 
 
 def late(content: Content) -> set[str]:
-    """A scenario's numbers that are times at which something is reached: over several runs, one
-    that does not reach it is later than all that do. Not those with `only_done`."""
+    """A scenario's numbers that are times at which something is reached: over several
+    runs, one that does not reach it is later than all that do. Not those with
+    `only_done`."""
     return {
-        name for name, number in content.numbers.items()
-        if number.signals and number.measure in LATE and not number.options.get("only_done")
-    }  # fmt: skip
+        name
+        for name, number in content.numbers.items()
+        if number.signals
+        and number.measure in LATE
+        and not number.options.get("only_done")
+    }
 
 
 def ranks(values: Sequence[float | None], is_late: bool) -> list[Any]:
-    """A number over several runs, as it is ranked: a time that is not reached is infinite."""
+    """A number over several runs, as it is ranked: a time that is not reached is
+    infinite."""
     return [math.inf if x is None and is_late else x for x in values]
 
 
 def _conversion(
     number: Number, own_unit: str, parameters: Table | None
-) -> Callable[[float], float]:  # fmt: skip
-    """Return the conversion from the measure's unit, of a series in `own_unit`, to the number's.
+) -> Callable[[float], float]:
+    """Return the conversion from the measure's unit, of a series in `own_unit`, to the
+    number's.
 
     Raises
     ------
@@ -285,7 +312,9 @@ def _conversion(
                 return float
             text, (whole, own) = whole, product(whole, parameters)
             if own.dimension != source.dimension:
-                raise DesatError(f'percent_of = "{text}": its unit is not that of {name}')
+                raise DesatError(
+                    f'percent_of = "{text}": its unit is not that of {name}'
+                )
             whole *= own.factor / source.factor
         if whole == 0.0:
             raise DesatError(f"percent_of = {number.written['percent_of']} is 0")
@@ -311,13 +340,16 @@ def _options(number: Number, units: list[Unit], parameters: Table) -> dict[str, 
 
 
 def defined(number: Number | None) -> str:
-    """A number of a scenario in a sentence: its title, and how it is measured. Empty for None."""
+    """A number of a scenario in a sentence: its title, and how it is measured. Empty
+    for None."""
     if number is None:
         return ""
     if number.reference:
         how = f"{number.form} of {number.of} to that of {number.reference}"
         return f"{number.title} ({how})"
-    sentence = " ".join((inspect.getdoc(MEASURES[number.measure]) or "").split()).removesuffix(".")
+    sentence = " ".join(
+        (inspect.getdoc(MEASURES[number.measure]) or "").split()
+    ).removesuffix(".")
     of = " and ".join(number.signals)
     if number.derive:
         of = f"{number.derive.replace('_', ' ')} of {of}"
@@ -325,7 +357,9 @@ def defined(number: Number | None) -> str:
     parts += [f"{k} = {v}" for k, v in number.options.items()]
     if number.window:
         begin, end = number.window
-        parts.append(f"from {begin:g} s to " + ("the end" if end >= OPEN_END else f"{end:g} s"))
+        parts.append(
+            f"from {begin:g} s to " + ("the end" if end >= OPEN_END else f"{end:g} s")
+        )
     if number.percent_of is not None:
         parts.append(f"in % of {number.written['percent_of']}")
     return f"{number.title} ({'; '.join(parts)})"
@@ -338,8 +372,8 @@ def scale(source: str, target: str) -> float:
 
 
 def relative(form: str, value: float | None, reference: float | None) -> float | None:
-    """`saving`: percent less than the reference; `ratio`: value over reference. None where one of
-    them was not reached, or there is no ratio."""
+    """`saving`: percent less than the reference; `ratio`: value over reference. None
+    where one of them was not reached, or there is no ratio."""
     if value is None or not reference:
         return None
     if form == "saving":
@@ -349,7 +383,7 @@ def relative(form: str, value: float | None, reference: float | None) -> float |
     raise DesatError(f"no form {form}; there is ratio, saving")
 
 
-# --- A number of one run in relation to that of another -----------------------------------------
+# --- A number of one run in relation to that of another -------------------------------
 
 
 def related(form: str, value: float | None, reference: float | None) -> float | None:

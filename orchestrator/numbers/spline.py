@@ -1,4 +1,5 @@
-"""The cubic spline through rows of a run: that of scipy, which loads longer than a run takes."""
+"""The cubic spline through rows of a run: that of scipy, which loads longer than a run
+takes."""
 
 from __future__ import annotations
 
@@ -9,20 +10,27 @@ Array = NDArray[np.float64]
 
 
 class Spline:
-    """Through values (n, ...) at times (n,), which grow; its third derivative does not jump at the
-    second time and the last but one ("not a knot"). Of three values it is a parabola, of two a
-    line.
+    """Through values (n, ...) at times (n,), which grow; its third derivative does not
+    jump at the second time and the last but one ("not a knot"). Of three values it is a
+    parabola, of two a line.
     """
 
     def __init__(self, times: Array, values: Array) -> None:
         self._times, self._values = times, values
-        self._slopes = _slopes(times, values.reshape(len(times), -1)).reshape(values.shape)
+        self._slopes = _slopes(times, values.reshape(len(times), -1)).reshape(
+            values.shape
+        )
 
     def __call__(self, at: Array) -> Array:
-        """Values (*at.shape, ...) at times within those that were given, and beyond them."""
-        left = np.clip(np.searchsorted(self._times, at, "right") - 1, 0, len(self._times) - 2)
+        """Values (*at.shape, ...) at times within those that were given, and beyond
+        them."""
+        left = np.clip(
+            np.searchsorted(self._times, at, "right") - 1, 0, len(self._times) - 2
+        )
         tail = (1,) * (self._values.ndim - 1)
-        begin, end = (self._times[i].reshape(*at.shape, *tail) for i in (left, left + 1))
+        begin, end = (
+            self._times[i].reshape(*at.shape, *tail) for i in (left, left + 1)
+        )
         length, s = end - begin, at.reshape(*at.shape, *tail) - begin
         rise = (self._values[left + 1] - self._values[left]) / length
         d0, d1 = self._slopes[left], self._slopes[left + 1]
@@ -33,9 +41,9 @@ class Spline:
 
 
 def _slopes(times: Array, y: Array) -> Array:
-    """The slopes (n, m) at the times, from a system of three diagonals: the rows in between are
-    those of any cubic spline, the first and the last say that its two pieces there are one cubic.
-    line.
+    """The slopes (n, m) at the times, from a system of three diagonals: the rows in
+    between are those of any cubic spline, the first and the last say that its two
+    pieces there are one cubic. line.
     """
     h = np.diff(times)[:, None]
     rise = np.diff(y, axis=0) / h

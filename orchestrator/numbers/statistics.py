@@ -8,7 +8,8 @@ from collections.abc import Sequence
 
 
 def clopper_pearson(count: int, n: int, level: float = 0.95) -> list[float]:
-    """The exact interval (%) of a binomial share: Clopper & Pearson, Biometrika 26 (1934) 404."""
+    """The exact interval (%) of a binomial share: Clopper & Pearson, Biometrika 26
+    (1934) 404."""
     from scipy.special import betaincinv  # the quantile of the beta distribution
 
     tail = (1.0 - level) / 2.0
@@ -17,11 +18,13 @@ def clopper_pearson(count: int, n: int, level: float = 0.95) -> list[float]:
     return [100.0 * float(low), 100.0 * float(high)]
 
 
-def median_interval(values: Sequence[float], level: float = 0.95) -> tuple[float, float, float]:
-    """The median of some values, and the narrowest interval between two of them, as many from
-    either end, that holds the median of all with at least this probability, whatever their
-    distribution: Thompson, Annals of Mathematical Statistics 7 (1936) 122. Of fewer than six values
-    (at 0.95) it is from the least to the largest."""
+def median_interval(
+    values: Sequence[float], level: float = 0.95
+) -> tuple[float, float, float]:
+    """The median of some values, and the narrowest interval between two of them, as
+    many from either end, that holds the median of all with at least this probability,
+    whatever their distribution: Thompson, Annals of Mathematical Statistics 7 (1936)
+    122. Of fewer than six values (at 0.95) it is from the least to the largest."""
     ordered, n = sorted(values), len(values)
     below, cut = 0.0, 0
     for k in range((n - 1) // 2):

@@ -40,7 +40,10 @@ def format_momenta(momentum: float, capacity: float | None = None) -> str:
     momenta = [momentum] if capacity is None else [momentum, capacity]
     factor, unit = (1.0, "N m s") if max(momenta) >= 1.0 else (1e3, "mN m s")
     # three significant digits, but never 1e+03
-    texts = [f"{factor * x:.0f}" if factor * x >= 999.5 else f"{factor * x:.3g}" for x in momenta]
+    texts = [
+        f"{factor * x:.0f}" if factor * x >= 999.5 else f"{factor * x:.3g}"
+        for x in momenta
+    ]
     return f"{' of '.join(texts)} {unit}"
 
 
@@ -63,4 +66,6 @@ class Value:
 
     def to_json(self) -> JsonObject:
         """As a manifest has it."""
-        return {k: v for k, v in vars(self).items() if v or k not in ("note", "reference")}
+        return {
+            k: v for k, v in vars(self).items() if v or k not in ("note", "reference")
+        }

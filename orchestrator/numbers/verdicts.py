@@ -20,7 +20,8 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Verdict:
-    """A requirement in a run. `value` None: the number is not reached, which is not met."""
+    """A requirement in a run. `value` None: the number is not reached, which is not
+    met."""
 
     number: str
     title: str
@@ -32,14 +33,15 @@ class Verdict:
 
     @property
     def margin(self) -> float | None:
-        """From the value to the nearer limit as a share of that limit, below zero where it is not
-        met; None where there is no value, or the limit is zero."""
+        """From the value to the nearer limit as a share of that limit, below zero where
+        it is not met; None where there is no value, or the limit is zero."""
         if self.value is None or not math.isfinite(self.value):
             return None
         shares = [
             sign * (limit - self.value) / abs(limit)
-            for sign, limit in ((1.0, self.max), (-1.0, self.min)) if limit
-        ]  # fmt: skip
+            for sign, limit in ((1.0, self.max), (-1.0, self.min))
+            if limit
+        ]
         return min(shares, default=None)
 
     @property
@@ -61,26 +63,38 @@ class Verdict:
 def judge(
     content: Content, numbers: Mapping[str, Value], start: float, end: float
 ) -> tuple[dict[str, Verdict], dict[str, str]]:
-    """The verdicts on a run from `start` to `end` (s) by its numbers, and by a number's name why
-    there is none: it is not recorded, or the run is too short to tell."""
+    """The verdicts on a run from `start` to `end` (s) by its numbers, and by a number's
+    name why there is none: it is not recorded, or the run is too short to tell."""
     verdicts, unjudged = {}, {}
     times = late(content)
     for name, entry in content.requirements.items():
-        if why := _too_little(content, entry, numbers, entry.number in times, start, end):
+        if why := _too_little(
+            content, entry, numbers, entry.number in times, start, end
+        ):
             unjudged[entry.number] = why
             continue
         found = numbers[entry.number]
         met = found.value is not None and entry.holds(found.value)
         verdicts[name] = Verdict(
-            entry.number, found.title, found.value, found.unit, met, entry.min, entry.max
+            entry.number,
+            found.title,
+            found.value,
+            found.unit,
+            met,
+            entry.min,
+            entry.max,
         )
     return verdicts, unjudged
 
 
 def _too_little(
-    content: Content, entry: Requirement, numbers: Mapping[str, Value], is_late: bool,
-    start: float, end: float,
-) -> str:  # fmt: skip
+    content: Content,
+    entry: Requirement,
+    numbers: Mapping[str, Value],
+    is_late: bool,
+    start: float,
+    end: float,
+) -> str:
     """Why a run says nothing of a requirement; empty where it does."""
     if entry.number not in numbers:
         return "not recorded"

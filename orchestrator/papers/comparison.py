@@ -1,4 +1,5 @@
-"""The cells of a paper's tables: what a scenario's [paper.NAME] says, and our numbers beside it."""
+"""The cells of a paper's tables: what a scenario's [paper.NAME] says, and our numbers
+beside it."""
 
 from __future__ import annotations
 
@@ -23,8 +24,8 @@ Numbers = Mapping[str, Any]
 
 @dataclass(frozen=True)
 class Spread:
-    """Of a median of draws: how many `n` have it, the least and the largest, the `band` of each
-    draw, and how many do not reach a time."""
+    """Of a median of draws: how many `n` have it, the least and the largest, the `band`
+    of each draw, and how many do not reach a time."""
 
     n: int
     min: float | None
@@ -35,8 +36,8 @@ class Spread:
 
 @dataclass(frozen=True)
 class Share:
-    """Of `n` draws the `count` of those that are within, and the `interval` (%, Clopper-Pearson,
-    95 %) in which the share of all possible draws lies."""
+    """Of `n` draws the `count` of those that are within, and the `interval` (%,
+    Clopper-Pearson, 95 %) in which the share of all possible draws lies."""
 
     n: int
     count: int
@@ -56,16 +57,17 @@ class PaperCell:
     unit: str
     paper: float | None
     ours: float | None
-    """None: no run decides what the paper says, and `remark` says why; infinite: a time that is not
-    reached."""
+    """None: no run decides what the paper says, and `remark` says why; infinite: a time
+    that is not reached."""
     band: tuple[float, float] | None
     within: bool | None
     paper_within: bool | None
-    """Whether the paper's own value is within the band; None where there is none of them."""
+    """Whether the paper's own value is within the band; None where there is none of
+    them."""
     tuned: bool
     out_of_sample: bool
-    """True: the paper gives a value, nothing was tuned to it, it had no part in a choice, and it
-    repeats no other cell."""
+    """True: the paper gives a value, nothing was tuned to it, it had no part in a
+    choice, and it repeats no other cell."""
     definition: str
     """What is measured, in a sentence."""
     flag: bool
@@ -77,7 +79,8 @@ class PaperCell:
 
 
 def band_of(entry: Entry, values: Numbers) -> tuple[float, float] | None:
-    """[low, high] of what counts as within a row's `tolerance`; None where anything does.
+    """[low, high] of what counts as within a row's `tolerance`; None where anything
+    does.
 
     `values`: the run's, for a band that is a multiple of another number.
     """
@@ -99,22 +102,29 @@ def band_of(entry: Entry, values: Numbers) -> tuple[float, float] | None:
 
 def _remark(entry: Entry) -> str:
     """What a reader should know of a row."""
-    words = {"tuned": "tuned: ", "in_sample": "in sample: ", "not_judged": "not judged: ",
-             "remark": ""}  # fmt: skip
+    words = {
+        "tuned": "tuned: ",
+        "in_sample": "in sample: ",
+        "not_judged": "not judged: ",
+        "remark": "",
+    }
     return "; ".join(
         f"{word}{text}" for key, word in words.items() if (text := getattr(entry, key))
     )
 
 
 def rows_of(
-    scenario: Scenario, values: Numbers, everything: Mapping[str, Numbers],
+    scenario: Scenario,
+    values: Numbers,
+    everything: Mapping[str, Numbers],
     drawn: StoredScenario | None,
-) -> list[PaperCell]:  # fmt: skip
-    """The rows that a scenario gives. `values`: its numbers, `everything`: those of all scenarios;
-    `drawn`: its draws, where it has some: their `summary` and the `draws` themselves.
+) -> list[PaperCell]:
+    """The rows that a scenario gives. `values`: its numbers, `everything`: those of all
+    scenarios; `drawn`: its draws, where it has some: their `summary` and the `draws`
+    themselves.
 
-    Raises DesatError where a number is not reached or is of a run that was not made, and for a
-    share of draws where there are none.
+    Raises DesatError where a number is not reached or is of a run that was not made,
+    and for a share of draws where there are none.
     """
     rows = []
     content = scenario.content
@@ -123,7 +133,9 @@ def rows_of(
         if entry.share is not None:
             if drawn is None:
                 where = scenario.where(("paper", row))
-                raise DesatError(f"{where}: a share of samples, and {scenario.name} has none")
+                raise DesatError(
+                    f"{where}: a share of samples, and {scenario.name} has none"
+                )
             values_drawn = values_of(drawn["draws"], entry.of, content)
             counts = told = share_of(values_drawn, entry.share.least, entry.share.most)
             ours = 100.0 * counts.count / counts.n
@@ -135,9 +147,7 @@ def rows_of(
     return [*rows, *(_row(scenario, e, None, values, None) for e in undecided)]
 
 
-def _spread_of(
-    entry: Entry, drawn: StoredScenario, content: Content
-) -> Spread | None:  # fmt: skip
+def _spread_of(entry: Entry, drawn: StoredScenario, content: Content) -> Spread | None:
     if (summary := drawn["summary"].get(entry.of)) is None:
         return None
     number = content.numbers.get(entry.of)
@@ -152,22 +162,29 @@ def values_of(draws: Iterable[RunRow], name: str, content: Content) -> list[Any]
     return ranks([row.numbers.get(name) for row in draws], name in late(content))
 
 
-def share_of(values: list[Any], least: float = -math.inf, most: float = math.inf) -> Share:
-    """Of `values_of` draws the share of those within [least, most]. What a draw has not is not
-    within."""
+def share_of(
+    values: list[Any], least: float = -math.inf, most: float = math.inf
+) -> Share:
+    """Of `values_of` draws the share of those within [least, most]. What a draw has not
+    is not within."""
     count = sum(x is not None and least <= x <= most for x in values)
     return Share(len(values), count, clopper_pearson(count, len(values)))
 
 
 def _row(
-    scenario: Scenario, entry: Entry, ours: float | None, values: Numbers,
+    scenario: Scenario,
+    entry: Entry,
+    ours: float | None,
+    values: Numbers,
     draws: Spread | Share | None,
-) -> PaperCell:  # fmt: skip
+) -> PaperCell:
     band, paper = band_of(entry, values), entry.values
     within = None if band is None or ours is None else band[0] <= ours <= band[1]
     if isinstance(draws, Spread) and draws.band is not None:
         (low, high), least, most = draws.band, draws.min, draws.max
-        reached = least is not None and most is not None and low <= least <= most <= high
+        reached = (
+            least is not None and most is not None and low <= least <= most <= high
+        )
         within = within is not False and reached
     tuned, seen = bool(entry.tuned), bool(entry.in_sample)
     labels, number = scenario.content.labels, scenario.content.numbers.get(entry.of)
@@ -184,7 +201,9 @@ def _row(
         ours=ours,
         band=band,
         within=within,
-        paper_within=None if band is None or paper is None else band[0] <= paper <= band[1],
+        paper_within=None
+        if band is None or paper is None
+        else band[0] <= paper <= band[1],
         tuned=tuned,
         out_of_sample=ours is not None and paper is not None and not tuned and not seen,
         definition=entry.definition or defined(None if entry.not_judged else number),
@@ -196,9 +215,9 @@ def _row(
 
 
 def count(table: list[PaperCell]) -> dict[str, int]:
-    """How many rows there are, and how many that no run decides. Of those with a band: how many are
-    within it, tuned, without a value of the paper, in sample otherwise, out of sample, and of the
-    latter within."""
+    """How many rows there are, and how many that no run decides. Of those with a band:
+    how many are within it, tuned, without a value of the paper, in sample otherwise,
+    out of sample, and of the latter within."""
     banded = [r for r in table if r.within is not None]
     out = [r for r in banded if r.out_of_sample]
     return {
@@ -208,7 +227,9 @@ def count(table: list[PaperCell]) -> dict[str, int]:
         "within": sum(r.within is True for r in banded),
         "tuned": sum(r.tuned for r in banded),
         "without_paper": sum(r.paper is None and not r.tuned for r in banded),
-        "in_sample": sum(r.paper is not None and not (r.tuned or r.out_of_sample) for r in banded),
+        "in_sample": sum(
+            r.paper is not None and not (r.tuned or r.out_of_sample) for r in banded
+        ),
         "out_of_sample": len(out),
         "out_of_sample_within": sum(r.within is True for r in out),
         "paper_outside": sum(r.paper_within is False for r in banded),
@@ -216,14 +237,20 @@ def count(table: list[PaperCell]) -> dict[str, int]:
 
 
 def _value(
-    scenario: Scenario, row: str, name: str, values: Numbers, everything: Mapping[str, Numbers]
-) -> float:  # fmt: skip
+    scenario: Scenario,
+    row: str,
+    name: str,
+    values: Numbers,
+    everything: Mapping[str, Numbers],
+) -> float:
     """Our number of a row, from this run or in relation to another."""
     number = scenario.content.numbers.get(name)
     if number is not None and number.reference and name not in values:
         other = everything.get(f"{scenario.family}/{number.reference}")
         if other is None:
-            raise DesatError(f"{scenario.name}: {name} refers to {number.reference}: not run")
+            raise DesatError(
+                f"{scenario.name}: {name} refers to {number.reference}: not run"
+            )
         value = related(str(number.form), values[number.of], other[number.of])
     elif name not in values:
         raise DesatError(f"{scenario.where(('numbers', name))}: no run gives it")
@@ -233,5 +260,7 @@ def _value(
         return math.inf
     if value is None:
         where = scenario.where(("paper", row))
-        raise DesatError(f"{where}: {scenario.name} does not reach {name}, and a table has it")
+        raise DesatError(
+            f"{where}: {scenario.name} does not reach {name}, and a table has it"
+        )
     return float(value)

@@ -1,10 +1,11 @@
-"""Draws that take long: computed once by `make papers`, kept under docs/papers, read by `tables`.
+"""Draws that take long: computed once by `make papers`, kept under docs/papers, read by
+`tables`.
 
-docs/papers/FAMILY/draws.parquet: a row a draw, sorted by scenario and draw, a column a number; null
-where the draw does not reach it, or where the scenario does not keep it
-docs/papers/draws.json: of each family seed, versions and the sha256 of that file, and of each
-scenario, a line, its stamps and the units of the numbers that it keeps: those that rows of papers
-name, and those that a page has asked for
+docs/papers/FAMILY/draws.parquet: a row a draw, sorted by scenario and draw, a column a
+number; null where the draw does not reach it, or where the scenario does not keep it
+docs/papers/draws.json: of each family seed, versions and the sha256 of that file, and
+of each scenario, a line, its stamps and the units of the numbers that it keeps: those
+that rows of papers name, and those that a page has asked for
 """
 
 from __future__ import annotations
@@ -38,7 +39,8 @@ from ..system.options import Options
 
 
 class StoredScenario(TypedDict):
-    """Of a scenario's draws what they are of, `units` and summary of the numbers, and the draws."""
+    """Of a scenario's draws what they are of, `units` and summary of the numbers, and
+    the draws."""
 
     sha256: str
     code_sha256: str
@@ -70,7 +72,9 @@ class Provenance(TypedDict):
 
 
 SEED = 1
-ROUNDING = 1e-7  # relative; processors and libm differ by up to 3e-8 after an unstable rollout
+ROUNDING = (
+    1e-7  # relative; processors and libm differ by up to 3e-8 after an unstable rollout
+)
 
 
 def file_of(family: str) -> Path:
@@ -79,7 +83,8 @@ def file_of(family: str) -> Path:
 
 
 def provenance_file() -> Path:
-    """Where it is said which code and scenarios the stored draws of all families are of."""
+    """Where it is said which code and scenarios the stored draws of all families are
+    of."""
     return paths.DRAWS / "draws.json"
 
 
@@ -89,8 +94,8 @@ def with_draws(family: str) -> dict[str, Scenario]:
 
 
 def needed(family: str) -> dict[str, set[str]]:
-    """Of each scenario with draws the numbers that rows of the family's paper are made of, its own
-    rows and those that compare another one with it. Pages ask for more
+    """Of each scenario with draws the numbers that rows of the family's paper are made
+    of, its own rows and those that compare another one with it. Pages ask for more
     (`benchmarks/pages/sources.py`)."""
     found: dict[str, set[str]] = {name: set() for name in with_draws(family)}
     for name, scenario in scenarios(family).items():
@@ -98,30 +103,42 @@ def needed(family: str) -> dict[str, set[str]]:
         for entry in scenario.content.judged.values():
             band = entry.tolerance
             for made in (entry.of, *([band.of] if isinstance(band, OfNumber) else ())):
-                compared = numbers[made] if made in numbers and numbers[made].reference else None
+                compared = (
+                    numbers[made]
+                    if made in numbers and numbers[made].reference
+                    else None
+                )
                 found.setdefault(name, set()).add(compared.of if compared else made)
                 if compared:
-                    found.setdefault(f"{family}/{compared.reference}", set()).add(compared.of)
+                    found.setdefault(f"{family}/{compared.reference}", set()).add(
+                        compared.of
+                    )
     return found
 
 
 def digest(scenario: Scenario) -> str:
-    """The digest of all of a scenario that a draw's numbers depend on: its system, with the code of
-    its blocks, before anything is drawn; and its design, where that is made for each draw. Raises
-    DesatError where it has no system."""
+    """The digest of all of a scenario that a draw's numbers depend on: its system, with
+    the code of its blocks, before anything is drawn; and its design, where that is made
+    for each draw. Raises DesatError where it has no system."""
     system = scenario.builder(blocks=True).system()
-    return identity.of_system(system, Options(blocks=True), scenario.each_draw, identity.JUDGED)
+    return identity.of_system(
+        system, Options(blocks=True), scenario.each_draw, identity.JUDGED
+    )
 
 
 def code(scenario: Scenario) -> str:
-    """A hash of what defines the code that makes a scenario's draws, beside its blocks: the engine,
-    the drawing and the measures; and what designs, where a design is made for each draw. In which
-    file and order definitions stand does not count, so that files can be moved, joined and split;
-    nor do imports, comments and docstrings."""
+    """A hash of what defines the code that makes a scenario's draws, beside its blocks:
+    the engine, the drawing and the measures; and what designs, where a design is made
+    for each draw. In which file and order definitions stand does not count, so that
+    files can be moved, joined and split; nor do imports, comments and docstrings."""
     home = Path(__file__).parents[1]
     files = {p for p in (home / "engine").rglob("*") if p.suffix in (".py", ".c")}
-    files |= {*(home / "numbers").glob("*.py"), home / "campaign" / "draws.py",
-              home / "campaign" / "sampling.py", home / "language" / "content.py"}  # fmt: skip
+    files |= {
+        *(home / "numbers").glob("*.py"),
+        home / "campaign" / "draws.py",
+        home / "campaign" / "sampling.py",
+        home / "language" / "content.py",
+    }
     if scenario.each_draw:
         files |= {*(home / "papers" / "designs").rglob("*.py")}
         files |= {*(COMPONENTS / "laws").glob("*_offline.py")}
@@ -136,12 +153,12 @@ def compute(
     names: Iterable[str] | None = None,
     also: Mapping[str, Collection[str]] | None = None,
 ) -> StoredDraws:
-    """Run the draws of a family (or of the scenarios named) by its FMUs. Raises DesatError where
-    a draw fails.
+    """Run the draws of a family (or of the scenarios named) by its FMUs. Raises
+    DesatError where a draw fails.
 
-    What `known` (an older result) has for the other scenarios is kept, and so are those of its
-    draws that this code would make again. Kept are the numbers that are `needed`, those that
-    `known` has, and those that `also` names by scenario.
+    What `known` (an older result) has for the other scenarios is kept, and so are those
+    of its draws that this code would make again. Kept are the numbers that are
+    `needed`, those that `known` has, and those that `also` names by scenario.
     """
     kept = known["scenarios"] if known else {}
     made, of_rows = dict[str, StoredScenario](), needed(family)
@@ -152,16 +169,24 @@ def compute(
                 made[name] = old
             continue
         count = scenario.content.samples
-        wanted = {*of_rows[name], *(old["units"] if old else ()), *(also or {}).get(name, ())}
+        wanted = {
+            *of_rows[name],
+            *(old["units"] if old else ()),
+            *(also or {}).get(name, ()),
+        }
         rows = list[RunRow]()
         if old and wanted <= old["units"].keys() and _is_current(old, scenario):
             rows = old["draws"][:count]
         result = draws(name, count, SEED, Options(), jobs, progress, first=len(rows))
         for row in result.rows:
             if not row.completed:
-                raise RunError(f"{name}: draw {row.number}: {row.message}", Exit(row.code))
+                raise RunError(
+                    f"{name}: draw {row.number}: {row.message}", Exit(row.code)
+                )
             rows.append(
-                row_of_draw(row.number, {n: x for n, x in row.numbers.items() if n in wanted})
+                row_of_draw(
+                    row.number, {n: x for n, x in row.numbers.items() if n in wanted}
+                )
             )
         summed = result.summary or (old["summary"] if old else {})
         units = {n: summed[n].unit or "" for n in sorted(wanted & summed.keys())}
@@ -170,7 +195,9 @@ def compute(
             "code_sha256": code(scenario),
             "date": f"{datetime.now(UTC):%Y-%m-%d}",
             "units": units,
-            "summary": spreads([r.numbers for r in rows], units, late(scenario.content)),
+            "summary": spreads(
+                [r.numbers for r in rows], units, late(scenario.content)
+            ),
             "draws": rows,
         }
     return {
@@ -199,8 +226,8 @@ def _processor() -> str:
 
 
 def write(result: StoredDraws) -> Path:
-    """Store the draws of a family, and its stamps beside those of the others. The same draws give
-    the same bytes."""
+    """Store the draws of a family, and its stamps beside those of the others. The same
+    draws give the same bytes."""
     path = file_of(result["family"])
     data = _pack(result["scenarios"])
     replace_text(path, data)
@@ -224,50 +251,68 @@ def write(result: StoredDraws) -> Path:
 def _provenances() -> Mapping[str, Any]:
     """What is said of all families' draws; empty where nothing is."""
     try:
-        told: Mapping[str, Any] = json.loads(provenance_file().read_text(encoding="utf-8"))
+        told: Mapping[str, Any] = json.loads(
+            provenance_file().read_text(encoding="utf-8")
+        )
     except FileNotFoundError:
         return {}
     return told
 
 
 def _pack(scenarios: Mapping[str, StoredScenario]) -> bytes:
-    """The draws of scenarios as the bytes of a Parquet file; numbers keep all their bits."""
+    """The draws of scenarios as the bytes of a Parquet file; numbers keep all their
+    bits."""
     import pyarrow as pa
     import pyarrow.parquet as pq
 
-    rows = [(name, r) for name, kept in sorted(scenarios.items()) for r in kept["draws"]]
+    rows = [
+        (name, r) for name, kept in sorted(scenarios.items()) for r in kept["draws"]
+    ]
     names = sorted({n for kept in scenarios.values() for n in kept["units"]})
     columns = {
         "scenario": pa.array([name for name, _ in rows], pa.string()),
         "draw": pa.array([r.number for _, r in rows], pa.int32()),
-        **{n: pa.array([r.numbers.get(n) for _, r in rows], pa.float64()) for n in names},
+        **{
+            n: pa.array([r.numbers.get(n) for _, r in rows], pa.float64())
+            for n in names
+        },
     }
     sink = pa.BufferOutputStream()
     pq.write_table(
-        pa.table(columns), sink, compression="zstd", compression_level=19, store_schema=False,
-        write_statistics=False, use_dictionary=["scenario"],
-        column_encoding={"draw": "DELTA_BINARY_PACKED"} | dict.fromkeys(names, "BYTE_STREAM_SPLIT"),
-    )  # fmt: skip
+        pa.table(columns),
+        sink,
+        compression="zstd",
+        compression_level=19,
+        store_schema=False,
+        write_statistics=False,
+        use_dictionary=["scenario"],
+        column_encoding={"draw": "DELTA_BINARY_PACKED"}
+        | dict.fromkeys(names, "BYTE_STREAM_SPLIT"),
+    )
     data: bytes = sink.getvalue().to_pybytes()
     return data
 
 
 def read(family: str) -> StoredDraws:
-    """The stored draws of a family: of each scenario its stamps, `units` and `summary` of its
-    numbers, and `draws`, a row each. Raises DesatError where there are none."""
+    """The stored draws of a family: of each scenario its stamps, `units` and `summary`
+    of its numbers, and `draws`, a row each. Raises DesatError where there are none."""
     import pyarrow as pa
     import pyarrow.parquet as pq
 
     path, told = file_of(family), _provenances()
     if family not in told or not path.exists():
         missing = path if family in told else provenance_file()
-        raise DesatError(f"{paths.shown(missing)}: no samples of {family} there; `desat tables "
-                         f"{family} --fresh` computes the samples now")  # fmt: skip
+        raise DesatError(
+            f"{paths.shown(missing)}: no samples of {family} there; `desat tables "
+            f"{family} --fresh` computes the samples now"
+        )
     data = path.read_bytes()
     head = {"family": family, **told[family]}
     if hashlib.sha256(data).hexdigest() != head.pop("draws_sha256"):
-        raise DesatError(f"{paths.shown(path)}: not the file that {paths.shown(provenance_file())} "
-                         "is of: its sha256 is another one")  # fmt: skip
+        raise DesatError(
+            f"{paths.shown(path)}: not the file that {paths.shown(provenance_file())} "
+            "is of: its sha256 is another one"
+        )
     columns = pq.read_table(pa.BufferReader(data)).to_pydict()
     places_of: dict[str, list[int]] = {}
     known = scenarios(family) if family in families() else {}
@@ -286,22 +331,25 @@ def read(family: str) -> StoredDraws:
 
 
 def outdated(stored: StoredDraws) -> list[str]:
-    """The scenarios whose stored draws are missing, fewer or more than it says, without a number
-    that is needed, or of another version of it or of the code that makes them."""
+    """The scenarios whose stored draws are missing, fewer or more than it says, without
+    a number that is needed, or of another version of it or of the code that makes
+    them."""
     kept, of_rows = stored["scenarios"], needed(stored["family"])
     return [
-        name for name, scenario in with_draws(stored["family"]).items()
+        name
+        for name, scenario in with_draws(stored["family"]).items()
         if name not in kept
         or len(kept[name]["draws"]) != scenario.content.samples
         or not of_rows[name] <= kept[name]["units"].keys()
         or not _is_current(kept[name], scenario)
-    ]  # fmt: skip
+    ]
 
 
 def require_current(stored: StoredDraws) -> None:
     """Raise DesatError where stored samples are not of today's scenarios and code.
 
-    The message names the scenarios, what has changed, and the command that confirms or renews.
+    The message names the scenarios, what has changed, and the command that confirms or
+    renews.
     """
     names = outdated(stored)
     if not names:
@@ -309,12 +357,16 @@ def require_current(stored: StoredDraws) -> None:
     kept, family = stored["scenarios"], stored["family"]
     known = with_draws(family)
     causes = {
-        "missing, too few or without a number that is needed": [n for n in names if n not in kept],
+        "missing, too few or without a number that is needed": [
+            n for n in names if n not in kept
+        ],
         "of another scenario or other blocks": [
             n for n in names if n in kept and kept[n]["sha256"] != digest(known[n])
         ],
         "of other code of engine, measures or sampling": [
-            n for n in names if n in kept and kept[n].get("code_sha256") != code(known[n])
+            n
+            for n in names
+            if n in kept and kept[n].get("code_sha256") != code(known[n])
         ],
     }
     lines = [
@@ -331,35 +383,44 @@ def require_current(stored: StoredDraws) -> None:
 
 def _is_current(kept: StoredScenario, scenario: Scenario) -> bool:
     """True where stored draws are of this version of a scenario and of its code."""
-    return kept["sha256"] == digest(scenario) and kept.get("code_sha256") == code(scenario)
+    return kept["sha256"] == digest(scenario) and kept.get("code_sha256") == code(
+        scenario
+    )
 
 
 def renew(
-    family: str, jobs: int, progress: bool = False,
+    family: str,
+    jobs: int,
+    progress: bool = False,
     also: Mapping[str, Collection[str]] | None = None,
-) -> StoredDraws:  # fmt: skip
-    """The family's draws, of which only those are made now that are outdated, or have not kept a
-    number that `also` names by scenario."""
+) -> StoredDraws:
+    """The family's draws, of which only those are made now that are outdated, or have
+    not kept a number that `also` names by scenario."""
     if not file_of(family).exists():
         return compute(family, jobs, progress, also=also)
     known = read(family)
     lacking = [
-        n for n, x in (also or {}).items() if not known["scenarios"][n]["units"].keys() >= set(x)
+        n
+        for n, x in (also or {}).items()
+        if not known["scenarios"][n]["units"].keys() >= set(x)
     ]
     old = {*outdated(known), *lacking}
     return compute(family, jobs, progress, known, old, also) if old else known
 
 
 def confirm(family: str, count: int, jobs: int) -> list[str]:
-    """Make the first `count` draws of each scenario whose draws are of other code, or whose file
-    has changed, and say that they are of this where all numbers come out equal (to ROUNDING); the
-    names of the scenarios where they do not: `renew` is for these."""
+    """Make the first `count` draws of each scenario whose draws are of other code, or
+    whose file has changed, and say that they are of this where all numbers come out
+    equal (to ROUNDING); the names of the scenarios where they do not: `renew` is for
+    these."""
     known, failed = read(family), []
     for name in outdated(known):
         scenario, kept = with_draws(family)[name], known["scenarios"].get(name)
         if kept is not None:
             again = draws(name, count, known["seed"], Options(), jobs).rows
-            if _alike([r.numbers for r in again], [r.numbers for r in kept["draws"][:count]]):
+            if _alike(
+                [r.numbers for r in again], [r.numbers for r in kept["draws"][:count]]
+            ):
                 kept["sha256"], kept["code_sha256"] = digest(scenario), code(scenario)
                 write(known)
                 continue
@@ -370,13 +431,20 @@ def confirm(family: str, count: int, jobs: int) -> list[str]:
 def provenance(stored: StoredDraws, fresh: bool) -> Provenance:
     """Which run the numbers of the draws are from."""
     file = "computed now" if fresh else paths.shown(file_of(stored["family"]))
-    return {"file": file, "date": stored["date"], "seed": stored["seed"],
-            "components_as": stored["components_as"], "versions": stored["versions"]}  # fmt: skip
+    return {
+        "file": file,
+        "date": stored["date"],
+        "seed": stored["seed"],
+        "components_as": stored["components_as"],
+        "versions": stored["versions"],
+    }
 
 
-def _alike(now: list[Mapping[str, float | None]], kept: list[Mapping[str, float | None]]) -> bool:
-    """True where all that is kept comes out again. A number that runs have since is not in the kept
-    draws, and whatever asks for it says so."""
+def _alike(
+    now: list[Mapping[str, float | None]], kept: list[Mapping[str, float | None]]
+) -> bool:
+    """True where all that is kept comes out again. A number that runs have since is not
+    in the kept draws, and whatever asks for it says so."""
     return len(now) == len(kept) and all(
         all(_equal(a.get(k), b[k]) for k in b) for a, b in zip(now, kept, strict=True)
     )
@@ -390,10 +458,12 @@ def _equal(a: float | None, b: float | None) -> bool:
 
 
 def main() -> int:
-    """`python -m desat.papers.stored [--verify N] [FAMILY ...]`: stamp stored draws that runs of
-    today's code reproduce."""
+    """`python -m desat.papers.stored [--verify N] [FAMILY ...]`: stamp stored draws
+    that runs of today's code reproduce."""
     parser = argparse.ArgumentParser(description=confirm.__doc__)
-    parser.add_argument("families", nargs="*", metavar="FAMILY", help="default: all with samples")
+    parser.add_argument(
+        "families", nargs="*", metavar="FAMILY", help="default: all with samples"
+    )
     parser.add_argument(
         "--verify", type=int, default=2, metavar="N", help="samples to compute again"
     )
@@ -402,9 +472,13 @@ def main() -> int:
     if given.verify < 1:
         parser.error("--verify: a whole number from 1 on is needed")
     wanted = given.families or [f for f in families() if with_draws(f)]
-    failed = [name for family in wanted for name in confirm(family, given.verify, given.jobs)]
+    failed = [
+        name for family in wanted for name in confirm(family, given.verify, given.jobs)
+    ]
     for name in failed:
-        print(f"{name}: its samples come out otherwise; not stamped, `make papers` renews them")
+        print(
+            f"{name}: its samples come out otherwise; not stamped, `make papers` renews them"
+        )
     return min(len(failed), 1)
 
 

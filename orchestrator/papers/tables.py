@@ -1,7 +1,7 @@
 """`desat tables FAMILY`: a paper's tables beside ours, computed by runs made now.
 
-A scenario with `draws` gives the median of so many draws instead; these are read from the file that
-`make papers` has stored (`stored.py`), or made now.
+A scenario with `draws` gives the median of so many draws instead; these are read from
+the file that `make papers` has stored (`stored.py`), or made now.
 """
 
 from __future__ import annotations
@@ -33,10 +33,12 @@ LARGEST = sys.float_info.max
 """The open end of a band in JSON."""
 
 
-def tables(family: str, *, jobs: int = 1, **options: Unpack[RunOptions]) -> list[PaperCell]:
-    """Run a family's scenarios and return the cells of its paper's tables: each the paper's value,
-    ours, unit and band. Medians of samples are the stored ones. `jobs` as for `draws`; `options`:
-    fields of `desat.Options`.
+def tables(
+    family: str, *, jobs: int = 1, **options: Unpack[RunOptions]
+) -> list[PaperCell]:
+    """Run a family's scenarios and return the cells of its paper's tables: each the
+    paper's value, ours, unit and band. Medians of samples are the stored ones. `jobs`
+    as for `draws`; `options`: fields of `desat.Options`.
 
     Raises DesatError for an unknown family, and RunError where a run does not complete.
     """
@@ -49,8 +51,9 @@ def rows(
 ) -> list[PaperCell]:
     """Run every scenario of a family that a paper's table has a cell for.
 
-    `drawn`: the draws of the scenarios that have some (`stored.read` or `stored.compute`); rows of
-    those that are not among them are left out, and `stored.outdated` names them.
+    `drawn`: the draws of the scenarios that have some (`stored.read` or
+    `stored.compute`); rows of those that are not among them are left out, and
+    `stored.outdated` names them.
     """
     given = {n: s for n, s in scenarios(family).items() if s.content.entries}
     if wrong := [
@@ -62,10 +65,16 @@ def rows(
     if not given:
         raise DesatError(f"{family}: no scenario has paper values")
     there = drawn["scenarios"] if drawn else {}
-    kept = {n: _pairs_of(s, there) for n, s in given.items() if s.content.samples and n in there}
+    kept = {
+        n: _pairs_of(s, there)
+        for n, s in given.items()
+        if s.content.samples and n in there
+    }
     given = {n: s for n, s in given.items() if not s.content.samples or n in kept}
     if not given:
-        raise DesatError(f"{family}: no samples; `desat tables {family} --fresh` makes them")
+        raise DesatError(
+            f"{family}: no samples; `desat tables {family} --fresh` makes them"
+        )
     values: dict[str, Numbers] = {
         n: {k: d.levels["median"] for k, d in kept[n]["summary"].items()} for n in kept
     }
@@ -77,14 +86,19 @@ def rows(
         key=lambda s: not any(e.values is not None for e in s.content.paper.values()),
     )
     made = [
-        row for s in ranked
+        row
+        for s in ranked
         for row in rows_of(s, values[s.name], values, kept.get(s.name))
-    ]  # fmt: skip
+    ]
     entries = (e for s in ranked for e in s.content.paper.values())
     quantities = list(dict.fromkeys((e.table, e.quantity) for e in entries))
     methods = list(dict.fromkeys(row.method for row in made))
     return sorted(
-        made, key=lambda r: (quantities.index((r.table, r.quantity)), methods.index(r.method))
+        made,
+        key=lambda r: (
+            quantities.index((r.table, r.quantity)),
+            methods.index(r.method),
+        ),
     )
 
 
@@ -92,15 +106,19 @@ def _references(given: Iterable[Scenario]) -> dict[str, Scenario]:
     """The scenarios without draws that numbers of these are compared with."""
     names = {
         f"{s.family}/{number.reference}"
-        for s in given for number in s.content.numbers.values() if number.reference
-    }  # fmt: skip
+        for s in given
+        for number in s.content.numbers.values()
+        if number.reference
+    }
     named = {name: find(name) for name in sorted(names)}
     return {n: s for n, s in named.items() if not s.content.samples}
 
 
-def _pairs_of(scenario: Scenario, drawn: Mapping[str, StoredScenario]) -> StoredScenario:
-    """The stored draws of a scenario, with what its numbers of form `difference` or `paired_ratio`
-    are draw by draw, and their summaries."""
+def _pairs_of(
+    scenario: Scenario, drawn: Mapping[str, StoredScenario]
+) -> StoredScenario:
+    """The stored draws of a scenario, with what its numbers of form `difference` or
+    `paired_ratio` are draw by draw, and their summaries."""
     own = drawn[scenario.name]
     summary, draws = dict(own["summary"]), [dict(row.numbers) for row in own["draws"]]
     for name, entry in scenario.content.numbers.items():
@@ -118,22 +136,29 @@ def _pairs_of(scenario: Scenario, drawn: Mapping[str, StoredScenario]) -> Stored
 
 
 def _single(given: list[Scenario], options: Options, jobs: int) -> dict[str, Numbers]:
-    """The numbers of a run of each scenario, of which little more is recorded than these need.
-    Raises RunError for one that does not complete."""
-    made = rows_of_runs([(s.name, options, 0, None) for s in given], jobs, "runs", progress=False)
+    """The numbers of a run of each scenario, of which little more is recorded than
+    these need. Raises RunError for one that does not complete."""
+    made = rows_of_runs(
+        [(s.name, options, 0, None) for s in given], jobs, "runs", progress=False
+    )
     for scenario, row in zip(given, made, strict=True):
         if not row.completed:
-            raise RunError(f"{scenario.name}: {row.status}: {row.message}", Exit(row.code))
+            raise RunError(
+                f"{scenario.name}: {row.status}: {row.message}", Exit(row.code)
+            )
     return {s.name: dict(row.numbers) for s, row in zip(given, made, strict=True)}
 
 
 def as_json(
     family: str, table: list[PaperCell], drawn: Provenance | None = None
 ) -> Mapping[str, Any]:
-    """What `--json` prints; where a band has no bound, the largest number that there is, for JSON
-    has no infinity, and null for a time that is not reached. `drawn`: which run the draws are from
-    (`stored.provenance`)."""
-    made = [asdict(replace(row, ours=None) if row.ours == math.inf else row) for row in table]
+    """What `--json` prints; where a band has no bound, the largest number that there
+    is, for JSON has no infinity, and null for a time that is not reached. `drawn`:
+    which run the draws are from (`stored.provenance`)."""
+    made = [
+        asdict(replace(row, ours=None) if row.ours == math.inf else row)
+        for row in table
+    ]
     for banded in (*made, *(row["draws"] for row in made if row["draws"])):
         if banded.get("band"):
             banded["band"] = [min(max(x, -LARGEST), LARGEST) for x in banded["band"]]
@@ -156,11 +181,15 @@ def texts_of(row: PaperCell) -> dict[str, str]:
         verdict = "not judged"
     if row.paper_within is False:
         verdict += "; paper outside"
-    kind = "tuned" if row.tuned else "out of sample" if row.out_of_sample else "in sample"
+    kind = (
+        "tuned" if row.tuned else "out of sample" if row.out_of_sample else "in sample"
+    )
     return {
         "method": row.method,
         "case": row.case,
-        "paper": "" if row.paper is None else _value(row.paper, _of_paper(row.paper), row.flag),
+        "paper": ""
+        if row.paper is None
+        else _value(row.paper, _of_paper(row.paper), row.flag),
         "ours": "" if row.ours is None else _value(row.ours, digits, row.flag),
         "difference": "" if row.flag else difference,
         "band": "" if row.band is None else _band(row, digits),
@@ -173,8 +202,18 @@ def texts_of(row: PaperCell) -> dict[str, str]:
     }
 
 
-COLUMNS = ("method", "case", "paper", "ours", "difference", "draws", "band", "verdict", "sample",
-           "remark")  # fmt: skip
+COLUMNS = (
+    "method",
+    "case",
+    "paper",
+    "ours",
+    "difference",
+    "draws",
+    "band",
+    "verdict",
+    "sample",
+    "remark",
+)
 NUMBERS = ("paper", "ours", "difference")
 
 
@@ -245,8 +284,8 @@ def groups(table: list[PaperCell]) -> list[tuple[str, list[PaperCell]]]:
 
 
 def definitions(given: Iterable[str]) -> list[str]:
-    """What the rows of a heading measure, each sentence once; those that differ in nothing but the
-    scenario that they compare with as one."""
+    """What the rows of a heading measure, each sentence once; those that differ in
+    nothing but the scenario that they compare with as one."""
     texts = dict.fromkeys(text for text in given if text)
     others: dict[str, list[str]] = {}
     for text in texts:
@@ -256,7 +295,9 @@ def definitions(given: Iterable[str]) -> list[str]:
         else:
             others[text] = []
     return [
-        f"{text}{', '.join(names)}{', row by row' * (len(names) > 1)})" if names else text
+        f"{text}{', '.join(names)}{', row by row' * (len(names) > 1)})"
+        if names
+        else text
         for text, names in others.items()
     ]
 
@@ -266,8 +307,9 @@ def summed_up(table: list[PaperCell]) -> str:
     n = count(table)
     lacking = (
         f" {n['not_judged']} rows cannot be tested by simulation; each gives the reason."
-        if n["not_judged"] else ""
-    )  # fmt: skip
+        if n["not_judged"]
+        else ""
+    )
     return (
         f"Of {n['banded']} values with a band, {n['within']} lie within it. {n['out_of_sample']} "
         "of them are out of sample, independent of our tuning: "
@@ -280,13 +322,19 @@ def summed_up(table: list[PaperCell]) -> str:
 
 def spelt(family: str, table: list[PaperCell]) -> str:
     """The abbreviations in the tables of a family, spelt out."""
-    texts = (x for row in table for x in (row.method, row.case, row.heading, row.remark))
+    texts = (
+        x for row in table for x in (row.method, row.case, row.heading, row.remark)
+    )
     return abbreviations(family, " ".join(texts))
 
 
 def origin(drawn: Provenance) -> str:
     """Where the numbers of draws are from, for people."""
-    how = "just now" if drawn["file"] == "computed now" else f"on {drawn['date']} ({drawn['file']})"
+    how = (
+        "just now"
+        if drawn["file"] == "computed now"
+        else f"on {drawn['date']} ({drawn['file']})"
+    )
     return f"computed {how} with seed {drawn['seed']} by {drawn['components_as']}"
 
 
@@ -310,7 +358,8 @@ def write_html(
         title=f"{family}: the paper's tables beside ours",
         lead=(
             f"{summed_up(table)} Every number of ours was computed by a run of the scenario when "
-            "this page was written" + (f", medians of samples {origin(drawn)}." if drawn else ".")
+            "this page was written"
+            + (f", medians of samples {origin(drawn)}." if drawn else ".")
         ),
         tables=pages,
         spelt=spelt(family, table),

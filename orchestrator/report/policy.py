@@ -1,4 +1,5 @@
-"""The Content Security Policy of a page: it runs only the scripts that we wrote into it."""
+"""The Content Security Policy of a page: it runs only the scripts that we wrote into
+it."""
 
 from __future__ import annotations
 
@@ -11,12 +12,14 @@ from markupsafe import Markup
 from ..system import discovery
 
 PLACEHOLDER = "POLICY-OF-THIS-PAGE"
-"""Stands in page.html where the policy goes: which scripts a page runs is known at its end."""
+"""Stands in page.html where the policy goes: which scripts a page runs is known at its
+end."""
 FIXED = (
     "default-src 'none'; style-src 'unsafe-inline'; img-src data:; base-uri 'none'; "
     "form-action 'none'; script-src"
 )
-"""The part of the policy that all pages share. Styles are inline, also as attributes of SVG."""
+"""The part of the policy that all pages share. Styles are inline, also as attributes of
+SVG."""
 
 
 def part(name: str) -> Markup:
@@ -29,8 +32,9 @@ def part(name: str) -> Markup:
 class PageScripts:
     """Write the script elements of one page, and collect their hashes for its policy.
 
-    The hash of a script enters the policy only when a template asks for that script by the
-    names of its parts, so a script that somebody's text brings into the page does not run.
+    The hash of a script enters the policy only when a template asks for that script by
+    the names of its parts, so a script that somebody's text brings into the page does
+    not run.
     """
 
     def __init__(self) -> None:
@@ -55,5 +59,7 @@ class PageScripts:
         """
         before, found, after = page.partition(PLACEHOLDER)
         if not found:
-            raise ValueError("a page without a policy: its template has to extend page.html")
+            raise ValueError(
+                "a page without a policy: its template has to extend page.html"
+            )
         return f"{before}{' '.join([FIXED, *self._sources])}{after}"

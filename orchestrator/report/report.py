@@ -60,14 +60,23 @@ def write_report(folder: Path, run: Run, baseline: Run | None = None) -> Path:
     """Write report.html of a run into its folder and return its path."""
     manifest = run.manifest
     about = manifest.content
-    runs = [(label_of(r.manifest), r.results, r.manifest.parameters) for r in (run, baseline) if r]
+    runs = [
+        (label_of(r.manifest), r.results, r.manifest.parameters)
+        for r in (run, baseline)
+        if r
+    ]
     plots = about.plots if "plots" in about.written else _default(run.results)
-    drawn = management.figures(manifest, run.results) if manifest.parts.get(management.KEY) else []
+    drawn = (
+        management.figures(manifest, run.results)
+        if manifest.parts.get(management.KEY)
+        else []
+    )
     lead = max(1, len(drawn) + bool(manifest.verdicts))
     drawn += [
         (plot.title, figure)
-        for plot in _deciding_first(plots, manifest) if (figure := series_figure(plot, runs))
-    ]  # fmt: skip
+        for plot in _deciding_first(plots, manifest)
+        if (figure := series_figure(plot, runs))
+    ]
     for analysis in analyses():
         if analysis.KEY != management.KEY:
             drawn += analysis.figures(manifest, run.results)
@@ -95,7 +104,9 @@ def write_report(folder: Path, run: Run, baseline: Run | None = None) -> Path:
         **figures_of(drawn),
         number=number,
         unit=spell_unit,
-        value=lambda v: ", ".join(number(x) for x in v) if isinstance(v, list) else number(v),
+        value=lambda v: (
+            ", ".join(number(x) for x in v) if isinstance(v, list) else number(v)
+        ),
     )
     return write_page(folder / REPORT, text)
 
@@ -114,7 +125,8 @@ def _law(manifest: Manifest) -> str:
 
 
 def _answer(manifest: Manifest) -> str:
-    """The sentence that says how a run stands to what is required of it; empty where nothing is."""
+    """The sentence that says how a run stands to what is required of it; empty where
+    nothing is."""
     told = manifest.verdicts
     if not told:
         return ""
@@ -122,7 +134,8 @@ def _answer(manifest: Manifest) -> str:
     if broken:
         return f"{len(broken)} of {len(told)} requirements not met: {', '.join(broken)}"
     least = min(
-        ((v.margin, name) for name, v in told.items() if v.margin is not None), default=None
+        ((v.margin, name) for name, v in told.items() if v.margin is not None),
+        default=None,
     )
     margin = f"; least margin {100.0 * least[0]:.3g} % ({least[1]})" if least else ""
     if count := len(manifest.unmet):
@@ -132,8 +145,9 @@ def _answer(manifest: Manifest) -> str:
 
 
 def _deciding_first(plots: Mapping[str, Plot], manifest: Manifest) -> list[Plot]:
-    """Plots in their order, but first the one that shows most of what the requirement is made of
-    that is nearest to its limit, or furthest beyond; of several the one of its name."""
+    """Plots in their order, but first the one that shows most of what the requirement
+    is made of that is nearest to its limit, or furthest beyond; of several the one of
+    its name."""
     if not manifest.verdicts:
         return [*plots.values()]
     tightest, verdict = min(
@@ -144,15 +158,18 @@ def _deciding_first(plots: Mapping[str, Plot], manifest: Manifest) -> list[Plot]
     wanted = set(number.signals) if number else set()
 
     def weight(name: str) -> tuple[int, bool]:
-        return len(wanted & set(plots[name].signals)), name in (tightest, verdict.number)
+        return len(wanted & set(plots[name].signals)), name in (
+            tightest,
+            verdict.number,
+        )
 
     deciding = max(plots, key=weight, default="")
     return [plots[name] for name in sorted(plots, key=lambda name: name != deciding)]
 
 
 def figures_of(drawn: Sequence[tuple[str, Figure]]) -> dict[str, Any]:
-    """What a page that includes `figures.html` needs: its `figures` with captions, and of those
-    that its script draws data, the styles of uPlot and its licence."""
+    """What a page that includes `figures.html` needs: its `figures` with captions, and
+    of those that its script draws data, the styles of uPlot and its licence."""
     figures = [Drawn(i, c, Markup(figure.svg())) for i, (c, figure) in enumerate(drawn)]
     told = interactive.data_of([figure for _, figure in drawn])
     if not any(told["plots"]):

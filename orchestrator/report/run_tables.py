@@ -42,7 +42,9 @@ def tabulate_numbers(
     rows: list[Row] = []
     for name, value in manifest.numbers.items():
         is_related = has_references and value.reference
-        title = Cell(value.label, note=f"against {value.reference}" if is_related else "")
+        title = Cell(
+            value.label, note=f"against {value.reference}" if is_related else ""
+        )
         row = [title, *(_number(m, name) for m in manifests), value.unit]
         rows.append([*row, required.get(name)] if required else row)
     for name, why in manifest.not_checked.items():
@@ -63,7 +65,11 @@ def _required(manifest: Manifest) -> dict[str, Cell]:
     texts: dict[str, list[str]] = {}
     limits: dict[str, list[float]] = {}
     for v in manifest.verdicts.values():
-        margin = "" if v.margin is None or not v.met else f" (margin {100.0 * v.margin:.3g} %)"
+        margin = (
+            ""
+            if v.margin is None or not v.met
+            else f" (margin {100.0 * v.margin:.3g} %)"
+        )
         text = f"{_limits_text(v)}: {'met' if v.met else 'NOT MET'}{margin}"
         texts.setdefault(v.number, []).append(text)
         limits.setdefault(v.number, []).extend(x for _, x in v.bounds)

@@ -1,8 +1,9 @@
 """Tables of results: rows are made once, and shown on a terminal or on a page.
 
-`print_table` (`cli/console.py`) prints a table and the macro of `templates/table.html` renders it,
-both from `Table.headings` and `Table.cells`. Within a table a quantity has one unit. What `--json`
-prints is made of the results themselves, whose units stay as they are.
+`print_table` (`cli/console.py`) prints a table and the macro of `templates/table.html`
+renders it, both from `Table.headings` and `Table.cells`. Within a table a quantity has
+one unit. What `--json` prints is made of the results themselves, whose units stay as
+they are.
 """
 
 from __future__ import annotations
@@ -142,11 +143,14 @@ class Table:
         """Return the unit of a column's number in a row."""
         if column.unit != ROW_UNIT:
             return column.unit
-        units = [cell for c, cell in zip(self.columns, row, strict=True) if c.kind == "unit"]
+        units = [
+            cell for c, cell in zip(self.columns, row, strict=True) if c.kind == "unit"
+        ]
         return units[0] if units and isinstance(units[0], str) else ""
 
     def _scales(self) -> Mapping[str, tuple[str, float]]:
-        """Return the unit in which each unit of the table is shown, and the factor to it."""
+        """Return the unit in which each unit of the table is shown, and the factor to
+        it."""
         if self.scales is not None:
             return self.scales
         sizes: dict[str, float] = {}
@@ -180,11 +184,14 @@ def _cell(given: str | float | Cell | None) -> Cell:
 
 
 def _suitable_unit(si: str, size: float) -> str:
-    """Return the largest unit in which a size (SI) is 1 or more; the smallest if there is none."""
+    """Return the largest unit in which a size (SI) is 1 or more; the smallest if there
+    is none."""
     if size == 0.0:
         return si
     units = SCALES[si]
-    return next((unit for unit, factor in units.items() if size >= factor), [*units][-1])
+    return next(
+        (unit for unit, factor in units.items() if size >= factor), [*units][-1]
+    )
 
 
 def _heading(column: Column, scales: Mapping[str, tuple[str, float]]) -> str:
@@ -205,7 +212,9 @@ def _shown(
     cell = _cell(given)
     factor = scales[unit][1] if unit in scales else None
     if cell.numbers:
-        text = str(cell.value).format(*(_format(x, column.form, factor) for x in cell.numbers))
+        text = str(cell.value).format(
+            *(_format(x, column.form, factor) for x in cell.numbers)
+        )
     else:
         text = _format(cell.value, column.form, factor)
     if cell.note:

@@ -1,9 +1,10 @@
-"""The families of scenarios as `desat list` shows them, and what is wrong with their files.
+"""The families of scenarios as `desat list` shows them, and what is wrong with their
+files.
 
-To find that out, every scenario is read, held against the language and, where a family is asked
-for, against its system, which takes seconds. What was found is kept in the user's cache for as long
-as the family's files and our code are the same, so that nothing but this file and JSON is read
-then.
+To find that out, every scenario is read, held against the language and, where a family
+is asked for, against its system, which takes seconds. What was found is kept in the
+user's cache for as long as the family's files and our code are the same, so that
+nothing but this file and JSON is read then.
 """
 
 from __future__ import annotations
@@ -23,8 +24,8 @@ from ..system.errors import DesatError, require
 
 @dataclass(frozen=True)
 class Family:
-    """A family: the line about it, its sound scenarios (name -> title), and what is wrong with the
-    others, a line each."""
+    """A family: the line about it, its sound scenarios (name -> title), and what is
+    wrong with the others, a line each."""
 
     name: str
     title: str
@@ -38,8 +39,8 @@ def families() -> list[str]:
 
 
 def family(name: str, of_systems: bool = True) -> Family:
-    """A family; with `of_systems` False what is wrong is said as far as files say it alone, unless
-    all is known. Raises DesatError where there is none."""
+    """A family; with `of_systems` False what is wrong is said as far as files say it
+    alone, unless all is known. Raises DesatError where there is none."""
     require(name, families(), "no family")
     digest, kept = _digest(name), _file(name)
     with suppress(OSError, ValueError, KeyError, TypeError):
@@ -47,7 +48,10 @@ def family(name: str, of_systems: bool = True) -> Family:
         if known.pop("digest") == digest and known.pop("of_systems") >= of_systems:
             return Family(**known)
     if of_systems and sys.stderr.isatty():
-        print(f"reading the scenarios of {name}, for they or desat have changed", file=sys.stderr)
+        print(
+            f"reading the scenarios of {name}, for they or desat have changed",
+            file=sys.stderr,
+        )
     made = _load(name, of_systems)
     with suppress(OSError):  # no cache is no harm
         kept.parent.mkdir(parents=True, exist_ok=True)
@@ -64,7 +68,9 @@ def of_folder(folder: Path) -> Family:
 
     titles: dict[str, str] = {}
     problems = []
-    for file in sorted(folder.glob("*.toml"), key=lambda p: (p.name != paths.NOMINAL, p.name)):
+    for file in sorted(
+        folder.glob("*.toml"), key=lambda p: (p.name != paths.NOMINAL, p.name)
+    ):
         if file.name.endswith(craft.FILE):
             continue
         name = str(folder) if file.name == paths.NOMINAL else str(file)
@@ -82,7 +88,8 @@ def _load(name: str, of_systems: bool) -> Family:
     if of_systems:
         from .explain import readable
 
-        # an installation's own scenarios are sound; their systems need the FMUs, which take long
+        # an installation's own scenarios are sound; their systems need the FMUs, which
+        # take long
         good, lines = readable(name, of_systems=not paths.INSTALLED)
     titles = {n: s.content.title for n, s in good.items()}
     return Family(name, scenario.summary(name), titles, lines)
@@ -98,7 +105,9 @@ def _digest(name: str) -> str:
     """Of the contents of a family's files, and of which files our code is."""
     made = hashlib.sha256(f"{sys.version}".encode())
     folder = paths.SCENARIOS / name
-    for path in sorted(p for p in folder.rglob("*") if p.suffix in (".toml", ".ssd", ".fmu")):
+    for path in sorted(
+        p for p in folder.rglob("*") if p.suffix in (".toml", ".ssd", ".fmu")
+    ):
         made.update(os.fsencode(f"\0{path.relative_to(folder)}\0") + path.read_bytes())
     made.update(_code())
     return made.hexdigest()
@@ -112,7 +121,9 @@ def _code() -> bytes:
     beside = [paths.PACKAGE.parent / "components", paths.PACKAGE.parent / "fmus"]
     for root in (paths.PACKAGE, *(() if paths.INSTALLED else beside)):
         for folder, folders, files in os.walk(root):
-            folders[:] = sorted(f for f in folders if f not in ("__pycache__", "dist", "ssp"))
+            folders[:] = sorted(
+                f for f in folders if f not in ("__pycache__", "dist", "ssp")
+            )
             for file in sorted(f for f in files if f.endswith(".py")):
                 path = os.path.join(folder, file)
                 stat = os.stat(path)

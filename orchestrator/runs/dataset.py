@@ -1,10 +1,11 @@
 """Results as xarray data sets, read when they are looked at.
 
-Of a run: a variable `component.variable` each, over `time`, t_k. What holds from t_k on until the
-next step, as a measured or a commanded value, has no value at the last t_k: nan there. Means and
-slopes over steps are over `interval`, the middles of the steps. Elements are over `axis` (x, y, z),
-`quaternion`, `wheel`, `coil`, `nozzle`, which series share. Units, frames, descriptions and choices
-are attributes; scenario, epoch, versions those of the set.
+Of a run: a variable `component.variable` each, over `time`, t_k. What holds from t_k on
+until the next step, as a measured or a commanded value, has no value at the last t_k:
+nan there. Means and slopes over steps are over `interval`, the middles of the steps.
+Elements are over `axis` (x, y, z), `quaternion`, `wheel`, `coil`, `nozzle`, which
+series share. Units, frames, descriptions and choices are attributes; scenario, epoch,
+versions those of the set.
 """
 
 from __future__ import annotations
@@ -29,7 +30,9 @@ FRAMES = ("body", "eci", "lvlh")
 class Lazy(BackendArray):
     """An array that is read where it is indexed."""
 
-    def __init__(self, shape: tuple[int, ...], dtype: Any, read: Callable[[Any], Any]) -> None:
+    def __init__(
+        self, shape: tuple[int, ...], dtype: Any, read: Callable[[Any], Any]
+    ) -> None:
         self.shape, self.dtype, self._read = shape, np.dtype(dtype), read
 
     def __getitem__(self, key: Any) -> Any:
@@ -37,7 +40,9 @@ class Lazy(BackendArray):
             key, self.shape, indexing.IndexingSupport.BASIC, self._read
         )
 
-    def variable(self, dims: tuple[str, ...], attributes: dict[str, Any]) -> xr.Variable:
+    def variable(
+        self, dims: tuple[str, ...], attributes: dict[str, Any]
+    ) -> xr.Variable:
         """It as a variable of a data set."""
         return xr.Variable(dims, indexing.LazilyIndexedArray(self), attributes)
 
@@ -46,12 +51,16 @@ def of_results(manifest: Manifest, results: Results) -> xr.Dataset:
     """The series of a run, read when they are looked at."""
     times = results.times()
     sizes: dict[str, int] = {}
-    coordinates: dict[str, Any] = {"time": ("time", times, {"units": "s", "long_name": "time t_k"})}
+    coordinates: dict[str, Any] = {
+        "time": ("time", times, {"units": "s", "long_name": "time t_k"})
+    }
     variables: dict[str, xr.Variable] = {}
     for name in results.names():
         dims, labels = dims_of(name, results.values(name, slice(0, 1)).shape[1:])
         if dims and sizes.setdefault(dims[0], len(labels)) != len(labels):
-            dims = (f"{name}.element",)  # as of a foreign FMU with another number of wheels
+            dims = (
+                f"{name}.element",
+            )  # as of a foreign FMU with another number of wheels
         if dims:
             coordinates[dims[0]] = (dims[0], labels)
         lazy, along = _series(results, name, len(times))
@@ -63,16 +72,17 @@ def of_results(manifest: Manifest, results: Results) -> xr.Dataset:
             coordinates["interval"] = ("interval", middle, told)
         variables[name] = lazy.variable((along, *dims), _attributes(results, name))
     told = {
-        **attributes(manifest), "status": manifest.status,
+        **attributes(manifest),
+        "status": manifest.status,
         "numbers": json.dumps(manifest.to_json()["numbers"]),
         "manifest": json.dumps(manifest.to_json()),
-    }  # fmt: skip
+    }
     return xr.Dataset(variables, coordinates, told)
 
 
 def dims_of(name: str, shape: tuple[int, ...]) -> tuple[tuple[str, ...], Sequence[Any]]:
-    """The dimension of a series' elements, which all series of its kind share, and its labels: x, y
-    and z of vectors, numbers of wheels, coils and nozzles."""
+    """The dimension of a series' elements, which all series of its kind share, and its
+    labels: x, y and z of vectors, numbers of wheels, coils and nozzles."""
     if not shape:
         return (), ()
     (count,) = shape
@@ -93,8 +103,8 @@ def is_mean(name: str) -> bool:
 
 
 def _series(results: Results, name: str, length: int) -> tuple[Lazy, str]:
-    """A series of `length` rows over `time`, the last of which is not a number where it holds until
-    the next; or over `interval`, with as many rows as there are steps."""
+    """A series of `length` rows over `time`, the last of which is not a number where it
+    holds until the next; or over `interval`, with as many rows as there are steps."""
     first = results.values(name, slice(0, 1))
     rows = results.count(name)
     along = "interval" if is_mean(name) and rows < length else "time"
@@ -104,7 +114,9 @@ def _series(results: Results, name: str, length: int) -> tuple[Lazy, str]:
     shape = (length, *first.shape[1:])
 
     def until(begin: int, end: int) -> Any:
-        values = results.values(name, slice(begin, min(end, rows))).astype(dtype, copy=False)
+        values = results.values(name, slice(begin, min(end, rows))).astype(
+            dtype, copy=False
+        )
         lacking = max(end - max(begin, rows), 0)
         blank = np.full((lacking, *values.shape[1:]), np.nan)
         return np.concatenate([values, blank.astype(dtype)]) if lacking else values
@@ -125,8 +137,9 @@ def _series(results: Results, name: str, length: int) -> tuple[Lazy, str]:
 def _attributes(results: Results, name: str) -> dict[str, Any]:
     choices = results.choices(name)
     told = {
-        "units": results.attribute(name, "unit"), "frame": results.attribute(name, "frame"),
+        "units": results.attribute(name, "unit"),
+        "frame": results.attribute(name, "frame"),
         "long_name": results.attribute(name, "description"),
         "class": results.attribute(name, "class"),
-    }  # fmt: skip
+    }
     return told | ({"choices": list(choices)} if choices else {})

@@ -25,9 +25,10 @@ from . import validation
 
 def readable(
     family: str | None, of_systems: bool = True
-) -> tuple[dict[str, Scenario], list[str]]:  # fmt: skip
-    """The scenarios that are right, and what is wrong with the others, one line each; `of_systems`
-    False: as far as their files say without the system that they describe."""
+) -> tuple[dict[str, Scenario], list[str]]:
+    """The scenarios that are right, and what is wrong with the others, one line each;
+    `of_systems` False: as far as their files say without the system that they
+    describe."""
     good, lines = scenario.readable(family)
     for name in list(good):
         wrong = _design(good[name])
@@ -67,30 +68,55 @@ def _tables() -> JsonObject:
     from ..language import paper as p
     from ..language import scenario as l
 
-    return {"scenario": l.ScenarioFile, "number": l.Number, "plot": l.Plot, "limit": l.LimitLine,
-            "paper": p.PaperRow, "of_number": p.OfNumber, "share": p.ShareOfDraws,
-            "tuning": p.Tuning, "dispersion": l.Dispersion, "requirement": l.Requirement,
-            "axis": l.Cell, "design": l.Design, "stop_when": l.StopWhen}  # fmt: skip
+    return {
+        "scenario": l.ScenarioFile,
+        "number": l.Number,
+        "plot": l.Plot,
+        "limit": l.LimitLine,
+        "paper": p.PaperRow,
+        "of_number": p.OfNumber,
+        "share": p.ShareOfDraws,
+        "tuning": p.Tuning,
+        "dispersion": l.Dispersion,
+        "requirement": l.Requirement,
+        "axis": l.Cell,
+        "design": l.Design,
+        "stop_when": l.StopWhen,
+    }
 
 
 def keys(what: str | None) -> list[dict[str, str]]:
-    """The keys of a table of the language, or of all. Raises DesatError where there is none."""
+    """The keys of a table of the language, or of all. Raises DesatError where there is
+    none."""
     from ..language.kinds import declared
 
     tables = _tables()
     if what is not None and what not in tables:
         raise DesatError(f"no table {what}{nearest(what, tables)}")
     return [
-        {"table": name, "key": field.alias or key, "type": _type(field.annotation),
-         "unit": of[key].unit, "what": field.description or ""}
-        for name, table in tables.items() if what in (None, name) for of in (declared(table),)
+        {
+            "table": name,
+            "key": field.alias or key,
+            "type": _type(field.annotation),
+            "unit": of[key].unit,
+            "what": field.description or "",
+        }
+        for name, table in tables.items()
+        if what in (None, name)
+        for of in (declared(table),)
         for key, field in table.model_fields.items()
-    ]  # fmt: skip
+    ]
 
 
 def _type(annotation: Any) -> str:
     """A type as a reader says it."""
-    plain = {float: "number", int: "whole number", str: "text", bool: "true or false", Any: "value"}
+    plain = {
+        float: "number",
+        int: "whole number",
+        str: "text",
+        bool: "true or false",
+        Any: "value",
+    }
     if annotation in plain:
         return plain[annotation]
     kind, inner = get_origin(annotation), get_args(annotation)
@@ -119,8 +145,16 @@ def page() -> str:
     lines[-1] += 'reference.md, "Add a scenario".'
     for name in _tables():
         lines += ["", f"## {name}", "", "| key | type | unit | |", "|---|---|---|---|"]
-        lines += [_row(f"`{r['key']}`", r["type"], r["unit"], r["what"]) for r in keys(name)]
-    lines += ["", "## measures", "", "| measure | series | options | |", "|---|---|---|---|"]
+        lines += [
+            _row(f"`{r['key']}`", r["type"], r["unit"], r["what"]) for r in keys(name)
+        ]
+    lines += [
+        "",
+        "## measures",
+        "",
+        "| measure | series | options | |",
+        "|---|---|---|---|",
+    ]
     lines += [_row(f"`{r['measure']}`", *list(r.values())[1:]) for r in measures()]
     return "\n".join(lines) + "\n"
 
@@ -140,24 +174,38 @@ def measures() -> list[dict[str, str]]:
     rows = []
     for name in sorted(MEASURES):
         series, options, _ = options_of(name)
-        texts = [o if d is inspect.Parameter.empty else f"{o} = {d}" for o, d in options.items()]
+        texts = [
+            o if d is inspect.Parameter.empty else f"{o} = {d}"
+            for o, d in options.items()
+        ]
         what = " ".join((MEASURES[name].__doc__ or "").split())
         what += " If never, it is not reached." if name in LATE else ""
-        rows.append({"measure": name, "series": ", ".join(series), "options": ", ".join(texts),
-                     "what": what})  # fmt: skip
+        rows.append(
+            {
+                "measure": name,
+                "series": ", ".join(series),
+                "options": ", ".join(texts),
+                "what": what,
+            }
+        )
     return rows
 
 
 def show(name: str) -> list[JsonObject]:
-    """Every value of a scenario as merged, and the file, axis cell or design it comes from."""
+    """Every value of a scenario as merged, and the file, axis cell or design it comes
+    from."""
     nominal = Path(name) / paths.NOMINAL
     given = nominal if nominal.is_file() else Path(name)
     whole = scenario.own(given) if given.suffix == ".toml" else scenario.find(name)
     rows = [
-        {"key": ".".join(path), "value": value, "from": whole.origin_of(path)[0],
-         "cell": origin(whole.origins, path)[1].rstrip(".")}
+        {
+            "key": ".".join(path),
+            "value": value,
+            "from": whole.origin_of(path)[0],
+            "cell": origin(whole.origins, path)[1].rstrip("."),
+        }
         for path, value in _leaves(whole.content.data)
-    ]  # fmt: skip
+    ]
     if whole.design is not None and whole.design.exists():
         own = {row["key"] for row in rows}
         file = whole.design.relative_to(scenario.ROOT.parent).as_posix()
@@ -171,7 +219,7 @@ def show(name: str) -> list[JsonObject]:
 
 def _leaves(
     value: Any, path: tuple[str, ...] = ()
-) -> Iterator[tuple[tuple[str, ...], Any]]:  # fmt: skip
+) -> Iterator[tuple[tuple[str, ...], Any]]:
     if isinstance(value, dict) and value:
         for key, inner in value.items():
             yield from _leaves(inner, (*path, key))
@@ -184,8 +232,8 @@ def _plain(value: Any) -> Any:
 
 
 def blocks(what: str | None) -> tuple[str, list[dict[str, str]]]:
-    """A text for people and rows: all blocks, those of a role, or the variables of one. Raises
-    DesatError for what is neither."""
+    """A text for people and rows: all blocks, those of a role, or the variables of one.
+    Raises DesatError for what is neither."""
     known = {name: interface_of_block(name) for name in registry.names()}
     if what in known:
         assert what is not None
@@ -195,19 +243,26 @@ def blocks(what: str | None) -> tuple[str, list[dict[str, str]]]:
             for name in dict.fromkeys(s.array for s in interface.of(kind)):
                 elements = interface.elements.get(name, ())
                 first = elements[0]
-                rows.append({
-                    "name": name + (f" ({len(elements)})" if len(elements) > 1 else ""),
-                    "kind": kind, "unit": first.unit_name or "1",
-                    "start": _start(elements) if kind != "output" else "",
-                    "allowed": ", ".join(first.choices) or _bounds(first),
-                    "usually": first.follows, "needed by": ", ".join(first.needed_by),
-                    "meaning": first.description,
-                })  # fmt: skip
+                rows.append(
+                    {
+                        "name": name
+                        + (f" ({len(elements)})" if len(elements) > 1 else ""),
+                        "kind": kind,
+                        "unit": first.unit_name or "1",
+                        "start": _start(elements) if kind != "output" else "",
+                        "allowed": ", ".join(first.choices) or _bounds(first),
+                        "usually": first.follows,
+                        "needed by": ", ".join(first.needed_by),
+                        "meaning": first.description,
+                    }
+                )
         block = registry.block_class(what)
         return "\n\n".join(filter(None, (inspect.getdoc(block), _laws(block)))), rows
     roles = sorted({i.role for i in known.values()})
     if what is not None and what not in roles:
-        raise DesatError(f"{what}: no block and no role{nearest(what, [*known, *roles])}")
+        raise DesatError(
+            f"{what}: no block and no role{nearest(what, [*known, *roles])}"
+        )
     return "", [
         {"role": i.role, "block": name, "title": i.title}
         for name, i in sorted(known.items(), key=lambda x: (x[1].role, x[0]))
@@ -230,12 +285,22 @@ def _laws(block: type[Block]) -> str:
 
 def _start(elements: Sequence[Signal]) -> str:
     values = [s.named(s.start) for s in elements]
-    text = str(values[0]) if len(set(map(str, values))) == 1 else ", ".join(map(str, values))
+    text = (
+        str(values[0])
+        if len(set(map(str, values))) == 1
+        else ", ".join(map(str, values))
+    )
     return text if len(text) <= 40 else f"{text[:39]}…"
 
 
 def _bounds(signal: Signal) -> str:
     low, high = signal.minimum, signal.maximum
-    return " ".join(filter(None, (
-        "" if low is None else f">= {low:g}", "" if high is None else f"<= {high:g}",
-    )))  # fmt: skip
+    return " ".join(
+        filter(
+            None,
+            (
+                "" if low is None else f">= {low:g}",
+                "" if high is None else f"<= {high:g}",
+            ),
+        )
+    )

@@ -1,4 +1,5 @@
-"""A run's numbers, its manifest as a file, and whether a run that goes on is what it was."""
+"""A run's numbers, its manifest as a file, and whether a run that goes on is what it
+was."""
 
 from __future__ import annotations
 
@@ -28,20 +29,25 @@ _ROOM = 64_000
 
 
 def attributes(manifest: Manifest) -> dict[str, str]:
-    """What of a manifest its series say themselves: scenario, title, UTC of t = 0 (empty where no
-    component has an epoch), versions (JSON)."""
-    epochs = [p["epoch_j2000"].value for p in manifest.parameters.values() if "epoch_j2000" in p]
+    """What of a manifest its series say themselves: scenario, title, UTC of t = 0
+    (empty where no component has an epoch), versions (JSON)."""
+    epochs = [
+        p["epoch_j2000"].value
+        for p in manifest.parameters.values()
+        if "epoch_j2000" in p
+    ]
     return {
-        "scenario": manifest.scenario, "title": manifest.about.get("title", ""),
+        "scenario": manifest.scenario,
+        "title": manifest.about.get("title", ""),
         "epoch": (J2000 + timedelta(seconds=epochs[0])).isoformat() if epochs else "",
         "versions": json.dumps(manifest.versions),
-    }  # fmt: skip
+    }
 
 
 def resumed(now: Manifest, before: JsonObject, folder: str, again: str) -> Manifest:
-    """The manifest of a run that goes on, which is the one that it had. Raises DesatError where
-    the target, its wiring, an FMU, a package or this machine is not what it was, or where that
-    cannot be told; `again`: the command that begins anew."""
+    """The manifest of a run that goes on, which is the one that it had. Raises
+    DesatError where the target, its wiring, an FMU, a package or this machine is not
+    what it was, or where that cannot be told; `again`: the command that begins anew."""
     if not comparable(before.get("digest", "")):
         raise DesatError(
             f"{folder}: it cannot go on: the desat that it began with kept no digest "
@@ -54,15 +60,18 @@ def resumed(now: Manifest, before: JsonObject, folder: str, again: str) -> Manif
                 names = sorted(was.keys() | is_now.keys())
                 name = next(n for n in names if was.get(n) != is_now.get(n))
                 key, was, is_now = f"{key}.{name}", was.get(name), is_now.get(name)
-            raise DesatError(f"{folder}: it cannot go on with the same bits: {key} was {was}, and "
-                             f"is {is_now}")  # fmt: skip
+            raise DesatError(
+                f"{folder}: it cannot go on with the same bits: {key} was {was}, and "
+                f"is {is_now}"
+            )
     return Manifest.from_json(before)
 
 
 def numbers(content: Content, results: Results, parameters: Table) -> dict[str, Value]:
     """The scenario's numbers that need no other run, where their series are recorded.
 
-    `value` is None, and shown as "not reached", where the run does not reach a number's window.
+    `value` is None, and shown as "not reached", where the run does not reach a number's
+    window.
     """
     rows: dict[str, Value] = {}
     known, end = set(results.names()), results.times()[-1:].tolist()
@@ -80,15 +89,20 @@ def numbers(content: Content, results: Results, parameters: Table) -> dict[str, 
 def unrecorded(content: Content, results: Results) -> dict[str, str]:
     """Why a scenario's number could not be made of what was recorded, by its name."""
     known = set(results.names())
-    lacking = {name: [s for s in number.signals if s not in known]
-               for name, number in content.numbers.items()}  # fmt: skip
+    lacking = {
+        name: [s for s in number.signals if s not in known]
+        for name, number in content.numbers.items()
+    }
     return {
-        name: f"not recorded: {', '.join(dict.fromkeys(x))}" for name, x in lacking.items() if x
+        name: f"not recorded: {', '.join(dict.fromkeys(x))}"
+        for name, x in lacking.items()
+        if x
     }
 
 
 def related_to(manifest: Manifest, others: Mapping[str, Manifest]) -> Manifest:
-    """With the numbers that compare a run with others (by scenario name, without the family)."""
+    """With the numbers that compare a run with others (by scenario name, without the
+    family)."""
     made = dict(manifest.numbers)
     for name, number in manifest.content.numbers.items():
         other, of = others.get(number.reference), number.of
@@ -107,14 +121,19 @@ def write_json(path: Path, data: Any) -> None:
 def begin_manifest(folder: Path, manifest: Manifest) -> None:
     """Write the manifest of a run that is under way, with room for that of its end."""
     replace_text(
-        folder / f"{MANIFEST}.part", json.dumps(manifest.to_json(), indent=1) + _ROOM * " "
+        folder / f"{MANIFEST}.part",
+        json.dumps(manifest.to_json(), indent=1) + _ROOM * " ",
     )
     (folder / MANIFEST).unlink(missing_ok=True)  # of a run that was ended
 
 
 def end_manifest(folder: Path, manifest: Manifest) -> None:
-    """Write the manifest of a run that is over; where the disk is full, into the room it has."""
-    part, text = folder / f"{MANIFEST}.part", json.dumps(manifest.to_json(), indent=1).encode()
+    """Write the manifest of a run that is over; where the disk is full, into the room
+    it has."""
+    part, text = (
+        folder / f"{MANIFEST}.part",
+        json.dumps(manifest.to_json(), indent=1).encode(),
+    )
     try:
         write_json(folder / MANIFEST, manifest.to_json())
     except OSError:

@@ -32,4 +32,6 @@ def _pages() -> dict[str, Path]:
 def _title(path: Path) -> str:
     """A page's first heading."""
     lines = path.read_text(encoding="utf-8").splitlines()
-    return next((line.removeprefix("# ") for line in lines if line.startswith("# ")), path.stem)
+    return next(
+        (line.removeprefix("# ") for line in lines if line.startswith("# ")), path.stem
+    )

@@ -60,16 +60,19 @@ class Case:
     manifest: Manifest | None = None
     """Its manifest before it runs, where that is known from another case (`varied`)."""
     spare: MasterPool | None = None
-    """Whose master it may run with, where there are others that differ in values alone."""
+    """Whose master it may run with, where there are others that differ in values alone.
+    """
 
     def or_raise(self) -> tuple[System, Schedule]:
-        """The system and its schedule; raises DesatError with every problem, a line each."""
+        """The system and its schedule; raises DesatError with every problem, a line
+        each."""
         return self.checked.or_raise()
 
 
 @dataclass(frozen=True)
 class Target:
-    """A target as it is read, before options change it: what many cases of it have in common."""
+    """A target as it is read, before options change it: what many cases of it have in
+    common."""
 
     text: str
     scenario: Scenario | None
@@ -80,7 +83,8 @@ class Target:
     """Of options without values: the first case that was prepared."""
 
     def builder(self, options: Options = DEFAULT) -> Builder:
-        """Begin its system on bare blocks or FMUs, without its design where the options name one.
+        """Begin its system on bare blocks or FMUs, without its design where the options
+        name one.
 
         Raises
         ------
@@ -98,14 +102,17 @@ class Target:
         return Builder(first, options.blocks, options.fmus).add(*others)
 
     def to_draw(self, blocks: bool) -> Builder:
-        """Return its system to draw values for. Raises DesatError where something is wrong."""
+        """Return its system to draw values for. Raises DesatError where something is
+        wrong."""
         if blocks not in self._to_draw:
             builder = self.builder(Options(blocks=blocks))
             given = self.scenario or _packed_scenario(builder)
             if given is not None and not builder.problems:
                 found = validation.content_problems(given.content, builder.components)
                 builder.problems += [
-                    f"{given.where(path)}: {text}" for path, text in found if "dispersions" in path
+                    f"{given.where(path)}: {text}"
+                    for path, text in found
+                    if "dispersions" in path
                 ]
             if builder.problems:
                 raise DesatError("\n".join(builder.problems))
@@ -114,8 +121,8 @@ class Target:
 
 
 def read(target: str) -> Target:
-    """The source that a target names: a scenario's name, a scenario file, an .ssp, an .ssd or a
-    folder. Raises DesatError where there is none."""
+    """The source that a target names: a scenario's name, a scenario file, an .ssp, an
+    .ssd or a folder. Raises DesatError where there is none."""
     path = Path(target)
     if (own := path / paths.NOMINAL).is_file():
         return Target(target, scenario.own(own))
@@ -124,9 +131,13 @@ def read(target: str) -> Target:
     if path.suffix != ".toml" and (beside := Path(f"{target}.toml")).is_file():
         path = beside
     if path.name.endswith(craft.FILE) and path.is_file():
-        there = sorted(x.stem for x in path.parent.glob("*.toml") if x.name != path.name)
-        raise DesatError(f"{target}: a craft file, which says no run; name a scenario of it: "
-                         f"{', '.join(there) or 'its folder'}")  # fmt: skip
+        there = sorted(
+            x.stem for x in path.parent.glob("*.toml") if x.name != path.name
+        )
+        raise DesatError(
+            f"{target}: a craft file, which says no run; name a scenario of it: "
+            f"{', '.join(there) or 'its folder'}"
+        )
     if path.suffix == ".toml":
         return Target(target, scenario.own(path))
     try:
@@ -134,12 +145,14 @@ def read(target: str) -> Target:
     except DesatError:
         if not path.exists():
             raise
-    raise DesatError(f"{target}: it ends in none of .toml, .ssp, .ssd, and is no folder")
+    raise DesatError(
+        f"{target}: it ends in none of .toml, .ssp, .ssd, and is no folder"
+    )
 
 
 def prepare(target: str | Target, options: Options) -> Case:
-    """Read a system, apply the options, and check it. Who makes many cases of it reads it once
-    (`read`).
+    """Read a system, apply the options, and check it. Who makes many cases of it reads
+    it once (`read`).
 
     Raises DesatError where there is nothing to check, or an option is wrong.
     """
@@ -150,16 +163,18 @@ def prepare(target: str | Target, options: Options) -> Case:
 
 
 def with_stop(target: str | Target, options: Options) -> Options:
-    """The options with the stop time in s: orbits are those of the environment at the start, to a
-    whole step. Raises DesatError where they cannot be asked of it."""
+    """The options with the stop time in s: orbits are those of the environment at the
+    start, to a whole step. Raises DesatError where they cannot be asked of it."""
     if not isinstance(options.stop, str):
         return options
     count = orbits(options.stop) or 0.0
     system, _ = resolved(target, replace(options, stop=None))
     component = system.components.get("environment")
     if component is None or component.interface.model not in names():
-        raise DesatError(f"--stop {options.stop}: {system.name} has no environment of ours, which "
-                         "says how long an orbit is; a time is needed")  # fmt: skip
+        raise DesatError(
+            f"--stop {options.stop}: {system.name} has no environment of ours, which "
+            "says how long an orbit is; a time is needed"
+        )
     block = bare_block(component)
     try:
         block.start()
@@ -176,7 +191,9 @@ def _prepare(target: Target, options: Options) -> Case:
     if options.design is None and options.values and scenario and scenario.each_draw:
         options = replace(options, design=NOW)
     if options.design is not None and scenario is None:
-        raise DesatError(f"--design {options.design}: {target.text} is no scenario with a [design]")
+        raise DesatError(
+            f"--design {options.design}: {target.text} is no scenario with a [design]"
+        )
     builder = _with_options(target, options)
     checked = builder.check()
     system, sound = checked.system, checked.schedule is not None
@@ -186,9 +203,11 @@ def _prepare(target: Target, options: Options) -> Case:
         (checked.problems if options.strict else checked.warnings).extend(faults)
     if (given := scenario or _packed_scenario(builder)) is not None:
         _hold(checked, builder, given, target, options)
-    if system is not None and options.design is None and (
-        described := scenario or _packed_from(builder)
-    ):  # fmt: skip
+    if (
+        system is not None
+        and options.design is None
+        and (described := scenario or _packed_from(builder))
+    ):
         checked.warnings += DESIGNS.warnings(described, options, system)
     if system is not None and sound:
         checked.problems += [line for find in SYSTEMS for line in find(system)]
@@ -199,10 +218,14 @@ def _prepare(target: Target, options: Options) -> Case:
 
 
 def _hold(
-    checked: Checked, builder: Builder, given: Scenario, target: Target, options: Options
-) -> None:  # fmt: skip
-    """Add what of a scenario's content does not suit the system; what another FMU lacks, which the
-    options put in a place, is left out of the content instead."""
+    checked: Checked,
+    builder: Builder,
+    given: Scenario,
+    target: Target,
+    options: Options,
+) -> None:
+    """Add what of a scenario's content does not suit the system; what another FMU
+    lacks, which the options put in a place, is left out of the content instead."""
     system = checked.system
     wrong = validation.content_problems(
         given.content, builder.components, system if checked.schedule else None
@@ -219,9 +242,10 @@ def _hold(
 
 
 def with_values(target: Target, options: Options) -> Case:
-    """As `prepare`, for one of many cases that differ in values alone (`options.values`): only the
-    components that get a value are resolved and checked anew. What its system is and what is wrong
-    with it is as `prepare` has it; its warnings are those of the first case.
+    """As `prepare`, for one of many cases that differ in values alone
+    (`options.values`): only the components that get a value are resolved and checked
+    anew. What its system is and what is wrong with it is as `prepare` has it; its
+    warnings are those of the first case.
 
     Raises DesatError as `prepare`.
     """
@@ -250,10 +274,13 @@ def with_values(target: Target, options: Options) -> Case:
 
 
 def _changed(system: System, values: Values) -> dict[str, Component] | None:
-    """The components of a checked system that get other values; None where more than their own
-    values would change by that, or one does not fit."""
+    """The components of a checked system that get other values; None where more than
+    their own values would change by that, or one does not fit."""
     texts = [t for c in system.components.values() for t in c.references.values()]
-    told = [content_of(system.about).written.get(k) for k in ("numbers", "stop_when", "design")]
+    told = [
+        content_of(system.about).written.get(k)
+        for k in ("numbers", "stop_when", "design")
+    ]
     named = set(re.findall(r"\w+", " ".join([*texts, repr(told)])))
     parameters: dict[str, dict[str, Scalar]] = {}
     for name, value in values.items():
@@ -262,9 +289,11 @@ def _changed(system: System, values: Values) -> dict[str, Component] | None:
         if component is None or isinstance(value, str):
             return None
         signals = component.interface.elements.get(variable, ())
-        if any(s.shared for s in signals) or variable.endswith("sample_time") or (
-            variable == "delay" or base_name(variable) in named
-        ):  # fmt: skip
+        if (
+            any(s.shared for s in signals)
+            or variable.endswith("sample_time")
+            or (variable == "delay" or base_name(variable) in named)
+        ):
             return None
         try:
             given = expand(component.interface, variable, value, owner)
@@ -278,8 +307,9 @@ def _changed(system: System, values: Values) -> dict[str, Component] | None:
 
 
 def resolved(target: str | Target, options: Options) -> tuple[System, Any]:
-    """The system of a target with the options applied, unchecked; and, where its design is made for
-    the values of each draw, what its scenario says of it. Raises DesatError where it cannot be had.
+    """The system of a target with the options applied, unchecked; and, where its design
+    is made for the values of each draw, what its scenario says of it. Raises DesatError
+    where it cannot be had.
     """
     target = read(target) if isinstance(target, str) else target
     options = with_stop(target, options)
@@ -290,7 +320,9 @@ def resolved(target: str | Target, options: Options) -> tuple[System, Any]:
 def _with_options(target: Target, options: Options) -> Builder:
     """Begin the system of a target and add the layer of the options."""
     builder, scenario, designed = target.builder(options), target.scenario, None
-    if scenario is not None and (options.design is not None or scenario.design is not None):
+    if scenario is not None and (
+        options.design is not None or scenario.design is not None
+    ):
         own = scenario.parameters(designed=False)
         designed = {  # but for what the scenario gives itself
             name: {k: v for k, v in values.items() if k not in own.get(name, {})}
@@ -300,8 +332,11 @@ def _with_options(target: Target, options: Options) -> Builder:
     return builder.add(layers.of_options(options, sampled, designed))
 
 
-def _drawn_from(builder: Builder, described: Scenario | None, options: Options) -> dict[str, str]:
-    """File and key of the dispersion of each value that is drawn: a draw has a value for each."""
+def _drawn_from(
+    builder: Builder, described: Scenario | None, options: Options
+) -> dict[str, str]:
+    """File and key of the dispersion of each value that is drawn: a draw has a value
+    for each."""
     spread = dispersions_of(builder)
     if not spread.keys() <= options.values.keys():
         return {}
@@ -310,24 +345,36 @@ def _drawn_from(builder: Builder, described: Scenario | None, options: Options) 
     for name in spread:
         key = name if name in given else f"*.{name.partition('.')[2]}"
         path = ("dispersions", key)
-        file, key = described.origin_of(path) if described else (builder.where, ".".join(path))
+        file, key = (
+            described.origin_of(path) if described else (builder.where, ".".join(path))
+        )
         where[name] = f"{file}: {key}"
     return where
 
 
-def _run_warnings(system: System, schedule: Schedule, options: Options) -> Iterator[str]:
-    """What of the options has no effect: of substeps and means under the semantics of other
-    masters, and of processes where foreign FMUs can have none."""
-    if not CAN and options.isolate == "foreign" and (names := sorted(to_isolate(system, options))):
-        yield (f"{', '.join(names)}: foreign FMUs run in the process of the run, which they may "
-               "end: a process each needs POSIX")  # fmt: skip
+def _run_warnings(
+    system: System, schedule: Schedule, options: Options
+) -> Iterator[str]:
+    """What of the options has no effect: of substeps and means under the semantics of
+    other masters, and of processes where foreign FMUs can have none."""
+    if (
+        not CAN
+        and options.isolate == "foreign"
+        and (names := sorted(to_isolate(system, options)))
+    ):
+        yield (
+            f"{', '.join(names)}: foreign FMUs run in the process of the run, which they may "
+            "end: a process each needs POSIX"
+        )
     if options.algorithm != "jacobi":
         return
     if system.parts > 1:
         yield f"jacobi takes no substeps: substeps = {system.substeps} has no effect"
     if any(text.startswith(("mean of", "its part of")) for _, text in schedule.timing):
-        yield ("jacobi exchanges only one of several step averages where rates differ: momentum is "
-               "not conserved")  # fmt: skip
+        yield (
+            "jacobi exchanges only one of several step averages where rates differ: momentum is "
+            "not conserved"
+        )
 
 
 def _packed_scenario(builder: Builder) -> Scenario | None:
@@ -352,9 +399,10 @@ def to_isolate(system: System, options: Options) -> frozenset[str]:
     if options.isolate == "none":
         return frozenset()
     return frozenset(
-        c.name for c in system.components.values()
+        c.name
+        for c in system.components.values()
         if c.fmu is not None and (options.isolate == "all" or not c.fmu.ours)
-    )  # fmt: skip
+    )
 
 
 def isolated_in(system: System, options: Options) -> frozenset[str]:
@@ -372,22 +420,36 @@ def _isolation_problems(system: System, options: Options) -> Iterator[str]:
         yield "--isolate all: it has no effect without an FMU"
 
 
-# --- What a case is checked for ------------------------------------------------------------------
+# --- What a case is checked for -------------------------------------------------------
 
 RUNS: tuple[Callable[[System, Options], Iterable[str]], ...] = (
-    library.problems, validation.recording_problems, validation.not_saved, validation.not_halved,
-    _isolation_problems, needs.design_problems,
-)  # fmt: skip
+    library.problems,
+    validation.recording_problems,
+    validation.not_saved,
+    validation.not_halved,
+    _isolation_problems,
+    needs.design_problems,
+)
 """What stands against a run with its options, each a line a problem."""
 SYSTEMS: tuple[Callable[[System], Iterable[str]], ...] = (
-    DESIGNS.problems, accounts.problems, management.problems, needs.problems,
+    DESIGNS.problems,
+    accounts.problems,
+    management.problems,
+    needs.problems,
     attitude_loop.problems,
-)  # fmt: skip
+)
 """What stands against running a system."""
 WARNINGS: tuple[Callable[[System], Iterable[str]], ...] = (
-    library.unused_warnings, accounts.warnings, coverage.warnings, energy.warnings,
-    firings.warnings, fixed.warnings, management.warnings, wheels.warnings,
-    attitude_loop.warnings, plausibility.warnings,
+    library.unused_warnings,
+    accounts.warnings,
+    coverage.warnings,
+    energy.warnings,
+    firings.warnings,
+    fixed.warnings,
+    management.warnings,
+    wheels.warnings,
+    attitude_loop.warnings,
+    plausibility.warnings,
     residual.warnings,
-)  # fmt: skip
+)
 """What to beware of in one."""

@@ -45,8 +45,16 @@ if TYPE_CHECKING:
 SHOWN = 6
 """Numbers in a run's `repr`."""
 
-__all__ = ["Case", "Options", "Run", "execute", "load_run", "prepare", "run_or_load",
-           "simulate"]  # fmt: skip
+__all__ = [
+    "Case",
+    "Options",
+    "Run",
+    "execute",
+    "load_run",
+    "prepare",
+    "run_or_load",
+    "simulate",
+]
 
 
 @dataclass(repr=False)
@@ -74,31 +82,41 @@ class Run:
 
     @property
     def numbers(self) -> DataFrame:
-        """The scenario's numbers by name: title, value, unit, limit for people, and whether it is
-        met (None: there is none)."""
+        """The scenario's numbers by name: title, value, unit, limit for people, and
+        whether it is met (None: there is none)."""
         from pandas import DataFrame
 
         judged = {v.number: v for v in self.manifest.verdicts.values()}
         rows = {
-            name: (found.title, found.value, found.unit, judged[name].limits, judged[name].met)
-            if name in judged else (found.title, found.value, found.unit, "", None)
+            name: (
+                found.title,
+                found.value,
+                found.unit,
+                judged[name].limits,
+                judged[name].met,
+            )
+            if name in judged
+            else (found.title, found.value, found.unit, "", None)
             for name, found in self.manifest.numbers.items()
-        }  # fmt: skip
+        }
         columns = ["title", "value", "unit", "limit", "met"]
         return DataFrame.from_dict(rows, orient="index", columns=columns)
 
     @property
     def data(self) -> Dataset:
-        """The series as an xarray Dataset that is read where it is looked at (`runs/dataset.py`):
-        `run.data["wheels.h_wheel"]` over `time` and `wheel`, with its unit."""
+        """The series as an xarray Dataset that is read where it is looked at
+        (`runs/dataset.py`): `run.data["wheels.h_wheel"]` over `time` and `wheel`, with
+        its unit."""
         from .dataset import of_results
 
         return of_results(self.manifest, self.results)
 
-    def plot(self, name: str | None = None, file: str | PathLike[str] | None = None) -> Figure:
-        """A plot of the scenario by its name, or a series by its `component.output`; None: the
-        first plot. A notebook shows it; `file` (.svg, .png, .pdf) is written. Raises DesatError for
-        what there is not."""
+    def plot(
+        self, name: str | None = None, file: str | PathLike[str] | None = None
+    ) -> Figure:
+        """A plot of the scenario by its name, or a series by its `component.output`;
+        None: the first plot. A notebook shows it; `file` (.svg, .png, .pdf) is written.
+        Raises DesatError for what there is not."""
         from ..figures.plots import of_name
 
         runs = [(self.manifest.scenario, self.results, self.manifest.parameters)]
@@ -111,8 +129,11 @@ class Run:
 
     def __repr__(self) -> str:
         told = self.manifest
-        shown = [f"{n}={x.value:.4g} {x.unit}" for n, x in list(told.numbers.items())[:SHOWN]
-                 if x.value is not None]  # fmt: skip
+        shown = [
+            f"{n}={x.value:.4g} {x.unit}"
+            for n, x in list(told.numbers.items())[:SHOWN]
+            if x.value is not None
+        ]
         more = [f"{len(told.not_met)} not met"] if told.not_met else []
         return f"<Run {told.scenario}: {', '.join([told.status, *shown, *more])}>"
 
@@ -120,7 +141,8 @@ class Run:
         return f"<p>{escape(repr(self))}</p>{self.numbers.to_html(na_rep='')}"
 
     def or_raise(self, target: str) -> Run:
-        """Itself where it completed. Raises RunError, which names the target, where not."""
+        """Itself where it completed. Raises RunError, which names the target, where
+        not."""
         if self.ok:
             return self
         told = self.manifest
@@ -129,29 +151,34 @@ class Run:
 
 def execute(
     target: str, options: Options, folder: Path | None = None, progress: bool = False
-) -> Run:  # fmt: skip
-    """Prepare and run a scenario, an .ssp or a folder. Raises DesatError where it cannot begin."""
+) -> Run:
+    """Prepare and run a scenario, an .ssp or a folder. Raises DesatError where it
+    cannot begin."""
     return simulate(prepare(target, options), folder, progress)
 
 
 def simulate(
-    case: Case, folder: Path | None = None, progress: bool = False,
+    case: Case,
+    folder: Path | None = None,
+    progress: bool = False,
     checkpoint: Checkpoint | None = None,
-) -> Run:  # fmt: skip
-    """Run a prepared case; `folder` None keeps the series in memory. With `checkpoint` it goes on
-    from there, in the folder of the run that was ended (`resume`).
+) -> Run:
+    """Run a prepared case; `folder` None keeps the series in memory. With `checkpoint`
+    it goes on from there, in the folder of the run that was ended (`resume`).
 
-    A component that fails, a signal to stop and the time limits end the run early: what was
-    recorded is kept, and the manifest's status says which. A run that its scenario's `stop_when`
-    ends is completed, and the manifest's `stopped_when` says when. With
-    `case.options.supervised` it runs in a process of its own, which a component may end
-    (`engine/child.py`).
-    Raises DesatError where the run cannot begin, RunError where there is no room for it, and
-    KeyboardInterrupt or SystemExit where a signal stops it before it has begun.
+    A component that fails, a signal to stop and the time limits end the run early: what
+    was recorded is kept, and the manifest's status says which. A run that its
+    scenario's `stop_when` ends is completed, and the manifest's `stopped_when` says
+    when. With `case.options.supervised` it runs in a process of its own, which a
+    component may end (`engine/child.py`). Raises DesatError where the run cannot begin,
+    RunError where there is no room for it, and KeyboardInterrupt or SystemExit where a
+    signal stops it before it has begun.
     """
     system, _ = case.or_raise()
     choice = (
-        substep_choice.choose(case.target, system, case.options) if checkpoint is None else None
+        substep_choice.choose(case.target, system, case.options)
+        if checkpoint is None
+        else None
     )
     if checkpoint is not None:
         choice = Manifest.from_json(checkpoint.about["manifest"]).substep_choice
@@ -159,7 +186,9 @@ def simulate(
         run = _simulate(_with_inner(case, choice), choice, folder, progress, checkpoint)
         if choice is None or not run.ok:
             break
-        more = substep_choice.choose_again(case.target, system, case.options, choice, run.results)
+        more = substep_choice.choose_again(
+            case.target, system, case.options, choice, run.results
+        )
         if more is None:
             break
         if more.substeps == choice.substeps or not left:
@@ -186,10 +215,14 @@ def _with_inner(case: Case, choice: SubstepChoice | None) -> Case:
 def _tell(run: Run, choice: SubstepChoice, folder: Path | None) -> None:
     """Put what a second look has given into a run's manifest."""
     told = replace(run.manifest, substep_choice=choice)
-    told = replace(told, numbers={**told.numbers, **coverage.numbers(told, run.results)})
+    told = replace(
+        told, numbers={**told.numbers, **coverage.numbers(told, run.results)}
+    )
     if choice.substeps != told.substeps:
-        line = (f"made {substep_choice.AGAIN} times, it would want {choice.substeps} substeps "
-                f"still: {choice.again[-1]}")  # fmt: skip
+        line = (
+            f"made {substep_choice.AGAIN} times, it would want {choice.substeps} substeps "
+            f"still: {choice.again[-1]}"
+        )
         told = replace(told, warnings=[*told.warnings, line])
     run.manifest = told
     if folder is not None:
@@ -197,9 +230,12 @@ def _tell(run: Run, choice: SubstepChoice, folder: Path | None) -> None:
 
 
 def _simulate(
-    case: Case, choice: SubstepChoice | None, folder: Path | None, progress: bool,
+    case: Case,
+    choice: SubstepChoice | None,
+    folder: Path | None,
+    progress: bool,
     checkpoint: Checkpoint | None,
-) -> Run:  # fmt: skip
+) -> Run:
     """A run of a case whose substeps are known."""
     system, _ = case.or_raise()
     options, clock = case.options, time.perf_counter()
@@ -215,11 +251,15 @@ def _simulate(
             f"until {slow.until:g} s"
         )
     manifest = replace(
-        Manifest.of(system, options, case.target) if case.manifest is None else case.manifest,
+        Manifest.of(system, options, case.target)
+        if case.manifest is None
+        else case.manifest,
         substep_choice=choice,
         decimated=slow,
-        started=began.isoformat(timespec="seconds"), steps=system.steps, warnings=warned,
-    )  # fmt: skip
+        started=began.isoformat(timespec="seconds"),
+        steps=system.steps,
+        warnings=warned,
+    )
     if checkpoint is not None:
         again = f"desat run {shlex.quote(case.target)}{as_arguments(options)}"
         manifest = resumed(manifest, checkpoint.about["manifest"], str(folder), again)
@@ -231,21 +271,24 @@ def _simulate(
         outcome, results = _simulate_apart(case, folder, manifest, progress, checkpoint)
     else:
         outcome, results = step(case, folder, manifest, progress, checkpoint)
-    run = Run(replace(
-        manifest,
-        warnings=[*manifest.warnings, *outcome.warnings],
-        status=outcome.status,
-        message=outcome.message,
-        steps_done=outcome.steps,
-        end_time=system.start + outcome.steps * system.step,
-        stopped_when=outcome.stopped,
-        loop=outcome.loop,
-        wall_seconds=round(time.perf_counter() - clock, 6),
-        us_per_step=round(1e6 * outcome.seconds / max(outcome.steps, 1), 3),
-        balance=outcome.balance,
-        rows=outcome.rows,
-        exit=int(outcome.code) or None,
-    ), results)  # fmt: skip
+    run = Run(
+        replace(
+            manifest,
+            warnings=[*manifest.warnings, *outcome.warnings],
+            status=outcome.status,
+            message=outcome.message,
+            steps_done=outcome.steps,
+            end_time=system.start + outcome.steps * system.step,
+            stopped_when=outcome.stopped,
+            loop=outcome.loop,
+            wall_seconds=round(time.perf_counter() - clock, 6),
+            us_per_step=round(1e6 * outcome.seconds / max(outcome.steps, 1), 3),
+            balance=outcome.balance,
+            rows=outcome.rows,
+            exit=int(outcome.code) or None,
+        ),
+        results,
+    )
     try:
         _measure(run, system)
     finally:  # whatever fails in there, what the run was is kept
@@ -255,35 +298,48 @@ def _simulate(
 
 
 def _measure(run: Run, system: System) -> None:
-    """Add the numbers of a run, the verdicts on them, and what is unmet, to its manifest."""
+    """Add the numbers of a run, the verdicts on them, and what is unmet, to its
+    manifest."""
     told, results = run.manifest, run.results
     if not len(results.times()):
         return
     content = content_of(system.about)
     told = run.manifest = replace(
-        told, numbers=numbers(content, results, told.parameters),
+        told,
+        numbers=numbers(content, results, told.parameters),
         not_checked=unrecorded(content, results),
-    )  # fmt: skip
+    )
     for analysis in analyses():
         if told.parts.get(analysis.KEY) is not None:
-            told = replace(told, numbers={**told.numbers, **analysis.numbers(told, results)})
+            told = replace(
+                told, numbers={**told.numbers, **analysis.numbers(told, results)}
+            )
             told = run.manifest = replace(
-                told, unmet=[*told.unmet, *analysis.unmet(told, results)],
+                told,
+                unmet=[*told.unmet, *analysis.unmet(told, results)],
                 warnings=[*told.warnings, *analysis.remarks(told, results)],
                 not_checked={**told.not_checked, **analysis.unchecked(told, results)},
-            )  # fmt: skip
+            )
     if told.completed:
-        found, unjudged = judge(content, told.numbers, system.start, told.end_time or system.start)
-        told = replace(told, verdicts=found, not_checked={**unjudged, **told.not_checked})
+        found, unjudged = judge(
+            content, told.numbers, system.start, told.end_time or system.start
+        )
+        told = replace(
+            told, verdicts=found, not_checked={**unjudged, **told.not_checked}
+        )
     lines = dict.fromkeys([*told.warnings, *not_checked(told.not_checked)])
     run.manifest = replace(told, warnings=list(lines))
 
 
 def _simulate_apart(
-    case: Case, folder: Path | None, manifest: Manifest, progress: bool,
+    case: Case,
+    folder: Path | None,
+    manifest: Manifest,
+    progress: bool,
     checkpoint: Checkpoint | None = None,
-) -> tuple[Outcome, Results]:  # fmt: skip
-    """The same in a process of its own: how it ended, or was ended, and the rows until then."""
+) -> tuple[Outcome, Results]:
+    """The same in a process of its own: how it ended, or was ended, and the rows until
+    then."""
     system, schedule = case.or_raise()
     options, unwritten = case.options, RowBuffer.shared()
     place = folder or library.scratch("run")
@@ -306,7 +362,10 @@ def _simulate_apart(
             raise RuntimeError(ended.reports["bug"])
         if outcome is not None:
             if ended.how:  # all is recorded; it ended when a component was freed
-                outcome.status, outcome.message = "failed", f"{ended.text()}, after the run"
+                outcome.status, outcome.message = (
+                    "failed",
+                    f"{ended.text()}, after the run",
+                )
             return outcome, Results.open(place)
         if layout is None:
             child.stopped(ended)
@@ -322,9 +381,14 @@ def _simulate_apart(
 
 
 def _cut_short(
-    system: System, options: Options, place: Path, ended: child.Ended, layout: Layout,
-    unwritten: RowBuffer, full: str,
-) -> tuple[Outcome, Results]:  # fmt: skip
+    system: System,
+    options: Options,
+    place: Path,
+    ended: child.Ended,
+    layout: Layout,
+    unwritten: RowBuffer,
+    full: str,
+) -> tuple[Outcome, Results]:
     """How a run ended that could not say so itself, and its rows."""
     outcome = Outcome("failed", ended.text(), Exit.COMPONENT)
     if "error" in ended.reports:  # what it could not do while it recorded
@@ -355,8 +419,13 @@ def load_run(folder: Path) -> Run:
     """A run from its folder. Raises DesatError where it is none."""
     manifest = read_manifest(folder)
     if manifest.message is None:
-        manifest = replace(manifest, message="", steps_done=UNKNOWN, us_per_step=UNKNOWN,
-                           wall_seconds=UNKNOWN)  # fmt: skip
+        manifest = replace(
+            manifest,
+            message="",
+            steps_done=UNKNOWN,
+            us_per_step=UNKNOWN,
+            wall_seconds=UNKNOWN,
+        )
     if manifest.status == "running":
         manifest = replace(manifest, status="killed (or still running)")
     return Run(manifest, Results.open(folder))
@@ -365,8 +434,8 @@ def load_run(folder: Path) -> Run:
 def run_or_load(target: str, analysis: ModuleType | None = None) -> Run:
     """The run of a run folder; or of a scenario, .ssp or folder, run now.
 
-    Raises RunError where that run does not complete, and DesatError before it begins where
-    `analysis` does not apply to the system.
+    Raises RunError where that run does not complete, and DesatError before it begins
+    where `analysis` does not apply to the system.
     """
     folder = Path(target)
     if any((folder / f"{MANIFEST}{end}").exists() for end in ("", ".part")):
@@ -396,14 +465,18 @@ def _newest(folder: Path) -> Checkpoint:
     if (checkpoint := newest(folder)) is None:
         if (folder / MANIFEST).exists() and read_manifest(folder).completed:
             raise DesatError(f"{folder}: it has completed")
-        raise DesatError(f"{folder}: it has no checkpoint; `desat run --checkpoint` writes them")
+        raise DesatError(
+            f"{folder}: it has no checkpoint; `desat run --checkpoint` writes them"
+        )
     return checkpoint
 
 
 def resume(folder: Path, progress: bool = False) -> Run:
-    """Go on with a run in its folder, an absolute path; one that has completed is loaded.
+    """Go on with a run in its folder, an absolute path; one that has completed is
+    loaded.
 
-    Raises DesatError where there is no checkpoint, or where what it was made of has changed.
+    Raises DesatError where there is no checkpoint, or where what it was made of has
+    changed.
     """
     if (folder / MANIFEST).exists():
         run = load_run(folder)
@@ -417,5 +490,7 @@ def resume(folder: Path, progress: bool = False) -> Run:
             return simulate(prepare(target, options), folder, progress, checkpoint)
     except OSError as error:
         if error.filename == checkpoint.about["from"]:
-            raise DesatError(f"{error.filename}: {error.strerror}: the run began there") from error
+            raise DesatError(
+                f"{error.filename}: {error.strerror}: the run began there"
+            ) from error
         raise

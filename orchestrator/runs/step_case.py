@@ -48,16 +48,21 @@ class Outcome:
     rows: int | None = None
     """The rows that hold values, where the file has others too."""
     balance: dict[str, Any] | None = None
-    """The balances of its rigid body that were made while it ran (`analyses/energy.py`)."""
+    """The balances of its rigid body that were made while it ran
+    (`analyses/energy.py`)."""
 
 
 def step(
-    case: Case, folder: Path | None, manifest: Manifest, progress: bool,
-    checkpoint: Checkpoint | None = None, unwritten: RowBuffer | None = None,
+    case: Case,
+    folder: Path | None,
+    manifest: Manifest,
+    progress: bool,
+    checkpoint: Checkpoint | None = None,
+    unwritten: RowBuffer | None = None,
     tell: Callable[[str, Any], None] = lambda name, what: None,
-) -> tuple[Outcome, Results]:  # fmt: skip
-    """Initialise, step and record. `tell` gets the layout of rows, and the outcome before the
-    components are freed."""
+) -> tuple[Outcome, Results]:
+    """Initialise, step and record. `tell` gets the layout of rows, and the outcome
+    before the components are freed."""
     system, schedule = case.or_raise()
     options, outcome = case.options, Outcome("completed")
     wanted = as_json(case.target, options)
@@ -82,7 +87,8 @@ def step(
             kept=keeps,
         )
 
-    # what decides which outputs a master reads, beside what all cases of a spare have in common
+    # what decides which outputs a master reads, beside what all cases of a spare have
+    # in common
     alike = schedule, ends, options.record, None if keeps is None else keeps.outputs
     spare = case.spare if unwritten is None else None
     with (
@@ -120,18 +126,23 @@ def step(
         outcome.loop = {"name": steps.name, "why": steps.why}
 
         def about_now() -> dict[str, Any]:
-            """What a checkpoint has of all this; what components have changed is put back, as it
-            will be where the run goes on."""
+            """What a checkpoint has of all this; what components have changed is put
+            back, as it will be where the run goes on."""
             _add(outcome.warnings, changes("while it ran", handlers=False))
-            state = {"warnings": outcome.warnings, "manifest": manifest.to_json(),
-                     "balance": None if along is None else along.state()}  # fmt: skip
+            state = {
+                "warnings": outcome.warnings,
+                "manifest": manifest.to_json(),
+                "balance": None if along is None else along.state(),
+            }
             return {**state, "seconds": before + steps.seconds, **wanted}
 
         checkpoints, sound = None, True
         try:
             if folder is not None and options.checkpoint is not None:
                 every = max(1, round(options.checkpoint / system.step))
-                checkpoints = Checkpoints(folder, every, master, recorder, ending, about_now)
+                checkpoints = Checkpoints(
+                    folder, every, master, recorder, ending, about_now
+                )
                 if checkpoint is None:
                     checkpoints.save()
             with (
@@ -164,10 +175,15 @@ def step(
                 checkpoints.save()
         except ComponentError as error:
             sound = False
-            outcome.status, outcome.message = "failed", "\n".join(refused(system, str(error)))
+            outcome.status, outcome.message = (
+                "failed",
+                "\n".join(refused(system, str(error))),
+            )
             if isinstance(error, EndedError):
                 outcome.code = int(error.code)
-                outcome.status = stopping.LATE if error.code == Exit.TIMEOUT else "failed"
+                outcome.status = (
+                    stopping.LATE if error.code == Exit.TIMEOUT else "failed"
+                )
         outcome.seconds = before + steps.seconds
         outcome.steps = master.k
         if along is not None:
@@ -182,15 +198,18 @@ def step(
         if spare is not None and outcome.status == "completed":
             spare.keep(master)
     if master.unfreed and outcome.status == "completed":  # all is recorded
-        outcome.status, outcome.message = "failed", f"{master.unfreed[0]}, after the run"
+        outcome.status, outcome.message = (
+            "failed",
+            f"{master.unfreed[0]}, after the run",
+        )
         outcome.code = int(master.unfreed[0].code)
         tell("outcome", outcome)
     return outcome, results
 
 
 def _terminate(master: Master, outcome: Outcome) -> None:
-    """Terminate the components of a run that has not failed; it has where one of them does not
-    end, all of which is recorded by then."""
+    """Terminate the components of a run that has not failed; it has where one of them
+    does not end, all of which is recorded by then."""
     try:
         master.terminate()
     except ComponentError as error:
@@ -203,8 +222,9 @@ def _terminate(master: Master, outcome: Outcome) -> None:
 
 
 def _along(case: Case, manifest: Manifest) -> OnlineBalance | None:
-    """What makes the balances of a rigid body while the run goes on; None where its rows will do,
-    or where they are not made at all: what rows would need for the work must be recorded."""
+    """What makes the balances of a rigid body while the run goes on; None where its
+    rows will do, or where they are not made at all: what rows would need for the work
+    must be recorded."""
     (system, _), options = case.or_raise(), case.options
     parts: energy.EnergyParts | None = manifest.parts[energy.KEY]
     if parts is None or parts.why or options.algorithm != "gauss_seidel":

@@ -1,4 +1,5 @@
-"""What ends a run before its stop time: the scenario's `stop_when`, and a limit of wall time.
+"""What ends a run before its stop time: the scenario's `stop_when`, and a limit of wall
+time.
 
     [stop_when]
     signal = "wheels.h_wheel"
@@ -9,8 +10,9 @@
     signal = "manager.mode"
     reaches = "nominal"                # an Integer's value or its name, or true or false
 
-It is looked at after each step. A state output belongs to t_k then, an interval output to the step
-just made, as in the rows of the results; so a run ends where the measure `first_below` is known.
+It is looked at after each step. A state output belongs to t_k then, an interval output
+to the step just made, as in the rows of the results; so a run ends where the measure
+`first_below` is known.
 """
 
 from __future__ import annotations
@@ -35,7 +37,8 @@ from ..system.model import System
 from ..system.parameters import table, unit_of
 
 LATE = "timed out"
-"""What `watch` says, and the manifest's status, where the limit of wall time is over."""
+"""What `watch` says, and the manifest's status, where the limit of wall time is over.
+"""
 
 
 @dataclass(frozen=True)
@@ -54,7 +57,9 @@ class Condition:
         if self.how == "reaches":
             return bool((values == self.limit).all())
         largest = np.abs(values).max()
-        return bool(largest < self.limit if self.how == "below" else largest > self.limit)
+        return bool(
+            largest < self.limit if self.how == "below" else largest > self.limit
+        )
 
     def reads(self, component: str, signal: Signal) -> bool:
         """True for an element of its signal."""
@@ -78,7 +83,9 @@ def condition(system: System) -> Condition | None:
     else:
         how = "below" if given.below is not None else "above"
         limit, shown = _limit(system, signal, given, how)
-    text = f"{given.signal} {how} {shown}" + (f" for {given.held:g} s" if given.held else "")
+    text = f"{given.signal} {how} {shown}" + (
+        f" for {given.held:g} s" if given.held else ""
+    )
     owner, _, variable = given.signal.partition(".")
     return Condition(owner, variable, how, limit, given.held, text)
 
@@ -102,14 +109,16 @@ def _reaches(signal: Signal, value: Any) -> int:
         raise MisfitError(f"{where} {needed}", *keys)
     if isinstance(value, str):
         if value not in signal.choices:
-            raise MisfitError(f"no value {value}{nearest(value, signal.choices)}", *keys)
+            raise MisfitError(
+                f"no value {value}{nearest(value, signal.choices)}", *keys
+            )
         return signal.choices.index(value)
     return int(value)
 
 
 def _limit(
     system: System, signal: Signal, given: StopWhen, how: Literal["below", "above"]
-) -> tuple[float, str]:  # fmt: skip
+) -> tuple[float, str]:
     """Return the limit in the signal's unit, and as people read it."""
     if signal.kind != "Real":
         text = f"{given.signal} is of type {signal.kind}; `reaches`"
@@ -120,15 +129,17 @@ def _limit(
         if isinstance(value, str):
             number, of = product(value, table(system.components.values()))
             value = number * factor(of, unit, f'of "{value}"')
-        scale = 1.0 if unit == own else factor(unit_of(unit), own, f"{unit} of the limit")
+        scale = (
+            1.0 if unit == own else factor(unit_of(unit), own, f"{unit} of the limit")
+        )
     except DesatError as error:
         raise MisfitError(str(error), "stop_when", how) from error
     return value * scale, f"{value:g} {'' if unit == '1' else unit}".rstrip()
 
 
 def watch(master: Master, wanted: Condition | None, seconds: float | None) -> Ending:
-    """What ends the run of an initialised master, and why: the text of its condition, or LATE when
-    `seconds` of wall time are over since now."""
+    """What ends the run of an initialised master, and why: the text of its condition,
+    or LATE when `seconds` of wall time are over since now."""
     slots = [s for s in master.slots if wanted and wanted.reads(s.component, s.signal)]
     memory: dict[str, Any] = {}
     met = _hold(master, wanted, slots, memory) if wanted else lambda: False
@@ -148,8 +159,12 @@ def watch(master: Master, wanted: Condition | None, seconds: float | None) -> En
 def _hold(
     master: Master, wanted: Condition, slots: list[Slot], memory: dict[str, Any]
 ) -> Callable[[], bool]:
-    """Whether the condition has held for long enough; `memory` has since when it is met."""
-    live, index = master.live[slots[0].kind], np.array([s.index for s in slots], np.intp)
+    """Whether the condition has held for long enough; `memory` has since when it is
+    met."""
+    live, index = (
+        master.live[slots[0].kind],
+        np.array([s.index for s in slots], np.intp),
+    )
     # the row that an interval output belongs to has begun a step ago
     ago = int(slots[0].interval and master.algorithm == "gauss_seidel")
     if not ago and wanted.met(live[index]):

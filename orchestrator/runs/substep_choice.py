@@ -1,18 +1,20 @@
 """How many substeps a run makes that chooses them itself: `substeps = "auto"`.
 
-The system flies beforehand, unrecorded, with 1, 2, 4, ... substeps on the FMUs and the loop of
-the run. Of two such flights the coarse one errs by about their difference (its error falls with the
-third power of the substeps, where an event hides inside a step with the first); FACTOR times
-that is the estimate. The first count whose estimate is below the system's `accuracy` is held
-against a flight with FAR times as many too, for two may err alike (a wheel's friction is integrated
-in parts of its own); where that bears it out, it is taken.
+The system flies beforehand, unrecorded, with 1, 2, 4, ... substeps on the FMUs and the
+loop of the run. Of two such flights the coarse one errs by about their difference (its
+error falls with the third power of the substeps, where an event hides inside a step
+with the first); FACTOR times that is the estimate. The first count whose estimate is
+below the system's `accuracy` is held against a flight with FAR times as many too, for
+two may err alike (a wheel's friction is integrated in parts of its own); where that
+bears it out, it is taken.
 
-A flight covers the whole run as long as LONGEST steps, and FREE inner ones, are enough. Where they
-are not, the estimate is carried on: in the proportion in which that of fewer substeps has grown
-from there to the run's end, or, where none has seen that, with the power of time by which it has
-grown so far. Such a run is looked at again when it is over: where its body turned faster, was
-pushed harder, or its torques changed more than in the flights, these are made again from the state
-recorded there, and where they want more substeps, the run is made again from its start.
+A flight covers the whole run as long as LONGEST steps, and FREE inner ones, are enough.
+Where they are not, the estimate is carried on: in the proportion in which that of fewer
+substeps has grown from there to the run's end, or, where none has seen that, with the
+power of time by which it has grown so far. Such a run is looked at again when it is
+over: where its body turned faster, was pushed harder, or its torques changed more than
+in the flights, these are made again from the state recorded there, and where they want
+more substeps, the run is made again from its start.
 
 Nothing of it depends on a clock: the same system chooses alike everywhere.
 """
@@ -51,14 +53,14 @@ from .prepare import isolated_in, to_isolate
 T = TypeVar("T")
 
 FACTOR = 2.0
-"""Estimate over difference: an estimate is to be no less than the error, and that of a flight is
-once to twice its difference from the next."""
+"""Estimate over difference: an estimate is to be no less than the error, and that of a
+flight is once to twice its difference from the next."""
 LEVELS = tuple(2**i for i in range(10))
 """Counts to choose from."""
 FAR, FARTHEST = 4, 2 * LEVELS[-1]
 LEAST_FAR = 16
-"""Times as many substeps, at least so many and at most so many, that the flight makes by which a
-count is judged in the end."""
+"""Times as many substeps, at least so many and at most so many, that the flight makes
+by which a count is judged in the end."""
 FREE, LONGEST = 120_000, 6_000
 """Substeps, and steps, that a flight may take."""
 LOOK = 1_000
@@ -78,17 +80,23 @@ STEEPEST = 3.0
 def choose(target: str, system: System, options: Options) -> SubstepChoice | None:
     """The choice of a checked system; None of one whose substeps are given.
 
-    Raises DesatError, with the reason, where no count of LEVELS is accurate enough; with foreign
-    FMUs that is one substep, and the reason beside.
+    Raises DesatError, with the reason, where no count of LEVELS is accurate enough;
+    with foreign FMUs that is one substep, and the reason beside.
     """
     if system.substeps != AUTO:
         return None
     if why := _not_flown(system, options):
         return SubstepChoice(1, system.accuracy, why=why)
     try:
-        return _apart(system, options, lambda: _Flights(system, options, 1, LONGEST).choice(target))
+        return _apart(
+            system,
+            options,
+            lambda: _Flights(system, options, 1, LONGEST).choice(target),
+        )
     except ComponentError as error:
-        return SubstepChoice(1, system.accuracy, why=f"a flight beforehand failed: {error}")
+        return SubstepChoice(
+            1, system.accuracy, why=f"a flight beforehand failed: {error}"
+        )
     except DesatError as error:
         if not to_isolate(system, replace(options, isolate="foreign")):
             raise
@@ -97,25 +105,32 @@ def choose(target: str, system: System, options: Options) -> SubstepChoice | Non
 
 
 def _apart(system: System, options: Options, flying: Callable[[], T]) -> T:
-    """What flights give: made where the run's steps are, in a process that is watched, if so asked.
-    Raises ComponentError where a component fails, or ends that process."""
+    """What flights give: made where the run's steps are, in a process that is watched,
+    if so asked. Raises ComponentError where a component fails, or ends that process."""
     if not (options.supervised and CAN):
         return flying()
-    return apart(flying, schedule(replace(system, substeps=1)).order, options.call_limit)
+    return apart(
+        flying, schedule(replace(system, substeps=1)).order, options.call_limit
+    )
 
 
 def settled(target: str, system: System) -> System:
-    """A checked system with the substeps that a run of it begins with. Raises DesatError as
-    `choose` does."""
+    """A checked system with the substeps that a run of it begins with. Raises
+    DesatError as `choose` does."""
     choice = choose(target, system, Options())
     return system if choice is None else replace(system, substeps=choice.substeps)
 
 
 def choose_again(
-    target: str, system: System, options: Options, choice: SubstepChoice, results: Results
-) -> SubstepChoice | None:  # fmt: skip
-    """Another choice for a run that has left the range of its flights, and is to be made again;
-    None where it has not, or where they want no more substeps. `system` is as before the choice.
+    target: str,
+    system: System,
+    options: Options,
+    choice: SubstepChoice,
+    results: Results,
+) -> SubstepChoice | None:
+    """Another choice for a run that has left the range of its flights, and is to be
+    made again; None where it has not, or where they want no more substeps. `system` is
+    as before the choice.
 
     Raises DesatError as `choose` does.
     """
@@ -134,29 +149,41 @@ def choose_again(
             there = _apart(system, options, flying)
         except ComponentError:
             continue
-        # what the flights before would have come to with as many, by the second power to be safe
+        # what the flights before would have come to with as many, by the second power
+        # to be safe
         share = (more.estimate or 0.0) * (more.substeps / there.substeps) ** 2
         share = max(share, there.estimate or 0.0)
-        again = [*choice.again, text] if there.substeps > choice.substeps else more.again
+        again = (
+            [*choice.again, text] if there.substeps > choice.substeps else more.again
+        )
         seen = tuple(map(max, more.reached or choice.reached, found.largest()))
         more = replace(
-            more, substeps=there.substeps, estimate=share, again=again, reached=seen,  # type: ignore[arg-type]
-            flown=more.flown + there.flown, seconds=more.seconds + there.seconds,
-        )  # fmt: skip
+            more,
+            substeps=there.substeps,
+            estimate=share,
+            again=again,
+            reached=seen,  # type: ignore[arg-type]
+            flown=more.flown + there.flown,
+            seconds=more.seconds + there.seconds,
+        )
     return None if more is choice else more
 
 
 def decimated(system: System, options: Options) -> Slow | None:
-    """How much a system errs as components that hand means on, or feed what does, do not step at
-    every step: attitude (rad) and a wheel's momentum (N m s), the largest over the first LONGEST
-    steps. None where all do, or where nothing can be told. `system` has its substeps.
+    """How much a system errs as components that hand means on, or feed what does, do
+    not step at every step: attitude (rad) and a wheel's momentum (N m s), the largest
+    over the first LONGEST steps. None where all do, or where nothing can be told.
+    `system` has its substeps.
 
-    As many flights, one of them without these step ratios, and ROUGH times their difference.
+    As many flights, one of them without these step ratios, and ROUGH times their
+    difference.
     """
     names = system.components
-    whole = replace(system, substeps=2, components={
-        name: replace(c, step_ratio=1) for name, c in names.items()
-    })  # fmt: skip
+    whole = replace(
+        system,
+        substeps=2,
+        components={name: replace(c, step_ratio=1) for name, c in names.items()},
+    )
     if options.algorithm == "jacobi" or residual.rigid_body(system) is None:
         return None
     if all(c.step_ratio == 1 for c in names.values()):
@@ -166,11 +193,15 @@ def decimated(system: System, options: Options) -> Slow | None:
         slow = [n for n, c in names.items() if c.step_ratio > 1 and every[n] == 1]
         if not slow or _foreign(system, options, every):
             return None
-        quick = {n: replace(c, step_ratio=1) if n in slow else c for n, c in names.items()}
+        quick = {
+            n: replace(c, step_ratio=1) if n in slow else c for n, c in names.items()
+        }
 
         def both() -> list[_Flight]:
             systems = (replace(system, components=of) for of in (names, quick))
-            return [_Flights(s, options, 1, LONGEST).flown(system.parts) for s in systems]
+            return [
+                _Flights(s, options, 1, LONGEST).flown(system.parts) for s in systems
+            ]
 
         coarse, fine = _apart(system, options, both)
     except (ComponentError, DesatError):
@@ -179,9 +210,11 @@ def decimated(system: System, options: Options) -> Slow | None:
     rows = slice(None, None, lcm(*(names[n].step_ratio for n in slow)))
     angle, gap = pointing(coarse.q[rows], fine.q[rows]), np.abs(coarse.h - fine.h)[rows]
     return Slow(
-        ROUGH * float(np.radians(angle).max()), ROUGH * float(gap.max()),
-        float(coarse.times[-1]), ", ".join(sorted(slow)),
-    )  # fmt: skip
+        ROUGH * float(np.radians(angle).max()),
+        ROUGH * float(gap.max()),
+        float(coarse.times[-1]),
+        ", ".join(sorted(slow)),
+    )
 
 
 def _beyond(found: Reached, seen: tuple[float, float, float]) -> list[tuple[int, str]]:
@@ -196,13 +229,19 @@ def _beyond(found: Reached, seen: tuple[float, float, float]) -> list[tuple[int,
         k = int(values.argmax()) if len(values) else 0
         if len(values) and values[k] > GAIN * most + 1e-12:
             how = text.format(float(values[k]))
-            rows.append((k, f"at t = {found.times[k]:g} s the body {how}, by {most:.3g} at most in "
-                            "the flights beforehand"))  # fmt: skip
+            rows.append(
+                (
+                    k,
+                    f"at t = {found.times[k]:g} s the body {how}, by {most:.3g} at most in "
+                    "the flights beforehand",
+                )
+            )
     return rows
 
 
 def _from(system: System, t: float, state: list[Array]) -> System:
-    """A system that begins at t (s) with a body in that state: attitude, rate, wheels' momenta."""
+    """A system that begins at t (s) with a body in that state: attitude, rate, wheels'
+    momenta."""
     parts = residual.rigid_body(system)
     assert parts is not None
     q, omega, h = (x.tolist() for x in state)
@@ -210,8 +249,9 @@ def _from(system: System, t: float, state: list[Array]) -> System:
     wheels = system.components[parts.wheels.partition(".")[0]]
     given = {"q_start_bi": q, "omega_start_body": omega, "start_frame": [0]}
     changed = {
-        body.name: _with(body, given), wheels.name: _with(wheels, {"h_start_wheel": h})
-    }  # fmt: skip
+        body.name: _with(body, given),
+        wheels.name: _with(wheels, {"h_start_wheel": h}),
+    }
     return replace(system, start=t, components={**system.components, **changed})
 
 
@@ -224,7 +264,8 @@ def _with(component: Component, given: dict[str, list[Scalar]]) -> Component:
 
 
 def _not_flown(system: System, options: Options) -> str:
-    """Why a system makes one substep, where there is nothing to choose by; else nothing."""
+    """Why a system makes one substep, where there is nothing to choose by; else
+    nothing."""
     if options.algorithm == "jacobi":
         return "jacobi takes no substeps"
     if residual.rigid_body(system) is None:
@@ -245,15 +286,17 @@ def _foreign(system: System, options: Options, every: Mapping[str, int]) -> str:
             return f"{name} is a foreign FMU without a process of its own: it is not run twice"
         of = component.fmu.description.coSimulation
         if every[name] == 1 and not of.canHandleVariableCommunicationStepSize:
-            return (f"{name}: {component.fmu.path.name} takes steps of one length only "
-                    "(canHandleVariableCommunicationStepSize)")  # fmt: skip
+            return (
+                f"{name}: {component.fmu.path.name} takes steps of one length only "
+                "(canHandleVariableCommunicationStepSize)"
+            )
     return ""
 
 
 @dataclass(frozen=True)
 class _Flight:
-    """States after each step: times (n,; s), attitude (n, 4), rate (n, 3; rad/s), momenta of the
-    wheels (n, 4; N m s), external impulse (n, 3; N m s, eci)."""
+    """States after each step: times (n,; s), attitude (n, 4), rate (n, 3; rad/s),
+    momenta of the wheels (n, 4; N m s), external impulse (n, 3; N m s, eci)."""
 
     times: Array
     q: Array
@@ -263,11 +306,17 @@ class _Flight:
 
 
 class _Flights:
-    """Flights of a system with more and more substeps, from `least` on, of `longest` steps at
-    most."""
+    """Flights of a system with more and more substeps, from `least` on, of `longest`
+    steps at most."""
 
-    def __init__(self, system: System, options: Options, least: int, longest: int) -> None:
-        self._system, self._options, self._longest = _on_natives(system), options, longest
+    def __init__(
+        self, system: System, options: Options, least: int, longest: int
+    ) -> None:
+        self._system, self._options, self._longest = (
+            _on_natives(system),
+            options,
+            longest,
+        )
         self._levels = [n for n in LEVELS if n >= least]
         parts, body = coverage.applies(system), body_of(system)
         assert parts is not None
@@ -293,14 +342,24 @@ class _Flights:
             if tried[n] <= self._system.accuracy:
                 seen, many = None, len(error)
                 if many <= self._system.steps:
-                    seen = reached_by(self._body, *(x[:many] for x in astuple(coarse))).largest()
+                    seen = reached_by(
+                        self._body, *(x[:many] for x in astuple(coarse))
+                    ).largest()
                 return SubstepChoice(
-                    n, self._system.accuracy, tried[n], steps=many - 1, tried=tried, reached=seen,
-                    flown=self._steps, seconds=time.process_time() - began,
-                )  # fmt: skip
+                    n,
+                    self._system.accuracy,
+                    tried[n],
+                    steps=many - 1,
+                    tried=tried,
+                    reached=seen,
+                    flown=self._steps,
+                    seconds=time.process_time() - began,
+                )
             coarse = fine
-        raise DesatError(f"{target}: substeps = auto: {self._reason(tried, error)}; take a larger "
-                         "--accuracy, or a shorter --step")  # fmt: skip
+        raise DesatError(
+            f"{target}: substeps = auto: {self._reason(tried, error)}; take a larger "
+            "--accuracy, or a shorter --step"
+        )
 
     def flown(self, substeps: int, free: int = FREE) -> _Flight:
         """A flight as long as so many substeps last."""
@@ -309,16 +368,24 @@ class _Flights:
         system = replace(self._system, substeps=substeps)
         columns = {tuple(name.rsplit(".", 1)) for name in self._series}
         master = Master(
-            system, schedule(system), watched=lambda c, s: (c, s.series) in columns,
-            isolated=isolated_in(system, self._options), limit=self._options.call_limit,
-        )  # fmt: skip
+            system,
+            schedule(system),
+            watched=lambda c, s: (c, s.series) in columns,
+            isolated=isolated_in(system, self._options),
+            limit=self._options.call_limit,
+        )
         with master:
             master.initialise()
             index = [
-                slot.index for name in self._series for slot in master.slots
+                slot.index
+                for name in self._series
+                for slot in master.slots
                 if f"{slot.component}.{slot.signal.series}" == name
-            ]  # fmt: skip
-            loop, live = stepping(master, None, NEVER, self._options.loop), master.live["Real"]
+            ]
+            loop, live = (
+                stepping(master, None, NEVER, self._options.loop),
+                master.live["Real"],
+            )
             rows = np.empty((steps + 1, len(index)))
             rows[0] = live[index]
             while (k := master.k) < steps:
@@ -330,16 +397,19 @@ class _Flights:
         return _Flight(times, *np.split(rows, [4, 7, 11], axis=1))
 
     def _estimate(self, coarse: _Flight, fine: _Flight) -> tuple[float, Array]:
-        """What a flight errs (rad) at the run's end, by one with more substeps; and the largest
-        difference until each of the rows that both have (rad)."""
+        """What a flight errs (rad) at the run's end, by one with more substeps; and the
+        largest difference until each of the rows that both have (rad)."""
         many = min(len(coarse.q), len(fine.q))
-        error = np.maximum.accumulate(np.radians(pointing(coarse.q[:many], fine.q[:many])))
+        error = np.maximum.accumulate(
+            np.radians(pointing(coarse.q[:many], fine.q[:many]))
+        )
         if self._longest_error is None or many == self._system.steps + 1:
             self._longest_error = error
         return FACTOR * self._carried(error, self._longest_error), error
 
     def _carried(self, error: Array, whole: Array) -> float:
-        """The largest error at the run's end, of a flight that may not have come so far."""
+        """The largest error at the run's end, of a flight that may not have come so
+        far."""
         here, steps = float(error[-1]), self._system.steps
         if len(error) == steps + 1 or here == 0.0:
             return here
@@ -356,26 +426,34 @@ class _Flights:
     def _reason(self, tried: dict[int, float], error: Array) -> str:
         """Why no count was accurate enough."""
         last = max(tried)
-        text = (f"with {last} substeps, of {MOST_SUBSTEPS} at most, the attitude would still err "
-                f"by {tried[last]:.2e} rad, accuracy is {self._system.accuracy:g} rad")  # fmt: skip
+        text = (
+            f"with {last} substeps, of {MOST_SUBSTEPS} at most, the attitude would still err "
+            f"by {tried[last]:.2e} rad, accuracy is {self._system.accuracy:g} rad"
+        )
         risen = float(error[-1]) / max(float(error[len(error) // 2]), 1e-15)
         if not isfinite(tried[last]):
             return f"{text}: its states are not finite"
         if risen > 100.0:
             return f"{text}: the motion amplifies any error, {risen:.0e} times in its second half"
         ratios = [a / b for a, b in pairwise(list(tried.values())[-4:]) if b > 0.0]
-        bound = coverage.bound(replace(self._system, substeps=last)) or coverage.StepCriteria(
-            0.0, 0.0
+        bound = coverage.bound(
+            replace(self._system, substeps=last)
+        ) or coverage.StepCriteria(0.0, 0.0)
+        return (
+            f"{text}; twice the substeps divide that by {min(ratios, default=inf):.2g} only "
+            f"(in one: turn {bound.turn:.2g} rad, kick {bound.kick:.2g} rad)"
         )
-        return (f"{text}; twice the substeps divide that by {min(ratios, default=inf):.2g} only "
-                f"(in one: turn {bound.turn:.2g} rad, kick {bound.kick:.2g} rad)")  # fmt: skip
 
 
 def _on_natives(system: System) -> System:
-    """The system on native FMUs in place of Python FMUs and bare blocks of ours, which make the
-    same bits."""
+    """The system on native FMUs in place of Python FMUs and bare blocks of ours, which
+    make the same bits."""
     components = {}
     for name, c in system.components.items():
-        fmu = library.of_ours(c.source) if c.fmu is None else library.of_kind(c.fmu, "native")
+        fmu = (
+            library.of_ours(c.source)
+            if c.fmu is None
+            else library.of_kind(c.fmu, "native")
+        )
         components[name] = replace(c, fmu=fmu)
     return replace(system, components=components)

@@ -1,7 +1,8 @@
-"""What a scenario says, held against the system that it describes: each entry is bound, or refused.
+"""What a scenario says, held against the system that it describes: each entry is bound,
+or refused.
 
-Numbers, plots, requirements, rows of a paper, dispersions and the stop condition have one function
-each that binds them; what it raises is what `check` reports.
+Numbers, plots, requirements, rows of a paper, dispersions and the stop condition have
+one function each that binds them; what it raises is what `check` reports.
 """
 
 from __future__ import annotations
@@ -60,11 +61,14 @@ def content_problems(
 
 def _checks(
     content: Content, components: Components | None, system: System | None
-) -> Iterator[tuple[Keys, Check]]:  # fmt: skip
+) -> Iterator[tuple[Keys, Check]]:
     """Yield the keys of each entry, and the function that binds it."""
     parameters = None if system is None else table(system.components.values())
     for name, number in content.numbers.items():
-        yield ("numbers", name), partial(bind_number, content, number, components, parameters)
+        yield (
+            ("numbers", name),
+            partial(bind_number, content, number, components, parameters),
+        )
     for name, plot in content.plots.items():
         yield ("plots", name), partial(bind_plot, plot, components, parameters)
     for name, requirement in content.requirements.items():
@@ -73,14 +77,20 @@ def _checks(
         yield ("paper", name), partial(bind_row, content, row, system)
     if components is not None:
         for name, dispersion in content.dispersions.items():
-            yield ("dispersions", name), partial(bind_dispersion, name, dispersion, components)
+            yield (
+                ("dispersions", name),
+                partial(bind_dispersion, name, dispersion, components),
+            )
     if system is not None:
         yield (), partial(stopping.condition, system)
 
 
 def bind_number(
-    content: Content, number: Number, components: Components | None, parameters: Table | None
-) -> None:  # fmt: skip
+    content: Content,
+    number: Number,
+    components: Components | None,
+    parameters: Table | None,
+) -> None:
     """Bind a number to components. Raises MisfitError for what does not fit."""
     if number.of:
         _require_number(content, number.of, "of")
@@ -92,7 +102,9 @@ def bind_number(
         bind(number, partial(_series, components), parameters)
 
 
-def bind_plot(plot: Plot, components: Components | None, parameters: Table | None) -> None:
+def bind_plot(
+    plot: Plot, components: Components | None, parameters: Table | None
+) -> None:
     """Bind a plot to components: its signals, unit and limits.
 
     Raises
@@ -111,7 +123,9 @@ def bind_plot(plot: Plot, components: Components | None, parameters: Table | Non
         raise MisfitError(str(error), "signals") from error
     known = [signal for signal in signals if signal is not None]
     if quantity:
-        known = [SeriesUnit(quantity.unit or x.unit, len(quantity.names)) for x in known[:1]]
+        known = [
+            SeriesUnit(quantity.unit or x.unit, len(quantity.names)) for x in known[:1]
+        ]
     for unit, count in known:
         if len(plot.components) > count:
             text = f"{len(plot.components)} names for {count} elements"
@@ -139,7 +153,9 @@ def bind_requirement(content: Content, entry: Requirement) -> None:
     _require_number(content, entry.number, "number")
     number = content.numbers.get(entry.number)
     if number is not None and number.of:
-        raise MisfitError(f"{entry.number} compares runs: a case has no such number", "number")
+        raise MisfitError(
+            f"{entry.number} compares runs: a case has no such number", "number"
+        )
     if entry.min is not None and entry.max is not None and entry.min > entry.max:
         raise MisfitError("it is above max: nothing can be within", "min")
 
@@ -162,12 +178,15 @@ def bind_row(content: Content, row: Entry, system: System | None) -> None:
 
 
 def bind_dispersion(key: str, spec: Dispersion, components: Components) -> None:
-    """Bind a dispersion to the parameters that it draws. Raises MisfitError where it has none."""
+    """Bind a dispersion to the parameters that it draws. Raises MisfitError where it
+    has none."""
     owner, _, variable = key.partition(".")
     owners = [owner]
     if owner == "*":
         owners = [
-            n for n, c in components.items() if c.interface and variable in c.interface.arrays
+            n
+            for n, c in components.items()
+            if c.interface and variable in c.interface.arrays
         ]
         if not owners and all(c.interface for c in components.values()):
             raise MisfitError(f"no component has a parameter {variable}")
@@ -179,19 +198,23 @@ def bind_dispersion(key: str, spec: Dispersion, components: Components) -> None:
 
 def _check_dispersion(
     part: Part, variable: str, elements: Sequence[Signal], spec: Dispersion
-) -> None:  # fmt: skip
+) -> None:
     """Raise MisfitError where a parameter cannot have what a dispersion draws."""
     kind, count = spec.kind, len(elements)
     values = getattr(spec, kind)
     needed = {"signs": len(values) if kind == "signs" else 0, "attitude": 4, "seed": 1}
     if count != needed.get(kind, count):
-        raise MisfitError(f"{kind}: {variable} has {count} elements, not {needed[kind]}")
+        raise MisfitError(
+            f"{kind}: {variable} has {count} elements, not {needed[kind]}"
+        )
     if kind == "direction" and count < 2:
         raise MisfitError(f"direction: {variable} is no vector")
     if kind != "one_of":
         type_ = "Integer" if kind == "seed" else "Real"
         if elements[0].kind != type_:
-            raise MisfitError(f"{kind}: {variable} is of type {elements[0].kind}, not {type_}")
+            raise MisfitError(
+                f"{kind}: {variable} is of type {elements[0].kind}, not {type_}"
+            )
         return
     assert part.interface is not None
     for value in values:
@@ -216,7 +239,7 @@ def _series(components: Components, name: str) -> SeriesUnit | None:
     return SeriesUnit(elements[0].unit_name, len(elements)) if elements else None
 
 
-# --- A scenario whose system has other FMUs in place of its own ----------------------------------
+# --- A scenario whose system has other FMUs in place of its own -----------------------
 
 _LEFT_OUT = {
     "requirements": "left out, not checked",
@@ -244,7 +267,8 @@ def fit_to(content: Content, system: System) -> tuple[Content, list[tuple[Keys, 
 
 
 def _leave_out(data: dict[str, Any], path: Keys, system: System) -> None:
-    """Remove an entry from a scenario's data; of a plot only the signals or limits that lack."""
+    """Remove an entry from a scenario's data; of a plot only the signals or limits that
+    lack."""
     what, *names = path
     if what == "stop_when":
         data.pop(what, None)
@@ -294,9 +318,13 @@ _BYTES = {"Real": 8, "Integer": 4, "Boolean": 4}
 
 def recording_problems(system: System, options: Options) -> Iterator[str]:
     """A line for each pattern that no output fits, and for rows too rare to be any."""
-    outputs = [(c.name, s) for c in system.components.values() for s in c.interface.outputs]
+    outputs = [
+        (c.name, s) for c in system.components.values() for s in c.interface.outputs
+    ]
     for pattern in options.record:
-        if pattern != "*" and not any(selects([pattern], name, signal) for name, signal in outputs):
+        if pattern != "*" and not any(
+            selects([pattern], name, signal) for name, signal in outputs
+        ):
             known = {f"{name}.{s.series}" for name, s in outputs}
             yield f"--record {pattern}: no output fits{nearest(pattern, known)}"
     for name, signal in outputs:
@@ -310,7 +338,8 @@ def recording_problems(system: System, options: Options) -> Iterator[str]:
 
 
 def not_saved(system: System, options: Options) -> Iterator[str]:
-    """A line for each component whose state cannot be saved, where checkpoints are wanted."""
+    """A line for each component whose state cannot be saved, where checkpoints are
+    wanted."""
     if options.checkpoint is None:
         return
     if not 0.0 < options.checkpoint < inf:
@@ -320,8 +349,10 @@ def not_saved(system: System, options: Options) -> Iterator[str]:
             continue
         of = c.fmu.description.coSimulation
         if not (of.canGetAndSetFMUstate and of.canSerializeFMUstate):
-            yield (f"--checkpoint: {c.name}: {c.fmu.path.name} cannot save its state "
-                   "(canGetAndSetFMUstate, canSerializeFMUstate)")  # fmt: skip
+            yield (
+                f"--checkpoint: {c.name}: {c.fmu.path.name} cannot save its state "
+                "(canGetAndSetFMUstate, canSerializeFMUstate)"
+            )
 
 
 def not_halved(system: System, options: Options) -> Iterator[str]:
@@ -333,17 +364,21 @@ def not_halved(system: System, options: Options) -> Iterator[str]:
         assert c.fmu is not None
         of = c.fmu.description.coSimulation
         if not (of.canGetAndSetFMUstate and of.canHandleVariableCommunicationStepSize):
-            yield (f"--halve: {c.name}: {c.fmu.path.name} cannot step anew with another length "
-                   "(canGetAndSetFMUstate, canHandleVariableCommunicationStepSize)")  # fmt: skip
+            yield (
+                f"--halve: {c.name}: {c.fmu.path.name} cannot step anew with another length "
+                "(canGetAndSetFMUstate, canHandleVariableCommunicationStepSize)"
+            )
 
 
 def size(system: System, options: Options) -> int:
-    """What the series of a run to its stop time take (bytes) before any row is left out."""
+    """What the series of a run to its stop time take (bytes) before any row is left
+    out."""
     row = 8 + sum(
         _BYTES[s.kind]
-        for c in system.components.values() for s in c.interface.outputs
+        for c in system.components.values()
+        for s in c.interface.outputs
         if s.kind in KINDS and selects(options.record, c.name, s)
-    )  # fmt: skip
+    )
     return row * (system.steps + 1)
 
 
@@ -354,5 +389,7 @@ def room(system: System, options: Options, folder: Path) -> str:
     needed, disk = size(system, options), shutil.disk_usage(folder)
     if needed < (free := disk.free) or not disk.total:  # no size: no disk
         return ""
-    return (f"the series may take {needed / 1e9:.3g} GB, {free / 1e9:.3g} GB are free in {folder}: "
-            "record less (--record)")  # fmt: skip
+    return (
+        f"the series may take {needed / 1e9:.3g} GB, {free / 1e9:.3g} GB are free in {folder}: "
+        "record less (--record)"
+    )

@@ -1,5 +1,5 @@
-"""Which managers fit a craft, and with which gains: what their blocks declare of themselves
-(`components/contract/fitting.py`), asked of a system."""
+"""Which managers fit a craft, and with which gains: what their blocks declare of
+themselves (`components/contract/fitting.py`), asked of a system."""
 
 from __future__ import annotations
 
@@ -33,7 +33,8 @@ PLAINEST = "manager_cross_product"
 """It comes after the craft's own."""
 ALL = "all"
 SAMPLE = 10.0
-"""s, of a law that must sample, where neither the craft's own manager nor its coils do."""
+"""s, of a law that must sample, where neither the craft's own manager nor its coils do.
+"""
 
 
 @dataclass(frozen=True)
@@ -87,8 +88,12 @@ def _law_of(component: Component) -> Law | None:
     signals = component.interface.signals
 
     def chosen(law: Law) -> bool:
-        choices = {k: v for k, v in law.gains.items() if k in signals and signals[k].choices}
-        return all(signals[k].named(component.values[k]) == v for k, v in choices.items())
+        choices = {
+            k: v for k, v in law.gains.items() if k in signals and signals[k].choices
+        }
+        return all(
+            signals[k].named(component.values[k]) == v for k, v in choices.items()
+        )
 
     return laws[0] if len(laws) == 1 else next(filter(chosen, laws), None)
 
@@ -99,22 +104,31 @@ def managers() -> list[str]:
 
 
 def fitting(
-    source: Target, options: Options, terms: Terms, asked: Sequence[str] = (ALL,),
+    source: Target,
+    options: Options,
+    terms: Terms,
+    asked: Sequence[str] = (ALL,),
     others: Sequence[str] = (),
-) -> tuple[list[Fitting], list[Refused]]:  # fmt: skip
-    """The laws that fit the craft of a source, its own first, and the managers that do not, with
-    the reason. `asked`: laws or managers of ours by name, or all. `others`: block files and
-    FMUs of the user's own. Raises DesatError for a name that there is not, or a source with
-    something wrong."""
+) -> tuple[list[Fitting], list[Refused]]:
+    """The laws that fit the craft of a source, its own first, and the managers that do
+    not, with the reason. `asked`: laws or managers of ours by name, or all. `others`:
+    block files and FMUs of the user's own. Raises DesatError for a name that there is
+    not, or a source with something wrong."""
     system, _ = prepare(source, options).or_raise()
     own = system.components[ROLE]
     known = _table_of(system, own, terms)
     found = [Fitting(law_name(own), own.interface.model, True, options, {})]
-    some = sorted(_laws_of(asked), key=lambda m: (m != own.interface.model, m != PLAINEST))
+    some = sorted(
+        _laws_of(asked), key=lambda m: (m != own.interface.model, m != PLAINEST)
+    )
     refused: list[Refused] = []
     for manager in (*some, *others):
         block = _read_block(manager)
-        label = manager if block is None or is_own(manager) else manager.removeprefix("manager_")
+        label = (
+            manager
+            if block is None or is_own(manager)
+            else manager.removeprefix("manager_")
+        )
         if why := "" if block is None else _lacks(block, manager, system, terms):
             if manager != own.interface.model:
                 refused.append(Refused(label.replace("_", " "), why))
@@ -158,7 +172,9 @@ def _laws_of(asked: Sequence[str]) -> list[str]:
     """The managers of these laws or managers."""
     every = managers()
     by_law = {law.name: m for m in every for law in _laws(block_class(m), m)}
-    known = by_law | {m: m for m in every} | {m.removeprefix("manager_"): m for m in every}
+    known = (
+        by_law | {m: m for m in every} | {m.removeprefix("manager_"): m for m in every}
+    )
     for name in asked:
         if name not in known and name != ALL:
             close = nearest(name, known).partition("; there is ")[0]
@@ -167,7 +183,9 @@ def _laws_of(asked: Sequence[str]) -> list[str]:
     return every if ALL in asked else list(dict.fromkeys(known[name] for name in asked))
 
 
-def _is_asked(law: Law, manager: str, asked: Sequence[str], others: Sequence[str]) -> bool:
+def _is_asked(
+    law: Law, manager: str, asked: Sequence[str], others: Sequence[str]
+) -> bool:
     names = (law.name, manager, manager.removeprefix("manager_"), ALL)
     return manager in others or any(n in asked for n in names)
 
@@ -186,7 +204,8 @@ def _read_block(manager: str) -> type[Block] | None:
 
 
 def _laws(block: type[Block] | None, manager: str) -> tuple[Law, ...]:
-    """The laws of a manager; what is not ours and declares none flies with its own values."""
+    """The laws of a manager; what is not ours and declares none flies with its own
+    values."""
     declared = block.offers if block is not None and issubclass(block, Manager) else ()
     ours = manager in names()
     if block is not None and not ours:
@@ -197,15 +216,21 @@ def _laws(block: type[Block] | None, manager: str) -> tuple[Law, ...]:
 def _check_offers(declared: Any, block: type[Block], where: str) -> None:
     """Raise DesatError for laws that a file declares in another form than `Law` has."""
     if isinstance(declared, Law) or not isinstance(declared, (tuple, list)):
-        raise DesatError(f'{where}: offers: a tuple is needed, as offers = (Law("my law"),)')
+        raise DesatError(
+            f'{where}: offers: a tuple is needed, as offers = (Law("my law"),)'
+        )
     parameters = {v.name for v in block.variables if v.causality == "parameter"}
     for law in declared:
         if not isinstance(law, Law) or not isinstance(law.name, str) or not law.name:
-            raise DesatError(f'{where}: offers: {law!r} is no law with a name, as Law("my law")')
+            raise DesatError(
+                f'{where}: offers: {law!r} is no law with a name, as Law("my law")'
+            )
         at = f"{where}: offers: Law {law.name}"
         for field, given in (("gains", law.gains), ("units", law.units)):
             if not isinstance(given, Mapping):
-                raise DesatError(f'{at}: {field}: a dict is needed, as {{"gain": "craft.rate"}}')
+                raise DesatError(
+                    f'{at}: {field}: a dict is needed, as {{"gain": "craft.rate"}}'
+                )
             for key in given:
                 if key not in parameters:
                     raise DesatError(
@@ -250,17 +275,21 @@ def _instead(need: Need, system: System, terms: Terms) -> str:
 
 
 def _table_of(system: System, own: Component, terms: Terms) -> dict[str, Any]:
-    """The parameters of a system, and the terms of rules as those of a component `craft`."""
+    """The parameters of a system, and the terms of rules as those of a component
+    `craft`."""
     known: dict[str, Any] = dict(table(system.components.values()))
     law = _law_of(own) if own.interface.model in names() else None
     noise = noise_of(system)
 
     def with_rate(rate: float) -> dict[str, Any]:
-        return known | {"craft": {
-            "rate": Parameter(rate, "1/s"), "field": Parameter(terms.field, "T"),
-            "orbit_rate": Parameter(terms.orbit_rate, "rad/s"),
-            **{name: Parameter(noise[name], unit) for name, unit in KNOWN.items()},
-        }}  # fmt: skip
+        return known | {
+            "craft": {
+                "rate": Parameter(rate, "1/s"),
+                "field": Parameter(terms.field, "T"),
+                "orbit_rate": Parameter(terms.orbit_rate, "rad/s"),
+                **{name: Parameter(noise[name], unit) for name, unit in KNOWN.items()},
+            }
+        }
 
     rate = BANDWIDTH * terms.orbit_rate
     if law is not None and law.rate:
@@ -270,10 +299,15 @@ def _table_of(system: System, own: Component, terms: Terms) -> dict[str, Any]:
 
 
 def _fit(
-    source: Target, options: Options, own: Component, manager: str, law: Law,
+    source: Target,
+    options: Options,
+    own: Component,
+    manager: str,
+    law: Law,
     known: Mapping[str, Any],
-) -> Fitting:  # fmt: skip
-    """A law of a manager with its gains. Raises DesatError where the craft cannot fly it."""
+) -> Fitting:
+    """A law of a manager with its gains. Raises DesatError where the craft cannot fly
+    it."""
     placed = options
     if manager != own.interface.model:
         placed = replace(options, sources=[*options.sources, f"{ROLE}={manager}"])
@@ -294,7 +328,7 @@ def _fit(
 
 def _gains(
     component: Component, own: Component, law: Law, known: Mapping[str, Any]
-) -> Iterator[tuple[str, Any, str]]:  # fmt: skip
+) -> Iterator[tuple[str, Any, str]]:
     """Parameter, value and what is said of it, of all that a law takes from the craft."""
     signals = component.interface.signals
     for key, rule in law.gains.items():
@@ -308,8 +342,11 @@ def _gains(
         text = f"{rule} = {number:.4g} {shown}".removesuffix(" 1")
         yield key, number if key in signals else [number] * len(elements), text
     if component.interface.model != own.interface.model:
-        follows = {s.array: s.follows for s in component.interface.parameters
-                   if s.follows and s.array not in law.gains}  # fmt: skip
+        follows = {
+            s.array: s.follows
+            for s in component.interface.parameters
+            if s.follows and s.array not in law.gains
+        }
         for key, text in follows.items():
             try:
                 given = list(values_of(component, key, text, known).values())

@@ -1,8 +1,10 @@
-"""`desat size` of a craft that dumps by thrusters between thresholds (`manager_threshold`): how
-often it dumps, what a dump and a year take, and how long the tank lasts.
+"""`desat size` of a craft that dumps by thrusters between thresholds
+(`manager_threshold`): how often it dumps, what a dump and a year take, and how long the
+tank lasts.
 
-The momentum H (N m s, eci) grows by what the disturbances leave, at the wanted attitude C(t), by
-the environment's own block; with h_b the body's own and A^+ the least squares over the wheels
+The momentum H (N m s, eci) grows by what the disturbances leave, at the wanted attitude
+C(t), by the environment's own block; with h_b the body's own and A^+ the least squares
+over the wheels
 
     h(t) = A^+ (C(t) H(t) - h_b(t)),   a dump begins where the fill of h comes to `begin`
 
@@ -10,10 +12,10 @@ and goes on by the law's own block, until its `end`. It takes the impulse of for
 thrusters need for that momentum u in the attitude where it begins: of pairs about the axes
 |u|_1 / arm, of nozzles by the least on-times (`least_on_times`).
 
-A degree of the orbit, or a threshold APART from the one that is set, decides in which quarter of
-the orbit the next dump begins: WAYS such courses say how far that goes. Rates are between the first
-dump and the last of the course that the craft flies itself; those of a year are the mean over DATES
-days, each as if it lasted, and over the ways.
+A degree of the orbit, or a threshold APART from the one that is set, decides in which
+quarter of the orbit the next dump begins: WAYS such courses say how far that goes.
+Rates are between the first dump and the last of the course that the craft flies itself;
+those of a year are the mean over DATES days, each as if it lasted, and over the ways.
 """
 
 from __future__ import annotations
@@ -56,7 +58,13 @@ from ..system.model import System
 from ..system.options import Options
 from ..system.parameters import bare_block, unit_of
 from ..system.typed import JsonObject
-from .momentum import SourceShare, compute_slew, secular, shares_of, smallest_wheel_capacity
+from .momentum import (
+    SourceShare,
+    compute_slew,
+    secular,
+    shares_of,
+    smallest_wheel_capacity,
+)
 from .propellant import GRAVITY, YEAR, thruster_cost
 from .requirements import SizingRequirements
 from .result import finite
@@ -66,12 +74,20 @@ from .year import YearDate, days_of_year
 Array = NDArray[Any]
 LAW = "manager_threshold"
 TRIED, WAYS, APART = 10, 8, 0.01
-"""Dumps of a course, courses that rates are of, and how far their thresholds are apart either
-way, relative."""
+"""Dumps of a course, courses that rates are of, and how far their thresholds are apart
+either way, relative."""
 MANY, MOST_STEPS = 25, 1_500_000
-"""Dumps after the first that are followed at the most, and steps that they are worth."""
-LOOP = {"dumps_a_week": "1", "propellant_a_year": "kg", "first_dump": "s", "dumps": "1",
-        "dump_momentum": "N.m.s", "dump_propellant": "kg", "pointing_largest": "deg"}  # fmt: skip
+"""Dumps after the first that are followed at the most, and steps that they are worth.
+"""
+LOOP = {
+    "dumps_a_week": "1",
+    "propellant_a_year": "kg",
+    "first_dump": "s",
+    "dumps": "1",
+    "dump_momentum": "N.m.s",
+    "dump_propellant": "kg",
+    "pointing_largest": "deg",
+}
 """Numbers of the closed loop that stand beside the sizes, and their units here."""
 LONGEST = 20.0 * YEAR
 """So long (s) the first dumps are waited for."""
@@ -86,9 +102,14 @@ MOST_SAMPLES = 10_000
 BETWEEN = 200
 """Rows between two dumps at least."""
 WEEK = 7.0 * 86400.0
-CHEAPEST_OF, CHEAPEST_AT = 10, 180  # dumps, and attitudes at which their cost is looked at
+CHEAPEST_OF, CHEAPEST_AT = (
+    10,
+    180,
+)  # dumps, and attitudes at which their cost is looked at
 WORST_DUMPS = 8  # that the worst scenario flies after its first
-SLOW_ORBIT = 4.0 * 3600.0  # s: an orbit below it has rows of 2 min, which keep 1e-5 of the field
+SLOW_ORBIT = (
+    4.0 * 3600.0
+)  # s: an orbit below it has rows of 2 min, which keep 1e-5 of the field
 COARSE_TURN = 0.1  # deg, by the shortest pulse
 
 
@@ -124,7 +145,9 @@ class Rates:
     @property
     def least_a_year(self) -> float:
         """The same where each dump waits for its cheapest attitude."""
-        return self.least_propellant * YEAR / self.interval if self.interval < inf else 0.0
+        return (
+            self.least_propellant * YEAR / self.interval if self.interval < inf else 0.0
+        )
 
 
 @dataclass(frozen=True, repr=False)
@@ -148,7 +171,8 @@ class DumpSizing:
     steady: Rates
     """in the scenario's time"""
     a_year: float
-    """propellant, kg, the mean over the days of a year with the scenario's solar activity"""
+    """propellant, kg, the mean over the days of a year with the scenario's solar
+    activity"""
     by_activity: Mapping[str, float]
     """the same with low and high solar activity, where air matters"""
     each_year: tuple[float, ...]
@@ -184,10 +208,16 @@ class DumpSizing:
 
     def as_json(self) -> JsonObject:
         """What `--json` prints; what is without end, or not known, is null."""
-        steady = asdict(self.steady) | {"a_week": self.steady.a_week, "a_year": self.steady.a_year}
+        steady = asdict(self.steady) | {
+            "a_week": self.steady.a_week,
+            "a_year": self.steady.a_year,
+        }
         told = {k: finite(x) for k, x in asdict(self).items()}
-        return told | {"steady": finite(steady), "years": finite(self.years),
-                       "answer": self.answer}  # fmt: skip
+        return told | {
+            "steady": finite(steady),
+            "years": finite(self.years),
+            "answer": self.answer,
+        }
 
     @property
     def answer(self) -> str:
@@ -197,8 +227,10 @@ class DumpSizing:
         if self.steady.interval == inf:
             return f"{self.target}: its wheels never come to {self.begin:.4g} N m s: no dump."
         each = f"{1e3 * self.steady.propellant:.3g} g each"
-        text = (f"{self.target} dumps {self.steady.a_week:.3g} times a week, {each}, "
-                f"{self.a_year:.3g} kg a year")  # fmt: skip
+        text = (
+            f"{self.target} dumps {self.steady.a_week:.3g} times a week, {each}, "
+            f"{self.a_year:.3g} kg a year"
+        )
         if self.by_activity:
             levels = [f"{x:.3g} at {name}" for name, x in self.by_activity.items()]
             text += f" ({', '.join(levels)} solar activity)"
@@ -211,14 +243,16 @@ class DumpSizing:
 def applies(system: System) -> bool:
     """Whether a system dumps by thrusters between thresholds."""
     manager = system.components.get("manager")
-    return manager is not None and manager.interface.model == LAW and (
-        manager.choice("by") == "thrusters"
-    )  # fmt: skip
+    return (
+        manager is not None
+        and manager.interface.model == LAW
+        and (manager.choice("by") == "thrusters")
+    )
 
 
 def is_of(target: str, options: Options) -> bool:
-    """Whether a target is such a system; False of one that cannot be had, which is said where it is
-    sized."""
+    """Whether a target is such a system; False of one that cannot be had, which is said
+    where it is sized."""
     try:
         return applies(resolved(target, options)[0])
     except DesatError:
@@ -226,10 +260,12 @@ def is_of(target: str, options: Options) -> bool:
 
 
 def size(
-    target: str, options: Options, requirements: SizingRequirements | None = None,
+    target: str,
+    options: Options,
+    requirements: SizingRequirements | None = None,
     progress: Callable[[str], None] = lambda text: None,
     sized: Callable[[DumpSizing], None] = lambda made: None,
-) -> DumpSizing:  # fmt: skip
+) -> DumpSizing:
     """Size dumps by thrusters.
 
     Parameters
@@ -252,21 +288,27 @@ def size(
     case = prepare(read(target), options)
     system, _ = case.or_raise()
     if not applies(system):
-        raise DesatError(f"{target}: its manager does not dump by thrusters between thresholds")
+        raise DesatError(
+            f"{target}: its manager does not dump by thrusters between thresholds"
+        )
     hardware, values = hardware_of(system), values_of(system)
     law = _law_of(system)
     cost = thruster_cost(system, hardware, requirements)
     isp = requirements.specific_impulse or hardware.specific_impulse
     if cost is None or isp is None:
-        raise DesatError(f"{target}: its thrusters have neither arm nor nozzles, or no specific "
-                         "impulse: --arm and --isp say them")  # fmt: skip
+        raise DesatError(
+            f"{target}: its thrusters have neither arm nor nozzles, or no specific "
+            "impulse: --arm and --isp say them"
+        )
     attitude = wanted_attitude(system)
     progress("the days of the scenario")
     flight = _flight(system, attitude)
     torque, _ = secular(flight)
     span = max(0.0, system.stop - system.start - (flight.times[-1] - flight.times[0]))
     later = [
-        _flight(system, attitude, float(t)) for t in np.linspace(0.0, span, PARTS)[1:] if t > 0.0
+        _flight(system, attitude, float(t))
+        for t in np.linspace(0.0, span, PARTS)[1:]
+        if t > 0.0
     ]
     steady = mean_of([rates_of(f, hardware, law, cost, isp) for f in (flight, *later)])
     window = _window(system, options, steady)
@@ -287,11 +329,20 @@ def size(
             year.append(date)
         own = year[0].activity
     by_activity = {
-        name: float(np.mean([r.a_year for d, r in zip(year, each, strict=True)
-                             if d.activity == name]))
+        name: float(
+            np.mean(
+                [
+                    r.a_year
+                    for d, r in zip(year, each, strict=True)
+                    if d.activity == name
+                ]
+            )
+        )
         for name in dict.fromkeys(d.activity for d in year)
-    }  # fmt: skip
-    of_own = [r for d, r in zip(year, each, strict=True) if d.activity == own] or [steady]
+    }
+    of_own = [r for d, r in zip(year, each, strict=True) if d.activity == own] or [
+        steady
+    ]
     capacity = smallest_wheel_capacity(hardware)
     slew_momentum, slew_torque = compute_slew(hardware, requirements)
     made = DumpSizing(
@@ -322,7 +373,9 @@ def size(
     )
     notes = [*doubts(system), *closed_loop_only(system, options)]
     made = replace(
-        made, problems=tuple(_problems(made)), notes=(*notes, *_notes(made, requirements))
+        made,
+        problems=tuple(_problems(made)),
+        notes=(*notes, *_notes(made, requirements)),
     )
     if not (requirements.flown and (steady.first < window or options.stop is not None)):
         return made
@@ -338,7 +391,9 @@ def size(
         some = min(window, max(86400.0, steady.first + WORST_DUMPS * steady.interval))
         worst = _flown(beside.text, options, system.step * ceil(some / system.step))
         unmet += [f"in {beside.text}: {line}" for line in worst.manifest.not_met]
-    unmet = [f"{line} (likely by {'; '.join(causes)})" if causes else line for line in unmet]
+    unmet = [
+        f"{line} (likely by {'; '.join(causes)})" if causes else line for line in unmet
+    ]
     made = replace(made, loop=loop, problems=(*made.problems, *unmet))
     return replace(made, notes=(*notes, *_notes(made, requirements)))
 
@@ -399,8 +454,8 @@ def _numbers_of(run: Run) -> Iterator[tuple[str, float | None]]:
 
 
 def _window(system: System, options: Options, steady: Rates) -> float:
-    """For how long (s) dumps are followed, and flown: the time of the scenario, or what MANY dumps
-    and MOST_STEPS steps leave of it where the user does not say how long."""
+    """For how long (s) dumps are followed, and flown: the time of the scenario, or what
+    MANY dumps and MOST_STEPS steps leave of it where the user does not say how long."""
     span = system.stop - system.start
     if options.stop is not None:
         return span
@@ -409,23 +464,25 @@ def _window(system: System, options: Options, steady: Rates) -> float:
 
 
 def _flown(target: str, options: Options, window: float) -> Run:
-    """The closed loop of so long (s). Raises DesatError where it cannot run, or did not come to its
-    end."""
+    """The closed loop of so long (s). Raises DesatError where it cannot run, or did not
+    come to its end."""
     source = read(target)
     system, _ = prepare(source, options).or_raise()
     case = prepare(source, replace(options, stop=system.start + window))
     # all of a year in orbit would not fit into memory
     record = series_of_numbers(case.or_raise()[0])
-    run = simulate(replace(case, options=replace(case.options, record=record))).or_raise(target)
+    run = simulate(
+        replace(case, options=replace(case.options, record=record))
+    ).or_raise(target)
     run.results.close()
     return run
 
 
 def _through(
     system: System, attitude: Attitude, flight: Flight, span: float, interval: float
-) -> Flight | None:  # fmt: skip
-    """A flight of so long (s), over which orbit and Sun move, with many rows between two dumps;
-    None where that takes too many."""
+) -> Flight | None:
+    """A flight of so long (s), over which orbit and Sun move, with many rows between
+    two dumps; None where that takes too many."""
     block = environment_block(system.components["environment"], needless(system))
     times = system.start + _nodes(block, system.start, flight, span, interval / BETWEEN)
     if len(times) > MOST_ROWS:
@@ -436,9 +493,11 @@ def _through(
         return None
 
 
-def _nodes(block: Any, start: float, flight: Flight, span: float, longest: float) -> Array:
-    """Times (s) since the start through a span, no two `longest` apart: of an ellipse as many about
-    its perigee as about its apogee, by the eccentric anomaly."""
+def _nodes(
+    block: Any, start: float, flight: Flight, span: float, longest: float
+) -> Array:
+    """Times (s) since the start through a span, no two `longest` apart: of an ellipse
+    as many about its perigee as about its apogee, by the eccentric anomaly."""
     r, v = flight.r[0], flight.v[0]
     size, rate = float(np.linalg.norm(r)), 2.0 * pi / flight.period
     if size > BEYOND:
@@ -461,8 +520,8 @@ def _nodes(block: Any, start: float, flight: Flight, span: float, longest: float
 
 
 def _perigees(block: Any, start: float, period: float, span: float) -> list[float]:
-    """When (s since the start) an orbit has its perigees, from the one before the start to the one
-    after a span."""
+    """When (s since the start) an orbit has its perigees, from the one before the start
+    to the one after a span."""
 
     from scipy.optimize import brentq
 
@@ -480,7 +539,8 @@ def _perigees(block: Any, start: float, period: float, span: float) -> list[floa
 
 
 def _flight(system: System, attitude: Attitude, since: float = 0.0) -> Flight:
-    """Whole orbits at the wanted attitude, a day of them or one, `since` (s) after the start."""
+    """Whole orbits at the wanted attitude, a day of them or one, `since` (s) after the
+    start."""
     begin = system.start + since
     block = environment_block(system.components["environment"], needless(system))
     first = inputs_at(block, [begin])
@@ -492,25 +552,34 @@ def _flight(system: System, attitude: Attitude, since: float = 0.0) -> Flight:
 
 
 def rates_of(
-    flight: Flight, hardware: Hardware, law: ThresholdLaw, cost: Callable[[Array], float],
-    isp: float, interval: float = 0.0,
-) -> Rates:  # fmt: skip
-    """The dumps of a flight that goes on as it is: the mean over WAYS. One with an `interval` (s)
-    is of all dumps, which are its own; the ways begin within the first interval."""
+    flight: Flight,
+    hardware: Hardware,
+    law: ThresholdLaw,
+    cost: Callable[[Array], float],
+    isp: float,
+    interval: float = 0.0,
+) -> Rates:
+    """The dumps of a flight that goes on as it is: the mean over WAYS. One with an
+    `interval` (s) is of all dumps, which are its own; the ways begin within the first
+    interval."""
     parts = np.linspace(-APART, APART, WAYS)
     last = len(flight.q) - 1
     if interval > 0.0:
         last = int(np.searchsorted(flight.times - flight.times[0], interval))
     goes_on, most = interval == 0.0, TRIED if interval == 0.0 else 10 * MANY
     each = [
-        list(_course(flight, hardware, law, 1.0 + part, i * last // WAYS, goes_on, most))
+        list(
+            _course(flight, hardware, law, 1.0 + part, i * last // WAYS, goes_on, most)
+        )
         for i, part in enumerate(parts)
     ]
     each = [course for course in each if course]
     if not each:
         return Rates(inf, inf, 0.0, 0.0, 0.0)
     own = list(_course(flight, hardware, law, 1.0, 0, goes_on, most))
-    weekly = [WEEK * (len(c) - 1) / (c[-1][0] - c[0][0]) for c in [*each, own] if len(c) > 1]
+    weekly = [
+        WEEK * (len(c) - 1) / (c[-1][0] - c[0][0]) for c in [*each, own] if len(c) > 1
+    ]
     counted = each if goes_on or len(own) < 2 else [own]
     seconds = sum(course[-1][0] - course[0][0] for course in counted)
     count = sum(len(course) - 1 for course in counted)
@@ -521,14 +590,20 @@ def rates_of(
     impulse = float(np.mean([cost(u) for u in every]))
     first = own[0][0] if own else each[0][0][0]
     return Rates(
-        first, seconds / count if count else inf, momentum, impulse, impulse / (isp * GRAVITY),
-        min(least, impulse) / (isp * GRAVITY), min(weekly, default=0.0), max(weekly, default=0.0),
-    )  # fmt: skip
+        first,
+        seconds / count if count else inf,
+        momentum,
+        impulse,
+        impulse / (isp * GRAVITY),
+        min(least, impulse) / (isp * GRAVITY),
+        min(weekly, default=0.0),
+        max(weekly, default=0.0),
+    )
 
 
 def _cheapest(flight: Flight, momentum: Array, cost: Callable[[Array], float]) -> float:
-    """Return the impulse of force (N s) that a momentum (3,) N m s, eci, takes in the attitude of a
-    flight at which it takes least."""
+    """Return the impulse of force (N s) that a momentum (3,) N m s, eci, takes in the
+    attitude of a flight at which it takes least."""
     q = flight.q[:: max(1, len(flight.q) // CHEAPEST_AT)]
     return min(cost(u) for u in rotate(q, np.broadcast_to(momentum, (len(q), 3))))
 
@@ -538,46 +613,73 @@ def mean_of(each: Sequence[Rates]) -> Rates:
     some = [r for r in each if r.interval < inf]
     if not some:
         return each[0]
-    a_second = float(np.mean([1.0 / r.interval if r.interval < inf else 0.0 for r in each]))
+    a_second = float(
+        np.mean([1.0 / r.interval if r.interval < inf else 0.0 for r in each])
+    )
     shares = np.array([1.0 / r.interval for r in some])
     momentum, impulse, propellant, least = (
         float(shares @ np.array(x) / shares.sum())
         for x in zip(
-            *((r.momentum, r.impulse, r.propellant, r.least_propellant) for r in some), strict=True
+            *((r.momentum, r.impulse, r.propellant, r.least_propellant) for r in some),
+            strict=True,
         )
     )
-    return Rates(each[0].first, 1.0 / a_second, momentum, impulse, propellant, least,
-                 min(r.least_a_week for r in some), max(r.most_a_week for r in some))  # fmt: skip
+    return Rates(
+        each[0].first,
+        1.0 / a_second,
+        momentum,
+        impulse,
+        propellant,
+        least,
+        min(r.least_a_week for r in some),
+        max(r.most_a_week for r in some),
+    )
 
 
 def _course(
-    flight: Flight, hardware: Hardware, law: ThresholdLaw, part: float, row: int,
-    goes_on: bool, most: int,
-) -> Iterator[tuple[float, Array, Array]]:  # fmt: skip
-    """The first dumps, `most` of them, of wheels that are at rest at a row: when (s), and the
-    momentum (3,) N m s that is taken out, body and eci. `part`: of the threshold at which they
-    begin;
-    `goes_on`: the flight is repeated until there are as many, else it ends."""
+    flight: Flight,
+    hardware: Hardware,
+    law: ThresholdLaw,
+    part: float,
+    row: int,
+    goes_on: bool,
+    most: int,
+) -> Iterator[tuple[float, Array, Array]]:
+    """The first dumps, `most` of them, of wheels that are at rest at a row: when (s),
+    and the momentum (3,) N m s that is taken out, body and eci. `part`: of the
+    threshold at which they begin; `goes_on`: the flight is repeated until there are as
+    many, else it ends."""
     begin, spread = part * law.begin, hardware.spread()
     target = law.target
     most_share = float(np.linalg.norm(spread, axis=1).max()) if law.of_wheels else 1.0
     gained = flight.disturbance - flight.disturbance[0]
-    # what the body itself has turns with it: wheels at rest begin with that as the whole
+    # what the body itself has turns with it: wheels at rest begin with that as the
+    # whole
     total = rotate_back(flight.q[row : row + 1], flight.body[row : row + 1])[0]
-    times, span = flight.times - flight.times[0], float(flight.times[-1] - flight.times[0])
+    times, span = (
+        flight.times - flight.times[0],
+        float(flight.times[-1] - flight.times[0]),
+    )
     begun, dumps = -float(times[row]), 0
     while dumps < most and begun < LONGEST:
         whole = total + gained[row:] - gained[row]
         held = rotate(flight.q[row:], whole) - flight.body[row:] - target
-        fill = (np.abs(held @ spread.T).max(axis=1) if law.of_wheels
-                else np.linalg.norm(held, axis=1))  # fmt: skip
+        fill = (
+            np.abs(held @ spread.T).max(axis=1)
+            if law.of_wheels
+            else np.linalg.norm(held, axis=1)
+        )
         full = fill >= begin
         if not full.any():
             if not goes_on:
                 return
             # as many repetitions at once as cannot bring the fill to its threshold
             growth = float(np.linalg.norm(gained[-1])) * most_share
-            room = (begin - float(fill.max())) / growth if growth > 0.0 and row == 0 else 1.0
+            room = (
+                (begin - float(fill.max())) / growth
+                if growth > 0.0 and row == 0
+                else 1.0
+            )
             times_on = max(1, int(min(room, (LONGEST - begun) / span)))
             total = whole[-1] + (times_on - 1) * gained[-1]
             begun, row = begun + times_on * span, 0
@@ -596,9 +698,9 @@ def _course(
 
 def _taken(
     law: ThresholdLaw, held: Array, fill: float, spread: Array, target: Array
-) -> Array:  # fmt: skip
-    """What the law's own block takes out (3,) N m s, body, of a momentum that is held beyond the
-    target, in a craft that does not turn meanwhile."""
+) -> Array:
+    """What the law's own block takes out (3,) N m s, body, of a momentum that is held
+    beyond the target, in a craft that does not turn meanwhile."""
     block = law.block
     block.begin = max(0.999 * fill, 1.001 * block.end)
     block.start()
@@ -615,8 +717,8 @@ def _taken(
 
 
 def _begins(law: ThresholdLaw, held: Array, times: Array, due: int) -> int:
-    """The row at which a dump begins that is due at one: at once, or where its momentum (rows, 3)
-    lies near an axis, but no later than `longest_wait`."""
+    """The row at which a dump begins that is due at one: at once, or where its momentum
+    (rows, 3) lies near an axis, but no later than `longest_wait`."""
     if law.aligned == 0.0:
         return due
     last = int(np.searchsorted(times, times[due] + law.longest_wait, side="right"))
@@ -628,7 +730,9 @@ def _begins(law: ThresholdLaw, held: Array, times: Array, due: int) -> int:
 def _stays(flight: Flight, law: ThresholdLaw, sizes: Array) -> bool:
     """Whether wheels that have not come to their threshold never will in LONGEST."""
     torque, _ = secular(flight)
-    return bool(float(sizes.max()) + float(np.linalg.norm(torque)) * LONGEST < law.begin)
+    return bool(
+        float(sizes.max()) + float(np.linalg.norm(torque)) * LONGEST < law.begin
+    )
 
 
 def _problems(made: DumpSizing) -> Iterator[str]:
@@ -647,15 +751,19 @@ def _problems(made: DumpSizing) -> Iterator[str]:
             f"{made.wheel_torque:.4g} N m"
         )
     if 0.5 * made.pulse >= made.begin - made.end:
-        yield (f"the thrusters' shortest pulse gives {made.pulse:.4g} N m s, and a dump goes from "
-               f"{made.begin:.4g} to {made.end:.4g} N m s")  # fmt: skip
+        yield (
+            f"the thrusters' shortest pulse gives {made.pulse:.4g} N m s, and a dump goes from "
+            f"{made.begin:.4g} to {made.end:.4g} N m s"
+        )
     if made.steady.impulse == inf:
         yield "its thrusters give no torque about some axis: no dump comes to its end"
 
 
 def _notes(made: DumpSizing, requirements: SizingRequirements) -> Iterator[str]:
     if requirements.flown and not made.loop:
-        first = format_duration(made.steady.first) if made.steady.first < inf else "never"
+        first = (
+            format_duration(made.steady.first) if made.steady.first < inf else "never"
+        )
         yield f"the closed loop was not flown, the first dump is so far: {first} (--stop flies it)"
     dumps = made.loop.get("dumps")
     if made.loop and (dumps is None or dumps < 7):

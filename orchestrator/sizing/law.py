@@ -1,9 +1,11 @@
-"""The law of a manager as the momentum-only model takes it: the manager's own block, asked.
+"""The law of a manager as the momentum-only model takes it: the manager's own block,
+asked.
 
-Where a law is a function of time and momentum alone, and affine in it, M = K(t) h + c(t), its block
-says K and c: it takes a sample with the wheels' momentum at its target, and beyond that by a
-momentum along each axis. Nothing of a law is written down here; a law of somebody else's serves
-as well. What is no such law has no model (`UnsuitedError`), and the closed loop alone judges it.
+Where a law is a function of time and momentum alone, and affine in it, M = K(t) h +
+c(t), its block says K and c: it takes a sample with the wheels' momentum at its target,
+and beyond that by a momentum along each axis. Nothing of a law is written down here; a
+law of somebody else's serves as well. What is no such law has no model
+(`UnsuitedError`), and the closed loop alone judges it.
 """
 
 from __future__ import annotations
@@ -31,7 +33,8 @@ ENDLESS = 1e30
 PROBES = 24
 """Samples at which a law is looked at closely."""
 STEP = 10.0
-"""Samples of a law that are nearer than this (s) are taken together, where it is slow."""
+"""Samples of a law that are nearer than this (s) are taken together, where it is slow.
+"""
 SLOW = 0.1
 """So much of the momentum may a law take out between two samples of the model."""
 
@@ -53,13 +56,14 @@ class Law:
     target: Array
     """(3,) N m s, body"""
     limit: str
-    """`each`: axis of body by itself; `whole`: the dipole in its own direction; `none`"""
+    """`each`: axis of body by itself; `whole`: the dipole in its own direction; `none`
+    """
 
 
 @dataclass(frozen=True)
 class Asked:
-    """A law along a flight, at its rows: M = K (h - target) + c (A m2, body), h (N m s, body) the
-    wheels' momentum."""
+    """A law along a flight, at its rows: M = K (h - target) + c (A m2, body), h (N m s,
+    body) the wheels' momentum."""
 
     gain: Array
     """K (rows, 3, 3) 1/(T s)"""
@@ -68,15 +72,16 @@ class Asked:
 
 
 def law_of(component: Component) -> Law:
-    """The law of a manager with its parameters. Raises UnsuitedError for one that the model does
-    not have."""
+    """The law of a manager with its parameters. Raises UnsuitedError for one that the
+    model does not have."""
     model = component.interface.model
     if model not in names():
         raise UnsuitedError("it is no block of ours")
     values = {
-        s.reference: component.values[s.name] for s in component.interface.signals.values()
+        s.reference: component.values[s.name]
+        for s in component.interface.signals.values()
         if s.causality == "parameter"
-    }  # fmt: skip
+    }
     block = block_class(model)()
     for reference, value in values.items():
         block.access([reference]).write([value])
@@ -85,8 +90,8 @@ def law_of(component: Component) -> Law:
 
 
 def law_by(block: Block, name: str, target: Array) -> Law:
-    """The law of a block whose parameters are given. Raises UnsuitedError for one that the model
-    does not have."""
+    """The law of a block whose parameters are given. Raises UnsuitedError for one that
+    the model does not have."""
     if isinstance(block, TorquerDumping):
         limit = "each" if block.saturation else "none"
         block.saturation = False
@@ -97,13 +102,16 @@ def law_by(block: Block, name: str, target: Array) -> Law:
     deadband = getattr(block, "h_deadband", 0.0)
     if deadband:
         vars(block)["h_deadband"] = 0.0
-    block.enable = block.valid_b = block.valid_q = block.valid_omega = block.valid_h = True
+    block.enable = block.valid_b = block.valid_q = block.valid_omega = block.valid_h = (
+        True
+    )
     return Law(name, block, block.sample_time, deadband, target, limit)
 
 
 def ask(law: Law, flight: Flight, rows: Array) -> Asked:
-    """K and c at these rows of a flight. Raises UnsuitedError where the law is not affine in the
-    momentum, or remembers it, and DesatError's like BlockError where its block refuses."""
+    """K and c at these rows of a flight. Raises UnsuitedError where the law is not
+    affine in the momentum, or remembers it, and DesatError's like BlockError where its
+    block refuses."""
     try:
         law.block.start()
     except BlockError as error:
@@ -133,25 +141,36 @@ def ask(law: Law, flight: Flight, rows: Array) -> Asked:
 
 
 def _dipole(law: Law, t: float, h: Array) -> Array:
-    """M (A m2, body) at a momentum h beyond the target; the block keeps what it remembers."""
+    """M (A m2, body) at a momentum h beyond the target; the block keeps what it
+    remembers."""
     x, y, z = h.tolist()
     _, (m, _) = law.block.dump(t, t, (x, y, z))
     return np.array(m)
 
 
-def _samples(law: Law, flight: Flight, rows: Array) -> Iterator[tuple[float, dict[str, Any]]]:
+def _samples(
+    law: Law, flight: Flight, rows: Array
+) -> Iterator[tuple[float, dict[str, Any]]]:
     """The time and the measured inputs at each row, without errors."""
     columns = (flight.q, flight.b, flight.r, flight.v, flight.omega)
     lists = (x[rows].tolist() for x in columns)
     for t, q, b, r, v, omega in zip(flight.times[rows].tolist(), *lists, strict=True):
         q, r, v, omega = tuple(q), tuple(r), tuple(v), tuple(omega)
-        yield t, {"q_bi": q, "b_body": rotate(q, tuple(b)), "r_eci": r, "v_eci": v,
-                  "omega_bi_body": omega}  # fmt: skip
+        yield (
+            t,
+            {
+                "q_bi": q,
+                "b_body": rotate(q, tuple(b)),
+                "r_eci": r,
+                "v_eci": v,
+                "omega_bi_body": omega,
+            },
+        )
 
 
 def hold_of(law: Law, flight: Flight, most: float = STEP) -> int:
-    """Rows of a flight between two samples of the model: the law's own, or where it is slow against
-    them several of them together, of `most` (s) at the most."""
+    """Rows of a flight between two samples of the model: the law's own, or where it is
+    slow against them several of them together, of `most` (s) at the most."""
     step = float(flight.times[1] - flight.times[0])
     own = max(1, round(law.sample_time / step)) if law.sample_time > 0.0 else 1
     rows = np.linspace(0, len(flight.times) - 1, PROBES).astype(int)

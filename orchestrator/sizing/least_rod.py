@@ -20,21 +20,30 @@ from ..analyses.flight import Flight, Hardware
 from ..numbers.derived import cross, rotate_back
 
 Array = NDArray[Any]
-PROGRAMME_TIMES = 1440  # rows of the linear programme at most: as many minutes as a day has
+PROGRAMME_TIMES = (
+    1440  # rows of the linear programme at most: as many minutes as a day has
+)
 FIELD_DIRECTIONS = 400  # in which the reach of the rods is looked at
 
 
 def reach(flight: Flight, hardware: Hardware) -> Array:
-    """Return what each rod of 1 A m2 can do over the whole orbits, as torque in eci: (rows, c, 3) N
-    m."""
+    """Return what each rod of 1 A m2 can do over the whole orbits, as torque in eci:
+    (rows, c, 3) N m."""
     rows = flight.times - flight.times[0] <= flight.whole * (1.0 + 1e-12)
     q, b = flight.q[rows], flight.b[rows]
-    each = [rotate_back(q, np.broadcast_to(a, (len(q), 3))) for a in hardware.axes_coil.T]
-    return np.stack([cross(axis, b) for axis in each], axis=1) if each else np.zeros((len(q), 0, 3))
+    each = [
+        rotate_back(q, np.broadcast_to(a, (len(q), 3))) for a in hardware.axes_coil.T
+    ]
+    return (
+        np.stack([cross(axis, b) for axis in each], axis=1)
+        if each
+        else np.zeros((len(q), 0, 3))
+    )
 
 
 def least_by_formula(able: Array, torque: Array) -> float:
-    """Return |s| / mean sum_i |(a_i x B) . n| (A m2); inf where no rod does anything against s."""
+    """Return |s| / mean sum_i |(a_i x B) . n| (A m2); inf where no rod does anything
+    against s."""
     size = float(np.linalg.norm(torque))
     if size == 0.0:
         return 0.0
@@ -43,8 +52,8 @@ def least_by_formula(able: Array, torque: Array) -> float:
 
 
 def least_by_programme(able: Array, torque: Array) -> float:
-    """Return the least dipole (A m2) of equal rods, any law: `solve_programme` over at most
-    PROGRAMME_TIMES rows."""
+    """Return the least dipole (A m2) of equal rods, any law: `solve_programme` over at
+    most PROGRAMME_TIMES rows."""
     if not np.any(torque):
         return 0.0
     some = able[:: -(-len(able) // PROGRAMME_TIMES)]
@@ -60,7 +69,10 @@ def solve_programme(able: Array, torque: Array) -> float:
     size = float(np.linalg.norm(torque))
     columns = np.column_stack([able.T / scale, -torque / size])
     cost = np.append(np.zeros(len(able)), -1.0)
-    least, most = np.append(np.full(len(able), -1.0), 0.0), np.append(np.ones(len(able)), inf)
+    least, most = (
+        np.append(np.full(len(able), -1.0), 0.0),
+        np.append(np.ones(len(able)), inf),
+    )
     x, _ = programme(cost, columns, np.zeros(3), least, most)
     if x is None or x[-1] <= 1e-12:
         return inf
@@ -75,11 +87,13 @@ class Geometry(NamedTuple):
     weakness: float
     """what they do there over what they do on the average of all directions"""
     blind: float
-    """s: the longest time in which rods of 1.3 times the least cannot undo the secular torque"""
+    """s: the longest time in which rods of 1.3 times the least cannot undo the secular
+    torque"""
     against: float
     """mean sum_i |(a_i x B) . n| along the weakest (T)"""
     tumbling: float
-    """the same of a craft that tumbles: half of |B x n| a rod, the mean over all attitudes"""
+    """the same of a craft that tumbles: half of |B x n| a rod, the mean over all
+    attitudes"""
 
 
 def compute_geometry(
@@ -91,11 +105,15 @@ def compute_geometry(
         1.0 - k / FIELD_DIRECTIONS,
         pi * (1.0 + 5.0**0.5) * k,
     )  # half a sphere: n and -n are one
-    n = np.stack([np.cos(turn) * np.sqrt(1.0 - z * z), np.sin(turn) * np.sqrt(1.0 - z * z), z])
+    n = np.stack(
+        [np.cos(turn) * np.sqrt(1.0 - z * z), np.sin(turn) * np.sqrt(1.0 - z * z), z]
+    )
     some = able[:: -(-len(able) // PROGRAMME_TIMES)]
     work = np.abs(some @ n).sum(axis=1).mean(axis=0)
     b = flight.b[:: -(-len(flight.b) // PROGRAMME_TIMES)]
-    across = np.sqrt(np.maximum((b * b).sum(axis=1)[:, None] - (b @ n) ** 2, 0.0)).mean(axis=0)
+    across = np.sqrt(np.maximum((b * b).sum(axis=1)[:, None] - (b @ n) ** 2, 0.0)).mean(
+        axis=0
+    )
     weakest = int(np.argmin(work))
     size = float(np.linalg.norm(torque))
     blind = 0.0

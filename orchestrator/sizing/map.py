@@ -1,8 +1,10 @@
-"""`desat size --map`: rods by inclination, altitude, residual dipole and law, without runs of them.
+"""`desat size --map`: rods by inclination, altitude, residual dipole and law, without
+runs of them.
 
-The environment's own block flies each orbit for a day at the attitude that one run has shown
-(`flight.py`), and the momentum-only model flies all dipoles and rods on it side by side. What that
-leaves out beside a closed loop: errors of pointing, the drift of a settling craft, noise.
+The environment's own block flies each orbit for a day at the attitude that one run has
+shown (`flight.py`), and the momentum-only model flies all dipoles and rods on it side
+by side. What that leaves out beside a closed loop: errors of pointing, the drift of a
+settling craft, noise.
 """
 
 from __future__ import annotations
@@ -57,7 +59,8 @@ _RODS = (0.5, 1.0, 1.5, 2.0, 4.0, 8.0)
 _INCLINATIONS = (10.0, 28.5, 51.6, 75.0, 97.5)
 _ALTITUDES = (350e3, 450e3, 550e3, 700e3, 900e3)
 _DIPOLES = (0.0, 0.5, 1.0, 2.0)
-"""The default map: multiples of the craft's least rod, deg, m, multiples of its residual dipole."""
+"""The default map: multiples of the craft's least rod, deg, m, multiples of its
+residual dipole."""
 
 
 @dataclass(frozen=True)
@@ -78,8 +81,8 @@ class MapAxes:
 
 @dataclass(frozen=True)
 class SizingMap:
-    """A map; its tables have the shape (laws, inclinations, altitudes, dipoles, rods), `least` that
-    of (inclinations, altitudes, dipoles)."""
+    """A map; its tables have the shape (laws, inclinations, altitudes, dipoles, rods),
+    `least` that of (inclinations, altitudes, dipoles)."""
 
     target: str
     axes: MapAxes
@@ -99,21 +102,32 @@ class SizingMap:
 
     @property
     def holds(self) -> Array:
-        """(laws, inclinations, altitudes, dipoles, rods): margin and duty are as asked for."""
-        enough = np.asarray(self.axes.rods) >= self.requirements.margin * self.least[..., None]
+        """(laws, inclinations, altitudes, dipoles, rods): margin and duty are as asked
+        for."""
+        enough = (
+            np.asarray(self.axes.rods)
+            >= self.requirements.margin * self.least[..., None]
+        )
         return np.asarray(
             enough[None] & (self.duty <= self.requirements.duty) & (self.filled <= 1.0)
         )
 
     def as_json(self) -> JsonObject:
         """What `--json` prints; a least rod without end is null."""
-        tables = {n: getattr(self, n).tolist() for n in ("rms", "largest", "filled", "duty")}
+        tables = {
+            n: getattr(self, n).tolist() for n in ("rms", "largest", "filled", "duty")
+        }
         least = np.where(np.isfinite(self.least), self.least, np.nan).tolist()
         return {
-            "target": self.target, "axes": asdict(self.axes), "laws": list(self.laws),
-            "wishes": asdict(self.requirements), "least": _null(least), **tables,
-            "holds": self.holds.tolist(), "notes": list(self.notes),
-        }  # fmt: skip
+            "target": self.target,
+            "axes": asdict(self.axes),
+            "laws": list(self.laws),
+            "wishes": asdict(self.requirements),
+            "least": _null(least),
+            **tables,
+            "holds": self.holds.tolist(),
+            "notes": list(self.notes),
+        }
 
 
 def _null(value: Any) -> Any:
@@ -136,11 +150,15 @@ class _Task:
 
 
 def map_of(
-    target: str, options: Options, axes: MapAxes, requirements: SizingRequirements, jobs: int = 2,
+    target: str,
+    options: Options,
+    axes: MapAxes,
+    requirements: SizingRequirements,
+    jobs: int = 2,
     progress: Callable[[str], None] = lambda text: None,
-) -> SizingMap:  # fmt: skip
-    """A map of a scenario's craft. Raises DesatError for a craft whose law, attitude or environment
-    has no model."""
+) -> SizingMap:
+    """A map of a scenario's craft. Raises DesatError for a craft whose law, attitude or
+    environment has no model."""
     source = read(target)
     case = prepare(source, options)
     system, _ = case.or_raise()
@@ -148,7 +166,9 @@ def map_of(
     flight = fly_case(case, system)
     attitude = attitude_of(system, flight.q, flight.r, flight.v)
     if attitude.kind == "moving":
-        raise DesatError(f"{target}: the attitude moves: a map needs one that stays in lvlh or eci")
+        raise DesatError(
+            f"{target}: the attitude moves: a map needs one that stays in lvlh or eci"
+        )
     hardware, notes = hardware_of(system), []
     try:
         laws = [law_of(system.components["manager"])]
@@ -168,15 +188,24 @@ def map_of(
         altitudes=axes.altitudes or _ALTITUDES,
         dipoles=axes.dipoles or tuple(k * dipole for k in _DIPOLES),
     )
-    for quantity, values in ((quantities.RODS, axes.rods),
-                             (quantities.INCLINATIONS, axes.inclinations),
-                             (quantities.ALTITUDES, tuple(x / 1e3 for x in axes.altitudes)),
-                             (quantities.DIPOLES, axes.dipoles)):  # fmt: skip
+    for quantity, values in (
+        (quantities.RODS, axes.rods),
+        (quantities.INCLINATIONS, axes.inclinations),
+        (quantities.ALTITUDES, tuple(x / 1e3 for x in axes.altitudes)),
+        (quantities.DIPOLES, axes.dipoles),
+    ):
         for x in values:
             quantity(x)
     orbits = [(i, a) for i in axes.inclinations for a in axes.altitudes]
     tasks = [
-        _Task(system, attitude, tuple(laws), tuple(orbits[k::jobs]), axes.dipoles, axes.rods)
+        _Task(
+            system,
+            attitude,
+            tuple(laws),
+            tuple(orbits[k::jobs]),
+            axes.dipoles,
+            axes.rods,
+        )
         for k in range(min(jobs, len(orbits)))
     ]
     progress(f"{len(orbits)} orbits of a day")
@@ -218,8 +247,8 @@ def _side_by_side(tasks: Sequence[_Task]) -> list[tuple[Array, Array]]:
 
 
 def _fly(task: _Task) -> tuple[Array, Array]:
-    """Least rods (orbits, dipoles), and rms, largest, wheel, duty (4, laws, orbits, dipoles,
-    rods)."""
+    """Least rods (orbits, dipoles), and rms, largest, wheel, duty (4, laws, orbits,
+    dipoles, rods)."""
     system, hardware = task.system, hardware_of(task.system)
     component = system.components["environment"]
     residual = _residual(system)
@@ -242,25 +271,37 @@ def _fly(task: _Task) -> tuple[Array, Array]:
         each = [rest + d / size * own_part for d in task.dipoles]
         able = reach(flight, hardware)
         leasts.append(
-            [least_by_formula(able, secular(replace(flight, disturbance=d))[0]) for d in each]
+            [
+                least_by_formula(able, secular(replace(flight, disturbance=d))[0])
+                for d in each
+            ]
         )
         holds = holds or [hold_of(law, flight, SAMPLE) for law in task.laws]
         for law, kept, hold in zip(task.laws, tracks, holds, strict=True):
             kept.append(track_of(flight, law, hardware, each, hold))
     made = [
-        fly(kept, law, hardware, task.rods) for law, kept in zip(task.laws, tracks, strict=True)
+        fly(kept, law, hardware, task.rods)
+        for law, kept in zip(task.laws, tracks, strict=True)
     ]
-    return np.array(leasts), np.array([np.stack(c[:4]) for c in made]).transpose(1, 0, 2, 3, 4)
+    return np.array(leasts), np.array([np.stack(c[:4]) for c in made]).transpose(
+        1, 0, 2, 3, 4
+    )
 
 
 def _of_dipole(flight: Flight, dipole: Array) -> Array:
     """The torque (rows, 3) N m, eci, of a dipole (A m2, body) along a flight."""
     from ..numbers.derived import cross, rotate_back
 
-    return cross(rotate_back(flight.q, np.broadcast_to(dipole, (len(flight.q), 3))), flight.b)
+    return cross(
+        rotate_back(flight.q, np.broadcast_to(dipole, (len(flight.q), 3))), flight.b
+    )
 
 
 def _orbit(inclination: float, altitude: float) -> dict[str, float]:
     """A circular orbit, as changes of an environment that takes elements."""
-    return {"orbit_start": MEAN, "semi_major_axis": EARTH_RADIUS + altitude, "eccentricity": 0.0,
-            "inclination": float(np.radians(inclination))}  # fmt: skip
+    return {
+        "orbit_start": MEAN,
+        "semi_major_axis": EARTH_RADIUS + altitude,
+        "eccentricity": 0.0,
+        "inclination": float(np.radians(inclination)),
+    }

@@ -1,10 +1,11 @@
-"""The momentum-only model: what disturbances and coils make of a craft's momentum, many at once.
+"""The momentum-only model: what disturbances and coils make of a craft's momentum, many
+at once.
 
-Its state is the momentum H of wheels and body in eci, H' = disturbances + coils; the coils by the
-law (`law.py`), by the rods' limits and at the law's samples. The law has the momentum as
-the tachometers measure it: their noise, of a stream of its own, makes coils at their limits do less
-and others work more. It knows neither pointing errors, detumbling and slews, nor the saturation of
-one wheel by momentum in the null space.
+Its state is the momentum H of wheels and body in eci, H' = disturbances + coils; the
+coils by the law (`law.py`), by the rods' limits and at the law's samples. The law has
+the momentum as the tachometers measure it: their noise, of a stream of its own, makes
+coils at their limits do less and others work more. It knows neither pointing errors,
+detumbling and slews, nor the saturation of one wheel by momentum in the null space.
 """
 
 from __future__ import annotations
@@ -22,16 +23,17 @@ from .law import Law, ask, hold_of
 
 Array = NDArray[Any]
 USEFUL = 0.2
-"""Where the field is below this share of its largest, as far out on an ellipse, coils do nothing
-that counts: duty is over the rest."""
+"""Where the field is below this share of its largest, as far out on an ellipse, coils
+do nothing that counts: duty is over the rest."""
 SEED = 1
 """Of the tachometers' noise, the same for all rods."""
 
 
 class Course(NamedTuple):
-    """What the wheels' momentum comes to, an element a craft: rms and largest size of it in body
-    (N m s), the largest of one wheel in the second half, where the start is forgotten (N m s), the
-    coils' duty where the field is `useful` (1), and the largest of one wheel at all (N m s)."""
+    """What the wheels' momentum comes to, an element a craft: rms and largest size of
+    it in body (N m s), the largest of one wheel in the second half, where the start is
+    forgotten (N m s), the coils' duty where the field is `useful` (1), and the largest
+    of one wheel at all (N m s)."""
 
     rms: Array
     largest: Array
@@ -42,8 +44,8 @@ class Course(NamedTuple):
 
 @dataclass(frozen=True)
 class Track:
-    """A law along a flight, at its samples (n + 1 rows, n steps), for crafts whose disturbances and
-    rods differ."""
+    """A law along a flight, at its samples (n + 1 rows, n steps), for crafts whose
+    disturbances and rods differ."""
 
     times: Array
     start: Array
@@ -71,33 +73,51 @@ def useful(b: Array) -> Array:
 
 
 def track_of(
-    flight: Flight, law: Law, hardware: Hardware, disturbances: Sequence[Array] | None = None,
+    flight: Flight,
+    law: Law,
+    hardware: Hardware,
+    disturbances: Sequence[Array] | None = None,
     hold: int | None = None,
-) -> Track:  # fmt: skip
-    """A law along a flight, at the model's samples, each `hold` rows of it; `disturbances`:
-    impulses (rows, 3) N m s, eci, in place of the flight's. Raises UnsuitedError for a law that the
-    model does not have."""
+) -> Track:
+    """A law along a flight, at the model's samples, each `hold` rows of it;
+    `disturbances`: impulses (rows, 3) N m s, eci, in place of the flight's. Raises
+    UnsuitedError for a law that the model does not have."""
     rows = np.arange(0, len(flight.times), hold or hold_of(law, flight))
     asked = ask(law, flight, rows)
     q, b, times = flight.q[rows], flight.b[rows], flight.times[rows]
     each = [flight.disturbance] if disturbances is None else disturbances
-    halfway = q[:-1] + q[1:] * np.where((q[:-1] * q[1:]).sum(axis=1) < 0.0, -1.0, 1.0)[:, None]
+    halfway = (
+        q[:-1]
+        + q[1:] * np.where((q[:-1] * q[1:]).sum(axis=1) < 0.0, -1.0, 1.0)[:, None]
+    )
     halfway /= np.linalg.norm(halfway, axis=1, keepdims=True)
     mean_b = (b[:-1] + b[1:]) / 2.0
     steps = np.diff(times)[:, None]
-    push = [cross(rotate_back(halfway, np.broadcast_to(a, (len(halfway), 3))), mean_b) * steps
-            for a in hardware.axes_coil.T]  # fmt: skip
+    push = [
+        cross(rotate_back(halfway, np.broadcast_to(a, (len(halfway), 3))), mean_b)
+        * steps
+        for a in hardware.axes_coil.T
+    ]
     to_eci, body = from_body(q), flight.body[rows]
     return Track(
-        times, to_eci[0] @ (flight.h_start + body[0]), to_eci, body,
-        np.stack([np.diff(d[rows], axis=0) for d in each], axis=1), np.stack(push, axis=1),
-        asked.gain.transpose(0, 2, 1), asked.offset, useful(mean_b),
-    )  # fmt: skip
+        times,
+        to_eci[0] @ (flight.h_start + body[0]),
+        to_eci,
+        body,
+        np.stack([np.diff(d[rows], axis=0) for d in each], axis=1),
+        np.stack(push, axis=1),
+        asked.gain.transpose(0, 2, 1),
+        asked.offset,
+        useful(mean_b),
+    )
 
 
-def fly(tracks: Sequence[Track], law: Law, hardware: Hardware, rods: Sequence[float]) -> Course:
-    """The model along each track with each of its disturbances and with rods of these sizes (A m2):
-    (tracks, disturbances, rods) each. The tracks have the same samples."""
+def fly(
+    tracks: Sequence[Track], law: Law, hardware: Hardware, rods: Sequence[float]
+) -> Course:
+    """The model along each track with each of its disturbances and with rods of these
+    sizes (A m2): (tracks, disturbances, rods) each. The tracks have the same
+    samples."""
     m = np.asarray(rods, float)
     first = tracks[0]
     count, many = len(tracks), first.given.shape[1]
@@ -111,7 +131,9 @@ def fly(tracks: Sequence[Track], law: Law, hardware: Hardware, rods: Sequence[fl
     )
     counts = np.stack([t.useful for t in tracks], axis=1)
     given = np.repeat(np.stack([t.given for t in tracks], axis=1), len(m), axis=2)
-    total = np.stack([np.broadcast_to(t.start, (many * len(m), 3)) for t in tracks]).copy()
+    total = np.stack(
+        [np.broadcast_to(t.start, (many * len(m), 3)) for t in tracks]
+    ).copy()
     squares, largest, duty, wheel, peak = (np.zeros(total.shape[:2]) for _ in range(5))
     random = np.random.default_rng(SEED).normal(size=(len(push), 4))
     noise = hardware.noise * random @ hardware.axes_wheel.T
@@ -137,8 +159,9 @@ def fly(tracks: Sequence[Track], law: Law, hardware: Hardware, rods: Sequence[fl
             wanted = np.clip(wanted, -most, most)
         coils = wanted @ spare
         if law.limit == "whole":
-            coils *= np.minimum(1.0, most / np.maximum(np.abs(coils).max(axis=2, keepdims=True),
-                                                       1e-300))  # fmt: skip
+            coils *= np.minimum(
+                1.0, most / np.maximum(np.abs(coils).max(axis=2, keepdims=True), 1e-300)
+            )
         coils = hardware.open * np.clip(coils, -reach, reach)
         duty += np.abs(coils).mean(axis=2) * counts[k][:, None]
         total += given[k] + coils @ push[k]

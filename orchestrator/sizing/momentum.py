@@ -1,7 +1,8 @@
-"""The momentum of a craft: its secular and cyclic part, its sources, and what wheels hold of it.
+"""The momentum of a craft: its secular and cyclic part, its sources, and what wheels
+hold of it.
 
-The secular torque is s = (J(T) - J(0)) / T over whole orbits, J(t) the impulse of the disturbances.
-The cyclic rest J - s t the wheels have to hold whatever the coils do.
+The secular torque is s = (J(T) - J(0)) / T over whole orbits, J(t) the impulse of the
+disturbances. The cyclic rest J - s t the wheels have to hold whatever the coils do.
 """
 
 from __future__ import annotations
@@ -29,7 +30,8 @@ class SourceShare:
     secular: float
     """N m, its size"""
     along: float
-    """its share of the secular torque, along that; the shares make 1 where all sources are known"""
+    """its share of the secular torque, along that; the shares make 1 where all sources
+    are known"""
     per_orbit: float
     """N m s"""
     cyclic: float
@@ -37,13 +39,14 @@ class SourceShare:
 
 
 def secular(flight: Flight) -> tuple[Array, Array]:
-    """Return the secular torque (3,) N m, eci, over as many whole orbits as there are, and the
-    cyclic impulse (rows, 3) N m s of these."""
+    """Return the secular torque (3,) N m, eci, over as many whole orbits as there are,
+    and the cyclic impulse (rows, 3) N m s of these."""
     return _secular(flight.times, flight.disturbance, flight.whole)
 
 
 def _secular(times: Array, impulse: Array, whole: float) -> tuple[Array, Array]:
-    """Return the secular torque and the cyclic impulse of an impulse over a time `whole` (s)."""
+    """Return the secular torque and the cyclic impulse of an impulse over a time
+    `whole` (s)."""
     since = times - times[0]
     rows = since <= whole * (1.0 + 1e-12)
     end = np.array([np.interp(whole, since, x) for x in impulse.T])
@@ -52,8 +55,8 @@ def _secular(times: Array, impulse: Array, whole: float) -> tuple[Array, Array]:
 
 
 def cyclic_span(cyclic: Array) -> float:
-    """Return the largest distance (N m s) from the middle of the box that holds the cyclic
-    momentum."""
+    """Return the largest distance (N m s) from the middle of the box that holds the
+    cyclic momentum."""
     return float(np.linalg.norm(cyclic - box_middle(cyclic), axis=1).max())
 
 
@@ -61,8 +64,11 @@ def box_middle(cyclic: Array) -> Array:
     return np.asarray((cyclic.max(axis=0) + cyclic.min(axis=0)) / 2.0)
 
 
-def shares_of(flight: Flight, torque: Array) -> tuple[tuple[SourceShare, ...], float | None]:
-    """Return the shares of the sources, and the secular torque (N m) that is of none of them."""
+def shares_of(
+    flight: Flight, torque: Array
+) -> tuple[tuple[SourceShare, ...], float | None]:
+    """Return the shares of the sources, and the secular torque (N m) that is of none of
+    them."""
     if not flight.sources:
         return (), None
     square = float(torque @ torque)
@@ -72,7 +78,9 @@ def shares_of(flight: Flight, torque: Array) -> tuple[tuple[SourceShare, ...], f
         known += mean
         size = float(np.linalg.norm(mean))
         along = float(mean @ torque) / square if square > 0.0 else 0.0
-        rows.append(SourceShare(name, size, along, size * flight.period, cyclic_span(cyclic)))
+        rows.append(
+            SourceShare(name, size, along, size * flight.period, cyclic_span(cyclic))
+        )
     return tuple(rows), float(np.linalg.norm(torque - known))
 
 
@@ -85,9 +93,9 @@ def smallest_wheel_capacity(hardware: Hardware) -> float:
 def compute_wheel_needs(
     flight: Flight, hardware: Hardware, torque: Array, cyclic: Array, bias: Array
 ) -> tuple[float, float]:
-    """Return what the fullest wheel has to hold of the cyclic momentum and of a bias (3,) N m s,
-    body, shared with the least squares, and how long wheels that begin at rest last without dumping
-    (s)."""
+    """Return what the fullest wheel has to hold of the cyclic momentum and of a bias
+    (3,) N m s, body, shared with the least squares, and how long wheels that begin at
+    rest last without dumping (s)."""
     spread = hardware.spread()
     n = len(cyclic)
     inside = in_body_of(flight, cyclic - box_middle(cyclic))
@@ -101,16 +109,19 @@ def compute_wheel_needs(
     since = flight.times - flight.times[0]
     if full.any():
         return needed, float(since[np.argmax(full)])
-    # of what goes on beyond the flight: along the torque in the attitudes that it has shown
+    # of what goes on beyond the flight: along the torque in the attitudes that it has
+    # shown
     along = rotate(flight.q[:n], np.broadcast_to(torque, (n, 3)))
     rate = float(np.abs(along @ spread.T)[:, exists].max())
     remaining = float((capacity - stored.max(axis=0)).min())
     return needed, inf if rate == 0.0 else float(since[-1]) + remaining / rate
 
 
-def compute_slew(hardware: Hardware, requirements: SizingRequirements) -> tuple[float, float]:
-    """Return momentum (N m s) and torque (N m) of the fullest wheel in a slew about the worst axis,
-    with the rate of a triangle."""
+def compute_slew(
+    hardware: Hardware, requirements: SizingRequirements
+) -> tuple[float, float]:
+    """Return momentum (N m s) and torque (N m) of the fullest wheel in a slew about the
+    worst axis, with the rate of a triangle."""
     if requirements.slew_time == 0.0:
         return 0.0, 0.0
     worst = float(np.linalg.norm(hardware.spread() @ hardware.inertia, axis=1).max())

@@ -26,9 +26,7 @@ NONE = "#c9c9c9"
 
 def versions() -> str:
     """YearDate and versions that a page was made with."""
-    return (
-        f"{datetime.now(UTC).date().isoformat()}, desat {version('desat')}, numpy {np.__version__}"
-    )
+    return f"{datetime.now(UTC).date().isoformat()}, desat {version('desat')}, numpy {np.__version__}"
 
 
 def write_sizing(made: Sizing, path: Path) -> Path:
@@ -49,7 +47,9 @@ def write_sizing(made: Sizing, path: Path) -> Path:
     ]
     about = f"{made.orbits} orbits of {made.period:.0f} s, attitude: {made.attitude}."
     first = [tables.tabulate_margins(made)]
-    return _write(path, f"Size of {made.target}", made, first, shown, about, drawn_of(made))
+    return _write(
+        path, f"Size of {made.target}", made, first, shown, about, drawn_of(made)
+    )
 
 
 def write_dumps(made: DumpSizing, path: Path) -> Path:
@@ -102,16 +102,23 @@ def write_map(made: SizingMap, path: Path) -> Path:
     OSError
         Where it cannot be written.
     """
-    drawn = [(tables.describe_map(made, law), heat_map(made, k)) for k, law in enumerate(made.laws)]
+    drawn = [
+        (tables.describe_map(made, law), heat_map(made, k))
+        for k, law in enumerate(made.laws)
+    ]
     shown = [tables.tabulate_least_rods(made, d) for d in range(len(made.axes.dipoles))]
     path.parent.mkdir(parents=True, exist_ok=True)
     text = render(
-        "sizing_map.html", made=made, tables=shown, versions=versions(), **figures_of(drawn)
+        "sizing_map.html",
+        made=made,
+        tables=shown,
+        versions=versions(),
+        **figures_of(drawn),
     )
     return write_page(path, text)
 
 
-# --- figures ------------------------------------------------------------------------------------
+# --- figures --------------------------------------------------------------------------
 
 
 def drawn_of(made: Sizing) -> list[tuple[str, Figure]]:
@@ -139,11 +146,14 @@ def drawn_of(made: Sizing) -> list[tuple[str, Figure]]:
             )
     if made.sources:
         figures.append(
-            ("What drives it: momentum of an orbit and cyclic momentum by source", _sources(made))
+            (
+                "What drives it: momentum of an orbit and cyclic momentum by source",
+                _sources(made),
+            )
         )
     if made.year:
         figures.append(("The least rod over a year", _year(made)))
-    return figures  # fmt: skip
+    return figures
 
 
 def _curve(made: Sizing, key: str, loop: str, factor: float, label: str) -> Figure:
@@ -152,20 +162,36 @@ def _curve(made: Sizing, key: str, loop: str, factor: float, label: str) -> Figu
     shape = [r.rod for r in made.curve if r.rod != made.rod]
     low, high = min(shape), max(shape)
     for i, law in enumerate(laws):
-        rows = sorted((r for r in made.curve if r.law == law and r.rod <= 3.0 * high),
-                      key=lambda r: r.rod)  # fmt: skip
+        rows = sorted(
+            (r for r in made.curve if r.law == law and r.rod <= 3.0 * high),
+            key=lambda r: r.rod,
+        )
         colour = COLOURS[i % len(COLOURS)]
         known = [r for r in rows if getattr(r, key) is not None]
         if known:
-            ax.plot([r.rod for r in known], [factor * getattr(r, key) for r in known], colour,
-                    width=1.5, label=law)  # fmt: skip
+            ax.plot(
+                [r.rod for r in known],
+                [factor * getattr(r, key) for r in known],
+                colour,
+                width=1.5,
+                label=law,
+            )
         closed = [r for r in rows if loop and getattr(r, loop) is not None]
         if closed:
-            ax.plot([r.rod for r in closed], [factor * getattr(r, loop) for r in closed], colour,
-                    width=0.0, marker=6.0, hollow=True, label=f"{law}, closed loop")  # fmt: skip
+            ax.plot(
+                [r.rod for r in closed],
+                [factor * getattr(r, loop) for r in closed],
+                colour,
+                width=0.0,
+                marker=6.0,
+                hollow=True,
+                label=f"{law}, closed loop",
+            )
     ax.upright(made.least, LIMIT, width=1.2, dash=DASHED, label="least rod, any law")
     if made.recommended is not None:
-        ax.upright(made.recommended, "#2e8b57", width=1.2, dash=DOTTED, label="recommended")
+        ax.upright(
+            made.recommended, "#2e8b57", width=1.2, dash=DOTTED, label="recommended"
+        )
         high = max(high, made.recommended)
     if low <= made.rod <= 3.0 * high:
         ax.upright(made.rod, "#444444", width=1.2, dash=DOTTED, label="what it has")
@@ -180,7 +206,9 @@ def _sources(made: Sizing) -> Figure:
     fig, ax = figure(2.4)
     names = [s.name for s in made.sources]
     at = np.arange(len(names), dtype=float)
-    for k, (label, key) in enumerate((("secular, an orbit", "per_orbit"), ("cyclic", "cyclic"))):
+    for k, (label, key) in enumerate(
+        (("secular, an orbit", "per_orbit"), ("cyclic", "cyclic"))
+    ):
         heights = [1e3 * getattr(s, key) for s in made.sources]
         ax.bars(at - 0.38 + 0.38 * k, at + 0.38 * k, heights, COLOURS[k], label=label)
     ax.x.ticks = Ticks(tuple(at.tolist()), tuple(names))
@@ -193,21 +221,41 @@ def _year(made: Sizing) -> Figure:
     for i, activity in enumerate(dict.fromkeys(d.activity for d in made.year)):
         rows = [d for d in made.year if d.activity == activity]
         label = f"{activity} solar activity" if activity else "least rod"
-        ax.plot([28.0 * k for k in range(len(rows))], [d.least for d in rows], COLOURS[i],
-                width=1.5, marker=4.0, label=label)  # fmt: skip
+        ax.plot(
+            [28.0 * k for k in range(len(rows))],
+            [d.least for d in rows],
+            COLOURS[i],
+            width=1.5,
+            marker=4.0,
+            label=label,
+        )
     if made.rod <= 3.0 * max(d.least for d in made.year):
         ax.level(made.rod, "#444444", width=1.2, dash=DOTTED, label="what it has")
-    ax.x.label, ax.y.label, ax.y.low = f"days since {made.year[0].day}", "least rod\n[A m2]", 0.0
+    ax.x.label, ax.y.label, ax.y.low = (
+        f"days since {made.year[0].day}",
+        "least rod\n[A m2]",
+        0.0,
+    )
     return fig
 
 
 def _dump_year(made: DumpSizing) -> Figure:
     fig, ax = figure(2.4)
     for i, activity in enumerate(dict.fromkeys(d.activity for d in made.year)):
-        rows = [x for d, x in zip(made.year, made.each_year, strict=True) if d.activity == activity]
+        rows = [
+            x
+            for d, x in zip(made.year, made.each_year, strict=True)
+            if d.activity == activity
+        ]
         label = f"{activity} solar activity" if activity else "propellant a year"
-        ax.plot([28.0 * k for k in range(len(rows))], rows, COLOURS[i], width=1.5, marker=4.0,
-                label=label)  # fmt: skip
+        ax.plot(
+            [28.0 * k for k in range(len(rows))],
+            rows,
+            COLOURS[i],
+            width=1.5,
+            marker=4.0,
+            label=label,
+        )
     ax.level(made.a_year, "#444444", width=1.2, dash=DOTTED, label="mean")
     ax.x.label, ax.y.label, ax.y.low = (
         f"days since {made.year[0].day}",
@@ -218,8 +266,8 @@ def _dump_year(made: DumpSizing) -> Figure:
 
 
 def heat_map(made: SizingMap, law: int) -> Figure:
-    """For each residual dipole a panel of altitude over inclination, each cell the smallest rod of
-    the map that holds."""
+    """For each residual dipole a panel of altitude over inclination, each cell the
+    smallest rod of the map that holds."""
     axes = made.axes
     order = np.argsort(axes.rods)
     holds = made.holds[law][..., order]
@@ -230,15 +278,26 @@ def heat_map(made: SizingMap, law: int) -> Figure:
     for k, dipole in enumerate(axes.dipoles):
         row, column = divmod(k, 2)
         tall = 2.2 / fig.height
-        ax = fig.add(0.3 / fig.height + row * tall, 1.0 - (row + 1) * tall + 0.25 / fig.height,
-                     0.095 + 0.37 * column, 1.0 - (0.365 + 0.37 * column))  # fmt: skip
+        ax = fig.add(
+            0.3 / fig.height + row * tall,
+            1.0 - (row + 1) * tall + 0.25 / fig.height,
+            0.095 + 0.37 * column,
+            1.0 - (0.365 + 0.37 * column),
+        )
         ax.title, ax.size = f"residual dipole {dipole:.3g} A m2", 80
-        ax.x.label, ax.y.label = "inclination [deg]", "altitude [km]" if column == 0 else ""
+        ax.x.label, ax.y.label = (
+            "inclination [deg]",
+            "altitude [km]" if column == 0 else "",
+        )
         _cells(ax, holds[:, :, k], rods, legend=k == min(1, count - 1))
         ax.x.ticks = _ticks(axes.inclinations)
         ax.y.ticks = _ticks([a / 1e3 for a in axes.altitudes])
-        ax.x.low, ax.x.high, ax.y.low, ax.y.high = 0.0, len(axes.inclinations), 0.0, len(
-            axes.altitudes)  # fmt: skip
+        ax.x.low, ax.x.high, ax.y.low, ax.y.high = (
+            0.0,
+            len(axes.inclinations),
+            0.0,
+            len(axes.altitudes),
+        )
         ax.x.margin = ax.y.margin = 0.0
     return fig
 
@@ -246,8 +305,10 @@ def heat_map(made: SizingMap, law: int) -> Figure:
 def _cells(ax: Any, holds: Any, rods: Sequence[float], legend: bool) -> None:
     """A colour for each rod, over the cells of which it is the smallest that holds."""
     smallest = np.where(holds.any(axis=2), holds.argmax(axis=2), len(rods))
-    shades = [SHADES[round(i * (len(SHADES) - 1) / max(1, len(rods) - 1))]
-              for i in range(len(rods))]  # fmt: skip
+    shades = [
+        SHADES[round(i * (len(SHADES) - 1) / max(1, len(rods) - 1))]
+        for i in range(len(rods))
+    ]
     for i, colour in enumerate([*shades, NONE]):
         label = f"{rods[i]:.3g} A m2" if i < len(rods) else "none of them"
         label = label if legend else ""
@@ -262,4 +323,6 @@ def _cells(ax: Any, holds: Any, rods: Sequence[float], legend: bool) -> None:
 
 
 def _ticks(values: Sequence[float]) -> Ticks:
-    return Ticks(tuple(i + 0.5 for i in range(len(values))), tuple(f"{v:g}" for v in values))
+    return Ticks(
+        tuple(i + 0.5 for i in range(len(values))), tuple(f"{v:g}" for v in values)
+    )

@@ -29,12 +29,13 @@ def compute_propellant(
     torque: Array,
     requirements: SizingRequirements,
 ) -> tuple[float | None, float | None]:
-    """Return the kg a year that thrusters alone take for the secular torque: where dumps begin as
-    the fullest wheel is fullest, and where each waits for the attitude at which it costs least.
-    None where they are not known.
+    """Return the kg a year that thrusters alone take for the secular torque: where
+    dumps begin as the fullest wheel is fullest, and where each waits for the attitude
+    at which it costs least. None where they are not known.
 
-    An impulse along the body direction u costs |u|_1 / (arm g0 I_sp) of pairs that give a torque
-    about one axis each, and of nozzles what their own on-times come to (`least_on_times`).
+    An impulse along the body direction u costs |u|_1 / (arm g0 I_sp) of pairs that give
+    a torque about one axis each, and of nozzles what their own on-times come to
+    (`least_on_times`).
     """
     size = float(np.linalg.norm(torque))
     isp = requirements.specific_impulse or hardware.specific_impulse
@@ -52,8 +53,8 @@ def compute_propellant(
 def costs_along(
     flight: Flight, torque: Array, cost: Callable[[Array], float], isp: float
 ) -> tuple[Array, Array]:
-    """Return the direction of a torque (3,), eci, in body at DUMP_ATTITUDES of a flight (rows, 3),
-    and the propellant (kg) that 1 N m s along it takes in each."""
+    """Return the direction of a torque (3,), eci, in body at DUMP_ATTITUDES of a flight
+    (rows, 3), and the propellant (kg) that 1 N m s along it takes in each."""
     q = flight.q[:: max(1, len(flight.q) // DUMP_ATTITUDES)]
     along = rotate(q, np.broadcast_to(torque / np.linalg.norm(torque), (len(q), 3)))
     return along, np.array([cost(u) for u in along]) / (isp * GRAVITY)
@@ -62,8 +63,8 @@ def costs_along(
 def thruster_cost(
     system: System, hardware: Hardware, requirements: SizingRequirements
 ) -> Callable[[Array], float] | None:
-    """Return the impulse of force (N s) that an angular impulse of 1 N m s along a body direction
-    takes; None where it is not known."""
+    """Return the impulse of force (N s) that an angular impulse of 1 N m s along a body
+    direction takes; None where it is not known."""
     arm = requirements.arm or hardware.arm
     if arm is not None:
         return lambda u: float(np.abs(u).sum()) / arm
@@ -78,6 +79,8 @@ def thruster_cost(
         x, y, z = u.tolist()
         times = least_on_times(tuple(map(tuple, torques.tolist())), (x, y, z), 1e9)
         remaining = u - np.array(times) @ torques
-        return float(np.array(times) @ thrust) if np.linalg.norm(remaining) < 1e-3 else inf
+        return (
+            float(np.array(times) @ thrust) if np.linalg.norm(remaining) < 1e-3 else inf
+        )
 
     return cost

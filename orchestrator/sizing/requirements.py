@@ -38,10 +38,14 @@ class SizingRequirements:
     def __post_init__(self) -> None:
         """Raise DesatError for a requirement that makes no sense."""
         if not 0.0 < self.duty < 1.0:
-            raise DesatError(f"--duty {100.0 * self.duty:g}: a share between 0 and 100 % is needed")
+            raise DesatError(
+                f"--duty {100.0 * self.duty:g}: a share between 0 and 100 % is needed"
+            )
         quantities.MARGIN(self.margin)
         if (self.slew_angle > 0.0) != (self.slew_time > 0.0):
-            raise DesatError("--slew: an angle and a time above 0 are needed, as 60/300")
+            raise DesatError(
+                "--slew: an angle and a time above 0 are needed, as 60/300"
+            )
         if self.slew_angle > pi * (1.0 + 1e-9):
             raise DesatError(
                 f"--slew: {np.degrees(self.slew_angle):.4g} deg: a turn to any "

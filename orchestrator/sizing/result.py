@@ -45,7 +45,8 @@ class RodsByCondition:
 
 @dataclass(frozen=True, repr=False)
 class Sizing:
-    """What a craft needs, beside what it has. Momenta N m s, torques N m, dipoles A m2, times s."""
+    """What a craft needs, beside what it has. Momenta N m s, torques N m, dipoles A m2,
+    times s."""
 
     target: str
     orbits: int
@@ -63,7 +64,8 @@ class Sizing:
     """secular torque that is of no source, N m; None: the sources are not known"""
     year: tuple[YearDate, ...]
     wheel_needed: float
-    """of the fullest wheel, to hold cyclic and body momentum as the attitude turns, and a bias"""
+    """of the fullest wheel, to hold cyclic and body momentum as the attitude turns, and
+    a bias"""
     slew_momentum: float
     """of the fullest wheel, 2 I theta / T"""
     slew_torque: float
@@ -82,35 +84,40 @@ class Sizing:
     best: tuple[Best, ...]
     """law by law, the craft's own first where the model has it"""
     conditions: tuple[RodsByCondition, ...]
-    """the rods with the margin and the duty asked for, under conditions that are easier first"""
+    """the rods with the margin and the duty asked for, under conditions that are easier
+    first"""
     law: str
     """of the recommended rods, the first of these"""
     recommended: float | None
-    """the smallest with the margin and the duty asked for on the worst day of the year, with which
-    the wheels suffice and `worst.toml` meets its requirements; None: there is none"""
+    """the smallest with the margin and the duty asked for on the worst day of the year,
+    with which the wheels suffice and `worst.toml` meets its requirements; None: there
+    is none"""
     recommended_year: float | None
     """the same without `worst.toml`, by the model alone"""
     recommended_day: float | None
     """the same for the day of the scenario alone"""
     worst_day: str
-    """and the activity of the Sun on it, or that it is the scenario's own; empty: no other day was
-    looked at"""
+    """and the activity of the Sun on it, or that it is the scenario's own; empty: no
+    other day was looked at"""
     least_year: float
     """least rod for any law on that day, by the linear programme"""
     worst_scenario: str
-    """the scenario that the recommended rods meet, too; empty: there is none, or it did not fly"""
+    """the scenario that the recommended rods meet, too; empty: there is none, or it did
+    not fly"""
     weakest: tuple[float, ...]
     """eci: against a torque along it the rods do least"""
     weakness: float
     """what they do there over what they do on the average of all directions"""
     blind: float
-    """the longest time in which rods of 1.3 times the least cannot undo the secular torque"""
+    """the longest time in which rods of 1.3 times the least cannot undo the secular
+    torque"""
     tip_off_rate: float
     """rate of the body after separation, rad/s"""
     tip_off: float
     """momentum of the body after separation"""
     detumbling: float
-    """least time in which its rods, at their limits, take that out of a craft that tumbles"""
+    """least time in which its rods, at their limits, take that out of a craft that
+    tumbles"""
     first_dump: float
     """the same at the wanted attitude, from its wheels, in the worst direction"""
     detumbling_recommended: float | None
@@ -122,8 +129,8 @@ class Sizing:
     start_dump: float
     """the same for that"""
     propellant: float | None
-    """kg a year, of thrusters alone in this layout, where dumps begin as a wheel is full; None:
-    they are not known"""
+    """kg a year, of thrusters alone in this layout, where dumps begin as a wheel is
+    full; None: they are not known"""
     propellant_least: float | None
     """the same where each dump waits for the attitude at which it costs least"""
     requirements: SizingRequirements
@@ -176,7 +183,10 @@ class Sizing:
         else:
             rods = f"rods of {self.recommended:.3g} A m2 are recommended: they hold {self._held()}"
         text = f"{self.target}: {rods}{required}; it has {self.rod:.4g} A m2. "
-        if self.detumbling_recommended is not None and self.first_dump_recommended is not None:
+        if (
+            self.detumbling_recommended is not None
+            and self.first_dump_recommended is not None
+        ):
             text += (
                 f"With {self.recommended:.3g} A m2 detumbling takes at least "
                 f"{format_duration(self.detumbling_recommended)}, the first dump "
@@ -184,7 +194,10 @@ class Sizing:
             )
         needs, has = self.wheel_needed + self.slew_momentum, self.wheel_capacity
         if has == inf:
-            return text + f"Its wheels need {format_momenta(needs)} each and have no limit."
+            return (
+                text
+                + f"Its wheels need {format_momenta(needs)} each and have no limit."
+            )
         return text + f"Its wheels need {format_momenta(needs, has)} each."
 
     def _held(self) -> str:
@@ -207,23 +220,44 @@ def finite(value: Any) -> Any:
 
 
 def find_margins(sizing: Sizing, filled: float | None) -> Iterator[Margin]:
-    """Yield what is needed beside what there is, a row each. `filled`: what the fullest wheel comes
-    to on the worst day with the craft's rods (N m s); None: it is not known."""
+    """Yield what is needed beside what there is, a row each. `filled`: what the fullest
+    wheel comes to on the worst day with the craft's rods (N m s); None: it is not
+    known."""
     if sizing.least < inf:
         yield Margin("rods: any law, this day", sizing.least, sizing.rod, "A.m2")
     if sizing.least_year > 0.0:
-        yield Margin("rods: any law, worst day of the year", sizing.least_year, sizing.rod, "A.m2")
+        yield Margin(
+            "rods: any law, worst day of the year",
+            sizing.least_year,
+            sizing.rod,
+            "A.m2",
+        )
     if sizing.recommended is not None:
-        yield Margin(f"rods: {sizing.law}, duty and margin", sizing.recommended, sizing.rod, "A.m2")
+        yield Margin(
+            f"rods: {sizing.law}, duty and margin",
+            sizing.recommended,
+            sizing.rod,
+            "A.m2",
+        )
     if filled is not None and 0.0 < sizing.wheel_capacity < inf:
         yield Margin(
-            f"wheels: {sizing.law} with its rods, worst day", filled, sizing.wheel_capacity, "N.m.s"
+            f"wheels: {sizing.law} with its rods, worst day",
+            filled,
+            sizing.wheel_capacity,
+            "N.m.s",
         )
     if sizing.wheel_capacity < inf:
-        yield Margin("wheels: cyclic momentum", sizing.wheel_needed, sizing.wheel_capacity, "N.m.s")
+        yield Margin(
+            "wheels: cyclic momentum",
+            sizing.wheel_needed,
+            sizing.wheel_capacity,
+            "N.m.s",
+        )
         if sizing.slew_momentum > 0.0:
             both = sizing.wheel_needed + sizing.slew_momentum
-            yield Margin("wheels: cyclic momentum and slew", both, sizing.wheel_capacity, "N.m.s")
+            yield Margin(
+                "wheels: cyclic momentum and slew", both, sizing.wheel_capacity, "N.m.s"
+            )
     for row in (r for r in sizing.curve if r.law == sizing.law and r.rod == sizing.rod):
         if row.filled is not None:
             yield Margin(
@@ -233,16 +267,22 @@ def find_margins(sizing: Sizing, filled: float | None) -> Iterator[Margin]:
                 "N.m.s",
             )
         if row.duty is not None:
-            yield Margin(f"coils: duty by {row.law} with its rods", row.duty, sizing.duty, "1")
+            yield Margin(
+                f"coils: duty by {row.law} with its rods", row.duty, sizing.duty, "1"
+            )
     if sizing.slew_torque > 0.0 and sizing.wheel_torque < inf:
-        yield Margin("wheels: torque of the slew", sizing.slew_torque, sizing.wheel_torque, "N.m")
+        yield Margin(
+            "wheels: torque of the slew", sizing.slew_torque, sizing.wheel_torque, "N.m"
+        )
 
 
 def find_problems(sizing: Sizing) -> list[str]:
     """Return why the craft cannot hold its momentum, a line each."""
     lines = []
     if sizing.least == inf:
-        lines.append("no rod takes the secular torque out: the field is along it all the time")
+        lines.append(
+            "no rod takes the secular torque out: the field is along it all the time"
+        )
     elif sizing.rod < sizing.least:
         lines.append(
             f"rods of {sizing.rod:.4g} A m2: the secular torque needs at least "
@@ -284,12 +324,18 @@ def find_notes(sizing: Sizing, attitude: Attitude) -> list[str]:
     """Return what the numbers do not say, a line each."""
     lines = []
     if sizing.orbits < 14:
-        lines.append(f"{sizing.orbits} whole orbits: a day (--stop 86400) sees the field turn once")
+        lines.append(
+            f"{sizing.orbits} whole orbits: a day (--stop 86400) sees the field turn once"
+        )
     if (
         sizing.least < inf
         and abs(sizing.least - sizing.least_formula) > 0.01 * sizing.least_formula
     ):
-        lines.append("formula and linear programme differ by more than 1 %: the latter counts")
+        lines.append(
+            "formula and linear programme differ by more than 1 %: the latter counts"
+        )
     if attitude.kind == "moving":
-        lines.append("the attitude moves: rods and wheels are those of the run as it was flown")
+        lines.append(
+            "the attitude moves: rods and wheels are those of the run as it was flown"
+        )
     return lines

@@ -1,4 +1,5 @@
-"""The rods of laws: their momentum and duty over sizes, and the smallest that meet requirements."""
+"""The rods of laws: their momentum and duty over sizes, and the smallest that meet
+requirements."""
 
 from __future__ import annotations
 
@@ -36,9 +37,11 @@ LOOP_STEP = 1.5  # by which they grow where the model does not say by how much
 GRID_SIZES = 60  # rods of a search by the model
 
 
-def other_laws(source: Target, options: Options, terms: Terms, notes: list[str]) -> Iterator[Law]:
-    """Yield the laws that fit the craft besides its own (`compatibility.py`), as the model has
-    them; what it has not is added to the notes."""
+def other_laws(
+    source: Target, options: Options, terms: Terms, notes: list[str]
+) -> Iterator[Law]:
+    """Yield the laws that fit the craft besides its own (`compatibility.py`), as the
+    model has them; what it has not is added to the notes."""
     without = []
     for each in fitting(source, options, terms)[0][1:]:
         system, _ = prepare_with(source, each).or_raise()
@@ -64,7 +67,8 @@ class SizingPoint:
     """N m s; None: closed loop only"""
     largest: float | None
     filled: float | None
-    """the fullest wheel in the second half, share of its capacity; None: without a limit"""
+    """the fullest wheel in the second half, share of its capacity; None: without a
+    limit"""
     duty: float | None
     """1"""
     loop_rms: float | None = None
@@ -73,21 +77,29 @@ class SizingPoint:
 
 
 def round_up(rod: float) -> float:
-    """Return a rod (A m2) rounded up to three digits: as it is printed, and typed again."""
+    """Return a rod (A m2) rounded up to three digits: as it is printed, and typed
+    again."""
     if not 0.0 < rod < inf:
         return rod
     digit = 10.0 ** (floor(log10(rod)) - 2)
     return float(f"{ceil(rod / digit * (1.0 - 1e-12)) * digit:.3g}")
 
 
-def rod_grid(least: float, requirements: SizingRequirements, hardware: Hardware) -> Array:
-    """Return rods (A m2) from the margin over the least one to the largest that is looked at."""
+def rod_grid(
+    least: float, requirements: SizingRequirements, hardware: Hardware
+) -> Array:
+    """Return rods (A m2) from the margin over the least one to the largest that is
+    looked at."""
     largest = max(LARGEST_MULTIPLE, hardware.m_limit / least)
     return np.geomspace(requirements.margin, largest, GRID_SIZES) * least
 
 
 def fly_rods(
-    flight: Flight, law: Law, hardware: Hardware, rods: Array, longest: float | None = None
+    flight: Flight,
+    law: Law,
+    hardware: Hardware,
+    rods: Array,
+    longest: float | None = None,
 ) -> Course:
     """Fly the model with rods of several sizes.
 
@@ -123,15 +135,22 @@ def find_smallest(rods: Array, is_enough: Array) -> float | None:
     return float(rods[np.argmax(is_enough)]) if is_enough.any() else None
 
 
-def meets(course: Course, hardware: Hardware, requirements: SizingRequirements) -> Array:
-    """Return for which rods the duty is as required and the wheels hold with the margin."""
+def meets(
+    course: Course, hardware: Hardware, requirements: SizingRequirements
+) -> Array:
+    """Return for which rods the duty is as required and the wheels hold with the
+    margin."""
     capacity = smallest_wheel_capacity(hardware)
     holds = course.wheel * requirements.margin <= capacity
     return np.asarray((course.duty <= requirements.duty) & holds)
 
 
 def curve_of(
-    flight: Flight, law: Law, hardware: Hardware, least: float, requirements: SizingRequirements
+    flight: Flight,
+    law: Law,
+    hardware: Hardware,
+    least: float,
+    requirements: SizingRequirements,
 ) -> tuple[tuple[SizingPoint, ...], float | None]:
     """Compute the momentum and duty of a law over sizes of rods.
 
@@ -179,7 +198,8 @@ class Best:
 
     law: str
     rod: float | None
-    """A m2; None: there is none up to LARGEST_MULTIPLE times the least and the craft's own"""
+    """A m2; None: there is none up to LARGEST_MULTIPLE times the least and the craft's
+    own"""
 
 
 def compute_curves(
@@ -191,8 +211,8 @@ def compute_curves(
     progress: Callable[[str], None],
     notes: list[str],
 ) -> tuple[tuple[SizingPoint, ...], tuple[Best, ...]]:
-    """Return the curves of the laws, the craft's own first, and the rods to recommend under
-    each."""
+    """Return the curves of the laws, the craft's own first, and the rods to recommend
+    under each."""
     if not 0.0 < least < inf:
         return (), ()
     rows: tuple[SizingPoint, ...] = ()
@@ -216,7 +236,8 @@ def find_rod_for_year(
     requirements: SizingRequirements,
     longest: float = STEP,
 ) -> float | None:
-    """Return the smallest rod (A m2) that holds on the scenario's day and on the worst one.
+    """Return the smallest rod (A m2) that holds on the scenario's day and on the worst
+    one.
 
     Parameters
     ----------
@@ -249,9 +270,9 @@ def find_rod_for_worst(
     law: Law | None,
     progress: Callable[[str], None],
 ) -> tuple[float | None, list[str]]:
-    """Return rods (A m2), from `rod` on, with which a scenario meets its requirements in the closed
-    loop; None: there are none. And a line for each requirement that it misses with the craft's
-    own."""
+    """Return rods (A m2), from `rod` on, with which a scenario meets its requirements
+    in the closed loop; None: there are none. And a line for each requirement that it
+    misses with the craft's own."""
 
     def fly_with(size: float) -> tuple[Manifest, Flight | None]:
         progress(f"{WORST} with rods of {size:.4g} A m2")
@@ -264,7 +285,10 @@ def find_rod_for_worst(
         return run.manifest, found
 
     known: dict[float, tuple[Manifest, Flight | None]] = {}
-    own, largest = hardware.m_limit, max(LARGEST_MULTIPLE * (rod or 0.0), hardware.m_limit)
+    own, largest = (
+        hardware.m_limit,
+        max(LARGEST_MULTIPLE * (rod or 0.0), hardware.m_limit),
+    )
     while rod is not None:
         if rod not in known:
             known[rod] = fly_with(rod)
@@ -289,9 +313,9 @@ def _find_larger(
     law: Law | None,
     largest: float,
 ) -> float | None:
-    """Return the next rod to try where a run with `rod` misses a requirement: by the model where
-    that is one on the wheels' largest momentum, in a craft that keeps its attitude. None: it is
-    larger than all that are looked at."""
+    """Return the next rod to try where a run with `rod` misses a requirement: by the
+    model where that is one on the wheels' largest momentum, in a craft that keeps its
+    attitude. None: it is larger than all that are looked at."""
     over = [
         v.value / v.max
         for v in manifest.verdicts.values()
@@ -299,7 +323,9 @@ def _find_larger(
     ]
     step = round_up(LOOP_STEP * rod)
     if over and flight is not None and law is not None and not manifest.unmet:
-        rods = np.array([round_up(x) for x in np.geomspace(rod, max(largest, 1.01 * rod), 40)])
+        rods = np.array(
+            [round_up(x) for x in np.geomspace(rod, max(largest, 1.01 * rod), 40)]
+        )
         peak = fly_rods(flight, law, hardware, rods).peak
         smallest = find_smallest(rods, peak <= 0.99 * peak[0] / max(over))
         step = inf if smallest is None else max(step, smallest)
@@ -316,10 +342,13 @@ def add_closed_loop(
     least: float,
     progress: Callable[[str], None],
 ) -> tuple[SizingPoint, ...]:
-    """Return the rows of the craft's own manager with the closed loop at the sizes that count; rows
-    of the closed loop alone where the model does not have its law."""
+    """Return the rows of the craft's own manager with the closed loop at the sizes that
+    count; rows of the closed loop alone where the model does not have its law."""
     name = own.name if own is not None and curve and curve[0].law == own.name else ""
-    closed = [*(k * least for k in LOOP_MULTIPLES), *([recommended] if recommended else [])]
+    closed = [
+        *(k * least for k in LOOP_MULTIPLES),
+        *([recommended] if recommended else []),
+    ]
     if name:
         return tuple(
             in_the_loop(row, source, options, progress)
@@ -366,8 +395,8 @@ def _with_rods(
     rod: float,
     more: Callable[[System], Iterable[str]] = lambda system: (),
 ) -> Run:
-    """Return a run with rods of this size (A m2), which has recorded what a flight takes, and
-    more."""
+    """Return a run with rods of this size (A m2), which has recorded what a flight
+    takes, and more."""
     plain, _ = prepare(source, options).or_raise()
     values = {**options.values, "torquers.m_limit": rod}
     if "m_limit" in plain.components["manager"].interface.signals:
@@ -375,7 +404,9 @@ def _with_rods(
     case = prepare(source, replace(options, values=values))
     system, _ = case.or_raise()
     record = tuple(sorted({*series_for(system), *more(system)}))
-    return simulate(replace(case, options=replace(case.options, record=record, every=1)))
+    return simulate(
+        replace(case, options=replace(case.options, record=record, every=1))
+    )
 
 
 def manager_name(system: System) -> str:

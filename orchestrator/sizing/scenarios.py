@@ -1,4 +1,5 @@
-"""What a sizing takes from the scenarios of a craft, and what of them its model does not have."""
+"""What a sizing takes from the scenarios of a craft, and what of them its model does
+not have."""
 
 from __future__ import annotations
 
@@ -17,7 +18,8 @@ from ..system.errors import DesatError
 from ..system.model import System
 from ..system.options import Options
 
-WORST = "worst.toml"  # the scenario beside a craft's own that what is recommended has to meet, too
+# the scenario beside a craft's own that what is recommended has to meet, too
+WORST = "worst.toml"
 DETUMBLING = "detumbling.toml"
 TIP_OFF = 5.0 * pi / 180.0  # rad/s, where no scenario says it
 LOOP_ROLES = (
@@ -47,7 +49,14 @@ LOOP_PARAMETERS = {
         "failed_from",
     },
     "spacecraft": {"q_start_bi", "omega_start_body", "start_frame", "angle_limit"},
-    "tachometers": {"sample_time", "bias_wheel", "resolution", "full_scale", "fail_time", "seed"},
+    "tachometers": {
+        "sample_time",
+        "bias_wheel",
+        "resolution",
+        "full_scale",
+        "fail_time",
+        "seed",
+    },
     "thrusters": {
         "sample_time",
         "placement",
@@ -81,7 +90,8 @@ def doubts(system: System) -> list[str]:
 
 
 def closed_loop_only(system: System, options: Options) -> Iterator[str]:
-    """Name the parameters that options set and the momentum model does not have, in a line."""
+    """Name the parameters that options set and the momentum model does not have, in a
+    line."""
     changed = [x.partition("=")[0].strip() for x in options.sets] + [*options.values]
     names = []
     for name in dict.fromkeys(changed):
@@ -96,8 +106,8 @@ def closed_loop_only(system: System, options: Options) -> Iterator[str]:
 
 
 def find_tip_off(source: Target, options: Options) -> float:
-    """Return the rate after separation (rad/s): of the scenario `detumbling` beside a craft of
-    one's own, or TIP_OFF."""
+    """Return the rate after separation (rad/s): of the scenario `detumbling` beside a
+    craft of one's own, or TIP_OFF."""
     file = source.scenario.file if source.scenario is not None else None
     if file is None or not (there := file.parent / DETUMBLING).is_file():
         return TIP_OFF
@@ -105,19 +115,27 @@ def find_tip_off(source: Target, options: Options) -> float:
         system, _ = prepare(read(str(there)), replace(options, stop=None)).or_raise()
     except DesatError:
         return TIP_OFF
-    return float(np.linalg.norm(system.components["spacecraft"].values["omega_start_body"]))
+    return float(
+        np.linalg.norm(system.components["spacecraft"].values["omega_start_body"])
+    )
 
 
 def find_worst_scenario(source: Target) -> Target | None:
-    """Return the worst scenario of a craft of one's own, where the source is its nominal one."""
+    """Return the worst scenario of a craft of one's own, where the source is its
+    nominal one."""
     file = source.scenario.file if source.scenario is not None else None
-    if file is None or file.name != NOMINAL or not (there := file.parent / WORST).is_file():
+    if (
+        file is None
+        or file.name != NOMINAL
+        or not (there := file.parent / WORST).is_file()
+    ):
         return None
     return read(str(there))
 
 
 def fly_case(case: Case, system: System) -> Flight:
-    """Return the flight of a prepared case, flown now. Raise DesatError if it does not complete."""
+    """Return the flight of a prepared case, flown now. Raise DesatError if it does not
+    complete."""
     recording = replace(case.options, record=series_for(system), every=1)
     run = simulate(replace(case, options=recording)).or_raise(case.target)
     with run.results as results:

@@ -1,7 +1,9 @@
-"""`desat size`: which wheels, rods and propellant a craft needs, from its momentum alone.
+"""`desat size`: which wheels, rods and propellant a craft needs, from its momentum
+alone.
 
-One run at the wanted attitude gives what no law changes (`analyses/flight.py`): the field B(t), the
-attitude C(t), and the impulse J(t) of the disturbances. On these alone stand
+One run at the wanted attitude gives what no law changes (`analyses/flight.py`): the
+field B(t), the attitude C(t), and the impulse J(t) of the disturbances. On these alone
+stand
 
 - the secular torque and the cyclic momentum (`momentum.py`);
 - the least rod of any law (`least_rod.py`);
@@ -9,9 +11,9 @@ attitude C(t), and the impulse J(t) of the disturbances. On these alone stand
   hold with the required margin and duty;
 - a year's extremes (`year.py`): the same torque, cyclic momentum and least rod at other dates.
 
-What is recommended holds on the worst of these days, by the same model, and with it the scenario
-`worst.toml` beside the craft's meets its requirements in the closed loop. The closed loop flies
-beside the model at the sizes that count.
+What is recommended holds on the worst of these days, by the same model, and with it the
+scenario `worst.toml` beside the craft's meets its requirements in the closed loop. The
+closed loop flies beside the model at the sizes that count.
 """
 
 from __future__ import annotations
@@ -52,7 +54,13 @@ from .rods import (
     other_laws,
     round_up,
 )
-from .scenarios import closed_loop_only, doubts, find_tip_off, find_worst_scenario, fly_case
+from .scenarios import (
+    closed_loop_only,
+    doubts,
+    find_tip_off,
+    find_worst_scenario,
+    fly_case,
+)
 from .year import WorstDay, YearDate, days_of_year, find_worst_day
 
 OTHERS_STEP = 40.0  # s, samples of other laws than the craft's on the worst day
@@ -65,7 +73,8 @@ def size(
     requirements: SizingRequirements | None = None,
     progress: Callable[[str], None] = lambda text: None,
 ) -> Sizing:
-    """Size the wheels and rods of a craft for the attitude, orbit and law of a scenario.
+    """Size the wheels and rods of a craft for the attitude, orbit and law of a
+    scenario.
 
     Parameters
     ----------
@@ -100,11 +109,15 @@ def size(
     if requirements.laws or own is None:
         terms = terms_of(flight.period, flight.b, attitude.kind in ("inertial", "sun"))
         laws += other_laws(source, options, terms, notes)
-    curve, best = compute_curves(flight, hardware, laws, least, requirements, progress, notes)
+    curve, best = compute_curves(
+        flight, hardware, laws, least, requirements, progress, notes
+    )
     law, day = (best[0].law, best[0].rod) if best else ("", None)
     model = next((x for x in laws if x.name == law), None)
     by_year = find_rod_for_year(day, hardest, model, hardware, requirements)
-    conditions = _find_conditions(best, by_year, laws, hardest, least, hardware, requirements)
+    conditions = _find_conditions(
+        best, by_year, laws, hardest, least, hardware, requirements
+    )
     recommended = by_year
     unmet: list[str] = []
     worst = find_worst_scenario(source) if requirements.flown else None
@@ -112,10 +125,16 @@ def size(
         recommended, unmet = find_rod_for_worst(
             worst, options, hardware, recommended, model, progress
         )
-        conditions.append(RodsByCondition(f"{worst.text}, closed loop", {law: recommended}))
+        conditions.append(
+            RodsByCondition(f"{worst.text}, closed loop", {law: recommended})
+        )
     if requirements.flown and 0.0 < least < inf:
-        curve = add_closed_loop(curve, recommended, source, options, system, own, least, progress)
-    needed, time_without = compute_wheel_needs(flight, hardware, torque, cyclic, _bias(system))
+        curve = add_closed_loop(
+            curve, recommended, source, options, system, own, least, progress
+        )
+    needed, time_without = compute_wheel_needs(
+        flight, hardware, torque, cyclic, _bias(system)
+    )
     geometry = compute_geometry(flight, hardware, able, torque, least)
     slew_momentum, slew_torque = compute_slew(hardware, requirements)
     shares, unexplained = shares_of(flight, torque)
@@ -179,7 +198,9 @@ def size(
     fullest = _fullest_wheel(hardest, model, hardware)
     sizing = replace(sizing, margins=tuple(find_margins(sizing, fullest)))
     problems = (*find_problems(sizing), *unmet)
-    return replace(sizing, problems=problems, notes=(*notes, *find_notes(sizing, attitude)))
+    return replace(
+        sizing, problems=problems, notes=(*notes, *find_notes(sizing, attitude))
+    )
 
 
 def _own_law(system: System, notes: list[str]) -> Law | None:
@@ -199,7 +220,8 @@ def _fly_year(
     progress: Callable[[str], None],
     notes: list[str],
 ) -> tuple[tuple[YearDate, ...], WorstDay | None]:
-    """Return the days of a year and the worst one; none if they are not wanted or not known."""
+    """Return the days of a year and the worst one; none if they are not wanted or not
+    known."""
     if not requirements.year:
         return (), None
     progress("the days of a year")
@@ -236,8 +258,11 @@ def _find_conditions(
     return [*conditions, RodsByCondition(title, of_year)]
 
 
-def _fullest_wheel(hardest: WorstDay | None, law: Law | None, hardware: Hardware) -> float | None:
-    """Return what the fullest wheel comes to on the worst day with the craft's rods (N m s)."""
+def _fullest_wheel(
+    hardest: WorstDay | None, law: Law | None, hardware: Hardware
+) -> float | None:
+    """Return what the fullest wheel comes to on the worst day with the craft's rods (N
+    m s)."""
     if law is None or hardest is None or hardware.m_limit == 0.0:
         return None
     rods = np.array([hardware.m_limit])
@@ -251,7 +276,8 @@ def _bias(system: System) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
 
 
 def _dump_time(momentum: float, torque: float, rod: float) -> float:
-    """Return how long (s) rods (A m2) of a torque for each A m2 take for a momentum (N m s)."""
+    """Return how long (s) rods (A m2) of a torque for each A m2 take for a momentum (N
+    m s)."""
     return momentum / (max(torque, SMALLEST_TORQUE) * max(rod, SMALLEST_TORQUE))
 
 

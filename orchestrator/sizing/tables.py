@@ -50,12 +50,19 @@ def tabulate_quantities(sizing: Sizing) -> Table:
         ("That direction, eci", weakest, ""),
         ("Rate after separation", float(np.degrees(sizing.tip_off_rate)), "deg/s"),
         ("Momentum after separation", sizing.tip_off, "N.m.s"),
-        _duration("Detumbling, least time by its rods at their limits", sizing.detumbling),
+        _duration(
+            "Detumbling, least time by its rods at their limits", sizing.detumbling
+        ),
         _duration("First dump of it from the wheels, least time", sizing.first_dump),
     ]
-    detumbling, first_dump = sizing.detumbling_recommended, sizing.first_dump_recommended
+    detumbling, first_dump = (
+        sizing.detumbling_recommended,
+        sizing.first_dump_recommended,
+    )
     if detumbling is not None and first_dump is not None:
-        rows.append(_duration(f"Detumbling with {sizing.recommended:.3g} A m2", detumbling))
+        rows.append(
+            _duration(f"Detumbling with {sizing.recommended:.3g} A m2", detumbling)
+        )
         rows.append(_duration("First dump with these", first_dump))
     if sizing.start_momentum > 0.0:
         rows.append(("Wheels at the start", sizing.start_momentum, "N.m.s"))
@@ -92,14 +99,23 @@ def tabulate_margins(sizing: Sizing) -> Table:
         Column("times", form=".3g"),
     ]
     rows = [
-        (m.name, m.needed, m.has, m.unit, Cell(m.ratio, mark="bad" if m.ratio < 1.0 else "ok"))
+        (
+            m.name,
+            m.needed,
+            m.has,
+            m.unit,
+            Cell(m.ratio, mark="bad" if m.ratio < 1.0 else "ok"),
+        )
         for m in sizing.margins
     ]
     return Table("Margins", columns, rows, is_scaled=True)
 
 
-def tabulate_sources(sources: Sequence[SourceShare], unexplained: float | None = None) -> Table:
-    """Return the momentum of each source of disturbance, and the torque that is of none."""
+def tabulate_sources(
+    sources: Sequence[SourceShare], unexplained: float | None = None
+) -> Table:
+    """Return the momentum of each source of disturbance, and the torque that is of
+    none."""
     columns = [
         Column("source", kind="text"),
         Column("secular", "N.m", ".4g"),
@@ -107,7 +123,9 @@ def tabulate_sources(sources: Sequence[SourceShare], unexplained: float | None =
         Column("an orbit", "N.m.s", ".4g"),
         Column("cyclic", "N.m.s", ".4g"),
     ]
-    rows: list[Row] = [(s.name, s.secular, 100.0 * s.along, s.per_orbit, s.cyclic) for s in sources]
+    rows: list[Row] = [
+        (s.name, s.secular, 100.0 * s.along, s.per_orbit, s.cyclic) for s in sources
+    ]
     if unexplained is not None:
         rows.append((UNEXPLAINED, unexplained, None, None, None))
     return Table("What drives it", columns, rows, is_scaled=True)
@@ -123,7 +141,9 @@ def tabulate_days(days: Sequence[YearDate]) -> Table:
         Column("cyclic", "N.m.s", ".4g", is_detail=True),
         Column("least rod", "A.m2", ".4g"),
     ]
-    rows = [(d.day, d.activity, d.secular, d.per_orbit, d.cyclic, d.least) for d in days]
+    rows = [
+        (d.day, d.activity, d.secular, d.per_orbit, d.cyclic, d.least) for d in days
+    ]
     return Table("A year", columns, rows, is_scaled=True)
 
 
@@ -140,7 +160,9 @@ def tabulate_extremes(days: Sequence[YearDate]) -> Table:
         "least": min(days, key=lambda d: d.least),
         "most": max(days, key=lambda d: d.least),
     }
-    rows = [(name, d.day, d.activity, d.secular, d.least) for name, d in extremes.items()]
+    rows = [
+        (name, d.day, d.activity, d.secular, d.least) for name, d in extremes.items()
+    ]
     return Table("A year", columns, rows, is_scaled=True)
 
 
@@ -168,7 +190,9 @@ def tabulate_points(points: Sequence[SizingPoint]) -> Table:
             _percent(point.filled),
             _percent(point.duty),
             Cell(point.loop_rms, note=_difference(point.rms, point.loop_rms)),
-            Cell(point.loop_largest, note=_difference(point.largest, point.loop_largest)),
+            Cell(
+                point.loop_largest, note=_difference(point.largest, point.loop_largest)
+            ),
             _percent(point.loop_duty),
         )
         for point in points
@@ -221,7 +245,12 @@ def tabulate_dumps(sizing: DumpSizing) -> Table:
     loop_first = "" if first is None else format_duration(first)
     apart = f"{steady.least_a_week:.4g} to {steady.most_a_week:.4g}"
     rows: list[Row] = [
-        ("first dump, from wheels at rest", format_duration(steady.first), loop_first, ""),
+        (
+            "first dump, from wheels at rest",
+            format_duration(steady.first),
+            loop_first,
+            "",
+        ),
         ("dumps a week", steady.a_week, loop.get("dumps_a_week"), ""),
         ("the same, thresholds 1 % apart", apart, "", ""),
         ("momentum of a dump", steady.momentum, loop.get("dump_momentum"), "N.m.s"),
@@ -237,10 +266,20 @@ def tabulate_dumps(sizing: DumpSizing) -> Table:
     for name, mass in sizing.by_activity.items():
         rows.append((f"the same with {name} solar activity", mass, None, "kg"))
     rows += [
-        ("the same, each dump at its cheapest attitude", sizing.least_a_year, None, "kg"),
+        (
+            "the same, each dump at its cheapest attitude",
+            sizing.least_a_year,
+            None,
+            "kg",
+        ),
         ("momentum of a day", sizing.a_day, None, "N.m.s"),
         ("largest pointing error", None, loop.get("pointing_largest"), "deg"),
-        ("wheels that dump once a week", share(sizing.weekly, sizing.capacity), None, "N.m.s"),
+        (
+            "wheels that dump once a week",
+            share(sizing.weekly, sizing.capacity),
+            None,
+            "N.m.s",
+        ),
     ]
     if sizing.slew_momentum > 0.0:
         momentum = share(sizing.slew_momentum, sizing.capacity)
@@ -300,7 +339,8 @@ def describe_map(sizing: SizingMap, law: str) -> str:
 
 
 def tabulate_map(sizing: SizingMap, law: int) -> Table:
-    """Return the smallest rods of a map that hold under a law, by orbit and residual dipole."""
+    """Return the smallest rods of a map that hold under a law, by orbit and residual
+    dipole."""
     axes = sizing.axes
     order = np.argsort(axes.rods, kind="stable")
     columns = [
@@ -320,7 +360,8 @@ def tabulate_map(sizing: SizingMap, law: int) -> Table:
 
 
 def tabulate_least_rods(sizing: SizingMap, dipole: int) -> Table:
-    """Return the least rods of any law over the orbits of a map, with a residual dipole."""
+    """Return the least rods of any law over the orbits of a map, with a residual
+    dipole."""
     axes = sizing.axes
     columns = [
         Column("altitude", "km", "g", kind="text"),

@@ -1,4 +1,5 @@
-"""The days of a year, flown by the environment's own block at the attitude that a run has shown."""
+"""The days of a year, flown by the environment's own block at the attitude that a run
+has shown."""
 
 from __future__ import annotations
 
@@ -66,9 +67,9 @@ class WorstDay:
 def days_of_year(
     system: System, hardware: Hardware, attitude: Attitude, own: bool = False
 ) -> Iterator[tuple[YearDate, tuple[dict[str, Array], Array]]]:
-    """Yield the days of a year, one after the other, each with what the environment gives and the
-    times (s); `own`: with the scenario's own solar activity first, then with low and high. Raises
-    DesatError where they cannot be asked for."""
+    """Yield the days of a year, one after the other, each with what the environment
+    gives and the times (s); `own`: with the scenario's own solar activity first, then
+    with low and high. Raises DesatError where they cannot be asked for."""
     if attitude.kind == "moving":
         raise DesatError(
             f"the attitude stays neither in eci nor in lvlh ("
@@ -104,19 +105,32 @@ def days_of_year(
             yield date, (inputs, times)
 
 
-def _activities(component: Component, craft: Values, own: bool) -> list[tuple[str, dict[str, int]]]:
-    """Return low and high activity of the Sun, as changes of an environment that makes no field,
-    where the air matters and it knows them; else as it is. `own`: the scenario's before them."""
+def _activities(
+    component: Component, craft: Values, own: bool
+) -> list[tuple[str, dict[str, int]]]:
+    """Return low and high activity of the Sun, as changes of an environment that makes
+    no field, where the air matters and it knows them; else as it is. `own`: the
+    scenario's before them."""
     signals = component.interface.signals
     thin = craft.get("aerodynamics", "none") == "none"
-    if thin or "solar_activity" not in signals or "density" not in component.interface.signals:
+    if (
+        thin
+        or "solar_activity" not in signals
+        or "density" not in component.interface.signals
+    ):
         return [("", {})]
 
     def number(name: str, choice: str) -> int:
         return signals[name].choices.index(choice)
 
-    still = {"field": number("field", "none"), "atmosphere": number("atmosphere", "activity")}
-    levels = [(x, still | {"solar_activity": number("solar_activity", x)}) for x in ("low", "high")]
+    still = {
+        "field": number("field", "none"),
+        "atmosphere": number("atmosphere", "activity"),
+    }
+    levels = [
+        (x, still | {"solar_activity": number("solar_activity", x)})
+        for x in ("low", "high")
+    ]
     if not own or component.choice("atmosphere") != "activity":
         return levels if not own else [("", {})]
     mine = component.choice("solar_activity")
@@ -124,7 +138,10 @@ def _activities(component: Component, craft: Values, own: bool) -> list[tuple[st
 
 
 def find_worst_day(
-    system: System, hardware: Hardware, attitude: Attitude, days: Sequence[tuple[YearDate, Any]]
+    system: System,
+    hardware: Hardware,
+    attitude: Attitude,
+    days: Sequence[tuple[YearDate, Any]],
 ) -> WorstDay:
     """Return the day of the largest least rod, flown at rows that the model can take."""
     date, (inputs, nodes) = max(days, key=lambda d: d[0].least)

@@ -1,7 +1,7 @@
 """`desat compare`: scenarios and runs side by side, or scenarios draw by draw in pairs.
 
-The first is what all others are held against: a difference is the first's number less the other's,
-as in `campaign/pairs.py`.
+The first is what all others are held against: a difference is the first's number less
+the other's, as in `campaign/pairs.py`.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ class ComparedNumber:
         first, *others = self.values
         return tuple(
             None if first is None or x is None else difference(first, x) for x in others
-        )  # fmt: skip
+        )
 
     @property
     def row(self) -> Row:
@@ -63,7 +63,8 @@ class Comparison:
     targets: tuple[str, ...]
     runs: tuple[Run, ...]
     rows: dict[str, ComparedNumber]
-    """By the number's name, those of the first run in its order, then what only others have."""
+    """By the number's name, those of the first run in its order, then what only others
+    have."""
     warnings: tuple[str, ...]
 
     def __repr__(self) -> str:
@@ -71,15 +72,20 @@ class Comparison:
 
     @property
     def numbers(self) -> DataFrame:
-        """The numbers by name: title, unit, the value of each target, and `less TARGET`: the
-        first's less each other's."""
+        """The numbers by name: title, unit, the value of each target, and
+        `less TARGET`: the first's less each other's."""
         from pandas import DataFrame
 
         rows = {
             name: [row.title, row.unit, *row.values, *row.differences]
             for name, row in self.rows.items()
         }
-        columns = ["title", "unit", *self.targets, *(f"less {x}" for x in self.targets[1:])]
+        columns = [
+            "title",
+            "unit",
+            *self.targets,
+            *(f"less {x}" for x in self.targets[1:]),
+        ]
         return DataFrame.from_dict(rows, orient="index", columns=columns)
 
     def _repr_html_(self) -> str:
@@ -87,8 +93,8 @@ class Comparison:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """What each is called: its scenario, or where two are of one, what was typed. Of laws they
-        are the laws'."""
+        """What each is called: its scenario, or where two are of one, what was typed.
+        Of laws they are the laws'."""
         files = [t.endswith((".toml", ".ssp")) for t in self.targets]
         scenarios = tuple(
             run.manifest.scenario if is_file else target
@@ -109,32 +115,49 @@ class Comparison:
         return Table("", columns, [row.row for row in self.rows.values()])
 
     def as_json(self) -> JsonObject:
-        """For programs; a run that lacks a number is not among its values, None: not reached."""
+        """For programs; a run that lacks a number is not among its values, None: not
+        reached."""
         return {
-            "targets": list(self.targets), "warnings": list(self.warnings),
-            "not_met": {t: list(r.manifest.not_met)
-                        for t, r in zip(self.targets, self.runs, strict=True)},
-            "numbers": {name: {
-                "title": row.title, "unit": row.unit,
-                "values": {t: x for t, x, there in
-                           zip(self.targets, row.values, row.there, strict=True) if there},
-                "differences": dict(zip(self.targets[1:], row.differences, strict=True)),
-            } for name, row in self.rows.items()},
-        }  # fmt: skip
+            "targets": list(self.targets),
+            "warnings": list(self.warnings),
+            "not_met": {
+                t: list(r.manifest.not_met)
+                for t, r in zip(self.targets, self.runs, strict=True)
+            },
+            "numbers": {
+                name: {
+                    "title": row.title,
+                    "unit": row.unit,
+                    "values": {
+                        t: x
+                        for t, x, there in zip(
+                            self.targets, row.values, row.there, strict=True
+                        )
+                        if there
+                    },
+                    "differences": dict(
+                        zip(self.targets[1:], row.differences, strict=True)
+                    ),
+                }
+                for name, row in self.rows.items()
+            },
+        }
 
 
 def are_campaigns(targets: Sequence[str]) -> bool:
-    """Whether these are campaigns' folders. Raises DesatError where only some are, where there are
-    fewer than two, and where one comes twice."""
+    """Whether these are campaigns' folders. Raises DesatError where only some are,
+    where there are fewer than two, and where one comes twice."""
     if len(targets) < 2:
         raise DesatError(f"{' '.join(targets)}: two or more are needed to compare")
     if twice := [t for i, t in enumerate(targets) if t in targets[:i]]:
         raise DesatError(f"{twice[0]}: it is there twice")
     folders = [(Path(t) / PLAN).is_file() for t in targets]
     if any(folders) and not all(folders):
-        raise DesatError(f"{targets[folders.index(True)]} is a campaign, "
-                         f"{targets[folders.index(False)]} is none: campaigns compare with "
-                         "campaigns alone")  # fmt: skip
+        raise DesatError(
+            f"{targets[folders.index(True)]} is a campaign, "
+            f"{targets[folders.index(False)]} is none: campaigns compare with "
+            "campaigns alone"
+        )
     return all(folders)
 
 
@@ -144,10 +167,12 @@ def is_run(target: str) -> bool:
 
 
 def side_by_side(
-    targets: Sequence[str], options: Options, progress: Callable[[str], None] = lambda text: None
+    targets: Sequence[str],
+    options: Options,
+    progress: Callable[[str], None] = lambda text: None,
 ) -> Comparison:
-    """Runs of scenarios, flown now with these options, and run folders as they are. Raises
-    DesatError, RunError too, where one cannot begin or does not complete."""
+    """Runs of scenarios, flown now with these options, and run folders as they are.
+    Raises DesatError, RunError too, where one cannot begin or does not complete."""
     # what is wrong with any is said before the first flies
     cases = [None if is_run(t) else prepare(t, options) for t in targets]
     warnings: list[str] = []
@@ -165,20 +190,20 @@ def side_by_side(
 
 def of_runs(
     targets: Sequence[str], runs: Sequence[Run], warnings: Sequence[str]
-) -> Comparison:  # fmt: skip
+) -> Comparison:
     """Completed runs side by side, by their names."""
     ends = [run.manifest.end_time for run in runs]
     uneven = [
         f"{targets[0]} ends at {ends[0]:g} s, {target} at {end:g} s"
         for target, end in zip(targets[1:], ends[1:], strict=True)
         if end != ends[0] and end is not None and ends[0] is not None
-    ]  # fmt: skip
+    ]
     return Comparison(tuple(targets), tuple(runs), rows_of(runs), (*warnings, *uneven))
 
 
 def rows_of(runs: Sequence[Run]) -> dict[str, ComparedNumber]:
-    """The numbers of runs, by name. One whose unit is not that of the first run that has the name
-    stands in a row of its own, `NAME (UNIT)`."""
+    """The numbers of runs, by name. One whose unit is not that of the first run that
+    has the name stands in a row of its own, `NAME (UNIT)`."""
     rows = {}
     for name in dict.fromkeys(n for run in runs for n in run.manifest.numbers):
         each = [run.manifest.numbers.get(name) for run in runs]
@@ -187,44 +212,67 @@ def rows_of(runs: Sequence[Run]) -> dict[str, ComparedNumber]:
             there = tuple(x is not None and x.unit == unit for x in each)
             title = next(x.title for x in given if x.unit == unit)
             rows[f"{name} ({unit})" if i else name] = ComparedNumber(
-                title, unit,
-                tuple(x.value if x is not None and x.unit == unit else None for x in each), there,
-            )  # fmt: skip
+                title,
+                unit,
+                tuple(
+                    x.value if x is not None and x.unit == unit else None for x in each
+                ),
+                there,
+            )
     return rows
 
 
 def write(made: Comparison, path: Path, **more: Any) -> Path:
-    """The page: the table, and each plot of the first over all runs; `more` is for its template.
-    Raises OSError where it cannot be written."""
+    """The page: the table, and each plot of the first over all runs; `more` is for its
+    template. Raises OSError where it cannot be written."""
     overlaid = [
         (t, run.results, run.manifest.parameters)
         for t, run in zip(made.names, made.runs, strict=True)
-    ]  # fmt: skip
+    ]
     plots = made.runs[0].manifest.content.plots.values()
     drawn = [(p.title, figure) for p in plots if (figure := series_figure(p, overlaid))]
     path.parent.mkdir(parents=True, exist_ok=True)
     pairs = list(zip(made.names, made.runs, strict=True))
-    return write_page(path, render("compare.html", made=made, pairs=pairs, **figures_of(drawn),
-                                   **{"choice": None, "pareto": (), **more}))  # fmt: skip
+    return write_page(
+        path,
+        render(
+            "compare.html",
+            made=made,
+            pairs=pairs,
+            **figures_of(drawn),
+            **{"choice": None, "pareto": (), **more},
+        ),
+    )
 
 
 def paired_draws(
-    targets: Sequence[str], count: int, seed: int, options: Options, jobs: int = 2,
+    targets: Sequence[str],
+    count: int,
+    seed: int,
+    options: Options,
+    jobs: int = 2,
     progress: bool = False,
-) -> tuple[list[Pairs], list[Draws]]:  # fmt: skip
-    """The same draws of several scenarios: each other one's pairs with the first, in the form of
-    `pairs.compare`, and the draws of each as `draws` gives them. Raises DesatError where one draws
-    nothing, or the first and another do not draw alike, and for a run folder."""
+) -> tuple[list[Pairs], list[Draws]]:
+    """The same draws of several scenarios: each other one's pairs with the first, in
+    the form of `pairs.compare`, and the draws of each as `draws` gives them. Raises
+    DesatError where one draws nothing, or the first and another do not draw alike, and
+    for a run folder."""
     for target in targets:
         if is_run(target):
-            raise DesatError(f"{target}: it is a run, and nothing can be drawn for it; name its "
-                             "scenario")  # fmt: skip
+            raise DesatError(
+                f"{target}: it is a run, and nothing can be drawn for it; name its "
+                "scenario"
+            )
     sources = [read(t) for t in targets]
-    shared = [common(sources[0], other, seed, options, options) for other in sources[1:]]
+    shared = [
+        common(sources[0], other, seed, options, options) for other in sources[1:]
+    ]
     made = [draws(s, count, seed, options, jobs, progress) for s in sources]
     pairs = list[Pairs]()
     for target, other, names in zip(targets[1:], made[1:], shared, strict=True):
-        first, second = ({r.number for r in x.rows if r.completed} for x in (made[0], other))
+        first, second = (
+            {r.number for r in x.rows if r.completed} for x in (made[0], other)
+        )
         alone = {"drawn_only_in_it": targets[0], "drawn_only_in_the_other": target}
         warnings = [
             f"drawn in {whose} alone: {', '.join(names[key])}"

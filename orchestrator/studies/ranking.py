@@ -45,12 +45,18 @@ from .compare import Comparison, of_runs, write
 if TYPE_CHECKING:
     from pandas import DataFrame  # type: ignore[import-untyped]
 
-ORBIT = ("environment.r_eci", "environment.v_eci", "environment.b_eci", "spacecraft.q_bi")
+ORBIT = (
+    "environment.r_eci",
+    "environment.v_eci",
+    "environment.b_eci",
+    "spacecraft.q_bi",
+)
 REFERENCE = "guidance.q_ref_bi"
 DIPOLE, ENERGY = "torquers.m_mean_body", "torquers.electric_energy"
 TORQUE, FIRING = "thrusters.tau_mean_thruster_body", "thrusters.on_time"
 STANDARD = ("peak", "duty", "energy", "pointing", "firing")
-"""What laws are ranked by where nothing is asked for, as far as it can be told of the craft."""
+"""What laws are ranked by where nothing is asked for, as far as it can be told of the
+craft."""
 
 
 class Criterion(NamedTuple):
@@ -98,14 +104,17 @@ def _last(signal: str) -> Callable[[Manifest, Results], float | None]:
     return of
 
 
-CRITERIA = {c.name: c for c in (
-    Criterion("peak", "fill of the fullest wheel", "%", _filled),
-    Criterion("stored", "momentum of the wheels", "N.m.s", _stored_runs),
-    Criterion("duty", "coil duty", "%", _duty),
-    Criterion("energy", "coil energy", "J", _last(ENERGY)),
-    Criterion("pointing", "pointing error, rms", "deg", _pointing),
-    Criterion("firing", "firing time", "s", _last(FIRING)),
-)}  # fmt: skip
+CRITERIA = {
+    c.name: c
+    for c in (
+        Criterion("peak", "fill of the fullest wheel", "%", _filled),
+        Criterion("stored", "momentum of the wheels", "N.m.s", _stored_runs),
+        Criterion("duty", "coil duty", "%", _duty),
+        Criterion("energy", "coil energy", "J", _last(ENERGY)),
+        Criterion("pointing", "pointing error, rms", "deg", _pointing),
+        Criterion("firing", "firing time", "s", _last(FIRING)),
+    )
+}
 
 
 @dataclass(frozen=True)
@@ -139,7 +148,8 @@ class RankedLaw:
 
 @dataclass(frozen=True, repr=False)
 class Ranking:
-    """The laws of a craft, by the first criterion, those that meet all requirements first."""
+    """The laws of a craft, by the first criterion, those that meet all requirements
+    first."""
 
     target: str
     by: tuple[Criterion, ...]
@@ -155,22 +165,28 @@ class Ranking:
         """The sentence that answers."""
         best, c = self.ranked[0], self.by[0]
         if best.not_met:
-            return (f"{self.target}: no law meets all requirements; {best.name} has the least "
-                    f"{c.title}.")  # fmt: skip
+            return (
+                f"{self.target}: no law meets all requirements; {best.name} has the least "
+                f"{c.title}."
+            )
         front = [e.name for e in self.ranked if e.front]
         more = f"; not dominated: {', '.join(front)}" if len(self.by) > 1 else ""
         more += ". One run each, gains by rule: `desat tune` may change the order"
-        return (f"{self.target}: {best.name} has the least {c.title}, {number(best.values[0])} "
-                f"{spell_unit(c.unit)}{more}.")  # fmt: skip
+        return (
+            f"{self.target}: {best.name} has the least {c.title}, {number(best.values[0])} "
+            f"{spell_unit(c.unit)}{more}."
+        )
 
     @property
     def numbers(self) -> DataFrame:
-        """The laws in their order: a column a criterion, whether another law is better in all of
-        them, and the requirements that are not met."""
+        """The laws in their order: a column a criterion, whether another law is better
+        in all of them, and the requirements that are not met."""
         from pandas import DataFrame
 
         columns = [*(f"{c.heading}" for c in self.by), "not dominated", "not met"]
-        rows = {e.label: [*e.values, e.front, "; ".join(e.not_met)] for e in self.ranked}
+        rows = {
+            e.label: [*e.values, e.front, "; ".join(e.not_met)] for e in self.ranked
+        }
         return DataFrame.from_dict(rows, orient="index", columns=columns)
 
     def _repr_html_(self) -> str:
@@ -206,49 +222,79 @@ class Ranking:
     def as_json(self) -> JsonObject:
         """For programs; a value that cannot be told is null."""
         return {
-            "target": self.target, "answer": self.answer, "by": [c.name for c in self.by],
-            "laws": [{
-                "name": e.name, "manager": e.law.manager, "own": e.law.own,
-                "gains": dict(e.law.gains), "set": dict(e.law.options.values),
-                "values": {c.name: x if np.isfinite(x) else None
-                           for c, x in zip(self.by, e.values, strict=True)},
-                "front": e.front, "not_met": list(e.not_met),
-            } for e in self.ranked],
+            "target": self.target,
+            "answer": self.answer,
+            "by": [c.name for c in self.by],
+            "laws": [
+                {
+                    "name": e.name,
+                    "manager": e.law.manager,
+                    "own": e.law.own,
+                    "gains": dict(e.law.gains),
+                    "set": dict(e.law.options.values),
+                    "values": {
+                        c.name: x if np.isfinite(x) else None
+                        for c, x in zip(self.by, e.values, strict=True)
+                    },
+                    "front": e.front,
+                    "not_met": list(e.not_met),
+                }
+                for e in self.ranked
+            ],
             "refused": [asdict(r) for r in self.refused],
             "comparison": self.comparison.as_json(),
-        }  # fmt: skip
+        }
 
     def figures(self) -> list[tuple[str, Figure]]:
         """Caption and picture of the first criterion over each other."""
         return [
-            (f"{self.by[0].title.capitalize()} over {other.title}: right of and above the dashed "
-             "line a law is beaten in both", self._pareto(k))
-            for k, other in enumerate(self.by) if k
-        ]  # fmt: skip
+            (
+                f"{self.by[0].title.capitalize()} over {other.title}: right of and above the dashed "
+                "line a law is beaten in both",
+                self._pareto(k),
+            )
+            for k, other in enumerate(self.by)
+            if k
+        ]
 
     def write(self, path: Path) -> Path:
-        """The page: the ranking, and what `compare` has of runs. Raises OSError where it cannot be
-        written."""
+        """The page: the ranking, and what `compare` has of runs. Raises OSError where
+        it cannot be written."""
         pareto = [(caption, Markup(drawn.svg())) for caption, drawn in self.figures()]
         return write(self.comparison, path, choice=self, pareto=pareto)
 
     def _pareto(self, k: int) -> Figure:
-        """A law of its own at each point; the front from one edge of the picture to the other."""
+        """A law of its own at each point; the front from one edge of the picture to the
+        other."""
         fig, ax = figure()
         points = [(e.values[k], e.values[0]) for e in self.ranked]
-        known = [(x, y, e.name, i) for i, (e, (x, y)) in enumerate(zip(self.ranked, points,
-                 strict=True)) if np.isfinite(x) and np.isfinite(y)]  # fmt: skip
+        known = [
+            (x, y, e.name, i)
+            for i, (e, (x, y)) in enumerate(zip(self.ranked, points, strict=True))
+            if np.isfinite(x) and np.isfinite(y)
+        ]
         best: list[tuple[float, float]] = []
         for x, y, *_ in sorted(known):
             if not best or y < best[-1][1]:
                 best += [(x, best[-1][1])] if best else []
                 best.append((x, y))
         if known:
-            best = [(best[0][0], max(y for _, y, *_ in known)), *best,
-                    (max(x for x, *_ in known), best[-1][1])]  # fmt: skip
-        ax.plot([x for x, _ in best], [y for _, y in best], "#999999", width=1.0, dash=DASHED)
+            best = [
+                (best[0][0], max(y for _, y, *_ in known)),
+                *best,
+                (max(x for x, *_ in known), best[-1][1]),
+            ]
+        ax.plot(
+            [x for x, _ in best],
+            [y for _, y in best],
+            "#999999",
+            width=1.0,
+            dash=DASHED,
+        )
         for x, y, name, i in known:
-            ax.plot([x], [y], COLOURS[i % len(COLOURS)], width=0.0, marker=8.0, label=name)
+            ax.plot(
+                [x], [y], COLOURS[i % len(COLOURS)], width=0.0, marker=8.0, label=name
+            )
         ax.x.label, ax.y.label = self.by[k].heading, self.by[0].heading
         ax.x.low = ax.y.low = 0.0
         return fig
@@ -259,19 +305,25 @@ def criteria(by: str) -> tuple[Criterion, ...]:
     names = [x.strip() for x in by.split(",") if x.strip()]
     for name in names or [by]:
         if name not in CRITERIA:
-            raise DesatError(f"--by {by}: no {name or 'name'}{nearest(name, CRITERIA)}; there is "
-                             f"{', '.join(CRITERIA)}")  # fmt: skip
+            raise DesatError(
+                f"--by {by}: no {name or 'name'}{nearest(name, CRITERIA)}; there is "
+                f"{', '.join(CRITERIA)}"
+            )
     return tuple(CRITERIA[name] for name in dict.fromkeys(names))
 
 
 def choose(
-    target: str, options: Options, asked: Sequence[Criterion], laws: Sequence[str],
-    others: Sequence[str] = (), progress: Callable[[str], None] = lambda text: None,
-) -> Ranking:  # fmt: skip
-    """Fly a craft with its own law and with those that fit it: `laws` by name, or all, and the
-    `others` of the user's own, files; `asked` is what they are ranked by, nothing: STANDARD. Raises
-    DesatError for a craft that cannot fly with its own, and where a criterion is of something that
-    it has not."""
+    target: str,
+    options: Options,
+    asked: Sequence[Criterion],
+    laws: Sequence[str],
+    others: Sequence[str] = (),
+    progress: Callable[[str], None] = lambda text: None,
+) -> Ranking:
+    """Fly a craft with its own law and with those that fit it: `laws` by name, or all,
+    and the `others` of the user's own, files; `asked` is what they are ranked by,
+    nothing: STANDARD. Raises DesatError for a craft that cannot fly with its own, and
+    where a criterion is of something that it has not."""
     source = read(target)
     first, found, refused = laws_of(source, options, laws, others, progress)
     flown, runs, warnings = [found[0]], [first], [*first.manifest.warnings]
@@ -284,22 +336,35 @@ def choose(
             refused.append(Refused(law.name, str(why).removeprefix(f"{law.name}: ")))
             continue
         if _idle(run):
-            refused.append(Refused(law.name, "it flew, and commanded neither dipole nor thrusters"))
+            refused.append(
+                Refused(law.name, "it flew, and commanded neither dipole nor thrusters")
+            )
             continue
         flown.append(law)
         runs.append(run)
-        warnings += [f"{law.name}: {x}" for x in run.manifest.warnings
-                     if x not in warnings and not _of_the_other(x)]  # fmt: skip
-    known = [c for c in asked or map(CRITERIA.__getitem__, STANDARD)
-             if any(c.of(run.manifest, run.results) is not None for run in runs)]  # fmt: skip
+        warnings += [
+            f"{law.name}: {x}"
+            for x in run.manifest.warnings
+            if x not in warnings and not _of_the_other(x)
+        ]
+    known = [
+        c
+        for c in asked or map(CRITERIA.__getitem__, STANDARD)
+        if any(c.of(run.manifest, run.results) is not None for run in runs)
+    ]
     for c in asked or known:
         if c not in known:
-            raise DesatError(f"{target}: --by {c.name}: the {c.title} cannot be told of it")
+            raise DesatError(
+                f"{target}: --by {c.name}: the {c.title} cannot be told of it"
+            )
     rows = [tuple(c.of(run.manifest, run.results) for c in known) for run in runs]
     whole = [tuple(np.inf if x is None else x for x in row) for row in rows]
     entries = [
         RankedLaw(
-            law, row, not any(_beats(other, row) for other in whole), tuple(run.manifest.not_met)
+            law,
+            row,
+            not any(_beats(other, row) for other in whole),
+            tuple(run.manifest.not_met),
         )
         for law, row, run in zip(flown, whole, runs, strict=True)
     ]
@@ -310,11 +375,15 @@ def choose(
 
 
 def laws_of(
-    source: Target, options: Options, laws: Sequence[str], others: Sequence[str] = (),
+    source: Target,
+    options: Options,
+    laws: Sequence[str],
+    others: Sequence[str] = (),
     progress: Callable[[str], None] = lambda text: None,
-) -> tuple[Run, list[Fitting], list[Refused]]:  # fmt: skip
-    """A craft flown with its own law, which gains by rule go by, and the laws that fit it, its own
-    first, with their gains, and those that do not. Raises DesatError as `choose`."""
+) -> tuple[Run, list[Fitting], list[Refused]]:
+    """A craft flown with its own law, which gains by rule go by, and the laws that fit
+    it, its own first, with their gains, and those that do not. Raises DesatError as
+    `choose`."""
     check_names(laws, others)
     own = prepare(source, options)
     system, _ = own.or_raise()
@@ -329,17 +398,19 @@ def laws_of(
 
 def options_of_laws(
     target: str, options: Options, asked: Sequence[str]
-) -> dict[str, Options]:  # fmt: skip
-    """Of a craft's own law, and of those that are asked for beside it, by name, the options of a
-    run; what a gain follows of the craft stays a product of its parameters. Raises DesatError for a
-    law that does not fit."""
+) -> dict[str, Options]:
+    """Of a craft's own law, and of those that are asked for beside it, by name, the
+    options of a run; what a gain follows of the craft stays a product of its
+    parameters. Raises DesatError for a law that does not fit."""
     source = read(target)
     system, _ = prepare(source, options).or_raise()
     if not asked:
         manager = system.roles.get(ROLE)
         return {law_name(manager) if manager else system.name: options}
     files = [name for name in asked if Path(name).suffix in (".py", ".fmu")]
-    _, found, refused = laws_of(source, options, [x for x in asked if x not in files], files)
+    _, found, refused = laws_of(
+        source, options, [x for x in asked if x not in files], files
+    )
     for law in refused:
         if ALL not in asked:
             raise DesatError(f"--law {law.name}: {law.why}")
@@ -347,30 +418,52 @@ def options_of_laws(
 
 
 def _following(source: Target, law: Fitting) -> Options:
-    """The options of a law, with the products that its parameters follow in place of their
-    values."""
+    """The options of a law, with the products that its parameters follow in place of
+    their values."""
     component = prepare_with(source, law).or_raise()[0].components[ROLE]
-    follows = {f"{ROLE}.{s.array}": s.follows for s in component.interface.parameters if s.follows}
-    values = {name: follows[name] if law.gains.get(name.partition(".")[2]) == follows.get(name)
-              else value for name, value in law.options.values.items()}  # fmt: skip
+    follows = {
+        f"{ROLE}.{s.array}": s.follows
+        for s in component.interface.parameters
+        if s.follows
+    }
+    values = {
+        name: follows[name]
+        if law.gains.get(name.partition(".")[2]) == follows.get(name)
+        else value
+        for name, value in law.options.values.items()
+    }
     return replace(law.options, values=values)
 
 
 def _fly(options: Options, source: Target, system: System) -> Run:
     """A run that has recorded what it is judged by and what its plots show."""
     plots = content_of(system.about).plots.values()
-    wanted = {*series_of_numbers(system), *(s for p in plots for s in p.signals), *ORBIT, REFERENCE,
-              DIPOLE, ENERGY, TORQUE, FIRING}  # fmt: skip
+    wanted = {
+        *series_of_numbers(system),
+        *(s for p in plots for s in p.signals),
+        *ORBIT,
+        REFERENCE,
+        DIPOLE,
+        ENERGY,
+        TORQUE,
+        FIRING,
+    }
     for analysis in analyses():
         if parts := analysis.applies(system):
             wanted.update(analysis.balanced(parts))
-    there = {f"{c.name}.{s.series}" for c in system.components.values()
-             for s in c.interface.outputs}  # fmt: skip
-    return simulate(prepare(source, replace(options, record=tuple(sorted(wanted & there)))))
+    there = {
+        f"{c.name}.{s.series}"
+        for c in system.components.values()
+        for s in c.interface.outputs
+    }
+    return simulate(
+        prepare(source, replace(options, record=tuple(sorted(wanted & there))))
+    )
 
 
 def _of_the_other(warning: str) -> bool:
-    """Whether it says that values of the craft's own manager go: the law has its own by rule."""
+    """Whether it says that values of the craft's own manager go: the law has its own by
+    rule."""
     return warning.startswith(f"{ROLE}: ") and " does not take " in warning
 
 

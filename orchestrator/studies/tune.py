@@ -1,10 +1,12 @@
-"""`desat tune`: the value of a parameter with which a number is least, over seeded draws.
+"""`desat tune`: the value of a parameter with which a number is least, over seeded
+draws.
 
-The same draws fly at every value, so that the median over them is a function of the value alone:
-looked at over the whole range first, evenly in its logarithm where it is above 0, then by Brent's
-method between the neighbours of the best. A value at which more draws miss a requirement than at
-the craft's own is none. What was found is judged on draws that it was not made with, each paired
-with the same draw at the craft's own value.
+The same draws fly at every value, so that the median over them is a function of the
+value alone: looked at over the whole range first, evenly in its logarithm where it is
+above 0, then by Brent's method between the neighbours of the best. A value at which
+more draws miss a requirement than at the craft's own is none. What was found is judged
+on draws that it was not made with, each paired with the same draw at the craft's own
+value.
 """
 
 from __future__ import annotations
@@ -60,7 +62,8 @@ class Point:
 
 @dataclass(frozen=True, kw_only=True)
 class Unseen(Spread):
-    """The spread of own less best, draw by draw, the medians, and draws that miss a requirement."""
+    """The spread of own less best, draw by draw, the medians, and draws that miss a
+    requirement."""
 
     median_own: float
     median_best: float
@@ -92,8 +95,8 @@ class Tuned:
 
     @property
     def confirmed(self) -> bool:
-        """Whether the unseen samples say that it is better, with 95 % confidence, and miss no
-        requirement more often."""
+        """Whether the unseen samples say that it is better, with 95 % confidence, and
+        miss no requirement more often."""
         told = self.unseen
         if self.best == self.own or not told.interval_holds:
             return False
@@ -109,9 +112,7 @@ class Tuned:
             f" {self.number_unit}" if self.number_unit not in ("", "1") else "",
         )
         if self.best == self.own:
-            return (
-                f"{self.parameter} = {self.own:.4g} {self.unit} is the best of its range already."
-            )
+            return f"{self.parameter} = {self.own:.4g} {self.unit} is the best of its range already."
         won = told.lower if self.most else told.higher
         edge = self.best in self.searched
         verdict = ", at the edge of its range" if edge else ""
@@ -127,7 +128,9 @@ class Tuned:
     def table(self) -> Table:
         """Return the values that were tried."""
         columns = [
-            Column(f"{self.parameter} [{spell_unit(self.unit)}]", form=".4g", kind="text"),
+            Column(
+                f"{self.parameter} [{spell_unit(self.unit)}]", form=".4g", kind="text"
+            ),
             Column(
                 f"{self.number} [{spell_unit(self.number_unit)}], median of {self.draws} "
                 "tuning samples"
@@ -136,28 +139,42 @@ class Tuned:
         ]
         notes = {self.best: "best", self.own: "own"}
         rows = [
-            (Cell(p.value, note=notes.get(p.value, "")), p.median, p.missed) for p in self.points
+            (Cell(p.value, note=notes.get(p.value, "")), p.median, p.missed)
+            for p in self.points
         ]
         return Table("", columns, rows)
 
     def as_json(self) -> JsonObject:
         """For programs; what is not finite is null."""
         told = asdict(self) | {
-            "unseen": self.unseen.to_json(), "confirmed": self.confirmed, "answer": self.answer
-        }  # fmt: skip
+            "unseen": self.unseen.to_json(),
+            "confirmed": self.confirmed,
+            "answer": self.answer,
+        }
         for point in told["points"]:
-            point["median"] = point["median"] if math.isfinite(point["median"]) else None
+            point["median"] = (
+                point["median"] if math.isfinite(point["median"]) else None
+            )
         return told
 
 
 def tune(
-    target: str, parameter: str, number: str, options: Options, *, most: bool = False,
-    between: tuple[float, float] | None = None, draws: int = 8, unseen: int = 16, seed: int = 1,
-    jobs: int = 2, progress: Callable[[str], None] = lambda text: None,
-) -> Tuned:  # fmt: skip
-    """Tune `component.parameter`. The draws of the seed before `draws` are those that it is made
-    with, the next `unseen` ones judge it. Raises DesatError for what there is not, and where the
-    craft's own value does not give the number."""
+    target: str,
+    parameter: str,
+    number: str,
+    options: Options,
+    *,
+    most: bool = False,
+    between: tuple[float, float] | None = None,
+    draws: int = 8,
+    unseen: int = 16,
+    seed: int = 1,
+    jobs: int = 2,
+    progress: Callable[[str], None] = lambda text: None,
+) -> Tuned:
+    """Tune `component.parameter`. The draws of the seed before `draws` are those that
+    it is made with, the next `unseen` ones judge it. Raises DesatError for what there
+    is not, and where the craft's own value does not give the number."""
     source = read(target)
     system, _ = prepare(source, options).or_raise()
     content = content_of(system.about)
@@ -166,25 +183,40 @@ def tune(
     low, high = _range(parameter, signal, own, between)
     flown: dict[float, Point] = {}
     if not content.dispersions:
-        raise DesatError(f"{target}: it has no [dispersions], so there is nothing to sample")
+        raise DesatError(
+            f"{target}: it has no [dispersions], so there is nothing to sample"
+        )
 
     def rows(values: Sequence[float], draw: range) -> list[list[RunRow]]:
-        tasks = [(target, replace(options, values={**options.values, parameter: x}), seed, i)
-                 for x in values for i in draw]  # fmt: skip
+        tasks = [
+            (target, replace(options, values={**options.values, parameter: x}), seed, i)
+            for x in values
+            for i in draw
+        ]
         made = rows_of(tasks, jobs, target, False, source)
         return [made[k : k + len(draw)] for k in range(0, len(made), len(draw))]
 
     def look(values: Sequence[float]) -> None:
         progress(f"{parameter} = {', '.join(f'{x:.3g}' for x in values)}")
         for x, some in zip(values, rows(values, range(draws)), strict=True):
-            flown[x] = Point(x, _median(some, number), sum(_misses(content, r) for r in some))
+            flown[x] = Point(
+                x, _median(some, number), sum(_misses(content, r) for r in some)
+            )
 
     log = low > 0.0
-    grid = np.geomspace(low, high, LOOKED_AT) if log else np.linspace(low, high, LOOKED_AT)
-    look(sorted([own, *(x for x in grid.tolist() if not math.isclose(x, own, rel_tol=1e-9))]))
+    grid = (
+        np.geomspace(low, high, LOOKED_AT) if log else np.linspace(low, high, LOOKED_AT)
+    )
+    look(
+        sorted(
+            [own, *(x for x in grid.tolist() if not math.isclose(x, own, rel_tol=1e-9))]
+        )
+    )
     first = flown[own]
     if not math.isfinite(first.median):
-        raise DesatError(f"{target}: {parameter} = {own:g}: not every sample has {number}")
+        raise DesatError(
+            f"{target}: {parameter} = {own:g}: not every sample has {number}"
+        )
     scale, sign = abs(first.median) or 1.0, -1.0 if most else 1.0
 
     def cost(x: float) -> float:
@@ -206,21 +238,39 @@ def tune(
 
     places = [math.log(x) if log else x for x in (*ends, low, high)]
     fine = FINE * (places[3] - places[2])
-    minimize_scalar(at, bounds=places[:2], method="bounded",
-                    options={"maxiter": REFINED, "xatol": fine})  # fmt: skip
+    minimize_scalar(
+        at,
+        bounds=places[:2],
+        method="bounded",
+        options={"maxiter": REFINED, "xatol": fine},
+    )
     best = min(sorted(flown), key=cost)
     best = own if cost(own) - cost(best) < SAME else best
     points = tuple(flown[x] for x in sorted(flown))
     progress(f"{unseen} unseen samples")
     judges = rows([own, best], range(draws, draws + unseen))
     told, number_unit = _verdict(judges[0], judges[1], number, content)
-    return Tuned(target, parameter, unit, number, number_unit, most, own, best, (low, high), draws,
-                 points, told)  # fmt: skip
+    return Tuned(
+        target,
+        parameter,
+        unit,
+        number,
+        number_unit,
+        most,
+        own,
+        best,
+        (low, high),
+        draws,
+        points,
+        told,
+    )
 
 
-def _parameter(source: Target, options: Options, name: str) -> tuple[Signal, float, str]:
-    """The parameter of a name, its value, and its unit under the law that flies. Raises DesatError
-    for one that cannot be tuned."""
+def _parameter(
+    source: Target, options: Options, name: str
+) -> tuple[Signal, float, str]:
+    """The parameter of a name, its value, and its unit under the law that flies. Raises
+    DesatError for one that cannot be tuned."""
     system, _ = prepare(source, options).or_raise()
     owner, _, variable = name.partition(".")
     require(owner, system.components, f"{name}: no component")
@@ -228,16 +278,25 @@ def _parameter(source: Target, options: Options, name: str) -> tuple[Signal, flo
     known = names(component.interface, "parameter")
     signal = component.interface.signals.get(variable)
     if signal is None or signal.causality != "parameter":
-        what = "an array" if variable in known else f"no parameter{nearest(variable, known)}"
+        what = (
+            "an array"
+            if variable in known
+            else f"no parameter{nearest(variable, known)}"
+        )
         raise DesatError(f"{name}: {what}: one number is tuned, of a component")
     if signal.kind != "Real":
-        raise DesatError(f"{name}: it is no Real: {', '.join(signal.choices) or signal.kind}")
+        raise DesatError(
+            f"{name}: it is no Real: {', '.join(signal.choices) or signal.kind}"
+        )
     if drawn := overridden_by(source.to_draw(options.blocks), name):
         raise DesatError(f"{name}: {drawn[0]} is sampled, and so cannot be tuned")
     unit = None
     if (model := component.interface.model) in registry.names():
-        chosen = {s.name: component.choice(s.name) for s in component.interface.signals.values()
-                  if s.choices and s.causality == "parameter"}  # fmt: skip
+        chosen = {
+            s.name: component.choice(s.name)
+            for s in component.interface.signals.values()
+            if s.choices and s.causality == "parameter"
+        }
         unit = unit_under(registry.block_class(model), variable, chosen)
     return signal, float(str(component.values[variable])), unit or signal.unit_name
 
@@ -249,13 +308,15 @@ def _number(content: Content, system: Any, number: str, target: str) -> None:
         if analysis.applies(system):
             known.update(analysis.NUMBERS)
     if number not in known:
-        raise DesatError(f"--for {number}: {target} has no such number{nearest(number, known)}; "
-                         f"there is {', '.join(sorted(known))}")  # fmt: skip
+        raise DesatError(
+            f"--for {number}: {target} has no such number{nearest(number, known)}; "
+            f"there is {', '.join(sorted(known))}"
+        )
 
 
 def _range(
     name: str, signal: Signal, own: float, between: tuple[float, float] | None
-) -> tuple[float, float]:  # fmt: skip
+) -> tuple[float, float]:
     """The range that is searched. Raises DesatError for one that is none."""
     if between is None:
         if own <= 0.0:
@@ -266,24 +327,33 @@ def _range(
     else:
         low, high = between
     if not low < high:
-        raise DesatError(f"--between {low:g},{high:g}: the first is to be below the second")
+        raise DesatError(
+            f"--between {low:g},{high:g}: the first is to be below the second"
+        )
     for x in (low, high):
         if (signal.minimum is not None and x < signal.minimum) or (
             signal.maximum is not None and x > signal.maximum
         ):
-            raise DesatError(f"--between: {name} = {x:g} is outside [{signal.minimum}, "
-                             f"{signal.maximum}]")  # fmt: skip
+            raise DesatError(
+                f"--between: {name} = {x:g} is outside [{signal.minimum}, "
+                f"{signal.maximum}]"
+            )
     return low, high
 
 
 def _median(rows: Sequence[RunRow], number: str) -> float:
     """Over draws; inf where one did not complete, or does not have it."""
     values = [r.numbers.get(number) if r.completed else None for r in rows]
-    return math.inf if None in values else statistics.median(x for x in values if x is not None)
+    return (
+        math.inf
+        if None in values
+        else statistics.median(x for x in values if x is not None)
+    )
 
 
 def _misses(content: Content, row: RunRow) -> bool:
-    """Whether a draw misses a requirement; one of a time that it is too short for counts not."""
+    """Whether a draw misses a requirement; one of a time that it is too short for
+    counts not."""
     if not row.completed:
         return True
     times = late(content)
@@ -298,10 +368,13 @@ def _misses(content: Content, row: RunRow) -> bool:
 
 def _verdict(
     own: Sequence[RunRow], best: Sequence[RunRow], number: str, content: Content
-) -> tuple[Unseen, str]:  # fmt: skip
+) -> tuple[Unseen, str]:
     """What pairs of draws say, own less best, and the number's unit."""
-    pairs = [(a.numbers.get(number), b.numbers.get(number)) for a, b in zip(own, best, strict=True)
-             if a.completed and b.completed]  # fmt: skip
+    pairs = [
+        (a.numbers.get(number), b.numbers.get(number))
+        for a, b in zip(own, best, strict=True)
+        if a.completed and b.completed
+    ]
     whole = [(a, b) for a, b in pairs if a is not None and b is not None]
     if not whole:
         raise DesatError(f"no unseen sample has {number} with both values")

@@ -8,7 +8,10 @@ from math import prod
 
 DENSITY = 250.0  # kg/m3, class: mass of a craft over the volume of its box
 DENSITIES = 20.0, 3000.0  # kg/m3: outside of these no craft was built
-GYRATION = 0.1, 30.0  # largest moment over that of a homogeneous box: panels, booms, a dense core
+GYRATION = (
+    0.1,
+    30.0,
+)  # largest moment over that of a homogeneous box: panels, booms, a dense core
 
 
 @dataclass(frozen=True)
@@ -24,8 +27,11 @@ class Body:
         return self.mass / prod(self.sides)
 
 
-def homogeneous_inertia(mass: float, sides: Sequence[float]) -> tuple[float, float, float]:
-    """Return the principal moments (kg m2) of a homogeneous box of a mass (kg) and sides (m)."""
+def homogeneous_inertia(
+    mass: float, sides: Sequence[float]
+) -> tuple[float, float, float]:
+    """Return the principal moments (kg m2) of a homogeneous box of a mass (kg) and
+    sides (m)."""
     a, b, c = (x * x for x in sides)
     return mass / 12.0 * (b + c), mass / 12.0 * (c + a), mass / 12.0 * (a + b)
 

@@ -22,8 +22,8 @@ from .schedule import Schedule, schedule
 
 @dataclass
 class Checked:
-    """What a check found; `system` where it could be built, `schedule` where nothing stands
-    against running it."""
+    """What a check found; `system` where it could be built, `schedule` where nothing
+    stands against running it."""
 
     problems: list[str]
     warnings: list[str]
@@ -34,7 +34,8 @@ class Checked:
     schedule: Schedule | None = None
 
     def or_raise(self) -> tuple[System, Schedule]:
-        """The system and its schedule; raises DesatError with every problem, a line each."""
+        """The system and its schedule; raises DesatError with every problem, a line
+        each."""
         if self.problems or self.system is None or self.schedule is None:
             raise DesatError("\n".join(self.problems))
         return self.system, self.schedule
@@ -89,17 +90,25 @@ def _inputs(system: System) -> Iterator[str]:
             name = connector.name
             given = (c.name, name) in wired or name in c.parameters
             if connector.kind == "input" and not given and c.interface.role:
-                yield (f"{system.where}:{connector.line}: {c.name}.{name} is listed, but has "
-                       "neither a connection nor a value")  # fmt: skip
+                yield (
+                    f"{system.where}:{connector.line}: {c.name}.{name} is listed, but has "
+                    "neither a connection nor a value"
+                )
         arrays: dict[str, list[str]] = defaultdict(list)
         for signal in c.interface.inputs:
             arrays[signal.array].append(signal.name)
         for elements in arrays.values():
-            missing = [e for e in elements if (c.name, e) not in wired and e not in c.parameters]
+            missing = [
+                e
+                for e in elements
+                if (c.name, e) not in wired and e not in c.parameters
+            ]
             if 0 < len(missing) < len(elements):
                 array = base_name(missing[0])
-                yield (f"{system.where}:{c.line}: {c.name}.{array} is wired in part: "
-                       f"{', '.join(missing)} has neither a connection nor a value")  # fmt: skip
+                yield (
+                    f"{system.where}:{c.line}: {c.name}.{array} is wired in part: "
+                    f"{', '.join(missing)} has neither a connection nor a value"
+                )
 
 
 def _at_start(system: System) -> Iterator[str]:
@@ -107,23 +116,31 @@ def _at_start(system: System) -> Iterator[str]:
     wired = {(c.target, c.input) for c in system.connections}
     for c in system.components.values():
         open_ = [
-            name for name, connector in c.connectors.items()
-            if connector.kind == "input" and (c.name, name) not in wired
-            and name not in c.parameters and not c.interface.role
-        ]  # fmt: skip
+            name
+            for name, connector in c.connectors.items()
+            if connector.kind == "input"
+            and (c.name, name) not in wired
+            and name not in c.parameters
+            and not c.interface.role
+        ]
         if open_:
-            yield (f"{system.where}:{c.line}: {c.name}: {', '.join(open_)} "
-                   f"{'is' if len(open_) == 1 else 'are'} listed, but neither wired nor given: the "
-                   "FMU's start value stays")  # fmt: skip
+            yield (
+                f"{system.where}:{c.line}: {c.name}: {', '.join(open_)} "
+                f"{'is' if len(open_) == 1 else 'are'} listed, but neither wired nor given: the "
+                "FMU's start value stays"
+            )
 
 
 def _shared(system: System, checked: Checked) -> None:
-    """A parameter that a block declares as shared must be equal wherever the name stands; where a
-    flight computer knows it otherwise, its model errs, which a warning says."""
+    """A parameter that a block declares as shared must be equal wherever the name
+    stands; where a flight computer knows it otherwise, its model errs, which a warning
+    says."""
     values: dict[str, tuple[str, object]] = {}
     err: dict[tuple[str, str], str] = {}
     # the craft first: a computer's model is of it
-    for c in sorted(system.components.values(), key=lambda c: c.interface.role in computers()):
+    for c in sorted(
+        system.components.values(), key=lambda c: c.interface.role in computers()
+    ):
         for signal in c.interface.parameters:
             if not signal.shared:
                 continue
@@ -131,28 +148,40 @@ def _shared(system: System, checked: Checked) -> None:
             owner, other = values.setdefault(signal.name, (c.name, value))
             if value == other:
                 continue
-            text = f"{c.name}.{signal.name} = {value}, but {owner}.{signal.name} = {other}"
+            text = (
+                f"{c.name}.{signal.name} = {value}, but {owner}.{signal.name} = {other}"
+            )
             if c.interface.role in computers():
                 where = c.given.get(name, f"{system.where}: default")
-                err.setdefault((c.name, name), f"{where}: {text}: what runs onboard errs about it")
+                err.setdefault(
+                    (c.name, name), f"{where}: {text}: what runs onboard errs about it"
+                )
             else:
-                checked.problems.append(f"{system.where}: {text}: the two must be equal")
+                checked.problems.append(
+                    f"{system.where}: {text}: the two must be equal"
+                )
     checked.warnings += err.values()
 
 
 def _follows(system: System) -> Iterator[str]:
-    """Parameters that differ from what of the craft they usually are, as their blocks declare it
-    (`follows`): where a scenario extends another craft's they may be that one's.
+    """Parameters that differ from what of the craft they usually are, as their blocks
+    declare it (`follows`): where a scenario extends another craft's they may be that
+    one's.
 
-    Silent where the scenario gives a product of parameters, where it gives neither side, and of
-    what is of no craft: 0 (off), and a matrix that is a multiple of the identity.
+    Silent where the scenario gives a product of parameters, where it gives neither
+    side, and of what is of no craft: 0 (off), and a matrix that is a multiple of the
+    identity.
     """
     known = table(system.components.values())
-    known |= {c.interface.role: known[c.name] for c in system.components.values()
-              if c.name in known and c.interface.role not in known}  # fmt: skip
+    known |= {
+        c.interface.role: known[c.name]
+        for c in system.components.values()
+        if c.name in known and c.interface.role not in known
+    }
     for c in system.components.values():
-        for name, text in {s.array: s.follows for s in c.interface.parameters
-                           if s.follows}.items():  # fmt: skip
+        for name, text in {
+            s.array: s.follows for s in c.interface.parameters if s.follows
+        }.items():
             if name in c.references:
                 continue
             try:
@@ -161,8 +190,13 @@ def _follows(system: System) -> Iterator[str]:
                 continue
             signals = c.interface.elements.get(name, ())
             own = [float(str(c.values[s.name])) for s in signals]
-            ends = [known[owner][p] for owner, _, p in (n.partition(".") for n in names_in(text))]
-            given = any(s.name in c.parameters for s in signals) or any(e.given for e in ends)
+            ends = [
+                known[owner][p]
+                for owner, _, p in (n.partition(".") for n in names_in(text))
+            ]
+            given = any(s.name in c.parameters for s in signals) or any(
+                e.given for e in ends
+            )
             least = 1e-9 * max(map(abs, usual))
             apart = [i for i, x in enumerate(own) if abs(x - usual[i]) > least]
             if not (given and apart) or _of_no_craft(own):
@@ -170,9 +204,11 @@ def _follows(system: System) -> Iterator[str]:
             i, unit = apart[0], signals[0].unit_name
             where = c.given.get(name, f"{system.where}: default")
             unit = f" {unit}" if unit not in ("", "1") else ""
-            yield (f"{where}: {c.name}.{signals[i].name} = {own[i]:g}{unit}, where {text} is "
-                   f"{usual[i]:g}{unit}: is it another craft's? Given as \"{text}\", or a "
-                   "multiple, it follows")  # fmt: skip
+            yield (
+                f"{where}: {c.name}.{signals[i].name} = {own[i]:g}{unit}, where {text} is "
+                f'{usual[i]:g}{unit}: is it another craft\'s? Given as "{text}", or a '
+                "multiple, it follows"
+            )
 
 
 def _of_no_craft(values: list[float]) -> bool:
@@ -182,17 +218,21 @@ def _of_no_craft(values: list[float]) -> bool:
 
 
 def _samples(system: System) -> Iterator[str]:
-    """A component that samples does so, for whatever purpose, once in a whole number of its steps;
-    so it is with its delay."""
+    """A component that samples does so, for whatever purpose, once in a whole number of
+    its steps; so it is with its delay."""
     for c in system.components.values():
         step = system.step * c.step_ratio
-        names = [n for n in c.interface.signals if n.endswith("sample_time") or n == "delay"]
+        names = [
+            n for n in c.interface.signals if n.endswith("sample_time") or n == "delay"
+        ]
         for name in names if "sample_time" in names else ():
             sample = c.values[name]
             ratio = float(sample) / step if isinstance(sample, (int, float)) else 0.0
             if ratio and (ratio < 1.0 - 1e-9 or abs(ratio - round(ratio)) > 1e-6):
-                yield (f"{system.where}: {c.name}.{name} = {sample:g} s is not a multiple of "
-                       f"its step {step:g} s")  # fmt: skip
+                yield (
+                    f"{system.where}: {c.name}.{name} = {sample:g} s is not a multiple of "
+                    f"its step {step:g} s"
+                )
 
 
 def _overrides(system: System, given: Mapping[str, str]) -> Iterator[str]:
@@ -203,13 +243,15 @@ def _overrides(system: System, given: Mapping[str, str]) -> Iterator[str]:
         component = system.components.get(owner)
         if component is None:
             yield f"{where}: no component {owner}{nearest(owner, system.components)}"
-        elif not any(s.causality == "output" for s in component.interface.elements.get(name, ())):
+        elif not any(
+            s.causality == "output" for s in component.interface.elements.get(name, ())
+        ):
             yield f"{where}: {owner} has no output {name}"
         if value not in ("state", "interval"):
             yield f'{where}: {key} = "{value}"; state or interval is needed'
 
 
-# ------------------------------------------------------------------------------------------------
+# --------------------------------------------------------------------------------------
 # What a system leaves open: inputs that keep their default, unused outputs, and the
 # parameters that have no effect for want of them
 
@@ -250,7 +292,8 @@ def unwired(system: System) -> dict[str, Unwired]:
 
 
 def without_effect(system: System, open_ends: dict[str, Unwired]) -> Iterator[str]:
-    """An error a parameter (or wired input) and each variable that it needs and that is open."""
+    """An error a parameter (or wired input) and each variable that it needs and that is
+    open."""
     wired = system.fed
     for c in system.components.values():
         mine = open_ends[c.name]
@@ -289,7 +332,9 @@ def _value_text(c: Component, name: str) -> str:
 # that.
 
 
-def foresee(system: System, open_ends: dict[str, Unwired]) -> tuple[list[str], list[str]]:
+def foresee(
+    system: System, open_ends: dict[str, Unwired]
+) -> tuple[list[str], list[str]]:
     """Problems and warnings, a line each."""
     problems: list[str] = []
     warnings: list[str] = []
@@ -301,8 +346,12 @@ def foresee(system: System, open_ends: dict[str, Unwired]) -> tuple[list[str], l
         ends = open_ends[c.name]
         left = {*ends.inputs_at_default, *ends.outputs_unread}
         wired = frozenset(c.interface.arrays.keys() - left)
-        given = tuple((c.interface.signals[n].reference, x) for n, x in c.parameters.items())
-        lines, refusal = _of_block(c.interface.model, given, system.start, system.stop, wired)
+        given = tuple(
+            (c.interface.signals[n].reference, x) for n, x in c.parameters.items()
+        )
+        lines, refusal = _of_block(
+            c.interface.model, given, system.start, system.stop, wired
+        )
         for line in lines:
             warnings += explain(system, f"{c.name}: {REFUSES}{line}")
         problems += explain(system, f"{c.name}: {REFUSES}{refusal}") if refusal else []
@@ -320,21 +369,29 @@ def _unusual(c: Component, where: str) -> Iterator[str]:
         if not low <= value <= high:
             told_of.add(base)
             unit = f" {signal.unit_name}" if signal.unit_name not in ("", "1") else ""
-            yield (f"{c.given.get(base, where)}: {c.name}.{name} = {value:g}{unit}: usual is "
-                   f"{low:g} to {high:g}{unit}")  # fmt: skip
+            yield (
+                f"{c.given.get(base, where)}: {c.name}.{name} = {value:g}{unit}: usual is "
+                f"{low:g} to {high:g}{unit}"
+            )
 
 
 def _no_attitudes(c: Component, where: str) -> Iterator[str]:
     """A line a quaternion (q_..., scalar last) that is zero: it is no attitude."""
     for name in {base_name(n) for n in c.parameters if n.startswith("q_")}:
-        values = [c.parameters.get(s.name, s.start) for s in c.interface.elements.get(name, ())]
+        values = [
+            c.parameters.get(s.name, s.start)
+            for s in c.interface.elements.get(name, ())
+        ]
         if len(values) == 4 and not any(values):
-            yield (f"{c.given.get(name, where)}: {c.name}.{name} = (0, 0, 0, 0): a quaternion of "
-                   "size 0 is no attitude; (0, 0, 0, 1) is none turned")  # fmt: skip
+            yield (
+                f"{c.given.get(name, where)}: {c.name}.{name} = (0, 0, 0, 0): a quaternion of "
+                "size 0 is no attitude; (0, 0, 0, 1) is none turned"
+            )
 
 
 def _foresees(c: Component) -> bool:
-    """Whether a component is of a block of ours, with that one's variables, that foresees."""
+    """Whether a component is of a block of ours, with that one's variables, that
+    foresees."""
     model = c.interface.model
     if model not in names() or block_class(model).foresee is Block.foresee:
         return False
@@ -343,11 +400,14 @@ def _foresees(c: Component) -> bool:
 
 @lru_cache(maxsize=256)
 def _of_block(
-    model: str, given: tuple[tuple[int, Scalar], ...], begin: float, end: float,
+    model: str,
+    given: tuple[tuple[int, Scalar], ...],
+    begin: float,
+    end: float,
     wired: frozenset[str],
-) -> tuple[tuple[str, ...], str]:  # fmt: skip
-    """What a block foresees with the values of its variables by number, and what it refuses.
-    Nothing where it does not start: that is told when it does."""
+) -> tuple[tuple[str, ...], str]:
+    """What a block foresees with the values of its variables by number, and what it
+    refuses. Nothing where it does not start: that is told when it does."""
     block = block_class(model)()
     block.access([k for k, _ in given]).write([x for _, x in given])
     try:

@@ -12,11 +12,19 @@ from .wheels import axes_of, capacities, existing
 
 Array = NDArray[np.float64]
 
-_RIGID = {"inertia", "axes_wheel", "inertia_wheel", "q_bi", "omega_bi_body", "impulse_eci"}
+_RIGID = {
+    "inertia",
+    "axes_wheel",
+    "inertia_wheel",
+    "q_bi",
+    "omega_bi_body",
+    "impulse_eci",
+}
 
 
 def carrier(inertia: Array, axes: Array, spin: Array) -> Array:
-    """Return the inertia (3, 3) of a body without the axial part of rotors about axes (3, n)."""
+    """Return the inertia (3, 3) of a body without the axial part of rotors about axes
+    (3, n)."""
     return inertia - (axes * spin) @ axes.T
 
 
@@ -35,7 +43,9 @@ class WheelArray:
         self.exist = existing(values)  # (n,)
         self.axes = axes_of(values)[:, self.exist]  # (3, m), body, of those that exist
         zeros = np.zeros(len(self.exist))
-        self.h_start: Array = np.array(values.get("h_start_wheel", zeros), float)  # (n,) N m s
+        self.h_start: Array = np.array(
+            values.get("h_start_wheel", zeros), float
+        )  # (n,) N m s
 
     @cached_property
     def capacities(self) -> Array:
@@ -46,7 +56,9 @@ class WheelArray:
 class RigidBody:
     """A component with the parameters of a rigid body with wheels, ours or not."""
 
-    def __init__(self, component: Component, wire: Connection, wheels: Component) -> None:
+    def __init__(
+        self, component: Component, wire: Connection, wheels: Component
+    ) -> None:
         self.component = component
         self.wheels = WheelArray(wheels)
         self.wheel_series = wire.series  # the output that gives it the wheels' momentum
@@ -84,7 +96,9 @@ class Craft:
         for name, wire in system.by_input["h_wheel"].items():
             component = system.components[name]
             if component.interface.arrays.keys() >= _RIGID:
-                self.rigid_body = RigidBody(component, wire, system.components[wire.source])
+                self.rigid_body = RigidBody(
+                    component, wire, system.components[wire.source]
+                )
                 break
 
 

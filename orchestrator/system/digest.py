@@ -1,14 +1,16 @@
-"""The digest of a system: equal where the same bits come out, another where one may differ.
+"""The digest of a system: equal where the same bits come out, another where one may
+differ.
 
-It is of the *resolved* system, found by walking its dataclasses, so that a field that they get
-later is in it by itself; what moves no bit is left out by name (`ASIDE`). Each component stands
-with what computes it (`files/library.py`, `computes`): of a foreign FMU the sha256 of its file; of
-a block of ours the hash of the Python that is translated, whichever of its three forms runs, the
-native FMU, the one of Python or the bare block, as these give the same bits (`make builds`, and the
-tests of all blocks): a run, a worker with another build, and draws that are looked up without FMUs
-agree. It is the hash of what an FMU was built of, not of the sources beside it. Values are in the
-variables' own units, which are in the digest, too: SI for all of ours; what a file gives in another
-unit has been converted when a system is resolved.
+It is of the *resolved* system, found by walking its dataclasses, so that a field that
+they get later is in it by itself; what moves no bit is left out by name (`ASIDE`). Each
+component stands with what computes it (`files/library.py`, `computes`): of a foreign
+FMU the sha256 of its file; of a block of ours the hash of the Python that is
+translated, whichever of its three forms runs, the native FMU, the one of Python or the
+bare block, as these give the same bits (`make builds`, and the tests of all blocks): a
+run, a worker with another build, and draws that are looked up without FMUs agree. It is
+the hash of what an FMU was built of, not of the sources beside it. Values are in the
+variables' own units, which are in the digest, too: SI for all of ours; what a file
+gives in another unit has been converted when a system is resolved.
 
 Versions, compiler and libm stand beside it (`files/identity.py`, `versions`).
 """
@@ -27,7 +29,8 @@ from .interface import Interface
 from .model import Connection, System
 
 FORM = "2"
-"""Of the digest, before a colon: digests of another form are of no use to each other."""
+"""Of the digest, before a colon: digests of another form are of no use to each other.
+"""
 
 _OF_CODE = "is of what computes it, which stands beside"
 ASIDE: Mapping[str, Mapping[str, str]] = {
@@ -61,24 +64,29 @@ ASIDE: Mapping[str, Mapping[str, str]] = {
         "usual": "a value outside of it is said",
         "needed_by": "what is missing is refused",
     },
-}  # fmt: skip
-"""Fields that are in no digest, by class, and why; of `Options` and of the keys of a scenario each
-says so itself (`aside`, `use`)."""
+}
+"""Fields that are in no digest, by class, and why; of `Options` and of the keys of a
+scenario each says so itself (`aside`, `use`)."""
 
 
 def digest(
-    system: System, computes: Mapping[str, str], beside: Any = None, without: Set[str] = frozenset()
+    system: System,
+    computes: Mapping[str, str],
+    beside: Any = None,
+    without: Set[str] = frozenset(),
 ) -> str:
-    """FORM and sha256 of a system, of what computes each component, by its name, and of what else
-    moves bits (`beside`: dataclasses, tables, lists, numbers, texts). `without`: keys of the
-    scenario's content that do not count for this use of it. Raises TypeError for what it cannot
-    tell, and KeyError for a component that nothing computes."""
+    """FORM and sha256 of a system, of what computes each component, by its name, and of
+    what else moves bits (`beside`: dataclasses, tables, lists, numbers, texts).
+    `without`: keys of the scenario's content that do not count for this use of it.
+    Raises TypeError for what it cannot tell, and KeyError for a component that nothing
+    computes."""
     about = system.about.counted() if system.about else {}
     content: Any = {k: _untitled(v) for k, v in about.items() if k not in without}
     told = [
-        _as_json(replace(system, about=content)), {n: computes[n] for n in system.components},
+        _as_json(replace(system, about=content)),
+        {n: computes[n] for n in system.components},
         _as_json(beside),
-    ]  # fmt: skip
+    ]
     text = json.dumps(told, sort_keys=True)
     return f"{FORM}:{hashlib.sha256(text.encode()).hexdigest()}"
 
@@ -89,20 +97,24 @@ def comparable(other: str) -> bool:
 
 
 def wiring(connections: tuple[Connection, ...]) -> dict[str, dict[str, Any]]:
-    """The connections by `component.input`: where from, and the transformation, where there is
-    one: input = factor * source + offset."""
+    """The connections by `component.input`: where from, and the transformation, where
+    there is one: input = factor * source + offset."""
     return {
         f"{c.target}.{c.input}": {
             "source": f"{c.source}.{c.output}",
-            **({} if (c.factor, c.offset) == (1.0, 0.0)
-               else {"factor": c.factor, "offset": c.offset}),
+            **(
+                {}
+                if (c.factor, c.offset) == (1.0, 0.0)
+                else {"factor": c.factor, "offset": c.offset}
+            ),
         }
         for c in sorted(connections, key=lambda c: (c.target, c.input))
-    }  # fmt: skip
+    }
 
 
 def _untitled(value: Any) -> Any:
-    """Numbers, plots or requirements of a scenario without their titles; else what is given."""
+    """Numbers, plots or requirements of a scenario without their titles; else what is
+    given."""
     if isinstance(value, Mapping):
         return {name: _entry(entry) for name, entry in value.items()}
     return [_entry(entry) for entry in value] if isinstance(value, list) else value
@@ -115,25 +127,32 @@ def _entry(entry: Any) -> Any:
 
 @cache
 def _fields_of(kind: Any) -> Callable[[Any], tuple[Any, ...]] | None:
-    """What gets the fields of a dataclass that are in the digest, after its class: those that are
-    given, not what follows from them. None for another class."""
+    """What gets the fields of a dataclass that are in the digest, after its class:
+    those that are given, not what follows from them. None for another class."""
     if not isinstance(kind, type) or not is_dataclass(kind):
         return None
     aside = ASIDE.get(kind.__name__, {})
     names = tuple(
-        f.name for f in fields(kind)
+        f.name
+        for f in fields(kind)
         if f.init and f.name not in aside and not f.metadata.get("aside")
-    )  # fmt: skip
+    )
     return attrgetter("__class__.__name__", *names)
 
 
 def _of_interface(x: Interface) -> str:
-    """The hash of an interface, kept with it as its cached properties are: it has hundreds of
-    variables, and components share it."""
+    """The hash of an interface, kept with it as its cached properties are: it has
+    hundreds of variables, and components share it."""
     known = vars(x)
     if "_digest" not in known:
-        values = [_as_json(v) for v in values_of(x)] if (values_of := _fields_of(Interface)) else []
-        known["_digest"] = hashlib.sha256(json.dumps(values, sort_keys=True).encode()).hexdigest()
+        values = (
+            [_as_json(v) for v in values_of(x)]
+            if (values_of := _fields_of(Interface))
+            else []
+        )
+        known["_digest"] = hashlib.sha256(
+            json.dumps(values, sort_keys=True).encode()
+        ).hexdigest()
     return str(known["_digest"])
 
 
@@ -141,8 +160,8 @@ _PLAIN = frozenset((float, str, int, bool, type(None)))
 
 
 def _as_json(x: Any) -> Any:
-    """Something as JSON: what is equal in it is equal to the bit. The order of dataclasses in a
-    list, such as connections, does not count."""
+    """Something as JSON: what is equal in it is equal to the bit. The order of
+    dataclasses in a list, such as connections, does not count."""
     kind = type(x)
     if kind in _PLAIN:
         return x

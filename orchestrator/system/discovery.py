@@ -1,8 +1,8 @@
 """What the package finds in its folders: analyses, commands, providers, templates.
 
-A folder of a name counts at the top of the package and in each of its rooms, so that a room adds
-what it has without being imported by others: `papers/commands/` adds to `cli/commands/`. A room
-that is absent adds nothing.
+A folder of a name counts at the top of the package and in each of its rooms, so that a
+room adds what it has without being imported by others: `papers/commands/` adds to
+`cli/commands/`. A room that is absent adds nothing.
 """
 
 from __future__ import annotations
@@ -17,11 +17,14 @@ HOME = Path(__file__).parents[1]
 
 def folders(name: str) -> list[Path]:
     """Return the folders of this name, that at the top of the package first."""
-    return [path for path in (HOME / name, *sorted(HOME.glob(f"*/{name}"))) if path.is_dir()]
+    return [
+        path for path in (HOME / name, *sorted(HOME.glob(f"*/{name}"))) if path.is_dir()
+    ]
 
 
 def load(folder: str, name: str = "*") -> list[ModuleType]:
-    """Import the modules in the folders of this name, or those of one file name, in its order."""
+    """Import the modules in the folders of this name, or those of one file name, in its
+    order."""
     files = [*HOME.glob(f"{folder}/{name}.py"), *HOME.glob(f"*/{folder}/{name}.py")]
     parts = [
         file.relative_to(HOME).with_suffix("").parts

@@ -22,7 +22,10 @@ class Exit(IntEnum):
         return member
 
     COMPLETED = 0, "completed"
-    UNMET = 1, "completed, but checks, residual or requirements are not met (`check`: problems)"
+    UNMET = (
+        1,
+        "completed, but checks, residual or requirements are not met (`check`: problems)",
+    )
     INPUT = 2, "wrong input: it did not begin"
     BUG = 3, "a bug of ours"
     COMPONENT = 4, "a component failed while it ran"
@@ -34,12 +37,13 @@ class Exit(IntEnum):
 
 
 MANY, LONG = 2000, 200
-"""Beyond so many names, or characters of one, no nearest is looked for: it would take minutes."""
+"""Beyond so many names, or characters of one, no nearest is looked for: it would take
+minutes."""
 
 
 class DesatError(Exception):
-    """Something the user can mend; the text names file, component and variable, what was got and
-    what is allowed. `code` is how the command ends."""
+    """Something the user can mend; the text names file, component and variable, what
+    was got and what is allowed. `code` is how the command ends."""
 
     code: Exit = Exit.INPUT
 
@@ -64,8 +68,11 @@ class RunError(DesatError):
 
 
 def plain(text: str) -> str:
-    """A text of somebody's as one printable line: no control characters reach a terminal."""
-    return "".join(x if x.isprintable() else " " if x.isspace() else "\ufffd" for x in text)
+    """A text of somebody's as one printable line: no control characters reach a
+    terminal."""
+    return "".join(
+        x if x.isprintable() else " " if x.isspace() else "\ufffd" for x in text
+    )
 
 
 def nearest(name: str, known: Iterable[str]) -> str:

@@ -3,10 +3,10 @@
     percent_of = "wheels.inertia_wheel * wheels.speed_limit"
     limits = [{ value = "0.1 * manager.h_limit", name = "not unloaded" }]
 
-A text is a product or quotient of numbers and parameters, from left to right. A parameter is
-`component.name`, `component.name[i]`, or `shared.name` for one that several components have with
-the same value (the craft's, where a flight computer's model errs). Its unit counts: N m / N m s
-is 1/s.
+A text is a product or quotient of numbers and parameters, from left to right. A
+parameter is `component.name`, `component.name[i]`, or `shared.name` for one that
+several components have with the same value (the craft's, where a flight computer's
+model errs). Its unit counts: N m / N m s is 1/s.
 """
 
 from __future__ import annotations
@@ -49,8 +49,8 @@ def is_name(text: str) -> bool:
 
 
 def parsed(text: str) -> list[tuple[str, str]]:
-    """Of each factor of a text `*` or `/`, and the number or name. Raises DesatError for a text of
-    another form."""
+    """Of each factor of a text `*` or `/`, and the number or name. Raises DesatError
+    for a text of another form."""
     tokens = [m.groups() for m in _TOKEN.finditer(text.strip())]
     operators, factors = [t[0] for t in tokens[1::2]], [t[1] for t in tokens[::2]]
     if not tokens or len(tokens) % 2 == 0 or None in operators or None in factors:
@@ -59,7 +59,8 @@ def parsed(text: str) -> list[tuple[str, str]]:
 
 
 def product(text: str, known: Table) -> tuple[float, Unit]:
-    """The value of a text, and its unit. Raises DesatError, naming the text, where it has none."""
+    """The value of a text, and its unit. Raises DesatError, naming the text, where it
+    has none."""
     result, unit = 1.0, Unit()
     for operator, name in parsed(text):
         own = Unit()
@@ -91,7 +92,8 @@ class Entry(NamedTuple):
 
 
 def entry(name: str, table: Table) -> Entry:
-    """What `component.parameter`, or one of its elements, stands for. Raises DesatError."""
+    """What `component.parameter`, or one of its elements, stands for. Raises
+    DesatError."""
     match = _NAME.match(name.strip())
     if match is None:
         raise DesatError(f"{name}: {FORM}")
@@ -114,17 +116,20 @@ def _owner_of_shared(parameter: str, table: Table) -> str:
     owners = sorted(c for c, parameters in table.items() if parameter in parameters)
     if not owners:
         raise DesatError(f"no component has a parameter {parameter}")
-    # where a flight computer's model errs, the craft's own value counts: they are named by role
+    # where a flight computer's model errs, the craft's own value counts: they are named
+    # by role
     of_craft = [c for c in owners if not c.startswith(tuple(computers()))] or owners
     value = table[of_craft[0]][parameter].value
     if any(table[c][parameter].value != value for c in of_craft):
-        raise DesatError(f"{parameter} differs between {', '.join(owners)}; name one of them")
+        raise DesatError(
+            f"{parameter} differs between {', '.join(owners)}; name one of them"
+        )
     return of_craft[0]
 
 
 def _scalar(name: str, table: Table) -> tuple[float, Unit]:
-    """A parameter as one number; of an array, what all elements that are not zero have in common
-    (a wheel that is not there has inertia 0)."""
+    """A parameter as one number; of an array, what all elements that are not zero have
+    in common (a wheel that is not there has inertia 0)."""
     value, unit, *_ = entry(name, table)
     if isinstance(value, list):
         different = sorted({float(x) for x in value if x})
@@ -149,8 +154,8 @@ def evaluate(
 ) -> tuple[dict[str, Component], list[str]]:
     """The components with the values of their references, and what is wrong with these.
 
-    A name alone stands for the whole array. Units are converted; a parameter in "1" takes the
-    number in SI units whatever its unit (a gain matrix that is the inertia).
+    A name alone stands for the whole array. Units are converted; a parameter in "1"
+    takes the number in SI units whatever its unit (a gain matrix that is the inertia).
     """
     result, waiting = dict(components), dict(references)
     problems: list[str] = []
@@ -160,12 +165,18 @@ def evaluate(
         ready = [key for key, text in waiting.items() if not names_in(text) & called]
         if not ready:
             chain = ", ".join(f'{c}.{n} = "{text}"' for (c, n), text in waiting.items())
-            return result, [*problems, f"{where}: parameters name each other in a circle: {chain}"]
+            return result, [
+                *problems,
+                f"{where}: parameters name each other in a circle: {chain}",
+            ]
         known = table(result.values())
         for owner, name in ready:
             text, component = waiting.pop((owner, name)), result[owner]
             try:
-                values = {**component.parameters, **values_of(component, name, text, known)}
+                values = {
+                    **component.parameters,
+                    **values_of(component, name, text, known),
+                }
                 result[owner] = replace(component, parameters=values)
             except DesatError as error:
                 by = component.given.get(base_name(name), where)
@@ -175,11 +186,16 @@ def evaluate(
 
 def names_in(text: str) -> set[str]:
     """The parameters that a product names, without their elements."""
-    return {base_name(word) for word in text.replace("*", " ").replace("/", " ").split()}
+    return {
+        base_name(word) for word in text.replace("*", " ").replace("/", " ").split()
+    }
 
 
-def values_of(component: Component, name: str, text: str, known: Table) -> dict[str, Scalar]:
-    """The scalars that a text gives to a parameter. Raises DesatError where it does not fit."""
+def values_of(
+    component: Component, name: str, text: str, known: Table
+) -> dict[str, Scalar]:
+    """The scalars that a text gives to a parameter. Raises DesatError where it does not
+    fit."""
     signals = component.interface.elements.get(name, ())
     value: Any
     if is_name(text):
@@ -190,12 +206,14 @@ def values_of(component: Component, name: str, text: str, known: Table) -> dict[
         raise DesatError(f'"{text}" = {value} is no number')
     scale = scale_of(signals[0], unit, text)
     values = value if isinstance(value, list) else [value] * len(signals)
-    return expand(component.interface, name, [scale * x for x in values], component.name)
+    return expand(
+        component.interface, name, [scale * x for x in values], component.name
+    )
 
 
 def scale_of(signal: Signal, unit: Unit, text: str) -> float:
-    """What a text's value in `unit` is multiplied by to be a parameter. Raises DesatError where it
-    does not fit."""
+    """What a text's value in `unit` is multiplied by to be a parameter. Raises
+    DesatError where it does not fit."""
     own = signal.unit
     if own is not None and own.dimension == unit.dimension:
         return unit.factor / own.factor

@@ -1,6 +1,7 @@
 """What is known of a component: its scalar variables and the class of its outputs.
 
-Read from an FMU's model description (`files/fmu.py`) or from a bare block; both give the same.
+Read from an FMU's model description (`files/fmu.py`) or from a bare block; both give
+the same.
 """
 
 from __future__ import annotations
@@ -45,24 +46,28 @@ class Signal:
     initial: bool = False
     """An input that is read in initialisation mode only."""
     mean: bool = False
-    """An interval output that is a mean over the step, whose integral is handed on at any rates."""
+    """An interval output that is a mean over the step, whose integral is handed on at
+    any rates."""
     slope: str = ""
     """The output with the slope of this mean; empty where there is none."""
     shared: bool = False
-    """All components of a system that have a parameter of this name must agree on it."""
+    """All components of a system that have a parameter of this name must agree on it.
+    """
     follows: str = ""
     """The product of the craft's parameters that it usually is; empty for most."""
     needed_by: tuple[str, ...] = ()
-    """The component's parameters and inputs that have no effect where this input is neither wired
-    nor given, or where this output reaches nobody."""
+    """The component's parameters and inputs that have no effect where this input is
+    neither wired nor given, or where this output reaches nobody."""
     usual: tuple[float, float] | None = None
-    """The range outside of which a value is more likely a slip, in the variable's own unit."""
+    """The range outside of which a value is more likely a slip, in the variable's own
+    unit."""
     type: str = ""
     """Of FMI 3.0 the variable's own, Float32 or UInt8 for instance."""
     element: int = 0
     """Of FMI 3.0 its place in its array, which `reference` has added to the array's."""
     alone: bool = False
-    """An output that is recorded under its own name: its array is not numbered from 1 in order."""
+    """An output that is recorded under its own name: its array is not numbered from 1
+    in order."""
 
     array: str = field(init=False, repr=False, compare=False)
     """The variable that it is an element of; itself, where it is none."""
@@ -89,9 +94,13 @@ class Interface:
     signals: dict[str, Signal]
     role: str = ""
     fmi: str = "2.0"
-    arrays: Mapping[str, tuple[Signal, ...]] = field(init=False, repr=False, compare=False)
+    arrays: Mapping[str, tuple[Signal, ...]] = field(
+        init=False, repr=False, compare=False
+    )
     """The scalars of each variable by its name: of an array its elements."""
-    elements: Mapping[str, tuple[Signal, ...]] = field(init=False, repr=False, compare=False)
+    elements: Mapping[str, tuple[Signal, ...]] = field(
+        init=False, repr=False, compare=False
+    )
     """The same, and each element by its own name, alone."""
     inputs: tuple[Signal, ...] = field(init=False, repr=False, compare=False)
     outputs: tuple[Signal, ...] = field(init=False, repr=False, compare=False)
@@ -110,7 +119,10 @@ class Interface:
         found: dict[str, Any] = {
             "arrays": whole,
             "elements": whole | {s.name: (s,) for s in self.signals.values()},
-            **{f"{side}s": tuple(sides[side]) for side in ("input", "output", "parameter")},
+            **{
+                f"{side}s": tuple(sides[side])
+                for side in ("input", "output", "parameter")
+            },
             "slopes": frozenset(s.slope for s in self.signals.values() if s.slope),
         }
         for name, value in found.items():
@@ -122,34 +134,41 @@ class Interface:
 
 
 def apart(outputs: Iterable[Signal]) -> dict[str, Signal]:
-    """Of outputs in the order of their description those that make no series together, marked so:
-    elements of an array that is not numbered from 1, whole, in order, in one row, of one class and
-    one unit."""
+    """Of outputs in the order of their description those that make no series together,
+    marked so: elements of an array that is not numbered from 1, whole, in order, in one
+    row, of one class and one unit."""
     counts: dict[str, int] = {}
     arrays: dict[str, list[tuple[int, Signal]]] = {}
     for signal in outputs:
         place = counts[signal.kind] = counts.get(signal.kind, 0) + 1
         arrays.setdefault(signal.array, []).append((place, signal))
     return {
-        s.name: replace(s, alone=True) for elements in arrays.values()
-        if not _in_order(elements) for _, s in elements
-    }  # fmt: skip
+        s.name: replace(s, alone=True)
+        for elements in arrays.values()
+        if not _in_order(elements)
+        for _, s in elements
+    }
 
 
 def _in_order(elements: list[tuple[int, Signal]]) -> bool:
-    """Whether these are x, or x[1], x[2], ... or x[1,1], x[1,2], ... one behind the other."""
+    """Whether these are x, or x[1], x[2], ... or x[1,1], x[1,2], ... one behind the
+    other."""
     first, signal = elements[0]
     base = signal.array
     if [s.name for _, s in elements] == [base]:
         return True
-    found = [re.fullmatch(r"\[(\d+(?:,\d+)*)\]", s.name.removeprefix(base)) for _, s in elements]
+    found = [
+        re.fullmatch(r"\[(\d+(?:,\d+)*)\]", s.name.removeprefix(base))
+        for _, s in elements
+    ]
     indices = [tuple(map(int, m[1].split(","))) if m else () for m in found]
     whole = list(product(*(range(1, n + 1) for n in indices[-1])))
     return indices == whole and all(
-        place == first + k and (s.kind, s.output_class, s.unit_name)
+        place == first + k
+        and (s.kind, s.output_class, s.unit_name)
         == (signal.kind, signal.output_class, signal.unit_name)
         for k, (place, s) in enumerate(elements)
-    )  # fmt: skip
+    )
 
 
 @lru_cache(maxsize=1 << 16)
@@ -194,12 +213,13 @@ def of_block(name: str, block: type[Block]) -> Interface:
     return Interface(name, title(block), signals, block.role)
 
 
-# --- What usually feeds which input, and whether one variable can feed another ------------------
+# --- What usually feeds which input, and whether one variable can feed another --------
 
 
 @cache
 def role_classes() -> dict[str, type[Block]]:
-    """Return the class that declares each role, in the order of `components/contract/roles.py`."""
+    """Return the class that declares each role, in the order of
+    `components/contract/roles.py`."""
     return {
         c.role: c
         for c in vars(roles).values()
@@ -209,7 +229,8 @@ def role_classes() -> dict[str, type[Block]]:
 
 @cache
 def usual_sources() -> dict[str, dict[str, tuple[str, ...]]]:
-    """Return what usually feeds each input: role -> input -> `role.output`, the best first."""
+    """Return what usually feeds each input: role -> input -> `role.output`, the best
+    first."""
     return {
         role: {v.name: v.source for v in c.variables if v.causality == "input"}
         for role, c in role_classes().items()
@@ -218,7 +239,8 @@ def usual_sources() -> dict[str, dict[str, tuple[str, ...]]]:
 
 @cache
 def asked_for() -> frozenset[tuple[str, str]]:
-    """Return role and input of those that are fed only where something of the block needs them."""
+    """Return role and input of those that are fed only where something of the block
+    needs them."""
     inputs = [(role, v) for role, c in role_classes().items() for v in c.variables]
     return frozenset((role, v.name) for role, v in inputs if v.asked)
 
@@ -226,7 +248,9 @@ def asked_for() -> frozenset[tuple[str, str]]:
 @cache
 def computers() -> frozenset[str]:
     """Return the roles of flight computers, which know the craft by a model of it."""
-    return frozenset(r for r, c in role_classes().items() if issubclass(c, roles.Computer))
+    return frozenset(
+        r for r, c in role_classes().items() if issubclass(c, roles.Computer)
+    )
 
 
 def names(interface: Interface, causality: str) -> dict[str, None]:
@@ -267,7 +291,8 @@ class HasInterface(Protocol):
 def find_elements(
     components: Mapping[str, HasInterface], name: str, *causalities: str
 ) -> Sequence[Signal]:
-    """Return the elements of `component.variable`; none where the component's FMU is missing.
+    """Return the elements of `component.variable`; none where the component's FMU is
+    missing.
 
     Raises
     ------
@@ -280,9 +305,13 @@ def find_elements(
         return ()
     elements = interface.elements.get(variable, ())
     is_right = bool(elements) and elements[0].causality in causalities
-    if not is_right or (elements[0].causality == "output" and elements[0].series != variable):
+    if not is_right or (
+        elements[0].causality == "output" and elements[0].series != variable
+    ):
         known = {s.series for c in causalities for s in interface.of(c)}
-        raise DesatError(f"{owner} has no {causalities[0]} {variable}{nearest(variable, known)}")
+        raise DesatError(
+            f"{owner} has no {causalities[0]} {variable}{nearest(variable, known)}"
+        )
     return elements
 
 

@@ -1,6 +1,8 @@
-"""Layers of values: what a craft, a scenario, a design, an SSP file or the options say of a system.
+"""Layers of values: what a craft, a scenario, a design, an SSP file or the options say
+of a system.
 
-`files/builder.py` makes a system of a craft's (or an SSP file's) layer and of those above it.
+`files/builder.py` makes a system of a craft's (or an SSP file's) layer and of those
+above it.
 """
 
 from __future__ import annotations
@@ -15,7 +17,9 @@ from .body import Body
 from .interface import Interface, OutputClass
 from .model import Connection, Connector, Fmu, Substeps, Told
 
-SHARED = "shared"  # the owner of a value for each component that has a parameter of its name
+SHARED = (
+    "shared"  # the owner of a value for each component that has a parameter of its name
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,8 +30,12 @@ class Value:
     name: str  # of the variable or of one of its elements
     value: Any
     origin: str  # who gave it: file and key, or option
-    prefix: str  # how a message about the value begins, before the name of its component
-    raises: bool = False  # a value that does not fit ends the building; else it is a problem
+    prefix: (
+        str  # how a message about the value begins, before the name of its component
+    )
+    raises: bool = (
+        False  # a value that does not fit ends the building; else it is a problem
+    )
     unit: Unit | str | None = None  # that it was given in, where a file names one
     conflict: str = ""  # what to say where one parameter set gives two values
     unchecked: bool = False  # of an SSP file: checked when the last layer is known
@@ -57,7 +65,9 @@ class Layer:
     title: str = ""
     places: list[Place] = field(default_factory=list)
     connections: list[Connection] = field(default_factory=list)
-    values: list[Value] = field(default_factory=list)  # a later one replaces an earlier one
+    values: list[Value] = field(
+        default_factory=list
+    )  # a later one replaces an earlier one
     step_ratios: dict[str, int] = field(default_factory=dict)
     start: float | None = None
     stop: float | None = None

@@ -1,4 +1,5 @@
-"""A system of components: what a master runs, whichever file it came from. Nothing of it changes.
+"""A system of components: what a master runs, whichever file it came from. Nothing of
+it changes.
 
 `layer.py` has what is read from files; `files/builder.py` builds a `System` of it.
 """
@@ -25,7 +26,8 @@ Substeps = int | Literal["auto"]
 """Substeps within a step; `auto`: a run chooses them (`runs/substep_choice.py`)."""
 MOST_SUBSTEPS = 1000
 ACCURACY = 1e-7
-"""Attitude error (rad) that a run which chooses its substeps keeps below, where none is given.
+"""Attitude error (rad) that a run which chooses its substeps keeps below, where none is
+given.
 """
 
 Values = Mapping[str, Any]
@@ -113,7 +115,8 @@ class Component:
     source: str
     interface: Interface
     parameters: Mapping[str, Scalar] = field(default_factory=dict)
-    """Scalar values by element name, in the variable's own unit; inputs may be among them."""
+    """Scalar values by element name, in the variable's own unit; inputs may be among
+    them."""
     fmu: Fmu | None = None
     """None: it is the bare block of the interface's name."""
     step_ratio: int = 1
@@ -123,14 +126,17 @@ class Component:
     line: int = 0
     given: Mapping[str, str] = field(default_factory=dict, compare=False, repr=False)
     """Who gave a variable its value: name -> file and key, or option."""
-    references: Mapping[str, str] = field(default_factory=dict, compare=False, repr=False)
-    """Parameters that are given as products of others: `gain_matrix = "shared.inertia"`."""
+    references: Mapping[str, str] = field(
+        default_factory=dict, compare=False, repr=False
+    )
+    """Parameters that are given as products of others:
+    `gain_matrix = "shared.inertia"`."""
 
     @cached_property
     def values(self) -> Values:
-        """The value of each variable, in its own unit: the scenario's, or the start value of its
-        declaration. An array stands by its name with the list of its elements, and each of these
-        by its own."""
+        """The value of each variable, in its own unit: the scenario's, or the start
+        value of its declaration. An array stands by its name with the list of its
+        elements, and each of these by its own."""
         found: dict[str, Any] = {}
         for name, signals in self.interface.arrays.items():
             values = [self.parameters.get(s.name, s.start) for s in signals]
@@ -140,7 +146,8 @@ class Component:
         return found
 
     def choice(self, name: str) -> str:
-        """The choice that a parameter with choices has, by its name; its value as text without."""
+        """The choice that a parameter with choices has, by its name; its value as text
+        without."""
         return str(self.interface.signals[name].named(self.values[name]))
 
 
@@ -167,13 +174,15 @@ class System:
     stop: float
     start: float = 0.0
     substeps: Substeps = 1
-    """So many steps within a step, of those that hand means on to each other (`schedule.py`)."""
+    """So many steps within a step, of those that hand means on to each other
+    (`schedule.py`)."""
     accuracy: float = ACCURACY
     """Attitude error (rad) that `substeps = "auto"` is to keep below."""
     output_classes: Mapping[str, OutputClass] = field(default_factory=dict)
     """Overrides: `component.variable` -> class."""
     about: Told | None = None
-    """What its scenario says (`language/content.py`, `content_of`); None of a foreign system."""
+    """What its scenario says (`language/content.py`, `content_of`); None of a foreign
+    system."""
     body: Body | None = None
     """Mass and sides, where its craft file says them."""
 
@@ -183,20 +192,28 @@ class System:
     """From start to stop."""
     roles: Mapping[str, Component] = field(init=False, repr=False, compare=False)
     """The component of each role that is filled; of several the last."""
-    fed: Mapping[tuple[str, str], Connection] = field(init=False, repr=False, compare=False)
-    """Of each wired input, by component and array, the connection of its first element."""
-    by_input: Mapping[str, Mapping[str, Connection]] = field(init=False, repr=False, compare=False)
-    """The same by the input's name (an array) and the component; empty for a name nobody wires."""
+    fed: Mapping[tuple[str, str], Connection] = field(
+        init=False, repr=False, compare=False
+    )
+    """Of each wired input, by component and array, the connection of its first element.
+    """
+    by_input: Mapping[str, Mapping[str, Connection]] = field(
+        init=False, repr=False, compare=False
+    )
+    """The same by the input's name (an array) and the component; empty for a name
+    nobody wires."""
     takers: Mapping[tuple[str, str], str] = field(init=False, repr=False, compare=False)
-    """By a component and the name of an input (an array) the component that takes there what it
-    gives; of several the first."""
+    """By a component and the name of an input (an array) the component that takes there
+    what it gives; of several the first."""
     read: Set[tuple[str, str]] = field(init=False, repr=False, compare=False)
     """The outputs that are read, by component and array."""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "parts", 1 if self.substeps == AUTO else self.substeps)
         object.__setattr__(self, "steps", round((self.stop - self.start) / self.step))
-        roles = {c.interface.role: c for c in self.components.values() if c.interface.role}
+        roles = {
+            c.interface.role: c for c in self.components.values() if c.interface.role
+        }
         fed: dict[tuple[str, str], Connection] = {}
         takers: dict[tuple[str, str], str] = {}
         for c in self.connections:
@@ -211,4 +228,6 @@ class System:
         object.__setattr__(self, "fed", fed)
         object.__setattr__(self, "by_input", by_input)
         object.__setattr__(self, "takers", takers)
-        object.__setattr__(self, "read", {(c.source, c.output_array) for c in self.connections})
+        object.__setattr__(
+            self, "read", {(c.source, c.output_array) for c in self.connections}
+        )

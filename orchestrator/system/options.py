@@ -20,7 +20,8 @@ NOW = "now"  # `--design now`: made for the run, and not kept
 
 
 def as_json(target: str, options: Options) -> JsonObject:
-    """Target and options as JSON, with the folder that relative paths in them start from."""
+    """Target and options as JSON, with the folder that relative paths in them start
+    from."""
     given = {**asdict(options), "trusted": options.trusted and sorted(options.trusted)}
     return {"target": target, "options": given, "from": str(Path.cwd())}
 
@@ -36,7 +37,8 @@ def from_json(told: JsonObject) -> Options:
 def sets_of(options: Options) -> list[str]:
     """Return what `--set` would be given for `sets` and `values`, each parameter once.
 
-    A value that `values` have is applied after `sets`, so of a parameter in both it is the one.
+    A value that `values` have is applied after `sets`, so of a parameter in both it is
+    the one.
     """
     later = [f"{name}={_as_text(value)}" for name, value in options.values.items()]
     earlier = [x for x in options.sets if _name_of(x) not in options.values]
@@ -66,13 +68,19 @@ def _as_text(value: Any) -> str:
 
 
 def as_arguments(options: Options) -> str:
-    """What of options is not as by default, as the command line has it, each after a blank;
-    `values` as they would be set."""
-    given = [("set", x) for x in sets_of(options)] + [("source", x) for x in options.sources]
+    """What of options is not as by default, as the command line has it, each after a
+    blank; `values` as they would be set."""
+    given = [("set", x) for x in sets_of(options)] + [
+        ("source", x) for x in options.sources
+    ]
     given += [("output-class", f"{k}={v}") for k, v in options.output_classes.items()]
     for f in fields(options):
         value = getattr(options, f.name)
-        if isinstance(value, (int, float, str)) and value != f.default and value is not True:
+        if (
+            isinstance(value, (int, float, str))
+            and value != f.default
+            and value is not True
+        ):
             given.append((f.name.replace("_", "-"), str(value)))
     flags = " --blocks" if options.blocks else ""
     return flags + "".join(f" --{name} {shlex.quote(text)}" for name, text in given)
@@ -93,8 +101,8 @@ _TIMES = ("stop", "step", "time_limit", "call_limit", "checkpoint")
 
 
 class RunOptions(TypedDict, total=False):
-    """The fields of `Options` that a program may give by name; those that are arguments of their
-    own (`stop`, `step`, `sets`, `values`) left out."""
+    """The fields of `Options` that a program may give by name; those that are arguments
+    of their own (`stop`, `step`, `sets`, `values`) left out."""
 
     sources: list[str] | Mapping[str, str]
     substeps: Substeps | None
@@ -119,10 +127,13 @@ class RunOptions(TypedDict, total=False):
 
 
 def of_program(
-    stop: float | str | None, step: float | None, values: Mapping[str, Any] | None,
+    stop: float | str | None,
+    step: float | None,
+    values: Mapping[str, Any] | None,
     given: RunOptions,
-) -> Options:  # fmt: skip
-    """The options of a program's call; `sources` may be component -> FMU. Raises DesatError."""
+) -> Options:
+    """The options of a program's call; `sources` may be component -> FMU. Raises
+    DesatError."""
     told = dict(given)
     sources = told.pop("sources", [])
     if isinstance(sources, Mapping):
@@ -130,7 +141,13 @@ def of_program(
     known = RunOptions.__annotations__
     if unknown := [name for name in told if name not in known]:
         raise DesatError(f"{unknown[0]}: no option{nearest(unknown[0], known)}")
-    return Options(stop=stop, step=step, values=dict(values or {}), sources=sources, **told)  # type: ignore[arg-type]
+    return Options(
+        stop=stop,
+        step=step,
+        values=dict(values or {}),
+        sources=sources,  # type: ignore[arg-type]
+        **told,  # type: ignore[arg-type]
+    )
 
 
 RESOLVED = {"aside": "in the resolved system"}
@@ -149,25 +166,30 @@ class Options:
     sources: list[str] = field(default_factory=list, metadata=RESOLVED)
     """`component=FMU`: a file, or one of ours by its name, in a component's place"""
     stop: float | str | None = field(default=None, metadata=RESOLVED)
-    """Stop time (s), or a number of orbits: "2 orbits" (`runs/prepare.py`, `with_stop`)."""
+    """Stop time (s), or a number of orbits: "2 orbits" (`runs/prepare.py`,
+    `with_stop`)."""
     step: float | None = field(default=None, metadata=RESOLVED)
     substeps: Substeps | None = field(default=None, metadata=RESOLVED)
-    """Substeps within each step (`system/schedule.py`); `auto`: the run chooses them."""
+    """Substeps within each step (`system/schedule.py`); `auto`: the run chooses them.
+    """
     accuracy: float | None = field(default=None, metadata=RESOLVED)
     """Attitude error (rad) that `auto` keeps below."""
     algorithm: Algorithm = field(default="gauss_seidel", metadata=COUNTS)
     blocks: bool = field(default=False, metadata=SAME_BITS)
     fmus: Fmus = field(default="native", metadata=SAME_BITS)
-    """Which of our FMUs run; the same bits. Where there is no native one, the one of Python."""
+    """Which of our FMUs run; the same bits. Where there is no native one, the one of
+    Python."""
     record: tuple[str, ...] = field(
-        default=("*",), metadata={"aside": "which series are kept; what numbers are made of is"}
+        default=("*",),
+        metadata={"aside": "which series are kept; what numbers are made of is"},
     )
     every: int = field(default=1, metadata=COUNTS)
     output_classes: Mapping[str, Any] = field(default_factory=dict, metadata=RESOLVED)
     values: Mapping[str, Any] = field(default_factory=dict, metadata=RESOLVED)
     """`component.variable` -> value, beside `sets`, for callers that are programs."""
     design: str | None = field(default=None, metadata=RESOLVED)
-    """Of a scenario with a [design]: a file with another one, or `now`: made for these values."""
+    """Of a scenario with a [design]: a file with another one, or `now`: made for these
+    values."""
     trusted: frozenset[str] | None = field(default=None, metadata=WHETHER)
     """The sha256 of the FMUs that may run besides ours; None: all may."""
     outside: bool = field(default=False, metadata=WHETHER)
@@ -181,7 +203,8 @@ class Options:
     supervised: bool = field(default=False, metadata=SAME_BITS)
     """It runs in a process of its own, where there are such (POSIX)."""
     call_limit: float = field(default=300.0, metadata=ENDS)
-    """Wall time (s) that one call of a component may take, where it is supervised or isolated."""
+    """Wall time (s) that one call of a component may take, where it is supervised or
+    isolated."""
     isolate: Isolate = field(default="foreign", metadata=SAME_BITS)
     """Which FMUs run in a process each, where there are such (POSIX)."""
     halvings: int = field(default=0, metadata=COUNTS)
@@ -193,19 +216,27 @@ class Options:
         """Raises DesatError for what programs give: a choice or a time that is none."""
         for name, choices in _CHOICES.items():
             if (value := getattr(self, name)) not in get_args(choices):
-                raise DesatError(f"{name} = {value!r}: there is {', '.join(get_args(choices))}")
+                raise DesatError(
+                    f"{name} = {value!r}: there is {', '.join(get_args(choices))}"
+                )
         for name in _TIMES:
             value = getattr(self, name)
             if name == "stop" and isinstance(value, str) and orbits(value):
                 continue
-            if value is not None and (not isinstance(value, Real) or isinstance(value, bool)):
+            if value is not None and (
+                not isinstance(value, Real) or isinstance(value, bool)
+            ):
                 raise DesatError(f"{name} = {value!r}: a time in s is needed")
         whole = isinstance(self.substeps, int) and not isinstance(self.substeps, bool)
         if self.substeps not in (None, AUTO) and not (
             whole and 1 <= self.substeps <= MOST_SUBSTEPS
         ):
-            raise DesatError(f"substeps = {self.substeps!r}: {AUTO} is needed, or an integer from "
-                             f"1 to {MOST_SUBSTEPS}")  # fmt: skip
+            raise DesatError(
+                f"substeps = {self.substeps!r}: {AUTO} is needed, or an integer from "
+                f"1 to {MOST_SUBSTEPS}"
+            )
         small = isinstance(self.accuracy, Real) and 0.0 < float(self.accuracy) < inf
         if self.accuracy is not None and not small:
-            raise DesatError(f"accuracy = {self.accuracy!r}: an angle above 0 rad is needed")
+            raise DesatError(
+                f"accuracy = {self.accuracy!r}: an angle above 0 rad is needed"
+            )

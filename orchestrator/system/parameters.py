@@ -1,4 +1,5 @@
-"""Values for parameters and inputs: from a scenario, an SSV or the command line to scalars."""
+"""Values for parameters and inputs: from a scenario, an SSV or the command line to
+scalars."""
 
 from __future__ import annotations
 
@@ -34,8 +35,8 @@ def unit_of(text: str) -> Unit:
 
 
 def with_dots(text: str) -> str | None:
-    """An expression that writes a product of units without its dots, with them: `mNms` is
-    `mN.m.s`, `kgm2/s` is `kg.m2/s`. None where it has no such product."""
+    """An expression that writes a product of units without its dots, with them: `mNms`
+    is `mN.m.s`, `kgm2/s` is `kg.m2/s`. None where it has no such product."""
     try:
         units.unit_of(text)
     except ValueError as error:
@@ -74,8 +75,8 @@ def _bare_units(text: str) -> str | None:
 
 
 def known_unit(text: str) -> Unit | None:
-    """A unit by its expression, also as other tools write it (`[m]`, and `-` for 1); None for one
-    that is none, as their FMUs may have it."""
+    """A unit by its expression, also as other tools write it (`[m]`, and `-` for 1);
+    None for one that is none, as their FMUs may have it."""
     bare = text.strip().removeprefix("[").removesuffix("]")
     try:
         return units.unit_of("1" if bare == "-" else bare)
@@ -83,7 +84,9 @@ def known_unit(text: str) -> Unit | None:
         return None
 
 
-_QUANTITY = re.compile(r"\s*([+-]?(?:\d[\d_]*\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*([A-Za-z%].*|1/.+)")
+_QUANTITY = re.compile(
+    r"\s*([+-]?(?:\d[\d_]*\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*([A-Za-z%].*|1/.+)"
+)
 
 
 def is_quantity(value: Any) -> bool:
@@ -92,14 +95,17 @@ def is_quantity(value: Any) -> bool:
 
 
 def _quantity(signal: Signal, text: str, where: str) -> float:
-    """A number with a unit, in the unit of its variable. Raises DesatError where it does not
-    fit."""
+    """A number with a unit, in the unit of its variable. Raises DesatError where it
+    does not fit."""
     match = _QUANTITY.fullmatch(text)
     assert match is not None
     unit = match[2].strip()
     try:
         meant = with_dots(unit)
-        if meant is not None and conversion(unit_of(meant), signal.unit or Unit()) is not None:
+        if (
+            meant is not None
+            and conversion(unit_of(meant), signal.unit or Unit()) is not None
+        ):
             unit = meant
         converted = conversion(unit_of(unit), signal.unit or Unit())
     except DesatError as error:
@@ -115,15 +121,18 @@ MATRIX_ROWS = 4
 
 
 def _is_begun_table(value: Any, last: str, count: int) -> bool:
-    """Whether a value is the first rows of a table, whose others are 0: of more rows than matrices
-    have, and each as long as the table's. `last`: the last element's name, `plates[16,9]`."""
+    """Whether a value is the first rows of a table, whose others are 0: of more rows
+    than matrices have, and each as long as the table's. `last`: the last element's
+    name, `plates[16,9]`."""
     shape = re.fullmatch(r".*\[(\d+),(\d+)\]", last)
     if shape is None or not isinstance(value, (list, tuple)) or not value:
         return False
     rows, columns = int(shape[1]), int(shape[2])
-    return rows > MATRIX_ROWS and count < rows * columns and all(
-        isinstance(row, (list, tuple)) and len(row) == columns for row in value
-    )  # fmt: skip
+    return (
+        rows > MATRIX_ROWS
+        and count < rows * columns
+        and all(isinstance(row, (list, tuple)) and len(row) == columns for row in value)
+    )
 
 
 def expand(
@@ -131,11 +140,11 @@ def expand(
 ) -> dict[str, Scalar]:
     """The scalars of `name = value` by element name.
 
-    `where` (file and component) begins every message. A list gives an array's elements row by
-    row, of a table perhaps the first rows alone; a text gives a choice by its name. `typed`: a
-    person gives it, to whom the number 5 is the choice called 5 where choices are numbers. Raises
-    DesatError for an unknown or set-only-by-others variable, a wrong count or type, and a value
-    outside the bounds.
+    `where` (file and component) begins every message. A list gives an array's elements
+    row by row, of a table perhaps the first rows alone; a text gives a choice by its
+    name. `typed`: a person gives it, to whom the number 5 is the choice called 5 where
+    choices are numbers. Raises DesatError for an unknown or set-only-by-others
+    variable, a wrong count or type, and a value outside the bounds.
     """
     signal = interface.signals.get(name)
     signals = interface.elements.get(name, ()) if signal is None else [signal]
@@ -143,23 +152,31 @@ def expand(
         known = {s.array for c in ("parameter", "input") for s in interface.of(c)}
         raise DesatError(f"{where} has no variable {name}{nearest(name, known)}")
     if signals[0].causality not in ("parameter", "input"):
-        raise DesatError(f"{where}.{name} is an {signals[0].causality}: it cannot be set")
+        raise DesatError(
+            f"{where}.{name} is an {signals[0].causality}: it cannot be set"
+        )
     if typed and isinstance(value, int) and not isinstance(value, bool):
         value = _typed_choice(signals[0].choices, value)
     if signal is not None and not isinstance(value, (list, tuple)):
         return {name: _scalar(signal, value, f"{where}.{name}")}
     values = _flat(value)
-    if len(values) < len(signals) and _is_begun_table(value, signals[-1].name, len(values)):
+    if len(values) < len(signals) and _is_begun_table(
+        value, signals[-1].name, len(values)
+    ):
         values += [0.0] * (len(signals) - len(values))
     if len(values) != len(signals):
-        raise DesatError(f"{where}.{name} needs {len(signals)} values, got {len(values)}")
+        raise DesatError(
+            f"{where}.{name} needs {len(signals)} values, got {len(values)}"
+        )
     return {
-        s.name: _scalar(s, x, f"{where}.{s.name}") for s, x in zip(signals, values, strict=True)
+        s.name: _scalar(s, x, f"{where}.{s.name}")
+        for s, x in zip(signals, values, strict=True)
     }
 
 
 def _typed_choice(choices: Sequence[str], value: int) -> int | str:
-    """Return a number as a choice's name where choices are called by numbers, else as it is.
+    """Return a number as a choice's name where choices are called by numbers, else as
+    it is.
 
     0 is the first choice where that has another name, such as none.
     """
@@ -184,15 +201,22 @@ def _scalar(signal: Signal, value: Any, where: str) -> Scalar:
     """One scalar, checked. Raises DesatError, which begins with `where`."""
     low, high = signal.minimum, signal.maximum
     if (
-        type(value) is float and signal.kind == "Real" and math.isfinite(value)
-        and (low is None or value >= low) and (high is None or value <= high)
-    ):  # fmt: skip
+        type(value) is float
+        and signal.kind == "Real"
+        and math.isfinite(value)
+        and (low is None or value >= low)
+        and (high is None or value <= high)
+    ):
         return value  # as nearly all of a table's thousands are
     if isinstance(value, int) and abs(value) > sys.float_info.max:
-        raise DesatError(f"{where}: a number of {len(str(value))} digits: it is too large")
+        raise DesatError(
+            f"{where}: a number of {len(str(value))} digits: it is too large"
+        )
     if signal.choices and isinstance(value, str):
         if value not in signal.choices:
-            raise DesatError(f"{where} = {value}: not a choice{nearest(value, signal.choices)}")
+            raise DesatError(
+                f"{where} = {value}: not a choice{nearest(value, signal.choices)}"
+            )
         return signal.choices.index(value)
     if signal.kind == "Boolean":
         if isinstance(value, bool):
@@ -217,7 +241,10 @@ def _within(signal: Signal, value: float, where: str) -> float:
         raise DesatError(f"{where} = {value}: a finite number is needed")
     low, high = signal.minimum, signal.maximum
     if signal.kind == "Integer":  # of C, 32 bits
-        low, high = low if low is not None else -(2**31), high if high is not None else 2**31 - 1
+        low, high = (
+            low if low is not None else -(2**31),
+            high if high is not None else 2**31 - 1,
+        )
     if (low is not None and value < low) or (high is not None and value > high):
         unit = f" {signal.unit_name}" if signal.unit_name not in ("", "1") else ""
         lowest = "-inf" if low is None else f"{low:.10g}"
@@ -228,8 +255,8 @@ def _within(signal: Signal, value: float, where: str) -> float:
 
 
 def bare_block(component: Component) -> Any:
-    """The block of ours that a component is of, with its parameters, checked and not yet
-    started."""
+    """The block of ours that a component is of, with its parameters, checked and not
+    yet started."""
     block = block_class(component.interface.model)()
     signals, given = component.interface.signals, component.parameters
     block.access([signals[n].reference for n in given]).write(list(given.values()))
@@ -258,7 +285,9 @@ def table(components: Iterable[Component]) -> dict[str, dict[str, Parameter]]:
             if s.causality == "parameter" or s.name in c.parameters:
                 elements.setdefault(s.array, []).append(s)
         if elements:
-            parameters[c.name] = {name: _parameter(c, name, of) for name, of in elements.items()}
+            parameters[c.name] = {
+                name: _parameter(c, name, of) for name, of in elements.items()
+            }
     return parameters
 
 
@@ -273,17 +302,23 @@ def _parameter(component: Component, name: str, elements: list[Signal]) -> Param
 
 
 def in_unit_of(signal: Signal, value: Scalar, unit: Unit | str, where: str) -> Scalar:
-    """A value given in `unit`, a text for one that nobody explains, in the unit of its variable.
-    Raises DesatError, which begins with `where`, where it does not fit."""
+    """A value given in `unit`, a text for one that nobody explains, in the unit of its
+    variable. Raises DesatError, which begins with `where`, where it does not fit."""
     if signal.unit is None or isinstance(value, bool):
-        raise DesatError(f"{where}: {signal.name} has no unit, but its value was given with one")
+        raise DesatError(
+            f"{where}: {signal.name} has no unit, but its value was given with one"
+        )
     if isinstance(unit, str):
-        raise DesatError(f"{where}: unit {unit} is not known: nothing says how it becomes "
-                         f"{signal.unit_name}")  # fmt: skip
+        raise DesatError(
+            f"{where}: unit {unit} is not known: nothing says how it becomes "
+            f"{signal.unit_name}"
+        )
     converted = conversion(unit, signal.unit)
     if converted is None:
-        raise DesatError(f"{where}: the unit of {signal.name} = {value} does not fit "
-                         f"{signal.unit_name}")  # fmt: skip
+        raise DesatError(
+            f"{where}: the unit of {signal.name} = {value} does not fit "
+            f"{signal.unit_name}"
+        )
     return value if converted == (1.0, 0.0) else converted[0] * value + converted[1]
 
 

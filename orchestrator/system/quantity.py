@@ -1,6 +1,6 @@
-"""Quantities as people type them: a finite number, with its unit or in the usual one, within a
-range. Each option that takes one has a `Quantity`, which reads it and names the option where it
-refuses."""
+"""Quantities as people type them: a finite number, with its unit or in the usual one,
+within a range. Each option that takes one has a `Quantity`, which reads it and names
+the option where it refuses."""
 
 from __future__ import annotations
 
@@ -10,7 +10,9 @@ from math import inf, isfinite
 
 from .errors import DesatError
 
-_NUMBER = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*([A-Za-z%/.0-9]*)\s*")
+_NUMBER = re.compile(
+    r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*([A-Za-z%/.0-9]*)\s*"
+)
 
 
 def is_number(text: str) -> bool:
@@ -29,7 +31,8 @@ def is_float(text: str) -> bool:
 
 @dataclass(frozen=True)
 class Quantity:
-    """What an option takes: a number in `unit`, or in another that fits, from `least` to `most`."""
+    """What an option takes: a number in `unit`, or in another that fits, from `least`
+    to `most`."""
 
     option: str
     """as messages name it: --altitude"""
@@ -51,7 +54,9 @@ class Quantity:
 
     def many(self, text: str) -> tuple[float, ...]:
         """Numbers with commas between. Raises DesatError."""
-        return tuple(self._within(self._read(x, text, many=True), text) for x in text.split(","))
+        return tuple(
+            self._within(self._read(x, text, many=True), text) for x in text.split(",")
+        )
 
     def _read(self, text: str, whole: str, many: bool = False) -> float:
         match = _NUMBER.fullmatch(text)
@@ -78,7 +83,9 @@ class Quantity:
             unit = meant
         if known_unit(unit) is None:
             needed = "no unit" if self.unit == "1" else f"one that fits {self.unit}"
-            raise DesatError(f"{self.option} {whole}: unit {unit} is not known; {needed} is needed")
+            raise DesatError(
+                f"{self.option} {whole}: unit {unit} is not known; {needed} is needed"
+            )
         converted = conversion(unit_of(unit), target)
         if converted is None:
             wanted = self.unit if self.unit != "1" else "a number without a unit"
@@ -93,11 +100,18 @@ class Quantity:
 
     def _needed(self, finite: bool) -> str:
         unit = f" {self.unit}" if self.unit != "1" else ""
-        if finite and self.least > -inf and self.most < inf and not (self.above or self.what):
+        if (
+            finite
+            and self.least > -inf
+            and self.most < inf
+            and not (self.above or self.what)
+        ):
             return f"{self.least:g} to {self.most:g}{unit} are covered"
         range_ = ""
         if self.least > -inf:
-            range_ = f"above {self.least:g}" if self.above else f"{self.least:g} or more"
+            range_ = (
+                f"above {self.least:g}" if self.above else f"{self.least:g} or more"
+            )
         needed = " ".join(filter(None, (self.what, range_)))
         if not finite or not needed:
             needed = " ".join(filter(None, ("a finite number", range_)))

@@ -9,17 +9,17 @@ from .interface import base_name
 from .model import Component, System
 
 REFUSES = "BlockError: "
-"""What a block of ours puts before a text of its own; all else is a failure that it did not mean
-(`components/contract/block.py`)."""
+"""What a block of ours puts before a text of its own; all else is a failure that it did
+not mean (`components/contract/block.py`)."""
 _NAME = re.compile(r"([A-Za-z]\w*)(\[[^\]]*\])?(\s*=(?!=))?")
 
 
 def explain(system: System, text: str) -> list[str]:
-    """The lines of a failure, those of refusals with the file, key or option that gave the first
-    variable that they name, and after the text where the others are from.
+    """The lines of a failure, those of refusals with the file, key or option that gave
+    the first variable that they name, and after the text where the others are from.
 
-    What is given once for several components and refused by them all is one line. A component
-    that fails on what a refusing one shows it has nothing to say.
+    What is given once for several components and refused by them all is one line. A
+    component that fails on what a refusing one shows it has nothing to say.
     """
     lines = text.splitlines()
     refusing = {line.partition(": ")[0] for line in lines if REFUSES in line}
@@ -54,13 +54,17 @@ def _fed_by(system: System, names: set[str]) -> set[str]:
     return reached
 
 
-def _sources(component: Component, said: str) -> tuple[list[tuple[str, str]], list[str]]:
-    """Each variable that a text names with who gave its value; and those that nobody did."""
+def _sources(
+    component: Component, said: str
+) -> tuple[list[tuple[str, str]], list[str]]:
+    """Each variable that a text names with who gave its value; and those that nobody
+    did."""
     known = {base_name(n) for n in component.interface.signals}
     named = [
-        m[1] for m in _NAME.finditer(said)
+        m[1]
+        for m in _NAME.finditer(said)
         if m[1] in known and (m[2] or m[3] or "_" in m[1] or m.start() == 0)
-    ]  # fmt: skip
+    ]
     named = list(dict.fromkeys(named))
     given = [(n, component.given[n]) for n in named if n in component.given]
     return given, [n for n in named if n not in component.given]

@@ -1,19 +1,20 @@
 """The attitude loop of a craft with momentum in its wheels, as a linear sampled system.
 
-About rest, with H the wheels' momentum (constant, body), J_r the inertia without the rotors' axial
-part and theta the small rotation from the wanted attitude,
+About rest, with H the wheels' momentum (constant, body), J_r the inertia without the
+rotors' axial part and theta the small rotation from the wanted attitude,
 
     theta' = omega,      J_r omega' = T - omega x H,      T' = (u - T) / lag
 
-so that the body nutates at |H| / sqrt(J_a J_b), J_a and J_b the moments of inertia across H. The
-computers see theta and omega at the samples of their sensors and hold their commands between
-their own:
+so that the body nutates at |H| / sqrt(J_a J_b), J_a and J_b the moments of inertia
+across H. The computers see theta and omega at the samples of their sensors and hold
+their commands between their own:
 
     tau = -G (kp theta / 2 + kd omega + ki xi),  xi += sample theta / 2     (paper 004, eqs. 10, 11)
     u = tau + omega x H                                                     (paper 004, eq. 16)
 
-Held for a sample, the second term lags behind the nutation that it is to cancel. The eigenvalues
-of the map over one common period of all samples say whether the loop is stable.
+Held for a sample, the second term lags behind the nutation that it is to cancel. The
+eigenvalues of the map over one common period of all samples say whether the loop is
+stable.
 """
 
 from __future__ import annotations
@@ -32,7 +33,18 @@ Array = NDArray[np.float64]
 LEAST_DAMPING = 0.1  # damping ratio from which on the loop counts as well damped
 ROUNDING = 1e-6  # growth in a period of a double eigenvalue 1, as numbers have it
 MOST_STEPS = 10_000  # steps of a common period that are multiplied out
-SAMPLE_TIMES = (10.0, 5.0, 2.0, 1.0, 0.5, 0.2, 0.1, 0.05, 0.02, 0.01)  # s: those that are proposed
+SAMPLE_TIMES = (
+    10.0,
+    5.0,
+    2.0,
+    1.0,
+    0.5,
+    0.2,
+    0.1,
+    0.05,
+    0.02,
+    0.01,
+)  # s: those that are proposed
 
 # Places of the state: what the body does, then what the computers hold.
 ANGLE, RATE, TORQUE = slice(0, 3), slice(3, 6), slice(6, 9)
@@ -61,7 +73,8 @@ class AttitudeLoop:
     manager_delay: float = 0.0  # s
 
     def at(self, sample: float) -> AttitudeLoop:
-        """Return the loop with one sample time (s) everywhere, and steps no longer than that."""
+        """Return the loop with one sample time (s) everywhere, and steps no longer than
+        that."""
         step = min(self.step, sample)
         return replace(
             self,
@@ -107,9 +120,9 @@ class Stability:
 def stability(loop: AttitudeLoop, momentum: Array) -> Stability:
     """Compute the stability of a loop with constant wheel momentum (3,) N m s, body.
 
-    A mode without oscillation counts as damped by 1. One whose eigenvalue is a negative number
-    turns by half a turn a period, the highest frequency that samples show. A loop that grows beyond
-    all numbers within a period is unstable.
+    A mode without oscillation counts as damped by 1. One whose eigenvalue is a negative
+    number turns by half a turn a period, the highest frequency that samples show. A
+    loop that grows beyond all numbers within a period is unstable.
     """
     with np.errstate(over="ignore", invalid="ignore"):
         period, whole = _map_over_period(loop, momentum)
@@ -127,7 +140,9 @@ def stability(loop: AttitudeLoop, momentum: Array) -> Stability:
     )
 
 
-def worst_momentum(loop: AttitudeLoop, axes: Array, each: Array) -> tuple[Array, Stability]:
+def worst_momentum(
+    loop: AttitudeLoop, axes: Array, each: Array
+) -> tuple[Array, Stability]:
     """Find the momentum with which the loop is damped least.
 
     Parameters
@@ -153,12 +168,15 @@ def worst_momentum(loop: AttitudeLoop, axes: Array, each: Array) -> tuple[Array,
 
 
 def longest_sample(
-    loop: AttitudeLoop, axes: Array, each: Array, samples: Sequence[float] = SAMPLE_TIMES
+    loop: AttitudeLoop,
+    axes: Array,
+    each: Array,
+    samples: Sequence[float] = SAMPLE_TIMES,
 ) -> float | None:
     """Return the longest of `samples` (s) at which the loop is well damped, or None.
 
-    It is looked at with wheels at rest and with momenta `each` (n,) N m s of any signs about
-    `axes` (3, n), body; samples longer than the loop's own are left out.
+    It is looked at with wheels at rest and with momenta `each` (n,) N m s of any signs
+    about `axes` (3, n), body; samples longer than the loop's own are left out.
     """
     for sample in sorted(samples, reverse=True):
         if sample > loop.sample() * (1.0 + 1e-9):
@@ -172,10 +190,16 @@ def longest_sample(
 
 
 def _map_over_period(loop: AttitudeLoop, momentum: Array) -> tuple[float, Array]:
-    """Return the common period (s) of all samples and the map (n, n) of the state over it."""
+    """Return the common period (s) of all samples and the map (n, n) of the state over
+    it."""
     counts = {
         name: max(1, round(getattr(loop, name) / loop.step))
-        for name in ("gyro_sample", "attitude_sample", "controller_sample", "wheel_sample")
+        for name in (
+            "gyro_sample",
+            "attitude_sample",
+            "controller_sample",
+            "wheel_sample",
+        )
     }
     steps = min(lcm(*counts.values()), MOST_STEPS)
     waits = [round(x / loop.step) for x in (loop.controller_delay, loop.manager_delay)]
@@ -228,12 +252,17 @@ def _exponential(a: Array) -> Array:
 
 
 def _samples(
-    loop: AttitudeLoop, cross: Array, due: Sequence[bool], waits: Sequence[int], size: int
+    loop: AttitudeLoop,
+    cross: Array,
+    due: Sequence[bool],
+    waits: Sequence[int],
+    size: int,
 ) -> Array:
-    """Return what samples make of the state: sensors, controller and manager, in this order.
+    """Return what samples make of the state: sensors, controller and manager, in this
+    order.
 
-    `due`: which of gyro, attitude, controller and manager sample; `waits`: steps that commands of
-    controller and manager wait, in places behind REST.
+    `due`: which of gyro, attitude, controller and manager sample; `waits`: steps that
+    commands of controller and manager wait, in places behind REST.
     """
     gyro, attitude, controller, manager = due
     total = np.eye(size)
@@ -253,7 +282,10 @@ def _samples(
     if attitude:
         assign(SEEN_ANGLE, copy_of(ANGLE))
     if controller:
-        assign(INTEGRAL, copy_of(INTEGRAL) + 0.5 * loop.controller_sample * copy_of(SEEN_ANGLE))
+        assign(
+            INTEGRAL,
+            copy_of(INTEGRAL) + 0.5 * loop.controller_sample * copy_of(SEEN_ANGLE),
+        )
         gains = loop.kp * 0.5 * copy_of(SEEN_ANGLE)
         gains += loop.kd * copy_of(SEEN_RATE) + loop.ki * copy_of(INTEGRAL)
         assign(CONTROL, -loop.gain_matrix @ gains)
@@ -271,7 +303,8 @@ def _samples(
 
 
 def _queues(waits: Sequence[int]) -> list[list[slice]]:
-    """Return the places of the commands of controller and manager on their way, newest first."""
+    """Return the places of the commands of controller and manager on their way, newest
+    first."""
     queues, place = [], REST
     for decided, wait in zip((CONTROL, DECIDED), waits, strict=True):
         places = [slice(place + 3 * k, place + 3 * k + 3) for k in range(wait)]

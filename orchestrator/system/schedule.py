@@ -1,7 +1,8 @@
-"""When each component steps and when each connection moves: the gauss_seidel master's order.
+"""When each component steps and when each connection moves: the gauss_seidel master's
+order.
 
-The order follows from the interval connections alone; names break ties, so the listing order of
-an SSD does not matter.
+The order follows from the interval connections alone; names break ties, so the listing
+order of an SSD does not matter.
 """
 
 from __future__ import annotations
@@ -30,7 +31,8 @@ from .model import Connection, System
 
 
 GROWTH = 4.5
-"""Of the widths of a step's parts: n of them grow by the n-th root of it from each to the next."""
+"""Of the widths of a step's parts: n of them grow by the n-th root of it from each to
+the next."""
 
 Share = tuple[float, float]
 """Start and width of a part of a window, as shares of it."""
@@ -81,10 +83,13 @@ def rates(system: System, links: Sequence[Connection]) -> tuple[Rates, list[str]
     problems = [
         f"{name} has a step ratio of {step_ratio[name]}, but is one of those that step {substeps} "
         "times within a step (substeps): only one of the two can be"
-        for name in sorted(group) if step_ratio[name] != 1
-    ]  # fmt: skip
+        for name in sorted(group)
+        if step_ratio[name] != 1
+    ]
     if not group:
-        problems = [f"substeps = {substeps}, but no component exchanges step averages with another"]
+        problems = [
+            f"substeps = {substeps}, but no component exchanges step averages with another"
+        ]
     every = {n: 1 if n in group else substeps * d for n, d in step_ratio.items()}
     slow, more = late(links, every)
     return Rates(graded(substeps), every, slow), problems + more
@@ -99,10 +104,13 @@ def _group(system: System, links: Iterable[Connection]) -> set[str]:
         incoming[c.target].add(c.source)
         outgoing[c.source].add(c.target)
     while more := {
-        name for name, c in system.components.items()
-        if name not in group and _continuous(c.interface)
-        and incoming[name] <= group and outgoing[name] & group
-    }:  # fmt: skip
+        name
+        for name, c in system.components.items()
+        if name not in group
+        and _continuous(c.interface)
+        and incoming[name] <= group
+        and outgoing[name] & group
+    }:
         group |= more
     return group
 
@@ -112,8 +120,11 @@ def _continuous(interface: Interface) -> bool:
     return "sample_time" not in interface.signals
 
 
-def late(links: Iterable[Connection], every: Mapping[str, int]) -> tuple[frozenset[str], list[str]]:
-    """The components that step at the end of their window, and what cannot be done, a line each.
+def late(
+    links: Iterable[Connection], every: Mapping[str, int]
+) -> tuple[frozenset[str], list[str]]:
+    """The components that step at the end of their window, and what cannot be done, a
+    line each.
 
     `every` gives each component's rate: it steps once in so many parts.
     """
@@ -129,7 +140,11 @@ def late(links: Iterable[Connection], every: Mapping[str, int]) -> tuple[frozens
     while todo:
         source = todo.pop()
         for x in links:
-            if x.source == source and every[x.target] == every[source] and x.target not in reasons:
+            if (
+                x.source == source
+                and every[x.target] == every[source]
+                and x.target not in reasons
+            ):
                 reasons[x.target] = reasons[source]
                 todo.append(x.target)
     problems += [
@@ -147,8 +162,8 @@ AT, OVER, LATE, START = "at t_k", "over the step", "one step late", "at the star
 
 @dataclass(frozen=True)
 class Schedule:
-    """The stepping order, the class of every output, the rates of the components, and the timing of
-    every connection."""
+    """The stepping order, the class of every output, the rates of the components, and
+    the timing of every connection."""
 
     order: tuple[str, ...]
     classes: dict[tuple[str, str], OutputClass]
@@ -167,8 +182,9 @@ def output_class(system: System, component: str, signal: Signal) -> OutputClass:
 
 
 def schedule(system: System) -> Schedule:
-    """Order the components. Raises DesatError, with the chain, where the interval connections go
-    in a circle, and where means cannot be handed on between components of different rates."""
+    """Order the components. Raises DesatError, with the chain, where the interval
+    connections go in a circle, and where means cannot be handed on between components
+    of different rates."""
     classes: dict[tuple[str, str], OutputClass] = {}
     for name, component in system.components.items():
         for signal in component.interface.outputs:
@@ -187,26 +203,34 @@ def schedule(system: System) -> Schedule:
         before = _before(system, classes)
         order = _order(before)
     if len(order) < len(before):
-        waiting = {name: needs for name, needs in before.items() if name not in set(order)}
+        waiting = {
+            name: needs for name, needs in before.items() if name not in set(order)
+        }
         raise DesatError(_circle(system, waiting, classes))
     means = {
-        c: None for c in system.connections if _is_mean(system, c, classes[c.source, c.output])
+        c: None
+        for c in system.connections
+        if _is_mean(system, c, classes[c.source, c.output])
     }
     paces, problems = rates(system, list(means))
     if problems:
         raise DesatError("\n".join(f"{system.where}: {text}" for text in problems))
     timing = tuple(
-        (c, START if system.components[c.target].interface.signals[c.input].initial
-            else _timing(c, classes[c.source, c.output], c in means, paces))
+        (
+            c,
+            START
+            if system.components[c.target].interface.signals[c.input].initial
+            else _timing(c, classes[c.source, c.output], c in means, paces),
+        )
         for c in system.connections
-    )  # fmt: skip
+    )
     warnings = (*_undeclared(system, silent, classes), *_warnings(means, timing))
     return Schedule(tuple(order), classes, paces, timing, warnings)
 
 
 def _before(
     system: System, classes: Mapping[tuple[str, str], OutputClass]
-) -> dict[str, set[str]]:  # fmt: skip
+) -> dict[str, set[str]]:
     """The components whose interval outputs each one takes."""
     before: dict[str, set[str]] = {name: set() for name in system.components}
     for c in system.connections:
@@ -216,8 +240,8 @@ def _before(
 
 
 def _reaches(before: Mapping[str, set[str]], name: str, start: str) -> bool:
-    """Whether what one component gives comes to another over the step: then a connection from
-    that one back closes a circle."""
+    """Whether what one component gives comes to another over the step: then a
+    connection from that one back closes a circle."""
     seen, todo = {name}, [name]
     while todo:
         for other in before[todo.pop()] - seen:
@@ -227,9 +251,10 @@ def _reaches(before: Mapping[str, set[str]], name: str, start: str) -> bool:
 
 
 def _undeclared(
-    system: System, silent: Iterable[tuple[str, str]],
+    system: System,
+    silent: Iterable[tuple[str, str]],
     classes: Mapping[tuple[str, str], OutputClass],
-) -> Iterator[str]:  # fmt: skip
+) -> Iterator[str]:
     """How outputs are taken of which an FMU does not say what they depend on: on all inputs (FMI
     2.0.4, section 2.2.8), so over the step; where that closes a circle, one step late."""
     read = {(c.source, c.output) for c in system.connections}
@@ -238,15 +263,22 @@ def _undeclared(
         lines.setdefault((name, classes[name, output]), []).append(base_name(output))
     for (name, of), outputs in lines.items():
         listed = ", ".join(dict.fromkeys(outputs))
-        taken = "over the step" if of == "interval" else "one step late, as they close a circle"
+        taken = (
+            "over the step"
+            if of == "interval"
+            else "one step late, as they close a circle"
+        )
         other = "state" if of == "interval" else "interval"
-        yield (f"{system.where}: {name} declares no dependencies: {listed} may depend on every "
-               f"input and are taken {taken}; otherwise: --output-class {name}.{outputs[0]}="
-               f"{other}")  # fmt: skip
+        yield (
+            f"{system.where}: {name} declares no dependencies: {listed} may depend on every "
+            f"input and are taken {taken}; otherwise: --output-class {name}.{outputs[0]}="
+            f"{other}"
+        )
 
 
 def _order(before: dict[str, set[str]]) -> list[str]:
-    """Return the names, each after those before it, else by the alphabet; without circles."""
+    """Return the names, each after those before it, else by the alphabet; without
+    circles."""
     sorter = TopologicalSorter(before)
     with suppress(CycleError):
         sorter.prepare()
@@ -280,7 +312,11 @@ def _timing(c: Connection, output_class: OutputClass, mean: bool, paces: Rates) 
         return f"one of {target // source} values"
     if source > max(target, len(paces.parts)):
         return f"held for {source // max(target, len(paces.parts))} steps"
-    if c.source in paces.late and output_class == "interval" and c.target not in paces.late:
+    if (
+        c.source in paces.late
+        and output_class == "interval"
+        and c.target not in paces.late
+    ):
         return LATE
     return {"interval": OVER, "state": AT, "undeclared": LATE}[output_class]
 
@@ -292,8 +328,8 @@ def _steps(paces: Rates, window: int) -> str:
 def _warnings(
     means: Iterable[Connection], timing: Iterable[tuple[Connection, str]]
 ) -> Iterator[str]:
-    """Values that are held, or of which some are left out, between components that exchange
-    means: what is exchanged is conserved all the same, but is less exact."""
+    """Values that are held, or of which some are left out, between components that
+    exchange means: what is exchanged is conserved all the same, but is less exact."""
     exchanging = {c.source for c in means} | {c.target for c in means}
     lines: dict[tuple[str, str, str], list[str]] = {}
     for c, text in timing:
@@ -306,17 +342,20 @@ def _warnings(
 
 
 def _circle(
-    system: System, waiting: dict[str, set[str]], classes: dict[tuple[str, str], OutputClass]
+    system: System,
+    waiting: dict[str, set[str]],
+    classes: dict[tuple[str, str], OutputClass],
 ) -> str:
     """The message for a circle: its chain and the line that would break it."""
     members = _cycle_of(waiting, min(waiting))
     links = []
     for source, target in zip(members, [*members[1:], members[0]], strict=True):
         connection = next(
-            c for c in system.connections
+            c
+            for c in system.connections
             if (c.source, c.target) == (source, target)
             and classes[c.source, c.output] == "interval"
-        )  # fmt: skip
+        )
         links.append(connection)
     text = " -> ".join(f"{c.source}.{c.output_array}" for c in links)
     example = f'"{links[-1].source}.{base_name(links[-1].output)}" = "state"'

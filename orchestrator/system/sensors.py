@@ -8,13 +8,14 @@ from .craft import craft_of
 from .model import Component, System
 
 KNOWN = {"h_noise": "N.m.s", "rate_noise": "rad/s", "attitude_noise": "rad"}
-"""Standard deviations at each sample, by the names that managers' parameters have, and units."""
+"""Standard deviations at each sample, by the names that managers' parameters have, and
+units."""
 
 
 def noise_of(system: System) -> dict[str, float]:
-    """The standard deviations of KNOWN: of a wheel's momentum, of a rate about an axis and of the
-    attitude about an axis, slow errors among the latter; 0 where a sensor has none, or is not of
-    ours."""
+    """The standard deviations of KNOWN: of a wheel's momentum, of a rate about an axis
+    and of the attitude about an axis, slow errors among the latter; 0 where a sensor
+    has none, or is not of ours."""
     gyro = craft_of(system).gyro
     attitude = craft_of(system).determination or craft_of(system).star_tracker
     walk, period = _of(gyro, "angle_random_walk"), _of(gyro, "sample_time")

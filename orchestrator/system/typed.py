@@ -47,7 +47,11 @@ def fault_of(value: Any, declared: Any, where: str) -> str:
     if origin in (Union, types.UnionType):
         return _fault_of_union(value, arguments, where)
     if origin is Literal:
-        return "" if value in arguments else _fault(value, where, " or ".join(map(str, arguments)))
+        return (
+            ""
+            if value in arguments
+            else _fault(value, where, " or ".join(map(str, arguments)))
+        )
     if isinstance(declared, type) and is_dataclass(declared):
         return _fault_of_dataclass(value, declared, where)
     kind = origin or declared
@@ -62,9 +66,15 @@ def _fault_of_union(value: Any, choices: Sequence[Any], where: str) -> str:
     if not all(fault_of(value, choice, where) for choice in choices):
         return ""
     for choice in choices:
-        if isinstance(choice, type) and is_dataclass(choice) and isinstance(value, choice):
+        if (
+            isinstance(choice, type)
+            and is_dataclass(choice)
+            and isinstance(value, choice)
+        ):
             return fault_of(value, choice, where)
-    return _fault(value, where, " or ".join(_name_of(get_origin(c) or c) for c in choices))
+    return _fault(
+        value, where, " or ".join(_name_of(get_origin(c) or c) for c in choices)
+    )
 
 
 def _fault_of_dataclass(value: Any, declared: type, where: str) -> str:

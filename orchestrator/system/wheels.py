@@ -1,6 +1,7 @@
 """Which wheels a craft has: those with an axis and, where it is known, a spin inertia.
 
-A block of wheels refuses values that contradict each other (`components/blocks/wheels.py`).
+A block of wheels refuses values that contradict each other
+(`components/blocks/wheels.py`).
 """
 
 from __future__ import annotations
@@ -24,21 +25,26 @@ def axes_of(values: Values) -> Array:
 
 
 def existing(values: Values) -> NDArray[np.bool_]:
-    """Return which wheels exist (n,), by the parameters of a spacecraft or of its wheels."""
+    """Return which wheels exist (n,), by the parameters of a spacecraft or of its
+    wheels."""
     there: NDArray[np.bool_] = np.linalg.norm(axes_of(values), axis=0) > 0.0
     if "inertia_wheel" not in values:
         return there
-    return np.asarray(there & (np.broadcast_to(values["inertia_wheel"], there.shape) > 0.0))
+    return np.asarray(
+        there & (np.broadcast_to(values["inertia_wheel"], there.shape) > 0.0)
+    )
 
 
 def capacities(values: Values) -> Array:
     """Return the largest momentum of each wheel (n,), N m s.
 
-    It is 0 where there is no wheel, and infinite where a wheel has no limit of speed or no spin
-    inertia is known.
+    It is 0 where there is no wheel, and infinite where a wheel has no limit of speed or
+    no spin inertia is known.
     """
     there = existing(values)
-    spin = np.broadcast_to(np.array(values.get("inertia_wheel", inf), float), there.shape)
+    spin = np.broadcast_to(
+        np.array(values.get("inertia_wheel", inf), float), there.shape
+    )
     return np.where(there, np.where(there, spin, 1.0) * largest_speed(values), 0.0)
 
 

@@ -19,8 +19,16 @@ from ..files import io
 from ..system.errors import DesatError
 
 _ASIDE = ("-O3", "-fPIC", "-fvisibility=hidden")
-_TARGET = ("-target", "wasm32-wasi", "-O2", "-mexception-handling", "-mllvm", "-wasm-enable-sjlj")
-"""With the last three, setjmp and longjmp: a failure of a block is one of WebAssembly."""
+_TARGET = (
+    "-target",
+    "wasm32-wasi",
+    "-O2",
+    "-mexception-handling",
+    "-mllvm",
+    "-wasm-enable-sjlj",
+)
+"""With the last three, setjmp and longjmp: a failure of a block is one of WebAssembly.
+"""
 _LINK = ("-mexec-model=reactor", "-Wl,-z,stack-size=524288", "-Wl,--strip-all")
 _FLAGS = (*_TARGET, *(f for f in native.FLAGS if f not in _ASIDE))
 _SHARED = ("block.h", "runtime.c")
@@ -31,16 +39,22 @@ def need_compiler() -> None:
     try:
         zig()
     except NoCompilerError:
-        raise DesatError("a page is compiled by the package ziglang, which is not here: "
-                         "`pip install ziglang`") from None  # fmt: skip
+        raise DesatError(
+            "a page is compiled by the package ziglang, which is not here: "
+            "`pip install ziglang`"
+        ) from None
 
 
 def sources(loops: Sequence[LoopSource]) -> dict[str, str]:
     """The C files of a module of these loops, by their names."""
-    found = {name: (native.WRAPPER / name).read_text(encoding="utf-8") for name in _SHARED}
+    found = {
+        name: (native.WRAPPER / name).read_text(encoding="utf-8") for name in _SHARED
+    }
     found["shim.c"] = (files(__package__) / "shim.c").read_text(encoding="utf-8")
     names = [f"desat_loop_{i}_block" for i in range(len(loops))]
-    found["loops.h"] = "".join(f"extern const block_description {name};\n" for name in names) + (
+    found["loops.h"] = "".join(
+        f"extern const block_description {name};\n" for name in names
+    ) + (
         "static const block_description *const web_loops[] = { "
         f"{', '.join(f'&{name}' for name in names)} }};\n"
     )
@@ -79,7 +93,9 @@ def compiled(found: dict[str, str]) -> bytes:
 
 
 def _run(command: Sequence[str], folder: Path) -> None:
-    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+    done = subprocess.run(
+        command, cwd=folder, capture_output=True, text=True, check=False
+    )
     if done.returncode:
         native.check_room(done.stderr, "compiler zig")
         said = (done.stderr.strip() or "no word").splitlines()

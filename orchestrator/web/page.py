@@ -1,7 +1,9 @@
-"""`desat export web`: one HTML file that flies a loop in WebAssembly as its sliders move.
+"""`desat export web`: one HTML file that flies a loop in WebAssembly as its sliders
+move.
 
-What the page says is the scenario's own: its plots, its numbers by our measures (`script.py`),
-those of management, and what follows from a parameter by the scenario's expressions (`values.py`).
+What the page says is the scenario's own: its plots, its numbers by our measures
+(`script.py`), those of management, and what follows from a parameter by the scenario's
+expressions (`values.py`).
 """
 
 from __future__ import annotations
@@ -52,9 +54,16 @@ from .values import Expression, expression, follows, names_of, numbers_of, reach
 MOST_BYTES = 800_000_000
 """Of the series of a flight, in the page's memory."""
 _MANAGEMENT: tuple[Callable[..., Any], ...] = (
-    management.of_momentum, management.of_coils, management.margin, management.of_wheels,
-    management.unmanaged, management.off_target, management.fired_impulse, coil_impulse, carrier,
-)  # fmt: skip
+    management.of_momentum,
+    management.of_coils,
+    management.margin,
+    management.of_wheels,
+    management.unmanaged,
+    management.off_target,
+    management.fired_impulse,
+    coil_impulse,
+    carrier,
+)
 
 
 @dataclass(frozen=True)
@@ -93,8 +102,8 @@ class Made:
 def check_request(sliders: Sequence[str], file: Path | None) -> None:
     """Check what can be checked of a page before its laws fly.
 
-    Raises DesatError for a place where no file can be written, a missing compiler, and a
-    slider of another form than `NAME=FROM:TO`.
+    Raises DesatError for a place where no file can be written, a missing compiler, and
+    a slider of another form than `NAME=FROM:TO`.
     """
     if file is not None:
         io.place_of(file, "--out")
@@ -107,12 +116,13 @@ def check_request(sliders: Sequence[str], file: Path | None) -> None:
 
 def export(
     target: str, laws: Mapping[str, Options], sliders: Sequence[str], file: Path | None
-) -> Made:  # fmt: skip
-    """Write the page of a target to a file (default: NAME.html). `laws`: by name the options of a
-    run with each, the first as the page opens; `sliders`: `NAME=FROM:TO`, none: the usual ones.
+) -> Made:
+    """Write the page of a target to a file (default: NAME.html). `laws`: by name the
+    options of a run with each, the first as the page opens; `sliders`: `NAME=FROM:TO`,
+    none: the usual ones.
 
-    Raises DesatError where a component has no C, a slider is none of the scenario's, nothing
-    compiles to WebAssembly, or a flight would not fit into a page's memory.
+    Raises DesatError where a component has no C, a slider is none of the scenario's,
+    nothing compiles to WebAssembly, or a flight would not fit into a page's memory.
     """
     check_request(sliders, file)
     source = read(target)
@@ -131,7 +141,10 @@ def export(
     path = file or Path(f"{Path(target).absolute().name.removesuffix('.toml')}.html")
     io.replace_text(path, _page(told, code))
     return Made(
-        path, told["digest"], tuple(dict.fromkeys(s.name for of in moved for s in of)), tuple(notes)
+        path,
+        told["digest"],
+        tuple(dict.fromkeys(s.name for of in moved for s in of)),
+        tuple(notes),
     )
 
 
@@ -139,8 +152,10 @@ def _flown(target: str, source: Target, name: str, options: Options) -> _Flown:
     """A law of a target, checked, its substeps chosen. Raises DesatError."""
     system, _ = prepare(source, options).or_raise()
     if content_of(system.about).stop_when is not None:
-        raise DesatError(f"{target}: it has stop_when, which no page follows; a scenario without "
-                         "it is needed")  # fmt: skip
+        raise DesatError(
+            f"{target}: it has stop_when, which no page follows; a scenario without "
+            "it is needed"
+        )
     choice = substep_choice.choose(target, system, options)
     if choice is not None:
         system = replace(system, substeps=choice.substeps)
@@ -167,7 +182,9 @@ def _sliders(
     ]
 
 
-def _is_possible(slider: Slider, source: Target, flown: _Flown, notes: list[str]) -> bool:
+def _is_possible(
+    slider: Slider, source: Target, flown: _Flown, notes: list[str]
+) -> bool:
     """Return whether a page can move a slider of a law; why not is a note.
 
     Raises DesatError where it is one that is asked for.
@@ -181,11 +198,12 @@ def _is_possible(slider: Slider, source: Target, flown: _Flown, notes: list[str]
 
 
 def _asked(text: str, flown: Sequence[_Flown], notes: list[str]) -> dict[int, Slider]:
-    """Return the slider of `NAME=FROM:TO` for each law that has one, by the law's place.
+    """Return the slider of `NAME=FROM:TO` for each law that has one, by the law's
+    place.
 
-    The range is that of the first law whose own value lies in it, else of the first that
-    takes it. A law whose own value lies elsewhere has the range that is usual for it.
-    Raises DesatError where no law takes it, as the first of them does.
+    The range is that of the first law whose own value lies in it, else of the first
+    that takes it. A law whose own value lies elsewhere has the range that is usual for
+    it. Raises DesatError where no law takes it, as the first of them does.
     """
     found: dict[int, Slider] = {}
     errors: list[DesatError] = []
@@ -236,18 +254,22 @@ def _usual_there(name: str, system: System) -> Slider | None:
         return None
 
 
-# --- loops --------------------------------------------------------------------------------------
+# --- loops ----------------------------------------------------------------------------
 
 
 def _loop(flown: _Flown, targets: set[str], series: Sequence[str]) -> LoopSource:
-    """The loop of a law, with these series, and the parameters that sliders reach. Raises
-    DesatError for a component without C."""
+    """The loop of a law, with these series, and the parameters that sliders reach.
+    Raises DesatError for a component without C."""
     system = flown.system
-    parameters = [n for n in sorted(reached(targets, flown.ordered)) if n in flown.values]
+    parameters = [
+        n for n in sorted(reached(targets, flown.ordered)) if n in flown.values
+    ]
     size = sum(len(system.components[c].interface.arrays[v]) for c, v in _split(series))
     if 8 * size * system.steps > MOST_BYTES:
-        raise DesatError(f"{system.name}: {system.steps} steps are too many for a page's memory; "
-                         f"at most {MOST_BYTES // (8 * size)}: --stop")  # fmt: skip
+        raise DesatError(
+            f"{system.name}: {system.steps} steps are too many for a page's memory; "
+            f"at most {MOST_BYTES // (8 * size)}: --stop"
+        )
     wanted = LoopEnds([*map(_pattern, series)], parameters=[*map(_pattern, parameters)])
     try:
         return written_out(system, wanted)
@@ -265,8 +287,12 @@ def _split(names: Sequence[str]) -> Iterator[tuple[str, str]]:
 
 def _there(system: System) -> set[str]:
     """The series of a system."""
-    return {f"{c.name}.{s.array}" for c in system.components.values()
-            for s in c.interface.outputs if s.kind in KINDS and not s.alone}  # fmt: skip
+    return {
+        f"{c.name}.{s.array}"
+        for c in system.components.values()
+        for s in c.interface.outputs
+        if s.kind in KINDS and not s.alone
+    }
 
 
 def _series(flown: _Flown) -> set[str]:
@@ -281,7 +307,7 @@ def _series(flown: _Flown) -> set[str]:
     return wanted & there
 
 
-# --- what the page is told ----------------------------------------------------------------------
+# --- what the page is told ------------------------------------------------------------
 
 
 def _told(
@@ -294,24 +320,42 @@ def _told(
     """The JavaScript of measures, and all else that the page is made of."""
     first = flown[0].system
     used = {n.measure for f in flown for n in f.content.numbers.values() if n.signals}
-    used_derived = {x.derive for f in flown for of in (f.content.numbers, f.content.plots)
-                    for x in of.values() if x.derive}  # fmt: skip
-    code, lacking = script([
-        *(MEASURES[m] for m in sorted(used)), *_MANAGEMENT,
-        *(QUANTITIES[d].function for d in sorted(used_derived)),
-    ])  # fmt: skip
+    used_derived = {
+        x.derive
+        for f in flown
+        for of in (f.content.numbers, f.content.plots)
+        for x in of.values()
+        if x.derive
+    }
+    code, lacking = script(
+        [
+            *(MEASURES[m] for m in sorted(used)),
+            *_MANAGEMENT,
+            *(QUANTITIES[d].function for d in sorted(used_derived)),
+        ]
+    )
     assert not lacking.keys() & {f.__name__ for f in _MANAGEMENT}, lacking
     laws = [
-        _law(f, of, loop, lacking, notes) for f, of, loop in zip(flown, sliders, loops, strict=True)
+        _law(f, of, loop, lacking, notes)
+        for f, of, loop in zip(flown, sliders, loops, strict=True)
     ]
     seconds, unit = time_axis(np.array([first.start, first.stop]))
     return code, {
-        "title": flown[0].content.title or first.name, "target": target,
+        "title": flown[0].content.title or first.name,
+        "target": target,
         "version": version("desat"),
-        "step": first.step, "start": first.start, "steps": first.steps, "stop": first.stop,
-        "seconds": seconds, "time_unit": unit, "substeps": first.parts, "colours": COLOURS,
-        "limit": LIMIT, "laws": laws, "ground": 6378137.0,
-    }  # fmt: skip
+        "step": first.step,
+        "start": first.start,
+        "steps": first.steps,
+        "stop": first.stop,
+        "seconds": seconds,
+        "time_unit": unit,
+        "substeps": first.parts,
+        "colours": COLOURS,
+        "limit": LIMIT,
+        "laws": laws,
+        "ground": 6378137.0,
+    }
 
 
 def _law(
@@ -327,26 +371,36 @@ def _law(
     managed = _managed(flown)
     slots, series, width = _places(loop)
     told = [x for n in numbers for x in (n["whole"], *n["options"].values())]
-    told += [x["value"] for p in plots for x in p["limits"]] + [f["of"] for f in flown.ordered]
+    told += [x["value"] for p in plots for x in p["limits"]] + [
+        f["of"] for f in flown.ordered
+    ]
     wanted = {name for of in told if isinstance(of, dict) for name in names_of(of)}
     wanted |= {name for name, _ in slots} | {t for s in sliders for t in s.targets}
-    wanted |= {f["name"] for f in flown.ordered} | {v for n in numbers for v in n["own"].values()}
+    wanted |= {f["name"] for f in flown.ordered} | {
+        v for n in numbers for v in n["own"].values()
+    }
     wanted |= {*managed["values"]} if managed else set()
     return {
-        "name": flown.name, "substeps": flown.system.parts,
+        "name": flown.name,
+        "substeps": flown.system.parts,
         "sets": sets_of(flown.options),
         "arguments": as_arguments(replace(flown.options, sets=[], values={})),
         "values": {k: flown.values[k] for k in sorted(wanted) if k in flown.values},
         "follows": [f for f in flown.ordered if f["name"] in flown.values],
-        "slots": slots, "series": series, "width": width, "numbers": numbers, "plots": plots,
+        "slots": slots,
+        "series": series,
+        "width": width,
+        "numbers": numbers,
+        "plots": plots,
         "managed": managed,
         "sliders": [{**s.told(), "shown": spell_unit(s.unit)} for s in sliders],
         "usual": _usual_ranges(flown.system, {name for name, _ in slots}),
-    }  # fmt: skip
+    }
 
 
 def _usual_ranges(system: System, names: set[str]) -> list[JsonObject]:
-    """Return the parameters that have a range that is usual, outside of which `desat run` warns."""
+    """Return the parameters that have a range that is usual, outside of which
+    `desat run` warns."""
     found = []
     for name in sorted(names):
         owner, _, array = name.partition(".")
@@ -368,8 +422,9 @@ def _usual_ranges(system: System, names: set[str]) -> list[JsonObject]:
 
 
 def _places(loop: LoopSource) -> tuple[list[Any], JsonObject, int]:
-    """Of a loop's parameters the name and the place of the first element among all variables; of
-    its series where they are in a row of outputs; and how many these are."""
+    """Of a loop's parameters the name and the place of the first element among all
+    variables; of its series where they are in a row of outputs; and how many these
+    are."""
     slots, series = [], {}
     place, at = 1, 1  # `fault` comes first
     for v in loop.variables:
@@ -377,18 +432,26 @@ def _places(loop: LoopSource) -> tuple[list[Any], JsonObject, int]:
         if v.causality == "parameter":
             slots.append((v.name, place))
         elif v.causality == "output":
-            series[v.name] = {"at": at, "size": count, "interval": v.name in loop.interval}
+            series[v.name] = {
+                "at": at,
+                "size": count,
+                "interval": v.name in loop.interval,
+            }
             at += count
         place += count
     return slots, series, at
 
 
-def _numbers(flown: _Flown, lacking: Mapping[str, str], notes: list[str]) -> Iterator[JsonObject]:
+def _numbers(
+    flown: _Flown, lacking: Mapping[str, str], notes: list[str]
+) -> Iterator[JsonObject]:
     """The scenario's numbers that the page has, each as `engine.js` evaluates it."""
     there = _there(flown.system)
     for name, number in flown.content.numbers.items():
         missing = [s for s in number.signals if s not in there]
-        why = next((lacking[x] for x in (number.measure, number.derive) if x in lacking), "")
+        why = next(
+            (lacking[x] for x in (number.measure, number.derive) if x in lacking), ""
+        )
         if not number.signals:
             why = f"it compares with {number.reference}"
         if missing:
@@ -397,9 +460,12 @@ def _numbers(flown: _Flown, lacking: Mapping[str, str], notes: list[str]) -> Ite
             notes.append(f"no number {name}: {why}")
         else:
             yield {
-                "name": name, "title": number.title, "unit": spell_unit(number.unit),
-                **_number(number, flown), "required": _required(flown.content, name),
-            }  # fmt: skip
+                "name": name,
+                "title": number.title,
+                "unit": spell_unit(number.unit),
+                **_number(number, flown),
+                "required": _required(flown.content, name),
+            }
 
 
 def _number(number: Number, flown: _Flown) -> JsonObject:
@@ -409,20 +475,33 @@ def _number(number: Number, flown: _Flown) -> JsonObject:
     if entry is not None:
         units = [entry[0].unit or units[0]]
     kinds = [unit_of(u) for u in units]
-    source = OWN_UNIT[number.measure](kinds[0]) if number.measure in OWN_UNIT else kinds[0]
+    source = (
+        OWN_UNIT[number.measure](kinds[0]) if number.measure in OWN_UNIT else kinds[0]
+    )
     whole: float | Expression | None = number.percent_of  # type: ignore[assignment]
     if isinstance(whole, str):
         own = product(whole, flown.known)[1]
         whole = expression(whole, flown.known, own.factor / source.factor)
-    same = not number.unit or (number.measure not in OWN_UNIT and unit_of(number.unit) == source)
+    same = not number.unit or (
+        number.measure not in OWN_UNIT and unit_of(number.unit) == source
+    )
     return {
-        "signals": number.signals, "measure": number.measure, "derive": number.derive,
-        **_how(number, flown), "element": number.element, "window": number.window or None,
-        "percent": whole is not None, "whole": whole,
-        "scale": 1.0 if same or whole is not None else factor(source, number.unit, number.measure),
-        "options": {k: expression(x, flown.known) if isinstance(x, str) and k != "kind" else x
-                    for k, x in number.options.items()},
-    }  # fmt: skip
+        "signals": number.signals,
+        "measure": number.measure,
+        "derive": number.derive,
+        **_how(number, flown),
+        "element": number.element,
+        "window": number.window or None,
+        "percent": whole is not None,
+        "whole": whole,
+        "scale": 1.0
+        if same or whole is not None
+        else factor(source, number.unit, number.measure),
+        "options": {
+            k: expression(x, flown.known) if isinstance(x, str) and k != "kind" else x
+            for k, x in number.options.items()
+        },
+    }
 
 
 def _how(entry: Number | Plot, flown: _Flown) -> JsonObject:
@@ -448,12 +527,18 @@ def _unit(system: System, series: str) -> str:
     return system.components[owner].interface.arrays[name][0].unit_name or "1"
 
 
-def _plots(flown: _Flown, lacking: Mapping[str, str], notes: list[str]) -> Iterator[JsonObject]:
+def _plots(
+    flown: _Flown, lacking: Mapping[str, str], notes: list[str]
+) -> Iterator[JsonObject]:
     """The scenario's plots that the page has, each as `engine.js` draws it."""
     there = _there(flown.system)
     for name, plot in flown.content.plots.items():
         signals = [s for s in plot.signals if s in there]
-        if plot.derive in lacking or not signals or (plot.derive and signals != [*plot.signals]):
+        if (
+            plot.derive in lacking
+            or not signals
+            or (plot.derive and signals != [*plot.signals])
+        ):
             why = lacking.get(plot.derive, f"{flown.name} has not all of its series")
             notes.append(f"no plot {name}: {why}")
             continue
@@ -461,7 +546,8 @@ def _plots(flown: _Flown, lacking: Mapping[str, str], notes: list[str]) -> Itera
 
 
 def _plot(name: str, plot: Plot, signals: list[str], flown: _Flown) -> JsonObject:
-    """A plot: its lines' names a series, empty for one that is not shown, and its limits."""
+    """A plot: its lines' names a series, empty for one that is not shown, and its
+    limits."""
     entry = derived.of_entry(plot)
     own = [_unit(flown.system, s) for s in signals]
     if entry is not None:
@@ -469,15 +555,23 @@ def _plot(name: str, plot: Plot, signals: list[str], flown: _Flown) -> JsonObjec
         own = [quantity.unit or own[0]]
         lines = [[*plot.components] or [n or plot.title for n in quantity.names]]
     else:
-        lines = [[_line(plot, s, n) for n in _elements(plot, s, flown)] for s in signals]
+        lines = [
+            [_line(plot, s, n) for n in _elements(plot, s, flown)] for s in signals
+        ]
     unit = plot.unit or own[0]
     return {
-        "name": name, "title": plot.title, "signals": signals, "derive": plot.derive,
-        **_how(plot, flown), "norm": plot.norm, "log": plot.log, "lines": lines,
+        "name": name,
+        "title": plot.title,
+        "signals": signals,
+        "derive": plot.derive,
+        **_how(plot, flown),
+        "norm": plot.norm,
+        "log": plot.log,
+        "lines": lines,
         "label": f"{plot.axis or plot.title} [{spell_unit(unit)}]".removesuffix(" []"),
         "scales": [scale(u, unit) for u in own],
         "limits": [*_limits(plot, flown, unit)],
-    }  # fmt: skip
+    }
 
 
 def _elements(plot: Plot, signal: str, flown: _Flown) -> Sequence[str]:
@@ -509,8 +603,8 @@ def _limits(plot: Plot, flown: _Flown, unit: str) -> Iterator[JsonObject]:
 
 
 def _managed(flown: _Flown) -> JsonObject | None:
-    """What the numbers of management are made of, and the curve without; None where they do not
-    apply."""
+    """What the numbers of management are made of, and the curve without; None where
+    they do not apply."""
     parts, system = management.applies(flown.system), flown.system
     if parts is None or parts.wheels is None or parts.target is None:
         return None
@@ -518,10 +612,14 @@ def _managed(flown: _Flown) -> JsonObject | None:
         return None
     body, wheels, torquers = parts.spacecraft, parts.wheels, parts.torquers
     series = {
-        "h": f"{wheels}.h_wheel", "q": f"{body}.q_bi", "omega": f"{body}.omega_bi_body",
-        "copy": f"{body}.h_copy_wheel", "impulse": f"{body}.impulse_eci",
-        "saturated": f"{wheels}.saturated_wheel", "speed": f"{wheels}.speed_wheel",
-    }  # fmt: skip
+        "h": f"{wheels}.h_wheel",
+        "q": f"{body}.q_bi",
+        "omega": f"{body}.omega_bi_body",
+        "copy": f"{body}.h_copy_wheel",
+        "impulse": f"{body}.impulse_eci",
+        "saturated": f"{wheels}.saturated_wheel",
+        "speed": f"{wheels}.speed_wheel",
+    }
     if torquers and parts.field:
         series |= {"dipole": f"{torquers}.m_mean_body", "field": parts.field}
     if parts.thrusters:
@@ -532,20 +630,34 @@ def _managed(flown: _Flown) -> JsonObject | None:
     axes, there = axes_of(own), np.flatnonzero(existing(own))
     capacity = smallest_capacity(system.components[wheels].values)
     unit = "mN.m.s" if capacity < 1.0 else "N.m.s"
-    names = {"inertia": f"{body}.inertia", "axes": f"{body}.axes_wheel",
-             "spin": f"{body}.inertia_wheel", "rotors": f"{wheels}.inertia_wheel",
-             "limit": f"{wheels}.speed_limit"}  # fmt: skip
+    names = {
+        "inertia": f"{body}.inertia",
+        "axes": f"{body}.axes_wheel",
+        "spin": f"{body}.inertia_wheel",
+        "rotors": f"{wheels}.inertia_wheel",
+        "limit": f"{wheels}.speed_limit",
+    }
     return {
-        "series": series, "there": there.tolist(), "target": list(parts.target),
-        "inverse": np.linalg.pinv(axes[:, there]).tolist(), "of": names,
+        "series": series,
+        "there": there.tolist(),
+        "target": list(parts.target),
+        "inverse": np.linalg.pinv(axes[:, there]).tolist(),
+        "of": names,
         "coils": _coils(system, torquers) if torquers else None,
         "values": [*names.values(), *([f"{torquers}.m_limit"] if torquers else [])],
-        "label": f"fullest wheel [{spell_unit(unit)}]", "scale": scale("N.m.s", unit),
-        "names": {"momentum": management.OF_MOMENTUM, "coils": management.OF_COILS,
-                  "wheels": management.OF_WHEELS, "balance": management.OF_BALANCE},
+        "label": f"fullest wheel [{spell_unit(unit)}]",
+        "scale": scale("N.m.s", unit),
+        "names": {
+            "momentum": management.OF_MOMENTUM,
+            "coils": management.OF_COILS,
+            "wheels": management.OF_WHEELS,
+            "balance": management.OF_BALANCE,
+        },
         "titles": {k: (t, spell_unit(u)) for k, (t, u) in management.TITLES.items()},
-        "required": {k: r for k in management.TITLES if (r := _required(flown.content, k))},
-    }  # fmt: skip
+        "required": {
+            k: r for k in management.TITLES if (r := _required(flown.content, k))
+        },
+    }
 
 
 def _coils(system: System, torquers: str) -> JsonObject | None:
@@ -564,7 +676,7 @@ def _coils(system: System, torquers: str) -> JsonObject | None:
     }
 
 
-# --- the page -----------------------------------------------------------------------------------
+# --- the page -------------------------------------------------------------------------
 
 
 def _asset(name: str) -> str:
@@ -575,9 +687,13 @@ def _page(told: JsonObject, code: str) -> str:
     """The HTML."""
     worker = "\n".join([numpy_source(), code, _asset("engine.js"), _asset("worker.js")])
     return render(
-        "web.html", title=told["title"], told=told,
+        "web.html",
+        title=told["title"],
+        told=told,
         command=f"desat run {shlex.quote(told['target'])}",
         uplot_css=part("uplot/uPlot.min.css"),
-        uplot_licence=part("uplot/LICENSE"), notices=_asset("notices.txt"),
-        worker=Markup(worker.replace("</", "<\\/")), data=data_element(told),
-    )  # fmt: skip
+        uplot_licence=part("uplot/LICENSE"),
+        notices=_asset("notices.txt"),
+        worker=Markup(worker.replace("</", "<\\/")),
+        data=data_element(told),
+    )

@@ -1,7 +1,8 @@
-"""Functions of numpy's Python as JavaScript: measures and derived quantities, for a page.
+"""Functions of numpy's Python as JavaScript: measures and derived quantities, for a
+page.
 
-`numpy.js` has what they call of numpy as `$`; operators become calls of it, as arrays have none
-there. What is not known is refused: no measure is written a second time.
+`numpy.js` has what they call of numpy as `$`; operators become calls of it, as arrays
+have none there. What is not known is refused: no measure is written a second time.
 """
 
 from __future__ import annotations
@@ -36,19 +37,43 @@ _LOOPS = {
     "      data[k] = {0};\n    }}\n  }}",
 }
 _OPERATORS: dict[type[ast.AST], str] = {
-    ast.Add: "add", ast.Sub: "sub", ast.Mult: "mul", ast.Div: "div", ast.Pow: "pow",
-    ast.FloorDiv: "floordiv", ast.Mod: "mod", ast.MatMult: "matmul", ast.BitAnd: "and",
-    ast.BitOr: "or", ast.Lt: "lt", ast.Gt: "gt", ast.LtE: "le", ast.GtE: "ge", ast.Eq: "eq",
-    ast.NotEq: "ne", ast.USub: "neg", ast.Invert: "not",
-}  # fmt: skip
-_BUILTINS = {"float": "float", "int": "int", "bool": "bool", "len": "len", "round": "round",
-             "max": "larger", "min": "smaller", "abs": "abs", "enumerate": "enumerate"}  # fmt: skip
+    ast.Add: "add",
+    ast.Sub: "sub",
+    ast.Mult: "mul",
+    ast.Div: "div",
+    ast.Pow: "pow",
+    ast.FloorDiv: "floordiv",
+    ast.Mod: "mod",
+    ast.MatMult: "matmul",
+    ast.BitAnd: "and",
+    ast.BitOr: "or",
+    ast.Lt: "lt",
+    ast.Gt: "gt",
+    ast.LtE: "le",
+    ast.GtE: "ge",
+    ast.Eq: "eq",
+    ast.NotEq: "ne",
+    ast.USub: "neg",
+    ast.Invert: "not",
+}
+_BUILTINS = {
+    "float": "float",
+    "int": "int",
+    "bool": "bool",
+    "len": "len",
+    "round": "round",
+    "max": "larger",
+    "min": "smaller",
+    "abs": "abs",
+    "enumerate": "enumerate",
+}
 _OURS = ("desat.numbers.", "desat.analyses.")
 """Modules whose functions are translated with those that call them."""
 
 
 def numpy_source() -> str:
-    """Return numpy.js with each operation that it names by text written out as functions."""
+    """Return numpy.js with each operation that it names by text written out as
+    functions."""
 
     def written_out(found: re.Match[str]) -> str:
         kind, text = found.groups()
@@ -58,8 +83,8 @@ def numpy_source() -> str:
 
 
 def script(functions: Iterable[Callable[..., Any]]) -> tuple[str, dict[str, str]]:
-    """The JavaScript of functions and of all that they call, which ends with an object `measures`
-    of them by name; and why there is none of some, by their names."""
+    """The JavaScript of functions and of all that they call, which ends with an object
+    `measures` of them by name; and why there is none of some, by their names."""
     program, refused, there = _Program(), dict[str, str](), list[str]()
     for function in functions:
         try:
@@ -77,7 +102,8 @@ class _Program:
         self.parts: dict[str, str] = {}
 
     def name_of(self, thing: Any) -> str:
-        """The name of a function in JavaScript, translated now if need be. Raises DesatError."""
+        """The name of a function in JavaScript, translated now if need be. Raises
+        DesatError."""
         name: str = thing.__name__
         if name not in self.parts:
             tree = ast.parse(textwrap.dedent(inspect.getsource(thing))).body[0]
@@ -89,15 +115,20 @@ class _Program:
         """A table of functions of a module, by its name there."""
         if name not in self.parts:
             tree = ast.parse(inspect.getsource(sys.modules[scope["__name__"]]))
-            value = next(n.value for n in tree.body if isinstance(n, (ast.Assign, ast.AnnAssign))
-                         and name in ast.unparse(n).partition("=")[0])  # fmt: skip
+            value = next(
+                n.value
+                for n in tree.body
+                if isinstance(n, (ast.Assign, ast.AnnAssign))
+                and name in ast.unparse(n).partition("=")[0]
+            )
             assert value is not None
             self.parts[name] = f"const {name} = {_Expressions(self, scope).of(value)};"
         return name
 
 
 class _Expressions:
-    """Expressions of a function, whose globals are `scope` and whose own names are `local`."""
+    """Expressions of a function, whose globals are `scope` and whose own names are
+    `local`."""
 
     def __init__(self, program: _Program, scope: dict[str, Any]) -> None:
         self._program, self._scope = program, scope
@@ -107,7 +138,9 @@ class _Expressions:
         """An expression as JavaScript. Raises DesatError for one that has none."""
         made = getattr(self, f"_{type(node).__name__.lower()}", None)
         if made is None:
-            raise DesatError(f"line {node.lineno}: no JavaScript of `{ast.unparse(node)}`")
+            raise DesatError(
+                f"line {node.lineno}: no JavaScript of `{ast.unparse(node)}`"
+            )
         text: str = made(node)
         return text
 
@@ -123,7 +156,11 @@ class _Expressions:
 
     def _name(self, node: ast.Name) -> str:
         if node.id in self.local:
-            return f"{node.id}_" if node.id in ("with", "function", "var", "new") else node.id
+            return (
+                f"{node.id}_"
+                if node.id in ("with", "function", "var", "new")
+                else node.id
+            )
         value = self._scope.get(node.id)
         if isinstance(value, (int, float, str)):
             return self._constant(ast.Constant(value))
@@ -137,8 +174,11 @@ class _Expressions:
     _list = _tuple
 
     def _dict(self, node: ast.Dict) -> str:
-        entries = (f"{self.of(k)}: {self.of(v)}" for k, v in zip(node.keys, node.values,
-                   strict=True) if k is not None)  # fmt: skip
+        entries = (
+            f"{self.of(k)}: {self.of(v)}"
+            for k, v in zip(node.keys, node.values, strict=True)
+            if k is not None
+        )
         return f"{{ {', '.join(entries)} }}"
 
     def _starred(self, node: ast.Starred) -> str:
@@ -162,7 +202,9 @@ class _Expressions:
 
     def _operator(self, op: ast.AST, *operands: ast.expr) -> str:
         if type(op) not in _OPERATORS:
-            raise DesatError(f"line {operands[0].lineno}: no JavaScript of {type(op).__name__}")
+            raise DesatError(
+                f"line {operands[0].lineno}: no JavaScript of {type(op).__name__}"
+            )
         return f"$.{_OPERATORS[type(op)]}({self._list_of(operands)})"
 
     def _boolop(self, node: ast.BoolOp) -> str:
@@ -174,8 +216,10 @@ class _Expressions:
             sign = "===" if isinstance(node.ops[0], ast.Is) else "!=="
             return f"({self.of(node.left)} {sign} {self.of(node.comparators[0])})"
         sides = [node.left, *node.comparators]
-        parts = [self._operator(op, a, b) for op, a, b in zip(node.ops, sides, sides[1:],
-                 strict=False)]  # fmt: skip
+        parts = [
+            self._operator(op, a, b)
+            for op, a, b in zip(node.ops, sides, sides[1:], strict=False)
+        ]
         return parts[0] if len(parts) == 1 else f"({' && '.join(parts)})"
 
     def _ifexp(self, node: ast.IfExp) -> str:
@@ -185,7 +229,9 @@ class _Expressions:
         if ast.unparse(node) == "np.pi":
             return "Math.PI"
         if node.attr not in ("T", "shape", "ndim"):
-            raise DesatError(f"line {node.lineno}: no JavaScript of `{ast.unparse(node)}`")
+            raise DesatError(
+                f"line {node.lineno}: no JavaScript of `{ast.unparse(node)}`"
+            )
         return f"$.{node.attr}({self.of(node.value)})"
 
     def _subscript(self, node: ast.Subscript) -> str:
@@ -200,14 +246,18 @@ class _Expressions:
         if not isinstance(node, ast.Slice):
             return self.of(node)
         if node.step is not None:
-            raise DesatError(f"line {node.lineno}: no JavaScript of `{ast.unparse(node)}`")
+            raise DesatError(
+                f"line {node.lineno}: no JavaScript of `{ast.unparse(node)}`"
+            )
         ends = ("null" if x is None else self.of(x) for x in (node.lower, node.upper))
         return f"{{ slice: [{', '.join(ends)}] }}"
 
     def _listcomp(self, node: ast.ListComp) -> str:
         (of,) = node.generators
         if of.ifs or not isinstance(of.target, ast.Name):
-            raise DesatError(f"line {node.lineno}: no JavaScript of `{ast.unparse(node)}`")
+            raise DesatError(
+                f"line {node.lineno}: no JavaScript of `{ast.unparse(node)}`"
+            )
         source = self.of(of.iter)
         new = {of.target.id} - self.local
         self.local |= new
@@ -218,7 +268,9 @@ class _Expressions:
     def _call(self, node: ast.Call) -> str:
         to_type = isinstance(node.func, ast.Attribute) and node.func.attr == "astype"
         given = [self.of(a) for a in node.args if not to_type]
-        if named := {k.arg: self.of(k.value) for k in node.keywords if k.arg != "dtype"}:
+        if named := {
+            k.arg: self.of(k.value) for k in node.keywords if k.arg != "dtype"
+        }:
             given.append(f"{{ {', '.join(f'{k}: {v}' for k, v in named.items())} }}")
         if isinstance(node.func, ast.Attribute):
             whole, name = ast.unparse(node.func), node.func.attr
@@ -233,29 +285,44 @@ class _Expressions:
             return self.of(node.func)
         name = node.func.id
         value = self._scope.get(name)
-        if inspect.isfunction(value) and value.__module__.startswith(_OURS) and not named:
+        if (
+            inspect.isfunction(value)
+            and value.__module__.startswith(_OURS)
+            and not named
+        ):
             return self._program.name_of(value)
-        return name if name in self.local else self._runtime(_BUILTINS.get(name, ""), node)
+        return (
+            name if name in self.local else self._runtime(_BUILTINS.get(name, ""), node)
+        )
 
     def _runtime(self, name: str, node: ast.Call) -> str:
         if name not in _KNOWN:
-            raise DesatError(f"line {node.lineno}: no JavaScript of `{ast.unparse(node)}`")
+            raise DesatError(
+                f"line {node.lineno}: no JavaScript of `{ast.unparse(node)}`"
+            )
         return f"$.{name}"
 
 
 class _Function(_Expressions):
     """A function."""
 
-    def __init__(self, program: _Program, tree: ast.FunctionDef, scope: dict[str, Any]) -> None:
+    def __init__(
+        self, program: _Program, tree: ast.FunctionDef, scope: dict[str, Any]
+    ) -> None:
         super().__init__(program, scope)
         self._tree = tree
         arguments = [*tree.args.args, *([tree.args.vararg] if tree.args.vararg else [])]
         self.local |= {a.arg for a in arguments}
-        self._own = sorted({
-            n.id for part in ast.walk(tree) if not isinstance(part, ast.ListComp)
-            for n in ast.iter_child_nodes(part)
-            if isinstance(n, ast.Name) and isinstance(n.ctx, ast.Store)
-        } - self.local)  # fmt: skip
+        self._own = sorted(
+            {
+                n.id
+                for part in ast.walk(tree)
+                if not isinstance(part, ast.ListComp)
+                for n in ast.iter_child_nodes(part)
+                if isinstance(n, ast.Name) and isinstance(n.ctx, ast.Store)
+            }
+            - self.local
+        )
         self.local |= {*self._own}
 
     def text(self) -> str:
@@ -263,16 +330,20 @@ class _Function(_Expressions):
         args = self._tree.args
         names = [a.arg for a in args.args]
         defaults = [None] * (len(names) - len(args.defaults)) + list(args.defaults)
-        heads = [n if d is None else f"{n} = {self.of(d)}" for n, d in zip(names, defaults,
-                 strict=True)]  # fmt: skip
+        heads = [
+            n if d is None else f"{n} = {self.of(d)}"
+            for n, d in zip(names, defaults, strict=True)
+        ]
         heads += [f"...{args.vararg.arg}"] if args.vararg else []
         body = [line for s in self._tree.body for line in self._statement(s)]
         own = [f"let {', '.join(self._own)};"] if self._own else []
         lines = "".join(f"  {line}\n" for line in (*own, *body))
         shown = ", ".join(f'"{n}"' for n in names)
         name = self._tree.name
-        return (f"function {name}({', '.join(heads)}) {{\n{lines}}}\n"
-                f"{name}.order = [{shown}];")  # fmt: skip
+        return (
+            f"function {name}({', '.join(heads)}) {{\n{lines}}}\n"
+            f"{name}.order = [{shown}];"
+        )
 
     def _statement(self, node: ast.stmt) -> Iterator[str]:
         match node:
@@ -280,7 +351,9 @@ class _Function(_Expressions):
                 pass  # its docstring
             case ast.Return(value) if value is not None:
                 yield f"return {self.of(value)};"
-            case ast.Assign([target], value) | ast.AnnAssign(target, _, value) if value is not None:
+            case ast.Assign([target], value) | ast.AnnAssign(target, _, value) if (
+                value is not None
+            ):
                 yield self._assigned(target, self.of(value))
             case ast.AugAssign(target, op, value):
                 source = ast.parse(ast.unparse(target), mode="eval").body
@@ -288,7 +361,9 @@ class _Function(_Expressions):
             case ast.If(test, body, orelse):
                 yield f"if ({self.of(test)}) {{"
                 yield from self._block(body)
-                yield f"}} else {{ {' '.join(self._block(orelse))} }}" if orelse else "}"
+                yield (
+                    f"}} else {{ {' '.join(self._block(orelse))} }}" if orelse else "}"
+                )
             case ast.For(target, source, body):
                 yield f"for ({self.of(target)} of {self.of(source)}) {{"
                 yield from self._block(body)
@@ -296,8 +371,10 @@ class _Function(_Expressions):
             case ast.With(_, body):
                 yield from (line for s in body for line in self._statement(s))
             case _:
-                raise DesatError(f"line {node.lineno}: no JavaScript of "
-                                 f"`{ast.unparse(node).partition(chr(10))[0]}`")  # fmt: skip
+                raise DesatError(
+                    f"line {node.lineno}: no JavaScript of "
+                    f"`{ast.unparse(node).partition(chr(10))[0]}`"
+                )
 
     def _block(self, body: Iterable[ast.stmt]) -> Iterator[str]:
         yield from (f"  {line}" for s in body for line in self._statement(s))

@@ -1,4 +1,5 @@
-"""The sliders of a page: parameters by the names that `--set` has for them, and their ranges."""
+"""The sliders of a page: parameters by the names that `--set` has for them, and their
+ranges."""
 
 from __future__ import annotations
 
@@ -30,7 +31,8 @@ BAKED = ("sample_time", "delay", "axes_wheel", "axes_coil")
 
 @dataclass(frozen=True)
 class Slider:
-    """A parameter that a page moves, in its own unit: shown times `factor`, and `offset`."""
+    """A parameter that a page moves, in its own unit: shown times `factor`, and
+    `offset`."""
 
     name: str
     """As `--set` has it."""
@@ -38,8 +40,9 @@ class Slider:
     targets: tuple[str, ...]
     """The parameters that it gives a value: of `shared.NAME` several."""
     form: str
-    """`one` number; `element` of an array; of a whole array its `length`, or the `largest` size of
-    its elements, the others in proportion; `each`: all elements alike."""
+    """`one` number; `element` of an array; of a whole array its `length`, or the
+    `largest` size of its elements, the others in proportion; `each`: all elements
+    alike."""
     element: int
     there: tuple[bool, ...]
     """Of `each`: which elements there are."""
@@ -68,7 +71,11 @@ class Slider:
         """`NAME=VALUE` as `--set` takes it; `before`: the parameter without the slider."""
         own = shown * self.factor + self.offset
         if self.form in ("one", "element"):
-            return f"{self.name}={shown!r} {self.unit}" if self.unit else f"{self.name}={own!r}"
+            return (
+                f"{self.name}={shown!r} {self.unit}"
+                if self.unit
+                else f"{self.name}={own!r}"
+            )
         if self.form == "each":
             values = [own if there else 0.0 for there in self.there]
         else:
@@ -82,7 +89,8 @@ def size(values: Sequence[float], form: str) -> float:
 
 
 def parts_of(text: str) -> tuple[str, str, str]:
-    """Return name, lower and upper end of `NAME=FROM:TO`. Raises DesatError for another form."""
+    """Return name, lower and upper end of `NAME=FROM:TO`. Raises DesatError for another
+    form."""
     name, equals, ends = text.partition("=")
     low, colon, high = ends.partition(":")
     if not (equals and colon and low.strip() and high.strip()):
@@ -101,7 +109,9 @@ def asked_of(text: str, system: System) -> Slider:
     interface = system.components[found.targets[0].partition(".")[0]].interface
     values = []
     for end in (low, high):
-        own = expand(interface, signals[0].name, parse_value(end.strip()), f"--slider {text}")
+        own = expand(
+            interface, signals[0].name, parse_value(end.strip()), f"--slider {text}"
+        )
         values.append((float(own[signals[0].name]) - found.offset) / found.factor)
     if not values[0] < values[1]:
         raise DesatError(f"--slider {text}: from a lower value to a higher one")
@@ -127,8 +137,9 @@ THRUSTERS = (
 def usual(system: System) -> list[Slider]:
     """Return the sliders of a page that asks for none, as far as the system has them.
 
-    A craft that dumps by thrusters alone has those of its dumps. Where there are coils there
-    are also those of the orbit, of the coils and of the wheels, and the gain of the law.
+    A craft that dumps by thrusters alone has those of its dumps. Where there are coils
+    there are also those of the orbit, of the coils and of the wheels, and the gain of
+    the law.
     """
     start = ("wheels", "h_start_wheel")
     wheels = (("wheels", "speed_limit"), start)
@@ -154,8 +165,8 @@ def usual(system: System) -> list[Slider]:
 def usual_of(name: str, system: System) -> Slider | None:
     """Return the slider of a parameter with the range that is usual for it.
 
-    None where there is nothing to move. Raises DesatError if the system has no such parameter,
-    or a page cannot move it.
+    None where there is nothing to move. Raises DesatError if the system has no such
+    parameter, or a page cannot move it.
     """
     return _range(_slider(name, system, f"--slider {name}"), base_name(name), system)
 
@@ -171,7 +182,8 @@ def _gain(system: System) -> str:
 
 
 def _range(slider: Slider, name: str, system: System) -> Slider | None:
-    """A slider with the range that is usual for it; None where there is nothing to move."""
+    """A slider with the range that is usual for it; None where there is nothing to
+    move."""
     name = name.partition(".")[2]
     value = slider.start
     if name == "inclination":
@@ -189,8 +201,12 @@ def _range(slider: Slider, name: str, system: System) -> Slider | None:
         return None
     if name in ("begin", "end") and {"begin", "end"} <= _manager_values(system).keys():
         return _threshold(slider, name, system)
-    low = {"residual_dipole_body": 0.0, "h_start_wheel": 0.0, "speed_limit": 0.05}.get(name, 0.1)
-    high = {"residual_dipole_body": 5.0, "speed_limit": 1.5, "h_start_wheel": 2.0}.get(name, 4.0)
+    low = {"residual_dipole_body": 0.0, "h_start_wheel": 0.0, "speed_limit": 0.05}.get(
+        name, 0.1
+    )
+    high = {"residual_dipole_body": 5.0, "speed_limit": 1.5, "h_start_wheel": 2.0}.get(
+        name, 4.0
+    )
     first, last = sorted((_round(low * value, 2), _round(high * value, 2)))
     return replace(slider, low=first, high=last)
 
@@ -213,15 +229,25 @@ def _threshold(slider: Slider, name: str, system: System) -> Slider:
     """Return the slider of a threshold of dumps, whose end stays below their begin."""
     values = _manager_values(system)
     if name == "end":
-        low, high = 0.1 * values["end"], min(4.0 * values["end"], 0.95 * values["begin"])
+        low, high = (
+            0.1 * values["end"],
+            min(4.0 * values["end"], 0.95 * values["begin"]),
+        )
     else:
         low = max(0.1 * values["begin"], 1.05 * values["end"])
-        high = max(values["begin"], min(4.0 * values["begin"], 0.95 * _wheel_capacity(system)))
-    return replace(slider, low=_round(low / slider.factor, 3), high=_round(high / slider.factor, 3))
+        high = max(
+            values["begin"], min(4.0 * values["begin"], 0.95 * _wheel_capacity(system))
+        )
+    return replace(
+        slider, low=_round(low / slider.factor, 3), high=_round(high / slider.factor, 3)
+    )
 
 
-def _signals(name: str, system: System, where: str) -> tuple[list[str], Sequence[Signal]]:
-    """The parameters that a name stands for, and the scalars of the first. Raises DesatError."""
+def _signals(
+    name: str, system: System, where: str
+) -> tuple[list[str], Sequence[Signal]]:
+    """The parameters that a name stands for, and the scalars of the first. Raises
+    DesatError."""
     variable = name.partition(".")[2]
     owners = owners_of(name, system)
     known = {
@@ -231,14 +257,20 @@ def _signals(name: str, system: System, where: str) -> tuple[list[str], Sequence
         if of[0].causality == "parameter" and _moves(of[0])
     }
     component = system.components.get(owners[0]) if owners else None
-    signals = component.interface.elements.get(variable, ()) if component is not None else ()
+    signals = (
+        component.interface.elements.get(variable, ()) if component is not None else ()
+    )
     if not signals:
-        raise DesatError(f"{where}: {system.name} has no parameter {name}{nearest(name, known)}; "
-                         "`desat show` lists them")  # fmt: skip
+        raise DesatError(
+            f"{where}: {system.name} has no parameter {name}{nearest(name, known)}; "
+            "`desat show` lists them"
+        )
     first = signals[0]
     if first.causality != "parameter" or not _moves(first):
-        raise DesatError(f"{where}: {name} is {_why(first)}: a page moves parameters that are "
-                         "numbers of the type Real")  # fmt: skip
+        raise DesatError(
+            f"{where}: {name} is {_why(first)}: a page moves parameters that are "
+            "numbers of the type Real"
+        )
     return [f"{c}.{first.array}" for c in owners], signals
 
 
@@ -247,7 +279,9 @@ def owners_of(name: str, system: System) -> list[str]:
     owner, _, variable = name.partition(".")
     if owner != "shared":
         return [owner]
-    return [c.name for c in system.components.values() if variable in c.interface.elements]
+    return [
+        c.name for c in system.components.values() if variable in c.interface.elements
+    ]
 
 
 def _moves(signal: Signal) -> bool:
@@ -260,7 +294,11 @@ def _why(signal: Signal) -> str:
         return "what the loop is written out with"
     if signal.choices:
         return f"a choice of {', '.join(signal.choices)}"
-    return f"of the type {signal.kind}" if signal.kind != "Real" else f"an {signal.causality}"
+    return (
+        f"of the type {signal.kind}"
+        if signal.kind != "Real"
+        else f"an {signal.causality}"
+    )
 
 
 def _slider(name: str, system: System, where: str) -> Slider:
@@ -274,19 +312,38 @@ def _slider(name: str, system: System, where: str) -> Slider:
         if size(values, form) == 0.0:
             form = "each"
     elif first.name != first.array:
-        form, element = "element", [
-            s.name for s in system.components[owner].interface.arrays[parameter]
-        ].index(first.name) + 1  # fmt: skip
-    value = values if form == "one" else (
-        values[element - 1] if form == "element" else size(values, form))  # fmt: skip
-    size_shown = _wheel_capacity(system) if parameter == "h_start_wheel" else float(value)
+        form, element = (
+            "element",
+            [
+                s.name for s in system.components[owner].interface.arrays[parameter]
+            ].index(first.name)
+            + 1,
+        )
+    value = (
+        values
+        if form == "one"
+        else (values[element - 1] if form == "element" else size(values, form))
+    )
+    size_shown = (
+        _wheel_capacity(system) if parameter == "h_start_wheel" else float(value)
+    )
     unit, factor, offset = _shown(first, size_shown)
     text = first.description.partition(";")[0].partition(":")[0].partition(",")[0]
     return Slider(
-        name, text, tuple(targets), form, element, _there(system, owner, len(signals)),
-        unit, factor, offset, 0.0, 0.0, _round((float(value) - offset) / factor, 12),
+        name,
+        text,
+        tuple(targets),
+        form,
+        element,
+        _there(system, owner, len(signals)),
+        unit,
+        factor,
+        offset,
+        0.0,
+        0.0,
+        _round((float(value) - offset) / factor, 12),
         height=first.array == "semi_major_axis",
-    )  # fmt: skip
+    )
 
 
 def _there(system: System, owner: str, count: int) -> tuple[bool, ...]:
@@ -300,7 +357,9 @@ def _there(system: System, owner: str, count: int) -> tuple[bool, ...]:
 def _shown(signal: Signal, value: float) -> tuple[str, float, float]:
     """The unit in which a parameter is shown, and how its own is made of it."""
     own = signal.unit_name if signal.unit_name != "1" else ""
-    wanted = {"rad": "deg", "rad/s": "rpm", "N.m.s": "mN.m.s", "N.m": "mN.m"}.get(own, own)
+    wanted = {"rad": "deg", "rad/s": "rpm", "N.m.s": "mN.m.s", "N.m": "mN.m"}.get(
+        own, own
+    )
     if own == "m" and abs(value) >= 1e4:
         wanted = "km"
     if own.startswith("N.m") and abs(value) >= 1.0:
@@ -316,11 +375,14 @@ def _round(value: float, digits: int = 6) -> float:
 
 
 def refused(
-    slider: Slider, target: Target, options: Options, system: System,
+    slider: Slider,
+    target: Target,
+    options: Options,
+    system: System,
     ordered: list[dict[str, Any]],
-) -> str:  # fmt: skip
-    """Why a page cannot move a slider of a system; nothing where it can: at both ends its parameter
-    is allowed, and no other one changes but by products."""
+) -> str:
+    """Why a page cannot move a slider of a system; nothing where it can: at both ends
+    its parameter is allowed, and no other one changes but by products."""
     by_others = {f["name"] for f in ordered} & {*slider.targets}
     if by_others:
         text = next(f["of"]["text"] for f in ordered if f["name"] in by_others)

@@ -1,4 +1,5 @@
-"""What a system's parameters are given as, for a page: which follow from others, and by what."""
+"""What a system's parameters are given as, for a page: which follow from others, and by
+what."""
 
 from __future__ import annotations
 
@@ -11,16 +12,19 @@ from ..system.parameters import table, unit_of
 from ..system.typed import JsonObject
 
 Expression = dict[str, Any]
-"""`factors`: of each `*` or `/`, and a number, or a parameter and its element (0: the whole);
-`scale`: what their product is multiplied by; `text`."""
+"""`factors`: of each `*` or `/`, and a number, or a parameter and its element (0: the
+whole); `scale`: what their product is multiplied by; `text`."""
 
 
 def expression(text: str, known: Table, scale: float = 1.0) -> Expression:
     """A product of parameters. Raises DesatError for one that there is not."""
     return {
-        "text": text, "scale": scale,
-        "factors": [[operator, _factor(word, known)] for operator, word in parsed(text)],
-    }  # fmt: skip
+        "text": text,
+        "scale": scale,
+        "factors": [
+            [operator, _factor(word, known)] for operator, word in parsed(text)
+        ],
+    }
 
 
 def _factor(word: str, known: Table) -> float | list[Any]:
@@ -37,32 +41,36 @@ def names_of(of: Expression) -> set[str]:
 
 
 def follows(system: System) -> list[JsonObject]:
-    """The parameters of a system that are given as others, each after those that it is made of:
-    its name, what it is (`of`), how many elements it has (0: it is no array), and whether it is
-    another one as it is (`whole`)."""
+    """The parameters of a system that are given as others, each after those that it is
+    made of: its name, what it is (`of`), how many elements it has (0: it is no array),
+    and whether it is another one as it is (`whole`)."""
     known = table(system.components.values())
     waiting = {
         f"{c.name}.{name}": _reference(system, c.name, name, text, known)
-        for c in system.components.values() for name, text in c.references.items()
-    }  # fmt: skip
+        for c in system.components.values()
+        for name, text in c.references.items()
+    }
     ordered = []
     while waiting:  # there is no circle: the system is resolved
-        for name in [n for n, f in waiting.items() if not names_of(f["of"]) & waiting.keys()]:
+        for name in [
+            n for n, f in waiting.items() if not names_of(f["of"]) & waiting.keys()
+        ]:
             ordered.append(waiting.pop(name))
     return ordered
 
 
 def _reference(
     system: System, owner: str, name: str, text: str, known: Table
-) -> JsonObject:  # fmt: skip
+) -> JsonObject:
     signals = system.components[owner].interface.elements[name]
     whole = is_name(text)
     unit = unit_of(entry(text, known).unit) if whole else product(text, known)[1]
     return {
-        "name": f"{owner}.{name}", "whole": whole,
+        "name": f"{owner}.{name}",
+        "whole": whole,
         "count": 0 if signals[0].name == name else len(signals),
         "of": expression(text, known, scale_of(signals[0], unit, text)),
-    }  # fmt: skip
+    }
 
 
 def reached(moved: Set[str], ordered: list[JsonObject]) -> set[str]:
@@ -91,4 +99,6 @@ def differing(a: System, b: System) -> set[str]:
 
 def _all(system: System) -> Values:
     known = table(system.components.values())
-    return {f"{owner}.{n}": p.value for owner, of in known.items() for n, p in of.items()}
+    return {
+        f"{owner}.{n}": p.value for owner, of in known.items() for n, p in of.items()
+    }

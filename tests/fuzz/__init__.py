@@ -1,9 +1,10 @@
 """Fuzzing of all readers: mutated files never give a traceback, and never take long.
 
-A mutator of our own, for what is read is five formats within each other (an archive of XML, JSON
-and archives of XML; TOML) and CI gives it seconds: each input is one seed file with one to four
-mutations, of its bytes, its quoted values, its lines, its JSON or its archive. The same seed gives
-the same inputs. What fails is kept in `corpus/`, and tried first from then on.
+A mutator of our own, for what is read is five formats within each other (an archive of
+XML, JSON and archives of XML; TOML) and CI gives it seconds: each input is one seed
+file with one to four mutations, of its bytes, its quoted values, its lines, its JSON or
+its archive. The same seed gives the same inputs. What fails is kept in `corpus/`, and
+tried first from then on.
 """
 
 from __future__ import annotations
@@ -48,18 +49,25 @@ class Outcome:
 
     def __str__(self) -> str:
         there = sum(len(_lines(name)) for name in {name for name, _ in self.lines})
-        return (f"{self.count} inputs, {self.refused} refused, {len(self.failures)} failed; "
-                f"{len(self.lines)} of the {there} lines of the readers' functions reached by each "
-                f"{TRACED}th input")  # fmt: skip
+        return (
+            f"{self.count} inputs, {self.refused} refused, {len(self.failures)} failed; "
+            f"{len(self.lines)} of the {there} lines of the readers' functions reached by each "
+            f"{TRACED}th input"
+        )
 
 
 @cache
 def _lines(file: str) -> set[int]:
     """The lines of a file's functions."""
-    todo, found = [compile(Path(file).read_text(encoding="utf-8"), file, "exec")], set[int]()
+    todo, found = (
+        [compile(Path(file).read_text(encoding="utf-8"), file, "exec")],
+        set[int](),
+    )
     for code in todo:
         todo += [x for x in code.co_consts if isinstance(x, CodeType)]
-        if code.co_flags & inspect.CO_OPTIMIZED:  # of a function, neither a module's nor a class's
+        if (
+            code.co_flags & inspect.CO_OPTIMIZED
+        ):  # of a function, neither a module's nor a class's
             found |= {n for *_, n in code.co_lines() if n and n != code.co_firstlineno}
     return found
 
@@ -81,7 +89,10 @@ def run(folder: Path, seed: int, count: int) -> Outcome:
         (folder / file).parent.mkdir(parents=True, exist_ok=True)
         (folder / file).write_bytes(data())
     (folder / "outside.ssv").write_bytes(b"<x/>")
-    for kind, (target, file) in TARGETS.items():  # unchanged, all are right; and nothing is cold
+    for kind, (
+        target,
+        file,
+    ) in TARGETS.items():  # unchanged, all are right; and nothing is cold
         (folder / file).write_bytes(_wrapped(kind, seeds()[kind]))
         prepare(str(folder / target), _options(kind)).or_raise()
     before = set(folder.parent.iterdir())
@@ -108,7 +119,11 @@ def _one(folder: Path, kind: str, data: bytes, traced: Outcome | None) -> str:
     if traced is not None:
         sys.settrace(_tracer(traced.lines))
     try:
-        said = "refused" if prepare(str(folder / target), _options(kind)).checked.problems else ""
+        said = (
+            "refused"
+            if prepare(str(folder / target), _options(kind)).checked.problems
+            else ""
+        )
     except DesatError as error:
         said = "refused" if str(error) else "no message"
     except Exception as error:  # what the fuzzer is for

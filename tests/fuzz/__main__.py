@@ -1,5 +1,5 @@
-"""`python tests/fuzz [--seed N] [--count N] [--lines N] [--hours H]`: fuzz all readers, and the
-commands with their options; 1 where one failed."""
+"""`python tests/fuzz [--seed N] [--count N] [--lines N] [--hours H]`: fuzz all readers,
+and the commands with their options; 1 where one failed."""
 
 from __future__ import annotations
 
@@ -19,7 +19,9 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--count", type=int, default=5000, help="inputs a round")
-    parser.add_argument("--hours", type=float, default=0.0, help="rounds, each with the next seed")
+    parser.add_argument(
+        "--hours", type=float, default=0.0, help="rounds, each with the next seed"
+    )
     parser.add_argument("--lines", type=int, default=200, help="command lines a round")
     given = parser.parse_args()
     end, seed, failed = time.monotonic() + 3600.0 * given.hours, given.seed, 0

@@ -1,9 +1,11 @@
-"""Fuzzing of the command line: options with strange values never give a bug (exit code 3), never a
-code that the README does not have, and never a craft with a number that is not finite.
+"""Fuzzing of the command line: options with strange values never give a bug (exit code
+3), never a code that the README does not have, and never a craft with a number that is
+not finite.
 
-Each input is a command line of SEEDS with one to three changes: a value replaced, an option left
-out, doubled or taken from another line of the command. It runs through the real functions, in this
-process, in a folder of its own; no value names a place outside of it.
+Each input is a command line of SEEDS with one to three changes: a value replaced, an
+option left out, doubled or taken from another line of the command. It runs through the
+real functions, in this process, in a folder of its own; no value names a place outside
+of it.
 """
 
 from __future__ import annotations
@@ -58,8 +60,19 @@ WRITTEN = (
     "campaign nowhere -n 1 --sampling random --keep every:1 --case-limit 10",
 )
 QUICK = (*WRITTEN, *tree.generated("nowhere"))
-"""What ends at once: `nowhere` is no scenario, which is seen when the options have been read."""
-FLOWN = ("check", "show", "run", "compare", "sweep", "size", "tune", "campaign run", "export fmu")
+"""What ends at once: `nowhere` is no scenario, which is seen when the options have been
+read."""
+FLOWN = (
+    "check",
+    "show",
+    "run",
+    "compare",
+    "sweep",
+    "size",
+    "tune",
+    "campaign run",
+    "export fmu",
+)
 SLOW = (
     *tree.generated("mine", flown=True, only=FLOWN),
     f"run mine --checkpoint 1 --call-limit 9 --time-limit 9 --accuracy 1e-7 {FLIGHT}",
@@ -75,13 +88,48 @@ SLOW = (
     "export fmu mine --platforms linux64 --out made.fmu",
 )
 VALUES = (
-    "inf", "-inf", "nan", "1e309", "-1e309", "1e300", "-1e300", "1e-320", "0", "-0.0", "-1", "4",
-    "1e9", "10deg", "4 km", "1 %", "1,2", "1,2,3", "1,,2", "a,b", "60/0", "1/1/1", "9:99", "'",
-    "12U", "3 axes 1e309", "3 axes 1 N.m.s", "4 1e309N", "1e309Nms", "1 s", "5 kg m2", "x=y",
-    "2027-01-01", "1800-01-01T00:00:00Z", "9999-12-31T23:59:59Z", "2027-01-01T00:00:00+23:59",
-    *(x.decode(errors="surrogateescape") for x in STRANGE if b"/" not in x and b".." not in x
-      and b"\0" not in x),
-)  # fmt: skip
+    "inf",
+    "-inf",
+    "nan",
+    "1e309",
+    "-1e309",
+    "1e300",
+    "-1e300",
+    "1e-320",
+    "0",
+    "-0.0",
+    "-1",
+    "4",
+    "1e9",
+    "10deg",
+    "4 km",
+    "1 %",
+    "1,2",
+    "1,2,3",
+    "1,,2",
+    "a,b",
+    "60/0",
+    "1/1/1",
+    "9:99",
+    "'",
+    "12U",
+    "3 axes 1e309",
+    "3 axes 1 N.m.s",
+    "4 1e309N",
+    "1e309Nms",
+    "1 s",
+    "5 kg m2",
+    "x=y",
+    "2027-01-01",
+    "1800-01-01T00:00:00Z",
+    "9999-12-31T23:59:59Z",
+    "2027-01-01T00:00:00+23:59",
+    *(
+        x.decode(errors="surrogateescape")
+        for x in STRANGE
+        if b"/" not in x and b".." not in x and b"\0" not in x
+    ),
+)
 KEPT = {"--jobs", "--out", "--into", "--html", "--force", "--blocks"}
 """What stays as it is: it says how much of the machine is taken, and where files go."""
 
@@ -98,8 +146,11 @@ def lines(seed: int, count: int, seeds: Sequence[str] = QUICK) -> Iterator[list[
 
 
 def _changed(line: list[str], rng: random.Random, seeds: Sequence[str]) -> list[str]:
-    at = [i for i, x in enumerate(line) if i > 1 and x.startswith("-") and x not in KEPT
-          and i + 1 < len(line)]  # fmt: skip
+    at = [
+        i
+        for i, x in enumerate(line)
+        if i > 1 and x.startswith("-") and x not in KEPT and i + 1 < len(line)
+    ]
     how = rng.randrange(6)
     if how < 3 and at:
         i = rng.choice(at)
@@ -110,7 +161,9 @@ def _changed(line: list[str], rng: random.Random, seeds: Sequence[str]) -> list[
     if how == 4:
         others = [shlex.split(x) for x in seeds if x.split()[0] == line[0]]
         other = rng.choice(others)
-        places = [i for i, x in enumerate(other) if x.startswith("--") and i + 1 < len(other)]
+        places = [
+            i for i, x in enumerate(other) if x.startswith("--") and i + 1 < len(other)
+        ]
         if places:
             i = rng.choice(places)
             return [*line, *(x for x in other[i : i + 2] if x not in KEPT)]
@@ -122,7 +175,9 @@ def prepare(folder: Path) -> None:
     (folder / "iss.tle").write_text(TLE, encoding="utf-8")
     (folder / "torque.csv").write_text("0,1e-6,0,0\n100,0,1e-6,0\n", encoding="utf-8")
     (folder / "trusted.txt").write_text(f"{64 * 'a'}  a.fmu\n", encoding="utf-8")
-    code, said = ended(["new", "craft", "mine", "--size", "3U", "--altitude", "400km"], folder)
+    code, said = ended(
+        ["new", "craft", "mine", "--size", "3U", "--altitude", "400km"], folder
+    )
     assert code == 0, said
 
 
@@ -168,7 +223,8 @@ def wrong(line: Sequence[str], folder: Path) -> str:
 
 
 def _not_finite(folder: Path) -> str:
-    """The first number of a craft's files that is not finite, or a file that is not TOML."""
+    """The first number of a craft's files that is not finite, or a file that is not
+    TOML."""
     for path in folder.glob("*.toml"):
         try:
             todo: list[Any] = [tomllib.loads(path.read_text(encoding="utf-8"))]
@@ -184,7 +240,9 @@ def _not_finite(folder: Path) -> str:
     return ""
 
 
-def run(folder: Path, seed: int, count: int, seeds: Sequence[str] = QUICK) -> tuple[int, list[str]]:
+def run(
+    folder: Path, seed: int, count: int, seeds: Sequence[str] = QUICK
+) -> tuple[int, list[str]]:
     """Try command lines in a folder that is there; how many, and what is wrong."""
     prepare(folder)
     found, tried = [], 0

@@ -11,16 +11,70 @@ import zipfile
 from typing import Any
 
 STRANGE = (
-    b"", b"0", b"-1", b"1", b"nan", b"inf", b"-inf", b"1e400", b"1e17", b"0x10", b"1_0", b"true",
-    b"None", b"null", b"\xd9\xa1", b"\xff\xfe", b"\x00", b"\x1b[31m", b"../../../etc/passwd",
-    b"/dev/zero", b"/etc/passwd", b"%2e%2e/outside.ssv", b"a.b", b"a/b", b"time", b"[1]", b"[]",
-    b"{}", b"{axis}", b"{", b"99999999999999999999", b"x" * 300, b"2026-13-45T99:99:99Z", b"=1+1",
-    b"1979-05-27", b"body.q", b"'", b'"', b"&lt;", b"&x;", b"<!DOCTYPE x>", b"<?x y?>", b"[[",
-)  # fmt: skip
+    b"",
+    b"0",
+    b"-1",
+    b"1",
+    b"nan",
+    b"inf",
+    b"-inf",
+    b"1e400",
+    b"1e17",
+    b"0x10",
+    b"1_0",
+    b"true",
+    b"None",
+    b"null",
+    b"\xd9\xa1",
+    b"\xff\xfe",
+    b"\x00",
+    b"\x1b[31m",
+    b"../../../etc/passwd",
+    b"/dev/zero",
+    b"/etc/passwd",
+    b"%2e%2e/outside.ssv",
+    b"a.b",
+    b"a/b",
+    b"time",
+    b"[1]",
+    b"[]",
+    b"{}",
+    b"{axis}",
+    b"{",
+    b"99999999999999999999",
+    b"x" * 300,
+    b"2026-13-45T99:99:99Z",
+    b"=1+1",
+    b"1979-05-27",
+    b"body.q",
+    b"'",
+    b'"',
+    b"&lt;",
+    b"&x;",
+    b"<!DOCTYPE x>",
+    b"<?x y?>",
+    b"[[",
+)
 VALUES: tuple[Any, ...] = (
-    None, True, False, 0, -1, 1e308, "", "x", "body.q", [], {}, [1], {"a": 1}, [[["x"]]], 10**30,
-    float("nan"), "\u0000", "{axis}",
-)  # fmt: skip
+    None,
+    True,
+    False,
+    0,
+    -1,
+    1e308,
+    "",
+    "x",
+    "body.q",
+    [],
+    {},
+    [1],
+    {"a": 1},
+    [[["x"]]],
+    10**30,
+    float("nan"),
+    "\u0000",
+    "{axis}",
+)
 
 
 def mutated(kind: str, seed: bytes, rng: random.Random) -> bytes:
@@ -32,7 +86,9 @@ def mutated(kind: str, seed: bytes, rng: random.Random) -> bytes:
         elif kind == "json" and rng.random() < 0.7:
             data = _json(data, rng)
         else:
-            data = rng.choice((_bits, _piece, _value, _value, _value, _line, _line))(data, rng)
+            data = rng.choice((_bits, _piece, _value, _value, _value, _line, _line))(
+                data, rng
+            )
     return data
 
 
@@ -69,7 +125,11 @@ def _value(data: bytes, rng: random.Random) -> bytes:
         return data
     match = rng.choice(found)
     group = 1 if match[1] is not None else 2
-    new = rng.choice(STRANGE) if rng.random() < 0.7 else rng.choice(found)[0].strip(b'"= ')
+    new = (
+        rng.choice(STRANGE)
+        if rng.random() < 0.7
+        else rng.choice(found)[0].strip(b'"= ')
+    )
     return data[: match.start(group)] + new + data[match.end(group) :]
 
 
@@ -135,7 +195,13 @@ def _archive(data: bytes, rng: random.Random) -> bytes:
     elif how == 2:
         entries.append((name, substeps))
     else:
-        kind = "json" if name.endswith("json") else "ssp" if name.endswith("fmu") else "xml"
+        kind = (
+            "json"
+            if name.endswith("json")
+            else "ssp"
+            if name.endswith("fmu")
+            else "xml"
+        )
         entries[i] = (name, mutated(kind, substeps, rng))
     buffer = io.BytesIO()
     with warnings.catch_warnings(), zipfile.ZipFile(buffer, "w") as new:

@@ -82,20 +82,54 @@ SSB = b"""<?xml version="1.0" encoding="UTF-8"?>
  <ssb:Units><ssc:Unit name="N.m"><ssc:BaseUnit kg="1" m="2" s="-2"/></ssc:Unit></ssb:Units>
 </ssb:SignalDictionary>
 """
-ABOUT = json.dumps({
-    "name": "small", "title": "Small", "description": "Two.", "cell": {"method": "x"},
-    "labels": {"method": "X"}, "baseline": "other", "substeps": 1,
-    "numbers": {
-        "end": {"title": "End", "signal": "wheels.h_wheel", "measure": "largest", "unit": "N.m.s",
-                "window": [0.0, 5.0], "element": 1},
-        "better": {"title": "Better", "of": "end", "reference": "other", "form": "saving"}},
-    "plots": [{"title": "h", "signals": ["wheels.h_wheel"], "unit": "mN.m.s", "points": 100,
-               "limits": ["wheels.torque_limit", 2.0, {"value": 1.0, "name": "limit"}],
-               "components": ["1"]}],
-    "dispersions": {"wheels.torque_limit": {"uniform": [-1.0, 1.0]}, "*.seed": {"seed": True}},
-    "output_classes": {"source.tau_cmd_wheel": "interval"},
-    "stop_when": {"signal": "wheels.h_wheel", "below": 0.1, "unit": "N.m.s", "held": 2.0},
-}).encode()  # fmt: skip
+ABOUT = json.dumps(
+    {
+        "name": "small",
+        "title": "Small",
+        "description": "Two.",
+        "cell": {"method": "x"},
+        "labels": {"method": "X"},
+        "baseline": "other",
+        "substeps": 1,
+        "numbers": {
+            "end": {
+                "title": "End",
+                "signal": "wheels.h_wheel",
+                "measure": "largest",
+                "unit": "N.m.s",
+                "window": [0.0, 5.0],
+                "element": 1,
+            },
+            "better": {
+                "title": "Better",
+                "of": "end",
+                "reference": "other",
+                "form": "saving",
+            },
+        },
+        "plots": [
+            {
+                "title": "h",
+                "signals": ["wheels.h_wheel"],
+                "unit": "mN.m.s",
+                "points": 100,
+                "limits": ["wheels.torque_limit", 2.0, {"value": 1.0, "name": "limit"}],
+                "components": ["1"],
+            }
+        ],
+        "dispersions": {
+            "wheels.torque_limit": {"uniform": [-1.0, 1.0]},
+            "*.seed": {"seed": True},
+        },
+        "output_classes": {"source.tau_cmd_wheel": "interval"},
+        "stop_when": {
+            "signal": "wheels.h_wheel",
+            "below": 0.1,
+            "unit": "N.m.s",
+            "held": 2.0,
+        },
+    }
+).encode()
 TOML = b"""title = "Own {method}"
 description = "Two sentences."
 step = 1.0
@@ -291,8 +325,10 @@ def _system(first: bytes, second: bytes) -> bytes:
 
 
 MORE = b'<ssd:Connector name="tau_cmd_wheel[%d]" kind="output"/>'
-WIRE = (b'<ssd:Connection startElement="source" startConnector="tau_cmd_wheel[%d]" '
-        b'endElement="wheels" endConnector="tau_cmd_wheel[%d]"/>')  # fmt: skip
+WIRE = (
+    b'<ssd:Connection startElement="source" startConnector="tau_cmd_wheel[%d]" '
+    b'endElement="wheels" endConnector="tau_cmd_wheel[%d]"/>'
+)
 OURS = (
     _system(b"manager_test_signal", b"wheels")
     .replace(b"MORE", MORE % 3 + MORE % 4)
@@ -302,7 +338,8 @@ THEIRS = _system(b"theirs", b"theirs").replace(b"MORE", b"").replace(b"WIRES", b
 THEIRS = THEIRS.replace(b'endConnector="tau_cmd_wheel[', b'endConnector="u[')
 
 BARE = "bare"
-"""The end of the kinds of files in a system without stop time and step: its FMUs suggest them."""
+"""The end of the kinds of files in a system without stop time and step: its FMUs
+suggest them."""
 WITHOUT_TIMES = re.sub(
     rb"<ssd:DefaultExperiment.*</ssd:DefaultExperiment>", b"", THEIRS, flags=re.S
 )
@@ -317,11 +354,28 @@ def plain_kind(kind: str) -> str:
 def seeds() -> dict[str, bytes]:
     """A seed of each kind of file."""
     fmu = _zip({"modelDescription.xml": XML, "binaries/linux64/theirs.so": b""})
-    files = {"SystemStructure.ssd": THEIRS, "p.ssv": SSV, "p.ssm": SSM, "d.ssb": SSB,
-             "extra/desat/scenario.json": ABOUT, "resources/theirs.fmu": fmu}  # fmt: skip
-    made = {"ssd": OURS, "ssv": SSV, "ssm": SSM, "ssb": SSB, "json": ABOUT, "toml": TOML,
-            "craft": CRAFT, "xml": XML, "xml1": XML_1, "xml3": XML_3, "fmu": fmu,
-            "ssp": _zip(files)}  # fmt: skip
+    files = {
+        "SystemStructure.ssd": THEIRS,
+        "p.ssv": SSV,
+        "p.ssm": SSM,
+        "d.ssb": SSB,
+        "extra/desat/scenario.json": ABOUT,
+        "resources/theirs.fmu": fmu,
+    }
+    made = {
+        "ssd": OURS,
+        "ssv": SSV,
+        "ssm": SSM,
+        "ssb": SSB,
+        "json": ABOUT,
+        "toml": TOML,
+        "craft": CRAFT,
+        "xml": XML,
+        "xml1": XML_1,
+        "xml3": XML_3,
+        "fmu": fmu,
+        "ssp": _zip(files),
+    }
     files["SystemStructure.ssd"] = WITHOUT_TIMES
     bare = {
         "ssd": WITHOUT_TIMES,
@@ -377,13 +431,27 @@ FILES: dict[str, Callable[[], bytes]] = {
 """The files around."""
 
 
-# --- model descriptions with one fault each -----------------------------------------------------
+# --- model descriptions with one fault each -------------------------------------------
 
 CAUSALITIES = {
-    b"2.0": ("parameter", "calculatedParameter", "input", "output", "local", "independent"),
-    b"3.0": ("parameter", "calculatedParameter", "structuralParameter", "input", "output", "local",
-             "independent"),
-}  # fmt: skip
+    b"2.0": (
+        "parameter",
+        "calculatedParameter",
+        "input",
+        "output",
+        "local",
+        "independent",
+    ),
+    b"3.0": (
+        "parameter",
+        "calculatedParameter",
+        "structuralParameter",
+        "input",
+        "output",
+        "local",
+        "independent",
+    ),
+}
 VARIABILITIES = ("constant", "fixed", "tunable", "discrete", "continuous")
 ALLOWED = {
     "parameter": "fixed tunable",
@@ -399,12 +467,21 @@ NOWHERE = (b"0", b"99", b"-1", b"x", b"1.5", b"", b"18446744073709551616")
 
 
 def forbidden_pairs() -> Iterator[tuple[str, str, bytes]]:
-    """Yield kind, fault and model description for each forbidden causality and variability."""
+    """Yield kind, fault and model description for each forbidden causality and
+    variability."""
     for kind, text, old in (
-        ("xml", XML, b'name="n" valueReference="3" causality="parameter" variability="fixed"'),
-        ("xml3", XML_3, b'name="torque_limit" valueReference="8" causality="parameter" '
-                        b'variability="fixed"'),
-    ):  # fmt: skip
+        (
+            "xml",
+            XML,
+            b'name="n" valueReference="3" causality="parameter" variability="fixed"',
+        ),
+        (
+            "xml3",
+            XML_3,
+            b'name="torque_limit" valueReference="8" causality="parameter" '
+            b'variability="fixed"',
+        ),
+    ):
         version = re.search(rb'fmiVersion="(.*?)"', text)[1]
         place = old.partition(b" causality")[0]
         for causality in CAUSALITIES[version]:
@@ -412,27 +489,47 @@ def forbidden_pairs() -> Iterator[tuple[str, str, bytes]]:
                 if variability in ALLOWED[causality].split():
                     continue
                 for initial in ("", ' initial="exact"'):
-                    pair = f' causality="{causality}" variability="{variability}"{initial}'
+                    pair = (
+                        f' causality="{causality}" variability="{variability}"{initial}'
+                    )
                     assert old in text
-                    yield kind, f"{pair[1:]} of {kind}", text.replace(old, place + pair.encode())
+                    yield (
+                        kind,
+                        f"{pair[1:]} of {kind}",
+                        text.replace(old, place + pair.encode()),
+                    )
 
 
 POINTERS = (
-    ("xml", b'<Unknown index="3" dependencies="1"/>', (
-        b'<Unknown index="#" dependencies="1"/>', b'<Unknown index="3" dependencies="#"/>',
-        b'<Unknown index="3" dependencies="1 #"/>',
-    )),
+    (
+        "xml",
+        b'<Unknown index="3" dependencies="1"/>',
+        (
+            b'<Unknown index="#" dependencies="1"/>',
+            b'<Unknown index="3" dependencies="#"/>',
+            b'<Unknown index="3" dependencies="1 #"/>',
+        ),
+    ),
     ("xml", b'<Unknown index="4"/>', (b'<Unknown index="#"/>',)),
     ("xml", b'<Real start="0"/>', (b'<Real start="0" derivative="#"/>',)),
-    ("xml3", b'<Output valueReference="5" dependencies="2"/>', (
-        b'<Output valueReference="#" dependencies="2"/>',
-        b'<Output valueReference="5" dependencies="#"/>',
-        b'<Output valueReference="5" dependencies="2 #"/>',
-    )),
-    ("xml3", b'<InitialUnknown valueReference="5"/>', (b'<InitialUnknown valueReference="#"/>',)),
+    (
+        "xml3",
+        b'<Output valueReference="5" dependencies="2"/>',
+        (
+            b'<Output valueReference="#" dependencies="2"/>',
+            b'<Output valueReference="5" dependencies="#"/>',
+            b'<Output valueReference="5" dependencies="2 #"/>',
+        ),
+    ),
+    (
+        "xml3",
+        b'<InitialUnknown valueReference="5"/>',
+        (b'<InitialUnknown valueReference="#"/>',),
+    ),
     ("xml3", b'<Dimension valueReference="1"/>', (b'<Dimension valueReference="#"/>',)),
-)  # fmt: skip
-"""Kind, what refers to another variable, and what takes its place; `#` is the reference."""
+)
+"""Kind, what refers to another variable, and what takes its place; `#` is the
+reference."""
 
 
 def pointing_nowhere() -> Iterator[tuple[str, str, bytes]]:

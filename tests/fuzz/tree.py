@@ -1,7 +1,7 @@
 """Command lines generated from the command tree: each command with each of its options.
 
-An option that is added is in a line at once, with a value of its type; EXAMPLES has values that
-reach further than those.
+An option that is added is in a line at once, with a value of its type; EXAMPLES has
+values that reach further than those.
 """
 
 from __future__ import annotations
@@ -112,7 +112,8 @@ STARTS = {
 """What an option of `new craft` needs beside it."""
 ORBITS = ("--altitude", "--sso", "--tle", "--orbit", "--sun")
 NOT_FLOWN = {"--open", "--fresh", "--cluster", "--platforms", "--out", "--html"}
-"""What is in no line of a craft that is there: it opens a browser, takes long, or writes."""
+"""What is in no line of a craft that is there: it opens a browser, takes long, or
+writes."""
 TOGETHER = 4
 """So many options stand in one line."""
 
@@ -171,7 +172,9 @@ def lines_of(where: str, command: Any, target: str, flown: bool) -> Iterator[str
         names = [(o, name) for o, name in names if o.opts[0] not in NOT_FLOWN]
     together = 1 if where == "new craft" else TOGETHER
     for i in range(0, len(names), together):
-        some = [w for o, name in names[i : i + together] for w in words_of(o, name, where)]
+        some = [
+            w for o, name in names[i : i + together] for w in words_of(o, name, where)
+        ]
         start = _start_of(names[i][1]) if where == "new craft" else []
         yield shlex.join([*begin, *always, *start, *some])
 
@@ -182,7 +185,9 @@ def _start_of(name: str) -> list[str]:
     return shlex.split(STARTS.get(name, orbit))
 
 
-def generated(target: str, flown: bool = False, only: Sequence[str] = ()) -> tuple[str, ...]:
+def generated(
+    target: str, flown: bool = False, only: Sequence[str] = ()
+) -> tuple[str, ...]:
     """Return command lines of all commands, or of some, with all of their options.
 
     Parameters
@@ -197,5 +202,7 @@ def generated(target: str, flown: bool = False, only: Sequence[str] = ()) -> tup
     """
     known = every_command()
     return tuple(
-        line for where in only or known for line in lines_of(where, known[where], target, flown)
+        line
+        for where in only or known
+        for line in lines_of(where, known[where], target, flown)
     )

@@ -15,15 +15,20 @@ from ..console import app, err, example, print_json, print_table
 @app.command(epilog=example("desat bound uosat12/table3-ocdc-ilqr-1"))
 def bound(
     target: Annotated[
-        str, typer.Argument(metavar="NAME|RUN|FILE.ssp", help="A scenario, or a run's folder.",
-                            show_default=False, autocompletion=o.complete_name)
+        str,
+        typer.Argument(
+            metavar="NAME|RUN|FILE.ssp",
+            help="A scenario, or a run's folder.",
+            show_default=False,
+            autocompletion=o.complete_name,
+        ),
     ],
     as_json: o.Json = False,
-) -> None:  # fmt: skip
+) -> None:
     """Compute the least effort with which a run could have done.
 
-    Of a run that dumps by thrusters it is the firing time; of momentum management by coils the
-    energy for the same peak momentum of a wheel.
+    Of a run that dumps by thrusters it is the firing time; of momentum management by
+    coils the energy for the same peak momentum of a wheel.
     """
     from ...analyses import coil_bound
     from ...analyses import lower_bound as lower_bound
@@ -51,11 +56,14 @@ def bound(
 
 
 def _by_coils(target: str) -> bool:
-    """True for a scenario, .ssp or run folder whose manager knows the coils one by one: a law of
-    momentum management by coils."""
+    """True for a scenario, .ssp or run folder whose manager knows the coils one by one:
+    a law of momentum management by coils."""
     from ...runs.run import Options, load_run, prepare
 
-    if any((Path(target) / name).exists() for name in ("manifest.json", "manifest.json.part")):
+    if any(
+        (Path(target) / name).exists()
+        for name in ("manifest.json", "manifest.json.part")
+    ):
         with (run := load_run(Path(target))).results:
             return "axes_coil" in run.manifest.values_of("manager")
     system, _ = prepare(target, Options()).or_raise()

@@ -19,17 +19,20 @@ def build(
     ],
     into: Annotated[
         Path | None,
-        typer.Option("--out", help="The folder to write to (default: that of the file).",
-                     show_default=False),
+        typer.Option(
+            "--out",
+            help="The folder to write to (default: that of the file).",
+            show_default=False,
+        ),
     ] = None,
     platforms: o.Platforms = "",
     fmi: o.Fmi = "2",
     as_json: o.Json = False,
-) -> None:  # fmt: skip
+) -> None:
     """Build a block file of your own as FMUs.
 
-    NAME.fmu is of Python, native/NAME.fmu of C where the block translates, else the reason is
-    given; fmi3/NAME.fmu comes with --fmi 3.
+    NAME.fmu is of Python, native/NAME.fmu of C where the block translates, else the
+    reason is given; fmi3/NAME.fmu comes with --fmi 3.
     """
     from ...files import own
     from ...files.io import replace_text
@@ -37,10 +40,14 @@ def build(
     made = own.build(file, platforms)
     folder = into or file.parent
     third = fmi == "3"
-    wanted = {"fmi3": made.fmi3} if third else {"python": made.python, "native": made.native}
+    wanted = (
+        {"fmi3": made.fmi3} if third else {"python": made.python, "native": made.native}
+    )
     if third and made.fmi3 is None:
-        raise DesatError(f"{file.name}: FMI 3.0 is for native FMUs, and there is none of it: "
-                         f"{made.why}")  # fmt: skip
+        raise DesatError(
+            f"{file.name}: FMI 3.0 is for native FMUs, and there is none of it: "
+            f"{made.why}"
+        )
     written = {}
     for kind, fmu in wanted.items():
         if fmu is not None:

@@ -28,15 +28,19 @@ if TYPE_CHECKING:
     from ...campaign.report import CampaignSummary
 
 campaigns = typer.Typer(
-    cls=WithDefault, no_args_is_help=True, rich_markup_mode=None,
+    cls=WithDefault,
+    no_args_is_help=True,
+    rich_markup_mode=None,
     help="Fly a scenario with its [dispersions] sampled: `desat campaign NAME -n 20`, or -n 10000. "
     "The same command continues where it was stopped.",
-)  # fmt: skip
+)
 app.add_typer(campaigns, name="campaign")
 
 Accept = Annotated[
     bool,
-    typer.Option("--accept-versions", help="Go on with another desat, numpy, platform, libm, ..."),
+    typer.Option(
+        "--accept-versions", help="Go on with another desat, numpy, platform, libm, ..."
+    ),
 ]
 Folder = Annotated[Path, typer.Argument(metavar="FOLDER", help="A campaign's folder.")]
 
@@ -47,12 +51,18 @@ def run(
     count: Annotated[int, typer.Option("-n", "--count", help="Cases.", min=1)] = 1000,
     sampling: Annotated[
         str,
-        typer.Option(help="random, latin-hypercube, sobol, or saltelli (for Sobol indices)."),
+        typer.Option(
+            help="random, latin-hypercube, sobol, or saltelli (for Sobol indices)."
+        ),
     ] = "random",
     seed: Annotated[int, typer.Option(help="Seed of the random samples.", min=0)] = 1,
     folder: Annotated[
         Path | None,
-        typer.Option("--out", help="Its folder (default: runs/campaign-NAME).", show_default=False),
+        typer.Option(
+            "--out",
+            help="Its folder (default: runs/campaign-NAME).",
+            show_default=False,
+        ),
     ] = None,
     sets: o.Sets = None,
     sources: o.Sources = None,
@@ -66,43 +76,72 @@ def run(
     design: o.DesignOption = None,
     keep: Annotated[
         list[str] | None,
-        typer.Option(help="Cases whose series and report are kept: worst:N (with --by), "
-                     "worst:N:NUMBER, every:N. May be repeated."),
+        typer.Option(
+            help="Cases whose series and report are kept: worst:N (with --by), "
+            "worst:N:NUMBER, every:N. May be repeated."
+        ),
     ] = None,
-    by: Annotated[str | None, typer.Option(help="The number that worst:N goes by.")] = None,
+    by: Annotated[
+        str | None, typer.Option(help="The number that worst:N goes by.")
+    ] = None,
     curve: Annotated[
         list[str] | None,
-        typer.Option(help="A plot of the scenario of which every case keeps an envelope, for "
-                     "percentile curves (default: the first). May be repeated."),
+        typer.Option(
+            help="A plot of the scenario of which every case keeps an envelope, for "
+            "percentile curves (default: the first). May be repeated."
+        ),
     ] = None,
     limit: Annotated[
-        float, o.number(Quantity("--case-limit", "s", 0.1, o.LONGEST), "SECONDS",
-                        "Wall time of a case."),
+        float,
+        o.number(
+            Quantity("--case-limit", "s", 0.1, o.LONGEST),
+            "SECONDS",
+            "Wall time of a case.",
+        ),
     ] = 600.0,
     jobs: o.Jobs = o.CPUS,
     cluster: Annotated[
         str | None,
-        typer.Option(metavar="ADDRESS|FILE|local:N",
-                     help="A Dask scheduler's address or file, or N Dask workers here."),
+        typer.Option(
+            metavar="ADDRESS|FILE|local:N",
+            help="A Dask scheduler's address or file, or N Dask workers here.",
+        ),
     ] = None,
     accept_versions: Accept = False,
     everything: o.Everything = False,
     as_json: o.Json = False,
-) -> None:  # fmt: skip
+) -> None:
     """Make the cases of a campaign, or those of it that are missing, and its report."""
     from ...campaign import coordinator
     from ...system.errors import DesatError
 
     if by and not any(k.startswith("worst") and k.count(":") == 1 for k in keep or []):
         raise DesatError(f"--by {by}: it goes with --keep worst:N")
-    kept = [f"{k}:{by}" if k.startswith("worst") and k.count(":") == 1 and by else k
-            for k in keep or []]  # fmt: skip
+    kept = [
+        f"{k}:{by}" if k.startswith("worst") and k.count(":") == 1 and by else k
+        for k in keep or []
+    ]
     plan, warnings = coordinator.planned(
-        target, count, seed=seed, sampling=sampling,  # type: ignore[arg-type]
-        options=o.options_of(sets, stop, step, algorithm, blocks, substeps=substeps,
-                             accuracy=accuracy, sources=sources, fmus=fmus, design=design),
-        curves=curve, keep=kept, limit=limit,
-    )  # fmt: skip
+        target,
+        count,
+        seed=seed,
+        sampling=sampling,  # type: ignore[arg-type]
+        options=o.options_of(
+            sets,
+            stop,
+            step,
+            algorithm,
+            blocks,
+            substeps=substeps,
+            accuracy=accuracy,
+            sources=sources,
+            fmus=fmus,
+            design=design,
+        ),
+        curves=curve,
+        keep=kept,
+        limit=limit,
+    )
     warn(warnings)
     where = folder or Path("runs") / f"campaign-{name_of(target)}"
     coordinator.run(plan, where, jobs, cluster, not as_json, accept_versions)
@@ -126,9 +165,11 @@ def status(folder: Folder, as_json: o.Json = False) -> None:
 
 
 @campaigns.command(epilog=example("desat campaign report runs/campaign-my12u"))
-def report(folder: Folder, everything: o.Everything = False, as_json: o.Json = False) -> None:
-    """Write report.html and report.json of what is there; ends with 1 where a requirement is not
-    shown to be met."""
+def report(
+    folder: Folder, everything: o.Everything = False, as_json: o.Json = False
+) -> None:
+    """Write report.html and report.json of what is there; ends with 1 where a
+    requirement is not shown to be met."""
     _report(folder, as_json, everything)
 
 
@@ -138,11 +179,14 @@ def case(
     number: Annotated[int, typer.Argument(help="The case.", min=0)],
     into: Annotated[
         Path | None,
-        typer.Option("--out", help="Its run folder (default: FOLDER/kept/NUMBER).",
-                     show_default=False),
+        typer.Option(
+            "--out",
+            help="Its run folder (default: FOLDER/kept/NUMBER).",
+            show_default=False,
+        ),
     ] = None,
     accept_versions: Accept = False,
-) -> None:  # fmt: skip
+) -> None:
     """Make a case again, with its series and report: the same bits."""
     from ...campaign import coordinator
     from ...campaign.case import repeat
@@ -154,7 +198,9 @@ def case(
     if number >= plan.count:
         raise DesatError(f"{folder}: case {number}: there are 0 to {plan.count - 1}")
     if text := changed(plan):
-        raise DesatError(f"{folder}: case {number}: {text}: the case would differ; {anew(plan)}")
+        raise DesatError(
+            f"{folder}: case {number}: {text}: the case would differ; {anew(plan)}"
+        )
     if row := versions_of(folder, number):
         same_versions(folder, row, accept_versions, f"case {number} and its row")
     where = into or coordinator.kept_in(folder, number)
@@ -180,14 +226,17 @@ def _print_numbers(told: CampaignSummary, everything: bool) -> None:
 
 
 def _asked(told: CaseVerdict) -> str:
-    """What a requirement asks for where that is not shown, and how many more cases would do."""
+    """What a requirement asks for where that is not shown, and how many more cases
+    would do."""
     if told.met:
         return ""
     more = told.more_cases
     enough = f"; {more} more cases like these would show it" if more else ""
     entry = told.requirement
     share, confidence = 100.0 * entry.probability, 100.0 * entry.confidence
-    return f" that {share:g} % are within, with a confidence of {confidence:g} %{enough}"
+    return (
+        f" that {share:g} % are within, with a confidence of {confidence:g} %{enough}"
+    )
 
 
 _REASONS = 3
@@ -208,19 +257,27 @@ def _report(folder: Path, as_json: bool, everything: bool) -> None:
     if as_json:
         print_json(told.to_json())
     else:
-        out.print(f"{told.completed} of {told.count} completed, {len(told.failed)} failed")
+        out.print(
+            f"{told.completed} of {told.count} completed, {len(told.failed)} failed"
+        )
         _print_numbers(told, everything)
         for name, r in told.requirements.items():
             verdict = "met" if r.met else "NOT SHOWN"
             low, high = map(number, r.interval_outside)
-            lacking = f", {r.lacking} without {r.requirement.number}" if r.lacking else ""
-            out.print(f"{name}: {r.outside} of {r.n} outside{lacking} "
-                      f"({low} to {high} %): {verdict}{_asked(r)}")  # fmt: skip
+            lacking = (
+                f", {r.lacking} without {r.requirement.number}" if r.lacking else ""
+            )
+            out.print(
+                f"{name}: {r.outside} of {r.n} outside{lacking} "
+                f"({low} to {high} %): {verdict}{_asked(r)}"
+            )
         out.print(str(path))
     codes = [Exit.UNMET for verdict in told.requirements.values() if not verdict.met]
     if told.unmet:
-        err.print(f"{len(told.unmet)} not met of what each run is held against, first: "
-                  f"{told.unmet[0]}")  # fmt: skip
+        err.print(
+            f"{len(told.unmet)} not met of what each run is held against, first: "
+            f"{told.unmet[0]}"
+        )
         codes.append(Exit.UNMET)
     if failed := {row.code for row in told.failed}:
         codes.append(Exit.TIMEOUT if failed == {Exit.TIMEOUT} else Exit.COMPONENT)

@@ -61,15 +61,19 @@ def check(
     strict: o.Strict = False,
     outside: o.Outside = False,
     schedule_too: Annotated[
-        bool, typer.Option("--schedule", help="Print in which order components step, and when "
-                           "each connection moves its value.")
+        bool,
+        typer.Option(
+            "--schedule",
+            help="Print in which order components step, and when "
+            "each connection moves its value.",
+        ),
     ] = False,
     as_json: o.Json = False,
-) -> None:  # fmt: skip
+) -> None:
     """Find what is wrong with a system before it runs, or with an FMU.
 
-    Of an FMU its description is read, its binary is not loaded: interface, platforms, hash, and
-    what breaks the FMI standard.
+    Of an FMU its description is read, its binary is not loaded: interface, platforms,
+    hash, and what breaks the FMI standard.
     """
     from ...files.inspection import is_fmu
 
@@ -83,9 +87,21 @@ def check(
     from ...runs.prepare import prepare
     from ...system.refusal import explain
 
-    options = o.options_of(sets, stop, step, "gauss_seidel", blocks, classes, sources,
-                         substeps=substeps, accuracy=accuracy, design=design, trust=trust,
-                         strict=strict, outside=outside)  # fmt: skip
+    options = o.options_of(
+        sets,
+        stop,
+        step,
+        "gauss_seidel",
+        blocks,
+        classes,
+        sources,
+        substeps=substeps,
+        accuracy=accuracy,
+        design=design,
+        trust=trust,
+        strict=strict,
+        outside=outside,
+    )
     case = prepare(target, options)
     checked, schedule = case.checked, case.checked.schedule
     if checked.system is not None and schedule is not None:
@@ -98,17 +114,23 @@ def check(
         checked.notes += notes(checked.system.components.values())
     timing: dict[str, str] = {}
     for connection, when in schedule.timing if schedule else ():
-        key = (f"{connection.source}.{connection.output_array} -> "
-               f"{connection.target}.{connection.input_array}")  # fmt: skip
+        key = (
+            f"{connection.source}.{connection.output_array} -> "
+            f"{connection.target}.{connection.input_array}"
+        )
         timing[key] = when
     if as_json:
         print_json(
             {
                 "problems": checked.problems,
                 "warnings": checked.warnings,
-                "unwired": {name: asdict(ends) for name, ends in checked.unwired.items()},
+                "unwired": {
+                    name: asdict(ends) for name, ends in checked.unwired.items()
+                },
                 "order": schedule.order if schedule else [],
-                "connections": [{"connection": k, "timing": v} for k, v in timing.items()],
+                "connections": [
+                    {"connection": k, "timing": v} for k, v in timing.items()
+                ],
             }
         )
     else:
@@ -120,7 +142,9 @@ def check(
             err.print(f"note: {note}")
         if schedule is not None and not checked.problems:
             parts = len(schedule.order), len(schedule.timing)
-            out.print(f"{target}: no problem: {parts[0]} components, {parts[1]} connections")
+            out.print(
+                f"{target}: no problem: {parts[0]} components, {parts[1]} connections"
+            )
         if schedule is not None and schedule_too:
             out.print("steps in this order: " + ", ".join(schedule.order))
             columns = [Column("connection", kind="text"), Column("moves", kind="text")]
@@ -140,7 +164,9 @@ def _check_fmu(path: Path, trust: Path | None, as_json: bool) -> None:
     found = inspect_fmu(path)
     problems = list(found.problems)
     if trusted is not None and not found.ours and found.sha256 not in trusted:
-        problems.append(f"{path.name} is not of the list of --trust (sha256 {found.sha256})")
+        problems.append(
+            f"{path.name} is not of the list of --trust (sha256 {found.sha256})"
+        )
     if as_json:
         print_json({**asdict(found), "problems": problems})
     else:
@@ -167,6 +193,8 @@ def _print_fmu(found: InspectedFmu) -> None:
         for v in variables:
             size = f"[{','.join(map(str, v.shape))}]" if v.shape else ""
             rows.append((f"{v.name}{size}", v.type, v.unit, v.description))
-        columns = [Column(title, kind="text") for title in (causality, "type", "unit", "")]
+        columns = [
+            Column(title, kind="text") for title in (causality, "type", "unit", "")
+        ]
         out.print()
         print_table(Table("", columns, rows))

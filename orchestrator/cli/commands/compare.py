@@ -24,30 +24,43 @@ def compare(
     ctx: typer.Context,
     targets: Annotated[
         list[str],
-        typer.Argument(metavar="A B ...", autocompletion=o.complete_name,
-                       help="Scenarios, which fly now, and run folders; or campaigns' folders."),
+        typer.Argument(
+            metavar="A B ...",
+            autocompletion=o.complete_name,
+            help="Scenarios, which fly now, and run folders; or campaigns' folders.",
+        ),
     ],
     count: Annotated[
         int | None,
-        typer.Option("-n", "--count", min=1,
-                     help="Fly this many random samples of each scenario, the same for all, and "
-                     "print the statistics of their differences."),
+        typer.Option(
+            "-n",
+            "--count",
+            min=1,
+            help="Fly this many random samples of each scenario, the same for all, and "
+            "print the statistics of their differences.",
+        ),
     ] = None,
     seed: Annotated[int, typer.Option(help="Seed of the random samples.", min=0)] = 1,
     laws: Annotated[
         str | None,
-        typer.Option(metavar="all|NAME,...",
-                     help="Fly one craft with each manager of ours that fits it, or with these, "
-                     "gains by rule, and rank the laws."),
+        typer.Option(
+            metavar="all|NAME,...",
+            help="Fly one craft with each manager of ours that fits it, or with these, "
+            "gains by rule, and rank the laws.",
+        ),
     ] = None,
     law: Annotated[
         list[str] | None,
-        typer.Option(metavar="FILE", help="A law of your own among them: my_law.py, or an FMU."),
+        typer.Option(
+            metavar="FILE", help="A law of your own among them: my_law.py, or an FMU."
+        ),
     ] = None,
     by: Annotated[
         str | None,
-        typer.Option(metavar="NAME,...",
-                     help="What laws are ranked by: peak, stored, duty, energy, pointing, firing."),
+        typer.Option(
+            metavar="NAME,...",
+            help="What laws are ranked by: peak, stored, duty, energy, pointing, firing.",
+        ),
     ] = None,
     sets: o.Sets = None,
     stop: o.Stop = None,
@@ -60,36 +73,60 @@ def compare(
     jobs: o.Jobs = o.CPUS,
     html: Annotated[
         Path | None,
-        o.output_file("--html", "Where the page goes (default: runs/compare-A-B.html)."),
+        o.output_file(
+            "--html", "Where the page goes (default: runs/compare-A-B.html)."
+        ),
     ] = None,
     as_json: o.Json = False,
-) -> None:  # fmt: skip
+) -> None:
     """Compare scenarios, runs or campaigns with the first, or the laws of a craft.
 
-    All numbers stand in one table with their differences, the first less each other, and a page
-    has the series overlaid. With -n, and of campaigns, the differences are paired sample by
-    sample: median, interval, share of samples that are lower. With --laws one craft flies law by
-    law, and the laws are ranked.
+    All numbers stand in one table with their differences, the first less each other,
+    and a page has the series overlaid. With -n, and of campaigns, the differences are
+    paired sample by sample: median, interval, share of samples that are lower. With
+    --laws one craft flies law by law, and the laws are ranked.
     """
     from ...campaign import pairs
     from ...studies import compare as study
 
-    options = o.options_of(sets, stop, step, "gauss_seidel", blocks, substeps=substeps,
-                           accuracy=accuracy, time_limit=time_limit, fmus=fmus)  # fmt: skip
+    options = o.options_of(
+        sets,
+        stop,
+        step,
+        "gauss_seidel",
+        blocks,
+        substeps=substeps,
+        accuracy=accuracy,
+        time_limit=time_limit,
+        fmus=fmus,
+    )
     if count is None:
         o.refuse(ctx, "it goes with -n", "seed")
     if laws is not None or law:
         if count is not None:
-            raise DesatError("-n: --laws flies each law once; to compare random samples "
-                             "of two laws, give each its scenario")  # fmt: skip
+            raise DesatError(
+                "-n: --laws flies each law once; to compare random samples "
+                "of two laws, give each its scenario"
+            )
         _laws(targets, laws, law or [], by, options, html, as_json)
         return
     if by is not None:
         raise DesatError("--by: it ranks laws: --laws all")
     campaigns = study.are_campaigns(targets)
     if campaigns:
-        o.refuse(ctx, "campaigns are compared as they are", "count", "sets", "stop", "step",
-                 "substeps", "accuracy", "blocks", "fmus", "time_limit")  # fmt: skip
+        o.refuse(
+            ctx,
+            "campaigns are compared as they are",
+            "count",
+            "sets",
+            "stop",
+            "step",
+            "substeps",
+            "accuracy",
+            "blocks",
+            "fmus",
+            "time_limit",
+        )
     if html is not None and (campaigns or count is not None):
         raise DesatError("--html: there is a page of runs alone, without -n")
     if campaigns:
@@ -105,9 +142,14 @@ def compare(
 
 
 def _laws(
-    targets: Sequence[str], laws: str | None, others: Sequence[str], by: str | None, options: Any,
-    html: Path | None, as_json: bool,
-) -> None:  # fmt: skip
+    targets: Sequence[str],
+    laws: str | None,
+    others: Sequence[str],
+    by: str | None,
+    options: Any,
+    html: Path | None,
+    as_json: bool,
+) -> None:
     from ...studies import ranking as study
 
     if len(targets) > 1:
@@ -131,7 +173,12 @@ def _laws(
 
 
 def _draws(
-    targets: Sequence[str], count: int, seed: int, options: Any, jobs: int, as_json: bool
+    targets: Sequence[str],
+    count: int,
+    seed: int,
+    options: Any,
+    jobs: int,
+    as_json: bool,
 ) -> None:
     from ...studies.compare import paired_draws
 
@@ -156,8 +203,11 @@ def _show(made: Comparison, page: Path, as_json: bool) -> None:
     else:
         print_table(made.table)
         out.print(f"page: {page.resolve()}")
-    unmet = [(t, line) for t, run in zip(made.targets, made.runs, strict=True)
-             for line in run.manifest.not_met]  # fmt: skip
+    unmet = [
+        (t, line)
+        for t, run in zip(made.targets, made.runs, strict=True)
+        for line in run.manifest.not_met
+    ]
     for target, line in unmet:
         err.print(f"{target}: not met: {line}")
     if unmet:
@@ -165,7 +215,8 @@ def _show(made: Comparison, page: Path, as_json: bool) -> None:
 
 
 def show_pairs(told: Sequence[Pairs], as_json: bool) -> None:
-    """Print paired differences (`pairs.compare`) as tables, or for programs: one, or a list."""
+    """Print paired differences (`pairs.compare`) as tables, or for programs: one, or a
+    list."""
     for each in told:
         warn(each.warnings)
     if as_json:
@@ -173,12 +224,15 @@ def show_pairs(told: Sequence[Pairs], as_json: bool) -> None:
         print_json(entries[0] if len(entries) == 1 else entries)
         return
     for each in told:
-        out.print(f"{each.first} less {each.second}, {each.pairs} pairs; intervals of 95 %:")
+        out.print(
+            f"{each.first} less {each.second}, {each.pairs} pairs; intervals of 95 %:"
+        )
         print_table(_tabulate_pairs(each))
 
 
 def _tabulate_pairs(pairs: Pairs) -> Table:
-    """Return the differences: median with its interval, shares of samples below and above."""
+    """Return the differences: median with its interval, shares of samples below and
+    above."""
     columns = [
         Column("number", kind="text"),
         Column("median", ROW_UNIT),
@@ -199,5 +253,7 @@ def _tabulate_pairs(pairs: Pairs) -> Table:
         interval = spread.interval if spread.interval_holds else (None, None)
         higher = 100.0 * (spread.higher or 0) / spread.n
         shares = (spread.share_lower, *spread.share_lower_interval, higher)
-        rows.append((name, spread.levels["median"], *interval, *shares, spread.n, spread.unit))
+        rows.append(
+            (name, spread.levels["median"], *interval, *shares, spread.n, spread.unit)
+        )
     return Table("", columns, rows)

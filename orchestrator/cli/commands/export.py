@@ -11,10 +11,12 @@ from .. import options as o
 from ..console import WithDefault, app, err, example, out, print_json
 
 exports = typer.Typer(
-    cls=WithDefault, no_args_is_help=True, rich_markup_mode=None,
+    cls=WithDefault,
+    no_args_is_help=True,
+    rich_markup_mode=None,
     help="Write a run, a loop or a law for other programs: `desat export RUN` series or plots, "
     "`export fmu NAME` a loop as one FMU, `export c BLOCK` a law alone.",
-)  # fmt: skip
+)
 app.add_typer(exports, name="export")
 
 
@@ -22,11 +24,16 @@ app.add_typer(exports, name="export")
 def run(
     folder: Annotated[Path, typer.Argument(metavar="RUN", help="A run folder.")],
     form: Annotated[
-        str, typer.Option("--format", help="csv, parquet, mat, or, of its plots, png or pdf.")
+        str,
+        typer.Option(
+            "--format", help="csv, parquet, mat, or, of its plots, png or pdf."
+        ),
     ] = "csv",
     into: Annotated[
         Path | None,
-        typer.Option("--out", help="The folder to write to (default: RUN).", show_default=False),
+        typer.Option(
+            "--out", help="The folder to write to (default: RUN).", show_default=False
+        ),
     ] = None,
 ) -> None:
     """Write a run's series or plots for other programs."""
@@ -46,18 +53,26 @@ Names = list[str] | None
 def fmu(
     target: o.Target,
     outputs: Annotated[
-        Names, typer.Option(help="Outputs, `component.output`, `*` and `?` as in file names. May "
-                            "be repeated (default: those that the scenario plots).")
+        Names,
+        typer.Option(
+            help="Outputs, `component.output`, `*` and `?` as in file names. May "
+            "be repeated (default: those that the scenario plots)."
+        ),
     ] = None,
     inputs: Annotated[
-        Names, typer.Option(help="Inputs that nothing in the loop feeds. May be repeated.")
+        Names,
+        typer.Option(help="Inputs that nothing in the loop feeds. May be repeated."),
     ] = None,
     parameters: Annotated[
         Names, typer.Option(help="Parameters, also shared.NAME. May be repeated.")
     ] = None,
     without: Annotated[
-        Names, typer.Option(metavar="COMPONENT", help="Leave a component out: what it gives "
-                            "becomes inputs, what it is given outputs. May be repeated.")
+        Names,
+        typer.Option(
+            metavar="COMPONENT",
+            help="Leave a component out: what it gives "
+            "becomes inputs, what it is given outputs. May be repeated.",
+        ),
     ] = None,
     file: Annotated[
         Path | None,
@@ -72,14 +87,22 @@ def fmu(
     platforms: o.Platforms = "",
     fmi: o.Fmi = "2",
     as_json: o.Json = False,
-) -> None:  # fmt: skip
-    """Write the loop of a scenario as one native FMU, with the same bits as `desat run`."""
+) -> None:
+    """Write the loop of a scenario as one native FMU, with the same bits as
+    `desat run`."""
     from ...export.loop_fmu import LoopEnds, export
 
     options = o.options_of(
-        sets, stop, step, "gauss_seidel", False, None, sources, substeps=substeps,
+        sets,
+        stop,
+        step,
+        "gauss_seidel",
+        False,
+        None,
+        sources,
+        substeps=substeps,
         accuracy=accuracy,
-    )  # fmt: skip
+    )
     wanted = LoopEnds(outputs or (), inputs or (), parameters or (), without or ())
     path = export(target, options, wanted, file, platforms, third=fmi == "3")
     if as_json:
@@ -91,30 +114,42 @@ def fmu(
 @exports.command(epilog=example("desat export c manager_cross_product"))
 def c(
     block: Annotated[
-        str, typer.Argument(metavar="BLOCK|FILE.py", help="A block of ours by its name, or a block "
-                                                          "file of your own.")
+        str,
+        typer.Argument(
+            metavar="BLOCK|FILE.py",
+            help="A block of ours by its name, or a block file of your own.",
+        ),
     ],
     into: Annotated[
         Path | None,
-        typer.Option("--out", help="The folder to write to (default: this one).",
-                     show_default=False),
+        typer.Option(
+            "--out",
+            help="The folder to write to (default: this one).",
+            show_default=False,
+        ),
     ] = None,
     compilers: Annotated[
         list[str] | None,
-        typer.Option("--compiler", metavar="COMMAND", show_default=False,
-                     help="A compiler whose sizes the header states, with its options: "
-                          '"arm-none-eabi-gcc -mcpu=cortex-m7 -mthumb". May be repeated (default: '
-                          "that of this machine).")
+        typer.Option(
+            "--compiler",
+            metavar="COMMAND",
+            show_default=False,
+            help="A compiler whose sizes the header states, with its options: "
+            '"arm-none-eabi-gcc -mcpu=cortex-m7 -mthumb". May be repeated (default: '
+            "that of this machine).",
+        ),
     ] = None,
     as_json: o.Json = False,
-) -> None:  # fmt: skip
-    """Write a block alone as C99, NAME.h and NAME.c: a struct, init, start and step; no FMI, no
-    heap. Its header states the memory that it takes."""
+) -> None:
+    """Write a block alone as C99, NAME.h and NAME.c: a struct, init, start and step; no
+    FMI, no heap. Its header states the memory that it takes."""
     from ...export.block_c import export
 
     paths, sizes = export(block, into or Path(), compilers)
     if as_json:
-        print_json({"files": [str(p) for p in paths], "sizes": [vars(size) for size in sizes]})
+        print_json(
+            {"files": [str(p) for p in paths], "sizes": [vars(size) for size in sizes]}
+        )
         return
     for path in paths:
         out.print(str(path))

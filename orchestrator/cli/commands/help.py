@@ -1,4 +1,5 @@
-"""`desat help TOPIC`: the pages of the documentation, the scenario language, the blocks."""
+"""`desat help TOPIC`: the pages of the documentation, the scenario language, the
+blocks."""
 
 from __future__ import annotations
 
@@ -21,9 +22,11 @@ class _Topics(TyperGroup):
 
 
 topics = typer.Typer(
-    cls=_Topics, invoke_without_command=True, rich_markup_mode=None,
+    cls=_Topics,
+    invoke_without_command=True,
+    rich_markup_mode=None,
     help="Pages of the documentation, the scenario language, the blocks: `desat help` lists them.",
-)  # fmt: skip
+)
 app.add_typer(topics, name="help", epilog=example("desat help own-block"))
 
 
@@ -32,9 +35,15 @@ def _topics(ctx: typer.Context) -> None:
     if ctx.invoked_subcommand is None:
         from ...runs import pages
 
-        rows = [{"topic": name, "what it is": title} for name, title in pages.titles().items()]
+        rows = [
+            {"topic": name, "what it is": title}
+            for name, title in pages.titles().items()
+        ]
         rows[:0] = [
-            {"topic": "blocks [ROLE|NAME]", "what it is": "The blocks, their variables and laws"},
+            {
+                "topic": "blocks [ROLE|NAME]",
+                "what it is": "The blocks, their variables and laws",
+            },
             {"topic": "keys [TABLE]", "what it is": "The keys of a scenario file"},
             {"topic": "measures", "what it is": "The measures that a number may name"},
         ]
@@ -58,8 +67,12 @@ def page(name: Annotated[str, typer.Argument(metavar="TOPIC", help="A page.")]) 
 
 @topics.command(epilog=example("desat help keys design"))
 def keys(
-    what: Annotated[str | None, typer.Argument(help="Only this table of the language.")] = None,
-    schema: Annotated[bool, typer.Option("--schema", help="A JSON schema for editors.")] = False,
+    what: Annotated[
+        str | None, typer.Argument(help="Only this table of the language.")
+    ] = None,
+    schema: Annotated[
+        bool, typer.Option("--schema", help="A JSON schema for editors.")
+    ] = False,
     markdown: Annotated[
         bool, typer.Option("--markdown", help="The whole language as a page.")
     ] = False,
@@ -88,12 +101,14 @@ def measures(as_json: o.Json = False) -> None:
 @topics.command(epilog=example("desat help blocks manager_cross_product"))
 def blocks(
     what: Annotated[
-        str | None, typer.Argument(metavar="ROLE|NAME", help="Those of a role, or one of them.")
+        str | None,
+        typer.Argument(metavar="ROLE|NAME", help="Those of a role, or one of them."),
     ] = None,
     as_json: o.Json = False,
 ) -> None:
-    """Print the blocks by role; of one what it computes, its parameters, inputs and outputs: unit,
-    start value, what is allowed, what of the craft it usually follows, and what needs it."""
+    """Print the blocks by role; of one what it computes, its parameters, inputs and
+    outputs: unit, start value, what is allowed, what of the craft it usually follows,
+    and what needs it."""
     from ...runs import explain
 
     text, rows = explain.blocks(what)

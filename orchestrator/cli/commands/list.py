@@ -27,19 +27,26 @@ def list_command(
             help="Only this family, or the scenarios of a craft of your own.",
         ),
     ] = None,
-    everything: Annotated[bool, typer.Option("--all", help="Every scenario by name.")] = False,
+    everything: Annotated[
+        bool, typer.Option("--all", help="Every scenario by name.")
+    ] = False,
     as_json: o.Json = False,
 ) -> None:
     """List the families of scenarios, or the scenarios of one or of a craft's folder.
 
-    What is wrong with a file is said, too; with a family, --all or --json also what is wrong with
-    the systems that they describe."""
+    What is wrong with a file is said, too; with a family, --all or --json also what is
+    wrong with the systems that they describe."""
     from ...runs import catalogue
 
     if family and (Path(family) / NOMINAL).is_file():
         own = catalogue.of_folder(Path(family))
         if as_json:
-            print_json([{"name": name, "title": title} for name, title in own.scenarios.items()])
+            print_json(
+                [
+                    {"name": name, "title": title}
+                    for name, title in own.scenarios.items()
+                ]
+            )
         else:
             _print_scenarios([own])
         if own.problems:
@@ -75,8 +82,15 @@ def _print_families(families: list[Family]) -> None:
         Column("such as", kind="text"),
     ]
     rows = [
-        (family.name, len(family.scenarios), family.title, next(iter(family.scenarios), ""))
+        (
+            family.name,
+            len(family.scenarios),
+            family.title,
+            next(iter(family.scenarios), ""),
+        )
         for family in families
     ]
     print_table(Table("", columns, rows), is_folded=True)
-    out.print("`desat list FAMILY` has a family's scenarios, `desat list --all` all of them")
+    out.print(
+        "`desat list FAMILY` has a family's scenarios, `desat list --all` all of them"
+    )

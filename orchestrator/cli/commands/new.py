@@ -13,38 +13,58 @@ from ...report.table import Column, Table
 from .. import options as o
 from ..console import app, example, out, print_json, print_table, warn
 
-news = typer.Typer(no_args_is_help=True, rich_markup_mode=None,
-                   help="Begin something of your own: a craft, a law, a block.")  # fmt: skip
+news = typer.Typer(
+    no_args_is_help=True,
+    rich_markup_mode=None,
+    help="Begin something of your own: a craft, a law, a block.",
+)
 app.add_typer(news, name="new")
 
 
-@news.command(epilog=example("desat new craft my12u --size 12U --altitude 400km --rods 0.2"))
+@news.command(
+    epilog=example("desat new craft my12u --size 12U --altitude 400km --rods 0.2")
+)
 def craft(
     folder: Annotated[Path, typer.Argument(metavar="FOLDER", help="Where it goes.")],
-    altitude: Annotated[str | None, typer.Option(help="Of a circular orbit: 400km.")] = None,
+    altitude: Annotated[
+        str | None, typer.Option(help="Of a circular orbit: 400km.")
+    ] = None,
     inclination: Annotated[str | None, typer.Option(help="51.6deg.")] = None,
     sso: Annotated[
-        str | None, typer.Option(help="A Sun-synchronous orbit of this altitude: 500km.")
+        str | None,
+        typer.Option(help="A Sun-synchronous orbit of this altitude: 500km."),
     ] = None,
     ltan: Annotated[
         str | None, typer.Option(help="Its local time of the ascending node: 10:30.")
     ] = None,
-    tle: Annotated[Path | None, typer.Option(help="A file with a two-line element set.")] = None,
+    tle: Annotated[
+        Path | None, typer.Option(help="A file with a two-line element set.")
+    ] = None,
     orbit: Annotated[
         str | None,
-        typer.Option(help="geo, gto, molniya, or heights of perigee and apogee: 500x39860km."),
+        typer.Option(
+            help="geo, gto, molniya, or heights of perigee and apogee: 500x39860km."
+        ),
     ] = None,
     sun: Annotated[
         str | None, typer.Option(help="Deep space, a circle about the Sun: 1.52AU.")
     ] = None,
-    epoch: Annotated[str | None, typer.Option(help="UTC of t = 0: 2027-01-01T00:00:00Z.")] = None,
+    epoch: Annotated[
+        str | None, typer.Option(help="UTC of t = 0: 2027-01-01T00:00:00Z.")
+    ] = None,
     mass: Annotated[str | None, typer.Option(help="16kg.")] = None,
-    size: Annotated[str | None, typer.Option(help="A CubeSat of so many units: 12U.")] = None,
-    box: Annotated[str | None, typer.Option(help="Sides along x, y, z: 0.5,0.5,0.8 (m).")] = None,
+    size: Annotated[
+        str | None, typer.Option(help="A CubeSat of so many units: 12U.")
+    ] = None,
+    box: Annotated[
+        str | None, typer.Option(help="Sides along x, y, z: 0.5,0.5,0.8 (m).")
+    ] = None,
     inertia: Annotated[
         str | None, typer.Option(help="Principal moments: 0.2,0.2,0.1 (kg m2).")
     ] = None,
-    wheels: Annotated[str | None, typer.Option(help='"4 pyramid 30mNms", "3 axes 0.2Nms".')] = None,
+    wheels: Annotated[
+        str | None, typer.Option(help='"4 pyramid 30mNms", "3 axes 0.2Nms".')
+    ] = None,
     rods: Annotated[
         str | None,
         typer.Option(
@@ -64,7 +84,8 @@ def craft(
         ),
     ] = None,
     panel: Annotated[
-        str | None, typer.Option(help='One that follows the Sun, its area and arm: "13m2 1.35m".')
+        str | None,
+        typer.Option(help='One that follows the Sun, its area and arm: "13m2 1.35m".'),
     ] = None,
     isp: Annotated[str | None, typer.Option(help="Specific impulse: 220s.")] = None,
     propellant: Annotated[str | None, typer.Option(help="In the tank: 5kg.")] = None,
@@ -97,22 +118,45 @@ def craft(
             "(default: what is stable with full wheels)."
         ),
     ] = None,
-    force: Annotated[bool, typer.Option("--force", help="Into a folder that exists.")] = False,
+    force: Annotated[
+        bool, typer.Option("--force", help="Into a folder that exists.")
+    ] = False,
     as_json: o.Json = False,
 ) -> None:
-    """A craft of your own: a folder with craft.toml and the scenarios nominal, worst and, with
-    rods, detumbling, which runs at once. What you do not say is typical of its class, and
-    marked."""
+    """A craft of your own: a folder with craft.toml and the scenarios nominal, worst
+    and, with rods, detumbling, which runs at once. What you do not say is typical of
+    its class, and marked."""
     from ...begin import craft as new_craft
     from ...begin.facts import CraftFacts
     from ...begin.orbits import doubts
     from ...files.paths import shown
 
     wanted = CraftFacts(
-        altitude, inclination, sso, ltan, tle, epoch, mass, size, box, inertia, wheels, rods,
-        thrusters, pointing, residual_dipole, orbit, dump, panel, sun, secular, torque, propellant,
-        isp, sample,
-    )  # fmt: skip
+        altitude,
+        inclination,
+        sso,
+        ltan,
+        tle,
+        epoch,
+        mass,
+        size,
+        box,
+        inertia,
+        wheels,
+        rods,
+        thrusters,
+        pointing,
+        residual_dipole,
+        orbit,
+        dump,
+        panel,
+        sun,
+        secular,
+        torque,
+        propellant,
+        isp,
+        sample,
+    )
     command = shlex.join(["desat", *sys.argv[1:]])
     made = new_craft.write(folder, wanted, command, force)
     warn([*doubts(wanted), *_doubts_of(folder)])
@@ -122,10 +166,16 @@ def craft(
         return
     names = ", ".join(x.name for x in made.files)
     out.print(f"{shown(folder)}: {names}", highlight=False, markup=False)
-    columns = [Column(title, kind="text") for title in ("quantity", "value", "unit", "from")]
+    columns = [
+        Column(title, kind="text") for title in ("quantity", "value", "unit", "from")
+    ]
     print_table(Table("", columns, made.assumptions), is_folded=True)
-    out.print(f"desat run {shown(folder)}    # nominal; desat size {shown(folder)} what it "
-              "needs", highlight=False, markup=False)  # fmt: skip
+    out.print(
+        f"desat run {shown(folder)}    # nominal; desat size {shown(folder)} what it "
+        "needs",
+        highlight=False,
+        markup=False,
+    )
 
 
 def _doubts_of(folder: Path) -> list[str]:
@@ -141,30 +191,41 @@ def _doubts_of(folder: Path) -> list[str]:
 @news.command(epilog=example("desat new law my_law"))
 def law(
     file: Annotated[Path, typer.Argument(metavar="NAME", help="Of the file: my_law.")],
-    force: Annotated[bool, typer.Option("--force", help="Over files that exist.")] = False,
+    force: Annotated[
+        bool, typer.Option("--force", help="Over files that exist.")
+    ] = False,
     as_json: o.Json = False,
 ) -> None:
-    """A law of your own: a manager's block in twenty lines, which flies as it is in any craft with
-    coils and wheels, and a test of it. `desat run CRAFT --source manager=NAME.py` builds it."""
+    """A law of your own: a manager's block in twenty lines, which flies as it is in any
+    craft with coils and wheels, and a test of it.
+    `desat run CRAFT --source manager=NAME.py` builds it."""
     from ...begin import block as new_block
 
-    _print(new_block.write_law(file, force), "manager", "a craft of yours or ours", as_json)
+    _print(
+        new_block.write_law(file, force), "manager", "a craft of yours or ours", as_json
+    )
 
 
 @news.command(epilog=example("desat new block rate_gyro my_gyro"))
 def block(
     what: Annotated[
         str,
-        typer.Argument(metavar="ROLE|BLOCK", help="magnetometer, or a block of ours: rate_gyro."),
+        typer.Argument(
+            metavar="ROLE|BLOCK", help="magnetometer, or a block of ours: rate_gyro."
+        ),
     ],
     file: Annotated[
-        Path | None, typer.Argument(metavar="[NAME]", help="Of the file (default: my_ROLE).")
+        Path | None,
+        typer.Argument(metavar="[NAME]", help="Of the file (default: my_ROLE)."),
     ] = None,
-    force: Annotated[bool, typer.Option("--force", help="Over files that exist.")] = False,
+    force: Annotated[
+        bool, typer.Option("--force", help="Over files that exist.")
+    ] = False,
     as_json: o.Json = False,
 ) -> None:
-    """A block of your own: a file that derives from a block of ours and flies as it is, with the
-    place where yours goes, and a test of it. Of the role manager it is a law (`new law`)."""
+    """A block of your own: a file that derives from a block of ours and flies as it is,
+    with the place where yours goes, and a test of it. Of the role manager it is a law
+    (`new law`)."""
     from desat.fmus.registry import block_class
 
     from ...begin import block as new_block
@@ -180,5 +241,8 @@ def _print(made: list[Path], role: str, where: str, as_json: bool) -> None:
         print_json({"files": [str(x) for x in made]})
         return
     out.print(", ".join(shown(x) for x in made), highlight=False, markup=False)
-    out.print(f"desat run CRAFT --source {role}={shown(made[0])}    # {where}",
-              highlight=False, markup=False)  # fmt: skip
+    out.print(
+        f"desat run CRAFT --source {role}={shown(made[0])}    # {where}",
+        highlight=False,
+        markup=False,
+    )

@@ -29,7 +29,10 @@ def pack(
     ] = None,
     ssd: Annotated[
         bool,
-        typer.Option("--ssd", help="Instead, write the standard SSD of crafts beside their files."),
+        typer.Option(
+            "--ssd",
+            help="Instead, write the standard SSD of crafts beside their files.",
+        ),
     ] = False,
     fmus: Annotated[
         choices.Fmus | None,
@@ -56,8 +59,15 @@ def pack(
         return
     kind = fmus if fmus else "native" if library.portable() else "python"
     files = [Path(n) for n in names or () if n.endswith(".toml")]
-    ours = [find(n) for n in names if not n.endswith(".toml")] if names else scenarios().values()
-    wanted = [*((own(f), f.with_suffix(".ssp")) for f in files), *((s, None) for s in ours)]
+    ours = (
+        [find(n) for n in names if not n.endswith(".toml")]
+        if names
+        else scenarios().values()
+    )
+    wanted = [
+        *((own(f), f.with_suffix(".ssp")) for f in files),
+        *((s, None) for s in ours),
+    ]
     told: list[str] = []
     packed = [
         str(
@@ -73,7 +83,9 @@ def pack(
         for scenario, target in wanted
     ]
     if not names:
-        for left in paths.packed_folder().rglob("*.part"):  # of a command that was killed
+        for left in paths.packed_folder().rglob(
+            "*.part"
+        ):  # of a command that was killed
             if time.time() - left.stat().st_mtime > 60.0:
                 left.unlink(missing_ok=True)
     for text in told:

@@ -13,7 +13,9 @@ from ..console import app, example, out, warn
 @app.command(epilog=example("desat report runs/my12u --open"))
 def report(
     folder: Annotated[Path, typer.Argument(metavar="RUN", help="A run folder.")],
-    show: Annotated[bool, typer.Option("--open", help="Open it in the browser, too.")] = False,
+    show: Annotated[
+        bool, typer.Option("--open", help="Open it in the browser, too.")
+    ] = False,
 ) -> None:
     """Write the report of a run again, also of one that was killed."""
     from ...report.report import write_report

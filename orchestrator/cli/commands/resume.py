@@ -21,8 +21,11 @@ WAIT = 10.0
 def resume(
     folder: Annotated[
         Path,
-        typer.Argument(metavar="RUN", show_default=False,
-                       help="The folder of a run with --checkpoint that was ended."),
+        typer.Argument(
+            metavar="RUN",
+            show_default=False,
+            help="The folder of a run with --checkpoint that was ended.",
+        ),
     ],
     csv: Annotated[bool, typer.Option("--csv", help="Write series.csv too.")] = False,
     baseline: Annotated[
@@ -30,7 +33,7 @@ def resume(
     ] = True,
     everything: o.Everything = False,
     as_json: o.Json = False,
-) -> None:  # fmt: skip
+) -> None:
     """Continue a run from its newest checkpoint, with the same bits."""
     from ...runs import run as study
 
@@ -40,5 +43,12 @@ def resume(
         options = study.options_of(folder)
         finished = study.resume(folder.absolute(), progress=not as_json)
         warn(finished.manifest.warnings)
-        conclude(finished, options, folder, csv=csv, baseline=baseline, everything=everything,
-                 as_json=as_json)  # fmt: skip
+        conclude(
+            finished,
+            options,
+            folder,
+            csv=csv,
+            baseline=baseline,
+            everything=everything,
+            as_json=as_json,
+        )

@@ -16,7 +16,17 @@ from ...system import choices
 from ...system.errors import DesatError, Exit, RunError
 from ...system.quantity import Quantity
 from .. import options as o
-from ..console import app, err, example, name_of, out, print_json, print_table, to_print, warn
+from ..console import (
+    app,
+    err,
+    example,
+    name_of,
+    out,
+    print_json,
+    print_table,
+    to_print,
+    warn,
+)
 
 if TYPE_CHECKING:
     from ...runs.run import Case, Options, Run
@@ -39,15 +49,20 @@ def run(
     fmus: o.Fmus = "native",
     design: o.DesignOption = None,
     folder: Annotated[
-        Path | None, typer.Option("--out", help="Run folder (default: a new one under runs/).")
+        Path | None,
+        typer.Option("--out", help="Run folder (default: a new one under runs/)."),
     ] = None,
     record: Annotated[
         list[str] | None,
-        typer.Option(help="Record only outputs that fit, as 'manager.*'. May be repeated."),
+        typer.Option(
+            help="Record only outputs that fit, as 'manager.*'. May be repeated."
+        ),
     ] = None,
     every: Annotated[
         int,
-        typer.Option(help="Keep the rows of every n-th step; numbers are made of all.", min=1),
+        typer.Option(
+            help="Keep the rows of every n-th step; numbers are made of all.", min=1
+        ),
     ] = 1,
     csv: Annotated[bool, typer.Option("--csv", help="Write series.csv too.")] = False,
     baseline: Annotated[
@@ -58,44 +73,73 @@ def run(
     loop: o.LoopOption = "compiled",
     call_limit: Annotated[
         float,
-        o.number(Quantity("--call-limit", "s", 0.1, o.LONGEST), "SECONDS",
-                 "Wall time that one call of a component may take; the command then ends with 5."),
+        o.number(
+            Quantity("--call-limit", "s", 0.1, o.LONGEST),
+            "SECONDS",
+            "Wall time that one call of a component may take; the command then ends with 5.",
+        ),
     ] = 300.0,
     isolate: Annotated[
         choices.Isolate,
-        typer.Option(help="FMUs that run in a process each, so that one that crashes or hangs ends "
-                     "no other: those that are not ours, all, or none."),
+        typer.Option(
+            help="FMUs that run in a process each, so that one that crashes or hangs ends "
+            "no other: those that are not ours, all, or none."
+        ),
     ] = "foreign",
     trust: o.Trust = None,
     strict: o.Strict = False,
     outside: o.Outside = False,
     halve: Annotated[
         int,
-        typer.Option(metavar="TIMES", min=0, max=20,
-                     help="A step that a foreign FMU discards is made anew in 2, 4, ... parts, so "
-                     "many times at most."),
+        typer.Option(
+            metavar="TIMES",
+            min=0,
+            max=20,
+            help="A step that a foreign FMU discards is made anew in 2, 4, ... parts, so "
+            "many times at most.",
+        ),
     ] = 0,
     checkpoint: Annotated[
         float | None,
-        o.number(Quantity("--checkpoint", "s"), "SECONDS",
-                 "Save the run each time so many simulated seconds are over: `desat resume RUN` "
-                 "goes on from there."),
+        o.number(
+            Quantity("--checkpoint", "s"),
+            "SECONDS",
+            "Save the run each time so many simulated seconds are over: `desat resume RUN` "
+            "goes on from there.",
+        ),
     ] = None,
     everything: o.Everything = False,
     as_json: o.Json = False,
-) -> None:  # fmt: skip
+) -> None:
     """Run a scenario and write a run folder: series, manifest, report."""
     from ...runs.run import prepare, simulate
     from ...runs.validation import room
 
     options = o.options_of(
-        sets, stop, step, algorithm, blocks, classes, sources, record=tuple(record or ("*",)),
-        every=every, design=design, substeps=substeps, accuracy=accuracy,
-        time_limit=time_limit, loop=loop, fmus=fmus, trust=trust, strict=strict,
+        sets,
+        stop,
+        step,
+        algorithm,
+        blocks,
+        classes,
+        sources,
+        record=tuple(record or ("*",)),
+        every=every,
+        design=design,
+        substeps=substeps,
+        accuracy=accuracy,
+        time_limit=time_limit,
+        loop=loop,
+        fmus=fmus,
+        trust=trust,
+        strict=strict,
         outside=outside,
         supervised=True,
-        call_limit=call_limit, checkpoint=checkpoint, halvings=halve, isolate=isolate,
-    )  # fmt: skip
+        call_limit=call_limit,
+        checkpoint=checkpoint,
+        halvings=halve,
+        isolate=isolate,
+    )
     _free(folder)
     case = prepare(target, options)
     case.or_raise()
@@ -106,8 +150,15 @@ def run(
         finished = simulate(case, place, progress=not as_json)
         _tell_isolation(case, finished, as_json)
         warn(finished.manifest.warnings[len(case.checked.warnings) :])
-        conclude(finished, options, place, csv=csv, baseline=baseline, everything=everything,
-                 as_json=as_json)  # fmt: skip
+        conclude(
+            finished,
+            options,
+            place,
+            csv=csv,
+            baseline=baseline,
+            everything=everything,
+            as_json=as_json,
+        )
 
 
 def _tell_isolation(case: Case, finished: Run, as_json: bool) -> None:
@@ -121,19 +172,29 @@ def _tell_isolation(case: Case, finished: Run, as_json: bool) -> None:
     turns = finished.manifest.substeps or 1
     micros = 1e6 * cost_of_a_turn() * len(names) * turns
     each = "a process of its own" if len(names) == 1 else "processes of their own"
-    err.print(f"note: {', '.join(names)}: in {each}, which costs about {micros:.3g} us of "
-              f"{finished.manifest.us_per_step} us a step; --isolate none saves that, and a crash "
-              "of such an FMU then ends the run")  # fmt: skip
+    err.print(
+        f"note: {', '.join(names)}: in {each}, which costs about {micros:.3g} us of "
+        f"{finished.manifest.us_per_step} us a step; --isolate none saves that, and a crash "
+        "of such an FMU then ends the run"
+    )
 
 
 def conclude(
-    finished: Run, options: Options, folder: Path, *, csv: bool, baseline: bool, everything: bool,
+    finished: Run,
+    options: Options,
+    folder: Path,
+    *,
+    csv: bool,
+    baseline: bool,
+    everything: bool,
     as_json: bool,
-) -> None:  # fmt: skip
+) -> None:
     """What follows a run: its baseline, the report, and how the command ends."""
     from ...engine import checkpoint
 
-    other = _run_baseline(finished, options, folder) if baseline and finished.ok else None
+    other = (
+        _run_baseline(finished, options, folder) if baseline and finished.ok else None
+    )
     page = _report(finished, other, folder)
     if csv:
         _csv(finished, folder)
@@ -146,7 +207,8 @@ def conclude(
 
 
 def _report(finished: Run, other: Run | None, folder: Path) -> Path | None:
-    """Write the report; None where there is no room for that of a run that did not end well."""
+    """Write the report; None where there is no room for that of a run that did not end
+    well."""
     from ...report import report as report_module
 
     with _room(finished, folder, "report"):
@@ -166,8 +228,8 @@ def _csv(finished: Run, folder: Path) -> None:
 
 @contextmanager
 def _room(finished: Run, folder: Path, what: str) -> Iterator[None]:
-    """Within: what has no room on the disk is left out of a run that did not end well, with a
-    warning. Raises RunError for one that did."""
+    """Within: what has no room on the disk is left out of a run that did not end well,
+    with a warning. Raises RunError for one that did."""
     from ...engine.process_state import no_space
 
     try:
@@ -182,10 +244,14 @@ def _room(finished: Run, folder: Path, what: str) -> Iterator[None]:
 
 def _free(folder: Path | None) -> None:
     """Raise DesatError for a folder that holds something."""
-    if folder is not None and folder.exists() and (
-        not folder.is_dir() or any(p.name != io.LOCK for p in folder.iterdir())
-    ):  # fmt: skip
-        raise DesatError(f"--out {folder}: it exists already and is not an empty folder")
+    if (
+        folder is not None
+        and folder.exists()
+        and (not folder.is_dir() or any(p.name != io.LOCK for p in folder.iterdir()))
+    ):
+        raise DesatError(
+            f"--out {folder}: it exists already and is not an empty folder"
+        )
 
 
 @contextmanager
@@ -223,22 +289,32 @@ def _run_baseline(finished: Run, options: Options, folder: Path) -> Run | None:
     if has_checkpoints(baseline_folder):
         other = resume(baseline_folder.absolute())
     else:
-        other = execute(name, replace(options, sets=[], sources=[], design=None), baseline_folder)
-    finished.manifest = related_to(finished.manifest, {about["baseline"]: other.manifest})
+        other = execute(
+            name, replace(options, sets=[], sources=[], design=None), baseline_folder
+        )
+    finished.manifest = related_to(
+        finished.manifest, {about["baseline"]: other.manifest}
+    )
     end_manifest(folder, finished.manifest)
     return other
 
 
 def _report_run(
-    finished: Run, other: Run | None, folder: Path, page: Path | None, everything: bool,
+    finished: Run,
+    other: Run | None,
+    folder: Path,
+    page: Path | None,
+    everything: bool,
     as_json: bool,
-) -> None:  # fmt: skip
+) -> None:
     from ...engine.recording.results import SERIES
     from ...report.run_tables import tabulate_numbers
 
     manifest = finished.manifest
     if as_json:
-        print_json({**manifest.to_json(), "folder": str(folder), "report": page and str(page)})
+        print_json(
+            {**manifest.to_json(), "folder": str(folder), "report": page and str(page)}
+        )
         return
     if not manifest.completed:
         err.print(f"{manifest.status}: {manifest.message}")
@@ -249,7 +325,9 @@ def _report_run(
     for line in other.manifest.not_met if other else ():
         err.print(f"baseline: not met: {line}")
     titles = ["this run", *(["baseline"] if other else [])]
-    table = tabulate_numbers(manifest, other.manifest if other else None, titles, has_verdicts=True)
+    table = tabulate_numbers(
+        manifest, other.manifest if other else None, titles, has_verdicts=True
+    )
     names = list(manifest.numbers)
     judged = {v.number for v in manifest.verdicts.values()}
     shown = to_print(names, judged, everything)
@@ -262,4 +340,4 @@ def _report_run(
     out.print(
         f"{manifest.steps_done} steps, {manifest.us_per_step} us a step; series in "
         f"{folder / SERIES}{report}",
-    )  # fmt: skip
+    )

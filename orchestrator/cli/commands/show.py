@@ -14,13 +14,16 @@ from ..console import app, example, print_rows
 def show(
     name: Annotated[
         str,
-        typer.Argument(metavar="NAME|FILE|FOLDER", help="A scenario, as "
-                       "uosat12/table2-ocdc-ilqr-1, a scenario file of your own (.toml), or a "
-                       "craft's folder.",
-                       autocompletion=o.complete_name),
+        typer.Argument(
+            metavar="NAME|FILE|FOLDER",
+            help="A scenario, as "
+            "uosat12/table2-ocdc-ilqr-1, a scenario file of your own (.toml), or a "
+            "craft's folder.",
+            autocompletion=o.complete_name,
+        ),
     ],
     as_json: o.Json = False,
-) -> None:  # fmt: skip
+) -> None:
     """Print a scenario as merged, and where each value comes from."""
     from ...runs import explain
 

@@ -27,13 +27,20 @@ def size(
     ctx: typer.Context,
     target: o.Target,
     duty: Annotated[
-        float, o.number(quantities.DUTY, "PERCENT", "Duty of the coils to recommend rods for.")
+        float,
+        o.number(
+            quantities.DUTY, "PERCENT", "Duty of the coils to recommend rods for."
+        ),
     ] = 50.0,
     margin: Annotated[
-        float, o.number(quantities.MARGIN, "FACTOR", "Of recommended rods over the least ones.")
+        float,
+        o.number(
+            quantities.MARGIN, "FACTOR", "Of recommended rods over the least ones."
+        ),
     ] = 1.3,
     slew: Annotated[
-        str | None, typer.Option(metavar="DEG/S", help="A slew that wheels make: 60/300.")
+        str | None,
+        typer.Option(metavar="DEG/S", help="A slew that wheels make: 60/300."),
     ] = None,
     tip_off: Annotated[
         float | None,
@@ -44,37 +51,52 @@ def size(
         ),
     ] = None,
     arm: Annotated[
-        float | None, o.number(quantities.ARM, "M", "Of thrusters (default: the craft's).")
+        float | None,
+        o.number(quantities.ARM, "M", "Of thrusters (default: the craft's)."),
     ] = None,
     isp: Annotated[
-        float | None, o.number(quantities.ISP, "S", "Specific impulse (default: the craft's).")
+        float | None,
+        o.number(quantities.ISP, "S", "Specific impulse (default: the craft's)."),
     ] = None,
     laws: Annotated[
         bool | None,
         typer.Option(
-            "--laws/--own-law", help="Other laws than the craft's, too (default: yes, of a map no)."
+            "--laws/--own-law",
+            help="Other laws than the craft's, too (default: yes, of a map no).",
         ),
     ] = None,
     year: Annotated[
         bool, typer.Option("--year/--no-year", help="The extremes of a year, too.")
     ] = True,
     loop: Annotated[
-        bool, typer.Option("--loop/--no-loop", help="Fly the sizes that count in the closed loop.")
+        bool,
+        typer.Option(
+            "--loop/--no-loop", help="Fly the sizes that count in the closed loop."
+        ),
     ] = True,
     as_map: Annotated[
-        bool, typer.Option("--map", help="A map over rods, inclinations, altitudes, dipoles.")
+        bool,
+        typer.Option(
+            "--map", help="A map over rods, inclinations, altitudes, dipoles."
+        ),
     ] = False,
     rods: Annotated[
-        str | None, typer.Option(metavar="A.M2,...", help="Of a map (default: by the least rod).")
+        str | None,
+        typer.Option(metavar="A.M2,...", help="Of a map (default: by the least rod)."),
     ] = None,
     inclinations: Annotated[
-        str | None, typer.Option(metavar="DEG,...", help="Of a map (default: 10 to 97.5).")
+        str | None,
+        typer.Option(metavar="DEG,...", help="Of a map (default: 10 to 97.5)."),
     ] = None,
     altitudes: Annotated[
-        str | None, typer.Option(metavar="KM,...", help="Of a map (default: 350 to 900).")
+        str | None,
+        typer.Option(metavar="KM,...", help="Of a map (default: 350 to 900)."),
     ] = None,
     dipoles: Annotated[
-        str | None, typer.Option(metavar="A.M2,...", help="Of a map (default: by its residual one)")
+        str | None,
+        typer.Option(
+            metavar="A.M2,...", help="Of a map (default: by its residual one)"
+        ),
     ] = None,
     sets: o.Sets = None,
     sources: o.Sources = None,
@@ -82,16 +104,17 @@ def size(
     blocks: o.Blocks = False,
     jobs: o.Jobs = o.CPUS,
     html: Annotated[
-        Path | None, o.output_file("--html", "Where the page goes (default: runs/size-NAME.html).")
+        Path | None,
+        o.output_file("--html", "Where the page goes (default: runs/size-NAME.html)."),
     ] = None,
     as_json: o.Json = False,
 ) -> None:
     """Size the wheels, torquers and propellant of a craft.
 
-    By source and over a year: what the disturbances leave in the wheels, the least rod of any law,
-    duty and momentum over rods law by law, and the rods for the duty asked for; of a craft that
-    dumps by thrusters, how often and with how much propellant. Ends with 1 where the craft cannot
-    hold.
+    By source and over a year: what the disturbances leave in the wheels, the least rod
+    of any law, duty and momentum over rods law by law, and the rods for the duty asked
+    for; of a craft that dumps by thrusters, how often and with how much propellant.
+    Ends with 1 where the craft cannot hold.
     """
     from ...sizing import dumps, sizing
     from ...sizing import map as sizing_map
@@ -102,8 +125,15 @@ def size(
     angle, seconds = _slew(slew)
     by_thrusters = dumps.is_of(target, options)
     if by_thrusters:
-        o.refuse(ctx, "it is of coils, and this craft dumps by thrusters", "duty", "margin",
-                 "tip_off", "laws", "as_map")  # fmt: skip
+        o.refuse(
+            ctx,
+            "it is of coils, and this craft dumps by thrusters",
+            "duty",
+            "margin",
+            "tip_off",
+            "laws",
+            "as_map",
+        )
     requirements = SizingRequirements(
         duty=duty / 100.0,
         margin=margin,
@@ -116,25 +146,43 @@ def size(
         year=year,
         flown=loop,
     )
-    given = {"rods": (quantities.RODS, rods),
-             "inclinations": (quantities.INCLINATIONS, inclinations),
-             "altitudes": (quantities.ALTITUDES, altitudes),
-             "dipoles": (quantities.DIPOLES, dipoles)}  # fmt: skip
+    given = {
+        "rods": (quantities.RODS, rods),
+        "inclinations": (quantities.INCLINATIONS, inclinations),
+        "altitudes": (quantities.ALTITUDES, altitudes),
+        "dipoles": (quantities.DIPOLES, dipoles),
+    }
     if as_map:
-        o.refuse(ctx, "a map has none of it: leave --map out", "slew", "tip_off", "arm", "isp",
-                 "year", "loop")  # fmt: skip
+        o.refuse(
+            ctx,
+            "a map has none of it: leave --map out",
+            "slew",
+            "tip_off",
+            "arm",
+            "isp",
+            "year",
+            "loop",
+        )
     else:
         o.refuse(ctx, "it belongs to --map", *given)
-    page = html or Path("runs") / f"size-{'map-' if as_map else ''}{name_of(target)}.html"
+    page = (
+        html or Path("runs") / f"size-{'map-' if as_map else ''}{name_of(target)}.html"
+    )
     with stages(not as_json) as progress:
         if as_map:
-            values = {k: quantity.many(text) if text is not None else ()
-                      for k, (quantity, text) in given.items()}  # fmt: skip
+            values = {
+                k: quantity.many(text) if text is not None else ()
+                for k, (quantity, text) in given.items()
+            }
             values["altitudes"] = tuple(1e3 * x for x in values["altitudes"])
             axes = sizing_map.MapAxes(**values, laws=laws is True)
-            map_made = sizing_map.map_of(target, options, axes, requirements, jobs, progress)
+            map_made = sizing_map.map_of(
+                target, options, axes, requirements, jobs, progress
+            )
         elif by_thrusters:
-            found = dumps.size(target, options, requirements, progress, _print_sized(as_json))
+            found = dumps.size(
+                target, options, requirements, progress, _print_sized(as_json)
+            )
         else:
             made = sizing.size(target, options, requirements, progress)
     if by_thrusters:
@@ -184,10 +232,14 @@ def _slew(text: str | None) -> tuple[float, float]:
         return 0.0, 0.0
     parts = text.split("/")
     if len(parts) != 2:
-        raise DesatError(f"--slew {text}: an angle in deg and a time in s are needed, as 60/300")
+        raise DesatError(
+            f"--slew {text}: an angle in deg and a time in s are needed, as 60/300"
+        )
     angle, seconds = quantities.SLEW_ANGLE(parts[0]), quantities.SLEW_TIME(parts[1])
     if not (angle > 0.0 and seconds > 0.0):
-        raise DesatError(f"--slew {text}: an angle and a time above 0 are needed, as 60/300")
+        raise DesatError(
+            f"--slew {text}: an angle and a time above 0 are needed, as 60/300"
+        )
     return angle, seconds
 
 

@@ -14,20 +14,27 @@ if TYPE_CHECKING:
     from ...campaign.draws import Sweep, SweepPoint
 
 
-@app.command(epilog=example("desat sweep my12u manager.gain=0.001,0.002,0.004 --stop 2orbits"))
+@app.command(
+    epilog=example("desat sweep my12u manager.gain=0.001,0.002,0.004 --stop 2orbits")
+)
 def sweep(
     ctx: typer.Context,
     target: o.Target,
     axes: Annotated[
         list[str],
-        typer.Argument(metavar="COMP.VAR=A,B,C...",
-                       help="A parameter and its values (arrays with ; between them); several "
-                       "give every combination."),
+        typer.Argument(
+            metavar="COMP.VAR=A,B,C...",
+            help="A parameter and its values (arrays with ; between them); several "
+            "give every combination.",
+        ),
     ],
     draws: Annotated[
         int,
-        typer.Option("--samples", min=0,
-                     help="Print medians of this many random samples (0: none)."),
+        typer.Option(
+            "--samples",
+            min=0,
+            help="Print medians of this many random samples (0: none).",
+        ),
     ] = 0,
     seed: Annotated[int, typer.Option(help="Seed of the random samples.", min=0)] = 1,
     sets: o.Sets = None,
@@ -41,16 +48,26 @@ def sweep(
     time_limit: o.TimeLimit = None,
     jobs: o.Jobs = o.CPUS,
     as_json: o.Json = False,
-) -> None:  # fmt: skip
+) -> None:
     """Run a system at several values of parameters, and print its numbers by value."""
     from ...campaign import draws as study
 
     if not draws:
         o.refuse(ctx, "it goes with --samples", "seed")
-    options = o.options_of(sets, stop, step, algorithm, blocks, substeps=substeps,
-                         accuracy=accuracy, time_limit=time_limit, fmus=fmus)  # fmt: skip
-    result = study.sweep(target, study.axes_of(axes), options, jobs, not as_json, draws=draws,
-                         seed=seed)  # fmt: skip
+    options = o.options_of(
+        sets,
+        stop,
+        step,
+        algorithm,
+        blocks,
+        substeps=substeps,
+        accuracy=accuracy,
+        time_limit=time_limit,
+        fmus=fmus,
+    )
+    result = study.sweep(
+        target, study.axes_of(axes), options, jobs, not as_json, draws=draws, seed=seed
+    )
     warn(result.warnings)
     if as_json:
         print_json(result.to_json())
@@ -79,7 +96,10 @@ def _tabulate(result: Sweep) -> Table:
             *(Column(name, unit) for name, unit in units.items()),
         ]
         rows: list[Row] = [
-            [*map(_text, point.values.values()), *(_cell(point, name) for name in units)]
+            [
+                *map(_text, point.values.values()),
+                *(_cell(point, name) for name in units),
+            ]
             for point in points
         ]
         return Table("", columns, rows)
@@ -88,9 +108,13 @@ def _tabulate(result: Sweep) -> Table:
         *(Column("", ROW_UNIT) for _ in points),
         Column("", kind="unit"),
     ]
-    rows = [[axis, *(_text(point.values[axis]) for point in points), ""] for axis in result.axes]
+    rows = [
+        [axis, *(_text(point.values[axis]) for point in points), ""]
+        for axis in result.axes
+    ]
     rows += [
-        [name, *(_cell(point, name) for point in points), unit] for name, unit in units.items()
+        [name, *(_cell(point, name) for point in points), unit]
+        for name, unit in units.items()
     ]
     return Table("", columns, rows, has_header=False)
 

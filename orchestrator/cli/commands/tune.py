@@ -18,7 +18,9 @@ if TYPE_CHECKING:
 BETWEEN = Quantity("--between")
 
 
-@app.command(epilog=example("desat tune my12u manager.gain --for sum_rms --stop 2orbits"))
+@app.command(
+    epilog=example("desat tune my12u manager.gain --for sum_rms --stop 2orbits")
+)
 def tune(
     target: o.Target,
     parameter: Annotated[
@@ -26,18 +28,28 @@ def tune(
     ],
     number: Annotated[
         str,
-        typer.Option("--for", metavar="NUMBER",
-                     help="Of the scenario, or a standard one such as coil_duty: its median over "
-                     "the random samples is minimised."),
+        typer.Option(
+            "--for",
+            metavar="NUMBER",
+            help="Of the scenario, or a standard one such as coil_duty: its median over "
+            "the random samples is minimised.",
+        ),
     ],
-    most: Annotated[bool, typer.Option("--most", help="Make it as large as can be.")] = False,
+    most: Annotated[
+        bool, typer.Option("--most", help="Make it as large as can be.")
+    ] = False,
     between: Annotated[
         str | None,
-        typer.Option(metavar="LOW,HIGH",
-                     help="The range (default: a tenth to ten times what it has)."),
+        typer.Option(
+            metavar="LOW,HIGH",
+            help="The range (default: a tenth to ten times what it has).",
+        ),
     ] = None,
     count: Annotated[
-        int, typer.Option("-n", "--count", min=1, help="Random samples that it is tuned with.")
+        int,
+        typer.Option(
+            "-n", "--count", min=1, help="Random samples that it is tuned with."
+        ),
     ] = 8,
     unseen: Annotated[
         int, typer.Option(help="Further random samples that test the result.", min=1)
@@ -53,28 +65,48 @@ def tune(
     time_limit: o.TimeLimit = None,
     jobs: o.Jobs = o.CPUS,
     as_json: o.Json = False,
-) -> None:  # fmt: skip
+) -> None:
     """Find the best value of a parameter over random samples.
 
-    The median of a number over the samples is minimised, and no requirement may be missed more
-    often than now. Further samples test the result: 1 where they do not confirm it.
+    The median of a number over the samples is minimised, and no requirement may be
+    missed more often than now. Further samples test the result: 1 where they do not
+    confirm it.
     """
     from ...studies import tune as study
 
-    options = o.options_of(sets, stop, step, "gauss_seidel", blocks, substeps=substeps,
-                           accuracy=accuracy, time_limit=time_limit, fmus=fmus)  # fmt: skip
+    options = o.options_of(
+        sets,
+        stop,
+        step,
+        "gauss_seidel",
+        blocks,
+        substeps=substeps,
+        accuracy=accuracy,
+        time_limit=time_limit,
+        fmus=fmus,
+    )
     ends = None
     if between is not None:
         numbers = BETWEEN.many(between)
         if len(numbers) != 2:
-            raise DesatError(f"--between {between}: two numbers are needed, as 1e-4,1e-2")
+            raise DesatError(
+                f"--between {between}: two numbers are needed, as 1e-4,1e-2"
+            )
         ends = numbers[0], numbers[1]
     with stages(not as_json) as tell:
         made = study.tune(
-            target, parameter, number, options, most=most, between=ends, draws=count,
-            unseen=unseen, seed=seed, jobs=jobs,
+            target,
+            parameter,
+            number,
+            options,
+            most=most,
+            between=ends,
+            draws=count,
+            unseen=unseen,
+            seed=seed,
+            jobs=jobs,
             progress=tell,
-        )  # fmt: skip
+        )
     if as_json:
         print_json(made.as_json())
     else:

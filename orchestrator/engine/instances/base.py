@@ -1,9 +1,9 @@
 """Instances: one component that a master can initialise, feed, step and read.
 
-The master fills `inputs[kind]`, calls `push`, `step`, `pull`, and has the outputs in the arrays
-that it gave to `wire`; the arrays stay the same objects from then on, so nothing is allocated in a
-step. `fmu.py` is an FMU through prepared ctypes calls, `isolated.py` one in a process of
-its own, `block.py` the bare block.
+The master fills `inputs[kind]`, calls `push`, `step`, `pull`, and has the outputs in
+the arrays that it gave to `wire`; the arrays stay the same objects from then on, so
+nothing is allocated in a step. `fmu.py` is an FMU through prepared ctypes calls,
+`isolated.py` one in a process of its own, `block.py` the bare block.
 """
 
 from __future__ import annotations
@@ -33,19 +33,21 @@ class EndedError(ComponentError, RunError):
 
 
 class Clock:
-    """The start (s) and the length (s) of the step that components of one rate are about to make:
-    the prepared calls read them where they are."""
+    """The start (s) and the length (s) of the step that components of one rate are
+    about to make: the prepared calls read them where they are."""
 
     def __init__(self, t: float, dt: float) -> None:
         self.t, self.dt = ctypes.c_double(t), ctypes.c_double(dt)
 
 
 class Instance(Protocol):
-    """One component in a running system. Functions that return an int return an FMI status."""
+    """One component in a running system. Functions that return an int return an FMI
+    status."""
 
     name: str
     place: int
-    """PLACE times its place in the order of the schedule: what `current_call` has of it."""
+    """PLACE times its place in the order of the schedule: what `current_call` has of
+    it."""
     messages: list[str]
     """What the component has logged: warnings, errors."""
     inputs: dict[Kind, Array]
@@ -63,17 +65,21 @@ class Instance(Protocol):
         """Read the wired outputs into the arrays that `wire` was given."""
 
     def wire(
-        self, inputs: dict[Kind, list[Signal]], outputs: dict[Kind, list[Signal]],
-        into: dict[Kind, Array], clock: Clock,
-    ) -> None:  # fmt: skip
-        """Choose which inputs are pushed, which outputs are pulled and where to, and the clock
-        that tells each step's start and length."""
+        self,
+        inputs: dict[Kind, list[Signal]],
+        outputs: dict[Kind, list[Signal]],
+        into: dict[Kind, Array],
+        clock: Clock,
+    ) -> None:
+        """Choose which inputs are pushed, which outputs are pulled and where to, and
+        the clock that tells each step's start and length."""
 
     def enter(self, start: float, parameters: Mapping[str, Scalar]) -> None:
         """Set parameters and enter initialisation mode at time `start` (s)."""
 
     def exit(self) -> None:
-        """Leave initialisation mode. Raises ComponentError where the component could not start."""
+        """Leave initialisation mode. Raises ComponentError where the component could
+        not start."""
 
     def failed(self, what: str, status: int) -> ComponentError:
         """The error for a status, with what the component has said."""
@@ -82,15 +88,16 @@ class Instance(Protocol):
         """Its state between two steps. Raises ComponentError where it cannot be had."""
 
     def restore(self, state: bytes) -> None:
-        """Go on from a state that `save` gave, in a process like that one. Raises ComponentError
-        for one that is not of this component."""
+        """Go on from a state that `save` gave, in a process like that one. Raises
+        ComponentError for one that is not of this component."""
 
     def look(self) -> None:
-        """Of one in a process of its own: add to `messages` what the component has changed there,
-        which is put back."""
+        """Of one in a process of its own: add to `messages` what the component has
+        changed there, which is put back."""
 
     def terminate(self) -> None:
-        """End a simulation that has not failed. Raises ComponentError where it does not end."""
+        """End a simulation that has not failed. Raises ComponentError where it does not
+        end."""
 
     def close(self) -> None:
         """Free the component. May be called at any time, also twice."""
@@ -111,8 +118,8 @@ def is_of_status(text: str) -> bool:
 
 
 def each(calls: Iterable[Callable[[], None]]) -> None:
-    """Make all calls. Raises ComponentError with what all of those said that failed, and
-    EndedError at once."""
+    """Make all calls. Raises ComponentError with what all of those said that failed,
+    and EndedError at once."""
     failures = []
     for call in calls:
         try:

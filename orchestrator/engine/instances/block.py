@@ -1,4 +1,5 @@
-"""A bare block as an instance, without FMI: for debugging, and to hold the FMUs against."""
+"""A bare block as an instance, without FMI: for debugging, and to hold the FMUs
+against."""
 
 from __future__ import annotations
 
@@ -30,16 +31,23 @@ class BlockInstance:
         self._error: ComponentError | None = None
 
     def wire(
-        self, inputs: dict[Kind, list[Signal]], outputs: dict[Kind, list[Signal]],
-        into: dict[Kind, Array], clock: Clock,
-    ) -> None:  # fmt: skip
+        self,
+        inputs: dict[Kind, list[Signal]],
+        outputs: dict[Kind, list[Signal]],
+        into: dict[Kind, Array],
+        clock: Clock,
+    ) -> None:
         self._clock = clock
 
         def access(signals: list[Signal]) -> Access:
             return self._block.access([s.reference for s in signals])
 
-        self.inputs = {k: np.zeros(len(inputs[k]), DTYPE[k]) for k in KINDS if inputs[k]}
-        self._writes = [(a, access(inputs[k]), k == "Boolean") for k, a in self.inputs.items()]
+        self.inputs = {
+            k: np.zeros(len(inputs[k]), DTYPE[k]) for k in KINDS if inputs[k]
+        }
+        self._writes = [
+            (a, access(inputs[k]), k == "Boolean") for k, a in self.inputs.items()
+        ]
         self._reads = [(into[k], access(outputs[k])) for k in KINDS if outputs[k]]
 
     def enter(self, start: float, parameters: Mapping[str, Scalar]) -> None:
@@ -61,7 +69,9 @@ class BlockInstance:
                 self._block.start()
                 self._block.output(self._start)
             except Exception as error:  # the inputs may not have settled yet
-                self._error = ComponentError(f"{self.name}: start: {type(error).__name__}: {error}")
+                self._error = ComponentError(
+                    f"{self.name}: start: {type(error).__name__}: {error}"
+                )
 
     def push(self) -> int:
         for array, access, boolean in self._writes:

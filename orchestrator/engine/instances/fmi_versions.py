@@ -17,7 +17,12 @@ from typing import Any, ClassVar, Literal, NamedTuple
 import numpy as np
 from fmpy import fmi1
 from fmpy.fmi1 import FMU1Slave, fmi1CallbackFunctions, fmi1CallbackLoggerTYPE
-from fmpy.fmi2 import FMU2Slave, defaultCallbacks, fmi2CallbackFunctions, fmi2CallbackLoggerTYPE
+from fmpy.fmi2 import (
+    FMU2Slave,
+    defaultCallbacks,
+    fmi2CallbackFunctions,
+    fmi2CallbackLoggerTYPE,
+)
 from fmpy.fmi3 import FMU3Slave, fmi3IntermediateUpdateCallback, fmi3LogMessageCallback
 from fmpy.logging import addLoggerProxy
 
@@ -31,8 +36,9 @@ from .base import Array
 Way = Literal["Set", "Get"]
 _DISCARD, _ERROR = 2, 3
 NEAR = 0.01
-"""So far from its end, as a share of it, a step of FMI 3.0 may say that it ended: an FMU that adds
-up its time has the sum's rounding, 0.002 of a step of 0.1 s after 10^7."""
+"""So far from its end, as a share of it, a step of FMI 3.0 may say that it ended: an
+FMU that adds up its time has the sum's rounding, 0.002 of a step of 0.1 s after
+10^7."""
 _INT32 = np.iinfo(np.int32)
 
 _listeners: dict[int, list[str]] = {}
@@ -56,8 +62,8 @@ def _hear(environment: int | None, status: int, message: bytes | None) -> None:
 
 
 class Prepared(NamedTuple):
-    """Something that is done to move values or to step: as Python does it, and as an operation of
-    loop.c, with its code, its number of values and its pointers."""
+    """Something that is done to move values or to step: as Python does it, and as an
+    operation of loop.c, with its code, its number of values and its pointers."""
 
     call: Callable[[], int]
     code: str
@@ -81,7 +87,9 @@ class FmiFunctions(ABC):
     version: ClassVar[str]
     """What its library may say of which FMI it is, as a pattern."""
 
-    def __init__(self, fmu: Any, calls: Mapping[str, Any], interface: Interface) -> None:
+    def __init__(
+        self, fmu: Any, calls: Mapping[str, Any], interface: Interface
+    ) -> None:
         self.fmu, self._calls, self._interface = fmu, calls, interface
         self.c: int | None = None
 
@@ -98,8 +106,11 @@ class FmiFunctions(ABC):
         return (f"{self.prefix}ExitInitializationMode",)
 
     @abstractmethod
-    def moves(self, way: Way, signals: Sequence[Signal], values: Array) -> list[Prepared]:
-        """Set or get variables of one kind, all at once, from or into an array in their order."""
+    def moves(
+        self, way: Way, signals: Sequence[Signal], values: Array
+    ) -> list[Prepared]:
+        """Set or get variables of one kind, all at once, from or into an array in their
+        order."""
 
     @abstractmethod
     def step(self, t: Any, dt: Any, no_state_before: int) -> Prepared:
@@ -133,18 +144,23 @@ def _references(numbers: Sequence[int]) -> Any:
     return (ctypes.c_uint * len(numbers))(*numbers)
 
 
-# --- FMI 2.0 ------------------------------------------------------------------------------------
+# --- FMI 2.0 --------------------------------------------------------------------------
 
 
 def _log_2(
-    environment: int | None, instance: bytes, status: int, category: bytes, message: bytes
+    environment: int | None,
+    instance: bytes,
+    status: int,
+    category: bytes,
+    message: bytes,
 ) -> None:
     _hear(environment, status, message)
 
 
 @cache
 def _callbacks() -> fmi2CallbackFunctions:
-    """One logger for all: fmpy's proxy, which formats C messages, knows only the last one."""
+    """One logger for all: fmpy's proxy, which formats C messages, knows only the last
+    one."""
     made = fmi2CallbackFunctions()
     made.logger = fmi2CallbackLoggerTYPE(_log_2)
     made.allocateMemory = defaultCallbacks.allocateMemory
@@ -159,29 +175,52 @@ _LAST_SUCCESSFUL_TIME, _TERMINATED = 2, 3  # of fmi2StatusKind
 class Fmi2(FmiFunctions):
     """FMI 2.0: scalars of three types."""
 
-    prefix, state, deserialise, slave = "fmi2", "FMUstate", "fmi2DeSerializeFMUstate", FMU2Slave
+    prefix, state, deserialise, slave = (
+        "fmi2",
+        "FMUstate",
+        "fmi2DeSerializeFMUstate",
+        FMU2Slave,
+    )
     reset, terminate, free = "fmi2Reset", "fmi2Terminate", "fmi2FreeInstance"
     version = r"2\.0(\.\d+)?"
-    # fmi2GetReal(c, references, n, values) and so on; fmi2DoStep(c, t, dt, no set state before)
-    names = (*(f"fmi2{way}{kind}" for way in ("Get", "Set") for kind in KINDS), "fmi2DoStep")
+    # fmi2GetReal(c, references, n, values) and so on; fmi2DoStep(c, t, dt, no set state
+    # before)
+    names = (
+        *(f"fmi2{way}{kind}" for way in ("Get", "Set") for kind in KINDS),
+        "fmi2DoStep",
+    )
 
     def instantiate(self, fmu: Fmu, name: str, environment: int) -> None:
         self._callbacks = fmi2CallbackFunctions()
         ctypes.pointer(self._callbacks)[0] = _callbacks()
         self._callbacks.componentEnvironment = environment
         self.c = self.fmu.fmi2Instantiate(
-            name.encode(), 1, self.fmu.guid.encode(),
-            (fmu.folder / "resources").as_uri().encode(), ctypes.byref(self._callbacks), 0, 1,
-        )  # fmt: skip
+            name.encode(),
+            1,
+            self.fmu.guid.encode(),
+            (fmu.folder / "resources").as_uri().encode(),
+            ctypes.byref(self._callbacks),
+            0,
+            1,
+        )
 
     def begin(self, start: float) -> Sequence[tuple[Any, ...]]:
-        return (("fmi2SetupExperiment", 0, 0.0, start, 0, 0.0), ("fmi2EnterInitializationMode",))
+        return (
+            ("fmi2SetupExperiment", 0, 0.0, start, 0, 0.0),
+            ("fmi2EnterInitializationMode",),
+        )
 
-    def moves(self, way: Way, signals: Sequence[Signal], values: Array) -> list[Prepared]:
+    def moves(
+        self, way: Way, signals: Sequence[Signal], values: Array
+    ) -> list[Prepared]:
         n, references = len(signals), _references([s.reference for s in signals])
         name, data = f"{self.prefix}{way}{signals[0].kind}", values.ctypes.data
         call = self._function(
-            name, ctypes.c_void_p(self.c), references, ctypes.c_size_t(n), ctypes.c_void_p(data)
+            name,
+            ctypes.c_void_p(self.c),
+            references,
+            ctypes.c_size_t(n),
+            ctypes.c_void_p(data),
         )
         pointers = (self._address(name), self.c, references, data)
         return [Prepared(call, "TRANSFER", n, pointers)]
@@ -194,34 +233,49 @@ class Fmi2(FmiFunctions):
 
     def why(self, status: int) -> str:
         ended, last = ctypes.c_int(0), ctypes.c_double(math.nan)
-        if status != _DISCARD or not self._ask("Boolean", _TERMINATED, ended) or not ended.value:
+        if (
+            status != _DISCARD
+            or not self._ask("Boolean", _TERMINATED, ended)
+            or not ended.value
+        ):
             return ""
         self._ask("Real", _LAST_SUCCESSFUL_TIME, last)
         return f"it asks for the end of the simulation at t = {last.value:g} s"
 
     def _ask(self, kind: str, of: int, answer: Any) -> bool:
-        """Have a status of the last step written into `answer`; whether there is such a one."""
+        """Have a status of the last step written into `answer`; whether there is such a
+        one."""
         function = self.fmu.dll[f"fmi2Get{kind}Status"]
         return function(ctypes.c_void_p(self.c), of, ctypes.byref(answer)) in (0, 1)
 
 
-# --- FMI 3.0 ------------------------------------------------------------------------------------
+# --- FMI 3.0 --------------------------------------------------------------------------
 
 
-def _log_3(environment: int | None, status: int, category: bytes, message: bytes) -> None:
+def _log_3(
+    environment: int | None, status: int, category: bytes, message: bytes
+) -> None:
     _hear(environment, status, message)
 
 
 _logger_3 = fmi3LogMessageCallback(_log_3)
 
 TYPES: dict[str, tuple[str, Any]] = {
-    "Float32": ("Float32", np.float32), "Float64": ("Float64", np.float64),
-    "Int8": ("Int8", np.int8), "Int16": ("Int16", np.int16), "Int32": ("Int32", np.int32),
-    "Int64": ("Int64", np.int64), "UInt8": ("UInt8", np.uint8), "UInt16": ("UInt16", np.uint16),
-    "UInt32": ("UInt32", np.uint32), "UInt64": ("UInt64", np.uint64),
-    "Enumeration": ("Int64", np.int64), "Boolean": ("Boolean", np.bool_),
-}  # fmt: skip
-"""Of each type of FMI 3.0 its functions and its values; the order is that of loop.c's TYPES."""
+    "Float32": ("Float32", np.float32),
+    "Float64": ("Float64", np.float64),
+    "Int8": ("Int8", np.int8),
+    "Int16": ("Int16", np.int16),
+    "Int32": ("Int32", np.int32),
+    "Int64": ("Int64", np.int64),
+    "UInt8": ("UInt8", np.uint8),
+    "UInt16": ("UInt16", np.uint16),
+    "UInt32": ("UInt32", np.uint32),
+    "UInt64": ("UInt64", np.uint64),
+    "Enumeration": ("Int64", np.int64),
+    "Boolean": ("Boolean", np.bool_),
+}
+"""Of each type of FMI 3.0 its functions and its values; the order is that of loop.c's
+TYPES."""
 _CODES = list(dict.fromkeys(values for _, values in TYPES.values()))
 
 
@@ -229,23 +283,39 @@ class _Done(ctypes.Structure):
     """What fmi3DoStep says beside its status, as loop.c has it."""
 
     _fields_ = (
-        ("event", ctypes.c_bool), ("terminate", ctypes.c_bool), ("early", ctypes.c_bool),
-        ("whole", ctypes.c_bool), ("last", ctypes.c_double),
-    )  # fmt: skip
+        ("event", ctypes.c_bool),
+        ("terminate", ctypes.c_bool),
+        ("early", ctypes.c_bool),
+        ("whole", ctypes.c_bool),
+        ("last", ctypes.c_double),
+    )
 
 
 class Fmi3(FmiFunctions):
-    """FMI 3.0: arrays, and more types; no event mode, no early return, no intermediate update."""
+    """FMI 3.0: arrays, and more types; no event mode, no early return, no intermediate
+    update."""
 
-    prefix, state, deserialise, slave = "fmi3", "FMUState", "fmi3DeserializeFMUState", FMU3Slave
+    prefix, state, deserialise, slave = (
+        "fmi3",
+        "FMUState",
+        "fmi3DeserializeFMUState",
+        FMU3Slave,
+    )
     reset, terminate, free = "fmi3Reset", "fmi3Terminate", "fmi3FreeInstance"
     version = r"3\.0(\.\d+)?"
     # fmi3GetFloat64(c, references, n, values, n values) and so on
-    names = (*(f"fmi3{way}{name}" for way in ("Get", "Set")
-               for name in dict.fromkeys(name for name, _ in TYPES.values())),
-             "fmi3DoStep")  # fmt: skip
+    names = (
+        *(
+            f"fmi3{way}{name}"
+            for way in ("Get", "Set")
+            for name in dict.fromkeys(name for name, _ in TYPES.values())
+        ),
+        "fmi3DoStep",
+    )
 
-    def __init__(self, fmu: Any, calls: Mapping[str, Any], interface: Interface) -> None:
+    def __init__(
+        self, fmu: Any, calls: Mapping[str, Any], interface: Interface
+    ) -> None:
         super().__init__(fmu, calls, interface)
         self._done = _Done(whole=True)
         self._arrays: dict[int, list[Signal]] = {}
@@ -261,10 +331,19 @@ class Fmi3(FmiFunctions):
     def instantiate(self, fmu: Fmu, name: str, environment: int) -> None:
         resources = fmu.folder / "resources"
         self.c = self.fmu.fmi3InstantiateCoSimulation(
-            name.encode(), self.fmu.guid.encode(),
-            f"{resources}/".encode() if resources.is_dir() else None, False, True, False, False,
-            None, 0, ctypes.c_void_p(environment), _logger_3, fmi3IntermediateUpdateCallback(),
-        )  # fmt: skip
+            name.encode(),
+            self.fmu.guid.encode(),
+            f"{resources}/".encode() if resources.is_dir() else None,
+            False,
+            True,
+            False,
+            False,
+            None,
+            0,
+            ctypes.c_void_p(environment),
+            _logger_3,
+            fmi3IntermediateUpdateCallback(),
+        )
 
     def begin(self, start: float) -> Sequence[tuple[Any, ...]]:
         return (("fmi3EnterInitializationMode", False, 0.0, start, False, 0.0),)
@@ -274,20 +353,28 @@ class Fmi3(FmiFunctions):
         for buffer, elements in self._filled:
             buffer[:] = self._start(elements, buffer.dtype)
 
-    def moves(self, way: Way, signals: Sequence[Signal], values: Array) -> list[Prepared]:
+    def moves(
+        self, way: Way, signals: Sequence[Signal], values: Array
+    ) -> list[Prepared]:
         by_type: dict[str, list[int]] = {}
         for i, s in enumerate(signals):
             by_type.setdefault(TYPES[s.type][0], []).append(i)
         return [
-            made for name, which in by_type.items()
+            made
+            for name, which in by_type.items()
             for made in self._of_type(way, name, signals, which, values)
-        ]  # fmt: skip
+        ]
 
     def _of_type(
-        self, way: Way, name: str, signals: Sequence[Signal], which: list[int], values: Array
+        self,
+        way: Way,
+        name: str,
+        signals: Sequence[Signal],
+        which: list[int],
+        values: Array,
     ) -> list[Prepared]:
-        """The variables of one type, all elements of each: in place where they are the values one
-        by one, or through a buffer."""
+        """The variables of one type, all elements of each: in place where they are the
+        values one by one, or through a buffer."""
         wanted = [signals[i] for i in which]
         variables = list(dict.fromkeys(_key(s)[0] for s in wanted))
         elements = [e for v in variables for e in self._arrays[v]]
@@ -305,39 +392,58 @@ class Fmi3(FmiFunctions):
             self._checked.append((wanted, values, here, limits))
             typed = partial(_moved, values, here, buffer, there, limits)
             return [
-                Prepared(typed, "TO_TYPE", len(here), (buffer, there, values, here, code)),
+                Prepared(
+                    typed, "TO_TYPE", len(here), (buffer, there, values, here, code)
+                ),
                 call,
             ]
         self._checked.append((wanted, buffer, there, limits))
         typed = partial(_moved, buffer, there, values, here, limits)
-        return [call, Prepared(typed, "FROM_TYPE", len(here), (values, here, buffer, there, code))]
+        return [
+            call,
+            Prepared(
+                typed, "FROM_TYPE", len(here), (values, here, buffer, there, code)
+            ),
+        ]
 
     def _start(self, elements: Sequence[Signal], of: Any) -> Array:
-        """What elements have been given, or start with; the nearest that there is of a type: what
-        is beyond it is refused where it is set."""
+        """What elements have been given, or start with; the nearest that there is of a
+        type: what is beyond it is refused where it is set."""
         values = [self._values[_key(e)] or 0 for e in elements]
         if of.kind not in "fb":
             info = np.iinfo(of)
             values = [min(max(int(x), info.min), info.max) for x in values]
         return np.array(values, of)
 
-    def _call(self, way: Way, name: str, variables: list[int], values: Array) -> Prepared:
+    def _call(
+        self, way: Way, name: str, variables: list[int], values: Array
+    ) -> Prepared:
         function, references = f"fmi3{way}{name}", _references(variables)
         n, size, data = len(variables), len(values), values.ctypes.data
         call = self._function(
-            function, ctypes.c_void_p(self.c), references, ctypes.c_size_t(n),
-            ctypes.c_void_p(data), ctypes.c_size_t(size),
-        )  # fmt: skip
+            function,
+            ctypes.c_void_p(self.c),
+            references,
+            ctypes.c_size_t(n),
+            ctypes.c_void_p(data),
+            ctypes.c_size_t(size),
+        )
         pointers = (self._address(function), self.c, references, values, size)
         return Prepared(call, "TRANSFER_3", n, pointers)
 
     def step(self, t: Any, dt: Any, no_state_before: int) -> Prepared:
         done, c = self._done, ctypes.c_void_p(self.c)
         call = self._function(
-            "fmi3DoStep", c, t, dt, ctypes.c_bool(bool(no_state_before)),
-            *(ctypes.c_void_p(ctypes.addressof(done) + getattr(_Done, f).offset)
-              for f in ("event", "terminate", "early", "last")),
-        )  # fmt: skip
+            "fmi3DoStep",
+            c,
+            t,
+            dt,
+            ctypes.c_bool(bool(no_state_before)),
+            *(
+                ctypes.c_void_p(ctypes.addressof(done) + getattr(_Done, f).offset)
+                for f in ("event", "terminate", "early", "last")
+            ),
+        )
 
         def step() -> int:
             done.event = done.terminate = done.early = False
@@ -347,7 +453,9 @@ class Fmi3(FmiFunctions):
             other = done.terminate or done.early or done.event or not done.whole
             return _ERROR if status <= 1 and other else status
 
-        return Prepared(step, "STEP_3", 1, (self._address("fmi3DoStep"), self.c, t, dt, done))
+        return Prepared(
+            step, "STEP_3", 1, (self._address("fmi3DoStep"), self.c, t, dt, done)
+        )
 
     def bytes(self, of: Any) -> Any:
         return ctypes.cast(of, ctypes.POINTER(ctypes.c_uint8))
@@ -356,11 +464,15 @@ class Fmi3(FmiFunctions):
         if self._done.terminate:
             return f"it asks for the end of the simulation at t = {self._done.last:g} s"
         if self._done.early:
-            return (f"it returned early, at t = {self._done.last:g} s, which desat does not offer "
-                    "(earlyReturnAllowed is false)")  # fmt: skip
+            return (
+                f"it returned early, at t = {self._done.last:g} s, which desat does not offer "
+                "(earlyReturnAllowed is false)"
+            )
         if self._done.event:
-            return (f"it wants an event handled at t = {self._done.last:g} s, which desat does not "
-                    "offer (eventModeUsed is false)")  # fmt: skip
+            return (
+                f"it wants an event handled at t = {self._done.last:g} s, which desat does not "
+                "offer (eventModeUsed is false)"
+            )
         if not self._done.whole:
             return f"it says ok, but came to t = {self._done.last:g} s (lastSuccessfulTime)"
         for signals, values, index, (low, high) in self._checked:
@@ -385,7 +497,7 @@ def _range(of: Any) -> tuple[float, float]:
 
 def _moved(
     source: Array, at: Array, target: Array, to: Array, limits: tuple[float, float]
-) -> int:  # fmt: skip
+) -> int:
     """Move values into an array of another type: a status."""
     values = source[at]
     if ((values < limits[0]) | (values > limits[1])).any():
@@ -394,13 +506,15 @@ def _moved(
     return 0
 
 
-# --- FMI 1.0 ------------------------------------------------------------------------------------
+# --- FMI 1.0 --------------------------------------------------------------------------
 
 
 @cache
 def _callbacks_1() -> fmi1CallbackFunctions:
     made = fmi1CallbackFunctions()
-    made.logger = ctypes.cast(_callbacks().logger, fmi1CallbackLoggerTYPE)  # of the same arguments
+    made.logger = ctypes.cast(
+        _callbacks().logger, fmi1CallbackLoggerTYPE
+    )  # of the same arguments
     made.allocateMemory = fmi1.defaultCallbacks.allocateMemory
     made.freeMemory = fmi1.defaultCallbacks.freeMemory
     made.stepFinished = None
@@ -413,8 +527,11 @@ class Fmi1(Fmi2):
     prefix, slave, reset = "fmi1", FMU1Slave, "fmi1ResetSlave"
     terminate, free = "fmi1TerminateSlave", "fmi1FreeSlaveInstance"
     version = r"1\.0"
-    names = (*(f"fmi1{way}{kind}" for way in ("Get", "Set") for kind in KINDS), "fmi1DoStep",
-             "fmi1InitializeSlave")  # fmt: skip
+    names = (
+        *(f"fmi1{way}{kind}" for way in ("Get", "Set") for kind in KINDS),
+        "fmi1DoStep",
+        "fmi1InitializeSlave",
+    )
 
     @staticmethod
     def exported(name: str, identifier: str) -> str:
@@ -422,9 +539,16 @@ class Fmi1(Fmi2):
 
     def instantiate(self, fmu: Fmu, name: str, environment: int) -> None:
         self.c = self.fmu.fmi1InstantiateSlave(
-            name.encode(), self.fmu.guid.encode(), fmu.folder.as_uri().encode(),
-            b"application/x-fmu-sharedlibrary", 0.0, b"\0", b"\0", _callbacks_1(), b"\1",
-        )  # fmt: skip
+            name.encode(),
+            self.fmu.guid.encode(),
+            fmu.folder.as_uri().encode(),
+            b"application/x-fmu-sharedlibrary",
+            0.0,
+            b"\0",
+            b"\0",
+            _callbacks_1(),
+            b"\1",
+        )
         if self.c and environment in _listeners:  # the FMU knows nothing but itself
             listen(self.c, _listeners[environment])
 
@@ -434,12 +558,19 @@ class Fmi1(Fmi2):
 
     def end(self) -> tuple[Any, ...]:
         no = ctypes.c_char(0)
-        return ("fmi1InitializeSlave", ctypes.c_double(self._start), no, ctypes.c_double(0.0))
+        return (
+            "fmi1InitializeSlave",
+            ctypes.c_double(self._start),
+            no,
+            ctypes.c_double(0.0),
+        )
 
     def why(self, status: int) -> str:
         return ""  # it has no word for the end of a simulation
 
-    def moves(self, way: Way, signals: Sequence[Signal], values: Array) -> list[Prepared]:
+    def moves(
+        self, way: Way, signals: Sequence[Signal], values: Array
+    ) -> list[Prepared]:
         if signals[0].kind != "Boolean":
             return super().moves(way, signals, values)
         bytes_, every = np.zeros(len(signals), np.bool_), np.arange(len(signals))
@@ -448,7 +579,9 @@ class Fmi1(Fmi2):
         code, limits = _CODES.index(np.bool_), (-np.inf, np.inf)
         typed = partial(_moved, ends[1], every, ends[0], every, limits)
         name = "TO_TYPE" if way == "Set" else "FROM_TYPE"
-        moved = Prepared(typed, name, len(every), (ends[0], every, ends[1], every, code))
+        moved = Prepared(
+            typed, name, len(every), (ends[0], every, ends[1], every, code)
+        )
         return [moved, call] if way == "Set" else [call, moved]
 
 

@@ -1,4 +1,5 @@
-"""An FMU as an instance: its library loaded once a process, its calls prepared once a run."""
+"""An FMU as an instance: its library loaded once a process, its calls prepared once a
+run."""
 
 from __future__ import annotations
 
@@ -26,7 +27,8 @@ from .fmi_versions import FMI_VERSIONS, FmiFunctions, Prepared, forget, listen
 _STATUS = ("ok", "warning", "discard", "error", "fatal", "pending")
 _DISCARD = _STATUS.index("discard")
 _UNSIGNED = 1 << 32
-"""A status below 0, which fmpy takes for one that is in order, is as much less than this."""
+"""A status below 0, which fmpy takes for one that is in order, is as much less than
+this."""
 
 
 class _Library:
@@ -42,13 +44,15 @@ class _Library:
                 unzipDirectory=str(folder),
                 modelIdentifier=description.coSimulation.modelIdentifier,
             )
-            # Our FMUs never wait for another thread, so their calls may keep the GIL; a foreign
-            # FMU's step might wait for a Python thread of its own. No argument types: what is
-            # passed is ctypes objects already, which saves a third of a call. Unsigned: a status
-            # below 0, which FMI does not know, is not ok.
+            # Our FMUs never wait for another thread, so their calls may keep the GIL; a
+            # foreign FMU's step might wait for a Python thread of its own. No argument
+            # types: what is passed is ctypes objects already, which saves a third of a
+            # call. Unsigned: a status below 0, which FMI does not know, is not ok.
             prototype = (ctypes.PYFUNCTYPE if ours else ctypes.CFUNCTYPE)(ctypes.c_uint)
             self.calls: dict[str, Any] = {
-                name: prototype(ctypes.cast(self.fmu.dll[called], ctypes.c_void_p).value or 0)
+                name: prototype(
+                    ctypes.cast(self.fmu.dll[called], ctypes.c_void_p).value or 0
+                )
                 for name in functions.names
                 if (called := functions.exported(name, self.fmu.modelIdentifier))
             }
@@ -87,10 +91,14 @@ class Moves(NamedTuple):
 
 def _last(name: str, messages: Sequence[str]) -> str:
     said = next((text for text in reversed(messages) if not is_of_status(text)), "")
-    return f": {said.removeprefix(f'{name}: ')}" if said else ""  # so our adapter begins
+    return (
+        f": {said.removeprefix(f'{name}: ')}" if said else ""
+    )  # so our adapter begins
 
 
-def failure(name: str, what: str, status: int, messages: Sequence[str]) -> ComponentError:
+def failure(
+    name: str, what: str, status: int, messages: Sequence[str]
+) -> ComponentError:
     """The error for a status, with what the component has said last."""
     of = _STATUS[status] if status < len(_STATUS) else str(ctypes.c_int(status).value)
     return ComponentError(f"{name}: {what} returned {of}{_last(name, messages)}")
@@ -107,7 +115,9 @@ class FmuInstance:
         self.foreign, self._process = not fmu.interface.role, os.getpid()
         self._library = _library(fmu.folder, not self.foreign, fmu.interface.fmi)
         if self._library.once and self._library.instances:
-            raise DesatError(f"{self.name}: {fmu.path.name} allows one instance per process")
+            raise DesatError(
+                f"{self.name}: {fmu.path.name} allows one instance per process"
+            )
         functions = FMI_VERSIONS[fmu.interface.fmi]
         if not re.fullmatch(functions.version, self._library.version):
             called = functions.exported(f"{functions.prefix}GetVersion", "")
@@ -116,7 +126,9 @@ class FmuInstance:
                 f"{self._library.version} ({called}), its "
                 f"modelDescription.xml of FMI {fmu.interface.fmi}: both must be the same"
             )
-        self._functions = functions(self._library.fmu, self._library.calls, fmu.interface)
+        self._functions = functions(
+            self._library.fmu, self._library.calls, fmu.interface
+        )
         self._before = ctypes.c_void_p()
         """Its state before a step that may be halved."""
         listen(id(self), self.messages)
@@ -124,7 +136,9 @@ class FmuInstance:
         self._c = self._functions.c
         self._back()
         if not self._c:
-            raise ComponentError(f"{self.name}: cannot be instantiated{self._last_message()}")
+            raise ComponentError(
+                f"{self.name}: cannot be instantiated{self._last_message()}"
+            )
         self._library.instances += 1
 
     def _last_message(self) -> str:
@@ -135,7 +149,8 @@ class FmuInstance:
         return failure(self.name, what, status, self.messages)
 
     def note(self, status: int) -> None:
-        """Once something has failed: what is known of it beside what the FMU says is a message."""
+        """Once something has failed: what is known of it beside what the FMU says is a
+        message."""
         if (why := self._functions.why(status)) and why not in self.messages[-1:]:
             self.messages.append(why)
 
@@ -144,7 +159,9 @@ class FmuInstance:
             if (function := self._library.calls.get(name)) is not None:
                 status = function(ctypes.c_void_p(self._c), *arguments)
             else:
-                status = getattr(self._library.fmu, name)(self._c, *arguments) % _UNSIGNED
+                status = (
+                    getattr(self._library.fmu, name)(self._c, *arguments) % _UNSIGNED
+                )
         except FMICallException as error:
             status = error.status
         finally:
@@ -159,17 +176,22 @@ class FmuInstance:
             warn_of(self, what)
 
     def _back(self, status: int = 0) -> int:
-        """The status of a call that has come back; where the component has forked a process, and
-        that comes back from the call, too, it ends here."""
+        """The status of a call that has come back; where the component has forked a
+        process, and that comes back from the call, too, it ends here."""
         if self.foreign and os.getpid() != self._process:
             os._exit(0)
         return status
 
     def wire(
-        self, inputs: dict[Kind, list[Signal]], outputs: dict[Kind, list[Signal]],
-        into: dict[Kind, Array], clock: Clock,
-    ) -> None:  # fmt: skip
-        self.inputs = {k: np.zeros(len(inputs[k]), DTYPE[k]) for k in KINDS if inputs[k]}
+        self,
+        inputs: dict[Kind, list[Signal]],
+        outputs: dict[Kind, list[Signal]],
+        into: dict[Kind, Array],
+        clock: Clock,
+    ) -> None:
+        self.inputs = {
+            k: np.zeros(len(inputs[k]), DTYPE[k]) for k in KINDS if inputs[k]
+        }
         self._keep: list[Any] = [self.inputs, into]  # the calls hold bare addresses
         self._clock = clock
         self.prepared = {
@@ -181,8 +203,8 @@ class FmuInstance:
         self.push, self.step, self.pull = map(self._together, self.prepared.values())
 
     def halve(self, times: int) -> None:
-        """Once wired: a step that is discarded is made anew from its state before, in 2, 4, …
-        parts, `times` times at most."""
+        """Once wired: a step that is discarded is made anew from its state before, in
+        2, 4, … parts, `times` times at most."""
         del self.prepared["step"]
         t, dt, before = self._clock.t, self._clock.dt, self._before
         whole = self._functions.step(t, dt, 0).call
@@ -201,8 +223,10 @@ class FmuInstance:
                         made = self._functions.step(at, ctypes.c_double(part), 0)
                         status = max(status, made.call())
                 if status < _DISCARD and len(self.messages) < 20:
-                    self.messages.append(f"the step from t = {t.value:g} s was discarded, and made "
-                                         f"in {count} parts")  # fmt: skip
+                    self.messages.append(
+                        f"the step from t = {t.value:g} s was discarded, and made "
+                        f"in {count} parts"
+                    )
             return self._back(status)
 
         self.step = step
@@ -212,10 +236,13 @@ class FmuInstance:
         self._call(f"{self._functions.prefix}{way}{self._functions.state}", *arguments)
 
     def _moves(
-        self, way: Literal["Set", "Get"], signals: dict[Kind, list[Signal]],
+        self,
+        way: Literal["Set", "Get"],
+        signals: dict[Kind, list[Signal]],
         arrays: dict[Kind, Array],
-    ) -> list[Moves]:  # fmt: skip
-        """Of each type that there is, what moves all values at once, its arguments prepared."""
+    ) -> list[Moves]:
+        """Of each type that there is, what moves all values at once, its arguments
+        prepared."""
         made = []
         for kind in KINDS:
             if signals[kind]:
@@ -228,22 +255,30 @@ class FmuInstance:
         """Where values lie in one of our native FMUs; None: unknown."""
         n, find = len(signals), self._library.places
         references, places = (
-            (ctypes.c_uint * n)(*(s.reference for s in signals)), (ctypes.c_void_p * n)()
-        )  # fmt: skip
+            (ctypes.c_uint * n)(*(s.reference for s in signals)),
+            (ctypes.c_void_p * n)(),
+        )
         there = find is not None and find(
-            ctypes.c_void_p(self._c), ctypes.c_char(signals[0].kind[0].encode()), references,
-            ctypes.c_size_t(n), places,
-        )  # fmt: skip
+            ctypes.c_void_p(self._c),
+            ctypes.c_char(signals[0].kind[0].encode()),
+            references,
+            ctypes.c_size_t(n),
+            places,
+        )
         return places if there else None
 
     def enter(self, start: float, parameters: Mapping[str, Scalar]) -> None:
-        given = [(self._interface.signals[name], value) for name, value in parameters.items()]
+        given = [
+            (self._interface.signals[name], value) for name, value in parameters.items()
+        ]
         self._functions.note_values(given)
         for kind in dict.fromkeys(s.kind for s, _ in given):
             pairs = [(s, value) for s, value in given if s.kind == kind]
             for s, value in pairs:
                 if kind == "Integer" and not -(1 << 31) <= value < 1 << 31:
-                    raise ComponentError(f"{self.name}: {s.name} = {value} is beyond 32 bits")
+                    raise ComponentError(
+                        f"{self.name}: {s.name} = {value} is beyond 32 bits"
+                    )
             values = np.array([value for _, value in pairs], DTYPE[kind])  # type: ignore[index]
             status = self._now("Set", [s for s, _ in pairs], values)
             self._judge(f"setting {pairs[0][0].name} …", status)
@@ -254,13 +289,19 @@ class FmuInstance:
         name, *arguments = self._functions.end()
         self._call(name, *arguments)
         fault = self._interface.signals.get("fault")
-        if fault is not None and fault.kind == "Boolean" and fault.causality == "output":
+        if (
+            fault is not None
+            and fault.kind == "Boolean"
+            and fault.causality == "output"
+        ):
             value = np.zeros(1, DTYPE["Boolean"])
             self._judge("reading fault", self._now("Get", [fault], value))
             if value[0]:
                 raise ComponentError(f"{self.name}{self._last_message()}")
 
-    def _now(self, way: Literal["Set", "Get"], signals: list[Signal], values: Array) -> int:
+    def _now(
+        self, way: Literal["Set", "Get"], signals: list[Signal], values: Array
+    ) -> int:
         """Set or get variables of one kind once."""
         calls = self._functions.moves(way, signals, values)
         return self._back(max(prepared.call() for prepared in calls))
@@ -280,7 +321,9 @@ class FmuInstance:
         self._state("Get", ctypes.byref(state))
         try:
             size = ctypes.c_size_t()
-            self._call(f"{of.prefix}Serialized{of.state}Size", state, ctypes.byref(size))
+            self._call(
+                f"{of.prefix}Serialized{of.state}Size", state, ctypes.byref(size)
+            )
             made = ctypes.create_string_buffer(size.value)
             self._call(f"{of.prefix}Serialize{of.state}", state, of.bytes(made), size)
         finally:
@@ -292,7 +335,10 @@ class FmuInstance:
         given = ctypes.create_string_buffer(state, len(state))
         size = ctypes.c_size_t(len(state))
         self._call(
-            self._functions.deserialise, self._functions.bytes(given), size, ctypes.byref(made)
+            self._functions.deserialise,
+            self._functions.bytes(given),
+            size,
+            ctypes.byref(made),
         )
         try:
             self._state("Set", made)
@@ -321,4 +367,8 @@ class FmuInstance:
         calls = [prepared.call for of in moves for prepared in of.calls]
         if self.foreign:
             return lambda: self._back(max((call() for call in calls), default=0))
-        return calls[0] if len(calls) == 1 else lambda: max((call() for call in calls), default=0)
+        return (
+            calls[0]
+            if len(calls) == 1
+            else lambda: max((call() for call in calls), default=0)
+        )

@@ -1,10 +1,11 @@
 """An FMU in a process of its own: what it does to that process, it does to no other.
 
-The process is forked before any FMU is loaded. Inputs, outputs, the time of the step and statuses
-lie in memory that both share; a byte each way over a socket says that a step is due, and that it is
-made: inputs are set, the step is made and outputs are read in one such turn. Calls that are rare go
-over the socket as they are. The end of the process closes the socket; one that does not answer in
-time is killed. The functions at the end of this file are the other side.
+The process is forked before any FMU is loaded. Inputs, outputs, the time of the step
+and statuses lie in memory that both share; a byte each way over a socket says that a
+step is due, and that it is made: inputs are set, the step is made and outputs are read
+in one such turn. Calls that are rare go over the socket as they are. The end of the
+process closes the socket; one that does not answer in time is killed. The functions at
+the end of this file are the other side.
 """
 
 from __future__ import annotations
@@ -50,12 +51,13 @@ from .fmu import FmuInstance, failure
 
 CAN = CAN_FORK
 GRACE = 1.0
-"""A process that has closed its socket is killed where it has not ended after so long (s)."""
+"""A process that has closed its socket is killed where it has not ended after so long
+(s)."""
 
 
 class IsolatedInstance:
-    """An FMU in a process of its own, each call of which may take `limit` s. Any call raises
-    EndedError where that process ends, or does not answer."""
+    """An FMU in a process of its own, each call of which may take `limit` s. Any call
+    raises EndedError where that process ends, or does not answer."""
 
     def __init__(self, component: Component, fmu: Fmu, limit: float = math.inf) -> None:
         self.name, self.place = component.name, 0
@@ -81,20 +83,26 @@ class IsolatedInstance:
         try:
             self._answer()
         except BaseException:
-            self._reap()  # it ends by itself: what it refused is not to be hidden by that
+            # it ends by itself: what it refused is not to be hidden by that
+            self._reap()
             raise
 
     def failed(self, what: str, status: int) -> ComponentError:
         return failure(self.name, what, status, self.messages)
 
-    # --- stepping -----------------------------------------------------------------------------
+    # --- stepping ---------------------------------------------------------------------
 
     def wire(
-        self, inputs: dict[Kind, list[Signal]], outputs: dict[Kind, list[Signal]],
-        into: dict[Kind, Array], clock: Clock,
-    ) -> None:  # fmt: skip
+        self,
+        inputs: dict[Kind, list[Signal]],
+        outputs: dict[Kind, list[Signal]],
+        into: dict[Kind, Array],
+        clock: Clock,
+    ) -> None:
         self.inputs, self._clock = self._shared.arrays(inputs, 0), clock
-        self._moves = [(into[k], values) for k, values in self._shared.arrays(outputs, 1).items()]
+        self._moves = [
+            (into[k], values) for k, values in self._shared.arrays(outputs, 1).items()
+        ]
         self._ask("wire", inputs, outputs)
 
     def halve(self, times: int) -> None:
@@ -141,9 +149,11 @@ class IsolatedInstance:
         if (status := self._words[SET]) > 1:
             raise self.failed(current_call.describe(PUSH), status)
         if status:
-            warn_of(self, VERBS[PUSH], f", the first time at t = {current_call.time[0]:g} s")
+            warn_of(
+                self, VERBS[PUSH], f", the first time at t = {current_call.time[0]:g} s"
+            )
 
-    # --- calls that are rare ------------------------------------------------------------------
+    # --- calls that are rare ----------------------------------------------------------
 
     def enter(self, start: float, parameters: Mapping[str, Scalar]) -> None:
         self._ask("enter", start, dict(parameters))
@@ -159,7 +169,8 @@ class IsolatedInstance:
         self._ask("restore", state)
 
     def look(self) -> None:
-        """Add what the component has changed of its process, which is put back, to what it said."""
+        """Add what the component has changed of its process, which is put back, to what
+        it said."""
         if self._socket is not None and not self._ended:
             self._hear("look")
 
@@ -211,21 +222,25 @@ class IsolatedInstance:
         self.messages += said[self._heard :]
         self._heard = len(said)
 
-    # --- its end ------------------------------------------------------------------------------
+    # --- its end ----------------------------------------------------------------------
 
     def _lost(self, hung: bool = False, garbled: str = "") -> NoReturn:
-        """The process there has ended, or is ended here: say how. `garbled`: when it has answered
-        what our side of it does not."""
+        """The process there has ended, or is ended here: say how. `garbled`: when it
+        has answered what our side of it does not."""
         call = current_call.describe(self._words[DOING])
         if hung and (status := current_call.status_of(self._process)) is not None:
             hung = False  # what it has forked keeps its socket open
             self._close()
             self._end_group()
-            self._ended = f"{self.name}: {call} ended its process: {current_call.how(status)}"
+            self._ended = (
+                f"{self.name}: {call} ended its process: {current_call.how(status)}"
+            )
         elif garbled:
             os.kill(self._process, signal.SIGKILL)
             self._reap()
-            self._ended = f"{self.name}: {garbled} into a file that is not its own; it was ended"
+            self._ended = (
+                f"{self.name}: {garbled} into a file that is not its own; it was ended"
+            )
         elif hung:
             os.kill(self._process, signal.SIGKILL)
             self._reap()
@@ -250,8 +265,8 @@ class IsolatedInstance:
             time.sleep(0.001)
 
     def _end_group(self) -> None:
-        """End what it has forked, of its session: what has left that comes to the process that
-        steps (`child.py`)."""
+        """End what it has forked, of its session: what has left that comes to the
+        process that steps (`child.py`)."""
         with suppress(ProcessLookupError, PermissionError):
             os.killpg(self._process, signal.SIGKILL)
 
@@ -263,7 +278,8 @@ class IsolatedInstance:
 
 
 def cost_of_a_turn(count: int = 300) -> float:
-    """What the turns of an isolated FMU cost here (s each, median): a byte there and back."""
+    """What the turns of an isolated FMU cost here (s each, median): a byte there and
+    back."""
     ours, theirs = socket.socketpair()
     child = fork()
     if not child:
@@ -289,12 +305,18 @@ def cost_of_a_turn(count: int = 300) -> float:
 # The classes above are the other side.
 
 
-_VERBS = {"enter": ENTER, "exit": EXIT, "save": SAVE, "restore": RESTORE, "terminate": TERMINATE,
-          "close": FREE}  # fmt: skip
+_VERBS = {
+    "enter": ENTER,
+    "exit": EXIT,
+    "save": SAVE,
+    "restore": RESTORE,
+    "terminate": TERMINATE,
+    "close": FREE,
+}
 DOING, DUE, SET, MADE, READ, SAID, OPEN = range(7)
-"""The shared words: the verb that the process is in; whether inputs are to be set; the statuses of
-setting them, of the step and of reading outputs; how many messages there are; whether a turn is
-asked for and not yet made, whatever comes over the socket."""
+"""The shared words: the verb that the process is in; whether inputs are to be set; the
+statuses of setting them, of the step and of reading outputs; how many messages there
+are; whether a turn is asked for and not yet made, whatever comes over the socket."""
 RAISED = -1
 """Instead of a status: an error was raised, and is to be asked for."""
 A_STEP, OUTPUTS, A_CALL, DONE = b"s", b"p", b"c", b"."
@@ -303,7 +325,8 @@ _HEAD = 72
 
 
 class Shared:
-    """Memory of both processes: words, start and length of the step (s), inputs, outputs."""
+    """Memory of both processes: words, start and length of the step (s), inputs,
+    outputs."""
 
     def __init__(self, interface: Interface) -> None:
         signals = interface.signals.values()
@@ -314,12 +337,16 @@ class Shared:
         self.words = memoryview(self._memory)[:56].cast("q")
         self.clock = memoryview(self._memory)[56:_HEAD].cast("d")
 
-    def arrays(self, signals: Mapping[Kind, list[Signal]], at: int) -> dict[Kind, Array]:
+    def arrays(
+        self, signals: Mapping[Kind, list[Signal]], at: int
+    ) -> dict[Kind, Array]:
         """The inputs (at 0) or the outputs (at 1) that are moved, an array a type."""
         place, values = _HEAD + at * sum(self._sizes.values()), {}
         for kind, size in self._sizes.items():
             if signals[kind]:
-                values[kind] = np.frombuffer(self._memory, DTYPE[kind], len(signals[kind]), place)
+                values[kind] = np.frombuffer(
+                    self._memory, DTYPE[kind], len(signals[kind]), place
+                )
             place += size
         return values
 
@@ -342,9 +369,13 @@ class _There:
         """Load and instantiate it."""
         self._instance = FmuInstance(component, fmu)
 
-    def wire(self, inputs: dict[Kind, list[Signal]], outputs: dict[Kind, list[Signal]]) -> None:
+    def wire(
+        self, inputs: dict[Kind, list[Signal]], outputs: dict[Kind, list[Signal]]
+    ) -> None:
         """Its inputs come from, and its outputs go to, the memory of both."""
-        into = {k: np.zeros(0, DTYPE[k]) for k in KINDS} | self._shared.arrays(outputs, 1)
+        into = {k: np.zeros(0, DTYPE[k]) for k in KINDS} | self._shared.arrays(
+            outputs, 1
+        )
         self._instance.wire(inputs, outputs, into, self._clock)
         theirs = self._shared.arrays(inputs, 0)
         self._moves = [(mine, theirs[k]) for k, mine in self._instance.inputs.items()]
@@ -388,7 +419,10 @@ class _There:
             return self.messages
         if name == "raised":
             raise self._error
-        if name in ("look", "save"):  # who goes on from a state has a process as it was made
+        if name in (
+            "look",
+            "save",
+        ):  # who goes on from a state has a process as it was made
             lines = self._changes("while it ran", handlers=True)
             self.messages.extend(line for line in lines if line not in self.messages)
         if name == "look":
@@ -400,7 +434,8 @@ class _There:
 
 
 _inherited: WeakSet[mmap.mmap] = WeakSet((current_call.page,))
-"""Memory that a process which is forked would have, too, and that is nothing of an FMU's."""
+"""Memory that a process which is forked would have, too, and that is nothing of an
+FMU's."""
 
 
 @contextmanager
@@ -417,8 +452,8 @@ def kept_back() -> Iterator[None]:
 
 
 def _alone(pipe: Connection) -> None:
-    """Keep nothing of the head's but standard error, and take a session of its own: whatever the
-    component writes into, signals or starts is its own."""
+    """Keep nothing of the head's but standard error, and take a session of its own:
+    whatever the component writes into, signals or starts is its own."""
     os.setsid()
     nothing = os.open(os.devnull, os.O_RDONLY)
     os.dup2(nothing, 0)
@@ -429,7 +464,7 @@ def _alone(pipe: Connection) -> None:
 
 def live(
     pipe: Connection, shared: Shared, component: Component, fmu: Fmu, head: int
-) -> NoReturn:  # fmt: skip
+) -> NoReturn:
     """The process: it does what it is told until it is told to free the component."""
     try:
         for name in ("SIGINT", "SIGTERM", "SIGHUP"):
@@ -452,7 +487,9 @@ def live(
         os._exit(0)  # not what the interpreter would do, which is the head's
 
 
-def _answered(pipe: Connection, there: _There, name: str, arguments: tuple[Any, ...]) -> bool:
+def _answered(
+    pipe: Connection, there: _There, name: str, arguments: tuple[Any, ...]
+) -> bool:
     """Do a rare call and say what came of it; False where there is no more to come."""
     error: type[Exception] | None = None
     what: Any = None

@@ -1,4 +1,5 @@
-"""Series that no file keeps, in arrays: as much of h5py's `File` as recorder and results use.
+"""Series that no file keeps, in arrays: as much of h5py's `File` as recorder and
+results use.
 
 (HDF5's own file in memory takes as long for what a short run records as all its steps.)
 """
@@ -59,13 +60,20 @@ class File:
         self._groups: dict[str, Any] = {}
 
     def create_dataset(
-        self, name: str, tail: tuple[int, ...] = (), dtype: Any = None, room: int = 1, *,
+        self,
+        name: str,
+        tail: tuple[int, ...] = (),
+        dtype: Any = None,
+        room: int = 1,
+        *,
         data: str | None = None,
-    ) -> Any:  # fmt: skip
+    ) -> Any:
         """A data set with room for so many rows; or one that holds a text."""
         made = {(): data} if data is not None else Rows(name, tail, dtype, room)
         group, _, variable = name.strip("/").partition("/")
-        (self._groups.setdefault(group, {}) if variable else self._groups)[variable or group] = made
+        (self._groups.setdefault(group, {}) if variable else self._groups)[
+            variable or group
+        ] = made
         return made
 
     def __getitem__(self, name: str) -> Any:

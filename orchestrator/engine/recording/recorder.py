@@ -1,7 +1,7 @@
 """Writes the series of a run while it runs; `results.py` says how they lie in the file.
 
-Rows are written and packed by a thread, while the compiled loop, which lets go of the interpreter,
-takes further ones; at once where FMUs are not ours.
+Rows are written and packed by a thread, while the compiled loop, which lets go of the
+interpreter, takes further ones; at once where FMUs are not ours.
 """
 
 from __future__ import annotations
@@ -32,7 +32,8 @@ from .series_file import DataSetPlan, Packing, aside, beside
 
 T = TypeVar("T")
 ROWS = 8192
-"""As many are kept before they are written, twice, and as many make a chunk of the file."""
+"""As many are kept before they are written, twice, and as many make a chunk of the
+file."""
 FLUSH_SECONDS = 1.0
 _CACHE = 1 << 18
 """Of chunks that are written already HDF5 would keep 8 MiB a data set (bytes)."""
@@ -41,30 +42,39 @@ _ROOM = 64 << 20
 
 
 _Place = tuple[Kind, Places, bool]
-"""The type of a data set's values, their columns among those of that type, interval or not."""
+"""The type of a data set's values, their columns among those of that type, interval or
+not."""
 
 
 class Recorder:
-    """Writes the outputs of a master that fit `patterns`, at every step: a run's numbers are of
-    all rows, whatever is kept of them (`Results.thin`).
+    """Writes the outputs of a master that fit `patterns`, at every step: a run's
+    numbers are of all rows, whatever is kept of them (`Results.thin`).
 
-    `path` None keeps them in memory. On disk the file is `NAME.part` until `finish`. With `go_on`
-    the first so many rows are those of the file that is there: of a run that was ended. `about`
-    are attributes of the file.
+    `path` None keeps them in memory. On disk the file is `NAME.part` until `finish`.
+    With `go_on` the first so many rows are those of the file that is there: of a run
+    that was ended. `about` are attributes of the file.
     """
 
     def __init__(
-        self, path: Path | None, master: Master, patterns: Iterable[str] = ("*",),
-        unwritten: RowBuffer | None = None, go_on: int | None = None,
+        self,
+        path: Path | None,
+        master: Master,
+        patterns: Iterable[str] = ("*",),
+        unwritten: RowBuffer | None = None,
+        go_on: int | None = None,
         about: Mapping[str, str] = MappingProxyType({}),
-    ) -> None:  # fmt: skip
+    ) -> None:
         self.path = path
         self._part = None if path is None else path.with_name(path.name + ".part")
         if self._part is None:
             self._file: Any = memory.File()
         else:
             self._part.parent.mkdir(parents=True, exist_ok=True)
-            new = self._part if go_on is None else self._part.with_name(self._part.name + ".new")
+            new = (
+                self._part
+                if go_on is None
+                else self._part.with_name(self._part.name + ".new")
+            )
             self._file = h5py.File(new, "w", libver="latest", rdcc_nbytes=_CACHE)
             self._file.attrs.update(about)
         self._start, self._step = master.start, master.step_size
@@ -75,13 +85,19 @@ class Recorder:
         for slot in master.slots:
             if selects(patterns, slot.component, slot.signal):
                 groups[slot.component, slot.signal.series].append(slot)
-        series = [_series(*name, slots)
-                  for group in groups.items() for name, slots in _rows(*group)]  # fmt: skip
+        series = [
+            _series(*name, slots)
+            for group in groups.items()
+            for name, slots in _rows(*group)
+        ]
         index, sets = None, [self._own(s) for s in series]
         if len(series) > shared_tables.MANY:
             index, sets = self._tables(series)
         about_time = {"unit": "s", "description": "communication points t_k"}
-        plans = [self._plan("/time", 0, np.float64, about_time), *(plan for plan, _ in sets)]
+        plans = [
+            self._plan("/time", 0, np.float64, about_time),
+            *(plan for plan, _ in sets),
+        ]
         self._plans = plans
         self._places = [places for _, places in sets]
         self._sets = [self._made(plan) for plan in plans]
@@ -89,9 +105,10 @@ class Recorder:
         if index is not None:
             self._file.create_dataset(shared_tables.INDEX, data=index)
         self.layout = Layout(
-            self._chunk, {k: (len(a), a.dtype.str) for k, a in live.items()},
+            self._chunk,
+            {k: (len(a), a.dtype.str) for k, a in live.items()},
             tuple((plan.name, *places) for plan, places in sets),
-        )  # fmt: skip
+        )
         self.unwritten = unwritten or RowBuffer()
         self.unwritten.lay_out(self.layout)
         self._rooms: dict[np.dtype[Any], NDArray[Any]] = {}
@@ -104,12 +121,15 @@ class Recorder:
             self._aside(self._take_over, path, go_on)
             self._file.flush()
         if self._part is not None:
-            self._file.swmr_mode = True  # what is flushed stays readable if we are killed
+            self._file.swmr_mode = (
+                True  # what is flushed stays readable if we are killed
+            )
         if path is not None and self._part is not None and go_on is not None:
             self._synchronise()
             new.replace(self._part)
             path.unlink(missing_ok=True)
-        # a foreign FMU may call exit(), at which HDF5 closes its files: nobody may be writing then
+        # a foreign FMU may call exit(), at which HDF5 closes its files: nobody may be
+        # writing then
         self._at_once = path is None or not all(
             member.component.interface.role for member in master.members.values()
         )
@@ -118,15 +138,19 @@ class Recorder:
         """Copy the first rows of the series that are there."""
         with Results.open(path) as old:
             if (there := len(old.times())) < rows:
-                raise DesatError(f"{path.parent}: the series have {there} rows of {rows}")
+                raise DesatError(
+                    f"{path.parent}: the series have {there} rows of {rows}"
+                )
             for at in range(0, rows, self._chunk):
                 block = slice(at, min(rows, at + self._chunk))
-                self._append((i, old.raw(d.name, block)) for i, d in enumerate(self._sets))
+                self._append(
+                    (i, old.raw(d.name, block)) for i, d in enumerate(self._sets)
+                )
         self.unwritten.go_on(rows)
 
     def on_disk(self) -> int:
-        """Write all rows taken so far, so that they survive a failure of power; how many there
-        are of the run."""
+        """Write all rows taken so far, so that they survive a failure of power; how
+        many there are of the run."""
         self.flush()
         self._synchronise()
         return self.unwritten.written
@@ -138,7 +162,9 @@ class Recorder:
     def _own(self, s: shared_tables.SeriesColumns) -> tuple[DataSetPlan, _Place]:
         """A data set of its own."""
         columns = 0 if s.scalar else s.columns.stop - s.columns.start
-        plan = self._plan(f"/{s.component}/{s.variable}", columns, DTYPE[s.kind], s.attributes)
+        plan = self._plan(
+            f"/{s.component}/{s.variable}", columns, DTYPE[s.kind], s.attributes
+        )
         return plan, (s.kind, s.columns, s.interval)
 
     def _tables(
@@ -147,19 +173,30 @@ class Recorder:
         """Data sets that many share, and what says where."""
         tables, index = shared_tables.tables(series)
         return index, [
-            (self._plan(f"/{shared_tables.name_of(kind, interval)}", len(columns), DTYPE[kind], {}),
-             (kind, columns, interval))
+            (
+                self._plan(
+                    f"/{shared_tables.name_of(kind, interval)}",
+                    len(columns),
+                    DTYPE[kind],
+                    {},
+                ),
+                (kind, columns, interval),
+            )
             for (kind, interval), columns in tables.items()
-        ]  # fmt: skip
+        ]
 
-    def _plan(self, name: str, columns: int, dtype: Any, attributes: dict[str, str]) -> DataSetPlan:
+    def _plan(
+        self, name: str, columns: int, dtype: Any, attributes: dict[str, str]
+    ) -> DataSetPlan:
         tail = (columns,) if columns else ()
         chunk = shared_tables.chunk(self._chunk, columns) if columns else (self._chunk,)
         return DataSetPlan(name, tail, np.dtype(dtype), chunk, attributes)
 
     def _made(self, plan: DataSetPlan) -> Any:
         if isinstance(self._file, memory.File):
-            made = self._file.create_dataset(plan.name, plan.tail, plan.dtype, self._chunk)
+            made = self._file.create_dataset(
+                plan.name, plan.tail, plan.dtype, self._chunk
+            )
             made.attrs.update(plan.attributes)
             return made
         # Reals would take seven times as long to write: they are packed beside
@@ -190,7 +227,8 @@ class Recorder:
             self._hand_over()
 
     def _hand_over(self) -> None:
-        """Have the rows taken so far written, when those before are; raises what that raised."""
+        """Have the rows taken so far written, when those before are; raises what that
+        raised."""
         self._job.result()
         self._flushed = time.monotonic()
         half = self.unwritten.swap()
@@ -211,8 +249,8 @@ class Recorder:
         self._aside(self._write, self.unwritten.active)
 
     def _write(self, half: Bank, last: bool = False) -> None:
-        """Write the rows of a half, and have them packed; the `last` are not, and the final row
-        has no interval values."""
+        """Write the rows of a half, and have them packed; the `last` are not, and the
+        final row has no interval values."""
         try:
             if half.taken[0] and self._packing is not None:
                 self._packing.leave_room(self._file.id.get_filesize())
@@ -225,7 +263,8 @@ class Recorder:
         self.unwritten.wrote(half)
 
     def _rows(self, half: Bank, last: bool) -> Iterator[tuple[int, NDArray[Any]]]:
-        """The rows of a half, if any, of each data set; those of the next take their memory."""
+        """The rows of a half, if any, of each data set; those of the next take their
+        memory."""
         if not (n := int(half.taken[0])):
             return
         yield 0, half.times[:n]
@@ -236,7 +275,9 @@ class Recorder:
                     rows = self._together(rows)
                 yield i, rows.reshape(many, *self._plans[i].tail)
 
-    def _append(self, rows_of: Iterable[tuple[int, NDArray[Any]]], pack: bool = True) -> None:
+    def _append(
+        self, rows_of: Iterable[tuple[int, NDArray[Any]]], pack: bool = True
+    ) -> None:
         """Further rows of data sets."""
         for i, rows in rows_of:
             if self._packing is None:
@@ -247,8 +288,8 @@ class Recorder:
                     self._packing.take(i, rows)
 
     def _together(self, rows: NDArray[Any]) -> NDArray[Any]:
-        """Rows side by side in memory; column by column, which takes half the time, and always in
-        the same memory, for new pages of it cost more than the values."""
+        """Rows side by side in memory; column by column, which takes half the time, and
+        always in the same memory, for new pages of it cost more than the values."""
         if rows.flags.c_contiguous:
             return rows
         if (room := self._rooms.get(rows.dtype)) is None or len(room) < rows.size:
@@ -259,7 +300,8 @@ class Recorder:
         return together
 
     def finish(self, master: Master) -> Results:
-        """Take the last row, close the file under its final name, and open it for reading."""
+        """Take the last row, close the file under its final name, and open it for
+        reading."""
         last = self._gauss_seidel
         if last:
             self.unwritten.ends_next()
@@ -281,9 +323,9 @@ class Recorder:
 
 def _rows(
     name: tuple[str, str], slots: list[Slot]
-) -> Iterator[tuple[tuple[str, str], list[Slot]]]:  # fmt: skip
-    """A series' name and slots; each slot by itself where a scenario has made some of its elements
-    interval outputs, so that they do not stand in one row."""
+) -> Iterator[tuple[tuple[str, str], list[Slot]]]:
+    """A series' name and slots; each slot by itself where a scenario has made some of
+    its elements interval outputs, so that they do not stand in one row."""
     slots.sort(key=lambda s: s.index)
     if slots[-1].index - slots[0].index == len(slots) - 1:
         yield name, slots
@@ -291,7 +333,9 @@ def _rows(
     yield from (((name[0], s.signal.name), [s]) for s in slots)
 
 
-def _series(component: str, variable: str, slots: list[Slot]) -> shared_tables.SeriesColumns:
+def _series(
+    component: str, variable: str, slots: list[Slot]
+) -> shared_tables.SeriesColumns:
     """A variable with what is known of it, from the slots of its elements."""
     signal = slots[0].signal
     attributes = {
@@ -304,14 +348,20 @@ def _series(component: str, variable: str, slots: list[Slot]) -> shared_tables.S
         attributes["choices"] = " ".join(signal.choices)
     columns = slice(slots[0].index, slots[-1].index + 1)
     return shared_tables.SeriesColumns(
-        component, variable, slots[0].kind, columns, slots[0].interval, signal.name == variable,
+        component,
+        variable,
+        slots[0].kind,
+        columns,
+        slots[0].interval,
+        signal.name == variable,
         attributes,
-    )  # fmt: skip
+    )
 
 
 def recover(part: Path, path: Path, layout: Layout, unwritten: RowBuffer) -> int:
-    """Make the series of a process that died whole: the rows that are surely on the disk, in
-    `part`, and those in memory. The number of rows. Raises OSError where there is no room."""
+    """Make the series of a process that died whole: the rows that are surely on the
+    disk, in `part`, and those in memory. The number of rows. Raises OSError where there
+    is no room."""
     unwritten.lay_out(layout)
     written, (times, tables) = unwritten.written, unwritten.left()
     rows = written + len(times)
@@ -320,7 +370,14 @@ def recover(part: Path, path: Path, layout: Layout, unwritten: RowBuffer) -> int
     lasts = [(times, rows)]
     for _, kind, columns, interval in layout.sets:
         lasts.append((tables[kind][:, columns], rows - without * interval))
-    made = aside(_packed, part, path, ["time", *(name for name, *_ in layout.sets)], written, lasts)
+    made = aside(
+        _packed,
+        part,
+        path,
+        ["time", *(name for name, *_ in layout.sets)],
+        written,
+        lasts,
+    )
     if made is None:
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(path))
     made.replace(path)
@@ -329,9 +386,14 @@ def recover(part: Path, path: Path, layout: Layout, unwritten: RowBuffer) -> int
 
 
 def _packed(
-    part: Path, path: Path, names: list[str], written: int, lasts: list[tuple[NDArray[Any], int]]
+    part: Path,
+    path: Path,
+    names: list[str],
+    written: int,
+    lasts: list[tuple[NDArray[Any], int]],
 ) -> Path | None:
-    """So many rows of each data set: of a file the `written` ones, then of its last ones."""
+    """So many rows of each data set: of a file the `written` ones, then of its last
+    ones."""
     with h5py.File(part, "r", swmr=True) as old:
         index = old[shared_tables.INDEX][()] if shared_tables.INDEX in old else None
         plans = [DataSetPlan.of(old[name]) for name in names]

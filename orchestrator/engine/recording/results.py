@@ -1,9 +1,10 @@
 """Time series of a run: written in HDF5 while it runs, read afterwards.
 
-`/time` and one data set per variable, `/component/variable`, a row per recorded step and a column
-per element, with unit, frame, description, output class and the names of its values as attributes.
-A row of a state output belongs to its time t_k, a row of an interval output to [t_k, t_k+1), so
-these have no last row. Thousands of variables share data sets (`shared_tables.py`).
+`/time` and one data set per variable, `/component/variable`, a row per recorded step
+and a column per element, with unit, frame, description, output class and the names of
+its values as attributes. A row of a state output belongs to its time t_k, a row of an
+interval output to [t_k, t_k+1), so these have no last row. Thousands of variables share
+data sets (`shared_tables.py`).
 """
 
 from __future__ import annotations
@@ -30,14 +31,22 @@ from .series_file import pack
 T = TypeVar("T")
 Array = NDArray[Any]
 RECENT = 128 << 20
-"""So much is kept of series that a file has packed, and of what is made of series (bytes)."""
+"""So much is kept of series that a file has packed, and of what is made of series
+(bytes)."""
 SERIES, MANIFEST = "series.h5", "manifest.json"
-_FRAMES = {"eci": "eci", "body": "body", "lvlh": "lvlh", "wheel": "wheel axes",
-           "bi": "body from eci", "coil": "coil axes"}  # fmt: skip
+_FRAMES = {
+    "eci": "eci",
+    "body": "body",
+    "lvlh": "lvlh",
+    "wheel": "wheel axes",
+    "bi": "body from eci",
+    "coil": "coil axes",
+}
 
 _END, _BEHIND = slice(28, 36), 1 << 16
-"""Where the superblock of our files says where they end, and how far behind that (bytes) one may be
-that is being written: by up to two of HDF5's blocks of 2 KiB, seen in 399 of 43,233 looks."""
+"""Where the superblock of our files says where they end, and how far behind that
+(bytes) one may be that is being written: by up to two of HDF5's blocks of 2 KiB, seen
+in 399 of 43,233 looks."""
 _ATTEMPTS = 10
 """So often what its writer is just changing is read again, in some milliseconds."""
 
@@ -48,8 +57,9 @@ def frame_of(variable: str) -> str:
 
 
 def _unclosed(path: Path) -> Any:
-    """A file that is being written, or was when its writer was killed. Raises OSError for one that
-    has lost its end: HDF5 would take what is not there for zeros, or try to read it for hours."""
+    """A file that is being written, or was when its writer was killed. Raises OSError
+    for one that has lost its end: HDF5 would take what is not there for zeros, or try
+    to read it for hours."""
     with path.open("rb") as file:
         end = int.from_bytes(file.read(_END.stop)[_END], "little")
         if file.seek(0, os.SEEK_END) + _BEHIND < end:
@@ -63,7 +73,8 @@ def _unclosed(path: Path) -> Any:
 
 
 def _grown(file: Any) -> int:
-    """The rows of a file that was not closed which all its series have, as long as time grows."""
+    """The rows of a file that was not closed which all its series have, as long as time
+    grows."""
     times = np.asarray(file["time"][:])
     least = min((d.shape[0] for d in shared_tables.data_sets(file)), default=len(times))
     stops = np.flatnonzero(np.diff(times) <= 0.0)
@@ -71,7 +82,8 @@ def _grown(file: Any) -> int:
 
 
 def _row_count(manifest: Path) -> int:
-    """The rows that hold values, where a manifest says so: a disk that is full has others too."""
+    """The rows that hold values, where a manifest says so: a disk that is full has
+    others too."""
     try:
         return int(json.loads(manifest.read_text(encoding="utf-8"))["rows"])
     except (OSError, ValueError, KeyError, TypeError):
@@ -88,7 +100,8 @@ def _reason(error: Exception) -> str:
 
 
 def _check_series(file: Any, rows: int | None) -> None:
-    """Raise ValueError unless a file that was closed has times and series of as many rows."""
+    """Raise ValueError unless a file that was closed has times and series of as many
+    rows."""
     times = np.asarray(file["time"][:rows], np.float64)
     if times.ndim != 1 or not np.isfinite(times).all() or (np.diff(times) <= 0.0).any():
         raise ValueError("its times do not increase")
@@ -97,7 +110,9 @@ def _check_series(file: Any, rows: int | None) -> None:
         if not is_of_numbers or data.ndim not in (1, 2):
             raise ValueError(f"{data.name}: it holds no series")
         if rows is None and data.shape[0] not in (len(times) - 1, len(times)):
-            raise ValueError(f"{data.name}: {data.shape[0]} rows for {len(times)} times")
+            raise ValueError(
+                f"{data.name}: {data.shape[0]} rows for {len(times)} times"
+            )
 
 
 class Results:
@@ -119,21 +134,24 @@ class Results:
         return made
 
     def recent(self, key: Hashable, make: Callable[[], Array]) -> Array:
-        """What `make` makes of these series, not to be written to; kept until others that take more
-        than RECENT have been asked for."""
+        """What `make` makes of these series, not to be written to; kept until others
+        that take more than RECENT have been asked for."""
         array = self._recent.pop(key, None)
         if array is None:
             array = make().view()
             array.flags.writeable = False
         self._recent[key] = array
-        while sum(a.nbytes for a in self._recent.values()) > RECENT and len(self._recent) > 1:
+        while (
+            sum(a.nbytes for a in self._recent.values()) > RECENT
+            and len(self._recent) > 1
+        ):
             del self._recent[next(iter(self._recent))]
         return array
 
     @classmethod
     def open(cls, path: Path, rows: int | None = None) -> Results:
-        """The series of a run folder or of an HDF5 file, also of a run that was killed; of those
-        `rows` rows, where so many are known to hold values.
+        """The series of a run folder or of an HDF5 file, also of a run that was killed;
+        of those `rows` rows, where so many are known to hold values.
 
         Raises DesatError where there is none.
         """
@@ -151,15 +169,19 @@ class Results:
                 _check_series(opened, rows)
             return found
         except DAMAGED as error:
-            raise DesatError(f"{path}: no readable series ({_reason(error)})") from error
+            raise DesatError(
+                f"{path}: no readable series ({_reason(error)})"
+            ) from error
 
     def __enter__(self) -> Self:
         return self
 
     def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None,
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
         trace: TracebackType | None,
-    ) -> None:  # fmt: skip
+    ) -> None:
         self.close()
 
     def close(self) -> None:
@@ -167,7 +189,8 @@ class Results:
         self._file.close()
 
     def thin(self, every: int) -> None:
-        """Keep each so many-th row of every series, from the first on, in the file as well."""
+        """Keep each so many-th row of every series, from the first on, in the file as
+        well."""
         self._made.clear()
         self._recent.clear()
         if isinstance(self._file, memory.File):
@@ -211,9 +234,13 @@ class Results:
             raise self._unreadable(path, error) from error
 
     def values(self, name: str, rows: slice = slice(None)) -> NDArray[Any]:
-        """The rows of `component.variable` as (rows, elements), or (rows,) for a scalar; not to be
-        written to."""
-        last = rows.stop if self._rows is None else min(self._rows, rows.stop or self._rows)
+        """The rows of `component.variable` as (rows, elements), or (rows,) for a
+        scalar; not to be written to."""
+        last = (
+            rows.stop
+            if self._rows is None
+            else min(self._rows, rows.stop or self._rows)
+        )
         found = self._find(name)
         try:
             if not isinstance(found, h5py.Dataset) or found.nbytes > RECENT // 16:
@@ -231,7 +258,9 @@ class Results:
     def times(self, name: str | None = None) -> NDArray[np.float64]:
         """The time (s) of each row of a series (default: of all recorded steps)."""
         try:
-            whole = self.recent("time", lambda: np.asarray(self._file["time"][: self._rows]))
+            whole = self.recent(
+                "time", lambda: np.asarray(self._file["time"][: self._rows])
+            )
         except DAMAGED as error:
             raise self._unreadable("time", error) from error
         return whole if name is None else whole[: self._find(name).shape[0]]
@@ -244,7 +273,8 @@ class Results:
             raise self._unreadable(f"{name}, attribute {key},", error) from error
 
     def choices(self, name: str) -> tuple[str, ...]:
-        """The names of an Integer's values, `-` for one that it never has; empty without names."""
+        """The names of an Integer's values, `-` for one that it never has; empty
+        without names."""
         try:
             return tuple(str(self._find(name).attrs.get("choices", "")).split())
         except DAMAGED as error:

@@ -1,7 +1,8 @@
-"""Rows of a run that are not on the disk yet, in memory that outlives the process that runs it.
+"""Rows of a run that are not on the disk yet, in memory that outlives the process that
+runs it.
 
-A recorder of a process that is watched keeps its rows here; where that process ends by a crash,
-its parent puts them after those that are written.
+A recorder of a process that is watched keeps its rows here; where that process ends by
+a crash, its parent puts them after those that are written.
 """
 
 from __future__ import annotations
@@ -45,7 +46,8 @@ class Bank:
 
 
 class RowBuffer:
-    """Two halves, one of which takes rows while the other is written; `written` are on the disk."""
+    """Two halves, one of which takes rows while the other is written; `written` are on
+    the disk."""
 
     def __init__(self, file: int | None = None) -> None:
         self._file = file
@@ -60,11 +62,18 @@ class RowBuffer:
 
     def lay_out(self, layout: Layout) -> None:
         """Make counts and tables; what is there already stays."""
-        parts = [layout.capacity * n * np.dtype(d).itemsize for n, d in layout.widths.values()]
-        whole = -(-(8 * layout.capacity + sum(parts)) // 8) * 8  # so that doubles lie well
+        parts = [
+            layout.capacity * n * np.dtype(d).itemsize
+            for n, d in layout.widths.values()
+        ]
+        whole = (
+            -(-(8 * layout.capacity + sum(parts)) // 8) * 8
+        )  # so that doubles lie well
         size = _HEAD + 2 * whole
         if self._file is None:
-            memory: Any = np.zeros(size, np.uint8)  # whose pages are made when they are used
+            memory: Any = np.zeros(
+                size, np.uint8
+            )  # whose pages are made when they are used
         else:
             os.ftruncate(self._file, size)
             memory = mmap.mmap(self._file, size)
@@ -75,7 +84,9 @@ class RowBuffer:
             times = np.frombuffer(memory, np.float64, layout.capacity, at)
             at += 8 * layout.capacity
             rows: dict[Kind, NDArray[Any]] = {}
-            for (kind, (columns, dtype)), part in zip(layout.widths.items(), parts, strict=True):
+            for (kind, (columns, dtype)), part in zip(
+                layout.widths.items(), parts, strict=True
+            ):
                 flat = np.frombuffer(memory, dtype, layout.capacity * columns, at)
                 rows[kind] = flat.reshape(layout.capacity, columns)
                 at += part
@@ -102,16 +113,22 @@ class RowBuffer:
         active, parts = int(self._counts[_ACTIVE]), []
         for i in (1 - active, active):
             half = self._halves[i]
-            gone = self._counts[_NEXT] > self._counts[_WRITTEN] and self._counts[_WHICH] == i
+            gone = (
+                self._counts[_NEXT] > self._counts[_WRITTEN]
+                and self._counts[_WHICH] == i
+            )
             parts.append((half, 0 if gone else int(half.taken[0])))
         return (
             np.concatenate([half.times[:n] for half, n in parts]),
-            {k: np.concatenate([half.rows[k][:n] for half, n in parts]) for k in self.active.rows},
+            {
+                k: np.concatenate([half.rows[k][:n] for half, n in parts])
+                for k in self.active.rows
+            },
         )
 
     def wrote(self, half: Bank) -> None:
-        """Count the rows of a half that are on the disk now, so that none is counted twice if we
-        die here."""
+        """Count the rows of a half that are on the disk now, so that none is counted
+        twice if we die here."""
         self._counts[_WHICH] = self._halves.index(half)
         self._counts[_NEXT] = self._counts[_WRITTEN] + half.taken[0]
         half.taken[0] = 0
@@ -119,7 +136,9 @@ class RowBuffer:
 
     def ends_next(self) -> None:
         """Say that the next row is the run's final one, which has no interval values."""
-        self._counts[_FINAL] = self.written + sum(int(half.taken[0]) for half in self._halves) + 1
+        self._counts[_FINAL] = (
+            self.written + sum(int(half.taken[0]) for half in self._halves) + 1
+        )
 
     @property
     def final(self) -> int:

@@ -1,13 +1,15 @@
 """Makes the series of a run smaller, and known to other programs.
 
-While a run goes on its Reals are written as they are: what is flushed stays readable when it is
-killed. Beside it grows the file that is left when it is over: each chunk that is whole is
-compressed (shuffle and deflate, which every reader of HDF5 has), and at the end each data set gets
-its times as dimension scale: `/time` for states, `/.interval` for what holds over [t_k, t_k+1).
+While a run goes on its Reals are written as they are: what is flushed stays readable
+when it is killed. Beside it grows the file that is left when it is over: each chunk
+that is whole is compressed (shuffle and deflate, which every reader of HDF5 has), and
+at the end each data set gets its times as dimension scale: `/time` for states,
+`/.interval` for what holds over [t_k, t_k+1).
 
-HDF5's own filters would take 17.3 us a step of a day at nadir (129 signals, one core of a machine
-that was busy), ISA-L's deflate takes 1.6 for 2 % more bytes. Data sets and attributes are made by
-HDF5's own calls too, for h5py's take twice as long, and a day is over in half a second.
+HDF5's own filters would take 17.3 us a step of a day at nadir (129 signals, one core of
+a machine that was busy), ISA-L's deflate takes 1.6 for 2 % more bytes. Data sets and
+attributes are made by HDF5's own calls too, for h5py's take twice as long, and a day is
+over in half a second.
 """
 
 from __future__ import annotations
@@ -41,16 +43,16 @@ def beside(path: Path) -> Path:
 
 
 def aside(work: Callable[..., T], *given: Any) -> T:
-    """Do it in a thread of its own. ISA-L leaves the vector registers of its thread in a state in
-    which C that is not built for AVX, as that of FMUs, takes up to six times as long: nothing may
-    pack in a thread that steps, or that forks one that does."""
+    """Do it in a thread of its own. ISA-L leaves the vector registers of its thread in
+    a state in which C that is not built for AVX, as that of FMUs, takes up to six times
+    as long: nothing may pack in a thread that steps, or that forks one that does."""
     with ThreadPoolExecutor(1) as thread:
         return thread.submit(work, *given).result()
 
 
 def pack(path: Path, every: int = 1) -> None:
-    """Pack a closed file in its place, with each so many-th row of it, from the first on. Where the
-    disk has no room for both it stays as it is."""
+    """Pack a closed file in its place, with each so many-th row of it, from the first
+    on. Where the disk has no room for both it stays as it is."""
     aside(_pack, path, every)
 
 
@@ -58,7 +60,9 @@ def _pack(path: Path, every: int) -> None:
     with h5py.File(path, "r") as file:
         sets = [file["time"], *shared_tables.data_sets(file)]
         index = file[shared_tables.INDEX][()] if shared_tables.INDEX in file else None
-        packing = Packing(path, [DataSetPlan.of(d) for d in sets], index, dict(file.attrs))
+        packing = Packing(
+            path, [DataSetPlan.of(d) for d in sets], index, dict(file.attrs)
+        )
         packing.leave_room(file.id.get_filesize())
         for i, source in enumerate(sets):
             many = source.chunks[0]
@@ -84,7 +88,9 @@ class DataSetPlan:
     def of(cls, source: Any) -> DataSetPlan:
         """A data set of a file; what makes it one with scales is made anew."""
         attributes = {k: v for k, v in source.attrs.items() if k not in _OF_SCALES}
-        return cls(source.name, source.shape[1:], source.dtype, source.chunks, attributes)
+        return cls(
+            source.name, source.shape[1:], source.dtype, source.chunks, attributes
+        )
 
     @property
     def interval(self) -> bool:
@@ -105,14 +111,20 @@ class DataSetPlan:
         place = h5s.create_simple((0, *self.tail), (h5s.UNLIMITED, *self.tail))
         name, dtype = self.name.encode(), h5t.py_create(self.dtype)
         made = h5d.create(file.id, name, dtype, place, how, link)
-        text, one = h5t.py_create(h5py.string_dtype(), logical=True), h5s.create(h5s.SCALAR)
+        text, one = (
+            h5t.py_create(h5py.string_dtype(), logical=True),
+            h5s.create(h5s.SCALAR),
+        )
         for key, value in self.attributes.items():
-            h5a.create(made, key.encode(), text, one).write(np.array(value, dtype=object))
+            h5a.create(made, key.encode(), text, one).write(
+                np.array(value, dtype=object)
+            )
         return h5py.Dataset(made)
 
     def append(self, dataset: Any, rows: NDArray[Any]) -> None:
-        """Further rows of one that was made so, in chunks as they are if they are Reals. By HDF5's
-        own calls: `dataset[n:] = rows` takes twice as long, and a day has thousands."""
+        """Further rows of one that was made so, in chunks as they are if they are
+        Reals. By HDF5's own calls: `dataset[n:] = rows` takes twice as long, and a day
+        has thousands."""
         n, *tail = dataset.shape
         dataset.set_extent((n + len(rows), *tail))
         if rows.shape == self.chunk and n % len(rows) == 0:
@@ -124,9 +136,11 @@ class DataSetPlan:
         dataset.write(h5s.create_simple(rows.shape), place, rows)
 
 
-def chunks(plan: DataSetPlan, rows: NDArray[Any]) -> Iterable[tuple[tuple[int, ...], NDArray[Any]]]:
-    """The chunks that rows, no more than one chunk has, lie in, filled with zeros: where they
-    begin, after the first row, and what they hold."""
+def chunks(
+    plan: DataSetPlan, rows: NDArray[Any]
+) -> Iterable[tuple[tuple[int, ...], NDArray[Any]]]:
+    """The chunks that rows, no more than one chunk has, lie in, filled with zeros:
+    where they begin, after the first row, and what they hold."""
     width = plan.chunk[1:]
     if rows.shape == plan.chunk:
         yield (0,) * rows.ndim, rows
@@ -170,7 +184,9 @@ class _Packed:
         end = len(rows) - len(rows) % many if whole else len(rows)
         self._id.set_extent((done + end, *self.plan.tail))
         for first in range(0, end, many):
-            for (_, *column), values in chunks(self.plan, rows[first : min(end, first + many)]):
+            for (_, *column), values in chunks(
+                self.plan, rows[first : min(end, first + many)]
+            ):
                 self._id.write_direct_chunk((done + first, *column), deflated(values))
         self.keep(rows[end:])
 
@@ -181,18 +197,23 @@ class _Packed:
 
 
 def deflated(values: NDArray[Any]) -> bytes:
-    """A chunk as HDF5's filters would leave it: of all values the first byte, then the second."""
+    """A chunk as HDF5's filters would leave it: of all values the first byte, then the
+    second."""
     octets = values.reshape(-1).view(np.uint8).reshape(-1, values.itemsize)
     packed: bytes = isal_zlib.compress(np.ascontiguousarray(octets.T), _LEVEL)
     return packed
 
 
 class Packing:
-    """The packed file of one that grows, beside `path`. Where the disk has no room for both there
-    is none."""
+    """The packed file of one that grows, beside `path`. Where the disk has no room for
+    both there is none."""
 
     def __init__(
-        self, path: Path, plans: Sequence[DataSetPlan], index: str | None, about: Mapping[str, str]
+        self,
+        path: Path,
+        plans: Sequence[DataSetPlan],
+        index: str | None,
+        about: Mapping[str, str],
     ) -> None:
         self._path, self._index, self._about = beside(path), index, about
         self._sets = [_Packed(plan) for plan in plans]
@@ -219,8 +240,8 @@ class Packing:
             self.drop()
 
     def finish(self, last: Iterable[tuple[int, NDArray[Any]]] = ()) -> Path | None:
-        """Pack the rest, and the `last` rows of data sets, and close the file; where it is, if it
-        could be made."""
+        """Pack the rest, and the `last` rows of data sets, and close the file; where it
+        is, if it could be made."""
         if self._lost:
             return None
         try:
@@ -261,17 +282,25 @@ class Packing:
         h5ds.set_scale(time, b"time")
         rows = [d.shape[0] for d, holds in zip(sets, interval, strict=True) if holds]
         if rows:
-            begin = self._file.create_dataset(INTERVAL, data=self._file["time"][: rows[0]])
-            begin.attrs.update({"unit": "s", "description": "begin t_k of the interval"})
+            begin = self._file.create_dataset(
+                INTERVAL, data=self._file["time"][: rows[0]]
+            )
+            begin.attrs.update(
+                {"unit": "s", "description": "begin t_k of the interval"}
+            )
             h5ds.set_scale(begin.id, b"interval")
         elements: dict[int, Any] = {}
         for dataset, holds in zip(sets, interval, strict=True):
             h5ds.set_label(dataset, 0, b"interval" if holds else b"time")
             h5ds.attach_scale(dataset, begin.id if holds else time, 0)
-            for many in dataset.shape[1:]:  # readers of netCDF want a scale for each axis
+            for many in dataset.shape[
+                1:
+            ]:  # readers of netCDF want a scale for each axis
                 if many not in elements:
                     name = f"{ELEMENT}{many}"
-                    elements[many] = self._file.create_dataset(name, data=np.arange(1, many + 1))
+                    elements[many] = self._file.create_dataset(
+                        name, data=np.arange(1, many + 1)
+                    )
                     h5ds.set_scale(elements[many].id, name.encode())
                 h5ds.set_label(dataset, 1, b"element")
                 h5ds.attach_scale(dataset, elements[many].id, 1)

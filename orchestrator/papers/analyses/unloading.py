@@ -1,8 +1,8 @@
 """Numbers of momentum management by coils (paper 001): what its claims are judged by.
 
-Of a run the first quarter is left out. The periodic part of a momentum is what a least-squares fit
-of cos and sin of twice the orbital rate, beside a straight line, finds in it: gravity gradient at
-an inertial attitude makes that, and a secular part.
+Of a run the first quarter is left out. The periodic part of a momentum is what a
+least-squares fit of cos and sin of twice the orbital rate, beside a straight line,
+finds in it: gravity gradient at an inertial attitude makes that, and a secular part.
 """
 
 from __future__ import annotations
@@ -29,14 +29,25 @@ SPEEDS = (100, 200, 300)
 """rpm, above which the time of the fastest wheel is counted."""
 RPM = 30.0 / np.pi
 NUMBERS = (
-    *(f"time_above_{s}" for s in SPEEDS), "moved_by_coils", "moved_by_gravity",
-    "mean_momentum", "mean_change", "amplitude_kept", "dipole_correlation", "off_profile",
-    "field_models", "end_miss",
-)  # fmt: skip
+    *(f"time_above_{s}" for s in SPEEDS),
+    "moved_by_coils",
+    "moved_by_gravity",
+    "mean_momentum",
+    "mean_change",
+    "amplitude_kept",
+    "dipole_correlation",
+    "off_profile",
+    "field_models",
+    "end_miss",
+)
 SIGNALS = (
-    "spacecraft.q_bi", "spacecraft.impulse_eci", "environment.b_eci", "torquers.m_mean_body",
-    "manager.tau_desired_body", "wheels.speed_wheel",
-)  # fmt: skip
+    "spacecraft.q_bi",
+    "spacecraft.impulse_eci",
+    "environment.b_eci",
+    "torquers.m_mean_body",
+    "manager.tau_desired_body",
+    "wheels.speed_wheel",
+)
 
 
 @dataclass(frozen=True)
@@ -50,7 +61,8 @@ PARTS = TelescopeParts
 
 
 def applies(system: System) -> TelescopeParts | None:
-    """Systems whose manager says its desired torque, with the components of a craft with coils."""
+    """Systems whose manager says its desired torque, with the components of a craft
+    with coils."""
     for signal in SIGNALS:
         name, _, output = signal.partition(".")
         component = system.components.get(name)
@@ -83,24 +95,35 @@ def numbers(manifest: Manifest, results: Results) -> dict[str, Value]:
     gravity = moved - step * torque
     fastest = np.abs(speed[first:rows]).max(axis=1) * RPM
     entries = {
-        f"time_above_{s}": (f"Time that the fastest wheel is above {s} rpm",
-                            100.0 * float((fastest > s).mean()), "%") for s in SPEEDS
-    }  # fmt: skip
+        f"time_above_{s}": (
+            f"Time that the fastest wheel is above {s} rpm",
+            100.0 * float((fastest > s).mean()),
+            "%",
+        )
+        for s in SPEEDS
+    }
     count = rows - first
     per_orbit = orbit / (count * step)
     entries["moved_by_coils"] = (
         "Momentum exchanged by the coils per orbit (integral of the torque's magnitude)",
-        per_orbit * step * float(np.linalg.norm(torque[first:], axis=1).sum()), "N.m.s",
-    )  # fmt: skip
+        per_orbit * step * float(np.linalg.norm(torque[first:], axis=1).sum()),
+        "N.m.s",
+    )
     entries["moved_by_gravity"] = (
         "Momentum exchanged by the gravity gradient per orbit (likewise)",
-        per_orbit * float(np.linalg.norm(gravity[first:], axis=1).sum()), "N.m.s",
-    )  # fmt: skip
+        per_orbit * float(np.linalg.norm(gravity[first:], axis=1).sum()),
+        "N.m.s",
+    )
     whole = int(orbit / step)
-    means = [impulse[k : k + whole].mean(axis=0) for k in range(first, rows - whole + 1, whole)]
+    means = [
+        impulse[k : k + whole].mean(axis=0)
+        for k in range(first, rows - whole + 1, whole)
+    ]
     entries["mean_change"] = (
         "Mean change of the orbit-averaged momentum from one orbit to the next",
-        float(np.linalg.norm(np.diff(means, axis=0), axis=1).mean()) if means[1:] else np.nan,
+        float(np.linalg.norm(np.diff(means, axis=0), axis=1).mean())
+        if means[1:]
+        else np.nan,
         "N.m.s",
     )
     entries["mean_momentum"] = (
@@ -110,36 +133,50 @@ def numbers(manifest: Manifest, results: Results) -> dict[str, Value]:
     )
     times = step * np.arange(first, rows)
     built = np.cumsum(gravity, axis=0)[first:]
-    ours, free = (_periodic(times, x, rate) for x in (impulse[first + 1 : rows + 1], built))
+    ours, free = (
+        _periodic(times, x, rate) for x in (impulse[first + 1 : rows + 1], built)
+    )
     entries["amplitude_kept"] = (
         "Periodic momentum (share of that of the gravity gradient alone)",
-        100.0 * float(ours / free), "%",
-    )  # fmt: skip
+        100.0 * float(ours / free),
+        "%",
+    )
     held = max(1, round(law["sample_time"] / step))
     part = slice(first + held // 2, rows, held)  # the middle of a hold
     b = rotate(q[part], turned[part])
-    size, across = (np.linalg.norm(x, axis=1) for x in (dipole[part], np.cross(wanted[part], b)))
-    sine = across / np.maximum(np.linalg.norm(wanted[part], axis=1)
-                               * np.linalg.norm(b, axis=1), 1e-300)  # fmt: skip
+    size, across = (
+        np.linalg.norm(x, axis=1) for x in (dipole[part], np.cross(wanted[part], b))
+    )
+    sine = across / np.maximum(
+        np.linalg.norm(wanted[part], axis=1) * np.linalg.norm(b, axis=1), 1e-300
+    )
     if size.std() > 0.0 and sine.std() > 1e-3:
         entries["dipole_correlation"] = (
             "Correlation of the dipole's size with the sine of the angle of T_D to B",
-            float(np.corrcoef(size, sine)[0, 1]), "1",
-        )  # fmt: skip
-    if "desaturation_period" in law:  # one for the dipole of a sample, and those of a solution
+            float(np.corrcoef(size, sine)[0, 1]),
+            "1",
+        )
+    if (
+        "desaturation_period" in law
+    ):  # one for the dipole of a sample, and those of a solution
         each = law["desaturation_period"] / law["sample_time"] / law["update_period"]
         models = 3600.0 * (1.0 / law["sample_time"] + each)
     else:
         models = 0.0
-    entries["field_models"] = ("Onboard evaluations of the field model per hour", models, "1")
+    entries["field_models"] = (
+        "Onboard evaluations of the field model per hour",
+        models,
+        "1",
+    )
     if "profile_table" in law:
-        entries["off_profile"] = ("Difference from H_NOM at the rows of the table, rms",
-                                  _off_profile(law, impulse[: rows + 1], step, first),
-                                  "N.m.s")  # fmt: skip
+        entries["off_profile"] = (
+            "Difference from H_NOM at the rows of the table, rms",
+            _off_profile(law, impulse[: rows + 1], step, first),
+            "N.m.s",
+        )
     if "update_period" in law and law["update_period"] == law["desaturation_period"]:
         title = "Difference from H_NOM at the ends of desaturation periods, rms (share of H_D's)"
-        entries["end_miss"] = (title,
-                               _end_miss(law, impulse, wanted, q, step), "%")  # fmt: skip
+        entries["end_miss"] = (title, _end_miss(law, impulse, wanted, q, step), "%")
     return {name: Value(*row) for name, row in entries.items() if np.isfinite(row[1])}
 
 
@@ -150,7 +187,9 @@ def _periodic(times: Any, momentum: Any, rate: float) -> float:
     return float(np.linalg.norm(np.linalg.lstsq(form, momentum, rcond=None)[0][2:]))
 
 
-def _off_profile(given: Mapping[str, Any], impulse: Any, step: float, first: int) -> float:
+def _off_profile(
+    given: Mapping[str, Any], impulse: Any, step: float, first: int
+) -> float:
     """How far the momentum (rows, 3) is off the rows of H_NOM."""
     nodes = int(given["table_nodes"])
     table = np.reshape(given["profile_table"], (-1, 3))[:nodes]
@@ -159,9 +198,11 @@ def _off_profile(given: Mapping[str, Any], impulse: Any, step: float, first: int
     return float(np.sqrt(((impulse[rows[kept]] - table[kept]) ** 2).sum(axis=1).mean()))
 
 
-def _end_miss(law: Mapping[str, Any], impulse: Any, wanted: Any, q: Any, step: float) -> float:
-    """Where a desaturation period ends: rms of |H - H_NOM| over that of |H_D|, in %; H_D is the
-    integral of the torque that is meant (eq. 3)."""
+def _end_miss(
+    law: Mapping[str, Any], impulse: Any, wanted: Any, q: Any, step: float
+) -> float:
+    """Where a desaturation period ends: rms of |H - H_NOM| over that of |H_D|, in %;
+    H_D is the integral of the torque that is meant (eq. 3)."""
     period = law["update_period"]
     rows, nodes = round(period / step), round(period / law["table_spacing"])
     if abs(nodes * law["table_spacing"] - period) > 1e-6:

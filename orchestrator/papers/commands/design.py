@@ -21,19 +21,24 @@ from ...system.errors import DesatError
 def design(
     names: Annotated[
         list[str] | None,
-        typer.Argument(metavar="[NAME]...",
-                       help="Scenarios (default: all with a design; takes minutes)."),
+        typer.Argument(
+            metavar="[NAME]...",
+            help="Scenarios (default: all with a design; takes minutes).",
+        ),
     ] = None,
     sets: o.Sets = None,
     stop: o.Stop = None,
     step: o.Step = None,
     file: Annotated[
         Path | None,
-        typer.Option("--out", help="Another file than the scenario's own; needed with other "
-                     "values, for `desat run NAME --set ... --design FILE`."),
+        typer.Option(
+            "--out",
+            help="Another file than the scenario's own; needed with other "
+            "values, for `desat run NAME --set ... --design FILE`.",
+        ),
     ] = None,
     as_json: o.Json = False,
-) -> None:  # fmt: skip
+) -> None:
     """Compute the gain tables and costates that laws need beforehand.
 
     They are kept in ssp/FAMILY/design/.

@@ -18,26 +18,32 @@ if TYPE_CHECKING:
 @app.command(epilog=example("desat tables uosat12"))
 def tables(
     family: Annotated[
-        str, typer.Argument(help="Scenario family, as uosat12.", autocompletion=o.complete_family)
+        str,
+        typer.Argument(
+            help="Scenario family, as uosat12.", autocompletion=o.complete_family
+        ),
     ],
     algorithm: o.Alg = "gauss_seidel",
     blocks: o.Blocks = False,
     fmus: o.Fmus = "native",
     jobs: o.Jobs = o.CPUS,
     html: Annotated[
-        Path | None, typer.Option(help="Where the page goes (default: runs/tables-FAMILY.html).")
+        Path | None,
+        typer.Option(help="Where the page goes (default: runs/tables-FAMILY.html)."),
     ] = None,
     fresh: Annotated[
         bool,
         typer.Option(
-            "--fresh", help="Compute the random samples now; default: use the stored ones."
+            "--fresh",
+            help="Compute the random samples now; default: use the stored ones.",
         ),
     ] = False,
     as_json: o.Json = False,
 ) -> None:
     """Run a family's scenarios and print the paper's tables beside ours.
 
-    Scenarios with samples give their median; these are read from docs/papers/FAMILY/draws.parquet.
+    Scenarios with samples give their median; these are read from
+    docs/papers/FAMILY/draws.parquet.
     """
     from .. import tables as tables_module
 
@@ -55,7 +61,10 @@ def tables(
             for column, text in shown.items()
         ]
         cells = [
-            [Cell(line[c], mark=cast(Mark, line["mark"] if c == "verdict" else "")) for c in shown]
+            [
+                Cell(line[c], mark=cast(Mark, line["mark"] if c == "verdict" else ""))
+                for c in shown
+            ]
             for line in lines
         ]
         for text in tables_module.definitions(row.definition for row in group):
@@ -77,7 +86,8 @@ def tables(
 def _draws_of(
     family: str, jobs: int, fresh: bool, progress: bool
 ) -> tuple[StoredDraws | None, Provenance | None]:
-    """The samples of a family that has some, stored or made now, and where they are from."""
+    """The samples of a family that has some, stored or made now, and where they are
+    from."""
     from .. import stored as stored_module
 
     if not stored_module.with_draws(family):
@@ -89,9 +99,15 @@ def _draws_of(
     if old := stored_module.outdated(kept):
         left_out = [name for name in old if name not in kept["scenarios"]]
         stale = [name for name in old if name in kept["scenarios"]]
-        for names, what in ((stale, "are not of this version"),
-                            (left_out, "are not there: their rows are left out")):  # fmt: skip
+        for names, what in (
+            (stale, "are not of this version"),
+            (left_out, "are not there: their rows are left out"),
+        ):
             if names:
-                shown = ", ".join(names[:3]) + (f" and {len(names) - 3} more" if names[3:] else "")
-                err.print(f"warning: the stored samples of {shown} {what}; --fresh computes them")
+                shown = ", ".join(names[:3]) + (
+                    f" and {len(names) - 3} more" if names[3:] else ""
+                )
+                err.print(
+                    f"warning: the stored samples of {shown} {what}; --fresh computes them"
+                )
     return kept, stored_module.provenance(kept, fresh=False)

@@ -1,4 +1,5 @@
-"""What laws need beforehand (`desat design`): a file a kind of design, found by the folder.
+"""What laws need beforehand (`desat design`): a file a kind of design, found by the
+folder.
 
     [design]
     of = "NAME"                       # no design of its own: that of another scenario
@@ -12,8 +13,9 @@ and what the kind takes. A module of this folder that has `applies` is a kind of
     def applies(system) -> bool       # whether it is the one for this system
     def make(scenario, options) -> Design
 
-What is computed becomes parameters of one component, in ssp/FAMILY/design/NAME.toml, which the
-scenario loader merges below the scenario's own (`origin.py`: what a file was made from).
+What is computed becomes parameters of one component, in ssp/FAMILY/design/NAME.toml,
+which the scenario loader merges below the scenario's own (`origin.py`: what a file was
+made from).
 """
 
 from __future__ import annotations
@@ -32,7 +34,8 @@ Parameters = Mapping[str, float | int | bool | str | list[Any]]
 
 @dataclass(frozen=True)
 class MadeDesign:
-    """Parameters of a component, what the run with them reached, the numbers tuned for them."""
+    """Parameters of a component, what the run with them reached, the numbers tuned for
+    them."""
 
     component: str
     parameters: Parameters

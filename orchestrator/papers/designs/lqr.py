@@ -36,14 +36,20 @@ def make(scenario: Scenario, options: Options) -> MadeDesign:
     plant = Plant(scenario, options)
     nodes = plant.asked.nodes or NODES
     if nodes > CAPACITY:
-        raise DesatError(f"{scenario.name}: design: nodes = {nodes}: at most {CAPACITY} are held")
+        raise DesatError(
+            f"{scenario.name}: design: nodes = {nodes}: at most {CAPACITY} are held"
+        )
     times = np.linspace(0.0, plant.horizon, nodes)
 
     def parameters(scale_of_f: float) -> Parameters:
         gain, offset = offline.gains(
-            plant.field, plant.omega, scale_of_f * shape(plant),
-            plant.manager_value("dipole_weight"), plant.n_con, times,
-        )  # fmt: skip
+            plant.field,
+            plant.omega,
+            scale_of_f * shape(plant),
+            plant.manager_value("dipole_weight"),
+            plant.n_con,
+            times,
+        )
         return {
             "horizon": plant.horizon,
             "table_nodes": nodes,

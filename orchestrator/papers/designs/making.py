@@ -1,4 +1,5 @@
-"""`desat design`: which scenarios have a design made, and how one is made, kept and used."""
+"""`desat design`: which scenarios have a design made, and how one is made, kept and
+used."""
 
 from __future__ import annotations
 
@@ -24,8 +25,8 @@ ROUNDING = 1e-12
 
 
 def designable(names: list[str]) -> list[Scenario]:
-    """The scenarios of these names, or all that have a design of their own; one that ends where
-    another ends comes after it. Raises DesatError for one that has none."""
+    """The scenarios of these names, or all that have a design of their own; one that
+    ends where another ends comes after it. Raises DesatError for one that has none."""
     wanted = [find(n) for n in names] or [
         s for s in scenarios().values() if s.content.design and not s.content.design.of
     ]
@@ -34,13 +35,15 @@ def designable(names: list[str]) -> list[Scenario]:
             raise DesatError(f"{s.name}: it has no [design]")
         if design.of:
             other = f"{s.family}/{design.of}"
-            raise DesatError(f"{s.name} uses the design of {other}: run `desat design {other}`")
+            raise DesatError(
+                f"{s.name} uses the design of {other}: run `desat design {other}`"
+            )
     return sorted(wanted, key=lambda s: bool(design_of(s).end_of))
 
 
 def design(scenario: Scenario, options: Options | None = None) -> MadeDesign:
-    """Compute a scenario's design for the values of `options`. Raises DesatError where it cannot
-    be made."""
+    """Compute a scenario's design for the values of `options`. Raises DesatError where
+    it cannot be made."""
     options = options or Options()
     system, _ = builder_of(scenario, options).check().or_raise()
     kind = next((k for k in kinds() if k.applies(system)), None)
@@ -49,8 +52,10 @@ def design(scenario: Scenario, options: Options | None = None) -> MadeDesign:
     for key in design_of(scenario).written:
         if key not in (*COMMON, *kind.KEYS):
             name = kind.__name__.rpartition(".")[2]
-            raise DesatError(f"{scenario.name}: design: {key} is not for {name}; known are "
-                             f"{', '.join(kind.KEYS)}")  # fmt: skip
+            raise DesatError(
+                f"{scenario.name}: design: {key} is not for {name}; known are "
+                f"{', '.join(kind.KEYS)}"
+            )
     made: MadeDesign = kind.make(scenario, options)
     return made
 
@@ -70,8 +75,9 @@ _made: dict[str, MadeDesign] = {}
 
 
 def parameters_for(scenario: Scenario, options: Options) -> dict[str, Parameters]:
-    """The designed parameters, a table a component, that `options.design` asks for: a file, or
-    made now for the values of the options. Raises DesatError where that cannot be."""
+    """The designed parameters, a table a component, that `options.design` asks for: a
+    file, or made now for the values of the options. Raises DesatError where that cannot
+    be."""
     if options.design is None:
         return {}
     if scenario.design is None:
@@ -99,7 +105,10 @@ def text(scenario: Scenario, made: MadeDesign, options: Options | None = None) -
         lines.append(f"# Assumed, against the scenario: {assumed}.")
     if made.tuned:
         lines += ["", "[tuned]"]
-        lines += [f"{name} = {value!r}  # {unit}" for name, (value, unit) in made.tuned.items()]
+        lines += [
+            f"{name} = {value!r}  # {unit}"
+            for name, (value, unit) in made.tuned.items()
+        ]
     lines += [
         "",
         "[reached]",
@@ -146,17 +155,24 @@ def as_json(scenario: Scenario, made: MadeDesign, path: Path) -> dict[str, Any]:
 
 
 def write(
-    scenario: Scenario, made: MadeDesign, options: Options | None = None, file: Path | None = None
+    scenario: Scenario,
+    made: MadeDesign,
+    options: Options | None = None,
+    file: Path | None = None,
 ) -> Path:
     """Write a design's file (default: where the scenario looks) and return its path."""
-    path = file or ROOT / scenario.family / "design" / f"{scenario.name.partition('/')[2]}.toml"
+    path = (
+        file
+        or ROOT / scenario.family / "design" / f"{scenario.name.partition('/')[2]}.toml"
+    )
     replace_text(path, text(scenario, made, options))
     return path
 
 
 def confirm(scenario: Scenario) -> bool:
-    """Renew the table [made_of] of a scenario's kept design, and nothing else of its file, if a
-    run with the kept numbers reaches what the file says, to `ROUNDING`; False where it does not."""
+    """Renew the table [made_of] of a scenario's kept design, and nothing else of its
+    file, if a run with the kept numbers reaches what the file says, to `ROUNDING`;
+    False where it does not."""
     from .plant import Plant
 
     if scenario.design is None:
@@ -169,13 +185,16 @@ def confirm(scenario: Scenario) -> bool:
         if not np.abs(now - kept).max() <= ROUNDING * np.abs(kept).max():
             return False
     content = scenario.design.read_text(encoding="utf-8").partition(f"\n[{TABLE}]\n")[0]
-    origin = origin_text(made_of(scenario, system_of(scenario, Options()), names_of(file)))
+    origin = origin_text(
+        made_of(scenario, system_of(scenario, Options()), names_of(file))
+    )
     replace_text(scenario.design, content + origin)
     return True
 
 
 def main() -> int:
-    """`python -m desat.papers.designs.making`: stamp the kept designs that runs now confirm."""
+    """`python -m desat.papers.designs.making`: stamp the kept designs that runs now
+    confirm."""
     failed = 0
     for scenario in designable([]):
         try:

@@ -23,7 +23,8 @@ from .tuning import flies, needless, of_flight
 LARGEST_MISS = 1e-9
 """Of an end that a costate was solved for (N m s)."""
 REFINEMENTS = 3
-"""Of a costate: the first solves the linear equations, the others take out their rounding."""
+"""Of a costate: the first solves the linear equations, the others take out their
+rounding."""
 
 
 KEYS = ("final_momentum", "final_momentum_body", "end_of")
@@ -38,9 +39,14 @@ def make(scenario: Scenario, options: Options) -> MadeDesign:
     """The costate with which the run ends where it shall."""
     plant = Plant(scenario, options)
     if plant.manager_value("saturation"):
-        raise DesatError(f"{plant.system.name}: design: mec needs manager.saturation = false")
+        raise DesatError(
+            f"{plant.system.name}: design: mec needs manager.saturation = false"
+        )
     weight, asked = np.asarray(plant.manager_value("dipole_weight")), plant.asked
-    fixed: Parameters = {"horizon": plant.horizon, "omega_nominal_body": list(plant.omega)}
+    fixed: Parameters = {
+        "horizon": plant.horizon,
+        "omega_nominal_body": list(plant.omega),
+    }
 
     def fly(p: Array) -> DesignFlight:
         return plant.fly(costate=p.tolist(), **fixed)
@@ -49,19 +55,26 @@ def make(scenario: Scenario, options: Options) -> MadeDesign:
     end = np.asarray(asked.final_momentum_body or (0.0, 0.0, 0.0), float)
     if asked.end_of:
         if f"{scenario.family}/{asked.end_of}" == scenario.name:
-            raise DesatError(f"{scenario.name}: design: end_of = {asked.end_of!r}: the name of "
-                             "another scenario of the family is needed")  # fmt: skip
+            raise DesatError(
+                f"{scenario.name}: design: end_of = {asked.end_of!r}: the name of "
+                "another scenario of the family is needed"
+            )
         other = find(f"{plant.system.name.partition('/')[0]}/{asked.end_of}")
         end = Plant(other, designed=True).fly().momentum[-1]
     p = offline.costate(
         plant.field, plant.omega, weight, plant.n_con, start, end, plant.horizon
-    )  # fmt: skip
-    # variation of extremals: the end is linear in p, also that of commands held over a sample
+    )
+    # variation of extremals: the end is linear in p, also that of commands held over a
+    # sample
     flight, size = fly(p), float(np.linalg.norm(p))
     miss = np.linalg.norm(flight.momentum[-1] - end)
-    note = f"The costate of the continuous problem would miss the end by {miss:.2e} N m s"
+    note = (
+        f"The costate of the continuous problem would miss the end by {miss:.2e} N m s"
+    )
     varied = [fly(p + size * e) for e in np.eye(3)]
-    effect = np.stack([(v.momentum[-1] - flight.momentum[-1]) / size for v in varied], axis=1)
+    effect = np.stack(
+        [(v.momentum[-1] - flight.momentum[-1]) / size for v in varied], axis=1
+    )
     if wanted := asked.final_momentum:
         dipoles = [(v.dipole - flight.dipole) / size for v in varied]
         cost = np.array([[np.sum(a * weight * b) for b in dipoles] for a in dipoles])
@@ -74,5 +87,7 @@ def make(scenario: Scenario, options: Options) -> MadeDesign:
         flight = fly(p)
     miss = np.linalg.norm(flight.momentum[-1] - end)
     if not miss <= LARGEST_MISS:
-        raise DesatError(f"{plant.system.name}: design: the end is missed by {miss:.1e} N m s")
+        raise DesatError(
+            f"{plant.system.name}: design: the end is missed by {miss:.1e} N m s"
+        )
     return of_flight({**fixed, "costate": p.tolist()}, flight, notes=(note,))

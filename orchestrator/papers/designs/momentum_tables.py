@@ -1,4 +1,5 @@
-"""Tables for momentum management (paper 001): H_NOM, and the preview's feedback and costate.
+"""Tables for momentum management (paper 001): H_NOM, and the preview's feedback and
+costate.
 
 [design]
 peak_weight = 3e5             # preview: A2 m4, of (wheel momentum / peak_momentum)^8
@@ -12,8 +13,8 @@ lost_peak_share = 1.6              # peaks in terms of the course with all coils
 lost_effort = 2e6                  # A2 m4: one that takes less has coils to spare: peak_weight is
                                    # then in this, and the share falls with the fourth root
 
-Made for the manager's own inertia, coils and weighting, the attitudes of guidance and the field of
-the environment (with `assume`: another), from momentum zero on.
+Made for the manager's own inertia, coils and weighting, the attitudes of guidance and
+the field of the environment (with `assume`: another), from momentum zero on.
 """
 
 from __future__ import annotations
@@ -44,21 +45,42 @@ from .origin import builder_of
 from .origin import design_of as asked_of
 
 HALF_ORBIT, SPACING = 2850.0, 150.0
-"""The desaturation period of H_NOM, half an orbit of 500 km in whole samples of 50 s; and the time
-between rows (s), of which it is a multiple."""
+"""The desaturation period of H_NOM, half an orbit of 500 km in whole samples of 50 s;
+and the time between rows (s), of which it is a multiple."""
 BEYOND = 600.0
 """What the tables reach beyond the run (s): an open-loop law's next target."""
 LEARNING = "manager_preview_learning"
-PREVIEW, PROFILE = ("manager_preview", LEARNING), ("manager_mixed_mode", "manager_open_loop")
+PREVIEW, PROFILE = (
+    ("manager_preview", LEARNING),
+    ("manager_mixed_mode", "manager_open_loop"),
+)
 ORBIT = (
-    "orbit_start", "orbit_frame", "semi_major_axis", "eccentricity", "inclination", "raan",
-    "argument_of_perigee", "mean_anomaly", "r_start", "v_start", "j2", "epoch_j2000", "eci_frame",
-)  # fmt: skip
-"""Parameters of an environment that a course depends on; field models are the law's own affair."""
+    "orbit_start",
+    "orbit_frame",
+    "semi_major_axis",
+    "eccentricity",
+    "inclination",
+    "raan",
+    "argument_of_perigee",
+    "mean_anomaly",
+    "r_start",
+    "v_start",
+    "j2",
+    "epoch_j2000",
+    "eci_frame",
+)
+"""Parameters of an environment that a course depends on; field models are the law's own
+affair."""
 KEYS = (
-    "peak_weight", "peak_momentum", "peak_share", "hold_weight", "momentum_weight",
-    "lost_momentum_weight", "lost_peak_share", "lost_effort",
-)  # fmt: skip
+    "peak_weight",
+    "peak_momentum",
+    "peak_share",
+    "hold_weight",
+    "momentum_weight",
+    "lost_momentum_weight",
+    "lost_peak_share",
+    "lost_effort",
+)
 
 
 def applies(system: System) -> bool:
@@ -89,9 +111,15 @@ def make(scenario: Scenario, options: Options) -> MadeDesign:
     span = (nodes - 1) * SPACING + (2.0 * HALF_ORBIT if preview else dt)
     course, rate, turns = _course(system, dt, ceil(span / HALF_ORBIT) * period)
     times = SPACING * np.arange(nodes)
-    common = {"table_nodes": nodes, "table_spacing": SPACING, "made_for": made_for(system)}
+    common = {
+        "table_nodes": nodes,
+        "table_spacing": SPACING,
+        "made_for": made_for(system),
+    }
     if preview:
-        lost = _lost(manager, course, turns) if manager.interface.model == LEARNING else []
+        lost = (
+            _lost(manager, course, turns) if manager.interface.model == LEARNING else []
+        )
         tables, reached = _preview(scenario, course, times, lost)
     else:
         tables, reached = _profile(manager, course, times, rate, period)
@@ -111,11 +139,16 @@ def _profile(
     for k, value in enumerate(values):
         if k * course.dt <= times[-1]:
             i, share = laws.place(len(times), SPACING, k * course.dt)
-            errors.append(np.subtract(laws.profile3(table, len(times), every, i, share), value))
+            errors.append(
+                np.subtract(laws.profile3(table, len(times), every, i, share), value)
+            )
     return (
         {"table_period": every, "profile_table": _rounded(rows)},
         {
-            "interpolation_error": (float(np.linalg.norm(errors, axis=1).max()), "N.m.s"),
+            "interpolation_error": (
+                float(np.linalg.norm(errors, axis=1).max()),
+                "N.m.s",
+            ),
             "largest_condition": (float(conditions.max()), "1"),
             "mean": ([float(x) for x in values.mean(axis=0)], "N.m.s"),
         },
@@ -123,68 +156,94 @@ def _profile(
 
 
 def _preview(
-    scenario: Scenario, course: offline.Course, times: Any, lost: list[offline.Course | None]
+    scenario: Scenario,
+    course: offline.Course,
+    times: Any,
+    lost: list[offline.Course | None],
 ) -> tuple[Parameters, dict[str, tuple[Any, str]]]:
     """K and g as tables: the cheapest course, held; and g of those with a coil lost."""
     asked, weight = asked_of(scenario), _weight(scenario, "momentum_weight")
     peak, unit, flown = asked.peak_momentum or 20.0, 1.0, round(times[-1] / course.dt)
     if asked.peak_share:
         if asked.peak_momentum:
-            raise DesatError(f"{scenario.name}: design: peak_momentum and peak_share: one of them")
+            raise DesatError(
+                f"{scenario.name}: design: peak_momentum and peak_share: one of them"
+            )
         plain = offline.cheapest(course, weight, 0.0, 1.0, np.zeros(3))
         largest = float(np.abs(offline.wheels(course, plain)[:flown]).max())
         unit = float(_coils(course, plain)[:flown].mean())
         peak = asked.peak_share * largest
     of_peak = unit * asked.peak_weight
     best = offline.cheapest(course, weight, of_peak, peak, np.zeros(3))
-    gain = offline.feedback(course, np.full(3, asked.hold_weight or float(weight.max())))
+    gain = offline.feedback(
+        course, np.full(3, asked.hold_weight or float(weight.max()))
+    )
 
     def offset(x: offline.Optimum) -> Any:
         held = -x.costate - np.einsum("kab,kb->ka", gain, x.momentum[:-1])
         return offline.at_rows(held, course.dt, times)
 
     tables = {
-        "feedback_table": _rounded(offline.at_rows(gain, course.dt, times)[:, *np.triu_indices(3)]),
+        "feedback_table": _rounded(
+            offline.at_rows(gain, course.dt, times)[:, *np.triu_indices(3)]
+        ),
         "costate_table": _rounded(offset(best)),
     }
     if lost:
         if not asked.peak_share:
-            raise DesatError(f"{scenario.name}: design: peak_share is needed, for lost_peak_share")
+            raise DesatError(
+                f"{scenario.name}: design: peak_share is needed, for lost_peak_share"
+            )
         effort = max(unit, asked.lost_effort)
         share = (asked.lost_peak_share or asked.peak_share) * (unit / effort) ** 0.25
         of_peak, key = effort * asked.peak_weight, "lost_momentum_weight"
         of = _weight(scenario, key) if asked.lost_momentum_weight else weight
         rows = [
-            np.zeros((len(times), 3)) if x is None else
-            offset(offline.cheapest(x, of, of_peak, share * largest, np.zeros(3)))
+            np.zeros((len(times), 3))
+            if x is None
+            else offset(offline.cheapest(x, of, of_peak, share * largest, np.zeros(3)))
             for x in lost
-        ]  # fmt: skip
+        ]
         tables["lost_table"] = _rounded(np.hstack(rows))
     return tables, {
-        "predicted_energy": (float(_coils(course, best)[:flown].sum() * course.dt), "A2.m4.s"),
-        "predicted_wheel": (float(np.abs(offline.wheels(course, best)[:flown]).max()), "N.m.s"),
+        "predicted_energy": (
+            float(_coils(course, best)[:flown].sum() * course.dt),
+            "A2.m4.s",
+        ),
+        "predicted_wheel": (
+            float(np.abs(offline.wheels(course, best)[:flown]).max()),
+            "N.m.s",
+        ),
     }
 
 
 def _weight(scenario: Scenario, key: str) -> Any:
     weight = np.array(getattr(asked_of(scenario), key) or (1000.0,) * 3, float)
     if weight.min() <= 0.0:
-        raise DesatError(f"{scenario.name}: design: {key} = {weight.tolist()}: above 0 is needed")
+        raise DesatError(
+            f"{scenario.name}: design: {key} = {weight.tolist()}: above 0 is needed"
+        )
     return weight
 
 
 def _coils(course: offline.Course, x: offline.Optimum) -> Any:
     """The coils' squared dipoles (A2 m4) of each sample."""
-    return np.einsum("ki,kij,kj->k", x.dipole, np.linalg.inv(course.weighting), x.dipole)
+    return np.einsum(
+        "ki,kij,kj->k", x.dipole, np.linalg.inv(course.weighting), x.dipole
+    )
 
 
-def _lost(manager: Component, course: offline.Course, turns: Any) -> list[offline.Course | None]:
-    """The course with coil 1, 2, 3 or 4 lost; None where the coils left do not span space, or the
-    weighting is not of coils."""
+def _lost(
+    manager: Component, course: offline.Course, turns: Any
+) -> list[offline.Course | None]:
+    """The course with coil 1, 2, 3 or 4 lost; None where the coils left do not span
+    space, or the weighting is not of coils."""
     if manager.choice("weighting") != "coils":
         return [None] * 4
     courses: list[offline.Course | None] = []
-    known = laws.without(_value(manager, "axes_coil"), int(_value(manager, "dead_coil")))
+    known = laws.without(
+        _value(manager, "axes_coil"), int(_value(manager, "dead_coil"))
+    )
     for coil in range(1, 5):
         s = laws.weighting(laws.without(known, coil))
         spans = laws.condition(s) <= 1.0 / ROOM
@@ -194,10 +253,12 @@ def _lost(manager: Component, course: offline.Course, turns: Any) -> list[offlin
 
 
 def _course(system: System, dt: float, count: int) -> tuple[offline.Course, float, Any]:
-    """What is predicted for so many samples, in eci, the orbital rate (rad/s), and the samples'
-    attitudes (count, 3, 3), eci to body."""
+    """What is predicted for so many samples, in eci, the orbital rate (rad/s), and the
+    samples' attitudes (count, 3, 3), eci to body."""
     manager = system.components["manager"]
-    environment, guidance = (_started(system.components[n]) for n in ("environment", "guidance"))
+    environment, guidance = (
+        _started(system.components[n]) for n in ("environment", "guidance")
+    )
     scaled = _value(manager, "inertia_scale") * np.array(_value(manager, "inertia"))
     inertia: Any = tuple(float(x) for x in scaled)
     live = laws.without(_value(manager, "axes_coil"), int(_value(manager, "dead_coil")))
@@ -205,7 +266,11 @@ def _course(system: System, dt: float, count: int) -> tuple[offline.Course, floa
     axes = axes_wheel if kind == "wheels" else live
     s = np.eye(3) if kind == "identity" else np.reshape(laws.weighting(axes), (3, 3))
     size, wheels = 2 * count + 1, np.linalg.pinv(np.reshape(axes_wheel, (3, 4)))
-    field, gravity, turns = np.empty((size, 3)), np.empty((size, 3)), np.empty((size, 3, 3))
+    field, gravity, turns = (
+        np.empty((size, 3)),
+        np.empty((size, 3)),
+        np.empty((size, 3, 3)),
+    )
     rate, igrf = 0.0, system.components["environment"].choice("field") == "igrf"
     for k in range(size):  # begin, middle and end of each sample
         t = system.start + 0.5 * k * dt
@@ -225,7 +290,8 @@ def _course(system: System, dt: float, count: int) -> tuple[offline.Course, floa
 
 
 def _mean(x: Any) -> Any:
-    """Means over the samples, by Simpson's rule: their middles err by 5e-4, which adds up."""
+    """Means over the samples, by Simpson's rule: their middles err by 5e-4, which adds
+    up."""
     return (x[:-1:2] + 4.0 * x[1::2] + x[2::2]) / 6.0
 
 
@@ -246,11 +312,12 @@ def _padded(rows: Any) -> Any:
 
 
 def _rounded(rows: Any) -> list[list[float]]:
-    """A whole table, of seven digits: 1e-7 of a momentum is far below what is between rows."""
+    """A whole table, of seven digits: 1e-7 of a momentum is far below what is between
+    rows."""
     return [[float(f"{x:.7g}") for x in row] for row in _padded(rows)]
 
 
-# --- before a run -----------------------------------------------------------------------------
+# --- before a run ---------------------------------------------------------------------
 
 
 def made_for(system: System) -> float:
@@ -269,8 +336,8 @@ def made_for(system: System) -> float:
 
 
 def problems(system: System) -> Iterator[str]:
-    """What is wrong with the tables of a system, a line each: none, of another orbit or attitude,
-    shorter than the run."""
+    """What is wrong with the tables of a system, a line each: none, of another orbit or
+    attitude, shorter than the run."""
     for c in system.components.values():
         if "made_for" not in c.interface.signals:
             continue
@@ -278,9 +345,13 @@ def problems(system: System) -> Iterator[str]:
         if made == 0.0:
             yield f"{where} = 0: its tables are missing; `desat design` makes them"
         elif made != made_for(system):
-            yield (f"{where} = {made:.0f}: its tables are of another orbit, epoch or attitude, "
-                   f"which would be {made_for(system):.0f}; --design now makes them")  # fmt: skip
+            yield (
+                f"{where} = {made:.0f}: its tables are of another orbit, epoch or attitude, "
+                f"which would be {made_for(system):.0f}; --design now makes them"
+            )
         end = (_value(c, "table_nodes") - 1) * _value(c, "table_spacing")
         if made != 0.0 and end < system.stop * (1.0 - 1e-12):
-            yield (f"{system.where}: {c.name}.table_nodes = {_value(c, 'table_nodes')}: its tables "
-                   f"end at {end:g} s, the run at {system.stop:g} s")  # fmt: skip
+            yield (
+                f"{system.where}: {c.name}.table_nodes = {_value(c, 'table_nodes')}: its tables "
+                f"end at {end:g} s, the run at {system.stop:g} s"
+            )

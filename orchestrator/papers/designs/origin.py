@@ -1,7 +1,7 @@
 """What a design was made from, and in what a run differs from it.
 
-A design's file ends with a table [made_of]: times, sources, wiring, the [design] of the scenario
-and every parameter of its system but those that were computed.
+A design's file ends with a table [made_of]: times, sources, wiring, the [design] of the
+scenario and every parameter of its system but those that were computed.
 """
 
 from __future__ import annotations
@@ -34,8 +34,9 @@ def design_of(scenario: Scenario) -> Design:
 
 
 def builder_of(scenario: Scenario, options: Options, designed: bool = False) -> Builder:
-    """Begin the system, on bare blocks, that a scenario's design is made for: with the values of
-    `options`, then what [design] assumes. `designed`: with the kept design, and nothing assumed."""
+    """Begin the system, on bare blocks, that a scenario's design is made for: with the
+    values of `options`, then what [design] assumes. `designed`: with the kept design,
+    and nothing assumed."""
     name, assumed = scenario.name, Layer(scenario.name)
     if scenario.content.design is not None and not designed:
         assumed.values = [
@@ -52,30 +53,39 @@ LONGEST = 12
 
 
 def system_of(scenario: Scenario, options: Options) -> System:
-    """The system that a scenario's design is made for, resolved, whatever FMU the options put in a
-    place. Raises DesatError where it cannot be."""
+    """The system that a scenario's design is made for, resolved, whatever FMU the
+    options put in a place. Raises DesatError where it cannot be."""
     return builder_of(scenario, replace(options, sources=[])).system()
 
 
 def made_of(
-    scenario: Scenario, system: System, without: set[str], known: Container[str] | None = None
+    scenario: Scenario,
+    system: System,
+    without: set[str],
+    known: Container[str] | None = None,
 ) -> dict[str, Any]:
-    """What a scenario's design is made of, `component.parameter` -> value and more, where it is
-    made for this system; `without` the parameters that it computes. A choice stands by its name.
-    With `known`, parameters that are neither in it nor given by anybody are left out: a block has
-    got them since."""
+    """What a scenario's design is made of, `component.parameter` -> value and more,
+    where it is made for this system; `without` the parameters that it computes. A
+    choice stands by its name. With `known`, parameters that are neither in it nor given
+    by anybody are left out: a block has got them since."""
     values: dict[str, Any] = {
         "start": system.start,
         "stop": system.stop,
         "step": system.step,
         **({"substeps": system.substeps} if system.substeps != 1 else {}),
         "wiring": _digest(sorted(map(_wire, system.connections))),
-        **{f"design.{k}": v for k, v in design_of(scenario).written.items() if k != "assume"},
+        **{
+            f"design.{k}": v
+            for k, v in design_of(scenario).written.items()
+            if k != "assume"
+        },
     }
     if end := design_of(scenario).end_of:
         other = find(f"{scenario.family}/{end}")
         given = other.parameters()
-        values["end_of"] = _digest([made_of(other, system_of(other, Options()), set()), given])
+        values["end_of"] = _digest(
+            [made_of(other, system_of(other, Options()), set()), given]
+        )
     for c in system.components.values():
         values[f"source.{c.name}"] = Path(c.source).stem
         if c.step_ratio > 1:
@@ -100,12 +110,14 @@ def _short_form(value: Any) -> Any:
 
 
 def _digest(data: Any) -> str:
-    return hashlib.sha256(json.dumps(data, sort_keys=True, default=str).encode()).hexdigest()[:16]
+    return hashlib.sha256(
+        json.dumps(data, sort_keys=True, default=str).encode()
+    ).hexdigest()[:16]
 
 
 def owner(scenario: Scenario, options: Options) -> tuple[Scenario, Options, list[str]]:
-    """The scenario that has the design made which this one uses, those of the options that it
-    knows, and the `component.variable` of those that it does not."""
+    """The scenario that has the design made which this one uses, those of the options
+    that it knows, and the `component.variable` of those that it does not."""
     if not (of := design_of(scenario).of):
         return scenario, options, []
     other = find(f"{scenario.family}/{of}")
@@ -118,12 +130,16 @@ def owner(scenario: Scenario, options: Options) -> tuple[Scenario, Options, list
         strange.append(f"{name}.{variable}")
         return False
 
-    return other, replace(
-        options,
-        sets=[t for t in options.sets if known(*parse_assignment(t)[:2])],
-        values={k: v for k, v in options.values.items() if known(*k.split(".", 1))},
-        sources=[t for t in options.sources if t.partition("=")[0] in components],
-    ), strange  # fmt: skip
+    return (
+        other,
+        replace(
+            options,
+            sets=[t for t in options.sets if known(*parse_assignment(t)[:2])],
+            values={k: v for k, v in options.values.items() if known(*k.split(".", 1))},
+            sources=[t for t in options.sources if t.partition("=")[0] in components],
+        ),
+        strange,
+    )
 
 
 def names_of(file: DesignFile) -> set[str]:
@@ -132,18 +148,23 @@ def names_of(file: DesignFile) -> set[str]:
 
 
 def warnings(scenario: Scenario, options: Options, system: System) -> list[str]:
-    """What to say of a run of a scenario that uses a kept design made for other values: with the
-    command that makes one for them. `system`: the one that runs, with these options."""
+    """What to say of a run of a scenario that uses a kept design made for other values:
+    with the command that makes one for them. `system`: the one that runs, with these
+    options."""
     if scenario.design is None or not scenario.design.exists():
         return []
     file = design(scenario.design)
     other, fitting, strange = owner(scenario, options)
     again = f"`desat design {other.name}`"
     if not file.made_of:
-        return [f"{scenario.name}: its design does not say what it was made from; {again} does"]
+        return [
+            f"{scenario.name}: its design does not say what it was made from; {again} does"
+        ]
     before, without = file.made_of, names_of(file)
     apart = other is not scenario or fitting.sources or design_of(other).assume
-    now = made_of(other, system_of(other, fitting) if apart else system, without, before)
+    now = made_of(
+        other, system_of(other, fitting) if apart else system, without, before
+    )
     for text in fitting.sources:
         name, _, source = text.partition("=")
         now[f"source.{name}"] = Path(source).stem
@@ -159,7 +180,9 @@ def warnings(scenario: Scenario, options: Options, system: System) -> list[str]:
         else:
             again += " makes it again"
         what = "; ".join(differing)
-        lines.append(f"{scenario.name}: its design was made for other values: {what}; {again}")
+        lines.append(
+            f"{scenario.name}: its design was made for other values: {what}; {again}"
+        )
     if strange:
         lines.append(
             f"{scenario.name}: its design is that of {other.name}, which has no "

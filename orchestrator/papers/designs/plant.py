@@ -1,7 +1,7 @@
 """The paper's model of dumping by magnetic torquers: fixed attitude, ideal wheels.
 
-Field, attitude and N_con come from the scenario's own environment and spacecraft, and every end
-that is tuned or solved for is that of a run of the scenario on bare blocks.
+Field, attitude and N_con come from the scenario's own environment and spacecraft, and
+every end that is tuned or solved for is that of a run of the scenario on bare blocks.
 """
 
 from __future__ import annotations
@@ -39,8 +39,8 @@ ENERGY = "torquers.dipole_energy"
 
 @dataclass(frozen=True)
 class DesignFlight:
-    """What a run did: the wheels' momentum (rows, 3; N m s), the dipole over each step (steps, 3;
-    A m2) and its energy (A2 m4 s)."""
+    """What a run did: the wheels' momentum (rows, 3; N m s), the dipole over each step
+    (steps, 3; A m2) and its energy (A2 m4 s)."""
 
     momentum: Array
     dipole: Array
@@ -61,8 +61,9 @@ class DesignFlight:
 
 
 class Plant:
-    """A scenario, with the values of `options`, that is flown on bare blocks with this or that
-    parameter of its manager; `designed`: with its kept design, and nothing assumed."""
+    """A scenario, with the values of `options`, that is flown on bare blocks with this
+    or that parameter of its manager; `designed`: with its kept design, and nothing
+    assumed."""
 
     def __init__(
         self, scenario: Scenario, options: Options | None = None, designed: bool = False
@@ -126,7 +127,9 @@ class Plant:
         for name, value in parameters.items():
             values.update(expand(self.manager.interface, name, value, where))
         manager = replace(self.manager, parameters=values)
-        system = replace(self.system, components={**self.system.components, "manager": manager})
+        system = replace(
+            self.system, components={**self.system.components, "manager": manager}
+        )
         with Master(system, self._schedule) as master:
             master.initialise()
             recorder = Recorder(None, master, (MOMENTUM, DIPOLE, ENERGY))
@@ -134,6 +137,7 @@ class Plant:
             master.terminate()
             with recorder.finish(master) as results:
                 return DesignFlight(
-                    results.values(MOMENTUM)[:, :3], results.values(DIPOLE),
+                    results.values(MOMENTUM)[:, :3],
+                    results.values(DIPOLE),
                     float(results.values(ENERGY)[-1]),
-                )  # fmt: skip
+                )

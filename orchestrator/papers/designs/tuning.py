@@ -28,10 +28,11 @@ def flies(system: System, model: str, law: str = "") -> bool:
 
 
 def of_flight(
-    parameters: Parameters, flight: DesignFlight,
+    parameters: Parameters,
+    flight: DesignFlight,
     tuned: dict[str, tuple[float, str]] | None = None,
     notes: tuple[str, ...] = (),
-) -> MadeDesign:  # fmt: skip
+) -> MadeDesign:
     """The design of manager parameters with which this was flown."""
     return MadeDesign("manager", parameters, flight.reached(), tuned or {}, notes)
 
@@ -41,7 +42,9 @@ def with_weight(plant: Plant, parameters: Callable[[float], Parameters]) -> Made
     if plant.asked.final_momentum:
         return tune(plant, parameters, "momentum_weight", WEIGHT_UNIT)
     if not plant.asked.momentum_weight:
-        raise DesatError(f"{plant.system.name}: design: momentum_weight or final_momentum needed")
+        raise DesatError(
+            f"{plant.system.name}: design: momentum_weight or final_momentum needed"
+        )
     fixed = parameters(1.0)
     return of_flight(fixed, plant.fly(**fixed))
 
@@ -54,8 +57,9 @@ def shape(plant: Plant) -> Array:
 def tune(
     plant: Plant, parameters: Callable[[float], Parameters], name: str, unit: str
 ) -> MadeDesign:
-    """The least value of the law's one free number, from SEARCH up, with which the run ends at the
-    wanted size. The size falls with the number, and rises again where a sample is too long for it.
+    """The least value of the law's one free number, from SEARCH up, with which the run
+    ends at the wanted size. The size falls with the number, and rises again where a
+    sample is too long for it.
     """
     where = f"{plant.system.name}: design"
     if (wanted := plant.asked.final_momentum) is None:

@@ -16,13 +16,23 @@ from ...cli.console import err, example, out, print_json
 def web(
     target: o.Target,
     laws: Annotated[
-        Names, typer.Option("--law", metavar="NAME", help="A law beside the craft's own, as "
-                            "`compare --laws` names it; all: each that fits. May be repeated.")
+        Names,
+        typer.Option(
+            "--law",
+            metavar="NAME",
+            help="A law beside the craft's own, as "
+            "`compare --laws` names it; all: each that fits. May be repeated.",
+        ),
     ] = None,
     sliders: Annotated[
-        Names, typer.Option("--slider", metavar="NAME=FROM:TO", help="What moves, by the name that "
-                            "--set has for it, also shared.NAME. May be repeated (default: orbit, "
-                            "coils, residual dipole, gain, wheels; with thrusters their dumps').")
+        Names,
+        typer.Option(
+            "--slider",
+            metavar="NAME=FROM:TO",
+            help="What moves, by the name that "
+            "--set has for it, also shared.NAME. May be repeated (default: orbit, "
+            "coils, residual dipole, gain, wheels; with thrusters their dumps').",
+        ),
     ] = None,
     file: Annotated[
         Path | None,
@@ -35,20 +45,37 @@ def web(
     substeps: o.Substeps = None,
     accuracy: o.Accuracy = None,
     as_json: o.Json = False,
-) -> None:  # fmt: skip
-    """Write one HTML file that flies a scenario as its sliders move: no server, no network. It is
-    compiled by the package ziglang."""
+) -> None:
+    """Write one HTML file that flies a scenario as its sliders move: no server, no
+    network. It is compiled by the package ziglang."""
     from ...studies.ranking import options_of_laws
     from ..page import check_request, export
 
-    options = o.options_of(sets, stop, step, "gauss_seidel", False, None, sources,
-                           substeps=substeps, accuracy=accuracy)  # fmt: skip
+    options = o.options_of(
+        sets,
+        stop,
+        step,
+        "gauss_seidel",
+        False,
+        None,
+        sources,
+        substeps=substeps,
+        accuracy=accuracy,
+    )
     check_request(sliders or (), file)
-    made = export(target, options_of_laws(target, options, laws or ()), sliders or (), file)
+    made = export(
+        target, options_of_laws(target, options, laws or ()), sliders or (), file
+    )
     for line in made.notes:
         err.print(f"note: {line}")
     if as_json:
-        print_json({"page": str(made.path), "digest": made.digest, "sliders": list(made.sliders),
-                    "notes": list(made.notes)})  # fmt: skip
+        print_json(
+            {
+                "page": str(made.path),
+                "digest": made.digest,
+                "sliders": list(made.sliders),
+                "notes": list(made.notes),
+            }
+        )
     else:
         out.print(str(made.path))
