@@ -4,16 +4,20 @@ from __future__ import annotations
 
 import dataclasses
 import doctest
+import shlex
 
 import numpy as np
 import pytest
 from conftest import ROOT
+from typer.main import get_command
 
 import desat as library
 from desat.begin.craft import write
 from desat.begin.facts import CraftFacts, Facts
+from desat.cli.commands import run as _  # noqa: F401  (registers the command)
+from desat.cli.console import app
 from desat.system.errors import DesatError
-from desat.system.options import Options, RunOptions
+from desat.system.options import Options, RunOptions, as_arguments
 
 DAY = "nadir_day/day-dipole"
 
@@ -57,6 +61,43 @@ def test_the_options_of_a_program_are_those_of_a_run() -> None:
         set(RunOptions.__annotations__)
         == {f.name for f in dataclasses.fields(Options)} - own
     )
+
+
+COMMAND_LINE = (
+    " --set a.b=1 --set 'w.x=[1.0, 2.0]' --source 'a=my fmus/b.fmu' --stop '2 orbits'"
+    " --blocks --fmus python --record 'manager.*' --record 'a b' --every 3"
+    " --output-class x.y=state --trust FILE --allow-outside --strict --isolate none"
+    " --halve 2 --checkpoint 2.0"
+)
+
+
+def test_the_command_line_of_options_is_one_that_run_takes() -> None:
+    options = Options(
+        sets=["a.b=1"],
+        values={"w.x": [1.0, 2.0]},
+        sources=["a=my fmus/b.fmu"],
+        stop="2 orbits",
+        blocks=True,
+        fmus="python",
+        record=("manager.*", "a b"),
+        every=3,
+        output_classes={"x.y": "state"},
+        trusted=frozenset(["x"]),
+        outside=True,
+        strict=True,
+        isolate="none",
+        halvings=2,
+        checkpoint=2.0,
+        supervised=True,
+    )  # of one kind each
+    assert as_arguments(options) == COMMAND_LINE
+    assert as_arguments(Options()) == ""
+    command = get_command(app).get_command(None, "run")  # type: ignore[arg-type]
+    known = {name for x in command.params for name in x.opts}
+    assert {x for x in shlex.split(COMMAND_LINE) if x.startswith("--")} <= known
+    for declared in dataclasses.fields(Options):
+        name = declared.metadata.get("option", declared.name.replace("_", "-"))
+        assert not name or f"--{name}" in known, declared.name
 
 
 def test_a_craft_is_sized_by_a_program(tmp_path) -> None:

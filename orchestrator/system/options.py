@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 import shlex
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field, fields, replace
+from dataclasses import Field, asdict, dataclass, field, fields, replace
 from math import inf
 from numbers import Real
 from pathlib import Path
@@ -68,22 +68,35 @@ def _as_text(value: Any) -> str:
 
 
 def as_arguments(options: Options) -> str:
-    """What of options is not as by default, as the command line has it, each after a
-    blank; `values` as they would be set."""
-    given = [("set", x) for x in sets_of(options)] + [
-        ("source", x) for x in options.sources
-    ]
-    given += [("output-class", f"{k}={v}") for k, v in options.output_classes.items()]
+    """Return the options that differ from their defaults as a command line.
+
+    Each stands after a blank; `values` as they would be set. The file of trusted hashes
+    is not known any more: FILE stands for it.
+    """
+    given = [("set", x) for x in sets_of(options)]
     for f in fields(options):
-        value = getattr(options, f.name)
-        if (
-            isinstance(value, (int, float, str))
-            and value != f.default
-            and value is not True
-        ):
-            given.append((f.name.replace("_", "-"), str(value)))
-    flags = " --blocks" if options.blocks else ""
-    return flags + "".join(f" --{name} {shlex.quote(text)}" for name, text in given)
+        value, option = getattr(options, f.name), _option_of(f)
+        if not option or value in (f.default, [], {}):
+            continue
+        if value is True:
+            given.append((option, ""))
+        elif isinstance(value, Mapping):
+            given += [(option, f"{name}={x}") for name, x in value.items()]
+        elif isinstance(value, (list, tuple)):
+            given += [(option, x) for x in value]
+        else:
+            given.append((option, "FILE" if f.name == "trusted" else str(value)))
+    texts = (
+        f" --{name} {shlex.quote(text)}" if text else f" --{name}"
+        for name, text in given
+    )
+    return "".join(texts)
+
+
+def _option_of(declared: Field[Any]) -> str:
+    """Return the option of `run` that sets a field of `Options`; empty where none does."""
+    option: str = declared.metadata.get("option", declared.name.replace("_", "-"))
+    return option
 
 
 ALGORITHMS: tuple[Algorithm, ...] = get_args(Algorithm)
@@ -154,6 +167,7 @@ RESOLVED = {"aside": "in the resolved system"}
 SAME_BITS = {"aside": "the same bits"}
 WHETHER = {"aside": "whether it runs at all"}
 ENDS = {"aside": "ends a run that takes long; it is then not completed"}
+NO_OPTION = {"option": ""}  # no option of `run` sets it, or `--set` does
 COUNTS = {"aside": ""}
 """Of a field of `Options`: why it is in no digest (`digest.py`); COUNTS: it is."""
 
@@ -162,8 +176,10 @@ COUNTS = {"aside": ""}
 class Options:
     """What the command line may change about a run."""
 
-    sets: list[str] = field(default_factory=list, metadata=RESOLVED)
-    sources: list[str] = field(default_factory=list, metadata=RESOLVED)
+    sets: list[str] = field(default_factory=list, metadata=RESOLVED | NO_OPTION)
+    sources: list[str] = field(
+        default_factory=list, metadata=RESOLVED | {"option": "source"}
+    )
     """`component=FMU`: a file, or one of ours by its name, in a component's place"""
     stop: float | str | None = field(default=None, metadata=RESOLVED)
     """Stop time (s), or a number of orbits: "2 orbits" (`runs/prepare.py`,
@@ -184,15 +200,21 @@ class Options:
         metadata={"aside": "which series are kept; what numbers are made of is"},
     )
     every: int = field(default=1, metadata=COUNTS)
-    output_classes: Mapping[str, Any] = field(default_factory=dict, metadata=RESOLVED)
-    values: Mapping[str, Any] = field(default_factory=dict, metadata=RESOLVED)
+    output_classes: Mapping[str, Any] = field(
+        default_factory=dict, metadata=RESOLVED | {"option": "output-class"}
+    )
+    values: Mapping[str, Any] = field(
+        default_factory=dict, metadata=RESOLVED | NO_OPTION
+    )
     """`component.variable` -> value, beside `sets`, for callers that are programs."""
     design: str | None = field(default=None, metadata=RESOLVED)
     """Of a scenario with a [design]: a file with another one, or `now`: made for these
     values."""
-    trusted: frozenset[str] | None = field(default=None, metadata=WHETHER)
+    trusted: frozenset[str] | None = field(
+        default=None, metadata=WHETHER | {"option": "trust"}
+    )
     """The sha256 of the FMUs that may run besides ours; None: all may."""
-    outside: bool = field(default=False, metadata=WHETHER)
+    outside: bool = field(default=False, metadata=WHETHER | {"option": "allow-outside"})
     """Whether an SSP may name files outside its folder."""
     strict: bool = field(default=False, metadata=WHETHER)
     """A foreign FMU whose model description breaks the standard is refused."""
@@ -200,14 +222,14 @@ class Options:
     """Wall time (s) that stepping may take; the run ends between two steps"""
     loop: Loop = field(default="compiled", metadata=SAME_BITS)
     """What steps; the compiled loop only where it can be had."""
-    supervised: bool = field(default=False, metadata=SAME_BITS)
+    supervised: bool = field(default=False, metadata=SAME_BITS | NO_OPTION)
     """It runs in a process of its own, where there are such (POSIX)."""
     call_limit: float = field(default=300.0, metadata=ENDS)
     """Wall time (s) that one call of a component may take, where it is supervised or
     isolated."""
     isolate: Isolate = field(default="foreign", metadata=SAME_BITS)
     """Which FMUs run in a process each, where there are such (POSIX)."""
-    halvings: int = field(default=0, metadata=COUNTS)
+    halvings: int = field(default=0, metadata=COUNTS | {"option": "halve"})
     """A step that a foreign FMU discards is made in halves, so many times at most."""
     checkpoint: float | None = field(default=None, metadata=SAME_BITS)
     """Simulated time (s) between checkpoints, which `runs/run.py` goes on from."""
