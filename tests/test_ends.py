@@ -31,6 +31,7 @@ from desat.analyses.manifest import Manifest, Stopped, SubstepChoice
 from desat.campaign import case as campaign_case
 from desat.campaign import coordinator, plan, store
 from desat.campaign import draws as study
+from desat.cli import console as console_module
 from desat.cli.commands import run as run_command
 from desat.cli.console import plain_console
 from desat.engine import checkpoint, child
@@ -707,6 +708,7 @@ def test_verdicts_alone_are_coloured(desat, monkeypatch):
     )
     rows = [cell(1.5, values=1.6), cell(3.0, values=1.5)]
     monkeypatch.setattr(tables_command, "out", console)
+    monkeypatch.setattr(console_module, "out", console)
     monkeypatch.setattr(tables_command, "_draws_of", lambda *_, **__: (None, None))
     monkeypatch.setattr(tables, "rows", lambda *_: rows)
     monkeypatch.setattr(tables, "write_html", lambda *args: args[2])

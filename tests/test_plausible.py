@@ -18,6 +18,7 @@ from desat.components.contract.roles import Thrusters, Torquers, Wheels
 from desat.fmus.registry import block_class, names
 from desat.runs.prepare import prepare
 from desat.system.errors import DesatError
+from desat.system.interface import role_classes
 from desat.system.options import Options
 from desat.system.sampled_loop import AttitudeLoop, longest_sample, stability
 
@@ -280,14 +281,7 @@ def test_three_wheels_of_four_have_a_margin(tmp_path):
 
 # --- ranges of sensors and actuators --------------------------------------------
 
-SENSORS = {
-    "magnetometer",
-    "gyro",
-    "determination",
-    "tachometers",
-    "sun_sensor",
-    "star_tracker",
-}
+SENSORS = {role for role, block in role_classes().items() if block.is_sensor}
 TIMES = {
     "sample_time",
     "fail_time",

@@ -125,8 +125,8 @@ def test_what_it_lacks_is_left_out_with_a_line_each(stranger: Path) -> None:
         text,
     )
     assert re.search(
-        r"plots\.momentum\.limits: manager has no parameter h_limit; did you mean "
-        r"m_limit\?: left out",
+        r'plots\.momentum\.limits: ".*manager\.h_limit": manager has no parameter '
+        r"threshold_off; there is .*: left out",
         text,
     )
     assert case.checked.system is not None

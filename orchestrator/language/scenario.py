@@ -342,7 +342,8 @@ class ScenarioTable(Written):
         "paths of what is left out of that before, such as plots.rate", use="file"
     )
     title: Text = key(
-        "what it is, in a line; {axis} stands for the axis' label", use="text"
+        "what it is, in a line; `{NAME}` stands for the label of the axis NAME",
+        use="text",
     )
     description: Text = key("two sentences for a reader", use="text")
     source: Text = key("the paper it is from", use="text")

@@ -7,6 +7,7 @@ one function each that binds them; what it raises is what `check` reports.
 
 from __future__ import annotations
 
+import re
 import shutil
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from copy import deepcopy
@@ -64,6 +65,8 @@ def _checks(
 ) -> Iterator[tuple[Keys, Check]]:
     """Yield the keys of each entry, and the function that binds it."""
     parameters = None if system is None else table(system.components.values())
+    for key in ("title", "description"):
+        yield (key,), partial(check_axes, getattr(content, key), content)
     for name, number in content.numbers.items():
         yield (
             ("numbers", name),
@@ -83,6 +86,19 @@ def _checks(
             )
     if system is not None:
         yield (), partial(stopping.condition, system)
+
+
+def check_axes(text: str, content: Content) -> None:
+    """Check that no `{axis}` of a text is left over.
+
+    Raises
+    ------
+    MisfitError
+        If the scenario has no axis of that name.
+    """
+    for name in re.findall(r"\{(\w+)\}", text):
+        hint = nearest(name, content.cell) or "; it has none"
+        raise MisfitError(f"{{{name}}}: no axis {name}{hint}")
 
 
 def bind_number(
@@ -255,48 +271,51 @@ def fit_to(content: Content, system: System) -> tuple[Content, list[tuple[Keys, 
     tuple
         The content, and keys and text of each entry that is left out.
     """
-    data, left_out = deepcopy(content.written), dict[Keys, str]()
+    data, left_out = deepcopy(content.written), list[tuple[Keys, str]]()
     while problems := list(
         content_problems(content, system.components, replace(system, about=content))
     ):
         for path, text in problems:
             _leave_out(data, path, system)
-            left_out[path] = f"{text}: {_LEFT_OUT.get(path[0], 'left out')}"
+            left_out.append((path, f"{text}: {_LEFT_OUT.get(path[0], 'left out')}"))
         content = Content.model_validate(data)
-    return content, list(left_out.items())
+    return content, left_out
 
 
 def _leave_out(data: dict[str, Any], path: Keys, system: System) -> None:
-    """Remove an entry from a scenario's data; of a plot only the signals or limits that
-    lack."""
+    """Remove an entry from a scenario's data.
+
+    Of a plot that has others, only the first signal or limit that the system lacks.
+    """
     what, *names = path
-    if what == "stop_when":
+    if not names:
         data.pop(what, None)
         return
-    entry = data[what][names[0]] if names and names[0] in data.get(what, {}) else {}
-    if names[1:] == ["limits"]:
-        parameters = table(system.components.values())
-        limits = [x for x in entry["limits"] if not _lacks_parameter(x, parameters)]
-        if len(limits) < len(entry["limits"]):
-            entry["limits"] = limits
-            return
-    if names[1:] == ["signals"] and "derive" not in entry:
-        signals = [x for x in entry["signals"] if _has_series(system, x)]
-        if 0 < len(signals) < len(entry["signals"]):
-            entry["signals"] = signals
-            return
-    data.get(what, {}).pop(names[0], None)
+    entries = data.get(what, {})
+    entry = entries.get(names[0], {})
+    part = names[1] if len(names) > 1 else ""
+    items = list(entry.get(part, ())) if part in ("limits", "signals") else []
+    lacks = partial(_lacks_parameter, table(system.components.values()))
+    if part == "signals":
+        lacks = partial(_lacks_series, system)
+        items = [] if "derive" in entry or len(items) == 1 else items
+    lacking = next((x for x in items if lacks(x)), None)
+    if lacking is None:
+        entries.pop(names[0], None)
+        return
+    items.remove(lacking)
+    entry[part] = items
 
 
-def _has_series(system: System, name: str) -> bool:
-    """Return whether a system has an output `component.variable`."""
+def _lacks_series(system: System, name: str) -> bool:
+    """Return whether a system has no output `component.variable`."""
     try:
-        return bool(find_elements(system.components, name, "output"))
+        return not find_elements(system.components, name, "output")
     except DesatError:
-        return False
+        return True
 
 
-def _lacks_parameter(written: Any, parameters: Table) -> bool:
+def _lacks_parameter(parameters: Table, written: Any) -> bool:
     """Return whether a limit, as it is written, names a parameter that is not there."""
     value = written.get("value") if isinstance(written, dict) else written
     if not isinstance(value, str):

@@ -15,6 +15,7 @@ from ..files.paths import NOMINAL
 from ..runs.prepare import Case, Target, prepare, read
 from ..runs.run import simulate
 from ..system.errors import DesatError
+from ..system.interface import role_classes
 from ..system.model import System
 from ..system.options import Options
 
@@ -22,14 +23,6 @@ from ..system.options import Options
 WORST = "worst.toml"
 DETUMBLING = "detumbling.toml"
 TIP_OFF = 5.0 * pi / 180.0  # rad/s, where no scenario says it
-LOOP_ROLES = (
-    "magnetometer",
-    "gyro",
-    "determination",
-    "star_tracker",
-    "sun_sensor",
-    "controller",
-)  #: Roles whose parameters act in the closed loop alone.
 LOOP_PARAMETERS = {
     "wheels": {
         "motor_lag",
@@ -99,10 +92,19 @@ def closed_loop_only(system: System, options: Options) -> Iterator[str]:
         component = system.components.get(owner)
         role = owner if component is None else component.interface.role
         parameter = parameter.partition("[")[0]
-        if role in LOOP_ROLES or parameter in LOOP_PARAMETERS.get(role, ()):
+        if role in loop_roles() or parameter in LOOP_PARAMETERS.get(role, ()):
             names.append(name)
     if names:
         yield f"{', '.join(names)}: in the closed loop only, the sizes do not know it"
+
+
+def loop_roles() -> set[str]:
+    """Return the roles whose parameters act in the closed loop alone.
+
+    Tachometers are not among them: their noise is the noise of the momentum.
+    """
+    sensors = {role for role, block in role_classes().items() if block.is_sensor}
+    return (sensors | {"controller"}) - {"tachometers"}
 
 
 def find_tip_off(source: Target, options: Options) -> float:

@@ -113,7 +113,11 @@ ABOUT = json.dumps(
                 "signals": ["wheels.h_wheel"],
                 "unit": "mN.m.s",
                 "points": 100,
-                "limits": ["wheels.torque_limit", 2.0, {"value": 1.0, "name": "limit"}],
+                "limits": [
+                    "wheels.h_start_wheel[1]",
+                    2.0,
+                    {"value": 1.0, "name": "limit"},
+                ],
                 "components": ["1"],
             }
         ],
