@@ -59,6 +59,11 @@ _AT = {
 """Where a public name is, which is imported when it is asked for."""
 
 
+def __dir__() -> list[str]:
+    """Return the public names."""
+    return sorted(__all__)
+
+
 def __getattr__(name: str) -> Any:
     """A public name that is not here."""
     if name not in _AT:
