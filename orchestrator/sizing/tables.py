@@ -30,30 +30,35 @@ def tabulate_quantities(sizing: Sizing) -> Table:
     weakest = ", ".join(f"{x:.2f}" for x in sizing.weakest)
     rows: list[Row] = [
         ("Secular torque", secular, "N.m"),
-        ("Secular momentum of an orbit", sizing.per_orbit, "N.m.s"),
-        ("Cyclic momentum, largest about its middle", sizing.cyclic, "N.m.s"),
-        ("Fullest wheel, beside what is dumped", sizing.wheel_needed, "N.m.s"),
+        ("Secular momentum per orbit", sizing.per_orbit, "N.m.s"),
+        ("Cyclic momentum, amplitude", sizing.cyclic, "N.m.s"),
+        (
+            "Momentum of the fullest wheel without the secular part",
+            sizing.wheel_needed,
+            "N.m.s",
+        ),
         _duration("Time without dumping until a wheel is full", sizing.time_without),
-        ("Least rod, |s| / mean Σ |(a × B) · n|", sizing.least_formula, "A.m2"),
-        ("Least rod for any law, linear programme", sizing.least, "A.m2"),
+        ("Smallest rod, |s| / mean Σ |(a × B) · n|", sizing.least_formula, "A.m2"),
+        ("Smallest rod for any law (linear programme)", sizing.least, "A.m2"),
     ]
     if sizing.least_year > 0.0:
         title = f"The same on the worst day of the year ({sizing.worst_day})"
         rows.append((title, sizing.least_year, "A.m2"))
     rows += [
-        _duration("Longest time in which 1.3 times that cannot undo s", sizing.blind),
+        _duration(
+            "Longest time during which 1.3 times this dipole cannot cancel the secular torque",
+            sizing.blind,
+        ),
         (
-            "Rods along the direction where they do least, over the mean",
+            "Control authority in the weakest direction, relative to the mean",
             f"{sizing.weakness:.3f}",
             "",
         ),
-        ("That direction, eci", weakest, ""),
+        ("Weakest direction (eci)", weakest, ""),
         ("Rate after separation", float(np.degrees(sizing.tip_off_rate)), "deg/s"),
         ("Momentum after separation", sizing.tip_off, "N.m.s"),
-        _duration(
-            "Detumbling, least time by its rods at their limits", sizing.detumbling
-        ),
-        _duration("First dump of it from the wheels, least time", sizing.first_dump),
+        _duration("Detumbling, minimum time with saturated rods", sizing.detumbling),
+        _duration("First dump of that momentum, minimum time", sizing.first_dump),
     ]
     detumbling, first_dump = (
         sizing.detumbling_recommended,
@@ -63,18 +68,22 @@ def tabulate_quantities(sizing: Sizing) -> Table:
         rows.append(
             _duration(f"Detumbling with {sizing.recommended:.3g} A m2", detumbling)
         )
-        rows.append(_duration("First dump with these", first_dump))
+        rows.append(_duration("First dump with these rods", first_dump))
     if sizing.start_momentum > 0.0:
         rows.append(("Wheels at the start", sizing.start_momentum, "N.m.s"))
-        rows.append(_duration("Dump of that, least time", sizing.start_dump))
+        rows.append(
+            _duration("Dump of the start momentum, minimum time", sizing.start_dump)
+        )
     if sizing.slew_momentum > 0.0:
-        title = "Slew, momentum of the fullest wheel, 2 I θ / T"
+        title = "Slew: momentum of the fullest wheel, 2 I θ / T"
         rows.append((title, sizing.slew_momentum, "N.m.s"))
-        rows.append(("Slew, torque of it, 4 I θ / T²", sizing.slew_torque, "N.m"))
+        rows.append(
+            ("Slew: torque of that wheel, 4 I θ / T²", sizing.slew_torque, "N.m")
+        )
     if sizing.propellant is not None and sizing.propellant_least is not None:
-        title = "Propellant a year by thrusters alone, dumps as a wheel is full"
+        title = "Propellant a year with thrusters alone, dumping when a wheel is full"
         rows.append(_propellant(title, sizing.propellant))
-        title = "The same, each dump where it costs least"
+        title = "The same, each dump at its cheapest attitude"
         rows.append(_propellant(title, sizing.propellant_least))
     return Table("Numbers", QUANTITIES, rows, has_header=False, is_scaled=True)
 
@@ -135,7 +144,7 @@ def tabulate_days(days: Sequence[YearDate]) -> Table:
     """Return the days of a year."""
     columns = [
         Column("day", kind="text"),
-        Column("activity of the Sun", kind="text"),
+        Column("solar activity", kind="text"),
         Column("secular", "N.m", ".4g"),
         Column("an orbit", "N.m.s", ".4g", is_detail=True),
         Column("cyclic", "N.m.s", ".4g", is_detail=True),
@@ -152,7 +161,7 @@ def tabulate_extremes(days: Sequence[YearDate]) -> Table:
     columns = [
         Column("of a year", kind="text"),
         Column("day", kind="text"),
-        Column("activity of the Sun", kind="text"),
+        Column("solar activity", kind="text"),
         Column("secular", "N.m", ".4g"),
         Column("least rod", "A.m2", ".4g"),
     ]
@@ -171,7 +180,7 @@ def tabulate_points(points: Sequence[SizingPoint]) -> Table:
     columns = [
         Column("law", kind="text"),
         Column("rod", "A.m2", ".4g"),
-        Column("times the least", form=".3g", is_detail=True),
+        Column("times the smallest", form=".3g", is_detail=True),
         Column("rms", "N.m.s", ".4g"),
         Column("largest", "N.m.s", ".4g", is_detail=True),
         Column("wheel", "%", ".4g"),
@@ -256,12 +265,17 @@ def tabulate_dumps(sizing: DumpSizing) -> Table:
         ("momentum of a dump", steady.momentum, loop.get("dump_momentum"), "N.m.s"),
         ("propellant of a dump", steady.propellant, loop.get("dump_propellant"), "kg"),
         (
-            "propellant a year as in this time",
+            "propellant a year, from the simulated time",
             steady.a_year,
             loop.get("propellant_a_year"),
             "kg",
         ),
-        ("propellant a year, mean over its days", sizing.a_year, None, "kg"),
+        (
+            "propellant a year, mean over the days of the year",
+            sizing.a_year,
+            None,
+            "kg",
+        ),
     ]
     for name, mass in sizing.by_activity.items():
         rows.append((f"the same with {name} solar activity", mass, None, "kg"))
@@ -275,7 +289,7 @@ def tabulate_dumps(sizing: DumpSizing) -> Table:
         ("momentum of a day", sizing.a_day, None, "N.m.s"),
         ("largest pointing error", None, loop.get("pointing_largest"), "deg"),
         (
-            "wheels that dump once a week",
+            "capacity for one dump a week",
             share(sizing.weekly, sizing.capacity),
             None,
             "N.m.s",
@@ -285,7 +299,7 @@ def tabulate_dumps(sizing: DumpSizing) -> Table:
         momentum = share(sizing.slew_momentum, sizing.capacity)
         torque = share(sizing.slew_torque, sizing.wheel_torque)
         rows.append(("slew: momentum of the fullest wheel", momentum, None, "N.m.s"))
-        rows.append(("slew: torque of it", torque, None, "N.m"))
+        rows.append(("slew: torque of that wheel", torque, None, "N.m"))
     return Table("Dumps", columns, rows, is_scaled=True)
 
 
@@ -304,7 +318,7 @@ def tabulate_dump_days(sizing: DumpSizing) -> Table:
     """Return the days of a year with the propellant of a year of such days."""
     columns = [
         Column("day", kind="text"),
-        Column("activity of the Sun", kind="text"),
+        Column("solar activity", kind="text"),
         Column("secular", "N.m", ".4g"),
         Column("propellant a year", "kg", ".4g"),
     ]
