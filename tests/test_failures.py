@@ -2001,7 +2001,7 @@ def test_every_failure_of_the_table_has_its_test():
                 used = (
                     x for name, x in constants.items() if re.search(rf"\b{name}\b", own)
                 )
-                sources[node.name] = "\n".join([own, *used])
+                sources[node.name] = "\n".join([own, ast.unparse(node), *used])
     assert len(rows) > 40
     for row in rows:
         named = re.findall(r"`(test_\w+)`", row)
