@@ -148,7 +148,7 @@ def test_campaigns_are_compared(desat, craft):
         (["two", "-n", "3"], "-n: campaigns are compared as they are"),
         (
             ["two", "--html", "a.html"],
-            "--html: there is a page of runs alone, without -n",
+            "--html: only comparisons of runs, without -n, have a page",
         ),
     ):
         refused = desat("compare", "one", *arguments, cwd=craft)
@@ -176,7 +176,7 @@ def test_a_run_has_nothing_to_draw(desat, craft):
     desat("run", "mine", "--stop", "20", "--out", "drawn", cwd=craft, check=True)
     refused = desat("compare", "mine", "drawn", "-n", "3", cwd=craft)
     assert refused.returncode == Exit.INPUT
-    assert "drawn: it is a run, and nothing can be drawn for it" in refused.stderr
+    assert "drawn: a run cannot be sampled" in refused.stderr
 
 
 def test_numbers_of_other_units_have_no_difference():
@@ -321,7 +321,7 @@ def test_who_beats_whom():
         (["mine", "slow", "--by", "peak"], "--by: it ranks laws: --laws all"),
         (
             ["mine", "--laws", "ccpl", "--by", "firing", "--stop", "60"],
-            "mine: --by firing: the firing time cannot be told of it",
+            "mine: --by firing: the firing time is not available for it",
         ),
         (["mine", "--law", "nowhere.py", "--stop", "60"], "nowhere.py: No such file"),
         (["mine", "--laws", "all", "-n", "5"], "-n: --laws flies each law once"),

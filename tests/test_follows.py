@@ -19,7 +19,7 @@ from desat.system.interface import interface_of_block
 from desat.system.parameters import table
 
 INERTIA = "[[21.0, 0.6, -0.4], [0.6, 18.0, 0.3], [-0.4, 0.3, 13.0]]"
-ANOTHER = "is it another craft's?"
+ANOTHER = "does it belong to another craft?"
 
 
 @pytest.fixture
@@ -136,7 +136,7 @@ def test_what_is_of_another_craft_is_said(target, craft, stays, text):
     before = said(target)
     found = [x for x in said(target, craft, stays) if x not in before]
     name = stays.partition("=")[0]
-    assert any(text in x and "Given as " in x for x in found), found
+    assert any(text in x and "Written as " in x for x in found), found
     assert [x for x in said(target, stays) if name in x] == [], "equal: silent"
     assert all(x.startswith("--set") for x in found if name in x), (
         "it names who gave it"
@@ -154,7 +154,7 @@ def test_run_and_check_say_it(desat, own, tmp_path):
         assert out.returncode == 0
         text = re.sub(r"\s+", " ", out.stdout + out.stderr)
         assert (
-            "controller.gain_matrix[1,1] = 10.5, where spacecraft.inertia is 21: is it"
+            "controller.gain_matrix[1,1] = 10.5, where spacecraft.inertia is 21: does it"
             in text
         )
         assert "own.toml: parameters.controller.gain_matrix" in text

@@ -240,7 +240,7 @@ def test_two_wheels_that_are_left_are_told_of(craft):
         prepare(str(craft), Options(sets=[spin])).or_raise()
     two = Options(sets=[spin, f"shared.axes_wheel={axes}"])
     (line,) = [w for w in prepare(str(craft), two).checked.warnings if "2 wheels" in w]
-    assert "none turns the craft about (" in line
+    assert "none of them gives torque about (" in line
 
 
 def test_the_third_wheel_of_three_that_fails_is_told_of(tmp_path, desat):
@@ -250,7 +250,7 @@ def test_the_third_wheel_of_three_that_fails_is_told_of(tmp_path, desat):
     given = Options(sets=["wheels.failed=2", "wheels.failed_from=100"])
     lines = prepare(str(tmp_path / "three"), given).checked.warnings
     assert any(
-        "from 100 s on no wheel turns the craft about (0, 1, 0)" in x for x in lines
+        "from 100 s on no wheel gives torque about (0, 1, 0)" in x for x in lines
     )
     assert not any(
         "no wheel turns" in x

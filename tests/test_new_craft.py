@@ -403,7 +403,7 @@ def test_classes_grow_with_their_size() -> None:
     [
         (
             {"altitude": "400 km", "sso": "500km"},
-            r"--altitude, --sso: one of them says the orbit",
+            r"--altitude, --sso: only one of them may define the orbit",
         ),
         ({"altitude": "90km"}, r"--altitude 90km: 150 to 2000 km are covered"),
         ({"altitude": "400 kg"}, r"--altitude 400 kg: kg does not fit km"),
@@ -415,11 +415,14 @@ def test_classes_grow_with_their_size() -> None:
         ),
         (
             {"altitude": "400km", "ltan": "10:30"},
-            r"--ltan 10:30: it is of a Sun-synchronous orbit",
+            r"--ltan 10:30: only with a Sun-synchronous orbit",
         ),
         ({"sso": "500km", "ltan": "25:00"}, r"--ltan 25:00: a time of day is needed"),
         ({"size": "5U"}, r"--size 5U: there is 1U, 2U, .*; --box has any other"),
-        ({"size": "6U", "box": "1,1,1"}, r"--box 1,1,1: --size 6U says it, too"),
+        (
+            {"size": "6U", "box": "1,1,1"},
+            r"--box 1,1,1: --size 6U gives the sides as well: use one of them",
+        ),
         ({"box": "1,1"}, r"--box 1,1: three sides are needed"),
         ({"box": "1,1,-1"}, r"--box 1,1,-1: sides above 0 are needed"),
         ({"mass": "0kg"}, r"--mass 0kg: above 0 is needed"),

@@ -136,7 +136,7 @@ def test_what_contradicts_itself_is_refused(tmp_path, facts, told):
         (
             GEO | {"mass": "2500kg"},
             ["manager.begin=0.3", "manager.end=0.1"],
-            "is it a share of it",
+            "is it meant as a share",
         ),
         (
             GEO | {"mass": "2500kg"},

@@ -66,7 +66,7 @@ REFUSED = {
     "new craft x --epoch 1000-01-01": "--epoch 1000-01-01: a year from 1957 to 2056 is needed",
     "new craft x --tle iss.tle --inclination 10deg": "--inclination 10deg: --tle iss.tle says the",
     "new craft x --tle iss.tle --ltan 10:30": "--ltan 10:30: --tle iss.tle says the orbit",
-    "new craft x --tle iss.tle --altitude 400km": "--altitude, --tle: one of them says the orbit",
+    "new craft x --tle iss.tle --altitude 400km": "--altitude, --tle: only one of them may define the orbit",
     "new craft x --tle iss.tle --epoch 2027-01-01": "--epoch 2027-01-01: 2579 days after those of",
     "new craft 'a\"b'": 'a"b: a name of letters, digits, blanks and . _ + - is needed',
     "size mine --margin inf": "--margin inf: a number is needed",
@@ -146,7 +146,7 @@ def test_the_epoch_of_a_craft_is_that_of_its_elements(tmp_path):
     with pytest.raises(
         DesatError,
         match=r"--epoch 2019-10-01: 70 days before those of --tle .*"
-        r"SGP4 means nothing beyond 30 days",
+        r"SGP4 is not valid beyond 30 days",
     ):
         doubts(CraftFacts(tle=file, epoch="2019-10-01"))
 

@@ -221,7 +221,7 @@ def test_what_touches_none_is_not_confirmed():
             {},
             "manger.gain: no component manger; did you mean manager?",
         ),
-        ("controller.gain_matrix", "pointing", {}, "an array: one number is tuned"),
+        ("controller.gain_matrix", "pointing", {}, "an array: exactly one numeric"),
         ("manager.law", "pointing", {}, "manager.law: it is no Real: normalised, ccpl"),
         (
             "environment.mean_anomaly",

@@ -55,8 +55,9 @@ def warnings(system: System) -> Iterator[str]:
             if not is_so / ABOUT <= told <= is_so * ABOUT:
                 yield (
                     f"{c.given.get(name, f'{system.where}: default')}: {c.name}.{name} = "
-                    f"{told:.3g} {unit}, but the craft's sensors have {is_so:.3g}: what the law "
-                    f"filters errs; --set {c.name}.{name}={is_so:.3g} tells it"
+                    f"{told:.3g} {unit}, but the craft's sensors have {is_so:.3g}: "
+                    "the filter of the law assumes a wrong value; --set "
+                    f"{c.name}.{name}={is_so:.3g} corrects it"
                 )
 
 
@@ -95,5 +96,5 @@ def _drag(system: System) -> Iterator[str]:
                     unit = " m2" if name == DRAG[0] else ""
                     yield (
                         f"{where}: {orbit.name}.{name} = {its:g}{unit}, but {body.name}.{name} "
-                        f"= {other:g}{unit}: two accounts of one drag"
+                        f"= {other:g}{unit}: the same drag has two different values"
                     )

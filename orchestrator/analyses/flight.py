@@ -427,7 +427,7 @@ def environment_block(component: Component, changes: Values | None = None) -> Bl
     if model not in names() or model == _MOVES:
         why = "it integrates its orbit" if model == _MOVES else "it is no block of ours"
         raise DesatError(
-            f"{model}: {why}, so other dates and orbits cannot be asked of it"
+            f"{model}: {why}, so it cannot be evaluated at other dates and on other orbits"
         )
     block: Block = bare_block(component)
     for name, value in (changes or {}).items():

@@ -106,7 +106,7 @@ def _dumps(system: System, wheels: WheelArray) -> Iterator[str]:
     elif begin < SMALLEST_THRESHOLD * capacity:
         yield (
             f"{where}: {manager.name}.begin = {begin:g} N m s is {100.0 * begin / capacity:.2g} % "
-            f"of a wheel's {capacity:.4g} N m s: is it a share of it?"
+            f"of a wheel's {capacity:.4g} N m s: is it meant as a share?"
         )
     torque, limit = (
         manager.values["torque"],

@@ -29,7 +29,7 @@ def _axes(system: System) -> Iterator[str]:
         there, axes = existing(c.values), axes_of(c.values)
         if lost := _left_out(axes[:, there]):
             yield (
-                f"{c.name}: {int(there.sum())} wheels: none turns the craft about {lost}, which "
+                f"{c.name}: {int(there.sum())} wheels: none of them gives torque about {lost}, which "
                 "the controller wants"
             )
             continue
@@ -42,8 +42,8 @@ def _axes(system: System) -> Iterator[str]:
                     max(since, system.start),
                 )
                 yield (
-                    f"{where}: {c.name}.failed = {failed}: from {begin:g} s on no wheel turns "
-                    f"the craft about {lost}, which the controller wants"
+                    f"{where}: {c.name}.failed = {failed}: from {begin:g} s on no wheel "
+                    f"gives torque about {lost}, which the controller commands"
                 )
 
 

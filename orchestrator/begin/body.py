@@ -104,7 +104,9 @@ def _given_sides(wanted: CraftFacts) -> tuple[Sides | None, str, str, int]:
     units."""
     if wanted.box is not None:
         if wanted.size is not None:
-            raise DesatError(f"--box {wanted.box}: --size {wanted.size} says it, too")
+            raise DesatError(
+                f"--box {wanted.box}: --size {wanted.size} gives the sides as well: use one of them"
+            )
         if len(wanted.box.split(",")) != 3:
             raise DesatError(
                 f"--box {wanted.box}: three sides are needed, as 0.5,0.5,0.8 in m"

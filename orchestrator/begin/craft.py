@@ -768,9 +768,7 @@ def _dump(
     if by == "coils" and not rods:
         raise DesatError(f"--dump {wanted.dump}: --rods none leaves no coils")
     if by == "coils" and aligned:
-        raise DesatError(
-            f"--dump {wanted.dump}: aligned is of thrusters, which pay for each axis"
-        )
+        raise DesatError(f"--dump {wanted.dump}: aligned is for thrusters only")
     if by == "thrusters" and thrusters is None:
         raise DesatError(
             f"--dump {wanted.dump}: --thrusters says which, as --thrusters '4 1N'"

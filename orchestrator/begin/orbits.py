@@ -111,8 +111,8 @@ def epoch_of(wanted: CraftFacts) -> datetime:
         )
     if of_tle is not None and abs(age := _days(made, of_tle)) > MEANINGLESS:
         raise DesatError(
-            f"--epoch {wanted.epoch}: {_aged(age)} those of --tle {wanted.tle}; SGP4 "
-            f"means nothing beyond {MEANINGLESS:g} days"
+            f"--epoch {wanted.epoch}: {_aged(age)} those of --tle {wanted.tle}; "
+            f"SGP4 is not valid beyond {MEANINGLESS:g} days"
         )
     return made
 
@@ -150,7 +150,9 @@ def orbit_of(wanted: CraftFacts, epoch: float) -> Orbit:
     }
     names = [name for name, value in given.items() if value is not None]
     if len(names) > 1:
-        raise DesatError(f"{names[0]}, {names[1]}: one of them says the orbit")
+        raise DesatError(
+            f"{names[0]}, {names[1]}: only one of them may define the orbit"
+        )
     if wanted.tle is not None or wanted.sun is not None:
         said = f"{names[0]} {given[names[0]]} says the orbit"
         for option, value in (
@@ -161,7 +163,7 @@ def orbit_of(wanted: CraftFacts, epoch: float) -> Orbit:
                 raise DesatError(f"{option} {value}: {said}")
     if wanted.ltan is not None and wanted.sso is None and names:
         raise DesatError(
-            f"--ltan {wanted.ltan}: it is of a Sun-synchronous orbit (--sso)"
+            f"--ltan {wanted.ltan}: only with a Sun-synchronous orbit (--sso)"
         )
     if wanted.tle is not None:
         return _of_tle(wanted.tle, epoch)

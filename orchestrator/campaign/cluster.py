@@ -281,7 +281,7 @@ class Cluster:
             except CancelledError as error:
                 text = f"--cluster {self._address}: the scheduler is gone"
                 raise RunError(
-                    f"{text}; the same command goes on with what is left",
+                    f"{text}; the same command continues with the remaining cases",
                     Exit.COMPONENT,
                 ) from error
             except Unfit:

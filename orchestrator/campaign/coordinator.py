@@ -79,7 +79,7 @@ def planned(
     for name in dispersions_of(system):
         if "[" in name:
             raise DesatError(
-                f"{target}: dispersions: {name}: an element; what is drawn is all of "
+                f"{target}: dispersions: {name}: one element cannot be sampled alone; sample all of "
                 f"{name.partition('[')[0]}"
             )
     if limit <= 0.0:

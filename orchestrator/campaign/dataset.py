@@ -69,7 +69,7 @@ def _column(folder: Path, name: str, cases: Any) -> Callable[[Any], Any]:
         column = table.to_pandas().set_index("case")[name]
         if lost := [case for case in cases if case not in column.index]:
             raise DesatError(
-                f"{folder}: case {lost[0]} is not there any more: load it again"
+                f"{folder}: case {lost[0]} no longer exists: load the campaign again"
             )
         return column.loc[cases].to_numpy()[key]
 

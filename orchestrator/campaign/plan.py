@@ -178,8 +178,8 @@ def same_versions(
     are accepted; `what`: what they would mix in."""
     if not accepted and (text := other(before, versions())):
         raise DesatError(
-            f"{folder}: {text}: {what} may differ in their bits; --accept-versions "
-            "goes on, and each case says its own"
+            f"{folder}: {text}: {what} may differ in their bits; "
+            "--accept-versions continues, and each case records its own"
         )
 
 

@@ -157,9 +157,7 @@ def summary(folder: Path) -> CampaignSummary:
         for row in table.filter(~completed).to_pylist()
     ]
     if lost := [n for n in out if n not in told]:
-        raise DesatError(
-            f"{folder / store.NUMBERS}: damaged: it has nothing of {lost[0]}"
-        )
+        raise DesatError(f"{folder / store.NUMBERS}: damaged: it lacks {lost[0]}")
     unmet = [
         f"case {int(c)}: {line}"
         for c, lines in zip(cases, table["unmet"].to_pylist(), strict=True)

@@ -135,7 +135,7 @@ def read(target: str) -> Target:
             x.stem for x in path.parent.glob("*.toml") if x.name != path.name
         )
         raise DesatError(
-            f"{target}: a craft file, which says no run; name a scenario of it: "
+            f"{target}: a craft file describes no run; name one of its scenarios: "
             f"{', '.join(there) or 'its folder'}"
         )
     if path.suffix == ".toml":
@@ -145,9 +145,7 @@ def read(target: str) -> Target:
     except DesatError:
         if not path.exists():
             raise
-    raise DesatError(
-        f"{target}: it ends in none of .toml, .ssp, .ssd, and is no folder"
-    )
+    raise DesatError(f"{target}: neither a .toml, .ssp or .ssd file nor a folder")
 
 
 def prepare(target: str | Target, options: Options) -> Case:

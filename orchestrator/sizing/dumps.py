@@ -298,7 +298,7 @@ def size(
     if cost is None or isp is None:
         raise DesatError(
             f"{target}: its thrusters have neither arm nor nozzles, or no specific "
-            "impulse: --arm and --isp say them"
+            "impulse: give them with --arm and --isp"
         )
     attitude = wanted_attitude(system)
     progress("the days of the scenario")
@@ -756,7 +756,7 @@ def _problems(made: DumpSizing) -> Iterator[str]:
             f"{made.begin:.4g} to {made.end:.4g} N m s"
         )
     if made.steady.impulse == inf:
-        yield "its thrusters give no torque about some axis: no dump comes to its end"
+        yield "its thrusters give no torque about some axis, so no dump can end"
 
 
 def _notes(made: DumpSizing, requirements: SizingRequirements) -> Iterator[str]:
@@ -768,5 +768,5 @@ def _notes(made: DumpSizing, requirements: SizingRequirements) -> Iterator[str]:
     dumps = made.loop.get("dumps")
     if made.loop and (dumps is None or dumps < 7):
         yield (
-            f"the closed loop has {dumps or 0:g} dumps: its rates are of few; --stop flies longer"
+            f"the closed loop has {dumps or 0:g} dumps: too few for reliable rates; use a longer --stop"
         )

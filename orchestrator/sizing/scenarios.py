@@ -95,7 +95,7 @@ def closed_loop_only(system: System, options: Options) -> Iterator[str]:
         if role in loop_roles() or parameter in LOOP_PARAMETERS.get(role, ()):
             names.append(name)
     if names:
-        yield f"{', '.join(names)}: in the closed loop only, the sizes do not know it"
+        yield f"{', '.join(names)}: affects the closed loop only, not the sizes"
 
 
 def loop_roles() -> set[str]:

@@ -259,10 +259,7 @@ def paired_draws(
     for a run folder."""
     for target in targets:
         if is_run(target):
-            raise DesatError(
-                f"{target}: it is a run, and nothing can be drawn for it; name its "
-                "scenario"
-            )
+            raise DesatError(f"{target}: a run cannot be sampled; name its scenario")
     sources = [read(t) for t in targets]
     shared = [
         common(sources[0], other, seed, options, options) for other in sources[1:]

@@ -355,7 +355,7 @@ def choose(
     for c in asked or known:
         if c not in known:
             raise DesatError(
-                f"{target}: --by {c.name}: the {c.title} cannot be told of it"
+                f"{target}: --by {c.name}: the {c.title} is not available for it"
             )
     rows = [tuple(c.of(run.manifest, run.results) for c in known) for run in runs]
     whole = [tuple(np.inf if x is None else x for x in row) for row in rows]

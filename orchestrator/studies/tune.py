@@ -283,7 +283,9 @@ def _parameter(
             if variable in known
             else f"no parameter{nearest(variable, known)}"
         )
-        raise DesatError(f"{name}: {what}: one number is tuned, of a component")
+        raise DesatError(
+            f"{name}: {what}: exactly one numeric parameter of a component can be tuned"
+        )
     if signal.kind != "Real":
         raise DesatError(
             f"{name}: it is no Real: {', '.join(signal.choices) or signal.kind}"

@@ -206,8 +206,8 @@ def _follows(system: System) -> Iterator[str]:
             unit = f" {unit}" if unit not in ("", "1") else ""
             yield (
                 f"{where}: {c.name}.{signals[i].name} = {own[i]:g}{unit}, where {text} is "
-                f'{usual[i]:g}{unit}: is it another craft\'s? Given as "{text}", or a '
-                "multiple, it follows"
+                f'{usual[i]:g}{unit}: does it belong to another craft? Written as "{text}" '
+                "or a multiple of it, it follows the craft"
             )
 
 
@@ -384,8 +384,8 @@ def _no_attitudes(c: Component, where: str) -> Iterator[str]:
         ]
         if len(values) == 4 and not any(values):
             yield (
-                f"{c.given.get(name, where)}: {c.name}.{name} = (0, 0, 0, 0): a quaternion of "
-                "size 0 is no attitude; (0, 0, 0, 1) is none turned"
+                f"{c.given.get(name, where)}: {c.name}.{name} = (0, 0, 0, 0): "
+                "a quaternion of norm 0 is no attitude; the identity is (0, 0, 0, 1)"
             )
 
 

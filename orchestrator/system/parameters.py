@@ -310,7 +310,7 @@ def in_unit_of(signal: Signal, value: Scalar, unit: Unit | str, where: str) -> S
         )
     if isinstance(unit, str):
         raise DesatError(
-            f"{where}: unit {unit} is not known: nothing says how it becomes "
+            f"{where}: unit {unit} is not known: it cannot be converted to "
             f"{signal.unit_name}"
         )
     converted = conversion(unit, signal.unit)

@@ -153,7 +153,7 @@ def _flown(target: str, source: Target, name: str, options: Options) -> _Flown:
     system, _ = prepare(source, options).or_raise()
     if content_of(system.about).stop_when is not None:
         raise DesatError(
-            f"{target}: it has stop_when, which no page follows; a scenario without "
+            f"{target}: it has stop_when, which a page does not support; a scenario without "
             "it is needed"
         )
     choice = substep_choice.choose(target, system, options)

@@ -128,7 +128,7 @@ def compare(
             "time_limit",
         )
     if html is not None and (campaigns or count is not None):
-        raise DesatError("--html: there is a page of runs alone, without -n")
+        raise DesatError("--html: only comparisons of runs, without -n, have a page")
     if campaigns:
         first, *others = map(Path, targets)
         show_pairs([pairs.compare(first, other) for other in others], as_json)
