@@ -2,10 +2,10 @@
 
 A block is a class with typed declarations:
 
-class Magnetometer(Block):
-    b_eci: Vec3 = Input("T", "geomagnetic field, eci")
-    sample_time: float = Parameter("s", "sample time", start=1.0, min=0.0)
-    b_body: Vec3 = Output("T", "measured field, body", interval=True)
+    class Magnetometer(Block):
+        b_eci: Vec3 = Input("T", "geomagnetic field, eci")
+        sample_time: float = Parameter("s", "sample time", start=1.0, min=0.0)
+        b_body: Vec3 = Output("T", "measured field, body", interval=True)
 
 The annotation gives type and shape; the declaration gives unit, meaning, start value
 and bounds. On an instance each name is a plain attribute (a float, int, bool, or a flat

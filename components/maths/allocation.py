@@ -20,8 +20,7 @@ def least_on_times(
 ) -> tuple[float, ...]:
     """Compute the on-time (s) of each nozzle for an angular impulse (N m s).
 
-    minimise  sum x + k |e|_1,   sum x torque + e = impulse,   0 <= x <= longest (s),
-    k large
+        minimise  sum x + k |e|_1,   sum x torque + e = impulse,   0 <= x <= longest (s),   k large
 
     An error e is left only where the nozzles cannot do better. `torques` holds the
     torque of each nozzle (N m). At most three nozzles fire for a part of `longest`.

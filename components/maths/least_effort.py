@@ -35,7 +35,7 @@ def least_effort(
 ) -> tuple[float, ...] | None:
     """Solve the linear programme of least weighted effort for x, |x| <= most.
 
-    minimise  sum cost |x|,   sum x column = goal
+        minimise  sum cost |x|,   sum x column = goal
 
     The result is None where no x meets the goal. Columns and goal should be of the size
     of 1, and cost above 0. At most three |x| are neither 0 nor at `most`.

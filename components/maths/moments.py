@@ -2,7 +2,8 @@
 
 Over a step of length H, with s = (t - t_k) / H:
 
-x_mean  = int_0^1 x ds x_slope = 12 int_0^1 (s - 1/2) x ds
+    x_mean  = int_0^1 x ds
+    x_slope = 12 int_0^1 (s - 1/2) x ds
 
 Both have the unit of x, and the receiver applies x_mean + x_slope (s - 1/2). Impulse
 and first moment are then exact for any signal, so nothing is lost between two blocks. A

@@ -34,7 +34,7 @@ def least_cost(
 ) -> tuple[float, ...]:
     """Solve the linear programme of least cost for x, 0 <= x <= most.
 
-    minimise  sum cost x + error_cost |e|_1,   sum x column + e = goal
+        minimise  sum cost x + error_cost |e|_1,   sum x column + e = goal
 
     At most three x are neither 0 nor at `most`. Columns should be of the size of 1 or
     be zero: a gain below 1e-8 counts as zero. The units are those of the caller.

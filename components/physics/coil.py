@@ -3,8 +3,8 @@
 A coil of N turns around an area A has the dipole m = N I A. Around a core of radius r,
 length l and relative permeability mu the dipole grows to
 
-m = pi r^2 N I [1 + (mu - 1) / (1 + (mu - 1) N_d)], N_d = 4 (ln(l / r) - 1) / ((l / r)^2
-- 4 ln(l / r)),
+    m = pi r^2 N I [1 + (mu - 1) / (1 + (mu - 1) N_d)],
+    N_d = 4 (ln(l / r) - 1) / ((l / r)^2 - 4 ln(l / r)),
 
 with N_d the demagnetising factor of a long cylinder (Mehrjardi & Mirshams, "Design and
 Manufacturing of a Research Magnetic Torquer Rod", Contemporary Engineering Sciences 3

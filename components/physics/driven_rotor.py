@@ -4,7 +4,7 @@ The model extends that of `rotor`. A motor of the constant K_m (torque over the 
 the copper loss, N m / W^(1/2)) on a voltage that would turn it at Omega_0 without load
 gives at the speed Omega, within +-torque limit,
 
-K_m^2 (-Omega_0 - Omega) <= drive <= K_m^2 (Omega_0 - Omega)
+    K_m^2 (-Omega_0 - Omega) <= drive <= K_m^2 (Omega_0 - Omega)
 
 because its current is (voltage - k Omega) / R with k^2 / R = K_m^2 and voltage = k
 Omega_0. The drag is linear between the entries of its table, is extrapolated from the

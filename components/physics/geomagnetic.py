@@ -53,15 +53,15 @@ def harmonics(coefficients: igrf14.Gauss, degree: int) -> Harmonics:
     derivatives of one are harmonics of the next degree (Montenbruck & Gill, Satellite
     Orbits, eq. 3.33):
 
-    d/dz Z_nm = -(n-m+1) Z_n+1,m d/dx Z_nm = (-Z_n+1,m+1 + (n-m+2)(n-m+1) Z_n+1,m-1) / 2
-    (-Z_n+1,1 for m = 0)
+        d/dz Z_nm = -(n-m+1) Z_n+1,m
+        d/dx Z_nm = (-Z_n+1,m+1 + (n-m+2)(n-m+1) Z_n+1,m-1) / 2    (-Z_n+1,1 for m = 0)
 
     and likewise d/dy. Each component of B is therefore such a sum itself, of one degree
     more, and needs neither an angle nor a division by the cosine of the latitude. With
     Z_nm = K_nm (R/r) w^m p_nm, w = (x + i y) R/r^2, p_mm = 1, the recursion in n needs
     only one constant:
 
-    p_n+1 = (z R/r^2) p_n - beta_n (R/r)^2 p_n-1
+        p_n+1 = (z R/r^2) p_n - beta_n (R/r)^2 p_n-1
 
     A row is beta_n, then K_nm times the real and imaginary part of the factor of Z_nm
     in B_x, B_y and B_z; the sign of the imaginary part is reversed.

@@ -79,8 +79,8 @@ def slopes(
 
     H is the total momentum (N m s, eci).
 
-    q' = 1/2 Omega(omega) q                         omega = J_r^-1 (C H - h) H' = C'
-    (tau + m x C B + 3 mu / r^5 p x J p + others)         p = C r
+        q' = 1/2 Omega(omega) q                         omega = J_r^-1 (C H - h)
+        H' = C' (tau + m x C B + 3 mu / r^5 p x J p + others)         p = C r
 
     In body: inertia J (kg m2), half_inverse J_r^-1 / 2, wheels h (N m s), torque tau (N
     m) and dipole m (A m2). In eci: field B (T) and place r (m), each None where it does

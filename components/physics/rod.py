@@ -4,7 +4,7 @@ The current i is expressed as the dipole that it stands for, x = area_turns i (A
 core with the remanence rho (the fraction of the dipole at the limit X that remains at
 zero current) has
 
-m = (1 - 2 rho) x + 4 rho / N sum_k p_k,       p_k <- min(max(p_k, x - r_k), x + r_k)
+    m = (1 - 2 rho) x + 4 rho / N sum_k p_k,       p_k <- min(max(p_k, x - r_k), x + r_k)
 
 with N plays p_k of half widths r_k = (k - 1/2) X / N: a Prandtl-Ishlinskii operator of
 even density, which tends to Rayleigh's law as N grows. From the demagnetised core m is

@@ -2,9 +2,9 @@
 
 The absolute axial momentum h (N m s) of a moving rotor obeys
 
-h' = drive - friction(Omega)             drive = T + learnt, within +-torque limit T' =
-(command - T) / lag                 learnt' = compensation (friction - learnt) friction
-= c_v Omega + c_c tanh(Omega / omega_eps)
+    h' = drive - friction(Omega)             drive = T + learnt, within +-torque limit
+    T' = (command - T) / lag                 learnt' = compensation (friction - learnt)
+    friction = c_v Omega + c_c tanh(Omega / omega_eps)
 
 with T the motor's response to its command (N m), Omega = h / J_s - g.omega the speed
 relative to the body (rad/s), and `learnt` the friction that a compensating speed loop
