@@ -39,8 +39,7 @@ _PATIENCE = 1e-3
 def coast(
     r_eci: Vec3, v_eci: Vec3, times: tuple[float, ...]
 ) -> tuple[tuple[Vec3, Vec3], ...]:
-    """Propagate two-body motion: position (m) and velocity (m/s) after `times` (s),
-    eci.
+    """Propagate two-body motion to `times` (s): position (m), velocity (m/s), eci.
 
     Raises
     ------

@@ -57,8 +57,9 @@ class Model(NamedTuple):
 
 
 class Sequence(NamedTuple):
-    """Torques of the wheels over segments, the first of which began `elapsed` steps
-    ago.
+    """Torques of the wheels over segments.
+
+    The first segment began `elapsed` steps ago.
     """
 
     torques: Table  # (SEGMENTS, 4), N m, to each rotor
