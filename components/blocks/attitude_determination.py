@@ -9,7 +9,7 @@ from ..maths.attitude import propagated
 from ..maths.noise import normal3, normal6, stream
 from ..maths.vector import ZERO, add, scale, unit
 
-_MISALIGNMENT = 6  # its channels in sample 0, after the six of every sample
+_MISALIGNMENT = 6  # its first noise channel in sample 0, after the six of all samples
 
 
 class AttitudeDetermination(Role, Sensor):

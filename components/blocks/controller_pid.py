@@ -93,4 +93,5 @@ class ControllerPid(Controller):
         self.tau_ctrl_body = limited(tau, self.torque_limit)
 
     def _torque(self, e: Vec3, d_omega: Vec3, xi: Vec3) -> Vec3:
+        """Compute the PID torque (3,) N m, body, before its limit."""
         return pid_torque(e, d_omega, xi, self.kp, self.kd, self.ki, self.gain_matrix)

@@ -89,7 +89,7 @@ class DisturbanceTable(Disturbance):
         self.tau_ext_body = add(tau, self.tau_other_body)
 
     def _until(self, t: float) -> Vec3:
-        """The impulse (N m s) from the first row to t (s)."""
+        """Return the impulse (N m s) from the first row to t (s)."""
         first, last = self.torque[0], self.torque[4 * self._count - 4]
         rounds = 0
         if self.repeated:
@@ -108,8 +108,10 @@ class DisturbanceTable(Disturbance):
         )
 
     def _within(self, i: int, span: float) -> Vec3:
-        """The impulse (N m s) from row i over a time span (s) within its part of the
-        table."""
+        """Return the impulse (N m s) from row i over a time span (s).
+
+        The span lies within the row's interval of the table.
+        """
         x, y, z = self.torque[4 * i + 1 : 4 * i + 4]
         if self.between == HOLD or self._count == 1:
             return (x * span, y * span, z * span)

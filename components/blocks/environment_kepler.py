@@ -13,8 +13,7 @@ from ..physics.orbit import (
     perifocal_axes,
 )
 
-DEGREE = 4
-"""Of the zonal harmonics in which osculating elements are averaged."""
+DEGREE = 4  # of the zonal harmonics in which osculating elements are averaged
 
 
 class EnvironmentKepler(NearEarth, OrbitStart):

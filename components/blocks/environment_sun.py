@@ -8,8 +8,7 @@ from ..maths.vector import ZERO, dot, norm, scale
 from ..physics.earth import ASTRONOMICAL_UNIT, OBLIQUITY
 from ..physics.orbit import ellipse_state, mean_motion, perifocal_axes
 
-SUN_MU = 1.32712440018e20
-"""Gravitational parameter of the Sun (m3/s2)."""
+SUN_MU = 1.32712440018e20  # m3/s2, gravitational parameter of the Sun
 
 
 class EnvironmentSun(Environment):
@@ -67,6 +66,6 @@ class EnvironmentSun(Environment):
 
 
 def _from_ecliptic(v: Vec3) -> Vec3:
-    """A vector of the ecliptic in eci."""
+    """Rotate a vector from ecliptic axes to eci."""
     c, s = cos(OBLIQUITY), sin(OBLIQUITY)
     return (v[0], c * v[1] - s * v[2], s * v[1] + c * v[2])

@@ -27,7 +27,7 @@ class EnvironmentTle(NearEarth):
     fails as it starts, with a message that says so.
     """
 
-    third_bodies = True  # SGP4 has them of slow orbits
+    third_bodies = True  # SGP4 includes them for slow orbits
 
     epoch_j2000: float = Parameter(
         "s",

@@ -43,7 +43,8 @@ class GuidanceNadir(Guidance):
             self._point()
 
     def _point(self) -> None:
+        """Set the reference attitude and rate from position and velocity."""
         r, v = self.r_eci, self.v_eci
-        # lvlh_attitude keeps its scalar positive
+        # lvlh_attitude returns a scalar >= 0, so the sign may jump
         self.q_ref_bi = nearest(product(self._q_bo, lvlh_attitude(r, v)), self.q_ref_bi)
         self.omega_ref_body = scale(norm(cross(r, v)) / dot(r, r), self._axis)

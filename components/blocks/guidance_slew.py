@@ -58,6 +58,7 @@ class GuidanceSlew(Guidance):
             self._point(t)
 
     def _point(self, t: float) -> None:
+        """Set the reference attitude and rate at t (s)."""
         duration = self.t_end - self.t_begin
         s, rate = rest_to_rest((t - self.t_begin) / duration)
         self.q_ref_bi = propagated(self._q_begin, self._rotation, s)

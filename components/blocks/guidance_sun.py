@@ -63,6 +63,7 @@ class GuidanceSun(Guidance):
             self._point()
 
     def _point(self) -> None:
+        """Set the reference attitude and rate from the direction to the Sun."""
         if norm(self.sun_eci) == 0.0:
             self.fail("sun_eci is zero: no Sun is modelled")
         sun = unit(self.sun_eci)

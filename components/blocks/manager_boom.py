@@ -118,7 +118,7 @@ class ManagerBoom(Boom):
         self.give(laws.cross_product(e, self.b_body) if on else ZERO, torque)
 
     def _turn(self, u: Vec3, rate: float) -> bool:
-        """True while the craft is being turned; sets the wheel's goal."""
+        """Return whether the craft is being turned over; set the wheel's goal."""
         upside_down, side = laws.inverted(u), 1.0 if u[0] >= 0.0 else -1.0
         crossed = side != self._side
         self._side = side

@@ -200,15 +200,16 @@ class ManagerBoomFeedforward(Boom):
         self._q: Vec4 = IDENTITY_Q
         self._variance = self._h_before = self._impulse = ZERO
         self._t_before = 0.0
-        self._firing = NONE  # the last that has begun
-        self._found = ZERO  # N m s: what it gave beyond what was known
-        self._learnt = ZERO  # in shares of a firing's size
+        self._firing = NONE  # the latest that has begun
+        self._found = ZERO  # N m s: its impulse beyond the expected one
+        self._learnt = ZERO  # relative to a firing's size
         self._taught = NONE
         self._coil = ZERO
         self.tau_firing_body = self.omega_est_body = ZERO
         self.mode = IDLE
 
     def _check_schedule(self) -> None:
+        """Refuse firings that do not begin at a sample or that overlap."""
         for i in range(ENTRIES):
             start, duration = self.schedule_start[i], self.schedule_duration[i]
             samples = start / self.sample_time
@@ -236,13 +237,15 @@ class ManagerBoomFeedforward(Boom):
     # --- what is known ----------------------------------------------------------------
 
     def _known(self, i: int) -> Vec3:
-        """The torque of firing i before it began."""
+        """Return the expected torque (N m, body) of firing i before it begins."""
         x, y, z = self.schedule_tau_body[3 * i : 3 * i + 3]
         return add((x, y, z), scale(norm((x, y, z)), self._learnt))
 
     def _begin(self, t: float) -> float:
-        """Take over the firing that goes on at t; for how long (s) of this sample it
-        does."""
+        """Select the firing that is on at t (s).
+
+        Returns for how long (s) of this sample it is.
+        """
         for i in range(ENTRIES):
             on = firing.overlap(
                 self.schedule_start[i], self.schedule_duration[i], t, self.sample_time
@@ -255,8 +258,7 @@ class ManagerBoomFeedforward(Boom):
         return 0.0
 
     def _learn(self, t: float) -> None:
-        """Take what the last firing taught for those to come, once, when all of it has
-        shown."""
+        """Learn from the last firing for later ones, once its effect is complete."""
         i = self._firing
         if not self.learning or i == NONE or i == self._taught:
             return
@@ -270,21 +272,22 @@ class ManagerBoomFeedforward(Boom):
             self._taught = i
 
     def _expected(self, t: float, on: float) -> Vec3:
-        """The impulse (N m s) of the firing over this sample, by what it has given so
-        far."""
+        """Predict the impulse (N m s) of the firing over this sample.
+
+        The prediction uses the impulse observed so far.
+        """
         if on <= 0.0 or not self.feedforward:
             return ZERO
         i = self._firing
         past = t - self.schedule_start[i]
         beyond = scale(1.0 / past, self._found) if past > 0.0 else ZERO
         self.tau_firing_body = add(self._known(i), beyond)
-        self._found = add(
-            self._found, scale(on, beyond)
-        )  # expected, so not to be found again
+        # this part is expected now, so it counts as found already
+        self._found = add(self._found, scale(on, beyond))
         return scale(on, self.tau_firing_body)
 
     def _estimate(self, t: float) -> Vec3:
-        """The rate (rad/s, body) at this sample; `_q` follows."""
+        """Estimate the rate (rad/s, body) at this sample; also update `_q`."""
         h = body_momentum(self.axes_wheel, self.h_wheel)
         omega, noise = self._omega, self.gyro_noise
         if omega is None or not self.valid_h:
@@ -330,8 +333,10 @@ class ManagerBoomFeedforward(Boom):
     def _corrected(
         self, i: int, innovation: float, unknown: float, elapsed: float
     ) -> tuple[float, float]:
-        """Of axis i: the correction of its rate (rad/s), and the variance after it;
-        unknown: what the firing may have given beyond what was known (N m s)."""
+        """Correct axis i: return the change of its rate (rad/s) and its new variance.
+
+        unknown: uncertainty of the firing's impulse (N m s).
+        """
         steady, fired = (
             self.torque_noise[i] * elapsed / self._moments[i],
             unknown / self._moments[i],
@@ -371,7 +376,7 @@ class ManagerBoomFeedforward(Boom):
 
     def hold(self, t: float) -> Vec3:
         self._omega = None
-        self._taught = self._firing  # what it gave is not known whole
+        self._taught = self._firing  # its impulse is not completely observed
         on = self._begin(t)
         expected = self._expected(t, on)
         self.mode = FIRING if on > 0.0 else IDLE
@@ -383,7 +388,7 @@ class ManagerBoomFeedforward(Boom):
         return torque
 
     def _pd(self, theta: Vec3, rate: Vec3) -> Vec3:
-        """-J wn^2 theta - 2 damping wn J rate (N m) about each axis."""
+        """Compute -J wn^2 theta - 2 damping wn J rate (N m) about each axis."""
         j, wn, double = self._moments, self.bandwidth, 2.0 * self.damping
         return (
             -j[0] * wn[0] * (wn[0] * theta[0] + double * rate[0]),
@@ -392,8 +397,10 @@ class ManagerBoomFeedforward(Boom):
         )
 
     def _within(self, torque: Vec3) -> Vec3:
-        """The torque about the axes that have a wheel, within its limit; says where it
-        is short."""
+        """Limit the torque (N m) about the axes that have a wheel; the others are zero.
+
+        It sets `reason` where the limit is reached.
+        """
         has = self._has
         wanted = (has[0] * torque[0], has[1] * torque[1], has[2] * torque[2])
         given = clip(wanted, self.torque_limit)
@@ -402,8 +409,7 @@ class ManagerBoomFeedforward(Boom):
         return given
 
     def _dipole(self, nadir: Vec3, rate: Vec3, h: Vec3) -> Vec3:
-        """What the coils make over the sample of the dipole that is wanted (A m2,
-        body)."""
+        """Compute the mean dipole (A m2, body) of the coils' pulses over the sample."""
         lean = laws.tilt(nadir)
         has = self._has
         full = norm((has[0] * h[0], has[1] * h[1], has[2] * h[2])) > self.h_deadband
@@ -423,6 +429,7 @@ class ManagerBoomFeedforward(Boom):
         return (self._pulsed(m[0]), self._pulsed(m[1]), self._pulsed(m[2]))
 
     def _pulsed(self, m: float) -> float:
+        """Compute the mean dipole (A m2) of a pulsed coil for the command m (A m2)."""
         return firing.pulsed(
             m, self.m_limit, self.least_pulse, self.sample_time, self.duty_max
         )

@@ -56,6 +56,7 @@ class ManagerClosedLoop(MomentumManagement):
         return laws.closed_loop_dipole(torque, self.field(), self._s)
 
     def _centre(self, t: float, h_eci: Vec3) -> None:
+        """Update the bias from the extremes of the momentum (N m s, eci)."""
         if self._since < 0.0 or t - self._since >= self.centre_period * (1.0 - 1e-9):
             if self._since >= 0.0:
                 middle = scale(0.5, add(self._least, self._most))

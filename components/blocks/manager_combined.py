@@ -51,8 +51,8 @@ class ManagerCombined(ThrusterDumping):
                 "law": "ilqr",
                 "split": "ocdc",
                 "g_rate": "craft.rate",
-                # a thruster's torque is priced as the dipole that gives it across the
-                # field
+                # a thruster's torque costs as much as the dipole that gives it across
+                # the field
                 "weight_ratio": "1 / craft.field / craft.field",
             },
         ),
@@ -113,6 +113,7 @@ class ManagerCombined(ThrusterDumping):
         return n, self._split(n)
 
     def _split(self, n: Vec3) -> blending.Split:
+        """Split the dumping torque (N m) by the law that is selected."""
         b = self.b_body
         if not self.valid_b:
             return blending.dct(n, b)
@@ -135,6 +136,7 @@ class ManagerCombined(ThrusterDumping):
         return split
 
     def _prepare(self, h: Vec3) -> None:
+        """Compute offsets or costate at the first sample."""
         self._omega = self.rate()
         if self.law == LQR:
             self._offsets = dumping.lqr_offsets(
@@ -150,6 +152,7 @@ class ManagerCombined(ThrusterDumping):
             )
 
     def _torque(self, elapsed: float, h: Vec3) -> Vec3:
+        """Compute the dumping torque (N m, body) of the law that is selected."""
         if self.law == ILQR:
             return dumping.ilqr(h, self.rate(), self.g_rate, self.n_con_body)
         if elapsed >= self.horizon:

@@ -166,7 +166,7 @@ class ManagerDetumblingOptimal(Acquisition):
         return (*inputs, "q_bi", "r_eci", "v_eci") if self.law == LOOK_AHEAD else inputs
 
     def sense(self, t: float) -> None:
-        """The rate at this sample, None where nothing is known of it."""
+        """Estimate the rate at this sample; None where it is not observable."""
         if self.rate_from == GYRO and self.valid_omega:
             self._omega = self.omega_bi_body
         elif self.rate_from == OBSERVER:
@@ -177,6 +177,7 @@ class ManagerDetumblingOptimal(Acquisition):
         self.omega_est_body = ZERO if self._omega is None else self._omega
 
     def _observe(self, t: float) -> None:
+        """Update the observer by the measured field and wheel momentum."""
         if not (self.valid_b and self.valid_h):
             self._omega = self._b_model = None
             return
@@ -186,8 +187,8 @@ class ManagerDetumblingOptimal(Acquisition):
             self._omega, self._b_model = ZERO, b
         else:
             elapsed = t - self._t_before
-            # the wheel's torque is what its momentum has changed by, whatever was
-            # commanded
+            # the wheel's torque follows from the change of its momentum, not from the
+            # command
             torque = (h - self._h_before) / elapsed
             omega, model = rate_observer.predicted(
                 omega,
@@ -226,6 +227,7 @@ class ManagerDetumblingOptimal(Acquisition):
         return missing
 
     def _detumble(self, omega: Vec3) -> None:
+        """Command coils and wheel to damp the rate omega (rad/s, body)."""
         m = ZERO
         if self.valid_b:
             b, gain = self.b_body, self.gain
@@ -248,6 +250,7 @@ class ManagerDetumblingOptimal(Acquisition):
         self.give(m, laws.wheel_rate(omega[1], self.gain_wheel))
 
     def _start_up(self, omega: Vec3) -> None:
+        """Command coils and wheel by the start-up law."""
         normal, h = self.normal(), self.h()
         rate = self.relative(omega)
         e = laws.start_up_error(

@@ -66,7 +66,7 @@ class ManagerIntegrated(WheelManager):
 
     craft_needs = (Need.COILS, Need.CONTROLLER)
     offers = (
-        # the wheels lose a quarter of t_DES, and no dipole beyond m_limit is asked for
+        # the wheels lose a quarter of t_DES; no dipole exceeds m_limit
         Law(
             "integrated",
             {
@@ -186,6 +186,7 @@ class ManagerIntegrated(WheelManager):
             self.tau_cmd_wheel = self._wheel_command()
 
     def _wheel_command(self) -> Vec4:
+        """Compute the torque to each rotor (4,) N m."""
         a, b, c, d = wheel_torque(
             self._to_wheels,
             self.axes_wheel,
@@ -198,7 +199,7 @@ class ManagerIntegrated(WheelManager):
         return (a + p, b + q, c + r, d + s)
 
     def _wanted(self) -> Vec3:
-        """tau: the torque that wheels and coils are to give the body."""
+        """Return tau (N m, body), the torque of wheels and coils on the body."""
         if self._tumbling and not self.valid_omega:
             return ZERO
         if self._tumbling:
@@ -206,6 +207,7 @@ class ManagerIntegrated(WheelManager):
         return self.tau_ctrl_body
 
     def _decide(self) -> None:
+        """Set mode, t_DES and dipole at a sample."""
         if self.valid_omega:
             self._tumbling = self.velocity_dumping and integrated.hysteresis(
                 self._tumbling, norm(self.omega_bi_body), self.rate_off, self.rate_on
@@ -228,6 +230,7 @@ class ManagerIntegrated(WheelManager):
             )
 
     def _manage(self) -> None:
+        """Compute t_DES, the coils' share and the dipole at a sample."""
         b = self.b_body
         excess = self._null_torque = OFF
         if self.valid_h:
@@ -261,8 +264,10 @@ class ManagerIntegrated(WheelManager):
         self.m_cmd_body = integrated.dipole(by_coils, b, self.m_limit)
 
     def _watch(self, excess: Vec4) -> None:
-        """Emergency, the wheels to unload and the null space's torque, from a valid
-        momentum."""
+        """Update emergency, wheels to unload and null-space torque.
+
+        It needs a valid momentum.
+        """
         capacity = self.h_limit
         self._emergency = integrated.hysteresis(
             self._emergency,
@@ -282,7 +287,7 @@ class ManagerIntegrated(WheelManager):
         )
 
     def _excess(self, h: Vec4) -> Vec4:
-        """What the wheels have beyond what is wanted of them."""
+        """Return the momentum of each wheel (N m s) beyond its target."""
         n, bias = self._null, self.h_null
         a, b, c, d = to_wheels(self._to_wheels, self.h_target_body)
         return (

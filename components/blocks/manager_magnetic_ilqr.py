@@ -27,8 +27,7 @@ class ManagerMagneticIlqr(TorquerDumping):
     """
 
     offers = (
-        # so that momentum across the field goes out at the rate, its price of a dipole
-        # being 1
+        # with a dipole's price of 1, momentum across the field decays at the rate
         Law(
             "quasi-static LQR",
             {

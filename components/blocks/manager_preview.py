@@ -57,5 +57,5 @@ class ManagerPreview(MomentumManagement, GroundTables):
         return m
 
     def offset(self, i: int, share: float) -> Vec3:
-        """g (A m2/T, eci) between rows i and i + 1."""
+        """Interpolate g (A m2/T, eci) between rows i and i + 1."""
         return laws.between3(self.costate_table, i, share)

@@ -13,9 +13,9 @@ from ..maths.vector import ZERO, add, cross, mat_vec, scale, sub
 from ..physics.wheel_array import body_momentum, to_wheels
 from .manager_preview import ManagerPreview
 
+# 1 - |q'q| of two attitudes a milliradian apart; beyond it the craft turns, and nothing
+# is learnt.
 TURNED = 1.25e-7
-"""1 - |q'q| of two attitudes a milliradian apart; beyond it the craft turns: nothing is
-learnt."""
 
 
 class ManagerPreviewLearning(ManagerPreview):
@@ -70,7 +70,7 @@ class ManagerPreviewLearning(ManagerPreview):
     )
 
     @classmethod
-    @cache  # 6,700 of them, asked for at each parameter that a bare block is given
+    @cache  # 6,700 scalars, needed for each parameter that is set in a bare block
     def scalars(cls) -> list[tuple[Variable, int | None]]:
         return super().scalars()
 
@@ -110,7 +110,7 @@ class ManagerPreviewLearning(ManagerPreview):
         return scale(s, laws.between3(self.lost_table, i, share, j, learning.LOST))
 
     def _observe(self, t: float) -> None:
-        """Learn from what the momentum did since the last sample."""
+        """Learn from the change of the momentum since the last sample."""
         wheels = body_momentum(self.axes_wheel, self.h_wheel)
         h = add(wheels, mat_vec(self._inertia, self.rate()))
         if self._then is not None and self._still(t - self._then) and self._b_2 != ZERO:
@@ -131,7 +131,7 @@ class ManagerPreviewLearning(ManagerPreview):
         self._then, self._q, self._h_eci = t, self.q_bi, rotate_back(self.q_bi, h)
 
     def _still(self, elapsed: float) -> bool:
-        """Whether the last sample was the one before, and the attitude is that of then."""
+        """Return whether no sample was left out and the attitude has not changed."""
         a, b = self.q_bi, self._q
         alike = abs(a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + a[3] * b[3])
         return (

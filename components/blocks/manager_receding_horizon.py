@@ -180,9 +180,11 @@ class ManagerRecedingHorizon(ThrusterDumping, EarthField):
     def _planned(
         self, h: Vec3, q_bi: tuple[Vec4, ...], fields: tuple[Vec3, ...]
     ) -> tuple[Vec3, Vec3] | None:
-        """Dipole and on-times of the plan's first sample: the reserve kept in all
-        samples, or in all but this one, where that costs no more than `reserve_cost`;
-        else in none."""
+        """Return dipole and on-times of the plan's first sample.
+
+        The reserve is kept in all samples, or in all but this one, where that costs no
+        more than `reserve_cost`; otherwise in none.
+        """
         whole = self.thruster_duty * self.sample_time
         kept = (1.0 - self.reserve) * whole
         free = self._step(h, q_bi, fields, (whole, whole))
@@ -201,6 +203,7 @@ class ManagerRecedingHorizon(ThrusterDumping, EarthField):
         fields: tuple[Vec3, ...],
         longest: tuple[float, float],
     ) -> tuple[Vec3, Vec3, float] | None:
+        """Plan with these longest on-times (s); return the first sample."""
         plan = receding_horizon.programme(
             add(h, self.h_target_body),
             self.h_target_body,
@@ -215,7 +218,7 @@ class ManagerRecedingHorizon(ThrusterDumping, EarthField):
         return receding_horizon.first_step(plan, self.limits())
 
     def _fallback(self, h: Vec3, left: float) -> tuple[Vec3, blending.Split]:
-        """The blend in place of a plan, with `left` (s) until the horizon."""
+        """Blend in place of a plan, with `left` (s) until the horizon."""
         self.mode = FALLBACK
         rate = max(self.g_rate, 1.0 / left)
         n = dumping.ilqr(h, self.rate(), rate, self.n_con_body)
@@ -226,11 +229,12 @@ class ManagerRecedingHorizon(ThrusterDumping, EarthField):
         return add(cross(m, field), n_t), (m, n_t)
 
     def _rounded(self, on_time: float) -> float:
+        """Round an on-time (s) to whole pulses."""
         count = int(abs(on_time) / self.least_pulse + 0.5)
         return copysign(count * self.least_pulse, on_time)
 
     def _torque(self, on_times: Vec3) -> Vec3:
-        """The mean torque (N m) over a sample of on-times (s)."""
+        """Compute the mean torque (N m) over a sample of on-times (s)."""
         x, y, z = (
             level * on / self.sample_time
             for level, on in zip(self.tau_level, on_times, strict=True)
@@ -240,8 +244,11 @@ class ManagerRecedingHorizon(ThrusterDumping, EarthField):
     def _predicted(
         self, t: float, samples: int
     ) -> tuple[tuple[Vec4, ...], tuple[Vec3, ...]]:
-        """The attitudes now, in the middle of each sample and at the end, and B (T,
-        body) in the middle of each sample."""
+        """Predict attitudes and fields B (T, body) until the end.
+
+        Attitudes are those now, in the middle of each sample and at the end; fields are
+        those in the middle of each sample.
+        """
         period = self.sample_time
         middles = tuple(
             period * (k + 0.5) for k in range(min(samples, receding_horizon.SAMPLES))
@@ -267,8 +274,10 @@ class ManagerRecedingHorizon(ThrusterDumping, EarthField):
         q_bi: tuple[Vec4, ...],
         states: tuple[tuple[Vec3, Vec3], ...],
     ) -> tuple[Vec3, ...]:
-        """The model's B (T, body) so many seconds `ahead` of t, at the states (m, m/s;
-        eci)."""
+        """Compute the model's B (T, body) at times `ahead` (s) of t.
+
+        `states` are position and velocity (m, m/s; eci) at these times.
+        """
         if self.field_model == ORBIT_DIPOLE:
             amplitudes = (self.b_x, self.b_y, self.b_z)
             in_lvlh = receding_horizon.orbit_dipole(self.r_eci, self.v_eci, amplitudes)

@@ -121,15 +121,15 @@ class ManagerStartUp(Acquisition):
         return law()
 
     def _detumble(self) -> int:
+        """Command coils and wheel by the law of detumbling."""
         b, b_rate = self.b_body, self._b_rate
         if b_rate is None:
             return START if self.valid_b else NO_FIELD
         kind = self.detumbling
         if kind == B_DOT:
             self._b_dot(b_rate, self.gain_b_dot)
-            return (
-                START if self.valid_omega else NO_RATE
-            )  # its condition needs the rate
+            # the condition of the phase needs the rate
+            return START if self.valid_omega else NO_RATE
         if kind == WHEEL_RATE:
             if not self.valid_omega:
                 self._b_dot(b_rate, self.gain_b_dot)
@@ -143,6 +143,7 @@ class ManagerStartUp(Acquisition):
         return START if self.valid_omega else NO_RATE
 
     def _spin(self) -> int:
+        """Command the coils to spin the craft about pitch (eq. 9)."""
         if missing := self._without():
             return missing
         if not self.valid_b:
@@ -155,12 +156,14 @@ class ManagerStartUp(Acquisition):
         return START
 
     def _ramp(self) -> int:
+        """Command the wheel's constant torque."""
         self.give(self._pitch_coil(), self.ramp_torque if self.valid_h else 0.0)
         if not self.valid_h:
             return NO_MOMENTUM
         return START if self.valid_b else NO_FIELD
 
     def _dump(self) -> int:
+        """Command the coils to fill the wheel (eq. 11), which keeps the pitch rate."""
         b, b_rate = self.b_body, self._b_rate
         if b_rate is None:
             return START if self.valid_b else NO_FIELD
@@ -171,6 +174,7 @@ class ManagerStartUp(Acquisition):
         return START if self.valid_omega else NO_RATE
 
     def _stabilise(self) -> int:
+        """Command wheel and coils to point (eq. 10)."""
         if missing := self._without():
             return missing
         angle = laws.pitch_angle(self.of_reference((0.0, 0.0, 1.0)))
@@ -189,8 +193,10 @@ class ManagerStartUp(Acquisition):
         return START if self.valid_h else NO_MOMENTUM
 
     def _without(self) -> int:
-        """Where rate or attitude are not valid: eq. 1 on all coils, the wheel at its
-        speed."""
+        """Command eq. 1 on all coils where rate or attitude are not valid.
+
+        The wheel keeps its speed. Returns the missing measurement, or START.
+        """
         if self.valid_omega and self.valid_q:
             return START
         if self._b_rate is not None:
@@ -198,14 +204,17 @@ class ManagerStartUp(Acquisition):
         return NO_ATTITUDE if self.valid_omega else NO_RATE
 
     def _b_dot(self, b_rate: Vec3, gain: float) -> None:
+        """Command the B-dot dipole (eq. 1) and no wheel torque."""
         self.give(laws.b_dot(b_rate, gain), 0.0)
 
     def _pitch_coil(self) -> Vec3:
+        """Compute the dipole of the pitch coil (A m2, body), eq. 8."""
         if self._b_rate is None:
             return ZERO
         return laws.pitch_coil(self._b_rate, self.gain_pitch_coil)
 
     def _dump_dipole(self) -> Vec3:
+        """Compute the dipole that fills the wheel (A m2, body), eq. 11."""
         if not (self.valid_h and self.valid_b):
             return ZERO
         h = -self.h() if self.dump_reversed else self.h()

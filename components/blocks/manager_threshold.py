@@ -12,10 +12,10 @@ from ..maths.vector import ZERO, add, clip, cross, norm, scale, sub
 WHEELS, SUM = range(2)
 THRUSTERS, COILS = range(2)
 WAITING = 2
+# Lower bound of the torque of a sample, relative to `torque`: without it noise would
+# keep a dump from its end; and the number of samples near the end after which a dump
+# ends, whatever momentum accumulates meanwhile.
 LAST, SAMPLES = 0.05, 10
-"""Of the torque: no sample of a dump has less, or noise would keep it from its end; and
-so many samples that are to come to the end are the last, whatever comes in
-meanwhile."""
 
 
 class ManagerThreshold(MomentumDumping):
@@ -129,8 +129,8 @@ class ManagerThreshold(MomentumDumping):
         self.dumps, self.dumping_time, self.dumped = 0, 0.0, 0.0
         self._since = 0.0
         self._rest: Vec3 = ZERO
-        self._dumped_before = 0.0  # by dumps that are over, N m s
-        self._taken: Vec3 = ZERO  # by the dump that goes on, N m s
+        self._dumped_before = 0.0  # N m s, by earlier dumps
+        self._taken: Vec3 = ZERO  # N m s, by the present dump
         self._last = 0
 
     def foresee(self, begin: float, end: float, wired: frozenset[str]) -> Iterator[str]:
@@ -183,16 +183,20 @@ class ManagerThreshold(MomentumDumping):
         self.dumped = self._dumped_before + norm(self._taken)
 
     def _is_done(self, left: Vec3) -> bool:
-        """Whether what is left of a dump (N m s) is less than half a pulse about each
-        axis."""
+        """Return whether the remainder of a dump is below half a pulse about each axis.
+
+        left in N m s.
+        """
         a, b, c = self.pulse_body
         x, y, z = left
         return abs(x) < 0.5 * a and abs(y) < 0.5 * b and abs(z) < 0.5 * c
 
     def _in_pulses(self, n: Vec3, left: Vec3) -> Vec3:
-        """The torque (N m) of whole pulses over a sample for a wanted one, no more than
-        bring what is left of the dump (N m s) to within half a pulse; keeps what a
-        pulse does not give."""
+        """Round a torque (N m) over a sample to whole pulses.
+
+        They bring the remainder `left` of the dump (N m s) at most to within half a
+        pulse. The rounding error is carried to the next sample.
+        """
         wanted = add(scale(self.sample_time, n), self._rest)
         x, y, z = (
             copysign(
@@ -206,7 +210,7 @@ class ManagerThreshold(MomentumDumping):
         return scale(1.0 / self.sample_time, (x, y, z))
 
     def _goes(self, t: float, h: Vec3, size: float) -> bool:
-        """Whether a dump that is due begins at this sample."""
+        """Return whether a dump that is due begins at this sample."""
         if (
             self.by == COILS
             or self.aligned == 0.0

@@ -8,8 +8,8 @@ from ..contract.roles import RateGyro as Role
 from ..maths.noise import normal3, normal6, stream
 from ..maths.vector import ZERO, add, cross, scale, sub
 
+# Largest Allan deviation of a first-order Gauss-Markov process of standard deviation 1.
 _PEAK = 0.61736
-"""The largest Allan deviation of a first-order Gauss-Markov process of deviation 1."""
 
 
 class RateGyro(Role, Sensor):

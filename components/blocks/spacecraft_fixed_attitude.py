@@ -8,10 +8,10 @@ from ..physics.orbit import MU, lvlh_attitude
 
 
 def constant_torque(inertia: Mat33, omega: Vec3, nadir: Vec3, radius: float) -> Vec3:
-    """N_con = -omega x J omega + 3 mu / r^3 u x J u (N m, body): paper 000, eq. 3.
+    """Compute N_con = -omega x J omega + 3 mu / r^3 u x J u (N m, body).
 
-    Inertia in kg m2, inertial rate in rad/s, u the unit vector to nadir, all in body; r
-    in m.
+    Paper 000, eq. 3. Inertia in kg m2, inertial rate in rad/s, u the unit vector to
+    nadir, all in body; r in m.
     """
     return sub(
         scale(3.0 * MU / radius**3, cross(nadir, mat_vec(inertia, nadir))),
@@ -66,6 +66,7 @@ class SpacecraftFixedAttitude(Spacecraft):
         self._start_momentum = self._total()
 
     def _total(self) -> Vec3:
+        """Return the total momentum (N m s, eci)."""
         return rotate_back(self._q, add(self._spin, self._h))
 
     def output(self, t: float) -> None:

@@ -13,8 +13,7 @@ from ..maths.noise import normal6, stream, uniform
 from ..maths.vector import ZERO, add, dot, norm, scale, unit
 from ..physics.orbit import EARTH_RADIUS
 
-ON_THEIR_WAY = 16
-"""Measurements that `delay` may hold back at a time."""
+ON_THEIR_WAY = 16  # measurements that `delay` may hold back at a time
 SUN, EARTH, RATE, DROPOUT, ACQUIRING, LATE = 1, 2, 3, 4, 5, 6
 
 
@@ -156,7 +155,7 @@ class StarTracker(Role, Sensor):
         self._drift = self._shaped(self.drift_cross, self.drift_about, drift)
         self._wait = 0.0
         self.q_meas_bi = UPRIGHT
-        # (sample, why there are no stars, attitude), in order; the newest one as well
+        # (sample, reason for no stars, attitude), in order, including the newest one
         self._waiting: Annotated[
             tuple[tuple[float, float, float, float, float, float], ...],
             ON_THEIR_WAY + 1,
@@ -188,7 +187,7 @@ class StarTracker(Role, Sensor):
             self.q_meas_bi = q
 
     def _blind(self, sample: int, elapsed: float) -> int:
-        """Why no stars are seen; 0: they are."""
+        """Return why no stars are seen; 0: they are."""
         if self.sun_exclusion > 0.0 or self.earth_exclusion > 0.0:
             boresight = rotate_back(self.q_bi, self._boresight)
             if self.sun_exclusion > 0.0:
@@ -220,7 +219,7 @@ class StarTracker(Role, Sensor):
         return 0
 
     def _attitude(self, sample: int, elapsed: float) -> Vec4:
-        """What the stars say; errors go on where none are seen."""
+        """Compute the measured attitude; the errors evolve also without stars."""
         white, drift = ZERO, ZERO
         if (
             self.noise_cross > 0.0
@@ -237,6 +236,6 @@ class StarTracker(Role, Sensor):
         return propagated(self.q_bi, add(white, self._drift), 1.0)
 
     def _shaped(self, across: float, about: float, v: Vec3) -> Vec3:
-        """v, times `across` across the boresight and `about` about it."""
+        """Scale v by `across` across the boresight and by `about` about it."""
         e = self._boresight
         return add(scale(across, v), scale((about - across) * dot(v, e), e))

@@ -71,6 +71,7 @@ class Thrusters(PulsedThrusters):
         return self.tank if self.tank > 0.0 else inf
 
     def _axis(self, i: int, period: float) -> tuple[float, Jet]:
+        """Return the on-time (s) and the effect of axis i for a period (s)."""
         command, level = self.tau_cmd_thruster_body[i], self.tau_level[i]
         torque = copysign(level, command)
         x, y, z = (torque if axis == i else 0.0 for axis in range(3))

@@ -86,5 +86,5 @@ class ThrustersMisaligned(Thrusters):
 
 
 def _turned(v: Vec3, a: Vec3) -> Vec3:
-    """v turned by |a| (rad) about a."""
+    """Rotate v by |a| (rad) about a."""
     return mat_vec(rotation_about(a, 1.0), v)

@@ -125,6 +125,7 @@ class ThrustersNozzles(PulsedThrusters):
         self.on_time_nozzle = self._open
 
     def _jet(self, i: int) -> Jet:
+        """Compute torque (N m), force (N) and thrust (N) of nozzle i."""
         x, y, z = self.direction_nozzle[3 * i : 3 * i + 3]
         if (x, y, z) != ZERO and abs(norm((x, y, z)) - 1.0) > 1e-6:
             self.fail(
@@ -160,4 +161,5 @@ class ThrustersNozzles(PulsedThrusters):
             )
 
     def _shares(self, i: int) -> Table:
+        """Return the share of each nozzle in the scheduled firing i."""
         return self.schedule_nozzle[NOZZLES * i : NOZZLES * (i + 1)]

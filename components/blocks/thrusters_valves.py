@@ -108,7 +108,7 @@ class ThrustersValves(ThrustersNozzles):
             self.fail(f"tank = {self.tank} kg: not beside scheduled firings")
         if self.blowdown > 1.0 and self.tank == 0.0:
             self.fail(f"blowdown = {self.blowdown} needs a tank above 0 kg")
-        self._known = False  # that a valve is stuck, at this step
+        self._known = False  # whether the stuck valve is known at this step
         self._key = stream(self.instance, "tau_mean_thruster_body", self.seed)
         self._levels: tuple[float, ...] = (0.0,) * NOZZLES  # s of each nozzle
 
@@ -168,7 +168,7 @@ class ThrustersValves(ThrustersNozzles):
         self._propellant = self.tank if share < 1.0 else self._propellant + used
 
     def _pressure(self) -> float:
-        """The tank's pressure over that of the start."""
+        """Return the tank's pressure relative to that of the start."""
         if self.tank == 0.0:
             return 1.0
         if self._propellant >= self.tank:
@@ -178,8 +178,10 @@ class ThrustersValves(ThrustersNozzles):
     def _share(
         self, i: int, level: float, pressure: float, t: float, dt: float
     ) -> tuple[float, float, float, float]:
-        """Mean, slope and end of nozzle i's share of its thrust over a step, and how
-        long (s) its valve is open."""
+        """Integrate the share of nozzle i of its thrust over a step.
+
+        Returns mean, slope and end of the share, and how long (s) its valve is open.
+        """
         begin = end = t
         for first, last, which, _ in self._pulses:
             if which == i:
@@ -211,5 +213,5 @@ class ThrustersValves(ThrustersNozzles):
         return mean, slope, level, off - on + dt - always
 
     def _drawn(self, i: int) -> float:
-        """The normal number of the pulse of nozzle i at this sample."""
+        """Draw the normal number of the pulse of nozzle i at this sample."""
         return normal_pair(self._key, self._sample, 2 * i)[0]

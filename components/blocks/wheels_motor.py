@@ -86,7 +86,7 @@ class WheelsMotor(Wheels):
         super().start()
 
     def _entries(self) -> int:
-        """How many entries the table of the drag has."""
+        """Count the entries of the drag table; refuse an invalid table."""
         speeds, entries = self.drag_speed, ENTRIES
         while entries > 0 and speeds[entries - 1] == 0.0:
             entries -= 1
@@ -143,5 +143,6 @@ class WheelsMotor(Wheels):
 
 
 def _row(x: Table) -> tuple[float, float, float, float, float, float, float, float]:
+    """Convert a table to a tuple of eight."""
     a, b, c, d, e, f, g, h = x
     return (a, b, c, d, e, f, g, h)
