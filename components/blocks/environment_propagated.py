@@ -28,28 +28,28 @@ class EnvironmentPropagated(NearEarth, OrbitStart):
 
     from mean or osculating elements, or from position and velocity. g is the Earth's
     gravity with the zonal harmonics J2 to J4 (EGM-96), drag is that of `area_drag`, F
-    the thrusters' force. The osculating elements of mean ones are those whose average
-    over a revolution the mean ones are.
+    the thrusters' force. Osculating elements are computed from mean ones so that their
+    average over a revolution is the mean ones.
 
-    Between the nodes at the multiples of 10 s it is integrated by the Runge-Kutta
+    The orbit is integrated between nodes at the multiples of 10 s by the Runge-Kutta
     method of order 8 of Dormand and Prince (Hairer, Norsett, Wanner, Solving Ordinary
-    Differential Equations I): the step does not depend on the master's. In between r is
+    Differential Equations I); its step does not depend on the master's. In between r is
     the polynomial of fifth degree through position, velocity and acceleration of both
     nodes, 1e-9 m from the solution; v its derivative.
 
-    With `firings` the mean force of a step acts over it, in the body that turns on from
-    q_bi with omega_bi_body; the orbit goes on from where it leads.
+    With `firings` the mean force of a step acts over the step, fixed to the body, which
+    turns on from q_bi with omega_bi_body; the orbit continues from the resulting state.
     `environment.force_mean_thruster_body`, `q_bi` and `omega_bi_body` are to be wired
     from the thrusters and the spacecraft in the craft file. With `specific_impulse` the
     craft's mass falls by what that force takes,
 
         m' = -|force_mean_thruster_body| / (g0 specific_impulse)
 
-    which is nothing of what thrusters spend against each other; without it `mass` is
-    constant.
+    which does not include propellant of thrusters whose forces cancel; without it
+    `mass` is constant.
 
-    A block of its own, not a choice of environment_kepler: it has a state, which
-    firings change, where that one is a function of time.
+    It is a separate block, not an option of environment_kepler, because it has a state,
+    which firings change, whereas that one is a function of time.
     """
 
     _first: int

@@ -19,10 +19,10 @@ class EnvironmentSun(Environment):
         r = a (cos E - e) p + a sqrt(1 - e^2) sin E q
 
     from the Sun, in the axes of eci; the elements are relative to the ecliptic, which
-    is turned from eci's equator by 23.439 deg. sun_eci = -r / |r|, sunlight = (1
+    is inclined to the equator of eci by 23.439 deg. sun_eci = -r / |r|, sunlight = (1
     astronomical unit / |r|)^2. No field, no air, no shadow. r_eci is the position from
-    the Sun: a spacecraft's gravity gradient of the Earth is off here, and that of the
-    Sun, 1e-13 N m for 1 kg m2, is not modelled.
+    the Sun: the gravity gradient of the Earth must be off in the spacecraft, and that
+    of the Sun, 1e-13 N m for 1 kg m2, is not modelled.
 
     Source: two bodies.
     """

@@ -16,15 +16,15 @@ class EnvironmentTle(NearEarth):
     parameters. The derivatives of the mean motion are not among them: SGP4 does not use
     them.
 
-    Firings do not act on this orbit, whatever is wired: elements of the next set would
-    have them. `environment_propagated` takes them.
+    Firings do not act on this orbit, whatever is wired; they would appear in the next
+    element set only. `environment_propagated` includes them.
 
     v is the velocity of SGP4, whose short-period part is simplified: on low, nearly
     circular orbits it is the derivative of r to 0.04 m/s. The derivatives of the field
     follow r.
 
     The host's Python needs the package sgp4 (pip install sgp4). Without it the block
-    fails as it starts, with a message that says so.
+    fails at its start, with a message that names the package.
     """
 
     third_bodies = True  # SGP4 includes them for slow orbits

@@ -59,39 +59,42 @@ class ManagerPredictive(MomentumDumping, EarthField):
     """One law for every craft: plans on a forecast of field and torque, replanned as it
     goes
 
-    Every 30 s, or `sample_time` where that is longer, a plan is made over the next 1.5
-    orbits, or until `end`: what coils and thrusters do in up to 64 intervals, the first
-    as long as the time between plans, each next twice as long up to a twentieth of an
-    orbit, so that
+    Every 30 s, or `sample_time` where that is longer, coils and thrusters are planned
+    over the next 1.5 orbits, or until `end`. A plan has up to 64 intervals: the first
+    is as long as the time between plans, and each next one is twice as long, up to a
+    twentieth of an orbit. The plan minimises
 
         sum dt [ w_e u^2 / 2 + q |X|^2 / 2 + 0.1 q h_s^2 sum (h_i / h_s)^16 ]        (hold)
 
-    is least: X the wheels' momentum less its target, eci; u the dipoles that coils
-    really give; h_i each wheel's momentum; q = w_m n^2 / b^2, n the orbit rate and b^2
-    half the mean of sum |a_j x B|^2; h_s 0.85 times the largest wheel momentum of the
-    last orbit and of the plan without this term. w_m and w_e are the `weights`,
-    whatever the craft. With `goal` empty the cost is the thrusters' time, weighed by
-    the third, and X shall be zero at `end`; thrusters are used for that alone. Between
-    plans a coil follows the plan's costate with the measured field.
+    where X is the wheel momentum minus its target (eci), u the dipole that the coils
+    really give and h_i the momentum of wheel i. q = w_m n^2 / b^2 with n the orbit rate
+    and b^2 half the mean of sum |a_j x B|^2. h_s is 0.85 times the largest wheel
+    momentum of the last orbit and of the plan without this term. w_m and w_e are the
+    first two of the `weights`, the same for every craft. With `goal` empty the cost is
+    the thrusters' time, weighted by the third, and X is to be zero at `end`; thrusters
+    are used for this goal only. Between plans a coil follows the plan's costate with
+    the measured field.
 
-    The forecast: two-body motion from r_eci and v_eci, the attitude fixed to lvlh or
-    eci, whichever the measured rate is nearer to (or at `q_bo` from lvlh), the field of
-    `field_model`, scaled to what was measured over an orbit, gravity gradient of
-    `inertia`, and what `laws/disturbance_learning.py` has learnt: the size of gravity
-    gradient, torques that are constant in eci, and in lvlh constant or of once an
-    orbit, the craft's own dipole, and the signed `effectiveness` of each coil and
-    thruster axis. A coil that is lost, weak or turned is so planned around; what the
-    filter takes for noise is what the sensors have: `h_noise`, `rate_noise` and
-    `attitude_noise`. `laws/predictive.py` has the solver.
+    The forecast assumes two-body motion from r_eci and v_eci. The attitude is fixed to
+    lvlh or eci, whichever the measured rate is nearer to (or at `q_bo` from lvlh). The
+    field is that of `field_model`, scaled to the measurements of the last orbit.
+    Torques are the gravity gradient of `inertia` and the estimates of
+    `laws/disturbance_learning.py`: the scale of the gravity gradient, torques that are
+    constant in eci, constant in lvlh or periodic in lvlh with the orbit, the craft's
+    own dipole, and the signed `effectiveness` of each coil and thruster axis. The plan
+    thus allows for a coil that is lost, weak or reversed. The filter takes its noise
+    from the sensors: `h_noise`, `rate_noise` and `attitude_noise`. `laws/predictive.py`
+    has the solver.
 
-    Where the measured field is off the model by more than 0.3 of it, or a plan to hold
-    has not settled after 30 steps, `mode` is fallback: M = n (h x B) / |B|^2, the
-    cross-product law, until the next plan. A plan to empty is flown as far as it has
-    come after four times 80 steps. Without a valid field there is no dipole, without a
-    valid attitude nothing. The wheels are commanded as by `manager_cross_product`; what
-    they hold in their null space, which no coil can take, decays at `null_gain`, or the
-    rate n, to twice the largest momentum that a wheel had otherwise in the last orbit:
-    so much of it keeps them from standstill, and less is not made more.
+    Where the measured field differs from the model by more than 0.3 of it, or a plan to
+    hold has not converged after 30 steps, `mode` is fallback: M = n (h x B) / |B|^2,
+    the cross-product law, until the next plan. If the optimiser of a plan to empty has
+    not converged after 320 steps, its last iterate is flown. Without a valid field
+    there is no dipole; without a valid attitude nothing is commanded. The wheels are
+    commanded as by `manager_cross_product`. Their momentum in the null space, which no
+    coil can remove, decays at `null_gain`, or at the rate n, to twice the largest
+    momentum that a wheel had otherwise in the last orbit. This residual keeps the
+    wheels away from zero speed; a smaller one is not increased.
     """
 
     craft_needs = (Need.COILS,)

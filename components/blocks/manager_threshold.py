@@ -21,20 +21,21 @@ LAST, SAMPLES = 0.05, 10
 class ManagerThreshold(MomentumDumping):
     """Dumping from one threshold to another, by thrusters or by magnetic torquers
 
-    Momentum is left in the wheels until `fill` comes to `begin`; it is dumped then
-    until `fill` is at `end`, with h the wheels' momentum less `h_target_body` and h_i
-    that of each wheel:
+    Momentum remains in the wheels until `fill` reaches `begin`; it is then dumped until
+    `fill` is at `end`, with h the wheels' momentum less `h_target_body` and h_i that of
+    each wheel:
 
         wheels:  fill = max |h_i|            sum:  fill = |h|
 
-    thrusters: the dumping torque is N = -torque h / |h|, at the last sample no more
-    than brings `fill` to `end`; pairs about the body's axes give it with on-times of
-    |N_x|, |N_y| and |N_z| over their levels. With `aligned` above 0 a dump waits until
-    |h_x| + |h_y| + |h_z| is at most aligned |h| in the attitude that the craft comes
-    to, for that is what it costs, but no longer than `longest_wait`. Thrusters fire
-    whole pulses: with `pulse_body`, the angular impulse of the shortest about each
-    axis, N is of whole ones, and what is left of an axis comes with its next sample:
-    the wheels take up just what is fired, and noise about zero fires nothing.
+    thrusters: the dumping torque is N = -torque h / |h|; the last sample is limited so
+    that `fill` does not fall below `end`. Pairs about the body's axes give it with
+    on-times of |N_x|, |N_y| and |N_z| over their levels. With `aligned` above 0 a dump
+    waits until |h_x| + |h_y| + |h_z|, which is what it costs, is at most aligned |h| in
+    the attitude of the craft, but no longer than `longest_wait`. Thrusters fire whole
+    pulses. With `pulse_body`, the angular impulse of the shortest pulse about each
+    axis, N consists of whole pulses, and the remainder of an axis is added to its next
+    sample. The wheels then absorb exactly what is fired, and noise about zero fires
+    nothing.
 
     coils: M = gain (h x B) / |B|^2, each component within +-`m_limit`; N = M x B. None
     at a sample whose field is not valid.
@@ -44,9 +45,9 @@ class ManagerThreshold(MomentumDumping):
 
         tau_cmd_wheel = A^+ (N - tau_ctrl_body - omega x A h)        (paper 004, eq. 16)
 
-    at each sample, or every `wheel_sample_time`, held in between. What the wheels hold
-    against each other no dump takes out: with four of them `null_gain` lets it decay,
-    or `fill` of the fullest may never come to `end`.
+    at each sample, or every `wheel_sample_time`, held in between. No dump removes
+    momentum that the wheels hold against each other. With four wheels `null_gain` makes
+    it decay; otherwise `fill` of the fullest wheel may never reach `end`.
 
     Source: ours.
     """

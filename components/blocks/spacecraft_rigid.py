@@ -39,15 +39,16 @@ MOST_PARTS = 100_000  # parts of a step; more indicate a mistake
 class SpacecraftRigid(Spacecraft, WheelInertias):
     """Rigid body with up to four wheels about any axes
 
-    The state is the attitude q and the total inertial angular momentum H, beside an own
-    copy of the wheels' axial momenta h:
+    The state is the attitude q, the total inertial angular momentum H and a copy of the
+    wheels' axial momenta h:
 
         q' = 1/2 Omega(omega) q,     H' = C(q)' tau_ext,     h' = tau_wheel
         omega = J_r^-1 (C(q) H - sum g h),     J_r = J - sum J_s g g'
 
-    so that without external torque H is constant to the last bit, and what the wheels
-    take the body gives. Wheel torque, dipole and thruster torque come as mean and slope
-    over the step, the field as value, rate and second derivative. External torque:
+    so that without external torque H is constant to the last bit, and the body receives
+    the opposite of the torque on the wheels. Wheel torque, dipole and thruster torque
+    are given as mean and slope over the step, the field as value, rate and second
+    derivative. The external torque is
 
         tau_ext = (m + m_residual) x B + 3 mu / r^3 u x J u + drag + radiation + thrusters
                   + tau_disturbance + tau_ext_body
@@ -58,17 +59,17 @@ class SpacecraftRigid(Spacecraft, WheelInertias):
         b = dt^2 |J_r^-1| (|A tau_wheel| + |tau_ext|)
         c = dt^2 |J_r^-1| (change of these torques within the step)
 
-    with l = C(q) H and the torques at their largest. Times a constant, RK4 errs by a
-    (a^2 + b)^2 + b c and RK6 by a (a^2 + b)^3 + 2 b c^2, where c is large for a
-    thruster's pulse that is shorter than the step. Where that error is small they
-    integrate the step at once, else ceil((a + c / 2) / angle_limit) steps of order 8
-    do. The error of phase is then a few 1e-12 of the angle turned, whatever the step.
-    Without torque, the default angle_limit takes 1e-8 of the energy of a nutation of 1
-    rad/s in a day, half of it 3e-11. `h_wheel` is read in initialisation mode only: the
-    copy starts from it.
+    with l = C(q) H and the torques at their maximum. Up to a constant factor, the error
+    of RK4 is a (a^2 + b)^2 + b c and that of RK6 a (a^2 + b)^3 + 2 b c^2, where c is
+    large for a thruster pulse shorter than the step. Where that error is small, one
+    step of RK4 or RK6 integrates the whole step; otherwise ceil((a + c / 2) /
+    angle_limit) steps of order 8 do. The phase error is then a few 1e-12 of the angle
+    turned, whatever the step. Without torque, the default angle_limit loses 1e-8 of the
+    energy of a nutation of 1 rad/s in a day, half of that limit 3e-11. `h_wheel` is
+    read in initialisation mode only: the copy starts from it.
 
-    The air turns with the Earth about the z axis of eci. Where that is J2000's it is
-    0.15 deg off in 2026, and drag by 3e-4 of itself at most.
+    The air rotates with the Earth about the z axis of eci. If this is the axis of
+    J2000, it is off by 0.15 deg in 2026, which changes drag by at most 3e-4 of itself.
 
     Source: conservation of momentum; paper 004, eqs. 1-6; Wertz (1978), ch. 17 for the
     torques.

@@ -18,8 +18,7 @@ class Torquers(Role):
     """Magnetic torquers, up to four coils, driven linearly or by pulses
 
     At each sample the commanded dipole is allocated to the coils, u = A^+ m_cmd_body
-    (least squares; A: `axes_coil`). `drive` says what becomes of the command u_i of a
-    coil:
+    (least squares; A: `axes_coil`). `drive` selects how a coil follows its command u_i:
 
     - `ideal`: as commanded, without limit (paper 000, Table 2);
     - `limited`: as commanded, within +-m_limit, each coil on its own;
@@ -32,14 +31,14 @@ class Torquers(Role):
 
         m_i' = (u_i - m_i) / lag,        m_body = A m,
 
-    through edges that may fall anywhere inside a step; a decaying rest of its dipole
-    then reaches into the quiet time. Mean, slope and energies over the step are exact:
+    through edges that may fall anywhere inside a step; its decaying dipole then extends
+    into the quiet time. Mean, slope and energies over the step are exact:
 
         dipole_energy   = sum_i 1/2 int m_i^2 dt            (paper 000, eq. 32)
         electric_energy = sum_i int resistance (m_i / area_turns)^2 dt
 
-    on_time counts commands, not the decay. m_body, m_coil and power are what the step
-    just made ended with. From `failed_from` on the failed coil has `failed_share` of
+    on_time counts commands, not the decay. m_body, m_coil and power are those at the
+    end of the last step. From `failed_from` on the failed coil has `failed_share` of
     its dipole; with `failure_known` the allocation at the samples from then on uses the
     others only.
 

@@ -24,15 +24,14 @@ class TorquersPassive(Torquers):
 
         dB/dH = 2/pi k B_s cos^2(pi B / (2 B_s)) [q + (1 - q) ((H - H_b) / (2 H_c))^2]
 
-    with H_b the branch that H moves away from, and q = `reversal_slope` the share of
-    its branch's slope that B has just after H has turned. Rods are of one material and
-    long against their width: `coercive_field`, `remanence` and `saturation` are those
-    of the rod, as it is measured, and interactions of rods beside each other are left
-    out.
+    with H_b the branch that H moves away from, and q = `reversal_slope` the slope of B
+    just after a reversal of H, relative to that of its branch. Rods are of one material
+    and long compared to their width: `coercive_field`, `remanence` and `saturation` are
+    measured values of the rod, and interactions between adjacent rods are neglected.
 
-    At each step H goes from its last value to that of the step's begin; over the step
-    it is taken to go on as in the one before, by which m_mean_body and m_slope_body are
-    said. No command is read, and no power taken.
+    At each step H changes from its last value to that at the beginning of the step.
+    Over the step it is extrapolated from the previous one, which gives m_mean_body and
+    m_slope_body. The block reads no command and takes no power.
 
     Source: Flatley & Henretty, "A Magnetic Hysteresis Model", NASA Flight Mechanics
     Symposium (1995), eqs. 1 to 6.

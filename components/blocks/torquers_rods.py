@@ -17,31 +17,31 @@ NEAR = 1e-9
 class TorquersRods(Torquers):
     """Magnetic torquers with their core, winding and supply
 
-    As `torquers`, and a coil's current i, counted as the dipole x = area_turns i,
-    follows its command u through a winding of `inductance` L and the resistance of its
+    As `torquers`, but a coil's current i, expressed as the dipole x = area_turns i,
+    follows its command u through a winding of `inductance` L and the resistance at its
     `temperature`,
 
         R = resistance (1 + temperature_coefficient (temperature - 293.15 K))
 
-    from a bridge of +-supply_voltage V, which can hold no more than X = area_turns V /
-    R. With `regulation` of the `current` the whole voltage is on the coil until the
-    current is there; of the `voltage`, what a coil of `resistance` would need is on it,
-    so that a warm one has less:
+    from a bridge of +-supply_voltage V, which can hold at most X = area_turns V / R.
+    With `regulation` of the `current` the full voltage is on the coil until the current
+    is reached. With that of the `voltage`, the coil has the voltage that a coil of
+    `resistance` would need, so that a warm one has less current:
 
         current:  x' = (+-X - x) R / L until x = u;     voltage:  x' = (u resistance / R - x) R / L
 
     Without a supply_voltage the current follows by `lag`, as in `torquers`.
 
-    Of the core's hysteresis the share `remanence` of m_limit is left when the current
-    has gone from m_limit to none; the core begins demagnetised. With N = 8 plays p_k of
-    half widths r_k = (k - 1/2) m_limit / N, Rayleigh's law as N grows:
+    By hysteresis of the core, the fraction `remanence` of m_limit remains when the
+    current has gone from m_limit to zero; the core begins demagnetised. With N = 8
+    plays p_k of half widths r_k = (k - 1/2) m_limit / N, Rayleigh's law as N grows:
 
         m = (1 - 2 remanence) x + 4 remanence / N sum_k p_k
         p_k <- min(max(p_k, x - r_k), x + r_k)
 
-    What remains is a dipole like any other: in the quiet time, in m_body, and in a dead
-    coil. All is exact over a step of any length. dipole_energy is of m, electric_energy
-    of i and R.
+    The remanent dipole acts like any other: in the quiet time, in m_body, and in a dead
+    coil. The solution is exact over a step of any length. dipole_energy follows from m,
+    electric_energy from i and R.
 
     Source: Rayleigh, Phil. Mag. 23 (1887) 225; Brokate & Sprekels, Hysteresis and Phase
     Transitions (1996), ch. 2, for the plays; copper's coefficient, 0.00393 1/K at 293

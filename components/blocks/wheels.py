@@ -43,8 +43,8 @@ Loop = tuple[int, float]
 class Wheels(Role, WheelInertias):
     """Reaction wheels, one to four, with motor lag, friction, limits and failures
 
-    For each wheel, g its axis, Omega = h / J_s - g.omega its speed relative to the
-    body:
+    For each wheel, with g its axis and Omega = h / J_s - g.omega its speed relative to
+    the body,
 
         h' = drive - friction(Omega),      drive = T + learnt, within +-torque_limit
         T' = (command - T) / lag,          learnt' = compensation (friction - learnt)
@@ -54,31 +54,32 @@ class Wheels(Role, WheelInertias):
     speed_gain J_s (speed command - Omega) within it, sampled every `speed_sample_time`
     by the wheel's own electronics, whatever the step (`speed`). At |Omega| =
     speed_limit the wheel is saturated: it keeps that speed, also while the body turns,
-    until its torque points inwards. A failed wheel's motor gives no torque from
-    `failed_from` on, which may be inside a step.
+    until its torque points inwards. The motor of a failed wheel gives no torque from
+    `failed_from` on; this time may lie inside a step.
 
     With `stiction` friction is dry, c_v Omega +- c_c, and stops the rotor in a finite
-    time. It then stands, and turns with the body, until the motor's torque and that of
-    the body's motion, J_s (g.omega)', differ by more than `stiction`, which is no less
-    than c_c.
+    time. The rotor then stands still relative to the body until the motor's torque and
+    that of the body's motion, J_s (g.omega)', differ by more than `stiction`, which is
+    at least c_c.
 
-    What leaves the block is what the rotors took: over a step from h0 to h1
+    The outputs are the momentum that the rotors received: over a step from h0 to h1
 
         tau_mean = (h1 - h0) / H,     tau_slope = 12 (I1 - tau_mean / 2)
         I1 = (h1 - mean of h) / H
 
     The body's rate inside the step is extrapolated from its last two values.
-    `speed_wheel` is of the step's begin, with the rate of then; `power` and
-    `saturated_wheel` are of its end, with the extrapolated rate, which errs by H^2
-    (g.omega)'' at most.
+    `speed_wheel` holds at the beginning of the step and uses the body rate at that
+    time. `power` and `saturated_wheel` hold at its end and use the extrapolated rate,
+    whose error is at most H^2 (g.omega)''.
 
     Unbalance is a product of inertia of the rotor, whose momentum across the axis turns
     with it:
 
         tau_jitter = -(p1 - p0) / H,     p = unbalance Omega e(phi),     phi' = Omega
 
-    e a unit vector across the axis, phi at the start drawn from the seed. So its
-    impulse is exact at any step, and none remains. It is never part of tau_mean_wheel.
+    with e a unit vector across the axis and the initial phi drawn from the seed. The
+    impulse is therefore exact for any step, and none accumulates. It is never part of
+    tau_mean_wheel.
 
     Source: definition of the exchange in the project's design; friction as in Wertz
     (1978) and paper 004.

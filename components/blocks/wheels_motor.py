@@ -19,14 +19,14 @@ class WheelsMotor(Wheels):
         K_m^2 (-V / k - Omega) <= drive <= K_m^2 (V / k - Omega)
 
     beside +-torque_limit: full torque up to the speed V / k - torque_limit / K_m^2,
-    none at V / k. A failed motor gives nothing. With a table of the drag, in the place
-    of viscous and Coulomb friction,
+    none at V / k. A failed motor gives no torque. With a drag table, which replaces
+    viscous and Coulomb friction,
 
         friction = tanh(Omega / friction_speed) d(|Omega|)
 
-    with d linear between the entries `drag_torque` at `drag_speed`, and as between the
-    last two beyond them. The speed is integrated to 1e-8 rad/s a piece, wherever curve
-    and table bend.
+    with d linear between the entries `drag_torque` at `drag_speed`, and extrapolated
+    from the last two beyond them. The speed is integrated to 1e-8 rad/s in each piece,
+    wherever curve and table have corners.
 
     Source: the equations of a permanent-magnet motor, e.g. Hughes, Electric Motors and
     Drives, ch. 3; else that of `wheels`.
