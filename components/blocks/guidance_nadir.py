@@ -15,9 +15,9 @@ class GuidanceNadir(Guidance):
 
     at each sample, held in between. q_oi is the attitude of lvlh (z to nadir, y to
     minus orbit normal); its rate is exact on circular and elliptic Kepler orbits. A
-    force across the orbit turns the plane and adds r f / |r x v| about z, which is left
-    out: for the Earth's J2 less than 2e-3 of the orbital rate. The sign of the
-    quaternion is that of the sample before.
+    force across the orbit turns the plane and adds r f / |r x v| about z. This is
+    neglected: for the Earth's J2 it is less than 2e-3 of the orbital rate. The sign of
+    the quaternion is that of the previous sample.
 
     Source: paper 004, sec. 3; the rate from the conservation of angular momentum.
     """

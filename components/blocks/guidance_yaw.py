@@ -21,10 +21,10 @@ class GuidanceYaw(Guidance):
     about z, at each sample, held in between: the Sun lies in the plane of x and z, on the side of
     +x, and a panel that turns about y faces it. `q_bf` turns the body from that frame.
 
-    Where the Sun comes near the orbit's plane, psi turns by up to half a turn at noon
-    and midnight. The craft follows with rates up to `rate_limit` and accelerations up
-    to `acceleration_limit`: while it is behind by b, at the rate psi' +
-    sqrt(acceleration_limit |b|) towards it, or psi' + b / (10 samples) where that is
+    Where the Sun is near the orbital plane, psi changes by up to half a turn at noon
+    and midnight. The reference follows with rates up to `rate_limit` and accelerations
+    up to `acceleration_limit`. While it lags psi by b, its rate is psi' +
+    sqrt(acceleration_limit |b|) towards psi, or psi' + b / (10 samples) where that is
     less.
 
     Source: geometry; the convention is that of GPS block II (Bar-Sever, J. Geodesy 70

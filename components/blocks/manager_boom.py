@@ -23,7 +23,7 @@ class ManagerBoom(Boom):
         N   = -kp yaw - kd omega_3 about z, or -kp pitch - kd omega_2 about y
 
     so that the torque of the coils is -|B| e across B. Yaw and pitch are angles of the
-    2-1-3 sequence (eq. 6). No dipole while |e| is at most `deadband`.
+    2-1-3 sequence (eq. 6). There is no dipole while |e| is at most `deadband`.
 
     **Recovery** (an option, of a wheel along y; ours). A craft that stands upside down is stable.
     Each time that nadir goes through the boom's line, u_1 = 0, the wheel is sent to h_2 = -A
@@ -36,8 +36,8 @@ class ManagerBoom(Boom):
     Without a valid field, attitude or rate: see `reason`; coils off, the wheel holds
     the rate (-kd omega). Without a valid h there is no dumping.
 
-    Source: paper 002, eqs. 6 and 16; which quantities e holds and all gains are not in
-    it: ours, fitted to its figures.
+    Source: paper 002, eqs. 6 and 16; the composition of e and all gains are not in it;
+    they are ours, fitted to its figures.
     """
 
     wheel: int = Parameter("1", "which wheel there is", choices=("none", "y", "z"))

@@ -20,23 +20,23 @@ class ManagerBoomFeedforward(Boom):
     """One to three wheels keep a boom upright, and take what a firing gives while it
     gives it
 
-    A sample of T = `sample_time`. With theta the rotation vector from the reference to
-    the body, omega_o the rate relative to the reference, h the wheels' momentum less
-    `h_target_body`, F the mean torque that the firing will give over [t, t + T], the
-    torque on the body about each axis that has a wheel is
+    The sample period is T = `sample_time`. With theta the rotation vector from the
+    reference to the body, omega_o the rate relative to the reference, h the wheels'
+    momentum less `h_target_body` and F the predicted mean torque of the firing over [t,
+    t + T], the torque on the body about each axis that has a wheel is
 
         N = -J wn^2 (theta - lean) - 2 damping wn J omega_o - M x B - F + omega x h
 
-    within +-torque_limit: the wheels take the firing, the coils' own torque and the
-    gyroscopic torque of their momentum. The coils, as eq. 16 of paper 002,
+    within +-torque_limit: the wheels absorb the firing, the coils' torque and the
+    gyroscopic torque of their momentum. The coils follow eq. 16 of paper 002,
 
         M = e x B / |B|,   e_i = gain_dump h_i of an axis with a wheel, where |h| > h_deadband
                            e_i = gain_tilt tilt_i + gain_rate omega_oi of one without
 
-    none while |e| is at most `deadband`; M is what pulses of the coils make of it.
-    Gravity dumps, too: the craft leans by lean = gain_lean h, within +-lean_limit,
-    about roll and pitch where they have wheels, so that the gravity-gradient torque is
-    against h.
+    with no dipole while |e| is at most `deadband`; M is rounded to pulses of the coils.
+    The gravity gradient dumps momentum, too: the craft leans by lean = gain_lean h,
+    within +-lean_limit, about roll and pitch where they have wheels, so that the
+    gravity-gradient torque opposes h.
 
     **Firings** are known as a schedule, one at a time, each from a sample on. `schedule_start`,
     `_duration` and `_tau_body` are those of the thrusters (`shared`); thrusters that differ from
@@ -51,10 +51,10 @@ class ManagerBoomFeedforward(Boom):
     for the firings after it, in proportion to their size, once `learning_time` has gone by after
     its end.
 
-    Without a valid field, attitude or rate: see `reason`; coils off, the wheels hold
-    the rate and still take the firing. Without a valid h nothing is dumped and the
-    filter stands still. `reason` is torque_limit where a wheel's torque would have to
-    be larger than torque_limit.
+    Without a valid field, attitude or rate (see `reason`) the coils are off; the wheels
+    hold the rate and still absorb the firing. Without a valid h nothing is dumped and
+    the filter is not updated. `reason` is torque_limit where a wheel's torque would
+    have to exceed torque_limit.
 
     Source: ours; eq. 16 of paper 002.
     """

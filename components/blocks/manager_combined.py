@@ -27,12 +27,12 @@ class ManagerCombined(ThrusterDumping):
     - `bounded_one_norm`: least |N_T|_1, the thrusters' on-time, among the dipoles within the limit.
 
     With `saturation` each component of M stays within duty * m_limit and the thrusters
-    make up for the rest (eq. 34); the bounded splits stay within it anyway. `dead_axis`
-    is left out by all of them. At a sample whose field is not valid the thrusters give
-    all of N; where the momentum is not valid nothing is dumped; a rate that is not
+    compensate the remainder (eq. 34); the bounded splits stay within this limit in any
+    case. No split uses `dead_axis`. At a sample whose field is not valid the thrusters
+    give all of N. Where the momentum is not valid nothing is dumped. A rate that is not
     valid is taken as zero.
 
-    The wheels are commanded to give the body what the controller wants and to absorb,
+    The wheels are commanded to give the body the controller's torque and to absorb,
     with `feedforward`, the dumping torque and, with `gyroscopic`, omega x h:
 
         tau_cmd_wheel = A^+ (N - tau_ctrl_body - omega x A h)        (paper 004, eq. 16)

@@ -36,21 +36,22 @@ class ManagerDetumblingRollout(Manager, WheelInertias):
     """Detumbling with torques of the wheels that are looked for by flying them in a
     model
 
-    Every coil follows, within its limit, and every wheel, within its limit and where no
-    sequence says otherwise,
+    Every coil within its limit, and every wheel within its limit and outside of a
+    sequence, follows
 
         M = gain omega x B,       u_i = gain_wheel g_i . omega
 
     with g_i the wheels' axes and u_i the torque to the rotor. Each `plan_time` the
-    craft is flown in a model, by Euler's equations with the field held in space, under
-    `rounds` times `candidates` sequences of four torques of `segment` each, after which
-    the law above goes on (`components.laws.rollout`); the one after which every rate is
-    soonest below `rate_limit` is followed. The law alone is always one of them.
+    craft is simulated in a model, by Euler's equations with the field fixed in space.
+    It flies `rounds` times `candidates` sequences of four torques of `segment` each,
+    after which the law above continues (`components.laws.rollout`). The block follows
+    the sequence after which every rate is soonest below `rate_limit`. The law alone is
+    always among the candidates.
 
-    It knows the craft's `inertia`, from which the flight may differ, and neither
-    attitude nor orbit. Once every rate is below `rate_limit` the law above alone goes
-    on, until a rate is above `rate_again`; after `hold_time` below the limit the craft
-    is detumbled (`mode`).
+    It knows the craft's `inertia`, which may differ from the real one, but neither
+    attitude nor orbit. Once every rate is below `rate_limit` only the law above acts,
+    until a rate is above `rate_again`. After `hold_time` below the limit the craft is
+    detumbled (`mode`).
 
     **Rate.** `gyro`, or `filter`: an extended Kalman filter of magnetometer and tachometers
     (`components.laws.rate_filter`), by whose covariance alone the craft counts as slow. Without a
@@ -65,8 +66,8 @@ class ManagerDetumblingRollout(Manager, WheelInertias):
 
     **Field.** `coil_coupling` times the dipole commanded last is taken off the measured field.
 
-    One plan takes at most rounds candidates horizon / model_step steps of the model;
-    the work of most is far less, as a sequence is dropped once it takes longer than the
+    One plan takes at most rounds candidates horizon / model_step steps of the model.
+    Most plans take far fewer, as a sequence is dropped once it takes longer than the
     best.
 
     Source: ours; rollout: Bertsekas, Dynamic Programming and Optimal Control, vol. 1,

@@ -26,7 +26,7 @@ class ManagerMagnetic(TorquerDumping):
       end (eq. 12), in open loop: the momentum is not used.
 
     Tables and costate belong to one orbit, attitude and start; `desat design` computes
-    them. Limit, wheels and measurements that are not valid as in
+    them. Limit, wheels and invalid measurements are treated as in
     `manager_cross_product`.
 
     Source: Chen & Steyn (paper 000), eqs. 10-14.

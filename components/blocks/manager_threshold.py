@@ -40,7 +40,7 @@ class ManagerThreshold(MomentumDumping):
     coils: M = gain (h x B) / |B|^2, each component within +-`m_limit`; N = M x B. None
     at a sample whose field is not valid.
 
-    The wheels are commanded to give the body what the controller wants and to absorb,
+    The wheels are commanded to give the body the controller's torque and to absorb,
     with `feedforward`, the dumping torque and, with `gyroscopic`, omega x h:
 
         tau_cmd_wheel = A^+ (N - tau_ctrl_body - omega x A h)        (paper 004, eq. 16)

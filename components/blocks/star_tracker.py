@@ -24,18 +24,18 @@ class StarTracker(Role, Sensor):
         x_k = p x_(k-1) + sqrt(1 - p^2) S (drift_cross, drift_about) w_k
         S (c, d) v = c (v - (v.e) e) + d (v.e) e,       p = exp(-T / drift_time)
 
-    at each sample, T = `sample_time` after the last one, held in between, and given out
+    at each sample, T = `sample_time` after the last one, held in between, and output
     `delay` later. dq(a) is the rotation by |a| about a, in body axes, e the boresight,
     n and w are standard normal numbers, x is the low-frequency error (a first-order
-    Gauss-Markov process from its stationary state on).
+    Gauss-Markov process that starts from its stationary state).
 
-    No stars are seen while the Sun is lit and within `sun_exclusion` of the boresight,
-    the limb of the (spherical) Earth within `earth_exclusion` of it, the rate above
-    `rate_limit`, and in drop-outs, which come at random. It is valid again at the first
-    sample that is `reacquisition_time` or more after the last one without stars. The
-    errors and drop-outs are functions of seed, instance name and sample index. While
-    invalid the last valid attitude stays; before the first it is that of eci, (0, 0, 0,
-    1).
+    No stars are seen while the Sun is visible within `sun_exclusion` of the boresight,
+    while the limb of the (spherical) Earth is within `earth_exclusion` of it, while the
+    rate is above `rate_limit`, and in drop-outs, which occur at random. The measurement
+    is valid again at the first sample that is `reacquisition_time` or more after the
+    last one without stars. The errors and drop-outs are functions of seed, instance
+    name and sample index. While it is invalid, the last valid attitude is held; before
+    the first one it is (0, 0, 0, 1), that of eci.
 
     Source: Markley & Crassidis, Fundamentals of Spacecraft Attitude Determination and
     Control (2014), sec. 4.2; Gelb, Applied Optimal Estimation (1974), ch. 3.
