@@ -21,8 +21,8 @@ class AttitudeDetermination(Role, Sensor):
 
     at each sample, T = `sample_time` after the last one, held in between. dq(a) is the
     rotation by |a| about a, in body axes. u is a unit vector drawn once, n and w are
-    standard normal numbers of each axis, and x starts from its stationary distribution
-    (a first-order Gauss-Markov process). The errors are functions of seed, instance
+    standard normal numbers of each axis, and x, a first-order Gauss-Markov process,
+    starts from its stationary distribution. The errors are functions of seed, instance
     name and sample index.
 
     An *average determination error* E (paper 004: 3 deg) comes from either

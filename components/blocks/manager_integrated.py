@@ -17,16 +17,17 @@ class ManagerIntegrated(WheelManager):
     """Attitude control and magnetic momentum management in one loop
 
     The controller's torque tau is split by k = `magnetic_share`, and the wheels are
-    told to give away momentum besides, A being `axes_wheel` and B the measured field:
+    commanded to give away momentum besides. With A = `axes_wheel` and B the measured
+    field,
 
         tau_cmd_wheel = A^+ (t_DES - (1 - k) tau - omega x A h)       (eqs. 13, 14, 16, 21, 22)
         m_cmd_body = B x (k tau) / |B|^2                              (eqs. 17, 18)
         t_DES = -gain (A h')_perp, at most `torque_limit`             (eq. 19)
 
-    perp: across B. The controller answers t_DES with a tau that cancels it, of which
-    the coils give the share k; so the wheels lose k t_DES. The dipole is made smaller
-    as a whole where a component exceeds `m_limit`. At each sample t_DES, dipole and
-    mode are decided; the wheels are commanded then, or every `wheel_sample_time`.
+    where perp means across B. The controller reacts to t_DES with a tau that cancels
+    it. The coils give the share k of this tau, so the wheels lose k t_DES. The whole
+    dipole is scaled down where a component exceeds `m_limit`. t_DES, dipole and mode
+    are set at each sample; the wheels are commanded then, or every `wheel_sample_time`.
 
     h' leaves out the wheels near what is wanted of them, so that a wheel is not brought through
     zero speed: with e = h - A^+ h_target_body - h_null n, wheel i counts in A h' = sum g_i e_i from
@@ -54,10 +55,10 @@ class ManagerIntegrated(WheelManager):
     dumping, whatever else.
 
     A measurement that is not valid is not used. At a sample without `valid_h` no
-    momentum is unloaded and which wheels are to be stays as it was; without `valid_b`
-    the wheels give all of tau, as no dipole is commanded. While `valid_omega` is false
-    omega x A h is left out, as it is without `valid_h`, velocity dumping neither begins
-    nor ends, and gives no torque.
+    momentum is unloaded, and the selection of wheels to unload does not change. Without
+    `valid_b` the wheels give all of tau, as no dipole is commanded. omega x A h is left
+    out while `valid_omega` or `valid_h` is false. While `valid_omega` is false,
+    velocity dumping neither begins nor ends, and gives no torque.
 
     Source: paper 004, eqs. 9 and 13-26.
     """

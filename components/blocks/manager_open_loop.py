@@ -39,24 +39,25 @@ class ManagerOpenLoop(MomentumManagement, NominalProfile, EarthField):
         H_D = H_NOM(t_f) - H(t_i) - integral of T_GG                       (eqs. 2 and 7)
         P = [integral of [B]'S[B] dt]^-1 H_D,      S = A A'                (Table 1)
 
-    and at each sample until the next update mu_M = S (B x P), so that T_M takes the
-    momentum to H_NOM(t_f) exactly where the prediction is right (eq. 3). Integrals are
+    and at each sample until the next update mu_M = S (B x P), so that T_M brings the
+    momentum exactly to H_NOM(t_f) if the prediction is right (eq. 3). Integrals are
     sums over the middles of samples, on two-body motion from r_eci and v_eci. The field
-    is the manager's own, dipole or IGRF, `field_scale` times (1: right), and with
-    `field_tilt` false a dipole along the Earth's axis; `command_field` measured takes
-    the magnetometer's in mu_M. With `wheels` as weighting the coils' energy is weighed
-    otherwise; the wheels' speed is not made least by it.
+    is that of the manager's own model, dipole or IGRF, times `field_scale` (1: right);
+    with `field_tilt` false it is a dipole along the Earth's axis. With `command_field`
+    measured, mu_M takes the magnetometer's field. The weighting `wheels` weighs the
+    coils' energy differently; it does not minimise the wheels' speed.
 
-    H_NOM is a table from the ground (`desat design`), in eci. The current minimum
-    energy (ME) law: 600 s, updated every 200 s. The matrix of a short period is nearly
-    singular: where `condition`, its largest over its least eigenvalue, exceeds
-    `condition_limit`, there is no new costate; `mode` says fallback and the last
-    command is held, or with `on_singular` none there is none.
+    H_NOM is a table from the ground (`desat design`), in eci. The paper's current
+    minimum energy (ME) law has a period of 600 s, updated every 200 s. The matrix of a
+    short period is nearly singular. Where `condition`, the ratio of its largest to its
+    smallest eigenvalue, exceeds `condition_limit`, there is no new costate: `mode` is
+    fallback and the last command is held, or, with `on_singular` none, there is no
+    command.
 
-    With `manoeuvre` the slew of `guidance_slew` with the same q_begin_bi, q_end_bi,
-    t_begin and t_end is known: then a single desaturation period goes from `lead_time`
-    before it to `lag_time` after it, along the planned attitude. As the craft is at
-    rest at both ends, the wheels' momentum serves there (eq. 7).
+    With `manoeuvre` the manager knows the slew of `guidance_slew` with the same
+    q_begin_bi, q_end_bi, t_begin and t_end. A single desaturation period then extends
+    from `lead_time` before it to `lag_time` after it, along the planned attitude. As
+    the craft is at rest at both ends, the wheels' momentum suffices there (eq. 7).
 
     Coils, limits and measurements that are not valid: `bases/momentum_management.py`.
 

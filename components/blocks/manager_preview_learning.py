@@ -21,16 +21,18 @@ TURNED = 1.25e-7
 class ManagerPreviewLearning(ManagerPreview):
     """A preview that learns what its coils do and how large gravity gradient is
 
-    P = -(K(t) H + s g(t)): s, the `gravity_scale`, and the `effectiveness` e_j of each
-    coil are estimated from the momentum that every update leaves
+    P = -(K(t) H + s g(t)). The `gravity_scale` s and the `effectiveness` e_j of each
+    coil are estimated from the momentum change of every update
     (`laws/momentum_learning.py`). Course and costate are proportional to gravity
-    gradient, so that s makes of g what the ground would have sent up had it known.
-    Where a coil is found lost, g is the ground's for that case, from `lost_table`, and
-    nothing else changes, as mu_T = M'(M M')^-1 mu_M gives the coils that are left M'(B
-    x P) anyway. Zeros in its first row say that there is none for that coil. The wheels
-    absorb what the coils really give.
+    gradient, so that s g is the table that the ground would have computed with the
+    right gravity gradient. Where a coil is found to be lost, g is the ground's table
+    for that case, from `lost_table`. Nothing else changes, as mu_T = M'(M M')^-1 mu_M
+    gives the remaining coils M'(B x P) in any case. Zeros in the first row of the table
+    mean that there is none for that coil. The wheels absorb the torque that the coils
+    really give.
 
-    Nothing is learnt while the craft turns, nor over a sample that was left out.
+    The estimates do not change while the craft turns, nor over a sample that was left
+    out.
     """
 
     offers = (Law("preview that learns"),)

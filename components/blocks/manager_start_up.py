@@ -40,25 +40,26 @@ class ManagerStartUp(Acquisition):
 
     Procedure `conventional`: detumbling by `detumbling`, pitch_spin, wheel_ramp,
     three_axis, done; `proposed`: detumbling, momentum_dump, three_axis, done;
-    `detumbling`: detumbling, done. When done the law before goes on. omega_2 in eq. 9,
-    theta and theta' are relative to lvlh.
+    `detumbling`: detumbling, done. When done, the previous law continues. omega_2 in
+    eq. 9, theta and theta' are relative to lvlh.
 
-    Beyond what is printed: eq. 8's coil is on in every phase after detumbling, for M_1
-    of eq. 9 alone never reaches the target (`spin_coil_alone`: as printed), and eq. 1
-    on all three axes pumps the wheel when it holds the pitch angle (`b_dot_last`: as
-    printed, with gain_pitch_coil); eq. 11 goes on in three_axis, for else nothing holds
-    h. In momentum_dump, for which the paper gives the wheel no law, it keeps the pitch
-    rate by eq. 6: the constant torque of eq. 7 is less than the coils' 1e-4 N m of
-    pitch torque, and so the body would spin up.
+    The block deviates from the printed laws as follows. The coil of eq. 8 is on in
+    every phase after detumbling, because M_1 of eq. 9 alone never reaches the target
+    (`spin_coil_alone`: as printed), and eq. 1 on all three axes pumps the wheel when it
+    holds the pitch angle (`b_dot_last`: as printed, with gain_pitch_coil). Eq. 11
+    continues in three_axis, as otherwise nothing holds h. In momentum_dump, for which
+    the paper gives the wheel no law, the wheel keeps the pitch rate by eq. 6: the
+    constant torque of eq. 7 is less than the coils' 1e-4 N m of pitch torque, and the
+    body would spin up.
 
-    The wheel is commanded here and `tau_ctrl_body` is not used: eq. 10 is one of
-    several laws of one wheel, of which the phase chooses, and a controller apart would
-    have to know the phase.
+    This block commands the wheel and does not use `tau_ctrl_body`: the phase selects
+    eq. 10 among several laws of one wheel, and a separate controller would have to know
+    the phase.
 
-    Without a valid field the coils are off, and the wheel is if its law needs the
+    Without a valid field the coils are off, and so is the wheel if its law needs the
     field. Where the law needs a rate or an attitude that is not valid, all coils follow
-    eq. 1 and the wheel keeps its speed; without a valid h there is no ramp and no eq.
-    11.
+    eq. 1 and the wheel keeps its speed. Without a valid h there is neither a ramp nor
+    eq. 11.
 
     Source: paper 003, eqs. 1-11, Figs. 5 and 6.
     """

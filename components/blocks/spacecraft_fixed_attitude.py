@@ -29,9 +29,9 @@ class SpacecraftFixedAttitude(Spacecraft):
         N_con = -omega x J omega + 3 n^2 u x J u                   (eq. 3; u to nadir)
         omega = C(q_bo) (0, -n, 0)                                 (eq. 2)
 
-    integrated by one RK4 step, with the field as b + b' t + b'' t^2 / 2 and torque and
-    dipole as mean and slope. The orbit is taken as circular. `h_wheel` and the wheel
-    torques are not read: the wheels are inside.
+    It is integrated by one RK4 step, with the field as b + b' t + b'' t^2 / 2 and
+    torque and dipole as mean and slope. The orbit is assumed to be circular. `h_wheel`
+    and the wheel torques are not read, as the block contains the wheels.
 
     Source: Chen & Steyn (paper 000), eqs. 1-9. Inertia: UoSAT-12, from the literature
     on the craft, not in the paper; it matters off nadir only.
