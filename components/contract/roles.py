@@ -111,7 +111,7 @@ class WheelInertias(WheelAxes):
 
 
 class Environment(Block):
-    """Where the spacecraft is and what surrounds it; never a torque.
+    """Orbit and surroundings of the spacecraft; never a torque.
 
     `eci` is the mean equator and equinox of date: those of t = 0, held while a system
     runs; of J2000 where `eci_frame` says so.
@@ -242,7 +242,7 @@ class Spacecraft(Block):
 
 
 class Disturbance(Block):
-    """A torque from outside that is known by itself: measured, or computed elsewhere."""
+    """External torque that is known by itself: measured, or computed elsewhere."""
 
     role = "disturbance"
     role_title = "Disturbance torques"
@@ -269,7 +269,7 @@ class Disturbance(Block):
 
 
 class Magnetometer(Sampled):
-    """Measures the geomagnetic field."""
+    """Sensor of the geomagnetic field."""
 
     role = "magnetometer"
     role_title = "Sensors: magnetic field"
@@ -296,7 +296,7 @@ class Magnetometer(Sampled):
 
 
 class Tachometers(Sampled):
-    """Measure the wheels' momentum."""
+    """Sensors of the wheels' momentum."""
 
     role = "tachometers"
     role_title = "Sensors: wheel momentum"
@@ -318,7 +318,7 @@ class Tachometers(Sampled):
 
 
 class RateGyro(Sampled):
-    """Measures the angular rate."""
+    """Sensor of the angular rate."""
 
     role = "gyro"
     role_title = "Sensors: angular rate"
@@ -340,7 +340,7 @@ class RateGyro(Sampled):
 
 
 class AttitudeDetermination(Sampled):
-    """Estimates the attitude, whatever sensors and filters stand behind it."""
+    """Estimate of the attitude, independent of its sensors and filters."""
 
     role = "determination"
     role_title = "Attitude determination"
@@ -363,7 +363,7 @@ class AttitudeDetermination(Sampled):
 
 
 class SunSensor(Sampled):
-    """Measures the direction to the Sun."""
+    """Sensor of the direction to the Sun."""
 
     role = "sun_sensor"
     role_title = "Sensors: direction to the Sun"
@@ -400,7 +400,7 @@ class SunSensor(Sampled):
 
 
 class StarTracker(Sampled):
-    """Measures the attitude by the stars.
+    """Sensor of the attitude by the stars.
 
     It feeds the laws itself where there is no `determination`.
     """
@@ -448,7 +448,7 @@ class StarTracker(Sampled):
 
 
 class Guidance(Sampled):
-    """Says which attitude is wanted."""
+    """Reference attitude and rate."""
 
     role = "guidance"
     role_title = "Reference attitude"
@@ -482,8 +482,10 @@ class Guidance(Sampled):
 
 
 class Controller(Computer):
-    """Says which torque the body needs to follow its reference; none while a
-    measurement is not valid."""
+    """Torque that the body needs to follow its reference.
+
+    There is no torque while a measurement is not valid.
+    """
 
     role = "controller"
     role_title = "Attitude control"
@@ -542,8 +544,10 @@ class Controller(Computer):
 
 
 class Manager(Computer):
-    """Decides how the wheels' momentum is dumped, and by which actuator; a measurement
-    that is not valid is not used."""
+    """Dumping of the wheels' momentum, and choice of the actuator.
+
+    A measurement that is not valid is not used.
+    """
 
     role = "manager"
     role_title = "Momentum management"
@@ -653,8 +657,11 @@ class Manager(Computer):
 
 
 class WheelManager(Manager, WheelAxes):
-    """A manager that commands the wheels, at samples of their own where the attitude
-    control that passes through it is faster than the dumping."""
+    """Manager that commands the wheels.
+
+    It may command them at samples of their own, where the attitude control that passes
+    through it is faster than the dumping.
+    """
 
     craft_needs: ClassVar[tuple[Need, ...]] = (Need.WHEELS,)
 
