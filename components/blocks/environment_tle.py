@@ -12,9 +12,9 @@ class EnvironmentTle(NearEarth):
     Position and velocity by SGP4 and SDP4 (Vallado and others, Revisiting Spacetrack
     Report #3, AIAA 2006-6753; WGS-72) from the mean elements of a two-line set,
     `epoch_j2000` - `epoch_tle_j2000` + t after their epoch. TEME, the frame of SGP4, is
-    taken as `eci`. `components.tle.tle_parameters` turns the two lines into the
-    parameters. The derivatives of the mean motion are not among them: SGP4 does not use
-    them.
+    taken as `eci`. `components.physics.tle.tle_parameters` converts the two lines to
+    the parameters. The derivatives of the mean motion are not among them, as SGP4 does
+    not use them.
 
     Firings do not act on this orbit, whatever is wired; they would appear in the next
     element set only. `environment_propagated` includes them.

@@ -38,18 +38,19 @@ class ManagerBoomFeedforward(Boom):
     within +-lean_limit, about roll and pitch where they have wheels, so that the
     gravity-gradient torque opposes h.
 
-    **Firings** are known as a schedule, one at a time, each from a sample on. `schedule_start`,
-    `_duration` and `_tau_body` are those of the thrusters (`shared`); thrusters that differ from
-    them have errors of their own (`thrusters_misaligned`). They are parameters and no connector
-    since all of it is known before the run, and the role's interface stays as it is.
+    **Firings** are known as a schedule, one at a time, each from a sample on.
+    `schedule_start`, `_duration` and `_tau_body` are those of the thrusters (`shared`);
+    thrusters that deviate from them have their own errors (`thrusters_misaligned`).
+    They are parameters, not a connector, since the schedule is known before the run and
+    the role's interface does not change.
 
-    **What is known better.** The rate comes from a Kalman filter an axis: J omega + h turned
-    against the body, with the impulses of gravity, coils and firing and the wheels as measured,
-    corrected by the gyro (`gyro_noise`). Unknown torque is `torque_noise`, and while a firing lasts
-    firing_uncertainty |F|. What corrections give J omega from the beginning of a firing on is
-    what it gave beyond what was known: F is corrected by it at every sample and, with `learning`,
-    for the firings after it, in proportion to their size, once `learning_time` has gone by after
-    its end.
+    **What is known better.** The rate comes from a Kalman filter for each axis: J omega
+    + h is rotated against the body, with the impulses of gravity, coils and firing and
+    the measured wheels, and corrected by the gyro (`gyro_noise`). Unknown torque is
+    `torque_noise`, and also firing_uncertainty |F| during a firing. The corrections of
+    J omega since the beginning of a firing are its impulse beyond the expected one.
+    They correct F at every sample and, with `learning`, for later firings, in
+    proportion to their size, once `learning_time` has passed after its end.
 
     Without a valid field, attitude or rate (see `reason`) the coils are off; the wheels
     hold the rate and still absorb the firing. Without a valid h nothing is dumped and

@@ -54,11 +54,12 @@ class ManagerDetumblingOptimal(Acquisition):
     The phases of `start_up` only report its progress: detumbling, momentum_dump,
     three_axis, done.
 
-    **Rate.** `gyro`; `field`: B x B' / |B|^2, the part across the field, by the field's rate;
-    `observer`: Euler's equations with the commanded dipole and the wheel's measured momentum,
-    corrected by the field (`bandwidth`): the magnetometer and the tachometer alone. While the gyro
-    is not valid `field` takes its place, and no condition is met; without a valid field there is no
-    dipole, and the observer begins anew; without a valid attitude or momentum it detumbles.
+    **Rate.** `gyro`; `field`: B x B' / |B|^2, the part across the field, by the field's
+    rate; `observer`: Euler's equations with the commanded dipole and the wheel's
+    measured momentum, corrected by the field (`bandwidth`), from magnetometer and
+    tachometer alone. While the gyro is not valid, `field` replaces it, and no condition
+    is met. Without a valid field there is no dipole, and the observer restarts. Without
+    a valid attitude or momentum the block detumbles.
 
     For comparison, `law` offers two published laws of the detumbling dipole:
     `even_decay`, M = 2 n (1 + sin xi) J_min (omega x B) / |B|^2 (Avanzini & Giulietti

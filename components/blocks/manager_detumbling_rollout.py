@@ -53,18 +53,21 @@ class ManagerDetumblingRollout(Manager, WheelInertias):
     until a rate is above `rate_again`. After `hold_time` below the limit the craft is
     detumbled (`mode`).
 
-    **Rate.** `gyro`, or `filter`: an extended Kalman filter of magnetometer and tachometers
-    (`components.laws.rate_filter`), by whose covariance alone the craft counts as slow. Without a
-    valid rate nothing is commanded; without a valid field there is no dipole and no search, and the
-    filter begins anew; without a valid h_wheel there is no search.
+    **Rate.** `gyro`, or `filter`: an extended Kalman filter of magnetometer and
+    tachometers (`components.laws.rate_filter`), with which the craft counts as slow
+    only where the covariance is small enough. Without a valid rate nothing is
+    commanded. Without a valid field there is no dipole and no search, and the filter
+    restarts. Without a valid h_wheel there is no search.
 
-    **Wheels.** What a wheel's momentum does not follow of its command is taken for friction and
-    given beside it. One that gives less than a fifth of a torque above a third of its limit, five
-    samples in a row, is taken for dead (`wheels_dead`) until `enable` has been false; without any
-    wheel the coils follow gain_alone / |B|^2 for `gain`. Momentum is taken into the wheels, up to
-    `h_limit`, and stays there.
+    **Wheels.** The difference between a wheel's command and the change of its momentum
+    is taken for friction and added to the command. A wheel that gives less than a fifth
+    of a torque above 0.3 of its limit, five samples in a row, is taken for dead
+    (`wheels_dead`) until `enable` has been false. Without any wheel the coils use
+    gain_alone / |B|^2 instead of `gain`. The wheels take up momentum, up to `h_limit`,
+    and keep it.
 
-    **Field.** `coil_coupling` times the dipole commanded last is taken off the measured field.
+    **Field.** `coil_coupling` times the last commanded dipole is subtracted from the
+    measured field.
 
     One plan takes at most rounds candidates horizon / model_step steps of the model.
     Most plans take far fewer, as a sequence is dropped once it takes longer than the

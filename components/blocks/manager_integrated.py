@@ -29,30 +29,33 @@ class ManagerIntegrated(WheelManager):
     dipole is scaled down where a component exceeds `m_limit`. t_DES, dipole and mode
     are set at each sample; the wheels are commanded then, or every `wheel_sample_time`.
 
-    h' leaves out the wheels near what is wanted of them, so that a wheel is not brought through
-    zero speed: with e = h - A^+ h_target_body - h_null n, wheel i counts in A h' = sum g_i e_i from
-    |e_i| = `threshold_on` h_limit on until it is below `threshold_off` h_limit (eq. 23).
-    `paper_signed_threshold` takes e_i instead of |e_i|, as eq. 23 is printed: wheels that turn
-    backwards are then never unloaded.
+    h' excludes the wheels near their target, so that no wheel is driven through zero
+    speed: with e = h - A^+ h_target_body - h_null n, wheel i counts in A h' = sum g_i
+    e_i from |e_i| = `threshold_on` h_limit on until it is below `threshold_off` h_limit
+    (eq. 23). `paper_signed_threshold` uses e_i instead of |e_i|, as eq. 23 is printed;
+    wheels that turn backwards are then never unloaded.
 
-    **Emergency** (the paper names it without a law). From a wheel at `emergency_on` h_limit until
-    all are below `emergency_off` h_limit, the coils leave the control loop (k = 0) and do what
-    they can: t_DES = -`gain_emergency` (A e)_perp, at most `m_limit` |B|, balanced at once by
-    m_cmd_body = B x t_DES / |B|^2. Momentum in the null space is not in A e.
+    **Emergency** (the paper names it without a law). From a wheel at `emergency_on`
+    h_limit until all are below `emergency_off` h_limit, the coils leave the control
+    loop (k = 0) and dump as much as they can: t_DES = -`gain_emergency` (A e)_perp, at
+    most `m_limit` |B|, balanced at once by m_cmd_body = B x t_DES / |B|^2. A e does not
+    contain momentum in the null space.
 
-    **Velocity dumping** (section 4), where `velocity_dumping` is set: tau = -`gain_rate` omega
-    (eqs. 24, 25) instead of the controller's torque, while |omega| was above `rate_on` and has not
-    come below `rate_off` since; both 0: always. While t_DES is saturated the craft keeps
-    tumbling at |omega| = torque_limit / gain_rate. Eq. 26 (gain_rate ~ h_limit gain) has a wrong
-    dimension; equal bandwidths mean gain_rate = gain times the inertia.
+    **Velocity dumping** (section 4), where `velocity_dumping` is set: tau =
+    -`gain_rate` omega (eqs. 24, 25) instead of the controller's torque, from |omega|
+    above `rate_on` until it is below `rate_off`; both 0: always. While t_DES is
+    saturated the craft continues to tumble at |omega| = torque_limit / gain_rate. Eq.
+    26 (gain_rate ~ h_limit gain) has a wrong dimension; equal bandwidths mean gain_rate
+    = gain times the inertia.
 
-    **Null space** (not in the paper). n with A n = 0, for a pyramid (1, -1, 1, -1): momentum along
-    it is in no A h and stays. `null_gain` adds -null_gain (e.n / n.n) n to tau_cmd_wheel, no wheel
-    more than `null_torque_limit`; `h_null` holds the wheels at h_null n, away from zero.
+    **Null space** (not in the paper). n with A n = 0, for a pyramid (1, -1, 1, -1): A h
+    does not contain momentum along it, so it remains. `null_gain` adds -null_gain (e.n
+    / n.n) n to tau_cmd_wheel, limited to `null_torque_limit` in each wheel; `h_null`
+    holds the wheels at h_null n, away from zero.
 
-    `enable` false: no dumping, the wheels give all of tau. `mode`: 0 idle (no wheel to
-    unload, the coils still give their share), 1 dumping, 4 emergency, 5 velocity
-    dumping, whatever else.
+    `enable` false: no dumping, the wheels give all of tau. `mode` is 0 idle (no wheel
+    to unload, the coils still give their share), 1 dumping, 4 emergency, or 5 velocity
+    dumping, unless an emergency holds.
 
     A measurement that is not valid is not used. At a sample without `valid_h` no
     momentum is unloaded, and the selection of wheels to unload does not change. Without
