@@ -197,7 +197,7 @@ class Acquisition(Manager, WheelAxes):
         yield from super().foresee(begin, end, wired)
 
     def _phases(self) -> str:
-        """Name the manager's task for a message."""
+        """Return the name of the manager's task for a message."""
         return "detumbling" if len(self._sequence) <= 2 else "the start-up"
 
     def _check(self) -> None:

@@ -108,7 +108,7 @@ class Boom(Manager, WheelAxes):
     def need_wheel(self, axis: Vec3, wanted: str) -> None:
         """Refuse to continue where no wheels give a torque along a body axis.
 
-        `wanted` names in the message what needs it.
+        The message begins with `wanted`, the setting that needs the wheel.
         """
         given = body_momentum(self.axes_wheel, to_wheels(self._to_wheels, axis))
         missing = sub(given, axis)

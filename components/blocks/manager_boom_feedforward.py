@@ -235,7 +235,7 @@ class ManagerBoomFeedforward(Boom):
                         f"{self.schedule_duration[j]:g} s; one at a time"
                     )
 
-    # --- what is known ----------------------------------------------------------------
+    # --- estimation -------------------------------------------------------------------
 
     def _known(self, i: int) -> Vec3:
         """Return the expected torque (N m, body) of firing i before it begins."""
@@ -346,7 +346,7 @@ class ManagerBoomFeedforward(Boom):
         gain = firing.kalman_gain(variance, self.gyro_noise)
         return gain * innovation, (1.0 - gain) * variance
 
-    # --- what is done -----------------------------------------------------------------
+    # --- control ----------------------------------------------------------------------
 
     def act(self, t: float) -> None:
         on = self._begin(t)

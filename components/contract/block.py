@@ -246,10 +246,10 @@ def Output(
     `mean` marks an interval output that is the mean over the step of a quantity whose
     integral counts (a torque, a dipole). `slope` names the output that holds its slope
     and makes the two a pair. A master transfers the integral whatever the rates of the
-    two sides; of any other interval output, a slower receiver takes one value in so
-    many. `starts_from` names the inputs that its value in initialisation mode depends
-    on. `choices` names its integer values, with `-` for a value that never occurs;
-    where a role declares the output, each block declares it again with its own choices.
+    two sides; it samples any other interval output at the rate of a slower receiver.
+    `starts_from` names the inputs that its value in initialisation mode depends on.
+    `choices` names its integer values, with `-` for a value that never occurs; where a
+    role declares the output, each block declares it again with its own choices.
     """
     return _Declaration(
         "output",

@@ -552,7 +552,7 @@ class Manager(Computer):
     role = "manager"
     role_title = "Momentum management"
 
-    # what a craft must have, besides the needs of the bases
+    # what a craft must have in addition to the needs of the bases
     craft_needs: ClassVar[tuple[Need, ...]] = ()
     # Laws that bound the wheel momentum, each with its gains by rule from the craft.
     offers: ClassVar[tuple[Law, ...]] = ()

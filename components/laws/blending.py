@@ -4,8 +4,8 @@ Source: paper 000, eqs. 20-34. N = N_T + M x B (eq. 20): N_T (N m) by thrusters,
 m2) the torquers' dipole, B (T) the measured field; all in the body frame. Each split
 returns (M, N_T).
 
-The bounded splits at the end are not in the paper: they include the limit in the
-optimisation, whereas eq. 34 corrects afterwards what was optimal without it.
+The bounded splits at the end are not in the paper. They include the limit in the
+optimisation, whereas eq. 34 limits a dipole that was optimised without it.
 """
 
 from __future__ import annotations
