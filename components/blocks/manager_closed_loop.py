@@ -25,7 +25,7 @@ class ManagerClosedLoop(MomentumManagement):
     the mean of the largest and the smallest H in that period, separately for each axis
     of eci.
 
-    Coils, limits and measurements that are not valid: `bases/momentum_management.py`.
+    Coils, limits and invalid measurements: see `bases/momentum_management.py`.
 
     Source: Chen, Davenport & Sturch (paper 001), eqs. 5 and 6, Table 1.
     """

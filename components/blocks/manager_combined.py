@@ -22,9 +22,9 @@ class ManagerCombined(ThrusterDumping):
     and `split` divides it, N = N_T + M x B, with the measured field B (eq. 20)
 
     - `dct`: thrusters only; `cccp`: M = -k_cross (N x B) / |B| (eq. 25);
-    - `crcp`: M = -(N x B) / |B|^2 (eq. 26); `ocdc`: least a |M|^2 + b |N_T|^2 (eq. 24);
-    - `bounded_quadratic`: as ocdc, but among the dipoles within the limit;
-    - `bounded_one_norm`: least |N_T|_1, the thrusters' on-time, among the dipoles within the limit.
+    - `crcp`: M = -(N x B) / |B|^2 (eq. 26); `ocdc`: minimum of a |M|^2 + b |N_T|^2 (eq. 24);
+    - `bounded_quadratic`: as ocdc, but within the limit of the dipole;
+    - `bounded_one_norm`: minimum of |N_T|_1, the thrusters' on-time, within the limit of the dipole.
 
     With `saturation` each component of M stays within duty * m_limit and the thrusters
     compensate the remainder (eq. 34); the bounded splits stay within this limit in any

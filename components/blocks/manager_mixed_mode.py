@@ -21,7 +21,7 @@ class ManagerMixedMode(MomentumManagement, NominalProfile):
     but not across the end of a desaturation period. Beyond the table there is no
     dipole, and `mode` is fallback.
 
-    Coils, limits and measurements that are not valid: `bases/momentum_management.py`.
+    Coils, limits and invalid measurements: see `bases/momentum_management.py`.
 
     Source: Chen, Davenport & Sturch (paper 001), eq. 4, Table 1.
     """

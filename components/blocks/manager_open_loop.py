@@ -59,7 +59,7 @@ class ManagerOpenLoop(MomentumManagement, NominalProfile, EarthField):
     from `lead_time` before it to `lag_time` after it, along the planned attitude. As
     the craft is at rest at both ends, the wheels' momentum suffices there (eq. 7).
 
-    Coils, limits and measurements that are not valid: `bases/momentum_management.py`.
+    Coils, limits and invalid measurements: see `bases/momentum_management.py`.
 
     Source: Chen, Davenport & Sturch (paper 001), eqs. 1-3, 7 and 8, Table 1.
     """

@@ -49,7 +49,7 @@ UNKNOWN, DRIFT = 0.01, 0.1
 # has otherwise.
 CLEAR = 2.0
 BINS = 8  # parts of an orbit whose largest wheel momenta are stored
-# relative difference to the model beyond which a measured field is rejected
+# relative difference of measured and model field beyond which the law falls back
 STRANGE = 0.3
 AXES: tuple[Vec3, Vec3, Vec3] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 AT_1, AT_2 = 0.21132486540518713, 0.7886751345948129  # Gauss points

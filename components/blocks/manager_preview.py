@@ -27,7 +27,7 @@ class ManagerPreview(MomentumManagement, GroundTables):
     & Varga, IEEE CDC (2005), periodic linear-quadratic laws of magnetic attitude
     control; Chen & Steyn (paper 000), eq. 13, over one dumping.
 
-    Coils, limits and measurements that are not valid: `bases/momentum_management.py`.
+    Coils, limits and invalid measurements: see `bases/momentum_management.py`.
     """
 
     offers = (Law("preview"),)

@@ -85,9 +85,7 @@ class SpacecraftFixedAttitude(Spacecraft):
         constant = add(add(self._n_con, self.tau_disturbance_body), self.tau_ext_body)
 
         def slope(i: int, h: Vec3) -> Vec3:
-            """Return the derivative of the momentum (N m, body) at half step i (0 to
-            2).
-            """
+            """Return the derivative of the momentum (N m, body) at half step i."""
             s, lead = 0.5 * i, 0.5 * i - 0.5
             b_eci = add(
                 add(self.b_eci, scale(s * dt, self.b_rate_eci)),
