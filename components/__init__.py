@@ -1,1 +1,4 @@
-"""What the blocks of desat compute. Knows nothing of FMI, of files or of time loops."""
+"""Provide the computations of the blocks of desat.
+
+This package knows nothing of FMI, of files or of time loops.
+"""

@@ -1,1 +1,1 @@
-"""What several blocks of a role share."""
+"""Provide the bases that several blocks of a role share."""

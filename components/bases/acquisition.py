@@ -1,6 +1,8 @@
-"""What managers that detumble a craft and start up its pitch-bias wheel have in common:
-the phases and why they change, the field's rate, what is not valid, the limits of the
-commands."""
+"""Provide the base of managers that detumble and start up a pitch-bias wheel.
+
+It holds the phases and the reasons for their changes, the field's rate, the treatment
+of invalid measurements and the limits of the commands.
+"""
 
 from __future__ import annotations
 
@@ -22,13 +24,12 @@ START, CONDITION_MET, TIME_LIMIT, LOST, NO_FIELD, NO_RATE, NO_ATTITUDE, NO_MOMEN
 )
 DIFFERENCE, FILTERED = range(2)
 
+# s; above it eq. 2 no longer follows a field that turns at 0.17 rad/s
 LONGEST_SAMPLE_TIME = 2.0
-"""Above it eq. 2 no longer follows a field that turns at 0.17 rad/s (s)."""
 
 
 class Acquisition(Manager, WheelAxes):
-    """Base of managers that go through phases: a block gives `sequence`, `act` and
-    `rate`.
+    """Base of managers with phases; a block adds `sequence`, `act` and `rate`.
 
     The wheel's axis is +y or -y of the body; its momentum h and `h_nominal` count along
     -y.
@@ -41,13 +42,13 @@ class Acquisition(Manager, WheelAxes):
     - three_axis: the pointing error is below `pointing_limit`, for `hold_time`;
 
     or after their `time_limit`. A rate above `rate_lost` (of roll and yaw only, while
-    the craft spins) leads back to the first phase, from which a wheel that is full
-    already goes on without spin and ramp. `reason` says why the phase changed last, or,
-    while a measurement that the phase needs is not valid, which: its law then does
-    without, and no condition is met by values that are not valid.
+    the craft spins) leads back to the first phase. From there a wheel that is already
+    full goes on without spin and ramp. `reason` says why the phase changed last. While
+    a measurement that the phase needs is invalid, it names that measurement instead;
+    the law then works without it, and no condition is met by invalid values.
 
-    **Field rate.** `difference`: eq. 2 of paper 003, from two valid samples one after the other,
-    so that the first gives none; `filtered`: a first-order low-pass of it, of `cut_off`.
+    **Field rate.** `difference`: eq. 2 of paper 003, from two consecutive valid samples, so that the
+    first gives none; `filtered`: a first-order low-pass of it, of `cut_off`.
     """
 
     no_law = "it brakes a craft and starts its pitch wheel up: no law for wheels about three axes"
@@ -168,6 +169,7 @@ class Acquisition(Manager, WheelAxes):
     )
 
     def start(self) -> None:
+        """Check the parameters and set the state to its start values."""
         super().start()
         self._check()
         self._sequence = self.sequence()
@@ -183,6 +185,7 @@ class Acquisition(Manager, WheelAxes):
         self.mode = IDLE
 
     def foresee(self, begin: float, end: float, wired: frozenset[str]) -> Iterator[str]:
+        """Yield the problems known before a run: also inputs that the phases need."""
         later = (
             ("q_bi", "q_ref_bi", "h_wheel", "tau_cmd_wheel")
             if len(self._sequence) > 2
@@ -194,9 +197,11 @@ class Acquisition(Manager, WheelAxes):
         yield from super().foresee(begin, end, wired)
 
     def _phases(self) -> str:
+        """Return the name of the manager's task for a message."""
         return "detumbling" if len(self._sequence) <= 2 else "the start-up"
 
     def _check(self) -> None:
+        """Refuse invalid parameters; also find the wheel and the sign of its axis."""
         if not 0.0 < self.sample_time <= LONGEST_SAMPLE_TIME and not self.experiment:
             self.fail(
                 f"sample_time = {self.sample_time} s is outside (0, {LONGEST_SAMPLE_TIME:g}]: at "
@@ -236,27 +241,31 @@ class Acquisition(Manager, WheelAxes):
 
     @abstractmethod
     def sequence(self) -> tuple[int, ...]:
-        """The phases that it goes through, DONE the last."""
+        """Return the phases of the manager in order, with DONE last."""
 
     @abstractmethod
     def act(self, phase: int) -> int:
-        """Command the actuators by the law of a phase; what it does without (NO_...),
-        or START."""
+        """Command the actuators by the law of a phase.
+
+        Returns the missing measurement (NO_...), or START.
+        """
 
     @abstractmethod
     def rate(self) -> Vec3 | None:
-        """The body's rate (rad/s, body) that the conditions look at; None where it is
-        not known."""
+        """Return the body's rate (rad/s, body) that the conditions use.
+
+        None where it is not known.
+        """
 
     def for_rate(self) -> tuple[str, ...]:
-        """The inputs that detumbling and the rate need, beside the field's."""
+        """Return the inputs that detumbling and the rate need, beside the field's."""
         return ("omega_bi_body",)
 
     def sense(self, t: float) -> None:
-        """What a block makes of the measurements at a sample, before the phase is
-        looked at."""
+        """Process the measurements of a sample, before the phase is checked."""
 
     def compute(self, t: float, dt: float) -> None:
+        """Follow the phases and command the actuators at a sample."""
         if not self.due(t):
             return
         self._take_field(t)
@@ -273,8 +282,10 @@ class Acquisition(Manager, WheelAxes):
         self.mode = DUMPING if on else IDLE
 
     def _take_field(self, t: float) -> None:
-        """The field and its rate at this sample; nothing is made from samples that are
-        not valid, nor across them."""
+        """Store the field and compute its rate at this sample.
+
+        No rate is computed from invalid samples, nor across them.
+        """
         if not self.valid_b:
             self._b = self._b_rate = None
             return
@@ -290,7 +301,7 @@ class Acquisition(Manager, WheelAxes):
     # --- phases -----------------------------------------------------------------------
 
     def _follow(self, t: float) -> None:
-        """Change the phase where it is due."""
+        """Change the phase where a condition, a time limit or a loss requires it."""
         if self._begun < 0.0:
             self._begun = t
         phase = self.phase
@@ -303,17 +314,23 @@ class Acquisition(Manager, WheelAxes):
                 self._enter(t, self._next(phase), TIME_LIMIT)
 
     def _next(self, phase: int) -> int:
+        """Return the phase after this one; a full wheel needs no spin."""
         following = self._sequence[self._sequence.index(phase) + 1]
-        # after a loss the wheel may be full: it has no spin to take then
+        # after a loss the wheel may be full already and needs no spin
         return (
             THREE_AXIS if following == PITCH_SPIN and self._is_filled() else following
         )
 
     def _enter(self, t: float, phase: int, why: int) -> None:
+        """Enter a phase at t (s) for a reason."""
         self.phase, self._changed = phase, why
         self._begun, self._held_since = t, -1.0
 
     def _is_lost(self, phase: int) -> bool:
+        """Return whether a rate is above `rate_lost`.
+
+        Only roll and yaw count during the spin and the ramp.
+        """
         omega = self.rate()
         if omega is None or self.rate_lost == 0.0:
             return False
@@ -322,8 +339,7 @@ class Acquisition(Manager, WheelAxes):
         return largest > self.rate_lost
 
     def _is_met(self, t: float, phase: int) -> bool:
-        """True when the condition of a phase is met, and has been for as long as it
-        must."""
+        """Return whether the condition of a phase is met, for as long as required."""
         condition = (
             self._is_slow,
             self._is_spun,
@@ -340,50 +356,61 @@ class Acquisition(Manager, WheelAxes):
         return not holds or t - self._held_since >= self.hold_time - 1e-6
 
     def _is_slow(self) -> bool:
+        """Return whether every rate is below `rate_limit`."""
         omega = self.rate()
         return omega is not None and max(map(abs, omega)) < self.rate_limit
 
     def _is_spun(self) -> bool:
+        """Return whether the pitch rate is within `spin_error` of its target."""
         if not (self.valid_omega and self.valid_q):
             return False
         return abs(self.turning()[1] - self.spin_target) < self.spin_error
 
     def _is_filled(self) -> bool:
+        """Return whether the wheel has at least `momentum_share` of h_nominal."""
         return self.valid_h and self.h() >= self.momentum_share * self.h_nominal
 
     def _is_pointing(self) -> bool:
+        """Return whether the pointing error is below `pointing_limit`."""
         return (
             self.valid_q and error_angle(self.q_bi, self.q_ref_bi) < self.pointing_limit
         )
 
-    # --- what laws take, and what they give -------------------------------------------
+    # --- inputs and outputs of the laws -------------------------------------------
 
     def h(self) -> float:
-        """The wheel's measured momentum along -y (N m s)."""
+        """Return the wheel's measured momentum along -y (N m s)."""
         return self._along * self.h_wheel[self._wheel]
 
     def turning(self) -> Vec3:
-        """The measured rate relative to the reference frame (rad/s, body)."""
+        """Return the measured rate relative to the reference frame (rad/s, body)."""
         return self.relative(self.omega_bi_body)
 
     def relative(self, omega: Vec3) -> Vec3:
-        """A rate (rad/s, body) relative to the reference frame, by the measured
-        attitude."""
+        """Compute a rate (rad/s, body) relative to the reference frame.
+
+        It uses the measured attitude.
+        """
         _, rate = tracking_error(self.q_bi, omega, self.q_ref_bi, self.omega_ref_body)
         return rate
 
     def of_reference(self, v: Vec3) -> Vec3:
-        """A vector of the reference frame (lvlh), in body by the measured attitude."""
+        """Rotate a vector of the reference frame (lvlh) into body.
+
+        It uses the measured attitude.
+        """
         return rotate(product(self.q_bi, inverse(self.q_ref_bi)), v)
 
     def normal(self) -> Vec3:
-        """The orbit normal in body, by the measured attitude."""
+        """Return the orbit normal in body, by the measured attitude."""
         return self.of_reference(PITCH_BIAS)
 
     def give(self, m: Vec3, torque: float) -> None:
-        """Command a dipole (A m2, body) and a torque of the wheel on the body about +y
-        (N m), within their limits; no torque that drives the wheel further beyond
-        `h_limit`."""
+        """Command a dipole (A m2, body) and a torque of the wheel (N m).
+
+        The torque is that on the body about +y. Both are limited; no torque drives the
+        wheel further beyond `h_limit`.
+        """
         self.m_cmd_body = clip(m, self.m_limit)
         self.coil_saturated = any(abs(x) >= self.m_limit for x in m)
         torque = within(torque, self.torque_limit)

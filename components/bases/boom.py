@@ -1,5 +1,7 @@
-"""What managers of a boom-stabilised craft have in common: where it is, and what is
-lost."""
+"""Provide the base of managers of a boom-stabilised craft.
+
+It computes attitude and rate relative to the reference and handles lost measurements.
+"""
 
 from __future__ import annotations
 
@@ -18,12 +20,12 @@ Z_AXIS: Vec3 = (0.0, 0.0, 1.0)
 
 
 class Boom(Manager, WheelAxes):
-    """Base of managers of a craft with a boom: a block adds `act` and `hold`.
+    """Base of managers of a craft with a boom; a block adds `act` and `hold`.
 
     A measurement that is not valid is not used. Without a valid field, attitude or rate
-    the coils are off and the wheels only hold the rate: relative to the reference as if
-    the craft stood in it where the attitude is what is missing; without a valid rate
-    they keep their momentum.
+    the coils are off and the wheels only hold the rate. Where the attitude is missing,
+    the rate is relative to the reference as if the craft were aligned with it. Without
+    a valid rate the wheels keep their momentum.
     """
 
     no_law = "it keeps a craft upright on a boom: attitude and momentum are one law of that craft"
@@ -48,15 +50,18 @@ class Boom(Manager, WheelAxes):
 
     @abstractmethod
     def act(self, t: float) -> None:
-        """Command wheels and coils (`give`) at a sample whose field, attitude and rate
-        are valid: `_a` takes vectors from the reference to body, `_rate` (rad/s, body)
-        is relative to it."""
+        """Command wheels and coils (`give`) at a valid sample.
+
+        Field, attitude and rate are valid: `_a` takes vectors from the reference to
+        body, `_rate` (rad/s, body) is relative to it.
+        """
 
     @abstractmethod
     def hold(self, t: float) -> Vec3:
-        """The wheels' torque on the body (N m, body) against `_rate` alone."""
+        """Compute the wheels' torque on the body (N m, body) against `_rate` alone."""
 
     def compute(self, t: float, dt: float) -> None:
+        """Command wheels and coils at a sample by `act`, or hold the rate without."""
         if not self.due(t):
             return
         self.reason = NOTHING if self.valid_h else NO_MOMENTUM
@@ -69,6 +74,10 @@ class Boom(Manager, WheelAxes):
         self.act(t)
 
     def _without(self, t: float) -> None:
+        """Hold the rate without a valid field or attitude.
+
+        Without a valid rate the wheels keep their momentum.
+        """
         if not self.valid_omega:
             self.reason = NO_RATE
             self.give(ZERO, ZERO)
@@ -82,20 +91,25 @@ class Boom(Manager, WheelAxes):
         self.give(ZERO, self.hold(t))
 
     def give(self, m: Vec3, torque: Vec3) -> None:
-        """The dipole (A m2, body), and the wheels' torque on the body (N m, body)."""
+        """Command a dipole (A m2, body) and the wheels' torque on the body (N m)."""
         self.m_cmd_body = m
         x, y, z = torque
         self.tau_cmd_wheel = to_wheels(self._to_wheels, (-x, -y, -z))
 
     def momentum(self) -> Vec3:
-        """The wheels' momentum (N m s, body) less its target; zero while it is not
-        valid."""
+        """Return the wheels' momentum (N m s, body) less its target.
+
+        It is zero while the measurement is not valid.
+        """
         if not self.valid_h:
             return ZERO
         return sub(body_momentum(self.axes_wheel, self.h_wheel), self.h_target_body)
 
     def need_wheel(self, axis: Vec3, wanted: str) -> None:
-        """Refuse to go on where no wheels give a torque along a body axis."""
+        """Refuse to continue where no wheels give a torque along a body axis.
+
+        The message begins with `wanted`, the setting that needs the wheel.
+        """
         given = body_momentum(self.axes_wheel, to_wheels(self._to_wheels, axis))
         missing = sub(given, axis)
         if max(abs(missing[0]), abs(missing[1]), abs(missing[2])) > 1e-6:

@@ -1,5 +1,7 @@
-"""What managers that dump momentum at samples have in common: the wheels' part, and the
-rest by torquers alone or by thrusters and torquers."""
+"""Provide the bases of managers that dump momentum at samples.
+
+They command the wheels; the dumping is by torquers alone or by thrusters and torquers.
+"""
 
 from __future__ import annotations
 
@@ -18,11 +20,11 @@ NO_MOMENTUM: Vec4 = (0.0, 0.0, 0.0, 0.0)
 
 
 class MomentumDumping(WheelManager):
-    """Base of managers whose law says a dumping torque and its split: a block adds
-    `dump`.
+    """Base of managers whose law gives a dumping torque and its split.
 
-    The wheels are commanded to give the body what the controller wants and to absorb,
-    with `feedforward`, the dumping torque and, with `gyroscopic`, omega x h:
+    A block adds `dump`. The wheels are commanded to give the body the controller's
+    torque and to absorb, with `feedforward`, the dumping torque and, with `gyroscopic`,
+    omega x h:
 
         tau_cmd_wheel = A^+ (N - tau_ctrl_body - omega x A h)        (paper 004, eq. 16)
 
@@ -30,10 +32,10 @@ class MomentumDumping(WheelManager):
     momentum that the wheels hold against each other, h - A^+ A h, which no dumping
     reaches, decays at that rate.
 
-    A measurement that is not valid is not used: at a sample without `valid_h` nothing
-    is dumped; omega x h is left out while `valid_h` or `valid_omega` is false, and a
-    law takes `rate`, which is zero then. Without `valid_b` there is no dipole; that is
-    the blocks' part.
+    A measurement that is not valid is not used. At a sample without `valid_h` nothing
+    is dumped. omega x h is left out while `valid_h` or `valid_omega` is false, and a
+    law takes `rate`, which is then zero. Without `valid_b` there is no dipole; the
+    blocks see to that.
     """
 
     passes_torque = True
@@ -70,14 +72,14 @@ class MomentumDumping(WheelManager):
 
     @abstractmethod
     def dump(self, t: float, elapsed: float, h: Vec3) -> tuple[Vec3, Split]:
-        """The dumping torque N (N m) and its split, body, at the sample at t (s); sets
-        `mode`.
+        """Compute the dumping torque N (N m) and its split, body, at t (s); set `mode`.
 
         `elapsed` (s) counts from the first sample with `enable` and `valid_h`; h (N m
         s, body) is the wheels' momentum less its target.
         """
 
     def compute(self, t: float, dt: float) -> None:
+        """Compute the dump at a sample and command the wheels where they are due."""
         sampled = self.due(t)
         if sampled:
             if self.enable and self.valid_h:
@@ -104,7 +106,7 @@ class MomentumDumping(WheelManager):
                 self.empty_null_space()
 
     def empty_null_space(self) -> None:
-        """Add to the wheels' torques what lets their null-space momentum decay."""
+        """Add the torques that make the wheels' null-space momentum decay."""
         if self.null_gain <= 0.0:
             return
         a, b, c, d = self.h_wheel
@@ -121,15 +123,15 @@ class MomentumDumping(WheelManager):
         )
 
     def rate(self) -> Vec3:
-        """The measured rate (rad/s, body); zero while it is not valid."""
+        """Return the measured rate (rad/s, body); zero while it is not valid."""
         return self.omega_bi_body if self.valid_omega else ZERO
 
 
 class TorquerDumping(MomentumDumping):
-    """Base of managers that dump by magnetic torquers alone: a block adds `dipole`.
+    """Base of managers that dump by magnetic torquers alone; a block adds `dipole`.
 
-    N = M x B; with `saturation` each component of M stays within `m_limit`. No dipole
-    at a sample whose field or momentum is not valid.
+    N = M x B; with `saturation` each component of M stays within `m_limit`. There is no
+    dipole at a sample whose field or momentum is not valid.
     """
 
     craft_needs = (Need.COILS,)
@@ -148,10 +150,13 @@ class TorquerDumping(MomentumDumping):
 
     @abstractmethod
     def dipole(self, elapsed: float, h: Vec3) -> Vec3 | None:
-        """The dipole (A m2, body) at a sample, None where the law has none; arguments
-        as of `dump`."""
+        """Compute the dipole (A m2, body) at a sample; None where the law has none.
+
+        Arguments as of `dump`.
+        """
 
     def dump(self, t: float, elapsed: float, h: Vec3) -> tuple[Vec3, Split]:
+        """Compute the torque of the law's dipole; idle without a valid field."""
         if not self.valid_b:
             self.mode = IDLE
             return ZERO, (ZERO, ZERO)
@@ -193,7 +198,7 @@ class ThrusterDumping(MomentumDumping):
     )
 
     def limits(self) -> Vec3:
-        """The largest mean dipole of each axis over a sample (A m2)."""
+        """Return the largest mean dipole of each axis over a sample (A m2)."""
         most = self.duty * self.m_limit
         x, y, z = (0.0 if self.dead_axis == axis else most for axis in (1, 2, 3))
         return (x, y, z)

@@ -1,5 +1,4 @@
-"""The Earth's own field: what environments and managers with a field model onboard
-share."""
+"""Provide the Earth's field to environments and to managers with a field model."""
 
 from __future__ import annotations
 
@@ -15,10 +14,12 @@ EQUATOR_OF_DATE = 0
 
 
 class EarthField(Block):
-    """Parameters and fields of a turning Earth: v_earth = R3(angle) v_date, angle =
-    angle_0 + `earth_rate` t, where `date` is the mean equator and equinox of t = 0,
-    which is `eci` but where `eci_frame` is j2000. A block calls `start_field` before
-    the fields."""
+    """Parameters and fields of a rotating Earth.
+
+    v_earth = R3(angle) v_date, angle = angle_0 + `earth_rate` t, where `date` is the
+    mean equator and equinox of t = 0. `eci` is that frame, unless `eci_frame` is j2000.
+    A block calls `start_field` before the fields.
+    """
 
     epoch_j2000: float = Parameter(
         "s",
@@ -65,8 +66,10 @@ class EarthField(Block):
     )
 
     def start_field(self, igrf: bool) -> None:
-        """Take the Earth's angle at t = 0 and what `eci` is; fails where IGRF-14 is
-        wanted and does not cover the epoch."""
+        """Set the Earth's angle at t = 0 and the frame `eci`.
+
+        Fails where `igrf` is true and IGRF-14 does not cover the epoch.
+        """
         given = self.earth_angle
         self._angle = (
             self.earth_angle_start if given else earth.earth_angle(self.epoch_j2000)
@@ -76,8 +79,13 @@ class EarthField(Block):
         self.covered(0.0, 0.0, igrf)
 
     def covered(self, begin: float, end: float, igrf: bool) -> None:
-        """Raises BlockError where IGRF-14 is wanted from begin to end (s) and does not
-        cover it."""
+        """Check that IGRF-14 covers begin to end (s), if `igrf` is true.
+
+        Raises
+        ------
+        BlockError
+            If it does not.
+        """
         for name, t in (("", begin), (f", at t = {end:.10g} s", end)):
             try:
                 if igrf:
@@ -86,13 +94,13 @@ class EarthField(Block):
                 self.fail(f"epoch_j2000 = {self.epoch_j2000:.10g} s{name}: {error}")
 
     def to_eci(self, v_date: Vec3) -> Vec3:
-        """A vector of the mean equator and equinox of date in eci."""
+        """Transform a vector from the mean equator and equinox of date to eci."""
         if self.eci_frame == EQUATOR_OF_DATE:
             return v_date
         return mat_t_vec(self._precession, v_date)
 
     def to_date(self, v_eci: Vec3) -> Vec3:
-        """A vector of eci in the mean equator and equinox of date."""
+        """Transform a vector from eci to the mean equator and equinox of date."""
         return (
             v_eci
             if self.eci_frame == EQUATOR_OF_DATE
@@ -100,13 +108,19 @@ class EarthField(Block):
         )
 
     def field_eci(self, r_eci: Vec3, t: float, igrf: bool) -> Vec3:
-        """B (T, eci) at r (m) and t (s), as `field_date`."""
+        """Compute the field B (T, eci) at r (m) and t (s), as `field_date`."""
         return self.to_eci(self.field_date(self.to_date(r_eci), t, igrf))
 
     def field_date(self, r_date: Vec3, t: float, igrf: bool) -> Vec3:
-        """B (T, date) at r (m) and t (s): of IGRF with the coefficients of t, or of the
-        centred dipole. Raises BlockError where t has left the years that IGRF-14
-        covers."""
+        """Compute the field B (T, date) at r (m) and t (s).
+
+        It is that of IGRF with the coefficients of t, or of the centred dipole.
+
+        Raises
+        ------
+        BlockError
+            If t is outside the years that IGRF-14 covers.
+        """
         x, y, z = r_date
         angle = self._angle + self.earth_rate * t
         c, s = cos(angle), sin(angle)

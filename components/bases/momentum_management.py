@@ -1,5 +1,4 @@
-"""What the laws of paper 001 have in common: single coils, a weighting, tables from the
-ground."""
+"""Provide the bases of paper 001's laws: coils, weighting, tables from the ground."""
 
 from __future__ import annotations
 
@@ -19,30 +18,29 @@ from .dumping import DUMPING, FALLBACK, IDLE, MomentumDumping
 
 _, COILS, WHEELS = range(3)
 _, TOTAL = range(2)
-CAPACITY = 312
-"""Rows of a table."""
+CAPACITY = 312  # rows of a table
+# Smallest over largest eigenvalue of A A' from which on axes count as spanning space.
 ROOM = 1e-3
-"""Least over largest eigenvalue of A A' from which on axes count as spanning space."""
 
 
 class MomentumManagement(MomentumDumping):
-    """Base of the laws of paper 001: a block adds `law`.
+    """Base of the laws of paper 001; a block adds `law`.
 
     `weighting` is A: 1, the coils' axes M (least coil energy) or the wheels' axes W
-    (least wheel speed); S = A A'. The dipole is commanded as a vector and is made
-    smaller in its own direction where mu_T = M'(M M')^-1 mu_M asks more than `m_limit`
-    of a coil. A coil known to be dead, `dead_coil`, is left out of M. T_GG is the
-    manager's own: `inertia_scale` times `inertia`.
+    (least wheel speed); S = A A'. The dipole is commanded as a vector. It is scaled
+    down in its own direction where mu_T = M'(M M')^-1 mu_M exceeds `m_limit` in a coil.
+    A coil known to be dead, `dead_coil`, is left out of M. T_GG is the manager's own:
+    `inertia_scale` times `inertia`.
 
-    `momentum` is what the law takes as H: the wheels' (H_RW, eq. 7), or the total H_T,
+    `momentum` selects H of the law: that of the wheels (H_RW, eq. 7), or the total H_T,
     to which inertia times rate is added (the wheels' rotors count twice there, some
     1e-5 of it).
 
     The paper takes field and gravity gradient at the sample; the dipole is then held
     for `sample_time`. With `mean` they are means over that time: of the field from its
     last four samples, in eci (Adams and Bashforth's weights), of T_GG by Simpson's rule
-    from r and v. What is of the sample alone leaves T_D an error that adds up along the
-    field.
+    from r and v. With values of the sample alone, T_D has an error that accumulates
+    along the field.
 
     Without a valid field or attitude there is no dipole.
     """
@@ -110,6 +108,7 @@ class MomentumManagement(MomentumDumping):
     )
 
     def start(self) -> None:
+        """Check the axes and set the state to its start values."""
         super().start()
         live = laws.without(self.axes_coil, self.dead_coil)
         of_coils, of_wheels = laws.weighting(live), laws.weighting(self.axes_wheel)
@@ -134,11 +133,17 @@ class MomentumManagement(MomentumDumping):
 
     @abstractmethod
     def law(self, t: float, h: Vec3) -> Vec3 | None:
-        """mu_M (A m2, body) at the sample at t (s), None where the law has none; sets
-        `tau_desired_body`, and `mode` where it falls back on a dipole. h (N m s, body):
-        the momentum less its target."""
+        """Compute mu_M (A m2, body) at the sample at t (s).
+
+        None where the law has none. It sets `tau_desired_body`, and `mode` where it
+        falls back on a dipole. h (N m s, body): the momentum less its target.
+        """
 
     def dump(self, t: float, elapsed: float, h: Vec3) -> tuple[Vec3, Split]:
+        """Compute the torque of the law's dipole, and its split.
+
+        Idle without valid field or attitude.
+        """
         if not (self.valid_b and self.valid_q):
             self.mode, self.tau_desired_body = IDLE, ZERO
             self._forget()
@@ -162,11 +167,11 @@ class MomentumManagement(MomentumDumping):
         return cross(m, self._b), (m, ZERO)
 
     def field(self) -> Vec3:
-        """B (T, body) of the sample, by the measurements."""
+        """Return B (T, body) of the sample, by the measurements."""
         return self._b
 
     def gravity(self) -> Vec3:
-        """T_GG (N m, body) of the sample, as the manager knows it."""
+        """Compute T_GG (N m, body) of the sample in the manager's model."""
         now = gravity_gradient(rotate(self.q_bi, self.r_eci), self._inertia)
         if not self.mean:
             return now
@@ -177,7 +182,10 @@ class MomentumManagement(MomentumDumping):
         return scale(1.0 / 6.0, add(add(now, scale(4.0, middle)), end))
 
     def _gravity_in(self, ahead: float) -> Vec3:
-        """T_GG (N m, body) `ahead` (s) of now, on a free fall of third order."""
+        """Compute T_GG (N m, body) `ahead` (s) of now.
+
+        The position follows a free fall of third order.
+        """
         r, v = self.r_eci, self.v_eci
         size = norm(r)
         pull = MU * ahead * ahead / (size * size * size)
@@ -187,13 +195,15 @@ class MomentumManagement(MomentumDumping):
         return gravity_gradient(rotate(self.q_bi, r), self._inertia)
 
     def _forget(self) -> None:
-        """No field of earlier samples is known."""
+        """Discard the field of earlier samples."""
         self._b_1 = self._b_2 = self._b_3 = ZERO
 
 
 class GroundTables(Block):
-    """Tables that the ground computes and sends up: rows evenly from t = 0 on. Of a
-    time beyond the last row there is no law."""
+    """Tables that the ground computes and uplinks: rows evenly from t = 0 on.
+
+    Beyond the last row there is no law.
+    """
 
     craft_needs: ClassVar[tuple[Need, ...]] = (Need.DESIGN, Need.INERTIAL)
 
@@ -206,14 +216,14 @@ class GroundTables(Block):
     )
 
     def place(self, t: float) -> tuple[int, float] | None:
-        """Row and share of the way to the next at t (s); None outside the table."""
+        """Return the row at t (s) and the fraction to the next; None outside."""
         if t < 0.0 or t > (self.table_nodes - 1) * self.table_spacing * (1.0 + 1e-12):
             return None
         return laws.place(self.table_nodes, self.table_spacing, t)
 
 
 class NominalProfile(GroundTables):
-    """H_NOM, the momentum that half-orbit open-loop solutions lead through, as a table."""
+    """Table of H_NOM, the momentum along half-orbit open-loop solutions."""
 
     table_period: int = Parameter(
         "1",
@@ -227,7 +237,7 @@ class NominalProfile(GroundTables):
     )
 
     def nominal(self, t: float) -> Vec3 | None:
-        """H_NOM (N m s, eci) at t (s); None outside the table."""
+        """Interpolate H_NOM (N m s, eci) at t (s); None outside the table."""
         where = self.place(t)
         if where is None:
             return None

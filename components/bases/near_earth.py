@@ -1,5 +1,4 @@
-"""What orbits around the Earth have in common: field, Sun, shadow and atmosphere along
-them."""
+"""Provide the base of orbits around the Earth: field, Sun, shadow and atmosphere."""
 
 from __future__ import annotations
 
@@ -45,39 +44,36 @@ the factor of error is 1.24 at low, 1.17 at moderate and 1.26 at high activity (
 0.42 and 2.6 at the worst; with `table` 7.2, 1.45 and 5.1, at the worst 0.03 and 46.
 """
 
-NODE_TIME = 10.0
-"""Between the points at which the field is computed (s)."""
+NODE_TIME = 10.0  # s, between the points at which the field is computed
 
-NODES = 6
-"""Points that a polynomial goes through."""
+NODES = 6  # points that a polynomial goes through
 
+# 1/s2: sum of the squared mean motions of the Sun and the Moon, that of the Moon times
+# its share of the mass of Earth and Moon.
 THIRD_BODIES = 1.991e-7**2 + 0.0123 * 2.6617e-6**2
-"""Of the Sun and the Moon: the mean motion squared (1/s2), of the Moon times its share
-of the mass of both."""
-MUCH_PLANE, MUCH_PERIGEE = 0.01, 2e4
-"""What is said (rad, m)."""
+MUCH_PLANE, MUCH_PERIGEE = 0.01, 2e4  # thresholds of a warning (rad, m)
 
 _NO_FIELD, _IGRF = 0, 2
 NO_AIR, _AIR_TABLE, _AIR_EXPONENTIAL = 0, 1, 2
 
 _Vec6 = tuple[float, float, float, float, float, float]
+# Data of one interval between nodes: its number, B (eci) at the nodes around it, the
+# polynomial of each component, the Sun's unit vector in date and in eci, its distance.
 _Piece = tuple[int, tuple[Vec3, ...], tuple[_Vec6, ...], Vec3, Vec3, float]
-"""Of one interval between nodes: its number, B (eci) at the nodes around it, the
-polynomial of each component, the Sun's unit vector in date and in eci, its distance."""
 
 
 class NearEarth(Environment, EarthField):
-    """Base of the environments of an Earth orbit: a block adds `motion`, and to its
-    page is added what all of them compute.
+    """Base of the environments of an Earth orbit; a block adds `motion` and `size`.
+
+    The page of the block is extended by what all of them compute.
 
     `advance` prepares the polynomials of the interval between nodes that its step ends
-    in, and `output` uses them; called for another time, `output` makes them itself and
-    does not keep them. They depend on parameters and time only, so the outputs do not
-    depend on the calls before.
+    in, and `output` uses them. For another time, `output` computes them itself and does
+    not store them. They depend on parameters and time only, so the outputs do not
+    depend on earlier calls.
     """
 
-    third_bodies: ClassVar[bool] = False
-    """Whether Sun and Moon move the orbit."""
+    third_bodies: ClassVar[bool] = False  # whether Sun and Moon move the orbit
 
     field: int = Parameter(
         "1", "geomagnetic field", choices=("none", "dipole", "igrf"), start="igrf"
@@ -117,18 +113,23 @@ class NearEarth(Environment, EarthField):
     )
 
     def __init_subclass__(cls) -> None:
+        """Append the common page to the docstring of the block."""
         super().__init_subclass__()
         cls.__doc__ = f"{inspect.cleandoc(cls.__doc__ or '')}\n{_PAGE}"
 
     @abstractmethod
     def motion(self, t: float) -> tuple[Vec3, Vec3]:
-        """Position (m) and velocity (m/s) at t (s), mean equator and equinox of date."""
+        """Compute position (m) and velocity (m/s) at t (s).
+
+        The frame is the mean equator and equinox of date.
+        """
 
     @abstractmethod
     def size(self) -> tuple[float, float]:
-        """Semi-major axis (m) and eccentricity at the start, as they are given."""
+        """Return semi-major axis (m) and eccentricity at the start, as configured."""
 
     def start(self) -> None:
+        """Set the Earth's field, the solar activity and the state to start values."""
         self.start_field(igrf=self.field == _IGRF)
         given = self.solar_activity == len(atmosphere.ACTIVITY)
         f107, ap = (
@@ -141,7 +142,8 @@ class NearEarth(Environment, EarthField):
         self._piece: _Piece | None = None
 
     def foresee(self, begin: float, end: float, wired: frozenset[str]) -> Iterator[str]:
-        # the polynomials of the last step go on beyond it
+        """Yield the problems known before a run: epoch, height, third bodies."""
+        # the polynomials of the last step extend beyond it
         self.covered(begin, end + NODE_TIME * (NODES // 2), self.field == _IGRF)
         years = tuple(earth.decimal_year(self.epoch_j2000 + t) for t in (begin, end))
         first, last = earth.SUN_YEARS
@@ -157,7 +159,7 @@ class NearEarth(Environment, EarthField):
             a, e = self.size()
             low, high = a * (1.0 - e) - EARTH_RADIUS, a * (1.0 + e) - EARTH_RADIUS
             least, most = atmosphere.HEIGHTS
-            # above `most` there is too little air to count
+            # above `most` the density is negligible
             if low < least:
                 name = ("none", "table", "exponential", "activity")[self.atmosphere]
                 yield (
@@ -169,12 +171,12 @@ class NearEarth(Environment, EarthField):
             yield from self._left_out(end - begin)
 
     def _left_out(self, span: float) -> Iterator[str]:
-        """What Sun and Moon do to an orbit within a time (s), where that is much.
+        """Yield a warning where Sun and Moon would change the orbit much.
 
-        Their mean field, averaged over the orbit and over their own: with w = (n_sun^2
-        + 0.0123 n_moon^2) / n the plane turns by at most 3/8 w (1 + 4 e^2) / sqrt(1 -
-        e^2) sin 2 epsilon and the eccentricity changes by at most 15/8 w e sqrt(1 -
-        e^2) (Cook, Geophys. J. 6 (1962) 271).
+        `span` in s. Their mean field is averaged over the orbit and over their own.
+        With w = (n_sun^2 + 0.0123 n_moon^2) / n the plane turns by at most 3/8 w (1 + 4
+        e^2) / sqrt(1 - e^2) sin 2 epsilon and the eccentricity changes by at most 15/8
+        w e sqrt(1 - e^2) (Cook, Geophys. J. 6 (1962) 271).
         """
         a, e = self.size()
         w = THIRD_BODIES / mean_motion(a)
@@ -191,6 +193,7 @@ class NearEarth(Environment, EarthField):
             )
 
     def output(self, t: float) -> None:
+        """Set orbit, field, Sun and density at t (s)."""
         interval = floor(t / NODE_TIME)
         piece = self._piece
         if piece is None or piece[0] != interval:
@@ -210,13 +213,13 @@ class NearEarth(Environment, EarthField):
         self.density = self.density_at(r, t, sun)
 
     def advance(self, t: float, dt: float) -> None:
+        """Prepare the polynomials of the interval in which the step ends."""
         interval = floor((t + dt) / NODE_TIME)
         if self._piece is None or self._piece[0] != interval:
             self._piece = self._piece_of(interval)
 
     def _piece_of(self, interval: int) -> _Piece:
-        """What holds from one node to the next; of the nodes kept those that serve are
-        reused."""
+        """Compute the data of an interval; nodes of the stored one are reused."""
         nodes: Annotated[tuple[Vec3, ...], NODES] = ()
         polynomials: tuple[_Vec6, ...] = ()
         if self.field != _NO_FIELD:
@@ -235,7 +238,10 @@ class NearEarth(Environment, EarthField):
         return interval, nodes, polynomials, sun, self.to_eci(sun), distance
 
     def density_at(self, r_date: Vec3, t: float, sun_date: Vec3) -> float:
-        """Density (kg/m3) at r (m) and t (s), with the unit vector to the Sun."""
+        """Compute the density (kg/m3) at r (m) and t (s).
+
+        `sun_date` is the unit vector to the Sun.
+        """
         if self.atmosphere == NO_AIR:
             return 0.0
         if self.atmosphere == _AIR_TABLE:
@@ -258,8 +264,10 @@ class NearEarth(Environment, EarthField):
 
 
 def quintic(f: tuple[float, ...]) -> _Vec6:
-    """Coefficients c0 to c5 of the polynomial in s (s) with the values f at s = -2, -1,
-    0, 1, 2, 3 times NODE_TIME: the sum of c_n s^n."""
+    """Compute the coefficients c0 to c5 of a polynomial in s (s): the sum of c_n s^n.
+
+    It has the values f at s = -2, -1, 0, 1, 2, 3 times NODE_TIME.
+    """
     a, b, c, d, e, g = f
     h = 1.0 / NODE_TIME
     return (
@@ -273,7 +281,7 @@ def quintic(f: tuple[float, ...]) -> _Vec6:
 
 
 def derivatives(c: _Vec6, s: float) -> Vec3:
-    """The polynomial with the coefficients c at s, its first and its second derivative."""
+    """Evaluate the polynomial with coefficients c at s, and two derivatives."""
     c0, c1, c2, c3, c4, c5 = c
     return (
         c0 + s * (c1 + s * (c2 + s * (c3 + s * (c4 + s * c5)))),

@@ -1,4 +1,4 @@
-"""How an orbit is given: what the environments of an own orbit share."""
+"""Provide the start of an orbit to environments that compute their own."""
 
 from __future__ import annotations
 
@@ -57,10 +57,10 @@ class OrbitStart(Block):
     eci_frame: int
 
     def start_elements(self, degree: int, wanted: int) -> Elements:
-        """The elements at t = 0, MEAN or OSCULATING as wanted, in the mean equator and
-        equinox of date; fails where they are those of no orbit.
+        """Compute the elements at t = 0, MEAN or OSCULATING as `wanted`.
 
-        `degree`: of the zonal harmonics; 1: a sphere.
+        They are in the mean equator and equinox of date; fails where they describe no
+        orbit. `degree`: of the zonal harmonics; 1: a sphere.
         """
         elements = Elements(
             self.semi_major_axis,
@@ -99,18 +99,19 @@ class OrbitStart(Block):
         return convert(elements, degree, self.mu)
 
     def start_size(self) -> tuple[float, float]:
-        """Semi-major axis (m) and eccentricity at t = 0, as they are given."""
+        """Return semi-major axis (m) and eccentricity at t = 0, as configured."""
         elements = self.start_elements(1, OSCULATING)
         return elements.semi_major_axis, elements.eccentricity
 
     def start_state(self) -> tuple[Vec3, Vec3]:
-        """r_start (m) and v_start (m/s) in the mean equator and equinox of date."""
+        """Return r_start (m) and v_start (m/s), equator and equinox of date."""
         if not self._from_j2000():
             return self.r_start, self.v_start
         c = earth.precession(self.epoch_j2000)
         return mat_vec(c, self.r_start), mat_vec(c, self.v_start)
 
     def _from_j2000(self) -> bool:
+        """Return whether the orbit is relative to the axes of J2000."""
         if self.orbit_frame == _AS_ECI:
             return self.eci_frame == _ECI_IS_J2000
         return self.orbit_frame == _J2000

@@ -1,4 +1,4 @@
-"""Thrusters that fire pulses: what the blocks of the role share."""
+"""Provide the base of thrusters that fire pulses."""
 
 from __future__ import annotations
 
@@ -15,18 +15,18 @@ STANDARD_GRAVITY = 9.80665
 BEGIN, CENTRED = range(2)
 ENTRIES = 8
 
+# Effect of a firing: torque (N m) and force (N) on the body, body, and its thrust (N),
+# which takes propellant.
 Jet = tuple[Vec3, Vec3, float]
-"""What fires: torque (N m) and force (N) on the body, body, and the thrust that it
-takes (N)."""
 
+# Begin and end (s), number of the axis or nozzle, and its effect.
 Pulse = tuple[float, float, int, Jet]
-"""From begin to end (s): which axis or nozzle, and what it does."""
 
 
 class PulsedThrusters(Thrusters):
-    """Thrusters that fire in pulses, and a schedule of firings.
+    """Thrusters that fire in pulses, with a schedule of firings.
 
-    A block says in `wanted` which torques are to fire for how long; they fire here.
+    A block implements `wanted`: which torques fire for how long. They fire here.
     """
 
     least_pulse: float = Parameter(
@@ -91,6 +91,7 @@ class PulsedThrusters(Thrusters):
     _pulses: tuple[Pulse, ...]
 
     def start(self) -> None:
+        """Set the state to its start values and read the schedule."""
         super().start()
         self._pulses = ()
         self._rests = (0.0,) * ENTRIES
@@ -110,12 +111,14 @@ class PulsedThrusters(Thrusters):
         self.force_mean_thruster_body = ZERO
 
     def output(self, t: float) -> None:
+        """Set the counters of on-time and propellant."""
         self.on_time = self._on_time
         self.propellant = self._propellant
         self.schedule_on_time = self._schedule_on_time
         self.schedule_propellant = self._schedule_propellant
 
     def advance(self, t: float, dt: float) -> None:
+        """Plan pulses at a sample and fire them and the schedule over the step."""
         if self.due(t):
             period = self.sample_time or dt
             wants = tuple(
@@ -152,8 +155,11 @@ class PulsedThrusters(Thrusters):
         t: float,
         dt: float,
     ) -> None:
-        """Add what the pulses do over the step from t on to the torque's mean and slope
-        (N m) and the force's mean (N), body, and count them."""
+        """Add the pulses over the step from t (s) and count them.
+
+        They are added to the torque's mean and slope (N m) and the force's mean (N),
+        body.
+        """
         exhaust = STANDARD_GRAVITY * self.specific_impulse
         used = 0.0
         for begin, end, _, jet in self._pulses:
@@ -172,45 +178,51 @@ class PulsedThrusters(Thrusters):
             self._propellant = self.propellant_limit()
 
     def propellant_limit(self) -> float:
-        """What all pulses may take (kg): that of the tank."""
+        """Return the propellant (kg) that all pulses may use: that of the tank."""
         return inf
 
     @abstractmethod
     def wanted(self, period: float) -> Iterable[tuple[float, Jet]]:
-        """What the command wants in this sample period of each axis or nozzle: on-time
-        (s), and what fires."""
+        """Return the commanded on-time (s) and the effect of each axis or nozzle.
+
+        The command is that for this sample period (s).
+        """
 
     def scheduled(self, i: int) -> Jet:
-        """What fires in the scheduled firing i."""
+        """Return the effect of the scheduled firing i."""
         x, y, z = self.schedule_tau_body[3 * i : 3 * i + 3]
         fx, fy, fz = self.schedule_force_body[3 * i : 3 * i + 3]
         return (x, y, z), (fx, fy, fz), norm((fx, fy, fz))
 
     def fired(self, i: int, seconds: float) -> None:
-        """The axis or nozzle i has fired for some time (s) of this step."""
+        """Record that the axis or nozzle i fired for some time (s) of this step."""
 
     def fired_as_scheduled(self, i: int, seconds: float) -> None:
-        """The scheduled firing i has lasted some time (s) of this step."""
+        """Record that the scheduled firing i lasted some time (s) of this step."""
 
     def _rest(self, i: int, jet: Jet) -> float:
-        """What is left (s) of the last on-time of an axis or nozzle, against it of a
-        pair that has turned the other way; no more than the pulse that is not given."""
+        """Return the remainder (s) of the last on-time of an axis or nozzle.
+
+        It counts against a firing in the opposite direction of a pair. It is limited to
+        the longest pulse that is left out.
+        """
         most = max(self.least_pulse, self.least_on_time)
         return max(-most, min(self._rests[i] * _way(jet), most))
 
     def _width(self, on_time: float, period: float) -> float:
-        """The pulse (s) that a wanted on-time (s) becomes; 0 where it is left out."""
+        """Round an on-time (s) to a pulse (s); 0 where it is left out."""
         count = int(on_time / self.least_pulse + 0.5)
         width = min(count * self.least_pulse, period)
         return 0.0 if width < self.least_on_time * (1.0 - 1e-12) else width
 
     def _pulse(self, t: float, period: float, width: float, i: int, jet: Jet) -> Pulse:
+        """Place a pulse of this width (s) in the sample period from t (s)."""
         begin = t if self.placement == BEGIN else t + 0.5 * (period - width)
         return begin, begin + width, i, jet
 
 
 def _way(jet: Jet) -> float:
-    """1, or -1 of a pair that turns the other way."""
+    """Return -1 for the opposite direction of a pair, otherwise 1."""
     x, y, z = jet[0]
     return -1.0 if x + y + z < 0.0 else 1.0
 
@@ -225,8 +237,10 @@ def _add(
     t: float,
     dt: float,
 ) -> float:
-    """Add what fires on [begin, end] to the torque's mean and slope and the force's
-    mean on [t, t + dt]; return the time on (s)."""
+    """Add a firing on [begin, end] to the torque's mean and slope and the force's mean.
+
+    The means are those on [t, t + dt]. Returns the time on (s).
+    """
     share, lead, seconds = window(begin, end, t, dt)
     if seconds > 0.0:
         for i, x in enumerate(jet[0]):

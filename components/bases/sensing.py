@@ -1,6 +1,6 @@
-"""What sensors have in common: failure, quantisation, saturation, drifting errors.
+"""Provide the base of sensors: failure, quantisation, saturation, drifting errors.
 
-Every function takes its random numbers as arguments; `noise.py` makes them.
+Every function takes its random numbers as arguments; `noise.py` generates them.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from ..contract.block import Parameter, Sampled, Vec3
 
 
 class Sensor(Sampled):
-    """What a sensor does at its samples; a block adds `measure`."""
+    """Base of sensors that sample and may fail; a block adds `measure`."""
 
     fail_time: float = Parameter(
         "s",
@@ -25,12 +25,13 @@ class Sensor(Sampled):
         "1", "seed of the errors; instance name and variable key them as well", start=1
     )
 
+    # Parameters that are the standard deviation of a number drawn at each sample.
     white: ClassVar[tuple[str, ...]] = ("noise",)
-    """Parameters that are the deviation of a number drawn anew at each sample."""
 
     valid: bool
 
     def foresee(self, begin: float, end: float, wired: frozenset[str]) -> Iterator[str]:
+        """Yield the problems known before a run: also noise without a sample time."""
         drawn = [name for name in self.white if getattr(self, name) > 0.0]
         if drawn and self.sample_time <= 0.0:
             yield (
@@ -40,6 +41,7 @@ class Sensor(Sampled):
         yield from super().foresee(begin, end, wired)
 
     def start(self) -> None:
+        """Set the state to its start values and take the first sample."""
         super().start()
         self.valid = True
         self.measure(0, 0.0)
@@ -47,6 +49,7 @@ class Sensor(Sampled):
             self.lost()
 
     def advance(self, t: float, dt: float) -> None:
+        """Take a sample where one is due, unless the sensor has failed."""
         before = self._sample
         if not self.due(t):
             return
@@ -60,31 +63,35 @@ class Sensor(Sampled):
         )
 
     def lost(self) -> None:
-        """The sensor has failed: its last value stays, invalid."""
+        """Mark the sensor as failed: its last value stays, invalid."""
         self.valid = False
 
     @abstractmethod
     def measure(self, sample: int, elapsed: float) -> None:
-        """Take sample number `sample`, `elapsed` (s) after the one before; 0 for the
-        first."""
+        """Take sample number `sample`, `elapsed` (s) after the last one.
+
+        `elapsed` is 0 for the first.
+        """
 
 
 def failed(t: float, fail_time: float) -> bool:
-    """True from fail_time (s) on; never where it is negative."""
-    # as in Sampled.due, t = k h may fall short of the time it stands for by rounding
+    """Return whether t is at or after fail_time (s); never where it is negative."""
+    # as in Sampled.due, rounding may make t = k h smaller than the exact time
     return 0.0 <= fail_time <= t + 1e-6
 
 
 def digital(x: float, resolution: float, full_scale: float) -> float:
-    """x rounded to a multiple of `resolution`, then within +-full_scale; 0 leaves
-    either out."""
+    """Round x to a multiple of `resolution` and limit it to +-full_scale.
+
+    0 disables either.
+    """
     if resolution > 0.0:
         x = resolution * round(x / resolution)
     return min(max(x, -full_scale), full_scale) if full_scale > 0.0 else x
 
 
 def digital3(a: Vec3, resolution: float, full_scale: float) -> Vec3:
-    """Each component as `digital` makes it."""
+    """Round and limit each component, as `digital` does."""
     if resolution <= 0.0 and full_scale <= 0.0:
         return a
     return (
@@ -95,20 +102,20 @@ def digital3(a: Vec3, resolution: float, full_scale: float) -> Vec3:
 
 
 def gauss_markov(x: Vec3, decay: float, sigma: float, n: Vec3) -> Vec3:
-    """The next value of a first-order Gauss-Markov process, exact whatever the time
-    between.
+    """Compute the next value of a first-order Gauss-Markov process.
 
-    decay = exp(-time / correlation time), sigma: stationary deviation of each
-    component, n: standard normal numbers. Gelb, Applied Optimal Estimation (1974), ch.
-    3.
+    It is exact whatever the time between. decay = exp(-time / correlation time), sigma:
+    stationary standard deviation of each component, n: standard normal numbers. Gelb,
+    Applied Optimal Estimation (1974), ch. 3.
     """
     s = sigma * sqrt(1.0 - decay * decay)
     return (decay * x[0] + s * n[0], decay * x[1] + s * n[1], decay * x[2] + s * n[2])
 
 
 def sigma_of_mean_norm(mean: float) -> float:
-    """The deviation of each axis that gives a normal 3-vector this mean norm.
+    """Compute the standard deviation of each axis from the mean norm of a 3-vector.
 
-    The norm is Maxwell distributed, its mean sigma sqrt(8 / pi).
+    The vector is normal, so its norm is Maxwell distributed with the mean sigma sqrt(8
+    / pi).
     """
     return mean * sqrt(pi / 8.0)

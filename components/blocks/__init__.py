@@ -1,1 +1,1 @@
-"""The blocks. This folder is the registry: one file is one block is one FMU."""
+"""Hold the blocks: this folder is the registry, one file is one block is one FMU."""

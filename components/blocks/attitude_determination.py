@@ -9,7 +9,7 @@ from ..maths.attitude import propagated
 from ..maths.noise import normal3, normal6, stream
 from ..maths.vector import ZERO, add, scale, unit
 
-_MISALIGNMENT = 6  # its channels in sample 0, after the six of every sample
+_MISALIGNMENT = 6  # its first noise channel in sample 0, after the six of all samples
 
 
 class AttitudeDetermination(Role, Sensor):
@@ -21,8 +21,8 @@ class AttitudeDetermination(Role, Sensor):
 
     at each sample, T = `sample_time` after the last one, held in between. dq(a) is the
     rotation by |a| about a, in body axes. u is a unit vector drawn once, n and w are
-    standard normal numbers of each axis, and x starts from its stationary distribution
-    (a first-order Gauss-Markov process). The errors are functions of seed, instance
+    standard normal numbers of each axis, and x, a first-order Gauss-Markov process,
+    starts from its stationary distribution. The errors are functions of seed, instance
     name and sample index.
 
     An *average determination error* E (paper 004: 3 deg) comes from either

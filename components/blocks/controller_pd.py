@@ -15,8 +15,8 @@ class ControllerPd(Controller):
 
     at each sample, held in between, each axis within +-`torque_limit`; `controller_pid`
     without its integral. No torque at a sample whose attitude or rate is not valid. e
-    is half the angle for small errors. Eq. 8 subtracts the rates without saying in
-    which frame; here the reference rate is brought into the body frame.
+    is half the angle for small errors. Eq. 8 subtracts the rates without naming the
+    frame; here the reference rate is transformed into the body frame.
 
     Source: paper 004, eqs. 7-11.
     """

@@ -22,12 +22,12 @@ class ControllerPid(Controller):
 
     at each sample, T = `sample_time` (or the step) after the last one, held in between,
     each axis within +-`torque_limit`. e is half the angle for small errors. Eq. 8
-    subtracts the rates without saying in which frame; here the reference rate is
-    brought into the body frame.
+    subtracts the rates without naming the frame; here the reference rate is transformed
+    into the body frame.
 
-    With `anti_windup` the integral does not grow at a sample whose torque the limit
-    cuts. While disabled it is zero. At a sample whose attitude or rate is not valid
-    there is no torque, and the integral stays.
+    With `anti_windup` the integral does not grow at a sample whose torque is limited.
+    It is zero while the controller is disabled. At a sample whose attitude or rate is
+    not valid there is no torque, and the integral is held.
 
     The paper's tuning with G the inertia is kp >= beta, kd >= 3 beta, ki <= beta / 500
     (eq. 12), beta 1e-3 to 1e-2; at equality the phase margin is 3 to 22 deg. The
@@ -93,4 +93,5 @@ class ControllerPid(Controller):
         self.tau_ctrl_body = limited(tau, self.torque_limit)
 
     def _torque(self, e: Vec3, d_omega: Vec3, xi: Vec3) -> Vec3:
+        """Compute the PID torque (3,) N m, body, before its limit."""
         return pid_torque(e, d_omega, xi, self.kp, self.kd, self.ki, self.gain_matrix)

@@ -19,15 +19,16 @@ class DisturbanceTable(Disturbance):
 
     Between two rows of `torque` the torque is that of the earlier one (`hold`) or the
     straight line between both (`linear`); a row whose time does not grow ends the
-    table. Its mean over each step is exact, in the frame of the table; it is turned
-    into the body with attitude and orbit of the step's begin:
+    table. Its mean over each step is exact in the frame of the table. It is transformed
+    into the body with attitude and orbit at the beginning of the step:
 
         tau_ext_body = C tau_mean factor + tau_other_body
 
-    A table of one row is a constant torque. With `repeated` the last row begins anew as
-    the first; without, a table of several rows covers the whole run.
+    A table of one row is a constant torque. With `repeated` the table restarts at its
+    first row when the last one is reached; otherwise a table of several rows must cover
+    the whole run.
 
-    Source: a table of the user's.
+    Source: a table of the user.
     """
 
     torque: Table = Parameter(
@@ -89,7 +90,7 @@ class DisturbanceTable(Disturbance):
         self.tau_ext_body = add(tau, self.tau_other_body)
 
     def _until(self, t: float) -> Vec3:
-        """The impulse (N m s) from the first row to t (s)."""
+        """Return the impulse (N m s) from the first row to t (s)."""
         first, last = self.torque[0], self.torque[4 * self._count - 4]
         rounds = 0
         if self.repeated:
@@ -108,8 +109,10 @@ class DisturbanceTable(Disturbance):
         )
 
     def _within(self, i: int, span: float) -> Vec3:
-        """The impulse (N m s) from row i over a time span (s) within its part of the
-        table."""
+        """Return the impulse (N m s) from row i over a time span (s).
+
+        The span lies within the row's interval of the table.
+        """
         x, y, z = self.torque[4 * i + 1 : 4 * i + 4]
         if self.between == HOLD or self._count == 1:
             return (x * span, y * span, z * span)

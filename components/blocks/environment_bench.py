@@ -11,9 +11,10 @@ class EnvironmentBench(Environment):
 
         B = field about the axis of field_rate by |field_rate| t,     r = r_start, v = v_start
 
-    Position and velocity are those of an orbit, for what asks for them, and do not
-    move; a spacecraft's gravity gradient is the user's to switch off. The lamp is
-    `sun`, of `light` times the Sun's light at 1 astronomical unit. No air.
+    Position and velocity are those of an orbit, for components that need them, and are
+    constant; the user has to switch off the gravity gradient of a spacecraft. The lamp
+    is `sun`, with `light` times the Sun's light at 1 astronomical unit. There is no
+    air.
 
     Source: a Helmholtz cage.
     """

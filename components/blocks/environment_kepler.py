@@ -13,8 +13,7 @@ from ..physics.orbit import (
     perifocal_axes,
 )
 
-DEGREE = 4
-"""Of the zonal harmonics in which osculating elements are averaged."""
+DEGREE = 4  # of the zonal harmonics in which osculating elements are averaged
 
 
 class EnvironmentKepler(NearEarth, OrbitStart):
@@ -26,18 +25,18 @@ class EnvironmentKepler(NearEarth, OrbitStart):
 
     in closed form; p points to the perigee, q 90 deg ahead.
 
-    With `j2` the Earth is no sphere: raan, argument of perigee and M of the mean
-    elements drift at the secular rates of its oblateness (first order; Vallado,
-    Fundamentals of Astrodynamics and Applications, section 9.6)
+    With `j2` the Earth is oblate: raan, argument of perigee and M of the mean elements
+    drift at the secular rates of its oblateness (first order; Vallado, Fundamentals of
+    Astrodynamics and Applications, section 9.6)
 
         raan' = -3/2 k n cos i,  arg' = 3/4 k n (5 cos^2 i - 1),
         M' = n + 3/4 k n sqrt(1 - e^2) (3 cos^2 i - 1),  k = J2 (R / (a (1 - e^2)))^2;
 
-    the periodic part, some km, is left out. Osculating elements, or position and
-    velocity, are averaged first over a revolution integrated in J2 to J4; given as if
-    they were mean ones, they are off by 50 to 100 km after a revolution in a low orbit.
-    environment_propagated keeps the periodic part. v is the time derivative of r either
-    way.
+    the periodic part, some km, is neglected. Osculating elements, or position and
+    velocity, are first averaged over a revolution integrated with J2 to J4. If they
+    were used as mean ones, the position would be off by 50 to 100 km after a revolution
+    in a low orbit. environment_propagated includes the periodic part. v is the time
+    derivative of r in both cases.
     """
 
     j2: bool = Parameter("1", "true: secular drift of the mean elements by J2")

@@ -51,11 +51,8 @@ class EnvironmentOrbitDipole(Environment):
         radius = EARTH_RADIUS + self.altitude
         self._radius, self._rate = radius, mean_motion(radius)
         self._node, self._ahead, self._normal = orbit_plane(self.inclination, self.raan)
-        self.sun_eci, self.sunlight, self.density = (
-            ZERO,
-            0.0,
-            0.0,
-        )  # the paper has neither
+        # the paper has neither Sun nor atmosphere
+        self.sun_eci, self.sunlight, self.density = (ZERO, 0.0, 0.0)
 
     def output(self, t: float) -> None:
         n = self._rate

@@ -12,13 +12,12 @@ from ..maths.vector import norm
 from ..physics import earth
 from ..physics.orbit import gravity, state_from_elements
 
-_BEFORE = NODES // 2 - 1
-"""Nodes of the arc before the interval that the block is in."""
+_BEFORE = NODES // 2 - 1  # nodes of the arc before the interval that the block is in
 
 _Vec6 = tuple[float, float, float, float, float, float]
+# Data of one interval between nodes: its number, and the polynomial of each component
+# of r.
 _Path = tuple[int, tuple[_Vec6, _Vec6, _Vec6]]
-"""Of one interval between nodes: its number, and the polynomial of each component of r.
-"""
 _Arc = tuple[State, State, State, State, State, State]
 
 
@@ -29,28 +28,28 @@ class EnvironmentPropagated(NearEarth, OrbitStart):
 
     from mean or osculating elements, or from position and velocity. g is the Earth's
     gravity with the zonal harmonics J2 to J4 (EGM-96), drag is that of `area_drag`, F
-    the thrusters' force. The osculating elements of mean ones are those whose average
-    over a revolution the mean ones are.
+    the thrusters' force. Osculating elements are computed from mean ones so that their
+    average over a revolution is the mean ones.
 
-    Between the nodes at the multiples of 10 s it is integrated by the Runge-Kutta
+    The orbit is integrated between nodes at the multiples of 10 s by the Runge-Kutta
     method of order 8 of Dormand and Prince (Hairer, Norsett, Wanner, Solving Ordinary
-    Differential Equations I): the step does not depend on the master's. In between r is
+    Differential Equations I); its step does not depend on the master's. In between r is
     the polynomial of fifth degree through position, velocity and acceleration of both
     nodes, 1e-9 m from the solution; v its derivative.
 
-    With `firings` the mean force of a step acts over it, in the body that turns on from
-    q_bi with omega_bi_body; the orbit goes on from where it leads.
+    With `firings` the mean force of a step acts over the step, fixed to the body, which
+    turns on from q_bi with omega_bi_body; the orbit continues from the resulting state.
     `environment.force_mean_thruster_body`, `q_bi` and `omega_bi_body` are to be wired
     from the thrusters and the spacecraft in the craft file. With `specific_impulse` the
     craft's mass falls by what that force takes,
 
         m' = -|force_mean_thruster_body| / (g0 specific_impulse)
 
-    which is nothing of what thrusters spend against each other; without it `mass` is
-    constant.
+    which does not include propellant of thrusters whose forces cancel; without it
+    `mass` is constant.
 
-    A block of its own, not a choice of environment_kepler: it has a state, which
-    firings change, where that one is a function of time.
+    It is a separate block, not an option of environment_kepler, because it has a state,
+    which firings change, whereas that one is a function of time.
     """
 
     _first: int
@@ -135,7 +134,10 @@ class EnvironmentPropagated(NearEarth, OrbitStart):
         super().advance(t, dt)
 
     def _fire(self, t: float, dt: float) -> None:
-        """Go on from where the force leads over the step of dt (s) from t (s) on."""
+        """Integrate the thrusters' force over the step of dt (s) from t (s) on.
+
+        The orbit then continues from the new state; the propellant is subtracted.
+        """
         r, v = self.motion(t)
         y: State = (*r, *v, 0.0)
         if self.specific_impulse > 0.0:
@@ -152,11 +154,13 @@ class EnvironmentPropagated(NearEarth, OrbitStart):
             y = self._step(t + share * dt, y, dt / parts, firing_since=share * dt)
         self._mass -= self._flow * dt
         self._new_arc(t + dt, y)
-        self._piece = None  # the field is that of another path
+        self._piece = None  # its field belongs to the old path
 
     def _new_arc(self, t: float, y: State) -> None:
-        """The nodes around t (s) of the orbit through y at t, and the path between
-        them."""
+        """Integrate the nodes around t (s) of the orbit through y at t.
+
+        It also sets the path between them.
+        """
         interval = floor(t / NODE_TIME)
         s = t - NODE_TIME * interval
         at = self._step(t, y, -s) if s > 0.0 else y
@@ -170,8 +174,10 @@ class EnvironmentPropagated(NearEarth, OrbitStart):
         self._path = self._path_of(interval)
 
     def _node(self, k: int) -> State:
-        """The state at node k; integrated from the arc, and not kept, where it is not
-        of it."""
+        """Return the state at node k.
+
+        Outside of the arc it is integrated and not stored.
+        """
         index = k - self._first
         if 0 <= index < NODES:
             return self._arc[index]
@@ -184,6 +190,7 @@ class EnvironmentPropagated(NearEarth, OrbitStart):
         return y
 
     def _path_of(self, interval: int) -> _Path:
+        """Compute the polynomial of the position (m) between two nodes."""
         left, right = self._node(interval), self._node(interval + 1)
         t = NODE_TIME * interval
         a = self._acceleration(t, left, self._sun(t))
@@ -195,12 +202,15 @@ class EnvironmentPropagated(NearEarth, OrbitStart):
         return interval, (x, y, z)
 
     def _step(self, t: float, y: State, dt: float, firing_since: float = -1.0) -> State:
-        """The state dt (s) after y at t (s): without force where `firing_since` is
-        negative, else with that of the master's step that began so long (s) before
-        t."""
+        """Integrate the state y at t (s) over dt (s).
+
+        No force acts where `firing_since` is negative. Otherwise the force is that of
+        the master's step that began so long (s) before t.
+        """
         sun = self._sun(t + 0.5 * dt)
 
         def slope(e: float, y: State) -> State:
+            """Return the derivative of position and velocity: m/s and m/s2."""
             ax, ay, az = self._acceleration(t + e * dt, y, sun)
             if firing_since >= 0.0:
                 q = propagated(self.q_bi, self.omega_bi_body, firing_since + e * dt)
@@ -212,7 +222,7 @@ class EnvironmentPropagated(NearEarth, OrbitStart):
         return step8(slope, 0.0, y, 1.0, dt)
 
     def _acceleration(self, t: float, y: State, sun: Vec3) -> Vec3:
-        """Of gravity and drag (m/s2)."""
+        """Compute the acceleration (m/s2) by gravity and drag."""
         r = (y[0], y[1], y[2])
         gx, gy, gz = gravity(r, self.zonals + 1, self.mu)
         if self.area_drag == 0.0:
@@ -229,14 +239,19 @@ class EnvironmentPropagated(NearEarth, OrbitStart):
         return (gx - k * wx, gy - k * wy, gz - k * wz)
 
     def _sun(self, t: float) -> Vec3:
-        """The direction of the Sun, for drag; it moves by 2e-6 rad in an interval."""
+        """Return the direction of the Sun (unit vector, date), for drag.
+
+        It moves by 2e-6 rad in an interval.
+        """
         return earth.sun(self.epoch_j2000 + t)[0]
 
 
 def hermite(r0: float, v0: float, a0: float, r1: float, v1: float, a1: float) -> _Vec6:
-    """Coefficients c0 to c5 of the polynomial with value, derivative and second
-    derivative r0, v0, a0 at s = 0 and r1, v1, a1 at s = NODE_TIME: the sum of c_n
-    s^n."""
+    """Compute the coefficients c0 to c5 of a polynomial: the sum of c_n s^n.
+
+    It has value, derivative and second derivative r0, v0, a0 at s = 0 and r1, v1, a1 at
+    s = NODE_TIME.
+    """
     h = NODE_TIME
     c2 = 0.5 * a0
     r = (r1 - r0 - (v0 + c2 * h) * h) / h**3

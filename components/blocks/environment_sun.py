@@ -8,8 +8,7 @@ from ..maths.vector import ZERO, dot, norm, scale
 from ..physics.earth import ASTRONOMICAL_UNIT, OBLIQUITY
 from ..physics.orbit import ellipse_state, mean_motion, perifocal_axes
 
-SUN_MU = 1.32712440018e20
-"""Gravitational parameter of the Sun (m3/s2)."""
+SUN_MU = 1.32712440018e20  # m3/s2, gravitational parameter of the Sun
 
 
 class EnvironmentSun(Environment):
@@ -20,10 +19,10 @@ class EnvironmentSun(Environment):
         r = a (cos E - e) p + a sqrt(1 - e^2) sin E q
 
     from the Sun, in the axes of eci; the elements are relative to the ecliptic, which
-    is turned from eci's equator by 23.439 deg. sun_eci = -r / |r|, sunlight = (1
+    is inclined to the equator of eci by 23.439 deg. sun_eci = -r / |r|, sunlight = (1
     astronomical unit / |r|)^2. No field, no air, no shadow. r_eci is the position from
-    the Sun: a spacecraft's gravity gradient of the Earth is off here, and that of the
-    Sun, 1e-13 N m for 1 kg m2, is not modelled.
+    the Sun: the gravity gradient of the Earth must be off in the spacecraft, and that
+    of the Sun, 1e-13 N m for 1 kg m2, is not modelled.
 
     Source: two bodies.
     """
@@ -67,6 +66,6 @@ class EnvironmentSun(Environment):
 
 
 def _from_ecliptic(v: Vec3) -> Vec3:
-    """A vector of the ecliptic in eci."""
+    """Rotate a vector from ecliptic axes to eci."""
     c, s = cos(OBLIQUITY), sin(OBLIQUITY)
     return (v[0], c * v[1] - s * v[2], s * v[1] + c * v[2])

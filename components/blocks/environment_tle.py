@@ -12,22 +12,22 @@ class EnvironmentTle(NearEarth):
     Position and velocity by SGP4 and SDP4 (Vallado and others, Revisiting Spacetrack
     Report #3, AIAA 2006-6753; WGS-72) from the mean elements of a two-line set,
     `epoch_j2000` - `epoch_tle_j2000` + t after their epoch. TEME, the frame of SGP4, is
-    taken as `eci`. `components.tle.tle_parameters` turns the two lines into the
-    parameters. The derivatives of the mean motion are not among them: SGP4 does not use
-    them.
+    taken as `eci`. `components.physics.tle.tle_parameters` converts the two lines to
+    the parameters. The derivatives of the mean motion are not among them, as SGP4 does
+    not use them.
 
-    Firings do not act on this orbit, whatever is wired: elements of the next set would
-    have them. `environment_propagated` takes them.
+    Firings do not act on this orbit, whatever is wired; they would appear in the next
+    element set only. `environment_propagated` includes them.
 
     v is the velocity of SGP4, whose short-period part is simplified: on low, nearly
     circular orbits it is the derivative of r to 0.04 m/s. The derivatives of the field
     follow r.
 
     The host's Python needs the package sgp4 (pip install sgp4). Without it the block
-    fails as it starts, with a message that says so.
+    fails at its start, with a message that names the package.
     """
 
-    third_bodies = True  # SGP4 has them of slow orbits
+    third_bodies = True  # SGP4 includes them for slow orbits
 
     epoch_j2000: float = Parameter(
         "s",

@@ -15,9 +15,9 @@ class GuidanceNadir(Guidance):
 
     at each sample, held in between. q_oi is the attitude of lvlh (z to nadir, y to
     minus orbit normal); its rate is exact on circular and elliptic Kepler orbits. A
-    force across the orbit turns the plane and adds r f / |r x v| about z, which is left
-    out: for the Earth's J2 less than 2e-3 of the orbital rate. The sign of the
-    quaternion is that of the sample before.
+    force across the orbit turns the plane and adds r f / |r x v| about z. This is
+    neglected: for the Earth's J2 it is less than 2e-3 of the orbital rate. The sign of
+    the quaternion is that of the previous sample.
 
     Source: paper 004, sec. 3; the rate from the conservation of angular momentum.
     """
@@ -43,7 +43,8 @@ class GuidanceNadir(Guidance):
             self._point()
 
     def _point(self) -> None:
+        """Set the reference attitude and rate from position and velocity."""
         r, v = self.r_eci, self.v_eci
-        # lvlh_attitude keeps its scalar positive
+        # lvlh_attitude returns a scalar >= 0, so the sign may jump
         self.q_ref_bi = nearest(product(self._q_bo, lvlh_attitude(r, v)), self.q_ref_bi)
         self.omega_ref_body = scale(norm(cross(r, v)) / dot(r, r), self._axis)

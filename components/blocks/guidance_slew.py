@@ -15,9 +15,9 @@ class GuidanceSlew(Guidance):
 
     at each sample, held in between. a is the shortest rotation vector from `q_begin_bi`
     to `q_end_bi`, or `slew_body` where that is not zero, dq(a) the rotation by |a|
-    about a; a has the same components in every frame on the way. Rate and acceleration
-    are zero at both ends; the largest rate is 15/8 of the mean. Before `t_begin` and
-    after `t_end` the reference rests.
+    about a; a has the same components in every frame during the slew. Rate and
+    acceleration are zero at both ends; the largest rate is 15/8 of the mean. Before
+    `t_begin` and after `t_end` the reference is at rest.
 
     Source: paper 004, sec. 3 (Figures 6-8: a slew of 1.5 h), which does not give its
     profile; the quintic is ours.
@@ -58,6 +58,7 @@ class GuidanceSlew(Guidance):
             self._point(t)
 
     def _point(self, t: float) -> None:
+        """Set the reference attitude and rate at t (s)."""
         duration = self.t_end - self.t_begin
         s, rate = rest_to_rest((t - self.t_begin) / duration)
         self.q_ref_bi = propagated(self._q_begin, self._rotation, s)

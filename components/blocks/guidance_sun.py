@@ -15,12 +15,13 @@ class GuidanceSun(Guidance):
         C(q_ref_bi) s = `axis_body`,     omega_ref_body = `sun_rate` C(q_ref_bi) n
 
     at each sample, held in between, with s the unit vector to the Sun and n the
-    ecliptic's north. About it the craft is turned so that `second_body` is as near to n
-    as it can be. In eclipse it holds: s is the direction to the Sun, seen or not.
+    ecliptic's north. The rotation about s brings `second_body` as near to n as
+    possible. The reference also holds in eclipse, as s is the direction to the Sun,
+    visible or not.
 
     Seen from the Earth the Sun moves along the ecliptic by 0.953 to 1.019 deg a day;
-    omega_ref_body has the mean rate, and errs by 7e-9 rad/s at most. Seen from an orbit
-    about the Sun s moves at that orbit's rate.
+    omega_ref_body has the mean rate; its error is at most 7e-9 rad/s. Seen from an
+    orbit about the Sun, s moves at that orbit's rate.
 
     Source: geometry.
     """
@@ -63,6 +64,7 @@ class GuidanceSun(Guidance):
             self._point()
 
     def _point(self) -> None:
+        """Set the reference attitude and rate from the direction to the Sun."""
         if norm(self.sun_eci) == 0.0:
             self.fail("sun_eci is zero: no Sun is modelled")
         sun = unit(self.sun_eci)

@@ -21,10 +21,10 @@ class GuidanceYaw(Guidance):
     about z, at each sample, held in between: the Sun lies in the plane of x and z, on the side of
     +x, and a panel that turns about y faces it. `q_bf` turns the body from that frame.
 
-    Where the Sun comes near the orbit's plane, psi turns by up to half a turn at noon
-    and midnight. The craft follows with rates up to `rate_limit` and accelerations up
-    to `acceleration_limit`: while it is behind by b, at the rate psi' +
-    sqrt(acceleration_limit |b|) towards it, or psi' + b / (10 samples) where that is
+    Where the Sun is near the orbital plane, psi changes by up to half a turn at noon
+    and midnight. The reference follows with rates up to `rate_limit` and accelerations
+    up to `acceleration_limit`. While it lags psi by b, its rate is psi' +
+    sqrt(acceleration_limit |b|) towards psi, or psi' + b / (10 samples) where that is
     less.
 
     Source: geometry; the convention is that of GPS block II (Bar-Sever, J. Geodesy 70
@@ -64,6 +64,10 @@ class GuidanceYaw(Guidance):
             self._point(t)
 
     def _point(self, t: float) -> None:
+        """Set the reference attitude and rate at t (s).
+
+        The yaw follows within its limits of rate and acceleration.
+        """
         if norm(self.sun_eci) == 0.0:
             self.fail("sun_eci is zero: no Sun is modelled")
         r, v = self.r_eci, self.v_eci
@@ -90,9 +94,10 @@ class GuidanceYaw(Guidance):
         half = 0.5 * self._yaw
         turned = product((0.0, 0.0, sin(half), cos(half)), lvlh)
         self.q_ref_bi = nearest(product(self._q_bf, turned), self.q_ref_bi)
-        # the orbit's rate is about minus y of lvlh
+        # the orbital rate points along minus y of lvlh
         c, s = cos(self._yaw), sin(self._yaw)
         self.omega_ref_body = rotate(self._q_bf, (-rate * s, -rate * c, self._rate))
 
     def _within(self, x: float, most: float) -> float:
+        """Limit x to +-most."""
         return min(max(x, -most), most)

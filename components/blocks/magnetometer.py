@@ -15,17 +15,17 @@ class Magnetometer(Role, Sensor):
 
     at each sample, held in between; then each axis is rounded to a multiple of
     `resolution` and limited to +-`full_scale`, where these are not 0. A limited value
-    stays valid: it still has the sign. The noise is a function of seed, instance name
-    and sample index.
+    stays valid, as its sign is still right. The noise is a function of seed, instance
+    name and sample index.
 
-    K m_body is the field of the torquers' own dipole at the magnetometer, at the time
-    of the sample: what coils off during a measurement (paper 004) avoid. For a dipole
-    far from its coil, r (m) from it in the direction u, K = mu_0 / (4 pi r^3) (3 u u' -
-    1).
+    K m_body is the field of the torquers' dipole at the magnetometer at the time of the
+    sample. Switching the coils off during a measurement (paper 004) avoids it. For a
+    dipole far from its coil, r (m) from it in the direction u, K = mu_0 / (4 pi r^3) (3
+    u u' - 1).
 
     E holds scale-factor errors on its diagonal; a sensor turned by the small vector a
     reads b - a x b, the antisymmetric E = -[a x]; axes that are not orthogonal are its
-    symmetric rest.
+    symmetric remainder.
     """
 
     bias_body: Vec3 = Parameter(

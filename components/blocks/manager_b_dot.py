@@ -15,23 +15,23 @@ class ManagerBDot(Manager):
 
     at each sample, with B the measured field and B' its rate from this sample and the
     one before, each component of M within +-`m_limit`; the wheels get no torque. As B'
-    is -omega x B, the torque brakes the body across the field with gain / J (1/s). With
-    n the orbit rate, J_min the smallest moment of inertia and xi the angle between the
-    orbit and the magnetic equator
+    is -omega x B, the torque damps the body's rate across the field at gain / J (1/s).
+    With n the orbit rate, J_min the smallest moment of inertia and xi the angle between
+    the orbit and the magnetic equator
 
         gain = 2 n (1 + sin xi) J_min
 
-    is the fastest that still lets the field turn under the craft, as its source has it;
-    flown from a tumble, crafts with one small moment are slow with it, and up to ten
-    times as quick with 7 n times the mean moment. What is left are the turns of the
-    field along the orbit, about 2 n.
+    is, according to its source, the fastest gain that still lets the field turn
+    relative to the craft. In simulations from a tumble, crafts with one small moment
+    detumble slowly with it, and up to ten times faster with 7 n times the mean moment.
+    The remaining rate is that of the field along the orbit, about 2 n.
 
-    With `plain_gain` k above 0 the law is M = -k B' instead, as most others print it;
-    at one field both are the same with k = gain / |B|^2, 1e7 A m2 s/T for 1e-2 N m s at
-    31.6 uT.
+    With `plain_gain` k above 0 the law is M = -k B' instead, the form of most other
+    sources. For a given field both are the same with k = gain / |B|^2, 1e7 A m2 s/T for
+    1e-2 N m s at 31.6 uT.
 
-    There is no dipole at the first sample, nor at one whose field or that before is not
-    valid.
+    There is no dipole at the first sample, nor at a sample for which this or the
+    previous field is not valid.
 
     Source: Stickler & Alfriend, J. Spacecraft 13 (1976) 282; the gain: Avanzini &
     Giulietti, J. Guidance, Control, and Dynamics 35 (2012) 1326.

@@ -23,21 +23,22 @@ class ManagerBoom(Boom):
         N   = -kp yaw - kd omega_3 about z, or -kp pitch - kd omega_2 about y
 
     so that the torque of the coils is -|B| e across B. Yaw and pitch are angles of the
-    2-1-3 sequence (eq. 6). No dipole while |e| is at most `deadband`.
+    2-1-3 sequence (eq. 6). There is no dipole while |e| is at most `deadband`.
 
-    **Recovery** (an option, of a wheel along y; ours). A craft that stands upside down is stable.
-    Each time that nadir goes through the boom's line, u_1 = 0, the wheel is sent to h_2 = -A
-    sign(omega_2) with A = `recovery_momentum`, and so gives its 2 A to the body in the sense in
-    which it swings, until it goes over; then, upright, to +A sign(omega_2), until it swings slower
-    than `recovery_rate` there; below A / J_2 the wheel need never get it. Meanwhile the coils do
-    not dump h_2 but damp omega_2: a craft that goes over and over gets from the wheel on one side
-    what that takes on the other.
+    **Recovery** (an option, of a wheel along y; ours). A craft that stands upside down
+    is stable. Each time that nadir passes the boom's line, u_1 = 0, the wheel is driven
+    to h_2 = -A sign(omega_2) with A = `recovery_momentum`. It thereby gives its 2 A to
+    the body in the direction in which the body swings, until the craft turns over.
+    Then, upright, it is driven to +A sign(omega_2), until the craft swings slower than
+    `recovery_rate` there; below A / J_2 the wheel may never achieve that. Meanwhile the
+    coils do not dump h_2 but damp omega_2: a craft that turns over repeatedly receives
+    from the wheel on one side what the wheel takes on the other.
 
-    Without a valid field, attitude or rate: see `reason`; coils off, the wheel holds
-    the rate (-kd omega). Without a valid h there is no dumping.
+    Without a valid field, attitude or rate (see `reason`) the coils are off and the
+    wheel holds the rate (-kd omega). Without a valid h there is no dumping.
 
-    Source: paper 002, eqs. 6 and 16; which quantities e holds and all gains are not in
-    it: ours, fitted to its figures.
+    Source: paper 002, eqs. 6 and 16; the composition of e and all gains are not in it;
+    they are ours, fitted to its figures.
     """
 
     wheel: int = Parameter("1", "which wheel there is", choices=("none", "y", "z"))
@@ -118,7 +119,7 @@ class ManagerBoom(Boom):
         self.give(laws.cross_product(e, self.b_body) if on else ZERO, torque)
 
     def _turn(self, u: Vec3, rate: float) -> bool:
-        """True while the craft is being turned; sets the wheel's goal."""
+        """Return whether the craft is being turned over; set the wheel's goal."""
         upside_down, side = laws.inverted(u), 1.0 if u[0] >= 0.0 else -1.0
         crossed = side != self._side
         self._side = side

@@ -20,41 +20,42 @@ class ManagerBoomFeedforward(Boom):
     """One to three wheels keep a boom upright, and take what a firing gives while it
     gives it
 
-    A sample of T = `sample_time`. With theta the rotation vector from the reference to
-    the body, omega_o the rate relative to the reference, h the wheels' momentum less
-    `h_target_body`, F the mean torque that the firing will give over [t, t + T], the
-    torque on the body about each axis that has a wheel is
+    The sample period is T = `sample_time`. With theta the rotation vector from the
+    reference to the body, omega_o the rate relative to the reference, h the wheels'
+    momentum less `h_target_body` and F the predicted mean torque of the firing over [t,
+    t + T], the torque on the body about each axis that has a wheel is
 
         N = -J wn^2 (theta - lean) - 2 damping wn J omega_o - M x B - F + omega x h
 
-    within +-torque_limit: the wheels take the firing, the coils' own torque and the
-    gyroscopic torque of their momentum. The coils, as eq. 16 of paper 002,
+    within +-torque_limit: the wheels absorb the firing, the coils' torque and the
+    gyroscopic torque of their momentum. The coils follow eq. 16 of paper 002,
 
         M = e x B / |B|,   e_i = gain_dump h_i of an axis with a wheel, where |h| > h_deadband
                            e_i = gain_tilt tilt_i + gain_rate omega_oi of one without
 
-    none while |e| is at most `deadband`; M is what pulses of the coils make of it.
-    Gravity dumps, too: the craft leans by lean = gain_lean h, within +-lean_limit,
-    about roll and pitch where they have wheels, so that the gravity-gradient torque is
-    against h.
+    with no dipole while |e| is at most `deadband`; M is rounded to pulses of the coils.
+    The gravity gradient dumps momentum, too: the craft leans by lean = gain_lean h,
+    within +-lean_limit, about roll and pitch where they have wheels, so that the
+    gravity-gradient torque opposes h.
 
-    **Firings** are known as a schedule, one at a time, each from a sample on. `schedule_start`,
-    `_duration` and `_tau_body` are those of the thrusters (`shared`); thrusters that differ from
-    them have errors of their own (`thrusters_misaligned`). They are parameters and no connector
-    since all of it is known before the run, and the role's interface stays as it is.
+    **Firings** are known as a schedule, one at a time, each from a sample on.
+    `schedule_start`, `_duration` and `_tau_body` are those of the thrusters (`shared`);
+    thrusters that deviate from them have their own errors (`thrusters_misaligned`).
+    They are parameters, not a connector, since the schedule is known before the run and
+    the role's interface does not change.
 
-    **What is known better.** The rate comes from a Kalman filter an axis: J omega + h turned
-    against the body, with the impulses of gravity, coils and firing and the wheels as measured,
-    corrected by the gyro (`gyro_noise`). Unknown torque is `torque_noise`, and while a firing lasts
-    firing_uncertainty |F|. What corrections give J omega from the beginning of a firing on is
-    what it gave beyond what was known: F is corrected by it at every sample and, with `learning`,
-    for the firings after it, in proportion to their size, once `learning_time` has gone by after
-    its end.
+    **What is known better.** The rate comes from a Kalman filter for each axis: J omega
+    + h is rotated against the body, with the impulses of gravity, coils and firing and
+    the measured wheels, and corrected by the gyro (`gyro_noise`). Unknown torque is
+    `torque_noise`, and also firing_uncertainty |F| during a firing. The corrections of
+    J omega since the beginning of a firing are its impulse beyond the expected one.
+    They correct F at every sample and, with `learning`, for later firings, in
+    proportion to their size, once `learning_time` has passed after its end.
 
-    Without a valid field, attitude or rate: see `reason`; coils off, the wheels hold
-    the rate and still take the firing. Without a valid h nothing is dumped and the
-    filter stands still. `reason` is torque_limit where a wheel's torque would have to
-    be larger than torque_limit.
+    Without a valid field, attitude or rate (see `reason`) the coils are off; the wheels
+    hold the rate and still absorb the firing. Without a valid h nothing is dumped and
+    the filter is not updated. `reason` is torque_limit where a wheel's torque would
+    have to exceed torque_limit.
 
     Source: ours; eq. 16 of paper 002.
     """
@@ -200,15 +201,16 @@ class ManagerBoomFeedforward(Boom):
         self._q: Vec4 = IDENTITY_Q
         self._variance = self._h_before = self._impulse = ZERO
         self._t_before = 0.0
-        self._firing = NONE  # the last that has begun
-        self._found = ZERO  # N m s: what it gave beyond what was known
-        self._learnt = ZERO  # in shares of a firing's size
+        self._firing = NONE  # the latest that has begun
+        self._found = ZERO  # N m s: its impulse beyond the expected one
+        self._learnt = ZERO  # relative to a firing's size
         self._taught = NONE
         self._coil = ZERO
         self.tau_firing_body = self.omega_est_body = ZERO
         self.mode = IDLE
 
     def _check_schedule(self) -> None:
+        """Refuse firings that do not begin at a sample or that overlap."""
         for i in range(ENTRIES):
             start, duration = self.schedule_start[i], self.schedule_duration[i]
             samples = start / self.sample_time
@@ -233,16 +235,18 @@ class ManagerBoomFeedforward(Boom):
                         f"{self.schedule_duration[j]:g} s; one at a time"
                     )
 
-    # --- what is known ----------------------------------------------------------------
+    # --- estimation -------------------------------------------------------------------
 
     def _known(self, i: int) -> Vec3:
-        """The torque of firing i before it began."""
+        """Return the expected torque (N m, body) of firing i before it begins."""
         x, y, z = self.schedule_tau_body[3 * i : 3 * i + 3]
         return add((x, y, z), scale(norm((x, y, z)), self._learnt))
 
     def _begin(self, t: float) -> float:
-        """Take over the firing that goes on at t; for how long (s) of this sample it
-        does."""
+        """Select the firing that is on at t (s).
+
+        Returns for how long (s) of this sample it is.
+        """
         for i in range(ENTRIES):
             on = firing.overlap(
                 self.schedule_start[i], self.schedule_duration[i], t, self.sample_time
@@ -255,8 +259,7 @@ class ManagerBoomFeedforward(Boom):
         return 0.0
 
     def _learn(self, t: float) -> None:
-        """Take what the last firing taught for those to come, once, when all of it has
-        shown."""
+        """Learn from the last firing for later ones, once its effect is complete."""
         i = self._firing
         if not self.learning or i == NONE or i == self._taught:
             return
@@ -270,21 +273,22 @@ class ManagerBoomFeedforward(Boom):
             self._taught = i
 
     def _expected(self, t: float, on: float) -> Vec3:
-        """The impulse (N m s) of the firing over this sample, by what it has given so
-        far."""
+        """Predict the impulse (N m s) of the firing over this sample.
+
+        The prediction uses the impulse observed so far.
+        """
         if on <= 0.0 or not self.feedforward:
             return ZERO
         i = self._firing
         past = t - self.schedule_start[i]
         beyond = scale(1.0 / past, self._found) if past > 0.0 else ZERO
         self.tau_firing_body = add(self._known(i), beyond)
-        self._found = add(
-            self._found, scale(on, beyond)
-        )  # expected, so not to be found again
+        # this part is expected now, so it counts as found already
+        self._found = add(self._found, scale(on, beyond))
         return scale(on, self.tau_firing_body)
 
     def _estimate(self, t: float) -> Vec3:
-        """The rate (rad/s, body) at this sample; `_q` follows."""
+        """Estimate the rate (rad/s, body) at this sample; also update `_q`."""
         h = body_momentum(self.axes_wheel, self.h_wheel)
         omega, noise = self._omega, self.gyro_noise
         if omega is None or not self.valid_h:
@@ -330,8 +334,10 @@ class ManagerBoomFeedforward(Boom):
     def _corrected(
         self, i: int, innovation: float, unknown: float, elapsed: float
     ) -> tuple[float, float]:
-        """Of axis i: the correction of its rate (rad/s), and the variance after it;
-        unknown: what the firing may have given beyond what was known (N m s)."""
+        """Correct axis i: return the change of its rate (rad/s) and its new variance.
+
+        unknown: uncertainty of the firing's impulse (N m s).
+        """
         steady, fired = (
             self.torque_noise[i] * elapsed / self._moments[i],
             unknown / self._moments[i],
@@ -340,7 +346,7 @@ class ManagerBoomFeedforward(Boom):
         gain = firing.kalman_gain(variance, self.gyro_noise)
         return gain * innovation, (1.0 - gain) * variance
 
-    # --- what is done -----------------------------------------------------------------
+    # --- control ----------------------------------------------------------------------
 
     def act(self, t: float) -> None:
         on = self._begin(t)
@@ -371,7 +377,7 @@ class ManagerBoomFeedforward(Boom):
 
     def hold(self, t: float) -> Vec3:
         self._omega = None
-        self._taught = self._firing  # what it gave is not known whole
+        self._taught = self._firing  # its impulse is not completely observed
         on = self._begin(t)
         expected = self._expected(t, on)
         self.mode = FIRING if on > 0.0 else IDLE
@@ -383,7 +389,7 @@ class ManagerBoomFeedforward(Boom):
         return torque
 
     def _pd(self, theta: Vec3, rate: Vec3) -> Vec3:
-        """-J wn^2 theta - 2 damping wn J rate (N m) about each axis."""
+        """Compute -J wn^2 theta - 2 damping wn J rate (N m) about each axis."""
         j, wn, double = self._moments, self.bandwidth, 2.0 * self.damping
         return (
             -j[0] * wn[0] * (wn[0] * theta[0] + double * rate[0]),
@@ -392,8 +398,10 @@ class ManagerBoomFeedforward(Boom):
         )
 
     def _within(self, torque: Vec3) -> Vec3:
-        """The torque about the axes that have a wheel, within its limit; says where it
-        is short."""
+        """Limit the torque (N m) about the axes that have a wheel; the others are zero.
+
+        It sets `reason` where the limit is reached.
+        """
         has = self._has
         wanted = (has[0] * torque[0], has[1] * torque[1], has[2] * torque[2])
         given = clip(wanted, self.torque_limit)
@@ -402,8 +410,7 @@ class ManagerBoomFeedforward(Boom):
         return given
 
     def _dipole(self, nadir: Vec3, rate: Vec3, h: Vec3) -> Vec3:
-        """What the coils make over the sample of the dipole that is wanted (A m2,
-        body)."""
+        """Compute the mean dipole (A m2, body) of the coils' pulses over the sample."""
         lean = laws.tilt(nadir)
         has = self._has
         full = norm((has[0] * h[0], has[1] * h[1], has[2] * h[2])) > self.h_deadband
@@ -423,6 +430,7 @@ class ManagerBoomFeedforward(Boom):
         return (self._pulsed(m[0]), self._pulsed(m[1]), self._pulsed(m[2]))
 
     def _pulsed(self, m: float) -> float:
+        """Compute the mean dipole (A m2) of a pulsed coil for the command m (A m2)."""
         return firing.pulsed(
             m, self.m_limit, self.least_pulse, self.sample_time, self.duty_max
         )

@@ -17,14 +17,15 @@ class ManagerClosedLoop(MomentumManagement):
         mu_M = (S B) x P,      P = T_D / (B'S B)                           (Table 1)
 
     so that T_M = mu_M x B is the torque across B that is nearest to T_D, in the norm of
-    S^-1. With `wheels` and four skewed wheels it is the cross-product (CP) law of 1980.
+    S^-1. With weighting `wheels` and four skewed wheels this is the cross-product (CP)
+    law of 1980.
 
-    H_B keeps the wheels' centre speed at zero. The paper gives no law for that; ours,
+    H_B keeps the wheels' centre speed at zero. The paper gives no law for it. Ours is
     the centre loop: at the end of each `centre_period` H_B grows by `centre_gain` times
-    the middle between the largest and the least H of that time, each axis of eci on its
-    own.
+    the mean of the largest and the smallest H in that period, separately for each axis
+    of eci.
 
-    Coils, limits and measurements that are not valid: `bases/momentum_management.py`.
+    Coils, limits and invalid measurements: see `bases/momentum_management.py`.
 
     Source: Chen, Davenport & Sturch (paper 001), eqs. 5 and 6, Table 1.
     """
@@ -56,6 +57,7 @@ class ManagerClosedLoop(MomentumManagement):
         return laws.closed_loop_dipole(torque, self.field(), self._s)
 
     def _centre(self, t: float, h_eci: Vec3) -> None:
+        """Update the bias from the extremes of the momentum (N m s, eci)."""
         if self._since < 0.0 or t - self._since >= self.centre_period * (1.0 - 1e-9):
             if self._since >= 0.0:
                 middle = scale(0.5, add(self._least, self._most))

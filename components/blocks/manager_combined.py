@@ -22,17 +22,17 @@ class ManagerCombined(ThrusterDumping):
     and `split` divides it, N = N_T + M x B, with the measured field B (eq. 20)
 
     - `dct`: thrusters only; `cccp`: M = -k_cross (N x B) / |B| (eq. 25);
-    - `crcp`: M = -(N x B) / |B|^2 (eq. 26); `ocdc`: least a |M|^2 + b |N_T|^2 (eq. 24);
-    - `bounded_quadratic`: as ocdc, but among the dipoles within the limit;
-    - `bounded_one_norm`: least |N_T|_1, the thrusters' on-time, among the dipoles within the limit.
+    - `crcp`: M = -(N x B) / |B|^2 (eq. 26); `ocdc`: minimum of a |M|^2 + b |N_T|^2 (eq. 24);
+    - `bounded_quadratic`: as ocdc, but within the limit of the dipole;
+    - `bounded_one_norm`: minimum of |N_T|_1, the thrusters' on-time, within the limit of the dipole.
 
     With `saturation` each component of M stays within duty * m_limit and the thrusters
-    make up for the rest (eq. 34); the bounded splits stay within it anyway. `dead_axis`
-    is left out by all of them. At a sample whose field is not valid the thrusters give
-    all of N; where the momentum is not valid nothing is dumped; a rate that is not
+    compensate the remainder (eq. 34); the bounded splits stay within this limit in any
+    case. No split uses `dead_axis`. At a sample whose field is not valid the thrusters
+    give all of N. Where the momentum is not valid nothing is dumped. A rate that is not
     valid is taken as zero.
 
-    The wheels are commanded to give the body what the controller wants and to absorb,
+    The wheels are commanded to give the body the controller's torque and to absorb,
     with `feedforward`, the dumping torque and, with `gyroscopic`, omega x h:
 
         tau_cmd_wheel = A^+ (N - tau_ctrl_body - omega x A h)        (paper 004, eq. 16)
@@ -51,8 +51,8 @@ class ManagerCombined(ThrusterDumping):
                 "law": "ilqr",
                 "split": "ocdc",
                 "g_rate": "craft.rate",
-                # a thruster's torque is priced as the dipole that gives it across the
-                # field
+                # a thruster's torque costs as much as the dipole that gives it across
+                # the field
                 "weight_ratio": "1 / craft.field / craft.field",
             },
         ),
@@ -113,6 +113,7 @@ class ManagerCombined(ThrusterDumping):
         return n, self._split(n)
 
     def _split(self, n: Vec3) -> blending.Split:
+        """Split the dumping torque (N m) by the law that is selected."""
         b = self.b_body
         if not self.valid_b:
             return blending.dct(n, b)
@@ -135,6 +136,7 @@ class ManagerCombined(ThrusterDumping):
         return split
 
     def _prepare(self, h: Vec3) -> None:
+        """Compute offsets or costate at the first sample."""
         self._omega = self.rate()
         if self.law == LQR:
             self._offsets = dumping.lqr_offsets(
@@ -150,6 +152,7 @@ class ManagerCombined(ThrusterDumping):
             )
 
     def _torque(self, elapsed: float, h: Vec3) -> Vec3:
+        """Compute the dumping torque (N m, body) of the law that is selected."""
         if self.law == ILQR:
             return dumping.ilqr(h, self.rate(), self.g_rate, self.n_con_body)
         if elapsed >= self.horizon:

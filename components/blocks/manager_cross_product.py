@@ -16,10 +16,10 @@ class ManagerCrossProduct(TorquerDumping):
         normalised:  M = gain (h x B) / |B|^2        (gain in 1/s)
         ccpl:        M = gain (h x B) / |B|          (gain in 1/(T s); paper 000, eq. 31)
 
-    no dipole while |h| is below `h_deadband`, or at a sample whose B or h is not valid.
-    With `saturation` each component of the dipole stays within `m_limit`. The wheels
-    are commanded to give the body what the controller wants and to absorb, with
-    `feedforward`, the magnetic torque and, with `gyroscopic`, omega x h:
+    There is no dipole while |h| is below `h_deadband`, or at a sample whose B or h is
+    not valid. With `saturation` each component of the dipole stays within `m_limit`.
+    The wheels are commanded to give the body the controller's torque and to absorb,
+    with `feedforward`, the magnetic torque and, with `gyroscopic`, omega x h:
 
         tau_cmd_wheel = A^+ (M x B - tau_ctrl_body - omega x A h)        (paper 004, eq. 16)
 

@@ -35,37 +35,39 @@ class ManagerDetumblingOptimal(Acquisition):
 
         M = gain omega x B,   each coil within +-m_limit;      T = -gain_wheel omega_2
 
-    (M x B).omega = -M.(omega x B): so with a large gain, each coil at its limit with
-    the sign of (omega x B)_i, kinetic energy falls as fast as the coils can make it.
+    (M x B).omega = -M.(omega x B): with a large gain, each coil is at its limit with
+    the sign of (omega x B)_i, and kinetic energy falls as fast as the coils allow.
 
-    `start_up` from the first second on, where attitude and momentum are valid, a along
-    -y the wheel's axis, n the orbit normal, omega_o the rate relative to lvlh:
+    `start_up` acts from the first second on, where attitude and momentum are valid.
+    With a the wheel's axis along -y, n the orbit normal and omega_o the rate relative
+    to lvlh:
 
         M = gain_start_up e x B / |B|^2
         e = J omega + beta J omega_o + (h - h_nominal) a - gamma h_nominal (n - a)
         T = -gain_wheel omega_o2, or -kp theta - kd theta' where the angle between a and n is below
             `upright_angle` and every rate below `upright_rate`
 
-    e drives the momentum of craft and wheel to that of the craft pointing; gamma is how
-    far the wheel's axis is drawn to the normal against how far the wheel is filled
-    first. From gamma 1 on some attitudes stay inverted; 0 needs no attitude.
+    e drives the momentum of craft and wheel to that of the pointing craft. gamma weighs
+    turning the wheel's axis to the normal against filling the wheel first. From gamma 1
+    on some attitudes stay inverted; 0 needs no attitude.
 
-    Phases of `start_up` only say how far it is: detumbling, momentum_dump, three_axis,
-    done.
+    The phases of `start_up` only report its progress: detumbling, momentum_dump,
+    three_axis, done.
 
-    **Rate.** `gyro`; `field`: B x B' / |B|^2, the part across the field, by the field's rate;
-    `observer`: Euler's equations with the commanded dipole and the wheel's measured momentum,
-    corrected by the field (`bandwidth`): the magnetometer and the tachometer alone. While the gyro
-    is not valid `field` takes its place, and no condition is met; without a valid field there is no
-    dipole, and the observer begins anew; without a valid attitude or momentum it detumbles.
+    **Rate.** `gyro`; `field`: B x B' / |B|^2, the part across the field, by the field's
+    rate; `observer`: Euler's equations with the commanded dipole and the wheel's
+    measured momentum, corrected by the field (`bandwidth`), from magnetometer and
+    tachometer alone. While the gyro is not valid, `field` replaces it, and no condition
+    is met. Without a valid field there is no dipole, and the observer restarts. Without
+    a valid attitude or momentum the block detumbles.
 
-    Two laws of others, for comparison, as `law` of detumbling's dipole: `even_decay`, M
-    = 2 n (1 + sin xi) J_min (omega x B) / |B|^2 (Avanzini & Giulietti 2012), and
-    `look_ahead`, which also weighs what will be left where the field will be after
-    `horizon`, by `alpha` (Willis et al. 2024). The latter needs attitude, position and
-    velocity; while the attitude is not valid ours takes its place.
+    For comparison, `law` offers two published laws of the detumbling dipole:
+    `even_decay`, M = 2 n (1 + sin xi) J_min (omega x B) / |B|^2 (Avanzini & Giulietti
+    2012), and `look_ahead`, which also weighs, by `alpha`, the momentum that remains in
+    the field after `horizon` (Willis et al. 2024). The latter needs attitude, position
+    and velocity; while the attitude is not valid, our law replaces it.
 
-    The wheel is commanded here, as by `manager_start_up`, and not through
+    This block commands the wheel itself, as `manager_start_up` does, and not through
     `tau_ctrl_body`.
 
     Source: ours; eq. 10 of paper 003 for the pitch angle.
@@ -166,7 +168,7 @@ class ManagerDetumblingOptimal(Acquisition):
         return (*inputs, "q_bi", "r_eci", "v_eci") if self.law == LOOK_AHEAD else inputs
 
     def sense(self, t: float) -> None:
-        """The rate at this sample, None where nothing is known of it."""
+        """Estimate the rate at this sample; None where it is not observable."""
         if self.rate_from == GYRO and self.valid_omega:
             self._omega = self.omega_bi_body
         elif self.rate_from == OBSERVER:
@@ -177,6 +179,7 @@ class ManagerDetumblingOptimal(Acquisition):
         self.omega_est_body = ZERO if self._omega is None else self._omega
 
     def _observe(self, t: float) -> None:
+        """Update the observer by the measured field and wheel momentum."""
         if not (self.valid_b and self.valid_h):
             self._omega = self._b_model = None
             return
@@ -186,8 +189,8 @@ class ManagerDetumblingOptimal(Acquisition):
             self._omega, self._b_model = ZERO, b
         else:
             elapsed = t - self._t_before
-            # the wheel's torque is what its momentum has changed by, whatever was
-            # commanded
+            # the wheel's torque follows from the change of its momentum, not from the
+            # command
             torque = (h - self._h_before) / elapsed
             omega, model = rate_observer.predicted(
                 omega,
@@ -226,6 +229,7 @@ class ManagerDetumblingOptimal(Acquisition):
         return missing
 
     def _detumble(self, omega: Vec3) -> None:
+        """Command coils and wheel to damp the rate omega (rad/s, body)."""
         m = ZERO
         if self.valid_b:
             b, gain = self.b_body, self.gain
@@ -248,6 +252,7 @@ class ManagerDetumblingOptimal(Acquisition):
         self.give(m, laws.wheel_rate(omega[1], self.gain_wheel))
 
     def _start_up(self, omega: Vec3) -> None:
+        """Command coils and wheel by the start-up law."""
         normal, h = self.normal(), self.h()
         rate = self.relative(omega)
         e = laws.start_up_error(

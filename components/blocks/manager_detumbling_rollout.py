@@ -11,21 +11,22 @@ from ..physics.gyrostat import carrier_inertia, inverse_inertia
 
 IDLE, BRAKING, PLANNED, DETUMBLED = range(4)
 GYRO, FILTER = range(2)
+# rad/s, of each axis: standard deviation with which the filter begins
 UNKNOWN_RATE = 0.2
-"""Of each axis, where the filter begins (rad/s)."""
-MOST_STEPS = 4000
-"""The most that a flight of the model may have."""
-FRICTION_TIME = 5.0
-"""Over which a wheel's friction is averaged (s)."""
+MOST_STEPS = 4000  # maximum number of steps in a simulation of the model
+FRICTION_TIME = 5.0  # s over which a wheel's friction is averaged
+# Consecutive samples at which a wheel does not follow, after which it is taken for
+# dead.
 MISSES = 5
-"""Samples in a row at which a wheel does not follow, after which it is taken for dead.
-"""
 _STILL: Vec4 = (0.0, 0.0, 0.0, 0.0)
 
 
 def missed(before: int, torque: float, got: float, limit: float) -> int:
-    """Samples in a row at which a wheel gave less than a fifth of a torque (N m) that
-    is more than a third of its limit; smaller ones say nothing."""
+    """Count consecutive samples at which a wheel gave less than a fifth of a torque.
+
+    Only a torque (N m) of more than 0.3 of the limit counts; smaller ones are no
+    evidence.
+    """
     if abs(torque) <= 0.3 * limit or limit == 0.0:
         return before
     return before + 1 if got * torque < 0.2 * torque * torque else 0
@@ -35,37 +36,41 @@ class ManagerDetumblingRollout(Manager, WheelInertias):
     """Detumbling with torques of the wheels that are looked for by flying them in a
     model
 
-    Every coil follows, within its limit, and every wheel, within its limit and where no
-    sequence says otherwise,
+    Every coil within its limit, and every wheel within its limit and outside of a
+    sequence, follows
 
         M = gain omega x B,       u_i = gain_wheel g_i . omega
 
     with g_i the wheels' axes and u_i the torque to the rotor. Each `plan_time` the
-    craft is flown in a model, by Euler's equations with the field held in space, under
-    `rounds` times `candidates` sequences of four torques of `segment` each, after which
-    the law above goes on (`components.laws.rollout`); the one after which every rate is
-    soonest below `rate_limit` is followed. The law alone is always one of them.
+    craft is simulated in a model, by Euler's equations with the field fixed in space.
+    It flies `rounds` times `candidates` sequences of four torques of `segment` each,
+    after which the law above continues (`components.laws.rollout`). The block follows
+    the sequence after which every rate is soonest below `rate_limit`. The law alone is
+    always among the candidates.
 
-    It knows the craft's `inertia`, from which the flight may differ, and neither
-    attitude nor orbit. Once every rate is below `rate_limit` the law above alone goes
-    on, until a rate is above `rate_again`; after `hold_time` below the limit the craft
-    is detumbled (`mode`).
+    It knows the craft's `inertia`, which may differ from the real one, but neither
+    attitude nor orbit. Once every rate is below `rate_limit` only the law above acts,
+    until a rate is above `rate_again`. After `hold_time` below the limit the craft is
+    detumbled (`mode`).
 
-    **Rate.** `gyro`, or `filter`: an extended Kalman filter of magnetometer and tachometers
-    (`components.laws.rate_filter`), by whose covariance alone the craft counts as slow. Without a
-    valid rate nothing is commanded; without a valid field there is no dipole and no search, and the
-    filter begins anew; without a valid h_wheel there is no search.
+    **Rate.** `gyro`, or `filter`: an extended Kalman filter of magnetometer and
+    tachometers (`components.laws.rate_filter`), with which the craft counts as slow
+    only where the covariance is small enough. Without a valid rate nothing is
+    commanded. Without a valid field there is no dipole and no search, and the filter
+    restarts. Without a valid h_wheel there is no search.
 
-    **Wheels.** What a wheel's momentum does not follow of its command is taken for friction and
-    given beside it. One that gives less than a fifth of a torque above a third of its limit, five
-    samples in a row, is taken for dead (`wheels_dead`) until `enable` has been false; without any
-    wheel the coils follow gain_alone / |B|^2 for `gain`. Momentum is taken into the wheels, up to
-    `h_limit`, and stays there.
+    **Wheels.** The difference between a wheel's command and the change of its momentum
+    is taken for friction and added to the command. A wheel that gives less than a fifth
+    of a torque above 0.3 of its limit, five samples in a row, is taken for dead
+    (`wheels_dead`) until `enable` has been false. Without any wheel the coils use
+    gain_alone / |B|^2 instead of `gain`. The wheels take up momentum, up to `h_limit`,
+    and keep it.
 
-    **Field.** `coil_coupling` times the dipole commanded last is taken off the measured field.
+    **Field.** `coil_coupling` times the last commanded dipole is subtracted from the
+    measured field.
 
-    One plan takes at most rounds candidates horizon / model_step steps of the model;
-    the work of most is far less, as a sequence is dropped once it takes longer than the
+    One plan takes at most rounds candidates horizon / model_step steps of the model.
+    Most plans take far fewer, as a sequence is dropped once it takes longer than the
     best.
 
     Source: ours; rollout: Bertsekas, Dynamic Programming and Optimal Control, vol. 1,
@@ -215,7 +220,7 @@ class ManagerDetumblingRollout(Manager, WheelInertias):
         self.time_left = 0.0
 
     def _model(self) -> rollout.Model:
-        """The craft as it is known now."""
+        """Return the present model of the craft."""
         return rollout.Model(
             self._carrier,
             self._inverse,
@@ -230,7 +235,7 @@ class ManagerDetumblingRollout(Manager, WheelInertias):
         )
 
     def _trust(self) -> None:
-        """Take every wheel that there is for one that works."""
+        """Take every existing wheel for one that works."""
         a, torque = self.axes_wheel, self.torque_limit
         self._limits: Vec4 = (
             torque if any((a[0], a[4], a[8])) else 0.0,
@@ -242,7 +247,7 @@ class ManagerDetumblingRollout(Manager, WheelInertias):
         self.wheels_dead = 0
 
     def _drop(self) -> None:
-        """Follow no sequence, and search at the next sample."""
+        """Abandon the sequence and search at the next sample."""
         self._planned, self._segments, self._elapsed = rollout.NOTHING, 0, 0
         self._planned_at = -1.0
 
@@ -273,7 +278,7 @@ class ManagerDetumblingRollout(Manager, WheelInertias):
             return
         self._judge(t, omega)
         if self._is_slow:
-            # what is soonest slow once more would not stay so
+            # a sequence that is slow soonest would not keep the craft slow
             self.time_left = 0.0
             self._drop()
         else:
@@ -286,8 +291,7 @@ class ManagerDetumblingRollout(Manager, WheelInertias):
         self.tau_cmd_wheel = self._command(t, omega)
 
     def _watch(self, t: float) -> None:
-        """What each wheel's momentum has not followed of its command: friction, or a
-        dead wheel."""
+        """Compare each wheel's momentum with its command: friction, or a dead wheel."""
         if not self.valid_h or not self._was_valid_h:
             self._was_valid_h = self.valid_h
             return
@@ -331,14 +335,17 @@ class ManagerDetumblingRollout(Manager, WheelInertias):
             self._drop()
 
     def _coil_gain(self) -> float:
-        """K of the coils (A m2 s/T): without a wheel one that lets the field turn."""
+        """Return K of the coils (A m2 s/T).
+
+        Without a working wheel it is one that lets the field turn.
+        """
         size2 = dot(self._b, self._b)
         if any(self._limits) or size2 == 0.0:
             return self.gain
         return self.gain_alone / size2
 
     def _sense(self, t: float) -> None:
-        """The rate at this sample, None where nothing is known of it."""
+        """Estimate the rate at this sample; None where it is not observable."""
         if self.rate_from == GYRO:
             self._omega = self.omega_bi_body if self.valid_omega else None
             return
@@ -354,7 +361,7 @@ class ManagerDetumblingRollout(Manager, WheelInertias):
             self._fields = rate_filter.diagonal(self.field_noise * self.field_noise)
         else:
             elapsed = t - self._t_before
-            # the torque is what the momentum has changed by, whatever was commanded
+            # the torque follows from the change of momentum, not from the command
             u = (
                 (before[0] - h[0]) / elapsed,
                 (before[1] - h[1]) / elapsed,
@@ -393,7 +400,7 @@ class ManagerDetumblingRollout(Manager, WheelInertias):
             )
 
     def _judge(self, t: float, omega: Vec3) -> None:
-        """Slow or not, and for how long."""
+        """Decide whether the craft is slow, and for how long it has been."""
         size = rollout.largest(omega)
         if size > self.rate_again:
             self._is_slow = False
@@ -410,14 +417,14 @@ class ManagerDetumblingRollout(Manager, WheelInertias):
             self.mode = BRAKING
 
     def _is_sure(self) -> bool:
-        """Whether the rate is known within its limit (1 sigma)."""
+        """Return whether the rate is known within its limit (1 sigma)."""
         p, limit = self._rates, self.rate_limit * self.rate_limit
         return self.rate_from == GYRO or (
             p[0] < limit and p[4] < limit and p[8] < limit
         )
 
     def _plan(self, t: float, omega: Vec3) -> None:
-        """Search, where it is due."""
+        """Search for a sequence where a search is due."""
         since = t - self._planned_at
         if self._planned_at >= 0.0 and since < self.plan_time - 1e-6:
             return
@@ -451,7 +458,7 @@ class ManagerDetumblingRollout(Manager, WheelInertias):
         self.time_left = self.model_step * min(max(cost, 0.0), self.horizon)
 
     def _command(self, t: float, omega: Vec3) -> Vec4:
-        """The torque to each rotor, with what friction takes."""
+        """Compute the torque to each rotor (N m), with compensation of friction."""
         u = rollout.by_law(self._model(), omega)
         if self._planned_at >= 0.0:
             elapsed = self._elapsed + int(

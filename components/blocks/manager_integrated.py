@@ -17,47 +17,51 @@ class ManagerIntegrated(WheelManager):
     """Attitude control and magnetic momentum management in one loop
 
     The controller's torque tau is split by k = `magnetic_share`, and the wheels are
-    told to give away momentum besides, A being `axes_wheel` and B the measured field:
+    commanded to give away momentum besides. With A = `axes_wheel` and B the measured
+    field,
 
         tau_cmd_wheel = A^+ (t_DES - (1 - k) tau - omega x A h)       (eqs. 13, 14, 16, 21, 22)
         m_cmd_body = B x (k tau) / |B|^2                              (eqs. 17, 18)
         t_DES = -gain (A h')_perp, at most `torque_limit`             (eq. 19)
 
-    perp: across B. The controller answers t_DES with a tau that cancels it, of which
-    the coils give the share k; so the wheels lose k t_DES. The dipole is made smaller
-    as a whole where a component exceeds `m_limit`. At each sample t_DES, dipole and
-    mode are decided; the wheels are commanded then, or every `wheel_sample_time`.
+    where perp means across B. The controller reacts to t_DES with a tau that cancels
+    it. The coils give the share k of this tau, so the wheels lose k t_DES. The whole
+    dipole is scaled down where a component exceeds `m_limit`. t_DES, dipole and mode
+    are set at each sample; the wheels are commanded then, or every `wheel_sample_time`.
 
-    h' leaves out the wheels near what is wanted of them, so that a wheel is not brought through
-    zero speed: with e = h - A^+ h_target_body - h_null n, wheel i counts in A h' = sum g_i e_i from
-    |e_i| = `threshold_on` h_limit on until it is below `threshold_off` h_limit (eq. 23).
-    `paper_signed_threshold` takes e_i instead of |e_i|, as eq. 23 is printed: wheels that turn
-    backwards are then never unloaded.
+    h' excludes the wheels near their target, so that no wheel is driven through zero
+    speed: with e = h - A^+ h_target_body - h_null n, wheel i counts in A h' = sum g_i
+    e_i from |e_i| = `threshold_on` h_limit on until it is below `threshold_off` h_limit
+    (eq. 23). `paper_signed_threshold` uses e_i instead of |e_i|, as eq. 23 is printed;
+    wheels that turn backwards are then never unloaded.
 
-    **Emergency** (the paper names it without a law). From a wheel at `emergency_on` h_limit until
-    all are below `emergency_off` h_limit, the coils leave the control loop (k = 0) and do what
-    they can: t_DES = -`gain_emergency` (A e)_perp, at most `m_limit` |B|, balanced at once by
-    m_cmd_body = B x t_DES / |B|^2. Momentum in the null space is not in A e.
+    **Emergency** (the paper names it without a law). From a wheel at `emergency_on`
+    h_limit until all are below `emergency_off` h_limit, the coils leave the control
+    loop (k = 0) and dump as much as they can: t_DES = -`gain_emergency` (A e)_perp, at
+    most `m_limit` |B|, balanced at once by m_cmd_body = B x t_DES / |B|^2. A e does not
+    contain momentum in the null space.
 
-    **Velocity dumping** (section 4), where `velocity_dumping` is set: tau = -`gain_rate` omega
-    (eqs. 24, 25) instead of the controller's torque, while |omega| was above `rate_on` and has not
-    come below `rate_off` since; both 0: always. While t_DES is saturated the craft keeps
-    tumbling at |omega| = torque_limit / gain_rate. Eq. 26 (gain_rate ~ h_limit gain) has a wrong
-    dimension; equal bandwidths mean gain_rate = gain times the inertia.
+    **Velocity dumping** (section 4), where `velocity_dumping` is set: tau =
+    -`gain_rate` omega (eqs. 24, 25) instead of the controller's torque, from |omega|
+    above `rate_on` until it is below `rate_off`; both 0: always. While t_DES is
+    saturated the craft continues to tumble at |omega| = torque_limit / gain_rate. Eq.
+    26 (gain_rate ~ h_limit gain) has a wrong dimension; equal bandwidths mean gain_rate
+    = gain times the inertia.
 
-    **Null space** (not in the paper). n with A n = 0, for a pyramid (1, -1, 1, -1): momentum along
-    it is in no A h and stays. `null_gain` adds -null_gain (e.n / n.n) n to tau_cmd_wheel, no wheel
-    more than `null_torque_limit`; `h_null` holds the wheels at h_null n, away from zero.
+    **Null space** (not in the paper). n with A n = 0, for a pyramid (1, -1, 1, -1): A h
+    does not contain momentum along it, so it remains. `null_gain` adds -null_gain (e.n
+    / n.n) n to tau_cmd_wheel, limited to `null_torque_limit` in each wheel; `h_null`
+    holds the wheels at h_null n, away from zero.
 
-    `enable` false: no dumping, the wheels give all of tau. `mode`: 0 idle (no wheel to
-    unload, the coils still give their share), 1 dumping, 4 emergency, 5 velocity
-    dumping, whatever else.
+    `enable` false: no dumping, the wheels give all of tau. `mode` is 0 idle (no wheel
+    to unload, the coils still give their share), 1 dumping, 4 emergency, or 5 velocity
+    dumping, unless an emergency holds.
 
     A measurement that is not valid is not used. At a sample without `valid_h` no
-    momentum is unloaded and which wheels are to be stays as it was; without `valid_b`
-    the wheels give all of tau, as no dipole is commanded. While `valid_omega` is false
-    omega x A h is left out, as it is without `valid_h`, velocity dumping neither begins
-    nor ends, and gives no torque.
+    momentum is unloaded, and the selection of wheels to unload does not change. Without
+    `valid_b` the wheels give all of tau, as no dipole is commanded. omega x A h is left
+    out while `valid_omega` or `valid_h` is false. While `valid_omega` is false,
+    velocity dumping neither begins nor ends, and gives no torque.
 
     Source: paper 004, eqs. 9 and 13-26.
     """
@@ -66,7 +70,7 @@ class ManagerIntegrated(WheelManager):
 
     craft_needs = (Need.COILS, Need.CONTROLLER)
     offers = (
-        # the wheels lose a quarter of t_DES, and no dipole beyond m_limit is asked for
+        # the wheels lose a quarter of t_DES; no dipole exceeds m_limit
         Law(
             "integrated",
             {
@@ -186,6 +190,7 @@ class ManagerIntegrated(WheelManager):
             self.tau_cmd_wheel = self._wheel_command()
 
     def _wheel_command(self) -> Vec4:
+        """Compute the torque to each rotor (4,) N m."""
         a, b, c, d = wheel_torque(
             self._to_wheels,
             self.axes_wheel,
@@ -198,7 +203,7 @@ class ManagerIntegrated(WheelManager):
         return (a + p, b + q, c + r, d + s)
 
     def _wanted(self) -> Vec3:
-        """tau: the torque that wheels and coils are to give the body."""
+        """Return tau (N m, body), the torque of wheels and coils on the body."""
         if self._tumbling and not self.valid_omega:
             return ZERO
         if self._tumbling:
@@ -206,6 +211,7 @@ class ManagerIntegrated(WheelManager):
         return self.tau_ctrl_body
 
     def _decide(self) -> None:
+        """Set mode, t_DES and dipole at a sample."""
         if self.valid_omega:
             self._tumbling = self.velocity_dumping and integrated.hysteresis(
                 self._tumbling, norm(self.omega_bi_body), self.rate_off, self.rate_on
@@ -228,6 +234,7 @@ class ManagerIntegrated(WheelManager):
             )
 
     def _manage(self) -> None:
+        """Compute t_DES, the coils' share and the dipole at a sample."""
         b = self.b_body
         excess = self._null_torque = OFF
         if self.valid_h:
@@ -261,8 +268,10 @@ class ManagerIntegrated(WheelManager):
         self.m_cmd_body = integrated.dipole(by_coils, b, self.m_limit)
 
     def _watch(self, excess: Vec4) -> None:
-        """Emergency, the wheels to unload and the null space's torque, from a valid
-        momentum."""
+        """Update emergency, wheels to unload and null-space torque.
+
+        It needs a valid momentum.
+        """
         capacity = self.h_limit
         self._emergency = integrated.hysteresis(
             self._emergency,
@@ -282,7 +291,7 @@ class ManagerIntegrated(WheelManager):
         )
 
     def _excess(self, h: Vec4) -> Vec4:
-        """What the wheels have beyond what is wanted of them."""
+        """Return the momentum of each wheel (N m s) beyond its target."""
         n, bias = self._null, self.h_null
         a, b, c, d = to_wheels(self._to_wheels, self.h_target_body)
         return (

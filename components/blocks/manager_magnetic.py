@@ -20,13 +20,13 @@ class ManagerMagnetic(TorquerDumping):
         M = -R^-1 Q' p,        Q = -[B x], R = diag(dipole_weight)        (eqs. 11, 13)
 
     - `lqr`: p = K(t) h - g(t), with h the wheels' momentum less `h_target_body`: feedback that
-      makes 1/2 int h'F h + M'R M dt least (eq. 10). K and g stand in tables whose first
+      minimises 1/2 int h'F h + M'R M dt (eq. 10). K and g stand in tables whose first
       `table_nodes` rows lie evenly from 0 to `horizon`, linear in between;
-    - `mec`: p = exp(W t) costate, W = -[omega_nominal_body x]: least 1/2 int M'R M dt to a given
-      end (eq. 12), in open loop: the momentum is not used.
+    - `mec`: p = exp(W t) costate, W = -[omega_nominal_body x]: minimum of 1/2 int M'R M dt to a
+      given end (eq. 12), in open loop: the momentum is not used.
 
     Tables and costate belong to one orbit, attitude and start; `desat design` computes
-    them. Limit, wheels and measurements that are not valid as in
+    them. Limit, wheels and invalid measurements are treated as in
     `manager_cross_product`.
 
     Source: Chen & Steyn (paper 000), eqs. 10-14.

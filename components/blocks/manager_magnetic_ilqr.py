@@ -11,7 +11,7 @@ from ..maths.vector import mat_vec, sub
 class ManagerMagneticIlqr(TorquerDumping):
     """Optimal dumping by magnetic torquers, solved at every sample
 
-    The best feedback for a field that would stay as it is (quasi-static LQR). At each
+    The feedback is optimal for a field that stays constant (quasi-static LQR). At each
     sample, with h the wheels' momentum less `h_target_body`, B the measured field and
     omega the measured rate:
 
@@ -19,16 +19,16 @@ class ManagerMagneticIlqr(TorquerDumping):
         W'K + K W - K S K + F = 0,     g = (W - S K)^-T K N_con
 
     with F = diag(momentum_weight), R = diag(dipole_weight) and K by doubling
-    (`laws/riccati.py`). No tables, no knowledge of the orbit. There is no such K, and
-    so no dipole at that sample, where B is zero or along omega, or where B, h or omega
-    is not valid. Limit and wheels as in `manager_cross_product`.
+    (`laws/riccati.py`). It needs neither tables nor knowledge of the orbit. There is no
+    such K, and hence no dipole at that sample, where B is zero or along omega, or where
+    B, h or omega is not valid. Limit and wheels are treated as in
+    `manager_cross_product`.
 
     Source: Chen & Steyn (paper 000), eqs. 10-11 and section III.A.
     """
 
     offers = (
-        # so that momentum across the field goes out at the rate, its price of a dipole
-        # being 1
+        # with a dipole's price of 1, momentum across the field decays at the rate
         Law(
             "quasi-static LQR",
             {

@@ -17,11 +17,11 @@ class ManagerMixedMode(MomentumManagement, NominalProfile):
         mu_M = (S B) x P,      P = T_D / (B'S B)                           (Table 1)
 
     H_NOM is the profile of half-orbit open-loop solutions, computed on the ground
-    (`desat design`) for one orbit, attitude and span, in eci: cubic between rows, never
-    across the end of a desaturation period. Beyond the table there is no dipole, and
-    `mode` says fallback.
+    (`desat design`) for one orbit, attitude and span, in eci: it is cubic between rows,
+    but not across the end of a desaturation period. Beyond the table there is no
+    dipole, and `mode` is fallback.
 
-    Coils, limits and measurements that are not valid: `bases/momentum_management.py`.
+    Coils, limits and invalid measurements: see `bases/momentum_management.py`.
 
     Source: Chen, Davenport & Sturch (paper 001), eq. 4, Table 1.
     """

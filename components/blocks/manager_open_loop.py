@@ -27,8 +27,7 @@ HOLD, _ = range(2)
 PREDICTED, _ = range(2)
 _, IGRF = range(2)
 NOTHING: Mat33 = (0.0,) * 9
-LARGEST = 1e30
-"""What `condition` says of a singular costate."""
+LARGEST = 1e30  # value of `condition` for a singular costate
 
 
 class ManagerOpenLoop(MomentumManagement, NominalProfile, EarthField):
@@ -40,26 +39,27 @@ class ManagerOpenLoop(MomentumManagement, NominalProfile, EarthField):
         H_D = H_NOM(t_f) - H(t_i) - integral of T_GG                       (eqs. 2 and 7)
         P = [integral of [B]'S[B] dt]^-1 H_D,      S = A A'                (Table 1)
 
-    and at each sample until the next update mu_M = S (B x P), so that T_M takes the
-    momentum to H_NOM(t_f) exactly where the prediction is right (eq. 3). Integrals are
+    and at each sample until the next update mu_M = S (B x P), so that T_M brings the
+    momentum exactly to H_NOM(t_f) if the prediction is right (eq. 3). Integrals are
     sums over the middles of samples, on two-body motion from r_eci and v_eci. The field
-    is the manager's own, dipole or IGRF, `field_scale` times (1: right), and with
-    `field_tilt` false a dipole along the Earth's axis; `command_field` measured takes
-    the magnetometer's in mu_M. With `wheels` as weighting the coils' energy is weighed
-    otherwise; the wheels' speed is not made least by it.
+    is that of the manager's own model, dipole or IGRF, times `field_scale` (1: right);
+    with `field_tilt` false it is a dipole along the Earth's axis. With `command_field`
+    measured, mu_M takes the magnetometer's field. The weighting `wheels` weighs the
+    coils' energy differently; it does not minimise the wheels' speed.
 
-    H_NOM is a table from the ground (`desat design`), in eci. The current minimum
-    energy (ME) law: 600 s, updated every 200 s. The matrix of a short period is nearly
-    singular: where `condition`, its largest over its least eigenvalue, exceeds
-    `condition_limit`, there is no new costate; `mode` says fallback and the last
-    command is held, or with `on_singular` none there is none.
+    H_NOM is a table from the ground (`desat design`), in eci. The paper's current
+    minimum energy (ME) law has a period of 600 s, updated every 200 s. The matrix of a
+    short period is nearly singular. Where `condition`, the ratio of its largest to its
+    smallest eigenvalue, exceeds `condition_limit`, there is no new costate: `mode` is
+    fallback and the last command is held, or, with `on_singular` none, there is no
+    command.
 
-    With `manoeuvre` the slew of `guidance_slew` with the same q_begin_bi, q_end_bi,
-    t_begin and t_end is known: then a single desaturation period goes from `lead_time`
-    before it to `lag_time` after it, along the planned attitude. As the craft is at
-    rest at both ends, the wheels' momentum serves there (eq. 7).
+    With `manoeuvre` the manager knows the slew of `guidance_slew` with the same
+    q_begin_bi, q_end_bi, t_begin and t_end. A single desaturation period then extends
+    from `lead_time` before it to `lag_time` after it, along the planned attitude. As
+    the craft is at rest at both ends, the wheels' momentum suffices there (eq. 7).
 
-    Coils, limits and measurements that are not valid: `bases/momentum_management.py`.
+    Coils, limits and invalid measurements: see `bases/momentum_management.py`.
 
     Source: Chen, Davenport & Sturch (paper 001), eqs. 1-3, 7 and 8, Table 1.
     """
@@ -150,8 +150,7 @@ class ManagerOpenLoop(MomentumManagement, NominalProfile, EarthField):
         yield from super().foresee(begin, end, wired)
 
     def _forget(self) -> None:
-        """A measurement is lost: what was planned is not what happens, so plan anew
-        after it."""
+        """Discard the plan after a lost measurement, so that a new one follows it."""
         super()._forget()
         self._next = -1.0
 
@@ -185,20 +184,28 @@ class ManagerOpenLoop(MomentumManagement, NominalProfile, EarthField):
         return self._last
 
     def _end(self, t: float) -> float:
-        """t_f (s) of a period that begins at t (s): a multiple of samples later."""
+        """Return the end t_f (s) of a period that begins at t (s).
+
+        It is a whole number of samples later.
+        """
         if self._in_manoeuvre(t):
             left = self.t_end + self.lag_time - t
             return t + floor(left / self.sample_time + 1.0 - 1e-6) * self.sample_time
         return t + self.desaturation_period
 
     def _in_manoeuvre(self, t: float) -> bool:
-        """True from the lead time's begin to the lag time's end."""
+        """Return whether t (s) is within the manoeuvre.
+
+        It extends from the beginning of the lead time to the end of the lag time.
+        """
         begin, end = self.t_begin - self.lead_time, self.t_end + self.lag_time
         return self.manoeuvre and begin <= t + 1e-6 and t < end - 1e-6
 
     def _solve(self, orbit: Elements, t: float, end: float, h_eci: Vec3) -> None:
-        """The costate (A m2/T, eci) of the period from t to `end` (s), with H (N m s,
-        eci) now."""
+        """Solve for the costate (A m2/T, eci) of the period from t to `end` (s).
+
+        h_eci is the present H (N m s, eci).
+        """
         nominal = self.nominal(end)
         self._solved = False
         if nominal is None:
@@ -221,8 +228,10 @@ class ManagerOpenLoop(MomentumManagement, NominalProfile, EarthField):
     def _ahead(
         self, orbit: Elements, t: float, ahead: float
     ) -> tuple[Vec4, Vec3, Vec3]:
-        """The planned attitude, and predicted position (m) and field (T) in eci,
-        `ahead` (s) of now (t, s)."""
+        """Predict attitude, position (m) and field (T), `ahead` (s) of t (s).
+
+        The attitude is the planned one; position and field are in eci.
+        """
         a, e, inclination, raan, perigee, anomaly = orbit
         n = mean_motion(a)
         x, y = perifocal_axes(inclination, raan, perigee)
@@ -243,7 +252,7 @@ class ManagerOpenLoop(MomentumManagement, NominalProfile, EarthField):
 
 
 def _turned(s: Mat33, q: Vec4) -> Mat33:
-    """C(q)' S C(q): the weighting in eci."""
+    """Rotate the weighting to eci: C(q)' S C(q)."""
     c = matrix(q)
     x = rotate_back(q, mat_vec(s, (c[0], c[3], c[6])))
     y = rotate_back(q, mat_vec(s, (c[1], c[4], c[7])))
@@ -252,5 +261,5 @@ def _turned(s: Mat33, q: Vec4) -> Mat33:
 
 
 def _plus(a: Mat33, share: float, b: Mat33) -> Mat33:
-    """a + share b"""
+    """Return a + share b."""
     return tuple(x + share * y for x, y in zip(a, b, strict=True))  # type: ignore[return-value]

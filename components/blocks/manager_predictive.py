@@ -27,76 +27,74 @@ from ..physics.wheel_array import body_momentum, pseudo_inverse, to_wheels
 
 HOLD, EMPTY = range(2)
 NADIR, _, IGRF = range(3)
-PLANNED = 30.0
-"""s between plans, at least."""
-ORBITS, SHARE = 1.5, 0.05
-"""Of an orbit: how far a plan reaches, and the longest of its intervals."""
+PLANNED = 30.0  # s, shortest time between plans
+ORBITS, SHARE = 1.5, 0.05  # Horizon of a plan, and its longest interval, in orbits.
+# Weight of momentum against energy: q = (STIFF n)^2 / b^2; w_p = PEAK q h_s^2, h_s =
+# CLOSE times the peak.
 STIFF, PEAK, CLOSE = 1.0, 0.1, 0.85
-"""Of momentum against energy: q = (STIFF n)^2 / b^2; w_p = PEAK q h_s^2, h_s = CLOSE
-times the peak."""
-SCALE = 1e-3
-"""Least eigenvalue of the coils' price, as a share of its mean."""
-LEAST_ENERGY = 0.05
-"""Price of a dipole of a coil that gives none, as a share."""
+SCALE = 1e-3  # smallest eigenvalue of the coils' price, relative to its mean
+LEAST_ENERGY = 0.05  # relative price of a dipole of a coil that gives none
+# Goal empty: additional price of a full dipole or a second, squared and halved;
+# relative discount of a last second against a first; fraction of the thrusters' time
+# that plans leave free except in their first interval, so that thrusters may turn out
+# weaker by that.
 COIL_PRICE, PATIENCE, RESERVE = 2e-3, 1e-3, 0.35
-"""Of an emptying: what a full dipole or a second costs besides, squared and halved;
-what a last second is cheaper than a first; share of the thrusters' time that plans
-leave free but in their first interval: so thrusters may turn out weaker by that."""
+# Prior standard deviation of constant torques, relative to n^2 J, and of the own
+# dipole, relative to m_limit.
 SPREAD, OWN = 0.2, 0.02
-"""Spread beforehand of constant torques, as a share of n^2 J, and of the own dipole, of
-m_limit."""
+# Torque that is not modelled, relative to n^2 J, for a sixth of an orbit at a time;
+# possible change of a learnt parameter in an orbit, relative to its prior deviation.
 UNKNOWN, DRIFT = 0.01, 0.1
-"""Torque that is not modelled, as a share of n^2 J, for a sixth of an orbit at a time;
-what a parameter that is learnt may change by in an orbit, as a share of its spread."""
+# Limit of the momentum in the null space, relative to the largest momentum that a wheel
+# has otherwise.
 CLEAR = 2.0
-"""What may stay in the null space, over the largest momentum that a wheel has
-otherwise."""
-BINS = 8
-"""Parts of an orbit whose largest wheel momenta are kept."""
+BINS = 8  # parts of an orbit whose largest wheel momenta are stored
+# relative difference of measured and model field beyond which the law falls back
 STRANGE = 0.3
-"""Share of the field that a measurement may be off the model."""
 AXES: tuple[Vec3, Vec3, Vec3] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
-AT_1, AT_2 = 0.21132486540518713, 0.7886751345948129
-"""Gauss's points."""
+AT_1, AT_2 = 0.21132486540518713, 0.7886751345948129  # Gauss points
 
 
 class ManagerPredictive(MomentumDumping, EarthField):
     """One law for every craft: plans on a forecast of field and torque, replanned as it
     goes
 
-    Every 30 s, or `sample_time` where that is longer, a plan is made over the next 1.5
-    orbits, or until `end`: what coils and thrusters do in up to 64 intervals, the first
-    as long as the time between plans, each next twice as long up to a twentieth of an
-    orbit, so that
+    Every 30 s, or `sample_time` where that is longer, coils and thrusters are planned
+    over the next 1.5 orbits, or until `end`. A plan has up to 64 intervals: the first
+    is as long as the time between plans, and each next one is twice as long, up to a
+    twentieth of an orbit. The plan minimises
 
         sum dt [ w_e u^2 / 2 + q |X|^2 / 2 + 0.1 q h_s^2 sum (h_i / h_s)^16 ]        (hold)
 
-    is least: X the wheels' momentum less its target, eci; u the dipoles that coils
-    really give; h_i each wheel's momentum; q = w_m n^2 / b^2, n the orbit rate and b^2
-    half the mean of sum |a_j x B|^2; h_s 0.85 times the largest wheel momentum of the
-    last orbit and of the plan without this term. w_m and w_e are the `weights`,
-    whatever the craft. With `goal` empty the cost is the thrusters' time, weighed by
-    the third, and X shall be zero at `end`; thrusters are used for that alone. Between
-    plans a coil follows the plan's costate with the measured field.
+    where X is the wheel momentum minus its target (eci), u the dipole that the coils
+    really give and h_i the momentum of wheel i. q = w_m n^2 / b^2 with n the orbit rate
+    and b^2 half the mean of sum |a_j x B|^2. h_s is 0.85 times the largest wheel
+    momentum of the last orbit and of the plan without this term. w_m and w_e are the
+    first two of the `weights`, the same for every craft. With `goal` empty the cost is
+    the thrusters' time, weighted by the third, and X is to be zero at `end`; thrusters
+    are used for this goal only. Between plans a coil follows the plan's costate with
+    the measured field.
 
-    The forecast: two-body motion from r_eci and v_eci, the attitude fixed to lvlh or
-    eci, whichever the measured rate is nearer to (or at `q_bo` from lvlh), the field of
-    `field_model`, scaled to what was measured over an orbit, gravity gradient of
-    `inertia`, and what `laws/disturbance_learning.py` has learnt: the size of gravity
-    gradient, torques that are constant in eci, and in lvlh constant or of once an
-    orbit, the craft's own dipole, and the signed `effectiveness` of each coil and
-    thruster axis. A coil that is lost, weak or turned is so planned around; what the
-    filter takes for noise is what the sensors have: `h_noise`, `rate_noise` and
-    `attitude_noise`. `laws/predictive.py` has the solver.
+    The forecast assumes two-body motion from r_eci and v_eci. The attitude is fixed to
+    lvlh or eci, whichever the measured rate is nearer to (or at `q_bo` from lvlh). The
+    field is that of `field_model`, scaled to the measurements of the last orbit.
+    Torques are the gravity gradient of `inertia` and the estimates of
+    `laws/disturbance_learning.py`: the scale of the gravity gradient, torques that are
+    constant in eci, constant in lvlh or periodic in lvlh with the orbit, the craft's
+    own dipole, and the signed `effectiveness` of each coil and thruster axis. The plan
+    thus allows for a coil that is lost, weak or reversed. The filter takes its noise
+    from the sensors: `h_noise`, `rate_noise` and `attitude_noise`. `laws/predictive.py`
+    has the solver.
 
-    Where the measured field is off the model by more than 0.3 of it, or a plan to hold
-    has not settled after 30 steps, `mode` is fallback: M = n (h x B) / |B|^2, the
-    cross-product law, until the next plan. A plan to empty is flown as far as it has
-    come after four times 80 steps. Without a valid field there is no dipole, without a
-    valid attitude nothing. The wheels are commanded as by `manager_cross_product`; what
-    they hold in their null space, which no coil can take, decays at `null_gain`, or the
-    rate n, to twice the largest momentum that a wheel had otherwise in the last orbit:
-    so much of it keeps them from standstill, and less is not made more.
+    Where the measured field differs from the model by more than 0.3 of it, or a plan to
+    hold has not converged after 30 steps, `mode` is fallback: M = n (h x B) / |B|^2,
+    the cross-product law, until the next plan. If the optimiser of a plan to empty has
+    not converged after 320 steps, its last iterate is flown. Without a valid field
+    there is no dipole; without a valid attitude nothing is commanded. The wheels are
+    commanded as by `manager_cross_product`. Their momentum in the null space, which no
+    coil can remove, decays at `null_gain`, or at the rate n, to twice the largest
+    momentum that a wheel had otherwise in the last orbit. This residual keeps the
+    wheels away from zero speed; a smaller one is not increased.
     """
 
     craft_needs = (Need.COILS,)
@@ -306,6 +304,7 @@ class ManagerPredictive(MomentumDumping, EarthField):
         yield from super().foresee(begin, end, wired)
 
     def empty_null_space(self) -> None:
+        """Add the torques that reduce the wheels' null-space momentum to its limit."""
         if not self.enable:
             return
         n = norm(self.v_eci) / norm(self.r_eci)
@@ -321,8 +320,10 @@ class ManagerPredictive(MomentumDumping, EarthField):
         self.tau_cmd_wheel = (a + e, b + f, c + g, d + i)
 
     def _peak(self) -> float:
-        """The largest momentum (N m s) of a wheel over the last orbit, its null space
-        apart."""
+        """Return the largest momentum (N m s) of a wheel over the last orbit.
+
+        Momentum in the null space does not count.
+        """
         peak = 0.0
         for x in self._bins:
             peak = max(peak, x)
@@ -352,7 +353,7 @@ class ManagerPredictive(MomentumDumping, EarthField):
         self._weigh(b, model)
         model = scale(self._field_scale, model)
         self._remember(t, h)
-        # fixed to lvlh or to eci
+        # whether the attitude is fixed to lvlh, or else to eci
         turning = assumed or norm(sub(rate, orbital)) < norm(rate)
         if self._planned < 0.0 or t - self._planned >= self._period() - 1e-6:
             self._plan(t, q, lvlh, turning, rotate_back(q, h), sub(b, model))
@@ -382,7 +383,7 @@ class ManagerPredictive(MomentumDumping, EarthField):
         return add(cross(given, mean), absorbed), (m, n_t)
 
     def _period(self) -> float:
-        """s from plan to plan, a multiple of the sample time."""
+        """Return the time (s) from plan to plan, a multiple of the sample time."""
         if self.goal == EMPTY:
             return self.sample_time
         return self.sample_time * float(
@@ -390,12 +391,12 @@ class ManagerPredictive(MomentumDumping, EarthField):
         )
 
     def _motion(self) -> tuple[float, float]:
-        """The orbit's rate (rad/s) and time (s)."""
+        """Return the orbit's rate (rad/s) and period (s)."""
         n = mean_motion(elements_from_state(self.r_eci, self.v_eci).semi_major_axis)
         return n, 2.0 * pi / n
 
     def _coasted(self, ahead: float) -> tuple[Vec3, Vec3]:
-        """r (m) and v (m/s), eci, `ahead` (s) of now."""
+        """Predict r (m) and v (m/s), eci, `ahead` (s) of now."""
         a, e, inclination, raan, perigee, anomaly = elements_from_state(
             self.r_eci, self.v_eci
         )
@@ -404,7 +405,7 @@ class ManagerPredictive(MomentumDumping, EarthField):
         return ellipse_state(a, e, anomaly + n * ahead, n, p, q)
 
     def _field(self, r: Vec3, v: Vec3, t: float) -> Vec3:
-        """The model's B (T, eci) at r (m) with v (m/s) at t (s)."""
+        """Compute the model's B (T, eci) at r (m) with v (m/s) at t (s)."""
         if self.field_model == NADIR:
             in_lvlh = receding_horizon.orbit_dipole(
                 self.r_eci, self.v_eci, self.b_amplitude
@@ -413,8 +414,11 @@ class ManagerPredictive(MomentumDumping, EarthField):
         return self.field_eci(r, t, igrf=self.field_model == IGRF)
 
     def _weigh(self, b: Vec3, model: Vec3) -> None:
-        """Take a measured field (T, eci) and the model's into account: how much of the
-        model's the field is, by the last orbit, and 1 as if measured once."""
+        """Update the scale of the model's field by a measured field (T, eci).
+
+        The scale is that of the last orbit, with a prior of 1 that counts as one
+        measurement.
+        """
         _, orbit = self._motion()
         kept = max(1.0 - self.sample_time / orbit, 0.0)
         one = dot(model, model) if self._models == 0.0 else 0.0
@@ -423,7 +427,7 @@ class ManagerPredictive(MomentumDumping, EarthField):
         self._field_scale = self._fields / self._models
 
     def _remember(self, t: float, h: Vec3) -> None:
-        """The largest wheel momentum of each part of the last orbit."""
+        """Store the largest wheel momentum of each part of the last orbit."""
         _, orbit = self._motion()
         now = int(t * float(BINS) / orbit)
         a, b, c, d = to_wheels(self._to_wheels, add(h, self.h_target_body))
@@ -434,14 +438,16 @@ class ManagerPredictive(MomentumDumping, EarthField):
         self._bins = (max(self._bins[0], largest), *self._bins[1:])
 
     def _given(self, coils: Vec4) -> Vec3:
-        """The dipole (A m2, body) that coils give which are commanded these."""
+        """Compute the dipole (A m2, body) that the coils give for these commands."""
         a, b, c, d = coils
         e, f, g, i = self.effectiveness
         return body_momentum(self._live, (e * a, f * b, g * c, i * d))
 
     def _observe(self, t: float, q: Vec4, total: Vec3) -> None:
-        """Learn from what the momentum of the craft, `total` (N m s, body), did since
-        the last sample."""
+        """Learn from the change of the craft's momentum since the last sample.
+
+        total (N m s, body) is the momentum of the craft.
+        """
         h = rotate_back(q, total)
         n, orbit = self._motion()
         largest = max(
@@ -466,7 +472,7 @@ class ManagerPredictive(MomentumDumping, EarthField):
             self._x = learning.first_state(h)
         passed = t - self._known
         if self._known < 0.0 or passed > 10.0 * self.sample_time or not self.valid_b:
-            # H starts anew; what was learnt stays
+            # restart H; keep the learnt parameters
             self._x = (*h, *self._x[3:])
             self._p = learning.forgotten(self._p, noise)
         else:
@@ -549,21 +555,29 @@ class ManagerPredictive(MomentumDumping, EarthField):
         self.thruster_effectiveness = (x[17], x[18], x[19])
 
     def _latitude(self, r: Vec3) -> tuple[float, float]:
-        """Cosine and sine of the argument of latitude of r (m) on the orbit of now."""
+        """Return cosine and sine of the argument of latitude of r (m).
+
+        The orbit is the present one.
+        """
         orbit = elements_from_state(self.r_eci, self.v_eci)
         node, ahead, _ = orbit_plane(orbit.inclination, orbit.raan)
         size = norm(r)
         return dot(r, node) / size, dot(r, ahead) / size
 
     def _moved(self, axis: Vec3, q: Vec4, b: Vec3) -> Vec3:
-        """axis x B (T, eci) of the sample before and of this one, with q and b (T,
-        eci), summed; axis: body."""
+        """Sum axis x B (T, eci) of the previous sample and of this one.
+
+        q and b (T, eci) are those of this sample; axis: body.
+        """
         then = cross(rotate_back(self._q, axis), self._b_eci)
         return add(then, cross(rotate_back(q, axis), b))
 
     def _axes(self) -> tuple[tuple[Vec3, Vec3, Vec3], tuple[Vec3, Vec3, Vec3], Vec3]:
-        """Three commands (1, body) whose coils' energies add up, what dipole a unit of
-        each really gives (1, body), and how far each may go (A m2)."""
+        """Return three commands (1, body) whose coils' energies add up.
+
+        Also the dipole that a unit of each really gives (1, body), and the limit of
+        each (A m2).
+        """
         p, e = self._to_coils, self.effectiveness
         xx, xy, xz, yy, yz, zz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
         for i in range(4):
@@ -594,13 +608,16 @@ class ManagerPredictive(MomentumDumping, EarthField):
         return (first, second, third), given, most
 
     def _reach(self, command: Vec3) -> float:
-        """How many of a command (A m2) the coils can do."""
+        """Return the largest multiple of a command (A m2) within the coils' limits."""
         a, b, c, d = to_wheels(self._to_coils, command)
         largest = max(abs(a), abs(b), abs(c), abs(d))
         return self.m_limit / largest if largest > 1e-9 else 0.0
 
     def _dipole(self, b: Vec3, costate: Vec3) -> Vec3:
-        """The dipole to command (A m2, body) in the field b (T) for a costate, body."""
+        """Compute the dipole to command (A m2, body) in the field b (T, body).
+
+        costate: body.
+        """
         if self.goal == EMPTY:
             return self._dipole_planned
         commands, given, most = self._axes()
@@ -613,11 +630,13 @@ class ManagerPredictive(MomentumDumping, EarthField):
     def _plan(
         self, t: float, q: Vec4, lvlh: Vec4, turning: bool, x0: Vec3, off: Vec3
     ) -> None:
-        """Make a plan at t (s) with the attitude q, held to lvlh where `turning`; x0: X
-        (N m s, eci); off: what the measured field has over the model's (T, eci)."""
+        """Plan at t (s) with the attitude q, fixed to lvlh where `turning`.
+
+        x0: X (N m s, eci); off: the measured field minus that of the model (T, eci).
+        """
         count, dt = self._grid(t)
         from_lvlh = product(q, inverse(lvlh))
-        # not taken apart, which would be a second copy on the stack
+        # not unpacked, as that would put a second copy on the stack
         ahead = self._forecast(t, q, from_lvlh, turning, off, count, dt)
         if self.goal == EMPTY:
             self._empty(count, x0, dt, ahead[0], ahead[1])
@@ -625,7 +644,7 @@ class ManagerPredictive(MomentumDumping, EarthField):
             self._hold(count, x0, dt, ahead[0], ahead[1], ahead[2], ahead[3])
 
     def _grid(self, t: float) -> tuple[int, Table]:
-        """How many intervals a plan at t (s) has, and how long each is (s)."""
+        """Return the number of intervals of a plan at t (s), and their lengths (s)."""
         _, orbit = self._motion()
         reach = self.horizon if self.horizon > 0.0 else ORBITS * orbit
         if self.goal == EMPTY:
@@ -642,7 +661,7 @@ class ManagerPredictive(MomentumDumping, EarthField):
             if self.goal == HOLD:
                 size = min(2.0 * size, longest)
             else:
-                # whole samples, as few in each as the intervals that are left allow
+                # whole samples, as few in each as the remaining intervals allow
                 left = int((reach - begin) / period + 0.5)
                 slots = max(most - count, 1)
                 size = period * float(max((left + slots - 1) // slots, 1))
@@ -658,8 +677,12 @@ class ManagerPredictive(MomentumDumping, EarthField):
         count: int,
         dt: Table,
     ) -> tuple[Table, Table, Table, float]:
-        """What X changes by in each interval (N m s, eci), by a unit of each actuator,
-        the wheels' axes at its end (eci), and b^2 (T2); `from_lvlh`: body from lvlh."""
+        """Predict drift and effects of the actuators in each interval.
+
+        Returns the change of X in each interval (N m s, eci), that by a unit of each
+        actuator, the wheels' axes at its end (eci), and b^2 (T2). `from_lvlh`: body
+        from lvlh.
+        """
         drift = [0.0] * (3 * predictive.INTERVALS)
         effect = [0.0] * (3 * predictive.ACTUATORS * predictive.INTERVALS)
         rows = [0.0] * (12 * predictive.HELD)
@@ -727,7 +750,7 @@ class ManagerPredictive(MomentumDumping, EarthField):
         rows: Table,
         strength: float,
     ) -> None:
-        """Plan a course that is held low from X = x0 (N m s, eci) on."""
+        """Plan a course of low momentum from X = x0 (N m s, eci) on."""
         n, _ = self._motion()
         _, _, limits = self._axes()
         stiff = STIFF * n
@@ -771,8 +794,10 @@ class ManagerPredictive(MomentumDumping, EarthField):
     def _empty(
         self, count: int, x0: Vec3, dt: Table, drift: Table, effect: Table
     ) -> None:
-        """Plan the dipole and the pulses of the first interval so that X = x0 (N m s,
-        eci) becomes zero."""
+        """Plan dipole and pulses of the first interval so that X = x0 becomes zero.
+
+        x0 in N m s, eci.
+        """
         fee = [0.0] * predictive.INTERVALS
         most = [0.0] * predictive.INTERVALS
         _, _, limits = self._axes()
@@ -803,7 +828,7 @@ class ManagerPredictive(MomentumDumping, EarthField):
         )
         thrust = (self._pulse(u[3], 0), self._pulse(u[4], 1), self._pulse(u[5], 2))
         if count == 1:
-            # the coils make up for what the pulses leave
+            # the coils compensate the rounding of the pulses
             for j in range(3):
                 on = thrust[j] * self.sample_time / max(self.tau_level[j], 1e-9)
                 i = 3 * (predictive.COILS + j)
@@ -828,14 +853,19 @@ class ManagerPredictive(MomentumDumping, EarthField):
         self._dipole_planned, self._thrust = m, thrust
 
     def _bias(self, q: Vec4, turn: Vec3, size2: float, turning: bool) -> Vec3:
-        """What of the craft's momentum (N m s, eci) is not to be dumped: the body's
-        turn, and the target. turn (m2/s): r x v; size2 (m2): r^2."""
+        """Return the momentum (N m s, eci) that is not to be dumped.
+
+        It is that of the body's rotation, and the target. turn (m2/s): r x v; size2
+        (m2): r^2.
+        """
         rate = rotate(q, scale(1.0 / size2, turn)) if turning else ZERO
         return rotate_back(q, add(mat_vec(self._inertia, rate), self.h_target_body))
 
     def _torque(self, q: Vec4, lvlh: Vec4, r: Vec3, b: Vec3) -> Vec3:
-        """The torque (N m, eci) on the craft as far as it is known, at r (m) in the
-        field b (T)."""
+        """Compute the known torque (N m, eci) on the craft at r (m).
+
+        b (T, eci) is the field there.
+        """
         x = self._x
         gravity = rotate_back(q, gravity_gradient(rotate(q, r), self._inertia))
         own = cross(rotate_back(q, (x[10], x[11], x[12])), b)
@@ -851,7 +881,7 @@ class ManagerPredictive(MomentumDumping, EarthField):
         return add(add(scale(x[3], gravity), (x[4], x[5], x[6])), add(orbital, own))
 
     def _pulse(self, on_time: float, axis: int) -> float:
-        """The mean torque (N m) over a sample of an on-time (s), to whole pulses."""
+        """Round an on-time (s) to whole pulses: mean torque (N m) over a sample."""
         count = int(abs(on_time) / self.least_pulse + 0.5)
         on = copysign(float(count) * self.least_pulse, on_time)
         return self.tau_level[axis] * on / self.sample_time

@@ -15,19 +15,19 @@ class ManagerPreview(MomentumManagement, GroundTables):
 
         mu_M = S (B x P),      P = -(K(t) H + g(t))                (Table 1, open loop)
 
-    a costate that depends on the momentum: neither field model nor integral nor
-    singular period onboard. K and g are tables that the ground computes
-    (`desat design`) for one orbit, attitude and span, in eci, linear between rows:
-    those of the cheapest course over the predicted field and gravity gradient, in coil
-    energy, momentum and, with a weight on it, the largest wheel speed, and of the
-    stiffness with which it is held. Beyond the tables there is no dipole, and `mode`
-    says fallback.
+    The costate depends on the momentum, so the law needs no field model and no integral
+    onboard, and has no singular periods. K and g are tables that the ground computes
+    (`desat design`) for one orbit, attitude and span, in eci, linear between rows. They
+    are those of the cheapest course over the predicted field and gravity gradient, in
+    coil energy, momentum and, with a weight on it, the largest wheel speed, and of the
+    stiffness with which the course is held. Beyond the tables there is no dipole, and
+    `mode` is fallback.
 
-    Not in paper 001. Its kin: Psiaki, J. Guidance 24 (2001) 386; Lovera & Varga, IEEE
-    CDC (2005), periodic linear-quadratic laws of magnetic attitude control; Chen &
-    Steyn (paper 000), eq. 13, over one dumping.
+    The law is not in paper 001. Related laws: Psiaki, J. Guidance 24 (2001) 386; Lovera
+    & Varga, IEEE CDC (2005), periodic linear-quadratic laws of magnetic attitude
+    control; Chen & Steyn (paper 000), eq. 13, over one dumping.
 
-    Coils, limits and measurements that are not valid: `bases/momentum_management.py`.
+    Coils, limits and invalid measurements: see `bases/momentum_management.py`.
     """
 
     offers = (Law("preview"),)
@@ -57,5 +57,5 @@ class ManagerPreview(MomentumManagement, GroundTables):
         return m
 
     def offset(self, i: int, share: float) -> Vec3:
-        """g (A m2/T, eci) between rows i and i + 1."""
+        """Interpolate g (A m2/T, eci) between rows i and i + 1."""
         return laws.between3(self.costate_table, i, share)

@@ -13,24 +13,26 @@ from ..maths.vector import ZERO, add, cross, mat_vec, scale, sub
 from ..physics.wheel_array import body_momentum, to_wheels
 from .manager_preview import ManagerPreview
 
+# 1 - |q'q| of two attitudes a milliradian apart; beyond it the craft turns, and nothing
+# is learnt.
 TURNED = 1.25e-7
-"""1 - |q'q| of two attitudes a milliradian apart; beyond it the craft turns: nothing is
-learnt."""
 
 
 class ManagerPreviewLearning(ManagerPreview):
     """A preview that learns what its coils do and how large gravity gradient is
 
-    P = -(K(t) H + s g(t)): s, the `gravity_scale`, and the `effectiveness` e_j of each
-    coil are estimated from the momentum that every update leaves
+    P = -(K(t) H + s g(t)). The `gravity_scale` s and the `effectiveness` e_j of each
+    coil are estimated from the momentum change of every update
     (`laws/momentum_learning.py`). Course and costate are proportional to gravity
-    gradient, so that s makes of g what the ground would have sent up had it known.
-    Where a coil is found lost, g is the ground's for that case, from `lost_table`, and
-    nothing else changes, as mu_T = M'(M M')^-1 mu_M gives the coils that are left M'(B
-    x P) anyway. Zeros in its first row say that there is none for that coil. The wheels
-    absorb what the coils really give.
+    gradient, so that s g is the table that the ground would have computed with the
+    right gravity gradient. Where a coil is found to be lost, g is the ground's table
+    for that case, from `lost_table`. Nothing else changes, as mu_T = M'(M M')^-1 mu_M
+    gives the remaining coils M'(B x P) in any case. Zeros in the first row of the table
+    mean that there is none for that coil. The wheels absorb the torque that the coils
+    really give.
 
-    Nothing is learnt while the craft turns, nor over a sample that was left out.
+    The estimates do not change while the craft turns, nor over a sample that was left
+    out.
     """
 
     offers = (Law("preview that learns"),)
@@ -70,7 +72,7 @@ class ManagerPreviewLearning(ManagerPreview):
     )
 
     @classmethod
-    @cache  # 6,700 of them, asked for at each parameter that a bare block is given
+    @cache  # 6,700 scalars, needed for each parameter that is set in a bare block
     def scalars(cls) -> list[tuple[Variable, int | None]]:
         return super().scalars()
 
@@ -110,7 +112,7 @@ class ManagerPreviewLearning(ManagerPreview):
         return scale(s, laws.between3(self.lost_table, i, share, j, learning.LOST))
 
     def _observe(self, t: float) -> None:
-        """Learn from what the momentum did since the last sample."""
+        """Learn from the change of the momentum since the last sample."""
         wheels = body_momentum(self.axes_wheel, self.h_wheel)
         h = add(wheels, mat_vec(self._inertia, self.rate()))
         if self._then is not None and self._still(t - self._then) and self._b_2 != ZERO:
@@ -131,7 +133,7 @@ class ManagerPreviewLearning(ManagerPreview):
         self._then, self._q, self._h_eci = t, self.q_bi, rotate_back(self.q_bi, h)
 
     def _still(self, elapsed: float) -> bool:
-        """Whether the last sample was the one before, and the attitude is that of then."""
+        """Return whether no sample was left out and the attitude has not changed."""
         a, b = self.q_bi, self._q
         alike = abs(a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + a[3] * b[3])
         return (

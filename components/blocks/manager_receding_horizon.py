@@ -17,8 +17,8 @@ ORBIT_DIPOLE, _, IGRF = range(3)
 class ManagerRecedingHorizon(ThrusterDumping, EarthField):
     """Dumping with the least thruster time, planned over the remaining time
 
-    At each sample, from the measured momentum, all samples until `horizon` are planned
-    anew: mean dipoles M_k and on-times of the thrusters, by the linear programme
+    At each sample a new plan is made from the measured momentum for all samples until
+    `horizon`: mean dipoles M_k and on-times of the thrusters, by the linear programme
 
         minimise  the thrusters' on-time
         C_f' h_target - C_0' h = T sum C_k' (N_T,k + M_k x B_k + n_con)
@@ -28,30 +28,30 @@ class ManagerRecedingHorizon(ThrusterDumping, EarthField):
     T = `sample_time`; C the attitude, fixed at `q_bo` from lvlh, and B_k the field, in
     the middle of sample k on two-body motion from r_eci and v_eci. The plan's first
     sample is commanded. Its field is the measured one with the model's change over half
-    a sample; the others come from a model of the manager's own, `field_scale` (1:
-    right) times
+    a sample; the fields of the other samples come from the manager's own model, times
+    `field_scale` (1: right):
 
     - `orbit_dipole`: (b_x cos u, b_y, b_z sin u) in lvlh, u the argument of latitude (eq. 30);
     - `dipole`: centred, Earth-fixed; `igrf`: IGRF-14 up to `igrf_degree`, as the environments do.
 
-    With `field_spread` above 0 the model is corrected by what the magnetometer has
-    measured since the start: B = b + A b + c |b| at every sample ahead, b being the
-    model's field and A and c the likeliest where each element is 0 with this deviation
-    beforehand and a measurement differs from the fit by `field_noise`. A misaligned
-    attitude, a wrong scale and a wrong constant part are of this form; a plan that
-    trusts a wrong model counts on torques that the coils then cannot give.
+    With `field_spread` above 0 the model is corrected by the magnetometer's
+    measurements since the start: B = b + A b + c |b| at every sample ahead, with b the
+    model's field. A and c are the most likely values if each element is 0 with this
+    prior standard deviation and a measurement differs from the fit by `field_noise`.
+    This form covers a misaligned attitude, a wrong scale and a wrong constant part. A
+    plan with a wrong model counts on torques that the coils cannot give.
 
-    On-times are rounded to whole `least_pulse`; the next plan knows what that did.
-    After the last sample there is none, so there the dipole makes up for the rounding
-    as far as it can. What can fire early or late fires late, when more is known. The
-    `reserve` is for what was not foreseen: where no plan keeps it in all samples it is
-    used, at first in this one only.
+    On-times are rounded to multiples of `least_pulse`; the next plan corrects the
+    rounding. No plan follows the last sample, so there the dipole compensates the
+    rounding as far as it can. A firing that may be early or late is late, when more is
+    known. The `reserve` is for deviations from the prediction. Where no plan keeps it
+    in all samples, it is used, at first in this sample only.
 
     Where there is no plan (the momentum is more than can be dumped in time) the torque
-    N = -g_rate h, or -h over the time left where that is more, is shared out by the
+    N = -g_rate h, or -h over the remaining time where that is more, is split by the
     bounded 1-norm blend of `manager_combined`, its thrusters within thruster_duty
-    tau_level, with `mode` 3 instead of 2; so it is at a sample whose field is not
-    valid, there by thrusters alone. Where the momentum is not valid nothing is dumped.
+    tau_level, and `mode` is 3 instead of 2. The same applies at a sample whose field is
+    not valid, with thrusters alone. Where the momentum is not valid nothing is dumped.
     From `horizon` on `mode` is 0: no dumping. The wheels are commanded as by
     `manager_combined`.
     """
@@ -180,9 +180,11 @@ class ManagerRecedingHorizon(ThrusterDumping, EarthField):
     def _planned(
         self, h: Vec3, q_bi: tuple[Vec4, ...], fields: tuple[Vec3, ...]
     ) -> tuple[Vec3, Vec3] | None:
-        """Dipole and on-times of the plan's first sample: the reserve kept in all
-        samples, or in all but this one, where that costs no more than `reserve_cost`;
-        else in none."""
+        """Return dipole and on-times of the plan's first sample.
+
+        The reserve is kept in all samples, or in all but this one, where that costs no
+        more than `reserve_cost`; otherwise in none.
+        """
         whole = self.thruster_duty * self.sample_time
         kept = (1.0 - self.reserve) * whole
         free = self._step(h, q_bi, fields, (whole, whole))
@@ -201,6 +203,7 @@ class ManagerRecedingHorizon(ThrusterDumping, EarthField):
         fields: tuple[Vec3, ...],
         longest: tuple[float, float],
     ) -> tuple[Vec3, Vec3, float] | None:
+        """Plan with these longest on-times (s); return the first sample."""
         plan = receding_horizon.programme(
             add(h, self.h_target_body),
             self.h_target_body,
@@ -215,7 +218,7 @@ class ManagerRecedingHorizon(ThrusterDumping, EarthField):
         return receding_horizon.first_step(plan, self.limits())
 
     def _fallback(self, h: Vec3, left: float) -> tuple[Vec3, blending.Split]:
-        """The blend in place of a plan, with `left` (s) until the horizon."""
+        """Blend in place of a plan, with `left` (s) until the horizon."""
         self.mode = FALLBACK
         rate = max(self.g_rate, 1.0 / left)
         n = dumping.ilqr(h, self.rate(), rate, self.n_con_body)
@@ -226,11 +229,12 @@ class ManagerRecedingHorizon(ThrusterDumping, EarthField):
         return add(cross(m, field), n_t), (m, n_t)
 
     def _rounded(self, on_time: float) -> float:
+        """Round an on-time (s) to whole pulses."""
         count = int(abs(on_time) / self.least_pulse + 0.5)
         return copysign(count * self.least_pulse, on_time)
 
     def _torque(self, on_times: Vec3) -> Vec3:
-        """The mean torque (N m) over a sample of on-times (s)."""
+        """Compute the mean torque (N m) over a sample of on-times (s)."""
         x, y, z = (
             level * on / self.sample_time
             for level, on in zip(self.tau_level, on_times, strict=True)
@@ -240,8 +244,11 @@ class ManagerRecedingHorizon(ThrusterDumping, EarthField):
     def _predicted(
         self, t: float, samples: int
     ) -> tuple[tuple[Vec4, ...], tuple[Vec3, ...]]:
-        """The attitudes now, in the middle of each sample and at the end, and B (T,
-        body) in the middle of each sample."""
+        """Predict attitudes and fields B (T, body) until the end.
+
+        Attitudes are those now, in the middle of each sample and at the end; fields are
+        those in the middle of each sample.
+        """
         period = self.sample_time
         middles = tuple(
             period * (k + 0.5) for k in range(min(samples, receding_horizon.SAMPLES))
@@ -267,8 +274,10 @@ class ManagerRecedingHorizon(ThrusterDumping, EarthField):
         q_bi: tuple[Vec4, ...],
         states: tuple[tuple[Vec3, Vec3], ...],
     ) -> tuple[Vec3, ...]:
-        """The model's B (T, body) so many seconds `ahead` of t, at the states (m, m/s;
-        eci)."""
+        """Compute the model's B (T, body) at times `ahead` (s) of t.
+
+        `states` are position and velocity (m, m/s; eci) at these times.
+        """
         if self.field_model == ORBIT_DIPOLE:
             amplitudes = (self.b_x, self.b_y, self.b_z)
             in_lvlh = receding_horizon.orbit_dipole(self.r_eci, self.v_eci, amplitudes)

@@ -40,25 +40,26 @@ class ManagerStartUp(Acquisition):
 
     Procedure `conventional`: detumbling by `detumbling`, pitch_spin, wheel_ramp,
     three_axis, done; `proposed`: detumbling, momentum_dump, three_axis, done;
-    `detumbling`: detumbling, done. When done the law before goes on. omega_2 in eq. 9,
-    theta and theta' are relative to lvlh.
+    `detumbling`: detumbling, done. When done, the previous law continues. omega_2 in
+    eq. 9, theta and theta' are relative to lvlh.
 
-    Beyond what is printed: eq. 8's coil is on in every phase after detumbling, for M_1
-    of eq. 9 alone never reaches the target (`spin_coil_alone`: as printed), and eq. 1
-    on all three axes pumps the wheel when it holds the pitch angle (`b_dot_last`: as
-    printed, with gain_pitch_coil); eq. 11 goes on in three_axis, for else nothing holds
-    h. In momentum_dump, for which the paper gives the wheel no law, it keeps the pitch
-    rate by eq. 6: the constant torque of eq. 7 is less than the coils' 1e-4 N m of
-    pitch torque, and so the body would spin up.
+    The block deviates from the printed laws as follows. The coil of eq. 8 is on in
+    every phase after detumbling, because M_1 of eq. 9 alone never reaches the target
+    (`spin_coil_alone`: as printed), and eq. 1 on all three axes pumps the wheel when it
+    holds the pitch angle (`b_dot_last`: as printed, with gain_pitch_coil). Eq. 11
+    continues in three_axis, as otherwise nothing holds h. In momentum_dump, for which
+    the paper gives the wheel no law, the wheel keeps the pitch rate by eq. 6: the
+    constant torque of eq. 7 is less than the coils' 1e-4 N m of pitch torque, and the
+    body would spin up.
 
-    The wheel is commanded here and `tau_ctrl_body` is not used: eq. 10 is one of
-    several laws of one wheel, of which the phase chooses, and a controller apart would
-    have to know the phase.
+    This block commands the wheel and does not use `tau_ctrl_body`: the phase selects
+    eq. 10 among several laws of one wheel, and a separate controller would have to know
+    the phase.
 
-    Without a valid field the coils are off, and the wheel is if its law needs the
+    Without a valid field the coils are off, and so is the wheel if its law needs the
     field. Where the law needs a rate or an attitude that is not valid, all coils follow
-    eq. 1 and the wheel keeps its speed; without a valid h there is no ramp and no eq.
-    11.
+    eq. 1 and the wheel keeps its speed. Without a valid h there is neither a ramp nor
+    eq. 11.
 
     Source: paper 003, eqs. 1-11, Figs. 5 and 6.
     """
@@ -121,15 +122,15 @@ class ManagerStartUp(Acquisition):
         return law()
 
     def _detumble(self) -> int:
+        """Command coils and wheel by the law of detumbling."""
         b, b_rate = self.b_body, self._b_rate
         if b_rate is None:
             return START if self.valid_b else NO_FIELD
         kind = self.detumbling
         if kind == B_DOT:
             self._b_dot(b_rate, self.gain_b_dot)
-            return (
-                START if self.valid_omega else NO_RATE
-            )  # its condition needs the rate
+            # the condition of the phase needs the rate
+            return START if self.valid_omega else NO_RATE
         if kind == WHEEL_RATE:
             if not self.valid_omega:
                 self._b_dot(b_rate, self.gain_b_dot)
@@ -143,6 +144,7 @@ class ManagerStartUp(Acquisition):
         return START if self.valid_omega else NO_RATE
 
     def _spin(self) -> int:
+        """Command the coils to spin the craft about pitch (eq. 9)."""
         if missing := self._without():
             return missing
         if not self.valid_b:
@@ -155,12 +157,14 @@ class ManagerStartUp(Acquisition):
         return START
 
     def _ramp(self) -> int:
+        """Command the wheel's constant torque."""
         self.give(self._pitch_coil(), self.ramp_torque if self.valid_h else 0.0)
         if not self.valid_h:
             return NO_MOMENTUM
         return START if self.valid_b else NO_FIELD
 
     def _dump(self) -> int:
+        """Command the coils to fill the wheel (eq. 11), which keeps the pitch rate."""
         b, b_rate = self.b_body, self._b_rate
         if b_rate is None:
             return START if self.valid_b else NO_FIELD
@@ -171,6 +175,7 @@ class ManagerStartUp(Acquisition):
         return START if self.valid_omega else NO_RATE
 
     def _stabilise(self) -> int:
+        """Command wheel and coils to point (eq. 10)."""
         if missing := self._without():
             return missing
         angle = laws.pitch_angle(self.of_reference((0.0, 0.0, 1.0)))
@@ -189,8 +194,10 @@ class ManagerStartUp(Acquisition):
         return START if self.valid_h else NO_MOMENTUM
 
     def _without(self) -> int:
-        """Where rate or attitude are not valid: eq. 1 on all coils, the wheel at its
-        speed."""
+        """Command eq. 1 on all coils where rate or attitude are not valid.
+
+        The wheel keeps its speed. Returns the missing measurement, or START.
+        """
         if self.valid_omega and self.valid_q:
             return START
         if self._b_rate is not None:
@@ -198,14 +205,17 @@ class ManagerStartUp(Acquisition):
         return NO_ATTITUDE if self.valid_omega else NO_RATE
 
     def _b_dot(self, b_rate: Vec3, gain: float) -> None:
+        """Command the B-dot dipole (eq. 1) and no wheel torque."""
         self.give(laws.b_dot(b_rate, gain), 0.0)
 
     def _pitch_coil(self) -> Vec3:
+        """Compute the dipole of the pitch coil (A m2, body), eq. 8."""
         if self._b_rate is None:
             return ZERO
         return laws.pitch_coil(self._b_rate, self.gain_pitch_coil)
 
     def _dump_dipole(self) -> Vec3:
+        """Compute the dipole that fills the wheel (A m2, body), eq. 11."""
         if not (self.valid_h and self.valid_b):
             return ZERO
         h = -self.h() if self.dump_reversed else self.h()

@@ -12,41 +12,42 @@ from ..maths.vector import ZERO, add, clip, cross, norm, scale, sub
 WHEELS, SUM = range(2)
 THRUSTERS, COILS = range(2)
 WAITING = 2
+# Lower bound of the torque of a sample, relative to `torque`: without it noise would
+# keep a dump from its end; and the number of samples near the end after which a dump
+# ends, whatever momentum accumulates meanwhile.
 LAST, SAMPLES = 0.05, 10
-"""Of the torque: no sample of a dump has less, or noise would keep it from its end; and
-so many samples that are to come to the end are the last, whatever comes in
-meanwhile."""
 
 
 class ManagerThreshold(MomentumDumping):
     """Dumping from one threshold to another, by thrusters or by magnetic torquers
 
-    Momentum is left in the wheels until `fill` comes to `begin`; it is dumped then
-    until `fill` is at `end`, with h the wheels' momentum less `h_target_body` and h_i
-    that of each wheel:
+    Momentum remains in the wheels until `fill` reaches `begin`; it is then dumped until
+    `fill` is at `end`, with h the wheels' momentum less `h_target_body` and h_i that of
+    each wheel:
 
         wheels:  fill = max |h_i|            sum:  fill = |h|
 
-    thrusters: the dumping torque is N = -torque h / |h|, at the last sample no more
-    than brings `fill` to `end`; pairs about the body's axes give it with on-times of
-    |N_x|, |N_y| and |N_z| over their levels. With `aligned` above 0 a dump waits until
-    |h_x| + |h_y| + |h_z| is at most aligned |h| in the attitude that the craft comes
-    to, for that is what it costs, but no longer than `longest_wait`. Thrusters fire
-    whole pulses: with `pulse_body`, the angular impulse of the shortest about each
-    axis, N is of whole ones, and what is left of an axis comes with its next sample:
-    the wheels take up just what is fired, and noise about zero fires nothing.
+    thrusters: the dumping torque is N = -torque h / |h|; the last sample is limited so
+    that `fill` does not fall below `end`. Pairs about the body's axes give it with
+    on-times of |N_x|, |N_y| and |N_z| over their levels. With `aligned` above 0 a dump
+    waits until |h_x| + |h_y| + |h_z|, which is what it costs, is at most aligned |h| in
+    the attitude of the craft, but no longer than `longest_wait`. Thrusters fire whole
+    pulses. With `pulse_body`, the angular impulse of the shortest pulse about each
+    axis, N consists of whole pulses, and the remainder of an axis is added to its next
+    sample. The wheels then absorb exactly what is fired, and noise about zero fires
+    nothing.
 
     coils: M = gain (h x B) / |B|^2, each component within +-`m_limit`; N = M x B. None
     at a sample whose field is not valid.
 
-    The wheels are commanded to give the body what the controller wants and to absorb,
+    The wheels are commanded to give the body the controller's torque and to absorb,
     with `feedforward`, the dumping torque and, with `gyroscopic`, omega x h:
 
         tau_cmd_wheel = A^+ (N - tau_ctrl_body - omega x A h)        (paper 004, eq. 16)
 
-    at each sample, or every `wheel_sample_time`, held in between. What the wheels hold
-    against each other no dump takes out: with four of them `null_gain` lets it decay,
-    or `fill` of the fullest may never come to `end`.
+    at each sample, or every `wheel_sample_time`, held in between. No dump removes
+    momentum that the wheels hold against each other. With four wheels `null_gain` makes
+    it decay; otherwise `fill` of the fullest wheel may never reach `end`.
 
     Source: ours.
     """
@@ -129,8 +130,8 @@ class ManagerThreshold(MomentumDumping):
         self.dumps, self.dumping_time, self.dumped = 0, 0.0, 0.0
         self._since = 0.0
         self._rest: Vec3 = ZERO
-        self._dumped_before = 0.0  # by dumps that are over, N m s
-        self._taken: Vec3 = ZERO  # by the dump that goes on, N m s
+        self._dumped_before = 0.0  # N m s, by earlier dumps
+        self._taken: Vec3 = ZERO  # N m s, by the present dump
         self._last = 0
 
     def foresee(self, begin: float, end: float, wired: frozenset[str]) -> Iterator[str]:
@@ -183,16 +184,20 @@ class ManagerThreshold(MomentumDumping):
         self.dumped = self._dumped_before + norm(self._taken)
 
     def _is_done(self, left: Vec3) -> bool:
-        """Whether what is left of a dump (N m s) is less than half a pulse about each
-        axis."""
+        """Return whether the remainder of a dump is below half a pulse about each axis.
+
+        left in N m s.
+        """
         a, b, c = self.pulse_body
         x, y, z = left
         return abs(x) < 0.5 * a and abs(y) < 0.5 * b and abs(z) < 0.5 * c
 
     def _in_pulses(self, n: Vec3, left: Vec3) -> Vec3:
-        """The torque (N m) of whole pulses over a sample for a wanted one, no more than
-        bring what is left of the dump (N m s) to within half a pulse; keeps what a
-        pulse does not give."""
+        """Round a torque (N m) over a sample to whole pulses.
+
+        They bring the remainder `left` of the dump (N m s) at most to within half a
+        pulse. The rounding error is carried to the next sample.
+        """
         wanted = add(scale(self.sample_time, n), self._rest)
         x, y, z = (
             copysign(
@@ -206,7 +211,7 @@ class ManagerThreshold(MomentumDumping):
         return scale(1.0 / self.sample_time, (x, y, z))
 
     def _goes(self, t: float, h: Vec3, size: float) -> bool:
-        """Whether a dump that is due begins at this sample."""
+        """Return whether a dump that is due begins at this sample."""
         if (
             self.by == COILS
             or self.aligned == 0.0

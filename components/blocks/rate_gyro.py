@@ -8,8 +8,8 @@ from ..contract.roles import RateGyro as Role
 from ..maths.noise import normal3, normal6, stream
 from ..maths.vector import ZERO, add, cross, scale, sub
 
+# Largest Allan deviation of a first-order Gauss-Markov process of standard deviation 1.
 _PEAK = 0.61736
-"""The largest Allan deviation of a first-order Gauss-Markov process of deviation 1."""
 
 
 class RateGyro(Role, Sensor):
@@ -23,16 +23,17 @@ class RateGyro(Role, Sensor):
     at each sample, T = `sample_time` after the last one, held in between; n and w are
     standard normal numbers of each axis. Then each axis is rounded to a multiple of
     `resolution` and limited to +-`full_scale`, where these are not 0. A limited value
-    stays valid: it still has the sign. The noise is a function of seed, instance name
-    and sample index.
+    stays valid, as its sign is still right. The noise is a function of seed, instance
+    name and sample index.
 
-    a is `misalignment_body`, the small rotation of its axes. d, a first-order
-    Gauss-Markov process from its stationary state on, is what a data sheet calls bias
-    instability: the floor of the Allan deviation, which that of d alone reaches at 1.89
-    times `instability_time`.
+    a is `misalignment_body`, the small rotation of its axes. d is a first-order
+    Gauss-Markov process that starts from its stationary state. It models the bias
+    instability of a data sheet, the floor of the Allan deviation, which that of d alone
+    reaches at 1.89 times `instability_time`.
 
-    The walks are given by what they come to in one second, so the numbers are those of
-    a data sheet in rad/sqrt(s) and rad/s/sqrt(s); 1 deg/sqrt(h) = 2.909e-4 rad/sqrt(s).
+    The random walks are specified by their deviation after one second, so the numbers
+    are those of a data sheet in rad/sqrt(s) and rad/s/sqrt(s); 1 deg/sqrt(h) = 2.909e-4
+    rad/sqrt(s).
 
     Source: Farrenkopf's gyro model, as in Markley & Crassidis, Fundamentals of
     Spacecraft Attitude Determination and Control (2014), sec. 4.7; the sample is the

@@ -8,10 +8,10 @@ from ..physics.orbit import MU, lvlh_attitude
 
 
 def constant_torque(inertia: Mat33, omega: Vec3, nadir: Vec3, radius: float) -> Vec3:
-    """N_con = -omega x J omega + 3 mu / r^3 u x J u (N m, body): paper 000, eq. 3.
+    """Compute N_con = -omega x J omega + 3 mu / r^3 u x J u (N m, body).
 
-    Inertia in kg m2, inertial rate in rad/s, u the unit vector to nadir, all in body; r
-    in m.
+    Paper 000, eq. 3. Inertia in kg m2, inertial rate in rad/s, u the unit vector to
+    nadir, all in body; r in m.
     """
     return sub(
         scale(3.0 * MU / radius**3, cross(nadir, mat_vec(inertia, nadir))),
@@ -29,9 +29,9 @@ class SpacecraftFixedAttitude(Spacecraft):
         N_con = -omega x J omega + 3 n^2 u x J u                   (eq. 3; u to nadir)
         omega = C(q_bo) (0, -n, 0)                                 (eq. 2)
 
-    integrated by one RK4 step, with the field as b + b' t + b'' t^2 / 2 and torque and
-    dipole as mean and slope. The orbit is taken as circular. `h_wheel` and the wheel
-    torques are not read: the wheels are inside.
+    It is integrated by one RK4 step, with the field as b + b' t + b'' t^2 / 2 and
+    torque and dipole as mean and slope. The orbit is assumed to be circular. `h_wheel`
+    and the wheel torques are not read, as the block contains the wheels.
 
     Source: Chen & Steyn (paper 000), eqs. 1-9. Inertia: UoSAT-12, from the literature
     on the craft, not in the paper; it matters off nadir only.
@@ -66,6 +66,7 @@ class SpacecraftFixedAttitude(Spacecraft):
         self._start_momentum = self._total()
 
     def _total(self) -> Vec3:
+        """Return the total momentum (N m s, eci)."""
         return rotate_back(self._q, add(self._spin, self._h))
 
     def output(self, t: float) -> None:
@@ -84,6 +85,7 @@ class SpacecraftFixedAttitude(Spacecraft):
         constant = add(add(self._n_con, self.tau_disturbance_body), self.tau_ext_body)
 
         def slope(i: int, h: Vec3) -> Vec3:
+            """Return the derivative of the momentum (N m, body) at half step i."""
             s, lead = 0.5 * i, 0.5 * i - 0.5
             b_eci = add(
                 add(self.b_eci, scale(s * dt, self.b_rate_eci)),

@@ -30,25 +30,25 @@ from ..physics.wheel_array import body_momentum
 
 NONE, AREA, PLATES = range(3)
 
+# rad: angles below which one step of RK4, RK6 or RK8 has about the same error relative
+# to the angle.
 ANGLE_4, ANGLE_6, ANGLE_8 = 0.009, 0.055, 0.3
-"""Up to where one step of RK4, RK6 or RK8 errs by about the same share of the angle
-(rad)."""
-MOST_PARTS = 100_000
-"""Of a step; more is a mistake."""
+MOST_PARTS = 100_000  # parts of a step; more indicate a mistake
 
 
 class SpacecraftRigid(Spacecraft, WheelInertias):
     """Rigid body with up to four wheels about any axes
 
-    The state is the attitude q and the total inertial angular momentum H, beside an own
-    copy of the wheels' axial momenta h:
+    The state is the attitude q, the total inertial angular momentum H and a copy of the
+    wheels' axial momenta h:
 
         q' = 1/2 Omega(omega) q,     H' = C(q)' tau_ext,     h' = tau_wheel
         omega = J_r^-1 (C(q) H - sum g h),     J_r = J - sum J_s g g'
 
-    so that without external torque H is constant to the last bit, and what the wheels
-    take the body gives. Wheel torque, dipole and thruster torque come as mean and slope
-    over the step, the field as value, rate and second derivative. External torque:
+    so that without external torque H is constant to the last bit, and the body receives
+    the opposite of the torque on the wheels. Wheel torque, dipole and thruster torque
+    are given as mean and slope over the step, the field as value, rate and second
+    derivative. The external torque is
 
         tau_ext = (m + m_residual) x B + 3 mu / r^3 u x J u + drag + radiation + thrusters
                   + tau_disturbance + tau_ext_body
@@ -59,17 +59,17 @@ class SpacecraftRigid(Spacecraft, WheelInertias):
         b = dt^2 |J_r^-1| (|A tau_wheel| + |tau_ext|)
         c = dt^2 |J_r^-1| (change of these torques within the step)
 
-    with l = C(q) H and the torques at their largest. Times a constant, RK4 errs by a
-    (a^2 + b)^2 + b c and RK6 by a (a^2 + b)^3 + 2 b c^2, where c is large for a
-    thruster's pulse that is shorter than the step. Where that error is small they
-    integrate the step at once, else ceil((a + c / 2) / angle_limit) steps of order 8
-    do. The error of phase is then a few 1e-12 of the angle turned, whatever the step.
-    Without torque, the default angle_limit takes 1e-8 of the energy of a nutation of 1
-    rad/s in a day, half of it 3e-11. `h_wheel` is read in initialisation mode only: the
-    copy starts from it.
+    with l = C(q) H and the torques at their maximum. Up to a constant factor, the error
+    of RK4 is a (a^2 + b)^2 + b c and that of RK6 a (a^2 + b)^3 + 2 b c^2, where c is
+    large for a thruster pulse shorter than the step. Where that error is small, one
+    step of RK4 or RK6 integrates the whole step; otherwise ceil((a + c / 2) /
+    angle_limit) steps of order 8 do. The phase error is then a few 1e-12 of the angle
+    turned, whatever the step. Without torque, the default angle_limit loses 1e-8 of the
+    energy of a nutation of 1 rad/s in a day, half of that limit 3e-11. `h_wheel` is
+    read in initialisation mode only: the copy starts from it.
 
-    The air turns with the Earth about the z axis of eci. Where that is J2000's it is
-    0.15 deg off in 2026, and drag by 3e-4 of itself at most.
+    The air rotates with the Earth about the z axis of eci. If this is the axis of
+    J2000, it is off by 0.15 deg in 2026, which changes drag by at most 3e-4 of itself.
 
     Source: conservation of momentum; paper 004, eqs. 1-6; Wertz (1978), ch. 17 for the
     torques.
@@ -171,16 +171,16 @@ class SpacecraftRigid(Spacecraft, WheelInertias):
         self._momentum_start = self._momentum
 
     def _sizes(self) -> None:
-        """What `_angle` and `_largest_around` need of the parameters."""
+        """Compute the bounds for `_angle` and `_largest_around` from the parameters."""
         i = self._inverse
         self._inverse_size = max(  # 1/(kg m2)
             abs(i[0]) + abs(i[1]) + abs(i[2]),
             abs(i[3]) + abs(i[4]) + abs(i[5]),
             abs(i[6]) + abs(i[7]) + abs(i[8]),
         )
-        # gravity at most 3 mu / r^3 times half the largest moment (N m times r^3);
-        # every surface head on to the flow (N m over density speed^2); every surface a
-        # mirror (N m)
+        # Upper bounds: gravity 3 mu / r^3 times half the largest moment (N m times r^3);
+        # drag with every surface facing the flow (N m over density speed^2); light with
+        # every surface a mirror (N m).
         self._gravity_size = (
             1.5 * MU * max(self.inertia[0], self.inertia[4], self.inertia[8])
         )
@@ -197,6 +197,7 @@ class SpacecraftRigid(Spacecraft, WheelInertias):
         )
 
     def _from_lvlh(self, q_bo: Vec4, omega_bo: Vec3) -> tuple[Vec4, Vec3]:
+        """Convert attitude and rate (rad/s, body) from lvlh to eci."""
         n = norm(cross(self.r_eci, self.v_eci)) / dot(self.r_eci, self.r_eci)
         q = product(q_bo, lvlh_attitude(self.r_eci, self.v_eci))
         return q, add(omega_bo, rotate(q_bo, (0.0, -n, 0.0)))
@@ -208,6 +209,7 @@ class SpacecraftRigid(Spacecraft, WheelInertias):
         self.impulse_eci = sub(self._momentum, self._momentum_start)
 
     def _omega(self) -> Vec3:
+        """Compute the angular rate (rad/s, body)."""
         wheels = body_momentum(self.axes_wheel, self._h)
         return rate(rotate(self._q, self._momentum), wheels, self._inverse)
 
@@ -279,11 +281,15 @@ class SpacecraftRigid(Spacecraft, WheelInertias):
         )
 
     def _angle(self, dt: float, wheels: Vec3, gained: float) -> float:
-        """Angle (rad) that body and nutation turn in dt, with the wheels' momentum (N m
-        s, body) at its start and what the torques add at most (rad).
+        """Estimate the angle (rad) by which body and nutation turn in dt.
 
-        Raises BlockError where it is not finite or would take too many integration
-        steps.
+        It takes the wheels' momentum (N m s, body) at the beginning and the largest
+        contribution of the torques (rad).
+
+        Raises
+        ------
+        BlockError
+            If the angle is not finite or would take too many integration steps.
         """
         total = rotate(self._q, self._momentum)
         omega = rate(total, wheels, self._inverse)
@@ -297,7 +303,7 @@ class SpacecraftRigid(Spacecraft, WheelInertias):
         return angle
 
     def _largest_around(self) -> float:
-        """What gravity, air and light make at most (N m)."""
+        """Compute an upper bound of the torque by gravity, air and light (N m)."""
         torque = self._light_size * self.sunlight
         if self.gravity_gradient:
             torque += self._gravity_size / norm(self.r_eci) ** 3
@@ -306,13 +312,15 @@ class SpacecraftRigid(Spacecraft, WheelInertias):
         return torque
 
     def _surfaces(self, dt: float) -> Torque | None:
-        """f(e, C): drag and radiation torque (N m, body), density and Sun as at the
-        step's start and the wind moving with the orbit."""
+        """Build f(e, C), the drag and radiation torque (N m, body); None without.
+
+        Density and Sun are those at the step's start; the flow changes with the orbit.
+        """
         drag = self.aerodynamics if self.density > 0.0 else NONE
         light = self.radiation if self.sunlight > 0.0 else NONE
         if drag == NONE and light == NONE:
             return None
-        # the velocity through the air in eci, a + e b
+        # velocity relative to the air, eci: a + e b
         r, v, spin = self.r_eci, self.v_eci, (0.0, 0.0, EARTH_RATE)
         ax, ay, az = sub(v, cross(spin, r))
         bx, by, bz = scale(dt, sub(_fall(r), cross(spin, v))) if drag != NONE else ZERO
@@ -326,6 +334,7 @@ class SpacecraftRigid(Spacecraft, WheelInertias):
         )
 
         def surfaces(e: float, c: Mat33) -> Vec3:
+            """Compute the drag and radiation torque (N m, body)."""
             total = ZERO
             sun = mat_vec(c, sun_eci) if light != NONE or driven else ZERO
             plates = torques.facing(fixed, drives, sun) if driven else fixed
@@ -353,5 +362,5 @@ class SpacecraftRigid(Spacecraft, WheelInertias):
 
 
 def _fall(r: Vec3) -> Vec3:
-    """Acceleration (m/s2) towards the Earth's centre at r (m)."""
+    """Compute the acceleration (m/s2) towards the Earth's centre at r (m)."""
     return scale(-MU / norm(r) ** 3, r)

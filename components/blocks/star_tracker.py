@@ -13,8 +13,7 @@ from ..maths.noise import normal6, stream, uniform
 from ..maths.vector import ZERO, add, dot, norm, scale, unit
 from ..physics.orbit import EARTH_RADIUS
 
-ON_THEIR_WAY = 16
-"""Measurements that `delay` may hold back at a time."""
+ON_THEIR_WAY = 16  # measurements that `delay` may hold back at a time
 SUN, EARTH, RATE, DROPOUT, ACQUIRING, LATE = 1, 2, 3, 4, 5, 6
 
 
@@ -25,18 +24,18 @@ class StarTracker(Role, Sensor):
         x_k = p x_(k-1) + sqrt(1 - p^2) S (drift_cross, drift_about) w_k
         S (c, d) v = c (v - (v.e) e) + d (v.e) e,       p = exp(-T / drift_time)
 
-    at each sample, T = `sample_time` after the last one, held in between, and given out
+    at each sample, T = `sample_time` after the last one, held in between, and output
     `delay` later. dq(a) is the rotation by |a| about a, in body axes, e the boresight,
     n and w are standard normal numbers, x is the low-frequency error (a first-order
-    Gauss-Markov process from its stationary state on).
+    Gauss-Markov process that starts from its stationary state).
 
-    No stars are seen while the Sun is lit and within `sun_exclusion` of the boresight,
-    the limb of the (spherical) Earth within `earth_exclusion` of it, the rate above
-    `rate_limit`, and in drop-outs, which come at random. It is valid again at the first
-    sample that is `reacquisition_time` or more after the last one without stars. The
-    errors and drop-outs are functions of seed, instance name and sample index. While
-    invalid the last valid attitude stays; before the first it is that of eci, (0, 0, 0,
-    1).
+    No stars are seen while the Sun is visible within `sun_exclusion` of the boresight,
+    while the limb of the (spherical) Earth is within `earth_exclusion` of it, while the
+    rate is above `rate_limit`, and in drop-outs, which occur at random. The measurement
+    is valid again at the first sample that is `reacquisition_time` or more after the
+    last one without stars. The errors and drop-outs are functions of seed, instance
+    name and sample index. While it is invalid, the last valid attitude is held; before
+    the first one it is (0, 0, 0, 1), that of eci.
 
     Source: Markley & Crassidis, Fundamentals of Spacecraft Attitude Determination and
     Control (2014), sec. 4.2; Gelb, Applied Optimal Estimation (1974), ch. 3.
@@ -156,7 +155,7 @@ class StarTracker(Role, Sensor):
         self._drift = self._shaped(self.drift_cross, self.drift_about, drift)
         self._wait = 0.0
         self.q_meas_bi = UPRIGHT
-        # (sample, why there are no stars, attitude), in order; the newest one as well
+        # (sample, reason for no stars, attitude), in order, including the newest one
         self._waiting: Annotated[
             tuple[tuple[float, float, float, float, float, float], ...],
             ON_THEIR_WAY + 1,
@@ -188,7 +187,7 @@ class StarTracker(Role, Sensor):
             self.q_meas_bi = q
 
     def _blind(self, sample: int, elapsed: float) -> int:
-        """Why no stars are seen; 0: they are."""
+        """Return why no stars are seen; 0: they are."""
         if self.sun_exclusion > 0.0 or self.earth_exclusion > 0.0:
             boresight = rotate_back(self.q_bi, self._boresight)
             if self.sun_exclusion > 0.0:
@@ -220,7 +219,7 @@ class StarTracker(Role, Sensor):
         return 0
 
     def _attitude(self, sample: int, elapsed: float) -> Vec4:
-        """What the stars say; errors go on where none are seen."""
+        """Compute the measured attitude; the errors evolve also without stars."""
         white, drift = ZERO, ZERO
         if (
             self.noise_cross > 0.0
@@ -237,6 +236,6 @@ class StarTracker(Role, Sensor):
         return propagated(self.q_bi, add(white, self._drift), 1.0)
 
     def _shaped(self, across: float, about: float, v: Vec3) -> Vec3:
-        """v, times `across` across the boresight and `about` about it."""
+        """Scale v by `across` across the boresight and by `about` about it."""
         e = self._boresight
         return add(scale(across, v), scale((about - across) * dot(v, e), e))

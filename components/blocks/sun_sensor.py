@@ -63,9 +63,8 @@ class SunSensor(Role, Sensor):
             self.lost()
             return
         s = rotate(self.q_bi, scale(1.0 / size, self.sun_eci))
-        if (
-            dot(s, self._boresight) < self._cosine - 1e-12
-        ):  # rounding must not cut pi or 0
+        # the tolerance keeps half angles of pi and 0 valid in spite of rounding
+        if dot(s, self._boresight) < self._cosine - 1e-12:
             self.lost()
             return
         if self.noise > 0.0:

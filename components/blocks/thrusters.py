@@ -20,12 +20,12 @@ class Thrusters(PulsedThrusters):
 
         on_time += sum over the axes;  propellant += on-time tau_level / (arm g0 I_sp)
 
-    With a `tank` nothing more is fired by command once `propellant` has come to it: the
-    step in which that happens has the torque of what was left, as a mean over its
+    With a `tank` no command is fired once `propellant` has reached it. The step in
+    which that happens has the torque of the remaining propellant, as a mean over its
     pulses.
 
-    A pair has no force. Up to eight scheduled firings (`schedule_...`: an orbit
-    manoeuvre, say) add their torque and force, and count in `schedule_on_time` and
+    A pair gives no force. Up to eight scheduled firings (`schedule_...`: for instance
+    an orbit manoeuvre) add their torque and force, and count in `schedule_on_time` and
     `schedule_propellant` only:
 
         schedule_propellant += time |force| / (g0 I_sp)
@@ -71,6 +71,7 @@ class Thrusters(PulsedThrusters):
         return self.tank if self.tank > 0.0 else inf
 
     def _axis(self, i: int, period: float) -> tuple[float, Jet]:
+        """Return the on-time (s) and the effect of axis i for a period (s)."""
         command, level = self.tau_cmd_thruster_body[i], self.tau_level[i]
         torque = copysign(level, command)
         x, y, z = (torque if axis == i else 0.0 for axis in range(3))

@@ -15,9 +15,10 @@ class ThrustersMisaligned(Thrusters):
         tau_i = (1 + scale_error) (1 + schedule_scale_error_i)
                 R(schedule_turn_i) R(turn_body) schedule_tau_body_i
 
-    where R(a) turns by |a| about a: an error that all firings have, and one of each
-    beyond it. `schedule_start`, `_duration` and `_tau_body` are what is known, of all
-    components that know it (`shared`). Two scheduled firings at a time are refused.
+    where R(a) turns by |a| about a. There is a common error of all firings, and an
+    additional one of each. `schedule_start`, `_duration` and `_tau_body` are the
+    nominal values, the same in all components that know them (`shared`). Two
+    simultaneous scheduled firings are refused.
 
     Source: ours; paper 000, section VI, for the pulses.
     """
@@ -86,5 +87,5 @@ class ThrustersMisaligned(Thrusters):
 
 
 def _turned(v: Vec3, a: Vec3) -> Vec3:
-    """v turned by |a| (rad) about a."""
+    """Rotate v by |a| (rad) about a."""
     return mat_vec(rotation_about(a, 1.0), v)

@@ -34,11 +34,11 @@ class ThrustersNozzles(PulsedThrusters):
 
         on_time += sum over the nozzles;  propellant += on-time thrust / (g0 I_sp)
 
-    Up to eight scheduled firings (`schedule_...`: an orbit manoeuvre, say) add torque
-    and force, and count in `schedule_on_time` and `schedule_propellant` only: those of
-    the nozzles that `schedule_nozzle` names, each with a share s_i of its thrust in the
-    mean (off-modulated), and those given by themselves, of an engine that is none of
-    the nozzles:
+    Up to eight scheduled firings (`schedule_...`: for instance an orbit manoeuvre) add
+    torque and force, and count in `schedule_on_time` and `schedule_propellant` only.
+    They are those of the nozzles that `schedule_nozzle` names, each with a share s_i of
+    its thrust in the mean (off-modulated), and those specified directly, of an engine
+    that is none of the nozzles:
 
         tau = schedule_tau + sum s_i r_i x F_i,   F = schedule_force + sum s_i F_i
         schedule_propellant += time (|schedule_force| + sum s_i thrust_i) / (g0 I_sp)
@@ -125,6 +125,7 @@ class ThrustersNozzles(PulsedThrusters):
         self.on_time_nozzle = self._open
 
     def _jet(self, i: int) -> Jet:
+        """Compute torque (N m), force (N) and thrust (N) of nozzle i."""
         x, y, z = self.direction_nozzle[3 * i : 3 * i + 3]
         if (x, y, z) != ZERO and abs(norm((x, y, z)) - 1.0) > 1e-6:
             self.fail(
@@ -160,4 +161,5 @@ class ThrustersNozzles(PulsedThrusters):
             )
 
     def _shares(self, i: int) -> Table:
+        """Return the share of each nozzle in the scheduled firing i."""
         return self.schedule_nozzle[NOZZLES * i : NOZZLES * (i + 1)]

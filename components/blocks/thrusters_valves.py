@@ -17,29 +17,29 @@ NO_NOZZLE = 0
 class ThrustersValves(ThrustersNozzles):
     """Nozzles with valves and a tank: rise and decay, scatter, stuck valves, blow-down
 
-    As `thrusters_nozzles`, and the share s_i of a nozzle's thrust follows its valve,
+    As `thrusters_nozzles`, but the share s_i of a nozzle's thrust follows its valve,
 
         s_i' = (c - s_i) / rise_time while it is open,    s_i' = -s_i / decay_time while it is shut
 
     through edges that may fall anywhere inside a step; mean and slope are exact. A
-    decaying rest reaches into the next sample period. c = p (1 + impulse_scatter n), n
-    a standard normal number of each pulse (none is below 0), and p the tank's pressure
-    over that of the start: with a `tank` of propellant, filled to 1 / blowdown by gas
-    that expands at one temperature,
+    decaying thrust extends into the next sample period. c = p (1 + impulse_scatter n),
+    with n a standard normal number of each pulse (c is never below 0), and p the tank's
+    pressure relative to that of the start. With a `tank` of propellant, filled to 1 /
+    blowdown by gas that expands at constant temperature,
 
         p = 1 / (1 + (blowdown - 1) propellant / tank)
 
-    as the step begins, and 0 when the tank is empty; the step in which that happens has
-    the thrust of what was left. `on_time` counts valves, `propellant` what left: thrust
-    / (g0 I_sp).
+    at the beginning of the step, and 0 when the tank is empty; the step in which that
+    happens has the thrust of the remaining propellant. `on_time` counts open valves,
+    `propellant` the mass expelled: thrust / (g0 I_sp).
 
     The valve of `stuck_nozzle` is `stuck` closed or open from `stuck_from` on, whatever
-    is commanded. With `failure_known` the on-times at the samples from then on come
-    from the others, less what the open one does.
+    is commanded. With `failure_known` the on-times at the samples from then on use the
+    other nozzles only and compensate the open one.
 
-    Scheduled firings have neither edges nor scatter; those that take nozzles are
-    refused beside a stuck one, all of them beside a tank. The craft's inertia does not
-    change.
+    Scheduled firings have neither edges nor scatter. Those that use nozzles are refused
+    together with a stuck one, all of them together with a tank. The craft's inertia
+    does not change.
 
     Source: ours; Boyle's law for the pressure.
     """
@@ -108,7 +108,7 @@ class ThrustersValves(ThrustersNozzles):
             self.fail(f"tank = {self.tank} kg: not beside scheduled firings")
         if self.blowdown > 1.0 and self.tank == 0.0:
             self.fail(f"blowdown = {self.blowdown} needs a tank above 0 kg")
-        self._known = False  # that a valve is stuck, at this step
+        self._known = False  # whether the stuck valve is known at this step
         self._key = stream(self.instance, "tau_mean_thruster_body", self.seed)
         self._levels: tuple[float, ...] = (0.0,) * NOZZLES  # s of each nozzle
 
@@ -168,7 +168,7 @@ class ThrustersValves(ThrustersNozzles):
         self._propellant = self.tank if share < 1.0 else self._propellant + used
 
     def _pressure(self) -> float:
-        """The tank's pressure over that of the start."""
+        """Return the tank's pressure relative to that of the start."""
         if self.tank == 0.0:
             return 1.0
         if self._propellant >= self.tank:
@@ -178,8 +178,10 @@ class ThrustersValves(ThrustersNozzles):
     def _share(
         self, i: int, level: float, pressure: float, t: float, dt: float
     ) -> tuple[float, float, float, float]:
-        """Mean, slope and end of nozzle i's share of its thrust over a step, and how
-        long (s) its valve is open."""
+        """Integrate the share of nozzle i of its thrust over a step.
+
+        Returns mean, slope and end of the share, and how long (s) its valve is open.
+        """
         begin = end = t
         for first, last, which, _ in self._pulses:
             if which == i:
@@ -211,5 +213,5 @@ class ThrustersValves(ThrustersNozzles):
         return mean, slope, level, off - on + dt - always
 
     def _drawn(self, i: int) -> float:
-        """The normal number of the pulse of nozzle i at this sample."""
+        """Draw the normal number of the pulse of nozzle i at this sample."""
         return normal_pair(self._key, self._sample, 2 * i)[0]

@@ -18,8 +18,7 @@ class Torquers(Role):
     """Magnetic torquers, up to four coils, driven linearly or by pulses
 
     At each sample the commanded dipole is allocated to the coils, u = A^+ m_cmd_body
-    (least squares; A: `axes_coil`). `drive` says what becomes of the command u_i of a
-    coil:
+    (least squares; A: `axes_coil`). `drive` selects how a coil follows its command u_i:
 
     - `ideal`: as commanded, without limit (paper 000, Table 2);
     - `limited`: as commanded, within +-m_limit, each coil on its own;
@@ -32,14 +31,14 @@ class Torquers(Role):
 
         m_i' = (u_i - m_i) / lag,        m_body = A m,
 
-    through edges that may fall anywhere inside a step; a decaying rest of its dipole
-    then reaches into the quiet time. Mean, slope and energies over the step are exact:
+    through edges that may fall anywhere inside a step; its decaying dipole then extends
+    into the quiet time. Mean, slope and energies over the step are exact:
 
         dipole_energy   = sum_i 1/2 int m_i^2 dt            (paper 000, eq. 32)
         electric_energy = sum_i int resistance (m_i / area_turns)^2 dt
 
-    on_time counts commands, not the decay. m_body, m_coil and power are what the step
-    just made ended with. From `failed_from` on the failed coil has `failed_share` of
+    on_time counts commands, not the decay. m_body, m_coil and power are those at the
+    end of the last step. From `failed_from` on the failed coil has `failed_share` of
     its dipole; with `failure_known` the allocation at the samples from then on uses the
     others only.
 
@@ -131,9 +130,8 @@ class Torquers(Role):
         )
         self._allocation = pseudo_inverse(self.axes_coil)
         self._allocation_of_rest = pseudo_inverse(rest)
-        self._command = self._end = self._m = (
-            OFF  # end: when the command of each coil ends
-        )
+        # _end: time (s) at which the command of each coil ends
+        self._command = self._end = self._m = OFF
         self._command_body = ZERO
         self._begin = self._constant_until = 0.0
         self._coils_on = 0
@@ -142,12 +140,14 @@ class Torquers(Role):
         self.m_mean_body = self.m_slope_body = ZERO
 
     def _check_axes(self) -> None:
+        """Refuse axes that are not unit vectors."""
         for i in range(4):
             x, y, z = axis = self.axes_coil[i::4]
             if axis != ZERO and abs(norm((x, y, z)) - 1.0) > 1e-6:
                 self.fail(f"axes_coil: column {i + 1} = {axis} is not a unit vector")
 
     def _check_times(self) -> None:
+        """Refuse times that do not fit into a sample period."""
         period = self.sample_time
         if self.drive == PULSED:
             if period == 0.0 or self.m_limit == 0.0:
@@ -196,7 +196,7 @@ class Torquers(Role):
         self.m_slope_body = body_momentum(self.axes_coil, slope)
 
     def _take(self, t: float) -> None:
-        """Take a sample: what is commanded to each coil, and from when to when."""
+        """Take a sample: command of each coil, and its beginning and end."""
         fails = self.failed_coil != NO_COIL
         failed = fails and t >= self.failed_from
         wanted = self._allocated(failed)
@@ -217,7 +217,7 @@ class Torquers(Role):
         self._constant_until = min(self._end) if self.drive != PULSED else self._begin
 
     def _allocated(self, failed: bool) -> Vec4:
-        """The dipole that is wanted of each coil."""
+        """Allocate the commanded dipole to the coils (A m2)."""
         if failed and self.failure_known:
             return self._without_failed(
                 to_wheels(self._allocation_of_rest, self.m_cmd_body)
@@ -226,7 +226,7 @@ class Torquers(Role):
         return self._without_failed(wanted) if failed else wanted
 
     def _driven(self, wanted: Vec4) -> Vec4:
-        """The dipole that each coil has while it is on."""
+        """Compute the dipole of each coil while it is on (A m2)."""
         a, b, c, d = wanted
         most = self.m_limit
         if self.drive == PULSED:
@@ -246,7 +246,10 @@ class Torquers(Role):
         return wanted
 
     def _ends(self, wanted: Vec4) -> Vec4:
-        """When each coil is switched off, if before the next sample."""
+        """Return the time (s) at which each coil is switched off.
+
+        inf: not before the next sample.
+        """
         if self.drive != PULSED:
             return (inf, inf, inf, inf)
         a, b, c, d = wanted
@@ -254,11 +257,12 @@ class Torquers(Role):
         return (begin + width(a), begin + width(b), begin + width(c), begin + width(d))
 
     def _without_failed(self, x: Vec4) -> Vec4:
+        """Return x with the failed coil's element reduced to its share."""
         i = self.failed_coil - 1
         return _replaced(x, i, 0.0 + self.failed_share * x[i])
 
     def _hold(self, dt: float) -> None:
-        """A step with constant commands."""
+        """Integrate a step with constant commands."""
         a, b, c, d = self._command
         self._on_time += dt * self._coils_on
         if self.lag == 0.0:
@@ -291,25 +295,31 @@ class Torquers(Role):
         self.m_slope_body = scale(slope, gap_body)
 
     def _pulse_width(self, m: float) -> float:
+        """Compute the on-time (s) in a period for a dipole m (A m2)."""
         most = int(self.duty_max * self.sample_time / self.least_pulse + 1e-9)
         wanted = int(abs(m) / self.m_limit * self.sample_time / self.least_pulse + 0.5)
         return min(wanted, most) * self.least_pulse
 
     def _switched(self, i: int, t: float, dt: float) -> Vec3:
-        """Mean, slope and end value of coil i over a step, without lag."""
+        """Compute mean, slope and end value (A m2) of coil i over a step.
+
+        There is no lag.
+        """
         u = self._command[i]
         share, lead, seconds = window(self._begin, self._end[i], t, dt)
         if seconds == 0.0 or u == 0.0:
             return ZERO
         self._on_time += seconds
         self._energy += 0.5 * u * u * seconds
-        last = t + dt * (
-            1.0 - 1e-6
-        )  # clear of rounding where an edge falls on the step's end
+        # slightly before the step's end, as rounding may shift an edge that falls on it
+        last = t + dt * (1.0 - 1e-6)
         return u * share, u * lead, u if self._begin < last < self._end[i] else 0.0
 
     def _switched_with_lag(self, i: int, t: float, dt: float) -> Vec3:
-        """Mean, slope and end value of coil i over a step: off, on, off, perhaps dead."""
+        """Compute mean, slope and end value (A m2) of coil i over a step.
+
+        The coil is off, on, off, and dead after a failure.
+        """
         u, m = self._command[i], self._m[i]
         alive = self._alive(i, t, dt)
         on = min(max(self._begin - t, 0.0), alive)
@@ -325,18 +335,19 @@ class Torquers(Role):
         return mean, slope, m if alive == dt else 0.0
 
     def _alive(self, i: int, t: float, dt: float) -> float:
-        """For how long (s) of a step coil i does what was commanded at the last sample."""
+        """Return for how long (s) of a step coil i follows its last command."""
         if i != self.failed_coil - 1 or self._failed:
             return dt
         return min(max(self.failed_from - t, 0.0), dt)
 
 
 def _within(x: float, limit: float) -> float:
+    """Limit x to +-limit."""
     return min(max(x, -limit), limit)
 
 
 def _replaced(x: Vec4, i: int, value: float) -> Vec4:
-    """x with another element i."""
+    """Return x with element i replaced."""
     a, b, c, d = x
     return (
         value if i == 0 else a,

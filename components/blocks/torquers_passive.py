@@ -8,11 +8,9 @@ from ..contract.roles import Torquers
 from ..maths.attitude import rotate
 from ..maths.vector import ZERO, add, scale, sub
 
-MU_0 = 4e-7 * pi
-"""Permeability of free space (T m/A)."""
+MU_0 = 4e-7 * pi  # T m/A, permeability of free space
+# Largest change of H in one part of a rod's course, relative to the coercive field.
 PART = 0.05
-"""Of the coercive field: so much H changes by in one part of a rod's course at the
-most."""
 MOST_PARTS = 1000
 
 
@@ -26,15 +24,14 @@ class TorquersPassive(Torquers):
 
         dB/dH = 2/pi k B_s cos^2(pi B / (2 B_s)) [q + (1 - q) ((H - H_b) / (2 H_c))^2]
 
-    with H_b the branch that H moves away from, and q = `reversal_slope` the share of
-    its branch's slope that B has just after H has turned. Rods are of one material and
-    long against their width: `coercive_field`, `remanence` and `saturation` are those
-    of the rod, as it is measured, and interactions of rods beside each other are left
-    out.
+    with H_b the branch that H moves away from, and q = `reversal_slope` the slope of B
+    just after a reversal of H, relative to that of its branch. Rods are of one material
+    and long compared to their width: `coercive_field`, `remanence` and `saturation` are
+    measured values of the rod, and interactions between adjacent rods are neglected.
 
-    At each step H goes from its last value to that of the step's begin; over the step
-    it is taken to go on as in the one before, by which m_mean_body and m_slope_body are
-    said. No command is read, and no power taken.
+    At each step H changes from its last value to that at the beginning of the step.
+    Over the step it is extrapolated from the previous one, which gives m_mean_body and
+    m_slope_body. The block reads no command and takes no power.
 
     Source: Flatley & Henretty, "A Magnetic Hysteresis Model", NASA Flight Mechanics
     Symposium (1995), eqs. 1 to 6.
@@ -116,34 +113,34 @@ class TorquersPassive(Torquers):
         self.m_mean_body, self.m_slope_body = scale(0.5, add(m0, m1)), sub(m1, m0)
 
     def _dipole(self, flux: Vec3) -> Vec3:
-        """The dipole (A m2) at a flux (T), body."""
+        """Compute the dipole (A m2, body) at a flux (T)."""
         x, y, z = (b * v / MU_0 for b, v in zip(flux, self.rod_volume, strict=True))
         return add(self.magnet_body, (x, y, z))
 
     def _anhysteretic(self, h: float) -> float:
-        """The flux (T) of a rod in H (A/m) that has been demagnetised in it."""
+        """Compute the flux (T) of a rod that was demagnetised in H (A/m)."""
         return 2.0 / pi * self.saturation * atan(self._steepness * h)
 
     def _follow(self, flux: Vec3, begin: Vec3, end: Vec3) -> Vec3:
-        """The flux (T) of each axis as H (A/m) goes straight from begin to end."""
+        """Compute the flux (T) of each axis as H (A/m) changes linearly."""
         x, y, z = (
             self._along(b, h0, h1) for b, h0, h1 in zip(flux, begin, end, strict=True)
         )
         return (x, y, z)
 
     def _along(self, b: float, begin: float, end: float) -> float:
-        """The flux (T) of an axis from b on as H (A/m) goes straight from begin to end."""
+        """Integrate the flux (T) of an axis from b on as H (A/m) changes linearly."""
         parts = min(ceil(abs(end - begin) / (PART * self.coercive_field)), MOST_PARTS)
         for i in range(parts):
             h = begin + (end - begin) * i / parts
             step = (end - begin) / parts
             slope = self._slope(b, h, step)
-            # by the slope in the middle
+            # midpoint rule
             b += step * self._slope(b + 0.5 * step * slope, h + 0.5 * step, step)
         return b
 
     def _slope(self, b: float, h: float, way: float) -> float:
-        """dB/dH (T m/A) at b and H (A/m) as H grows (way above 0) or falls."""
+        """Compute dB/dH (T m/A) at b and H (A/m) as H rises (way above 0) or falls."""
         angle = 0.5 * pi * min(max(b / self.saturation, -0.999999), 0.999999)
         middle = tan(angle) / self._steepness
         from_branch = h - middle + self.coercive_field

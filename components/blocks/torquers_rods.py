@@ -10,38 +10,38 @@ from ..physics.wheel_array import body_momentum
 from .torquers import IDEAL, Torquers
 
 CURRENT, VOLTAGE = range(2)
+# A target so near the limit of the supply, relative to it, is only approached.
 NEAR = 1e-9
-"""A target so near what the supply can hold, relative to it, is only approached."""
 
 
 class TorquersRods(Torquers):
     """Magnetic torquers with their core, winding and supply
 
-    As `torquers`, and a coil's current i, counted as the dipole x = area_turns i,
-    follows its command u through a winding of `inductance` L and the resistance of its
+    As `torquers`, but a coil's current i, expressed as the dipole x = area_turns i,
+    follows its command u through a winding of `inductance` L and the resistance at its
     `temperature`,
 
         R = resistance (1 + temperature_coefficient (temperature - 293.15 K))
 
-    from a bridge of +-supply_voltage V, which can hold no more than X = area_turns V /
-    R. With `regulation` of the `current` the whole voltage is on the coil until the
-    current is there; of the `voltage`, what a coil of `resistance` would need is on it,
-    so that a warm one has less:
+    from a bridge of +-supply_voltage V, which can hold at most X = area_turns V / R.
+    With `regulation` of the `current` the full voltage is on the coil until the current
+    is reached. With that of the `voltage`, the coil has the voltage that a coil of
+    `resistance` would need, so that a warm one has less current:
 
         current:  x' = (+-X - x) R / L until x = u;     voltage:  x' = (u resistance / R - x) R / L
 
     Without a supply_voltage the current follows by `lag`, as in `torquers`.
 
-    Of the core's hysteresis the share `remanence` of m_limit is left when the current
-    has gone from m_limit to none; the core begins demagnetised. With N = 8 plays p_k of
-    half widths r_k = (k - 1/2) m_limit / N, Rayleigh's law as N grows:
+    By hysteresis of the core, the fraction `remanence` of m_limit remains when the
+    current has gone from m_limit to zero; the core begins demagnetised. With N = 8
+    plays p_k of half widths r_k = (k - 1/2) m_limit / N, Rayleigh's law as N grows:
 
         m = (1 - 2 remanence) x + 4 remanence / N sum_k p_k
         p_k <- min(max(p_k, x - r_k), x + r_k)
 
-    What remains is a dipole like any other: in the quiet time, in m_body, and in a dead
-    coil. All is exact over a step of any length. dipole_energy is of m, electric_energy
-    of i and R.
+    The remanent dipole acts like any other: in the quiet time, in m_body, and in a dead
+    coil. The solution is exact over a step of any length. dipole_energy follows from m,
+    electric_energy from i and R.
 
     Source: Rayleigh, Phil. Mag. 23 (1887) 225; Brokate & Sprekels, Hysteresis and Phase
     Transitions (1996), ch. 2, for the plays; copper's coefficient, 0.00393 1/K at 293
@@ -103,7 +103,7 @@ class TorquersRods(Torquers):
         self._ohm = warm(
             self.resistance, self.temperature, self.temperature_coefficient
         )
-        self._most = 0.0  # what the supply can hold, A m2; 0: anything
+        self._most = 0.0  # A m2, limit by the supply; 0: none
         self._time_constant = self.lag
         if self.supply_voltage > 0.0:
             if self._ohm == 0.0:
@@ -159,15 +159,17 @@ class TorquersRods(Torquers):
         )
 
     def _rod(self, i: int, t: float, dt: float) -> Vec3:
-        """Mean and slope of coil i's dipole over a step, and the current at its end (A
-        m2)."""
+        """Integrate coil i over a step: mean and slope of its dipole (A m2).
+
+        The third result is the current at the end (A m2).
+        """
         u, x, plays = self._command[i], self._m[i], self._plays[i]
         alive = self._alive(i, t, dt)
         on = min(max(self._begin - t, 0.0), alive)
         off = max(min(self._end[i] - t, alive), on)
         self._on_time += off - on if u != 0.0 else 0.0
         mean = slope = 0.0
-        # off, on, off, and dead: nobody drives a current then
+        # off, on, off, and dead, when no current is driven
         for first, last, target, lag in (
             (0.0, on, 0.0, self._time_constant),
             (on, off, self._held(u), self._time_constant),
@@ -198,15 +200,18 @@ class TorquersRods(Torquers):
         return mean, slope, x
 
     def _held(self, command: float) -> float:
-        """The current (A m2) that the bridge brings a coil to."""
+        """Limit a command (A m2) to the current (A m2) that the bridge reaches."""
         x = self._share * command
         return min(max(x, -self._most), self._most) if self._most > 0.0 else x
 
     def _way(
         self, x: float, target: float, lag: float, first: float, last: float
     ) -> tuple[float, float]:
-        """When a current that leaves x (A m2) at `first` is at its target (s), at most
-        `last`, and the value (A m2) that it goes towards until then."""
+        """Compute when (s) a current that leaves x (A m2) at `first` is at its target.
+
+        The time is at most `last`. Also returns the value (A m2) that the current tends
+        to until then.
+        """
         if lag <= 0.0 or x == target:
             return first, target
         full = copysign(self._most, target - x)

@@ -13,11 +13,10 @@ from ..physics.rotor import AT_LIMIT, Motor, Rotor, step
 TORQUE, SPEED = range(2)
 NOTHING: Vec4 = (0.0, 0.0, 0.0, 0.0)
 FULL_TURN = 2.0 * pi
-EDGE = 1e-6
-"""A time so near a step's end, relative to the step, is the step's end."""
-FLAT = 1e-3
-"""Sine of the angle up to which axes count as parallel, or as in a plane."""
+EDGE = 1e-6  # a time so near a step's end, relative to the step, is the step's end
+FLAT = 1e-3  # Sine of the angle up to which axes count as parallel, or as in a plane.
 
+# For each choice of `failed`: 1 for each wheel that fails.
 FAILURES = (
     (0, 0, 0, 0),
     (1, 0, 0, 0),
@@ -36,17 +35,16 @@ FAILURES = (
     (0, 1, 1, 1),
     (1, 1, 1, 1),
 )
-"""By the choices of `failed`: 1 for each wheel that fails."""
 
+# A speed loop: its last sample and the command (N m) of that sample.
 Loop = tuple[int, float]
-"""A speed loop: its last sample and the command (N m) of that."""
 
 
 class Wheels(Role, WheelInertias):
     """Reaction wheels, one to four, with motor lag, friction, limits and failures
 
-    For each wheel, g its axis, Omega = h / J_s - g.omega its speed relative to the
-    body:
+    For each wheel, with g its axis and Omega = h / J_s - g.omega its speed relative to
+    the body,
 
         h' = drive - friction(Omega),      drive = T + learnt, within +-torque_limit
         T' = (command - T) / lag,          learnt' = compensation (friction - learnt)
@@ -56,31 +54,32 @@ class Wheels(Role, WheelInertias):
     speed_gain J_s (speed command - Omega) within it, sampled every `speed_sample_time`
     by the wheel's own electronics, whatever the step (`speed`). At |Omega| =
     speed_limit the wheel is saturated: it keeps that speed, also while the body turns,
-    until its torque points inwards. A failed wheel's motor gives no torque from
-    `failed_from` on, which may be inside a step.
+    until its torque points inwards. The motor of a failed wheel gives no torque from
+    `failed_from` on; this time may lie inside a step.
 
     With `stiction` friction is dry, c_v Omega +- c_c, and stops the rotor in a finite
-    time. It then stands, and turns with the body, until the motor's torque and that of
-    the body's motion, J_s (g.omega)', differ by more than `stiction`, which is no less
-    than c_c.
+    time. The rotor then stands still relative to the body until the motor's torque and
+    that of the body's motion, J_s (g.omega)', differ by more than `stiction`, which is
+    at least c_c.
 
-    What leaves the block is what the rotors took: over a step from h0 to h1
+    The outputs are the momentum that the rotors received: over a step from h0 to h1
 
         tau_mean = (h1 - h0) / H,     tau_slope = 12 (I1 - tau_mean / 2)
         I1 = (h1 - mean of h) / H
 
     The body's rate inside the step is extrapolated from its last two values.
-    `speed_wheel` is of the step's begin, with the rate of then; `power` and
-    `saturated_wheel` are of its end, with the extrapolated rate, which errs by H^2
-    (g.omega)'' at most.
+    `speed_wheel` holds at the beginning of the step and uses the body rate at that
+    time. `power` and `saturated_wheel` hold at its end and use the extrapolated rate,
+    whose error is at most H^2 (g.omega)''.
 
     Unbalance is a product of inertia of the rotor, whose momentum across the axis turns
     with it:
 
         tau_jitter = -(p1 - p0) / H,     p = unbalance Omega e(phi),     phi' = Omega
 
-    e a unit vector across the axis, phi at the start drawn from the seed. So its
-    impulse is exact at any step, and none remains. It is never part of tau_mean_wheel.
+    with e a unit vector across the axis and the initial phi drawn from the seed. The
+    impulse is therefore exact for any step, and none accumulates. It is never part of
+    tau_mean_wheel.
 
     Source: definition of the exchange in the project's design; friction as in Wertz
     (1978) and paper 004.
@@ -244,7 +243,7 @@ class Wheels(Role, WheelInertias):
             for j in self.inertia_wheel
         )
         self._rates = self._axial(self.omega_bi_body)
-        # rates at the begin of the last two steps, and how long these were
+        # rates at the beginning of the last two steps, and their lengths (s)
         self._past: tuple[tuple[Vec4, float], tuple[Vec4, float]] = (
             (self._rates, 0.0),
         ) * 2
@@ -274,6 +273,7 @@ class Wheels(Role, WheelInertias):
         self.tau_jitter_body = ZERO
 
     def _check_parameters(self) -> None:
+        """Refuse axes, stiction or gains that are invalid."""
         for i in self._present:
             if abs(norm(self._axis(i)) - 1.0) > 1e-6:
                 self.fail(
@@ -305,6 +305,7 @@ class Wheels(Role, WheelInertias):
             self.fail(f"failed: there is no wheel {i + 1}: inertia_wheel[{i + 1}] = 0")
 
     def _check_speeds(self) -> None:
+        """Refuse initial speeds above the limit."""
         for i in self._present:
             if abs(self._speed(i)) > self.speed_limit * (1.0 + AT_LIMIT):
                 self.fail(
@@ -313,11 +314,12 @@ class Wheels(Role, WheelInertias):
                 )
 
     def _axis(self, i: int) -> Vec3:
+        """Return the axis of wheel i, body."""
         a = self.axes_wheel
         return (a[i], a[4 + i], a[8 + i])
 
     def _axial(self, omega: Vec3) -> Vec4:
-        """g.omega of each wheel."""
+        """Compute g.omega of each wheel (rad/s)."""
         a, (x, y, z) = self.axes_wheel, omega
         return (
             a[0] * x + a[4] * y + a[8] * z,
@@ -327,9 +329,11 @@ class Wheels(Role, WheelInertias):
         )
 
     def _speed(self, i: int) -> float:
+        """Return the speed of rotor i relative to the body (rad/s)."""
         return self._rotors[i][0] / self.inertia_wheel[i] - self._rates[i]
 
     def _speeds(self) -> Vec4:
+        """Return the speed of each rotor relative to the body (rad/s)."""
         speed = [0.0] * 4
         for i in self._present:
             speed[i] = self._speed(i)
@@ -406,18 +410,22 @@ class Wheels(Role, WheelInertias):
         dt: float,
         fastest: float,
     ) -> tuple[Rotor, float]:
-        """A rotor after dt (s), and the integral of its h; a block may turn it
-        otherwise."""
+        """Propagate a rotor over dt (s); also return the integral of its h (N m s2).
+
+        A block may override it with another model.
+        """
         return step(motor, rotor, command, rate0, rate1, dt, fastest)
 
     def driven(self, torque: float, speed: float) -> float:
-        """What the motor gives (N m) at a speed (rad/s) where this torque is wanted."""
+        """Limit a commanded torque to what the motor gives (N m) at a speed (rad/s)."""
         return min(max(torque, -self.torque_limit), self.torque_limit)
 
     def _ahead(self, now: Vec4, dt: float) -> Vec4:
-        """The rates about the axes (rad/s) a step dt (s) ahead: a parabola through the
-        last three as long as the command stays, for it bends their course; a line
-        through two otherwise."""
+        """Extrapolate the rates about the axes (rad/s) by a step dt (s).
+
+        A parabola through the last three is used as long as the command stays, as a
+        change of it bends their course; otherwise a line through two.
+        """
         command = (
             self.tau_cmd_wheel if self.command_mode == TORQUE else self.speed_cmd_wheel
         )
@@ -447,8 +455,11 @@ class Wheels(Role, WheelInertias):
     def _in_pieces(
         self, i: int, t: float, dt: float, now: float, then: float
     ) -> tuple[Rotor, float, Loop]:
-        """Rotor i after the step, the integral of its h, and its speed loop; cut where
-        the wheel fails and where its speed loop takes a sample."""
+        """Propagate rotor i over the step in pieces.
+
+        The step is divided where the wheel fails and where its speed loop takes a
+        sample. Returns the rotor, the integral of its h (N m s2), and its speed loop.
+        """
         motor, rotor, (sample, held) = self._motors[i], self._rotors[i], self._loops[i]
         fails = self.failed_from - t if FAILURES[self.failed][i] else inf
         total, begin, rate = 0.0, 0.0, now
@@ -476,14 +487,16 @@ class Wheels(Role, WheelInertias):
         return rotor, total, (sample, held)
 
     def _speed_command(self, i: int, h: float, rate: float) -> float:
+        """Compute the torque (N m) of the speed loop of wheel i."""
         error = self.speed_cmd_wheel[i] - (h / self.inertia_wheel[i] - rate)
         return self._limited(self.speed_gain * self.inertia_wheel[i] * error)
 
     def _limited(self, torque: float) -> float:
+        """Limit a torque (N m) to +-torque_limit."""
         return min(max(torque, -self.torque_limit), self.torque_limit)
 
     def _across_axis(self, i: int) -> tuple[Vec3, Vec3]:
-        """Unit vectors across the axis of wheel i, and across each other."""
+        """Return two unit vectors across the axis of wheel i, and across each other."""
         axis = self._axis(i)
         if axis == ZERO:
             return ZERO, ZERO
@@ -493,8 +506,10 @@ class Wheels(Role, WheelInertias):
         return one, cross(axis, one)
 
     def _momentum_across(self, speeds: Vec4) -> Vec3:
-        """The momentum of the rotors' products of inertia (N m s, body), across their
-        axes."""
+        """Sum the momentum of the rotors' products of inertia (N m s, body).
+
+        It lies across their axes.
+        """
         total = ZERO
         if self.unbalance == 0.0:
             return total

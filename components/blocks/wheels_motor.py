@@ -19,14 +19,14 @@ class WheelsMotor(Wheels):
         K_m^2 (-V / k - Omega) <= drive <= K_m^2 (V / k - Omega)
 
     beside +-torque_limit: full torque up to the speed V / k - torque_limit / K_m^2,
-    none at V / k. A failed motor gives nothing. With a table of the drag, in the place
-    of viscous and Coulomb friction,
+    none at V / k. A failed motor gives no torque. With a drag table, which replaces
+    viscous and Coulomb friction,
 
         friction = tanh(Omega / friction_speed) d(|Omega|)
 
-    with d linear between the entries `drag_torque` at `drag_speed`, and as between the
-    last two beyond them. The speed is integrated to 1e-8 rad/s a piece, wherever curve
-    and table bend.
+    with d linear between the entries `drag_torque` at `drag_speed`, and extrapolated
+    from the last two beyond them. The speed is integrated to 1e-8 rad/s in each piece,
+    wherever curve and table have corners.
 
     Source: the equations of a permanent-magnet motor, e.g. Hughes, Electric Motors and
     Drives, ch. 3; else that of `wheels`.
@@ -86,7 +86,7 @@ class WheelsMotor(Wheels):
         super().start()
 
     def _entries(self) -> int:
-        """How many entries the table of the drag has."""
+        """Count the entries of the drag table; refuse an invalid table."""
         speeds, entries = self.drag_speed, ENTRIES
         while entries > 0 and speeds[entries - 1] == 0.0:
             entries -= 1
@@ -143,5 +143,6 @@ class WheelsMotor(Wheels):
 
 
 def _row(x: Table) -> tuple[float, float, float, float, float, float, float, float]:
+    """Convert a table to a tuple of eight."""
     a, b, c, d, e, f, g, h = x
     return (a, b, c, d, e, f, g, h)

@@ -1,1 +1,1 @@
-"""The contract of a block, the interfaces of the roles, and units."""
+"""Define the contract of a block, the interfaces of the roles, and units."""

@@ -1,4 +1,4 @@
-"""The block contract: a block declares each variable once and has three methods.
+"""Define the block contract: a block declares each variable once and has three methods.
 
 A block is a class with typed declarations:
 
@@ -7,21 +7,21 @@ A block is a class with typed declarations:
         sample_time: float = Parameter("s", "sample time", start=1.0, min=0.0)
         b_body: Vec3 = Output("T", "measured field, body", interval=True)
 
-The annotation gives type and shape, the declaration unit, meaning, start value and
-bounds. On an instance each name is a plain attribute (a float, int, bool, or a flat
+The annotation gives type and shape; the declaration gives unit, meaning, start value
+and bounds. On an instance each name is a plain attribute (a float, int, bool, or a flat
 tuple in row-major order).
 
-- `start()` puts the state to its start values; initialisation mode calls it again whenever an
-  input or a parameter has changed.
-- `output(t)` sets the *state* outputs from state and time; it reads no input.
-- `advance(t, dt)` moves the state from t to t + dt with the inputs of t and assigns the
+- `start()` sets the state to its start values. Initialisation mode calls it again
+  whenever an input or a parameter has changed.
+- `output(t)` sets the *state* outputs from state and time. It reads no input.
+- `advance(t, dt)` moves the state from t to t + dt with the inputs at t and assigns the
   *interval* outputs, which are valid on [t, t + dt).
 
-`instance` is the name that the block has in its system: an FMU's as given at
-instantiation, a bare block's its component's, and its role's until it is told. Noise is
-keyed by it.
+`instance` is the block's name in its system. An FMU takes the name given at
+instantiation, a bare block the name of its component; until that is set, it is the name
+of the role. Noise is keyed by it.
 
-Everything a block keeps is an attribute that is immutable and JSON-able (float, int,
+All state of a block is held in attributes that are immutable and JSON-able (float, int,
 bool, str, None, tuples of these), so that a copy of its `__dict__` is its whole state.
 """
 
@@ -34,12 +34,9 @@ from typing import Any, ClassVar, Literal, NoReturn
 
 from .units import unit_of
 
-TURN = (-6.2832, 6.2832)
-"""Usual of an angle: a whole turn either way (rad)."""
-SPIN = (-3.1416, 3.1416)
-"""Usual of a craft's rate: half a turn a second (rad/s)."""
-SMALL_ANGLE = (-0.35, 0.35)
-"""Usual of an error in angle: 20 deg (rad)."""
+TURN = (-6.2832, 6.2832)  # rad: usual range of an angle, a full turn either way
+SPIN = (-3.1416, 3.1416)  # rad/s: usual range of a craft's rate, half a turn per second
+SMALL_ANGLE = (-0.35, 0.35)  # rad: usual range of an angular error, 20 deg
 
 Vec3 = tuple[float, float, float]
 Vec4 = tuple[float, float, float, float]
@@ -67,13 +64,15 @@ Value = Scalar | tuple[Scalar, ...]
 
 
 class BlockError(ValueError):
-    """A block's parameters or inputs make no sense; the text says which and what is
-    allowed."""
+    """Error of parameters or inputs that are invalid.
+
+    The text says which value is invalid and what is allowed.
+    """
 
 
 @dataclass(frozen=True)
 class Variable:
-    """One declared variable: a scalar or an array of scalars of one type and unit."""
+    """Declared variable: a scalar, or an array of scalars of one type and unit."""
 
     name: str
     causality: Literal["input", "output", "parameter"]
@@ -100,11 +99,14 @@ class Variable:
 
     @property
     def size(self) -> int:
-        """Number of scalars."""
+        """Return the number of scalars."""
         return math.prod(self.shape)
 
     def elements(self) -> list[str]:
-        """The FMI names of the scalars, 1-based: `b_eci[1]`, `axes_wheel[3,4]`."""
+        """Return the FMI names of the scalars: `b_eci[1]`, `axes_wheel[3,4]`.
+
+        Indices are 1-based.
+        """
         if not self.shape:
             return [self.name]
         if len(self.shape) == 1:
@@ -115,12 +117,12 @@ class Variable:
         ]
 
     def flat_start(self) -> tuple[Scalar, ...]:
-        """The start value as a flat tuple of `size` scalars."""
+        """Return the start value as a flat tuple of `size` scalars."""
         return self.start if isinstance(self.start, tuple) else (self.start,)
 
 
 class _Declaration:
-    """A declaration waiting for the name and annotation that its class gives it."""
+    """Declaration that waits for the name and annotation that its class gives it."""
 
     def __init__(
         self, causality: Any, unit: str, description: str, **options: Any
@@ -129,6 +131,10 @@ class _Declaration:
         self.options = options
 
     def variable(self, owner: type, name: str) -> Variable:
+        """Build the variable `name` of the class `owner` from this declaration.
+
+        Raise TypeError if annotation, unit, shape or start value do not fit.
+        """
         annotation = owner.__annotations__.get(name)
         where = f"{owner.__name__}.{name}"
         if annotation is not None and not isinstance(annotation, str):
@@ -183,6 +189,7 @@ class _Declaration:
 
 
 def _flatten(value: Any) -> list[Any]:
+    """Flatten nested lists and tuples into one list."""
     if isinstance(value, (list, tuple)):
         return [x for item in value for x in _flatten(item)]
     return [value]
@@ -200,13 +207,13 @@ def Input(
     initial: bool = False,
     asked: bool = False,
 ) -> Any:
-    """Declare an input: unit, meaning with frame and sign, value while unconnected;
-    `initial`: it is read in initialisation mode only.
+    """Declare an input: unit, meaning with frame and sign, value while unconnected.
 
-    `source` names the outputs (`role.output`) that usually feed it, the best first;
-    `asked`: only where something of the block needs it, for most of the role do not
-    read it. `needs` names other variables without which it has no effect, as for a
-    parameter; it counts where the input is wired.
+    `initial` marks an input that is read in initialisation mode only. `source` names
+    the outputs (`role.output`) that usually feed it, the best one first. `asked`
+    restricts this wiring to blocks that need the input, since most blocks of the role
+    do not read it. `needs` names other variables without which it has no effect, as for
+    a parameter; this counts where the input is wired.
     """
     usual = (source,) if isinstance(source, str) else source
     return _Declaration(
@@ -236,13 +243,13 @@ def Output(
 ) -> Any:
     """Declare an output: *state* (set in `output`) or *interval* (set in `advance`).
 
-    `mean`: an interval output that is the mean over the step of a quantity whose
-    integral counts (a torque, a dipole); `slope` names the output with its slope, and
-    makes the two a pair. A master hands the integral on, whatever the rates of the two
-    sides; of another interval output a slower receiver takes one value in so many.
+    `mean` marks an interval output that is the mean over the step of a quantity whose
+    integral counts (a torque, a dipole). `slope` names the output that holds its slope
+    and makes the two a pair. A master transfers the integral whatever the rates of the
+    two sides; it samples any other interval output at the rate of a slower receiver.
     `starts_from` names the inputs that its value in initialisation mode depends on.
-    `choices` names its integer values, `-` for one that it never has; where a role
-    declares the output, each block declares it again with its own.
+    `choices` names its integer values, with `-` for a value that never occurs; where a
+    role declares the output, each block declares it again with its own choices.
     """
     return _Declaration(
         "output",
@@ -271,17 +278,17 @@ def Parameter(
     follows: str = "",
     usual: tuple[float, float] | None = None,
 ) -> Any:
-    """Declare a parameter, fixed once the simulation runs.
+    """Declare a parameter, which is fixed once the simulation runs.
 
-    `choices` names its integer values; `shared`: all blocks of a system that have a
-    parameter of this name must have the same value; a flight computer's may err.
-    `needs` names the block's inputs that must be wired or given, and the outputs that
-    must reach somebody, unless the parameter is off: 0, false, its first choice, or all
-    elements so. `desat check` holds a system to that. `follows`: what of the craft it
-    usually is, a product of parameters (`role.parameter`) as a scenario may give it;
-    where it differs, a check warns that it may be another craft's. `usual`: the range
-    outside of which a value is allowed, but more likely a slip, of units for instance:
-    a warning.
+    `choices` names its integer values. `shared`: all blocks of a system that have a
+    parameter of this name must have the same value; that of a flight computer may be in
+    error. `needs` names the block's inputs that must be wired or set, and the outputs
+    that must be read by a component, unless the parameter is off: 0, false, its first
+    choice, or all elements so. `desat check` enforces this. `follows` names the
+    property of the craft that it usually equals, a product of parameters
+    (`role.parameter`) as a scenario may give it; where it differs, a check warns that
+    it may belong to another craft. `usual` is the range outside of which a value is
+    allowed but is more likely a mistake, for instance of units, and causes a warning.
     """
     return _Declaration(
         "parameter",
@@ -300,9 +307,9 @@ def Parameter(
 
 
 class Access:
-    """A fixed selection of a block's scalars, read and written as one flat list.
+    """Fixed selection of a block's scalars, read and written as one flat list.
 
-    Vectors that are selected whole are moved whole.
+    Vectors that are selected completely are copied as a whole.
     """
 
     def __init__(self, block: Block, positions: Sequence[int]) -> None:
@@ -327,7 +334,13 @@ class Access:
         self.size = k
 
     def read(self) -> list[Any]:
-        """The values; raises ValueError when an array has lost its length."""
+        """Return the values as a flat list.
+
+        Raises
+        ------
+        ValueError
+            If an array has a length other than its declared one.
+        """
         values = self._values
         result: list[Any] = []
         for name, index, _, _ in self._steps:
@@ -342,7 +355,7 @@ class Access:
         return result
 
     def write(self, new: Sequence[Any]) -> None:
-        """Set the values."""
+        """Set the values from a flat list."""
         values = self._values
         for name, index, first, last in self._steps:
             if index is None:
@@ -355,14 +368,15 @@ class Access:
 
 
 class Block:
-    """Base of all blocks. The docstring of a block is its page: Markdown, first line
-    the title."""
+    """Base of all blocks.
 
-    role: ClassVar[str] = ""
-    role_title: ClassVar[str] = ""  # of a role, for people
-    typical_block: ClassVar[str] = ""  # that a new block of a role begins with
-    is_sensor: ClassVar[bool] = False  # of a role whose `valid` a health check looks at
-    """The instance name that a block of this interface has in a scenario."""
+    The docstring of a block is its page: Markdown, with the title in the first line.
+    """
+
+    role: ClassVar[str] = ""  # also the instance name of its block in a scenario
+    role_title: ClassVar[str] = ""  # title of the role for people
+    typical_block: ClassVar[str] = ""  # template of a new block of the role
+    is_sensor: ClassVar[bool] = False  # true: a health check reads the role's `valid`
 
     variables: ClassVar[tuple[Variable, ...]] = ()
 
@@ -371,6 +385,11 @@ class Block:
     )
 
     def __init_subclass__(cls) -> None:
+        """Collect the declared variables of the class and check their consistency.
+
+        Raise TypeError if a variable contradicts its role, or `needs` or `slope` name
+        none.
+        """
         found = {
             v.name: v for base in cls.__bases__ for v in getattr(base, "variables", ())
         }
@@ -415,18 +434,29 @@ class Block:
 
     @classmethod
     def scalars(cls) -> list[tuple[Variable, int | None]]:
-        """Every scalar of every variable in order: (variable, index in it or None)."""
+        """Return every scalar of every variable in order: (variable, index or None).
+
+        The index counts within the variable; it is None for a scalar variable.
+        """
         return [
             (v, i if v.shape else None) for v in cls.variables for i in range(v.size)
         ]
 
     def access(self, positions: Sequence[int]) -> Access:
-        """Read and write the scalars at these positions of `scalars()`, in this order."""
+        """Return an accessor to the scalars at these positions of `scalars()`.
+
+        The accessor reads and writes them in the order of the positions.
+        """
         return Access(self, positions)
 
     def check(self) -> None:
-        """Raise BlockError when a parameter is outside its declared bounds or is not
-        finite."""
+        """Check that every parameter is finite and within its declared bounds.
+
+        Raises
+        ------
+        BlockError
+            If a parameter is outside its declared bounds or is not finite.
+        """
         for v in self.variables:
             if v.causality != "parameter":
                 continue
@@ -444,22 +474,26 @@ class Block:
                     )
 
     def fail(self, text: str) -> NoReturn:
-        """Raise BlockError: these parameters or inputs make no sense."""
+        """Raise BlockError: these parameters or inputs are invalid."""
         raise BlockError(text)
 
     def foresee(self, begin: float, end: float, wired: frozenset[str]) -> Iterator[str]:
-        """What is known before a run from begin to end (s) that makes its results
-        doubtful or this block useless, a line each, which begins with the variable that
-        it is about. Raises BlockError where the run would fail on the way.
+        """Yield the problems that are known before a run from begin to end (s).
 
-        `desat check` asks a block that has its parameters and has started; no host
-        does. `wired`: the inputs that something feeds or gives, and the outputs that
-        somebody reads.
+        Each line names a condition that makes the results doubtful or the block
+        useless, and begins with the variable that it concerns. `desat check` calls this
+        on a block that has its parameters and has started; no host does. `wired` holds
+        the inputs that are fed or set, and the outputs that a component reads.
+
+        Raises
+        ------
+        BlockError
+            If the run would fail before its end.
         """
         yield from ()
 
     def start(self) -> None:
-        """Put the state to its start values. May be called again."""
+        """Set the state to its start values; may be called again."""
 
     def output(self, t: float) -> None:
         """Set the state outputs from state and time t (s)."""
@@ -472,7 +506,7 @@ Block.__init_subclass__.__func__(Block)  # type: ignore[attr-defined]  # for `fa
 
 
 class Sampled(Block):
-    """A block that takes samples: base of sensors, computers and pulsed actuators."""
+    """Block that takes samples: base of sensors, computers and pulsed actuators."""
 
     sample_time: float = Parameter(
         "s",
@@ -485,8 +519,10 @@ class Sampled(Block):
         self._sample = -1
 
     def due(self, t: float) -> bool:
-        """True when a sample falls on the step that starts at t (s); call it once a
-        step."""
+        """Return whether a sample falls on the step that starts at t (s).
+
+        It advances the count of samples, so call it once per step.
+        """
         if self.sample_time <= 0.0:
             self._sample += 1
             return True

@@ -1,7 +1,7 @@
-"""What a manager asks of a craft, and the gains that its laws have by rule from it.
+"""Declare what a manager requires of a craft and the default gains of its laws.
 
-A manager declares both (`Manager.craft_needs`, `Manager.offers`); whoever chooses among
-managers asks these declarations, and nothing else.
+A manager declares both (`Manager.craft_needs`, `Manager.offers`). Code that chooses
+among managers relies on these declarations alone.
 """
 
 from __future__ import annotations
@@ -13,7 +13,10 @@ from typing import NamedTuple
 
 
 class Need(Enum):
-    """What a craft must have for a manager to be of use; the value says it."""
+    """Equipment or property that a craft must have for a manager to be of use.
+
+    The value is its description.
+    """
 
     WHEELS = "wheels about three axes"
     COILS = "coils that take its command"
@@ -24,36 +27,37 @@ class Need(Enum):
 
 
 class Law(NamedTuple):
-    """A law of a manager that holds the momentum of wheels as long as it flies.
+    """Law of a manager that keeps the wheel momentum bounded as long as it flies.
 
-    `gains`: parameter -> a choice by its name, true or false, or a rule, which is a
-    product as scenarios have it, of numbers, of parameters of the craft
+    `gains` maps a parameter to a choice by its name, to true or false, or to a rule. A
+    rule is a product, as in scenarios, of numbers, of parameters of the craft
     (`torquers.m_limit`) and of
 
-    - `craft.rate`, 1/s: at which momentum across the field is to go out: five times the orbit's
-      rate, or what the craft's own law has;
-    - `craft.field`, T: the field's mean size;
+    - `craft.rate`, 1/s: the rate at which momentum across the field is to decay: five times the orbit
+      rate, or the rate of the craft's own law;
+    - `craft.field`, T: the mean magnitude of the field;
     - `craft.orbit_rate`, rad/s;
     - `craft.h_noise`, N m s, `craft.rate_noise`, rad/s, and `craft.attitude_noise`, rad: standard
-      deviations at each sample of what its sensors measure.
+      deviations of the sensors' measurements at each sample.
 
-    A parameter that `follows` something of the craft does so without a rule.
+    A parameter with `follows` is set from the craft without a rule.
     """
 
     name: str
     gains: Mapping[str, str | bool] = MappingProxyType({})
+    # gain from which other managers take the rate of a craft's own law; empty: none
     rate: str = ""
-    """The gain by which others take over the rate of a craft's own law; empty: none."""
+    # parameter -> its unit under this law, where that differs from the declared one
     units: Mapping[str, str] = MappingProxyType({})
-    """parameter -> its unit under this law, where that is not the one that it is
-    declared with."""
 
 
 def unit_under(
     manager: type, parameter: str, values: Mapping[str, object]
 ) -> str | None:
-    """The unit of a parameter under the law that a manager's values choose; None: as
-    declared."""
+    """Return the unit of a parameter under the law that a manager's values choose.
+
+    None means that the unit is as declared.
+    """
     for law in getattr(manager, "offers", ()):
         chosen = {k: x for k, x in law.gains.items() if isinstance(values.get(k), str)}
         if parameter in law.units and all(values[k] == x for k, x in chosen.items()):
@@ -62,6 +66,6 @@ def unit_under(
 
 
 def needs_of(manager: type) -> list[Need]:
-    """What a craft must have for a manager, by what it and its bases say."""
+    """Collect what a craft must have for a manager, from its class and its bases."""
     said = {need for c in manager.__mro__ for need in vars(c).get("craft_needs", ())}
     return [need for need in Need if need in said]

@@ -1,5 +1,4 @@
-"""The interface of each role: what all blocks (and anybody's FMU) of one role have in
-common.
+"""Define the interface of each role, common to all blocks and foreign FMUs of the role.
 
 A block of a role adds parameters and telemetry, never another connector to the loop, so
 that swapping one block for another changes one `source` and its parameters.
@@ -16,16 +15,14 @@ from .block import Block, Flags4, Input, Mat34, Output, Parameter, Sampled, Vec3
 from .fitting import Law, Need
 
 UPRIGHT = (0.0, 0.0, 0.0, 1.0)
-ON_THEIR_WAY = 16
-"""Commands that a computer's delay may hold back at a time."""
+ON_THEIR_WAY = 16  # commands that a computer's delay may hold back at a time
 
 
 class Computer(Sampled):
-    """A flight computer: its commands leave it `delay` after the sample that they are
-    made of.
+    """Flight computer whose commands leave `delay` after the sample they are based on.
 
-    A block says in `compute` what it decides and in `commands` and `command` which of
-    its outputs are commands. What it decides for itself, as modes and integrals, is not
+    A block implements its decisions in `compute`; `commands` and `command` say which of
+    its outputs are commands. Internal decisions, such as modes and integrals, are not
     delayed.
     """
 
@@ -36,22 +33,23 @@ class Computer(Sampled):
     def start(self) -> None:
         super().start()
         self._decided: tuple[float, ...] = ()
-        # (when it leaves, *commands), in order
+        # (time at which it leaves, *commands), in order of time
         self._waiting: Annotated[tuple[tuple[float, ...], ...], ON_THEIR_WAY] = ()
 
     @abstractmethod
     def compute(self, t: float, dt: float) -> None:
-        """What `advance` is for other blocks: decide, and assign the interval outputs."""
+        """Decide and assign the interval outputs, as `advance` does in other blocks."""
 
     @abstractmethod
     def commands(self) -> tuple[float, ...]:
-        """The outputs that are commands, one after the other."""
+        """Return the outputs that are commands, as one flat tuple."""
 
     @abstractmethod
     def command(self, values: tuple[float, ...]) -> None:
-        """Assign them."""
+        """Assign the commands from one flat tuple."""
 
     def advance(self, t: float, dt: float) -> None:
+        """Compute new commands and output those whose delay has passed."""
         if self.delay <= 0.0:
             self.compute(t, dt)
             return
@@ -67,6 +65,11 @@ class Computer(Sampled):
         self.command(leaving)
 
     def _send(self, t: float, dt: float) -> None:
+        """Queue the decided commands to leave `delay` after t (s).
+
+        Fail if the delay is not a multiple of the step dt (s) or too many commands
+        wait.
+        """
         steps = self.delay / dt
         if abs(steps - round(steps)) > 1e-6:
             self.fail(f"delay = {self.delay} s is not a multiple of the step of {dt} s")
@@ -77,15 +80,15 @@ class Computer(Sampled):
         self._waiting = (*self._waiting, (t + self.delay, *self._decided))
 
 
+# The frame of every variable whose name ends in eci.
 ECI = (
     "eci: inertial, Earth-centred, of the mean equator and equinox of date: those of t = 0, held "
     "while a system runs; of J2000 where eci_frame says so"
 )
-"""The frame of every variable whose name ends in eci."""
 
 
 class WheelAxes(Block):
-    """What every block that knows the wheels has, beside its role."""
+    """Parameters of every block that knows the wheels, beside its role."""
 
     axes_wheel: Mat34 = Parameter(
         "1",
@@ -96,7 +99,7 @@ class WheelAxes(Block):
 
 
 class WheelInertias(WheelAxes):
-    """What every block that moves the wheels has, beside its role."""
+    """Parameters of every block that moves the wheels, beside its role."""
 
     inertia_wheel: Vec4 = Parameter(
         "kg.m2",
@@ -108,7 +111,7 @@ class WheelInertias(WheelAxes):
 
 
 class Environment(Block):
-    """Where the spacecraft is and what surrounds it; never a torque.
+    """Orbit and surroundings of the spacecraft; never a torque.
 
     `eci` is the mean equator and equinox of date: those of t = 0, held while a system
     runs; of J2000 where `eci_frame` says so.
@@ -118,8 +121,8 @@ class Environment(Block):
     role_title = "Environment: orbit, field, Sun and air"
     typical_block = "environment_kepler"
 
-    # for orbits that firings change; the usual ones read nothing, so no craft wires
-    # these unasked
+    # Only orbits that thruster firings change read these three. The usual environments
+    # read none of them, so a craft does not wire them by default.
     force_mean_thruster_body: Vec3 = Input(
         "N", "force of the thrusters, body, mean over the step", needs=("q_bi",)
     )
@@ -239,7 +242,7 @@ class Spacecraft(Block):
 
 
 class Disturbance(Block):
-    """A torque from outside that is known by itself: measured, or computed elsewhere."""
+    """External torque that is known by itself: measured, or computed elsewhere."""
 
     role = "disturbance"
     role_title = "Disturbance torques"
@@ -266,7 +269,7 @@ class Disturbance(Block):
 
 
 class Magnetometer(Sampled):
-    """Measures the geomagnetic field."""
+    """Sensor of the geomagnetic field."""
 
     role = "magnetometer"
     role_title = "Sensors: magnetic field"
@@ -293,7 +296,7 @@ class Magnetometer(Sampled):
 
 
 class Tachometers(Sampled):
-    """Measure the wheels' momentum."""
+    """Sensors of the wheels' momentum."""
 
     role = "tachometers"
     role_title = "Sensors: wheel momentum"
@@ -315,7 +318,7 @@ class Tachometers(Sampled):
 
 
 class RateGyro(Sampled):
-    """Measures the angular rate."""
+    """Sensor of the angular rate."""
 
     role = "gyro"
     role_title = "Sensors: angular rate"
@@ -337,7 +340,7 @@ class RateGyro(Sampled):
 
 
 class AttitudeDetermination(Sampled):
-    """Estimates the attitude, whatever sensors and filters stand behind it."""
+    """Estimate of the attitude, independent of its sensors and filters."""
 
     role = "determination"
     role_title = "Attitude determination"
@@ -360,7 +363,7 @@ class AttitudeDetermination(Sampled):
 
 
 class SunSensor(Sampled):
-    """Measures the direction to the Sun."""
+    """Sensor of the direction to the Sun."""
 
     role = "sun_sensor"
     role_title = "Sensors: direction to the Sun"
@@ -397,7 +400,7 @@ class SunSensor(Sampled):
 
 
 class StarTracker(Sampled):
-    """Measures the attitude by the stars.
+    """Sensor of the attitude by the stars.
 
     It feeds the laws itself where there is no `determination`.
     """
@@ -445,7 +448,7 @@ class StarTracker(Sampled):
 
 
 class Guidance(Sampled):
-    """Says which attitude is wanted."""
+    """Reference attitude and rate."""
 
     role = "guidance"
     role_title = "Reference attitude"
@@ -479,8 +482,10 @@ class Guidance(Sampled):
 
 
 class Controller(Computer):
-    """Says which torque the body needs to follow its reference; none while a
-    measurement is not valid."""
+    """Torque that the body needs to follow its reference.
+
+    There is no torque while a measurement is not valid.
+    """
 
     role = "controller"
     role_title = "Attitude control"
@@ -523,37 +528,39 @@ class Controller(Computer):
     )
 
     def foresee(self, begin: float, end: float, wired: frozenset[str]) -> Iterator[str]:
+        """Yield the problems known before a run: also a missing reference attitude."""
         if "q_ref_bi" not in wired:
             yield "q_ref_bi is neither wired nor given: the axes of eci are held"
         yield from super().foresee(begin, end, wired)
 
     def commands(self) -> tuple[float, ...]:
+        """Return the torque command (3,) N m, body."""
         return self.tau_ctrl_body
 
     def command(self, values: tuple[float, ...]) -> None:
+        """Assign the torque command (3,) N m, body."""
         x, y, z = values
         self.tau_ctrl_body = (x, y, z)
 
 
 class Manager(Computer):
-    """Decides how the wheels' momentum is dumped, and by which actuator; a measurement
-    that is not valid is not used."""
+    """Dumping of the wheels' momentum, and choice of the actuator.
+
+    A measurement that is not valid is not used.
+    """
 
     role = "manager"
     role_title = "Momentum management"
 
+    # what a craft must have in addition to the needs of the bases
     craft_needs: ClassVar[tuple[Need, ...]] = ()
-    """What a craft must have for it to be of use, besides what its bases say."""
+    # Laws that bound the wheel momentum, each with its gains by rule from the craft.
     offers: ClassVar[tuple[Law, ...]] = ()
-    """Its laws that hold the wheels' momentum, each with its gains by rule from the
-    craft."""
-    no_law: ClassVar[str] = ""
-    """Why it has no such law, where it has none."""
-    brakes: ClassVar[bool] = False
-    """Whether it takes the rate out of a craft that tumbles."""
+    no_law: ClassVar[str] = ""  # why it has no such law, where it has none
+    brakes: ClassVar[bool] = False  # whether it damps the rate of a tumbling craft
+    # Whether the wheels apply tau_ctrl_body to the body at each of their commands, and
+    # also omega x h unless a parameter `gyroscopic` is false.
     passes_torque: ClassVar[bool] = False
-    """Whether the wheels give the body tau_ctrl_body at each of their commands, and,
-    unless a parameter `gyroscopic` is false, omega x h."""
 
     b_body: Vec3 = Input(
         "T", "measured geomagnetic field, body", source="magnetometer.b_body"
@@ -635,9 +642,14 @@ class Manager(Computer):
     )
 
     def commands(self) -> tuple[float, ...]:
+        """Return all commands: wheel torques (4,), dipole (3,), thruster torque (3,).
+
+        Units are N m, A m2 and N m; dipole and thruster torque are in the body frame.
+        """
         return (*self.tau_cmd_wheel, *self.m_cmd_body, *self.tau_cmd_thruster_body)
 
     def command(self, values: tuple[float, ...]) -> None:
+        """Assign all commands, in the order of `commands`."""
         a, b, c, d, mx, my, mz, x, y, z = values
         self.tau_cmd_wheel = (a, b, c, d)
         self.m_cmd_body = (mx, my, mz)
@@ -645,8 +657,11 @@ class Manager(Computer):
 
 
 class WheelManager(Manager, WheelAxes):
-    """A manager that commands the wheels, at samples of their own where the attitude
-    control that passes through it is faster than the dumping."""
+    """Manager that commands the wheels.
+
+    It may command them at samples of their own, where the attitude control that passes
+    through it is faster than the dumping.
+    """
 
     craft_needs: ClassVar[tuple[Need, ...]] = (Need.WHEELS,)
 
@@ -657,6 +672,7 @@ class WheelManager(Manager, WheelAxes):
     )
 
     def start(self) -> None:
+        """Set the state to its start values and check `wheel_sample_time`."""
         super().start()
         self._wheel_sample = -1
         if self.wheel_sample_time > 0.0:
@@ -668,8 +684,10 @@ class WheelManager(Manager, WheelAxes):
                 )
 
     def wheels_due(self, t: float, sampled: bool) -> bool:
-        """True when the wheels are commanded anew in the step that starts at t (s);
-        `sampled`: the manager takes a sample there. Call it once a step."""
+        """Return whether the wheels get a new command in the step from t (s).
+
+        `sampled`: the manager takes a sample in this step. Call it once per step.
+        """
         if self.wheel_sample_time <= 0.0:
             return sampled
         sample = floor(t / self.wheel_sample_time + 1e-6)
@@ -686,7 +704,7 @@ class Torquers(Sampled):
     role_title = "Actuators: magnetic torquers"
     typical_block = "torquers"
 
-    # for those without a command
+    # only for passive torquers, which have no command
     b_eci: Vec3 = Input(
         "T", "geomagnetic field, eci", source="environment.b_eci", asked=True
     )

@@ -1,9 +1,9 @@
-"""Units: any product of the names below, in FMI's and Modelica's spelling.
+"""Parse and convert units: products of the names below, in FMI and Modelica spelling.
 
 `rad/s2`, `kg.m2/s`, `1/(T2.s2)`, `mA.m2`: factors with whole-number exponents, joined
 by `.`, and at most one `/`, whose denominator is one factor or stands in parentheses. A
 unit is its exponents of the SI base units (as FMI 2.0 `BaseUnit` counts them) and a
-factor to SI. Signals of our blocks are SI throughout; units with a factor other than 1
+factor to SI. Signals of our blocks are SI throughout. Units with a factor other than 1
 exist for people, and so that connectors of foreign FMUs can be understood and
 converted.
 """
@@ -17,7 +17,7 @@ from typing import NamedTuple
 
 
 class Unit(NamedTuple):
-    """Exponents of kg, m, s, A, K, rad and the factor and offset to SI."""
+    """Exponents of kg, m, s, A, K and rad, and the factor and offset to SI."""
 
     kg: int = 0
     m: int = 0
@@ -30,10 +30,11 @@ class Unit(NamedTuple):
 
     @property
     def dimension(self) -> tuple[int, ...]:
-        """The exponents, without the radian: an angle is a number."""
+        """Return the exponents without the radian, as an angle is a number."""
         return (self.kg, self.m, self.s, self.A, self.K)
 
 
+# names that take a prefix
 SI: dict[str, Unit] = {
     "s": Unit(s=1),
     "m": Unit(m=1),
@@ -53,8 +54,8 @@ SI: dict[str, Unit] = {
     "T": Unit(kg=1, s=-2, A=-1),
     "Wb": Unit(kg=1, m=2, s=-2, A=-1),
 }
-"""Names that take a prefix."""
 PREFIXES = {"n": 1e-9, "u": 1e-6, "m": 1e-3, "c": 1e-2, "k": 1e3, "M": 1e6, "G": 1e9}
+# names that take no prefix
 OTHER: dict[str, Unit] = {
     "kg": Unit(kg=1),
     "%": Unit(factor=0.01),
@@ -65,18 +66,21 @@ OTHER: dict[str, Unit] = {
     "h": Unit(s=1, factor=3600.0),
     "degC": Unit(K=1, offset=273.15),
 }
-"""Names that take none."""
 NAMES = ("1", *SI, *OTHER)
 
 _TOKEN = re.compile(r"([A-Za-z%]+)([+-]?[0-9])?|(1)(?![0-9])|[./()]")
-_LONGEST = 60
-"""Characters of an expression."""
+_LONGEST = 60  # characters of an expression
 
 
 @lru_cache(maxsize=256)
 def unit_of(text: str) -> Unit:
-    """The unit of an expression; the empty text is 1. Raises ValueError with what is
-    wrong."""
+    """Parse the unit of an expression; the empty text is 1.
+
+    Raises
+    ------
+    ValueError
+        If the expression is not a unit; the text says why.
+    """
     if len(text) > _LONGEST:
         raise ValueError(f"more than {_LONGEST} characters")
     tokens = _tokens(text.strip() or "1")
@@ -97,7 +101,7 @@ def unit_of(text: str) -> Unit:
 
 
 def times(a: Unit, b: Unit, power: int = 1) -> Unit:
-    """The unit a b^power."""
+    """Return the unit a b^power."""
     return Unit(
         a.kg + power * b.kg,
         a.m + power * b.m,
@@ -110,7 +114,7 @@ def times(a: Unit, b: Unit, power: int = 1) -> Unit:
 
 
 def _tokens(text: str) -> list[str]:
-    """The factors and signs of an expression."""
+    """Split an expression into its factors and signs."""
     found, at = [], 0
     while at < len(text):
         token = _TOKEN.match(text, at)
@@ -122,8 +126,7 @@ def _tokens(text: str) -> list[str]:
 
 
 def _quotient(tokens: list[str], at: int) -> tuple[Unit, int]:
-    """The unit of the tokens from `at` on, and where it ends: a product, or two with /
-    between."""
+    """Parse a product, or two with / between, from `at` on; return its unit and end."""
     unit, at = _product(tokens, at)
     if at < len(tokens) and tokens[at] == "/":
         below, at = _factor(tokens, at + 1)
@@ -132,6 +135,7 @@ def _quotient(tokens: list[str], at: int) -> tuple[Unit, int]:
 
 
 def _product(tokens: list[str], at: int) -> tuple[Unit, int]:
+    """Parse factors joined by `.` from `at` on; return their unit and end."""
     unit, at = _factor(tokens, at)
     while at < len(tokens) and tokens[at] == ".":
         other, at = _factor(tokens, at + 1)
@@ -140,7 +144,10 @@ def _product(tokens: list[str], at: int) -> tuple[Unit, int]:
 
 
 def _factor(tokens: list[str], at: int) -> tuple[Unit, int]:
-    """A name with its exponent, or an expression in parentheses."""
+    """Parse a name with its exponent, or an expression in parentheses, from `at` on.
+
+    Return its unit and the position after it.
+    """
     if at == len(tokens):
         raise ValueError("something is missing at its end")
     if tokens[at] == "(":
@@ -157,7 +164,7 @@ def _factor(tokens: list[str], at: int) -> tuple[Unit, int]:
 
 
 def _named(name: str) -> Unit:
-    """The unit of a name, with or without a prefix."""
+    """Return the unit of a name, with or without a prefix."""
     if name in SI:
         return SI[name]
     if name in OTHER:

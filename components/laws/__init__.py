@@ -1,1 +1,4 @@
-"""Momentum-management laws as functions, one module a family, equations cited."""
+"""Provide momentum-management laws as functions, one module for each family.
+
+The modules cite the equations.
+"""

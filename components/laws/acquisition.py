@@ -1,11 +1,10 @@
-"""Detumbling and wheel start-up of a craft with a pitch-bias wheel: paper 003, and laws
-of ours.
+"""Compute detumbling and wheel start-up laws of a craft with a pitch-bias wheel.
 
-Body axes: roll x, pitch y, yaw z. The wheel's axis is along the pitch axis; its
-momentum h (N m s) counts along -y, where the orbit normal is when the craft points to
-nadir, and so it is positive in eq. 11. A dipole m (A m2) gives the torque m x b, b (T)
-the field, b' (T/s) its rate in body. A torque of the wheel (N m) is that on the body
-about +y.
+The laws are those of paper 003 and laws of ours. Body axes: roll x, pitch y, yaw z. The
+wheel's axis is along the pitch axis. Its momentum h (N m s) counts along -y, where the
+orbit normal is when the craft points to nadir, and so it is positive in eq. 11. A
+dipole m (A m2) gives the torque m x b, with b (T) the field and b' (T/s) its rate in
+body. A torque of the wheel (N m) is that on the body about +y.
 """
 
 from __future__ import annotations
@@ -16,18 +15,18 @@ from ..contract.block import Mat33, Vec3
 from ..maths.vector import ZERO, add, cross, dot, mat_vec, norm, scale, sub, unit
 from ..physics.geomagnetic import dipole
 
+# Direction along which the wheel's momentum counts, body; that of the orbit normal,
+# lvlh.
 PITCH_BIAS: Vec3 = (0.0, -1.0, 0.0)
-"""The direction along which the wheel's momentum counts, body; of the orbit normal,
-lvlh."""
 
 
 def sign(x: float) -> float:
-    """sgn as in eq. 7: +1 for 0."""
+    """Return sgn x as in eq. 7: +1 for 0."""
     return 1.0 if x >= 0.0 else -1.0
 
 
 def within(x: float, limit: float) -> float:
-    """x within +-limit."""
+    """Limit x to +-limit."""
     return min(max(x, -limit), limit)
 
 
@@ -35,33 +34,44 @@ def within(x: float, limit: float) -> float:
 
 
 def b_dot(b_rate: Vec3, gain: float) -> Vec3:
-    """m = -K b' (A m2), eq. 1; K in A m2 s/T."""
+    """Compute the B-dot dipole m = -K b' (A m2), eq. 1; K in A m2 s/T."""
     return scale(-gain, b_rate)
 
 
 def pitch_coil(b_rate: Vec3, gain: float) -> Vec3:
-    """m = (0, -K b_y', 0) (A m2), eq. 8: damps roll and yaw."""
+    """Compute m = (0, -K b_y', 0) (A m2), eq. 8, which damps roll and yaw."""
     return (0.0, -gain * b_rate[1], 0.0)
 
 
 def wheel_rate(omega_y: float, gain: float) -> float:
-    """Torque -K_w omega_y (N m), eq. 3: with a gyro; K_w in N m s."""
+    """Compute the wheel torque -K_w omega_y (N m), eq. 3.
+
+    It needs a gyro; K_w in N m s.
+    """
     return -gain * omega_y
 
 
 def _across_pitch(b: Vec3, b_rate: Vec3) -> float:
-    """b_3 b_1' - b_1 b_3' (T2/s): -|b|^2 omega_y for a body that turns across the
-    field."""
+    """Compute b_3 b_1' - b_1 b_3' (T2/s).
+
+    It is -|b|^2 omega_y for a body that turns across the field.
+    """
     return b[2] * b_rate[0] - b[0] * b_rate[2]
 
 
 def wheel_proportional(b: Vec3, b_rate: Vec3, gain: float) -> float:
-    """Torque K_w (b_3 b_1' - b_1 b_3') (N m), eq. 6; K_w in N m s/T2."""
+    """Compute the wheel torque K_w (b_3 b_1' - b_1 b_3') (N m), eq. 6.
+
+    K_w in N m s/T2.
+    """
     return gain * _across_pitch(b, b_rate)
 
 
 def wheel_constant(b: Vec3, b_rate: Vec3, torque: float) -> float:
-    """Torque K_w sgn(b_3 b_1' - b_1 b_3') (N m), eq. 7: K_w is the torque, in N m."""
+    """Compute the wheel torque K_w sgn(b_3 b_1' - b_1 b_3') (N m), eq. 7.
+
+    K_w is `torque`, in N m.
+    """
     return torque * sign(_across_pitch(b, b_rate))
 
 
@@ -69,72 +79,76 @@ def wheel_constant(b: Vec3, b_rate: Vec3, torque: float) -> float:
 
 
 def pitch_spin(b: Vec3, omega_y: float, target: float, gain: float) -> Vec3:
-    """m = (K_s (omega_y - target) sgn(b_3), 0, 0) (A m2), eq. 9; K_s in A m2 s.
+    """Compute m = (K_s (omega_y - target) sgn(b_3), 0, 0) (A m2), eq. 9.
 
-    Its pitch torque is -K_s (omega_y - target) |b_3|. It turns roll and yaw as well,
-    and alone it never reaches the target: `pitch_coil` is to be added.
+    K_s in A m2 s, target in rad/s. Its pitch torque is -K_s (omega_y - target) |b_3|.
+    It turns roll and yaw as well, and alone it never reaches the target: `pitch_coil`
+    is to be added.
     """
     return (gain * (omega_y - target) * sign(b[2]), 0.0, 0.0)
 
 
 def momentum_dump(b: Vec3, h: float, target: float, gain: float) -> Vec3:
-    """m = K_ws (h - target) (-b_3, 0, b_1) (A m2), eq. 11; K_ws in 1/(T2 s), h along
-    -y.
+    """Compute m = K_ws (h - target) (-b_3, 0, b_1) (A m2), eq. 11.
 
-    Its pitch torque is K_ws (h - target) (b_1^2 + b_3^2); the wheel, which holds the
-    pitch angle, gives it back and so comes to the target.
+    K_ws in 1/(T2 s); h and target in N m s along -y. Its pitch torque is K_ws (h -
+    target) (b_1^2 + b_3^2). The wheel, which holds the pitch angle, reacts to it and so
+    reaches the target.
     """
     excess = gain * (h - target)
     return (-excess * b[2], 0.0, excess * b[0])
 
 
 def pitch_angle(nadir: Vec3) -> float:
-    """The pitch angle (rad, -pi to pi) from the direction of nadir in body: the turn
-    about y that would bring nadir into the y-z plane with z > 0."""
+    """Compute the pitch angle (rad, -pi to pi) from the direction of nadir in body.
+
+    It is the rotation about y that would bring nadir into the y-z plane with z > 0.
+    """
     return atan2(-nadir[0], nadir[2])
 
 
 def pitch_pd(angle: float, rate: float, kp: float, kd: float) -> float:
-    """Torque -K_p theta - K_d theta' (N m), eq. 10; theta in rad."""
+    """Compute the wheel torque -K_p theta - K_d theta' (N m), eq. 10; theta in rad."""
     return -kp * angle - kd * rate
 
 
-# --- ours -----------------------------------------------------------------------------
+# --- laws of ours ---------------------------------------------------------------------
 
 
 def all_coils(omega: Vec3, b: Vec3, gain: float) -> Vec3:
-    """m = K omega x b (A m2), for coils that are then limited each on its own; K in A
-    m2 s/T.
+    """Compute m = K omega x b (A m2), with K in A m2 s/T.
 
-    Power of the torque: (m x b).omega = -m.(omega x b), so a large K, where every coil
-    is at its limit with the sign of (omega x b)_i, takes kinetic energy as fast as the
-    coils can (Avanzini & Giulietti 2012 scale K with inertia and orbit rate instead,
-    for an even decay).
+    The coils are then limited each on its own. The power of the torque is (m x b).omega =
+    -m.(omega x b), so a large K, where every coil is at its limit with the sign of (omega x
+    b)_i, removes kinetic energy as fast as the coils can. (Avanzini & Giulietti 2012 scale
+    K with inertia and orbit rate instead, for an even decay.)
     """
     return scale(gain, cross(omega, b))
 
 
 def even_decay_gain(inertia: float, orbit_rate: float, inclination: float) -> float:
-    """K_w of m = K_w (omega x b) / |b|^2: 2 n (1 + sin xi) J_min (N m s).
+    """Compute K_w = 2 n (1 + sin xi) J_min (N m s) of m = K_w (omega x b) / |b|^2.
 
     Avanzini & Giulietti, Magnetic detumbling of a rigid spacecraft, J. Guidance,
-    Control, and Dynamics 35 (2012) 1326. inertia J_min (kg m2): the least principal
-    one; orbit_rate n (rad/s); inclination xi (rad): of the orbit to the geomagnetic
-    equator.
+    Control, and Dynamics 35 (2012) 1326. inertia J_min (kg m2): the smallest principal
+    one; orbit_rate n (rad/s); inclination xi (rad): that of the orbit to the
+    geomagnetic equator.
     """
     return 2.0 * orbit_rate * (1.0 + sin(inclination)) * inertia
 
 
 def look_ahead(momentum: Vec3, b: Vec3, later: Vec3, alpha: float) -> Vec3:
-    """The first u (N m s) of two torques u x b, then v x b_later, with b and b_later
-    unit vectors:
+    """Compute the first u (N m s) of two torques u x b, then v x b_later.
 
-        least |h + u x b|^2 + alpha |h + u x b + v x b_later|^2 + |u|^2 + |v|^2
+    b and b_later are unit vectors; u and v minimise
 
-    h (N m s): the momentum to be taken; alpha: what is left after the second counts so
-    much more. What is along b now is left for later where the field will have turned,
-    and no step leads to h along b_later, from where the coils could not take it. v is
-    eliminated, u across b follows from two lines (Sherman and Morrison).
+        |h + u x b|^2 + alpha |h + u x b + v x b_later|^2 + |u|^2 + |v|^2
+
+    h (N m s) is the momentum to be removed; alpha is the weight of the momentum that
+    remains after the second torque. The component along b now is left for later where
+    the field will have turned, and no step leads to h along b_later, from where the
+    coils could not remove it. v is eliminated; u across b follows from two lines
+    (Sherman and Morrison).
 
     After Willis, Fisch, Seletskiy & Manchester, Building a better B-dot: fast
     detumbling with non-monotonic Lyapunov functions, IEEE Aerospace Conference (2024),
@@ -151,8 +165,11 @@ def look_ahead(momentum: Vec3, b: Vec3, later: Vec3, alpha: float) -> Vec3:
 
 
 def field_ahead(r: Vec3, v: Vec3, horizon: float) -> Vec3:
-    """The direction of the field after `horizon` (s) on a circular orbit, of a dipole
-    along the Earth's axis; r (m), v (m/s) and it in eci; zero where r or v is."""
+    """Predict the direction of the field (unit vector, eci) after `horizon` (s).
+
+    The orbit is circular, and the field is that of a dipole along the Earth's axis. r
+    (m) and v (m/s) in eci; the result is zero where r or v is.
+    """
     size, speed = norm(r), norm(v)
     if size == 0.0 or speed == 0.0:
         return ZERO
@@ -171,13 +188,14 @@ def start_up_error(
     beta: float,
     gamma: float,
 ) -> Vec3:
-    """e = J omega + beta J omega_o + (h - h_t) a - gamma h_t (n - a) (N m s, body).
+    """Compute the start-up error e (N m s, body).
 
-    momentum: J omega; omega_orbit: the rate relative to lvlh (rad/s); a: PITCH_BIAS; n
-    (normal): the orbit normal. e = 0 where the craft is at rest in lvlh with its wheel
-    at the target along the orbit normal, but for the orbit rate's J n. The larger
-    gamma, the sooner the wheel's axis turns to the normal, and the smaller the part of
-    attitudes from which it gets there.
+    e = J omega + beta J omega_o + (h - h_t) a - gamma h_t (n - a). momentum: J omega;
+    omega_orbit: the rate relative to lvlh (rad/s); a: PITCH_BIAS; n (normal): the orbit
+    normal. e = 0 where the craft is at rest in lvlh with its wheel at the target along
+    the orbit normal, except for the orbit rate's J n. The larger gamma, the sooner the
+    wheel's axis turns to the normal, and the smaller the set of attitudes from which it
+    gets there.
     """
     bias = scale(h - target + gamma * target, PITCH_BIAS)
     e = add(momentum, scale(beta, mat_vec(inertia, omega_orbit)))
@@ -185,6 +203,9 @@ def start_up_error(
 
 
 def dipole_against(e: Vec3, b: Vec3, gain: float) -> Vec3:
-    """m = K e x b / |b|^2 (A m2): the torque is -K e across the field; K in 1/s."""
+    """Compute m = K e x b / |b|^2 (A m2): the torque is -K e across the field.
+
+    K in 1/s; zero without a field.
+    """
     size2 = dot(b, b)
     return scale(gain / size2, cross(e, b)) if size2 > 0.0 else ZERO

@@ -1,4 +1,4 @@
-"""Attitude guidance and control: paper 004, eqs. 7-11, and eigenaxis slews.
+"""Compute attitude guidance and control: paper 004, eqs. 7-11, and eigenaxis slews.
 
 Quaternions as in `attitude.py`. q_BI, omega_BI_B: the body; q_RI, omega_RI_R: the
 reference frame, its rate (rad/s) in the reference frame itself.
@@ -16,13 +16,12 @@ from ..maths.vector import ZERO, add, clip, mat_vec, scale, sub
 def tracking_error(
     q_BI: Vec4, omega_BI_B: Vec3, q_RI: Vec4, omega_RI_R: Vec3
 ) -> tuple[Vec3, Vec3]:
-    """(e, delta omega): the attitude error sign(dq_4) dq_1:3 and the rate error
-    (rad/s), body.
+    """Compute the attitude error e and the rate error delta omega (rad/s), body.
 
-    dq = q_BI (x) q_RI^-1 (eq. 7). The sign takes the short way round (eq. 10), with
-    sign(0) = 1 so that half a turn is not an equilibrium. delta omega = omega_BI_B -
-    C(dq) omega_RI_R: eq. 8 subtracts without saying in which frame; these agree to
-    first order in the error.
+    e = sign(dq_4) dq_1:3 with dq = q_BI (x) q_RI^-1 (eq. 7). The sign selects the
+    shorter rotation (eq. 10), with sign(0) = 1 so that half a turn is not an
+    equilibrium. delta omega = omega_BI_B - C(dq) omega_RI_R. Eq. 8 subtracts without
+    saying in which frame; the two agree to first order in the error.
     """
     dq = product(q_BI, inverse(q_RI))
     x, y, z, w = dq
@@ -31,13 +30,16 @@ def tracking_error(
 
 
 def integrated(xi: Vec3, e: Vec3, time: float, limit: float) -> Vec3:
-    """xi + time e (s), each component within +-limit (s); limit 0: none."""
+    """Integrate the error: xi + time e (s), each component within +-limit (s).
+
+    limit 0: none.
+    """
     xi = add(xi, scale(time, e))
     return clip(xi, limit) if limit > 0.0 else xi
 
 
 def unwound(xi: Vec3, advanced: Vec3) -> Vec3:
-    """xi, but `advanced` in the components where that is nearer to zero."""
+    """Return xi, with the components of `advanced` that are nearer to zero."""
     return (
         advanced[0] if abs(advanced[0]) < abs(xi[0]) else xi[0],
         advanced[1] if abs(advanced[1]) < abs(xi[1]) else xi[1],
@@ -46,7 +48,10 @@ def unwound(xi: Vec3, advanced: Vec3) -> Vec3:
 
 
 def pd_torque(e: Vec3, d_omega: Vec3, kp: float, kd: float, gain_matrix: Mat33) -> Vec3:
-    """-G (kp e + kd delta omega) (N m): eq. 10 without its integral, gains as in eq. 11."""
+    """Compute the PD torque -G (kp e + kd delta omega) (N m).
+
+    Eq. 10 without its integral, gains as in eq. 11.
+    """
     return mat_vec(gain_matrix, sub(scale(-kp, e), scale(kd, d_omega)))
 
 
@@ -59,20 +64,22 @@ def pid_torque(
     ki: float,
     gain_matrix: Mat33,
 ) -> Vec3:
-    """-G (kp e + kd delta omega + ki xi) (N m): eq. 10 with xi the integral of e (s), eq. 11."""
+    """Compute the PID torque -G (kp e + kd delta omega + ki xi) (N m).
+
+    Eq. 10 with xi the integral of e (s), gains as in eq. 11.
+    """
     return sub(
         pd_torque(e, d_omega, kp, kd, gain_matrix), mat_vec(gain_matrix, scale(ki, xi))
     )
 
 
 def limited(tau: Vec3, limit: float) -> Vec3:
-    """Each component of tau (N m) within +-limit (N m); limit 0: none."""
+    """Limit each component of tau (N m) to +-limit (N m); limit 0: none."""
     return clip(tau, limit) if limit > 0.0 else tau
 
 
 def eigenaxis(q_from: Vec4, q_to: Vec4) -> tuple[Vec3, float]:
-    """Axis and angle (rad, 0 to pi) of the shortest rotation from one attitude to
-    another.
+    """Compute axis and angle (rad, 0 to pi) of the shortest rotation between attitudes.
 
     The axis has the same components in both frames; it is zero where they are the same.
     """
@@ -84,9 +91,10 @@ def eigenaxis(q_from: Vec4, q_to: Vec4) -> tuple[Vec3, float]:
 
 
 def rest_to_rest(tau: float) -> tuple[float, float]:
-    """(s, ds/dtau): the quintic from 0 to 1 for tau in [0, 1], at rest outside.
+    """Evaluate (s, ds/dtau) of the quintic from 0 to 1 for tau in [0, 1].
 
-    Rate and acceleration are zero at both ends; the largest rate is 15/8.
+    It is at rest outside. Rate and acceleration are zero at both ends; the largest rate
+    is 15/8.
     """
     if tau <= 0.0:
         return 0.0, 0.0

@@ -1,11 +1,11 @@
-"""The split of a dumping torque N between magnetic torquers and thrusters: paper 000,
-eqs. 20-34.
+"""Split a dumping torque N between magnetic torquers and thrusters.
 
-N = N_T + M x B (eq. 20): N_T (N m) by thrusters, M (A m2) the torquers' dipole, B (T)
-the measured field; all in the body frame. Each split returns (M, N_T).
+Source: paper 000, eqs. 20-34. N = N_T + M x B (eq. 20): N_T (N m) by thrusters, M (A
+m2) the torquers' dipole, B (T) the measured field; all in the body frame. Each split
+returns (M, N_T).
 
-The bounded splits at the end are not in the paper: they know the limit while they
-optimise, where eq. 34 repairs afterwards what was optimal without it.
+The bounded splits at the end are not in the paper. They include the limit in the
+optimisation, whereas eq. 34 limits a dipole that was optimised without it.
 """
 
 from __future__ import annotations
@@ -33,12 +33,15 @@ _Held = tuple[float | None, float | None, float | None]
 
 
 def dct(n: Vec3, b: Vec3) -> Split:
-    """Thrusters only."""
+    """Split by thrusters only."""
     return ZERO, n
 
 
 def cccp(n: Vec3, b: Vec3, k: float) -> Split:
-    """Conventional cross-product law M = -k (N x B) / |B|, k in 1/T (eq. 25)."""
+    """Split by the conventional cross-product law M = -k (N x B) / |B| (eq. 25).
+
+    k in 1/T.
+    """
     size = norm(b)
     if size == 0.0:
         return ZERO, n
@@ -46,7 +49,10 @@ def cccp(n: Vec3, b: Vec3, k: float) -> Split:
 
 
 def crcp(n: Vec3, b: Vec3) -> Split:
-    """Revised cross-product law M = -(N x B) / |B|^2: all of N across B (eqs. 26-28)."""
+    """Split by the revised cross-product law M = -(N x B) / |B|^2 (eqs. 26-28).
+
+    The torquers take all of N across B.
+    """
     size2 = dot(b, b)
     if size2 == 0.0:
         return ZERO, n
@@ -54,11 +60,11 @@ def crcp(n: Vec3, b: Vec3) -> Split:
 
 
 def ocdc(n: Vec3, b: Vec3, weight_ratio: float) -> Split:
-    """Optimal blending, least a |M|^2 + b |N_T|^2; weight_ratio = b / a in 1/T2 (eq.
-    24).
+    """Split optimally: minimise a |M|^2 + b |N_T|^2 (eq. 24).
 
-    S^-1 A' (A S^-1 A')^-1 N has the closed form N_T = N_par + N_perp / (1 + (b / a)
-    |B|^2), with par and perp along and across B (notes, invariants).
+    weight_ratio = b / a in 1/T2. S^-1 A' (A S^-1 A')^-1 N has the closed form N_T =
+    N_par + N_perp / (1 + (b / a) |B|^2), with par and perp along and across B (notes,
+    invariants).
     """
     size2 = dot(b, b)
     if size2 == 0.0:
@@ -68,26 +74,26 @@ def ocdc(n: Vec3, b: Vec3, weight_ratio: float) -> Split:
 
 
 def saturated(split: Split, b: Vec3, limit: float) -> Split:
-    """Each dipole component within +-limit (A m2); thrusters compensate what is lost
-    (eq. 34)."""
+    """Limit each dipole component to +-limit (A m2); thrusters compensate (eq. 34)."""
     return _compensated(split, b, clip(split[0], limit))
 
 
 def without(split: Split, b: Vec3, axis: int) -> Split:
-    """No dipole along `axis` (0 to 2): a dead coil; thrusters compensate what is lost
-    (eq. 34)."""
+    """Remove the dipole along `axis` (0 to 2), a dead coil; thrusters compensate.
+
+    Eq. 34.
+    """
     x, y, z = (0.0 if i == axis else m for i, m in enumerate(split[0]))
     return _compensated(split, b, (x, y, z))
 
 
 def bounded_quadratic(n: Vec3, b: Vec3, weight_ratio: float, limit: Vec3) -> Split:
-    """Optimal blending with |M_i| <= limit_i (A m2): least a |M|^2 + b |N_T|^2, as
-    `ocdc`.
+    """Split optimally with |M_i| <= limit_i (A m2): minimise a |M|^2 + b |N_T|^2.
 
-    Exact, without tolerances. Where the optimum without bounds breaks some of them, the
-    optimum with bounds lies on one of those (else a step towards the former would
-    better it): each is held in turn, and what is left is the same problem with one
-    component less.
+    The cost is that of `ocdc`. The result is exact, without tolerances. Where the
+    unconstrained optimum violates some bounds, the constrained optimum lies on one of
+    these (otherwise a step towards the former would improve it). Each is fixed in turn,
+    which leaves the same problem with one component less.
     """
     split = ocdc(n, b, weight_ratio)
     if all(abs(m) <= most for m, most in zip(split[0], limit, strict=True)):
@@ -113,16 +119,16 @@ def bounded_quadratic(n: Vec3, b: Vec3, weight_ratio: float, limit: Vec3) -> Spl
 
 
 def bounded_one_norm(n: Vec3, b: Vec3, limit: Vec3) -> Split:
-    """Least |N_T|_1, the thrusters' on-time, with |M_i| <= limit_i (A m2).
+    """Split for minimum |N_T|_1, the thrusters' on-time, with |M_i| <= limit_i (A m2).
 
-    A linear programme (`simplex`). Dipole along B gives no torque: of the dipoles with
-    the same torque the smallest is taken.
+    A linear programme (`simplex`). A dipole along B gives no torque, so the smallest of
+    the dipoles with the same torque is taken.
     """
     size = norm(b)
     if size == 0.0:
         return ZERO, n
-    # M = y - limit with 0 <= y <= 2 limit, and torques over |B|, so that all is of the
-    # size of M
+    # M = y - limit with 0 <= y <= 2 limit; torques are divided by |B|, so that all values
+    # are of the size of M
     x, y, z = scale(1.0 / size, b)
     columns = ((0.0, -z, y), (z, 0.0, -x), (-y, x, 0.0))  # e_i x B / |B|
     lowest = scale(-1.0, limit)
@@ -134,8 +140,10 @@ def bounded_one_norm(n: Vec3, b: Vec3, limit: Vec3) -> Split:
 
 
 def _in_box(hessian: Mat33, slope: Vec3, limit: Vec3, held: _Held) -> Vec3:
-    """The M of least M'(hessian M / 2 - slope) with |M_i| <= limit_i and M_i = held[i],
-    where that is not None."""
+    """Minimise M'(hessian M / 2 - slope) with |M_i| <= limit_i.
+
+    M_i = held[i] where that is not None.
+    """
     rows = [h if held[k // 3] is None else IDENTITY[k] for k, h in enumerate(hessian)]
     right = tuple(
         s if fixed is None else fixed for s, fixed in zip(slope, held, strict=True)
@@ -158,13 +166,16 @@ def _in_box(hessian: Mat33, slope: Vec3, limit: Vec3, held: _Held) -> Vec3:
 
 
 def _with(held: _Held, axis: int, value: float) -> _Held:
+    """Return `held` with the component `axis` fixed at `value`."""
     x, y, z = (value if i == axis else fixed for i, fixed in enumerate(held))
     return (x, y, z)
 
 
 def _nearest_along(m: Vec3, u: Vec3, limit: Vec3) -> Vec3:
-    """The shortest m + s u, u of length 1, with every component within its limit, as m
-    is."""
+    """Find the shortest m + s u with all components within their limits.
+
+    u has the length 1, and m is within the limits.
+    """
     low, high = -inf, inf
     for component, slope, most in zip(m, u, limit, strict=True):
         if slope != 0.0:
@@ -172,13 +183,15 @@ def _nearest_along(m: Vec3, u: Vec3, limit: Vec3) -> Vec3:
             low, high = max(low, min(a, b)), min(high, max(a, b))
     shifted = add(m, scale(min(max(-dot(m, u), low), high), u))
     x, y, z = (min(max(c, -most), most) for c, most in zip(shifted, limit, strict=True))
-    return (x, y, z)  # again within: the shift rounds
+    return (x, y, z)  # limited again, as the shift rounds
 
 
 def _compensated(split: Split, b: Vec3, m: Vec3) -> Split:
+    """Replace the dipole of a split by m and add the lost torque to the thrusters."""
     lost = cross(sub(split[0], m), b)
     return m, add(split[1], lost)
 
 
 def _with_thrusters(n: Vec3, b: Vec3, m: Vec3) -> Split:
+    """Return m with the thruster torque that remains of n."""
     return m, sub(n, cross(m, b))

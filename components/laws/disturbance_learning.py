@@ -1,18 +1,18 @@
-"""What a law learns in flight of the torques on its craft and of what its actuators
-give.
+"""Estimate disturbance torques and the effectiveness of actuators in flight.
 
 The momentum H (N m s, eci) of the whole craft, measured at each sample, obeys
 
     H' = s T_GG + T_eci + C_o' (T_o + T_c cos u + T_s sin u) + (C' d) x B
          + sum_j e_j C' (m_j a_j x B) + sum_i f_i C' t_i
 
-with T_GG gravity gradient as the law knows it, T_eci (eci), T_o, T_c and T_s (lvlh)
+with T_GG the gravity gradient in the law's model, T_eci (eci), T_o, T_c and T_s (lvlh)
 constant, u the argument of latitude, d the craft's own dipole (A m2, body), e and f the
-signed effectiveness of coils and thrusters, m and t what they were commanded (A m2, N
-m). (H, s, T_eci, T_o, d, e, f, T_c, T_s) is estimated by a Kalman filter whose
-parameters walk at random; H is measured with the sensors' noise, and walks by what is
-not modelled. Where a measurement is further off than `DOUBT` deviations allow,
-something has failed: the effectiveness is as unknown as at first again.
+signed effectiveness of coils and thrusters, m and t their commands (A m2, N m). A
+Kalman filter estimates (H, s, T_eci, T_o, d, e, f, T_c, T_s); its parameters perform a
+random walk. H is measured with the sensors' noise, and its process noise stands for
+torques that are not modelled. Where a measurement differs by more than `DOUBT` standard
+deviations, a component has failed, and the effectiveness becomes as uncertain as at
+first.
 
 Fault detection by a momentum balance: Willsky, Automatica 12 (1976) 601.
 """
@@ -25,16 +25,16 @@ STATES = 26
 GRAVITY, INERTIAL, ORBITAL, DIPOLE, COILS, THRUSTERS, WAVES = 3, 4, 7, 10, 13, 17, 20
 CAUSES = STATES - 3
 DOUBT = 6.0
+# No actuator gives more than this multiple of its command, or of the opposite. Where a
+# coil is hardly driven, the filter cannot distinguish its effectiveness from the
+# craft's own dipole.
 MOST = 1.1
-"""No actuator gives more of what it is commanded, nor more of its opposite. Where a
-coil hardly moves, its effectiveness and the craft's own dipole are one and the same to
-the filter."""
+# Prior standard deviations of s and of e and f (1).
 SPREAD_GRAVITY, SPREAD_ACTUATOR = 0.3, 0.5
-"""Standard deviations of s and of e and f beforehand (1)."""
 
 
 def first_state(h: Vec3) -> Table:
-    """The state before anything is learnt, with H (N m s) as measured."""
+    """Return the initial state, with H (N m s) as measured."""
     return (
         h[0],
         h[1],
@@ -66,8 +66,11 @@ def first_state(h: Vec3) -> Table:
 
 
 def spreads(torque: float, dipole: float, noise: float) -> Table:
-    """The standard deviations of `first_state`: of H noise (N m s), of the constant
-    torques `torque` (N m), of the craft's dipole `dipole` (A m2)."""
+    """Return the standard deviations of `first_state`.
+
+    noise (N m s) is that of H, torque (N m) that of the constant torques, dipole (A m2)
+    that of the craft's dipole.
+    """
     return (
         noise,
         noise,
@@ -99,7 +102,7 @@ def spreads(torque: float, dipole: float, noise: float) -> Table:
 
 
 def first_covariance(deviations: Table) -> Table:
-    """P, row-major."""
+    """Build the initial covariance P, row-major."""
     p = [0.0] * (STATES * STATES)
     for i in range(STATES):
         p[STATES * i + i] = deviations[i] * deviations[i]
@@ -107,7 +110,7 @@ def first_covariance(deviations: Table) -> Table:
 
 
 def forgotten(p: Table, noise: float) -> Table:
-    """P where H is measured anew with `noise` (N m s), its past not known."""
+    """Return P for H measured anew with `noise` (N m s), its past unknown."""
     cov = [0.0] * (STATES * STATES)
     for i in range(3, STATES):
         for j in range(3, STATES):
@@ -118,7 +121,10 @@ def forgotten(p: Table, noise: float) -> Table:
 
 
 def causes(columns: tuple[Vec3, ...]) -> Table:
-    """What a unit of each parameter adds to H (N m s), CAUSES vectors, as three rows."""
+    """Arrange the effect of a unit of each parameter on H (N m s) as three rows.
+
+    `columns` holds CAUSES vectors.
+    """
     return tuple(columns[i][row] for row in range(3) for i in range(CAUSES))
 
 
@@ -132,11 +138,11 @@ def learnt(
     deviations: Table,
     drift: float,
 ) -> tuple[Table, Table]:
-    """(x, P) after a sample at whose end H is `measured` (N m s, eci).
+    """Update (x, P) by a sample at whose end H is `measured` (N m s, eci).
 
-    rows: what a unit of each parameter adds to H over the sample, as of `causes`; noise
+    rows: effect of a unit of each parameter on H over the sample, as of `causes`; noise
     (N m s) of a measurement; walk (N m s), by which H may change otherwise; drift (1),
-    by how much of its deviation beforehand a parameter may walk.
+    the random walk of a parameter relative to its prior standard deviation.
     """
     now = [0.0] * STATES
     cov = [0.0] * (STATES * STATES)
@@ -177,7 +183,7 @@ def learnt(
     if doubted:
         for i in range(COILS, WAVES):
             cov[STATES * i + i] += deviations[i] * deviations[i]
-        # what that makes of H, over this sample
+        # the effect of this on H over the sample
         for row in range(3):
             for other in range(3):
                 for i in range(COILS - 3, WAVES - 3):

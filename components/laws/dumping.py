@@ -1,4 +1,4 @@
-"""The torque that dumps the wheels' momentum: paper 000, eqs. 15-19.
+"""Compute the torque that dumps the wheels' momentum: paper 000, eqs. 15-19.
 
 The model is h' = W h + N + N_con (eq. 15): h (N m s) the wheels' momentum, N (N m) the
 external torque that the wheels absorb, N_con (N m) the constant torque of an off-nadir
@@ -26,20 +26,20 @@ from ..maths.vector import (
     sub,
 )
 
-MOST_SAMPLES = 4096
-"""Of a horizon."""
+MOST_SAMPLES = 4096  # maximum number of samples in a horizon
 
 
 def ilqr(h: Vec3, omega: Vec3, g_rate: float, n_con: Vec3) -> Vec3:
-    """Infinite-horizon LQR torque (N m), eq. 17 with K_inf = sqrt(f r) I and g_inf.
+    """Compute the infinite-horizon LQR torque (N m, body), eq. 17.
 
-    g solves (W - S K)' g = K N_con, S = 1/r (eq. 11 at rest; notes, item 5).
+    K_inf = sqrt(f r) I; g_inf solves (W - S K)' g = K N_con, S = 1/r (eq. 11 at rest;
+    notes, item 5).
     """
     return sub(ilqr_offset(omega, g_rate, n_con), scale(g_rate, h))
 
 
 def ilqr_offset(omega: Vec3, g_rate: float, n_con: Vec3) -> Vec3:
-    """R^-1 g_inf (N m): the constant part of the infinite-horizon torque."""
+    """Compute R^-1 g_inf (N m), the constant part of the infinite-horizon torque."""
     if n_con == (0.0, 0.0, 0.0):
         return n_con
     x, y, z = omega
@@ -49,11 +49,10 @@ def ilqr_offset(omega: Vec3, g_rate: float, n_con: Vec3) -> Vec3:
 
 
 def lqr(h: Vec3, g_rate: float, time_to_go: float, offset: Vec3) -> Vec3:
-    """Finite-horizon LQR torque (N m), eq. 17, with `time_to_go` (s) left and R^-1 g =
-    offset.
+    """Compute the finite-horizon LQR torque (N m, body), eq. 17.
 
-    For isotropic weights K = sqrt(f r) tanh(g_rate (t_f - t)) I: K' = K K / r - F,
-    K(t_f) = 0.
+    `time_to_go` (s) remains, and offset = R^-1 g (N m). For isotropic weights K =
+    sqrt(f r) tanh(g_rate (t_f - t)) I: K' = K K / r - F, K(t_f) = 0.
     """
     return sub(offset, scale(g_rate * tanh(g_rate * time_to_go), h))
 
@@ -61,17 +60,22 @@ def lqr(h: Vec3, g_rate: float, time_to_go: float, offset: Vec3) -> Vec3:
 def lqr_offsets(
     omega: Vec3, g_rate: float, n_con: Vec3, horizon: float, sample_time: float
 ) -> tuple[float, ...]:
-    """R^-1 g (N m) at each sample time (s) from 0 to the horizon (s), flat, three a
-    sample.
+    """Integrate R^-1 g (N m) backwards over the horizon (s).
 
-    g' = -(W - S K)' g + K N_con backwards from g(t_f) = 0 (eq. 11), by RK4 with 0.5 s
-    or less. Raises BlockError beyond MOST_SAMPLES.
+    The result is flat, three numbers for each sample time (s) from 0 to the horizon. g' =
+    -(W - S K)' g + K N_con from g(t_f) = 0 (eq. 11), by RK4 with 0.5 s or less.
+
+    Raises
+    ------
+    BlockError
+        If the horizon has more than MOST_SAMPLES samples.
     """
     samples = int(horizon / sample_time + 0.5)
     substeps = max(1, int(2.0 * sample_time))
     step = sample_time / substeps
 
     def slope(g: Vec3, to_go: float) -> Vec3:
+        """Return the time derivative of R^-1 g (N m/s) at a time to go (s)."""
         k = g_rate * tanh(g_rate * max(to_go, 0.0))
         # -(W - S K)' g = -[omega x] g + k g
         return add(sub(scale(k, g), cross(omega, g)), scale(k, n_con))
@@ -96,23 +100,28 @@ def lqr_offsets(
 
 
 def mec_costate(h: Vec3, omega: Vec3, n_con: Vec3, horizon: float) -> Vec3:
-    """p(t_0) (N m) of eq. 19 so that h(t_0 + horizon) = 0: the minimum-energy torque.
+    """Compute p(t_0) (N m) of eq. 19 so that h(t_0 + horizon) = 0.
 
-    With exp(W t) a rotation, exp(-W t_f) h(t_f) = h_0 + int_0^t_f exp(-W s) N_con ds -
-    t_f p.
+    It gives the minimum-energy torque. With exp(W t) a rotation, exp(-W t_f) h(t_f) =
+    h_0 + int_0^t_f exp(-W s) N_con ds - t_f p.
     """
     total = add(h, _integral_of_rotation(omega, n_con, horizon))
     return scale(1.0 / horizon, total)
 
 
 def mec(p: Vec3, omega: Vec3, elapsed: float) -> Vec3:
-    """Minimum-energy torque N = -exp(W t) p(t_0) (N m), t = elapsed (s) since t_0 (eq.
-    19)."""
+    """Compute the minimum-energy torque N = -exp(W t) p(t_0) (N m), eq. 19.
+
+    t = elapsed (s) since t_0.
+    """
     return scale(-1.0, mat_vec(rotation_about(scale(-1.0, omega), elapsed), p))
 
 
 def _integral_of_rotation(omega: Vec3, v: Vec3, t: float) -> Vec3:
-    """int_0^t exp([omega x] s) v ds: v along omega grows with t, v across it turns."""
+    """Integrate exp([omega x] s) v over s from 0 to t.
+
+    v along omega grows with t, v across it turns.
+    """
     w = norm(omega)
     if w == 0.0:
         return scale(t, v)

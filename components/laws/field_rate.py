@@ -1,8 +1,8 @@
-"""The rate of the measured geomagnetic field in body axes, and the body's rate that it
-shows.
+"""Estimate the rate of the measured field and the body rate that it shows.
 
-b (T) is the field, body; b' (T/s) its derivative as the body sees it, which is -omega x
-b plus the field's own turning along the orbit (up to some 2e-3 rad/s in low orbits).
+b (T) is the geomagnetic field, body; b' (T/s) its derivative as the body sees it, which
+is -omega x b plus the field's own rotation along the orbit (up to some 2e-3 rad/s in
+low orbits).
 """
 
 from __future__ import annotations
@@ -14,25 +14,28 @@ from ..maths.vector import ZERO, add, cross, dot, scale, sub
 
 
 def difference(b: Vec3, before: Vec3, elapsed: float) -> Vec3:
-    """b' (T/s) from two samples `elapsed` (s, above 0) apart: paper 003, eq. 2."""
+    """Compute b' (T/s) from two samples `elapsed` (s, above 0) apart.
+
+    Paper 003, eq. 2.
+    """
     return scale(1.0 / elapsed, sub(b, before))
 
 
 def filtered(last: Vec3, rate: Vec3, cut_off: float, elapsed: float) -> Vec3:
-    """The next value (T/s) of a first-order low-pass of b', `elapsed` (s) after `last`.
+    """Filter b' (T/s) by a first-order low-pass, `elapsed` (s) after `last`.
 
-    cut_off in rad/s. With `difference` before it this is the filtered derivative
-    s / (1 + s / cut_off) of b.
+    cut_off in rad/s. With `difference` before it, this is the filtered derivative s /
+    (1 + s / cut_off) of b.
     """
     kept = exp(-cut_off * elapsed)
     return add(scale(kept, last), scale(1.0 - kept, rate))
 
 
 def rate_across(b: Vec3, b_rate: Vec3) -> Vec3:
-    """The body's rate across the field (rad/s): b x b' / |b|^2 with the sign of omega.
+    """Estimate the body's rate across the field (rad/s): -b x b' / |b|^2.
 
-    b' = -omega x b gives b x b' = -(|b|^2 omega - (b.omega) b); so minus that. The part
-    along b is not seen, and the field's own turning counts as the body's.
+    b' = -omega x b gives b x b' = -(|b|^2 omega - (b.omega) b), hence the sign. The
+    part along b is not observed, and the field's own rotation counts as the body's.
     """
     size2 = dot(b, b)
     return scale(-1.0 / size2, cross(b, b_rate)) if size2 > 0.0 else ZERO

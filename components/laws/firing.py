@@ -1,5 +1,4 @@
-"""What a craft knows of a firing beforehand, what it learns from it, and how it stands
-against it.
+"""Predict a thruster firing, learn from it and compensate it.
 
 Ours. Body frame; torques in N m, impulses and momenta in N m s, inertia J in kg m2,
 rates in rad/s. The total momentum is J omega + h with h that of the wheels.
@@ -14,8 +13,10 @@ from ..maths.vector import add, mat_vec, rotation_about, scale, sub
 
 
 def overlap(start: float, duration: float, t: float, span: float) -> float:
-    """For how long (s) of [t, t + span] a firing of `duration` (s) from `start` (s) on
-    lasts."""
+    """Compute for how long (s) of [t, t + span] a firing lasts.
+
+    The firing has a `duration` (s) and begins at `start` (s).
+    """
     return max(min(start + duration, t + span) - max(start, t), 0.0)
 
 
@@ -28,11 +29,12 @@ def predicted_rate(
     inverse: Mat33,
     elapsed: float,
 ) -> Vec3:
-    """The rate after `elapsed` (s) of a body that had omega and wheels with h_before,
-    gained an external impulse, and has wheels with h.
+    """Predict the rate (rad/s, body) after `elapsed` (s).
 
-    J omega + h keeps its direction, so in the body it turns against the mean of the
-    rates before and after, found in three rounds; half of the impulse turns with it.
+    The body had omega and wheels with h_before, gained an external impulse, and has
+    wheels with h. J omega + h keeps its direction, so in the body it turns against the
+    mean of the rates before and after, found in three rounds; half of the impulse turns
+    with it.
     """
     half = scale(0.5, impulse)
     before = add(add(mat_vec(inertia, omega), h_before), half)
@@ -46,15 +48,19 @@ def predicted_rate(
 
 
 def kalman_gain(variance: float, noise: float) -> float:
-    """The share of a measurement of this deviation that an estimate of this variance
-    takes over."""
+    """Compute the weight of a measurement of this noise for this variance.
+
+    noise is the standard deviation of the measurement, variance that of the estimate.
+    """
     return variance / (variance + noise * noise)
 
 
 def pulsed(m: float, limit: float, pulse: float, period: float, duty: float) -> float:
-    """The mean dipole (A m2) over a period (s) that a coil of +-limit makes of the
-    command m, by pulses (s) whose number is rounded to the nearest, at most the share
-    `duty` of the period."""
+    """Compute the mean dipole (A m2) over a period (s) of a pulsed coil of +-limit.
+
+    The command m is rounded to the nearest number of pulses (s), at most the fraction
+    `duty` of the period.
+    """
     most = int(duty * period / pulse + 1e-9)
     count = min(int(abs(m) / limit * period / pulse + 0.5), most)
     return copysign(count * pulse / period * limit, m)

@@ -1,11 +1,10 @@
-"""A craft that a boom keeps pointing to nadir: paper 002, the attitude part of its
-laws, and ours.
+"""Compute the attitude part of paper 002, for a craft that a boom points to nadir.
 
-Body axes: roll x, pitch y, yaw z (along the boom, to nadir). u is the direction of
-nadir in body: the third column of A, which takes vectors from orbital (lvlh) to body
-axes. A tilt (rad) is the rotation from upright, u = (-tilt_y, tilt_x, 1) to first
-order; rates (rad/s) are relative to lvlh. Dipoles m (A m2) give the torque m x b, b (T)
-the field in body. A torque of a wheel (N m) is that on the body.
+It includes laws of ours. Body axes: roll x, pitch y, yaw z (along the boom, to nadir).
+u is the direction of nadir in body: the third column of A, which takes vectors from
+orbital (lvlh) to body axes. A tilt (rad) is the rotation from upright, u = (-tilt_y,
+tilt_x, 1) to first order; rates (rad/s) are relative to lvlh. Dipoles m (A m2) give the
+torque m x b, b (T) the field in body. A torque of a wheel (N m) is that on the body.
 """
 
 from __future__ import annotations
@@ -19,14 +18,19 @@ from ..maths.vector import cross, dot, norm, scale, sub
 
 
 def euler_angles(a: Mat33) -> Vec3:
-    """Roll phi, pitch theta, yaw psi (rad) of A = R3(psi) R1(phi) R2(theta), the 2-1-3
-    sequence whose rates are eq. 6; phi within +-pi/2, where it is singular."""
+    """Compute roll phi, pitch theta, yaw psi (rad) of A = R3(psi) R1(phi) R2(theta).
+
+    This is the 2-1-3 sequence whose rates are eq. 6; phi within +-pi/2, where it is
+    singular.
+    """
     return asin(min(max(-a[7], -1.0), 1.0)), atan2(a[6], a[8]), atan2(a[1], a[4])
 
 
 def euler_rates(angles: Vec3, omega: Vec3) -> Vec3:
-    """Rates of roll, pitch and yaw (rad/s), eq. 6; omega: relative to the reference,
-    body."""
+    """Compute the rates of roll, pitch and yaw (rad/s), eq. 6.
+
+    omega: relative to the reference, body.
+    """
     roll, _, yaw = angles
     across = omega[0] * sin(yaw) + omega[1] * cos(yaw)
     roll_rate = omega[0] * cos(yaw) - omega[1] * sin(yaw)
@@ -34,10 +38,11 @@ def euler_rates(angles: Vec3, omega: Vec3) -> Vec3:
 
 
 def gravity_torque(a: Mat33, moments: Vec3, products: Vec3, rate: float) -> Vec3:
-    """Eqs. 7-9 as written (N m): moments I_xx, I_yy, I_zz and products I_xy, I_yz, I_zx
-    (kg m2) in the positive form, whose tensor has -I_xy; rate: the orbit's (rad/s).
+    """Compute the gravity-gradient torque (N m, body) by eqs. 7-9 as written.
 
-    The same as 3 rate^2 u x J u.
+    Moments I_xx, I_yy, I_zz and products I_xy, I_yz, I_zx (kg m2) in the positive form,
+    whose tensor has -I_xy; rate: the orbit's (rad/s). The result equals 3 rate^2 u x J
+    u.
     """
     ixx, iyy, izz = moments
     ixy, iyz, izx = products
@@ -72,7 +77,10 @@ def gravity_torque(a: Mat33, moments: Vec3, products: Vec3, rate: float) -> Vec3
 
 
 def gravity_vector_torque(u: Vec3, inertia: Mat33, rate: float) -> Vec3:
-    """3 rate^2 u x J u (N m): what eqs. 7-9 write out; J (kg m2) the tensor."""
+    """Compute the gravity-gradient torque 3 rate^2 u x J u (N m, body).
+
+    Eqs. 7-9 write it out; J (kg m2) is the tensor.
+    """
     x, y, z = u
     j = inertia
     ju = (
@@ -86,15 +94,20 @@ def gravity_vector_torque(u: Vec3, inertia: Mat33, rate: float) -> Vec3:
 def aerodynamic_torque(
     density: float, speed: float, area: float, centre: Vec3, flow: Vec3
 ) -> Vec3:
-    """rho V^2 A_p (c_p x V) (N m), eq. 10: density kg/m3, speed m/s, projected area m2,
-    centre of pressure m from the centre of mass, unit velocity. The force is along -V:
-    as printed, the torque has the opposite sign of the one that the air gives."""
+    """Compute rho V^2 A_p (c_p x V) (N m), eq. 10.
+
+    Density kg/m3, speed m/s, projected area m2, centre of pressure m from the centre of
+    mass, unit velocity. The force is along -V: as printed, the torque has the opposite
+    sign of that of the air.
+    """
     return scale(density * speed * speed * area, cross(centre, flow))
 
 
 def dipole_field(strength: Vec3, r: Vec3) -> Vec3:
-    """M_e / R^3 [1 - 3 R R'] (T), eq. 12: strength M_e (T m3) points north, r (m) the
-    position."""
+    """Compute the dipole field M_e / R^3 [1 - 3 R R'] (T), eq. 12.
+
+    The strength M_e (T m3) points north; r (m) is the position.
+    """
     size = norm(r)
     radial = scale(1.0 / size, r)
     return scale(
@@ -103,13 +116,16 @@ def dipole_field(strength: Vec3, r: Vec3) -> Vec3:
 
 
 def coil_matrix(b: Vec3) -> Mat33:
-    """Psi of eq. 14: the torque of a dipole M is Psi M = M x B (eq. 13)."""
+    """Return Psi of eq. 14: the torque of a dipole M is Psi M = M x B (eq. 13)."""
     x, y, z = b
     return (0.0, z, -y, -z, 0.0, x, y, -x, 0.0)
 
 
 def cross_product(e: Vec3, b: Vec3) -> Vec3:
-    """M = e x B / |B| (A m2), eq. 16 with e = k_m h: the torque is -|B| e across B."""
+    """Compute M = e x B / |B| (A m2), eq. 16 with e = k_m h.
+
+    The torque is -|B| e across B. Zero without a field.
+    """
     size = norm(b)
     return scale(1.0 / size, cross(e, b)) if size > 0.0 else (0.0, 0.0, 0.0)
 
@@ -118,17 +134,17 @@ def cross_product(e: Vec3, b: Vec3) -> Vec3:
 
 
 def tilt(u: Vec3) -> Vec3:
-    """(tilt_x, tilt_y, 0) (1): the sine of the angle from upright, as a vector in body."""
+    """Compute (tilt_x, tilt_y, 0) (1), the sine of the angle from upright, in body."""
     return (u[1], -u[0], 0.0)
 
 
 def inverted(u: Vec3) -> bool:
-    """True where the boom points away from the side of the Earth that it stood on."""
+    """Return whether the body z axis points away from nadir: the boom is inverted."""
     return u[2] < 0.0
 
 
 def pd(angle: float, rate: float, kp: float, kd: float) -> float:
-    """Torque -Kp angle - Kd rate (N m)."""
+    """Compute the torque -Kp angle - Kd rate (N m)."""
     return -kp * angle - kd * rate
 
 
@@ -136,7 +152,7 @@ def pd(angle: float, rate: float, kp: float, kd: float) -> float:
 
 
 def rotation_vector(q: tuple[float, float, float, float]) -> Vec3:
-    """The rotation vector (rad, at most pi) of a quaternion, scalar last."""
+    """Convert a quaternion, scalar last, to the rotation vector (rad, at most pi)."""
     x, y, z, w = q
     if w < 0.0:
         x, y, z, w = -x, -y, -z, -w

@@ -1,10 +1,10 @@
-"""Integrated magnetic management of wheel momentum (paper 004, sections 2.2, 2.3 and
-4).
+"""Compute integrated magnetic management of wheel momentum.
 
-The attitude controller's torque is split between wheels and coils, and the wheels are
-told to give momentum away besides. The coils never see that torque: the wheels' part in
-the control torque that follows cancels all of it but the share k, so the momentum that
-leaves the craft is k t_DES (eqs. 9, 13, 17 and 19 together).
+Source: paper 004, sections 2.2, 2.3 and 4. The attitude controller's torque is split
+between wheels and coils, and the wheels are commanded to give momentum away besides.
+The coils never see that torque: the wheels' part in the control torque that follows
+cancels all of it except the fraction k, so the momentum that leaves the craft is k
+t_DES (eqs. 9, 13, 17 and 19 together).
 
 Torques N m, momenta N m s, field T, rates rad/s. Body frame, or along the wheels' axes.
 """
@@ -18,17 +18,17 @@ NO_NULL_SPACE: Vec4 = (0.0, 0.0, 0.0, 0.0)
 
 
 def hysteresis(on: bool, x: float, low: float, high: float) -> bool:
-    """On from x = high, off below x = low, as before in between (low <= high)."""
+    """Switch on from x = high and off below x = low; hold in between (low <= high)."""
     return x >= high or (on and x >= low)
 
 
 def unloading(
     on: Flags4, h: Vec4, low: float, high: float, paper_signed: bool = False
 ) -> Flags4:
-    """Which wheels count in the momentum to dump: eq. 23 on |h_i|, with a hysteresis.
+    """Select the wheels whose momentum is to be dumped: eq. 23 on |h_i|.
 
-    `paper_signed` takes h_i as eq. 23 is printed, which leaves every wheel that turns
-    backwards as it is.
+    It has a hysteresis from low to high (N m s). `paper_signed` takes h_i as eq. 23 is
+    printed, which never unloads a wheel that turns backwards.
     """
     a, b, c, d = h if paper_signed else map(abs, h)
     return (
@@ -40,11 +40,10 @@ def unloading(
 
 
 def desaturation(h_B: Vec3, b_B: Vec3, gain: float, limit: float) -> Vec3:
-    """t_DES = -gain (h - (h.b) b), b = B / |B|: the wanted rate of the wheels' momentum
-    (eq. 19).
+    """Compute the rate of the wheels' momentum for unloading (N m, body), eq. 19.
 
-    Across the field, so that coils can balance it, and not larger than `limit`; gain in
-    1/s. Zero without a field.
+    t_DES = -gain (h - (h.b) b), b = B / |B|. It lies across the field, so that coils
+    can balance it, and does not exceed `limit`; gain in 1/s. Zero without a field.
     """
     size2 = dot(b_B, b_B)
     if size2 == 0.0:
@@ -55,10 +54,10 @@ def desaturation(h_B: Vec3, b_B: Vec3, gain: float, limit: float) -> Vec3:
 
 
 def dipole(t_B: Vec3, b_B: Vec3, m_limit: float) -> Vec3:
-    """M = B x t / |B|^2 (A m2), which gives the part of t across B (eq. 18).
+    """Compute M = B x t / |B|^2 (A m2), which gives the part of t across B (eq. 18).
 
-    Where a component exceeds m_limit the whole is made smaller, so that the torque
-    keeps its direction. Zero without a field.
+    Where a component exceeds m_limit, the whole dipole is scaled down, so that the
+    torque keeps its direction. Zero without a field.
     """
     size2 = dot(b_B, b_B)
     if size2 == 0.0:
@@ -69,16 +68,16 @@ def dipole(t_B: Vec3, b_B: Vec3, m_limit: float) -> Vec3:
 
 
 def velocity_torque(omega_B: Vec3, gain: float) -> Vec3:
-    """t_DMP = -gain omega (eq. 24), gain in N m s."""
+    """Compute the damping torque t_DMP = -gain omega (eq. 24), gain in N m s."""
     return scale(-gain, omega_B)
 
 
 def null_vector(axes: Mat34) -> Vec4:
-    """n with A n = 0, its largest element +-1, the first of those +1: (1, -1, 1, -1)
-    for a pyramid.
+    """Compute n with A n = 0: (1, -1, 1, -1) for a pyramid.
 
-    The components are the minors of A. Zero where the wheels that are there have no
-    null space: fewer than four, or axes in one plane.
+    Its largest element is +-1, the first of those +1. The components are the minors of
+    A. Zero where the existing wheels have no null space: fewer than four, or axes in
+    one plane.
     """
     p, q, r, s = ((axes[i], axes[4 + i], axes[8 + i]) for i in range(4))
     minors = (
@@ -90,16 +89,17 @@ def null_vector(axes: Mat34) -> Vec4:
     largest = max(minors, key=abs)
     if abs(largest) < 1e-9 or ZERO in (p, q, r, s):
         return NO_NULL_SPACE
-    # of elements of one size the first is to be +1, whatever rounding makes of them
+    # of elements of equal size the first becomes +1, independent of rounding
     first = next(x for x in minors if abs(x) > (1.0 - 1e-9) * abs(largest))
     a, b, c, d = (x / first for x in minors)
     return (a, b, c, d)
 
 
 def null_torque(h: Vec4, n: Vec4, gain: float, limit: float) -> Vec4:
-    """-gain (h.n / n.n) n: drains the momentum along the null vector n and moves no body.
+    """Compute -gain (h.n / n.n) n (N m), which drains the null-space momentum.
 
-    gain in 1/s; no wheel gets more than `limit`.
+    n is the null vector, so the torque does not move the body. gain in 1/s; no wheel
+    gets more than `limit`.
     """
     size2 = n[0] * n[0] + n[1] * n[1] + n[2] * n[2] + n[3] * n[3]
     if size2 == 0.0:

@@ -1,8 +1,8 @@
-"""The least firing time for a wanted angular impulse over a horizon: a linear
-programme.
+"""Find the least firing time for an angular impulse over a horizon.
 
 The momentum of the craft in an inertial frame is the sum of impulses, so the dynamics
-of a whole horizon are three linear equations. Needs numpy and HiGHS.
+of a whole horizon are three linear equations, and the problem is a linear programme. It
+needs numpy and HiGHS.
 """
 
 from __future__ import annotations
@@ -17,16 +17,13 @@ Array = NDArray[np.float64]
 
 
 class Plan(NamedTuple):
-    """What to do in each of n intervals."""
+    """Plan of firings and dipoles in each of n intervals."""
 
-    on_time: Array
-    """(n, p) s, of each thruster"""
-    dipole: Array
-    """(n, c) of each coil, as a share of its limit, from -1 to 1"""
-    seconds: float
-    """sum of on_time"""
+    on_time: Array  # (n, p) s, of each thruster
+    dipole: Array  # (n, c), of each coil, relative to its limit, from -1 to 1
+    seconds: float  # s, sum of on_time
+    # (3,) s/(N m s): derivative of the least seconds by the commanded impulse
     price: Array
-    """(3,) s/(N m s): how the least seconds change with the wanted impulse"""
 
 
 def least_firing(
@@ -38,25 +35,23 @@ def least_firing(
     patience: float = 0.0,
     bounded: bool = True,
 ) -> Plan | None:
-    """The plan of least firing time whose impulses add up to `impulse`; None where
-    there is none.
+    """Find the plan of least firing time whose impulses add up to `impulse`.
 
-    minimise  sum (1 - patience k / n) on_time + dipole_cost sum |share|
-    sum on_time thrust + sum share dipole = impulse,  0 <= on_time <= longest,  |share| <= 1
+        minimise  sum (1 - patience k / n) on_time + dipole_cost sum |share|
+        sum on_time thrust + sum share dipole = impulse,  0 <= on_time <= longest,  |share| <= 1
 
-    All in one inertial frame: impulse (3,) N m s; thrust (n, p, 3) N m, the mean torque
-    of thruster j over interval k; longest (n,) s; dipole (n, c, 3) N m s, the impulse
-    of coil j over interval k with all of its dipole, without a limit where not
-    `bounded`. `dipole_cost` (s) is what a whole dipole over one interval is worth: a
-    little of it keeps dipoles off that save nothing. A little `patience` makes late
-    what could as well be early.
+    None where there is no such plan. All in one inertial frame: impulse (3,) N m s;
+    thrust (n, p, 3) N m, the mean torque of thruster j over interval k; longest (n,) s;
+    dipole (n, c, 3) N m s, the impulse of coil j over interval k at its full dipole,
+    without a limit where not `bounded`. `dipole_cost` (s) is the cost of a full dipole
+    over one interval; a small value switches off dipoles that save nothing. A small
+    `patience` delays firings that could as well be early.
     """
     n, p, _ = thrust.shape
     c = dipole.shape[1]
     torques, impulses = thrust.reshape(-1, 3).T, dipole.reshape(-1, 3).T
-    strength = np.abs(
-        torques
-    ).max()  # seconds on both sides: the solver's tolerances are absolute
+    # seconds on both sides, as the solver's tolerances are absolute
+    strength = np.abs(torques).max()
     x, price = programme(
         np.concatenate(
             [
@@ -85,12 +80,11 @@ def least_firing(
 def programme(
     cost: Array, rows: Array, wanted: Array, least: Array, most: Array
 ) -> tuple[Array, Array] | tuple[None, None]:
-    """The x (n,), least <= x <= most, that minimises cost x with rows x = wanted, and
-    how the least cost changes with each of `wanted` (m,); None, None where there is
-    none.
+    """Solve a linear programme: minimise cost x with rows x = wanted.
 
-    By the dual simplex method of HiGHS itself: scipy's function for it takes 0.3 s to
-    import.
+    least <= x <= most. Returns x (n,), and the derivative of the least cost by each of
+    `wanted` (m,); None, None where there is no solution. It calls the dual simplex
+    method of HiGHS itself, as scipy's function for it takes 0.3 s to import.
     """
     m, n = rows.shape
     task = highspy.HighsLp()

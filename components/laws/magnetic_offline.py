@@ -1,9 +1,8 @@
-"""What `magnetic.py` needs to know beforehand: gain tables and costates. Offline: numpy
-and scipy.
+"""Compute the gain tables and costates that `magnetic.py` needs, offline.
 
-Model, units and signs as in `magnetic.py`. `field(t)` is B (T, body) at t (s) after the
-start, `omega` (rad/s) the constant rate of the attitude, weights are the diagonals of F
-(1/(T2 s2)) and R.
+It needs numpy and scipy. Model, units and signs as in `magnetic.py`. `field(t)` is B
+(T, body) at t (s) after the start, `omega` (rad/s) the constant rate of the attitude;
+weights are the diagonals of F (1/(T2 s2)) and R.
 """
 
 from __future__ import annotations
@@ -25,21 +24,20 @@ Field = Callable[[float], Triple]
 _UPPER = np.triu_indices(3)
 _FULL = np.array([[0, 1, 2], [1, 3, 4], [2, 4, 5]])
 
+# Points of a Gauss-Legendre rule, exact for polynomials of degree 47, in each interval
+# of QUADRATURE.
 POINTS = 24
-"""Of a Gauss-Legendre rule, exact for polynomials of degree 47, in each interval of
-QUADRATURE."""
-QUADRATURE = 300.0
-"""Length of an interval of the quadrature (s): a twentieth of a low orbit."""
+QUADRATURE = 300.0  # s, interval of the quadrature: a twentieth of a low orbit
 
 
 def cross_matrix(v: Triple) -> Array:
-    """[v x]"""
+    """Return the skew matrix [v x]."""
     x, y, z = v
     return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
 
 
 def reach(b: Triple, dipole_weight: Triple) -> Array:
-    """S = Q R^-1 Q' with Q = -[B x] (T2)."""
+    """Compute S = Q R^-1 Q' with Q = -[B x] (T2)."""
     q = cross_matrix(b)
     return np.asarray((q / np.asarray(dipole_weight)) @ q.T)
 
@@ -52,11 +50,11 @@ def gains(
     n_con: Triple,
     times: Array,
 ) -> tuple[Array, Array]:
-    """K (nodes, 6; 1/(T2 s)) and g (nodes, 3; A m2/T) of eq. 11 at `times` (s), rising
-    to t_f.
+    """Integrate K (nodes, 6; 1/(T2 s)) and g (nodes, 3; A m2/T) of eq. 11.
 
-    K' = -K W - W'K + K S K - F and g' = -(W - S K)' g + K N_con, backwards from K(t_f)
-    = 0 and g(t_f) = 0 (notes, item 5), to 1e-10 of their size.
+    `times` (s) rise to t_f. K' = -K W - W'K + K S K - F and g' = -(W - S K)' g + K
+    N_con, backwards from K(t_f) = 0 and g(t_f) = 0 (notes, item 5), to 1e-10 of their
+    size.
     """
     w, f, n = -cross_matrix(omega), np.diag(momentum_weight), np.asarray(n_con)
     largest = float(np.max(momentum_weight))
@@ -65,6 +63,7 @@ def gains(
     unit = sqrt(largest / np.linalg.norm(reach(field(times[-1]), dipole_weight), 2))
 
     def slope(t: float, y: Array) -> Array:
+        """Return the time derivative of the scaled K (six numbers) and g."""
         k, g = unit * y[:6][_FULL], unit * y[6:]
         s = reach(field(t), dipole_weight)
         turned = k @ w
@@ -94,11 +93,11 @@ def costate(
     end: Triple,
     horizon: float,
 ) -> Array:
-    """p(t_0) (A m2/T) of eq. 13 that leads from h(t_0) = start to h(t_0 + horizon) =
-    end (N m s).
+    """Compute p(t_0) (A m2/T) of eq. 13 that leads from `start` to `end`.
 
-    In z = exp(-W t) h, eq. 14 is z' = -exp(-W t) S exp(W t) p(t_0) + exp(-W t) N_con;
-    its integral is linear in p(t_0).
+    h(t_0) = start and h(t_0 + horizon) = end (N m s), horizon in s. In z = exp(-W t) h,
+    eq. 14 is z' = -exp(-W t) S exp(W t) p(t_0) + exp(-W t) N_con; its integral is
+    linear in p(t_0).
     """
     gramian, drift = np.zeros((3, 3)), np.zeros(3)
     for t, weight in zip(*_quadrature(horizon), strict=True):
@@ -110,12 +109,12 @@ def costate(
 
 
 def turned_back(omega: Triple, t: float) -> Array:
-    """exp(-W t): the rotation by omega t."""
+    """Return exp(-W t), the rotation by omega t."""
     return np.asarray(Rotation.from_rotvec(t * np.asarray(omega)).as_matrix())
 
 
 def _quadrature(horizon: float) -> tuple[Array, Array]:
-    """Points (s) and weights of the integral from 0 to the horizon."""
+    """Return points (s) and weights of the integral from 0 to the horizon."""
     x, weights = np.polynomial.legendre.leggauss(POINTS)
     edges = np.linspace(0.0, horizon, max(1, round(horizon / QUADRATURE)) + 1)
     half = 0.5 * (edges[1] - edges[0])
@@ -124,15 +123,16 @@ def _quadrature(horizon: float) -> tuple[Array, Array]:
 
 
 def cheapest_end(free: Array, effect: Array, cost: Array, size: float) -> Array:
-    """The end h = free + effect p (N m s) of length `size` whose cost 1/2 p'cost p is
-    least.
+    """Find the end h = free + effect p (N m s) of length `size` of least cost.
 
-    With a multiplier m, (cost + m effect'effect) p = -m effect'free; as m rises, |h| falls from
-    |free| to 0. free (3,), effect (3, 3), cost (3, 3), 0 < size < |free|.
+    The cost is 1/2 p'cost p. With a multiplier m, (cost + m effect'effect) p = -m
+    effect'free; as m rises, |h| falls from |free| to 0. free (3,), effect (3, 3), cost
+    (3, 3), 0 < size < |free|.
     """
     rate = np.linalg.norm(cost, 2) / np.linalg.norm(effect, 2) ** 2
 
     def end(log: float) -> Array:
+        """Return the end h (N m s) for a multiplier of rate 10^log."""
         m = rate * 10.0**log
         p = np.linalg.solve(cost + m * effect.T @ effect, -m * effect.T @ free)
         return np.asarray(free + effect @ p)

@@ -1,12 +1,12 @@
-"""Stability margins of the quaternion PID on a rigid body (paper 004, eqs. 10 to 12).
+"""Compute stability margins of the quaternion PID on a rigid body.
 
-About one axis, with the gains times the inertia (eq. 11) and e half the angle, the open
-loop is
+Source: paper 004, eqs. 10 to 12. About one axis, with the gains times the inertia (eq.
+11) and e half the angle, the open loop is
 
     L(s) = (kd s + kp / 2 + ki / (2 s)) / s^2  exp(-delay s)
 
-kp in 1/s2, kd in 1/s, ki in 1/s3; frequencies in rad/s. Analysis only, no block uses
-it.
+kp in 1/s2, kd in 1/s, ki in 1/s3; frequencies in rad/s. It serves analysis only; no
+block uses it.
 """
 
 from __future__ import annotations
@@ -21,29 +21,28 @@ from scipy.optimize import brentq
 
 
 class Margins(NamedTuple):
-    """Of an open loop: the paper asks for 45 deg and 6 dB."""
+    """Margins of an open loop; the paper requires 45 deg and 6 dB."""
 
-    phase: float
-    """Phase margin (deg); negative: unstable."""
-    crossover: float
-    """Frequency at which |L| = 1 (rad/s)."""
-    gain_up: float
-    """What the gain may grow by (dB); infinite without a delay."""
-    gain_down: float
-    """What it may fall by (dB); infinite without an integral."""
-    delay: float
-    """Further delay that it bears (s)."""
+    phase: float  # deg, phase margin; negative: unstable
+    crossover: float  # rad/s, frequency at which |L| = 1
+    gain_up: float  # dB by which the gain may rise; infinite without a delay
+    gain_down: float  # dB by which it may fall; infinite without an integral
+    delay: float  # s, further delay that keeps it stable
 
 
 def pid_margins(kp: float, kd: float, ki: float, delay: float = 0.0) -> Margins:
-    """The margins of positive gains kp and kd, of ki >= 0 and a delay (s) in the loop."""
+    """Compute the margins of gains kp, kd > 0 and ki >= 0 with a delay (s)."""
 
     def loop(w: float) -> complex:
+        """Evaluate the open loop L at a frequency (rad/s)."""
         s = 1j * w
         return (kd * s + kp / 2.0 + ki / (2.0 * s)) / (s * s) * exp(-delay * s)
 
     def lead(w: float) -> float:
-        """Phase above -180 deg (rad); L s^2 has a positive real part."""
+        """Compute the phase above -180 deg (rad) at a frequency (rad/s).
+
+        L s^2 has a positive real part.
+        """
         return phase(kp / 2.0 + 1j * (kd * w - ki / (2.0 * w))) - delay * w
 
     crossover = _root(lambda w: 1.0 - abs(loop(w)), 1e-9, 1e6)
@@ -60,7 +59,7 @@ def pid_margins(kp: float, kd: float, ki: float, delay: float = 0.0) -> Margins:
 
 
 def _root(f: Callable[[float], float], low: float, high: float) -> float:
-    """Where f changes its sign between two positive bounds."""
+    """Find where f changes its sign between two positive bounds."""
     return float(
         np.exp(brentq(lambda x: f(np.exp(x)), np.log(low), np.log(high), xtol=1e-14))
     )

@@ -1,16 +1,16 @@
-"""Momentum management by magnetic torquers: paper 001, eqs. 1-8 and Table 1.
+"""Compute momentum management by magnetic torquers: paper 001, eqs. 1-8 and Table 1.
 
 The torque on the craft is T_M = mu x B, with mu (A m2) the dipole and B (T) the field,
-and its total momentum obeys H' = T_GG + T_M (N m) in axes that do not turn. Everything
-of one call is in the same axes. S = A A' (1) is the weighting: of the coils' axes M for
-least coil energy, of the wheels' axes W for least wheel speed, the identity for
-orthogonal ones.
+and its total momentum obeys H' = T_GG + T_M (N m) in axes that do not turn. All
+arguments of one call are in the same axes. S = A A' (1) is the weighting: A holds the
+coils' axes M for least coil energy, the wheels' axes W for least wheel speed, and S is
+the identity for orthogonal ones.
 
-Table 1 in a clean form. Closed loop: P = T_D / (B'S B), mu_M = (S B) x P. Read with the
-skew matrix of B in place of the vector, its matrix is singular, and the pseudo-inverse
-gives the same T_M whatever A, against the text. Open loop, where the skew matrix is
-meant: P = [integral of [B]'S[B] dt]^-1 H_D, mu_M = S (B x P). Both: mu_T = M'(M M')^-1
-mu_M.
+Table 1 in a clean form. Closed loop: P = T_D / (B'S B), mu_M = (S B) x P. If the skew
+matrix of B is read in place of the vector, the matrix of the formula is singular, and
+the pseudo-inverse gives the same T_M whatever A, in contradiction to the text. Open
+loop, where the skew matrix is meant: P = [integral of [B]'S[B] dt]^-1 H_D, mu_M = S (B
+x P). Both: mu_T = M'(M M')^-1 mu_M.
 """
 
 from __future__ import annotations
@@ -20,38 +20,47 @@ from math import acos, cos, inf, pi, sqrt
 from ..contract.block import Mat33, Mat34, Table, Vec3, Vec4
 from ..maths.vector import ZERO, add, cross, dot, inverse, mat_vec, scale, sub
 
+# Numbers in a row of the preview's tables: the upper triangle xx, xy, xz, yy, yz, zz; a
+# vector.
 GAIN, COSTATE = 6, 3
-"""Numbers in a row of the preview's tables: the upper triangle xx, xy, xz, yy, yz, zz;
-a vector."""
 
 
 def weighting(axes: Mat34) -> Mat33:
-    """S = A A' (1) of a mounting matrix A, its columns the axes."""
+    """Compute S = A A' (1) of a mounting matrix A, its columns the axes."""
     x, y, z = axes[0:4], axes[4:8], axes[8:12]
     xy, xz, yz = _dot4(x, y), _dot4(x, z), _dot4(y, z)
     return (_dot4(x, x), xy, xz, xy, _dot4(y, y), yz, xz, yz, _dot4(z, z))
 
 
 def without(axes: Mat34, dead: int) -> Mat34:
-    """The mounting matrix with column `dead`, from 1 on, of zeros; 0: as it is."""
+    """Return the mounting matrix with column `dead`, from 1 on, set to zero.
+
+    0: as it is.
+    """
     return tuple(0.0 if i % 4 == dead - 1 else x for i, x in enumerate(axes))
 
 
 def closed_loop_torque(h: Vec3, bias: Vec3, gain: float, gravity: Vec3) -> Vec3:
-    """T_D = -K_M (H_T + H_B) - T_GG (N m), eq. 5; K_M (1/s), H_T and H_B (N m s)."""
+    """Compute T_D = -K_M (H_T + H_B) - T_GG (N m), eq. 5.
+
+    K_M (1/s), H_T and H_B (N m s).
+    """
     return sub(scale(-gain, add(h, bias)), gravity)
 
 
 def mixed_mode_torque(h: Vec3, nominal: Vec3, period: float, gravity: Vec3) -> Vec3:
-    """T_D = (H_NOM(t + period) - H_T(t)) / period - T_GG (N m), eq. 4; period (s)."""
+    """Compute T_D = (H_NOM(t + period) - H_T(t)) / period - T_GG (N m), eq. 4.
+
+    period (s).
+    """
     return sub(scale(1.0 / period, sub(nominal, h)), gravity)
 
 
 def closed_loop_dipole(torque: Vec3, b: Vec3, s: Mat33) -> Vec3:
-    """mu_M (A m2) of Table 1, closed loop; zero where there is no field.
+    """Compute mu_M (A m2) of Table 1, closed loop; zero where there is no field.
 
-    T_M = T_D - S B (B.T_D) / (B'S B): of all torques across B the one that makes
-    (T_D - T_M)' S^-1 (T_D - T_M) least; for S = 1 the part of T_D across B.
+    T_M = T_D - S B (B.T_D) / (B'S B): of all torques across B it minimises (T_D - T_M)'
+    S^-1 (T_D - T_M); for S = 1 it is the part of T_D across B.
     """
     sb = mat_vec(s, b)
     size = dot(b, sb)
@@ -59,12 +68,18 @@ def closed_loop_dipole(torque: Vec3, b: Vec3, s: Mat33) -> Vec3:
 
 
 def open_loop_dipole(p: Vec3, b: Vec3, s: Mat33) -> Vec3:
-    """mu_M = S (B x P) (A m2) of Table 1, open loop; P (A m2/T), the costate."""
+    """Compute mu_M = S (B x P) (A m2) of Table 1, open loop.
+
+    P (A m2/T) is the costate.
+    """
     return mat_vec(s, cross(b, p))
 
 
 def field_product(b: Vec3, s: Mat33) -> Mat33:
-    """[B]'S[B] (T2), whose integral over a period the costate needs; [B] v = B x v."""
+    """Compute [B]'S[B] (T2), whose integral the costate needs; [B] v = B x v.
+
+    The integral is that over a period.
+    """
     x, y, z = b
     # the columns of S[B], then [B]' times them: [B]'v = v x B
     first = cross(mat_vec(s, (0.0, z, -y)), b)
@@ -84,15 +99,22 @@ def field_product(b: Vec3, s: Mat33) -> Mat33:
 
 
 def open_loop_costate(product: Mat33, momentum: Vec3) -> Vec3:
-    """P (A m2/T) from the integral of `field_product` (T2 s) and H_D (N m s). Raises
-    ZeroDivisionError for a singular one; `condition` says how near to that it is."""
+    """Solve for P (A m2/T) from the integral of `field_product` and H_D (N m s).
+
+    The integral is in T2 s. `condition` measures how near to singular it is.
+
+    Raises
+    ------
+    ZeroDivisionError
+        If the integral is singular.
+    """
     return mat_vec(inverse(product), momentum)
 
 
 def condition(m: Mat33) -> float:
-    """Largest over least eigenvalue (1) of a symmetric matrix without negative ones;
-    inf where the least is none.
+    """Compute the condition (1) of a symmetric matrix without negative eigenvalues.
 
+    It is the largest over the smallest eigenvalue; inf where the smallest is zero.
     Closed form: Smith, Communications of the ACM 4 (1961) 168.
     """
     a, b, c, _, d, e, _, _, f = m
@@ -111,10 +133,11 @@ def condition(m: Mat33) -> float:
 
 
 def held_field(b: Vec3, before: Vec3, second: Vec3, third: Vec3) -> Vec3:
-    """The mean of the field (T) over the time until the next sample, from this and the
-    last three, in axes that do not turn; zero stands for one that there is not. Adams
-    and Bashforth's weights: for a field that turns by a per sample it errs by 0.35
-    a^4."""
+    """Predict the mean field (T) until the next sample from this and the last three.
+
+    Axes do not turn; zero stands for a sample that does not exist. Adams and
+    Bashforth's weights: for a field that turns by a per sample the error is 0.35 a^4.
+    """
     if before == ZERO:
         return b
     if second == ZERO:
@@ -129,18 +152,22 @@ def held_field(b: Vec3, before: Vec3, second: Vec3, third: Vec3) -> Vec3:
 
 
 def reduced(m: Vec3, coils: Vec4, limit: float) -> Vec3:
-    """The dipole m (A m2), whose allocation to the coils is `coils`, made smaller in
-    its own direction so far that no coil exceeds its limit."""
+    """Scale the dipole m (A m2) down so that no coil exceeds its limit.
+
+    `coils` is the allocation of m to the coils. The direction of m is preserved.
+    """
     a, b, c, d = coils
     most = max(abs(a), abs(b), abs(c), abs(d))
     return m if most <= limit else scale(limit / most, m)
 
 
 def preview_costate(gain: Table, offset: Vec3, h: Vec3) -> Vec3:
-    """P = -(K h + g) (A m2/T), for `open_loop_dipole`: the state feedback that makes
-    the cost q |H|^2 + |mu_T|^2 least over a predicted field and gravity gradient, K
-    (1/(T2 s)) as six numbers and g (A m2/T). Not in the paper; Psiaki, J. Guidance 24
-    (2001) 386, has it periodic."""
+    """Compute P = -(K h + g) (A m2/T), for `open_loop_dipole`.
+
+    This state feedback minimises the cost q |H|^2 + |mu_T|^2 over a predicted field and
+    gravity gradient, with K (1/(T2 s)) as six numbers and g (A m2/T). It is not in the
+    paper; Psiaki, J. Guidance 24 (2001) 386, has it periodic.
+    """
     xx, xy, xz, yy, yz, zz = gain
     x, y, z = h
     return (
@@ -151,8 +178,10 @@ def preview_costate(gain: Table, offset: Vec3, h: Vec3) -> Vec3:
 
 
 def place(nodes: int, spacing: float, t: float) -> tuple[int, float]:
-    """The row of an even table at or before t (s), and the share of the way to the
-    next, for 0 <= t <= (nodes - 1) spacing."""
+    """Find the row of an even table at or before t (s), and the fraction to the next.
+
+    0 <= t <= (nodes - 1) spacing; spacing in s.
+    """
     x = t / spacing
     i = min(max(int(x), 0), nodes - 2)
     return i, x - i
@@ -161,8 +190,10 @@ def place(nodes: int, spacing: float, t: float) -> tuple[int, float]:
 def between3(
     table: Table, i: int, share: float, first: int = 0, width: int = 3
 ) -> Vec3:
-    """Three numbers of a row, from `first` on, linear between rows i and i + 1 of
-    `width`."""
+    """Interpolate three numbers of a row linearly between rows i and i + 1.
+
+    The rows have `width` numbers; the three begin at `first`.
+    """
     k, r = width * i + first, 1.0 - share
     return (
         r * table[k] + share * table[k + width],
@@ -172,8 +203,10 @@ def between3(
 
 
 def between6(table: Table, i: int, share: float) -> Table:
-    """A row of six, linear: between two gains without negative eigenvalues there is
-    none with."""
+    """Interpolate a row of six linearly between rows i and i + 1.
+
+    Between two gains without negative eigenvalues the result has none either.
+    """
     k, r = 6 * i, 1.0 - share
     return (
         r * table[k] + share * table[k + 6],
@@ -186,10 +219,13 @@ def between6(table: Table, i: int, share: float) -> Table:
 
 
 def profile3(table: Table, nodes: int, period: int, i: int, share: float) -> Vec3:
-    """A row of three between rows i and i + 1 of a profile whose slope jumps every
-    `period` rows, where a desaturation period ends: cubic through the four rows around,
-    and at a jump, or at the table's end, of the three on this side of it; linear where
-    there are but two."""
+    """Interpolate a row of three between rows i and i + 1 of a profile.
+
+    The slope of the profile jumps every `period` rows, where a desaturation period
+    ends. The interpolation is cubic through the four rows around. At a jump, or at the
+    table's end, it uses the three rows on this side of it; it is linear where there are
+    only two.
+    """
     first = i - i % period
     last = min(first + period, nodes - 1)
     if last - first < 2:
@@ -209,7 +245,10 @@ def profile3(table: Table, nodes: int, period: int, i: int, share: float) -> Vec
 
 
 def _slope(table: Table, k: int, i: int, first: int, last: int) -> float:
-    """Of column k at row i, per row, from rows `first` to `last` alone."""
+    """Compute the slope of column k at row i, per row.
+
+    It uses rows `first` to `last` alone.
+    """
     j = 3 * i + k
     if i == first:
         return 0.5 * (4.0 * table[j + 3] - 3.0 * table[j] - table[j + 6])
@@ -219,4 +258,5 @@ def _slope(table: Table, k: int, i: int, first: int, last: int) -> float:
 
 
 def _dot4(a: Table, b: Table) -> float:
+    """Compute the scalar product of two rows of four."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + a[3] * b[3]

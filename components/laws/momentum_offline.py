@@ -1,10 +1,9 @@
-"""What the ground computes for momentum management: H_NOM of paper 001, and the
-preview's tables.
+"""Compute H_NOM of paper 001 and the preview's tables on the ground.
 
-A course is what is predicted for N samples of dt (s), in axes that do not turn: the
-means of B (T) and T_GG (N m), and S (1), the weighting; H (N m s) is the total
-momentum, m (A m2) the dipole, held over a sample: H_k+1 = H_k + dt (T_GG + m x B).
-Needs numpy and scipy; no block imports it.
+A course is a prediction for N samples of dt (s), in axes that do not turn: the means of
+B (T) and T_GG (N m), and S (1), the weighting. H (N m s) is the total momentum, m (A
+m2) the dipole, held over a sample: H_k+1 = H_k + dt (T_GG + m x B). It needs numpy and
+scipy; no block imports it.
 """
 
 from __future__ import annotations
@@ -15,14 +14,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
+# Exponent of the wheels' momenta in `cheapest`; high, so that the largest dominate.
 EXPONENT = 8
-"""Of the wheels' momenta in `cheapest`: high, so that the largest count."""
 
 
 @dataclass(frozen=True)
 class Course:
-    """A predicted course: dt (s), field (N, 3), gravity (N, 3), weighting (N, 3, 3),
-    and what makes wheel momenta of H at the samples' ends (N, wheels, 3)."""
+    """Predicted course of N samples.
+
+    dt (s), field (N, 3), gravity (N, 3), weighting (N, 3, 3), and the matrices from H
+    to wheel momenta at the samples' ends (N, wheels, 3).
+    """
 
     dt: float
     field: Array
@@ -32,14 +34,20 @@ class Course:
 
     @property
     def effect(self) -> Array:
-        """What a dipole does over each sample (N, 3, 3; T s): H_k+1 = ... + effect m."""
+        """Return the effect of a dipole over each sample (N, 3, 3; T s).
+
+        H_k+1 = ... + effect m.
+        """
         return -self.dt * _skew(self.field)
 
 
 @dataclass(frozen=True)
 class Optimum:
-    """A course of the momentum (N + 1, 3), its dipoles (N, 3) and costates (N, 3; A
-    m2/T), with m = S (B x P)."""
+    """Optimal course of the momentum, with its dipoles and costates.
+
+    momentum (N + 1, 3) N m s, dipole (N, 3) A m2, costate (N, 3) A m2/T, with m = S (B
+    x P).
+    """
 
     momentum: Array
     dipole: Array
@@ -47,9 +55,12 @@ class Optimum:
 
 
 def periodic_ends(course: Course, rate: float, period: int) -> Array:
-    """Where the profile is to be at the ends of its periods (N m s; a row an end, the
-    start first): on the motion of twice the orbital rate (rad/s) that gravity gradient
-    alone leads to, which has mean zero; its secular part is left out."""
+    """Compute the profile's momentum at the ends of its periods (N m s).
+
+    One row for each end, the start first. They lie on the motion of twice the orbital
+    rate (rad/s) that gravity gradient alone leads to, which has mean zero; its secular
+    part is left out.
+    """
     t = course.dt * np.arange(len(course.gravity) + 1)
     built = np.vstack([np.zeros(3), np.cumsum(course.gravity * course.dt, axis=0)])
     wave = np.stack([np.cos(2.0 * rate * t), np.sin(2.0 * rate * t)], axis=1)
@@ -62,9 +73,11 @@ def periodic_ends(course: Course, rate: float, period: int) -> Array:
 def profile(
     course: Course, ends: Array, period: int, start: Array
 ) -> tuple[Array, Array]:
-    """H_NOM at the samples' ends (N + 1, 3) by consecutive open-loop solutions of
-    `period` samples (paper 001, eqs. 2, 3 and Table 1) from `start` to `ends`, and each
-    period's condition."""
+    """Compute H_NOM at the samples' ends (N + 1, 3), and each period's condition.
+
+    Consecutive open-loop solutions of `period` samples (paper 001, eqs. 2, 3 and Table
+    1) lead from `start` to `ends`.
+    """
     skew = _skew(course.field)
     product = skew.transpose(0, 2, 1) @ course.weighting @ skew
     rows, conditions = [np.asarray(start, float)], []
@@ -85,14 +98,18 @@ def cheapest(
     peak: float,
     start: Array,
 ) -> Optimum:
-    """The course that makes least, of all that begin at `start` (N m s),
+    """Find the course from `start` (N m s) of least cost.
 
         sum m' S^-1 m + H' diag(momentum_weight) H + peak_weight sum_i (h_i / peak)^EXPONENT
 
     over the samples, with m' S^-1 m the squared dipoles of the coils and h (N m s) the
     wheels' momenta; weights in 1/(T2 s2) and A2 m4, peak in N m s. By Newton's method:
-    each step is a linear-quadratic problem. Raises RuntimeError where it does not
-    converge.
+    each step is a linear-quadratic problem.
+
+    Raises
+    ------
+    RuntimeError
+        If Newton's method does not converge.
     """
     q = np.diag(np.asarray(momentum_weight, float))
     none = np.zeros((len(course.field), 3))
@@ -104,6 +121,7 @@ def cheapest(
     p = EXPONENT
 
     def cost(x: Optimum) -> float:
+        """Compute the cost of a course."""
         h = x.momentum[1:]
         coils = np.einsum("ki,kij,kj->", x.dipole, inverse, x.dipole)
         large = ((wheels(course, x) / peak) ** p).sum()
@@ -129,17 +147,19 @@ def cheapest(
 def least_energy(
     course: Course, peak: float, start: Array, accuracy: float = 1e-3
 ) -> float | None:
-    """A lower bound of the integral of the coils' squared dipoles (A2 m4 s) over a
-    course that keeps each wheel within +-peak (N m s) at all samples' ends, from
-    `start` (N m s) on; within `accuracy` of the least. None where none is found that
-    keeps within it.
+    """Compute a lower bound of the coils' energy (A2 m4 s) over a course.
+
+    The energy is the integral of the squared dipoles. The course begins at `start` (N m
+    s) and keeps each wheel within +-peak (N m s) at all samples' ends. The bound is
+    within `accuracy` (relative) of the minimum. None where no course within the limits
+    is found.
 
     A convex quadratic programme, by a logarithmic barrier: with 2 n limits and the
-    weight w of the barrier its optimum is at most 2 n w above the least.
+    weight w of the barrier its optimum is at most 2 n w above the minimum.
     """
     inverse = np.linalg.inv(course.weighting)
     weight, now = 1e3, None
-    while now is None and weight < 1e9:  # a first one within the limits
+    while now is None and weight < 1e9:  # find a first course within the limits
         tried = cheapest(course, np.full(3, 1e3), weight, 0.8 * peak, start)
         inside = np.abs(wheels(course, tried)).max() < 0.999 * peak
         weight, now = 10.0 * weight, tried if inside else None
@@ -147,6 +167,7 @@ def least_energy(
         return None
 
     def coils(x: Optimum) -> float:
+        """Sum the squared dipoles of the coils over the samples (A2 m4)."""
         return float(np.einsum("ki,kij,kj->", x.dipole, inverse, x.dipole))
 
     limits = course.to_wheels.shape[0] * course.to_wheels.shape[1] * 2
@@ -183,9 +204,11 @@ def least_energy(
 
 
 def feedback(course: Course, momentum_weight: Array) -> Array:
-    """K (N, 3, 3; 1/(T2 s)) that holds a course: the cost of H' diag(momentum_weight) H
-    and of the coils' squared dipoles from each sample on is H'K H where nothing
-    disturbs."""
+    """Compute the gain K (N, 3, 3; 1/(T2 s)) that holds a course.
+
+    From each sample on, the cost of H' diag(momentum_weight) H and of the coils'
+    squared dipoles is H'K H without disturbances.
+    """
     count = len(course.field)
     weights = np.broadcast_to(
         np.diag(np.asarray(momentum_weight, float)), (count, 3, 3)
@@ -194,8 +217,10 @@ def feedback(course: Course, momentum_weight: Array) -> Array:
 
 
 def at_rows(values: Array, dt: float, times: Array, period: int = 0) -> Array:
-    """Values at k dt (rows, ...) at other times (s), by cubic splines that end every
-    `period` values; 0: one spline."""
+    """Interpolate values at k dt (rows, ...) to other times (s) by cubic splines.
+
+    The splines end every `period` values; 0: one spline.
+    """
     from scipy.interpolate import CubicSpline  # takes a while to load
 
     grid = dt * np.arange(len(values))
@@ -210,12 +235,12 @@ def at_rows(values: Array, dt: float, times: Array, period: int = 0) -> Array:
 
 
 def wheels(course: Course, x: Optimum) -> Array:
-    """The wheels' momenta (N, wheels) at the samples' ends."""
+    """Compute the wheels' momenta (N, wheels) N m s at the samples' ends."""
     return np.asarray(np.einsum("kwi,ki->kw", course.to_wheels, x.momentum[1:]))
 
 
 def _between(a: Optimum, b: Optimum, share: float) -> Optimum:
-    """On the way from a to b; all of it obeys the course."""
+    """Interpolate between two optima, linearly; the result obeys the course too."""
     return Optimum(
         a.momentum + share * (b.momentum - a.momentum),
         a.dipole + share * (b.dipole - a.dipole),
@@ -231,12 +256,15 @@ def _newton(
     start: Array,
     weight: Array | None,
 ) -> Optimum:
-    """The optimum of a cost of the wheels' momenta (N, wheels) taken as a parabola
-    around h, with these first and second derivatives; `weight` (3, 3) of H beside."""
+    """Minimise a quadratic model of a cost of the wheels' momenta (N, wheels) around h.
+
+    `slope` and `bend` are its first and second derivatives; `weight` (3, 3) is an
+    additional one of H.
+    """
     to = course.to_wheels
     if weight is None:
-        # a wheel at its limit counts 1e11 times as much as one that is not: by singular
-        # values the inverse has no negative eigenvalue of rounding
+        # A wheel at its limit weighs 1e11 times as much as others. With singular values,
+        # rounding does not give the inverse a negative eigenvalue.
         _, values, axes = np.linalg.svd(
             np.sqrt(0.5 * bend)[:, :, None] * to, full_matrices=False
         )
@@ -252,12 +280,11 @@ def _newton(
 def _linear_quadratic(
     course: Course, inverse: Array, linear: Array, start: Array
 ) -> Optimum:
-    """Least sum m' S^-1 m + H_k+1' weights H_k+1 + 2 linear . H_k+1, of weights whose
-    `inverse` (N, 3, 3) is given.
+    """Minimise sum m' S^-1 m + H_k+1' weights H_k+1 + 2 linear . H_k+1.
 
-    With P the multipliers of H_k+1 = H_k + push + effect m, m = S (B x P) and dt
-    (weights H_k+1 + linear) = P_k+1 - P_k; so P obeys a block tridiagonal system
-    without negative eigenvalues.
+    `inverse` (N, 3, 3) is that of the weights. With P the multipliers of H_k+1 = H_k +
+    push + effect m, m = S (B x P) and dt (weights H_k+1 + linear) = P_k+1 - P_k; so P
+    obeys a block tridiagonal system without negative eigenvalues.
     """
     from scipy.linalg import solveh_banded  # takes a while to load
 
@@ -282,7 +309,7 @@ def _linear_quadratic(
 
 
 def _riccati(course: Course, weights: Array) -> Array:
-    """K of the cost to go H'K H at the samples' begins."""
+    """Compute K of the cost to go H'K H at the beginning of each sample."""
     count, effect = len(course.field), course.effect
     effort = course.dt * np.linalg.inv(course.weighting)
     weights = course.dt * weights
@@ -298,7 +325,7 @@ def _riccati(course: Course, weights: Array) -> Array:
 
 
 def _skew(b: Array) -> Array:
-    """[B] of rows B: [B] v = B x v."""
+    """Build [B] of rows B: [B] v = B x v."""
     x, y, z = b.T
     o = np.zeros_like(x)
     return np.array([[o, -z, y], [z, o, -x], [-y, x, o]]).transpose(2, 0, 1)

@@ -1,30 +1,30 @@
-"""Plans of coils and thrusters over a forecast of field and torque, by Newton's method.
+"""Plan coils and thrusters over a forecast of field and torque, by Newton's method.
 
 Over intervals k of dt_k (s), with X (N m s) the wheels' momentum less its target, D_k
-what the forecast adds to it, and actuators j with |u_kj| <= u_max,j, all in one
+the change of it in the forecast, and actuators j with |u_kj| <= u_max,j, all in one
 inertial frame:
 
     X_k+1 = X_k + D_k + sum_j g_kj u_kj
 
-u is a dipole (A m2; g = e dt a x B) or an on-time (s; g = e tau). `held` makes
+u is a dipole (A m2; g = e dt a x B) or an on-time (s; g = e tau). `held` minimises
 
     J = sum_k dt_k [ sum_j r_j u_kj^2 / 2 + q |X_k+1|^2 / 2 + w_p sum_i (h_i / h_s)^16 ]
 
-least, h_i = a_ki . X_k+1 + b_i the momentum of wheel i. Each step takes J to second
-order in X with the actuators that stand at a bound and do not want to leave it held
-there; the rest follows from a backward sweep of 3 x 3 matrices (Riccati), the new u
-from a forward sweep that feeds back what the bounds take away, halved until J falls. So
-any plan that is left off is one that can be flown, and better than the one that was
-begun with.
+with h_i = a_ki . X_k+1 + b_i the momentum of wheel i. Each step expands J to second
+order in X; actuators that stand at a bound and would not leave it are held there. The
+rest follows from a backward sweep of 3 x 3 matrices (Riccati). The new u follows from a
+forward sweep that feeds back what the bounds remove, with the step halved until J
+falls. Any plan at which the iteration stops can therefore be flown and is better than
+the first one.
 
-`emptied` makes sum (r_j u_kj^2 / 2 + c_kj |u_kj|) + W |X_N|^2 / 2 least. There the
-costate W X_N is the same for all intervals, and three numbers are all that is sought:
-they make a concave function greatest, whose second derivative jumps where an actuator
-leaves zero or comes to its bound. r is large at first.
+`emptied` minimises sum (r_j u_kj^2 / 2 + c_kj |u_kj|) + W |X_N|^2 / 2. There the
+costate W X_N is the same for all intervals, so only three numbers are unknown: they
+maximise a concave function whose second derivative jumps where an actuator leaves zero
+or reaches its bound. r is large at first.
 
 Bertsekas, SIAM J. Control Optim. 20 (1982) 221 (projected Newton); Tassa, Mansard,
-Todorov, IEEE ICRA (2014) (the sweep with bounds). The peak as a high power: the space
-telescope's preview.
+Todorov, IEEE ICRA (2014) (the sweep with bounds). The peak as a high power is that of
+the space telescope's preview.
 """
 
 from __future__ import annotations
@@ -35,20 +35,13 @@ from ..contract.block import Mat33, Table, Vec3
 from ..maths.matrix import multiply, transposed
 from ..maths.vector import ZERO, add, dot, mat_t_vec, mat_vec, norm, scale, sub
 
-INTERVALS = 64
-"""The most that a plan may have."""
-HELD = 40
-"""The most that one has that is held."""
-COILS = 3
-"""Commands to coils in an interval."""
-ACTUATORS = 6
-"""These, and the thrusters' three axes."""
-STEPS = 30
-"""The most Newton steps of a plan."""
-TRIALS = 80
-"""The most of each stage of an emptying."""
-SETTLED = 1e-4
-"""Of J: where a step gains less, the plan is one."""
+INTERVALS = 64  # maximum number of intervals of a plan
+HELD = 40  # maximum number of intervals of a plan by `held`
+COILS = 3  # commands to coils in an interval
+ACTUATORS = 6  # the coils and the thrusters' three axes
+STEPS = 30  # maximum number of Newton steps of a plan by `held`
+TRIALS = 80  # maximum number of trials in each stage of `emptied`
+SETTLED = 1e-4  # A plan has converged where a step lowers J by less than this fraction.
 _HALVINGS = 12
 _WHEELS = 4
 _ROUNDED = 1e-15
@@ -59,7 +52,10 @@ _STAGES = (1000.0, 100.0, 10.0, 1.0)
 
 
 def root(m: Mat33) -> Mat33:
-    """L with m = L L', lower triangular; m symmetric and positive definite."""
+    """Compute L with m = L L', lower triangular (Cholesky).
+
+    m is symmetric and positive definite.
+    """
     a = sqrt(m[0])
     b, c = m[3] / a, m[6] / a
     d = sqrt(max(m[4] - b * b, _ROUNDED * m[4]))
@@ -78,7 +74,7 @@ def root(m: Mat33) -> Mat33:
 
 
 def inverse_of_lower(m: Mat33) -> Mat33:
-    """L^-1 of a lower triangular L."""
+    """Compute L^-1 of a lower triangular L."""
     a, b, c = 1.0 / m[0], 1.0 / m[4], 1.0 / m[8]
     d, e = -m[3] * a * b, -m[7] * b * c
     return (a, 0.0, 0.0, d, b, 0.0, -(m[6] * a + m[7] * d) * c, e, c)
@@ -87,7 +83,7 @@ def inverse_of_lower(m: Mat33) -> Mat33:
 def path_cost(
     x: Vec3, k: int, rows: Table, bias: Table, q: float, peak: float, size: float
 ) -> float:
-    """q |X|^2 / 2 + w_p sum (h_i / h_s)^16 at the end of interval k."""
+    """Compute q |X|^2 / 2 + w_p sum (h_i / h_s)^16 at the end of interval k."""
     cost = 0.5 * q * (x[0] * x[0] + x[1] * x[1] + x[2] * x[2])
     if peak > 0.0:
         for i in range(_WHEELS):
@@ -105,7 +101,7 @@ def path_cost(
 def path_slope(
     x: Vec3, k: int, rows: Table, bias: Table, q: float, peak: float, size: float
 ) -> tuple[Vec3, Mat33]:
-    """The first and second derivatives of `path_cost` by X."""
+    """Compute the first and second derivatives of `path_cost` by X."""
     gx, gy, gz = q * x[0], q * x[1], q * x[2]
     xx, xy, xz, yy, yz, zz = q, 0.0, 0.0, q, 0.0, q
     if peak > 0.0:
@@ -139,12 +135,12 @@ def held(
     peak: float,
     size: float,
 ) -> tuple[Table, Vec3, Table, int, bool]:
-    """The plan over `count` intervals from X = x0, sought from the plan `first` on.
+    """Plan over `count` intervals from X = x0, beginning with the plan `first`.
 
     dt; drift: D, three an interval; effect: g, COILS vectors an interval; price, most:
     r and u_max; rows: a, four vectors an interval; bias: b. Returns u, the costate of
-    the first interval (dJ / dX_1), the course X_1 .. X_count, the steps taken, and
-    whether J had settled.
+    the first interval (dJ / dX_1), the course X_1 .. X_count, the number of steps, and
+    whether J converged.
     """
     u = [0.0] * (COILS * HELD)
     new = [0.0] * (COILS * HELD)
@@ -227,8 +223,8 @@ def held(
                             szz + w * c * c,
                         )
             s: Mat33 = (sxx, sxy, sxz, sxy, syy, syz, sxz, syz, szz)
-            # with M = L L' and Z = (1 + L'S L)^-1: (1 + S M)^-1 = L'^-1 Z L', and so
-            # on, which keeps what M leaves of the directions that it does not hold
+            # With M = L L' and Z = (1 + L'S L)^-1, (1 + S M)^-1 = L'^-1 Z L', and so on.
+            # This form keeps precision in the directions in which M is small.
             low = root(big)
             up = inverse_of_lower(low)
             held_back = multiply(transposed(low), multiply(s, low))
@@ -356,13 +352,13 @@ def emptied(
     near: float,
     stride: float,
 ) -> tuple[Table, int, bool]:
-    """The plan over `count` intervals that leads X_0 + sum D = `rest` (N m s) to zero.
+    """Plan over `count` intervals that lead X_0 + sum D = `rest` (N m s) to zero.
 
     effect: g, ACTUATORS vectors an interval, coils first; price: r of a second, and of
     a coil's whole dipole, which is one of `limits`; fee, most: c and u_max of
-    thrusters, an interval each; weight: W; near (N m s): how well the end is to be what
-    W makes of it; stride: how far the costate goes in a step, at most. Returns u, the
-    steps taken, and whether it came so near.
+    thrusters, one for each interval; weight: W; near (N m s): tolerance between the end
+    and the one that W implies; stride: limit of the costate's change in a step. Returns
+    u, the number of steps, and whether it converged to that tolerance.
     """
     u = [0.0] * (ACTUATORS * INTERVALS)
     best = [0.0] * (ACTUATORS * INTERVALS)
@@ -415,7 +411,7 @@ def emptied(
                     gx, gy, gz = gx + a * v, gy + b * v, gz + c * v
                 u[i] = v
             if total < value:
-                # beyond the top
+                # beyond the maximum
                 share *= 0.5
                 if share < 1e-9:
                     settled = True
@@ -429,13 +425,13 @@ def emptied(
                 break
             up = inverse_of_lower(root((sxx, sxy, sxz, sxy, syy, syz, sxz, syz, szz)))
             step = mat_t_vec(up, mat_vec(up, (gx, gy, gz)))
-            # where nothing is free the slope alone is known
+            # limited, as only the slope is known where no actuator is free
             step = scale(min(1.0, stride / max(norm(step), 1e-300)), step)
     return tuple(best), steps, settled
 
 
 def largest(count: int, course: Table, rows: Table, bias: Table) -> float:
-    """The largest momentum of a wheel (N m s) on a course."""
+    """Find the largest momentum of a wheel (N m s) on a course."""
     most = 0.0
     for k in range(count):
         for i in range(_WHEELS):

@@ -1,6 +1,7 @@
-"""The body's rate from magnetometer and tachometers alone: an extended Kalman filter.
+"""Estimate the body's rate by an extended Kalman filter.
 
-The model is that of `rate_observer`: rate omega (rad/s) and field b (T), body,
+It uses magnetometer and tachometers alone. The model is that of `rate_observer`: rate
+omega (rad/s) and field b (T), body,
 
     J_r omega' = m x b + tau - omega x (J_r omega + w),      b' = -omega x b,
 
@@ -27,12 +28,12 @@ NONE: Mat33 = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
 def diagonal(x: float) -> Mat33:
-    """x on the diagonal."""
+    """Return the matrix with x on the diagonal."""
     return (x, 0.0, 0.0, 0.0, x, 0.0, 0.0, 0.0, x)
 
 
 def crossing(a: Vec3) -> Mat33:
-    """[a x]"""
+    """Return the skew matrix [a x]."""
     return (0.0, -a[2], a[1], a[2], 0.0, -a[0], -a[1], a[0], 0.0)
 
 
@@ -49,11 +50,10 @@ def spread(
     field_noise: float,
     elapsed: float,
 ) -> tuple[Mat33, Mat33, Mat33]:
-    """(P_w, C, P_b) after `elapsed` (s) from a state (omega, b) with wheels' momentum w
-    (N m s).
+    """Propagate the covariance (P_w, C, P_b) over `elapsed` (s).
 
-    rate_noise, field_noise: random walk of rate (rad/s) and field (T) over a root
-    second.
+    The state is (omega, b), with wheels' momentum w (N m s). rate_noise, field_noise:
+    random walk of rate (rad/s) and field (T) over a root second.
     """
     momentum = add(mat_vec(inertia, omega), wheel)
     turning = crossing(omega)
@@ -91,8 +91,10 @@ def corrected(
     fields: Mat33,
     noise: float,
 ) -> tuple[Vec3, Vec3, Mat33, Mat33, Mat33]:
-    """(omega, b, P_w, C, P_b) with a measured field (T), of this noise (T) in each
-    axis."""
+    """Correct (omega, b, P_w, C, P_b) by a measured field (T).
+
+    noise (T) is the standard deviation in each axis.
+    """
     gain = inverse(plus(fields, diagonal(noise * noise)))
     d = sub(measured, b)
     of_rate, of_field = multiply(mixed, gain), multiply(fields, gain)

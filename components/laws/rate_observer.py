@@ -1,14 +1,15 @@
-"""The body's rate from magnetometer and tachometer alone: a fixed-gain observer.
+"""Estimate the body's rate by a fixed-gain observer.
 
-The model carries the body's momentum p = J_r omega (N m s, body; J_r without the
-wheel's spin inertia) and the field b (T, body) from sample to sample,
+It uses magnetometer and tachometer alone. The model propagates the body's momentum p =
+J_r omega (N m s, body; J_r without the wheel's spin inertia) and the field b (T, body)
+from sample to sample,
 
     p' = m x b + tau - omega x (p + w),      b' = -omega x b,
 
 m (A m2) the dipole, tau (N m) the wheel's torque on the body, w (N m s) the wheel's
-momentum, body; then the measured field corrects both. The field's own turning along the
-orbit, 2e-3 rad/s, is seen as the body's; the part of omega along the field is known by
-the coupling of the axes only.
+momentum, body; then the measured field corrects both. The field's own rotation along
+the orbit, 2e-3 rad/s, is taken for the body's; the part of omega along the field is
+known by the coupling of the axes only.
 """
 
 from __future__ import annotations
@@ -27,8 +28,10 @@ def predicted(
     inverse: Mat33,
     elapsed: float,
 ) -> tuple[Vec3, Vec3]:
-    """(omega, b) after `elapsed` (s) with m, tau held: omega by the midpoint rule in
-    four parts."""
+    """Propagate (omega, b) over `elapsed` (s) with m and tau held.
+
+    omega by the midpoint rule in four parts.
+    """
     part = 0.25 * elapsed
     for k in range(4):
         now = sub(wheel, scale((k + 0.5) * part, tau))
@@ -50,6 +53,7 @@ def _slope(
     inertia: Mat33,
     inverse: Mat33,
 ) -> Vec3:
+    """Compute the angular acceleration (rad/s2, body)."""
     momentum = add(mat_vec(inertia, omega), wheel)
     return mat_vec(inverse, add(sub(cross(m, b), cross(omega, momentum)), tau))
 
@@ -57,11 +61,11 @@ def _slope(
 def corrected(
     omega: Vec3, b: Vec3, measured: Vec3, bandwidth: float, elapsed: float
 ) -> tuple[Vec3, Vec3]:
-    """(omega, b) with a measured field: the error across the field decays as a
-    second-order system of this bandwidth (rad/s) with damping 1 / sqrt 2.
+    """Correct (omega, b) by a measured field (T).
 
-    With d = measured - b: b takes sqrt 2 bandwidth T of d, omega bandwidth^2 T (d x b)
-    / |b|^2.
+    The error across the field decays as a second-order system of this bandwidth (rad/s)
+    with damping 1 / sqrt 2. With d = measured - b: b takes sqrt 2 bandwidth T of d,
+    omega bandwidth^2 T (d x b) / |b|^2.
     """
     size2 = dot(measured, measured)
     if size2 == 0.0:

@@ -1,14 +1,14 @@
-"""Fuel-optimal dumping over a horizon with a predicted field.
+"""Plan fuel-optimal dumping over a horizon with a predicted field.
 
 The wheels' momentum h (N m s) obeys h' = -omega x h + N_T + M x B + N_con (paper 000,
-eq. 15); in an inertial frame it is the sum of what acts. So, over samples of `period`
-(s) with C_k the body's attitude and B_k (T, body) the field in the middle of sample k,
-and C_0 and C_f the attitudes now and at the end,
+eq. 15); in an inertial frame it is the sum of all impulses. So, over samples of
+`period` (s) with C_k the body's attitude and B_k (T, body) the field in the middle of
+sample k, and C_0 and C_f the attitudes now and at the end,
 
     C_f' h_target - C_0' h = period sum C_k' (N_T + M x B_k + N_con)
 
-for constant N_T (N m) and M (A m2) in each sample: within a sample of 10 s that is
-right to 2e-5.
+for constant N_T (N m) and M (A m2) in each sample; within a sample of 10 s this is
+accurate to 2e-5.
 """
 
 from __future__ import annotations
@@ -27,22 +27,24 @@ from ..physics.orbit import (
     perifocal_axes,
 )
 
-SAMPLES = COLUMNS // 6
-"""The most that a plan may have."""
+SAMPLES = COLUMNS // 6  # maximum number of samples in a plan
+# Seconds of firing that correspond to a coil's full dipole over one sample. Without it,
+# dipoles that save nothing would be arbitrary; it costs at most 0.02 s in 60 samples.
 _DIPOLE_COST = 1e-4
-"""s of firing that a coil's whole dipole over one sample is worth: without it dipoles
-that save nothing would be anything; it costs 0.02 s at the most in 60 samples."""
+# Relative discount of a second in the last sample against one now: a firing that is
+# postponed may become unnecessary, should the field turn out better than predicted.
 _PATIENCE = 1e-3
-"""What a second in the last sample is cheaper than one now: what need not fire now may
-not be needed, should the field turn out better than predicted."""
 
 
 def coast(
     r_eci: Vec3, v_eci: Vec3, times: tuple[float, ...]
 ) -> tuple[tuple[Vec3, Vec3], ...]:
-    """Position (m) and velocity (m/s) after `times` (s) of two-body motion, eci.
+    """Propagate two-body motion to `times` (s): position (m), velocity (m/s), eci.
 
-    Raises ValueError where the motion is not an ellipse.
+    Raises
+    ------
+    ValueError
+        If the motion is not an ellipse.
     """
     a, e, inclination, raan, perigee, anomaly = elements_from_state(r_eci, v_eci)
     n = mean_motion(a)
@@ -51,17 +53,18 @@ def coast(
 
 
 def orbit_dipole(r_eci: Vec3, v_eci: Vec3, amplitudes: Vec3) -> Callable[[Vec3], Vec3]:
-    """The field of paper 000, (b_x cos u, b_y, b_z sin u) in lvlh (eq. 30), along an
-    orbit.
+    """Build the field of paper 000, (b_x cos u, b_y, b_z sin u) in lvlh (eq. 30).
 
     The function returned takes a position (m, eci) on the orbit through r (m) with v
-    (m/s); u is its argument of latitude; amplitudes (b_x, b_y, b_z) in T.
+    (m/s) and returns the field (T, lvlh); u is the argument of latitude; amplitudes
+    (b_x, b_y, b_z) in T.
     """
     elements = elements_from_state(r_eci, v_eci)
     node, ahead, _ = orbit_plane(elements.inclination, elements.raan)
     bx, by, bz = amplitudes
 
     def field(r: Vec3) -> Vec3:
+        """Compute the field (T, lvlh) at a position (m, eci) on the orbit."""
         size = norm(r)
         return (bx * dot(r, node) / size, by, bz * dot(r, ahead) / size)
 
@@ -69,15 +72,17 @@ def orbit_dipole(r_eci: Vec3, v_eci: Vec3, amplitudes: Vec3) -> Callable[[Vec3],
 
 
 Vec10 = tuple[float, float, float, float, float, float, float, float, float, float]
+# Sums of a fit of the field: X X' (the upper triangle, row by row) and, for each axis,
+# X D, without the prior.
 Fit = tuple[Vec10, tuple[Vec4, Vec4, Vec4]]
-"""Sums of a fit of the field: X X' (the upper triangle, row by row) and, of each axis,
-X D, without the prior."""
 NO_FIT: Fit = ((0.0,) * 10, ((0.0,) * 4, (0.0,) * 4, (0.0,) * 4))
 
 
 def learnt(fit: Fit, model: Vec3, measured: Vec3) -> Fit:
-    """A fit with one more measurement: D = measured - model (T, body) at X = (model,
-    size), where size is that of the model's field."""
+    """Add a measurement to a fit: D = measured - model (T, body).
+
+    It is at X = (model, size), where size is that of the model's field.
+    """
     (xx, xy, xz, xs, yy, yz, ys, zz, zs, ss), sums = fit
     x, y, z = model
     s = norm(model)
@@ -102,6 +107,7 @@ def learnt(fit: Fit, model: Vec3, measured: Vec3) -> Fit:
 
 
 def _with(sums: Vec4, d: float, model: Vec3, size: float) -> Vec4:
+    """Add d times (model, size) to the sums of one axis."""
     x, y, z = model
     return (sums[0] + x * d, sums[1] + y * d, sums[2] + z * d, sums[3] + size * d)
 
@@ -109,14 +115,13 @@ def _with(sums: Vec4, d: float, model: Vec3, size: float) -> Vec4:
 def corrected(
     fit: Fit, fields: tuple[Vec3, ...], spread: float, noise: float
 ) -> tuple[Vec3, ...]:
-    """The field where a model has `fields` (T, body), as measurements so far make it
-    likely.
+    """Correct the `fields` (T, body) of a model by the measurements so far.
 
-    B = b + A b + c |b|: a misaligned attitude, a wrong scale and a wrong constant part
-    are of this form. The elements of A and c are the likeliest where each is 0 with a
-    deviation of `spread` before anything is measured, and each measurement errs by
-    `noise` (T). What one measurement says is shared out between them as the prior has
-    it; as the field turns, they come apart.
+    B = b + A b + c |b| covers a misaligned attitude, a wrong scale and a wrong constant
+    part. The elements of A and c are the most likely ones where each is 0 with a
+    standard deviation of `spread` before any measurement, and each measurement errs by
+    `noise` (T). The prior divides the information of one measurement among them; as the
+    field turns, they become distinguishable.
     """
     (xx, xy, xz, xs, yy, yz, ys, zz, zs, ss), sums = fit
     share = noise / spread
@@ -127,12 +132,15 @@ def corrected(
 
 
 def _times(row: Vec4, b: Vec3) -> float:
+    """Return the correction of one component of b (T): row . (b, |b|)."""
     return row[0] * b[0] + row[1] * b[1] + row[2] * b[2] + row[3] * norm(b)
 
 
 def _solved(m: Vec10, v: Vec4) -> Vec4:
-    """m^-1 v, m symmetric and positive definite, its upper triangle row by row:
-    elimination."""
+    """Solve m x = v by elimination.
+
+    m is symmetric and positive definite, its upper triangle row by row.
+    """
     a, b, c, d, e, f, g, h, i, j = m
     p, q, r, s = v
     k, n, o = b / a, c / a, d / a
@@ -149,8 +157,8 @@ def _solved(m: Vec10, v: Vec4) -> Vec4:
     return ((p - b * y - c * z - d * w) / a, y, z, w)
 
 
+# Arguments of `least_effort`: goal, columns, cost, most.
 Programme = tuple[Vec3, tuple[Vec3, ...], tuple[float, ...], tuple[float, ...]]
-"""Of `least_effort`: goal, columns, cost, most."""
 
 
 def programme(
@@ -164,17 +172,17 @@ def programme(
     longest: tuple[float, float],
     period: float,
 ) -> Programme:
-    """The plan of least firing time as a linear programme, in eci.
+    """Build the plan of least firing time as a linear programme, in eci.
 
-    h, h_target: the wheels' momentum now and wanted at the end (N m s); q_bi: the
+    h, h_target: the wheels' momentum now and its target at the end (N m s); q_bi: the
     predicted attitudes now, in the middle of each sample, and at the end; fields: B (T)
     in the middle of each sample, at most SAMPLES; n_con (N m); limit: the largest mean
     dipole (A m2); tau_level (N m) of the thrusters, which may be on for `longest` (s)
     of `period` (s), in the first sample and in the others. All in body axes.
 
-    Of each sample six columns: what a second of firing about each axis does, and what
-    the largest dipole along each does over the sample. All is divided by the strongest
-    level, so that seconds stand on both sides, as the tolerances need it.
+    Each sample has six columns: the effect of a second of firing about each axis, and
+    that of the largest dipole along each over the sample. All is divided by the
+    strongest level, so that both sides are in seconds, as the tolerances require.
     """
     n = len(fields)
     strength = max(tau_level)
@@ -211,11 +219,11 @@ def programme(
 
 
 def first_step(plan: Programme, limit: Vec3) -> tuple[Vec3, Vec3, float] | None:
-    """What a plan does in its first sample; None where there is none. limit: the
-    largest mean dipole (A m2), as in the plan.
+    """Solve a plan and return its first sample; None where there is no solution.
 
-    Returns the mean dipole (A m2), the on-time of each axis (s) with the sign of its
-    torque, and the on-time of all axes over the whole plan (s).
+    limit: the largest mean dipole (A m2), as in the plan. Returns the mean dipole (A
+    m2), the on-time of each axis (s) with the sign of its torque, and the on-time of
+    all axes over the whole plan (s).
     """
     goal, columns, cost, most = plan
     x = least_effort(columns, cost, most, goal)

@@ -1,7 +1,8 @@
-"""The infinite-horizon gain of a linear system of three states.
+"""Compute the infinite-horizon gain of a linear system of three states.
 
-For x' = W x + N_con + B u with the cost 1/2 int x'F x + u'R u dt, S = B R^-1 B', the best u is
--R^-1 B' (K x - g). Units are those of the caller; S and F scale the problem inside.
+For x' = W x + N_con + B u with the cost 1/2 int x'F x + u'R u dt, S = B R^-1 B', the
+best u is -R^-1 B' (K x - g). Units are those of the caller; S and F scale the problem
+inside.
 """
 
 from __future__ import annotations
@@ -12,20 +13,19 @@ from ..contract.block import Mat33, Vec3
 from ..maths.matrix import add, multiply, scale, subtract, transposed
 from ..maths.vector import IDENTITY, inverse, mat_vec
 
+# Decay of the slowest closed-loop mode, relative to sqrt(|S| |F|), below which the
+# system counts as one that cannot be stabilised.
 LEAST_DECAY = 1e-6
-"""Of the slowest closed-loop mode, as a share of sqrt(|S| |F|): below it the system
-counts as one that cannot be stabilised."""
 _SHIFT = 0.5
 _DOUBLINGS = 30  # as many as LEAST_DECAY needs; eight are usual
 
 
 def infinite_gain(w: Mat33, s: Mat33, f: Mat33) -> Mat33 | None:
-    """K of W'K + K W - K S K + F = 0 for which W - S K is stable; None where there is
-    none.
+    """Solve W'K + K W - K S K + F = 0 for the K that makes W - S K stable.
 
-    S and F symmetric without negative eigenvalues. By the doubling algorithm, scaled so
-    that S and F are of size 1: after k doublings the Cayley transform of the closed
-    loop is at the power 2^k.
+    None where there is none. S and F are symmetric without negative eigenvalues. By the
+    doubling algorithm, scaled so that S and F are of size 1: after k doublings the
+    Cayley transform of the closed loop is at the power 2^k.
 
     Source: Chu, Fan, Lin, A structure-preserving doubling algorithm for continuous-time
     algebraic Riccati equations, Linear Algebra and its Applications 396 (2005) 55;
@@ -60,20 +60,25 @@ def infinite_gain(w: Mat33, s: Mat33, f: Mat33) -> Mat33 | None:
 
 
 def infinite_offset(k: Mat33, w: Mat33, s: Mat33, n_con: Vec3) -> Vec3:
-    """g = (W - S K)^-T K N_con: eq. 11 of paper 000 at rest, for a constant N_con."""
+    """Compute g = (W - S K)^-T K N_con for a constant N_con.
+
+    This is eq. 11 of paper 000 at rest.
+    """
     closed = subtract(w, multiply(s, k))
     return mat_vec(inverse(transposed(closed)), mat_vec(k, n_con))
 
 
 def _size(m: Mat33) -> float:
-    """|m| (Frobenius)."""
+    """Compute the Frobenius norm |m|."""
     a, b, c, d, e, f, g, h, i = m
     return sqrt(a * a + b * b + c * c + d * d + e * e + f * f + g * g + h * h + i * i)
 
 
 def _decays(m: Mat33, least: float) -> bool:
-    """True where all eigenvalues of m have real parts below -least: Routh's criterion
-    for those of m + least."""
+    """Return whether all eigenvalues of m have real parts below -least.
+
+    Routh's criterion for those of m + least.
+    """
     a, b, c, d, e, f, g, h, i = add(m, scale(least, IDENTITY))
     second = -(a + e + i)
     first = (a * e - b * d) + (a * i - c * g) + (e * i - f * h)

@@ -1,23 +1,23 @@
-"""Detumbling by rollout: wheel torques chosen by flying many of them in a model, to the
-end.
+"""Detumble by rollout: choose wheel torques by simulating many sequences to the end.
 
-The model carries the body's rate omega (rad/s), the field b (T) and the wheels' momenta
-h_i (N m s) from step to step,
+The model propagates the body's rate omega (rad/s), the field b (T) and the wheels'
+momenta h_i (N m s) from step to step,
 
     J_r omega' = m x b - sum g_i u_i - omega x (J_r omega + sum g_i h_i),
     b' = -omega x b,      h_i' = u_i,
 
-so the field is held in space and no attitude is needed. In each step every coil follows
-the law m = K omega x b within its limit, and every wheel a torque of a *sequence*,
-constant over each segment, and after it u_i = K_w g_i . omega within its limit (`law`).
-What is sought is the sequence after which every rate is soonest below a limit: torques
-that first turn the body about the wheels' axes swing momentum from axes that the coils
-serve badly to those that the wheels take, which no law of the present rate does.
+so the field is fixed in space and no attitude is needed. In each step every coil
+follows the law m = K omega x b within its limit. Every wheel follows a torque of a
+*sequence*, constant over each segment, and after it u_i = K_w g_i . omega within its
+limit (`by_law`). The search is for the sequence after which every rate is soonest below
+a limit. Torques that first turn the body about the wheels' axes swing momentum from
+axes that the coils serve badly to those that the wheels take, which no law of the
+present rate does.
 
 The search draws sequences, keeps the best and draws about it, ever closer (random
 search with shrinking spread; rollout: Bertsekas, Dynamic Programming and Optimal
-Control, vol. 1, sec. 2.4). The law alone and what was chosen before are always among
-those flown, so that in the model no choice is later than either. A sequence is dropped
+Control, vol. 1, sec. 2.4). The law alone and the previous choice are always among the
+candidates, so that in the model no choice is later than either. A sequence is dropped
 once it has taken longer than the best.
 """
 
@@ -35,55 +35,45 @@ SEGMENTS = 4
 _WHEELS = 4
 NOTHING: Table = (0.0,) * (SEGMENTS * _WHEELS)
 _KEY = stream("rollout", "sequence", 0)
-TURN = 0.25
-"""Of a step, up to which the model's flight is believed (rad)."""
+TURN = 0.25  # rad, rotation in a step up to which the model is trusted
+# Torques are drawn up to this multiple of their limit, so that a third of them is at
+# it.
 _BEYOND = 1.5
-"""Torques are drawn so far beyond their limit, so that a third of them is at it."""
 
 
 class Model(NamedTuple):
-    """What is known of the craft, and the law that its coils and wheels follow."""
+    """Model of the craft, and the law that its coils and wheels follow."""
 
-    carrier: Mat33
-    """J_r (kg m2, body)"""
-    inverse: Mat33
-    """its inverse (1/(kg m2))"""
-    axes: Mat34
-    """columns: the wheels' axes, body; zero where there is none"""
-    m_limit: float
-    """of each coil (A m2)"""
-    torque_limit: Vec4
-    """of each wheel (N m); 0 where there is none"""
-    h_limit: float
-    """beyond which a wheel is not driven further (N m s)"""
-    gain: float
-    """K (A m2 s/T)"""
-    gain_wheel: float
-    """K_w (N m s)"""
-    rate_limit: float
-    """Detumbled: every rate below (rad/s)"""
-    step: float
-    """of the model (s)"""
+    carrier: Mat33  # J_r (kg m2, body)
+    inverse: Mat33  # inverse of J_r (1/(kg m2))
+    axes: Mat34  # columns: the wheels' axes, body; zero where there is no wheel
+    m_limit: float  # A m2, of each coil
+    torque_limit: Vec4  # N m, of each wheel; 0 where there is none
+    h_limit: float  # N m s, beyond which a wheel is not driven further
+    gain: float  # K (A m2 s/T)
+    gain_wheel: float  # K_w (N m s)
+    rate_limit: float  # rad/s; detumbled: every rate is below it
+    step: float  # s, of the model
 
 
 class Sequence(NamedTuple):
-    """Torques of the wheels over segments that begin `elapsed` steps ago."""
+    """Torques of the wheels over segments.
 
-    torques: Table
-    """(SEGMENTS, 4), N m, to each rotor"""
-    segments: int
-    """how many are used; after them the law"""
-    elapsed: int
-    """steps since the first began"""
+    The first segment began `elapsed` steps ago.
+    """
+
+    torques: Table  # (SEGMENTS, 4), N m, to each rotor
+    segments: int  # number of segments in use, after which the law applies
+    elapsed: int  # steps since the first segment began
 
 
 def none() -> Sequence:
-    """The one without torques: the law from now on."""
+    """Return the sequence without torques: the law from now on."""
     return Sequence(NOTHING, 0, 0)
 
 
 def by_law(model: Model, omega: Vec3) -> Vec4:
-    """u_i = K_w g_i . omega within the limit (N m, to each rotor)."""
+    """Compute u_i = K_w g_i . omega within the limit (N m, to each rotor)."""
     g = model.axes
     return (
         within(
@@ -106,13 +96,13 @@ def by_law(model: Model, omega: Vec3) -> Vec4:
 
 
 def of_sequence(torques: Table, segment: int) -> Vec4:
-    """The torques of a segment (N m)."""
+    """Return the torques of a segment (N m)."""
     k = _WHEELS * segment
     return (torques[k], torques[k + 1], torques[k + 2], torques[k + 3])
 
 
 def allowed(u: Vec4, h: Vec4, limit: float) -> Vec4:
-    """u without what drives a wheel further beyond its limit."""
+    """Return u without the torques that drive a wheel further beyond its limit."""
     return (
         0.0 if abs(h[0]) >= limit and u[0] * h[0] > 0.0 else u[0],
         0.0 if abs(h[1]) >= limit and u[1] * h[1] > 0.0 else u[1],
@@ -122,7 +112,7 @@ def allowed(u: Vec4, h: Vec4, limit: float) -> Vec4:
 
 
 def along(axes: Mat34, x: Vec4) -> Vec3:
-    """sum g_i x_i, body."""
+    """Sum g_i x_i over the wheels, body."""
     return (
         axes[0] * x[0] + axes[1] * x[1] + axes[2] * x[2] + axes[3] * x[3],
         axes[4] * x[0] + axes[5] * x[1] + axes[6] * x[2] + axes[7] * x[3],
@@ -131,7 +121,7 @@ def along(axes: Mat34, x: Vec4) -> Vec3:
 
 
 def largest(omega: Vec3) -> float:
-    """The largest rate of an axis."""
+    """Return the largest rate of an axis (rad/s), in magnitude."""
     return max(abs(omega[0]), abs(omega[1]), abs(omega[2]))
 
 
@@ -148,9 +138,12 @@ def flown(
     best: float,
     fastest: float,
 ) -> float:
-    """Steps until every rate is below its limit; where the horizon comes first, its
-    steps and the largest rate in parts of the limit. Infinite once it is above `best`,
-    or a rate `fastest`."""
+    """Simulate a sequence and count the steps until every rate is below its limit.
+
+    Where the horizon comes first, the result is the horizon's steps plus the largest
+    rate relative to the limit. It is infinite once it exceeds `best`, or a rate exceeds
+    `fastest`.
+    """
     planned = segments * length - elapsed
     for k in range(horizon):
         size = largest(omega) / model.rate_limit
@@ -179,7 +172,10 @@ def flown(
 def stepped(
     model: Model, omega: Vec3, b: Vec3, h: Vec4, m: Vec3, u: Vec4
 ) -> tuple[Vec3, Vec3]:
-    """(omega, b) after a step with m (A m2) and u (N m) held: midpoint rule."""
+    """Propagate (omega, b) over a step with m (A m2) and u (N m) held.
+
+    Midpoint rule.
+    """
     dt = model.step
     tau, w = along(model.axes, u), along(model.axes, h)
     slope = _slope(model, omega, b, m, tau, w)
@@ -191,6 +187,7 @@ def stepped(
 
 
 def _slope(model: Model, omega: Vec3, b: Vec3, m: Vec3, tau: Vec3, w: Vec3) -> Vec3:
+    """Compute the angular acceleration (rad/s2, body)."""
     momentum = add(mat_vec(model.carrier, omega), w)
     torque = sub(sub(cross(m, b), tau), cross(omega, momentum))
     return mat_vec(model.inverse, torque)
@@ -208,10 +205,10 @@ def sought(
     length: int,
     horizon: int,
 ) -> tuple[Sequence, float]:
-    """The best sequence found from here, and its cost (see `flown`).
+    """Search the best sequence from here; return it and its cost (see `flown`).
 
-    index: which search it is, for the draws; candidates: sequences in each round;
-    length (steps): of a segment; horizon (steps): of a flight.
+    index: number of the search, for the draws; candidates: sequences in each round;
+    length (steps): of a segment; horizon (steps): of a simulation.
     """
     fastest = max(TURN / model.step, largest(omega))
     cost = flown(model, omega, b, h, NOTHING, 0, 0, length, horizon, inf, inf)

@@ -1,1 +1,1 @@
-"""Mathematics that knows no spacecraft."""
+"""Provide mathematics without any knowledge of spacecraft."""

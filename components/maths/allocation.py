@@ -1,7 +1,7 @@
-"""Which nozzles fire for how long: least total on-time for a wanted angular impulse.
+"""Select nozzles and on-times of least sum for a commanded angular impulse.
 
 Jet selection by linear programming: Crawford, AIAA 69-845 (1969). Non-negative least
-squares would give the impulse, too, but not by the least on-time.
+squares would also give the impulse, but not with the least on-time.
 """
 
 from __future__ import annotations
@@ -10,19 +10,20 @@ from ..contract.block import Vec3
 from .simplex import least_cost
 from .vector import norm, scale, sub
 
-# An error costs so much that a nozzle which gives less than 1e-5 of the strongest one's
-# torque about an axis is not worth firing.
+# With this cost, a nozzle with less than 1e-5 of the strongest torque about an axis is
+# not worth firing.
 _ERROR_COST = 1e5
 
 
 def least_on_times(
     torques: tuple[Vec3, ...], impulse: Vec3, longest: float
 ) -> tuple[float, ...]:
-    """The on-time x (s) of each nozzle, 0 <= x <= longest, for an angular impulse (N m
-    s).
+    """Compute the on-time (s) of each nozzle for an angular impulse (N m s).
 
-    minimise  sum x + k |e|_1,   sum x torque + e = impulse,   k large: an error e is left only
-    where the nozzles cannot do better. At most three nozzles fire for a part of `longest`.
+        minimise  sum x + k |e|_1,   sum x torque + e = impulse,   0 <= x <= longest (s),   k large
+
+    An error e is left only where the nozzles cannot do better. `torques` holds the
+    torque of each nozzle (N m). At most three nozzles fire for a part of `longest`.
     """
     n = len(torques)
     strongest = max((abs(c) for torque in torques for c in torque), default=0.0)
@@ -34,8 +35,10 @@ def least_on_times(
 
 
 def gives(torques: tuple[Vec3, ...], direction: Vec3) -> bool:
-    """Whether nozzles of these torques (N m) can give one along a unit vector, and none
-    across."""
+    """Return whether nozzles of these torques (N m) can produce one along `direction`.
+
+    The torque must have no component across `direction`, which is a unit vector.
+    """
     strongest = max((abs(c) for torque in torques for c in torque), default=0.0)
     wanted = scale(1e-3 * strongest, direction)
     left = wanted

@@ -1,7 +1,8 @@
-"""Attitude: unit quaternions, scalar last, v_B = C(q_BI) v_I (paper 004, eqs. 5-6).
+"""Compute with unit quaternions, scalar last: v_B = C(q_BI) v_I.
 
-The product is the one with C(a (x) b) = C(a) C(b), and q' = 1/2 Omega(omega) q with
-omega the rate of the left frame relative to the right one, in the left frame.
+Source: paper 004, eqs. 5-6. The product satisfies C(a (x) b) = C(a) C(b), and the
+kinematics are q' = 1/2 Omega(omega) q with omega the rate of the left frame relative to
+the right one, in the left frame.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ IDENTITY_Q: Vec4 = (0.0, 0.0, 0.0, 1.0)
 
 
 def product(a: Vec4, b: Vec4) -> Vec4:
-    """a (x) b: first b, then a; C(a (x) b) = C(a) C(b)."""
+    """Multiply two quaternions: a (x) b, first b, then a; C(a (x) b) = C(a) C(b)."""
     a1, a2, a3, a4 = a
     b1, b2, b3, b4 = b
     return (
@@ -27,18 +28,18 @@ def product(a: Vec4, b: Vec4) -> Vec4:
 
 
 def inverse(q: Vec4) -> Vec4:
-    """q^-1 of a unit quaternion: C(q^-1) = C(q)'."""
+    """Return q^-1 of a unit quaternion: C(q^-1) = C(q)'."""
     return (-q[0], -q[1], -q[2], q[3])
 
 
 def normalised(q: Vec4) -> Vec4:
-    """q / |q|"""
+    """Scale a quaternion to length 1: q / |q|."""
     s = 1.0 / sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3])
     return (q[0] * s, q[1] * s, q[2] * s, q[3] * s)
 
 
 def matrix(q: Vec4) -> Mat33:
-    """C(q): v_left = C(q) v_right."""
+    """Return the rotation matrix C(q): v_left = C(q) v_right."""
     x, y, z, w = q
     xx, yy, zz, ww = x * x, y * y, z * z, w * w
     xy, xz, yz, xw, yw, zw = x * y, x * z, y * z, x * w, y * w, z * w
@@ -56,8 +57,10 @@ def matrix(q: Vec4) -> Mat33:
 
 
 def from_matrix(c: Mat33) -> Vec4:
-    """The quaternion of a rotation matrix, scalar >= 0 (Shepperd's choice of the
-    largest)."""
+    """Convert a rotation matrix to a quaternion with scalar >= 0.
+
+    Shepperd's method: it divides by the largest component.
+    """
     c11, c12, c13, c21, c22, c23, c31, c32, c33 = c
     trace = c11 + c22 + c33
     candidates = (c11, c22, c33, trace)
@@ -75,13 +78,15 @@ def from_matrix(c: Mat33) -> Vec4:
 
 
 def from_axes(x: Vec3, y: Vec3) -> Vec4:
-    """The attitude of a frame by its first two axes, orthogonal unit vectors."""
+    """Return the attitude of a frame by its first two axes, orthogonal unit vectors."""
     return from_matrix((*x, *y, *cross(x, y)))
 
 
 def nearest(q: Vec4, before: Vec4) -> Vec4:
-    """q or -q, the same attitude, whichever is nearer to the one before: followed
-    without jumps, a quaternion shows as it turns."""
+    """Return q or -q, the same attitude, whichever is nearer to `before`.
+
+    A quaternion that is followed without jumps shows how the body turns.
+    """
     a, b, c, d = q
     w, x, y, z = before
     same = a * w + b * x + c * y + d * z >= 0.0
@@ -89,7 +94,7 @@ def nearest(q: Vec4, before: Vec4) -> Vec4:
 
 
 def rotate(q: Vec4, v: Vec3) -> Vec3:
-    """C(q) v: the components in the left frame of a vector given in the right one."""
+    """Rotate a vector from the right frame into the left one: C(q) v."""
     x, y, z, w = q
     vx, vy, vz = v
     tx, ty, tz = (
@@ -105,12 +110,15 @@ def rotate(q: Vec4, v: Vec3) -> Vec3:
 
 
 def rotate_back(q: Vec4, v: Vec3) -> Vec3:
-    """C(q)' v: the components in the right frame of a vector given in the left one."""
+    """Rotate a vector from the left frame into the right one: C(q)' v."""
     return rotate((-q[0], -q[1], -q[2], q[3]), v)
 
 
 def propagated(q: Vec4, omega: Vec3, t: float) -> Vec4:
-    """q after t (s) at the constant rate omega (rad/s, left frame): exp(1/2 Omega t) q."""
+    """Propagate q over t (s) at the constant rate omega (rad/s, left frame).
+
+    The result is exp(1/2 Omega t) q.
+    """
     wx, wy, wz = omega
     rate = sqrt(wx * wx + wy * wy + wz * wz)
     if rate == 0.0:
@@ -121,6 +129,6 @@ def propagated(q: Vec4, omega: Vec3, t: float) -> Vec4:
 
 
 def error_angle(q: Vec4, q_ref: Vec4) -> float:
-    """The angle (rad, 0 to pi) of the rotation between two attitudes."""
+    """Compute the angle (rad, 0 to pi) of the rotation between two attitudes."""
     x, y, z, w = product(q, inverse(q_ref))
     return 2.0 * atan2(sqrt(x * x + y * y + z * z), abs(w))

@@ -1,12 +1,12 @@
-"""Linear programmes of least weighted effort with three equations, by the dual simplex
-method.
+"""Solve linear programmes of least weighted effort with three equations.
 
-Chvatal, Linear Programming, 1983, chapters 8 and 10, with the long steps of Maros,
-Computational Techniques of the Simplex Method, 2003, section 10.3. Plain floats, so
-that it runs in any host.
+The method is the dual simplex method: Chvatal, Linear Programming, 1983, chapters 8 and
+10, with the long steps of Maros, Computational Techniques of the Simplex Method, 2003,
+section 10.3. It uses plain floats, so that it runs in any host.
 
-`simplex` is for a few columns, and errors that may be paid for: it goes on exchange by
-exchange, to 1e-8. Here are hundreds of columns, and equations that hold to 1e-12.
+`simplex` is for few columns and allows errors at a cost; it proceeds exchange by
+exchange, to 1e-8. This module handles hundreds of columns and equations that hold to
+1e-12.
 """
 
 from __future__ import annotations
@@ -16,17 +16,14 @@ from math import inf
 from ..contract.block import BlockError, Vec3
 from .vector import dot, inverse, mat_t_vec, mat_vec, norm, scale, sub
 
-COLUMNS = 3600
-"""The most that there may be."""
+COLUMNS = 3600  # maximum number of columns
 _AXES: tuple[Vec3, ...] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
-_FIT = 1e-12
-"""How far the equations may be missed, as a share of the goal (and of 1)."""
+_FIT = 1e-12  # tolerance of the equations, relative to the goal (and to 1)
+# A column that changes by less, relative to its length, counts as stationary.
 _PIVOT = 1e-11
-"""A column that changes by less, as a share of its length, is taken as standing still.
-"""
+# Exchanges after which steps are short and the first candidate is taken, which cannot
+# cycle (Bland); 5 to 10 are usual.
 _LONG = 200
-"""Exchanges after which steps are short and the first candidate is taken, which cannot
-cycle (Bland); 5 to 10 are usual."""
 _MOST_EXCHANGES = 5000
 
 
@@ -36,18 +33,22 @@ def least_effort(
     most: tuple[float, ...],
     goal: Vec3,
 ) -> tuple[float, ...] | None:
-    """The x, |x| <= most, of the linear programme
+    """Solve the linear programme of least weighted effort for x, |x| <= most.
 
-    minimise  sum cost |x|,   sum x column = goal;
+        minimise  sum cost |x|,   sum x column = goal
 
-    None where no x is enough. Columns and goal should be of the size of 1, and cost
-    above 0. At most three |x| are neither 0 nor at their most. Raises BlockError where
-    rounding keeps it from an end, which has not been seen.
+    The result is None where no x meets the goal. Columns and goal should be of the size
+    of 1, and cost above 0. At most three |x| are neither 0 nor at `most`.
 
     The dual is a maximum over three prices y, with a kink where column.y = +-cost:
-    there x leaves 0 for +-most. `side` is x / most where it is not in the basis; from y
-    = 0 each exchange follows an edge over as many kinks as it rises. Three columns
-    whose most is 0 are the basis at first.
+    there x changes from 0 to +-most. `side` is x / most where x is not in the basis.
+    From y = 0, each exchange follows an edge across as many kinks as the objective
+    rises. Initially the basis consists of three columns whose bound is 0.
+
+    Raises
+    ------
+    BlockError
+        If rounding prevents convergence, which has not been observed.
     """
     n = len(columns)
     side, rate, when = [0.0] * COLUMNS, [0.0] * COLUMNS, [inf] * COLUMNS
@@ -61,7 +62,7 @@ def least_effort(
             if side[j] != 0.0:
                 rest = sub(rest, scale(side[j] * most[j], columns[j]))
         values = mat_vec(to_basis, rest)
-        # the one that is furthest beyond 0 or its most
+        # the basis variable leaves that exceeds its bounds (0 and `most`) the most
         leaving, excess, turn = -1, allowed, 0.0
         for i in range(3):
             edge = kink[i] * most[basis[i]] if basis[i] >= 0 else 0.0
@@ -85,7 +86,7 @@ def least_effort(
         step = scale(turn, mat_t_vec(to_basis, _AXES[leaving]))
         stiff = _PIVOT * norm(step)
         out = basis[leaving]
-        if out >= 0:  # beyond its most it stays there, beyond 0 it is 0
+        if out >= 0:  # it stays at the bound that it exceeds: `most` or 0
             side[out] = turn if turn == kink[leaving] else 0.0
         for j in range(n):
             rate[j], when[j] = dot(step, columns[j]), inf
@@ -129,6 +130,7 @@ def _solution(
     side: tuple[float, ...],
     most: tuple[float, ...],
 ) -> tuple[float, ...]:
+    """Assemble x: clipped basis values, and the others at 0 or +-most."""
     return tuple(
         min(max(values[basis.index(j)], -limit), limit)
         if j in basis

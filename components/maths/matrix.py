@@ -1,5 +1,7 @@
-"""Products and sums of matrices of nine floats, as flat tuples (row-major). No units,
-no frames."""
+"""Multiply, add and scale matrices of nine floats: flat tuples, row-major.
+
+The functions know no units and no frames.
+"""
 
 from __future__ import annotations
 
@@ -7,7 +9,7 @@ from ..contract.block import Mat33
 
 
 def multiply(p: Mat33, q: Mat33) -> Mat33:
-    """p q"""
+    """Multiply two matrices: p q."""
     a, b, c, d, e, f, g, h, i = p
     j, k, m, n, r, s, t, u, v = q
     return (
@@ -24,12 +26,12 @@ def multiply(p: Mat33, q: Mat33) -> Mat33:
 
 
 def transposed(m: Mat33) -> Mat33:
-    """m'"""
+    """Return the transpose m'."""
     return (m[0], m[3], m[6], m[1], m[4], m[7], m[2], m[5], m[8])
 
 
 def add(p: Mat33, q: Mat33) -> Mat33:
-    """p + q"""
+    """Add two matrices: p + q."""
     return (
         p[0] + q[0],
         p[1] + q[1],
@@ -44,7 +46,7 @@ def add(p: Mat33, q: Mat33) -> Mat33:
 
 
 def subtract(p: Mat33, q: Mat33) -> Mat33:
-    """p - q"""
+    """Subtract two matrices: p - q."""
     return (
         p[0] - q[0],
         p[1] - q[1],
@@ -59,7 +61,7 @@ def subtract(p: Mat33, q: Mat33) -> Mat33:
 
 
 def scale(s: float, m: Mat33) -> Mat33:
-    """s m"""
+    """Multiply a matrix by a number: s m."""
     return (
         s * m[0],
         s * m[1],

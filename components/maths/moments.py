@@ -1,4 +1,4 @@
-"""What a signal does over a step, as mean and slope: impulse and its first moment.
+"""Represent a signal over a step by mean and slope: its impulse and first moment.
 
 Over a step of length H, with s = (t - t_k) / H:
 
@@ -6,8 +6,8 @@ Over a step of length H, with s = (t - t_k) / H:
     x_slope = 12 int_0^1 (s - 1/2) x ds
 
 Both have the unit of x, and the receiver applies x_mean + x_slope (s - 1/2). Impulse
-and first moment are then exact whatever the signal did, so nothing is lost between two
-blocks. A constant has slope 0.
+and first moment are then exact for any signal, so nothing is lost between two blocks. A
+constant has slope 0.
 """
 
 from __future__ import annotations
@@ -17,15 +17,19 @@ from math import exp, expm1
 
 
 def pulse(begin: float, end: float) -> tuple[float, float]:
-    """Mean and slope of a unit pulse from s = begin to s = end (0 <= begin <= end <=
-    1)."""
+    """Compute mean and slope of a unit pulse from s = begin to s = end.
+
+    0 <= begin <= end <= 1.
+    """
     width = end - begin
     return width, 6.0 * width * (begin + end - 1.0)
 
 
 def window(begin: float, end: float, t: float, dt: float) -> tuple[float, float, float]:
-    """Mean and slope on [t, t + dt] of a signal that is 1 on [begin, end], and the time
-    on (s)."""
+    """Compute mean and slope on [t, t + dt] of a signal that is 1 on [begin, end].
+
+    The third result is the time (s) that the signal is 1 within the step.
+    """
     first, last = max(begin - t, 0.0), min(end - t, dt)
     if last <= first:
         return 0.0, 0.0, 0.0
@@ -34,21 +38,22 @@ def window(begin: float, end: float, t: float, dt: float) -> tuple[float, float,
 
 
 def part(begin: float, end: float, mean: float, slope: float) -> tuple[float, float]:
-    """Mean and slope over the step of what has `mean` and `slope` from s = begin to s =
-    end."""
+    """Convert mean and slope on s = begin to end to those over the whole step.
+
+    The signal is 0 outside of that part.
+    """
     width = end - begin
     return mean * width, width * (6.0 * mean * (begin + end - 1.0) + slope * width)
 
 
 @lru_cache(maxsize=64)  # most steps have the same length
 def lag(ratio: float) -> tuple[float, float, float]:
-    """Mean, slope and end value of exp(-s ratio), ratio = step / time constant, over
-    one step.
+    """Compute mean, slope and end value of exp(-s ratio) over one step.
 
-    A first-order lag from x0 to x1 has mean x1 + (x0 - x1) * mean, and slope and end
-    likewise.
+    ratio = step / time constant. A first-order lag from x0 to x1 has the mean x1 + (x0
+    - x1) * mean; slope and end value follow likewise.
     """
-    if ratio < 1.0:  # the closed form cancels; the series is good to 1e-17
+    if ratio < 1.0:  # the closed form loses digits; the series errs by 1e-17
         mean = slope = 0.0
         term = 1.0
         for n in range(19):
@@ -65,7 +70,10 @@ def lag(ratio: float) -> tuple[float, float, float]:
 def first_order(
     x0: float, x1: float, ratio: float
 ) -> tuple[float, float, float, float]:
-    """Mean, slope, end value and mean square of a first-order lag from x0 towards x1."""
+    """Compute mean, slope, end and mean square of a first-order lag from x0 to x1.
+
+    ratio = step / time constant; x1 is the value that the lag tends to.
+    """
     mean, slope, end = lag(ratio)
     square = lag(2.0 * ratio)[0]
     d = x0 - x1

@@ -1,10 +1,9 @@
-"""One step of an explicit Runge-Kutta method of order 4, 6 or 8, for a state of seven
-numbers.
+"""Integrate a state of seven numbers by one explicit Runge-Kutta step.
 
-Each integrates y' = f(e, y) from y at e, with y' per second and e the share of an outer
-step; the step is `dt` seconds or `de` of that share. The products stand in a fixed
-order, so that a translation to C gives the same bits. In `f(e + c de, y + sum a k)` c
-and a are the method's table.
+The orders are 4, 6 and 8. Each function integrates y' = f(e, y) from y at e, with y'
+per second and e the fraction of an outer step; the step is `dt` seconds, or `de` of
+that fraction. The products stand in a fixed order, so that a translation to C gives the
+same bits. In `f(e + c de, y + sum a k)` c and a are the method's table.
 """
 
 from __future__ import annotations
@@ -12,12 +11,11 @@ from __future__ import annotations
 from collections.abc import Callable
 
 State = tuple[float, float, float, float, float, float, float]
-Slope = Callable[[float, State], State]
-"""f(e, y) = y', per second."""
+Slope = Callable[[float, State], State]  # f(e, y) = y', per second
 
 
 def step4(f: Slope, e: float, y: State, de: float, dt: float) -> State:
-    """The classical method: 4 stages, order 4."""
+    """Integrate one step by the classical method: 4 stages, order 4."""
     half = e + 0.5 * de
     k1 = f(e, y)
     k2 = f(half, _plus1(y, 0.5 * dt, k1))
@@ -28,10 +26,10 @@ def step4(f: Slope, e: float, y: State, de: float, dt: float) -> State:
 
 
 def step6(f: Slope, e: float, y: State, de: float, dt: float) -> State:
-    """Butcher's method: 7 stages, order 6.
+    """Integrate one step by Butcher's method: 7 stages, order 6.
 
-    Source: Butcher, On Runge-Kutta processes of high order, J. Austral. Math. Soc. 4
-    (1964) 179.
+    Source: Butcher, On Runge-Kutta processes of high order, J. Austral. Math. Soc. 4 (1964)
+    179.
     """
     third, half = e + de / 3.0, e + 0.5 * de
     h = dt
@@ -66,10 +64,11 @@ def step6(f: Slope, e: float, y: State, de: float, dt: float) -> State:
 
 
 def step8(f: Slope, e: float, y: State, de: float, dt: float) -> State:
-    """The method of Dormand and Prince that DOP853 advances with: 12 stages, order 8.
+    """Integrate one step by the method of Dormand and Prince: 12 stages, order 8.
 
-    Source: Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I (1993),
-    sec. II.5; the table is that of their program dop853.
+    It is the formula with which DOP853 advances. Source: Hairer, Norsett, Wanner,
+    Solving Ordinary Differential Equations I (1993), sec. II.5; the table is that of
+    their program dop853.
     """
     h = dt
     k1 = f(e, y)
@@ -245,11 +244,12 @@ def step8(f: Slope, e: float, y: State, de: float, dt: float) -> State:
     )
 
 
-# y + a p + b q + ..., for one to five slopes. Written out, for most of a step's time is
-# spent here.
+# y + a p + b q + ... for one to five slopes. They are written out because most of a
+# step's time is spent here.
 
 
 def _plus1(y: State, a: float, p: State) -> State:
+    """Return y + a p."""
     return (
         y[0] + a * p[0],
         y[1] + a * p[1],
@@ -262,6 +262,7 @@ def _plus1(y: State, a: float, p: State) -> State:
 
 
 def _plus2(y: State, a: float, p: State, b: float, q: State) -> State:
+    """Return y + (a p + b q)."""
     return (
         y[0] + (a * p[0] + b * q[0]),
         y[1] + (a * p[1] + b * q[1]),
@@ -276,6 +277,7 @@ def _plus2(y: State, a: float, p: State, b: float, q: State) -> State:
 def _plus3(
     y: State, a: float, p: State, b: float, q: State, c: float, r: State
 ) -> State:
+    """Return y + (a p + b q + c r)."""
     return (
         y[0] + (a * p[0] + b * q[0] + c * r[0]),
         y[1] + (a * p[1] + b * q[1] + c * r[1]),
@@ -298,6 +300,7 @@ def _plus4(
     d: float,
     s: State,
 ) -> State:
+    """Return y + (a p + b q + c r + d s)."""
     return (
         y[0] + (a * p[0] + b * q[0] + c * r[0] + d * s[0]),
         y[1] + (a * p[1] + b * q[1] + c * r[1] + d * s[1]),
@@ -322,6 +325,7 @@ def _plus5(
     e: float,
     t: State,
 ) -> State:
+    """Return y + (a p + b q + c r + d s + e t)."""
     return (
         y[0] + (a * p[0] + b * q[0] + c * r[0] + d * s[0] + e * t[0]),
         y[1] + (a * p[1] + b * q[1] + c * r[1] + d * s[1] + e * t[1]),

@@ -1,7 +1,7 @@
-"""Linear programmes with three equations, by the simplex method for bounded variables.
+"""Solve linear programmes with three equations by the bounded simplex method.
 
-Chvatal, Linear Programming, 1983, chapter 8. Plain floats: at this size ten times
-faster than a library, and it runs in any host.
+Chvatal, Linear Programming, 1983, chapter 8. Plain floats are ten times faster than a
+library at this size and run in any host.
 """
 
 from __future__ import annotations
@@ -20,9 +20,9 @@ _ERRORS: tuple[Vec3, ...] = (
     (0.0, 0.0, -1.0),
 )
 _TOLERANCE = 1e-8
-_MOST_EXCHANGES = (
-    100  # four are usual, 22 the most seen: an end, whatever rounding does
-)
+# Four exchanges are usual, 22 the most observed; the limit guarantees an end whatever
+# rounding does.
+_MOST_EXCHANGES = 100
 
 
 def least_cost(
@@ -32,12 +32,12 @@ def least_cost(
     goal: Vec3,
     error_cost: float,
 ) -> tuple[float, ...]:
-    """The x, 0 <= x <= most, of the linear programme
+    """Solve the linear programme of least cost for x, 0 <= x <= most.
 
-    minimise  sum cost x + error_cost |e|_1,   sum x column + e = goal.
+        minimise  sum cost x + error_cost |e|_1,   sum x column + e = goal
 
-    At most three x are neither 0 nor at their most. Columns should be of the size of 1
-    or be zero: what pays less than 1e-8 counts as nothing. The units are the caller's.
+    At most three x are neither 0 nor at `most`. Columns should be of the size of 1 or
+    be zero: a gain below 1e-8 counts as zero. The units are those of the caller.
     """
     n = len(columns)
     with_errors, price_of = columns + _ERRORS, cost + (error_cost,) * 6
@@ -95,8 +95,10 @@ def _entering(
     basis: tuple[int, ...],
     full: tuple[bool, ...],
 ) -> int:
-    """The first column whose change pays, or -1: the first, not the best, cannot cycle
-    (Bland)."""
+    """Find the first column whose change reduces the cost, or return -1.
+
+    Taking the first column, not the best one, cannot cycle (Bland).
+    """
     for j, column in enumerate(columns):
         gain = dot(price, column) - cost[j]
         if (gain < -_TOLERANCE if full[j] else gain > _TOLERANCE) and j not in basis:

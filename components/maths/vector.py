@@ -1,6 +1,7 @@
-"""Vectors of three and matrices of nine floats, as flat tuples (row-major).
+"""Compute with vectors of three and matrices of nine floats: flat, row-major tuples.
 
-Plain floats: at this size they are ten times faster than arrays. No units, no frames.
+Plain floats are ten times faster than arrays at this size. The functions know no units
+and no frames.
 """
 
 from __future__ import annotations
@@ -14,44 +15,50 @@ IDENTITY: Mat33 = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)
 
 
 def add(a: Vec3, b: Vec3) -> Vec3:
-    """a + b"""
+    """Add two vectors: a + b."""
     return (a[0] + b[0], a[1] + b[1], a[2] + b[2])
 
 
 def sub(a: Vec3, b: Vec3) -> Vec3:
-    """a - b"""
+    """Subtract two vectors: a - b."""
     return (a[0] - b[0], a[1] - b[1], a[2] - b[2])
 
 
 def scale(s: float, a: Vec3) -> Vec3:
-    """s a"""
+    """Multiply a vector by a number: s a."""
     return (s * a[0], s * a[1], s * a[2])
 
 
 def dot(a: Vec3, b: Vec3) -> float:
-    """a . b"""
+    """Compute the scalar product a . b."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
 def norm(a: Vec3) -> float:
-    """|a|"""
+    """Compute the length |a|."""
     return sqrt(a[0] * a[0] + a[1] * a[1] + a[2] * a[2])
 
 
 def unit(a: Vec3) -> Vec3:
-    """a / |a|; raises ZeroDivisionError for the zero vector."""
+    """Normalise a vector: a / |a|.
+
+    Raises
+    ------
+    ZeroDivisionError
+        If a is the zero vector.
+    """
     return scale(1.0 / norm(a), a)
 
 
 def cross(a: Vec3, b: Vec3) -> Vec3:
-    """a x b"""
+    """Compute the cross product a x b."""
     ax, ay, az = a
     bx, by, bz = b
     return (ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx)
 
 
 def clip(a: Vec3, limit: float) -> Vec3:
-    """Each component within +-limit."""
+    """Limit each component to +-limit."""
     return (
         min(max(a[0], -limit), limit),
         min(max(a[1], -limit), limit),
@@ -60,7 +67,7 @@ def clip(a: Vec3, limit: float) -> Vec3:
 
 
 def mat_vec(m: Mat33, a: Vec3) -> Vec3:
-    """m a"""
+    """Multiply a matrix and a vector: m a."""
     x, y, z = a
     return (
         m[0] * x + m[1] * y + m[2] * z,
@@ -70,7 +77,7 @@ def mat_vec(m: Mat33, a: Vec3) -> Vec3:
 
 
 def mat_t_vec(m: Mat33, a: Vec3) -> Vec3:
-    """m' a"""
+    """Multiply a transposed matrix and a vector: m' a."""
     x, y, z = a
     return (
         m[0] * x + m[3] * y + m[6] * z,
@@ -80,7 +87,13 @@ def mat_t_vec(m: Mat33, a: Vec3) -> Vec3:
 
 
 def inverse(m: Mat33) -> Mat33:
-    """The inverse; raises ZeroDivisionError when m is singular."""
+    """Compute the inverse of m.
+
+    Raises
+    ------
+    ZeroDivisionError
+        If m is singular.
+    """
     a, b, c, d, e, f, g, h, i = m
     ca, cb, cc = e * i - f * h, f * g - d * i, d * h - e * g
     s = 1.0 / (a * ca + b * cb + c * cc)
@@ -98,8 +111,10 @@ def inverse(m: Mat33) -> Mat33:
 
 
 def rotation_about(axis_rate: Vec3, t: float) -> Mat33:
-    """exp([axis_rate x] t): turns a vector by |axis_rate| t about axis_rate
-    (Rodrigues)."""
+    """Compute the rotation matrix exp([axis_rate x] t) (Rodrigues).
+
+    It turns a vector by |axis_rate| t about axis_rate.
+    """
     w = norm(axis_rate)
     if w == 0.0:
         return IDENTITY

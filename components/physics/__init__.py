@@ -1,1 +1,1 @@
-"""Models of the spacecraft, its actuators and what is around it, as functions."""
+"""Model the spacecraft, its actuators and its environment as functions."""

@@ -1,4 +1,7 @@
-"""Density of the upper atmosphere: piecewise exponential, or by solar activity."""
+"""Compute the density of the upper atmosphere: by a table, or by solar activity.
+
+The table is piecewise exponential.
+"""
 
 from __future__ import annotations
 
@@ -7,9 +10,10 @@ from math import asin, atan2, copysign, cos, exp, pi, radians, remainder, sin, s
 
 from ..contract.block import Vec3
 
+# m: range in which the densities of `table` and `by_activity` are those of an orbit.
+# Below it the air is not in free molecular flow; above it the outermost layer
+# continues.
 HEIGHTS = (100e3, 1000e3)
-"""Between which the densities of `table` and `by_activity` are those of an orbit (m):
-below, the air is no free flow of molecules; above, the outermost layer goes on."""
 
 # base altitude (km), nominal density (kg/m3), scale height (km)
 _LAYERS = (
@@ -48,17 +52,20 @@ _BASES = tuple(1e3 * layer[0] for layer in _LAYERS)
 def exponential(
     altitude: float, base: float, density: float, scale_height: float
 ) -> float:
-    """rho (kg/m3) = density exp(-(altitude - base) / scale_height), heights in m."""
+    """Compute the density (kg/m3) of one exponential layer; heights in m.
+
+    rho = density exp(-(altitude - base) / scale_height).
+    """
     return density * exp((base - altitude) / scale_height)
 
 
 def table(altitude: float) -> float:
-    """Density (kg/m3) at a height (m) above the ellipsoid: static, of moderate solar
-    activity.
+    """Look up the static density (kg/m3) at a height (m) above the ellipsoid.
 
-    Vallado, Fundamentals of Astrodynamics and Applications, 4th ed., table 8-4 (US
-    Standard Atmosphere 1976, CIRA-72). Between two layers it steps by 1e-4 at the most,
-    by 1.4e-3 at 25 km. Below 0 and above 1000 km the outermost layers go on.
+    It is that of moderate solar activity: Vallado, Fundamentals of Astrodynamics and
+    Applications, 4th ed., table 8-4 (US Standard Atmosphere 1976, CIRA-72). Between two
+    layers it jumps by at most 1e-4 (relative), but by 1.4e-3 at 25 km. Below 0 and
+    above 1000 km the outermost layers continue.
     """
     base, density, scale_height = _LAYERS[max(bisect_right(_BASES, altitude) - 1, 0)]
     return exponential(altitude, 1e3 * base, density, 1e3 * scale_height)
@@ -66,10 +73,11 @@ def table(altitude: float) -> float:
 
 # --- by solar activity ----------------------------------------------------------------
 
+# F10.7 (1e-22 W/(m2 Hz)) and Ap of low, moderate and high long-term activity:
+# ECSS-E-ST-10-04C, Space environment (2008), and ISO 14222.
 ACTIVITY = ((65.0, 0.0), (140.0, 15.0), (250.0, 45.0))
-"""F10.7 (1e-22 W/(m2 Hz)) and Ap of low, moderate and high activity, long-term:
-ECSS-E-ST-10-04C, Space environment (2008), and ISO 14222."""
 
+# ap (2 nT) of Kp = 0, 1/3, 2/3 to 9, by its definition (Bartels).
 _AP = (
     0,
     2,
@@ -100,44 +108,45 @@ _AP = (
     300,
     400,
 )
-"""ap (2 nT) of Kp = 0, 1/3, 2/3 to 9: its definition (Bartels)."""
 
-_BASE = 120e3
-"""The height (m) from which on gases separate."""
+_BASE = 120e3  # m: height above which the gases separate
 _BASE_TEMPERATURE = 355.0
+# N2, O2, O, He: number at the base (1/m3), mass (u), factor of thermal diffusion.
 _GASES = (
     (4.0e17, 28.0134, 0.0),
     (7.5e16, 31.9988, 0.0),
     (7.6e16, 15.9994, 0.0),
     (3.4e13, 4.0026, -0.38),
 )
-"""N2, O2, O, He: number at the base (1/m3), mass (u), factor of thermal diffusion."""
 _RADIUS = 6356766.0
 _GAS_CONSTANT, _DALTON = 8314.462618, 1.66053906660e-27  # J/(kmol K), kg
 _OBLIQUITY = radians(23.44)
 
 
 def kp_of_ap(ap: float) -> float:
-    """The index Kp of an index ap, linear between thirds; 9 above 400."""
+    """Convert an index ap to Kp, linear between thirds; 9 above 400."""
     k = min(bisect_right(_AP, ap), len(_AP) - 1)
     low, high = _AP[k - 1], _AP[k]
     return (k - 1 + min((ap - low) / (high - low), 1.0)) / 3.0
 
 
 def coldest_temperature(f107: float) -> float:
-    """The least temperature (K) of the exosphere of a day without magnetic disturbance,
-    by F10.7 (1e-22 W/(m2 Hz)), which also stands for its mean over 81 days. Jacchia
-    (1971)."""
+    """Compute the lowest temperature (K) of the exosphere without magnetic disturbance.
+
+    It is the lowest of the day, by F10.7 (1e-22 W/(m2 Hz)), which also stands for its
+    mean over 81 days. Jacchia (1971).
+    """
     return 379.0 + 3.24 * f107
 
 
 def exosphere(
     latitude: float, hour_angle: float, declination: float, coldest: float, kp: float
 ) -> float:
-    """The temperature of the exosphere (K), with its bulge two hours after noon.
+    """Compute the temperature of the exosphere (K).
 
-    Angles in rad: geographic latitude, hour angle and declination of the Sun. Jacchia
-    (1971); Montenbruck & Gill, Satellite Orbits, section 3.5.3.
+    Its bulge lies two hours after noon. Angles in rad: geographic latitude, hour angle
+    and declination of the Sun. `coldest` is the temperature of `coldest_temperature`
+    (K). Jacchia (1971); Montenbruck & Gill, Satellite Orbits, section 3.5.3.
     """
     theta, eta = 0.5 * abs(latitude + declination), 0.5 * abs(latitude - declination)
     lag = hour_angle - radians(37.0) + radians(6.0) * sin(hour_angle + radians(43.0))
@@ -152,8 +161,10 @@ def exosphere(
 
 
 def semiannual(epoch: float) -> float:
-    """The share g of the semiannual variation at an epoch (s since J2000). Jacchia
-    (1971)."""
+    """Compute the factor g of the semiannual variation at an epoch (s since J2000).
+
+    Jacchia (1971).
+    """
     phase = (epoch / 86400.0 + 51544.5 - 36204.0) / 365.2422
     turn: float = phase + 0.09544 * (
         (0.5 + 0.5 * sin(tau * phase + 6.035)) ** 1.65 - 0.5
@@ -164,13 +175,13 @@ def semiannual(epoch: float) -> float:
 
 
 def separated(altitude: float, temperature: float, helium: float) -> float:
-    """Density (kg/m3) at a height (m) from 120 km on, by the temperature of the
-    exosphere (K).
+    """Compute the density (kg/m3) at a height (m) from 120 km on.
 
-    Each gas by itself in diffusive equilibrium above 120 km, where its number is given;
-    `helium` multiplies that of helium. Jacchia, Static diffusion models of the upper
-    atmosphere with empirical temperature profiles, Smithsonian Astrophys. Obs. Special
-    Report 170 (1964), in the closed form of Walker, J. Atmos. Sci. 22 (1965) 462.
+    `temperature` is that of the exosphere (K). Each gas is in diffusive equilibrium by
+    itself above 120 km, where its number density is fixed; `helium` multiplies that of
+    helium. Jacchia, Static diffusion models of the upper atmosphere with empirical
+    temperature profiles, Smithsonian Astrophys. Obs. Special Report 170 (1964), in the
+    closed form of Walker, J. Atmos. Sci. 22 (1965) 462.
     """
     x = temperature - 800.0
     x /= 750.0 + 1.722e-4 * x * x
@@ -196,12 +207,14 @@ def separated(altitude: float, temperature: float, helium: float) -> float:
 def by_activity(
     altitude: float, r: Vec3, sun: Vec3, epoch: float, coldest: float, kp: float
 ) -> float:
-    """Density (kg/m3) by solar and magnetic activity, place, local time and season.
+    """Compute the density (kg/m3) by solar activity, place, local time and season.
 
     altitude (m) above the ellipsoid; r (m) and the unit vector to the Sun in axes of
-    the equator; epoch (s since J2000); the temperature of `coldest_temperature` (K);
-    Kp. `separated` by the temperature of `exosphere`, with the semiannual and the
-    seasonal variation of Jacchia (1971). Below 120 km `table`, scaled to meet it.
+    the equator; epoch (s since J2000); `coldest`, the temperature of
+    `coldest_temperature` (K); Kp for magnetic activity. The density is that of
+    `separated` at the temperature of `exosphere`, with the semiannual and the seasonal
+    variation of Jacchia (1971). Below 120 km it is that of `table`, scaled to be
+    continuous.
 
     Jacchia, Revised static models of the thermosphere and exosphere with empirical
     temperature profiles, Smithsonian Astrophys. Obs. Special Report 332 (1971).

@@ -1,7 +1,8 @@
-"""Mean and osculating elements: averages over a revolution, by integration.
+"""Convert between mean and osculating elements by averaging over a revolution.
 
-The mean elements at t = 0 are the averages of the osculating ones over the revolution
-around it; so their drift is that of `orbit.j2_drift`, up to the second order in J2.
+The averages are integrated numerically. The mean elements at t = 0 are the averages of
+the osculating ones over the revolution around it; their drift is therefore that of
+`orbit.j2_drift`, up to the second order in J2.
 """
 
 from __future__ import annotations
@@ -17,26 +18,27 @@ from .orbit import (
     state_from_elements,
 )
 
+# Integration steps in half a revolution of a circular orbit; an eccentric one takes
+# more, as it passes the perigee faster.
 STEPS = 60
-"""Of integration in half a revolution of a circle; more where the perigee is passed
-faster."""
 
+# Equinoctial elements: a (m), e sin and e cos of the longitude of the perigee, tan(i/2)
+# sin and tan(i/2) cos of raan, mean longitude (rad). They are singular only at i = pi.
 _Six = tuple[float, float, float, float, float, float]
-"""Equinoctial elements: a (m), e sin, e cos of the longitude of the perigee, tan(i/2)
-sin, tan(i/2) cos of raan, mean longitude (rad). Of no orbit singular but at i = pi."""
 
 
 def mean_elements(osculating: Elements, degree: int, mu: float) -> Elements:
-    """The mean elements of osculating ones, in gravity with the zonal harmonics up to
-    `degree`."""
+    """Compute the mean elements of osculating ones.
+
+    Gravity has the zonal harmonics up to `degree`.
+    """
     return _elements(_averages(osculating, degree, mu))
 
 
 def osculating_elements(mean: Elements, degree: int, mu: float) -> Elements:
-    """The osculating elements whose mean elements are these: the inverse of
-    `mean_elements`.
+    """Compute the osculating elements of mean ones: the inverse of `mean_elements`.
 
-    By fixed-point iteration; each step gains a factor of 1000, as J2 is small.
+    Fixed-point iteration; each step gains a factor of 1000, as J2 is small.
     """
     wanted = _equinoctial(mean)
     guess = wanted
@@ -54,8 +56,10 @@ def osculating_elements(mean: Elements, degree: int, mu: float) -> Elements:
 
 
 def _averages(osculating: Elements, degree: int, mu: float) -> _Six:
-    """Over the revolution around t = 0; its length is the turn of the mean longitude
-    itself."""
+    """Average the equinoctial elements over the revolution around t = 0.
+
+    The length of the revolution is one turn of the mean longitude itself.
+    """
     half = pi / mean_motion(osculating.semi_major_axis, mu)
     for _ in range(2):
         ahead = _half_sum(osculating, half, degree, mu)
@@ -76,8 +80,10 @@ def _averages(osculating: Elements, degree: int, mu: float) -> _Six:
 def _half_sum(
     osculating: Elements, time: float, degree: int, mu: float
 ) -> tuple[_Six, float]:
-    """The averages from t = 0 to `time` (s) by the trapezoidal rule, and the last
-    longitude."""
+    """Average the equinoctial elements from t = 0 to `time` (s).
+
+    Trapezoidal rule. The second result is the mean longitude (rad) at `time`.
+    """
     (x, y, z), (vx, vy, vz) = state_from_elements(osculating, mu)
     n = ceil(STEPS / (1.0 - osculating.eccentricity) ** 1.5)
     here: State = (x, y, z, vx, vy, vz, 0.0)
@@ -93,6 +99,7 @@ def _half_sum(
     )
 
     def slope(e: float, y: State) -> State:
+        """Return the derivative of position and velocity: m/s and m/s2."""
         ax, ay, az = gravity((y[0], y[1], y[2]), degree, mu)
         return (y[3], y[4], y[5], ax, ay, az, 0.0)
 
@@ -111,6 +118,7 @@ def _half_sum(
 
 
 def _equinoctial(elements: Elements) -> _Six:
+    """Convert Kepler elements to equinoctial ones."""
     a, e, i, raan, perigee, anomaly = elements
     longitude, tilt = raan + perigee, tan(0.5 * i)
     return (
@@ -124,6 +132,7 @@ def _equinoctial(elements: Elements) -> _Six:
 
 
 def _elements(six: _Six) -> Elements:
+    """Convert equinoctial elements to Kepler elements."""
     a, h, k, p, q, turn = six
     raan, longitude = atan2(p, q), atan2(h, k)
     return Elements(

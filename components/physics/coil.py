@@ -1,13 +1,12 @@
-"""Coils and rods of magnetic torquers by their making: dipole, resistance, power and
-mass.
+"""Compute dipole, resistance, power and mass of coils and rods of magnetic torquers.
 
 A coil of N turns around an area A has the dipole m = N I A. Around a core of radius r,
-length l and relative permeability mu the field adds to it
+length l and relative permeability mu the dipole grows to
 
     m = pi r^2 N I [1 + (mu - 1) / (1 + (mu - 1) N_d)],
     N_d = 4 (ln(l / r) - 1) / ((l / r)^2 - 4 ln(l / r)),
 
-N_d the demagnetising factor of a long cylinder (Mehrjardi & Mirshams, "Design and
+with N_d the demagnetising factor of a long cylinder (Mehrjardi & Mirshams, "Design and
 Manufacturing of a Research Magnetic Torquer Rod", Contemporary Engineering Sciences 3
 (2010) 227). The wire is of copper: 1.72e-8 Ohm m at 20 deg C, 8960 kg/m3.
 """
@@ -17,36 +16,34 @@ from __future__ import annotations
 from math import log, pi
 from typing import NamedTuple
 
+# resistivity (Ohm m) at 20 deg C, density (kg/m3)
 COPPER, COPPER_DENSITY = 1.72e-8, 8960.0
-"""Resistivity (Ohm m) at 20 deg C, and density (kg/m3)."""
-CORE_DENSITY = 8200.0
-"""Of an alloy of nickel and iron (kg/m3)."""
+CORE_DENSITY = 8200.0  # kg/m3, of an alloy of nickel and iron
 
 
 class Coil(NamedTuple):
-    """What a coil comes to."""
+    """Properties of a coil at its current."""
 
-    dipole: float
-    """A m2 at its current"""
-    area_turns: float
-    """m2, dipole per ampere, core included"""
-    resistance: float
-    """Ohm"""
-    power: float
-    """W at its current"""
-    mass: float
-    """kg, wire and core"""
+    dipole: float  # A m2, at its current
+    area_turns: float  # m2, dipole per ampere, core included
+    resistance: float  # Ohm
+    power: float  # W, at its current
+    mass: float  # kg, wire and core
 
 
 def air(turns: float, a: float, b: float, wire: float, current: float) -> Coil:
-    """A coil of turns around a x b (m) of a wire of this diameter (m), at a current
-    (A)."""
+    """Compute a coil without a core, of turns around a x b (m), at a current (A).
+
+    `wire` is the diameter of the wire (m).
+    """
     return _coil(turns, turns * a * b, 2.0 * turns * (a + b), wire, current, 0.0)
 
 
 def core_factor(length: float, radius: float, permeability: float) -> float:
-    """What a core of this length and radius (m) multiplies the dipole of its winding
-    by."""
+    """Compute the factor by which a core multiplies the dipole of its winding.
+
+    Length and radius of the core in m.
+    """
     slender = length / radius
     demagnetising = (
         4.0 * (log(slender) - 1.0) / (slender * slender - 4.0 * log(slender))
@@ -62,8 +59,10 @@ def rod(
     wire: float,
     current: float,
 ) -> Coil:
-    """A rod of this length and radius (m) with turns of a wire of this diameter (m)
-    around it, at a current (A)."""
+    """Compute a winding of turns around a rod of this length and radius (m).
+
+    `wire` is the diameter of the wire (m), `current` in A.
+    """
     section = pi * radius * radius
     area = turns * section * core_factor(length, radius, permeability)
     core = section * length * CORE_DENSITY
@@ -78,6 +77,10 @@ def _coil(
     current: float,
     core: float,
 ) -> Coil:
+    """Compute the properties of a winding of a wire of this length (m).
+
+    `area_turns` in m2, diameter `wire` in m, current in A, mass of the core in kg.
+    """
     section = pi * wire * wire / 4.0
     resistance = COPPER * length / section
     return Coil(

@@ -1,20 +1,19 @@
-"""One reaction wheel over a step, as `rotor`, with its motor's curve and a table of its
-drag.
+"""Integrate one reaction wheel over a step with its motor's curve and a table of drag.
 
-A motor of the constant K_m (torque by the root of the copper loss, N m / W^(1/2)) on a
-voltage that would turn it at Omega_0 without load gives at the speed Omega, within
-+-torque limit,
+The model extends that of `rotor`. A motor of the constant K_m (torque over the root of
+the copper loss, N m / W^(1/2)) on a voltage that would turn it at Omega_0 without load
+gives at the speed Omega, within +-torque limit,
 
     K_m^2 (-Omega_0 - Omega) <= drive <= K_m^2 (Omega_0 - Omega)
 
-for its current is (voltage - k Omega) / R with k^2 / R = K_m^2 and voltage = k Omega_0.
-The drag is linear between the entries of its table, goes on as the last two do, and
-turns its sign as tanh(Omega / omega_eps). There is no stiction.
+because its current is (voltage - k Omega) / R with k^2 / R = K_m^2 and voltage = k
+Omega_0. The drag is linear between the entries of its table, is extrapolated from the
+last two, and changes its sign as tanh(Omega / omega_eps). There is no stiction.
 
-What the motor's answer to its command alone would give is in closed form; what curve
-and drag take of that is integrated by RK4 whose steps are halved and doubled, two
-halves against one whole, until they differ by less than SMALL_SPEED; so bends of curve
-and table may fall anywhere.
+The motor's response to its command without curve and drag is in closed form. The
+reduction by curve and drag is integrated by RK4 with step halving and doubling: two
+half steps are compared with one whole step until they differ by less than SMALL_SPEED.
+The corners of curve and table may therefore fall anywhere.
 
 Source: the equations of a permanent-magnet motor, e.g. Hughes, Electric Motors and
 Drives, ch. 3.
@@ -39,25 +38,23 @@ from .rotor import (
 )
 
 ENTRIES = 8
-SMALL_SPEED = 1e-8
-"""By which two halves of a step may differ from the whole (rad/s)."""
-SHORTEST = 2.0**-24
-"""No piece is shorter, relative to the step."""
+SMALL_SPEED = 1e-8  # rad/s: tolerance between two half steps and the whole
+SHORTEST = 2.0**-24  # shortest piece, relative to the step
 PIECES = 4096
 
 Row = tuple[float, float, float, float, float, float, float, float]
 
+# Omega_0 (rad/s; 0: any torque at any speed), K_m^2 (N m s/rad), number of entries of
+# the drag table (0: none), their speeds (rad/s) and torques (N m)
 Curve = tuple[float, float, int, Row, Row]
-"""Omega_0 (rad/s; 0: any torque at any speed), K_m^2 (N m s/rad), how many entries the
-table of the drag has (0: none), their speeds (rad/s) and torques (N m)"""
 
+# h minus the momentum by the motor's response (N m s), learnt torque (N m), and the
+# integral of the first (N m s2)
 Moving = tuple[float, float, float]
-"""h less what the motor's answer has given (N m s), learnt (N m), and the integral of
-the first"""
 
 
 def drag(motor: Motor, curve: Curve, omega: float) -> float:
-    """The torque against the rotation (N m)."""
+    """Compute the drag torque (N m) against the rotation at the speed omega (rad/s)."""
     _, _, entries, speeds, torques = curve
     if entries == 0:
         return friction(omega, motor[2], motor[3], motor[4])
@@ -70,7 +67,7 @@ def drag(motor: Motor, curve: Curve, omega: float) -> float:
 
 
 def limited(motor: Motor, curve: Curve, torque: float, omega: float) -> float:
-    """What the motor gives of a torque (N m) at a speed (rad/s)."""
+    """Limit a torque (N m) to what the motor can give at the speed omega (rad/s)."""
     no_load, slope, most = curve[0], curve[1], motor[7]
     if no_load > 0.0:
         torque = min(max(torque, slope * (-no_load - omega)), slope * (no_load - omega))
@@ -87,8 +84,10 @@ def step(
     dt: float,
     fastest: float,
 ) -> tuple[Rotor, float]:
-    """As `rotor.step`: the state after dt (s) with a held motor command (N m), and the
-    integral of h (N m s2)."""
+    """Propagate the rotor over dt (s) with a held motor command (N m), as `rotor.step`.
+
+    Returns the state after dt and the integral of h (N m s2).
+    """
     change, rest, total = (rate1 - rate0) / dt, dt, 0.0
     for _ in range(CHANGES):
         axial = rate1 - change * rest, change
@@ -111,8 +110,11 @@ def _state(
     dt: float,
     fastest: float,
 ) -> tuple[Rotor, float, float]:
-    """The state when moving, or staying at the limit, ends or after dt (s), how long
-    that was (s), and the integral of h."""
+    """Propagate the rotor until its present state ends, at most by dt (s).
+
+    The states are moving, staying at the speed limit and braking. Returns the rotor,
+    the elapsed time (s) and the integral of h (N m s2).
+    """
     j = motor[0]
     h, torque, learnt, _ = rotor
     omega = h / j - axial[0]
@@ -138,6 +140,10 @@ def _moving(
     dt: float,
     fastest: float,
 ) -> tuple[Rotor, float, float]:
+    """Propagate a moving rotor until it reaches its speed limit, at most by dt (s).
+
+    Returns the rotor, the elapsed time (s) and the integral of h (N m s2).
+    """
     torque = rotor[1]
     now: Moving = (rotor[0], rotor[2], 0.0)
     begin, size = 0.0, dt
@@ -180,7 +186,7 @@ def _moving(
 def _there(
     motor: Motor, rotor: Rotor, command: float, now: Moving, t: float
 ) -> tuple[Rotor, float]:
-    """The rotor after t (s), and the integral of its h."""
+    """Return the rotor after t (s), and the integral of its h (N m s2)."""
     pushed, first, torque, _ = driven(motor, rotor[1], command, t)
     return (now[0] + pushed, torque, now[1], rotor[3]), now[2] + first
 
@@ -194,7 +200,7 @@ def _beyond(
     t: float,
     fastest: float,
 ) -> bool:
-    """True where the rotor, t (s) after `axial`, is beyond its limit."""
+    """Return whether the rotor is beyond its speed limit, t (s) after `axial`."""
     h = now[0] + driven(motor, torque, command, t)[0]
     return abs(h / motor[0] - axial[0] - axial[1] * t) > fastest * (1.0 + AT_LIMIT)
 
@@ -209,8 +215,11 @@ def _piece(
     now: Moving,
     size: float,
 ) -> tuple[Moving, float]:
-    """The state a time `size` (s) after `begin` (s), by two halves and, extrapolated,
-    the whole; and by how much (N m s) these differ."""
+    """Integrate from `begin` (s) over `size` (s) and estimate the error (N m s).
+
+    The state is that of two half steps, extrapolated with the whole step; the error is
+    their difference.
+    """
     half = 0.5 * size
     whole = _runge_kutta(motor, curve, torque, command, axial, begin, now, size)
     middle = _runge_kutta(motor, curve, torque, command, axial, begin, now, half)
@@ -235,11 +244,13 @@ def _runge_kutta(
     now: Moving,
     size: float,
 ) -> Moving:
+    """Integrate one RK4 step of `size` (s) from `begin` (s)."""
     j, lag, c, (rate, change) = motor[0], motor[1], motor[5], axial
     y, learnt, total = now
     excess = torque - command if lag > 0.0 else 0.0
 
     def changes(s: float, y: float, learnt: float) -> tuple[float, float]:
+        """Return the derivatives of y (N m) and of the learnt torque (N m/s)."""
         left = exp(-s / lag) if excess else 0.0
         answer = command + excess * left
         pushed = command * s + excess * lag * (1.0 - left)

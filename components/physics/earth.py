@@ -1,10 +1,10 @@
-"""The Earth's turn, the Sun and the Earth's shadow.
+"""Compute the rotation of the Earth, the direction of the Sun and the Earth's shadow.
 
 Times are epochs: seconds since 2000-01-01T12:00:00 UTC, leap seconds not counted, UT1 =
 UTC. The frame of this module is `date`: the mean equator and equinox of date (what the
-elements of SGP4 mean by TEME, to 20 arcsec), held fixed during a run; so the Earth's
-angle is the sidereal time and the Sun's direction that of the almanac. v_earth_fixed =
-R3(angle) v_date.
+elements of SGP4 mean by TEME, to 20 arcsec), held fixed during a run. The Earth's angle
+is therefore the sidereal time, and the Sun's direction is that of the almanac.
+v_earth_fixed = R3(angle) v_date.
 """
 
 from __future__ import annotations
@@ -14,31 +14,26 @@ from math import acos, asin, cos, floor, pi, radians, sin, sqrt, tau
 from ..contract.block import Mat33, Vec3
 from .orbit import EARTH_RADIUS
 
-SUN_RADIUS = 6.957e8
-"""Nominal radius of the Sun (m), IAU 2015 resolution B3."""
+SUN_RADIUS = 6.957e8  # m, nominal, IAU 2015 resolution B3
 
-ASTRONOMICAL_UNIT = 1.495978707e11
-"""m"""
+ASTRONOMICAL_UNIT = 1.495978707e11  # m
 
-OBLIQUITY = radians(23.439)
-"""Of the ecliptic at J2000 (rad); 4e-7 deg a day less since."""
+OBLIQUITY = radians(23.439)  # rad, of the ecliptic at J2000; it falls by 4e-7 deg a day
 
-ECLIPTIC_NORTH: Vec3 = (0.0, -sin(OBLIQUITY), cos(OBLIQUITY))
-"""In date."""
+ECLIPTIC_NORTH: Vec3 = (0.0, -sin(OBLIQUITY), cos(OBLIQUITY))  # unit vector, date
 
-FLATTENING = 1.0 / 298.257223563
-"""Of the WGS-84 ellipsoid."""
+FLATTENING = 1.0 / 298.257223563  # of the WGS-84 ellipsoid
 
-SUN_YEARS = (1950.0, 2050.0)
-"""For which `sun` is good to 0.01 deg."""
+SUN_YEARS = (1950.0, 2050.0)  # years for which `sun` is good to 0.01 deg
 
 _DAY = 86400.0
 
 
 def earth_angle(epoch: float) -> float:
-    """Greenwich mean sidereal time (rad, from 0 to 2 pi) at an epoch (s), IAU 1982.
+    """Compute the Greenwich mean sidereal time (rad, 0 to 2 pi) at an epoch (s).
 
-    Vallado, Fundamentals of Astrodynamics and Applications, 4th ed., eq. 3-45.
+    IAU 1982: Vallado, Fundamentals of Astrodynamics and Applications, 4th ed., eq.
+    3-45.
     """
     c = epoch / (36525.0 * _DAY)
     seconds = 67310.54841 + (876600.0 * 3600.0 + 8640184.812866) * c
@@ -47,14 +42,16 @@ def earth_angle(epoch: float) -> float:
 
 
 def _days_before(year: int) -> int:
-    """Days from 2000-01-01 to the first of January of a year of the Gregorian calendar."""
+    """Count the days from 2000-01-01 to January 1st of a Gregorian year."""
     n = year - 1
     return 365 * n + n // 4 - n // 100 + n // 400 - 730119
 
 
 def decimal_year(epoch: float) -> float:
-    """The calendar year with its elapsed share, 2026.5 for the middle of 2026, of an
-    epoch (s)."""
+    """Convert an epoch (s) to a decimal year, 2026.5 for the middle of 2026.
+
+    The fraction is the elapsed part of the calendar year.
+    """
     days = epoch / _DAY + 0.5
     year = 2000 + floor(days / 365.2425)
     if days < _days_before(year):
@@ -66,13 +63,13 @@ def decimal_year(epoch: float) -> float:
 
 
 def precession(epoch: float) -> Mat33:
-    """P with v_date = P v_j2000: from the mean equator and equinox of J2000 to those of
-    an epoch (s).
+    """Compute P of v_date = P v_j2000 at an epoch (s).
 
-    IAU 1976, the precession that goes with the sidereal time of 1982 (Lieske and
-    others, Astron. Astrophys. 58 (1977) 1; Vallado, Fundamentals of Astrodynamics and
-    Applications, 4th ed., eq. 3-88): P = R3(-z) R2(theta) R3(-zeta). That of 2006
-    differs by 0.3 arcsec a century.
+    P leads from the mean equator and equinox of J2000 to those of the epoch. IAU 1976,
+    the precession that goes with the sidereal time of 1982 (Lieske and others, Astron.
+    Astrophys. 58 (1977) 1; Vallado, Fundamentals of Astrodynamics and Applications, 4th
+    ed., eq. 3-88): P = R3(-z) R2(theta) R3(-zeta). That of 2006 differs by 0.3 arcsec a
+    century.
     """
     c = epoch / (36525.0 * _DAY)
     zeta = radians((2306.2181 + (0.30188 + 0.017998 * c) * c) * c / 3600.0)
@@ -100,11 +97,10 @@ def precession(epoch: float) -> Mat33:
 
 
 def sun(epoch: float) -> tuple[Vec3, float]:
-    """Unit vector from the Earth to the Sun, date, and the distance (m), at an epoch
-    (s).
+    """Compute the direction (unit vector, date) and distance (m) of the Sun.
 
-    The low-precision formulae of the Astronomical Almanac (page C5): 0.01 deg from 1950
-    to 2050.
+    Seen from the Earth at an epoch (s), by the low-precision formulae of the
+    Astronomical Almanac (page C5): 0.01 deg from 1950 to 2050.
     """
     days = epoch / _DAY
     g = radians(357.528 + 0.9856003 * days)
@@ -121,26 +117,24 @@ def sun(epoch: float) -> tuple[Vec3, float]:
 
 
 def raan_of_local_time(hours: float, epoch: float) -> float:
-    """The raan (rad, from 0 to 2 pi) whose node has a mean local solar time, at an
-    epoch (s).
+    """Compute the raan (rad, 0 to 2 pi) of a mean local solar time at an epoch (s).
 
-    `hours` from 0 to 24 for the ascending node: 12 puts it under the mean Sun.
+    `hours` from 0 to 24 applies to the ascending node: 12 puts it under the mean Sun.
     """
     mean_sun = radians(280.460 + 0.9856474 * epoch / _DAY)
     return (mean_sun + (hours - 12.0) * tau / 24.0) % tau
 
 
 def sunlight(r_date: Vec3, sun_date: Vec3, sun_distance: float) -> float:
-    """The visible share of the Sun's disc at r (m): 0 in umbra, 1 outside of the
-    penumbra.
+    """Compute the visible fraction of the Sun's disc at r (m): 0 in umbra.
 
-    The Earth is a sphere of the equatorial radius. Two overlapping discs, Montenbruck &
-    Gill, Satellite Orbits, section 3.4.2.
+    It is 1 outside of the penumbra. The Earth is a sphere of the equatorial radius. Two
+    overlapping discs, Montenbruck & Gill, Satellite Orbits, section 3.4.2.
     """
     x, y, z = r_date
     sx, sy, sz = sun_date
     along = x * sx + y * sy + z * sz
-    if along >= 0.0:  # before the Earth
+    if along >= 0.0:  # on the day side
         return 1.0
     size2 = x * x + y * y + z * z
     # spacecraft to Sun: its distance, and the cosine of its angle from the Earth's
@@ -156,7 +150,8 @@ def sunlight(r_date: Vec3, sun_date: Vec3, sun_distance: float) -> float:
         return 0.0
     if c <= a - b:  # an annular eclipse, far out
         return 1.0 - (b / a) ** 2
-    # from the Sun's centre to the chord of the two rims; within +-a but for rounding
+    # distance from the Sun's centre to the chord of the two rims; rounding may put it
+    # outside of +-a
     u = max(min((a * a + (c - b) * (c + b)) / (2.0 * c), a), -a)
     sector = b * b * acos(max(min((c - u) / b, 1.0), -1.0))
     hidden = a * a * acos(u / a) + sector - c * sqrt(a * a - u * u)
@@ -164,9 +159,10 @@ def sunlight(r_date: Vec3, sun_date: Vec3, sun_distance: float) -> float:
 
 
 def height(r_date: Vec3) -> float:
-    """The height (m) of r (m) above the WGS-84 ellipsoid, to 5 m up to 1000 km.
+    """Compute the height (m) of r (m) above the WGS-84 ellipsoid, to 5 m up to 1000 km.
 
-    Measured along the radius, which leans from the vertical by 0.2 deg at the most.
+    It is measured along the radius, which deviates from the vertical by at most 0.2
+    deg.
     """
     x, y, z = r_date
     size2 = x * x + y * y + z * z

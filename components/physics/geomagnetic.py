@@ -1,6 +1,6 @@
-"""The geomagnetic field: centred dipole and spherical harmonics, in Earth-fixed axes.
+"""Compute the geomagnetic field of a centred dipole or of spherical harmonics.
 
-Earth-fixed: z along the rotation axis to the north pole, x to the meridian of
+Axes are Earth-fixed: z along the rotation axis to the north pole, x to the meridian of
 Greenwich.
 """
 
@@ -12,21 +12,20 @@ from math import factorial, sqrt
 from ..contract.block import Vec3
 from . import igrf14
 
-REFERENCE_RADIUS = 6371200.0
-"""Of the Gauss coefficients (m)."""
+REFERENCE_RADIUS = 6371200.0  # m, of the Gauss coefficients
 
 _Row = tuple[float, float, float, float, float, float, float]
+# Terms that `field` sums: for each order m the rows of its degrees, as `harmonics`
+# computes them.
 Harmonics = tuple[tuple[_Row, ...], ...]
-"""What `field` sums: of each order m the rows of its degrees, as `harmonics` writes
-them."""
 
 
 def dipole(r: Vec3, moment: Vec3) -> Vec3:
-    """B = (3 (m.u) u - m) / r^3 (T) of a centred dipole, with u = r / |r| and r in m.
+    """Compute the field B (T) of a centred dipole at r (m).
 
-    `moment` is mu_0 / (4 pi) times the magnetic moment (T m3), or (g11, h11, g10) times
-    the cube of the reference radius: it points south. r, moment and B are in the same
-    axes, whichever.
+    B = (3 (m.u) u - m) / r^3 with u = r / |r|. `moment` is mu_0 / (4 pi) times the
+    magnetic moment (T m3), or (g11, h11, g10) times the cube of the reference radius:
+    it points south. r, moment and B are in the same axes, whichever these are.
     """
     x, y, z = r
     mx, my, mz = moment
@@ -36,6 +35,7 @@ def dipole(r: Vec3, moment: Vec3) -> Vec3:
     return (k * x - cube * mx, k * y - cube * my, k * z - cube * mz)
 
 
+# Factors from Schmidt's normalisation to none, of degree n and order m.
 _SCHMIDT = tuple(
     tuple(
         sqrt((2 if m else 1) * factorial(n - m) / factorial(n + m)) if m <= n else 0.0
@@ -43,11 +43,10 @@ _SCHMIDT = tuple(
     )
     for n in range(igrf14.DEGREE + 1)
 )
-"""From Schmidt's normalisation to none, of degree n and order m."""
 
 
 def harmonics(coefficients: igrf14.Gauss, degree: int) -> Harmonics:
-    """Gauss coefficients up to a degree as the sum that `field` takes.
+    """Convert Gauss coefficients up to a degree to the terms that `field` sums.
 
     The potential R sum (R/r)^(n+1) (g cos m phi + h sin m phi) S_nm is a sum of solid
     harmonics Z_nm = (R/r)^(n+1) P_nm e^(i m phi), without normalisation. The Cartesian
@@ -57,15 +56,15 @@ def harmonics(coefficients: igrf14.Gauss, degree: int) -> Harmonics:
         d/dz Z_nm = -(n-m+1) Z_n+1,m
         d/dx Z_nm = (-Z_n+1,m+1 + (n-m+2)(n-m+1) Z_n+1,m-1) / 2    (-Z_n+1,1 for m = 0)
 
-    and likewise d/dy; so each component of B is such a sum itself, of one degree more,
-    and needs neither an angle nor a division by the cosine of the latitude. With Z_nm =
-    K_nm (R/r) w^m p_nm, w = (x + i y) R/r^2, p_mm = 1, the recursion in n needs but one
-    constant:
+    and likewise d/dy. Each component of B is therefore such a sum itself, of one degree
+    more, and needs neither an angle nor a division by the cosine of the latitude. With
+    Z_nm = K_nm (R/r) w^m p_nm, w = (x + i y) R/r^2, p_mm = 1, the recursion in n needs
+    only one constant:
 
         p_n+1 = (z R/r^2) p_n - beta_n (R/r)^2 p_n-1
 
     A row is beta_n, then K_nm times the real and imaginary part of the factor of Z_nm
-    in B_x, B_y and B_z; the imaginary part has its sign turned.
+    in B_x, B_y and B_z; the sign of the imaginary part is reversed.
     """
     top = min(degree, igrf14.DEGREE) + 1
     return tuple(
@@ -75,8 +74,10 @@ def harmonics(coefficients: igrf14.Gauss, degree: int) -> Harmonics:
 
 
 def _row(coefficients: igrf14.Gauss, degree: int, n: int, m: int) -> _Row:
-    """The row of Z_nm: from the coefficients of degree n - 1 and of the orders m - 1,
-    m, m + 1."""
+    """Compute the row of Z_nm.
+
+    It takes the coefficients of degree n - 1 and of the orders m - 1, m and m + 1.
+    """
     scale = 1.0
     for odd in range(1, 2 * m, 2):
         scale *= odd
@@ -101,7 +102,7 @@ def _row(coefficients: igrf14.Gauss, degree: int, n: int, m: int) -> _Row:
 def _gauss(
     coefficients: igrf14.Gauss, degree: int, n: int, m: int
 ) -> tuple[float, float]:
-    """g_nm and h_nm (T) without normalisation; 0 where there is none."""
+    """Return g_nm and h_nm (T) without normalisation; 0 where there is none."""
     if not (1 <= n <= degree and 0 <= m <= n):
         return 0.0, 0.0
     first, schmidt = n * n - 1, _SCHMIDT[n][m]
@@ -114,8 +115,11 @@ def _gauss(
 
 @lru_cache(maxsize=16)
 def _model(k: int, degree: int) -> tuple[Harmonics, Harmonics]:
-    """Model number k of IGRF-14 and its change a year, for `field`; remembered, as a
-    block asks for it again at each node. The change of today's ends at degree 8."""
+    """Return the harmonics of IGRF-14 model number k and of their change per year.
+
+    They are cached, as a block needs them again at each node. The change of the present
+    model ends at degree 8.
+    """
     now, change = igrf14.model(k, degree)
     last = 0
     for n in range(1, degree + 1):
@@ -125,9 +129,14 @@ def _model(k: int, degree: int) -> tuple[Harmonics, Harmonics]:
 
 
 def igrf(r: Vec3, year: float, degree: int = igrf14.DEGREE) -> Vec3:
-    """B (T) of IGRF-14 up to a degree at r (m) in a decimal year, both Earth-fixed.
+    """Compute the field B (T) of IGRF-14 up to a degree at r (m) in a decimal year.
 
-    Raises BlockError outside of the years that IGRF-14 covers.
+    Position and field are Earth-fixed.
+
+    Raises
+    ------
+    BlockError
+        If the year is outside of those that IGRF-14 covers.
     """
     k = igrf14.model_of(year)
     now, change = _model(k, degree)
@@ -138,7 +147,10 @@ def igrf(r: Vec3, year: float, degree: int = igrf14.DEGREE) -> Vec3:
 
 
 def field(r: Vec3, model: Harmonics) -> Vec3:
-    """B (T) of spherical harmonics at r (m), both Earth-fixed; right at the poles too."""
+    """Compute the field B (T) of spherical harmonics at r (m), both Earth-fixed.
+
+    The result is also valid at the poles.
+    """
     x, y, z = r
     size2 = x * x + y * y + z * z
     s = REFERENCE_RADIUS / size2

@@ -1,8 +1,9 @@
-"""A rigid body with wheels: momentum and rate.
+"""Compute momentum and rate of a rigid body with wheels.
 
 H_B = J_r omega + sum g_i h_i, with J_r = J - sum J_s,i g_i g_i' the inertia without the
 wheels' axial part, g_i the wheels' axes and h_i = J_s,i (Omega_i + g_i . omega) their
-absolute axial momenta. Body frame; J (kg m2) is the whole craft with the wheels locked.
+absolute axial momenta. Body frame; J (kg m2) is that of the whole craft with locked
+wheels.
 """
 
 from __future__ import annotations
@@ -14,7 +15,10 @@ from ..maths.vector import dot, inverse, mat_vec
 
 
 def carrier_inertia(inertia: Mat33, axes: Mat34, inertia_wheel: Vec4) -> Mat33:
-    """J_r = J - sum J_s g g' (kg m2)."""
+    """Compute the inertia J_r (kg m2) without the wheels' axial part.
+
+    J_r = J - sum J_s g g'.
+    """
     reduced = list(inertia)
     for i, j_s in enumerate(inertia_wheel):
         g = (axes[i], axes[4 + i], axes[8 + i])
@@ -25,11 +29,16 @@ def carrier_inertia(inertia: Mat33, axes: Mat34, inertia_wheel: Vec4) -> Mat33:
 
 
 def check_inertia(inertia: Mat33) -> None:
-    """Raise BlockError for an inertia (kg m2) that no body can have: one that is not
-    symmetric, or whose principal moments are not positive or break the triangle rule.
+    """Check that a body can have this inertia (kg m2).
 
     With d V = rho dx dy dz, J = tr(S) 1 - S where S = int x x' dV has no negative
     eigenvalue, and S = tr(J) / 2 1 - J.
+
+    Raises
+    ------
+    BlockError
+        If the inertia is not symmetric, or its principal moments are not positive or break
+        the triangle rule.
     """
     a, b, c, d, e, f, g, h, i = inertia
     small = 1e-9 * max(abs(a), abs(e), abs(i))
@@ -56,12 +65,19 @@ def check_inertia(inertia: Mat33) -> None:
 
 
 def _determinant(m: Mat33) -> float:
+    """Compute the determinant of a matrix."""
     a, b, c, d, e, f, g, h, i = m
     return a * (e * i - f * h) - b * (d * i - f * g) + c * (d * h - e * g)
 
 
 def inverse_inertia(inertia: Mat33) -> Mat33:
-    """The inverse; raises BlockError when the matrix is not symmetric and positive."""
+    """Compute the inverse of an inertia (1/(kg m2)).
+
+    Raises
+    ------
+    BlockError
+        If the matrix is not symmetric and positive definite.
+    """
     a, b, c, d, e, f, g, h, i = inertia
     symmetric = max(abs(b - d), abs(c - g), abs(f - h)) <= 1e-9 * max(a, e, i)
     determinant = a * (e * i - f * h) - b * (d * i - f * g) + c * (d * h - e * g)
@@ -74,7 +90,7 @@ def inverse_inertia(inertia: Mat33) -> Mat33:
 
 
 def rate(h_total: Vec3, h_wheels: Vec3, inverse_carrier: Mat33) -> Vec3:
-    """omega (rad/s) from the total and the wheels' momentum (N m s), both in body."""
+    """Compute omega (rad/s) from the total and the wheels' momentum (N m s), body."""
     return mat_vec(
         inverse_carrier,
         (h_total[0] - h_wheels[0], h_total[1] - h_wheels[1], h_total[2] - h_wheels[2]),
@@ -82,16 +98,16 @@ def rate(h_total: Vec3, h_wheels: Vec3, inverse_carrier: Mat33) -> Vec3:
 
 
 def over_determinant(carrier: Mat33) -> Mat33:
-    """J_r / det J_r (1/(kg m2)^2), for `nutation`."""
+    """Compute J_r / det J_r (1/(kg m2)^2), for `nutation`."""
     a, b, c, d, e, f, g, h, i = carrier
     s = 1.0 / (a * (e * i - f * h) - b * (d * i - f * g) + c * (d * h - e * g))
     return (s * a, s * b, s * c, s * d, s * e, s * f, s * g, s * h, s * i)
 
 
 def nutation(h_total: Vec3, over_det: Mat33) -> float:
-    """sqrt(l.J_r l / det J_r): how fast (rad/s) the total momentum l (N m s, body)
-    nutates.
+    """Compute the nutation rate (rad/s) of the total momentum l (N m s, body).
 
-    The eigenvalue of l x J_r^-1, by which dl' = l x J_r^-1 dl + dl x omega.
+    sqrt(l.J_r l / det J_r) is the eigenvalue of l x J_r^-1, by which dl' = l x J_r^-1
+    dl + dl x omega.
     """
     return sqrt(dot(h_total, mat_vec(over_det, h_total)))

@@ -1,4 +1,4 @@
-"""The International Geomagnetic Reference Field, 14th generation: its coefficients.
+"""Provide the coefficients of the International Geomagnetic Reference Field, IGRF-14.
 
 `igrf14.json` beside this file holds them with their source.
 """
@@ -12,25 +12,27 @@ from pathlib import Path
 
 from ..contract.block import BlockError
 
+# Gauss coefficients (T), Schmidt semi-normalised: g_n0, g_n1, h_n1, g_n2, h_n2 to g_nn,
+# h_nn for each degree n = 1, 2, ... in order.
 Gauss = tuple[float, ...]
-"""Gauss coefficients (T), Schmidt semi-normalised: of degree n = 1, 2, ... one after
-the other g_n0, g_n1, h_n1, g_n2, h_n2 to g_nn, h_nn."""
 
-DEGREE = 13
-"""Of the field since 2000; before it is 10."""
+DEGREE = 13  # of the field since 2000; before it is 10
 
 FIRST_YEAR, LAST_YEAR = 1900.0, 2030.0
 
 _COEFFICIENTS = DEGREE * (DEGREE + 2)
 
+# Years accepted beyond either end, five minutes: for the points around the first and
+# the last step.
 _LEEWAY = 1e-5
-"""Years beyond either end, five minutes: for the points around the first and the last
-step."""
 
 
 @cache
 def _table() -> tuple[tuple[float, ...], tuple[tuple[float, ...], ...]]:
-    """The years, and of each coefficient, as `Gauss` orders them, nT in each year."""
+    """Read the years, and the values (nT) of each coefficient in them.
+
+    The coefficients are in the order of `Gauss`.
+    """
     data = json.loads(Path(__file__).with_suffix(".json").read_text(encoding="utf-8"))
     by_name = {
         (n, m): tuple(map(float, values)) for n, m, *values in data["coefficients"]
@@ -45,10 +47,12 @@ def _table() -> tuple[tuple[float, ...], tuple[tuple[float, ...], ...]]:
 
 
 def model_of(year: float) -> int:
-    """The number of the last model, counted from 0, that is not after a decimal year
-    (2026.5).
+    """Return the number, from 0, of the last model that is not after a decimal year.
 
-    Raises BlockError outside 1900 to 2030.
+    Raises
+    ------
+    BlockError
+        If the year (2026.5) is outside 1900 to 2030.
     """
     if not FIRST_YEAR - _LEEWAY <= year <= LAST_YEAR + _LEEWAY:
         raise BlockError(
@@ -60,16 +64,16 @@ def model_of(year: float) -> int:
 
 
 def model_year(k: int) -> float:
-    """The decimal year of model number k."""
+    """Return the decimal year of model number k."""
     return _table()[0][k]
 
 
 def model(k: int, degree: int = DEGREE) -> tuple[Gauss, Gauss]:
-    """The coefficients (T) of model number k and their change (T a year) to the next,
-    up to a degree from 1 to 13.
+    """Return the coefficients (T) of model number k and their change (T a year).
 
-    The field is linear between the models, which are five years apart; after 2025 its
-    change is the published secular variation.
+    They go up to a degree from 1 to 13. The change is that to the next model: the field
+    is linear between the models, which are five years apart. After 2025 the change is
+    the published secular variation.
     """
     years, rows = _table()
     span = years[k + 1] - years[k]

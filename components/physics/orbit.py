@@ -1,4 +1,4 @@
-"""Orbits: constants of the Earth, Kepler motion, the local orbital frame.
+"""Compute orbits: constants of the Earth, Kepler motion, the local orbital frame.
 
 Frames: `eci`, where gravity and drift have z to the Earth's pole; `lvlh` (z to nadir, y
 to minus orbit normal, x completes: along the velocity on a circular orbit).
@@ -13,20 +13,16 @@ from ..contract.block import Mat33, Vec3, Vec4
 from ..maths.attitude import from_matrix
 from ..maths.vector import add, cross, dot, mat_vec, norm, scale, unit
 
-MU = 3.986004418e14
-"""Gravitational parameter of the Earth (m3/s2), WGS-84 / EGM."""
+MU = 3.986004418e14  # m3/s2, gravitational parameter of the Earth, WGS-84 / EGM
 
-EARTH_RADIUS = 6378137.0
-"""Equatorial radius (m), WGS-84."""
+EARTH_RADIUS = 6378137.0  # m, equatorial, WGS-84
 
-EARTH_RATE = 7.2921159e-5
-"""Rotation of the Earth (rad/s)."""
+EARTH_RATE = 7.2921159e-5  # rad/s, rotation of the Earth
 
+# Zonal harmonics of the Earth's gravity, EGM-96 (not normalised).
 J2, J3, J4 = 1.08262668e-3, -2.53265649e-6, -1.61962159e-6
-"""Zonal harmonics of the Earth's gravity, EGM-96 (not normalised)."""
 
-TROPICAL_YEAR = 365.24219 * 86400.0
-"""The Sun's mean turn through the equinoxes (s)."""
+TROPICAL_YEAR = 365.24219 * 86400.0  # s, mean motion of the Sun through the equinoxes
 
 
 class Elements(NamedTuple):
@@ -41,7 +37,7 @@ class Elements(NamedTuple):
 
 
 class Drift(NamedTuple):
-    """Rates of the angular elements beyond Kepler's motion (rad/s)."""
+    """Rates of the angular elements in addition to Kepler's motion (rad/s)."""
 
     raan: float
     argument_of_perigee: float
@@ -49,14 +45,14 @@ class Drift(NamedTuple):
 
 
 def mean_motion(semi_major_axis: float, mu: float = MU) -> float:
-    """n = sqrt(mu / a^3) (rad/s) for a semi-major axis in m and mu in m3/s2."""
+    """Compute the mean motion n = sqrt(mu / a^3) (rad/s); a in m, mu in m3/s2."""
     return sqrt(mu / semi_major_axis**3)
 
 
 def orbit_plane(inclination: float, raan: float) -> tuple[Vec3, Vec3, Vec3]:
-    """Unit vectors in eci: to the ascending node, 90 deg ahead in the plane, and the
-    normal.
+    """Compute the axes of the orbital plane, unit vectors in eci.
 
+    They point to the ascending node, 90 deg ahead in the plane, and along the normal.
     Angles in rad.
     """
     ci, si, co, so = cos(inclination), sin(inclination), cos(raan), sin(raan)
@@ -64,7 +60,10 @@ def orbit_plane(inclination: float, raan: float) -> tuple[Vec3, Vec3, Vec3]:
 
 
 def lvlh_attitude(r_eci: Vec3, v_eci: Vec3) -> Vec4:
-    """q_OI: the attitude of lvlh relative to eci, from position (m) and velocity (m/s)."""
+    """Compute q_OI, the attitude of lvlh relative to eci.
+
+    From position (m) and velocity (m/s).
+    """
     z = scale(-1.0, unit(r_eci))
     y = scale(-1.0, unit(cross(r_eci, v_eci)))
     x = cross(y, z)
@@ -74,19 +73,21 @@ def lvlh_attitude(r_eci: Vec3, v_eci: Vec3) -> Vec4:
 def perifocal_axes(
     inclination: float, raan: float, argument_of_perigee: float
 ) -> tuple[Vec3, Vec3]:
-    """Unit vectors in eci: to the perigee, and 90 deg ahead in the plane. Angles in
-    rad."""
+    """Compute unit vectors in eci to the perigee and 90 deg ahead in the plane.
+
+    Angles in rad.
+    """
     node, ahead, _ = orbit_plane(inclination, raan)
     c, s = cos(argument_of_perigee), sin(argument_of_perigee)
     return add(scale(c, node), scale(s, ahead)), add(scale(-s, node), scale(c, ahead))
 
 
 def eccentric_anomaly(mean_anomaly: float, eccentricity: float) -> float:
-    """E - e sin E = M for 0 <= e < 1, to rounding (rad, from -pi to pi).
+    """Solve Kepler's equation E - e sin E = M for E (rad, -pi to pi).
 
-    Newton's iteration. Above e = 0.8 it starts at pi, on the side where the equation is
-    convex, so it converges from there for any M (Montenbruck & Gill, Satellite Orbits,
-    section 2.2.4).
+    0 <= e < 1, to rounding. Newton's iteration. Above e = 0.8 it starts at pi, on the
+    side where the equation is convex, so it converges from there for any M (Montenbruck
+    & Gill, Satellite Orbits, section 2.2.4).
     """
     m, e = remainder(mean_anomaly, tau), eccentricity
     x = m + e * sin(m) if e < 0.8 else copysign(pi, m)
@@ -94,22 +95,23 @@ def eccentric_anomaly(mean_anomaly: float, eccentricity: float) -> float:
         s = sin(x)
         step = (x - e * s - m) / (1.0 - e * cos(x))
         x -= step
-        # the next step would be of the order of step^2: below rounding (and nan ends
-        # here)
+        # the next step would be of the order of step^2, below rounding; nan ends here too
         if not abs(step) > 1e-9:
             return x
 
 
 def mean_from_true_anomaly(true_anomaly: float, eccentricity: float) -> float:
-    """Mean anomaly (rad, from -pi to pi) of a true anomaly (rad), 0 <= e < 1."""
+    """Convert a true anomaly (rad) to the mean anomaly (rad, -pi to pi), 0 <= e < 1."""
     c, s = cos(true_anomaly), sin(true_anomaly)
     y, x = sqrt(1.0 - eccentricity * eccentricity) * s, eccentricity + c
     return atan2(y, x) - eccentricity * y / (1.0 + eccentricity * c)
 
 
 def ellipse_of_altitudes(perigee: float, apogee: float) -> tuple[float, float]:
-    """Semi-major axis (m) and eccentricity from the heights (m) above the equatorial
-    radius."""
+    """Compute semi-major axis (m) and eccentricity from perigee and apogee heights (m).
+
+    Heights are above the equatorial radius.
+    """
     low, high = EARTH_RADIUS + perigee, EARTH_RADIUS + apogee
     return 0.5 * (low + high), (high - low) / (high + low)
 
@@ -122,10 +124,10 @@ def ellipse_state(
     to_perigee: Vec3,
     ahead: Vec3,
 ) -> tuple[Vec3, Vec3]:
-    """Position and velocity on an ellipse in the plane of two unit vectors.
+    """Compute position (m) and velocity (m/s) on an ellipse.
 
-    a in m, M in rad and its rate in rad/s; r in m, v in m/s, in the frame of the unit
-    vectors.
+    a in m, M in rad and its rate in rad/s. The ellipse lies in the plane of the unit
+    vectors `to_perigee` and `ahead`; the results are in their frame.
     """
     anomaly = eccentric_anomaly(mean_anomaly, eccentricity)
     c, s = cos(anomaly), sin(anomaly)
@@ -144,10 +146,10 @@ def ellipse_state(
 def drifting_state(
     elements: Elements, drift: Drift, t: float, mu: float
 ) -> tuple[Vec3, Vec3]:
-    """r (m) and v (m/s) in eci, t (s) after the elements, on an ellipse whose angles
-    drift.
+    """Compute r (m) and v (m/s) in eci on an ellipse whose angles drift.
 
-    v is the time derivative of r, the turning of the ellipse included.
+    The time t (s) counts from the elements. v is the time derivative of r, including
+    the rotation of the ellipse.
     """
     a, e, i, raan, perigee, anomaly = elements
     raan += drift.raan * t
@@ -161,10 +163,10 @@ def drifting_state(
 def j2_drift(
     semi_major_axis: float, eccentricity: float, inclination: float, mu: float = MU
 ) -> Drift:
-    """The secular drift by the Earth's oblateness, first order in J2, for mean
-    elements.
+    """Compute the secular drift by the Earth's oblateness for mean elements.
 
-    Vallado, Fundamentals of Astrodynamics and Applications, 4th ed., section 9.6.
+    First order in J2: Vallado, Fundamentals of Astrodynamics and Applications, 4th ed.,
+    section 9.6.
     """
     n = mean_motion(semi_major_axis, mu)
     squared = 1.0 - eccentricity * eccentricity
@@ -178,10 +180,10 @@ def j2_drift(
 
 
 def gravity(r: Vec3, degree: int, mu: float = MU) -> Vec3:
-    """The Earth's gravity (m/s2) at r (m, z to the pole) with the zonal harmonics up to
-    `degree`, from 1 (none) to 4.
+    """Compute the Earth's gravity (m/s2) at r (m, z to the pole).
 
-    Vallado, Fundamentals of Astrodynamics and Applications, 4th ed., section 8.7.
+    It has the zonal harmonics up to `degree`, from 1 (none) to 4: Vallado, Fundamentals
+    of Astrodynamics and Applications, 4th ed., section 8.7.
     """
     x, y, z = r
     size2 = x * x + y * y + z * z
@@ -212,9 +214,14 @@ def gravity(r: Vec3, degree: int, mu: float = MU) -> Vec3:
 def sun_synchronous_inclination(
     semi_major_axis: float, eccentricity: float = 0.0
 ) -> float:
-    """The inclination (rad) at which J2 turns the node once in a tropical year.
+    """Compute the inclination (rad) of a Sun-synchronous orbit.
 
-    Raises ValueError for an orbit that is too high (a > 12 352 km when circular).
+    J2 turns its node once in a tropical year.
+
+    Raises
+    ------
+    ValueError
+        If the orbit is too high (a > 12 352 km when circular).
     """
     k = -j2_drift(semi_major_axis, eccentricity, 0.0).raan
     cosine = -tau / TROPICAL_YEAR / k
@@ -227,10 +234,14 @@ def sun_synchronous_inclination(
 
 
 def elements_from_state(r_eci: Vec3, v_eci: Vec3, mu: float = MU) -> Elements:
-    """The elements of the ellipse through r (m) with v (m/s).
+    """Compute the elements of the ellipse through r (m) with v (m/s).
 
     raan is 0 on an equatorial orbit, the argument of perigee 0 on a circular one.
-    Raises ValueError where the motion is not an ellipse.
+
+    Raises
+    ------
+    ValueError
+        If the motion is not an ellipse.
     """
     radius = norm(r_eci)
     a = 1.0 / (2.0 / radius - dot(v_eci, v_eci) / mu)
@@ -255,14 +266,14 @@ def elements_from_state(r_eci: Vec3, v_eci: Vec3, mu: float = MU) -> Elements:
 
 
 def state_from_elements(elements: Elements, mu: float = MU) -> tuple[Vec3, Vec3]:
-    """r (m) and v (m/s) on the ellipse of the elements, at their time."""
+    """Compute r (m) and v (m/s) on the ellipse of the elements, at their time."""
     a, e, i, raan, perigee, anomaly = elements
     p, q = perifocal_axes(i, raan, perigee)
     return ellipse_state(a, e, anomaly, mean_motion(a, mu), p, q)
 
 
 def turned(elements: Elements, c: Mat33) -> Elements:
-    """The elements of the same ellipse in another frame, v_other = c v."""
+    """Transform the elements of an ellipse to another frame, v_other = c v."""
     p, q = perifocal_axes(
         elements.inclination, elements.raan, elements.argument_of_perigee
     )

@@ -1,8 +1,7 @@
-"""Motion of a rigid body with wheels over a step, in which all that acts on it is
-given.
+"""Compute the motion of a rigid body with wheels over a step under known loads.
 
-What is given goes as a polynomial in the share e of the step, from 0 to 1: a mean with
-its slope, a value with its first and second derivative.
+The loads are polynomials in the fraction e of the step, from 0 to 1: a mean with its
+slope, or a value with its first and second derivative.
 """
 
 from __future__ import annotations
@@ -14,14 +13,12 @@ from ..contract.block import Mat33, Vec3
 from ..maths.runge_kutta import Slope, State
 from .orbit import MU
 
-Quadratic = tuple[Vec3, Vec3, Vec3]
-"""a, b, c of a + e (b + e c)."""
+Quadratic = tuple[Vec3, Vec3, Vec3]  # a, b, c of a + e (b + e c)
 
-Ramp = tuple[Vec3, Vec3]
-"""a, b of a + e b."""
+Ramp = tuple[Vec3, Vec3]  # a, b of a + e b
 
+# f(e, C) in N m, body, with C the rotation matrix from eci to body
 Torque = Callable[[float, Mat33], Vec3]
-"""f(e, C) in N m, body, with C body from eci."""
 
 
 STILL: Ramp = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
@@ -29,7 +26,7 @@ _NONE: Quadratic = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
 
 
 def ramp(mean: Vec3, slope: Vec3) -> Ramp:
-    """mean + slope (e - 1/2)."""
+    """Convert mean and slope to a ramp: mean + slope (e - 1/2)."""
     return (
         mean[0] - 0.5 * slope[0],
         mean[1] - 0.5 * slope[1],
@@ -38,7 +35,10 @@ def ramp(mean: Vec3, slope: Vec3) -> Ramp:
 
 
 def peak(x: Ramp) -> float:
-    """A bound of its size in the step: that of the mean and half that of the slope."""
+    """Compute an upper bound of the magnitude of a ramp within the step.
+
+    It is the magnitude of the mean and half that of the slope.
+    """
     (ax, ay, az), (bx, by, bz) = x
     bx, by, bz = 0.5 * bx, 0.5 * by, 0.5 * bz
     ax, ay, az = ax + bx, ay + by, az + bz
@@ -46,14 +46,17 @@ def peak(x: Ramp) -> float:
 
 
 def gathered(start: Vec3, x: Ramp, dt: float) -> Quadratic:
-    """start plus the integral of x over the time since (s)."""
+    """Integrate a ramp over the step dt (s), beginning at `start`."""
     (ax, ay, az), (bx, by, bz) = x
     half = 0.5 * dt
     return start, (dt * ax, dt * ay, dt * az), (half * bx, half * by, half * bz)
 
 
 def course(value: Vec3, first: Vec3, second: Vec3, dt: float) -> Quadratic:
-    """A value with its time derivatives: value + first e dt + second (e dt)^2 / 2."""
+    """Build the quadratic value + first e dt + second (e dt)^2 / 2.
+
+    `first` and `second` are time derivatives of the value; dt in s.
+    """
     s = 0.5 * dt * dt
     return (
         value,
@@ -72,16 +75,17 @@ def slopes(
     place: Quadratic | None,
     others: Torque | None,
 ) -> Slope:
-    """f(e, y), the derivative per second of y = (q, H): attitude, total momentum (N m
-    s, eci).
+    """Build f(e, y), the derivative per second of y = (q, H).
+
+    H is the total momentum (N m s, eci).
 
         q' = 1/2 Omega(omega) q                         omega = J_r^-1 (C H - h)
         H' = C' (tau + m x C B + 3 mu / r^5 p x J p + others)         p = C r
 
     In body: inertia J (kg m2), half_inverse J_r^-1 / 2, wheels h (N m s), torque tau (N
-    m) and dipole m (A m2); in eci: field B (T) and place r (m), each None where it does
-    not act. Vectors have x, y, z in body and u, v, w in eci. One expression after
-    another, for this is where a simulation spends its time.
+    m) and dipole m (A m2). In eci: field B (T) and place r (m), each None where it does
+    not act. Vectors have x, y, z in body and u, v, w in eci. The expressions are
+    written out one after another because a simulation spends most of its time here.
     """
     j11, j12, j13, j21, j22, j23, j31, j32, j33 = inertia
     i11, i12, i13, i21, i22, i23, i31, i32, i33 = half_inverse
@@ -95,6 +99,7 @@ def slopes(
     free = not (magnetic or gravity or others or torque != STILL)
 
     def slope(e: float, state: State) -> State:
+        """Compute the derivative of attitude (1/s) and total momentum (N m, eci)."""
         q1, q2, q3, q4, hx, hy, hz = state
         # C(q)
         a, b, c, d = q1 * q1, q2 * q2, q3 * q3, q4 * q4

@@ -1,16 +1,15 @@
-"""The rod of a magnetic torquer: hysteresis of its core, and what its winding can be
-driven to.
+"""Model a magnetic torquer rod: hysteresis of its core and current of its winding.
 
-The current i is counted as the dipole that it stands for, x = area_turns i (A m2). Of a
-core with the remanence rho (the share of the dipole at the limit X that remains when
-the current has gone)
+The current i is expressed as the dipole that it stands for, x = area_turns i (A m2). A
+core with the remanence rho (the fraction of the dipole at the limit X that remains at
+zero current) has
 
     m = (1 - 2 rho) x + 4 rho / N sum_k p_k,       p_k <- min(max(p_k, x - r_k), x + r_k)
 
 with N plays p_k of half widths r_k = (k - 1/2) X / N: a Prandtl-Ishlinskii operator of
-even density, which is Rayleigh's law as N grows. From the demagnetised core m is X at
-X, and rho X is left at 0; the loop of a cycle of +-X has the area 8/3 rho X^2 (1 + 1/(2
-N^2)).
+even density, which tends to Rayleigh's law as N grows. From the demagnetised core m is
+X at X, and rho X is left at 0; the loop of a cycle of +-X has the area 8/3 rho X^2 (1 +
+1/(2 N^2)).
 
 Source: Rayleigh, Phil. Mag. 23 (1887) 225; Brokate & Sprekels, Hysteresis and Phase
 Transitions (1996), ch. 2.
@@ -27,25 +26,27 @@ PLAYS = 8
 Plays = tuple[float, float, float, float, float, float, float, float]
 DEMAGNETISED: Plays = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
+# Maximum number of pieces into which a monotonic current divides a time: one more than
+# plays.
 CUTS = PLAYS + 1
-"""Into how many pieces a current that goes one way cuts a time at most: one more than
-plays."""
-JOINED = 1e-12
-"""A play so near, relative to the limit, has joined."""
+JOINED = 1e-12  # tolerance, relative to the limit, within which a play has joined
 
 
 def warm(resistance: float, temperature: float, coefficient: float) -> float:
-    """The resistance (Ohm) of a winding at a temperature (K), from that at 293.15 K."""
+    """Compute the resistance (Ohm) of a winding at a temperature (K).
+
+    `resistance` is that at 293.15 K (Ohm), `coefficient` in 1/K.
+    """
     return resistance * (1.0 + coefficient * (temperature - 293.15))
 
 
 def half_width(k: int, limit: float) -> float:
-    """r_k (A m2) of play k, from 0 on."""
+    """Return the half width r_k (A m2) of play k, from 0 on."""
     return (k + 0.5) * limit / PLAYS
 
 
 def moved(plays: Plays, x: float, limit: float) -> Plays:
-    """The plays after the current has gone one way to x (A m2)."""
+    """Update the plays after the current has changed monotonically to x (A m2)."""
     a, b, c, d, e, f, g, h = plays
     return (
         _moved(a, x, half_width(0, limit)),
@@ -60,11 +61,12 @@ def moved(plays: Plays, x: float, limit: float) -> Plays:
 
 
 def _moved(p: float, x: float, r: float) -> float:
+    """Update one play of half width r: limit p to x +- r."""
     return min(max(p, x - r), x + r)
 
 
 def dipole(x: float, plays: Plays, remanence: float) -> float:
-    """m (A m2) at the current x (A m2)."""
+    """Compute the dipole m (A m2) at the current x (A m2)."""
     a, b, c, d, e, f, g, h = plays
     return (1.0 - 2.0 * remanence) * x + 4.0 * remanence / PLAYS * (
         a + b + c + d + e + f + g + h
@@ -72,8 +74,10 @@ def dipole(x: float, plays: Plays, remanence: float) -> float:
 
 
 def _next(plays: Plays, x: float, limit: float, up: bool) -> tuple[int, float]:
-    """How many plays go along with a current at x (A m2) that goes up or down, and
-    where the next one joins them (A m2)."""
+    """Count the plays that move with a current at x (A m2), rising or falling.
+
+    The second result is the current at which the next play joins them (A m2).
+    """
     along, level = 0, inf if up else -inf
     for k in range(PLAYS):
         r = half_width(k, limit)
@@ -85,9 +89,9 @@ def _next(plays: Plays, x: float, limit: float, up: bool) -> tuple[int, float]:
     return along, level
 
 
+# Mean and slope of m (A m2) over a time, the means of m^2 and x^2 (A2 m4), and x at its
+# end (A m2).
 Over = tuple[float, float, float, float, float]
-"""Mean and slope of m (A m2) over a time, the means of m^2 and x^2 (A2 m4), and x at
-its end"""
 
 
 def over(
@@ -99,9 +103,11 @@ def over(
     limit: float,
     remanence: float,
 ) -> tuple[Over, Plays]:
-    """What a rod does in a time (s) in which its current goes from x towards another
-    value (A m2) with the time constant lag (s); 0: it is there at once. Exact: cut
-    where a play joins."""
+    """Integrate a rod over a time (s) in which its current tends to `towards` (A m2).
+
+    The current starts at x (A m2) and has the time constant lag (s); 0: it takes its
+    final value at once. The result is exact: the time is divided where a play joins.
+    """
     plays = moved(plays, x, limit)
     if lag <= 0.0:
         plays = moved(plays, towards, limit)

@@ -1,20 +1,20 @@
-"""One reaction wheel over a step: motor lag, friction, stiction, speed limit.
+"""Integrate one reaction wheel over a step: lag, friction, stiction, speed limit.
 
-The absolute axial momentum h (N m s) of a rotor that moves obeys
+The absolute axial momentum h (N m s) of a moving rotor obeys
 
     h' = drive - friction(Omega)             drive = T + learnt, within +-torque limit
     T' = (command - T) / lag                 learnt' = compensation (friction - learnt)
     friction = c_v Omega + c_c tanh(Omega / omega_eps)
 
-with T the motor's answer to its command (N m), Omega = h / J_s - g.omega the speed
-relative to the body (rad/s), and `learnt` what a compensating speed loop has found of
-the friction.
+with T the motor's response to its command (N m), Omega = h / J_s - g.omega the speed
+relative to the body (rad/s), and `learnt` the friction that a compensating speed loop
+has estimated.
 
-Two states beside that keep Omega, and so h' = J_s (g.omega)'. With stiction, Coulomb friction is
-dry, +-c_c, and brings a rotor to rest in a finite time; from then on it *stands* as long as
-|T - J_s (g.omega)'| <= stiction. *At its speed limit* a rotor stays until its torque points
-inwards. A step is cut where one state follows on another, so that its impulse does not depend on
-its length.
+In two other states Omega is constant, and so h' = J_s (g.omega)'. With stiction, Coulomb
+friction is dry, +-c_c, and brings a rotor to rest in a finite time; from then on it
+*stands* as long as |T - J_s (g.omega)'| <= stiction. *At its speed limit* a rotor stays
+until its torque points inwards. A step is divided where the state changes, so that its
+impulse does not depend on its length.
 """
 
 from __future__ import annotations
@@ -23,32 +23,32 @@ from math import ceil, copysign, exp, expm1, inf, log, tanh
 
 from ..maths.moments import lag as lag_moments
 
+# J_s (kg m2), lag (s), c_v (N m s/rad), c_c (N m), omega_eps (rad/s), compensation
+# (1/s), stiction (N m), torque limit (N m)
 Motor = tuple[float, float, float, float, float, float, float, float]
-"""J_s (kg m2), lag (s), c_v (N m s/rad), c_c (N m), omega_eps (rad/s), compensation
-(1/s), stiction (N m), torque limit (N m)"""
 
+# h (N m s), T (N m), learnt (N m), and with stiction the direction of motion: 1, -1, or
+# 0 at rest
 Rotor = tuple[float, float, float, float]
-"""h (N m s), T (N m), learnt (N m), and with stiction the way it moves: 1, -1, or 0 as
-it stands"""
 
+# body's axial rate g.omega (rad/s), its constant derivative (rad/s2)
 Axial = tuple[float, float]
-"""The body's axial rate g.omega (rad/s) and its change (rad/s2), which is constant"""
 
+# rad/s: a motor transient is not resolved where friction changes less by it
 SMALL_SPEED = 3e-8
-"""A motor transient is not resolved where friction makes less of it (rad/s)."""
+# Maximum number of changes between moving, standing and the limit in a step; the rotor
+# then moves on for the remainder.
 CHANGES = 16
-"""Most changes between moving, standing and the limit in a step; the rest of it then
-moves on."""
-HALVINGS = 48
-"""Of a step, to find when a state ends."""
-TURNS = 1e-9
-"""A time so short, relative to the step, has passed."""
-AT_LIMIT = 1e-9
-"""A speed so near the limit, relative to it, is at the limit."""
+HALVINGS = 48  # bisections of a step, to find when a state ends
+TURNS = 1e-9  # a time so short, relative to the step, counts as elapsed
+AT_LIMIT = 1e-9  # a speed so near the limit, relative to it, is at the limit
 
 
 def friction(omega: float, viscous: float, coulomb: float, omega_eps: float) -> float:
-    """The torque against the rotation (N m): c_v Omega + c_c tanh(Omega / omega_eps)."""
+    """Compute the friction torque (N m) against the rotation.
+
+    c_v Omega + c_c tanh(Omega / omega_eps).
+    """
     return viscous * omega + coulomb * tanh(omega / omega_eps)
 
 
@@ -61,14 +61,14 @@ def step(
     dt: float,
     fastest: float,
 ) -> tuple[Rotor, float]:
-    """The state after dt (s) with a held motor command (N m), and the integral of h (N
-    m s2).
+    """Propagate the rotor over dt (s) with a held motor command (N m).
 
-    The body's axial rate g.omega goes linearly from rate0 to rate1 (rad/s); |Omega| <=
-    fastest (rad/s). A rotor that is faster brakes with the torque limit.
+    Returns the state after dt and the integral of h (N m s2). The body's axial rate
+    g.omega goes linearly from rate0 to rate1 (rad/s); |Omega| <= fastest (rad/s). A
+    rotor that is faster brakes with the torque limit.
     """
     j, viscous, coulomb, stiction = motor[0], motor[2], motor[3], motor[6]
-    # as `_may_pass`, written out, for most steps end here
+    # `_may_pass`, written out because most steps end here
     gained = max(abs(rotor[1]), abs(command)) * dt / j + abs(rate1 - rate0)
     if stiction == 0.0 and abs(rotor[0] / j - rate0) + gained <= fastest:
         if viscous == coulomb == 0.0:
@@ -97,7 +97,7 @@ def _may_pass(
     dt: float,
     fastest: float,
 ) -> bool:
-    """True where the motor may take the rotor beyond its limit within dt (s)."""
+    """Return whether the motor may take the rotor beyond its limit within dt (s)."""
     gained = max(abs(rotor[1]), abs(command)) * dt / motor[0] + abs(rate1 - rate0)
     return abs(rotor[0] / motor[0] - rate0) + gained > fastest
 
@@ -105,7 +105,7 @@ def _may_pass(
 def _state(
     motor: Motor, rotor: Rotor, command: float, axial: Axial, dt: float, fastest: float
 ) -> tuple[Rotor, float, float]:
-    """As `_moving`, in the state in which the rotor is now."""
+    """Propagate the rotor in its present state; results as of `_moving`."""
     j, _, _, _, _, _, stiction, _ = motor
     h, torque, learnt, way = rotor
     omega, turning = h / j - axial[0], j * axial[1]
@@ -118,9 +118,8 @@ def _state(
         return braking(motor, rotor, command, axial, dt, fastest)
     if abs(omega) >= fastest * (1.0 - AT_LIMIT):
         outwards = copysign(1.0, omega)
-        balance = (
-            turning + _drag(motor, omega, outwards) - learnt
-        )  # of the motor's torque
+        # motor torque that keeps the speed
+        balance = turning + _drag(motor, omega, outwards) - learnt
         if (motor_torque(motor, torque, command, 0.0) - balance) * outwards > 0.0:
             return at_limit(
                 motor, rotor, command, axial, dt, outwards * fastest, balance
@@ -129,21 +128,23 @@ def _state(
 
 
 def motor_torque(motor: Motor, torque: float, command: float, t: float) -> float:
-    """T (N m) at t (s) after it was `torque`."""
+    """Compute T (N m) at t (s) after it was `torque`."""
     lag = motor[1]
     return command + (torque - command) * exp(-t / lag) if lag > 0.0 else command
 
 
 def _reaches(motor: Motor, torque: float, command: float, level: float) -> float:
-    """When T is at a level (N m) on its way from `torque` to the command (s); inf:
-    never."""
+    """Compute when T reaches a level (N m) on its way from `torque` to the command.
+
+    Time in s; inf: never.
+    """
     lag, there, to_go = motor[1], level - command, torque - command
     on_its_way = lag > 0.0 and there * to_go > 0.0 and abs(there) <= abs(to_go)
     return lag * log(to_go / there) if on_its_way else inf
 
 
 def _drag(motor: Motor, omega: float, way: float) -> float:
-    """The friction of a moving rotor (N m): dry where there is stiction."""
+    """Compute the friction of a moving rotor (N m): dry where there is stiction."""
     _, _, viscous, coulomb, omega_eps, _, stiction, _ = motor
     if stiction > 0.0:
         return viscous * omega + coulomb * way
@@ -156,7 +157,10 @@ def _drag(motor: Motor, omega: float, way: float) -> float:
 def _standing(
     motor: Motor, rotor: Rotor, command: float, axial: Axial, dt: float
 ) -> tuple[Rotor, float, float]:
-    """The rotor turns with the body until the motor breaks it loose."""
+    """Propagate a rotor that turns with the body until the motor breaks it loose.
+
+    Results as of `_moving`.
+    """
     j, stiction = motor[0], motor[6]
     h0, torque, _, _ = rotor
     level = j * axial[1] + copysign(stiction, command - torque)
@@ -176,8 +180,10 @@ def at_limit(
     omega: float,
     balance: float,
 ) -> tuple[Rotor, float, float]:
-    """The rotor keeps the speed `omega` (rad/s) until T is at its `balance` (N m); the
-    compensating loop rests."""
+    """Propagate a rotor that keeps the speed `omega` (rad/s) until T is at `balance`.
+
+    `balance` in N m. The compensating loop rests. Results as of `_moving`.
+    """
     h0, torque, learnt, way = rotor
     lasted = min(_reaches(motor, torque, command, balance), dt)
     h = motor[0] * (omega + axial[0] + axial[1] * lasted)
@@ -188,14 +194,17 @@ def at_limit(
 def braking(
     motor: Motor, rotor: Rotor, command: float, axial: Axial, dt: float, fastest: float
 ) -> tuple[Rotor, float, float]:
-    """Above the limit, as the body's rate was not what was foreseen: the motor brakes."""
+    """Brake a rotor above its speed limit with the torque limit.
+
+    This happens where the body's rate was not the predicted one. Results as of
+    `_moving`.
+    """
     j, torque_limit = motor[0], motor[7]
     h0, torque, learnt, way = rotor
     omega = h0 / j - axial[0]
     outwards = copysign(1.0, omega)
-    falls = (
-        torque_limit / j + outwards * axial[1]
-    )  # the speed relative to the body, rad/s2
+    # deceleration relative to the body, rad/s2
+    falls = torque_limit / j + outwards * axial[1]
     lasted = min((abs(omega) - fastest) / falls, dt) if falls > 0.0 else dt
     h = h0 - outwards * torque_limit * lasted
     after = motor_torque(motor, torque, command, lasted)
@@ -208,7 +217,10 @@ def braking(
 def _free(
     motor: Motor, rotor: Rotor, command: float, axial: Axial, dt: float
 ) -> tuple[Rotor, float]:
-    """The state after dt (s) and the integral of h, of a rotor that goes on moving."""
+    """Propagate a rotor that goes on moving over dt (s).
+
+    Returns the state and the integral of h (N m s2).
+    """
     rate, change = axial
     n = _parts(motor, rotor, command, axial, dt, inf)
     part, total = dt / n, 0.0
@@ -223,12 +235,14 @@ def _free(
 def _moving(
     motor: Motor, rotor: Rotor, command: float, axial: Axial, dt: float, fastest: float
 ) -> tuple[Rotor, float, float]:
-    """The state when moving ends or after dt (s), how long that was (s), and the
-    integral of h."""
+    """Propagate a moving rotor until its motion ends, at most by dt (s).
+
+    Returns the state, the elapsed time (s) and the integral of h (N m s2).
+    """
     rate, change = axial
     if motor[6] > 0.0:
-        # where the torque turns, so does the speed: it may not pass zero in a part and
-        # come back
+        # the speed turns where the torque does: end the part there, so that the speed
+        # does not pass zero within one part and come back
         h, torque, learnt, way = rotor
         balance = _drag(motor, h / motor[0] - rate, way) - learnt + motor[0] * change
         turns = _reaches(motor, torque, command, balance)
@@ -251,11 +265,13 @@ def _moving(
 def _has_ended(
     motor: Motor, rotor: Rotor, axial: Axial, t: float, fastest: float
 ) -> bool:
-    """True when the rotor, t (s) after `axial`, is beyond its limit or turns the other
-    way."""
+    """Return whether the rotor, t (s) after `axial`, has ended its motion.
+
+    It has if it is beyond its limit or, with stiction, turns the other way.
+    """
     omega = rotor[0] / motor[0] - axial[0] - axial[1] * t
-    # without stiction no state follows where the speed turns, and `way` is that of the
-    # start
+    # without stiction the state does not change where the speed turns, and `way` is that
+    # of the start
     stops = motor[6] > 0.0 and omega * rotor[3] < 0.0
     return abs(omega) > fastest * (1.0 + AT_LIMIT) or stops
 
@@ -263,7 +279,10 @@ def _has_ended(
 def _to_its_end(
     motor: Motor, rotor: Rotor, command: float, axial: Axial, dt: float, fastest: float
 ) -> tuple[Rotor, float, float]:
-    """As `_moving`, where it ends within dt: by halving; the speed is then exact."""
+    """Propagate a moving rotor to the end of its motion, which lies within dt (s).
+
+    The end is found by bisection; the speed is then exact. Results as of `_moving`.
+    """
     j, (rate, change) = motor[0], axial
     before, lasted = 0.0, dt
     for _ in range(HALVINGS):
@@ -293,8 +312,10 @@ def _to_its_end(
 def _parts(
     motor: Motor, rotor: Rotor, command: float, axial: Axial, dt: float, fastest: float
 ) -> int:
-    """Into how many parts a step is cut so that friction is integrated well, and that
-    the speed does not pass its limit or zero within one and come back."""
+    """Count the parts into which a step is divided for the integration of friction.
+
+    Within one part, the speed does not pass its limit or zero and come back.
+    """
     inertia, lag, viscous, coulomb, omega_eps, _, stiction, _ = motor
     (h, torque, _, _), rate = rotor, axial[0]
     decay = viscous / inertia  # of the speed by friction, 1/s
@@ -324,16 +345,18 @@ def _parts(
 def _part(
     motor: Motor, rotor: Rotor, command: float, axial: Axial, dt: float
 ) -> tuple[Rotor, float]:
-    """The state after dt (s) and the integral of h, without an end of moving."""
+    """Propagate the rotor over dt (s), within which its motion does not end.
+
+    Returns the state and the integral of h (N m s2).
+    """
     _, lag, viscous, coulomb, _, compensation, stiction, torque_limit = motor
     if viscous == coulomb == stiction == 0.0:
         return _frictionless(motor, rotor, command, dt)
     if compensation <= 0.0:
         return _with_friction(motor, rotor, command, axial, dt)
     after, integral = _compensated(motor, rotor, command, axial, dt)
-    start = (rotor[1] if lag > 0.0 else command) + rotor[
-        2
-    ]  # without an exponential of 0
+    # `motor_torque` at t = 0, without its exponential of 0
+    start = (rotor[1] if lag > 0.0 else command) + rotor[2]
     most = torque_limit * (1.0 + 1e-12)
     if abs(start) > most or abs(after[1] + after[2]) > most:
         return _clipped(motor, rotor, command, axial, dt)
@@ -343,6 +366,10 @@ def _part(
 def _frictionless(
     motor: Motor, rotor: Rotor, command: float, dt: float
 ) -> tuple[Rotor, float]:
+    """Propagate a rotor without friction over dt (s), in closed form.
+
+    Returns the state and the integral of h (N m s2).
+    """
     lag = motor[1]
     h0, torque, learnt, way = rotor
     if lag > 0.0:
@@ -359,8 +386,11 @@ def _frictionless(
 def driven(
     motor: Motor, torque0: float, command: float, dt: float
 ) -> tuple[float, float, float, float]:
-    """What the motor does in dt (s): momentum (N m s), its integral, T at the end, and
-    the motor's excess over the command, in momentum."""
+    """Compute the effect of the motor alone in dt (s).
+
+    Returns momentum (N m s), its integral (N m s2), T at the end (N m), and the motor's
+    excess over the command as a momentum (N m s).
+    """
     lag = motor[1]
     pushed, torque, first = command * dt, command, 0.5 * command * dt * dt
     excess = (torque0 - command) * lag
@@ -375,7 +405,7 @@ def driven(
 def _with_friction(
     motor: Motor, rotor: Rotor, command: float, axial: Axial, dt: float
 ) -> tuple[Rotor, float]:
-    """The motor's exponential in closed form, friction beside it by RK4."""
+    """Propagate the rotor over dt (s): motor in closed form, friction by RK4."""
     h0, torque0, _, way = rotor
     pushed, first, torque, excess = driven(motor, torque0, command, dt)
     lost, first_lost = _lost(motor, rotor, excess, command, axial, dt)
@@ -385,14 +415,19 @@ def _with_friction(
 def _lost(
     motor: Motor, rotor: Rotor, excess: float, command: float, axial: Axial, dt: float
 ) -> tuple[float, float]:
-    """The momentum that friction takes (N m s) by RK4, and the integral of what it has
-    taken."""
+    """Compute the momentum lost by friction (N m s) and its integral (N m s2).
+
+    By RK4; the integral is that of a Hermite cubic.
+    """
     j, lag, viscous, coulomb, omega_eps, _, stiction, _ = motor
     (rate, change), (h0, _, _, way) = axial, rotor
 
     def drag(s: float, lost: float) -> float:
-        """The friction at s into the step, with `lost` of the momentum lost so far:
-        `_drag`, written out, for it is called often."""
+        """Compute the friction (N m) at s (s) into the step.
+
+        `lost` is the momentum lost so far (N m s). The function is `_drag`, written out
+        because it is called often.
+        """
         pushed = command * s + (excess * (1.0 - exp(-s / lag)) if excess else 0.0)
         omega = (h0 + pushed - lost) / j - rate - change * s
         return viscous * omega + coulomb * (
@@ -405,14 +440,16 @@ def _lost(
     c = drag(half, half * b)
     d = drag(dt, dt * c)
     lost = dt / 6.0 * (a + 2.0 * (b + c) + d)
-    return lost, dt * (0.5 * lost + dt * (a - d) / 12.0)  # by the Hermite cubic
+    return lost, dt * (0.5 * lost + dt * (a - d) / 12.0)
 
 
 def _compensated(
     motor: Motor, rotor: Rotor, command: float, axial: Axial, dt: float
 ) -> tuple[Rotor, float]:
-    """A loop of bandwidth c (1/s) learns what friction takes: friction goes linearly
-    from start to end, the loop's exponential is exact."""
+    """Propagate a rotor whose loop of bandwidth c (1/s) learns the friction.
+
+    The friction goes linearly from start to end, and the loop's exponential is exact.
+    """
     j, c, (rate, change) = motor[0], motor[5], axial
     h0, torque0, learnt, way = rotor
     pushed, first_pushed, torque, _ = driven(motor, torque0, command, dt)
@@ -432,12 +469,13 @@ def _compensated(
 def _clipped(
     motor: Motor, rotor: Rotor, command: float, axial: Axial, dt: float
 ) -> tuple[Rotor, float]:
-    """As `_compensated`, with the drive cut at the torque limit: h and learnt by RK4."""
+    """Propagate as `_compensated`, with the drive limited: h and learnt by RK4."""
     j, c, limit, (rate, change) = motor[0], motor[5], motor[7], axial
     h, torque, learnt, way = rotor
     total = 0.0
 
     def changes(s: float, h: float, learnt: float) -> tuple[float, float]:
+        """Return the derivatives of h (N m) and of the learnt torque (N m/s)."""
         drive = motor_torque(motor, torque, command, s) + learnt
         drag = _drag(motor, h / j - rate - change * s, way)
         return min(max(drive, -limit), limit) - drag, c * (drag - learnt)

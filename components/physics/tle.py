@@ -1,7 +1,7 @@
-"""Two-line elements and their propagation with SGP4, by the package sgp4.
+"""Propagate two-line elements with SGP4, by the package sgp4.
 
 sgp4 is the only package outside of the standard library that a block needs; it is
-looked for when it is first used.
+imported at its first use.
 """
 
 from __future__ import annotations
@@ -14,16 +14,16 @@ from ..contract.block import BlockError, Vec3
 
 _DAY = 86400.0
 _J2000 = 2451545.0
-_SGP4_EPOCH = 18263.5
-"""From 1949-12-31T00:00, where SGP4 counts from, to J2000 (days)."""
+_SGP4_EPOCH = 18263.5  # days from 1949-12-31T00:00, where SGP4 counts from, to J2000
 
+# Epoch (s since J2000, UTC), B* (per Earth radius), eccentricity, argument of perigee,
+# inclination, mean anomaly (rad), mean motion (rad/s), raan (rad): of Kozai's theory,
+# TEME.
 MeanElements = tuple[float, float, float, float, float, float, float, float]
-"""Epoch (s since J2000, UTC), B* (per Earth radius), eccentricity, argument of perigee,
-inclination, mean anomaly (rad), mean motion (rad/s), raan (rad): of Kozai's theory,
-TEME."""
 
 
 def _package() -> Any:
+    """Import sgp4; raise BlockError if it is not installed."""
     try:
         return importlib.import_module("sgp4.api")
     except ImportError as error:
@@ -34,8 +34,10 @@ def _package() -> Any:
 
 @lru_cache(maxsize=16)
 def _satellite(elements: MeanElements) -> Any:
-    """The initialised record of sgp4; which cannot be kept in a block, as it is not
-    JSON-able."""
+    """Initialise the record of sgp4.
+
+    A block cannot hold the record, as it is not JSON-able.
+    """
     sgp4 = _package()
     epoch, bstar, eccentricity, perigee, inclination, anomaly, motion, raan = elements
     record = sgp4.Satrec()
@@ -60,9 +62,12 @@ def _satellite(elements: MeanElements) -> Any:
 
 
 def teme_state(elements: MeanElements, time: float) -> tuple[Vec3, Vec3]:
-    """r (m) and v (m/s) in TEME, `time` (s) after the epoch of the elements.
+    """Compute r (m) and v (m/s) in TEME, `time` (s) after the epoch of the elements.
 
-    Raises BlockError where sgp4 is missing, or with SGP4's own error.
+    Raises
+    ------
+    BlockError
+        If sgp4 is missing, or with SGP4's own error.
     """
     error, (x, y, z), (vx, vy, vz) = _satellite(elements).sgp4_tsince(time / 60.0)
     if error:
@@ -72,11 +77,15 @@ def teme_state(elements: MeanElements, time: float) -> tuple[Vec3, Vec3]:
 
 
 def tle_parameters(line1: str, line2: str) -> dict[str, float]:
-    """The parameters of the block environment_tle from the two lines, for a scenario.
+    """Convert two lines to the parameters of the block environment_tle.
 
-    `epoch_j2000` is not among them: t = 0 may be any time, best within days of
-    `epoch_tle_j2000`. Raises BlockError where the lines are not those of a two-line
-    element set.
+    They are for a scenario. `epoch_j2000` is not among them: t = 0 may be any time,
+    best within days of `epoch_tle_j2000`.
+
+    Raises
+    ------
+    BlockError
+        If the lines are not those of a two-line element set.
     """
     api, lines = _package(), (line1, line2)
     for number, line in enumerate(lines, 1):

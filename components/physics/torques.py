@@ -1,6 +1,6 @@
-"""External torques on a rigid body, in the body frame.
+"""Compute external torques on a rigid body, in the body frame.
 
-Each takes body-frame vectors and gives a torque in N m.
+Each function takes body-frame vectors and returns a torque in N m.
 """
 
 from __future__ import annotations
@@ -11,25 +11,26 @@ from ..contract.block import BlockError, Mat33, Table, Vec3
 from ..maths.vector import ZERO, cross, dot, mat_vec, norm, scale, sub, unit
 from .orbit import MU
 
+# N/m2, radiation pressure at 1 astronomical unit: 1367 W/m2 over the speed of light.
 SOLAR_PRESSURE = 4.56e-6
-"""Radiation pressure at 1 astronomical unit (N/m2), 1367 W/m2 over the speed of light.
-"""
 
+# Columns of a plate table: outward normal (3), area (m2), centre (3, m), specular and
+# diffuse fraction.
 PLATE_COLUMNS = 9
-"""Of a plate table: outward normal (3), area (m2), centre (3, m), specular and diffuse
-share."""
 
+# Normal n (3), area (m2), centre c (3, m), c x n (3, m), specular and diffuse fraction.
 Plate = tuple[
     float, float, float, float, float, float, float, float, float, float, float, float
 ]
-"""Normal n (3), area (m2), centre c (3, m), c x n (3, m), specular and diffuse share.
-"""
 
 Plates = tuple[Plate, ...]
 
 
 def gravity_gradient(r: Vec3, inertia: Mat33) -> Vec3:
-    """3 mu / r^5 r x J r, with r (m) the position from the Earth's centre in body."""
+    """Compute the gravity-gradient torque 3 mu / r^5 r x J r (N m).
+
+    r (m) is the position from the Earth's centre, body.
+    """
     x, y, z = r
     jx, jy, jz = mat_vec(inertia, r)
     size2 = x * x + y * y + z * z
@@ -38,9 +39,10 @@ def gravity_gradient(r: Vec3, inertia: Mat33) -> Vec3:
 
 
 def drag(v: Vec3, density: float, area_cd: float, centre: Vec3) -> Vec3:
-    """c x F with F = -1/2 rho C_d A |v| v on a projected area (C_d A in m2).
+    """Compute the aerodynamic torque (N m) on a projected area (C_d A in m2).
 
-    v (m/s) is the velocity relative to the atmosphere, c (m) the centre of pressure.
+    c x F with F = -1/2 rho C_d A |v| v; v (m/s) is the velocity relative to the
+    atmosphere, c (m) the centre of pressure.
     """
     speed = sqrt(dot(v, v))
     return cross(centre, scale(-0.5 * density * area_cd * speed, v))
@@ -49,7 +51,10 @@ def drag(v: Vec3, density: float, area_cd: float, centre: Vec3) -> Vec3:
 def drag_on_plates(
     v: Vec3, density: float, drag_coefficient: float, plates: Plates
 ) -> Vec3:
-    """Sum over the plates that face the flow: c x F with F = -1/2 rho C_d A (n.v) v."""
+    """Compute the aerodynamic torque (N m) on the plates that face the flow.
+
+    Sum of c x F with F = -1/2 rho C_d A (n.v) v.
+    """
     vx, vy, vz = v
     x = y = z = 0.0  # the sum of A (n.v) c
     for nx, ny, nz, area, cx, cy, cz, _, _, _, _, _ in plates:
@@ -64,16 +69,19 @@ def drag_on_plates(
 
 
 def radiation(sun: Vec3, pressure: float, area_cr: float, centre: Vec3) -> Vec3:
-    """c x F with F = -P C_r A s on a projected area; s is the unit vector to the Sun."""
+    """Compute the torque of solar radiation (N m) on a projected area.
+
+    c x F with F = -P C_r A s; s is the unit vector to the Sun.
+    """
     return cross(centre, scale(-pressure * area_cr, sun))
 
 
 def radiation_on_plates(sun: Vec3, pressure: float, plates: Plates) -> Vec3:
-    """Sum over the lit plates: c x F with F = -P A cos [(1 - rs) s + 2 (rs cos + rd /
-    3) n].
+    """Compute the torque of solar radiation (N m) on the lit plates.
 
-    rs and rd are the specular and the diffuse share of the reflected light (Wertz,
-    Spacecraft Attitude Determination and Control, eq. 17-34).
+    Sum of c x F with F = -P A cos [(1 - rs) s + 2 (rs cos + rd / 3) n]; rs and rd are
+    the specular and the diffuse fraction of the reflected light (Wertz, Spacecraft
+    Attitude Determination and Control, eq. 17-34).
     """
     sx, sy, sz = sun
     x = y = z = 0.0  # the sum of A cos (1 - rs) c
@@ -92,12 +100,16 @@ def radiation_on_plates(sun: Vec3, pressure: float, plates: Plates) -> Vec3:
 
 
 def facing(plates: Plates, drives: tuple[Vec3, ...], sun: Vec3) -> Plates:
-    """The plates as their drives turn them about their axes (unit vectors; zero:
-    fixed): the normal of each as near to the Sun's direction as it can be."""
+    """Turn the plates about their drive axes towards the Sun.
+
+    The normal of each comes as near to the Sun's direction as it can. The axes are unit
+    vectors; zero: fixed.
+    """
     return tuple(_turned(p, axis, sun) for p, axis in zip(plates, drives, strict=True))
 
 
 def _turned(plate: Plate, axis: Vec3, sun: Vec3) -> Plate:
+    """Turn one plate about its axis towards the Sun."""
     nx, ny, nz, area, cx, cy, cz, mx, my, mz, specular, diffuse = plate
     along = dot(axis, sun)
     across = sub(sun, scale(along, axis))
@@ -109,7 +121,10 @@ def _turned(plate: Plate, axis: Vec3, sun: Vec3) -> Plate:
 
 
 def drives_of(table: Table, drives: Table) -> tuple[Vec3, ...]:
-    """The drive axis (unit vector; zero: none) of each plate that has an area."""
+    """Return the drive axis of each plate that has an area.
+
+    Each is a unit vector; zero: no drive.
+    """
     return tuple(
         _unit_or_zero(drives[3 * i : 3 * i + 3])
         for i in range(len(drives) // 3)
@@ -118,15 +133,19 @@ def drives_of(table: Table, drives: Table) -> tuple[Vec3, ...]:
 
 
 def _unit_or_zero(row: Table) -> Vec3:
+    """Normalise a row of three; a row of zeros remains zero."""
     x, y, z = row
     size = norm((x, y, z))
     return scale(1.0 / size, (x, y, z)) if size > 0.0 else ZERO
 
 
 def plates_of(table: Table) -> Plates:
-    """The plates of a table that have an area, their normals of length 1.
+    """Read the plates of a table that have an area, with normals of length 1.
 
-    Raises BlockError for an area, a normal or reflected shares that make no sense.
+    Raises
+    ------
+    BlockError
+        If an area, a normal or reflected fractions are invalid.
     """
     rows = tuple(
         table[i : i + PLATE_COLUMNS] for i in range(0, len(table), PLATE_COLUMNS)
@@ -147,6 +166,7 @@ def plates_of(table: Table) -> Plates:
 
 
 def _plate(row: Table) -> Plate:
+    """Build a plate from a row of the table."""
     nx, ny, nz, area, cx, cy, cz, specular, diffuse = row
     nx, ny, nz = unit((nx, ny, nz))
     mx, my, mz = cross((cx, cy, cz), (nx, ny, nz))
@@ -154,8 +174,10 @@ def _plate(row: Table) -> Plate:
 
 
 def lever(plates: Plates) -> float:
-    """The sum of area times distance from the centre (m3): no pressure makes more
-    torque."""
+    """Compute the sum of area times distance from the centre (m3).
+
+    No pressure makes a torque greater than it times this sum.
+    """
     total = 0.0
     for _, _, _, area, cx, cy, cz, _, _, _, _, _ in plates:
         total += area * norm((cx, cy, cz))

@@ -1,8 +1,7 @@
-"""Axial quantities of up to four actuators, wheels or coils, each with an axis fixed in
-the body.
+"""Compute with axial quantities of up to four actuators on axes fixed in the body.
 
-The axes are the columns of a 3 x 4 matrix (row-major, body frame); a column of zeros
-stands for an actuator that is not there.
+The actuators are wheels or coils. The axes are the columns of a 3 x 4 matrix
+(row-major, body frame); a column of zeros stands for an actuator that does not exist.
 """
 
 from __future__ import annotations
@@ -14,7 +13,7 @@ _NEGLIGIBLE = 1e-9  # ratio of two eigenvalues of A A' below which the smaller o
 
 
 def body_momentum(axes: Mat34, h: Vec4) -> Vec3:
-    """A h: the body-frame sum of the axial quantities h."""
+    """Sum the axial quantities h in the body frame: A h."""
     a, b, c, d = h
     return (
         axes[0] * a + axes[1] * b + axes[2] * c + axes[3] * d,
@@ -24,7 +23,10 @@ def body_momentum(axes: Mat34, h: Vec4) -> Vec3:
 
 
 def pseudo_inverse(axes: Mat34) -> tuple[float, ...]:
-    """A^+ = A' (A A')^+ as 4 rows of 3: least squares where the axes span no space."""
+    """Compute A^+ = A' (A A')^+ as 4 rows of 3.
+
+    It gives least squares where the axes do not span the space.
+    """
     rows = (axes[0:4], axes[4:8], axes[8:12])
     gram = tuple(
         0.0 + p[0] * q[0] + p[1] * q[1] + p[2] * q[2] + p[3] * q[3]
@@ -41,7 +43,7 @@ def pseudo_inverse(axes: Mat34) -> tuple[float, ...]:
 
 
 def _gram_inverse(gram: Mat33) -> Mat33:
-    """The pseudo-inverse of a symmetric matrix without negative eigenvalues.
+    """Compute the pseudo-inverse of a symmetric matrix without negative eigenvalues.
 
     Rank 2 has a null vector n, and G^+ = (G + tr n n')^-1 - n n' / tr, with n n' = adj
     G / tr adj G and tr = trace G; rank 1 is G = tr u u'.
@@ -79,7 +81,7 @@ def wheel_torque(
     omega: Vec3,
     h: Vec4,
 ) -> Vec4:
-    """What to command to the rotors (N m) so that the body feels tau_body (N m).
+    """Compute the torques on the rotors (N m) for a torque tau_body (N m) on the body.
 
     h' = A^+ (absorbed - tau_body - omega x A h): the wheels take the external torque
     `absorbed` and the gyroscopic torque of their own momentum (paper 004, eqs. 14-16,
@@ -98,8 +100,11 @@ def wheel_torque(
 
 
 def to_wheels(pinv: tuple[float, ...], v: Vec3) -> Vec4:
-    """A^+ v: the axial quantities of least norm whose body-frame sum is v, or nearest
-    to it."""
+    """Distribute v to the wheels: A^+ v.
+
+    These are the axial quantities of least norm whose body-frame sum is v or nearest to
+    it.
+    """
     x, y, z = v
     p = pinv
     return (
