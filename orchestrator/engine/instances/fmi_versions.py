@@ -107,9 +107,7 @@ class FmiFunctions(ABC):
 
     @abstractmethod
     def begin(self, start: float) -> Sequence[tuple[Any, ...]]:
-        """Return the calls, with arguments, that start initialisation at `start`
-        (s).
-        """
+        """Return the calls, with arguments, that begin initialisation at `start` s."""
 
     def end(self) -> tuple[Any, ...]:
         """Return the call that leaves initialisation mode, with its arguments."""

@@ -355,9 +355,7 @@ class Shared:
     def arrays(
         self, signals: Mapping[Kind, list[Signal]], at: int
     ) -> dict[Kind, Array]:
-        """Return the exchanged inputs (`at` 0) or outputs (`at` 1), one array per
-        type.
-        """
+        """Return the inputs (`at` 0) or outputs (`at` 1), one array per type."""
         place, values = _HEAD + at * sum(self._sizes.values()), {}
         for kind, size in self._sizes.items():
             if signals[kind]:
@@ -398,9 +396,7 @@ class _There:
         self._moves = [(mine, theirs[k]) for k, mine in self._instance.inputs.items()]
 
     def turn(self, step: bool) -> None:
-        """Set inputs that are due, make a step if `step` is set, and read the
-        outputs.
-        """
+        """Set inputs that are due, make a step if `step`, and read the outputs."""
         words, instance = self._words, self._instance
         words[MADE] = words[READ] = 0
         self.push()
