@@ -1,4 +1,4 @@
-"""The choices that options of a run have."""
+"""Define the choices that options of a run have."""
 
 from __future__ import annotations
 
@@ -8,4 +8,4 @@ Algorithm = Literal["gauss_seidel", "jacobi"]  # how values move between compone
 Loop = Literal["compiled", "python"]  # what makes the steps of a run
 Fmus = Literal["native", "python"]  # which of our FMUs run
 Isolate = Literal["all", "foreign", "none"]  # which FMUs run in processes of their own
-FmiVersion = Literal["2", "3"]  # which FMI an FMU that is written is of
+FmiVersion = Literal["2", "3"]  # FMI version of an exported FMU
