@@ -26,9 +26,8 @@ from .recording.row_buffer import Layout, RowBuffer
 T = TypeVar("T")
 CAN = process_state.CAN_FORK
 _LOOK = 0.2  # s: period at which the parent looks at its child
-_LATER = (
-    0.5  # s: delay after a call's limit, which ends an isolated component alone first
-)
+# s: delay after a call's limit, so that an isolated component alone is ended first.
+_LATER = 0.5
 # s: maximum time between two looks that counts for a call, as both processes may have been
 # stopped (Ctrl-Z). It is less than `_LATER`, so that a stopped call has its whole limit
 # when it continues.
@@ -167,9 +166,8 @@ def _work(
             tell("bug", f"{type(error).__name__}: {error}")
             tell("done", True)
             process_state.end()
-            os._exit(
-                0
-            )  # while `error` keeps all alive: files on a full disk cannot be closed
+            # exit while `error` keeps all alive: files on a full disk cannot be closed
+            os._exit(0)
     finally:
         process_state.end()
         os._exit(0)

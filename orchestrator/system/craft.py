@@ -43,9 +43,8 @@ class WheelArray:
         values = component.values
         self.component = component
         self.exist = existing(values)  # (n,)
-        self.axes = axes_of(values)[
-            :, self.exist
-        ]  # (3, m), body, of the wheels that exist
+        # (3, m), body, of the wheels that exist
+        self.axes = axes_of(values)[:, self.exist]
         zeros = np.zeros(len(self.exist))
         self.h_start: Array = np.array(
             values.get("h_start_wheel", zeros), float

@@ -1,7 +1,7 @@
 """Evaluate products of parameters, which a scenario may have in place of numbers.
 
-percent_of = "wheels.inertia_wheel * wheels.speed_limit" limits = [{ value = "0.1 *
-manager.h_limit", name = "not unloaded" }]
+    percent_of = "wheels.inertia_wheel * wheels.speed_limit"
+    limits = [{ value = "0.1 * manager.h_limit", name = "not unloaded" }]
 
 A text is a product or quotient of numbers and parameters, evaluated from left to right.
 A parameter is `component.name`, `component.name[i]`, or `shared.name` for one that

@@ -24,13 +24,11 @@ AUTO: Literal["auto"] = "auto"
 # Substeps within a step; with `auto` a run chooses them (`runs/substep_choice.py`).
 Substeps = int | Literal["auto"]
 MOST_SUBSTEPS = 1000
-ACCURACY = (
-    1e-7  # rad: default tolerance of the attitude error when a run chooses substeps
-)
+# rad: default tolerance of the attitude error when a run chooses its substeps.
+ACCURACY = 1e-7
 
-Values = Mapping[
-    str, Any
-]  # values of a component's parameters by name, arrays as lists
+# Values of a component's parameters by name, arrays as lists.
+Values = Mapping[str, Any]
 
 
 @dataclass(frozen=True)
@@ -119,9 +117,8 @@ class Component:
     parameters: Mapping[str, Scalar] = field(default_factory=dict)
     fmu: Fmu | None = None  # None: it is the bare block of the interface's name
     step_ratio: int = 1  # steps of the master for each step of the component
-    connectors: Mapping[str, Connector] = field(
-        default_factory=dict
-    )  # listed in an SSD
+    # connectors that an SSD lists
+    connectors: Mapping[str, Connector] = field(default_factory=dict)
     line: int = 0
     # source of a variable's value: name -> file and key, or option
     given: Mapping[str, str] = field(default_factory=dict, compare=False, repr=False)

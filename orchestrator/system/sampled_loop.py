@@ -3,15 +3,14 @@
 About rest, with H the wheels' momentum (constant, body), J_r the inertia without the
 rotors' axial part and theta the small rotation from the target attitude,
 
-theta' = omega,      J_r omega' = T - omega x H,      T' = (u - T) / lag
+    theta' = omega,      J_r omega' = T - omega x H,      T' = (u - T) / lag
 
 so that the body nutates at |H| / sqrt(J_a J_b), J_a and J_b the moments of inertia
 across H. The computers see theta and omega at the samples of their sensors and hold
 their commands between their own samples:
 
-tau = -G (kp theta / 2 + kd omega + ki xi),  xi += sample theta / 2     (paper 004, eqs.
-10, 11) u = tau + omega x H                                                     (paper
-004, eq. 16)
+    tau = -G (kp theta / 2 + kd omega + ki xi),  xi += sample theta / 2     (paper 004, eqs. 10, 11)
+    u = tau + omega x H                                                     (paper 004, eq. 16)
 
 Held for a sample, the second term lags behind the nutation that it should cancel. The
 eigenvalues of the map over one common period of all samples give the stability of the

@@ -346,9 +346,8 @@ class Shared:
         self._sizes = {k: 8 * sum(s.kind == k for s in signals) for k in KINDS}
         # anonymous: a forked process shares it
         self._memory = mmap.mmap(-1, _HEAD + 2 * sum(self._sizes.values()))
-        _inherited.add(
-            self._memory
-        )  # other FMUs' processes, forked later, must not get it
+        # the processes of other FMUs, forked later, must not get it
+        _inherited.add(self._memory)
         self.words = memoryview(self._memory)[:56].cast("q")
         self.clock = memoryview(self._memory)[56:_HEAD].cast("d")
 
@@ -485,9 +484,8 @@ def live(
     """Serve requests in the forked process until the component is freed."""
     try:
         for name in ("SIGINT", "SIGTERM", "SIGHUP"):
-            signal.signal(
-                getattr(signal, name), signal.SIG_IGN
-            )  # the parent decides when to stop
+            # the parent decides when to stop
+            signal.signal(getattr(signal, name), signal.SIG_IGN)
         die_with(head, signal.SIGKILL)  # also while a call is in progress
         _alone(pipe)
         with keep_state("it", "its process") as changes, np.errstate(all="ignore"):

@@ -64,9 +64,8 @@ def _unclosed(path: Path) -> Any:
         if file.seek(0, os.SEEK_END) + _BEHIND < end:
             raise OSError(f"its end is missing, from {end} bytes")
     access = h5py.h5p.create(h5py.h5p.FILE_ACCESS)
-    with suppress(
-        AttributeError, OSError
-    ):  # h5py lacks this function; HDF5 may export it
+    # h5py lacks this function; HDF5 may export it
+    with suppress(AttributeError, OSError):
         of_hdf5 = ctypes.CDLL(h5py.h5p.__file__)
         of_hdf5.H5Pset_metadata_read_attempts(ctypes.c_int64(access.id), _ATTEMPTS)
     how = h5py.h5f.ACC_RDONLY | h5py.h5f.ACC_SWMR_READ

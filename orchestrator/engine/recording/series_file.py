@@ -111,9 +111,8 @@ class DataSetPlan:
     def make(self, file: Any, compressed: bool) -> Any:
         """Create the data set in a file, without rows."""
         how = h5p.create(h5p.DATASET_CREATE)
-        how.set_obj_track_times(
-            False
-        )  # otherwise equal runs would give different files
+        # otherwise equal runs would give different files
+        how.set_obj_track_times(False)
         how.set_chunk(self.chunk)
         if compressed:
             how.set_shuffle()
