@@ -73,7 +73,7 @@ def describe(verb: int) -> str:
 def status_of(process: int) -> int | None:
     """Return the status of a child that has ended; None while it runs.
 
-    The child is reaped.
+    The child is reaped. UNKNOWN is returned if its status cannot be had.
     """
     try:
         found, status = os.waitpid(process, os.WNOHANG)

@@ -193,7 +193,7 @@ class Master:
     def __enter__(self) -> Self:
         self._quiet = np.errstate(
             all="ignore"
-        )  # the check for NaN and infinity overflows
+        )  # the check for NaN and infinity may overflow
         self._quiet.__enter__()
         return self
 

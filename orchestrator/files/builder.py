@@ -498,7 +498,7 @@ class Builder:
         return system
 
     def _names(self) -> Iterator[str]:
-        """Find component names that clash with names of variables or series."""
+        """Find component names with which no name of a series can begin."""
         for part in self.components.values():
             name = part.name
             bad = (
@@ -518,7 +518,7 @@ class Builder:
             if part.placed_by and (
                 signal is None or connector.kind != signal.causality
             ):
-                continue  # one line names all of its connections
+                continue  # reported in one line with all of its connections
             if signal is None:
                 hint = nearest(connector.name, interface.signals)
                 yield f"{where}: the FMU has no such variable{hint}"

@@ -39,7 +39,7 @@ KINDS = {
     "Implementation/CoSimulation_Tool": "co-simulation by a tool",
 }
 MOST_FAULTS = (
-    100  # lines: a description of thousands of variables may break a rule in each
+    100  # lines: a description of thousands of variables may violate a rule in each
 )
 
 

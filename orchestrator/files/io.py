@@ -70,7 +70,7 @@ def place_of(path: Path, option: str = "") -> Path:
             )
     except FileNotFoundError:
         pass
-    except (OSError, ValueError) as error:  # a loop of links; a byte that no path has
+    except (OSError, ValueError) as error:  # a loop of links, or an invalid byte
         raise DesatError(
             f"{where}: {getattr(error, 'strerror', None) or error}"
         ) from error

@@ -67,7 +67,7 @@ class RigidBody:
         self.wheel_series = wire.series  # series of the wheel momentum that it receives
         self.axes = axes_of(component.values)  # (3, n), body, of all wheels
         self.carrier = carrier_inertia(component.values)  # (3, 3), kg m2
-        # whether its inertia is that of a body
+        # whether its inertia is physically possible
         self.is_possible = bool(np.linalg.eigvalsh(self.carrier).min() > 0.0)
 
 

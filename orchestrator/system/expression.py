@@ -163,7 +163,7 @@ def _scalar(name: str, table: Table) -> tuple[float, Unit]:
 
 
 # ------------------------------------------------------------------------------------------------
-# Parameters that are given as other parameters, or products of them: `gain = "shared.inertia"`
+# References: parameters set to other parameters, or products of them: `gain = "shared.inertia"`
 
 
 # Component and parameter -> the text that gives its value.

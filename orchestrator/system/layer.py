@@ -28,7 +28,7 @@ class Value:
     value: Any
     origin: str  # source: file and key, or option
     prefix: (
-        str  # how a message about the value begins, before the name of its component
+        str  # beginning of messages about the value, before the name of its component
     )
     raises: bool = (
         False  # a value that does not fit raises an error; otherwise it is a problem

@@ -180,7 +180,7 @@ RESOLVED = {"aside": "in the resolved system"}
 SAME_BITS = {"aside": "the same bits"}
 WHETHER = {"aside": "whether it runs at all"}
 ENDS = {"aside": "ends a run that takes long; it is then not completed"}
-NO_OPTION = {"option": ""}  # no option of `run` sets it, or `--set` does
+NO_OPTION = {"option": ""}  # set by no option of `run`, or by `--set`
 # Reasons why a field of `Options` is in no digest (`digest.py`); with COUNTS it is in one.
 COUNTS = {"aside": ""}
 

@@ -222,7 +222,7 @@ def _flat(value: Any) -> list[Any]:
 
 
 def _scalar(signal: Signal, value: Any, where: str) -> Scalar:
-    """Check and convert one scalar.
+    """Check a value and convert it to one scalar.
 
     Raises DesatError, whose text begins with `where`.
     """

@@ -544,7 +544,7 @@ def _callbacks_1() -> fmi1CallbackFunctions:
     made = fmi1CallbackFunctions()
     made.logger = ctypes.cast(
         _callbacks().logger, fmi1CallbackLoggerTYPE
-    )  # of the same arguments
+    )  # it has the same arguments
     made.allocateMemory = fmi1.defaultCallbacks.allocateMemory
     made.freeMemory = fmi1.defaultCallbacks.freeMemory
     made.stepFinished = None

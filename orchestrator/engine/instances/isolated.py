@@ -219,7 +219,7 @@ class IsolatedInstance:
 
     def _hear(self, name: str) -> None:
         """Fetch new messages by a call; ignore a process that has ended."""
-        with suppress(EndedError):  # the next call says so
+        with suppress(EndedError):  # the next call reports it
             self._take(self._ask(name))
 
     def _take(self, said: list[str]) -> None:
@@ -258,7 +258,10 @@ class IsolatedInstance:
         raise EndedError(self._ended, Exit.TIMEOUT if hung else Exit.COMPONENT)
 
     def _reap(self) -> str:
-        """Wait for the process to end and describe how it ended."""
+        """Close the socket, wait for the process to end and describe how it ended.
+
+        After GRACE seconds it is killed.
+        """
         if self._socket is None:
             return ""
         self._close()
@@ -313,8 +316,8 @@ def cost_of_a_turn(count: int = 300) -> float:
 
 
 # ------------------------------------------------------------------------------------------------
-# The process of an isolated FMU: what it does there, and the memory that both processes share.
-# The classes above are the other side.
+# The process of an isolated FMU, and the memory that both processes share. The classes above run in
+# the parent.
 
 
 _VERBS = {

@@ -117,7 +117,7 @@ class Recorder:
             self._file.flush()
         if self._part is not None:
             self._file.swmr_mode = (
-                True  # what is flushed stays readable if we are killed
+                True  # flushed rows stay readable if the process is killed
             )
         if path is not None and self._part is not None and go_on is not None:
             self._synchronise()

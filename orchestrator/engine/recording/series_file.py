@@ -135,8 +135,9 @@ class DataSetPlan:
     def append(self, dataset: Any, rows: NDArray[Any]) -> None:
         """Append rows to a data set that was created by `make`.
 
-        A complete chunk of Reals is written uncompressed. The calls are HDF5's own:
-        `dataset[n:] = rows` takes twice as long, and a day has thousands of them.
+        A complete chunk is written directly, and uncompressed if it holds Reals. The
+        calls are HDF5's own: `dataset[n:] = rows` takes twice as long, and a day has
+        thousands of them.
         """
         n, *tail = dataset.shape
         dataset.set_extent((n + len(rows), *tail))
