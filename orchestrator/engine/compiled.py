@@ -55,6 +55,8 @@ _LOOK, _FAILED, _NOT_FINITE = range(3)
 
 
 class _Table(ctypes.Structure):
+    """Table of recorded rows of one type, in the layout of `desat_table` in loop.c."""
+
     _fields_ = (
         ("source", ctypes.c_void_p),
         ("rows", ctypes.c_void_p),
@@ -63,6 +65,8 @@ class _Table(ctypes.Structure):
 
 
 class _Loop(ctypes.Structure):
+    """State of the loop, in the layout of `desat_loop` in loop.c."""
+
     _fields_ = (
         ("k", ctypes.c_int64),
         ("process", ctypes.c_int64),
@@ -296,6 +300,8 @@ class NotCompiledError(Exception):
 
 
 class _Operation(ctypes.Structure):
+    """Operation of a step, in the layout of `desat_operation` in loop.c."""
+
     _fields_ = (
         ("code", ctypes.c_int32),
         ("more", ctypes.c_int32),

@@ -219,9 +219,9 @@ class Places:
 
 
 class Whole:
-    """Joins the parts of a window.
+    """Mean and slope over a window, joined from its parts.
 
-    It combines outputs of a fast component for a slower one, or for a row.
+    They are outputs of a fast component for a slower one, or for a row.
     """
 
     def __init__(
@@ -251,7 +251,7 @@ class Whole:
 
 
 class Part:
-    """Cuts a window: outputs of a slow component for a faster one."""
+    """Mean and slope of the parts of a window: a slow component's for a faster one."""
 
     def __init__(
         self, live: Floats, source: Places, target: Places, parts: Sequence[Share]

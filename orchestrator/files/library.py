@@ -414,7 +414,7 @@ _LINE = re.compile(r"([0-9a-fA-F]{64})(\s+\*?.*)?")
 def hashes(path: Path) -> frozenset[str]:
     """Read the hashes of a list as sha256sum writes it.
 
-    Each line has a hash and the name of its file.
+    Each line has a hash and, optionally, the name of its file. `#` begins a comment.
 
     Raises
     ------

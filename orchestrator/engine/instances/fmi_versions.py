@@ -170,6 +170,7 @@ def _log_2(
     category: bytes,
     message: bytes,
 ) -> None:
+    """Collect a log message of FMI 2.0."""
     _hear(environment, status, message)
 
 
@@ -276,6 +277,7 @@ class Fmi2(FmiFunctions):
 def _log_3(
     environment: int | None, status: int, category: bytes, message: bytes
 ) -> None:
+    """Collect a log message of FMI 3.0."""
     _hear(environment, status, message)
 
 
