@@ -1,1 +1,1 @@
-"""What runs a checked system: master, instances, recorder."""
+"""Run a checked system: master, instances, recorder."""

@@ -1,11 +1,10 @@
-"""Checkpoints of a run: all that its next step depends on, to go on from with the same
-bits.
+"""Save and restore checkpoints of a run, from which it continues with the same bits.
 
-`checkpoints/K.npz` of a run folder, K the step that is next: the states of the
-components as FMI serialises them, the arrays of the master that outlive a step, how
-many rows of the series are on the disk, and what the caller wants to find again, as
-JSON. A file is written under another name, synchronised with the disk, and renamed; the
-two newest are kept, and the newest whole one counts.
+`checkpoints/K.npz` of a run folder, where K is the next step, holds the states of the
+components as FMI serialises them, the arrays of the master that outlive a step, the
+number of rows of the series on disk, and the caller's own data as JSON. A file is
+written under another name, synchronised with the disk, and renamed. The two newest
+files are kept, and the newest complete one is used.
 """
 
 from __future__ import annotations
@@ -35,23 +34,25 @@ KEPT = 2
 
 @dataclass(frozen=True)
 class Checkpoint:
-    """One that was read: what was saved at the beginning of step k."""
+    """A checkpoint that was read, of the beginning of step k."""
 
     path: Path
     k: int
-    rows: int
-    """Rows of the series until then."""
+    rows: int  # rows of the series until then
     ending: JsonObject
-    messages: dict[str, list[str]]
-    """What each component had logged."""
-    about: JsonObject
-    """What the caller wanted to find again."""
+    messages: dict[str, list[str]]  # logged by each component
+    about: JsonObject  # the caller's own data
     arrays: dict[str, Array]
     states: dict[str, bytes]
 
     def restore(self, master: Master, ending: Ending) -> None:
-        """Put it back into an initialised master. Raises DesatError for one of another
-        system."""
+        """Restore the checkpoint into an initialised master.
+
+        Raises
+        ------
+        DesatError
+            If the checkpoint is of another system.
+        """
         memory = master.memory()
         shapes = {name: (a.shape, a.dtype) for name, a in memory.items()}
         if shapes != {name: (a.shape, a.dtype) for name, a in self.arrays.items()} or (
@@ -71,8 +72,10 @@ class Checkpoint:
 
 
 class Checkpoints:
-    """Writes those of a run, one every `every` steps; `tell` gives what the caller
-    wants saved."""
+    """Writer of a run's checkpoints, one every `every` steps.
+
+    `tell` returns the data that the caller wants to save.
+    """
 
     def __init__(
         self,
@@ -93,15 +96,18 @@ class Checkpoints:
         self._folder.mkdir(exist_ok=True)
 
     def next(self, k: int) -> int:
-        """The step before which the one after that of step k is due."""
+        """Return the step before which the next checkpoint after step k is due."""
         return (k // self.every + 1) * self.every
 
     def due(self) -> bool:
-        """Whether one is due now."""
+        """Return whether a checkpoint is due now."""
         return self._master.k % self.every == 0
 
     def save(self) -> None:
-        """Write one. Raises ComponentError where a component does not give its state."""
+        """Write a checkpoint.
+
+        Raises ComponentError if a component does not provide its state.
+        """
         master, states = self._master, _states(self._master)
         memory = master.memory()
         head = {
@@ -131,7 +137,10 @@ class Checkpoints:
 
 
 def _states(master: Master) -> dict[str, bytes]:
-    """The state of each component. Raises ComponentError where it cannot be had."""
+    """Return the state of each component.
+
+    Raises ComponentError if one cannot be had.
+    """
     time[0], saved = master.t, {}
     for name, member in master.members.items():
         word[0] = member.instance.place + SAVE
@@ -141,26 +150,27 @@ def _states(master: Master) -> dict[str, bytes]:
 
 
 def remove(folder: Path) -> None:
-    """Remove those of a run folder."""
+    """Remove the checkpoints of a run folder."""
     shutil.rmtree(folder / FOLDER, ignore_errors=True)
 
 
 def newest(folder: Path) -> Checkpoint | None:
-    """The newest whole checkpoint of a run folder."""
+    """Find the newest complete checkpoint of a run folder."""
     for path in _checkpoints(folder / FOLDER):
         try:
             return _load(path)
         except (OSError, EOFError, ValueError, KeyError, TypeError, zipfile.BadZipFile):
-            continue  # it is not whole; the one before it is
+            continue  # it is incomplete; the one before it is not
     return None
 
 
 def _checkpoints(folder: Path) -> list[Path]:
-    """Those of a folder, the newest first."""
+    """Return the checkpoints of a folder, the newest first."""
     return sorted((p for p in folder.glob("*.npz") if p.is_file()), reverse=True)
 
 
 def _load(path: Path) -> Checkpoint:
+    """Read a checkpoint."""
     with path.open("rb") as opened, np.load(opened, allow_pickle=False) as file:
         head = json.loads(file["_0"].tobytes())
         arrays = {name: file[f"arr_{i}"] for i, name in enumerate(head["arrays"])}
@@ -180,11 +190,12 @@ def _load(path: Path) -> Checkpoint:
 
 
 def _bytes(data: bytes) -> Array:
+    """Return data as an array of bytes."""
     return np.frombuffer(data, np.uint8)
 
 
 def _synchronise(folder: Path) -> None:
-    """The names in a folder are on the disk."""
+    """Force the names in a folder to disk."""
     if os.name == "posix":
         number = os.open(folder, os.O_RDONLY)
         try:

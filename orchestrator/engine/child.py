@@ -1,8 +1,8 @@
-"""Work in a process of its own, which a component may end, or never come back from.
+"""Run work in a process of its own, which a component may end or block for ever.
 
-The parent waits, hands signals on, and reports: what the run says of itself when it
-ends, or else component and call, and the signal or exit code that ended it. Nothing is
-added to a step but what `current_call.py` says.
+The parent waits, forwards signals, and reports either what the run says when it ends,
+or component and call, and the signal or exit code that ended it. A step takes no
+longer, except for what `current_call.py` writes.
 """
 
 from __future__ import annotations
@@ -25,34 +25,31 @@ from .recording.row_buffer import Layout, RowBuffer
 
 T = TypeVar("T")
 CAN = process_state.CAN_FORK
-_LOOK = 0.2
-"""The parent looks at its child so often (s)."""
+_LOOK = 0.2  # s: period at which the parent looks at its child
+# s: delay after a call's limit, so that an isolated component alone is ended first.
 _LATER = 0.5
-"""So much (s) after the limit of an isolated component has ended that component alone.
-"""
+# s: maximum time between two looks that counts for a call, as both processes may have been
+# stopped (Ctrl-Z). It is less than `_LATER`, so that a stopped call has its whole limit
+# when it continues.
 _AT_ONCE = 0.8 * _LATER
-"""No more (s) between two looks is a call's: both processes may have been stopped
-(Ctrl-Z). Less than `_LATER`, so that a call which was stopped has its whole limit when
-it goes on."""
 
 
 @dataclass
 class Ended:
-    """How a watched process ended. `reports`: what it has said by name (`layout`,
-    `error`)."""
+    """The end of a supervised process.
+
+    `reports` holds what it has sent, by name (`layout`, `error`).
+    """
 
     reports: dict[str, Any] = field(default_factory=dict)
     component: str = ""
     call: str = ""
-    how: str = ""
-    """`SIGSEGV`, `exit(3)`; empty for one that ended as it should."""
-    hung: float = 0.0
-    """The time (s) that it was left in one call, until it was ended."""
-    signal: int = 0
-    """The signal that the parent got, and handed on."""
+    how: str = ""  # `SIGSEGV`, `exit(3)`; empty after a normal end
+    hung: float = 0.0  # s: limit of one call, after which the process was killed
+    signal: int = 0  # the signal that the parent received and forwarded
 
     def text(self) -> str:
-        """The line about one that did not end as it should."""
+        """Describe, in one line, a process that did not end normally."""
         if not self.call:
             return f"the process of the run ended by {self.how}, outside a call of a component"
         if self.hung:
@@ -68,9 +65,11 @@ def watch(
     unwritten: RowBuffer,
     limit: float,
 ) -> Ended:
-    """Do `work(tell, unwritten)` in a forked process, and say how that ended; after
-    `limit` s in one call of a component of `order`, or a second signal to stop, it is
-    killed."""
+    """Run `work(tell, unwritten)` in a forked process and describe how that ended.
+
+    The process is killed after `limit` s in one call of a component of `order`, or at a
+    second signal to stop.
+    """
     ours, theirs = Pipe(duplex=False)
     sys.stdout.flush()
     sys.stderr.flush()
@@ -91,9 +90,17 @@ def watch(
 
 
 def apart(work: Callable[[], T], order: Sequence[str], limit: float) -> T:
-    """What `work` gives, done in a forked process as by `watch`. Raises what it raises;
-    EndedError where a component has ended that process, and KeyboardInterrupt or
-    SystemExit for a signal."""
+    """Run `work` in a forked process, as `watch` does, and return its result.
+
+    Raises
+    ------
+    EndedError
+        If a component ended that process.
+    KeyboardInterrupt, SystemExit
+        If a signal stopped it.
+    Exception
+        Whatever `work` raises.
+    """
     ended = watch(
         lambda tell, unwritten: tell("made", work()), order, RowBuffer(), limit
     )
@@ -112,7 +119,7 @@ def apart(work: Callable[[], T], order: Sequence[str], limit: float) -> T:
 
 
 def stopped(ended: Ended) -> None:
-    """Raise KeyboardInterrupt or SystemExit where a signal has stopped it."""
+    """Raise KeyboardInterrupt or SystemExit if a signal stopped the process."""
     if ended.signal == signal.SIGINT:
         raise KeyboardInterrupt
     if ended.signal:
@@ -120,7 +127,7 @@ def stopped(ended: Ended) -> None:
 
 
 def layout_of(ended: Ended) -> Layout | None:
-    """Where the rows in memory lie; None where the run had none yet."""
+    """Return the layout of the rows in memory; None if the run had none yet."""
     layout: Layout | None = ended.reports.get("layout")
     return layout
 
@@ -131,8 +138,7 @@ def _work(
     unwritten: RowBuffer,
     parent: int,
 ) -> NoReturn:
-    """The child: what it does, and then nothing more, not even what the interpreter
-    would."""
+    """Run the child: do the work, and exit without the interpreter's handlers."""
 
     def tell(name: str, what: Any) -> None:
         pipe.send((name, what))
@@ -140,7 +146,7 @@ def _work(
     try:
         process_state.die_with(parent, signal.SIGTERM)
         process_state.adopt()
-        os.dup2(2, 1)  # what an FMU prints is no result
+        os.dup2(2, 1)  # the output of an FMU must not mix with results
         try:
             work(tell, unwritten)
             tell("done", True)
@@ -150,7 +156,7 @@ def _work(
         except (
             KeyboardInterrupt,
             SystemExit,
-        ):  # told to stop where it was not stepping
+        ):  # stopped while it was not stepping
             pass
         except BaseException as error:
             if os.environ.get("DESAT_TRACEBACK"):
@@ -160,14 +166,15 @@ def _work(
             tell("bug", f"{type(error).__name__}: {error}")
             tell("done", True)
             process_state.end()
-            os._exit(0)  # while `error` holds all: files that are full cannot be closed
+            # exit while `error` keeps all alive: files on a full disk cannot be closed
+            os._exit(0)
     finally:
         process_state.end()
         os._exit(0)
 
 
 def _wait(child: int, pipe: Connection, ended: Ended, limit: float) -> int:
-    """Listen until the child has ended; its status."""
+    """Collect reports until the child has ended and return its status."""
     listening, seen, since, looked = True, current_call.now(), 0.0, time.monotonic()
     while True:
         if listening and pipe.poll(_LOOK):
@@ -193,13 +200,13 @@ def _wait(child: int, pipe: Connection, ended: Ended, limit: float) -> int:
 
 @contextmanager
 def _handed_on(child: int, ended: Ended) -> Iterator[None]:
-    """Within: the first signal to stop is handed on to the child, the second kills it."""
+    """Forward the first signal to stop to the child; at the second, kill it."""
     first = [0.0]
 
     def handler(number: int, frame: Any) -> None:
         again = (
             ended.signal and time.monotonic() - first[0] > 0.3
-        )  # a terminal tells us twice
+        )  # a terminal sends it twice
         if not ended.signal:
             ended.signal, first[0] = number, time.monotonic()
         with suppress(ProcessLookupError):
@@ -207,7 +214,7 @@ def _handed_on(child: int, ended: Ended) -> Iterator[None]:
 
     try:
         previous = {n: signal.signal(n, handler) for n in process_state.stop_signals()}
-    except ValueError:  # not the main thread: nobody tells us
+    except ValueError:  # not the main thread, which alone gets signals
         yield
         return
     try:

@@ -1,8 +1,8 @@
-"""The stepping loop in C (loop.c): built once into the user's cache, and run over a
-master's plan.
+"""Step a master's plan in C (loop.c), which is built once into the user's cache.
 
-It makes the same bits as `Master.advance`. It needs a C compiler and FMUs alone; where
-it cannot be had, `NotCompiledError` says why, and the master's own loop steps.
+The result has the same bits as that of `Master.advance`. The loop needs a C compiler,
+and all components must be FMUs. Where it is not available, `NotCompiledError` gives the
+reason, and the master's own loop steps.
 """
 
 from __future__ import annotations
@@ -55,6 +55,8 @@ _LOOK, _FAILED, _NOT_FINITE = range(3)
 
 
 class _Table(ctypes.Structure):
+    """Table of recorded rows of one type, in the layout of `desat_table` in loop.c."""
+
     _fields_ = (
         ("source", ctypes.c_void_p),
         ("rows", ctypes.c_void_p),
@@ -63,6 +65,8 @@ class _Table(ctypes.Structure):
 
 
 class _Loop(ctypes.Structure):
+    """State of the loop, in the layout of `desat_loop` in loop.c."""
+
     _fields_ = (
         ("k", ctypes.c_int64),
         ("process", ctypes.c_int64),
@@ -96,8 +100,10 @@ class _Loop(ctypes.Structure):
 
 
 class CompiledSteps:
-    """Steps of an initialised master in C. Raises NotCompiledError where they cannot
-    be."""
+    """Steps of an initialised master in C.
+
+    Raises NotCompiledError if the steps cannot be compiled.
+    """
 
     name: Loop = "compiled"
     why = ""
@@ -136,7 +142,7 @@ class CompiledSteps:
         self._watch(master, ending)
 
     def _record(self, master: Master, recorder: Recorder) -> None:
-        """Say where rows are taken from."""
+        """Set the arrays from which rows are taken."""
         loop, rows = self._loop, recorder.unwritten.active.rows
         loop.tables = len(rows)
         for place, kind in zip(loop.table, rows, strict=False):
@@ -146,7 +152,7 @@ class CompiledSteps:
             )
 
     def _aim(self, half: Bank) -> None:
-        """Say where rows go."""
+        """Set the arrays to which rows are written."""
         loop = self._loop
         loop.taken, loop.times = half.taken.ctypes.data, half.times.ctypes.data
         loop.capacity = len(half.times)
@@ -154,7 +160,7 @@ class CompiledSteps:
             place.rows = rows.ctypes.data
 
     def _watch(self, master: Master, ending: Ending) -> None:
-        """Say when to come back for the ending to be asked."""
+        """Set the condition at which the loop returns to evaluate the ending."""
         loop = self._loop
         self._places = np.array([s.index for s in ending.watched], np.int64)
         loop.how, loop.limit, loop.asked = _HOW.index(ending.how), ending.limit, 1
@@ -165,7 +171,7 @@ class CompiledSteps:
             setattr(loop, of, master.live[kind].ctypes.data)
 
     def some(self, most: int) -> None:
-        """Make so many steps, or fewer, so that a run may end there."""
+        """Make `most` steps, or fewer if a run may end earlier."""
         loop = self._loop
         loop.k = self._master.k
         if self._recorder is not None:
@@ -184,7 +190,7 @@ class CompiledSteps:
             self._master.check_finite()
 
     def _call(self, i: int) -> Call:
-        """The call that operation i is of."""
+        """Return the call to which operation i belongs."""
         call = self._program.source(i)
         assert isinstance(call, Call)
         return call
@@ -194,7 +200,7 @@ _PROGRAMS: WeakKeyDictionary[Master, tuple[object, Program]] = WeakKeyDictionary
 
 
 def _program(master: Master) -> Program:
-    """The operations of a master's cycle, made once."""
+    """Return the operations of a master's cycle, compiled once."""
     cycle, program = _PROGRAMS.get(master, (None, None))
     if program is None or cycle is not master.cycle:
         program = Program(master.cycle)
@@ -204,7 +210,10 @@ def _program(master: Master) -> Program:
 
 @cache
 def _library() -> Any:
-    """The built loop. Raises NotCompiledError."""
+    """Build and load the loop.
+
+    Raises NotCompiledError if that fails.
+    """
     try:
         command = compiler()
     except NoCompilerError as error:
@@ -224,13 +233,16 @@ def _library() -> Any:
     try:
         if not library.exists():
             _build(command, library)
-        return ctypes.CDLL(str(library))  # which lets other threads run meanwhile
+        return ctypes.CDLL(str(library))  # CDLL releases the GIL during calls
     except OSError as error:
         raise NotCompiledError(f"{library}: {error}") from error
 
 
 def _build(command: tuple[str, ...], library: Path) -> None:
-    """Compile, under a temporary name first: several processes may."""
+    """Compile the loop, under a temporary name first.
+
+    Several processes may build it at the same time.
+    """
     library.parent.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(dir=library.parent) as folder:
         part = Path(folder) / library.name
@@ -276,15 +288,20 @@ CODES = (
     "FROM_TYPE",
 )
 _CODE = {name: i for i, name in enumerate(CODES)}
+# Calls with a status; of several calls of one operation the worst status counts.
 _CALLS = ("TRANSFER", "STEP", "TRANSFER_3", "STEP_3", "TO_TYPE", "FROM_TYPE")
-"""Those of which the worst status of several counts."""
 
 
 class NotCompiledError(Exception):
-    """An operation that the compiled loop does not have; the text names it."""
+    """An operation that the compiled loop does not have.
+
+    The text names it.
+    """
 
 
 class _Operation(ctypes.Structure):
+    """Operation of a step, in the layout of `desat_operation` in loop.c."""
+
     _fields_ = (
         ("code", ctypes.c_int32),
         ("more", ctypes.c_int32),
@@ -295,16 +312,19 @@ class _Operation(ctypes.Structure):
     )
 
 
+# Code, n, pointers (arrays, ctypes objects or addresses), numbers.
 _Row = tuple[str, int, Sequence[Any], Sequence[float]]
-"""code, n, pointers (arrays, ctypes objects or addresses), numbers"""
 
 
 class Program:
-    """The operations of a cycle in one array; `edges` (2 steps + 1,) says where those
-    before and after each step's row begin."""
+    """The operations of a cycle in one array.
+
+    `edges` (2 steps + 1,) gives the indices at which the operations before and after
+    each step's row begin.
+    """
 
     def __init__(self, cycle: Sequence[Step]) -> None:
-        self._keep: list[Any] = []  # an array that nobody else holds
+        self._keep: list[Any] = []  # arrays that have no other reference
         self._sources: list[Operation] = []
         rows: list[tuple[_Row, bool]] = []
         edges = [0]
@@ -325,10 +345,11 @@ class Program:
             place.x[: len(numbers)] = numbers
 
     def source(self, i: int) -> Operation:
-        """What operation i was made of."""
+        """Return the operation from which entry i was made."""
         return self._sources[i]
 
     def _address(self, of: Any) -> int:
+        """Return the address of an array or ctypes object, and keep it alive."""
         if isinstance(of, int):
             return of
         self._keep.append(of)
@@ -339,7 +360,7 @@ class Program:
 
 
 def _rows(operation: Operation) -> Iterator[_Row]:
-    """An operation in those of loop.c."""
+    """Convert an operation to those of loop.c."""
     match operation:
         case Tick():
             for clock in operation.clocks:
@@ -386,6 +407,7 @@ def _rows(operation: Operation) -> Iterator[_Row]:
 
 
 def _gather(g: Gather) -> _Row:
+    """Convert the collection of inputs to an operation of loop.c."""
     into = np.arange(len(g.target)) if g.into is None else g.into
     pointers = (g.target, into, g.source, g.index)
     if g.conversion is None:
@@ -396,6 +418,7 @@ def _gather(g: Gather) -> _Row:
 
 
 def _calls(call: Call) -> Iterator[_Row]:
+    """Convert a call of a component to operations of loop.c."""
     instance = call.instance
     if isinstance(instance, IsolatedInstance):
         raise NotCompiledError(f"{instance.name} runs in a process of its own")
@@ -416,5 +439,5 @@ def _calls(call: Call) -> Iterator[_Row]:
 
 
 def _side_by_side(places: Sequence[int]) -> bool:
-    """Whether Reals at these addresses follow each other."""
+    """Return whether Reals at these addresses are contiguous."""
     return all(b - a == 8 for a, b in pairwise(places))

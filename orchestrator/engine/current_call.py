@@ -1,9 +1,8 @@
-"""The call of a component that a process is in, kept in memory that it shares with its
-parent.
+"""Record the component call that a process is in, in memory shared with its parent.
 
 When a component ends the process, or never returns, the parent reads here which one it
-was. A word and a time are written, without a call: `loop` writes them before each call
-that it makes.
+was. A word and a time are written, without a call: the loop writes them before each
+call that it makes.
 """
 
 from __future__ import annotations
@@ -30,34 +29,34 @@ VERBS = (
 INSTANTIATE, ENTER, EXIT, PUSH, STEP, PULL, FREE, SAVE, RESTORE, TERMINATE = range(
     1, 11
 )
-PLACE = 16
-"""A word is so many times a component's place, and the verb."""
+PLACE = 16  # a word is PLACE times a component's place, plus the verb
 
-UNKNOWN = -1
-"""Instead of the status of a process that has ended."""
+UNKNOWN = -1  # in place of the status of a process that has ended
 
 page = mmap.mmap(
     -1, mmap.PAGESIZE
-)  # anonymous and shared: a forked child writes to the same
+)  # anonymous and shared: a forked child writes to the same memory
+# word[0]: PLACE times the component's place in the order of the schedule, plus the verb;
+# 0 if no call is in progress.
 word = memoryview(page)[:8].cast("q")
-"""word[0]: PLACE times the component's place in the order of the schedule, and the
-verb; 0: no call."""
-time = memoryview(page)[8:16].cast("d")
-"""time[0]: the time of the call (s)."""
+time = memoryview(page)[8:16].cast("d")  # time[0]: the time of the call (s)
 
 
 def address(of: memoryview[int] | memoryview[float]) -> int:
-    """Where the word or the time lies, for the compiled loop."""
+    """Return the address of the word or the time, for the compiled loop."""
     return ctypes.addressof(ctypes.c_char.from_buffer(of))
 
 
 def now() -> tuple[int, float]:
-    """Word and time: what has changed when something went on."""
+    """Return word and time, which change when the process makes progress."""
     return word[0], time[0]
 
 
 def place_of(order: Sequence[str]) -> tuple[str, str]:
-    """The component and the call that the process is, or was last, in; empty for none."""
+    """Return component and call that the process is in, or was in last.
+
+    Both are empty for none.
+    """
     place, verb = divmod(word[0], PLACE)
     if not verb:
         return "", ""
@@ -65,24 +64,26 @@ def place_of(order: Sequence[str]) -> tuple[str, str]:
 
 
 def describe(verb: int) -> str:
-    """A call in words."""
+    """Describe a call in words."""
     if verb in (PUSH, STEP, PULL, SAVE):
         return f"{VERBS[verb]}{' from' if verb == STEP else ' at'} t = {time[0]:g} s"
     return VERBS[verb]
 
 
 def status_of(process: int) -> int | None:
-    """The status of a child that has ended, and is waited for no more; None while it
-    runs."""
+    """Return the status of a child that has ended; None while it runs.
+
+    The child is reaped. UNKNOWN is returned if its status cannot be had.
+    """
     try:
         found, status = os.waitpid(process, os.WNOHANG)
-    except ChildProcessError:  # who made this process has it ignore SIGCHLD
+    except ChildProcessError:  # the parent of this process made it ignore SIGCHLD
         return UNKNOWN
     return status if found else None
 
 
 def how(status: int) -> str:
-    """How a process ended, of the status that the system gives: `SIGSEGV`, `exit(3)`."""
+    """Describe how a process ended from its wait status: `SIGSEGV`, `exit(3)`."""
     if status == UNKNOWN:
         return "in a way that the system does not tell (SIGCHLD is ignored)"
     if not os.WIFSIGNALED(status):

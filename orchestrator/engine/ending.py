@@ -1,5 +1,4 @@
-"""What the stepping loops share: their names, and what may end a run before its stop
-time."""
+"""Define what may end a run before its stop time; all stepping loops share it."""
 
 from __future__ import annotations
 
@@ -14,22 +13,21 @@ How = Literal["never", "below", "above", "reaches", "always"]
 
 @dataclass(frozen=True)
 class Ending:
-    """Why a run ends here, asked between steps: `reason` gives it, or nothing.
+    """Condition that ends a run, evaluated between steps.
 
-    It may be asked after any step, and must be after each in which the watched outputs
-    have met their condition, and after the one that follows: the size of every element
-    `below` the limit, of any of them `above` it, or all of them equal to it
-    (`reaches`); or after every step (`always`).
+    `reason` returns why the run ends here, or an empty text. It may be called after any
+    step. It must be called after each step in which the watched outputs have met their
+    condition, and after the step that follows: the size of every element is `below` the
+    limit, that of any of them `above` it, or all of them equal it (`reaches`); or after
+    every step (`always`).
     """
 
     reason: Callable[[], str]
     how: How = "always"
     watched: Sequence[Slot] = ()
     limit: float = 0.0
+    # state of `reason` between steps, as JSON, which a checkpoint saves
     memory: dict[str, Any] = field(default_factory=dict)
-    """What `reason` remembers from step to step, as JSON has it: a checkpoint keeps it.
-    """
 
 
-NEVER = Ending(lambda: "", "never")
-"""Nothing ends a run before its stop time."""
+NEVER = Ending(lambda: "", "never")  # nothing ends a run before its stop time

@@ -1,8 +1,8 @@
 /* The master's steps over function pointers of FMI 2.0 and FMI 3.0.
  *
- * It does what operations.py does, in the same order and with the same roundings: compiled.py makes
- * its operations from the same plan. Nothing here knows of schedules or rates.
- * To be built without contraction (-ffp-contract=off), or products and sums would be rounded once.
+ * It performs the operations of operations.py, in the same order and with the same roundings:
+ * compiled.py converts them from the same plan. Schedules and rates are not known here.
+ * Build it without contraction (-ffp-contract=off), or products and sums would be rounded only once.
  */
 #include <math.h>
 #include <stdbool.h>
@@ -25,25 +25,26 @@ enum desat_code {
  *   LENGTH    *p0 = x0
  *   TAKE_8/4  p0[p1[i]] = p2[p3[i]], values of 8 or 4 bytes
  *   CONVERT   p0[p1[i]] = p2[p3[i]] p4[i] + p5[i]
- *   PUT, FETCH  what sets and gets of our own FMUs do in step mode: *p0[i] = p1[i], or back
+ *   PUT, FETCH  set and get values of our own FMUs as in step mode: *p0[i] = p1[i], or back
  *   TRANSFER  function p0, component p1, value references p2, values p3
  *   STEP      function p0, component p1, time p2, length p3
- *   TRANSFER_3  of FMI 3.0: the same, with the number of values p4
- *   STEP_3      the same, and what it says beside its status in p4
- *   TO_TYPE     p0[p1[i]] = p2[p3[i]], from a value of the loop to one of type p4 (faces.py, TYPES)
- *   FROM_TYPE   back
+ *   TRANSFER_3  FMI 3.0: as TRANSFER, with the number of values p4
+ *   STEP_3      FMI 3.0: as STEP, with the outputs besides its status in p4
+ *   TO_TYPE     p0[p1[i]] = p2[p3[i]], from a value of the loop to one of type p4 (fmi_versions.py,
+ *             _CODES)
+ *   FROM_TYPE   the reverse
  *   COPY      n bytes to p0 from p1
- *   CLEAR     n values of p0 are zero
- *   JOIN      of values p0 with means at p1 and slopes at p2: p3[i] += x0 mean,
+ *   CLEAR     n values of p0 become zero
+ *   JOIN      for values p0 with means at p1 and slopes at p2: p3[i] += x0 mean,
  *             p4[i] += x1 mean + x2 slope
- *   CUT       the same places: p0[p3[i]] = mean + x0 slope, p0[p4[i]] = x1 slope
- *   KEEP      of rows p0 of n values the one of number p1, which rises by one, is p2[p3[i]]
- * A place below 0 is none: its value is 0, and nothing is put there. */
+ *   CUT       for the same places: p0[p3[i]] = mean + x0 slope, p0[p4[i]] = x1 slope
+ *   KEEP      row number p1 of p0, which has rows of n values, becomes p2[p3[i]]; p1 increases by one
+ * A negative place means that there is none: its value is 0, and nothing is written there. */
 struct desat_operation {
     int32_t code;
     int32_t more; /* a further call of the same verb follows */
     int64_t n;
-    int64_t word; /* of a call: what current_call.py has of it */
+    int64_t word; /* of a call: its word in current_call.py */
     void *p[6];
     double x[3];
 };
@@ -58,8 +59,8 @@ enum desat_how { DESAT_NEVER, DESAT_BELOW, DESAT_ABOVE, DESAT_REACHES, DESAT_ALW
 
 struct desat_loop {
     int64_t k;
-    int64_t process; /* where a component may fork it: what comes back in another one ends */
-    int64_t *word; /* of current_call.py: the call that the process is in, and its time */
+    int64_t process; /* if a component may fork it: a call that returns in another process ends it */
+    int64_t *word; /* of current_call.py: the current call of the process, and its time */
     double *time;
     double start, step;
     int64_t steps; /* of a cycle */
@@ -68,11 +69,11 @@ struct desat_loop {
     /* a failure */
     int64_t failed;
     int64_t status;
-    /* of each operation the number after that of the step in which it first gave a warning, or 0;
-     * and how many of these are new */
+    /* for each operation 1 + the step in which it first returned a warning, or 0; and the number of
+     * new warnings */
     int64_t *warned;
     int64_t warnings;
-    /* what must be finite */
+    /* values that must be finite */
     const double *real;
     int64_t reals;
     /* rows */
@@ -81,7 +82,7 @@ struct desat_loop {
     double *times;
     int64_t tables;
     struct desat_table table[3];
-    /* when to ask whether the run ends here: `asked` is whether the condition was met before */
+    /* when to evaluate the ending of the run; `asked`: the condition was met after the step before */
     int64_t how, watched, asked;
     const int64_t *places;
     const double *watched_reals;
@@ -91,7 +92,7 @@ struct desat_loop {
 
 enum desat_result { DESAT_LOOK, DESAT_FAILED, DESAT_NOT_FINITE };
 
-/* unsigned: a status below 0, which FMI does not know, is not ok */
+/* unsigned: a status below 0, which FMI does not define, is not ok */
 typedef unsigned desat_transfer(void *, const unsigned *, size_t, void *);
 typedef unsigned desat_do_step(void *, double, double, int);
 
@@ -102,9 +103,9 @@ struct desat_done {
     bool event, terminate, early, whole;
     double last;
 };
-#define DESAT_NEAR 0.01 /* as in faces.py */
+#define DESAT_NEAR 0.01 /* NEAR of fmi_versions.py */
 
-/* Of a whole number of one type as another, whether it is the same number. */
+/* Whether an integer is preserved by conversion to another type. */
 #define DESAT_SAME(A, B) ((int64_t)(A) == (int64_t)(B) && ((A) < 0) == ((B) < 0))
 #define DESAT_OURS(TYPE, KEEPS)                                                                     \
     for (i = 0; i < o->n; i++)                                                                      \
@@ -142,19 +143,19 @@ static unsigned desat_typed(const struct desat_operation *o, bool from)
     case 9: DESAT_OURS(uint64_t, DESAT_SAME)
     case 10: DESAT_OURS(bool, DESAT_ANY)
     }
-    return 4; /* faces.py knows no other */
+    return 4; /* fmi_versions.py has no other */
 }
 
 static double desat_at(const double *values, int64_t place) { return place < 0 ? 0.0 : values[place]; }
 
-/* value i where our own FMUs have it, and where the loop has it */
+/* value i in our own FMU, and in the loop */
 #define DESAT_THERE(TYPE) ((TYPE **)o->p[0])[i]
 #define DESAT_HERE(TYPE) ((TYPE *)o->p[1])[i]
 #define DESAT_MOVE(ONE)                                                                             \
     for (i = 0; i < o->n; i++) ONE;                                                                 \
     return 0;
 
-/* The status of a call that has come back, in our process. */
+/* Return the status of a call; end the process if a component forked it. */
 static unsigned desat_back(const struct desat_loop *loop, unsigned status)
 {
 #ifndef _WIN32
@@ -296,7 +297,7 @@ static void desat_take_row(struct desat_loop *loop)
     *loop->taken = row + 1;
 }
 
-/* zero times what is not finite is not a number, nor is a sum with it */
+/* zero times a value that is not finite is NaN, and so is any sum with it */
 static int desat_is_finite(const struct desat_loop *loop)
 {
     const double *x = loop->real;
@@ -327,8 +328,8 @@ static int desat_is_met(const struct desat_loop *loop)
                                                        : largest > loop->limit);
 }
 
-/* So many steps, or fewer where there is something to look at: rows to write, a condition that is
- * met, or was one step ago. */
+/* Make `steps` steps, or fewer if the caller has to act: rows to write, or a condition that is met, or
+ * was met one step before. */
 int desat_loop(struct desat_loop *loop, int64_t steps)
 {
     for (int64_t until = loop->k + steps; loop->k < until;) {

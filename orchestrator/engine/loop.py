@@ -1,5 +1,4 @@
-"""The stepping loop of a run: to the end, to a condition, or to the first signal to
-stop."""
+"""Step a run to its end, to a condition, or to the first signal to stop."""
 
 from __future__ import annotations
 
@@ -18,38 +17,37 @@ from .master import Master
 from .process_state import stop_signals
 from .recording.recorder import Recorder
 
+# s: a signal sooner than this after the first is the same one, which terminal and parent
+# both send.
 AGAIN = 0.3
-"""A signal so soon after the first (s) is the same one: a terminal and a parent both
-send it."""
 
 
 class Stepper(Protocol):
-    """Steps of an initialised master, and why they are not compiled."""
+    """Steps of an initialised master, and the reason if they are not compiled."""
 
     @property
     def name(self) -> Loop:
-        """Which loop it is."""
+        """Return the name of the loop."""
 
     @property
     def why(self) -> str:
-        """The reason, for people; empty for the compiled loop."""
+        """Return the reason, for people; empty for the compiled loop."""
 
-    seconds: float
-    """Wall time that steps have taken so far."""
+    seconds: float  # wall time that steps have taken so far
 
     def some(self, most: int) -> None:
-        """Make so many steps, or fewer, so that a run may end there."""
+        """Make `most` steps, or fewer if a run may end earlier."""
 
 
 class Beside(Protocol):
-    """What looks at a run's steps while it runs, some at a time."""
+    """An observer that examines a run's steps in batches while it runs."""
 
     @property
     def room(self) -> int:
-        """So many steps may be made before it has to look again."""
+        """Return the number of steps that may be made before it has to look again."""
 
     def look(self) -> None:
-        """Look at those that were made."""
+        """Examine the steps made so far."""
 
 
 class PythonSteps:
@@ -63,7 +61,7 @@ class PythonSteps:
         self._record = None if recorder is None else recorder.record
 
     def some(self, most: int) -> None:
-        """Make one."""
+        """Make one step."""
         self._advance(self._record)
 
 
@@ -73,8 +71,10 @@ def stepping(
     ending: Ending = NEVER,
     loop: Loop = "compiled",
 ) -> Stepper:
-    """The steps of an initialised master by the loop that is wanted, where it can be
-    had."""
+    """Return the steps of an initialised master by the requested loop.
+
+    The compiled loop is replaced by Python's where it is not available.
+    """
     if loop == "python":
         return PythonSteps(master, recorder, "it was asked for")
     try:
@@ -94,8 +94,10 @@ def run(
     checkpoints: Checkpoints | None = None,
     beside: Beside | None = None,
 ) -> str:
-    """Step until step `until`, the first signal to stop, or an ending, whose reason is
-    returned; look at the clock twenty times a second."""
+    """Step until `until`, a signal to stop, or an ending; return the ending's reason.
+
+    The clock is read twenty times a second.
+    """
     chunk = 1
     while master.k < until and not interrupted():
         began, first, edge = time.perf_counter(), master.k, min(master.k + chunk, until)
@@ -113,9 +115,7 @@ def run(
         finally:
             seconds = time.perf_counter() - began
             steps.seconds += seconds
-        made = (
-            master.k - first
-        )  # what ends a chunk earlier must not let it grow without end
+        made = master.k - first  # a chunk that ends early must not grow without bound
         chunk = max(1, min(2 * made, int(made * 0.05 / max(seconds, 1e-6))))
         recorder.tick()
         report(master.k)
@@ -126,8 +126,11 @@ def run(
 
 @contextmanager
 def interruptible() -> Iterator[Callable[[], int]]:
-    """Within: a signal to stop only leaves its number, for an exception inside an FMU
-    would crash the process; a second one, later than AGAIN, ends it."""
+    """Record the number of a signal to stop instead of raising an exception.
+
+    An exception inside an FMU would crash the process. A second signal, later than
+    AGAIN, ends the process.
+    """
     got, first = [0], [0.0]
 
     def handler(number: int, frame: Any) -> None:
@@ -138,7 +141,7 @@ def interruptible() -> Iterator[Callable[[], int]]:
 
     try:
         previous = {n: signal.signal(n, handler) for n in stop_signals()}
-    except ValueError:  # not the main thread: nobody can interrupt us
+    except ValueError:  # not the main thread, which alone gets signals
         yield lambda: 0
         return
     try:

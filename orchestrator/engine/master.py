@@ -1,20 +1,20 @@
-"""The master: initialises a checked system and steps it, in one of two time semantics.
+"""Initialise a checked system and step it, in one of two time semantics.
 
 t_k = start + k step, from an integer k.
 
-- `gauss_seidel`: at t_k the state outputs of all are exchanged; then components step in the
-  schedule's order, each with the interval outputs of those before it. A row of results holds the
-  states at t_k and the interval values over [t_k, t_k+1).
-- `jacobi`: all step with held inputs, then all outputs move, as in libcosim and Ecos; a row holds
-  all outputs at its time.
+- `gauss_seidel`: at t_k the state outputs of all components are exchanged. Then components step in
+  the schedule's order, each with the interval outputs of those before it. A row of results holds
+  the states at t_k and the interval values over [t_k, t_k+1).
+- `jacobi`: all components step with constant inputs, then all outputs move, as in libcosim and
+  Ecos. A row holds all outputs at its time.
 
 Under `gauss_seidel` a step may have substeps, and components may be slower than the
-master (`system/schedule.py`): `plan.py` prepares what happens in each part of a step.
+master (`system/schedule.py`). `plan.py` prepares what happens in each part of a step.
 
-All outputs live in one array per type, `live`. A step of a component is: gather its
-inputs from there, push, step, pull. A component whose outputs are all of the interval
-class pulls straight into `live`; any other pulls into `fresh`, from where its interval
-outputs follow at once and its state outputs when all have stepped.
+All outputs are in one array per type, `live`. A step of a component gathers its inputs
+from there, pushes, steps and pulls. A component whose outputs are all of the interval
+class pulls straight into `live`. Any other pulls into `fresh`, from where its interval
+outputs are copied at once and its state outputs when all have stepped.
 """
 
 from __future__ import annotations
@@ -68,19 +68,29 @@ Rows = Callable[[int, dict[Kind, Array]], None]
 
 
 def instance_for(component: Component) -> Instance:
-    """The instance of a component: its FMU, or its bare block."""
+    """Create the instance of a component: its FMU, or its bare block."""
     if component.fmu is None:
         return BlockInstance(component)
     return FmuInstance(component, component.fmu)
 
 
 class Master:
-    """A running system. Use it as a context manager: leaving it frees the components.
-    `watched` chooses the outputs that are read although nothing is connected to them: a
-    function of component name and signal; default all. `halvings`: a step that a
-    foreign FMU discards is made in halves, quarters and so on, so many times at most.
-    `isolated`: the FMUs that run in processes of their own, each call of which may take
-    `limit` s. `kept` keeps what reaches a component; its outputs must be watched.
+    """A running system.
+
+    Use it as a context manager: leaving it frees the components.
+
+    Parameters
+    ----------
+    watched
+        Function of component name and signal: whether the output is read although
+        nothing is connected to it. By default all are.
+    halvings
+        Maximum number of times that a step which a foreign FMU discards is halved.
+    isolated
+        FMUs that run in processes of their own. Each of their calls may take
+        `limit` s.
+    kept
+        Recorder of the values that reach a component. Its outputs must be watched.
     """
 
     def __init__(
@@ -99,14 +109,14 @@ class Master:
             raise DesatError(f"algorithm {algorithm}: there is {', '.join(ALGORITHMS)}")
         self.system, self.schedule, self.algorithm = system, schedule, algorithm
         self._gauss_seidel = algorithm == "gauss_seidel"
+        # offset of a row's number from that of its step
         self.ahead = int(not self._gauss_seidel)
-        """Of the row of a step, before its number."""
         self.start, self.step_size, self.k = system.start, system.step, 0
         self.members: dict[str, Node] = {}
+        # errors of components that ended their process when they were freed
         self.unfreed: list[EndedError] = []
-        """Of components that ended their process when they were freed."""
+        # a `MasterPool` keeps the master for another run, and closes it
         self.spared = False
-        """Whether somebody keeps it for another run (`MasterPool`), who closes it."""
         self._rates = schedule.rates
         if not self._gauss_seidel:
             every = {name: c.step_ratio for name, c in system.components.items()}
@@ -115,7 +125,7 @@ class Master:
             places = {name: PLACE * i for i, name in enumerate(schedule.order)}
             for name in sorted(
                 places, key=lambda n: n not in isolated
-            ):  # before others are there
+            ):  # isolated FMUs are forked before any other is loaded
                 word[0], component = places[name] + INSTANTIATE, system.components[name]
                 instance: Instance
                 if name in isolated and component.fmu is not None:
@@ -144,6 +154,7 @@ class Master:
         self._planned(kept)
 
     def _planned(self, kept: Kept | None) -> None:
+        """Plan the steps, with or without recording what reaches a component."""
         self._kept = kept
         if kept is not None:
             by_name = {(s.component, s.signal.name): s for s in self.slots}
@@ -153,15 +164,20 @@ class Master:
 
     @property
     def renewable(self) -> bool:
-        """Whether it can begin anew: all its components are our own native FMUs, in
-        this process, which are known to start from a reset as they do when they are
-        made."""
+        """Return whether the master can begin anew.
+
+        All its components must be our own native FMUs in this process, which are known
+        to start from a reset as they do when they are made.
+        """
         instances = (member.instance for member in self.members.values())
         return all(isinstance(i, FmuInstance) and i.places_known for i in instances)
 
     def renew(self, system: System, kept: Kept | None) -> None:
-        """Be as if it were made anew, of a system that differs from its own in values
-        of parameters alone; it is to be renewable."""
+        """Reset the master as if it were made anew, with other parameter values.
+
+        `system` may differ from its own only in values of parameters. The master must
+        be renewable.
+        """
         self.system, self.k = system, 0
         for name, member in self.members.items():
             assert isinstance(member.instance, FmuInstance)
@@ -177,7 +193,7 @@ class Master:
     def __enter__(self) -> Self:
         self._quiet = np.errstate(
             all="ignore"
-        )  # the check for NaN and infinity overflows
+        )  # the check for NaN and infinity may overflow
         self._quiet.__enter__()
         return self
 
@@ -204,7 +220,7 @@ class Master:
 
     @property
     def t(self) -> float:
-        """The communication point t_k (s)."""
+        """Return the communication point t_k (s)."""
         return self.start + self.k * self.step_size
 
     # --- wiring -----------------------------------------------------------------------
@@ -215,7 +231,7 @@ class Master:
         instance: Instance,
         watched: Callable[[str, Signal], bool],
     ) -> Node:
-        """A component with the outputs that are read of it, not yet placed."""
+        """Build the node of a component, with the outputs that are read from it."""
         name = component.name
         read = {c.output for c in self.system.connections if c.source == name}
         pairs = [(s.name, s.slope) for s in component.interface.outputs if s.slope]
@@ -236,7 +252,7 @@ class Master:
         return Node(component, instance, slots, every, name in self._rates.late, direct)
 
     def _wire(self) -> None:
-        """Connect the inputs of all members, and prepare the calls of their instances."""
+        """Connect the inputs of all members and prepare their instances' calls."""
         clocks = self._plan.clocks(self.start, self.step_size)
         slots = {(s.component, s.signal.name): s for s in self._outputs.slots}
         incoming: dict[str, list[Connection]] = defaultdict(list)
@@ -262,7 +278,11 @@ class Master:
             )
 
     def parameters(self, member: Node) -> Values:
-        """A component's parameters; a sample at every step is one at every whole step."""
+        """Return a component's parameters.
+
+        With substeps, a sample time of zero (a sample at every step) becomes the whole
+        step.
+        """
         given = member.component.parameters
         inner = len(self._rates.parts) > 1 and member.every == 1
         if not inner or "sample_time" not in member.component.interface.signals:
@@ -273,15 +293,18 @@ class Master:
         }
 
     def home(self, member: Node, kind: Kind) -> Array:
-        """Where a member pulls its outputs of a type into."""
+        """Return the array into which a member pulls its outputs of a type."""
         return self._outputs.home(member, kind)
 
     def shown(self, member: Node) -> list[Publish]:
-        """What shows all that a member has pulled."""
+        """Prepare to publish all that a member has pulled."""
         return self._outputs.fresh_of(member, "all")
 
     def length(self, member: Node) -> float:
-        """The length of a step of a member (s), all inner ones alike."""
+        """Return the length of a step of a member (s).
+
+        For a member with substeps it is the length of the first one.
+        """
         return self.step_size * self._rates.edge(member.every)
 
     # --- initialisation ---------------------------------------------------------------
@@ -289,7 +312,10 @@ class Master:
     def initialise(self) -> None:
         """Set parameters and exchange in initialisation mode until nothing changes.
 
-        Raises ComponentError with a line for each component that cannot start.
+        Raises
+        ------
+        ComponentError
+            If components cannot start, with a line for each.
         """
         members = self.members.values()
         time[0], start = self.start, self.start
@@ -309,12 +335,15 @@ class Master:
     def _within(
         self, member: Node, verb: int, call: Callable[[], None]
     ) -> Callable[[], None]:
-        """A call of a component that is about to be made."""
+        """Mark a call as in progress and return it."""
         word[0] = member.instance.place + verb
         return call
 
     def _settle(self) -> None:
-        """Exchange until nothing changes. Raises DesatError where that does not end."""
+        """Exchange values until nothing changes.
+
+        Raises DesatError if the values do not settle.
+        """
         gathers = {
             name: member.gathers(self.live, lambda slot: True, started=False)
             for name, member in self.members.items()
@@ -346,13 +375,16 @@ class Master:
         )
 
     def _pull(self, member: Node) -> None:
-        """Read a component's outputs and show them at once."""
+        """Read a component's outputs and publish them at once."""
         self._judged(member, PULL, member.instance.pull)
         for show in self.shown(member):
             show()
 
     def _judged(self, member: Node, verb: int, call: Callable[[], int]) -> None:
-        """Make a call of a component. Raises ComponentError for its status."""
+        """Make a call of a component.
+
+        Raises ComponentError if its status is a failure.
+        """
         word[0] = member.instance.place + verb
         if (status := call()) > 1:
             raise member.instance.failed(VERBS[verb], status)
@@ -366,8 +398,11 @@ class Master:
     # --- stepping ---------------------------------------------------------------------
 
     def advance(self, record: Rows | None = None) -> None:
-        """One step. `record(k, outputs)` sees the row of this step: see the module's
-        text."""
+        """Make one step.
+
+        `record(k, outputs)` receives the row of this step, as the module's docstring
+        defines it.
+        """
         k, step = self.k, self.cycle[self.k % len(self.cycle)]
         for operation in step.before:
             operation(k)
@@ -383,8 +418,10 @@ class Master:
             self.check_finite()
 
     def terminate(self) -> None:
-        """Tell all components that a simulation which has not failed is over. Raises
-        ComponentError with a line for each that does not end."""
+        """Tell all components that a simulation that has not failed is over.
+
+        Raises ComponentError with a line for each that does not terminate.
+        """
         each(
             self._within(m, TERMINATE, m.instance.terminate)
             for m in self.members.values()
@@ -392,9 +429,11 @@ class Master:
         word[0] = 0
 
     def memory(self) -> dict[str, Array]:
-        """All arrays that the next step of an initialised master depends on, by name:
-        what is in them may be saved, and put back. The states of the components come
-        beside."""
+        """Return by name all arrays on which the next step depends.
+
+        The master must be initialised. The contents may be saved and restored; the
+        states of the components are saved separately.
+        """
         kept = self._plan.memory() | ({} if self._kept is None else self._kept.memory())
         for kind in KINDS:
             kept[f"live {kind}"] = self.live[kind]
@@ -405,8 +444,11 @@ class Master:
         return kept
 
     def messages(self) -> list[str]:
-        """A line for each message that the components have logged, and after these for
-        each call that returned a warning: their order is that of no loop."""
+        """Return a line for each message that the components have logged.
+
+        Lines for calls that returned a warning come after a component's own messages,
+        so that the order is the same with either loop.
+        """
         for member in self.members.values():
             member.instance.look()
         lines = [
@@ -419,7 +461,7 @@ class Master:
         return list(dict.fromkeys(lines))
 
     def check_finite(self) -> None:
-        """Raise ComponentError for an output that is NaN or infinite."""
+        """Raise ComponentError if an output is NaN or infinite."""
         for slot in self.slots:
             value = self.live[slot.kind][slot.index]
             if not np.isfinite(value):
@@ -429,8 +471,11 @@ class Master:
 
 
 class MasterPool:
-    """Keeps the master of a run that went well, for the next of many runs that differ
-    in values of parameters alone: making one takes a third of a short run."""
+    """Pool that keeps the master of a successful run for the next similar run.
+
+    The runs may differ only in values of parameters. Making a master takes a third of a
+    short run.
+    """
 
     def __init__(self) -> None:
         self._key: Any = None
@@ -440,8 +485,7 @@ class MasterPool:
     def take(
         self, key: Any, system: System, kept: Kept | None, make: Callable[[], Master]
     ) -> Master:
-        """The master that is kept, as new, where it is of the same key; else one that
-        is made."""
+        """Return the kept master, renewed, if it has this key; otherwise make one."""
         if not self._masters or self._key != key:
             _close(self._masters)
             self._key = key
@@ -456,12 +500,13 @@ class MasterPool:
         return master
 
     def keep(self, master: Master) -> None:
-        """Keep one that was taken, where it can begin anew."""
+        """Keep a master that was taken, if it can begin anew."""
         if master.renewable:
             master.spared = True
             self._masters.append(master)
 
 
 def _close(masters: list[Master]) -> None:
+    """Close all masters of a list and empty it."""
     while masters:
         masters.pop().close()

@@ -1,9 +1,8 @@
-"""A component within a running system: its instance, where its outputs are, what feeds
-its inputs.
+"""Represent a component in a running system: its instance, outputs and input sources.
 
-All outputs of a system lie in one array a type, `live`, that everybody reads from.
-Components with state outputs pull into a second one of the same layout, `fresh`, from
-where they are shown later.
+All outputs of a system are in one array per type, `live`, from which all components
+read. Components with state outputs pull into a second array of the same layout,
+`fresh`, whose values are published later.
 """
 
 from __future__ import annotations
@@ -22,7 +21,7 @@ from .operations import Gather, KeepRow, Places, Publish
 
 @dataclass
 class Slot:
-    """An output that is read, and its place in the array of its type."""
+    """An output that is read, and its index in the array of its type."""
 
     component: str
     signal: Signal
@@ -37,33 +36,31 @@ class Node:
 
     component: Component
     instance: Instance
-    slots: dict[Kind, list[Slot]]
-    """Its outputs that are read, a list a type, interval class first."""
-    every: int
-    """It steps once in so many parts of the master's step."""
-    late: bool
-    """It steps at the end of its window."""
-    direct: bool
-    """It pulls straight into `live`."""
+    slots: dict[Kind, list[Slot]]  # outputs that are read, interval class first
+    every: int  # parts of the master's step for each step of the component
+    late: bool  # it steps at the end of its window
+    direct: bool  # it pulls straight into `live`
     incoming: dict[Kind, list[tuple[Slot, Connection]]] = field(default_factory=dict)
-    """What feeds its inputs, by type, in the order of the inputs."""
+    """Sources of its inputs, by type, in the order of the inputs."""
     windows: list[Window] = field(default_factory=list)
-    """The means that it takes from members of another rate."""
+    """Means that it takes from members of another rate."""
 
     @property
     def name(self) -> str:
-        """Of the component."""
+        """Return the name of the component."""
         return self.component.name
 
     def steps_at(self, part: int) -> bool:
-        """Whether it steps in this part of the cycle."""
+        """Return whether the component steps in this part of the cycle."""
         return (part + self.late) % self.every == 0
 
     def place(
         self, kind: Kind, which: Literal["all", "interval", "state"] = "all"
     ) -> slice:
-        """Where its outputs of a type, or of one class of them, lie: always in one
-        piece."""
+        """Return where its outputs of a type, or of one class of them, are.
+
+        They are always contiguous.
+        """
         wanted = {"all": (True, False), "interval": (True,), "state": (False,)}[which]
         places = [s.index for s in self.slots[kind] if s.interval in wanted]
         return slice(places[0], places[-1] + 1) if places else slice(0, 0)
@@ -74,8 +71,11 @@ class Node:
         moves: Callable[[Slot], bool],
         started: bool = True,
     ) -> list[Gather]:
-        """What collects its inputs, one a type, from those outputs that move; once
-        `started`, means of another rate from where they are joined or cut."""
+        """Prepare to collect the inputs from those outputs that `moves` selects.
+
+        There is one operation per type. Once `started`, means of another rate are read
+        from where they are joined or cut.
+        """
         elsewhere = (
             {} if not started else {p: i for w in self.windows for p, i in w.moved()}
         )
@@ -101,15 +101,17 @@ class Node:
 
 @dataclass
 class Window:
-    """Means that a member takes from one of another rate, and their places once they
-    are joined, or cut, for it."""
+    """Means that a component takes from one of another rate.
+
+    `target` holds their places once they are joined, or cut, for this component.
+    """
 
     source: str
     places: Places
     target: Places = field(init=False)
 
     def moved(self) -> Iterable[tuple[int, int]]:
-        """Of each value its place among the outputs, and its place for the receiver."""
+        """Yield the index of each value among the outputs and that for the receiver."""
         for old, new in (
             (self.places.means, self.target.means),
             (self.places.slopes, self.target.slopes),
@@ -122,8 +124,10 @@ class Window:
 
 
 def means(slots: Iterable[Slot], only: Container[int] | None = None) -> Places:
-    """The places of the means among placed outputs, and of their slopes; `only` those
-    of which the mean or the slope is at one of these places."""
+    """Return the places of the means among placed outputs, and of their slopes.
+
+    With `only`, either the mean or its slope must have one of these indices.
+    """
     slots = list(slots)
     index = {(s.component, s.signal.name): s.index for s in slots if s.interval}
     pairs = [
@@ -137,11 +141,11 @@ def means(slots: Iterable[Slot], only: Container[int] | None = None) -> Places:
 
 
 class Outputs:
-    """The outputs of all members, placed: those that pull into `fresh` first, in one
-    piece.
+    """The outputs of all components, with their indices.
 
-    After them `live["Real"]` has places for means that are joined or cut for receivers
-    of another rate.
+    Those that are pulled into `fresh` come first, contiguously. After all outputs
+    `live["Real"]` has places for means that are joined or cut for receivers of another
+    rate.
     """
 
     def __init__(self, members: Iterable[Node]) -> None:
@@ -162,7 +166,7 @@ class Outputs:
             self.fresh[kind] = np.zeros(len(slots), DTYPE[kind])
 
     def make_room(self, windows: Iterable[Window]) -> None:
-        """Give the means of windows their places for the receivers."""
+        """Allocate places for the means of windows, for their receivers."""
         count = len(self.live["Real"])
         for window in windows:
             size = len(window.places.means)
@@ -174,22 +178,23 @@ class Outputs:
         self.live["Real"] = np.zeros(count)
 
     def home(self, member: Node, kind: Kind) -> Array:
-        """The piece of an array that a member pulls its outputs of a type into."""
+        """Return the slice of the array into which a member pulls outputs of a type."""
         return (self.live if member.direct else self.fresh)[kind][member.place(kind)]
 
     def all_fresh(self) -> list[Publish]:
-        """All that is pulled into `fresh`, a piece a type."""
+        """Prepare to publish all that is pulled into `fresh`, one copy per type."""
         return self._copies((kind, slice(0, self._fresh_until[kind])) for kind in KINDS)
 
     def fresh_of(
         self, member: Node, which: Literal["all", "interval", "state"]
     ) -> list[Publish]:
-        """What a member pulls into `fresh`: all, or its outputs of one class."""
+        """Prepare to publish a member's fresh outputs: all, or those of one class."""
         if member.direct:
             return []
         return self._copies((kind, member.place(kind, which)) for kind in KINDS)
 
     def _copies(self, pieces: Iterable[tuple[Kind, slice]]) -> list[Publish]:
+        """Prepare copies from `fresh` to `live`, leaving out empty slices."""
         return [
             Publish(self.live[k][p], self.fresh[k][p])
             for k, p in pieces
@@ -200,8 +205,10 @@ class Outputs:
 def _gather(
     kind: Kind, live: Array, target: Array, moving: list[tuple[int, int, Connection]]
 ) -> Gather:
-    """target[i] = factor * live[index] + offset for the connections (i, index,
-    connection)."""
+    """Prepare target[i] = factor * live[index] + offset.
+
+    `moving` lists (i, index, connection).
+    """
     index = np.array([index for _, index, _ in moving], np.intp)
     converts = any((c.factor, c.offset) != (1.0, 0.0) for *_, c in moving)
     if len(moving) == len(target) and not converts:
@@ -215,21 +222,24 @@ def _gather(
 
 
 # ------------------------------------------------------------------------------------------------
-# What reaches a component at each of its own steps, also of those within a step of the master. A
-# row of results has the means of several substeps joined, and none of the steps of a component
-# that is slower; who needs them one by one (`analyses/energy.py`) has them kept here until there is
-# no room for more.
+# Values that reach a component at each of its own steps, including substeps. A row of results
+# joins the means of several substeps, and does not resolve the steps of a slower component. An
+# analysis that needs them one by one (`analyses/energy.py`) records them here until the room is
+# used up.
 
 
+# Steps of the component that are taken at once. The pieces are the same whenever they are
+# taken, so that results derived from them have the same bits.
 PIECE = 4096
-"""Steps of the component that are taken at once: always the same ones together,
-whenever that is, so that what is made of them has the same bits."""
 _ROOM = 2 * PIECE
 
 
 class Kept:
-    """Rows of `outputs`, elements of components, at the start of each step of
-    `component`, and of the Reals that it is then given."""
+    """Recorded values at each step of `component`.
+
+    They are rows of `outputs`, elements of components, at the start of the step, and
+    the Reals that the component then receives.
+    """
 
     def __init__(self, component: str, outputs: Sequence[tuple[str, str]]) -> None:
         self.component, self.outputs = component, tuple(outputs)
@@ -242,44 +252,49 @@ class Kept:
         live: Array,
         inner: int,
     ) -> None:
-        """Say where values come from. `inner`: the parts of a step of the master."""
+        """Locate the sources of the values.
+
+        `inner` is the number of parts of a step of the master.
+        """
         member = members[self.component]
         self.inputs = [c.input for _, c in member.incoming.get("Real", ())]
         given = member.instance.inputs.get("Real", np.zeros(0))
         self.every, self._inner = member.every, inner
         room = _ROOM + 2 + inner
         index = np.array([slots[name].index for name in self.outputs], np.intp)
-        self.starts = np.zeros((room, len(index)))
-        """(room, outputs)"""
-        self.given = np.zeros((room, len(given)))
-        """(room, inputs)"""
+        self.starts = np.zeros((room, len(index)))  # (room, outputs)
+        self.given = np.zeros((room, len(given)))  # (room, inputs)
         self._start = KeepRow(live, index, self.starts, self._taken[:1])
         self._given = KeepRow(given, np.arange(len(given)), self.given, self._taken[1:])
         self._steps = member.steps_at
 
     def at_start(self, part: int) -> list[KeepRow]:
-        """What is kept at the start of a part."""
+        """Return the operations that record values at the start of a part."""
         return [self._start] if part % self.every == 0 else []
 
     def when_given(self, part: int) -> list[KeepRow]:
-        """What is kept when all have moved in a part."""
+        """Return the operations that record inputs after all have moved in a part."""
         return [self._given] if self._steps(part) else []
 
     @property
     def room(self) -> int:
-        """The steps of the master that there is room for."""
+        """Return the number of master steps for which there is room."""
         return int((_ROOM - self._taken[0]) * self.every // self._inner)
 
     def end(self, k: int) -> None:
-        """Take the start of the step that would begin with step k of the master, if one
-        would."""
+        """Record the start of the step that would begin with step k of the master.
+
+        If none would begin there, nothing is recorded.
+        """
         if k * self._inner % self.every == 0:
             self._start()
 
     def take(self, rest: bool = False) -> tuple[Array, Array] | None:
-        """Starts (n + 1, outputs) and inputs (n, inputs) of the next PIECE steps, which
-        are kept no longer; None where there are not so many. `rest`: of those that
-        there are, if any."""
+        """Remove and return the recorded values of the next PIECE steps.
+
+        They are starts (n + 1, outputs) and inputs (n, inputs), or None if there are
+        fewer steps than PIECE. With `rest`, fewer steps are returned, if there are any.
+        """
         starts, given = self._taken.tolist()
         n = min(starts - 1, given, PIECE)
         if n < (1 if rest else PIECE):
@@ -291,7 +306,7 @@ class Kept:
         return taken
 
     def memory(self) -> dict[str, Array]:
-        """All that it keeps, by name: it may be saved, and put back."""
+        """Return all arrays by name, so that they can be saved and restored."""
         return {
             "kept starts": self.starts,
             "kept given": self.given,

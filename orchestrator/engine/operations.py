@@ -1,7 +1,7 @@
-"""What a master does in a step, operation by operation.
+"""Define the operations of which a master's step consists; there are no others.
 
-An operation is called with the step's number k, by `master.py`; and it is plain data,
-which `compiled.py` hands to the compiled loop. There are no others.
+`master.py` calls an operation with the step's number k. An operation is also plain
+data, which `compiled.py` hands to the compiled loop.
 """
 
 from __future__ import annotations
@@ -28,24 +28,23 @@ _DOING: dict[Verb, str] = {
 
 
 class Operation(Protocol):
-    """Something that is done in step k."""
+    """An action in step k."""
 
     def __call__(self, k: int, /) -> None:
-        """Do it. Raises ComponentError where a component fails."""
+        """Perform the operation; raise ComponentError if a component fails."""
 
 
 @dataclass(frozen=True, slots=True)
 class Tick:
-    """The beginning of a part of a step: the clocks of those who step in it."""
+    """The beginning of a part of a step; it sets the clocks of those who step then."""
 
     start: float
     step: float
-    at: float
-    """Share of the step."""
+    at: float  # share of the step
     clocks: list[ctypes.c_double]
 
     def t(self, k: int) -> float:
-        """Its time in step k (s)."""
+        """Return its time in step k (s)."""
         return self.start + (k + self.at) * self.step
 
     def __call__(self, k: int) -> None:
@@ -67,16 +66,19 @@ class Length:
 
 @dataclass(frozen=True, slots=True)
 class Gather:
-    """target[into] = factor source[index] + offset; without `conversion` the values as
-    they are, without `into` all of them."""
+    """target[into] = factor source[index] + offset.
+
+    Without `conversion` the values are copied unchanged, and without `into` all are
+    set.
+    """
 
     kind: Kind
     source: Array
     target: Array
     index: NDArray[np.intp]
     into: NDArray[np.intp] | None = None
+    # factor and offset
     conversion: tuple[NDArray[np.float64], NDArray[np.float64]] | None = None
-    """factor, offset"""
 
     def __call__(self, k: int = 0) -> None:
         if self.into is None:
@@ -90,18 +92,17 @@ class Gather:
 
 @dataclass(slots=True)
 class Call:
-    """A component's inputs set, its step made, or its outputs read."""
+    """One call of a component: set its inputs, make its step, or read its outputs."""
 
     instance: Instance
     verb: Verb
     tick: Tick
     call: Callable[[], int]
-    word: int
-    """What `current_call` has of it."""
+    word: int  # of `current_call`
 
     @classmethod
     def of(cls, instance: Instance, verb: Verb, tick: Tick) -> Call:
-        """The prepared call of a wired instance."""
+        """Build the prepared call of a wired instance."""
         word = instance.place + {"push": PUSH, "step": STEP, "pull": PULL}[verb]
         return cls(instance, verb, tick, getattr(instance, verb), word)
 
@@ -113,18 +114,18 @@ class Call:
             self.warn(k)
 
     def warn(self, k: int) -> None:
-        """Say once that the call returned a warning, in step k."""
+        """Record once that the call returned a warning, in step k."""
         when = f", the first time at t = {self.tick.t(k):g} s"
         warn_of(self.instance, VERBS[self.word % PLACE], when)
 
     def failed(self, k: int, status: int) -> ComponentError:
-        """The error for an FMI status in step k."""
+        """Build the error for an FMI status in step k."""
         return self.instance.failed(_DOING[self.verb].format(self.tick.t(k)), status)
 
 
 @dataclass(frozen=True, slots=True)
 class Publish:
-    """Values that are seen from here on."""
+    """Copy of values from `fresh` to `live`, where all components see them."""
 
     live: Array
     fresh: Array
@@ -135,7 +136,7 @@ class Publish:
 
 @dataclass(frozen=True, slots=True)
 class Accumulate:
-    """Part i joined to the window that it belongs to."""
+    """Addition of part i to the window to which it belongs."""
 
     whole: Whole
     i: int
@@ -146,7 +147,7 @@ class Accumulate:
 
 @dataclass(frozen=True, slots=True)
 class Split:
-    """Part i cut from its window."""
+    """Extraction of part i from its window."""
 
     part: Part
     i: int
@@ -157,14 +158,12 @@ class Split:
 
 @dataclass(frozen=True, slots=True)
 class KeepRow:
-    """A further row of values, which are those at `index` of `source`."""
+    """Recording of the values of `source` at `index` as a further row."""
 
     source: Array
     index: NDArray[np.intp]
-    rows: Array
-    """(room, values)"""
-    taken: NDArray[np.int64]
-    """(1,) so many rows are there."""
+    rows: Array  # (room, values)
+    taken: NDArray[np.int64]  # (1,) number of rows recorded
 
     def __call__(self, k: int = 0) -> None:
         self.rows[self.taken[0]] = self.source[self.index]
@@ -172,19 +171,19 @@ class KeepRow:
 
 
 class Step(NamedTuple):
-    """A step of a cycle: what is done before its row is taken, and after."""
+    """A step of a cycle: the operations before its row is taken, and those after."""
 
     before: list[Operation]
     after: list[Operation]
 
 
 # --- Means and slopes over windows of different length: between components of different rates ---
-# Over a window a quantity is mean + slope (s - 1/2), s from 0 to 1. Of the parts of a window that
-# follow each other, each with start a and width w as shares of it, mean m and slope p:
+# Over a window a quantity is mean + slope (s - 1/2), s from 0 to 1. A window whose consecutive
+# parts have start a and width w (as shares of it), mean m and slope p has
 #
 #     mean = sum w m,   slope = sum w (6 m (2 a + w - 1) + w p)
 #
-# which keeps the integral and the first moment; and the part (a, w) of a window has
+# which preserves the integral and the first moment. The part (a, w) of a window has
 #
 #     mean = m + p (a + w / 2 - 1/2),   slope = w p.
 
@@ -194,32 +193,36 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Places:
-    """Where means (m,) and their slopes (m,) lie in an array, a negative number where
-    there is no slope."""
+    """Indices of means (m,) and their slopes (m,) in an array.
+
+    An index is negative where there is no slope.
+    """
 
     means: NDArray[np.intp]
     slopes: NDArray[np.intp]
 
     @classmethod
     def of(cls, means: Sequence[int], slopes: Sequence[int]) -> Places:
-        """From lists of one length."""
+        """Build places from two lists of the same length."""
         return cls(np.array(means, np.intp), np.array(slopes, np.intp))
 
     def read(self, values: Floats) -> tuple[Floats, Floats]:
-        """Means (m,) and slopes (m,), zero where there is none."""
+        """Return means (m,) and slopes (m,), zero where there is no slope."""
         slopes = np.where(self.slopes >= 0, values[self.slopes], 0.0)
         return values[self.means], slopes
 
     def write(self, values: Floats, means: Floats, slopes: Floats) -> None:
-        """Put means (m,) and slopes (m,) in their places."""
+        """Write means (m,) and slopes (m,) to their places."""
         values[self.means] = means
         kept = self.slopes >= 0
         values[self.slopes[kept]] = slopes[kept]
 
 
 class Whole:
-    """Joins the parts of a window: outputs of a fast component for a slower one, or for
-    a row."""
+    """Mean and slope over a window, joined from its parts.
+
+    They are outputs of a fast component for a slower one, or for a row.
+    """
 
     def __init__(
         self,
@@ -230,14 +233,13 @@ class Whole:
         parts: Sequence[Share],
     ) -> None:
         self.live, self.source, self.into, self.target = live, source, into, target
+        # for each part: weights of its mean in mean and slope, of its slope in the slope
         self.weights = [(w, 6.0 * w * (2.0 * a + w - 1.0), w * w) for a, w in parts]
-        """Of each part: of its mean in the mean and in the slope, and of its slope
-        there."""
         self.mean = np.zeros(len(source.means))
         self.slope = np.zeros(len(source.means))
 
     def __call__(self, i: int) -> None:
-        """Add part i, which was just computed; the last one completes the window."""
+        """Add part i, which was just computed; the last part completes the window."""
         mean, slope = self.source.read(self.live)
         w, of_mean, of_slope = self.weights[i]
         if i == 0:
@@ -249,17 +251,17 @@ class Whole:
 
 
 class Part:
-    """Cuts a window: outputs of a slow component for a faster one."""
+    """Mean and slope of the parts of a window: a slow component's for a faster one."""
 
     def __init__(
         self, live: Floats, source: Places, target: Places, parts: Sequence[Share]
     ) -> None:
         self.live, self.source, self.target = live, source, target
+        # for each part: weights of the window's slope in the part's mean and slope
         self.weights = [(a + 0.5 * w - 0.5, w) for a, w in parts]
-        """Of each part: of the window's slope in its mean and in its slope."""
 
     def __call__(self, i: int) -> None:
-        """Put part i where the receiver reads it."""
+        """Write part i where the receiver reads it."""
         mean, slope = self.source.read(self.live)
         in_mean, in_slope = self.weights[i]
         self.target.write(self.live, mean + in_mean * slope, in_slope * slope)

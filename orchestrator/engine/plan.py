@@ -1,5 +1,7 @@
-"""What a master does in each part of its steps, prepared once: who steps, with which
-calls."""
+"""Prepare, once, what a master does in each part of its steps.
+
+A plan says which components step, with which calls.
+"""
 
 from __future__ import annotations
 
@@ -27,10 +29,10 @@ from .operations import (
 
 
 class Plan:
-    """Prepares the steps of a cycle.
+    """Plan of the steps of a cycle.
 
-    Under `jacobi` (`gauss_seidel` false) nothing is joined or cut: an output moves only
-    when its source and its target are both due.
+    Under `jacobi` (`gauss_seidel` false) no means are joined or cut: an output moves
+    only when both its source and its target are due.
     """
 
     def __init__(
@@ -44,7 +46,7 @@ class Plan:
         self._gauss_seidel = gauss_seidel
 
     def clocks(self, start: float, step: float) -> dict[int, Clock]:
-        """A clock for each rate."""
+        """Create a clock for each rate, from start and step (s)."""
         self._start, self._step = start, step
         inner = len(self._rates.parts)
         self._clocks = {
@@ -55,7 +57,7 @@ class Plan:
         return self._clocks
 
     def rewind(self) -> None:
-        """Put the clocks back to the start."""
+        """Reset the clocks to the start."""
         for every, clock in self._clocks.items():
             clock.t.value, clock.dt.value = (
                 self._start,
@@ -63,8 +65,7 @@ class Plan:
             )
 
     def windows(self) -> None:
-        """Give each member the windows of means that it takes from members of another
-        rate."""
+        """Create for each member the windows of means from members of another rate."""
         if not self._gauss_seidel:
             return
         for member in self._members.values():
@@ -80,8 +81,10 @@ class Plan:
         self._outputs.make_room(w for m in self._members.values() for w in m.windows)
 
     def cycle(self, kept: Kept | None = None) -> list[Step]:
-        """What is done in each step of a cycle; with `kept`, who keeps what reaches a
-        component."""
+        """Return the operations of each step of a cycle.
+
+        With `kept`, the inputs and start values of a component are recorded.
+        """
         inner = len(self._rates.parts)
         self._kept = kept
         self._whole = {
@@ -100,8 +103,7 @@ class Plan:
         return [self._one(step * inner, inner) for step in range(self._rates.cycle)]
 
     def memory(self) -> dict[str, Array]:
-        """What outlives a step in it, by name: clocks, and windows that are not
-        complete."""
+        """Return by name what outlives a step: clocks and incomplete windows."""
         kept: dict[str, Array] = {}
         for every, clock in self._clocks.items():
             kept[f"clock {every} t"] = np.frombuffer(memoryview(clock.t), np.float64)
@@ -116,7 +118,7 @@ class Plan:
         return self._outputs.live["Real"]
 
     def _one(self, first: int, inner: int) -> Step:
-        """The step that consists of so many parts, from this one on."""
+        """Plan the step that consists of `inner` parts, from part `first` on."""
         before, after = self.row.begin(), list[Operation]()
         for i in range(inner):
             moves = self._moves(first + i)
@@ -129,7 +131,7 @@ class Plan:
         return Step(before, after)
 
     def _moves(self, part: int) -> list[Operation]:
-        """The clocks of a part, and what its members do in their order."""
+        """Plan the clocks of a part and its members' operations in their order."""
         inner, fast = part % len(self._rates.parts), self._clocks.get(1)
         due = [clock.t for every, clock in self._clocks.items() if part % every == 0]
         tick = Tick(self._start, self._step, self._rates.parts[inner][0], due)
@@ -144,14 +146,16 @@ class Plan:
         return moves
 
     def _sample(self, member: Node) -> list[Gather]:
-        """The start of a late member's window: it takes those inputs that belong there."""
+        """Collect the inputs that belong at the start of a late member's window."""
         return member.gathers(
             self._outputs.live, lambda slot: not self._at_end(member, slot)
         )
 
     def _at_end(self, member: Node, slot: Slot) -> bool:
-        """Whether a late member takes an input at the end of its window: what is over
-        the window is known there only."""
+        """Return whether a late member takes an input at the end of its window.
+
+        It does so for values over the window, which are known only there.
+        """
         source = self._members[slot.component]
         return slot.interval and (
             slot.index in {int(i) for w in member.windows for i, _ in w.moved()}
@@ -159,8 +163,11 @@ class Plan:
         )
 
     def _move(self, member: Node, part: int, tick: Tick) -> list[Operation]:
-        """A member's step: its calls in their order, then what it shows at once and
-        what it hands on to members of another rate."""
+        """Plan a member's step.
+
+        Its calls come in their order, followed by what it publishes at once and what it
+        hands on to members of another rate.
+        """
         instance, live = member.instance, self._outputs.live
         if member.late:
             gathers = member.gathers(live, lambda slot: self._at_end(member, slot))
@@ -180,8 +187,7 @@ class Plan:
         ]
 
     def _cuts(self, member: Node, part: int) -> list[Split]:
-        """Cutting what a member takes from slower ones, for the window that ends with
-        this step."""
+        """Cut means of slower members for the window that ends with this step."""
         cuts = []
         for window in member.windows:
             slow = self._members[window.source].every
@@ -192,7 +198,7 @@ class Plan:
         return cuts
 
     def _joins(self, member: Node, part: int) -> list[Accumulate]:
-        """Joining what a member gives to slower ones."""
+        """Add a member's means to the windows of slower receivers."""
         return [
             Accumulate(whole, part % self._members[target].every // member.every)
             for (target, source), whole in self._whole.items()
@@ -200,8 +206,7 @@ class Plan:
         ]
 
     def _ends(self, part: int) -> list[Publish]:
-        """What is shown at the end of a part, by the members that have come to the end
-        of their windows."""
+        """Publish, at the end of a part, outputs of members whose window ends there."""
         done = [m for m in self._members.values() if (part + 1) % m.every == 0]
         if len(done) == len(self._members):
             return self._outputs.all_fresh()
@@ -212,8 +217,11 @@ class Plan:
 
 
 class RowOperation:
-    """A row of results. Of a step with substeps: states of t_k, means over the whole
-    step, and of another interval value the last; otherwise the outputs as they are."""
+    """A row of results.
+
+    For a step with substeps it has the states at t_k, means over the whole step, and
+    the last of other interval values. Otherwise it has the outputs as they are.
+    """
 
     def __init__(self, outputs: Outputs, members: Iterable[Node], rates: Rates) -> None:
         self.values = self._live = outputs.live
@@ -232,7 +240,7 @@ class RowOperation:
         self._whole = Whole(real[0], joined, real[1], joined, rates.parts)
 
     def begin(self) -> list[Operation]:
-        """Takes the states of t_k."""
+        """Take the states at t_k."""
         if not self._last:
             return []
         return [
@@ -240,7 +248,7 @@ class RowOperation:
         ]
 
     def add(self, i: int) -> list[Operation]:
-        """Takes part i, when all have moved; the last one completes the row."""
+        """Take part i, when all have moved; the last part completes the row."""
         if not self._last:
             return []
         return [

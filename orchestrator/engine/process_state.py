@@ -1,4 +1,4 @@
-"""What components may do to the process that they run in, noticed and undone."""
+"""Detect and undo what components change in the process that they run in."""
 
 from __future__ import annotations
 
@@ -18,8 +18,7 @@ from pathlib import Path
 from typing import Any
 
 _HANDLERS = "signal handlers"
-_HANDLER = 512
-"""More bytes than any `struct sigaction` has."""
+_HANDLER = 512  # bytes: more than any `struct sigaction` has
 _SIGNALS = ("SIGINT", "SIGTERM", "SIGHUP", "SIGPIPE", "SIGFPE", "SIGSEGV", "SIGCHLD")
 _FULL = {
     errno.ENOSPC: "no space left on the disk",
@@ -32,9 +31,11 @@ _FULL = {
 def keep_state(
     who: str = "a component", whose: str = "the process"
 ) -> Iterator[Callable[..., list[str]]]:
-    """Within: a function that puts the process back as it was at the beginning, and
-    gives a line for each thing that was changed; without `handlers`, where signals have
-    handlers of ours, all but those."""
+    """Yield a function that restores the state the process had at the beginning.
+
+    That function returns a line for each thing that was changed. Without `handlers` it
+    leaves signal handlers alone, for use where signals have handlers of ours.
+    """
     before = {name: get() for name, (get, _) in _STATE.items()}
 
     def changes(when: str, handlers: bool = True) -> list[str]:
@@ -52,7 +53,10 @@ def keep_state(
 
 
 class _Handler(bytes):
-    """A `struct sigaction`, which begins with the handler; the rest does not count."""
+    """A `struct sigaction`.
+
+    Only its beginning, the handler, counts in comparisons.
+    """
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, _Handler) and self[:8] == other[:8]
@@ -61,6 +65,7 @@ class _Handler(bytes):
 
 
 def _handlers() -> list[_Handler]:
+    """Read the handlers of the signals in _SIGNALS (Linux)."""
     handlers = []
     for name in _SIGNALS:
         if hasattr(signal, name) and sys.platform == "linux":
@@ -71,44 +76,53 @@ def _handlers() -> list[_Handler]:
 
 
 def _put_handlers(states: list[_Handler]) -> None:
+    """Restore signal handlers."""
     names = [n for n in _SIGNALS if hasattr(signal, n)]
     for name, state in zip(names, states, strict=False):
         _C.sigaction(int(getattr(signal, name)), bytes(state), None)
 
 
 def _rounding() -> int:
+    """Return the rounding mode of the processor."""
     return int(_M.fegetround()) if _M is not None else 0
 
 
 def _put_rounding(mode: int) -> None:
+    """Set the rounding mode of the processor."""
     if _M is not None:
         _M.fesetround(mode)
 
 
 def _modes() -> int:
-    """How the processor calculates, beside rounding: traps, and what is too small taken
-    as 0."""
+    """Return the floating-point modes other than rounding.
+
+    These are traps, and whether values that are too small become 0.
+    """
     return int.from_bytes(_state(), "little") & _MODES if _MODES else 0
 
 
 def _put_modes(modes: int) -> None:
+    """Set the floating-point modes other than rounding."""
     state = int.from_bytes(_state(), "little") & ~_MODES | modes
     _M.fesetenv(state.to_bytes(_LARGEST, "little"))
 
 
 def _state() -> bytes:
+    """Return the floating-point environment as bytes."""
     state = ctypes.create_string_buffer(_LARGEST)
     _M.fegetenv(state)
     return state.raw
 
 
 def _permissions() -> int:
+    """Return the umask."""
     now = os.umask(0o077)
     os.umask(now)
     return now
 
 
 def _folder() -> str:
+    """Return the working directory; empty if it was removed."""
     try:
         return os.getcwd()
     except OSError:  # it was removed
@@ -116,6 +130,7 @@ def _folder() -> str:
 
 
 def _put_folder(path: str) -> None:
+    """Change to the working directory, unless it was removed."""
     if path:
         os.chdir(path)
 
@@ -124,13 +139,12 @@ _C: Any = ctypes.CDLL(None) if os.name == "posix" else None
 _M: Any = _C if hasattr(_C, "fegetround") else None
 if _M is None and sys.platform == "linux":
     _M = ctypes.CDLL("libm.so.6")
-_LARGEST = 64
-"""More bytes than any `fenv_t` of these has."""
+_LARGEST = 64  # bytes: more than the `fenv_t` of any of these has
+# The bits of a `fenv_t` of Linux that hold the modes: of MXCSR and the x87's word, or of
+# FPCR.
 _MODES = {"x86_64": 0x9FC0 << 8 * 28 | 0x033F, "aarch64": 0x0308_9F00}.get(
     platform.machine() if _M is not None and sys.platform == "linux" else "", 0
 )
-"""The bits of a `fenv_t` of Linux that hold the modes: of MXCSR and the x87's word, or
-of FPCR."""
 _STATE: dict[str, tuple[Callable[[], Any], Callable[[Any], Any]]] = {
     "rounding mode": (_rounding, _put_rounding),
     "floating-point modes": (_modes, _put_modes),
@@ -144,17 +158,15 @@ _STATE: dict[str, tuple[Callable[[], Any], Callable[[Any], Any]]] = {
 }
 
 
+# Number of threads for numpy's products, read when numpy is loaded. One is enough for
+# matrices of three columns. More would wait busily for the next product (a quarter of the
+# CPU time of a day's numbers), and bits would depend on the number of processors.
 THREADS = "OPENBLAS_NUM_THREADS"
-"""How many threads numpy's products take, read when numpy is loaded. With one, which is
-enough for matrices of three columns, none of them waits busily for the next product, as
-those of a day's numbers do for a quarter of its CPU, and no bit hangs on the number of
-processors."""
 
 
 @contextmanager
 def one_thread() -> Iterator[None]:
-    """Within: processes that begin take one thread, but where the user has said how
-    many."""
+    """Let processes started within use one thread, unless the user chose a number."""
     given = os.environ.get(THREADS)
     os.environ.setdefault(THREADS, "1")
     try:
@@ -168,21 +180,27 @@ CAN_FORK = hasattr(os, "fork")
 
 
 def fork() -> int:
-    """As `os.fork`, of a process whose child uses nothing that another thread may hold."""
+    """Call `os.fork` without its warning about threads.
+
+    The child must use nothing that another thread may hold.
+    """
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", DeprecationWarning)
         return os.fork()
 
 
 def die_with(parent: int, number: int) -> None:
-    """Let no fault of a component print a trace in a forked process, and let it get a
-    signal when its parent dies (Linux)."""
+    """Prepare a forked process to end with its parent and without traces.
+
+    A fault of a component prints no trace, and the process gets a signal when its
+    parent dies (Linux).
+    """
     faulthandler.disable()
     if sys.platform == "linux":
         libc = ctypes.CDLL(None)
         if hasattr(libc, "on_exit"):  # glibc
-            # a component that calls exit() ends here: what the parent's libraries have
-            # registered for their end needs threads that a fork does not have
+            # a component that calls exit() ends here, because the exit handlers of the
+            # parent's libraries need threads that a fork does not have
             libc.on_exit(ctypes.cast(libc._exit, ctypes.c_void_p), None)
         libc.prctl(1, number)  # PR_SET_PDEATHSIG
         if os.getppid() != parent:
@@ -190,8 +208,10 @@ def die_with(parent: int, number: int) -> None:
 
 
 def stop_signals() -> list[int]:
-    """The signals that stop a run; SIGHUP not where whoever started us has it ignored
-    (nohup)."""
+    """Return the signals that stop a run.
+
+    SIGHUP is not among them if the process was started with it ignored (nohup).
+    """
     hung_up = getattr(signal, "SIGHUP", None)  # Windows has none
     if hung_up is None or signal.getsignal(hung_up) == signal.SIG_IGN:
         return [signal.SIGINT, signal.SIGTERM]
@@ -199,8 +219,10 @@ def stop_signals() -> list[int]:
 
 
 def no_space(text: str) -> str:
-    """Why there is no room, of the text of an error of HDF5 or of the system; else
-    nothing."""
+    """Explain why there is no room, from the text of an HDF5 or system error.
+
+    The result is empty for any other error.
+    """
     for number, meaning in _FULL.items():
         if f"errno = {number}," in text or f"[Errno {number}]" in text:
             return meaning
@@ -210,20 +232,23 @@ def no_space(text: str) -> str:
 # --- What components start and leave behind, ended with the call or the run in which they did ---
 
 
-_PATIENCE = 0.5
-"""So long (s) they are looked for: what is ended may leave others."""
+_PATIENCE = 0.5  # s: time to look for children, as a killed one may leave others
 
 
 def adopt() -> None:
-    """Orphans of this process' children come to it, not to the system (Linux): daemons
-    of FMUs."""
+    """Make this process the parent of its children's orphans (Linux).
+
+    Otherwise daemons that FMUs start would become children of the system.
+    """
     if sys.platform == "linux":
         ctypes.CDLL(None).prctl(36, 1)  # PR_SET_CHILD_SUBREAPER
 
 
 def end() -> None:
-    """End all children of this process: of those that are ours none is left when this
-    is asked."""
+    """Kill all children of this process.
+
+    No children of our own are left when this is called.
+    """
     until = time.monotonic() + _PATIENCE
     while time.monotonic() < until:
         files = Path("/proc/self/task").glob("*/children")
@@ -234,5 +259,5 @@ def end() -> None:
                 return
             for process in left:
                 os.kill(process, signal.SIGKILL)
-            for process in left:  # theirs come next
+            for process in left:  # their children become ours
                 os.waitpid(process, 0)

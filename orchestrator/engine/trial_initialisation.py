@@ -1,9 +1,9 @@
-"""A trial of the initialisation, for `desat check`: what our own FMUs refuse.
+"""Initialise components on trial, for `desat check`, to find what our own FMUs refuse.
 
-Rules that need all of a component's parameters live in its start, so only initialising
-tells. Our FMUs, told by their hash, and those of a list of trusted ones are initialised
-together, in a process of their own; of others only the description is read, and nothing
-of theirs is loaded.
+Rules that need all parameters of a component are in its start, so that only
+initialisation applies them. Our FMUs, recognised by their hash, and those of a list of
+trusted ones are initialised together, in a separate process. For other FMUs only the
+description is read, and none of their code is loaded.
 """
 
 from __future__ import annotations
@@ -17,24 +17,25 @@ from ..system.schedule import Schedule
 from . import child
 from .instances.base import EndedError
 
-TIMEOUT = 60.0
-"""Of each call of one that is initialised (s)."""
+TIMEOUT = 60.0  # s: limit of each call of a component during the trial
 
 
 def refusals(
     system: System, schedule: Schedule, trusted: frozenset[str] | None = None
 ) -> tuple[list[str], list[str]]:
-    """What the components of a checked system refuse when they are initialised, a line
-    each: problems, and warnings for those that were tried without the outputs of a
-    foreign FMU that they need. `trusted`: the sha256 of FMUs that may run besides
-    ours."""
+    """Find what the components of a checked system refuse at initialisation.
+
+    Return problems and warnings, a line each. Warnings are for components that were
+    tried without the outputs of a foreign FMU that they need. `trusted` holds the
+    sha256 of FMUs that may run besides ours.
+    """
     fmus = {n: c.fmu for n, c in system.components.items() if c.fmu is not None}
     if not fmus:
         return _initialised(system, schedule), []
     ours = {n for n, fmu in fmus.items() if fmu.ours or fmu.sha256 in (trusted or ())}
     if not ours:
         return [], []
-    # what a foreign FMU shows at the start is not known here, nor what follows from it
+    # initial outputs of a foreign FMU are unknown here, and so are all values after them
     blind = {
         c.target
         for c in system.connections
@@ -57,19 +58,21 @@ def refusals(
 
 
 def _part(system: System, names: set[str]) -> System:
-    """The components of these names, and what connects them."""
+    """Return the components of these names and the connections between them."""
     components = {n: c for n, c in system.components.items() if n in names}
     connections = tuple(c for c in system.connections if {c.source, c.target} <= names)
     return replace(system, components=components, connections=connections, about=None)
 
 
 def _part_of(schedule: Schedule, names: set[str]) -> Schedule:
+    """Return the schedule of the components of these names."""
     return replace(
         schedule, order=tuple(n for n in schedule.order if n in names), timing=()
     )
 
 
 def _in_a_process(system: System, schedule: Schedule) -> list[str]:
+    """Initialise the components in a separate process and return the refusals."""
     if not child.CAN:
         return _initialised(system, schedule)
     library.unpack(system)
@@ -82,6 +85,7 @@ def _in_a_process(system: System, schedule: Schedule) -> list[str]:
 
 
 def _initialised(system: System, schedule: Schedule) -> list[str]:
+    """Initialise the components in this process and return the refusals."""
     from .master import Master
 
     try:

@@ -1,1 +1,1 @@
-"""Files: scenarios, SSP, FMUs and archives on disk."""
+"""Read and write files: scenarios, SSP, FMUs and archives on disk."""

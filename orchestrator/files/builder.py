@@ -1,5 +1,7 @@
-"""From layers of values to a system: FMUs in their places, values expanded, units
-converted."""
+"""Build a system from layers of values.
+
+FMUs are put in their places, values are expanded and units converted.
+"""
 
 from __future__ import annotations
 
@@ -37,16 +39,16 @@ from . import library
 RESERVED = (
     "time",
     SHARED,
-)  # names of no component: the series of times, parameters of all
-MOST_LINES = 100  # about one kind of problem; more help nobody
-# SI; no quantity of a spacecraft is larger, and squares and cubes of it are numbers
+)  # no component may have these names: series of times, parameters of all
+MOST_LINES = 100  # upper bound of lines about one kind of problem
+# SI; no quantity of a spacecraft is larger, and its square and cube are finite
 LARGEST = 1e40
-MOST_STEPS = 1e12  # of a run: one of a microsecond each takes eleven days
+MOST_STEPS = 1e12  # of a run: at a microsecond each they take eleven days
 
 
 @dataclass
 class Part:
-    """A component while its system is built."""
+    """Component while its system is built."""
 
     name: str
     source: str
@@ -61,16 +63,18 @@ class Part:
     )  # given as products of parameters
     units: dict[str, Unit | str] = field(
         default_factory=dict
-    )  # where not the variable's own
+    )  # if not the variable's own unit
     conflicts: dict[str, str] = field(default_factory=dict)
     origins: dict[str, str] = field(
         default_factory=dict
-    )  # who gave a variable its value
-    placed_by: str = ""  # who put another FMU in its place
+    )  # source of a variable's value
+    placed_by: str = ""  # source of the FMU that replaced its own
 
     def elements(self, name: str) -> list[str]:
-        """Return the names of a variable's scalars; none where the interface is not
-        known."""
+        """Return the names of a variable's scalars.
+
+        The list is empty if the interface is unknown.
+        """
         return (
             [s.name for s in self.interface.elements.get(name, ())]
             if self.interface
@@ -78,11 +82,10 @@ class Part:
         )
 
     def assign(self, name: str, value: Any, where: str) -> None:
-        """Give a parameter (or input) its value, or the text of one that follows from
-        others.
+        """Set a parameter (or input) to a value, or to a text that refers to others.
 
-        A text for a Real is a product of parameters (`expression.py`). Nothing is given
-        where the interface is not known: that it is missing is a problem already.
+        A text for a Real is a product of parameters (`expression.py`). Nothing is set
+        if the interface is unknown, because the missing interface is a problem already.
 
         Raises
         ------
@@ -104,7 +107,7 @@ class Part:
             self.units.pop(element, None)
 
     def take(self, value: Value) -> None:
-        """Take a value of an SSP file, which is checked when all layers are known."""
+        """Store a value of an SSP file, which is checked when all layers are known."""
         name = value.name
         self.parameters[name] = value.value
         self.origins[name] = value.origin
@@ -118,7 +121,7 @@ class Part:
 
 
 class Builder:
-    """Builds a system from layers: the first has its components and connections.
+    """Builder of a system from layers; the first has its components and connections.
 
     Parameters
     ----------
@@ -129,7 +132,8 @@ class Builder:
     kind
         Which of our FMUs run: `native` or `python`.
     load
-        Whether interfaces are loaded from FMUs or blocks; else those of the places count.
+        Whether interfaces are loaded from FMUs or blocks; otherwise those of the places
+        are used.
     """
 
     def __init__(
@@ -161,13 +165,13 @@ class Builder:
         self.add(first)
 
     def add(self, *layers: Layer) -> Self:
-        """Add layers; a later one replaces what an earlier one says.
+        """Add layers; a later one replaces values of an earlier one.
 
         Raises
         ------
         DesatError
-            Where a layer names a component that there is not; and where values do not fit that
-            are to raise (`Value.raises`), with a line for each.
+            If a layer names a component that does not exist, or if values do not fit that
+            must raise an error (`Value.raises`), with a line for each.
         """
         for layer in layers:
             self.problems += layer.problems
@@ -201,15 +205,23 @@ class Builder:
         return self
 
     def part(self, name: str, where: str) -> Part:
-        """Return a component by its name. Raises DesatError, which begins with `where`."""
+        """Return a component by its name.
+
+        Raises
+        ------
+        DesatError
+            If there is none; the message begins with `where`.
+        """
         require(name, self.components, f"{where}: no component")
         return self.components[name]
 
     # --- FMUs in their places ---------------------------------------------------------
 
     def _fill(self, layer: Layer) -> list[str]:
-        """Put the FMUs of a layer in their places; the names of those that replace
-        others."""
+        """Put the FMUs of a layer in their places.
+
+        Return the names of the components whose FMU was replaced.
+        """
         replaced = []
         for place in layer.places:
             if not place.origin:
@@ -231,8 +243,10 @@ class Builder:
         return replaced
 
     def _replace(self, place: Place, layer: Layer) -> None:
-        """Put another FMU in a component's place, with the values that it declares
-        alike."""
+        """Replace the FMU of a component.
+
+        Values of variables that both FMUs declare alike are preserved.
+        """
         where = place.origin if layer.of_options else f"{layer.where}: sources"
         part = self.part(place.name, where)
         part.placed_by = place.origin
@@ -258,8 +272,7 @@ class Builder:
         self._drop_unwanted(part)
 
     def _load_interface(self, part: Part) -> None:
-        """Load the interface of a component from its FMU, or from the bare block of its
-        name.
+        """Load the interface of a component from its FMU or the bare block of its name.
 
         A bare block has no file: `fmu` is None from then on.
         """
@@ -273,13 +286,12 @@ class Builder:
             part.fmu = None
 
     def _drop_unwanted(self, part: Part) -> None:
-        """Take out what is wired or listed for a replaced component and its FMU does
-        not have.
+        """Remove connections and connectors that a replaced component's FMU lacks.
 
-        An FMU in a role's place needs only the inputs that its law wants, and may lack
-        an output of the role (a manager without thrusters): who reads that keeps its
-        start value. Where it has none of those that are read, or a part of an array,
-        they stay, so that the check misses them.
+        An FMU in a role's place needs only the inputs that its law uses, and may lack
+        an output of the role (a manager without thrusters): an input that reads it
+        keeps its start value. If it has none of the outputs that are read, or lacks
+        part of an array, the connections stay, so that the check reports them.
         """
         assert part.interface is not None
         name, signals = part.name, part.interface.signals
@@ -317,8 +329,11 @@ class Builder:
         }
 
     def _adopt_shared(self, part: Part) -> None:
-        """Give a replaced component the craft's values of the shared parameters that
-        nobody gave it, in place of its own defaults, which are another craft's."""
+        """Copy the craft's values of shared parameters to a replaced component.
+
+        They replace its own defaults, which belong to another craft. Parameters that
+        were given a value are left alone.
+        """
         if part.interface is None:
             return
         shared = {s.array for s in part.interface.parameters if s.shared}
@@ -354,8 +369,10 @@ class Builder:
     # --- values -----------------------------------------------------------------------
 
     def _give(self, value: Value, layer: Layer, errors: list[str]) -> None:
-        """Give a value to its component, or to all that share it; what does not fit is
-        an error."""
+        """Set a value of its component, or of all components that share it.
+
+        A value that does not fit is appended to `errors`.
+        """
         for part in self._owners(value, errors):
             if value.unchecked:
                 part.take(value)
@@ -370,7 +387,7 @@ class Builder:
                 errors.append(str(error))
 
     def _owners(self, value: Value, errors: list[str]) -> list[Part]:
-        """Return the components that a value is for."""
+        """Return the components to which a value applies."""
         if value.owner != SHARED or SHARED in self.components:
             return [self.part(value.owner, value.origin)]
         owners = [
@@ -388,7 +405,7 @@ class Builder:
         return owners
 
     def _check_open(self, part: Part, value: Value) -> None:
-        """Raise DesatError where an output feeds the input that a value is for."""
+        """Raise DesatError if an output feeds the input that a value is for."""
         name = value.name
         for c in self.connections:
             end = c.input if name != base_name(name) else c.input_array
@@ -406,8 +423,8 @@ class Builder:
         Returns
         -------
         tuple
-            The system, or None where there are `problems`; and the components whose interface is
-            known.
+            The system, or None if there are `problems`; and the components whose interface
+            is known.
         """
         self.problems += self._names()
         components: dict[str, Component] = {}
@@ -468,14 +485,20 @@ class Builder:
         return check(system, self.problems, self.warnings, self.origins)
 
     def system(self) -> System:
-        """Build the system. Raises DesatError with every problem, a line each."""
+        """Build the system.
+
+        Raises
+        ------
+        DesatError
+            If there are problems, with a line for each.
+        """
         system, _ = self.build()
         if system is None:
             raise DesatError("\n".join(self.problems))
         return system
 
     def _names(self) -> Iterator[str]:
-        """Find names that those of variables and of series cannot begin with."""
+        """Find component names with which no name of a series can begin."""
         for part in self.components.values():
             name = part.name
             bad = (
@@ -488,14 +511,14 @@ class Builder:
                 )
 
     def _connectors(self, part: Part, interface: Interface) -> Iterator[str]:
-        """Find listed connectors that the FMU does not have, or has otherwise."""
+        """Find listed connectors that the FMU lacks or declares differently."""
         for connector in part.connectors.values():
             where = f"{self.where}:{connector.line}: {part.name}.{connector.name}"
             signal = interface.signals.get(connector.name)
             if part.placed_by and (
                 signal is None or connector.kind != signal.causality
             ):
-                continue  # one line names all of its connections
+                continue  # reported in one line with all of its connections
             if signal is None:
                 hint = nearest(connector.name, interface.signals)
                 yield f"{where}: the FMU has no such variable{hint}"
@@ -516,7 +539,7 @@ class Builder:
                     yield f"{where}: listed in {connector.unit}, but it is in {own}"
 
     def _parameters(self, part: Part, interface: Interface) -> dict[str, Scalar]:
-        """Return the values of a component by element, in the variables' own units."""
+        """Return a component's values by element, in the variables' own units."""
         parameters: dict[str, Scalar] = {}
         for name, value in part.parameters.items():
             where = part.origins.get(name, self.where)
@@ -524,7 +547,7 @@ class Builder:
             signals = interface.elements.get(name, ()) if own is None else [own]
             if not (
                 signals or interface.role
-            ):  # SSP 1.0: what matches no variable is ignored
+            ):  # SSP 1.0: a value that matches no variable is ignored
                 hint = nearest(name, interface.signals)
                 self._warn(
                     f"{where}: {part.source} has no variable {name}{hint}: left out"
@@ -554,7 +577,7 @@ class Builder:
         interface: Interface,
         where: str,
     ) -> Scalar | str:
-        """Return a value that was given with a unit in that of its variable."""
+        """Convert a value that was given with a unit to the unit of its variable."""
         if not (signal.unit_name or interface.role):
             self._warn(
                 f"{where}: {name} has no unit: its value, which was given with one, is taken as it "
@@ -566,11 +589,12 @@ class Builder:
         return in_unit_of(signal, value, unit, where)
 
     def _warn(self, line: str) -> None:
+        """Add a warning, once."""
         if line not in self.warnings:
             self.warnings.append(line)
 
     def _too_large(self, components: Iterable[Component]) -> Iterator[str]:
-        """Find values of our roles that no quantity has, a line each."""
+        """Find values of our roles that are too large for any quantity, a line each."""
         for component in components:
             if not component.interface.role:
                 continue
@@ -583,7 +607,7 @@ class Builder:
                     )
 
     def _connections(self) -> tuple[Connection, ...]:
-        """Return the connections, those between different units with their conversion."""
+        """Return the connections, with unit conversions where the units differ."""
         result = []
         driven: dict[tuple[str, str], Connection] = {}
         before = len(self.problems)
@@ -620,11 +644,9 @@ class Builder:
     def _end(
         self, c: Connection, causality: str, lacking: Mapping[str, dict[str, None]]
     ) -> Signal | None:
-        """Return the variable at one end of a connection, or None where there is none
-        that fits.
+        """Return the variable at one end of a connection, or None if none fits.
 
-        What an FMU lacks that was put in a component's place goes to `lacking`, by
-        component.
+        Variables that a replacing FMU lacks are added to `lacking`, by component.
         """
         outgoing = causality == "output"
         owner, connector = (c.source, c.output) if outgoing else (c.target, c.input)
@@ -664,7 +686,7 @@ class Builder:
         Raises
         ------
         DesatError
-            Where the steps from start to stop are not whole, or are too many.
+            If the number of steps from start to stop is not whole, or is too large.
         """
         start, step, stop = self.start, self.step, self.stop
         if step is None or stop is None:
@@ -700,8 +722,7 @@ class Builder:
 
 
 def _keep_alike(part: Part, before: Interface | None) -> list[str]:
-    """Take away the values that a component's new interface does not declare as the old
-    one did.
+    """Remove the values of variables that the new interface declares differently.
 
     Returns
     -------
@@ -737,12 +758,12 @@ def _by_output(connections: Iterable[Connection]) -> dict[str, list[str]]:
 
 
 def _converted(c: Connection, source: Signal, target: Signal) -> Connection:
-    """Return a connection with the conversion of its units, where it has no other.
+    """Add the conversion of units to a connection, if it has no other.
 
     Raises
     ------
     DesatError
-        Where the units do not fit.
+        If the units do not fit.
     """
     if not c.converts or not (source.unit_name and target.unit_name):
         return c

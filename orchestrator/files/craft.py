@@ -1,8 +1,7 @@
-"""Craft files: which block fills each role of a spacecraft, and what is wired otherwise
-than usual.
+"""Read craft files: which block fills each role of a spacecraft, and how it is wired.
 
     title = "A rigid body with wheels, dumping while it points to nadir"
-    stop = 600.0                          # s, where a scenario says nothing else
+    stop = 600.0                          # s, unless a scenario gives another
 
     [components]
     environment = "environment_kepler"    # role = a block's name, or an FMU: "path/to/its.fmu"
@@ -13,7 +12,7 @@ than usual.
     "manager.b_body" = "magnetometer_2.b_body"
     "spacecraft.density" = false
 
-    [body]                                # what tells whether the other figures are likely
+    [body]                                # to check whether the other figures are likely
     mass = "12 kg"
     sides = ["0.2 m", "0.2 m", "0.3 m"]   # along x, y, z of the body
     [hardware]                            # a class or a product for a component (`hardware.py`)
@@ -21,10 +20,10 @@ than usual.
     [shared]                              # a parameter for every component that has it
     [parameters.manager]                  # parameters (or unconnected inputs) of one component
 
-Everything else is wired as the roles say (`source` in `components/contract/roles.py`):
-each input from the first of its sources whose component is there. A further instance is
-fed as its role is; what it gives goes nowhere unless [wiring] says so. Paths of FMUs
-start at the craft file.
+Everything else is wired as the roles declare (`source` in
+`components/contract/roles.py`): each input is fed by the first of its sources whose
+component exists. A further instance is fed as its role is; its outputs are unused unless
+[wiring] connects them. Paths of FMUs are relative to the craft file.
 
 `desat pack --ssd` writes the same system as a standard SSD beside the craft file:
 `craft.toml` gives `SystemStructure.ssd`, `NAME.craft.toml` gives `NAME.ssd`.
@@ -72,23 +71,23 @@ BODY = ("mass", "sides")
 
 
 def files(folder: Path) -> list[Path]:
-    """The craft files of a folder, sorted."""
+    """Return the craft files of a folder, sorted."""
     return sorted([*folder.glob(FILE), *folder.glob(f"*{ENDING}")])
 
 
 def read(path: Path) -> Layer:
-    """Read the layer that a craft file is: components, connections and values.
+    """Read the layer of a craft file: components, connections and values.
 
     Raises
     ------
     DesatError
-        With everything that is wrong with the file but for its values, a line each.
+        If anything but the values is wrong with the file, with a line for each problem.
     """
     return _Reader(path).layer()
 
 
 def stem(path: Path) -> str:
-    """The name of a craft file without its endings."""
+    """Return the name of a craft file without its endings."""
     return path.name.removesuffix(".toml").removesuffix(".craft")
 
 
@@ -96,6 +95,8 @@ def stem(path: Path) -> str:
 
 
 class _Reader:
+    """Reader of one craft file."""
+
     def __init__(self, path: Path) -> None:
         self.folder = path.parent
         self.where = paths.shown(path)
@@ -113,6 +114,7 @@ class _Reader:
         self.roles: dict[str, str] = {}
 
     def layer(self) -> Layer:
+        """Read the file into a layer."""
         self.top()
         self.body()
         for name, source in self.table("components").items():
@@ -132,20 +134,24 @@ class _Reader:
         return self.result
 
     def stop_here(self) -> None:
+        """Raise DesatError if there are problems so far."""
         if self.problems:
             raise DesatError("\n".join(dict.fromkeys(self.problems)))
 
     def at(self, key: str) -> str:
+        """Return file, line and key, for messages."""
         return f"{self.where}:{self.line(key)}: {key}"
 
     def line(self, key: str) -> int:
-        """The line of a key, or of the nearest table around it."""
+        """Return the line of a key, or of the nearest table around it."""
         return line_of(self.lines, key) or 1
 
     def problem(self, key: str, message: str) -> None:
+        """Add a problem of a key."""
         self.problems.append(f"{self.at(key)}{message}")
 
     def table(self, key: str) -> TomlTable:
+        """Return a table of the file; empty if it is missing or no table."""
         value = self.data.get(key, {})
         if isinstance(value, dict):
             return value
@@ -153,6 +159,7 @@ class _Reader:
         return {}
 
     def top(self) -> None:
+        """Read the keys at the top of the file."""
         for key in self.data:
             if key not in KEYS:
                 self.problem(key, f": unknown key{nearest(key, KEYS)}")
@@ -171,7 +178,7 @@ class _Reader:
             )
 
     def body(self) -> None:
-        """Read mass and sides, where the file says them."""
+        """Read mass and sides, if the file gives them."""
         table = self.table("body")
         for key in table:
             if key not in BODY:
@@ -191,8 +198,10 @@ class _Reader:
             self.problems.append(str(error))
 
     def quantity(self, key: str, unit: str, value: Any) -> float:
-        """Return a figure of the body in a unit. Raises DesatError for one that is not
-        above 0."""
+        """Convert a figure of the body to `unit`.
+
+        Raises DesatError if it is not above 0.
+        """
         asked = Quantity(f"{self.at(f'body.{key}')} =", unit, 0.0, 1e9, above=True)
         if isinstance(value, (int, float, str)) and not isinstance(value, bool):
             return asked(value)
@@ -201,6 +210,7 @@ class _Reader:
         )
 
     def component(self, name: str, source: Any) -> None:
+        """Add a component to the layer."""
         key = f"components.{name}"
         if not isinstance(source, str):
             self.problem(
@@ -223,6 +233,7 @@ class _Reader:
             self.result.places.append(place)
 
     def from_file(self, source: str) -> tuple[Fmu, Interface]:
+        """Load the FMU and interface of a component from a file."""
         path = self.folder / source
         if not path.exists():
             raise DesatError(f"no such file in {self.folder}")
@@ -230,12 +241,17 @@ class _Reader:
         return fmu, fmu.interface
 
     def from_block(self, source: str) -> tuple[Fmu | None, Interface]:
+        """Return our FMU, if it is built, and the interface of a block."""
         if source not in registry.names():
             raise DesatError(f"no such block{nearest(source, registry.names())}")
         return library.of_ours(f"{source}.fmu"), interface_of_block(source)
 
     def role(self, name: str, source: str, interface: Interface) -> str:
-        """The role of a component; nothing, and a problem, where its name says another."""
+        """Return the role of a component from its name.
+
+        If its interface declares another role the result is empty, and a problem is
+        added.
+        """
         key, known = f"components.{name}", usual_sources()
         by_name = [r for r in known if name == r or name.startswith(f"{r}_")]
         if not by_name:
@@ -255,7 +271,10 @@ class _Reader:
         return role
 
     def wiring(self) -> dict[tuple[str, str], str]:
-        """Component and input -> `component.output`, or nothing where it stays unwired."""
+        """Read [wiring]: component and input -> `component.output`.
+
+        The output is empty if the input stays unwired.
+        """
         entries: dict[tuple[str, str], Any] = {}
         for name, value in self.table("wiring").items():
             if isinstance(value, dict):
@@ -286,7 +305,7 @@ class _Reader:
         return result
 
     def feed(self, target: str, name: str, wiring: dict[tuple[str, str], str]) -> None:
-        """Connect the elements of one input, as [wiring] or else the role says."""
+        """Connect the elements of an input, by [wiring] or else by its role."""
         key = f"wiring.{target}.{name}"
         source = wiring.get((target, name))
         if source is None:
@@ -322,11 +341,11 @@ class _Reader:
             ]
 
     def is_needed(self, target: str, name: str) -> bool:
-        """Whether something of a component needs an input."""
+        """Return whether something in a component needs an input."""
         return any(s.needed_by for s in self.interfaces[target].arrays.get(name, ()))
 
     def connectors_of(self, place: Place) -> dict[str, Connector]:
-        """Return what is wired of a component, as an SSD lists it."""
+        """Return the wired connectors of a component, as an SSD lists them."""
         own = self.interfaces[place.name]
         wired = {c.input for c in self.result.connections if c.target == place.name}
         wired |= {c.output for c in self.result.connections if c.source == place.name}
@@ -337,7 +356,7 @@ class _Reader:
         }
 
     def hardware(self) -> None:
-        """Give the components what their class or product has."""
+        """Set the parameters that the components' classes or products determine."""
         for name, chosen in self.table("hardware").items():
             key = f"hardware.{name}"
             if name not in self.interfaces:
@@ -370,13 +389,15 @@ class _Reader:
                 self.give(self.owner(name, parameter), parameter, value, key)
 
     def owner(self, name: str, parameter: str) -> str:
-        """Return the component, or SHARED where its parameter is one that components
-        share."""
+        """Return the component, or SHARED if components share its parameter."""
         signals = self.interfaces[name].elements.get(parameter, ())
         return SHARED if any(s.shared for s in signals) else name
 
     def number(self, owner: str, parameter: str) -> Any:
-        """What the file gives a parameter, in SI, or its start value; an array flat."""
+        """Return the value of a parameter in the file, in SI, or its start value.
+
+        An array becomes a flat list.
+        """
         own = self.table("parameters").get(owner, {})
         value = own.get(parameter) if isinstance(own, dict) else None
         value = self.table("shared").get(parameter) if value is None else value
@@ -390,7 +411,7 @@ class _Reader:
         return flat if len(flat) > 1 else flat[0]
 
     def parameters(self) -> None:
-        """Give the components the values of [shared], then their own."""
+        """Set the values of [shared], then those of [parameters]."""
         for name, value in self.table("shared").items():
             self.give(SHARED, name, value, f"shared.{name}")
         for component, values in self.table("parameters").items():
@@ -405,6 +426,7 @@ class _Reader:
                     self.give(component, name, value, f"{key}.{name}")
 
     def give(self, owner: str, name: str, value: Any, key: str) -> None:
+        """Add a value to the layer."""
         origin = self.at(key)
         self.result.values.append(
             Value(owner, name, value, origin, origin, raises=True)

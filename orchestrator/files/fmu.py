@@ -1,4 +1,4 @@
-"""An FMU's model description as an interface."""
+"""Convert an FMU's model description to an interface."""
 
 from __future__ import annotations
 
@@ -25,10 +25,8 @@ from .io import contents
 from .model_structure import check_structure
 from .xml import parse_bytes
 
-LONGEST_NAME = 200
-"""Of a library (characters)."""
-MOST_ELEMENTS = 1_000_000
-"""Of an array."""
+LONGEST_NAME = 200  # characters of a library's name
+MOST_ELEMENTS = 1_000_000  # of an array
 _WHOLE = (
     "Int8",
     "Int16",
@@ -40,30 +38,37 @@ _WHOLE = (
     "UInt64",
     "Enumeration",
 )
+# FMI type -> kind of signal; other types have the same name as their kind.
 _KINDS = {"Float32": "Real", "Float64": "Real", **dict.fromkeys(_WHOLE, "Integer")}
-"""What types are here; others are called the same."""
 
 
 def of_fmu(path: Path, called: str = "") -> Interface:
-    """The interface of a co-simulation FMU of FMI 1.0, 2.0 or 3.0 (a file or an
-    extracted folder); `called`: its file's name, for messages.
+    """Read the interface of a co-simulation FMU of FMI 1.0, 2.0 or 3.0.
 
-    Raises DesatError when it is no such FMU.
+    The FMU is a file or an extracted folder. `called` is its file's name, for messages.
+
+    Raises
+    ------
+    DesatError
+        If it is no such FMU.
     """
     return _of_fmu(path, called or path.name, path.stat().st_mtime_ns)
 
 
 @lru_cache(maxsize=256)
 def _of_fmu(path: Path, called: str, _modified: int) -> Interface:
+    """Read an interface, cached until the file changes."""
     root, description = _read(path, called)
     try:
         return _interface(root, description)
     except (ValueError, TypeError, AttributeError, ArithmeticError) as error:
-        text = str(error) or type(error).__name__  # nobody has validated it
+        # the description has not been validated
+        text = str(error) or type(error).__name__
         raise DesatError(f"{called}/modelDescription.xml: {text}") from error
 
 
 def _interface(root: Any, description: Any) -> Interface:
+    """Build the interface from the XML and fmpy's model description."""
     units = {
         u.name: Unit(b.kg, b.m, b.s, b.A, b.K, b.rad, b.factor, b.offset)
         for u in description.unitDefinitions
@@ -100,9 +105,8 @@ def _interface(root: Any, description: Any) -> Interface:
     )
 
 
+# Element of a description that says that an FMU is for co-simulation without a tool.
 _KIND = {"1.0": "Implementation/CoSimulation_StandAlone"}
-"""Where a description says that an FMU is for co-simulation and needs no tool to run.
-"""
 _ALONE = (
     ("scheduled execution", "ScheduledExecution"),
     ("a tool of its own", "Implementation/CoSimulation_Tool"),
@@ -115,8 +119,10 @@ _VARIABLES_3, _OURS_3 = "ModelVariables/*", f"Annotations/Annotation[@type='{TOO
 
 
 def _elements(v: Any) -> Iterator[tuple[str, str | None, int]]:
-    """The scalars of a variable of FMI 3.0, as those of FMI 2.0 are called: name,
-    start, place."""
+    """Yield the scalars of a variable of FMI 3.0: name, start value, index.
+
+    The names are those that FMI 2.0 would use.
+    """
     if v.type == "Clock":
         raise ValueError(
             f"{v.name} is a clock: there is no event mode here, in which clocks tick; "
@@ -139,7 +145,10 @@ def _elements(v: Any) -> Iterator[tuple[str, str | None, int]]:
 def root_of(folder: Path, called: str) -> Any:
     """Return the root of the model description of an extracted FMU.
 
-    Raises DesatError where it is no XML, or not that of an FMU of FMI 1.0, 2.0 or 3.0.
+    Raises
+    ------
+    DesatError
+        If it is no XML, or not that of an FMU of FMI 1.0, 2.0 or 3.0.
     """
     where = f"{called}/modelDescription.xml"
     root = parse_bytes(contents(folder / "modelDescription.xml", where), where)
@@ -153,13 +162,15 @@ def root_of(folder: Path, called: str) -> Any:
 
 
 def _is_known(version: str) -> bool:
-    """Return whether a version of FMI is one of those that are read."""
+    """Return whether a version of FMI is supported."""
     return version in ("1.0", "2.0") or bool(re.fullmatch(r"3\.0(\.\d+)?", version))
 
 
 def _read(path: Path, called: str) -> tuple[Any, Any]:
-    """The XML of an FMU's model description, and what fmpy makes of it. Raises
-    DesatError."""
+    """Read the model description of an FMU, as XML and parsed by fmpy.
+
+    Raises DesatError if it is not for co-simulation or not readable.
+    """
     try:
         if path.is_dir():
             xml = contents(
@@ -189,9 +200,9 @@ def _read(path: Path, called: str) -> tuple[Any, Any]:
 
 
 def description_of(path: Path, called: str = "") -> Any:
-    """Return what fmpy reads from the model description of an FMU.
+    """Parse the model description of an FMU with fmpy.
 
-    Faults against the standard are not looked for.
+    It is not checked for violations of the standard.
 
     Parameters
     ----------
@@ -216,18 +227,20 @@ def description_of(path: Path, called: str = "") -> Any:
 
 @lru_cache(maxsize=256)
 def faults(path: Path) -> tuple[str, ...]:
-    """What is wrong with the model description of an extracted FMU by the standard, by
-    fmpy's validation, a line each."""
+    """Find violations of the standard in the model description of an extracted FMU.
+
+    They are those that fmpy's validation finds, a line each.
+    """
     return _faults(path, whole=False)
 
 
 def structure_faults(path: Path) -> tuple[str, ...]:
-    """Return what `faults` does, and what is wrong with names and ModelStructure."""
+    """Find what `faults` does, and errors in names and ModelStructure."""
     return _faults(path, whole=True)
 
 
 def _faults(path: Path, whole: bool) -> tuple[str, ...]:
-    """Return what fmpy's validation says, a line each."""
+    """Return the findings of fmpy's validation, a line each."""
     try:
         read_model_description(
             path, validate_variable_names=whole, validate_model_structure=whole
@@ -241,8 +254,10 @@ def _faults(path: Path, whole: bool) -> tuple[str, ...]:
 
 
 def _identifier(called: str, root: Any) -> None:
-    """Raise DesatError unless the name of an FMU's library is one of C, no path to
-    another file."""
+    """Raise DesatError unless the name of an FMU's library is a C identifier.
+
+    It must not be a path to another file.
+    """
     for kind in (
         [root] if root.get("fmiVersion") == "1.0" else root.iterfind("CoSimulation")
     ):
@@ -252,7 +267,7 @@ def _identifier(called: str, root: Any) -> None:
 
 
 def _output_classes(description: Any) -> dict[str, OutputClass]:
-    """The class of each output: interval where it depends on an input."""
+    """Determine the class of each output: interval if it depends on an input."""
     inputs = {id(v) for v in description.modelVariables if v.causality == "input"}
     classes: dict[str, OutputClass] = {}
     for unknown in description.outputs:
@@ -276,8 +291,10 @@ def _signal(
     start: str | None,
     element: int | None,
 ) -> Signal:
-    """A scalar variable of fmpy's, or an element of one of FMI 3.0, with our annotation
-    of it."""
+    """Build a signal from a variable of fmpy, with our annotation of it.
+
+    For FMI 3.0 it may be an element of the variable.
+    """
     declared = v.declaredType
     unit_name = v.unit or (declared.unit if declared else None) or ""
     least = v.min if v.min is not None else getattr(declared, "min", None)
@@ -318,17 +335,19 @@ def _signal(
     )
 
 
+# How a start value is parsed, by the variable's kind; any other is a text.
 _READ: dict[str, Callable[[str], Scalar]] = {
     "Real": float,
     "Integer": int,
     "Boolean": frozenset(("true", "1")).__contains__,
 }
-"""How a start value is read, by the variable's kind; any other is a text."""
 
 
 def _items(declared: Any) -> tuple[str, ...]:
-    """The names of an enumeration's values, where they have such and are counted from
-    0."""
+    """Return the names of an enumeration's values, counted from 0.
+
+    The tuple is empty if a value is negative or above 999, or if a name has a blank.
+    """
     values = {int(i.value): i.name for i in getattr(declared, "items", None) or ()}
     if (
         not values
@@ -341,8 +360,9 @@ def _items(declared: Any) -> tuple[str, ...]:
 
 
 def _range(text: str) -> tuple[float, float] | None:
+    """Parse a usual range; None if it has another form."""
     try:
         low, high = map(float, text.split())
-    except ValueError:  # none, or of somebody who writes it otherwise
+    except ValueError:  # it has another form
         return None
     return low, high

@@ -1,12 +1,13 @@
-"""Classes of hardware and products: what `[hardware]` of a craft file and
-`desat new craft` take.
+"""Read classes and products of hardware for `[hardware]` of a craft file.
+
+`desat new craft` takes them as well.
 
     [hardware]                    # component = "class:NAME" or "product:NAME"
-    wheels = "class:30mNms"       # templates/classes.toml: what is typical, each with its reason
+    wheels = "class:30mNms"       # templates/classes.toml: typical figures, each with its reason
     torquers = "product:UoSAT-12" # templates/products.toml: figures with their source
 
-A class fills what it is typical of, friction and lag included; a product what its
-source says and no more. [shared] and [parameters] go before either.
+A class sets all that is typical of it, including friction and lag; a product sets only
+what its source gives. [shared] and [parameters] take precedence over both.
 """
 
 from __future__ import annotations
@@ -22,6 +23,7 @@ from ..system.model import Values
 from ..system.quantity import Quantity
 
 Figures = Mapping[str, str]
+# Role -> kind of hardware.
 KINDS = {
     "wheels": "wheels",
     "torquers": "rods",
@@ -29,22 +31,29 @@ KINDS = {
     "gyro": "gyros",
     "determination": "star_trackers",
 }
-"""Role -> kind of hardware."""
 FILES = {"class": "classes.toml", "product": "products.toml"}
 WHEEL_LAG, COMPENSATION = "50 ms", "1 1/s"
+# Friction of a class's wheels as a share of the torque; the viscous one at full speed.
 COULOMB, VISCOUS = 0.01, 0.04
-"""Friction of a class's wheels: of the torque, the latter at the largest speed."""
 
 
 def quantity(option: str, text: str, unit: str) -> float:
-    """A number with a unit or, without one, in `unit`. Raises DesatError."""
+    """Parse a number with a unit or, without one, in `unit`.
+
+    Raises
+    ------
+    DesatError
+        If it is no such number.
+    """
     return Quantity(option, unit)(text)
 
 
 @cache
 def known_figures(which: str) -> dict[str, dict[str, Figures]]:
-    """Kind of hardware -> name -> its figures, as they are written; of classes or
-    products."""
+    """Read the figures of classes or products, as they are written.
+
+    The result maps kind of hardware -> name -> figures.
+    """
     text = (
         files("desat").joinpath(f"templates/{FILES[which]}").read_text(encoding="utf-8")
     )
@@ -52,13 +61,20 @@ def known_figures(which: str) -> dict[str, dict[str, Figures]]:
 
 
 def classes() -> dict[str, dict[str, Figures]]:
-    """Kind of hardware -> class -> its figures."""
+    """Return the figures of each class: kind of hardware -> class -> figures."""
     return known_figures("class")
 
 
 def figures(role: str, text: str) -> tuple[bool, Figures]:
-    """Whether `class:NAME` or `product:NAME` of a role is a class, and its figures.
-    Raises DesatError."""
+    """Return whether a choice of hardware is a class, and its figures.
+
+    The choice is `class:NAME` or `product:NAME`.
+
+    Raises
+    ------
+    DesatError
+        If there is no such hardware of this role.
+    """
     if role not in KINDS:
         raise DesatError(
             f"there is no hardware of this role; there is of {', '.join(KINDS)}"
@@ -77,11 +93,10 @@ def figures(role: str, text: str) -> tuple[bool, Figures]:
 def values(
     role: str, typical: bool, of: Figures, parameters: frozenset[str], present: Values
 ) -> dict[str, Any]:
-    """What a component's parameters become: name -> value, as a craft file may write
-    it.
+    """Return the parameter values of a component: name -> value, as in a craft file.
 
-    `parameters`: those that it has; `present`: the values that decide how many and
-    where: `axes_wheel` (12 numbers, row by row) and `arm` (m).
+    `parameters` are those that the component has. `present` holds the values that
+    decide number and place: `axes_wheel` (12 numbers, row by row) and `arm` (m).
     """
     if role == "wheels":
         return _wheels(typical, of, present["axes_wheel"])
@@ -93,7 +108,7 @@ def values(
             "specific_impulse": of["impulse"],
             "least_pulse": of["pulse"],
         }
-        if "tau_level" in parameters:  # a pair of them each way
+        if "tau_level" in parameters:  # a pair of thrusters each way
             found["tau_level"] = [2.0 * force * present["arm"]] * 3
         if "thrust" in parameters:
             found["thrust"] = [force] * 8
@@ -109,6 +124,7 @@ def values(
 
 
 def _wheels(typical: bool, of: Figures, axes: list[float]) -> dict[str, Any]:
+    """Return the parameter values of wheels, with friction and lag for a class."""
     speed, torque = (
         quantity("", of["speed"], "rad/s"),
         quantity("", of["torque"], "N.m"),
@@ -131,11 +147,14 @@ def _wheels(typical: bool, of: Figures, axes: list[float]) -> dict[str, Any]:
 
 
 def walk(gyro: Figures) -> float:
-    """Its angle random walk as the block has it: the angle (rad) after 1 s; it grows
-    with the root of the time, and the figure is that after 1 h."""
+    """Return the angle random walk of a gyro as its block uses it (rad).
+
+    It is the angle after 1 s. The angle grows with the root of the time, and the figure
+    is that after 1 h.
+    """
     return quantity("", gyro["walk"], "rad") / 60.0
 
 
 def friction(torque: float, speed: float) -> tuple[float, float]:
-    """Viscous (N m s/rad) and Coulomb (N m) friction of a class's wheel."""
+    """Compute viscous (N m s/rad) and Coulomb (N m) friction of a class's wheel."""
     return VISCOUS * torque / speed, COULOMB * torque

@@ -1,5 +1,7 @@
-"""What a run is of: the digest of its system with what of the options moves a bit; and
-what stands beside it, the versions of all that computes."""
+"""Identify what a run computes: the digest of its system and options, and versions.
+
+The digest covers what affects a bit. Beside it are the versions of all that computes.
+"""
 
 from __future__ import annotations
 
@@ -17,13 +19,12 @@ from ..system.options import Options
 from . import library
 
 PACKAGES = ("desat", "fmpy", "pythonfmu", "numpy", "scipy", "h5py")
+# Versions that may affect a bit; the others only pass values on.
 COMPUTING = ("desat", "numpy", "scipy", "python", "platform", "libm", "compiler")
-"""Those of the versions that may move a bit: the others pass values on."""
+# Keys of a scenario that change no number of a run, only its plots and checks.
 JUDGED = frozenset(
     ("plots", "requirements", "residual_bound", "impulse_bound", "energy_bound")
 )
-"""What of a scenario changes no number of a run, but what is drawn of it and held
-against it."""
 
 
 def of_system(
@@ -32,8 +33,10 @@ def of_system(
     beside: Any = None,
     without: Set[str] = frozenset(),
 ) -> str:
-    """The digest of a resolved system that is run with these options; `beside`,
-    `without`: as `digest` takes them."""
+    """Compute the digest of a resolved system that is run with these options.
+
+    `beside` and `without` are as for `digest`.
+    """
     computes = {
         c.name: library.computes(c.interface.model, c.fmu)
         for c in system.components.values()
@@ -43,8 +46,11 @@ def of_system(
 
 @cache
 def versions() -> dict[str, str]:
-    """What the bits of a run depend on beside its digest: packages, Python, platform,
-    libm, and the compiler of our native FMUs, where it is known."""
+    """Return what the bits of a run depend on besides its digest.
+
+    These are packages, Python, platform, libm, and the compiler of our native FMUs if
+    known.
+    """
     compilers = {e["compiler"] for e in library.index().values() if "compiler" in e}
     return {
         **{name: version(name) for name in PACKAGES},
@@ -56,8 +62,10 @@ def versions() -> dict[str, str]:
 
 
 def _bits_of_libm() -> str:
-    """A short hash of what its functions give: it may take another way on another
-    processor."""
+    """Compute a short hash of results of libm's functions.
+
+    They may differ on another processor.
+    """
     points = [k / 64.0 + 1.0 / (k + 3.0) for k in range(1, 200)]
     functions = (
         math.sin,
@@ -79,8 +87,11 @@ def _bits_of_libm() -> str:
 
 
 def other(before: Mapping[str, str], now: Mapping[str, str]) -> str:
-    """The first of what computes that is another one than before, and what the two are;
-    empty where all are the same. What is not known of one of them counts as another."""
+    """Describe the first of the computing versions that differs from before.
+
+    The text is empty if all are the same. A version that is unknown on one side counts
+    as different.
+    """
     for name in COMPUTING:
         was, is_now = (x.get(name, "not known") for x in (before, now))
         if was != is_now:

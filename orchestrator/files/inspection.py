@@ -1,5 +1,7 @@
-"""An FMU as `desat check` describes it: its description is read, its binary is not
-loaded."""
+"""Inspect an FMU for `desat check` without loading its binary.
+
+Only its description is read.
+"""
 
 from __future__ import annotations
 
@@ -28,6 +30,7 @@ CAUSALITIES = (
     "independent",
     "dependent",
 )
+# Element of a description -> purpose of the FMU.
 KINDS = {
     "CoSimulation": "co-simulation",
     "ModelExchange": "model exchange",
@@ -35,28 +38,26 @@ KINDS = {
     "Implementation/CoSimulation_StandAlone": "co-simulation",
     "Implementation/CoSimulation_Tool": "co-simulation by a tool",
 }
-"""What an FMU is for, by the element of its description that says so."""
 MOST_FAULTS = (
-    100  # lines: a description of thousands of variables may break a rule in each
+    100  # lines: a description of thousands of variables may violate a rule in each
 )
 
 
 @dataclass(frozen=True)
 class InspectedVariable:
-    """A variable, or an array of scalars that are called alike: `q[1]`, `q[2]`, ..."""
+    """A variable, or an array of scalars with a common name: `q[1]`, `q[2]`, ..."""
 
     name: str
     causality: str
     type: str
-    shape: tuple[int, ...]
-    """Of an array, by the largest index of each dimension; of a scalar nothing."""
+    shape: tuple[int, ...]  # largest index of each dimension; () for a scalar
     unit: str
     description: str
 
 
 @dataclass(frozen=True)
 class InspectedFmu:
-    """What can be said of an FMU without loading its binary."""
+    """Findings about an FMU without loading its binary."""
 
     path: str
     model: str
@@ -66,13 +67,11 @@ class InspectedFmu:
     sha256: str
     ours: bool
     variables: tuple[InspectedVariable, ...]
-    problems: tuple[str, ...]
-    """What breaks the standard, a line each."""
-    warnings: tuple[str, ...]
-    """Why it would not run here, a line each."""
+    problems: tuple[str, ...]  # violations of the standard, a line each
+    warnings: tuple[str, ...]  # reasons why it would not run here, a line each
 
     def of_causality(self) -> dict[str, list[InspectedVariable]]:
-        """Return the variables by their causality, in the order of `CAUSALITIES`."""
+        """Group the variables by causality, in the order of `CAUSALITIES`."""
         found: dict[str, list[InspectedVariable]] = {name: [] for name in CAUSALITIES}
         for variable in self.variables:
             found.setdefault(variable.causality, []).append(variable)
@@ -80,19 +79,19 @@ class InspectedFmu:
 
 
 def is_fmu(target: str) -> bool:
-    """Return whether a target of `check` is an FMU, by its name, or an extracted one."""
+    """Return whether a target of `check` is an FMU, by name or extracted."""
     path = Path(target)
     return path.suffix.lower() == SUFFIX or (path / DESCRIPTION).is_file()
 
 
 def inspect_fmu(path: Path) -> InspectedFmu:
-    """Return what the description of an FMU says, and what of it breaks the standard.
+    """Read the description of an FMU and check it against the standard.
 
     Raises
     ------
     DesatError
-        If the file cannot be read, is no archive, or holds no model description of FMI 1.0,
-        2.0 or 3.0.
+        If the file cannot be read, is no archive, or holds no model description of
+        FMI 1.0, 2.0 or 3.0.
     """
     if not path.exists():
         raise DesatError(f"{path}: No such file or directory")
@@ -102,7 +101,7 @@ def inspect_fmu(path: Path) -> InspectedFmu:
         name for element, name in KINDS.items() if root.find(element) is not None
     )
     if root.get("fmiVersion") == "1.0" and not kinds:
-        kinds = (KINDS["ModelExchange"],)  # which no element of FMI 1.0 says
+        kinds = (KINDS["ModelExchange"],)  # FMI 1.0 has no element for it
     problems = [
         *(_reference_faults(root) or structure_faults(fmu.folder)),
         *_implementation_faults(fmu.folder, root),
@@ -110,7 +109,7 @@ def inspect_fmu(path: Path) -> InspectedFmu:
     variables: tuple[InspectedVariable, ...] = ()
     try:
         variables = _variables(description_of(fmu.folder))
-    except Exception as error:  # fmpy raises what it comes upon
+    except Exception as error:  # fmpy raises many kinds
         problems = problems or [f"its variables cannot be read: {_line(error)}"]
     if len(problems) > MOST_FAULTS:
         problems = [*problems[:MOST_FAULTS], f"and {len(problems) - MOST_FAULTS} more"]
@@ -129,13 +128,12 @@ def inspect_fmu(path: Path) -> InspectedFmu:
 
 
 def _line(error: Exception) -> str:
-    """Return the first line of what an error says."""
+    """Return the first line of an error's message."""
     return (str(error).splitlines() or [type(error).__name__])[0]
 
 
 def _reference_faults(root: Any) -> list[str]:
-    """Return where ModelStructure, or a derivative, refers to a variable that there is
-    not.
+    """Find references of ModelStructure and derivatives to missing variables.
 
     FMI 2.0 counts variables from 1; FMI 3.0 names them by their value references.
     """
@@ -167,7 +165,7 @@ def _reference_faults(root: Any) -> list[str]:
 
 
 def _implementation_faults(folder: Path, root: Any) -> list[str]:
-    """Return what is wrong with the binaries of an extracted FMU, by their names alone."""
+    """Find faults of an extracted FMU's binaries, by their names alone."""
     elements = [root] if root.get("fmiVersion") == "1.0" else list(root)
     names = {e.get("modelIdentifier") for e in elements if e.get("modelIdentifier")}
     sources = folder / "sources"
@@ -185,8 +183,10 @@ def _implementation_faults(folder: Path, root: Any) -> list[str]:
 
 
 def _variables(description: Any) -> tuple[InspectedVariable, ...]:
-    """Return the variables of a description; scalars that are called alike are one
-    array."""
+    """Return the variables of a description.
+
+    Scalars with a common name are one array.
+    """
     found: dict[tuple[str, str], InspectedVariable] = {}
     for v in description.modelVariables:
         causality = v.causality or "local"
@@ -205,7 +205,7 @@ def _variables(description: Any) -> tuple[InspectedVariable, ...]:
 
 
 def _shape_of(variable: Any) -> tuple[int, ...]:
-    """Return the shape of an array of FMI 3.0, or the indices that end a scalar's name."""
+    """Return the shape of an FMI 3.0 array, or the indices that end a scalar's name."""
     if variable.shape:
         return tuple(variable.shape)
     found = INDICES.search(variable.name)
@@ -220,8 +220,7 @@ def _larger(one: tuple[int, ...], other: tuple[int, ...]) -> tuple[int, ...]:
 
 
 def _obstacles(fmu: library.FmuFile) -> list[str]:
-    """Return why an FMU that is as the standard wants it would not run here, a line
-    each."""
+    """Return why an FMU that satisfies the standard would not run here, a line each."""
     name = fmu.path.name
     try:
         version = of_fmu(fmu.folder, name).fmi

@@ -1,5 +1,7 @@
-"""Files that are whole or not there: `replacing` writes each that a command is asked
-for."""
+"""Read and write files within limits; a file is written as a whole or not at all.
+
+`replacing` writes each file that a command produces.
+"""
 
 from __future__ import annotations
 
@@ -21,12 +23,12 @@ from typing import Any, BinaryIO
 from ..system.errors import DesatError, Exit, RunError
 from . import paths
 
+# Error numbers that mean that there is no room for a file.
 FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
-"""The numbers of errors that say that a file has no room."""
 
 
 def is_full(error: BaseException | None) -> bool:
-    """Return whether an error, or one that it came from, says that the disk is full."""
+    """Return whether an error, or one of its causes, says that the disk is full."""
     seen: list[BaseException] = []  # an error may be its own cause
     while error is not None and error not in seen:
         if isinstance(error, OSError) and error.errno in FULL:
@@ -38,8 +40,10 @@ def is_full(error: BaseException | None) -> bool:
 
 @contextmanager
 def naming(path: Path) -> Iterator[None]:
-    """Within: an OSError that names no file, as one of writing to a full disk, names
-    this one."""
+    """Add the name of this file to an OSError that names none.
+
+    An error of writing to a full disk names none.
+    """
     try:
         yield
     except OSError as error:
@@ -49,11 +53,14 @@ def naming(path: Path) -> Iterator[None]:
 
 
 def place_of(path: Path, option: str = "") -> Path:
-    """Where a file is written that is asked for by an option: at the end of links,
-    which stay.
+    """Return where to write a file that an option names.
 
-    Raises DesatError where there is something else than a regular file: a folder, a
-    pipe, a device.
+    Links are followed and stay.
+
+    Raises
+    ------
+    DesatError
+        If there is something else than a regular file: a folder, a pipe, a device.
     """
     where = f"{option} {paths.shown(path)}".strip()
     try:
@@ -63,7 +70,7 @@ def place_of(path: Path, option: str = "") -> Path:
             )
     except FileNotFoundError:
         pass
-    except (OSError, ValueError) as error:  # a loop of links; a byte that no path has
+    except (OSError, ValueError) as error:  # a loop of links, or an invalid byte
         raise DesatError(
             f"{where}: {getattr(error, 'strerror', None) or error}"
         ) from error
@@ -72,13 +79,15 @@ def place_of(path: Path, option: str = "") -> Path:
 
 @contextmanager
 def replacing(path: Path) -> Iterator[Path]:
-    """Within: a temporary name to write a file under, which then has its own
-    (`place_of`); its folder is made. Where that fails nothing is left of it, and an
-    OSError names the file."""
+    """Yield a temporary name to write a file under, then rename it (`place_of`).
+
+    Its folder is created. If that fails nothing is left of the file, and an OSError
+    names it.
+    """
     place = place_of(path)
     part = place.with_name(
         f"{place.name}.tmp"
-    )  # `.part` is what a run that goes on has
+    )  # `.part` is the suffix of a run in progress
     place.parent.mkdir(parents=True, exist_ok=True)
     try:
         with naming(path):
@@ -91,20 +100,20 @@ def replacing(path: Path) -> Iterator[Path]:
 
 @contextmanager
 def replacing_file(path: Path) -> Iterator[BinaryIO]:
-    """Open a file to write that takes the place of another as a whole (`replacing`).
+    """Open a file to write that replaces another as a whole (`replacing`).
 
-    For packages that take no name that is not UTF-8.
+    It is for packages that accept no name that is not UTF-8.
     """
     with replacing(path) as part, part.open("wb") as file:
         yield file
 
 
 def encoded(text: str) -> bytes:
-    """Return a text as UTF-8, whatever file names are in it.
+    """Encode a text as UTF-8, even if it contains arbitrary file names.
 
     A name whose bytes Python could not read (a locale without UTF-8, or a name in
-    another encoding) holds them as surrogates: those that are UTF-8 come out as they
-    are, others as U+FFFD.
+    another encoding) holds them as surrogates. Those that are UTF-8 are restored,
+    others become U+FFFD.
     """
     try:
         return text.encode()
@@ -115,34 +124,39 @@ def encoded(text: str) -> bytes:
 
 
 def utf8_name(name: str) -> str:
-    """Return a file's name as a text that is UTF-8, for names of systems."""
+    """Convert a file's name to valid UTF-8, for names of systems."""
     return encoded(name).decode()
 
 
 def replace_text(path: Path, content: str | bytes) -> None:
-    """Write a file as a whole (`replacing`). Raises OSError."""
+    """Write a file as a whole (`replacing`).
+
+    Raises OSError if that fails.
+    """
     with replacing(path) as part:
         part.write_bytes(encoded(content) if isinstance(content, str) else content)
 
 
 # ------------------------------------------------------------------------------------------------
-# What a file holds, read within limits: regular files alone, none larger than allowed, and, of a
-# system that others have made, none outside its folder
+# Reading files within limits: only regular files, none larger than allowed, and, for a foreign
+# system, none outside its folder
 
 
-TEXT = 64 << 20
-"""The largest text that is read (bytes)."""
+TEXT = 64 << 20  # bytes: upper bound of a text that is read
 
 
 def contents(path: Path, where: str, most: int = TEXT) -> bytes:
-    """The bytes of a regular file, which messages call `where`.
+    """Read the bytes of a regular file, which messages call `where`.
 
-    Raises DesatError where there is none, it holds more than `most` bytes, or it is
-    something that may never end (a device, a pipe).
+    Raises
+    ------
+    DesatError
+        If there is none, if it holds more than `most` bytes, or if it is something that
+        may never end (a device, a pipe).
     """
     try:
         regular(path, where)
-        # a pipe put there meanwhile does not keep us waiting
+        # non-blocking, in case a pipe has been put there meanwhile
         with os.fdopen(
             os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0)), "rb"
         ) as file:
@@ -157,17 +171,24 @@ def contents(path: Path, where: str, most: int = TEXT) -> bytes:
 
 
 def regular(path: Path, where: str) -> None:
-    """Raise DesatError, or OSError where there is nothing, unless a path is a regular
-    file."""
+    """Raise DesatError unless a path is a regular file.
+
+    If there is nothing at the path, OSError is raised.
+    """
     if not stat.S_ISREG(path.stat().st_mode):
         raise DesatError(f"{where}: not a regular file")
 
 
 def inside(folder: Path, source: str) -> Path:
-    """The path of what a system in a folder names, which need not be there.
+    """Return the path of a file that a system in a folder names.
 
-    Links are followed: an archive has none, and in a folder they are its owner's.
-    Raises DesatError for an absolute path and one that leaves the folder.
+    It need not exist. Links are followed: an archive has none, and in a folder they are
+    its owner's.
+
+    Raises
+    ------
+    DesatError
+        If the path is absolute or leaves the folder.
     """
     parts = PurePosixPath(source).parts
     strange = "\\" in source or "\0" in source or PureWindowsPath(source).drive
@@ -181,29 +202,29 @@ def inside(folder: Path, source: str) -> Path:
     return path
 
 
-# --- Zip archives of others, extracted: within budgets, regular files alone, nothing outside ----
+# --- Extracting foreign zip archives: within budgets, only regular files, nothing outside -------
 
 
-ENTRIES = 20_000
-"""The most entries of an archive."""
-LARGEST = 1 << 30
-"""The most that an archive may hold, extracted (bytes)."""
-IN_ALL = 8 << 30
-"""The most that all archives that a process extracts may hold (bytes)."""
+ENTRIES = 20_000  # upper bound of the entries of an archive
+LARGEST = 1 << 30  # bytes: upper bound of an archive, extracted
+IN_ALL = 8 << 30  # bytes: upper bound of all archives that a process extracts
+# Upper bound of the extracted size as a multiple of the file's, above SMALL bytes.
 RATIO, SMALL = 200, 16 << 20
-"""The most that an archive may grow to, as a multiple of its file, once above so many
-bytes."""
-DEPTH = 32
-"""The most folders within each other."""
+DEPTH = 32  # upper bound of nested folders
 _extracted = 0
 
 
 def extract(path: Path, folder: Path) -> None:
     """Extract an archive into a new folder.
 
-    Raises DesatError, which names archive and entry, for a file that is no archive, is
-    above a budget, has an entry twice, or an entry that is no regular file or would
-    leave the folder.
+    Raises
+    ------
+    DesatError
+        If the file is no archive, exceeds a budget, or has an entry twice, or if an
+        entry is no regular file or would leave the folder. The message names archive
+        and entry.
+    RunError
+        If the disk is full.
     """
     global _extracted
     try:
@@ -240,8 +261,10 @@ def extract(path: Path, folder: Path) -> None:
 
 
 def _check(name: str, file_size: int, entries: list[zipfile.ZipInfo]) -> int:
-    """The size of the entries, extracted (bytes). Raises DesatError for what is not
-    allowed."""
+    """Check the entries of an archive and return their extracted size (bytes).
+
+    Raises DesatError for what is not allowed.
+    """
     if len(entries) > ENTRIES:
         raise DesatError(f"{name}: {len(entries)} entries; {ENTRIES} allowed")
     counts = Counter(e.filename for e in entries)
@@ -278,25 +301,35 @@ def _check(name: str, file_size: int, entries: list[zipfile.ZipInfo]) -> int:
 # --- TOML files on disk: their text, their data, and the line of each key -------------
 
 
-LARGEST_TEXT = 2 << 20
-"""The largest TOML file that is read (bytes)."""
+LARGEST_TEXT = 2 << 20  # bytes: upper bound of a TOML file that is read
 
 
+# A table of a TOML file as parsed; `reader.py` builds the language's object from it.
 TomlTable = dict[str, Any]
-"""A table of a TOML file as it is parsed; `reader.py` makes of it what the language
-knows."""
 
 
 def toml(file: Path) -> TomlTable:
-    """The data of a TOML file. Raises DesatError where there is none or it cannot be
-    read."""
+    """Read the data of a TOML file.
+
+    Raises
+    ------
+    DesatError
+        If it does not exist or cannot be read.
+    """
     where = paths.shown(file)
     return parsed(text(file, where), where)
 
 
 def text(file: Path, where: str) -> str:
-    """The text of a file, which messages call `where`, without the mark that some
-    editors of Windows begin it with. Raises DesatError."""
+    """Read the text of a file, which messages call `where`.
+
+    The mark with which some editors of Windows begin a file is removed.
+
+    Raises
+    ------
+    DesatError
+        If the file cannot be read or is not UTF-8.
+    """
     try:
         return contents(file, where, LARGEST_TEXT).decode("utf-8-sig")
     except UnicodeDecodeError as error:
@@ -304,18 +337,24 @@ def text(file: Path, where: str) -> str:
 
 
 def parsed(source: str, where: str) -> TomlTable:
-    """The data of a text in TOML. Raises DesatError, which begins with `where`."""
+    """Parse a text in TOML.
+
+    Raises
+    ------
+    DesatError
+        If it is no TOML; the message begins with `where`.
+    """
     try:
         return tomllib.loads(source)
     except (
         ValueError,
         RecursionError,
-    ) as error:  # ValueError also of a date that there is not
+    ) as error:  # ValueError also for a date that does not exist
         raise DesatError(f"{where}: {error}") from error
 
 
 def lines(source: str) -> dict[str, int]:
-    """The line of every `table.key` and `table` of a TOML file, for messages."""
+    """Find the line of every `table.key` and `table` of a TOML file, for messages."""
     numbers: dict[str, int] = {}
     table = ""
     for number, line in enumerate(source.splitlines(), 1):
@@ -329,8 +368,11 @@ def lines(source: str) -> dict[str, int]:
 
 
 def line_of(numbers: dict[str, int], key: str) -> int:
-    """The line of a key among those of a file (`lines`), of the first key within it, or
-    of the nearest table around it; 0 where it has none."""
+    """Return the line of a key among those of a file (`lines`); 0 if it has none.
+
+    If the key itself has no line, it is that of the first key within it, or of the
+    nearest table around it.
+    """
     while key:
         if inside := [
             n for k, n in numbers.items() if k == key or k.startswith(f"{key}.")
@@ -341,8 +383,10 @@ def line_of(numbers: dict[str, int], key: str) -> int:
 
 
 def at(where: str, key: str) -> str:
-    """A TOML file, as messages call it, with the line of a key in it, where it has
-    that."""
+    """Return the name of a TOML file in messages, with the line of a key.
+
+    The line is left out if the key has none.
+    """
     files = (paths.SCENARIOS.parent / where, Path(where))
     file = next((f for f in files if f.suffix == ".toml" and f.is_file()), None)
     line = 0 if file is None else line_of(lines(text(file, where)), key)
@@ -360,10 +404,17 @@ LOCK = ".running"
 
 @contextmanager
 def claimed(folder: Path, wait: float = 0.0, made: bool = False) -> Iterator[None]:
-    """Within: a folder, made where there is none, is held by this process and those
-    forked from it, also when it is killed before them. Raises DesatError where another
-    holds it for longer than `wait` s. A folder that was made, here or (`made`) for
-    this, and stays empty is removed."""
+    """Hold a folder for this process and those forked from it.
+
+    The folder is created if necessary. It stays held by forked processes if this one is
+    killed first. A folder that was created, here or (`made`) for this purpose, is
+    removed if it stays empty.
+
+    Raises
+    ------
+    DesatError
+        If another process holds it for longer than `wait` s.
+    """
     made = made or not folder.exists()
     folder.mkdir(parents=True, exist_ok=True)
     lock = folder.absolute() / LOCK
@@ -379,13 +430,14 @@ def claimed(folder: Path, wait: float = 0.0, made: bool = False) -> Iterator[Non
 
 
 def _locked(lock: Path, until: float) -> int:
+    """Lock a file until `until` (monotonic time, s) and return its descriptor."""
     while True:
         number = os.open(lock, os.O_CREAT | os.O_RDWR)
         try:
             if sys.platform != "win32":
                 fcntl.flock(number, fcntl.LOCK_EX | fcntl.LOCK_NB)
             if lock.exists() and lock.stat().st_ino == os.fstat(number).st_ino:
-                return number  # and not one that its holder has just removed
+                return number  # not a file that its holder has just removed
         except BlockingIOError as error:
             if time.monotonic() > until:
                 os.close(number)

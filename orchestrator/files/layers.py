@@ -1,4 +1,4 @@
-"""The layers of a scenario and of a command's options (`system/layer.py`)."""
+"""Make the layers of a scenario and of a command's options (`system/layer.py`)."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 Origin = Callable[
     [Keys], tuple[str, str]
-]  # file and key where a scenario gives a value
+]  # path of a value -> file and key that give it
 
 
 def of_craft(content: Content, folder: Path, where: str, origin: Origin) -> Layer:
@@ -29,18 +29,18 @@ def of_craft(content: Content, folder: Path, where: str, origin: Origin) -> Laye
     Parameters
     ----------
     content
-        What the scenario says.
+        The content of the scenario.
     folder
-        Where craft, SSD and FMUs are.
+        The folder of craft, SSD and FMUs.
     where
         The scenario's file, for messages.
     origin
-        File and key where a value of the scenario was given.
+        Function that returns file and key of a value of the scenario.
 
     Raises
     ------
     DesatError
-        Where there is none, or something is wrong with it.
+        If there is none, or something is wrong with it.
     """
     if content.ssd:
         if content.craft:
@@ -60,7 +60,7 @@ def of_craft(content: Content, folder: Path, where: str, origin: Origin) -> Laye
 
 
 def _named_file(folder: Path, name: str, key: str, origin: Origin) -> Path:
-    """Return the file that a scenario names. Raises DesatError where it is not there."""
+    """Return the file that a scenario names. Raises DesatError if it is missing."""
     file = folder / name
     if not file.exists():
         at = ": ".join(origin((key,)))
@@ -81,11 +81,12 @@ def of_scenario(
     Parameters
     ----------
     name
-        The scenario's.
+        The scenario's name.
     parameters
-        A table for each component: those of the scenario, with those of its design below.
+        A table for each component: those of the scenario, merged over those of its
+        design.
     content, folder, where, origin
-        As `of_craft` has them.
+        As for `of_craft`.
     """
     layer = Layer(
         where,
@@ -127,7 +128,7 @@ def of_scenario(
 
 
 def _place(component: str, source: str, folder: Path, origin: str) -> Place:
-    """Return the place of a file, or of one of ours by its name."""
+    """Return the place of an FMU: a file, or one of ours by its name."""
     ours = "/" not in source and not source.endswith(".fmu")
     file = f"resources/{source}.fmu" if ours else source
     fmu = library.find(file, folder)
@@ -146,18 +147,18 @@ def of_options(
     Parameters
     ----------
     options
-        Times, FMUs in places and values.
+        Times, replacing FMUs and values.
     sampled
-        Of the values that are sampled, file and key of their dispersion. One that does not fit is
-        a problem of its sample, any other value raises.
+        File and key of the dispersion of each value that is sampled. A sampled value
+        that does not fit is a problem of its sample; any other value raises an error.
     designed
-        Parameters of a design that the options ask for, a table for each component, below those of
-        the options.
+        Parameters of a design that the options select, a table for each component,
+        below those of the options.
 
     Raises
     ------
     DesatError
-        Where an option has another form, or gives a value twice.
+        If an option has another form, or gives a value twice.
     """
     layer = Layer(
         "--set",
@@ -205,8 +206,10 @@ def _values(options: Options, sampled: Mapping[str, str]) -> Iterator[Value]:
 
 
 def _replacement(text: str, options: Options, layer: Layer) -> Place:
-    """Return the place of an FMU, a block of ours or a file of one's own that replaces
-    another."""
+    """Return the place of an FMU that replaces another.
+
+    It is an FMU file, a block of ours or a user's own block file.
+    """
     name, _, source = text.partition("=")
     if not source:
         raise DesatError(f"--source {text}: the form is COMPONENT=FMU")

@@ -1,5 +1,7 @@
-"""Archives and FMUs on disk: each is extracted once per process, found again by its
-contents."""
+"""Manage archives and FMUs on disk.
+
+Each is extracted once per process and found again by its contents.
+"""
 
 from __future__ import annotations
 
@@ -31,27 +33,30 @@ from .fmu import description_of, faults, of_fmu
 from .io import contents, regular, text
 
 _PREFIX, _LOCK = "desat-", ".lock"
+# Names of a process' temporary folder, and of what is in it besides its lock.
 _NAME, _OURS = (
     re.compile(r"desat-[a-z0-9_]{8}"),
     re.compile(r"[0-9a-f]{20}|(run-|tmp).*"),
 )
-"""What a temporary folder of a process is called, and what is in it beside its lock."""
+# s: age of a folder without a lock after which it counts as abandoned by a process that
+# was killed while removing it; a new folder gets its lock at once.
 _LEFT = 3600.0
-"""One without a lock, which a process makes at once, is left from one that was killed
-while it removed it, after so long (s)."""
 _ELSEWHERE = ("/tmp", "/var/tmp")
 
 
 class FmuFile:
-    """An FMU on disk, a file or a folder with its contents: what is known of it, each
-    read once, when it is asked for. Raises DesatError for what cannot be read."""
+    """An FMU on disk, a file or a folder with its contents.
+
+    Each property is read once, when it is first used. Raises DesatError for what cannot
+    be read.
+    """
 
     def __init__(self, path: Path) -> None:
         self.path = path
 
     @cached_property
     def sha256(self) -> str:
-        """Of its file; of a folder that of all its files."""
+        """Compute the sha256 of its file; for a folder that of all its files."""
         if not self.path.is_dir():
             return sha256(self.path)
         digest = hashlib.sha256()
@@ -63,19 +68,24 @@ class FmuFile:
 
     @cached_property
     def ours(self) -> bool:
-        """Whether it is, byte by byte, one that we have built, of a block of ours or of
-        the user's own: a description may say anything."""
+        """Return whether we built it, byte by byte, from our or the user's own block.
+
+        A description may claim anything, so it is not consulted.
+        """
         return self.sha256 in index() or own.folder_of(self.path) is not None
 
     @cached_property
     def folder(self) -> Path:
-        """Where it is extracted."""
+        """Return the folder into which it is extracted."""
         return self.path if self.path.is_dir() else extract(self.path)
 
     @cached_property
     def interface(self) -> Interface:
-        """Its variables. Those of a block of ours, built of the Python that is here,
-        are the block's: its description says the same."""
+        """Return its variables.
+
+        For a block of ours that was built from the Python that is here, they are the
+        block's: its description says the same.
+        """
         entry = {} if self.path.is_dir() else index().get(self.sha256, {})
         if entry.get("kind") in ("native", "python") and any(
             (e["name"], e["computes"]) == (entry["name"], entry["computes"])
@@ -88,25 +98,27 @@ class FmuFile:
 
     @cached_property
     def description(self) -> Any:
-        """What fmpy makes of its model description, whatever faults that has."""
+        """Return its model description, parsed by fmpy, even if it has faults."""
         return description_of(self.folder)
 
     @cached_property
     def faults(self) -> tuple[str, ...]:
-        """What is wrong with its model description by the standard; nothing of one of
-        ours."""
+        """Return the violations of the standard in its model description.
+
+        They are empty for an FMU of ours.
+        """
         return () if self.ours else faults(self.folder)
 
     @cached_property
     def platforms(self) -> list[str]:
-        """Those that it has a library for, as its version of FMI names them."""
+        """Return the platforms of its libraries, as its version of FMI names them."""
         folders = (p for p in (self.folder / "binaries").glob("*") if p.is_dir())
         return sorted(p.name for p in folders if any(q.is_file() for q in p.iterdir()))
 
 
 @cache
 def _root() -> Path:
-    """The temporary folder of this process; those of dead ones are removed."""
+    """Create the temporary folder of this process and remove those of dead ones."""
     usual = tempfile.gettempdir()
     for parent in (usual, *(x for x in _ELSEWHERE if os.access(x, os.W_OK | os.X_OK))):
         if _plain(Path(parent)):
@@ -125,9 +137,11 @@ def _root() -> Path:
 
 
 def _hold(parent: Path) -> tuple[Path, FileLock]:
-    """A new folder and its lock, held. Another process that sweeps may come between the
-    two, take the folder for one of a dead process, and remove it: then there is
-    another."""
+    """Create a new folder with its lock, and hold the lock.
+
+    Between the two, another process that sweeps may take the folder for that of a dead
+    process and remove it; then another one is created.
+    """
     while True:
         folder = Path(tempfile.mkdtemp(prefix=_PREFIX, dir=parent))
         lock = FileLock(folder / _LOCK)
@@ -143,23 +157,27 @@ def _hold(parent: Path) -> tuple[Path, FileLock]:
 
 
 def _plain(folder: Path) -> bool:
-    """Whether FMUs of Python find themselves there: pythonfmu knows no other `%20` of a
-    URI."""
+    """Return whether FMUs of Python can find their files in this folder.
+
+    pythonfmu decodes no escape of a URI but `%20`.
+    """
     return "%" not in folder.absolute().as_uri().replace("%20", "")
 
 
 def _remove(folder: Path, lock: FileLock, process: int) -> None:
-    if os.getpid() == process:  # not one that was forked from it
+    """Remove the temporary folder at the end of the process that created it."""
+    if os.getpid() == process:  # not in a process forked from it
         _remove_all(folder)
         lock.release()
-        shutil.rmtree(
-            folder, ignore_errors=True
-        )  # where an open file cannot be removed
+        # again, for platforms on which an open file cannot be removed
+        shutil.rmtree(folder, ignore_errors=True)
 
 
 def _sweep(folder: Path) -> None:
-    """Remove a temporary folder that no process holds any more, also what another
-    process left of one that it was removing when it was killed."""
+    """Remove a temporary folder that no process holds any more.
+
+    This includes what another process left when it was killed while removing one.
+    """
     lock = folder / _LOCK
     try:
         if folder.stat().st_uid != paths.user() or not folder.is_dir():
@@ -176,8 +194,10 @@ def _sweep(folder: Path) -> None:
 
 
 def _remove_all(folder: Path) -> None:
-    """Remove a temporary folder, its lock last: who is killed meanwhile leaves one that
-    is known by it."""
+    """Remove a temporary folder, its lock last.
+
+    If the process is killed meanwhile, the folder is still recognised by its lock.
+    """
     for entry in folder.glob("*"):
         if entry.is_dir() and not entry.is_symlink():
             shutil.rmtree(entry, ignore_errors=True)
@@ -185,7 +205,7 @@ def _remove_all(folder: Path) -> None:
 
 
 def scratch(name: str) -> Path:
-    """A new folder that lasts as long as this process."""
+    """Create a folder that lasts as long as this process."""
     return Path(tempfile.mkdtemp(prefix=f"{name}-", dir=_root()))
 
 
@@ -194,8 +214,10 @@ _by_stat: dict[tuple[str, int, int], str] = {}
 
 
 def sha256(path: Path) -> str:
-    """The hash of a regular file's contents, remembered while size and time of the file
-    stay."""
+    """Compute the hash of a regular file's contents.
+
+    It is cached until size or time of the file change.
+    """
     regular(path, path.name)
     stat = path.stat()
     key = (str(path), stat.st_mtime_ns, stat.st_size)
@@ -206,16 +228,17 @@ def sha256(path: Path) -> str:
 
 
 def extract(path: Path) -> Path:
-    """The folder with the contents of a zip archive. Raises DesatError as `io.extract`."""
+    """Return the folder with the contents of a zip archive.
+
+    Raises DesatError as `io.extract`.
+    """
     try:
         digest = sha256(path)
     except OSError as error:
         raise DesatError(f"{path.name}: {error.strerror}") from error
     if digest not in _by_contents:
         folder = _root() / digest[:20]
-        if (
-            not folder.is_dir()
-        ):  # a process that was forked from this one may have been here
+        if not folder.is_dir():  # a process forked from this one may have extracted it
             with tempfile.TemporaryDirectory(dir=_root()) as new:
                 io.extract(path, Path(new) / folder.name)
                 try:
@@ -228,9 +251,11 @@ def extract(path: Path) -> Path:
 
 
 def find(source: str, folder: Path) -> Fmu | None:
-    """What an SSD's `source` stands for: beside the SSD, or, for an SSD in our own ssp/
-    alone, one of our built FMUs (a foreign system never runs ours because of an equal
-    name)."""
+    """Find the FMU to which an SSD's `source` refers.
+
+    It is beside the SSD or, only for an SSD in our own ssp/, one of our built FMUs: a
+    foreign system never runs ours because of an equal name.
+    """
     beside = folder / source
     if not beside.exists():
         return (
@@ -242,15 +267,17 @@ def find(source: str, folder: Path) -> Fmu | None:
 
 
 def of_ours(source: str, kind: str = "native") -> Fmu | None:
-    """As `our_file`."""
+    """Load our built FMU of a name, as `our_file` finds it."""
     path = our_file(source, kind)
     return load(path) if path is not None else None
 
 
 def our_file(source: str, kind: str = "native") -> Path | None:
-    """Our built FMU of a name (`resources/NAME.fmu`, `NAME.fmu`): the native one, where
-    there is none, or for `kind` python, the one of Python; None where there is
-    neither."""
+    """Find our built FMU of a name (`resources/NAME.fmu`, `NAME.fmu`).
+
+    It is the native one. If there is none, or if `kind` is python, it is the one of
+    Python. The result is None if there is neither.
+    """
     name = Path(source).name
     folders = [paths.fmus() / "native"] if kind == "native" else []
     candidates = (folder / name for folder in (*folders, paths.fmus()))
@@ -258,8 +285,10 @@ def our_file(source: str, kind: str = "native") -> Path | None:
 
 
 def of_kind(fmu: Fmu, kind: str) -> Fmu:
-    """One of our built FMUs, or of a block file of the user's own, as native or as
-    Python one; any other as it is."""
+    """Return a built FMU of ours, or of a user's block file, as native or Python one.
+
+    Any other FMU is returned unchanged.
+    """
     path = fmu.path
     if (folder := own.folder_of(path)) is not None:
         wanted = folder / ("native" if kind == "native" else "") / path.name
@@ -272,8 +301,10 @@ _loaded: dict[tuple[Path, int, int], FmuFile] = {}
 
 
 def load(path: Path) -> FmuFile:
-    """An FMU by its file, the same as long as that does not change, or by a folder with
-    its contents."""
+    """Load an FMU from its file, or from a folder with its contents.
+
+    The same object is returned as long as the file does not change.
+    """
     if path.is_dir():
         return FmuFile(path)
     stat = path.stat()
@@ -281,18 +312,22 @@ def load(path: Path) -> FmuFile:
 
 
 def unpack(system: System) -> None:
-    """Extract the FMUs of a system: a process forked from this one does not clean up
-    after it."""
+    """Extract the FMUs of a system.
+
+    A process forked from this one would not clean up after itself.
+    """
     for component in system.components.values():
         if component.fmu is not None:
             _ = component.fmu.folder
 
 
 def computes(name: str, fmu: Fmu | None) -> str:
-    """What computes a component: of a foreign FMU, or of one of ours that is not of
-    those built here, the sha256 of its file; of a block of ours (`fmu` None: the bare
-    one of this name) the hash of its Python, the same for its native FMU, for that of
-    Python and for the bare block."""
+    """Identify what computes a component.
+
+    For a foreign FMU, or one of ours that was not built here, it is the sha256 of its
+    file. For a block of ours (`fmu` None: the bare one of this name) it is the hash of
+    its Python, the same for its native FMU, its Python FMU and the bare block.
+    """
     if fmu is not None:
         entry = index().get(fmu.sha256, {})
         return (
@@ -308,12 +343,15 @@ def computes(name: str, fmu: Fmu | None) -> str:
 
 @cache
 def _hash_of(name: str) -> str:
+    """Compute the hash of the Python of a block."""
     return str(meaning.computed(name)["computes"])
 
 
 def index() -> dict[str, JsonObject]:
-    """What is said of our built FMUs, by the sha256 of their files; empty where there
-    are none."""
+    """Return the entries of our built FMUs by the sha256 of their files.
+
+    The table is empty if none are built.
+    """
     if not paths.are_built():
         return {}
     file = paths.fmus() / "index.json"
@@ -325,13 +363,13 @@ def index() -> dict[str, JsonObject]:
 
 
 def portable() -> bool:
-    """Whether all our native FMUs are for Linux and for Windows."""
+    """Return whether all our native FMUs are for Linux and for Windows."""
     of_c = [e for e in index().values() if e["kind"] == "native"]
     return bool(of_c) and all({"linux64", "win64"} <= {*e["platforms"]} for e in of_c)
 
 
 def python_alone() -> list[str]:
-    """Our blocks of which there is no native FMU."""
+    """Return our blocks that have no native FMU."""
     return sorted(
         e["name"] for e in index().values() if e["kind"] == "python" and e.get("why")
     )
@@ -339,6 +377,7 @@ def python_alone() -> list[str]:
 
 @lru_cache(maxsize=4)
 def _load_index(file: Path, *_: int) -> dict[str, JsonObject]:
+    """Read the index of our built FMUs."""
     return {e["sha256"]: e for e in json.loads(file.read_text(encoding="utf-8"))}
 
 
@@ -348,7 +387,7 @@ def interface_of(source: str, fmu: Fmu | None, blocks: bool) -> Interface:
     Raises
     ------
     DesatError
-        Where the FMU is missing, or there is no such block.
+        If the FMU is missing, or there is no such block.
     """
     name = source.rpartition("/")[2].removesuffix(".fmu")
     if blocks:
@@ -357,23 +396,31 @@ def interface_of(source: str, fmu: Fmu | None, blocks: bool) -> Interface:
     if fmu is None:
         known = {p.stem for p in paths.fmus().glob("*.fmu")}
         hint = nearest(name, known) or "; run `make fmus`"
-        hint = hint if name not in known else ""  # a system of others does not run ours
+        # a foreign system does not run our FMUs
+        hint = hint if name not in known else ""
         raise DesatError(f"FMU {source} is missing{hint}")
     return fmu.interface
 
 
 # ------------------------------------------------------------------------------------------------
-# Whose code an FMU is: ours, that of a list of hashes, or somebody's; and what it is built for. A
-# foreign FMU is native code that runs with the rights of who runs it. Ours are told by their hash,
-# for a description may say anything.
+# Origin and platforms of an FMU's code: ours, trusted by a list of hashes, or foreign. A foreign FMU
+# is native code that runs with the rights of the user. Ours are recognised by their hash, because a
+# description may claim anything.
 
 
 _LINE = re.compile(r"([0-9a-fA-F]{64})(\s+\*?.*)?")
 
 
 def hashes(path: Path) -> frozenset[str]:
-    """The sha256 of a list, as sha256sum writes it: a hash a line, and what it is of.
-    Raises DesatError with the line that is no such."""
+    """Read the hashes of a list as sha256sum writes it.
+
+    Each line has a hash and, optionally, the name of its file. `#` begins a comment.
+
+    Raises
+    ------
+    DesatError
+        If a line has another form; the message names it.
+    """
     known = set()
     for number, line in enumerate(text(path, str(path)).splitlines(), 1):
         line = line.partition("#")[0].strip()
@@ -387,8 +434,10 @@ def hashes(path: Path) -> frozenset[str]:
 
 
 def fault_warnings(system: System) -> Iterator[str]:
-    """A line for each foreign FMU whose model description breaks the standard, with the
-    first of its faults."""
+    """Yield a line for each foreign FMU whose model description violates the standard.
+
+    It gives the first of the faults.
+    """
     for c in system.components.values():
         if c.fmu is not None and (found := c.fmu.faults):
             more = f" ({len(found) - 1} more)" if len(found) > 1 else ""
@@ -396,7 +445,7 @@ def fault_warnings(system: System) -> Iterator[str]:
 
 
 def unused_warnings(system: System) -> Iterator[str]:
-    """A line for each FMU with variables of a type that is not handed on."""
+    """Yield a line for each component with variables of a type not exchanged."""
     for c in system.components.values():
         if names := [
             s.name for s in c.interface.signals.values() if s.kind == "Binary"
@@ -406,8 +455,11 @@ def unused_warnings(system: System) -> Iterator[str]:
 
 
 def problems(system: System, options: Options) -> Iterator[str]:
-    """A line for each FMU that has no code for this platform or, with a list, is not of
-    it."""
+    """Yield a line for each FMU that cannot or must not run here.
+
+    Either it has no binary for this platform, or it is not in the list of trusted FMUs,
+    if there is one.
+    """
     trusted = options.trusted
     for c in system.components.values():
         if c.fmu is None or c.fmu.ours:
@@ -422,7 +474,7 @@ def problems(system: System, options: Options) -> Iterator[str]:
 
 
 def notes(components: Iterable[Component]) -> Iterator[str]:
-    """A line for each foreign FMU: what it is built for, and its hash."""
+    """Yield a line for each foreign FMU, with its platforms and its hash."""
     for c in components:
         if c.fmu is not None and not c.fmu.ours:
             known = ", ".join(c.fmu.platforms) or "no platform"

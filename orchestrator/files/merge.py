@@ -1,4 +1,4 @@
-"""Merging the data of scenario files; each value remembers where it was given."""
+"""Merge the data of scenario files and record the source of each value."""
 
 from __future__ import annotations
 
@@ -8,13 +8,12 @@ from ..system.errors import DesatError, nearest
 from .io import TomlTable
 
 Keys = tuple[str, ...]
+# Path of a value -> the file that gave it, and the axis' cell in it (`axes.method.dct.`).
 Origins = dict[Keys, tuple[str, str]]
-"""Path of a value -> the file that gave it, and the axis' cell in it
-(`axes.method.dct.`)."""
 
 
 def origin(origins: Origins, path: Keys) -> tuple[str, str]:
-    """Where a value, or the nearest table around it, was given: file and cell."""
+    """Return file and cell that give a value, or the nearest table around it."""
     for end in range(len(path), 0, -1):
         if path[:end] in origins:
             return origins[path[:end]]
@@ -25,7 +24,13 @@ def origin(origins: Origins, path: Keys) -> tuple[str, str]:
 
 
 def leave_out(merged: TomlTable, data: TomlTable, origins: Origins, where: str) -> None:
-    """Take out of `merged` what data's `without` names, and `without` out of data."""
+    """Remove from `merged` what `without` names, and `without` from the data.
+
+    Raises
+    ------
+    DesatError
+        If there is nothing of that name.
+    """
     for text in data.pop("without", []):
         owner: Any = merged
         path: Keys = ()
@@ -48,8 +53,10 @@ def merge(
     given: Origins | tuple[str, str],
     path: Keys = (),
 ) -> None:
-    """Tables are merged, everything else is replaced; `given`: where the new values are
-    from."""
+    """Merge tables and replace everything else.
+
+    `given` is the source of the new values.
+    """
     for key, value in new.items():
         here = (*path, key)
         if isinstance(value, dict) and isinstance(into.get(key), dict):
@@ -63,19 +70,23 @@ def merge(
 
 
 def copy(value: Any) -> Any:
-    """Its own tables; lists are shared, for nobody changes them."""
+    """Copy the tables of a value.
+
+    Lists are shared, because nothing changes them.
+    """
     if not isinstance(value, dict):
         return value
     return {k: copy(v) if isinstance(v, dict) else v for k, v in value.items()}
 
 
 def _forget(origins: Origins, path: Keys) -> None:
+    """Remove the sources of a path and of all within it."""
     for old in [p for p in origins if p[: len(path)] == path]:
         del origins[old]
 
 
 def _leaves(value: Any, path: Keys) -> list[Keys]:
-    """The paths of the values that are no tables, or empty ones."""
+    """Return the paths of the values that are no tables, and of empty tables."""
     if not isinstance(value, dict) or not value:
         return [path]
     leaves: list[Keys] = []
@@ -89,7 +100,7 @@ _FILLED = (str, dict, list)
 
 
 def fill(value: Any, cell: dict[str, str]) -> Any:
-    """Texts with `{axis}` replaced by the axis' value of the cell."""
+    """Replace `{axis}` in texts by the cell's value of that axis."""
     if isinstance(value, str):
         for axis, name in cell.items():
             value = value.replace(f"{{{axis}}}", name)

@@ -1,4 +1,4 @@
-"""What a model description says about its own variables, checked before fmpy reads it.
+"""Check what a model description says about its own variables, before fmpy reads it.
 
 fmpy takes an index that points nowhere for one from the end of the list, or fails
 without naming the element. The standards are FMI 2.0.4, section 2.2.7, and FMI 3.0.1,
@@ -16,6 +16,7 @@ _OF_PARAMETERS = ("fixed", "tunable")
 _OF_SIGNALS = ("discrete", "continuous")
 _OF_OUTPUTS = ("constant", *_OF_SIGNALS)
 _OF_ALL = ("constant", *_OF_PARAMETERS, *_OF_SIGNALS)
+# The variabilities that each causality may have.
 ALLOWED: dict[str, tuple[str, ...]] = {
     "parameter": _OF_PARAMETERS,
     "calculatedParameter": _OF_PARAMETERS,
@@ -25,18 +26,15 @@ ALLOWED: dict[str, tuple[str, ...]] = {
     "local": _OF_ALL,
     "independent": ("continuous",),
 }
-"""The variabilities that each causality may have."""
+# The elements that give a variable of FMI 1.0 and 2.0 its type.
 OLDER_TYPES = ("Real", "Integer", "Boolean", "String", "Enumeration")
-"""The element that gives a variable of FMI 1.0 and 2.0 its type."""
+# The lists of ModelStructure in FMI 2.0, whose elements refer to variables by index.
 LISTS_2 = ("Outputs", "Derivatives", "InitialUnknowns")
-"""The lists of ModelStructure in FMI 2.0, whose elements point to variables by index.
-"""
-LONGEST = 80
-"""Characters of somebody's text that a message repeats."""
+LONGEST = 80  # characters of a foreign text that a message repeats
 
 
 def check_structure(root: Any, where: str) -> None:
-    """Check the variables of a model description and all that refers to them.
+    """Check the variables of a model description and all references to them.
 
     Parameters
     ----------
@@ -81,6 +79,7 @@ def check_structure(root: Any, where: str) -> None:
 
 
 def _unknowns_2(root: Any) -> Iterator[Any]:
+    """Yield the unknowns of ModelStructure in FMI 2.0."""
     for name in LISTS_2:
         yield from root.iterfind(f"ModelStructure/{name}/Unknown")
 
@@ -88,7 +87,7 @@ def _unknowns_2(root: Any) -> Iterator[Any]:
 def _check_references_3(
     root: Any, variables: list[Any], references: Container[int], where: str
 ) -> None:
-    """Check what refers to variables by their value references, as FMI 3.0 has it."""
+    """Check references by value reference, as FMI 3.0 has them."""
     for unknown in root.iterfind("ModelStructure/*"):
         _check_reference(unknown, "valueReference", references, where)
         _check_references(unknown, "dependencies", references, where)
@@ -101,7 +100,7 @@ def _check_references_3(
 
 
 def _check_variability(variable: Any, where: str, version: str) -> None:
-    """Raise DesatError for a variability that a variable's causality does not allow."""
+    """Raise DesatError if a variable's causality does not allow its variability."""
     causality = variable.get("causality", "local")
     at = f"{_place(variable, where)}: causality {_short(causality)}"
     if causality not in ALLOWED:
@@ -118,7 +117,7 @@ def _check_variability(variable: Any, where: str, version: str) -> None:
 
 
 def _check_type(variable: Any, where: str) -> None:
-    """Raise DesatError for a variable of FMI 1.0 or 2.0 without a type."""
+    """Raise DesatError if a variable of FMI 1.0 or 2.0 has no type."""
     if not any(child.tag in OLDER_TYPES for child in variable):
         raise DesatError(
             f"{_place(variable, where)}: it has none of {', '.join(OLDER_TYPES)}"
@@ -128,19 +127,20 @@ def _check_type(variable: Any, where: str) -> None:
 def _check_references(
     element: Any, key: str, known: Container[int], where: str
 ) -> None:
-    """Raise DesatError for a list of references of which one points nowhere."""
+    """Raise DesatError if a reference in a list points nowhere."""
     for text in element.get(key, "").split():
         _check_known(element, key, text, known, where)
 
 
 def _check_reference(element: Any, key: str, known: Container[int], where: str) -> None:
-    """Raise DesatError for a reference that is missing or points nowhere."""
+    """Raise DesatError if a reference is missing or points nowhere."""
     _check_known(element, key, element.get(key, ""), known, where)
 
 
 def _check_known(
     element: Any, key: str, text: str, known: Container[int], where: str
 ) -> None:
+    """Raise DesatError if a reference is not among the known ones."""
     if _read(text) in known:
         return
     allowed = (
@@ -154,7 +154,10 @@ def _check_known(
 
 
 def _whole(element: Any, key: str, where: str) -> int:
-    """Return an attribute that is a whole number from 0 on."""
+    """Parse an attribute that is a whole number from 0 on.
+
+    Raises DesatError if it is none.
+    """
     text = element.get(key, "")
     number = _read(text)
     if number is None:
@@ -165,7 +168,7 @@ def _whole(element: Any, key: str, where: str) -> int:
 
 
 def _read(text: str) -> int | None:
-    """Return the whole number that a text is; None if it is none."""
+    """Parse a whole number from 0 on; None if the text is none."""
     digits = text.strip()
     return (
         int(digits)
@@ -181,4 +184,5 @@ def _place(element: Any, where: str) -> str:
 
 
 def _short(text: str) -> str:
+    """Shorten a text for messages."""
     return plain(text[:LONGEST])

@@ -1,5 +1,7 @@
-"""A block file of the user's own as FMUs: built once, kept in the user's cache by its
-contents."""
+"""Build FMUs from a user's own block file.
+
+They are built once and stored in the user's cache by the contents of the file.
+"""
 
 from __future__ import annotations
 
@@ -24,33 +26,45 @@ __all__ = ["Built", "build", "folder_of", "is_own"]
 
 @dataclass(frozen=True)
 class Built:
-    """The FMUs of a block file."""
+    """FMUs of a block file."""
 
     python: Path
     native: Path | None
-    fmi3: Path | None
-    """The native one as FMI 3.0."""
-    why: str
-    """Why there is no native one; else nothing."""
+    fmi3: Path | None  # the native one as FMI 3.0
+    why: str  # why there is no native one; otherwise empty
 
 
 def folder() -> Path:
-    """Where the FMUs of users' own block files are, a folder a file's contents."""
+    """Return the folder with the FMUs of users' own block files.
+
+    It has a folder for the contents of each file.
+    """
     return paths.cache() / "own"
 
 
 def folder_of(fmu: Path) -> Path | None:
-    """The folder with the FMUs of a block file that one of them is of; None for any
-    other FMU."""
+    """Return the folder with all FMUs of a block file, given one of them.
+
+    The result is None for any other FMU.
+    """
     parent = fmu.parent.parent if fmu.parent.name in ("native", "fmi3") else fmu.parent
     return parent if parent.parent == folder() else None
 
 
 def build(file: Path, platforms: str = "") -> Built:
-    """The FMUs of a block file, built now where they are not yet; the native one for
-    `platforms` (`fmus/native.py`, `targets_of`). Raises DesatError where the file holds
-    no block, or it cannot be built."""
-    from desat.fmus import build, native  # heavy, and only for who brings a block
+    """Return the FMUs of a block file, which are built if necessary.
+
+    The native one is for `platforms` (`fmus/native.py`, `targets_of`).
+
+    Raises
+    ------
+    DesatError
+        If the file holds no block, or it cannot be built.
+    """
+    from desat.fmus import (
+        build,
+        native,
+    )  # slow imports, needed only for a user's own block
 
     try:
         if platforms:
@@ -78,10 +92,11 @@ def build(file: Path, platforms: str = "") -> Built:
 
 
 def _build(file: Path, where: Path, platforms: str) -> None:
+    """Build the FMUs of a block file into a folder, as a whole."""
     part = Path(tempfile.mkdtemp(suffix=".part", dir=where.parent))
     try:
-        # a process of its own: building spawns others, which need a script that can be
-        # imported
+        # a separate process, because building spawns others, which need an importable
+        # script
         done = subprocess.run(
             [
                 sys.executable,

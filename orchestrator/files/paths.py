@@ -1,13 +1,12 @@
-"""Where scenarios, FMUs, packed systems and stored draws are: in a checkout and in an
-installation.
+"""Locate scenarios, FMUs, packed systems and stored draws.
 
-In a checkout all is in its folders: ssp/, fmus/dist/, ssp/dist/, docs/papers/. An
-installation brings scenarios, pages and draws below the package and keeps what it
-builds, FMUs and packed systems, in the user's cache, in a folder named after version
-and contents of what they are made of; nothing is written beside the package. What
-`desat list` has found is in the user's cache, too, in `lists`. `DESAT_CACHE` names
-another folder than the user's usual one; who has none that he can write gets one below
-the temporary folder.
+A checkout has all of them in its folders: ssp/, fmus/dist/, ssp/dist/, docs/papers/. An
+installation has scenarios, pages and draws below the package. It stores what it builds,
+FMUs and packed systems, in the user's cache, in a folder named after version and
+contents of their sources; nothing is written beside the package. What `desat list` has
+found is in the user's cache, too, in `lists`. `DESAT_CACHE` names another folder than
+the user's usual one. A user without a writable cache gets one below the temporary
+folder.
 """
 
 from __future__ import annotations
@@ -24,38 +23,46 @@ from pathlib import Path
 from ..system.errors import DesatError
 
 PACKAGE = Path(__file__).resolve().parents[1]
+# Whether the package contains its scenarios, as it does if installed from a wheel.
 INSTALLED = (PACKAGE / "ssp").is_dir()
-"""True where the package has its scenarios inside: it comes from a wheel."""
 
 SCENARIOS = PACKAGE / "ssp" if INSTALLED else PACKAGE.parent / "ssp"
 PAGES = PACKAGE / "docs" if INSTALLED else PACKAGE.parent / "docs"
 DRAWS = PAGES / "papers"
 
-NOMINAL = "nominal.toml"
-"""The scenario of a craft's folder that its name stands for."""
+NOMINAL = "nominal.toml"  # the scenario for which the name of a craft's folder stands
 _TEMPORARY = "desat-cache-"
 
 
 def fmus() -> Path:
-    """The folder with our FMUs. In an installation they are built now where they are
-    not yet, by one process at a time; raises DesatError where that fails. In a checkout
-    `make fmus` builds."""
+    """Return the folder with our FMUs.
+
+    In an installation they are built now if necessary, by one process at a time. In a
+    checkout `make fmus` builds them.
+
+    Raises
+    ------
+    DesatError
+        If they cannot be built.
+    """
     return _build() if INSTALLED else PACKAGE.parent / "fmus" / "dist"
 
 
 def are_built() -> bool:
-    """Whether `fmus` is there without being built now."""
+    """Return whether `fmus` exists without being built now."""
     return not INSTALLED or (_cache() / "fmus").is_dir()
 
 
 def packed_folder() -> Path:
-    """The folder where `desat pack` puts its .ssp files."""
+    """Return the folder to which `desat pack` writes its .ssp files."""
     return _cache() / "ssp" if INSTALLED else SCENARIOS / "dist"
 
 
 def writable(what: str, instead: str = "") -> None:
-    """Raise DesatError in an installation, whose scenarios are not to be written;
-    `instead`: the option that writes elsewhere."""
+    """Raise DesatError in an installation, whose scenarios must not be written.
+
+    `instead` is the option that writes elsewhere.
+    """
     if INSTALLED:
         hint = f"; {instead} writes elsewhere" if instead else ""
         raise DesatError(
@@ -65,25 +72,31 @@ def writable(what: str, instead: str = "") -> None:
 
 
 def shown(path: Path) -> str:
-    """A file's name for people: from our folder on where it is in it, else as it is."""
+    """Return a file's name for people.
+
+    It is relative to our folder if the file is in it, and otherwise unchanged.
+    """
     home = SCENARIOS.parent
     return path.relative_to(home).as_posix() if path.is_relative_to(home) else str(path)
 
 
 def cache() -> Path:
-    """The folder of desat in the user's cache; for a user who can write none, a
-    temporary one."""
+    """Return the folder of desat in the user's cache.
+
+    It is a temporary folder for a user who cannot write any.
+    """
     if given := os.environ.get("DESAT_CACHE"):
         return Path(given).absolute()
     return _users()
 
 
 def user() -> int:
-    """The user's number; 0 where there is none (Windows)."""
+    """Return the user's number; 0 if there is none (Windows)."""
     return os.getuid() if sys.platform != "win32" else 0
 
 
 def _users() -> Path:
+    """Return the user's usual cache folder, or a private temporary one."""
     from platformdirs import user_cache_path
 
     usual = user_cache_path("desat", appauthor=False).absolute()
@@ -96,7 +109,7 @@ def _users() -> Path:
     with suppress(OSError):
         own.mkdir(mode=0o700, exist_ok=True)
         state = own.lstat()
-        # code is loaded from there: it must be this user's alone
+        # code is loaded from there, so only this user may have access
         if (
             stat.S_ISDIR(state.st_mode)
             and state.st_uid == user()
@@ -107,13 +120,13 @@ def _users() -> Path:
 
 
 def no_home() -> bool:
-    """Whether the user has no folder of his own that he can write caches into."""
+    """Return whether the user has no writable folder of their own for caches."""
     return cache().name == f"{_TEMPORARY}{user()}"
 
 
 @memoised
 def _cache() -> Path:
-    """The folder of this version and these contents in the user's cache."""
+    """Return the folder of this version and these contents in the user's cache."""
     import hashlib
     from importlib.metadata import version
 
@@ -124,7 +137,7 @@ def _cache() -> Path:
 
 
 def _sources() -> Iterable[Path]:
-    """All that FMUs and packed systems are made of."""
+    """Return all sources of FMUs and packed systems."""
     rooms = ("components", "export", "files", "fmus", "language", "ssp", "system")
     folders = (PACKAGE / name for name in rooms)
     return sorted(
@@ -137,7 +150,10 @@ def _sources() -> Iterable[Path]:
 
 @memoised
 def _build() -> Path:
-    """The folder of the FMUs, which is there as a whole or not at all."""
+    """Build the FMUs unless they exist, and return their folder.
+
+    It exists as a whole or not at all.
+    """
     import shutil
     import subprocess
 
@@ -154,8 +170,8 @@ def _build() -> Path:
         try:
             if sys.stderr.isatty():
                 print(f"building the FMUs, this once, into {folder}", file=sys.stderr)
-            # a process of its own: building spawns others, which need a script that can
-            # be imported
+            # a separate process, because building spawns others, which need an importable
+            # script
             done = subprocess.run(
                 [sys.executable, "-m", "desat.fmus.build", "--into", str(part)],
                 capture_output=True,

@@ -1,5 +1,7 @@
-"""What is wrong with a scenario's data, held against the language: (path, one line)
-each."""
+"""Check a scenario's data against the language.
+
+Problems are pairs of path and one line.
+"""
 
 from __future__ import annotations
 
@@ -31,6 +33,7 @@ NEEDED = {
     "datetime_type": "a UTC time, 2026-01-01T00:00:00Z,",
     "finite_number": "a finite number",
 }
+# Former name of a key -> its name now.
 RENAMED = {
     "twin": "baseline",
     "story": "description",
@@ -38,7 +41,6 @@ RENAMED = {
     "inner": "substeps",
     "decimation": "step_ratio",
 }
-"""Keys of before by what they are called."""
 _KINDS = {
     "<table>": "a table",
     "<list>": "a list",
@@ -48,8 +50,10 @@ _KINDS = {
 
 
 class WrongError(Exception):
-    """Data that are not in the language: path, and what is wrong there in one line, of
-    each."""
+    """Data that are not in the language.
+
+    `problems` has the path of each, and what is wrong there in one line.
+    """
 
     def __init__(self, problems: list[tuple[Keys, str]]) -> None:
         super().__init__(problems)
@@ -57,8 +61,15 @@ class WrongError(Exception):
 
 
 def read(model: type[T], data: TomlTable, part: bool = False) -> T | None:
-    """The object of data; of a `part`, which others may complete, None where it is not
-    whole. Raises WrongError."""
+    """Build the object of a table's data.
+
+    For a `part`, which other data may complete, it is None if the table is incomplete.
+
+    Raises
+    ------
+    WrongError
+        If the data are not in the language.
+    """
     try:
         return model.model_validate(data)
     except ValidationError as error:
@@ -77,21 +88,36 @@ def read(model: type[T], data: TomlTable, part: bool = False) -> T | None:
 
 
 def whole(model: type[T], data: TomlTable) -> T:
-    """The object of data that nothing completes. Raises WrongError."""
+    """Build the object of data that are complete.
+
+    Raises
+    ------
+    WrongError
+        If the data are incomplete or not in the language.
+    """
     made = read(model, data)
     assert made is not None
     return made
 
 
 def design(file: Path) -> scenario.DesignFile:
-    """A design's file. Raises DesatError, a line a problem."""
+    """Read a design's file.
+
+    Raises
+    ------
+    DesatError
+        If there are problems, with a line for each.
+    """
     where = paths.shown(file)
     return _design(text(file, where), where)
 
 
 @lru_cache(maxsize=32)
 def _design(source: str, where: str) -> scenario.DesignFile:
-    """A design's text: long tables, which many cells of a scenario share."""
+    """Parse a design's text.
+
+    It is cached, because it has long tables that many cells of a scenario share.
+    """
     try:
         return whole(scenario.DesignFile, parsed(source, where))
     except WrongError as wrong:
@@ -101,10 +127,14 @@ def _design(source: str, where: str) -> scenario.DesignFile:
 
 
 def read_packed(path: Path, where: str) -> Content:
-    """What of a scenario travelled in a file of an .ssp, which messages call `where`.
+    """Read the content of a scenario from a file of an .ssp.
 
-    Raises DesatError, a line a problem, for what is no JSON or not in the scenario
-    language.
+    Messages call the file `where`.
+
+    Raises
+    ------
+    DesatError
+        If it is no JSON or not in the scenario language, with a line for each problem.
     """
     try:
         about = json.loads(contents(path, where).decode("utf-8"))
@@ -128,6 +158,7 @@ def read_packed(path: Path, where: str) -> Content:
 
 
 def _text(model: type[Table], path: Keys, error: dict[str, Any]) -> str:
+    """Describe an error of pydantic in one line."""
     kind, context = error["type"], error.get("ctx", {})
     of_scenario = len(path) == 1 or (path[:1] == ("axes",) and len(path) == 4)
     if kind == "extra_forbidden" and of_scenario and path[-1] in RENAMED:
@@ -159,12 +190,12 @@ def _text(model: type[Table], path: Keys, error: dict[str, Any]) -> str:
 
 
 def keys(table: type[Table]) -> list[str]:
-    """The keys of a table of the language, as they are written."""
+    """Return the keys of a table of the language, as they are written."""
     return [field.alias or name for name, field in table.model_fields.items()]
 
 
 def table_at(kind: Any, path: Keys) -> type[Table] | None:
-    """The table of the language at a path of one, or of another type of a key."""
+    """Find the table of the language at a path within a type; None without one."""
     if isinstance(kind, type) and issubclass(kind, Table):
         if not path:
             return kind
@@ -187,7 +218,7 @@ def table_at(kind: Any, path: Keys) -> type[Table] | None:
 
 
 def paper_problems(content: Content, axes: TomlTable) -> Iterator[tuple[Keys, str]]:
-    """What rows of a paper's tables say of methods and cases that there are not."""
+    """Find methods and cases in rows of a paper's tables that do not exist."""
     methods, case = axes.get("method", {}), content.cell.get("case", "")
     for name, row in content.paper.items():
         for key in ("values", "tolerance", "tuned", "in_sample", "remark", "only"):

@@ -1,16 +1,17 @@
-"""Scenarios: TOML files in ssp/FAMILY/scenarios/, each one scenario or, with axes, a
-table of them.
+"""Read scenarios: TOML files in ssp/FAMILY/scenarios/.
+
+Each file is one scenario or, with axes, a table of them.
 
 `desat help keys` prints the keys of such a file, `language/scenario.py` declares them.
 Besides:
 
     extends = "common"            # another file of the folder, or several, merged below this one
-    without = ["parameters.manager"]  # what of those is left out
+    without = ["parameters.manager"]  # what is left out of those
     [axes.method.crcp]            # each axis' values are partial scenarios (`without` included);
     [axes.case.ilqr-1]            # the product of the axes gives scenarios FILE-crcp-ilqr-1
 
-`{method}` in a text stands for the axis' value of the cell, in title and description
-for its label.
+`{method}` in a text stands for the cell's value of that axis, or for its label in title
+and description.
 """
 
 from __future__ import annotations
@@ -34,39 +35,40 @@ if TYPE_CHECKING:
     from .builder import Builder
 
 ROOT = paths.SCENARIOS
+# Prefix of the name of a role whose standard numbers and plots a scenario extends.
 ROLES = "roles"
-"""Before the name of a role, whose standard numbers and plots a scenario extends."""
 
 
 @dataclass(frozen=True)
 class Scenario:
-    """One scenario: what it says, and where that stands."""
+    """A scenario: its content and its location."""
 
     content: Content
     file: Path
-    folder: Path
-    """Where its craft file or SSD and FMUs of its own are looked for."""
+    folder: Path  # of its craft file or SSD and its own FMUs
+    # source of each value: path -> file and cell
     origins: Origins = field(default_factory=dict, repr=False, compare=False)
-    """Where each value was given: path -> file and cell."""
 
     @property
     def name(self) -> str:
-        """Its name, `family/name`."""
+        """Return its name, `family/name`."""
         return self.content.name
 
     @property
     def cell(self) -> dict[str, str]:
-        """The value of each axis, where the file has axes."""
+        """Return the value of each axis, if the file has axes."""
         return self.content.cell
 
     def where(self, path: tuple[str, ...]) -> str:
-        """File and path of a value, for messages."""
+        """Return file, line and path of a value, for messages."""
         file, key = self.origin_of(path)
         return f"{at(file, key)}: {key}"
 
     def origin_of(self, path: tuple[str, ...]) -> tuple[str, str]:
-        """File and key that give a value; of a parameter that its data do not have, its
-        design."""
+        """Return file and key that give a value.
+
+        For a parameter that the scenario itself does not give, it is the design's file.
+        """
         own: Any = self.content.written
         for key in path:
             own = own.get(key, {}) if isinstance(own, dict) else {}
@@ -76,19 +78,21 @@ class Scenario:
 
     @property
     def family(self) -> str:
-        """The folder of ssp/ that it belongs to."""
+        """Return the folder of ssp/ to which it belongs."""
         return self.name.partition("/")[0]
 
     @property
     def baseline(self) -> str | None:
-        """The full name of its baseline."""
+        """Return the full name of its baseline; None if it has no other scenario."""
         baseline = f"{self.family}/{self.content.baseline}"
         return baseline if self.content.baseline and baseline != self.name else None
 
     @property
     def design(self) -> Path | None:
-        """The file with its design, where it has a [design]; `of` names the scenario
-        that has it made."""
+        """Return the file with its design, if it has a [design].
+
+        `of` names the scenario whose design it uses.
+        """
         if self.content.design is None:
             return None
         name = self.content.design.of or self.name.partition("/")[2]
@@ -96,14 +100,18 @@ class Scenario:
 
     @property
     def each_draw(self) -> dict[str, Any] | None:
-        """What it says of its design, where that is made anew for the values of each
-        draw."""
+        """Return its [design] if that is computed anew for each draw."""
         design = self.content.design
         return design.written if design and design.each_draw else None
 
     def parameters(self, designed: bool = True) -> TomlTable:
-        """Its [parameters], with those of its design below. Raises DesatError where it
-        has none."""
+        """Return its [parameters] merged over those of its design.
+
+        Raises
+        ------
+        DesatError
+            If the design does not exist yet.
+        """
         merged: TomlTable = {}
         if designed and self.design is not None:
             if not self.design.exists():
@@ -118,13 +126,14 @@ class Scenario:
         return merged
 
     def layers(self, designed: bool = True) -> list[Layer]:
-        """Read the layers of its craft and of itself; `designed` False leaves its
-        design out.
+        """Read the layers of its craft and of itself.
+
+        `designed` False leaves its design out.
 
         Raises
         ------
         DesatError
-            Where it has no craft, or no design yet.
+            If it has no craft, or no design yet.
         """
         from . import layers
 
@@ -136,7 +145,7 @@ class Scenario:
         return [craft, own]
 
     def builder(self, blocks: bool = False, designed: bool = True) -> Builder:
-        """Begin the system that it describes; `designed` False leaves its design out."""
+        """Create the builder of its system; `designed` False leaves its design out."""
         from .builder import Builder
 
         craft, own = self.layers(designed)
@@ -148,20 +157,21 @@ class Scenario:
 
 @cache
 def families() -> tuple[str, ...]:
-    """The folders of ssp/ that hold scenarios."""
+    """Return the folders of ssp/ that hold scenarios."""
     return tuple(sorted(p.parent.name for p in ROOT.glob("*/scenarios")))
 
 
 def summary(family: str) -> str:
-    """What a family of scenarios is about, in a line; empty where its folder does not
-    say."""
+    """Return the title of a family of scenarios, in a line.
+
+    It is empty if its folder gives none.
+    """
     file = ROOT / family / "family.toml"
     return str(toml(file).get("title", "")) if file.exists() else ""
 
 
 def abbreviations(family: str, text: str) -> str:
-    """The abbreviations of a family that a text has, spelt out; empty where there are
-    none."""
+    """Spell out a family's abbreviations that occur in a text; empty without any."""
     file = ROOT / family / "family.toml"
     known = toml(file).get("abbreviations", {}) if file.exists() else {}
     there = [
@@ -174,21 +184,31 @@ def abbreviations(family: str, text: str) -> str:
 
 @cache
 def cells(file: Path, family: str) -> dict[str, Scenario]:
-    """The scenarios of a file by name. Raises DesatError, a line a problem."""
+    """Read the scenarios of a file, by name.
+
+    Raises
+    ------
+    DesatError
+        If there are problems, with a line for each.
+    """
     return {s.name: s for s in _read(file, family)}
 
 
 @cache
 def _cell(file: Path, family: str, name: str) -> Scenario | None:
-    """The scenario of this name of a file, read alone; None where the file makes none
-    of the name. Raises DesatError, a line a problem with it."""
+    """Read only the scenario of this name in a file; None if it has none.
+
+    Raises DesatError, with a line for each problem of the scenario.
+    """
     return next(iter(_read(file, family, name)), None)
 
 
 @cache
 def survey(family: str) -> tuple[dict[str, Scenario], dict[str, str]]:
-    """The scenarios of a family by name, and what is wrong with its other files by
-    their stem."""
+    """Read the scenarios of a family by name, and the problems of its other files.
+
+    The problems are returned by the stem of the file.
+    """
     good: dict[str, Scenario] = {}
     broken: dict[str, str] = {}
     for file in sorted((ROOT / family / "scenarios").glob("*.toml")):
@@ -217,8 +237,10 @@ def survey(family: str) -> tuple[dict[str, Scenario], dict[str, str]]:
 
 
 def of_its_file(name: str) -> Scenario | None:
-    """The scenario of a name from the one file that has it; None where there is none,
-    or something is wrong: `survey` says what."""
+    """Return the scenario of a name from the one file that has it.
+
+    The result is None if there is none or something is wrong; `survey` reports what.
+    """
     family, _, rest = name.partition("/")
     files = (ROOT / family / "scenarios").glob("*.toml") if family in families() else ()
     found = [f for f in files if f"{rest}-".startswith(f"{f.stem}-")]
@@ -232,7 +254,7 @@ def of_its_file(name: str) -> Scenario | None:
 
 
 def _others(content: Content) -> Iterator[tuple[tuple[str, ...], str]]:
-    """Path and name of the other scenarios that one names."""
+    """Yield path and name of each other scenario that a scenario names."""
     if content.baseline:
         yield ("baseline",), content.baseline
     for key in ("of", "end_of"):
@@ -244,8 +266,10 @@ def _others(content: Content) -> Iterator[tuple[tuple[str, ...], str]]:
 
 
 def readable(family: str | None = None) -> tuple[dict[str, Scenario], list[str]]:
-    """All scenarios by name, or those of one family, whose files are right; and what is
-    wrong with the others, one line each."""
+    """Return the scenarios by name whose files are correct, of one family or all.
+
+    Also return what is wrong with the other files, one line each.
+    """
     if family is not None and family not in families():
         raise DesatError(f"no family {family}{nearest(family, families())}")
     good: dict[str, Scenario] = {}
@@ -259,7 +283,13 @@ def readable(family: str | None = None) -> tuple[dict[str, Scenario], list[str]]
 
 @cache
 def scenarios(family: str | None = None) -> dict[str, Scenario]:
-    """All scenarios by name, or those of one family. Raises DesatError for a bad file."""
+    """Return the scenarios by name, of one family or all.
+
+    Raises
+    ------
+    DesatError
+        If a file is wrong.
+    """
     good, lines = readable(family)
     if lines:
         raise DesatError("\n".join(lines))
@@ -267,8 +297,13 @@ def scenarios(family: str | None = None) -> dict[str, Scenario]:
 
 
 def find(name: str) -> Scenario:
-    """The scenario of a name. Raises DesatError with the nearest name, or with what is
-    wrong with its file."""
+    """Find the scenario of a name.
+
+    Raises
+    ------
+    DesatError
+        If there is none, with the nearest name, or if its file is wrong.
+    """
     family, _, rest = name.partition("/")
     if (scenario := of_its_file(name)) is not None and all(
         of_its_file(f"{family}/{other}") for _, other in _others(scenario.content)
@@ -300,7 +335,7 @@ def find(name: str) -> Scenario:
 
 
 def _beside() -> list[str]:
-    """The scenario files and crafts of the folder that the command was given in."""
+    """Find the scenario files and crafts in the current folder."""
     here = Path()
     return [
         *(f.stem for f in here.glob("*.toml")),
@@ -309,8 +344,11 @@ def _beside() -> list[str]:
 
 
 def name_of_file(file: Path) -> str:
-    """The name of what a file of one's own says: beside a craft file the craft's, which
-    is its folder's, with that of another scenario than its nominal one."""
+    """Derive the scenario name of a user's own file.
+
+    Beside a craft file it is the name of the craft, which is its folder's, followed by
+    that of the scenario unless it is the nominal one.
+    """
     file = file.resolve()
     if not (file.parent / "craft.toml").is_file():
         return utf8_name(file.stem)
@@ -319,11 +357,15 @@ def name_of_file(file: Path) -> str:
 
 
 def own(file: Path) -> Scenario:
-    """The scenario of a file that is not one of ours. `extends` names files beside it,
-    or ours as FAMILY/NAME; its SSD is beside it, else that of the family that it
-    extends.
+    """Read the scenario of a file that is not one of ours.
 
-    Raises DesatError, which names the file, for what is wrong with it.
+    `extends` names files beside it, or ours as FAMILY/NAME. Its SSD is beside it, or
+    otherwise that of the family that it extends.
+
+    Raises
+    ------
+    DesatError
+        If something is wrong with it; the message names the file.
     """
     where = paths.shown(file)
     made = _read(file, "")
@@ -344,8 +386,13 @@ def own(file: Path) -> Scenario:
 
 
 def load(file: Path, origins: Origins, seen: tuple[Path, ...] = ()) -> TomlTable:
-    """The data of a file merged over that of its bases. Raises DesatError, a line a
-    problem."""
+    """Load the data of a file merged over those of its bases.
+
+    Raises
+    ------
+    DesatError
+        If there are problems, with a line for each.
+    """
     where = paths.shown(file)
     state = file.stat() if file.is_file() else None
     data = copy(_table(file, where, state and (state.st_mtime_ns, state.st_size)))
@@ -353,7 +400,7 @@ def load(file: Path, origins: Origins, seen: tuple[Path, ...] = ()) -> TomlTable
     if file in seen:
         chain = " -> ".join(f.stem for f in (*seen[seen.index(file) :], file))
         raise DesatError(f"{where}: extends itself ({chain})")
-    from ..language.scenario import OWN_KEYS  # pydantic, only where a scenario is read
+    from ..language.scenario import OWN_KEYS  # imports pydantic, so only if needed
 
     merged: TomlTable = {}
     known = [f.stem for f in file.parent.glob("*.toml")]
@@ -379,8 +426,11 @@ def load(file: Path, origins: Origins, seen: tuple[Path, ...] = ()) -> TomlTable
 
 @lru_cache(maxsize=1024)
 def _table(file: Path, where: str, _: object) -> TomlTable:
-    """What a file says, checked, not to be changed; kept, as files share their bases.
-    Raises DesatError, a line a problem."""
+    """Read and check the data of a file, which must not be changed.
+
+    They are cached, because files share their bases. Raises DesatError, with a line for
+    each problem.
+    """
     from ..language.scenario import ScenarioFile
     from .reader import WrongError, read
 
@@ -395,7 +445,7 @@ def _table(file: Path, where: str, _: object) -> TomlTable:
 
 
 def _of_role(name: str, where: str) -> Path:
-    """The file with the standard numbers and plots of a role, `roles/manager`."""
+    """Find the file with the standard numbers and plots of a role, `roles/manager`."""
     folder = paths.PACKAGE / "templates" / ROLES
     role, known = name.partition("/")[2], sorted(f.stem for f in folder.glob("*.toml"))
     if role not in known:
@@ -404,8 +454,11 @@ def _of_role(name: str, where: str) -> Path:
 
 
 def _ours(name: str, where: str, origins: Origins, seen: tuple[Path, ...]) -> TomlTable:
-    """What a scenario file that is not one of ours extends as FAMILY/NAME: a scenario,
-    or a file of the family. Its `family` says which."""
+    """Load what a file that is not one of ours extends as FAMILY/NAME.
+
+    It is a scenario, or a file of the family. The `family` of the result names the
+    family.
+    """
     family, _, stem = name.partition("/")
     require(family, families(), f"{where}: extends: no family")
     file = paths.SCENARIOS / family / "scenarios" / f"{stem}.toml"
@@ -416,14 +469,16 @@ def _ours(name: str, where: str, origins: Origins, seen: tuple[Path, ...]) -> To
             raise DesatError(f"{where}: extends: {error}") from error
         data = copy(scenario.content.data)
         origins.update(scenario.origins)
-    if "design" in data:  # it stays that of the scenario that it was made for
+    if "design" in data:  # the design stays that of the scenario for which it was made
         data["design"].setdefault("of", stem)
     return {**data, "family": family}
 
 
 def _read(file: Path, family: str, only: str | None = None) -> list[Scenario]:
-    """The scenarios that a file makes, or the one of a name. Raises DesatError, a line
-    a problem with these."""
+    """Read the scenarios that a file defines, or only the one of a name.
+
+    Raises DesatError, with a line for each problem.
+    """
     given: Origins = {}
     where = paths.shown(file)
     data = load(file, given)
@@ -467,8 +522,10 @@ def _read(file: Path, family: str, only: str | None = None) -> list[Scenario]:
 
 
 def _content(said: TomlTable, axes: TomlTable, origins: Origins, where: str) -> Content:
-    """What a scenario says, merged. Raises DesatError, a line a problem, with what is
-    wrong."""
+    """Validate the merged data of a scenario and build its content.
+
+    Raises DesatError, with a line for each problem.
+    """
     from ..language.content import Content
     from .reader import WrongError, paper_problems, whole
 
@@ -486,6 +543,9 @@ def _content(said: TomlTable, axes: TomlTable, origins: Origins, where: str) -> 
 
 
 def _place_of(origins: Origins, path: tuple[str, ...], where: str) -> tuple[str, str]:
-    """File, or `where` nothing was given, and key that give a value."""
+    """Return file and key that give a value.
+
+    The file is `where` if the value was not given.
+    """
     file, cell = origin(origins, path)
     return file or where, f"{cell}{'.'.join(path)}"

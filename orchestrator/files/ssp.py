@@ -1,11 +1,11 @@
-"""SSP files, read: a .ssp, a folder, or an .ssd; nested systems become one flat one.
+"""Read SSP files: a .ssp, a folder, or an .ssd; nested systems become one flat system.
 
 A component `add` of a system `inner` is called `inner_add`. Connectors of systems, and
-signals of dictionaries, hand on what they are given: a connection through them is one
-from component to component, with the product of its transformations, and a value that
-is given to one is given to all that it reaches. As SSP 1.0 has it, values of an outer
-system come before those of an inner one, and of a parameter set with a mapping what is
-not mapped goes by its own name.
+signals of dictionaries, pass on what they receive: a connection through them becomes
+one from component to component, with the product of its transformations, and a value
+that is given to one of them is given to all that it reaches. As SSP 1.0 specifies,
+values of an outer system take precedence over those of an inner one, and an unmapped
+parameter of a parameter set with a mapping keeps its own name.
 """
 
 from __future__ import annotations
@@ -40,13 +40,12 @@ SSB = "http://ssp-standard.org/SSP1/SystemStructureSignalDictionary"
 OSP = "http://opensimulationplatform.com/SSP/OSPAnnotations"
 OMS = "https://raw.githubusercontent.com/OpenModelica/OMSimulator/master/schema/oms.xsd"
 FILE = "SystemStructure.ssd"
+# File with description, numbers and plots of a packed scenario; other tools ignore it.
 ABOUT = "extra/desat/scenario.json"
-"""Where a packed scenario keeps its description, numbers and plots; other tools pass it
-by."""
 
 
 def read(path: Path, outside: bool = False) -> Layer:
-    """Read the layer that an SSP file is: components, connections and values.
+    """Read the layer of an SSP file: components, connections and values.
 
     Parameters
     ----------
@@ -58,7 +57,7 @@ def read(path: Path, outside: bool = False) -> Layer:
     Raises
     ------
     DesatError
-        Where there is nothing to go on with.
+        If the file cannot be used.
     """
     if not path.exists():
         raise DesatError(f"{path}: no such file or folder")
@@ -79,17 +78,18 @@ def read(path: Path, outside: bool = False) -> Layer:
     if file.exists():
         from .reader import (
             read_packed,
-        )  # pydantic, only where there is something to check
+        )  # imports pydantic, so only if needed
 
         layer.about = content = read_packed(file, f"{where}{ABOUT}")
         layer.output_classes.update(content.output_classes)
         layer.substeps = (
             content.substeps or 1
-        )  # what says none was packed before it was said
+        )  # archives without it were packed before the key existed
         layer.accuracy = content.accuracy or None
     return layer
 
 
+# Namespaces of prefixes that a file uses without declaring them.
 PREFIXES = {
     "ssd": SSD,
     "ssc": SSC,
@@ -99,21 +99,22 @@ PREFIXES = {
     "osp": OSP,
     "oms": OMS,
 }
-"""What files that forget to declare a prefix mean by it."""
 
 
+# Kind of a connector -> whether it receives values.
 _TAKES = {
     "input": True,
     "parameter": True,
     "output": False,
     "calculatedParameter": False,
 }
-"""Whether a connector of a kind takes values, or gives them."""
 
 
 class _End(NamedTuple):
-    """A connector: path of its system or component (`inner.add`; "" is the outermost
-    system)."""
+    """A connector, with the path of its system or component.
+
+    The path is `inner.add`; "" is the outermost system.
+    """
 
     path: str
     connector: str
@@ -121,7 +122,7 @@ class _End(NamedTuple):
 
 @dataclass(frozen=True)
 class _Link:
-    """A connection as it is written, or several one after the other."""
+    """A connection as it is written, or several in sequence."""
 
     start: _End
     end: _End
@@ -131,7 +132,7 @@ class _Link:
     converts: bool = True
 
     def after(self, first: _Link) -> _Link:
-        """This one behind another, as one."""
+        """Combine this connection with the one before it."""
         return replace(
             self,
             start=first.start,
@@ -142,19 +143,19 @@ class _Link:
 
 
 class _Value(NamedTuple):
-    """A value that a parameter set gives, by its name where the set is bound."""
+    """Value of a parameter set, by its name where the set is bound."""
 
     name: str
-    value: Scalar | str
-    """A text names an item of an enumeration."""
-    unit: Unit | str | None
-    """A text is a name that nobody explains."""
-    at: str
-    also: str = ""
-    """Where its set gives another value by the same name."""
+    value: Scalar | str  # a text names an item of an enumeration
+    unit: Unit | str | None  # a text is the name of an unknown unit
+    at: str  # file and line
+    also: str = ""  # file and line of another value of the same name in the set
 
     def through(self, factor: float, offset: float, converts: bool) -> _Value:
-        """This one behind a transformation. Raises DesatError for one of a text."""
+        """Apply a transformation to the value.
+
+        Raises DesatError if the value is a text.
+        """
         unit = self.unit if converts else None
         if (factor, offset) == (1.0, 0.0):
             return self._replace(unit=unit)
@@ -166,6 +167,8 @@ class _Value(NamedTuple):
 
 
 class _Reader:
+    """Reader of one SSP file."""
+
     def __init__(
         self, folder: Path, file: Path, where: str, prefix: str, outside: bool
     ) -> None:
@@ -173,23 +176,21 @@ class _Reader:
         self.folder, self.file, self.where, self.prefix = folder, file, where, prefix
         self.result = Layer(where)
         self.problems, self.warnings = self.result.problems, self.result.warnings
-        self.components: dict[str, Place] = {}
-        """By path."""
+        self.components: dict[str, Place] = {}  # by path
+        # paths of systems and dictionaries -> path by which their connectors are known
         self.relays: dict[str, str] = {"": ""}
-        """Systems and dictionaries by path -> the path that their connectors are known
-        by."""
-        self.kinds: dict[_End, str] = {}
-        """Of the connectors of components and systems, as the file lists them."""
+        self.kinds: dict[_End, str] = {}  # of listed connectors
         self.links: list[_Link] = []
+        # path where each value is bound; a later value replaces an earlier one
         self.values: list[tuple[str, _Value]] = []
-        """Where each is bound; what comes later stands."""
-        self.hints: dict[str, float] = {}
-        """Steps of single components (s), by path."""
+        self.hints: dict[str, float] = {}  # step (s) of single components, by path
 
     def at(self, element: Any) -> str:
+        """Return file and line of an element, for messages."""
         return f"{self.where}:{element.sourceline}"
 
     def layer(self) -> Layer:
+        """Read the file into a layer."""
         root = self.parse(self.file, self.where)
         if root.tag != f"{{{SSD}}}SystemStructureDescription":
             raise DesatError(f"{self.where}: not an SSP SystemStructureDescription")
@@ -223,8 +224,10 @@ class _Reader:
         return layer
 
     def parse(self, file: Path, where: str) -> Any:
-        """The root of a file; known prefixes that it does not declare are, with a
-        warning."""
+        """Parse a file and return its root.
+
+        Known prefixes that the file does not declare are declared, with a warning.
+        """
         data, declared = contents(file, where), ""
         while True:
             try:
@@ -246,6 +249,7 @@ class _Reader:
                 )
 
     def validate(self, root: Any, schema: str, where: str) -> None:
+        """Check a document against its schema, if it is of SSP 1.0."""
         version = root.get("version", "")
         if version.startswith("2."):
             self.warnings.append(
@@ -257,8 +261,11 @@ class _Reader:
     def walk(
         self, system: Any, path: str, above: Mapping[str, str] = MappingProxyType({})
     ) -> None:
-        """Gather what a system has, the innermost first. `above`: what the connectors
-        of the dictionaries of those that it is in are known by."""
+        """Collect the elements of a system, the innermost first.
+
+        `above` maps the dictionaries of the enclosing systems to the paths of their
+        connectors.
+        """
         dictionaries = {**above, **self.dictionaries(system, path)}
         for child in system.iterfind(f"{{{SSD}}}Connectors/{{{SSD}}}Connector"):
             self.kinds[_End(path, child.get("name", ""))] = child.get("kind", "")
@@ -296,9 +303,11 @@ class _Reader:
         self.values += [(path, value) for value in self.bindings(system)]
 
     def dictionaries(self, system: Any, path: str) -> dict[str, str]:
-        """What the connectors of each signal dictionary of a system are known by; its
-        file (.ssb) is held against the schema, and no more, for what it names are
-        types."""
+        """Return the path of the connectors of each signal dictionary of a system.
+
+        Its file (.ssb) is only checked against the schema, because it defines nothing
+        but types.
+        """
         made = {}
         for child in system.iterfind(
             f"{{{SSD}}}SignalDictionaries/{{{SSD}}}SignalDictionary"
@@ -311,9 +320,11 @@ class _Reader:
         return made
 
     def flatten(self) -> dict[_End, list[_Link]]:
-        """Give the layer its connections from component to component; returned: how
-        each connector of a system or dictionary reaches the components that it feeds.
-        Raises DesatError."""
+        """Add the connections from component to component to the layer.
+
+        Return how each connector of a system or dictionary reaches the components that
+        it feeds. Raises DesatError if a connector is its own source.
+        """
         into: dict[_End, _Link] = {}
         systems = set(self.relays.values())
         for link in self.links:
@@ -356,14 +367,16 @@ class _Reader:
         return reached
 
     def named(self, path: str) -> str:
-        """The name of a component in the flat system."""
+        """Return the name of a component in the flat system."""
         return path.replace(".", "_")
 
     def give(
         self, path: str, value: _Value, name: str, reached: dict[_End, list[_Link]]
     ) -> None:
-        """Give a value to the component that a name means in a system, or to all that
-        are fed by the connector of this name."""
+        """Set a value of the component that a name means in a system.
+
+        If the name is that of a connector, all components that it feeds are set.
+        """
         if path in self.components:
             self.give_to(self.components[path], name, value)
             return
@@ -383,7 +396,7 @@ class _Reader:
             )
 
     def give_to(self, component: Place, name: str, value: _Value) -> None:
-        """Give a component's parameter the value that a parameter set has."""
+        """Add a parameter set's value of a component's parameter to the layer."""
         where = f"{value.at}: {component.name}.{name}"
         conflict = (
             f"{value.at} and {value.also}: {name} is given twice" if value.also else ""
@@ -402,6 +415,7 @@ class _Reader:
         )
 
     def component(self, element: Any, path: str) -> Place:
+        """Read a component: source, connectors and step size hint."""
         source = unquote(element.get("source", "")).replace("\\", "/")
         if (proxy := re.fullmatch(r"proxyfmu://[^?]*\?file=(.+)", source)) is not None:
             source = proxy[1]
@@ -435,8 +449,10 @@ class _Reader:
         return Place(name, source, fmu, line=element.sourceline, connectors=connectors)
 
     def inside(self, element: Any, source: str) -> Path | None:
-        """The path of a file that the system names; None, and a problem, for one
-        outside."""
+        """Return the path of a file that the system names.
+
+        For a file outside it is None, and a problem is added.
+        """
         if self.outside and "\0" not in source:
             return self.folder / source
         try:
@@ -448,7 +464,10 @@ class _Reader:
             return None
 
     def number(self, element: Any, key: str, default: str = "") -> float:
-        """A finite number. Raises DesatError."""
+        """Parse a finite number from an attribute.
+
+        Raises DesatError if it is none.
+        """
         text = element.get(key, default)
         try:
             if isfinite(number := float(text)):
@@ -460,9 +479,11 @@ class _Reader:
         )
 
     def link(self, element: Any, path: str) -> _Link:
-        """A connection in the system at a path, from what gives to what takes: which is
-        which do the kinds of the connectors say, not start and end (SSP 1.0,
-        `Connection`)."""
+        """Read a connection in the system at a path, directed from source to target.
+
+        The kinds of the connectors decide the direction, not start and end (SSP 1.0,
+        `Connection`).
+        """
         ends, takes = [], []
         for which in ("start", "end"):
             connector, child = (
@@ -475,7 +496,8 @@ class _Reader:
                 )
             at = ".".join(filter(None, (path, child))) if child else path
             kind = self.kinds.get(_End(at, connector))
-            inwards = child is None  # what a system takes it gives to what is within
+            # seen from inside, an input of a system is a source
+            inwards = child is None
             takes.append(None if kind not in _TAKES else _TAKES[kind] is not inwards)
             ends.append(_End(self.relays.get(at, at), connector))
         if takes in ([True, False], [True, None], [None, False]):
@@ -487,11 +509,14 @@ class _Reader:
         )
 
     def converts(self, element: Any) -> bool:
+        """Return whether units are converted."""
         return element.get("suppressUnitConversion", "false") not in ("true", "1")
 
     def transformation(self, element: Any, of: str) -> tuple[float, float]:
-        """Factor and offset of a connection or of an entry of a mapping. Raises
-        DesatError."""
+        """Return factor and offset of a connection or of an entry of a mapping.
+
+        Raises DesatError if the transformation is not linear.
+        """
         factor, offset = 1.0, 0.0
         for child in element:
             if child.tag == f"{{{SSC}}}LinearTransformation":
@@ -505,8 +530,11 @@ class _Reader:
         return factor, offset
 
     def named_file(self, element: Any) -> tuple[Any, str]:
-        """The root of the file that an element names by `source`, and what messages
-        call it; None, and a problem, where it is not there."""
+        """Parse the file that an element names by `source`.
+
+        Return its root and its name in messages. If it does not exist the root is None,
+        and a problem is added.
+        """
         source = unquote(element.get("source")).replace("\\", "/")
         file, where = self.inside(element, source), f"{self.prefix}{source}"
         if file is None:
@@ -517,7 +545,10 @@ class _Reader:
         return self.parse(file, where), where
 
     def bindings(self, element: Any) -> list[_Value]:
-        """The values of the parameter sets bound to a component or system, mapped."""
+        """Read the values of the parameter sets bound to a component or system.
+
+        Mappings are applied.
+        """
         values: list[_Value] = []
         for binding in element.iterfind(
             f"{{{SSD}}}ParameterBindings/{{{SSD}}}ParameterBinding"
@@ -534,7 +565,7 @@ class _Reader:
             mapped, prefix = self.mapping(binding), binding.get("prefix", "")
             given: dict[
                 str, _Value
-            ] = {}  # another set may give it, too: the later one stands
+            ] = {}  # another set may give it, too; then the later one counts
             for parameter in root.iterfind(f"{{{SSV}}}Parameters/{{{SSV}}}Parameter"):
                 value = next(iter(parameter), None)
                 if value is None:
@@ -555,8 +586,11 @@ class _Reader:
         return values
 
     def mapping(self, binding: Any) -> dict[str, list[tuple[str, float, float, bool]]]:
-        """Of a binding's mapping: name in the source -> (name of the target, factor,
-        offset, whether units are converted) of each entry."""
+        """Read the mapping of a binding.
+
+        It maps a name in the source to (name of the target, factor, offset, whether
+        units are converted) of each entry.
+        """
         made: dict[str, list[tuple[str, float, float, bool]]] = {}
         element = binding.find(f"{{{SSD}}}ParameterMapping")
         if element is None:
@@ -578,8 +612,11 @@ class _Reader:
         return made
 
     def unit(self, name: str | None, root: Any, where: str) -> Unit | str | None:
-        """The unit that a value is given in: of the parameter set's own units, or one
-        of ours; its name where nobody says what it is."""
+        """Return the unit of a value.
+
+        It is one of the parameter set's own units, or one of ours, or the name itself
+        if the unit is unknown.
+        """
         if name is None:
             return None
         for unit in root.iterfind(f"{{{SSV}}}Units/{{{SSC}}}Unit"):
@@ -603,6 +640,10 @@ class _Reader:
             return name
 
     def value(self, element: Any, where: str) -> Scalar | str:
+        """Parse the value of a parameter.
+
+        Raises DesatError if it is not of its type.
+        """
         kind, text = etree.QName(element).localname, element.get("value", "")
         try:
             if kind == "Real":
@@ -622,7 +663,10 @@ class _Reader:
         )
 
     def experiment(self, root: Any) -> None:
-        """Times of the file; where it has none, those of its FMUs, with a warning."""
+        """Read the times of the file.
+
+        Missing times are taken from its FMUs, with a warning.
+        """
         layer = self.result
         experiment = root.find(f"{{{SSD}}}DefaultExperiment")
         if experiment is not None:
@@ -659,8 +703,11 @@ class _Reader:
 
 
 def _suggested(fmu: Fmu) -> tuple[float | None, float | None]:
-    """Step and stop time (s) that an FMU's file suggests; None where it says none, or
-    is none, which is said elsewhere."""
+    """Return step and stop time (s) that an FMU's file suggests.
+
+    They are None if it suggests none, or if it is no readable FMU, which is reported
+    elsewhere.
+    """
     try:
         told = fmu.description.defaultExperiment
         step, stop = (getattr(told, key, None) for key in ("stepSize", "stopTime"))

@@ -1,4 +1,4 @@
-"""Safe XML: lxml without entities, network or DTD; schemas with file and line."""
+"""Parse XML safely, without entities, network or DTD, and check it against schemas."""
 
 from __future__ import annotations
 
@@ -15,7 +15,13 @@ _SCHEMAS = Path(fmpy.__file__).parent / "ssp" / "schema"
 
 
 def parse_bytes(data: bytes, where: str) -> Any:
-    """The root element; raises DesatError (file:line) for bad XML or a DOCTYPE."""
+    """Parse XML and return the root element.
+
+    Raises
+    ------
+    DesatError
+        If the XML is bad or has a DOCTYPE; the message begins with file:line.
+    """
     parser = etree.XMLParser(
         resolve_entities=False,
         no_network=True,
@@ -34,11 +40,12 @@ def parse_bytes(data: bytes, where: str) -> Any:
 
 @cache
 def _schema(name: str) -> etree.XMLSchema:
+    """Load a schema of SSP."""
     return etree.XMLSchema(etree.parse(str(_SCHEMAS / name)))
 
 
 def validate(root: Any, schema: str, where: str) -> list[str]:
-    """The schema errors of a document as `file:line: text`."""
+    """Return the schema errors of a document as `file:line: text`."""
     checker: Any = _schema(schema)
     if checker.validate(root):
         return []
@@ -46,7 +53,7 @@ def validate(root: Any, schema: str, where: str) -> list[str]:
 
 
 def _plain(message: str) -> str:
-    """Without the namespaces that make a schema message unreadable."""
+    """Remove the namespaces that make a schema message unreadable."""
     for uri in (
         "SystemStructureDescription",
         "SystemStructureCommon",

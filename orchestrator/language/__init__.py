@@ -1,1 +1,1 @@
-"""The tables of a scenario, each key declared once: what may be said."""
+"""Define the tables of a scenario, with each key declared once."""

@@ -1,5 +1,7 @@
-"""What a scenario says, whole: the objects of its tables; and what of it travels with
-its system in an .ssp, and stands in a manifest, as JSON."""
+"""Represent the whole content of a scenario as objects of its tables.
+
+Part of it travels with the system in an .ssp, and in a manifest, as JSON.
+"""
 
 from __future__ import annotations
 
@@ -17,14 +19,13 @@ from .paper import OfNumber, PaperRow, by_number
 from .scenario import Dispersion, ScenarioTable
 
 _USES = {name: of.use for name, of in declared(ScenarioTable).items()}
+# Keys that travel.
 KEYS = (*(name for name, use in _USES.items() if use in TRAVELS), "labels")
-"""What travels."""
-OWN = ("name", "cell", "labels")
-"""Keys beside those of the language."""
+OWN = ("name", "cell", "labels")  # keys besides those of the language
 
 
 class Entry(PaperRow):
-    """A row of a paper's table as it is of one cell."""
+    """Row of a paper's table for one cell."""
 
     values: Maybe[FiniteFloat] = None
     tolerance: Maybe[OfNumber | Bounds | str] = None
@@ -34,35 +35,39 @@ class Entry(PaperRow):
 
     @property
     def of(self) -> str:
-        """The number of a run that it is held against."""
+        """Return the number of a run with which the row is compared."""
         return self.number or self.quantity
 
 
 class Content(ScenarioTable):
-    """What a scenario says, and what its file adds: its name, and the value of each
-    axis."""
+    """Content of a scenario, with its name and the value of each axis."""
 
     name: str = ""
     cell: dict[str, str] = Field({})
     labels: dict[str, str] = Field({})
-    """Of the values of the axes, for a reader."""
+    """Labels of the axes' values, for a reader."""
     _json: Mapping[str, Any] | None = PrivateAttr(default=None)
 
     @cached_property
     def entries(self) -> dict[str, Entry]:
-        """The rows of a paper's tables as they are of its cell."""
+        """Return the rows of a paper's tables for this cell."""
         rows = of_cell(self.written.get("paper", {}), self.cell)
         return {name: Entry.model_validate(row) for name, row in rows.items()}
 
     @property
     def judged(self) -> dict[str, Entry]:
-        """Those that have a number of ours: all but those that no run decides."""
+        """Return the rows with a number of ours.
+
+        Those that cannot be tested by simulation are left out.
+        """
         return {name: row for name, row in self.entries.items() if not row.not_judged}
 
     @property
     def data(self) -> dict[str, Any]:
-        """What a file of its own would have: of rows of a paper's tables those of its
-        cell."""
+        """Return the data that a separate file of this scenario would have.
+
+        Rows of a paper's tables are those of its cell.
+        """
         own = {k: v for k, v in self.written.items() if k not in OWN}
         return (
             {**own, "paper": of_cell(own["paper"], self.cell)}
@@ -71,7 +76,7 @@ class Content(ScenarioTable):
         )
 
     def as_json(self) -> Mapping[str, Any]:
-        """What travels, in the order of KEYS; plots as a list, which keeps their order."""
+        """Return what travels, in the order of KEYS; plots become an ordered list."""
         if self._json is not None:
             return self._json
         told = {k: self.written[k] for k in KEYS if k in self.written}
@@ -82,22 +87,28 @@ class Content(ScenarioTable):
         return {"name": self.name, **told, "cell": self.cell}
 
     def counted(self) -> Mapping[str, Any]:
-        """What of it moves bits, and is not resolved into its system."""
+        """Return the entries that affect bits and are not resolved into the system."""
         return {k: x for k, x in self.as_json().items() if _USES.get(k) == "run"}
 
     def travelled(self, about: Mapping[str, Any]) -> Self:
-        """Itself, read from this JSON, which it keeps."""
+        """Store the JSON from which this content was read, and return it."""
         self._json = about
         return self
 
 
-NOTHING = Content.model_construct().travelled({})
-"""What a foreign system says."""
+NOTHING = Content.model_construct().travelled({})  # content of a foreign system
 
 
 def content_of(about: object) -> Content:
-    """What a system (its `about`) or a manifest (the same as JSON) says of its
-    scenario. Raises DesatError for JSON that is not in the language of today."""
+    """Return the content of the scenario of a system or a manifest.
+
+    A system has it as `about`, a manifest as the same in JSON.
+
+    Raises
+    ------
+    DesatError
+        If the JSON is not in the language of today.
+    """
     if isinstance(about, Content):
         return about
     if not about or not isinstance(about, Mapping):
@@ -113,7 +124,7 @@ def content_of(about: object) -> Content:
 
 
 def data_of(about: Mapping[str, Any]) -> dict[str, Any]:
-    """What travelled, as data of a scenario: its plots with names again."""
+    """Convert what travelled to data of a scenario, with its plots by name again."""
     data = dict(about)
     if isinstance(plots := data.get("plots"), list):
         data["plots"] = {}
@@ -126,8 +137,11 @@ def data_of(about: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def of_cell(rows: Mapping[str, Any], cell: Mapping[str, str]) -> dict[str, Any]:
-    """Of the rows of a paper's tables, as they are written, those of one cell: of
-    tables by method and of lists with a value for each of `columns` the cell's own."""
+    """Select the rows of a paper's tables, as they are written, for one cell.
+
+    From tables by method, and from lists with a value for each of `columns`, the cell's
+    own value is taken.
+    """
     method, case = (cell.get(axis, "") for axis in ("method", "case"))
     kept: dict[str, Any] = {}
     for name, row in rows.items():
@@ -155,23 +169,23 @@ def of_cell(rows: Mapping[str, Any], cell: Mapping[str, str]) -> dict[str, Any]:
     return kept
 
 
-# --- What of a system is drawn, and how: its [dispersions] by component and variable --
+# --- Dispersions of a system: its [dispersions] by component and variable -------------
 
 
 class Described(Protocol):
-    """Components, and what a scenario says of them."""
+    """Components, with the content of their scenario."""
 
     @property
     def about(self) -> Told | None:
-        """What the scenario says."""
+        """Return the content of the scenario."""
 
     @property
     def components(self) -> Mapping[str, Any]:
-        """By name, each with its `interface`, which may be None."""
+        """Return the components by name, whose `interface` may be None."""
 
 
 def dispersions_of(system: Described) -> dict[str, Dispersion]:
-    """`component.variable` -> how it is drawn."""
+    """Return how each `component.variable` is drawn."""
     spread: dict[str, Dispersion] = {}
     for key, spec in content_of(system.about).dispersions.items():
         owner, _, variable = key.partition(".")
@@ -191,8 +205,10 @@ def _having(system: Described, variable: str) -> list[str]:
 
 
 def overridden_by(system: Described, name: str) -> list[str]:
-    """What is drawn of the parameters that a name gives a value: `component.parameter`,
-    an element of it, or `shared.parameter`."""
+    """Find dispersions of the parameters that a name sets.
+
+    The name is `component.parameter`, an element of it, or `shared.parameter`.
+    """
     owner, variable = (part.strip() for part in base_name(name.strip()).split(".", 1))
     wanted = {f"{owner}.{variable}"}
     if owner == "shared" and owner not in system.components:

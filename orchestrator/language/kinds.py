@@ -1,5 +1,4 @@
-"""What tables of the scenario language are made of: keys, and the kinds of their
-values."""
+"""Define what tables of the scenario language consist of: keys and value types."""
 
 from __future__ import annotations
 
@@ -37,17 +36,19 @@ from pydantic_core import PydanticCustomError
 from ..system.errors import DesatError
 from ..system.parameters import unit_of
 
+# Use of a key at the top of a scenario. `text`: it is for people, travels in manifests and
+# .ssp, and affects no bit. `run`: it travels and counts in the digest. `resolved`: it
+# travels and counts in the system into which it is resolved. `system`: it is resolved into
+# the system, which travels. `file`: it concerns only the file.
 Use = Literal["text", "run", "resolved", "system", "file"]
-"""What a key at the top of a scenario is of use for. `text`: it is for people, travels
-in manifests and .ssp, and moves no bit; `run`: it travels, and counts in the digest;
-`resolved`: it travels, and counts in the system that it is resolved into; `system`: it
-is resolved into the system, which travels; `file`: it is of the file alone."""
 TRAVELS: tuple[Use, ...] = ("text", "run", "resolved")
 
 
 class Declared(NamedTuple):
-    """What is true of a key beside its type: unit, use, and whether a file that extends
-    another has it from there."""
+    """Properties of a key besides its type.
+
+    They are unit, use, and whether a file that extends another inherits it.
+    """
 
     unit: str = ""
     use: Use | None = None
@@ -63,16 +64,18 @@ def key(
     inherited: bool = True,
     **limits: Any,
 ) -> Any:
-    """A key of the language: its sentence, and what is `Declared` of it; its default,
-    without one that of its type, "", (), {} or False, where nobody can write that, and
-    None of others."""
+    """Declare a key of the language, with its sentence and its `Declared` properties.
+
+    Without a `default` it is that of its type: "", (), {} or False if nobody can write
+    that, and None for others.
+    """
     made = Field(default, description=text, **limits)
     made.metadata.append(Declared(unit, use, inherited))
     return made
 
 
 def declared(table: type[BaseModel]) -> dict[str, Declared]:
-    """What is declared of each key of a table."""
+    """Return the declared properties of each key of a table."""
     found = {
         n: [x for x in f.metadata if isinstance(x, Declared)]
         for n, f in table.model_fields.items()
@@ -81,12 +84,14 @@ def declared(table: type[BaseModel]) -> dict[str, Declared]:
 
 
 def _one_line(text: str) -> str:
+    """Check that a text is not empty and has no NUL."""
     if not text.strip() or "\0" in text:
         raise ValueError("a text with something in it is needed")
     return text
 
 
 def _known_unit(text: str) -> str:
+    """Check that a text is a known unit."""
     try:
         unit_of(_one_line(text))
     except DesatError as error:
@@ -95,6 +100,7 @@ def _known_unit(text: str) -> str:
 
 
 def _a_value(value: Any) -> Any:
+    """Check that a value is a number, a text, true or false, or lists of these."""
     for x in value if isinstance(value, list) else [value]:
         if isinstance(x, list):
             _a_value(x)
@@ -106,12 +112,14 @@ def _a_value(value: Any) -> Any:
 
 
 def utc(value: datetime) -> datetime:
+    """Check that a time has a time zone."""
     if value.tzinfo is None:
         raise ValueError("a UTC time is needed, 2026-01-01T00:00:00Z")
     return value
 
 
 def by_kind(value: Any) -> str:
+    """Return the tag of a value's kind for a union of kinds."""
     names = {dict: "<table>", list: "<list>", str: "<text>"}
     return next(
         (name for kind, name in names.items() if isinstance(value, kind)), "<number>"
@@ -119,8 +127,11 @@ def by_kind(value: Any) -> str:
 
 
 def either(**kinds: Any) -> Any:
-    """A value of one of several kinds (`table`, `list`, `text`, `number`), told by its
-    looks."""
+    """Build a type for values of one of several kinds.
+
+    The kinds (`table`, `list`, `text`, `number`) are distinguished by the type of the
+    value.
+    """
     union: Any = None
     for name, kind in kinds.items():
         member: Any = Annotated[kind, Tag(f"<{name}>")]
@@ -129,6 +140,7 @@ def either(**kinds: Any) -> Any:
 
 
 def _deviation(given: Sequence[float]) -> Sequence[float]:
+    """Check that the deviation is not negative."""
     if given[1] < 0.0:
         raise ValueError(f"the deviation is {given[1]:g}; at least 0 is needed")
     return given
@@ -138,8 +150,7 @@ T = TypeVar("T")
 Text = Annotated[str, AfterValidator(_one_line)]
 Unit = Annotated[str, AfterValidator(_known_unit)]
 Value = Annotated[Any, AfterValidator(_a_value)]
-Many = Annotated[tuple[T, ...], Field(strict=False)]
-"""A list, kept as a tuple."""
+Many = Annotated[tuple[T, ...], Field(strict=False)]  # a list, stored as a tuple
 Band = Annotated[Many[FiniteFloat], Field(min_length=2, max_length=2)]
 MeanAndDeviation = Annotated[Band, AfterValidator(_deviation)]
 Three = Annotated[Many[FiniteFloat], Field(min_length=3, max_length=3)]
@@ -150,7 +161,7 @@ if TYPE_CHECKING:
 else:
 
     class Maybe:
-        """What may be left out, and is None then; nobody can write that."""
+        """A value that may be left out and is None then; None cannot be written."""
 
         def __class_getitem__(cls, kind: Any) -> Any:
             return kind
@@ -163,6 +174,7 @@ else:
 
 
 def ordered(band: Sequence[float]) -> Sequence[float]:
+    """Check that a range is finite and its first value is not above its second."""
     if band[0] > band[1]:
         raise ValueError(f"the first, {band[0]:g}, is above the second, {band[1]:g}")
     if not isfinite(band[1] - band[0]):
@@ -171,14 +183,17 @@ def ordered(band: Sequence[float]) -> Sequence[float]:
 
 
 def width(text: str) -> str:
-    """A width about the paper's value: `3 %`, `0.02`, or nothing."""
+    """Check a width about the paper's value: `3 %`, `0.02`, or an empty text."""
     if text and not re.fullmatch(r"\d+(\.\d*)?(e-?\d+)? ?%?", text.strip()):
         raise ValueError('a width is needed, "3 %" or "0.02", or [low, high]')
     return text
 
 
 def bounds(band: Sequence[float]) -> Sequence[float]:
-    """As `ordered`, or open at one end: -inf first, or inf second."""
+    """Check a range as `ordered` does, or one that is open at one end.
+
+    An open end is -inf first or inf second.
+    """
     low, high = band
     if (low == -inf and isfinite(high)) or (isfinite(low) and high == inf):
         return band
@@ -192,19 +207,24 @@ Bounds = Annotated[
 
 
 def incomplete(text: str) -> PydanticCustomError:
-    """What is wrong with a whole table, and may be right with a part of one."""
+    """Build the error of a table that is wrong as a whole.
+
+    The same table may be right as a part that others complete.
+    """
     return PydanticCustomError("incomplete", "{text}", {"text": text})
 
 
 class Table(BaseModel):
-    """A table of the language: no other keys, no conversions between types. Frozen."""
+    """Table of the language.
+
+    It is frozen, has no other keys and does not convert types.
+    """
 
     model_config = ConfigDict(
         extra="forbid", strict=True, frozen=True, defer_build=True
     )
+    # keys that a whole table has; a part, which others complete, may lack them
     NEEDED: ClassVar[tuple[str, ...]] = ()
-    """Keys that a whole table has; a part, which others complete, may leave them out.
-    """
 
     @classmethod
     def __pydantic_init_subclass__(cls, **kwargs: Any) -> None:
@@ -216,6 +236,7 @@ class Table(BaseModel):
 
     @model_validator(mode="after")
     def _needed(self) -> Self:
+        """Check that a whole table has all needed keys."""
         if missing := [
             name for name in self.NEEDED if name not in self.model_fields_set
         ]:
@@ -224,18 +245,19 @@ class Table(BaseModel):
 
 
 class Written(Table):
-    """A table that stands in JSON, or is told, as it was written."""
+    """Table that is stored in JSON, or in a digest, as it was written."""
 
     _written: dict[str, Any] = PrivateAttr(default_factory=dict)
 
     @property
     def written(self) -> dict[str, Any]:
-        """The table as it was written, for JSON and digests; not to be changed."""
+        """Return the table as it was written, for JSON and digests; read-only."""
         return self._written
 
     @model_validator(mode="wrap")
     @classmethod
     def _keep(cls, data: Any, read: ModelWrapValidatorHandler[Self]) -> Self:
+        """Store the data from which the table was read."""
         made = read(data)
         if made is not data:
             made._written = data

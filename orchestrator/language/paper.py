@@ -1,4 +1,4 @@
-"""The scenario language: a row of a paper's table beside ours, `[paper.NAME]`."""
+"""Define a row of a paper's table beside ours, `[paper.NAME]`."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from .kinds import (
 
 
 class OfNumber(Table):
-    """A band by another number of the run."""
+    """Band relative to another number of the run."""
 
     NEEDED = ("of", "from_", "to")
     of: Text = key("the other number")
@@ -40,8 +40,10 @@ class Tuning(Table):
 
 
 class ShareOfDraws(Table):
-    """A row that gives the share of the draws whose number is at least, or at most, so
-    much."""
+    """The share of the draws whose number is within one limit.
+
+    The limit is a lower or an upper one.
+    """
 
     least: FiniteFloat = key(
         "counts samples whose number is this or more", default=-inf
@@ -50,6 +52,7 @@ class ShareOfDraws(Table):
 
     @model_validator(mode="after")
     def _one(self) -> Self:
+        """Check that there is exactly one limit."""
         if len(self.model_fields_set) != 1:
             raise incomplete("exactly one of least, most is needed")
         return self
@@ -60,12 +63,15 @@ _Cell = either(text=Width, table=OfNumber, list=Bounds)
 
 
 def by_number(tolerance: Any) -> bool:
-    """Whether a tolerance, as it is written, is one band by another number, no table by
-    method."""
+    """Return whether a tolerance, as written, is a band relative to another number.
+
+    Otherwise it may be a table by method.
+    """
     return isinstance(tolerance, dict) and tolerance.keys() == {"of", "from", "to"}
 
 
 def _tolerance(value: Any) -> str:
+    """Return the tag of a tolerance's kind."""
     is_list = isinstance(value, (list, tuple))
     if is_list and value and all(type(x) in (int, float) for x in value):
         return "<band>"
@@ -91,8 +97,11 @@ Remarks = either(text=str, list=Many[str])
 
 
 class PaperRow(Table):
-    """[paper.NAME]: a row of a paper's table beside ours. `values`, `tolerance` and
-    `remark` hold for all, or are tables by method, of one for each of `columns`."""
+    """[paper.NAME]: a row of a paper's table beside ours.
+
+    `values`, `tolerance` and `remark` apply to all cells, or are tables by method, or
+    lists with an item for each of `columns`.
+    """
 
     NEEDED = ("table", "quantity", "unit")
     table: Text = key("the paper's table, such as 2, or a heading")
@@ -137,6 +146,7 @@ class PaperRow(Table):
 
     @model_validator(mode="after")
     def _undecided(self) -> Self:
+        """Check that a row that is not judged has no number or band."""
         given = {
             "number",
             "tolerance",
@@ -152,6 +162,7 @@ class PaperRow(Table):
 
     @model_validator(mode="after")
     def _columns(self) -> Self:
+        """Check that lists have an item for each column."""
         for name in ("values", "tolerance", "remark"):
             given = getattr(self, name)
             for row in given.values() if isinstance(given, dict) else [given]:

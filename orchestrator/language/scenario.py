@@ -1,8 +1,8 @@
-"""The scenario language: every key of a scenario's TOML file, its type, its unit, and
-what it says.
+"""Define the scenario language: every key of a scenario's TOML file.
 
-Each key is declared once, as a field; `desat help keys` prints them, `problems` holds
-data against them. A table of the language is a class here, and its keys are the fields.
+Each key is declared once, as a field, with type, unit and meaning. `desat help keys`
+prints them, `files/reader.py` checks data against them. A table of the language is a
+class here, and its keys are the fields.
 """
 
 from __future__ import annotations
@@ -60,8 +60,7 @@ _Weights = Annotated[
 
 
 class Number(Written):
-    """[numbers.NAME]: a number of each run, from its series or from other runs'
-    numbers."""
+    """[numbers.NAME]: a number of each run, from its series or other runs' numbers."""
 
     title: Text = key("what the number is, for a reader")
     signals: TextOrTexts = key(
@@ -102,6 +101,7 @@ class Number(Written):
 
     @model_validator(mode="after")
     def _whole(self) -> Self:
+        """Check that the number is either of signals or of another scenario."""
         given = {
             "signal" if name == "signals" else name for name in self.model_fields_set
         }
@@ -137,7 +137,10 @@ else:
 
 
 class Plot(Table):
-    """[plots.NAME]: a figure of the report; figures stand in the order of their tables."""
+    """[plots.NAME]: a figure of the report.
+
+    Figures are in the order of their tables.
+    """
 
     NEEDED = ("title", "signals")
     title: Text = key("the caption")
@@ -171,12 +174,14 @@ class Plot(Table):
 
 
 class Dispersion(Written):
-    """An entry of [dispersions], "component.parameter" or "*.parameter": exactly one
-    kind."""
+    """An entry of [dispersions], "component.parameter" or "*.parameter".
 
+    It has exactly one kind.
+    """
+
+    # lower bound of the share of draws that are within the range; with a smaller share,
+    # drawing again until one is within would take too long
     LEAST_INSIDE: ClassVar[float] = 0.01
-    """Of what is drawn: with less inside, to draw again until it is would take for
-    ever."""
 
     normal: MeanAndDeviation = key("each element: [mean, deviation]")
     within: Range = key("with normal: an element beyond [low, high] is drawn again")
@@ -191,12 +196,13 @@ class Dispersion(Written):
 
     @property
     def kind(self) -> str:
-        """How it is drawn: `normal`, `uniform` and so on."""
+        """Return how it is drawn: `normal`, `uniform` and so on."""
         (kind,) = self.model_fields_set - {"within"}
         return kind
 
     @model_validator(mode="after")
     def _one(self) -> Self:
+        """Check that there is exactly one kind, and that `within` is wide enough."""
         kinds = [k for k in type(self).model_fields if k != "within"]
         if len(self.model_fields_set - {"within"}) != 1:
             raise incomplete(f"exactly one of {', '.join(kinds)} is needed")
@@ -216,8 +222,10 @@ class Dispersion(Written):
 
 
 class Requirement(Written):
-    """[requirements.NAME]: what a number must be, in a run and in so large a share of a
-    campaign's cases."""
+    """[requirements.NAME]: limits of a number.
+
+    They apply to a run, and to a share of a campaign's cases.
+    """
 
     NEEDED = ("number",)
     number: Text = key("the number, of [numbers] or of an analysis")
@@ -235,13 +243,16 @@ class Requirement(Written):
 
     @model_validator(mode="after")
     def _bounded(self) -> Self:
+        """Check that there is a limit."""
         if not self.model_fields_set & {"max", "min"}:
             raise incomplete("max or min is needed")
         return self
 
     def holds(self, values: Any) -> Any:
-        """Where values, in the number's unit, are finite and within; True or False for
-        one."""
+        """Check which values, in the number's unit, are finite and within the limits.
+
+        The result is True or False for one value, and an array for an array.
+        """
         low = -math.inf if self.min is None else self.min
         high = math.inf if self.max is None else self.max
         return (values <= high) & (values >= low) & (abs(values) < math.inf)
@@ -298,6 +309,7 @@ class DesignFile(Table):
 
 
 def _value_reached(value: Any) -> Any:
+    """Check that a value is a whole number, a name, true or false."""
     if (
         isinstance(value, bool)
         or type(value) is int
@@ -308,8 +320,11 @@ def _value_reached(value: Any) -> Any:
 
 
 class StopWhen(Table):
-    """[stop_when]: a condition that ends the run before its stop time; looked at after
-    each step. Exactly one of `below`, `above` and `reaches`."""
+    """[stop_when]: a condition that ends the run before its stop time.
+
+    It is evaluated after each step. It has exactly one of `below`, `above` and
+    `reaches`.
+    """
 
     NEEDED = ("signal",)
     signal: Text = key("`component.output`; it need not be recorded")
@@ -327,6 +342,7 @@ class StopWhen(Table):
 
     @model_validator(mode="after")
     def _one(self) -> Self:
+        """Check that there is exactly one condition, and a unit only for limits."""
         given = self.model_fields_set & {"below", "above", "reaches"}
         if len(given) != 1:
             raise incomplete("exactly one of below, above, reaches is needed")
@@ -336,7 +352,7 @@ class StopWhen(Table):
 
 
 class ScenarioTable(Written):
-    """What a whole file and a value of an axis both may hold."""
+    """Keys that both a whole file and a value of an axis may have."""
 
     without: Many[Text] = key(
         "paths of what is left out of that before, such as plots.rate", use="file"
@@ -421,13 +437,13 @@ class ScenarioTable(Written):
 
 
 class Cell(ScenarioTable):
-    """[axes.AXIS.VALUE]: what a value of an axis changes in the scenario."""
+    """[axes.AXIS.VALUE]: the changes that a value of an axis makes to the scenario."""
 
     label: Text = key("the value's name for a reader", use="file")
 
 
 class ScenarioFile(ScenarioTable):
-    """A scenario's file."""
+    """File of a scenario."""
 
     extends: TextOrTexts = key(
         "another file of the folder, or several, merged below this one; roles/manager, "
@@ -445,4 +461,4 @@ class ScenarioFile(ScenarioTable):
 OWN_KEYS = tuple(
     name for name, of in declared(ScenarioFile).items() if not of.inherited
 )
-"""Keys that no file has from those that it extends."""
+# keys that no file inherits from those that it extends

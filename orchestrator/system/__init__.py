@@ -1,1 +1,1 @@
-"""A system of components as data: interfaces, connections, checks, schedule. No files."""
+"""Represent a system as data: interfaces, connections, checks, schedule. No files."""

@@ -1,4 +1,4 @@
-"""The body of a craft as its file says it: mass and sides, and what cannot be of them."""
+"""Describe the body of a craft by mass and sides, and find contradictions in them."""
 
 from __future__ import annotations
 
@@ -6,12 +6,12 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from math import prod
 
-DENSITY = 250.0  # kg/m3, class: mass of a craft over the volume of its box
-DENSITIES = 20.0, 3000.0  # kg/m3: outside of these no craft was built
+DENSITY = 250.0  # kg/m3, class: mass of a craft divided by the volume of its box
+DENSITIES = 20.0, 3000.0  # kg/m3: range of the crafts that were built
 GYRATION = (
     0.1,
     30.0,
-)  # largest moment over that of a homogeneous box: panels, booms, a dense core
+)  # largest moment divided by that of a homogeneous box: panels, booms, a dense core
 
 
 @dataclass(frozen=True)
@@ -23,21 +23,23 @@ class Body:
 
     @property
     def density(self) -> float:
-        """Mass over the volume of the box (kg/m3)."""
+        """Return mass divided by the volume of the box (kg/m3)."""
         return self.mass / prod(self.sides)
 
 
 def homogeneous_inertia(
     mass: float, sides: Sequence[float]
 ) -> tuple[float, float, float]:
-    """Return the principal moments (kg m2) of a homogeneous box of a mass (kg) and
-    sides (m)."""
+    """Compute the principal moments (3,) kg m2 of a homogeneous box.
+
+    `mass` is in kg, `sides` in m.
+    """
     a, b, c = (x * x for x in sides)
     return mass / 12.0 * (b + c), mass / 12.0 * (c + a), mass / 12.0 * (a + b)
 
 
 def contradictions(body: Body, inertia: Sequence[float]) -> Iterator[str]:
-    """Find what of a body is that of no craft, a line each.
+    """Find properties of a body that no craft has, a line each.
 
     Parameters
     ----------

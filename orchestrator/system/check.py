@@ -1,4 +1,4 @@
-"""`desat check`: everything that can be wrong with a system before it runs, with names."""
+"""Check a system for everything that can be wrong before it runs, for `desat check`."""
 
 from __future__ import annotations
 
@@ -22,20 +22,27 @@ from .schedule import Schedule, schedule
 
 @dataclass
 class Checked:
-    """What a check found; `system` where it could be built, `schedule` where nothing
-    stands against running it."""
+    """Findings of a check.
+
+    `system` is set if it could be built, `schedule` if nothing prevents running it.
+    """
 
     problems: list[str]
     warnings: list[str]
     notes: list[str] = field(default_factory=list)
-    """A line a component: the inputs that keep their default, the unused outputs."""
+    # one line per component: inputs at their default, and unused outputs
     unwired: dict[str, Unwired] = field(default_factory=dict)
     system: System | None = None
     schedule: Schedule | None = None
 
     def or_raise(self) -> tuple[System, Schedule]:
-        """The system and its schedule; raises DesatError with every problem, a line
-        each."""
+        """Return the system and its schedule.
+
+        Raises
+        ------
+        DesatError
+            If there are problems, with one line for each.
+        """
         if self.problems or self.system is None or self.schedule is None:
             raise DesatError("\n".join(self.problems))
         return self.system, self.schedule
@@ -52,11 +59,11 @@ def check(
     Parameters
     ----------
     system
-        None where it could not be built.
+        None if it could not be built.
     problems, warnings
-        Of its building.
+        Found while it was built.
     origins
-        Who gave the classes of outputs.
+        Source of the class of each output.
     """
     checked = Checked(list(problems), list(warnings), system=system)
     if system is None:
@@ -83,7 +90,7 @@ def check(
 
 
 def _inputs(system: System) -> Iterator[str]:
-    """Listed inputs without a source or value, and arrays that are wired in part."""
+    """Find listed inputs without source or value, and partly wired arrays."""
     wired = {(c.target, c.input) for c in system.connections}
     for c in system.components.values():
         for connector in c.connectors.values():
@@ -112,7 +119,10 @@ def _inputs(system: System) -> Iterator[str]:
 
 
 def _at_start(system: System) -> Iterator[str]:
-    """Listed inputs of foreign FMUs without a source or value, a line a component."""
+    """Find listed inputs of foreign FMUs without source or value.
+
+    There is one line per component.
+    """
     wired = {(c.target, c.input) for c in system.connections}
     for c in system.components.values():
         open_ = [
@@ -132,12 +142,14 @@ def _at_start(system: System) -> Iterator[str]:
 
 
 def _shared(system: System, checked: Checked) -> None:
-    """A parameter that a block declares as shared must be equal wherever the name
-    stands; where a flight computer knows it otherwise, its model errs, which a warning
-    says."""
+    """Check that parameters declared as shared have equal values.
+
+    All components with a shared parameter must agree on its value. A flight computer
+    may have another one: then its model is in error, which a warning says.
+    """
     values: dict[str, tuple[str, object]] = {}
     err: dict[tuple[str, str], str] = {}
-    # the craft first: a computer's model is of it
+    # the craft comes first, because a computer's model describes it
     for c in sorted(
         system.components.values(), key=lambda c: c.interface.role in computers()
     ):
@@ -164,13 +176,12 @@ def _shared(system: System, checked: Checked) -> None:
 
 
 def _follows(system: System) -> Iterator[str]:
-    """Parameters that differ from what of the craft they usually are, as their blocks
-    declare it (`follows`): where a scenario extends another craft's they may be that
-    one's.
+    """Find parameters that differ from what they usually are for the craft.
 
-    Silent where the scenario gives a product of parameters, where it gives neither
-    side, and of what is of no craft: 0 (off), and a matrix that is a multiple of the
-    identity.
+    Blocks declare the usual product (`follows`). A scenario that extends another
+    craft's may still have the values of that craft. There is no warning if the scenario
+    gives a product of parameters, if it gives neither side, or for values of no
+    particular craft: 0 (off), and a multiple of the identity matrix.
     """
     known = table(system.components.values())
     known |= {
@@ -186,7 +197,7 @@ def _follows(system: System) -> Iterator[str]:
                 continue
             try:
                 usual = [float(x) for x in values_of(c, name, text, known).values()]
-            except DesatError:  # that craft has none, or several that differ
+            except DesatError:  # the craft has no such value, or several that differ
                 continue
             signals = c.interface.elements.get(name, ())
             own = [float(str(c.values[s.name])) for s in signals]
@@ -212,14 +223,16 @@ def _follows(system: System) -> Iterator[str]:
 
 
 def _of_no_craft(values: list[float]) -> bool:
-    """Whether all are 0, or they are a multiple of the identity (3, 3)."""
+    """Return whether all values are 0 or a multiple of the identity (3, 3)."""
     matrix = len(values) == 9 and [values[0] * (i % 4 == 0) for i in range(9)]
     return not any(values) or values == matrix
 
 
 def _samples(system: System) -> Iterator[str]:
-    """A component that samples does so, for whatever purpose, once in a whole number of
-    its steps; so it is with its delay."""
+    """Check that sample times and delays are whole numbers of a component's steps.
+
+    This applies to every sample time of a component that takes samples.
+    """
     for c in system.components.values():
         step = system.step * c.step_ratio
         names = [
@@ -236,7 +249,10 @@ def _samples(system: System) -> Iterator[str]:
 
 
 def _overrides(system: System, given: Mapping[str, str]) -> Iterator[str]:
-    """Classes that are none, or of no output; `given`: who said so."""
+    """Check that overridden classes exist and belong to outputs.
+
+    `given` holds the source of each override.
+    """
     for key, value in system.output_classes.items():
         where = given.get(key, f"{system.where}: output_classes")
         owner, _, name = key.partition(".")
@@ -252,19 +268,19 @@ def _overrides(system: System, given: Mapping[str, str]) -> Iterator[str]:
 
 
 # --------------------------------------------------------------------------------------
-# What a system leaves open: inputs that keep their default, unused outputs, and the
-# parameters that have no effect for want of them
+# Open ends of a system: inputs at their default, unused outputs, and the parameters that
+# have no effect because of them
 
 
 @dataclass(frozen=True)
 class Unwired:
-    """A component's inputs that keep their default and unused outputs, by name."""
+    """Inputs of a component at their default, and its unused outputs, by name."""
 
     inputs_at_default: tuple[str, ...]
     outputs_unread: tuple[str, ...]
 
     def text(self, component: str) -> str:
-        """A line for people; empty where there is nothing to say."""
+        """Describe the open ends in one line; empty if there are none."""
         parts = [
             f"{what}: {', '.join(names)}"
             for what, names in (
@@ -277,7 +293,10 @@ class Unwired:
 
 
 def unwired(system: System) -> dict[str, Unwired]:
-    """What each component leaves open. `fault` is for the master and counts nowhere."""
+    """Find the inputs and outputs of each component that are not connected.
+
+    `fault` is for the master and is left out.
+    """
     wired, read = system.fed, system.read
     result = {}
     for c in system.components.values():
@@ -292,8 +311,11 @@ def unwired(system: System) -> dict[str, Unwired]:
 
 
 def without_effect(system: System, open_ends: dict[str, Unwired]) -> Iterator[str]:
-    """An error a parameter (or wired input) and each variable that it needs and that is
-    open."""
+    """Find parameters and wired inputs that have no effect.
+
+    There is one problem for each such variable and each variable that it needs but that
+    is open.
+    """
     wired = system.fed
     for c in system.components.values():
         mine = open_ends[c.name]
@@ -315,7 +337,10 @@ def without_effect(system: System, open_ends: dict[str, Unwired]) -> Iterator[st
 
 
 def _value_text(c: Component, name: str) -> str:
-    """` = value` of a scalar, a choice by its name; nothing for an array."""
+    """Format ` = value` of a scalar, with a choice by its name.
+
+    The text is empty for an array.
+    """
     signal = c.interface.signals.get(name)
     if signal is None:
         return ""
@@ -326,16 +351,15 @@ def _value_text(c: Component, name: str) -> str:
 
 
 # ------------------------------------------------------------------------------------------------
-# What is known before a run: values outside of what is usual, and what blocks of ours foresee. A
-# block foresees (`Block.foresee`) with its parameters and the times of the run: where it leaves
-# the range in which its model holds, and what it lacks to be of use. Another FMU says nothing of
-# that.
+# Findings before a run: values outside the usual range, and what blocks of ours foresee. From its
+# parameters and the times of the run a block foresees (`Block.foresee`) where its model becomes
+# invalid and which inputs it lacks to have an effect. Other FMUs cannot do so.
 
 
 def foresee(
     system: System, open_ends: dict[str, Unwired]
 ) -> tuple[list[str], list[str]]:
-    """Problems and warnings, a line each."""
+    """Return the problems and warnings that are known before a run, a line each."""
     problems: list[str] = []
     warnings: list[str] = []
     for c in system.components.values():
@@ -359,7 +383,10 @@ def foresee(
 
 
 def _unusual(c: Component, where: str) -> Iterator[str]:
-    """A line a variable with values that are allowed, but outside of what is usual."""
+    """Find variables whose values are allowed, but outside the usual range.
+
+    There is one line per variable.
+    """
     told_of: set[str] = set()
     for name, value in c.parameters.items():
         signal, base = c.interface.signals[name], base_name(name)
@@ -376,7 +403,10 @@ def _unusual(c: Component, where: str) -> Iterator[str]:
 
 
 def _no_attitudes(c: Component, where: str) -> Iterator[str]:
-    """A line a quaternion (q_..., scalar last) that is zero: it is no attitude."""
+    """Find quaternions (q_..., scalar last) that are zero and thus no attitude.
+
+    There is one line for each.
+    """
     for name in {base_name(n) for n in c.parameters if n.startswith("q_")}:
         values = [
             c.parameters.get(s.name, s.start)
@@ -390,8 +420,10 @@ def _no_attitudes(c: Component, where: str) -> Iterator[str]:
 
 
 def _foresees(c: Component) -> bool:
-    """Whether a component is of a block of ours, with that one's variables, that
-    foresees."""
+    """Return whether a component is a block of ours that implements `foresee`.
+
+    It must have the variables of that block.
+    """
     model = c.interface.model
     if model not in names() or block_class(model).foresee is Block.foresee:
         return False
@@ -406,8 +438,11 @@ def _of_block(
     end: float,
     wired: frozenset[str],
 ) -> tuple[tuple[str, ...], str]:
-    """What a block foresees with the values of its variables by number, and what it
-    refuses. Nothing where it does not start: that is told when it does."""
+    """Return what a block foresees with these values, and what it refuses.
+
+    Values are given by variable number. The result is empty if the block does not
+    start; that is reported when it does.
+    """
     block = block_class(model)()
     block.access([k for k, _ in given]).write([x for _, x in given])
     try:

@@ -1,4 +1,4 @@
-"""What a spacecraft consists of, found once in its system."""
+"""Find the parts of a spacecraft in its system, once."""
 
 from __future__ import annotations
 
@@ -23,25 +23,28 @@ _RIGID = {
 
 
 def carrier(inertia: Array, axes: Array, spin: Array) -> Array:
-    """Return the inertia (3, 3) of a body without the axial part of rotors about axes
-    (3, n)."""
+    """Compute the inertia (3, 3), body, without the axial part of the rotors.
+
+    `axes` (3, n) are the rotor axes, `spin` (n,) their axial inertia.
+    """
     return inertia - (axes * spin) @ axes.T
 
 
 def carrier_inertia(values: Values) -> Array:
-    """Return the inertia (3, 3), kg m2, of a body without the axial part of its rotors."""
+    """Compute the body inertia (3, 3), kg m2, without the rotors' axial part."""
     inertia = np.reshape(np.array(values["inertia"], float), (3, 3))
     return carrier(inertia, axes_of(values), np.array(values["inertia_wheel"]))
 
 
 class WheelArray:
-    """The reaction wheels of a spacecraft, as their own component has them."""
+    """Reaction wheels of a spacecraft, from the parameters of their component."""
 
     def __init__(self, component: Component) -> None:
         values = component.values
         self.component = component
         self.exist = existing(values)  # (n,)
-        self.axes = axes_of(values)[:, self.exist]  # (3, m), body, of those that exist
+        # (3, m), body, of the wheels that exist
+        self.axes = axes_of(values)[:, self.exist]
         zeros = np.zeros(len(self.exist))
         self.h_start: Array = np.array(
             values.get("h_start_wheel", zeros), float
@@ -49,32 +52,32 @@ class WheelArray:
 
     @cached_property
     def capacities(self) -> Array:
-        """Largest momentum of each wheel that exists (m,), N m s."""
+        """Return the largest momentum of each wheel that exists (m,), N m s."""
         return capacities(self.component.values)[self.exist]
 
 
 class RigidBody:
-    """A component with the parameters of a rigid body with wheels, ours or not."""
+    """Component with the parameters of a rigid body with wheels, ours or not."""
 
     def __init__(
         self, component: Component, wire: Connection, wheels: Component
     ) -> None:
         self.component = component
         self.wheels = WheelArray(wheels)
-        self.wheel_series = wire.series  # the output that gives it the wheels' momentum
+        self.wheel_series = wire.series  # series of the wheel momentum that it receives
         self.axes = axes_of(component.values)  # (3, n), body, of all wheels
         self.carrier = carrier_inertia(component.values)  # (3, 3), kg m2
-        # whether its inertia is that of a body
+        # whether its inertia is physically possible
         self.is_possible = bool(np.linalg.eigvalsh(self.carrier).min() > 0.0)
 
 
 class Craft:
-    """The parts of a spacecraft by what they are for; None where there is none.
+    """Parts of a spacecraft by their role; None where there is none.
 
     Parameters
     ----------
     system
-        In which it flies. Of several components of a role the last counts.
+        The system in which it flies. Of several components of a role the last counts.
     """
 
     def __init__(self, system: System) -> None:
@@ -103,7 +106,7 @@ class Craft:
 
 
 def craft_of(system: System) -> Craft:
-    """Return what the spacecraft of a system consists of, found once for each system."""
+    """Return the parts of the spacecraft of a system, found once for each system."""
     found: Craft | None = vars(system).get("craft")
     if found is None:
         found = vars(system)["craft"] = Craft(system)

@@ -1,18 +1,18 @@
-"""The digest of a system: equal where the same bits come out, another where one may
-differ.
+"""Compute the digest of a system: equal digests mean that the same bits come out.
 
-It is of the *resolved* system, found by walking its dataclasses, so that a field that
-they get later is in it by itself; what moves no bit is left out by name (`ASIDE`). Each
-component stands with what computes it (`files/library.py`, `computes`): of a foreign
-FMU the sha256 of its file; of a block of ours the hash of the Python that is
-translated, whichever of its three forms runs, the native FMU, the one of Python or the
-bare block, as these give the same bits (`make builds`, and the tests of all blocks): a
-run, a worker with another build, and draws that are looked up without FMUs agree. It is
-the hash of what an FMU was built of, not of the sources beside it. Values are in the
-variables' own units, which are in the digest, too: SI for all of ours; what a file
-gives in another unit has been converted when a system is resolved.
+The digest covers the *resolved* system. It is found by walking the system's
+dataclasses, so that a new field is included automatically; what affects no bit is left
+out by name (`ASIDE`). Each component stands with what computes it (`files/library.py`,
+`computes`): for a foreign FMU the sha256 of its file, for a block of ours the hash of
+the Python that is translated. That hash is the same for the native FMU, the Python FMU
+and the bare block, as these give the same bits (`make builds`, and the tests of all
+blocks). So a run, a worker with another build, and draws that are looked up without
+FMUs agree. It is the hash of what an FMU was built of, not of the sources beside it.
+Values are in the variables' own units, which are in the digest, too: SI for all of
+ours. A value that a file gives in another unit has been converted when the system is
+resolved.
 
-Versions, compiler and libm stand beside it (`files/identity.py`, `versions`).
+Versions, compiler and libm are stored beside it (`files/identity.py`, `versions`).
 """
 
 from __future__ import annotations
@@ -28,11 +28,12 @@ from typing import Any
 from .interface import Interface
 from .model import Connection, System
 
+# Form of the digest, before a colon; digests of different forms cannot be compared.
 FORM = "2"
-"""Of the digest, before a colon: digests of another form are of no use to each other.
-"""
 
 _OF_CODE = "is of what computes it, which stands beside"
+# Fields that are in no digest, by class, and why. Fields of `Options` and keys of a
+# scenario declare it themselves (`aside`, `use`).
 ASIDE: Mapping[str, Mapping[str, str]] = {
     "System": {
         "name": "a name for people",
@@ -65,8 +66,6 @@ ASIDE: Mapping[str, Mapping[str, str]] = {
         "needed_by": "what is missing is refused",
     },
 }
-"""Fields that are in no digest, by class, and why; of `Options` and of the keys of a
-scenario each says so itself (`aside`, `use`)."""
 
 
 def digest(
@@ -75,11 +74,24 @@ def digest(
     beside: Any = None,
     without: Set[str] = frozenset(),
 ) -> str:
-    """FORM and sha256 of a system, of what computes each component, by its name, and of
-    what else moves bits (`beside`: dataclasses, tables, lists, numbers, texts).
-    `without`: keys of the scenario's content that do not count for this use of it.
-    Raises TypeError for what it cannot tell, and KeyError for a component that nothing
-    computes."""
+    """Compute FORM and sha256 of a system and of all else that affects bits.
+
+    Parameters
+    ----------
+    computes
+        What computes each component, by its name.
+    beside
+        What else affects bits: dataclasses, tables, lists, numbers, texts.
+    without
+        Keys of the scenario's content that do not count for this use.
+
+    Raises
+    ------
+    TypeError
+        If a value has a type that cannot be digested.
+    KeyError
+        If nothing computes a component.
+    """
     about = system.about.counted() if system.about else {}
     content: Any = {k: _untitled(v) for k, v in about.items() if k not in without}
     told = [
@@ -92,13 +104,15 @@ def digest(
 
 
 def comparable(other: str) -> bool:
-    """Whether a digest that was kept is of the form of those made now."""
+    """Return whether a stored digest has the form of those computed now."""
     return other.startswith(f"{FORM}:")
 
 
 def wiring(connections: tuple[Connection, ...]) -> dict[str, dict[str, Any]]:
-    """The connections by `component.input`: where from, and the transformation, where
-    there is one: input = factor * source + offset."""
+    """Return the source of each connection by `component.input`.
+
+    A transformation, input = factor * source + offset, is included where there is one.
+    """
     return {
         f"{c.target}.{c.input}": {
             "source": f"{c.source}.{c.output}",
@@ -113,22 +127,28 @@ def wiring(connections: tuple[Connection, ...]) -> dict[str, dict[str, Any]]:
 
 
 def _untitled(value: Any) -> Any:
-    """Numbers, plots or requirements of a scenario without their titles; else what is
-    given."""
+    """Remove titles from numbers, plots or requirements of a scenario.
+
+    Any other value is returned unchanged.
+    """
     if isinstance(value, Mapping):
         return {name: _entry(entry) for name, entry in value.items()}
     return [_entry(entry) for entry in value] if isinstance(value, list) else value
 
 
 def _entry(entry: Any) -> Any:
+    """Remove the title of an entry."""
     is_table = isinstance(entry, Mapping)
     return {k: v for k, v in entry.items() if k != "title"} if is_table else entry
 
 
 @cache
 def _fields_of(kind: Any) -> Callable[[Any], tuple[Any, ...]] | None:
-    """What gets the fields of a dataclass that are in the digest, after its class:
-    those that are given, not what follows from them. None for another class."""
+    """Return a getter of the class name and digested fields of a dataclass.
+
+    Only fields that are given count, not those derived from them. The result is None
+    for any other class.
+    """
     if not isinstance(kind, type) or not is_dataclass(kind):
         return None
     aside = ASIDE.get(kind.__name__, {})
@@ -141,8 +161,10 @@ def _fields_of(kind: Any) -> Callable[[Any], tuple[Any, ...]] | None:
 
 
 def _of_interface(x: Interface) -> str:
-    """The hash of an interface, kept with it as its cached properties are: it has
-    hundreds of variables, and components share it."""
+    """Compute the hash of an interface and cache it there.
+
+    An interface has hundreds of variables, and components share it.
+    """
     known = vars(x)
     if "_digest" not in known:
         values = (
@@ -160,8 +182,10 @@ _PLAIN = frozenset((float, str, int, bool, type(None)))
 
 
 def _as_json(x: Any) -> Any:
-    """Something as JSON: what is equal in it is equal to the bit. The order of
-    dataclasses in a list, such as connections, does not count."""
+    """Convert a value to JSON that is equal only if the value is equal to the bit.
+
+    The order of dataclasses in a list, such as connections, does not count.
+    """
     kind = type(x)
     if kind in _PLAIN:
         return x

@@ -1,8 +1,8 @@
-"""What the package finds in its folders: analyses, commands, providers, templates.
+"""Find analyses, commands, providers and templates in the package's folders.
 
 A folder of a name counts at the top of the package and in each of its rooms, so that a
-room adds what it has without being imported by others: `papers/commands/` adds to
-`cli/commands/`. A room that is absent adds nothing.
+room contributes its content without being imported by others: `papers/commands/` adds
+to `cli/commands/`. A room that is absent adds nothing.
 """
 
 from __future__ import annotations
@@ -16,15 +16,17 @@ HOME = Path(__file__).parents[1]
 
 
 def folders(name: str) -> list[Path]:
-    """Return the folders of this name, that at the top of the package first."""
+    """Return the folders of this name, the one at the top of the package first."""
     return [
         path for path in (HOME / name, *sorted(HOME.glob(f"*/{name}"))) if path.is_dir()
     ]
 
 
 def load(folder: str, name: str = "*") -> list[ModuleType]:
-    """Import the modules in the folders of this name, or those of one file name, in its
-    order."""
+    """Import the modules in the folders of this name, ordered by file name.
+
+    `name` selects the modules of one file name.
+    """
     files = [*HOME.glob(f"{folder}/{name}.py"), *HOME.glob(f"*/{folder}/{name}.py")]
     parts = [
         file.relative_to(HOME).with_suffix("").parts

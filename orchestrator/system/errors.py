@@ -1,4 +1,4 @@
-"""Errors that a user reads: one clear line each."""
+"""Define errors that a user reads, as one clear line each."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ T = TypeVar("T")
 
 
 class Exit(IntEnum):
-    """An exit code, with what it means as its `meaning`."""
+    """Exit code, with its meaning as `meaning`."""
 
     meaning: str
 
@@ -36,20 +36,26 @@ class Exit(IntEnum):
     TERMINATED = 143, "stopped by SIGTERM"
 
 
+# Maximum number of names, and of characters of a name, for which the nearest is searched;
+# beyond, the search would take minutes.
 MANY, LONG = 2000, 200
-"""Beyond so many names, or characters of one, no nearest is looked for: it would take
-minutes."""
 
 
 class DesatError(Exception):
-    """Something the user can mend; the text names file, component and variable, what
-    was got and what is allowed. `code` is how the command ends."""
+    """Error that the user can correct.
+
+    The text names file, component and variable, the value and what is allowed. `code`
+    is the exit code of the command.
+    """
 
     code: Exit = Exit.INPUT
 
 
 class MisfitError(DesatError):
-    """A value of a file that does not fit; `keys` lead to it within its table."""
+    """A value of a file that does not fit.
+
+    `keys` lead to it within its table.
+    """
 
     def __init__(self, text: str, *keys: str) -> None:
         super().__init__(text)
@@ -57,7 +63,7 @@ class MisfitError(DesatError):
 
 
 class RunError(DesatError):
-    """A run that did not complete: a component failed, or somebody stopped it."""
+    """A run that did not complete: a component failed, or it was stopped."""
 
     def __init__(self, text: str, code: Exit = Exit.COMPONENT) -> None:
         super().__init__(text, code)
@@ -68,15 +74,20 @@ class RunError(DesatError):
 
 
 def plain(text: str) -> str:
-    """A text of somebody's as one printable line: no control characters reach a
-    terminal."""
+    """Convert any text to one printable line.
+
+    No control characters reach a terminal.
+    """
     return "".join(
         x if x.isprintable() else " " if x.isspace() else "\ufffd" for x in text
     )
 
 
 def nearest(name: str, known: Iterable[str]) -> str:
-    """`; did you mean X?` for the closest known name, or a list of the known names."""
+    """Suggest the closest known name: `; did you mean X?`.
+
+    If none is close, the known names are listed.
+    """
     known = sorted(known)
     if len(known) > MANY or len(name) > LONG:
         return ""
@@ -95,13 +106,20 @@ def require(name: str, known: Collection[str], what: str) -> None:
     Raises
     ------
     DesatError
-        If it is not: `what` there is not, as "no component", and the nearest name.
+        If it is not: `what` introduces the name, as in "no component", and the nearest
+        name follows.
     """
     if name not in known:
         raise DesatError(f"{what} {name}{nearest(name, known)}")
 
 
 def look_up(name: str, known: Mapping[str, T], what: str) -> T:
-    """Return what a name stands for. Raises DesatError as `require`."""
+    """Return the entry of a name.
+
+    Raises
+    ------
+    DesatError
+        If the name is unknown, as `require`.
+    """
     require(name, known, what)
     return known[name]

@@ -1,12 +1,12 @@
-"""Products of parameters that stand where a scenario may have a number.
+"""Evaluate products of parameters, which a scenario may have in place of numbers.
 
     percent_of = "wheels.inertia_wheel * wheels.speed_limit"
     limits = [{ value = "0.1 * manager.h_limit", name = "not unloaded" }]
 
-A text is a product or quotient of numbers and parameters, from left to right. A
-parameter is `component.name`, `component.name[i]`, or `shared.name` for one that
+A text is a product or quotient of numbers and parameters, evaluated from left to right.
+A parameter is `component.name`, `component.name[i]`, or `shared.name` for one that
 several components have with the same value (the craft's, where a flight computer's
-model errs). Its unit counts: N m / N m s is 1/s.
+model is in error). Its unit counts: N m / N m s is 1/s.
 """
 
 from __future__ import annotations
@@ -24,8 +24,8 @@ from .interface import Signal, base_name, computers
 from .model import Component
 from .parameters import Parameter, expand, table, unit_of
 
+# Component -> parameter, as in a manifest.
 Table = Mapping[str, Mapping[str, Parameter]]
-"""Component -> parameter, as in a manifest."""
 
 _TOKEN = re.compile(r"\s*(?:([*/])|([^\s*/]+))")
 _NAME = re.compile(r"(\w+)\.(\w+)(?:\[(\d+)\])?\Z")
@@ -33,9 +33,12 @@ FORM = "a Real is needed, or a product of numbers and component.parameter"
 
 
 def factor(source: Unit, target: str, what: str) -> float:
-    """What a value in `source` is multiplied by to be in `target`.
+    """Return the factor that converts a value from `source` to `target`.
 
-    Raises DesatError, naming `what` has the unit, where the dimensions differ.
+    Raises
+    ------
+    DesatError
+        If the dimensions differ; `what` names the value with the unit.
     """
     converted = conversion(source, unit_of(target))
     if converted is None:
@@ -44,13 +47,18 @@ def factor(source: Unit, target: str, what: str) -> float:
 
 
 def is_name(text: str) -> bool:
-    """True for the name of one parameter, with nothing to multiply."""
+    """Return whether a text is the name of one parameter, without a product."""
     return _NAME.match(text.strip()) is not None
 
 
 def parsed(text: str) -> list[tuple[str, str]]:
-    """Of each factor of a text `*` or `/`, and the number or name. Raises DesatError
-    for a text of another form."""
+    """Parse a text into pairs of operator (`*` or `/`) and number or name.
+
+    Raises
+    ------
+    DesatError
+        If the text has another form.
+    """
     tokens = [m.groups() for m in _TOKEN.finditer(text.strip())]
     operators, factors = [t[0] for t in tokens[1::2]], [t[1] for t in tokens[::2]]
     if not tokens or len(tokens) % 2 == 0 or None in operators or None in factors:
@@ -59,8 +67,13 @@ def parsed(text: str) -> list[tuple[str, str]]:
 
 
 def product(text: str, known: Table) -> tuple[float, Unit]:
-    """The value of a text, and its unit. Raises DesatError, naming the text, where it
-    has none."""
+    """Compute the value of a text and its unit.
+
+    Raises
+    ------
+    DesatError
+        If it has no value; the message names the text.
+    """
     result, unit = 1.0, Unit()
     for operator, name in parsed(text):
         own = Unit()
@@ -81,19 +94,23 @@ def product(text: str, known: Table) -> tuple[float, Unit]:
 
 
 class Entry(NamedTuple):
-    """A parameter that a text names, or one of its elements."""
+    """Parameter that a text names, or one of its elements."""
 
     value: Any
     unit: str
+    # `component.parameter`; for `shared.parameter` the component whose value counts
     name: str
-    """`component.parameter`: of `shared.parameter` the component whose value counts."""
-    element: int
-    """From 1 on; 0: the whole."""
+    element: int  # from 1 on; 0: the whole
 
 
 def entry(name: str, table: Table) -> Entry:
-    """What `component.parameter`, or one of its elements, stands for. Raises
-    DesatError."""
+    """Look up `component.parameter`, or one of its elements.
+
+    Raises
+    ------
+    DesatError
+        If there is none.
+    """
     match = _NAME.match(name.strip())
     if match is None:
         raise DesatError(f"{name}: {FORM}")
@@ -113,11 +130,12 @@ def entry(name: str, table: Table) -> Entry:
 
 
 def _owner_of_shared(parameter: str, table: Table) -> str:
+    """Find the component whose value of a shared parameter counts."""
     owners = sorted(c for c, parameters in table.items() if parameter in parameters)
     if not owners:
         raise DesatError(f"no component has a parameter {parameter}")
-    # where a flight computer's model errs, the craft's own value counts: they are named
-    # by role
+    # if a flight computer's model is in error, the craft's own value counts; flight
+    # computers are recognised by their names, which begin with their role
     of_craft = [c for c in owners if not c.startswith(tuple(computers()))] or owners
     value = table[of_craft[0]][parameter].value
     if any(table[c][parameter].value != value for c in of_craft):
@@ -128,8 +146,11 @@ def _owner_of_shared(parameter: str, table: Table) -> str:
 
 
 def _scalar(name: str, table: Table) -> tuple[float, Unit]:
-    """A parameter as one number; of an array, what all elements that are not zero have
-    in common (a wheel that is not there has inertia 0)."""
+    """Return a parameter as one number, with its unit.
+
+    For an array it is the common value of all elements that are not zero (a wheel that
+    does not exist has inertia 0).
+    """
     value, unit, *_ = entry(name, table)
     if isinstance(value, list):
         different = sorted({float(x) for x in value if x})
@@ -142,25 +163,26 @@ def _scalar(name: str, table: Table) -> tuple[float, Unit]:
 
 
 # ------------------------------------------------------------------------------------------------
-# Parameters that are given as other parameters, or products of them: `gain = "shared.inertia"`
+# References: parameters set to other parameters, or products of them: `gain = "shared.inertia"`
 
 
+# Component and parameter -> the text that gives its value.
 References = Mapping[tuple[str, str], str]
-"""Component and parameter -> the text that it is given as."""
 
 
 def evaluate(
     components: Mapping[str, Component], references: References, where: str
 ) -> tuple[dict[str, Component], list[str]]:
-    """The components with the values of their references, and what is wrong with these.
+    """Set the parameters that are references, and list what is wrong with these.
 
-    A name alone stands for the whole array. Units are converted; a parameter in "1"
-    takes the number in SI units whatever its unit (a gain matrix that is the inertia).
+    A name alone stands for the whole array. Units are converted. A parameter in "1"
+    takes the number in SI units whatever its unit is (a gain matrix that is the
+    inertia).
     """
     result, waiting = dict(components), dict(references)
     problems: list[str] = []
     while waiting:
-        # what a text would call those that wait
+        # the names by which a text would refer to those that wait
         called = {f"{owner}.{name}" for c, name in waiting for owner in (c, "shared")}
         ready = [key for key, text in waiting.items() if not names_in(text) & called]
         if not ready:
@@ -185,7 +207,7 @@ def evaluate(
 
 
 def names_in(text: str) -> set[str]:
-    """The parameters that a product names, without their elements."""
+    """Return the parameters that a product names, without their indices."""
     return {
         base_name(word) for word in text.replace("*", " ").replace("/", " ").split()
     }
@@ -194,8 +216,13 @@ def names_in(text: str) -> set[str]:
 def values_of(
     component: Component, name: str, text: str, known: Table
 ) -> dict[str, Scalar]:
-    """The scalars that a text gives to a parameter. Raises DesatError where it does not
-    fit."""
+    """Compute the scalars that a text gives to a parameter.
+
+    Raises
+    ------
+    DesatError
+        If the value does not fit.
+    """
     signals = component.interface.elements.get(name, ())
     value: Any
     if is_name(text):
@@ -212,8 +239,13 @@ def values_of(
 
 
 def scale_of(signal: Signal, unit: Unit, text: str) -> float:
-    """What a text's value in `unit` is multiplied by to be a parameter. Raises
-    DesatError where it does not fit."""
+    """Return the factor that converts a text's value in `unit` to the parameter's unit.
+
+    Raises
+    ------
+    DesatError
+        If the dimensions differ.
+    """
     own = signal.unit
     if own is not None and own.dimension == unit.dimension:
         return unit.factor / own.factor

@@ -1,7 +1,7 @@
-"""What is known of a component: its scalar variables and the class of its outputs.
+"""Describe the interface of a component: scalar variables and classes of outputs.
 
-Read from an FMU's model description (`files/fmu.py`) or from a bare block; both give
-the same.
+It is read from an FMU's model description (`files/fmu.py`) or from a bare block; both
+give the same.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ OutputClass = Literal["state", "interval", "undeclared"]
 
 @dataclass(frozen=True)
 class Signal:
-    """One scalar variable of a component."""
+    """Scalar variable of a component."""
 
     name: str
     causality: str
@@ -43,36 +43,30 @@ class Signal:
     description: str = ""
     choices: tuple[str, ...] = ()
     output_class: OutputClass = "state"
-    initial: bool = False
-    """An input that is read in initialisation mode only."""
+    initial: bool = False  # an input that is read in initialisation mode only
+    # an interval output that is a mean over the step; its integral is preserved at any
+    # rates
     mean: bool = False
-    """An interval output that is a mean over the step, whose integral is handed on at
-    any rates."""
-    slope: str = ""
-    """The output with the slope of this mean; empty where there is none."""
+    slope: str = ""  # the output with the slope of this mean; empty if there is none
+    # all components of a system with a parameter of this name must agree on it
     shared: bool = False
-    """All components of a system that have a parameter of this name must agree on it.
-    """
+    # the product of the craft's parameters to which it is usually equal; mostly empty
     follows: str = ""
-    """The product of the craft's parameters that it usually is; empty for most."""
+    # the component's parameters and inputs that have no effect if this input is neither
+    # wired nor given, or if this output is unused
     needed_by: tuple[str, ...] = ()
-    """The component's parameters and inputs that have no effect where this input is
-    neither wired nor given, or where this output reaches nobody."""
+    # the usual range, in the variable's own unit; a value outside is probably a mistake
     usual: tuple[float, float] | None = None
-    """The range outside of which a value is more likely a slip, in the variable's own
-    unit."""
-    type: str = ""
-    """Of FMI 3.0 the variable's own, Float32 or UInt8 for instance."""
-    element: int = 0
-    """Of FMI 3.0 its place in its array, which `reference` has added to the array's."""
+    type: str = ""  # FMI 3.0 only: the variable's type, such as Float32 or UInt8
+    element: int = 0  # FMI 3.0 only: index in its array; `reference` includes it
+    # an output that is recorded under its own name, as its array is not numbered from 1
+    # in order
     alone: bool = False
-    """An output that is recorded under its own name: its array is not numbered from 1
-    in order."""
 
+    # the variable of which it is an element, or itself
     array: str = field(init=False, repr=False, compare=False)
-    """The variable that it is an element of; itself, where it is none."""
+    # the variable in whose series it is recorded
     series: str = field(init=False, repr=False, compare=False)
-    """The variable whose series it is recorded in."""
 
     def __post_init__(self) -> None:
         array = self.name.partition("[")[0]
@@ -80,33 +74,33 @@ class Signal:
         object.__setattr__(self, "series", self.name if self.alone else array)
 
     def named(self, value: Any) -> Any:
-        """The name of a value, where it is a choice; else the value."""
+        """Return the name of a choice; any other value is returned unchanged."""
         is_choice = isinstance(value, int) and 0 <= value < len(self.choices)
         return self.choices[value] if is_choice else value
 
 
 @dataclass(frozen=True)
 class Interface:
-    """The variables of a component by name, in the order of its description."""
+    """Variables of a component by name, in the order of its description."""
 
     model: str
     title: str
     signals: dict[str, Signal]
     role: str = ""
     fmi: str = "2.0"
+    # the scalars of each variable by its name; for an array all elements
     arrays: Mapping[str, tuple[Signal, ...]] = field(
         init=False, repr=False, compare=False
     )
-    """The scalars of each variable by its name: of an array its elements."""
+    # the same, and in addition each element by its own name
     elements: Mapping[str, tuple[Signal, ...]] = field(
         init=False, repr=False, compare=False
     )
-    """The same, and each element by its own name, alone."""
     inputs: tuple[Signal, ...] = field(init=False, repr=False, compare=False)
     outputs: tuple[Signal, ...] = field(init=False, repr=False, compare=False)
     parameters: tuple[Signal, ...] = field(init=False, repr=False, compare=False)
+    # the outputs that are the slope of a mean
     slopes: frozenset[str] = field(init=False, repr=False, compare=False)
-    """The outputs that are the slope of a mean."""
 
     def __post_init__(self) -> None:
         """Sort the signals, once."""
@@ -129,14 +123,17 @@ class Interface:
             object.__setattr__(self, name, value)
 
     def of(self, causality: str) -> Iterator[Signal]:
-        """The signals of one causality."""
+        """Return the signals of one causality."""
         return (s for s in self.signals.values() if s.causality == causality)
 
 
 def apart(outputs: Iterable[Signal]) -> dict[str, Signal]:
-    """Of outputs in the order of their description those that make no series together,
-    marked so: elements of an array that is not numbered from 1, whole, in order, in one
-    row, of one class and one unit."""
+    """Find outputs that cannot form one series with the rest of their array.
+
+    They are returned marked as `alone`. The outputs come in the order of their
+    description. A series needs an array that is complete, numbered from 1 in order,
+    contiguous, and of one class and one unit.
+    """
     counts: dict[str, int] = {}
     arrays: dict[str, list[tuple[int, Signal]]] = {}
     for signal in outputs:
@@ -151,8 +148,10 @@ def apart(outputs: Iterable[Signal]) -> dict[str, Signal]:
 
 
 def _in_order(elements: list[tuple[int, Signal]]) -> bool:
-    """Whether these are x, or x[1], x[2], ... or x[1,1], x[1,2], ... one behind the
-    other."""
+    """Return whether the elements are x, or x[1], x[2], ..., or x[1,1], x[1,2], ...
+
+    They must be contiguous and of one type, class and unit.
+    """
     first, signal = elements[0]
     base = signal.array
     if [s.name for _, s in elements] == [base]:
@@ -173,18 +172,18 @@ def _in_order(elements: list[tuple[int, Signal]]) -> bool:
 
 @lru_cache(maxsize=1 << 16)
 def base_name(name: str) -> str:
-    """`b_eci[2]` -> `b_eci`"""
+    """Return the name of the array of an element: `b_eci` for `b_eci[2]`."""
     return name.partition("[")[0]
 
 
 @cache
 def interface_of_block(name: str) -> Interface:
-    """The interface of one of our blocks, by its name."""
+    """Return the interface of one of our blocks, by its name."""
     return of_block(name, block_class(name))
 
 
 def of_block(name: str, block: type[Block]) -> Interface:
-    """The interface of a bare block."""
+    """Build the interface of a bare block."""
     signals: dict[str, Signal] = {}
     for v in block.variables:
         for element, start in zip(v.elements(), v.flat_start(), strict=True):
@@ -213,13 +212,15 @@ def of_block(name: str, block: type[Block]) -> Interface:
     return Interface(name, title(block), signals, block.role)
 
 
-# --- What usually feeds which input, and whether one variable can feed another --------
+# --- Usual sources of inputs, and compatibility of outputs and inputs -----------------
 
 
 @cache
 def role_classes() -> dict[str, type[Block]]:
-    """Return the class that declares each role, in the order of
-    `components/contract/roles.py`."""
+    """Return the class that declares each role.
+
+    The order is that of `components/contract/roles.py`.
+    """
     return {
         c.role: c
         for c in vars(roles).values()
@@ -229,8 +230,10 @@ def role_classes() -> dict[str, type[Block]]:
 
 @cache
 def usual_sources() -> dict[str, dict[str, tuple[str, ...]]]:
-    """Return what usually feeds each input: role -> input -> `role.output`, the best
-    first."""
+    """Return the usual source of each input: role -> input -> `role.output`.
+
+    The best source comes first.
+    """
     return {
         role: {v.name: v.source for v in c.variables if v.causality == "input"}
         for role, c in role_classes().items()
@@ -239,8 +242,10 @@ def usual_sources() -> dict[str, dict[str, tuple[str, ...]]]:
 
 @cache
 def asked_for() -> frozenset[tuple[str, str]]:
-    """Return role and input of those that are fed only where something of the block
-    needs them."""
+    """Return role and input of those inputs that are wired only on demand.
+
+    They are wired only if something in the block needs them.
+    """
     inputs = [(role, v) for role, c in role_classes().items() for v in c.variables]
     return frozenset((role, v.name) for role, v in inputs if v.asked)
 
@@ -254,12 +259,15 @@ def computers() -> frozenset[str]:
 
 
 def names(interface: Interface, causality: str) -> dict[str, None]:
-    """The variables of one causality, arrays by their names."""
+    """Return the names of the variables of one causality; an array has one name."""
     return dict.fromkeys(s.array for s in interface.of(causality))
 
 
 def elements(interface: Interface, name: str, causality: str) -> dict[str, Signal]:
-    """The scalars of a variable by what follows its name: nothing, `[1]`, `[3,4]`."""
+    """Return the scalars of a variable by the suffix of their name.
+
+    The suffix is empty, `[1]` or `[3,4]`.
+    """
     return {
         s.name.removeprefix(name): s
         for s in interface.elements.get(name, ())
@@ -268,7 +276,7 @@ def elements(interface: Interface, name: str, causality: str) -> dict[str, Signa
 
 
 def misfit(outputs: dict[str, Signal], inputs: dict[str, Signal]) -> str:
-    """Why an output cannot feed an input; nothing where it can."""
+    """Explain why an output cannot feed an input; empty if it can."""
     if outputs.keys() != inputs.keys():
         return f"{len(outputs)} elements, {len(inputs)} are needed"
     for index, target in inputs.items():
@@ -281,23 +289,24 @@ def misfit(outputs: dict[str, Signal], inputs: dict[str, Signal]) -> str:
 
 
 class HasInterface(Protocol):
-    """A component, built or while its system is built."""
+    """A component, also while its system is being built."""
 
     @property
     def interface(self) -> Interface | None:
-        """Its variables; None where its FMU is missing."""
+        """Return its variables; None if its FMU is missing."""
 
 
 def find_elements(
     components: Mapping[str, HasInterface], name: str, *causalities: str
 ) -> Sequence[Signal]:
-    """Return the elements of `component.variable`; none where the component's FMU is
-    missing.
+    """Return the elements of `component.variable`.
+
+    The result is empty if the component's FMU is missing.
 
     Raises
     ------
     DesatError
-        If there is none of these causalities.
+        If there is no such variable of these causalities.
     """
     owner, _, variable = name.partition(".")
     interface = look_up(owner, components, "no component").interface
@@ -316,9 +325,9 @@ def find_elements(
 
 
 def selects(patterns: Iterable[str], component: str, signal: Signal) -> bool:
-    """True when `component.variable` fits one of the patterns (`manager.*`).
+    """Return whether `component.variable` matches one of the patterns (`manager.*`).
 
-    `fault` must be named: a fault ends the run anyhow.
+    `fault` must be named: a fault ends the run in any case.
     """
     name = f"{component}.{signal.series}"
     if name in patterns:

@@ -1,8 +1,7 @@
-"""Layers of values: what a craft, a scenario, a design, an SSP file or the options say
-of a system.
+"""Represent layers of values, from a craft, scenario, design, SSP file or options.
 
-`files/builder.py` makes a system of a craft's (or an SSP file's) layer and of those
-above it.
+`files/builder.py` builds a system from the layer of a craft (or of an SSP file) and the
+layers above it.
 """
 
 from __future__ import annotations
@@ -17,48 +16,49 @@ from .body import Body
 from .interface import Interface, OutputClass
 from .model import Connection, Connector, Fmu, Substeps, Told
 
-SHARED = (
-    "shared"  # the owner of a value for each component that has a parameter of its name
-)
+SHARED = "shared"  # owner of a value for each component with a parameter of that name
 
 
 @dataclass(frozen=True, slots=True)
 class Value:
-    """A value that is given to a parameter or an input."""
+    """Value that is given to a parameter or an input."""
 
     owner: str  # a component, or SHARED
     name: str  # of the variable or of one of its elements
     value: Any
-    origin: str  # who gave it: file and key, or option
+    origin: str  # source: file and key, or option
     prefix: (
-        str  # how a message about the value begins, before the name of its component
+        str  # beginning of messages about the value, before the name of its component
     )
     raises: bool = (
-        False  # a value that does not fit ends the building; else it is a problem
+        False  # a value that does not fit raises an error; otherwise it is a problem
     )
-    unit: Unit | str | None = None  # that it was given in, where a file names one
-    conflict: str = ""  # what to say where one parameter set gives two values
+    unit: Unit | str | None = None  # unit of the value, if a file names one
+    conflict: str = ""  # message if one parameter set gives two values
     unchecked: bool = False  # of an SSP file: checked when the last layer is known
 
 
 @dataclass(frozen=True)
 class Place:
-    """An FMU or a block in the place of a component."""
+    """FMU or block in the place of a component."""
 
     name: str  # of the component
     source: str
-    fmu: Fmu | None = None  # what `source` stands for; None where there is none
-    interface: Interface | None = None  # where it is known without a file
+    fmu: Fmu | None = None  # the FMU of `source`; None if there is none
+    interface: Interface | None = None  # if it is known without a file
     line: int = 0
     connectors: Mapping[str, Connector] = field(default_factory=dict)
     step_ratio: int = 1
-    origin: str = ""  # who put it there; "" in the layer of the craft
-    label: str = ""  # what people call the FMU
+    origin: str = ""  # source of the replacement; "" in the layer of the craft
+    label: str = ""  # readable name of the FMU
 
 
 @dataclass
 class Layer:
-    """What one source says of a system. Times are None where it says nothing."""
+    """Contribution of one source to a system.
+
+    Times are None where the source gives none.
+    """
 
     where: str  # the file, for messages
     name: str = ""

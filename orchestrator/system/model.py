@@ -1,7 +1,7 @@
-"""A system of components: what a master runs, whichever file it came from. Nothing of
-it changes.
+"""Represent a system of components, which a master runs, as immutable data.
 
-`layer.py` has what is read from files; `files/builder.py` builds a `System` of it.
+It may come from any kind of file: `layer.py` holds what is read from files, and
+`files/builder.py` builds a `System` from it.
 """
 
 from __future__ import annotations
@@ -19,24 +19,21 @@ from desat.components.contract.block import Scalar
 from .body import Body
 from .interface import Interface, OutputClass
 
-J2000 = datetime(2000, 1, 1, 12, tzinfo=UTC)
-"""What `epoch_j2000` counts from."""
+J2000 = datetime(2000, 1, 1, 12, tzinfo=UTC)  # origin of `epoch_j2000`
 AUTO: Literal["auto"] = "auto"
+# Substeps within a step; with `auto` a run chooses them (`runs/substep_choice.py`).
 Substeps = int | Literal["auto"]
-"""Substeps within a step; `auto`: a run chooses them (`runs/substep_choice.py`)."""
 MOST_SUBSTEPS = 1000
+# rad: default tolerance of the attitude error when a run chooses its substeps.
 ACCURACY = 1e-7
-"""Attitude error (rad) that a run which chooses its substeps keeps below, where none is
-given.
-"""
 
+# Values of a component's parameters by name, arrays as lists.
 Values = Mapping[str, Any]
-"""Values of a component's parameters by name, arrays as lists."""
 
 
 @dataclass(frozen=True)
 class Connector:
-    """A connector that an SSD lists."""
+    """Connector that an SSD lists."""
 
     name: str
     kind: str  # input, output, parameter, ...
@@ -47,7 +44,7 @@ class Connector:
 
 @dataclass(frozen=True)
 class Connection:
-    """From an output to an input: target = factor * source + offset."""
+    """Connection from an output to an input: target = factor * source + offset."""
 
     source: str
     output: str
@@ -56,13 +53,12 @@ class Connection:
     line: int = 0
     factor: float = 1.0
     offset: float = 0.0
-    converts: bool = True
-    """False: units are not converted (suppressUnitConversion)."""
+    converts: bool = True  # False: units are not converted (suppressUnitConversion)
+    # the variables of which output and input are elements
     output_array: str = field(init=False, repr=False, compare=False)
-    """The variable that the output is an element of."""
     input_array: str = field(init=False, repr=False, compare=False)
+    # the series of the output, `component.variable`
     series: str = field(init=False, repr=False, compare=False)
-    """Of the output, `component.variable`."""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "output_array", self.output.partition("[")[0])
@@ -74,69 +70,71 @@ class Connection:
 
 
 class Fmu(Protocol):
-    """What is known of an FMU; `files/library.py` reads it."""
+    """Properties of an FMU.
+
+    `files/library.py` reads them.
+    """
 
     path: Path
 
     @property
     def sha256(self) -> str:
-        """Of its file."""
+        """Return the sha256 of its file."""
 
     @property
     def ours(self) -> bool:
-        """Whether we have built it."""
+        """Return whether we built it."""
 
     @property
     def folder(self) -> Path:
-        """Where it is extracted."""
+        """Return the folder into which it is extracted."""
 
     @property
     def interface(self) -> Interface:
-        """Its variables."""
+        """Return its variables."""
 
     @property
     def description(self) -> Any:
-        """What fmpy makes of its model description."""
+        """Return its model description, parsed by fmpy."""
 
     @property
     def faults(self) -> tuple[str, ...]:
-        """What is wrong with that by the standard, a line each."""
+        """Return a line for each violation of the standard in its description."""
 
     @property
     def platforms(self) -> list[str]:
-        """Those that it has a library for."""
+        """Return the platforms for which it has a library."""
 
 
 @dataclass(frozen=True)
 class Component:
-    """An instance of an FMU or of a bare block."""
+    """Instance of an FMU or of a bare block."""
 
     name: str
     source: str
     interface: Interface
+    # scalar values by element name, in the variable's own unit; may include inputs
     parameters: Mapping[str, Scalar] = field(default_factory=dict)
-    """Scalar values by element name, in the variable's own unit; inputs may be among
-    them."""
-    fmu: Fmu | None = None
-    """None: it is the bare block of the interface's name."""
-    step_ratio: int = 1
-    """The component steps once in so many steps of the master."""
+    fmu: Fmu | None = None  # None: it is the bare block of the interface's name
+    step_ratio: int = 1  # steps of the master for each step of the component
+    # connectors that an SSD lists
     connectors: Mapping[str, Connector] = field(default_factory=dict)
-    """What an SSD lists of it."""
     line: int = 0
+    # source of a variable's value: name -> file and key, or option
     given: Mapping[str, str] = field(default_factory=dict, compare=False, repr=False)
-    """Who gave a variable its value: name -> file and key, or option."""
+    # parameters that are given as products of others: `gain_matrix = "shared.inertia"`
     references: Mapping[str, str] = field(
         default_factory=dict, compare=False, repr=False
     )
-    """Parameters that are given as products of others:
-    `gain_matrix = "shared.inertia"`."""
 
     @cached_property
     def values(self) -> Values:
-        """The value of each variable, in its own unit: the scenario's, or the start
-        value of its declaration. An array stands by its name with the list of its
-        elements, and each of these by its own."""
+        """Return the value of each variable, in its own unit.
+
+        It is the scenario's value, or the start value of the declaration. An array is
+        found by its name, as the list of its elements, and each element by its own
+        name.
+        """
         found: dict[str, Any] = {}
         for name, signals in self.interface.arrays.items():
             values = [self.parameters.get(s.name, s.start) for s in signals]
@@ -146,67 +144,66 @@ class Component:
         return found
 
     def choice(self, name: str) -> str:
-        """The choice that a parameter with choices has, by its name; its value as text
-        without."""
+        """Return the choice of a parameter by its name.
+
+        Without choices it is the value as text.
+        """
         return str(self.interface.signals[name].named(self.values[name]))
 
 
 class Told(Protocol):
-    """What a scenario says beside its system, such as numbers and plots."""
+    """What a scenario defines besides its system, such as numbers and plots."""
 
     def as_json(self) -> Mapping[str, Any]:
-        """It as JSON, for files."""
+        """Return it as JSON, for files."""
 
     def counted(self) -> Mapping[str, Any]:
-        """What of that moves bits, and is not resolved into its system."""
+        """Return the entries that affect bits and are not resolved into the system."""
 
 
 @dataclass(frozen=True)
 class System:
-    """Components, connections and the experiment. `where` is the SSD, for messages."""
+    """Components, connections and the experiment.
+
+    `where` is the SSD, for messages.
+    """
 
     name: str
     where: str
     components: Mapping[str, Component]
     connections: tuple[Connection, ...]
-    step: float
-    """s; `stop` is a whole number of them after `start`"""
-    stop: float
-    start: float = 0.0
+    step: float  # s; `stop` is a whole number of steps after `start`
+    stop: float  # s
+    start: float = 0.0  # s
+    # steps, within each step, of components that exchange means (`schedule.py`)
     substeps: Substeps = 1
-    """So many steps within a step, of those that hand means on to each other
-    (`schedule.py`)."""
-    accuracy: float = ACCURACY
-    """Attitude error (rad) that `substeps = "auto"` is to keep below."""
+    accuracy: float = ACCURACY  # rad: attitude error for `substeps = "auto"`
+    # overrides: `component.variable` -> class
     output_classes: Mapping[str, OutputClass] = field(default_factory=dict)
-    """Overrides: `component.variable` -> class."""
+    # content of its scenario (`language/content.py`, `content_of`); None for a foreign
+    # system
     about: Told | None = None
-    """What its scenario says (`language/content.py`, `content_of`); None of a foreign
-    system."""
-    body: Body | None = None
-    """Mass and sides, where its craft file says them."""
+    body: Body | None = None  # mass and sides, if its craft file gives them
 
+    # substeps of a step; 1 as long as they are not chosen
     parts: int = field(init=False, repr=False, compare=False)
-    """The substeps of a step; one as long as they are not chosen."""
+    # number of steps from start to stop
     steps: int = field(init=False, repr=False, compare=False)
-    """From start to stop."""
+    # the component of each role that is filled; of several the last
     roles: Mapping[str, Component] = field(init=False, repr=False, compare=False)
-    """The component of each role that is filled; of several the last."""
+    # the connection of the first element of each wired input, by component and array
     fed: Mapping[tuple[str, str], Connection] = field(
         init=False, repr=False, compare=False
     )
-    """Of each wired input, by component and array, the connection of its first element.
-    """
+    # the same by name of the input (an array) and component; empty if nothing is wired
     by_input: Mapping[str, Mapping[str, Connection]] = field(
         init=False, repr=False, compare=False
     )
-    """The same by the input's name (an array) and the component; empty for a name
-    nobody wires."""
+    # the component that receives from a component at an input (an array); of several the
+    # first
     takers: Mapping[tuple[str, str], str] = field(init=False, repr=False, compare=False)
-    """By a component and the name of an input (an array) the component that takes there
-    what it gives; of several the first."""
+    # the outputs that are read, by component and array
     read: Set[tuple[str, str]] = field(init=False, repr=False, compare=False)
-    """The outputs that are read, by component and array."""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "parts", 1 if self.substeps == AUTO else self.substeps)

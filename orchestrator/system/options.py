@@ -1,4 +1,4 @@
-"""What the command line, or a program, may change about a run."""
+"""Define what the command line, or a program, may change about a run."""
 
 from __future__ import annotations
 
@@ -16,18 +16,20 @@ from .errors import DesatError, nearest
 from .model import AUTO, MOST_SUBSTEPS, Substeps
 from .typed import JsonObject
 
-NOW = "now"  # `--design now`: made for the run, and not kept
+NOW = "now"  # `--design now`: computed for the run, and not stored
 
 
 def as_json(target: str, options: Options) -> JsonObject:
-    """Target and options as JSON, with the folder that relative paths in them start
-    from."""
+    """Convert target and options to JSON.
+
+    It includes the folder to which relative paths in them refer.
+    """
     given = {**asdict(options), "trusted": options.trusted and sorted(options.trusted)}
     return {"target": target, "options": given, "from": str(Path.cwd())}
 
 
 def from_json(told: JsonObject) -> Options:
-    """The options that `asked` gave."""
+    """Rebuild the options from the JSON of `as_json`."""
     given = dict(told["options"])
     given["record"] = tuple(given["record"])
     given["trusted"] = given["trusted"] and frozenset(given["trusted"])
@@ -35,10 +37,9 @@ def from_json(told: JsonObject) -> Options:
 
 
 def sets_of(options: Options) -> list[str]:
-    """Return what `--set` would be given for `sets` and `values`, each parameter once.
+    """Return the `--set` arguments for `sets` and `values`, each parameter once.
 
-    A value that `values` have is applied after `sets`, so of a parameter in both it is
-    the one.
+    A value in `values` is applied after `sets`, so it replaces one in `sets`.
     """
     later = [f"{name}={_as_text(value)}" for name, value in options.values.items()]
     earlier = [x for x in options.sets if _name_of(x) not in options.values]
@@ -46,7 +47,7 @@ def sets_of(options: Options) -> list[str]:
 
 
 def with_assignment(options: Options, text: str) -> Options:
-    """Return options with `NAME=VALUE` in place of what they give that parameter."""
+    """Return options in which `NAME=VALUE` replaces values of that parameter."""
     name = _name_of(text)
     sets = [x for x in options.sets if _name_of(x) != name]
     values = {key: value for key, value in options.values.items() if key != name}
@@ -54,12 +55,12 @@ def with_assignment(options: Options, text: str) -> Options:
 
 
 def _name_of(assignment: str) -> str:
-    """Return the parameter that `NAME=VALUE` is of."""
+    """Return the name of the parameter that an assignment sets."""
     return assignment.partition("=")[0].strip()
 
 
 def _as_text(value: Any) -> str:
-    """Return a value as the command line has it."""
+    """Format a value as on the command line."""
     if isinstance(value, list | tuple):
         return f"[{', '.join(map(_as_text, value))}]"
     if isinstance(value, bool):
@@ -68,10 +69,10 @@ def _as_text(value: Any) -> str:
 
 
 def as_arguments(options: Options) -> str:
-    """Return the options that differ from their defaults as a command line.
+    """Format the options that differ from their defaults as a command line.
 
-    Each stands after a blank; `values` as they would be set. The file of trusted hashes
-    is not known any more: FILE stands for it.
+    Each option follows a blank, and `values` are written as `--set`. The file of
+    trusted hashes is no longer known: FILE stands for it.
     """
     given = [("set", x) for x in sets_of(options)]
     for f in fields(options):
@@ -94,7 +95,7 @@ def as_arguments(options: Options) -> str:
 
 
 def _option_of(declared: Field[Any]) -> str:
-    """Return the option of `run` that sets a field of `Options`; empty where none does."""
+    """Return the option of `run` that sets a field of `Options`; empty if none does."""
     option: str = declared.metadata.get("option", declared.name.replace("_", "-"))
     return option
 
@@ -105,7 +106,10 @@ _ORBITS = re.compile(r"\s*(\d+\.?\d*|\.\d+)\s*orbits?\s*")
 
 
 def orbits(text: str) -> float | None:
-    """How many orbits a stop time is: `1orbit`, `2.5 orbits`; None for another text."""
+    """Parse a stop time in orbits: `1orbit`, `2.5 orbits`.
+
+    The result is None for any other text.
+    """
     match = _ORBITS.fullmatch(text)
     return float(match[1]) if match and float(match[1]) > 0.0 else None
 
@@ -114,8 +118,10 @@ _TIMES = ("stop", "step", "time_limit", "call_limit", "checkpoint")
 
 
 class RunOptions(TypedDict, total=False):
-    """The fields of `Options` that a program may give by name; those that are arguments
-    of their own (`stop`, `step`, `sets`, `values`) left out."""
+    """Fields of `Options` that a program may give by name.
+
+    Those that are separate arguments (`stop`, `step`, `sets`, `values`) are left out.
+    """
 
     sources: list[str] | Mapping[str, str]
     substeps: Substeps | None
@@ -145,8 +151,15 @@ def of_program(
     values: Mapping[str, Any] | None,
     given: RunOptions,
 ) -> Options:
-    """The options of a program's call; `sources` may be component -> FMU. Raises
-    DesatError."""
+    """Build the options of a program's call.
+
+    `sources` may map a component to its FMU.
+
+    Raises
+    ------
+    DesatError
+        If there is no such option, or its value is wrong.
+    """
     told = dict(given)
     sources = told.pop("sources", [])
     if isinstance(sources, Mapping):
@@ -167,34 +180,32 @@ RESOLVED = {"aside": "in the resolved system"}
 SAME_BITS = {"aside": "the same bits"}
 WHETHER = {"aside": "whether it runs at all"}
 ENDS = {"aside": "ends a run that takes long; it is then not completed"}
-NO_OPTION = {"option": ""}  # no option of `run` sets it, or `--set` does
+NO_OPTION = {"option": ""}  # set by no option of `run`, or by `--set`
+# Reasons why a field of `Options` is in no digest (`digest.py`); with COUNTS it is in one.
 COUNTS = {"aside": ""}
-"""Of a field of `Options`: why it is in no digest (`digest.py`); COUNTS: it is."""
 
 
 @dataclass
 class Options:
-    """What the command line may change about a run."""
+    """Changes to a run that the command line allows."""
 
     sets: list[str] = field(default_factory=list, metadata=RESOLVED | NO_OPTION)
     sources: list[str] = field(
         default_factory=list, metadata=RESOLVED | {"option": "source"}
     )
-    """`component=FMU`: a file, or one of ours by its name, in a component's place"""
+    """`component=FMU`: a file, or a name of ours, to replace a component."""
     stop: float | str | None = field(default=None, metadata=RESOLVED)
     """Stop time (s), or a number of orbits: "2 orbits" (`runs/prepare.py`,
     `with_stop`)."""
     step: float | None = field(default=None, metadata=RESOLVED)
     substeps: Substeps | None = field(default=None, metadata=RESOLVED)
-    """Substeps within each step (`system/schedule.py`); `auto`: the run chooses them.
-    """
+    """Substeps within each step (`system/schedule.py`); `auto`: chosen by the run."""
     accuracy: float | None = field(default=None, metadata=RESOLVED)
-    """Attitude error (rad) that `auto` keeps below."""
+    """Upper bound of the attitude error (rad) for `auto`."""
     algorithm: Algorithm = field(default="gauss_seidel", metadata=COUNTS)
     blocks: bool = field(default=False, metadata=SAME_BITS)
     fmus: Fmus = field(default="native", metadata=SAME_BITS)
-    """Which of our FMUs run; the same bits. Where there is no native one, the one of
-    Python."""
+    """Which of our FMUs run, with the same bits. Without a native one Python's runs."""
     record: tuple[str, ...] = field(
         default=("*",),
         metadata={"aside": "which series are kept; what numbers are made of is"},
@@ -206,36 +217,34 @@ class Options:
     values: Mapping[str, Any] = field(
         default_factory=dict, metadata=RESOLVED | NO_OPTION
     )
-    """`component.variable` -> value, beside `sets`, for callers that are programs."""
+    """`component.variable` -> value, besides `sets`, for programs that call this."""
     design: str | None = field(default=None, metadata=RESOLVED)
-    """Of a scenario with a [design]: a file with another one, or `now`: made for these
-    values."""
+    """File with another [design] than the scenario's, or `now`: for these values."""
     trusted: frozenset[str] | None = field(
         default=None, metadata=WHETHER | {"option": "trust"}
     )
-    """The sha256 of the FMUs that may run besides ours; None: all may."""
+    """sha256 of the FMUs that may run besides ours; None: all may."""
     outside: bool = field(default=False, metadata=WHETHER | {"option": "allow-outside"})
     """Whether an SSP may name files outside its folder."""
     strict: bool = field(default=False, metadata=WHETHER)
-    """A foreign FMU whose model description breaks the standard is refused."""
+    """Whether to refuse a foreign FMU whose model description violates the standard."""
     time_limit: float | None = field(default=None, metadata=ENDS)
-    """Wall time (s) that stepping may take; the run ends between two steps"""
+    """Wall time (s) that stepping may take; the run ends between two steps."""
     loop: Loop = field(default="compiled", metadata=SAME_BITS)
-    """What steps; the compiled loop only where it can be had."""
+    """The stepping loop; the compiled one is used only if it is available."""
     supervised: bool = field(default=False, metadata=SAME_BITS | NO_OPTION)
-    """It runs in a process of its own, where there are such (POSIX)."""
+    """Whether to run in a separate process, if the platform allows it (POSIX)."""
     call_limit: float = field(default=300.0, metadata=ENDS)
-    """Wall time (s) that one call of a component may take, where it is supervised or
-    isolated."""
+    """Wall time (s) that a call of a supervised or isolated component may take."""
     isolate: Isolate = field(default="foreign", metadata=SAME_BITS)
-    """Which FMUs run in a process each, where there are such (POSIX)."""
+    """Which FMUs run in a process each, if the platform allows it (POSIX)."""
     halvings: int = field(default=0, metadata=COUNTS | {"option": "halve"})
-    """A step that a foreign FMU discards is made in halves, so many times at most."""
+    """Maximum number of times that a step which a foreign FMU discards is halved."""
     checkpoint: float | None = field(default=None, metadata=SAME_BITS)
-    """Simulated time (s) between checkpoints, which `runs/run.py` goes on from."""
+    """Simulated time (s) between checkpoints, from which `runs/run.py` resumes."""
 
     def __post_init__(self) -> None:
-        """Raises DesatError for what programs give: a choice or a time that is none."""
+        """Raise DesatError if a choice or a time given by a program is invalid."""
         for name, choices in _CHOICES.items():
             if (value := getattr(self, name)) not in get_args(choices):
                 raise DesatError(

@@ -1,5 +1,7 @@
-"""Values for parameters and inputs: from a scenario, an SSV or the command line to
-scalars."""
+"""Convert values of parameters and inputs to scalars.
+
+They come from a scenario, an SSV or the command line.
+"""
 
 from __future__ import annotations
 
@@ -22,7 +24,13 @@ from .model import Component
 
 
 def unit_of(text: str) -> Unit:
-    """A unit by its expression. Raises DesatError for one that is none."""
+    """Parse the expression of a unit.
+
+    Raises
+    ------
+    DesatError
+        If the unit is unknown.
+    """
     try:
         return units.unit_of(text)
     except ValueError as error:
@@ -35,8 +43,11 @@ def unit_of(text: str) -> Unit:
 
 
 def with_dots(text: str) -> str | None:
-    """An expression that writes a product of units without its dots, with them: `mNms`
-    is `mN.m.s`, `kgm2/s` is `kg.m2/s`. None where it has no such product."""
+    """Insert the dots of a product of units that is written without them.
+
+    `mNms` becomes `mN.m.s`, and `kgm2/s` becomes `kg.m2/s`. The result is None if there
+    is no such product.
+    """
     try:
         units.unit_of(text)
     except ValueError as error:
@@ -49,7 +60,7 @@ def with_dots(text: str) -> str | None:
 
 
 def _product(text: str) -> str | None:
-    """The factors of a product without dots, with dots; the first may have a prefix."""
+    """Insert the dots of a product; the first factor may have a prefix."""
     for end in range(len(text), 0, -1):
         name, power, rest = text[:end], "", text[end:]
         while rest[:1].isdigit():
@@ -64,7 +75,10 @@ def _product(text: str) -> str | None:
 
 
 def _bare_units(text: str) -> str | None:
-    """As `with_dots`, of units without a prefix: the `ms` of `mNms` is no millisecond."""
+    """Insert the dots of a product of units without prefixes.
+
+    The `ms` of `mNms` is no millisecond.
+    """
     for name in sorted((*units.SI, *units.OTHER), key=len, reverse=True):
         match = re.match(rf"{re.escape(name)}(\d?)(.*)", text)
         if match and not match[2]:
@@ -75,8 +89,11 @@ def _bare_units(text: str) -> str | None:
 
 
 def known_unit(text: str) -> Unit | None:
-    """A unit by its expression, also as other tools write it (`[m]`, and `-` for 1);
-    None for one that is none, as their FMUs may have it."""
+    """Parse the expression of a unit, also as other tools write it.
+
+    They write `[m]`, and `-` for 1. The result is None for an unknown unit, which FMUs
+    of other tools may have.
+    """
     bare = text.strip().removeprefix("[").removesuffix("]")
     try:
         return units.unit_of("1" if bare == "-" else bare)
@@ -90,13 +107,15 @@ _QUANTITY = re.compile(
 
 
 def is_quantity(value: Any) -> bool:
-    """Whether a text is a number with a unit, such as "51.6 deg"."""
+    """Return whether a text is a number with a unit, such as "51.6 deg"."""
     return isinstance(value, str) and _QUANTITY.fullmatch(value) is not None
 
 
 def _quantity(signal: Signal, text: str, where: str) -> float:
-    """A number with a unit, in the unit of its variable. Raises DesatError where it
-    does not fit."""
+    """Convert a number with a unit to the unit of its variable.
+
+    Raises DesatError if the unit does not fit.
+    """
     match = _QUANTITY.fullmatch(text)
     assert match is not None
     unit = match[2].strip()
@@ -116,14 +135,15 @@ def _quantity(signal: Signal, text: str, where: str) -> float:
     return float(match[1].replace("_", "")) * converted[0] + converted[1]
 
 
-MATRIX_ROWS = 4
-"""Of a matrix at the most; what has more is a table."""
+MATRIX_ROWS = 4  # upper bound of a matrix's rows; an array with more is a table
 
 
 def _is_begun_table(value: Any, last: str, count: int) -> bool:
-    """Whether a value is the first rows of a table, whose others are 0: of more rows
-    than matrices have, and each as long as the table's. `last`: the last element's
-    name, `plates[16,9]`."""
+    """Return whether a value is the first rows of a table, whose other rows are 0.
+
+    The table has more rows than matrices have, and each given row has its length.
+    `last` is the name of the last element, `plates[16,9]`.
+    """
     shape = re.fullmatch(r".*\[(\d+),(\d+)\]", last)
     if shape is None or not isinstance(value, (list, tuple)) or not value:
         return False
@@ -138,13 +158,17 @@ def _is_begun_table(value: Any, last: str, count: int) -> bool:
 def expand(
     interface: Interface, name: str, value: Any, where: str, typed: bool = False
 ) -> dict[str, Scalar]:
-    """The scalars of `name = value` by element name.
+    """Convert `name = value` to scalars by element name.
 
     `where` (file and component) begins every message. A list gives an array's elements
-    row by row, of a table perhaps the first rows alone; a text gives a choice by its
-    name. `typed`: a person gives it, to whom the number 5 is the choice called 5 where
-    choices are numbers. Raises DesatError for an unknown or set-only-by-others
-    variable, a wrong count or type, and a value outside the bounds.
+    row by row; for a table the first rows are enough. A text gives a choice by its
+    name. `typed` means that a person typed the value: then the number 5 is the choice
+    named 5 if choices are numbers.
+
+    Raises
+    ------
+    DesatError
+        If the variable is unknown or cannot be set, or if count, type or bounds do not fit.
     """
     signal = interface.signals.get(name)
     signals = interface.elements.get(name, ()) if signal is None else [signal]
@@ -175,17 +199,17 @@ def expand(
 
 
 def _typed_choice(choices: Sequence[str], value: int) -> int | str:
-    """Return a number as a choice's name where choices are called by numbers, else as
-    it is.
+    """Convert a number to a choice's name if choices have numbers as names.
 
-    0 is the first choice where that has another name, such as none.
+    Any other number is returned unchanged. 0 is the first choice if that has another
+    name, such as none.
     """
     called = any(x.isdigit() for x in choices)
     return str(value) if called and (value or choices[0].isdigit()) else value
 
 
 def _flat(value: Any) -> list[Any]:
-    """The elements of a list, row by row; of what is none, itself."""
+    """Return the elements of a list, row by row; a scalar becomes a list of one."""
     if not isinstance(value, (list, tuple)):
         return [value]
     flat: list[Any] = []
@@ -198,7 +222,10 @@ def _flat(value: Any) -> list[Any]:
 
 
 def _scalar(signal: Signal, value: Any, where: str) -> Scalar:
-    """One scalar, checked. Raises DesatError, which begins with `where`."""
+    """Check a value and convert it to one scalar.
+
+    Raises DesatError, whose text begins with `where`.
+    """
     low, high = signal.minimum, signal.maximum
     if (
         type(value) is float
@@ -207,7 +234,7 @@ def _scalar(signal: Signal, value: Any, where: str) -> Scalar:
         and (low is None or value >= low)
         and (high is None or value <= high)
     ):
-        return value  # as nearly all of a table's thousands are
+        return value  # fast path for nearly all of a table's thousands of values
     if isinstance(value, int) and abs(value) > sys.float_info.max:
         raise DesatError(
             f"{where}: a number of {len(str(value))} digits: it is too large"
@@ -237,10 +264,11 @@ def _scalar(signal: Signal, value: Any, where: str) -> Scalar:
 
 
 def _within(signal: Signal, value: float, where: str) -> float:
+    """Check that a value is finite and within the bounds of its variable."""
     if not math.isfinite(value):
         raise DesatError(f"{where} = {value}: a finite number is needed")
     low, high = signal.minimum, signal.maximum
-    if signal.kind == "Integer":  # of C, 32 bits
+    if signal.kind == "Integer":  # 32 bits, as in C
         low, high = (
             low if low is not None else -(2**31),
             high if high is not None else 2**31 - 1,
@@ -255,8 +283,10 @@ def _within(signal: Signal, value: float, where: str) -> float:
 
 
 def bare_block(component: Component) -> Any:
-    """The block of ours that a component is of, with its parameters, checked and not
-    yet started."""
+    """Create the block of ours behind a component, with its parameters.
+
+    The block is checked, but not started.
+    """
     block = block_class(component.interface.model)()
     signals, given = component.interface.signals, component.parameters
     block.access([signals[n].reference for n in given]).write(list(given.values()))
@@ -266,18 +296,16 @@ def bare_block(component: Component) -> Any:
 
 @dataclass(frozen=True)
 class Parameter:
-    """A parameter of a component as people read it."""
+    """Parameter of a component in the form that people read."""
 
-    value: Any
-    """A number, a text, or a list of an array's elements."""
+    value: Any  # a number, a text, or a list of an array's elements
     unit: str
-    given: bool = False
-    """Whether the scenario gave it."""
+    given: bool = False  # whether the scenario gave it
     text: str = ""
 
 
 def table(components: Iterable[Component]) -> dict[str, dict[str, Parameter]]:
-    """Every parameter of every component."""
+    """Collect every parameter of every component."""
     parameters: dict[str, dict[str, Parameter]] = {}
     for c in components:
         elements: dict[str, list[Signal]] = {}
@@ -292,6 +320,7 @@ def table(components: Iterable[Component]) -> dict[str, dict[str, Parameter]]:
 
 
 def _parameter(component: Component, name: str, elements: list[Signal]) -> Parameter:
+    """Build the readable form of a parameter, with choices by name."""
     own, first = component.parameters, elements[0]
     values = [own.get(s.name, s.start) for s in elements]
     if first.choices:
@@ -302,8 +331,15 @@ def _parameter(component: Component, name: str, elements: list[Signal]) -> Param
 
 
 def in_unit_of(signal: Signal, value: Scalar, unit: Unit | str, where: str) -> Scalar:
-    """A value given in `unit`, a text for one that nobody explains, in the unit of its
-    variable. Raises DesatError, which begins with `where`, where it does not fit."""
+    """Convert a value in `unit` to the unit of its variable.
+
+    `unit` is a text if its definition is unknown.
+
+    Raises
+    ------
+    DesatError
+        If the unit does not fit; the text begins with `where`.
+    """
     if signal.unit is None or isinstance(value, bool):
         raise DesatError(
             f"{where}: {signal.name} has no unit, but its value was given with one"
@@ -323,7 +359,13 @@ def in_unit_of(signal: Signal, value: Scalar, unit: Unit | str, where: str) -> S
 
 
 def parse_assignment(text: str) -> tuple[str, str, Any]:
-    """`manager.k=1,2` -> ("manager", "k", [1, 2]). Raises DesatError for another form."""
+    """Parse `manager.k=1,2` to ("manager", "k", [1, 2]).
+
+    Raises
+    ------
+    DesatError
+        If the text has another form.
+    """
     left, equals, right = text.partition("=")
     component, dot, name = left.strip().partition(".")
     if not (equals and dot and component and name and right.strip()):
@@ -332,7 +374,7 @@ def parse_assignment(text: str) -> tuple[str, str, Any]:
 
 
 def parse_value(text: str) -> Any:
-    """A value from the command line: a TOML value, a comma list, or a bare word."""
+    """Parse a value of the command line: a TOML value, a comma list, or a bare word."""
     for candidate in (text, f"[{text}]") if "," in text else (text,):
         try:
             return tomllib.loads(f"x = {candidate}")["x"]

@@ -1,6 +1,8 @@
-"""Quantities as people type them: a finite number, with its unit or in the usual one,
-within a range. Each option that takes one has a `Quantity`, which reads it and names
-the option where it refuses."""
+"""Parse quantities that people type, with a unit or in the usual one.
+
+A quantity is a finite number within a range. Each option that takes one has a
+`Quantity`, which parses it and names the option in its messages.
+"""
 
 from __future__ import annotations
 
@@ -16,12 +18,12 @@ _NUMBER = re.compile(
 
 
 def is_number(text: str) -> bool:
-    """Whether it is a number, perhaps with a unit."""
+    """Return whether a text is a number, with or without a unit."""
     return _NUMBER.fullmatch(text) is not None
 
 
 def is_float(text: str) -> bool:
-    """Return whether Python takes it for a number: nan and inf among them."""
+    """Return whether Python parses a text as a number, including nan and inf."""
     try:
         float(text)
     except ValueError:
@@ -31,34 +33,45 @@ def is_float(text: str) -> bool:
 
 @dataclass(frozen=True)
 class Quantity:
-    """What an option takes: a number in `unit`, or in another that fits, from `least`
-    to `most`."""
+    """A number that an option takes, from `least` to `most`.
 
-    option: str
-    """as messages name it: --altitude"""
+    It is in `unit`, or in another unit that fits.
+    """
+
+    option: str  # as messages name it: --altitude
     unit: str = "1"
     least: float = -inf
     most: float = inf
-    above: bool = False
-    """`least` itself is not allowed"""
-    what: str = ""
-    """that is in the range: a factor of"""
-    bare: bool = True
-    """whether what is typed may have no unit"""
+    above: bool = False  # `least` itself is not allowed
+    what: str = ""  # noun for the value in messages, such as "a factor of"
+    bare: bool = True  # whether a typed value may have no unit
 
     def __call__(self, given: str | float) -> float:
-        """What is typed, or what a program gives. Raises DesatError."""
+        """Parse what a person typed, or check what a program gave, in `unit`.
+
+        Raises
+        ------
+        DesatError
+            If it is no such quantity or out of range.
+        """
         if isinstance(given, (int, float)):
             return self._within(float(given), f"{given:g}")
         return self._within(self._read(given, given), given)
 
     def many(self, text: str) -> tuple[float, ...]:
-        """Numbers with commas between. Raises DesatError."""
+        """Parse numbers separated by commas, in `unit`.
+
+        Raises
+        ------
+        DesatError
+            If one is no such quantity or out of range.
+        """
         return tuple(
             self._within(self._read(x, text, many=True), text) for x in text.split(",")
         )
 
     def _read(self, text: str, whole: str, many: bool = False) -> float:
+        """Parse a number with or without a unit, and convert it to `unit`."""
         match = _NUMBER.fullmatch(text)
         if match is None:
             needed = "numbers are needed, as 1,2,3" if many else "a number is needed"
@@ -72,6 +85,7 @@ class Quantity:
         return float(match[1])
 
     def _converted(self, number: float, unit: str, whole: str) -> float:
+        """Convert a number from a typed unit to `unit`."""
         from desat.components.contract.units import conversion
 
         from .parameters import known_unit, unit_of, with_dots
@@ -93,12 +107,14 @@ class Quantity:
         return number * converted[0] + converted[1]
 
     def _within(self, value: float, given: str) -> float:
+        """Check that a value is finite and within the range."""
         low = value <= self.least if self.above else value < self.least
         if isfinite(value) and not low and value <= self.most:
             return value
         raise DesatError(f"{self.option} {given}: {self._needed(isfinite(value))}")
 
     def _needed(self, finite: bool) -> str:
+        """Describe the range that is allowed."""
         unit = f" {self.unit}" if self.unit != "1" else ""
         if (
             finite

@@ -1,4 +1,4 @@
-"""What components say when they refuse to start, as lines that a user can act on."""
+"""Explain refusals of components to start, as lines that a user can act on."""
 
 from __future__ import annotations
 
@@ -8,18 +8,19 @@ from collections import defaultdict
 from .interface import base_name
 from .model import Component, System
 
+# Prefix of a refusal by a block of ours; any other text is an unintended failure
+# (`components/contract/block.py`).
 REFUSES = "BlockError: "
-"""What a block of ours puts before a text of its own; all else is a failure that it did
-not mean (`components/contract/block.py`)."""
 _NAME = re.compile(r"([A-Za-z]\w*)(\[[^\]]*\])?(\s*=(?!=))?")
 
 
 def explain(system: System, text: str) -> list[str]:
-    """The lines of a failure, those of refusals with the file, key or option that gave
-    the first variable that they name, and after the text where the others are from.
+    """Return the lines of a failure, with the source of the values in refusals.
 
-    What is given once for several components and refused by them all is one line. A
-    component that fails on what a refusing one shows it has nothing to say.
+    A refusal begins with the file, key or option that gave the first variable it names,
+    and ends with the sources of the others. A value given once for several components
+    and refused by them all makes one line. A component that fails because of the
+    outputs of a refusing one is left out.
     """
     lines = text.splitlines()
     refusing = {line.partition(": ")[0] for line in lines if REFUSES in line}
@@ -42,7 +43,7 @@ def explain(system: System, text: str) -> list[str]:
 
 
 def _fed_by(system: System, names: set[str]) -> set[str]:
-    """The components that these feed, at first or second hand."""
+    """Find the components that these feed, directly or indirectly."""
     targets: dict[str, set[str]] = defaultdict(set)
     for c in system.connections:
         targets[c.source].add(c.target)
@@ -57,8 +58,10 @@ def _fed_by(system: System, names: set[str]) -> set[str]:
 def _sources(
     component: Component, said: str
 ) -> tuple[list[tuple[str, str]], list[str]]:
-    """Each variable that a text names with who gave its value; and those that nobody
-    did."""
+    """Return each variable that a text names with the source of its value.
+
+    Variables without a source, which have their default, are returned separately.
+    """
     known = {base_name(n) for n in component.interface.signals}
     named = [
         m[1]

@@ -1,20 +1,20 @@
-"""The attitude loop of a craft with momentum in its wheels, as a linear sampled system.
+"""Analyse the attitude loop of a craft with wheel momentum as a linear sampled system.
 
 About rest, with H the wheels' momentum (constant, body), J_r the inertia without the
-rotors' axial part and theta the small rotation from the wanted attitude,
+rotors' axial part and theta the small rotation from the target attitude,
 
     theta' = omega,      J_r omega' = T - omega x H,      T' = (u - T) / lag
 
 so that the body nutates at |H| / sqrt(J_a J_b), J_a and J_b the moments of inertia
 across H. The computers see theta and omega at the samples of their sensors and hold
-their commands between their own:
+their commands between their own samples:
 
     tau = -G (kp theta / 2 + kd omega + ki xi),  xi += sample theta / 2     (paper 004, eqs. 10, 11)
     u = tau + omega x H                                                     (paper 004, eq. 16)
 
-Held for a sample, the second term lags behind the nutation that it is to cancel. The
-eigenvalues of the map over one common period of all samples say whether the loop is
-stable.
+Held for a sample, the second term lags behind the nutation that it should cancel. The
+eigenvalues of the map over one common period of all samples give the stability of the
+loop.
 """
 
 from __future__ import annotations
@@ -30,9 +30,9 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-LEAST_DAMPING = 0.1  # damping ratio from which on the loop counts as well damped
-ROUNDING = 1e-6  # growth in a period of a double eigenvalue 1, as numbers have it
-MOST_STEPS = 10_000  # steps of a common period that are multiplied out
+LEAST_DAMPING = 0.1  # lower bound of the damping ratio of a well damped loop
+ROUNDING = 1e-6  # growth per period of a double eigenvalue 1 by rounding
+MOST_STEPS = 10_000  # upper bound of the steps of a common period
 SAMPLE_TIMES = (
     10.0,
     5.0,
@@ -44,9 +44,9 @@ SAMPLE_TIMES = (
     0.05,
     0.02,
     0.01,
-)  # s: those that are proposed
+)  # s: sample times to propose
 
-# Places of the state: what the body does, then what the computers hold.
+# Indices of the state: motion of the body, then memory of the computers.
 ANGLE, RATE, TORQUE = slice(0, 3), slice(3, 6), slice(6, 9)
 INTEGRAL, CONTROL, COMMAND = slice(9, 12), slice(12, 15), slice(15, 18)
 SEEN_ANGLE, SEEN_RATE, DECIDED, REST = slice(18, 21), slice(21, 24), slice(24, 27), 27
@@ -61,9 +61,9 @@ class AttitudeLoop:
     kp: float
     kd: float
     ki: float
-    actuated: Array  # (3, 3), share of a torque wanted on the body that the wheels give
+    actuated: Array  # (3, 3), share of a commanded body torque that the wheels produce
     motor_lag: float  # s
-    gyroscopic: bool  # the manager's command has omega x H
+    gyroscopic: bool  # the manager's command includes omega x H
     step: float  # s, of the exchange between components
     gyro_sample: float  # s, as the next three
     attitude_sample: float
@@ -73,8 +73,10 @@ class AttitudeLoop:
     manager_delay: float = 0.0  # s
 
     def at(self, sample: float) -> AttitudeLoop:
-        """Return the loop with one sample time (s) everywhere, and steps no longer than
-        that."""
+        """Return the loop with one sample time (s) everywhere.
+
+        Its steps are no longer than that.
+        """
         step = min(self.step, sample)
         return replace(
             self,
@@ -105,24 +107,24 @@ class AttitudeLoop:
 
 @dataclass(frozen=True)
 class Stability:
-    """What the eigenvalues of a sampled loop say."""
+    """Stability of a sampled loop, from its eigenvalues."""
 
     growth: float  # 1/s, real part of the least damped mode
-    damping: float  # least damping ratio of an oscillation
+    damping: float  # smallest damping ratio of an oscillation
     stable: bool  # no mode grows
 
     @property
     def well_damped(self) -> bool:
-        """Whether each oscillation is damped by LEAST_DAMPING at least."""
+        """Return whether each oscillation has at least LEAST_DAMPING."""
         return self.stable and self.damping >= LEAST_DAMPING
 
 
 def stability(loop: AttitudeLoop, momentum: Array) -> Stability:
     """Compute the stability of a loop with constant wheel momentum (3,) N m s, body.
 
-    A mode without oscillation counts as damped by 1. One whose eigenvalue is a negative
-    number turns by half a turn a period, the highest frequency that samples show. A
-    loop that grows beyond all numbers within a period is unstable.
+    A mode without oscillation counts as having a damping ratio of 1. A mode whose
+    eigenvalue is a negative number rotates by half a turn per period, the highest
+    frequency that samples show. A loop that overflows within a period is unstable.
     """
     with np.errstate(over="ignore", invalid="ignore"):
         period, whole = _map_over_period(loop, momentum)
@@ -143,7 +145,7 @@ def stability(loop: AttitudeLoop, momentum: Array) -> Stability:
 def worst_momentum(
     loop: AttitudeLoop, axes: Array, each: Array
 ) -> tuple[Array, Stability]:
-    """Find the momentum with which the loop is damped least.
+    """Find the wheel momentum with the smallest damping of the loop.
 
     Parameters
     ----------
@@ -152,12 +154,12 @@ def worst_momentum(
     axes
         (3, n), axes of the wheels that exist, body.
     each
-        (n,) N m s, momentum of each, of either sign.
+        (n,) N m s, momentum of each wheel, of either sign.
 
     Returns
     -------
     tuple
-        The sum of the wheels' momentum (3,) N m s, body, of the worst signs, and its stability.
+        Total wheel momentum (3,) N m s, body, for the worst signs, and its stability.
     """
     signs = [(1.0, *rest) for rest in product((1.0, -1.0), repeat=len(each) - 1)]
     sums = [axes @ (each * np.array(sign)) for sign in signs] if len(each) else []
@@ -175,8 +177,8 @@ def longest_sample(
 ) -> float | None:
     """Return the longest of `samples` (s) at which the loop is well damped, or None.
 
-    It is looked at with wheels at rest and with momenta `each` (n,) N m s of any signs
-    about `axes` (3, n), body; samples longer than the loop's own are left out.
+    The loop is evaluated with wheels at rest and with momenta `each` (n,) N m s of any
+    signs about `axes` (3, n), body. Samples longer than the loop's own are left out.
     """
     for sample in sorted(samples, reverse=True):
         if sample > loop.sample() * (1.0 + 1e-9):
@@ -190,8 +192,10 @@ def longest_sample(
 
 
 def _map_over_period(loop: AttitudeLoop, momentum: Array) -> tuple[float, Array]:
-    """Return the common period (s) of all samples and the map (n, n) of the state over
-    it."""
+    """Compute the common period (s) of all samples and the map (n, n) over it.
+
+    The map takes the state from the beginning of the period to its end.
+    """
     counts = {
         name: max(1, round(getattr(loop, name) / loop.step))
         for name in (
@@ -217,13 +221,13 @@ def _map_over_period(loop: AttitudeLoop, momentum: Array) -> tuple[float, Array]
 
 
 def _cross(a: Array) -> Array:
-    """Return the matrix (3, 3) that makes a x b of b."""
+    """Return the matrix (3, 3) that maps b to a x b."""
     x, y, z = a.tolist()
     return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
 
 
 def _moves(loop: AttitudeLoop, cross: Array, size: int) -> Array:
-    """Return the map of the state over a step between samples."""
+    """Compute the map (size, size) of the state over a step between samples."""
     inverse = np.linalg.inv(loop.inertia)
     flow = np.zeros((REST, REST))
     flow[ANGLE, RATE] = np.eye(3)
@@ -258,11 +262,11 @@ def _samples(
     waits: Sequence[int],
     size: int,
 ) -> Array:
-    """Return what samples make of the state: sensors, controller and manager, in this
-    order.
+    """Compute the map of the state at samples: sensors, controller, then manager.
 
-    `due`: which of gyro, attitude, controller and manager sample; `waits`: steps that
-    commands of controller and manager wait, in places behind REST.
+    `due` says which of gyro, attitude, controller and manager sample. `waits` gives the
+    delays, in steps, of commands of controller and manager, which are stored behind
+    REST.
     """
     gyro, attitude, controller, manager = due
     total = np.eye(size)
@@ -303,8 +307,7 @@ def _samples(
 
 
 def _queues(waits: Sequence[int]) -> list[list[slice]]:
-    """Return the places of the commands of controller and manager on their way, newest
-    first."""
+    """Return the places of delayed commands of controller and manager, newest first."""
     queues, place = [], REST
     for decided, wait in zip((CONTROL, DECIDED), waits, strict=True):
         places = [slice(place + 3 * k, place + 3 * k + 3) for k in range(wait)]

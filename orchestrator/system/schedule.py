@@ -1,8 +1,7 @@
-"""When each component steps and when each connection moves: the gauss_seidel master's
-order.
+"""Compute when each component steps and each connection moves, under gauss_seidel.
 
-The order follows from the interval connections alone; names break ties, so the listing
-order of an SSD does not matter.
+The order follows from the interval connections alone. Ties are broken by name, so that
+the order of components in an SSD does not matter.
 """
 
 from __future__ import annotations
@@ -19,27 +18,27 @@ from .errors import DesatError
 from .interface import Interface, OutputClass, Signal, base_name
 from .model import Connection, System
 
-# --- When each component of a system steps, where not all step alike ----------------------------
-# A step may have substeps: those components that hand means on to each other, and what feeds
-# them from them alone (an environment), step so many times within it, in parts that grow from its
-# start on, for a motor's torque bends most after a new command. All others step at their own rate,
-# once in so many whole steps, and hold what they give.
+# --- When each component of a system steps, if their rates differ -------------------------------
+# A step may have substeps. Components that exchange means, and those that feed them and take
+# inputs from them alone (an environment), step several times within it. The parts of a step become
+# longer towards its end, because a motor's torque changes most after a new command. All other
+# components step at their own rate, once in a number of whole steps, and hold their outputs.
 #
-# A component that is slower than another covers a window of its steps. It steps at the window's
-# start where its means are cut for faster receivers, and at its end where it takes the mean of a
-# faster source: then its other inputs are those of the window's start all the same.
+# A component that is slower than another covers a window of the other's steps. It steps at the
+# window's start if its means are cut for faster receivers, and at its end if it takes the mean of
+# a faster source; in both cases its other inputs are those of the window's start.
 
 
-GROWTH = 4.5
-"""Of the widths of a step's parts: n of them grow by the n-th root of it from each to
-the next."""
+GROWTH = 4.5  # n parts of a step grow by the n-th root of this from each to the next
 
-Share = tuple[float, float]
-"""Start and width of a part of a window, as shares of it."""
+Share = tuple[float, float]  # start and width of a part of a window, as shares of it
 
 
 def graded(count: int) -> tuple[Share, ...]:
-    """The parts of a step, the first the shortest."""
+    """Compute start and width of `count` parts of a step, as shares of it.
+
+    The first part is the shortest.
+    """
     widths = [GROWTH ** (i / count) for i in range(count)]
     edges = [0.0, *accumulate(widths)]
     return tuple((a / edges[-1], (b - a) / edges[-1]) for a, b in pairwise(edges))
@@ -47,33 +46,30 @@ def graded(count: int) -> tuple[Share, ...]:
 
 @dataclass(frozen=True)
 class Rates:
-    """How often the components of a system step."""
+    """Rates at which the components of a system step."""
 
-    parts: tuple[Share, ...]
-    """Of the master's step."""
-    every: Mapping[str, int]
-    """A component steps once in so many parts."""
-    late: frozenset[str]
-    """The components that step at the end of their window."""
+    parts: tuple[Share, ...]  # of the master's step
+    every: Mapping[str, int]  # parts for each step of a component
+    late: frozenset[str]  # components that step at the end of their window
 
     @property
     def cycle(self) -> int:
-        """The number of steps after which all comes again."""
+        """Return the number of steps after which the pattern of steps repeats."""
         return lcm(len(self.parts), *self.every.values()) // len(self.parts)
 
     def edge(self, part: int) -> float:
-        """The time in steps at which a part begins, counted from the start of a cycle."""
+        """Return when a part begins, in steps from the start of a cycle."""
         steps, i = divmod(part, len(self.parts))
         return steps + self.parts[i][0]
 
     def window(self, fast: int, slow: int) -> list[Share]:
-        """The windows of `fast` parts within one of `slow` parts."""
+        """Return the windows of `fast` parts within one of `slow` parts, as shares."""
         edges = [self.edge(i) / self.edge(slow) for i in range(0, slow + 1, fast)]
         return [(a, b - a) for a, b in pairwise(edges)]
 
 
 def rates(system: System, links: Sequence[Connection]) -> tuple[Rates, list[str]]:
-    """How often the components of a system step, and what cannot be done, a line each."""
+    """Compute the components' rates, and a line for each conflict between them."""
     substeps = system.parts
     step_ratio = {name: c.step_ratio for name, c in system.components.items()}
     if substeps == 1:
@@ -96,7 +92,7 @@ def rates(system: System, links: Sequence[Connection]) -> tuple[Rates, list[str]
 
 
 def _group(system: System, links: Iterable[Connection]) -> set[str]:
-    """The components that have substeps."""
+    """Find the components that have substeps."""
     group = {name for link in links for name in (link.source, link.target)}
     incoming: dict[str, set[str]] = {name: set() for name in system.components}
     outgoing: dict[str, set[str]] = {name: set() for name in system.components}
@@ -116,17 +112,17 @@ def _group(system: System, links: Iterable[Connection]) -> set[str]:
 
 
 def _continuous(interface: Interface) -> bool:
-    """Whether a component is none that takes samples."""
+    """Return whether a component takes no samples."""
     return "sample_time" not in interface.signals
 
 
 def late(
     links: Iterable[Connection], every: Mapping[str, int]
 ) -> tuple[frozenset[str], list[str]]:
-    """The components that step at the end of their window, and what cannot be done, a
-    line each.
+    """Find the components that step at the end of their window, and conflicts.
 
-    `every` gives each component's rate: it steps once in so many parts.
+    There is one line for each conflict. `every` gives each component's rate: it steps
+    once in that many parts.
     """
     links = list(links)
     problems = [
@@ -162,19 +158,21 @@ AT, OVER, LATE, START = "at t_k", "over the step", "one step late", "at the star
 
 @dataclass(frozen=True)
 class Schedule:
-    """The stepping order, the class of every output, the rates of the components, and
-    the timing of every connection."""
+    """Stepping order, class of every output, rates and timing of every connection."""
 
     order: tuple[str, ...]
     classes: dict[tuple[str, str], OutputClass]
     rates: Rates
     timing: tuple[tuple[Connection, str], ...]
     warnings: tuple[str, ...] = ()
-    """What different rates cost."""
+    """Loss of accuracy by different rates, and undeclared dependencies."""
 
 
 def output_class(system: System, component: str, signal: Signal) -> OutputClass:
-    """The class of an output: a scenario's override, else what its component declares."""
+    """Return the class of an output.
+
+    A scenario's override takes precedence over the component's declaration.
+    """
     for name in (signal.name, signal.array):
         if override := system.output_classes.get(f"{component}.{name}"):
             return override
@@ -182,9 +180,14 @@ def output_class(system: System, component: str, signal: Signal) -> OutputClass:
 
 
 def schedule(system: System) -> Schedule:
-    """Order the components. Raises DesatError, with the chain, where the interval
-    connections go in a circle, and where means cannot be handed on between components
-    of different rates."""
+    """Order the components by their interval connections.
+
+    Raises
+    ------
+    DesatError
+        If the interval connections form a cycle (with its chain), or if means cannot be
+        handed on between components of different rates.
+    """
     classes: dict[tuple[str, str], OutputClass] = {}
     for name, component in system.components.items():
         for signal in component.interface.outputs:
@@ -231,7 +234,7 @@ def schedule(system: System) -> Schedule:
 def _before(
     system: System, classes: Mapping[tuple[str, str], OutputClass]
 ) -> dict[str, set[str]]:
-    """The components whose interval outputs each one takes."""
+    """Return the components whose interval outputs each component takes."""
     before: dict[str, set[str]] = {name: set() for name in system.components}
     for c in system.connections:
         if classes[c.source, c.output] == "interval":
@@ -240,8 +243,10 @@ def _before(
 
 
 def _reaches(before: Mapping[str, set[str]], name: str, start: str) -> bool:
-    """Whether what one component gives comes to another over the step: then a
-    connection from that one back closes a circle."""
+    """Check whether interval outputs of `name` depend on the component `start`.
+
+    If they do, a connection from `name` back to it would close a cycle.
+    """
     seen, todo = {name}, [name]
     while todo:
         for other in before[todo.pop()] - seen:
@@ -255,8 +260,11 @@ def _undeclared(
     silent: Iterable[tuple[str, str]],
     classes: Mapping[tuple[str, str], OutputClass],
 ) -> Iterator[str]:
-    """How outputs are taken of which an FMU does not say what they depend on: on all inputs (FMI
-    2.0.4, section 2.2.8), so over the step; where that closes a circle, one step late."""
+    """Describe the assumed class of outputs whose dependencies are not declared.
+
+    Such outputs may depend on all inputs (FMI 2.0.4, section 2.2.8), so they are taken
+    over the step, or one step late if that would close a cycle.
+    """
     read = {(c.source, c.output) for c in system.connections}
     lines: dict[tuple[str, OutputClass], list[str]] = {}
     for name, output in sorted(read & set(silent)):
@@ -277,8 +285,7 @@ def _undeclared(
 
 
 def _order(before: dict[str, set[str]]) -> list[str]:
-    """Return the names, each after those before it, else by the alphabet; without
-    circles."""
+    """Sort the names after their predecessors, then alphabetically, without cycles."""
     sorter = TopologicalSorter(before)
     with suppress(CycleError):
         sorter.prepare()
@@ -288,14 +295,14 @@ def _order(before: dict[str, set[str]]) -> list[str]:
         for name in sorter.get_ready():
             heappush(ready, name)
         if not ready:
-            break  # what is left is in a circle, or after one
+            break  # the rest is in a cycle, or after one
         order.append(heappop(ready))
         sorter.done(order[-1])
     return order
 
 
 def _is_mean(system: System, c: Connection, output_class: OutputClass) -> bool:
-    """Whether a connection carries a mean over the step, or the slope of one."""
+    """Return whether a connection carries a mean over the step, or its slope."""
     interface = system.components[c.source].interface
     return output_class == "interval" and (
         interface.signals[c.output].mean or c.output in interface.slopes
@@ -303,6 +310,7 @@ def _is_mean(system: System, c: Connection, output_class: OutputClass) -> bool:
 
 
 def _timing(c: Connection, output_class: OutputClass, mean: bool, paces: Rates) -> str:
+    """Describe when a connection moves its value."""
     source, target = paces.every[c.source], paces.every[c.target]
     if mean and source < target:
         return f"mean of {target // source} {_steps(paces, target)}"
@@ -322,14 +330,17 @@ def _timing(c: Connection, output_class: OutputClass, mean: bool, paces: Rates) 
 
 
 def _steps(paces: Rates, window: int) -> str:
+    """Return the word for the unit of a window: substeps or steps."""
     return "substeps" if window <= len(paces.parts) else "steps"
 
 
 def _warnings(
     means: Iterable[Connection], timing: Iterable[tuple[Connection, str]]
 ) -> Iterator[str]:
-    """Values that are held, or of which some are left out, between components that
-    exchange means: what is exchanged is conserved all the same, but is less exact."""
+    """Warn of values that are held or left out between components exchanging means.
+
+    The exchanged quantities are still conserved, but they are less accurate.
+    """
     exchanging = {c.source for c in means} | {c.target for c in means}
     lines: dict[tuple[str, str, str], list[str]] = {}
     for c, text in timing:
@@ -346,7 +357,7 @@ def _circle(
     waiting: dict[str, set[str]],
     classes: dict[tuple[str, str], OutputClass],
 ) -> str:
-    """The message for a circle: its chain and the line that would break it."""
+    """Format the message for a cycle: its chain and the line that would break it."""
     members = _cycle_of(waiting, min(waiting))
     links = []
     for source, target in zip(members, [*members[1:], members[0]], strict=True):
@@ -366,7 +377,7 @@ def _circle(
 
 
 def _cycle_of(waiting: dict[str, set[str]], start: str) -> list[str]:
-    """One cycle among the waiting components, in the direction of the signals."""
+    """Find one cycle among the waiting components, in the direction of the signals."""
     path = [start]
     while True:
         previous = min(waiting[path[-1]] & set(waiting))

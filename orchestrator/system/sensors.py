@@ -1,4 +1,4 @@
-"""What the sensors of a system measure with, as laws that filter it are told."""
+"""Determine the noise of a system's sensors, for laws that filter it."""
 
 from __future__ import annotations
 
@@ -7,15 +7,17 @@ from math import hypot, sqrt
 from .craft import craft_of
 from .model import Component, System
 
+# Standard deviations at each sample: name of the manager's parameter -> unit.
 KNOWN = {"h_noise": "N.m.s", "rate_noise": "rad/s", "attitude_noise": "rad"}
-"""Standard deviations at each sample, by the names that managers' parameters have, and
-units."""
 
 
 def noise_of(system: System) -> dict[str, float]:
-    """The standard deviations of KNOWN: of a wheel's momentum, of a rate about an axis
-    and of the attitude about an axis, slow errors among the latter; 0 where a sensor
-    has none, or is not of ours."""
+    """Return the standard deviations of KNOWN, in the units given there.
+
+    They are those of a wheel's momentum, of a rate about an axis, and of the attitude
+    about an axis including slow errors. A sensor without noise, or one that is not
+    ours, has 0.
+    """
     gyro = craft_of(system).gyro
     attitude = craft_of(system).determination or craft_of(system).star_tracker
     walk, period = _of(gyro, "angle_random_walk"), _of(gyro, "sample_time")
@@ -29,4 +31,5 @@ def noise_of(system: System) -> dict[str, float]:
 
 
 def _of(component: Component | None, name: str) -> float:
+    """Return a parameter of a component; 0 without component or parameter."""
     return 0.0 if component is None else float(component.values.get(name, 0.0))

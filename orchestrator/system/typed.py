@@ -1,4 +1,4 @@
-"""Values that were read from JSON, held against the types that a dataclass declares."""
+"""Check values that were read from JSON against the types that a dataclass declares."""
 
 from __future__ import annotations
 
@@ -10,8 +10,7 @@ from typing import Any, Literal, Union, get_args, get_origin, get_type_hints
 
 from .errors import plain
 
-LARGEST = 1e300
-"""The largest size of a whole number that is a float, too."""
+LARGEST = 1e300  # upper bound of an integer's magnitude that also counts as a float
 _NEEDED = {
     str: "a text",
     bool: "true or false",
@@ -20,12 +19,11 @@ _NEEDED = {
     type(None): "null",
 }
 
-JsonObject = dict[str, Any]
-"""An object of a JSON file, or of what `--json` prints."""
+JsonObject = dict[str, Any]  # an object of a JSON file, or of the output of `--json`
 
 
 def fault_of(value: Any, declared: Any, where: str) -> str:
-    """Return what is wrong with a value of a declared type.
+    """Describe a mismatch between a value and its declared type.
 
     Parameters
     ----------
@@ -39,7 +37,7 @@ def fault_of(value: Any, declared: Any, where: str) -> str:
     Returns
     -------
     str
-        The key, what it is and what is needed; empty if the value is of the type.
+        The key, the value and what is needed; empty if the value is of the type.
     """
     if declared is Any:
         return ""
@@ -63,6 +61,7 @@ def fault_of(value: Any, declared: Any, where: str) -> str:
 
 
 def _fault_of_union(value: Any, choices: Sequence[Any], where: str) -> str:
+    """Describe a mismatch between a value and all types of a union."""
     if not all(fault_of(value, choice, where) for choice in choices):
         return ""
     for choice in choices:
@@ -78,6 +77,7 @@ def _fault_of_union(value: Any, choices: Sequence[Any], where: str) -> str:
 
 
 def _fault_of_dataclass(value: Any, declared: type, where: str) -> str:
+    """Describe the first mismatch in the fields of a dataclass."""
     if not isinstance(value, declared):
         return _fault(value, where, "a table")
     hints = _hints(declared)
@@ -89,6 +89,7 @@ def _fault_of_dataclass(value: Any, declared: type, where: str) -> str:
 
 
 def _fault_of_mapping(value: Any, arguments: Sequence[Any], where: str) -> str:
+    """Describe the first mismatch in the keys and values of a table."""
     if not isinstance(value, Mapping):
         return _fault(value, where, "a table")
     if not arguments:
@@ -102,6 +103,7 @@ def _fault_of_mapping(value: Any, arguments: Sequence[Any], where: str) -> str:
 
 
 def _fault_of_sequence(value: Any, arguments: Sequence[Any], where: str) -> str:
+    """Describe the first mismatch in the elements of a list."""
     if not isinstance(value, (list, tuple)):
         return _fault(value, where, "a list")
     if not arguments:
@@ -118,7 +120,7 @@ def _fault_of_sequence(value: Any, arguments: Sequence[Any], where: str) -> str:
 
 
 def _is_of(value: Any, kind: Any) -> bool:
-    """Return whether a value is of a plain type; a whole number is a number, too."""
+    """Return whether a value is of a plain type; an int also counts as a float."""
     if kind in (int, float) and isinstance(value, bool):
         return False
     if kind is float and isinstance(value, int):
@@ -127,6 +129,7 @@ def _is_of(value: Any, kind: Any) -> bool:
 
 
 def _name_of(kind: Any) -> str:
+    """Return the readable name of a type."""
     if kind in _NEEDED:
         return _NEEDED[kind]
     if isinstance(kind, type) and issubclass(kind, Sequence):
@@ -135,9 +138,11 @@ def _name_of(kind: Any) -> str:
 
 
 def _fault(value: Any, where: str, needed: str) -> str:
+    """Format the message of a mismatch."""
     return f"{where} is {plain(repr(value)[:60])}; {needed} is needed"
 
 
 @cache
 def _hints(declared: type) -> dict[str, Any]:
+    """Return the types of a dataclass's fields."""
     return get_type_hints(declared)

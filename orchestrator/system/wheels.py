@@ -1,4 +1,4 @@
-"""Which wheels a craft has: those with an axis and, where it is known, a spin inertia.
+"""Determine which wheels a craft has: those with an axis and a spin inertia, if known.
 
 A block of wheels refuses values that contradict each other
 (`components/blocks/wheels.py`).
@@ -17,7 +17,7 @@ Array = NDArray[np.float64]
 
 
 def axes_of(values: Values) -> Array:
-    """Return the wheels' axes (3, n), body, zero where there is no wheel.
+    """Return the wheel axes (3, n), body; zero where there is no wheel.
 
     A craft without wheels of its own has ideal ones inside, one along each body axis.
     """
@@ -25,8 +25,10 @@ def axes_of(values: Values) -> Array:
 
 
 def existing(values: Values) -> NDArray[np.bool_]:
-    """Return which wheels exist (n,), by the parameters of a spacecraft or of its
-    wheels."""
+    """Return which wheels exist (n,).
+
+    The parameters may be those of a spacecraft or of its wheels.
+    """
     there: NDArray[np.bool_] = np.linalg.norm(axes_of(values), axis=0) > 0.0
     if "inertia_wheel" not in values:
         return there
@@ -38,8 +40,8 @@ def existing(values: Values) -> NDArray[np.bool_]:
 def capacities(values: Values) -> Array:
     """Return the largest momentum of each wheel (n,), N m s.
 
-    It is 0 where there is no wheel, and infinite where a wheel has no limit of speed or
-    no spin inertia is known.
+    It is 0 where there is no wheel, and infinite if a wheel has no speed limit or its
+    spin inertia is unknown.
     """
     there = existing(values)
     spin = np.broadcast_to(
@@ -49,13 +51,16 @@ def capacities(values: Values) -> Array:
 
 
 def largest_speed(values: Values) -> float:
-    """Return the speed (rad/s) that wheels reach: their limit, or that of their supply."""
+    """Return the speed (rad/s) that wheels reach.
+
+    It is their limit, or that of their supply if it is lower.
+    """
     voltage = float(values.get("supply_voltage", 0.0))
     no_load = voltage / float(values["torque_constant"]) if voltage > 0.0 else inf
     return float(min(values.get("speed_limit", inf), no_load))
 
 
 def smallest_capacity(values: Values) -> float:
-    """Return the capacity of the smallest wheel that exists (N m s); 0 without wheels."""
+    """Return the capacity of the smallest wheel (N m s); 0 without wheels."""
     found = capacities(values)[existing(values)]
     return float(found.min()) if len(found) else 0.0

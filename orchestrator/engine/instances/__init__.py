@@ -1,1 +1,1 @@
-"""Instances of components: bare blocks, FMUs, and those in processes of their own."""
+"""Provide instances: bare blocks, FMUs, and FMUs in processes of their own."""

@@ -1,8 +1,8 @@
-"""Instances: one component that a master can initialise, feed, step and read.
+"""Define instances: components that a master can initialise, feed, step and read.
 
-The master fills `inputs[kind]`, calls `push`, `step`, `pull`, and has the outputs in
-the arrays that it gave to `wire`; the arrays stay the same objects from then on, so
-nothing is allocated in a step. `fmu.py` is an FMU through prepared ctypes calls,
+The master fills `inputs[kind]`, calls `push`, `step` and `pull`, and finds the outputs
+in the arrays that it passed to `wire`. These arrays stay the same objects from then on,
+so that a step allocates nothing. `fmu.py` runs an FMU through prepared ctypes calls,
 `isolated.py` one in a process of its own, `block.py` the bare block.
 """
 
@@ -25,31 +25,32 @@ DTYPE: dict[Kind, Any] = {"Real": np.float64, "Integer": np.int32, "Boolean": np
 
 
 class ComponentError(DesatError):
-    """A component failed while it ran."""
+    """Failure of a component while it ran."""
 
 
 class EndedError(ComponentError, RunError):
-    """A component ended the process that it has of its own, or was ended with it."""
+    """Failure of a component that ended its own process, or was ended with it."""
 
 
 class Clock:
-    """The start (s) and the length (s) of the step that components of one rate are
-    about to make: the prepared calls read them where they are."""
+    """Start (s) and length (s) of the next step of components of one rate.
+
+    The prepared calls read both in place.
+    """
 
     def __init__(self, t: float, dt: float) -> None:
         self.t, self.dt = ctypes.c_double(t), ctypes.c_double(dt)
 
 
 class Instance(Protocol):
-    """One component in a running system. Functions that return an int return an FMI
-    status."""
+    """One component in a running system.
+
+    Functions that return an int return an FMI status.
+    """
 
     name: str
-    place: int
-    """PLACE times its place in the order of the schedule: what `current_call` has of
-    it."""
-    messages: list[str]
-    """What the component has logged: warnings, errors."""
+    place: int  # PLACE times its place in the schedule's order, for `current_call`
+    messages: list[str]  # warnings and errors that the component has logged
     inputs: dict[Kind, Array]
 
     @property
@@ -58,11 +59,11 @@ class Instance(Protocol):
 
     @property
     def step(self) -> Callable[[], int]:
-        """Make the step that `wire`'s clock tells."""
+        """Make the step whose start and length `wire`'s clock holds."""
 
     @property
     def pull(self) -> Callable[[], int]:
-        """Read the wired outputs into the arrays that `wire` was given."""
+        """Read the wired outputs into the arrays that `wire` received."""
 
     def wire(
         self,
@@ -71,55 +72,81 @@ class Instance(Protocol):
         into: dict[Kind, Array],
         clock: Clock,
     ) -> None:
-        """Choose which inputs are pushed, which outputs are pulled and where to, and
-        the clock that tells each step's start and length."""
+        """Select the inputs to push, the outputs to pull, their arrays, and the clock.
+
+        The clock holds start and length of each step.
+        """
 
     def enter(self, start: float, parameters: Mapping[str, Scalar]) -> None:
         """Set parameters and enter initialisation mode at time `start` (s)."""
 
     def exit(self) -> None:
-        """Leave initialisation mode. Raises ComponentError where the component could
-        not start."""
+        """Leave initialisation mode.
+
+        Raises ComponentError if the component could not start.
+        """
 
     def failed(self, what: str, status: int) -> ComponentError:
-        """The error for a status, with what the component has said."""
+        """Build the error for a status, with the message of the component."""
 
     def save(self) -> bytes:
-        """Its state between two steps. Raises ComponentError where it cannot be had."""
+        """Return the serialised state between two steps.
+
+        Raises ComponentError if the component cannot provide it.
+        """
 
     def restore(self, state: bytes) -> None:
-        """Go on from a state that `save` gave, in a process like that one. Raises
-        ComponentError for one that is not of this component."""
+        """Restore a state that `save` returned, in a process like that one.
+
+        Raises ComponentError if the state is not of this component.
+        """
 
     def look(self) -> None:
-        """Of one in a process of its own: add to `messages` what the component has
-        changed there, which is put back."""
+        """Add to `messages` what the component changed in its own process.
+
+        The changes are undone. Only an instance in a process of its own has any.
+        """
 
     def terminate(self) -> None:
-        """End a simulation that has not failed. Raises ComponentError where it does not
-        end."""
+        """Terminate a simulation that has not failed.
+
+        Raises ComponentError if the component does not terminate.
+        """
 
     def close(self) -> None:
-        """Free the component. May be called at any time, also twice."""
+        """Free the component.
+
+        It may be called at any time, and more than once.
+        """
 
 
 _WARNED = " returned warning"
 
 
 def warn_of(instance: Instance, call: str, when: str = "") -> None:
-    """Have an instance say once that a call returned a warning, which is no failure."""
+    """Record once that a call returned a warning.
+
+    A warning is no failure.
+    """
     if not any(text.startswith(f"{call}{_WARNED}") for text in instance.messages):
         instance.messages.append(f"{call}{_WARNED}{when}")
 
 
 def is_of_status(text: str) -> bool:
-    """Whether a message is one of `warn_of`, and not the component's own."""
+    """Return whether a message comes from `warn_of`, not from the component."""
     return _WARNED in text
 
 
 def each(calls: Iterable[Callable[[], None]]) -> None:
-    """Make all calls. Raises ComponentError with what all of those said that failed,
-    and EndedError at once."""
+    """Make all calls, even if some fail.
+
+    Raises
+    ------
+    ComponentError
+        If calls failed, with the messages of all of them.
+    EndedError
+        At once, if a component ended its process.
+    """
     failures = []
     for call in calls:
         try:

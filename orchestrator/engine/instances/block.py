@@ -1,5 +1,7 @@
-"""A bare block as an instance, without FMI: for debugging, and to hold the FMUs
-against."""
+"""Run a bare block as an instance without FMI.
+
+It serves for debugging and as reference for the FMUs.
+"""
 
 from __future__ import annotations
 
@@ -18,7 +20,7 @@ from .base import DTYPE, Array, Clock, ComponentError
 
 
 class BlockInstance:
-    """A bare block, without FMI: for debugging, and to hold the FMUs against."""
+    """A bare block without FMI, for debugging and as reference for FMUs."""
 
     def __init__(self, component: Component) -> None:
         self.name, self.place = component.name, 0
@@ -62,6 +64,10 @@ class BlockInstance:
             raise self._error
 
     def _refresh(self) -> None:
+        """Start the block and compute its outputs if inputs changed while initialising.
+
+        An error is stored, because the inputs may not have settled yet.
+        """
         if self._initialising and self._stale:
             self._stale, self._error = False, None
             try:
@@ -118,5 +124,5 @@ class BlockInstance:
 
 
 def _frozen(value: Any) -> Any:
-    """JSON has lists where a block has tuples."""
+    """Convert the lists that JSON has back to the tuples of a block."""
     return tuple(_frozen(x) for x in value) if isinstance(value, list) else value

@@ -1,8 +1,9 @@
-"""FMI 1.0, 2.0 and 3.0: what of an FMU's calls differs between them, a class each.
+"""Wrap the functions of FMI 1.0, 2.0 and 3.0 behind one interface, a class per version.
 
-A call is prepared once, with its arguments, as Python makes it and as the compiled loop does. FMI
-3.0 moves whole arrays of many types: where values are not those of the master one by one, they go
-through a buffer of the FMU's type.
+Each call is prepared once, with its arguments, in the form that Python uses and in the
+form that the compiled loop uses. FMI 3.0 transfers whole arrays of many types. Where
+its values do not correspond one by one to those of the master, they pass through a
+buffer of the FMU's type.
 """
 
 from __future__ import annotations
@@ -35,35 +36,39 @@ from .base import Array
 
 Way = Literal["Set", "Get"]
 _DISCARD, _ERROR = 2, 3
+# Tolerance of the end time that a step of FMI 3.0 reports, as a share of the step. An
+# FMU that accumulates its time has the rounding of the sum: after 10^7 steps of 0.1 s,
+# 0.002 of a step.
 NEAR = 0.01
-"""So far from its end, as a share of it, a step of FMI 3.0 may say that it ended: an
-FMU that adds up its time has the sum's rounding, 0.002 of a step of 0.1 s after
-10^7."""
 _INT32 = np.iinfo(np.int32)
 
+# Messages of each component environment, by its number.
 _listeners: dict[int, list[str]] = {}
-"""Where the messages of each component environment go."""
 
 
 def listen(environment: int, messages: list[str]) -> None:
-    """Have what an environment's component says put there."""
+    """Collect the log messages of a component environment in a list."""
     _listeners[environment] = messages
 
 
 def forget(environment: int) -> None:
-    """Listen no longer."""
+    """Stop collecting the log messages of a component environment."""
     _listeners.pop(environment, None)
 
 
 def _hear(environment: int | None, status: int, message: bytes | None) -> None:
+    """Append a log message that is not "ok" to its list, up to 20 messages."""
     heard = _listeners.get(environment or 0)
     if heard is not None and status > 0 and len(heard) < 20:
         heard.append(plain((message or b"").decode(errors="replace").strip()))
 
 
 class Prepared(NamedTuple):
-    """Something that is done to move values or to step: as Python does it, and as an
-    operation of loop.c, with its code, its number of values and its pointers."""
+    """A prepared operation that transfers values or makes a step.
+
+    It has two forms: a call for Python, and an operation of loop.c with its code, its
+    number of values and its pointers.
+    """
 
     call: Callable[[], int]
     code: str
@@ -72,20 +77,23 @@ class Prepared(NamedTuple):
 
 
 class FmiFunctions(ABC):
-    """The calls of one instance; `c` is what the FMU knows it by."""
+    """The FMI functions of one instance.
+
+    `c` is the handle by which the FMU knows the instance.
+    """
 
     prefix: ClassVar[str]
     state: ClassVar[str]
-    """How the functions end that get, set and free a state."""
+    """Suffix of the functions that get, set and free a state."""
     deserialise: ClassVar[str]
     slave: ClassVar[Any]
     names: ClassVar[tuple[str, ...]]
-    """The functions that are called without fmpy, those of a step among them."""
+    """Functions that are called without fmpy, including those of a step."""
     reset: ClassVar[str]
     terminate: ClassVar[str]
     free: ClassVar[str]
     version: ClassVar[str]
-    """What its library may say of which FMI it is, as a pattern."""
+    """Pattern of the FMI version that the library must report."""
 
     def __init__(
         self, fmu: Any, calls: Mapping[str, Any], interface: Interface
@@ -95,52 +103,60 @@ class FmiFunctions(ABC):
 
     @abstractmethod
     def instantiate(self, fmu: Fmu, name: str, environment: int) -> None:
-        """Make the instance; `c` is None where it cannot be had."""
+        """Create the instance; `c` is None if that fails."""
 
     @abstractmethod
     def begin(self, start: float) -> Sequence[tuple[Any, ...]]:
-        """The calls that enter initialisation mode at a time (s), with their arguments."""
+        """Return the calls, with arguments, that begin initialisation at `start` s."""
 
     def end(self) -> tuple[Any, ...]:
-        """The call that leaves initialisation mode, with its arguments."""
+        """Return the call that leaves initialisation mode, with its arguments."""
         return (f"{self.prefix}ExitInitializationMode",)
 
     @abstractmethod
     def moves(
         self, way: Way, signals: Sequence[Signal], values: Array
     ) -> list[Prepared]:
-        """Set or get variables of one kind, all at once, from or into an array in their
-        order."""
+        """Prepare to set or get all variables of one kind at once.
+
+        The values come from, or go to, an array in the order of the variables.
+        """
 
     @abstractmethod
     def step(self, t: Any, dt: Any, no_state_before: int) -> Prepared:
-        """Make a step from t over dt, ctypes doubles that are read when it is made."""
+        """Prepare a step from `t` over `dt`.
+
+        Both are ctypes doubles, which are read when the step is made.
+        """
 
     def note_values(self, parameters: Iterable[tuple[Signal, Scalar]]) -> None:
-        """Take note of values that were set in `enter`."""
-        del parameters  # FMI 3.0 alone has to
+        """Record parameter values that `enter` sets."""
+        del parameters  # only FMI 3.0 needs them
 
     def bytes(self, of: Any) -> Any:
-        """A buffer of a serialised state as the functions of fmpy take it."""
+        """Convert the buffer of a serialised state to the type that fmpy takes."""
         return of
 
     def why(self, status: int) -> str:
-        """What is known of a failure, of this status, beside what the FMU has logged."""
+        """Explain a failed status beyond what the FMU has logged; empty if unknown."""
         return ""
 
     @staticmethod
     def exported(name: str, identifier: str) -> str:
-        """What the library of an FMU with this model identifier calls a function."""
+        """Return the name under which the library exports an FMI function."""
         return name
 
     def _function(self, name: str, *arguments: Any) -> Callable[[], int]:
+        """Bind the arguments of an FMI function."""
         return partial(self._calls[name], *arguments)
 
     def _address(self, name: str) -> int:
+        """Return the address of an FMI function."""
         return ctypes.cast(self._calls[name], ctypes.c_void_p).value or 0
 
 
 def _references(numbers: Sequence[int]) -> Any:
+    """Convert value references to a C array."""
     return (ctypes.c_uint * len(numbers))(*numbers)
 
 
@@ -154,13 +170,17 @@ def _log_2(
     category: bytes,
     message: bytes,
 ) -> None:
+    """Collect a log message of FMI 2.0."""
     _hear(environment, status, message)
 
 
 @cache
 def _callbacks() -> fmi2CallbackFunctions:
-    """One logger for all: fmpy's proxy, which formats C messages, knows only the last
-    one."""
+    """Create the callbacks that all instances share.
+
+    There is one logger, because fmpy's proxy, which formats C messages, knows only the
+    most recent one.
+    """
     made = fmi2CallbackFunctions()
     made.logger = fmi2CallbackLoggerTYPE(_log_2)
     made.allocateMemory = defaultCallbacks.allocateMemory
@@ -243,8 +263,10 @@ class Fmi2(FmiFunctions):
         return f"it asks for the end of the simulation at t = {last.value:g} s"
 
     def _ask(self, kind: str, of: int, answer: Any) -> bool:
-        """Have a status of the last step written into `answer`; whether there is such a
-        one."""
+        """Read a status value of the last step into `answer`.
+
+        Return whether the FMU provides that status value.
+        """
         function = self.fmu.dll[f"fmi2Get{kind}Status"]
         return function(ctypes.c_void_p(self.c), of, ctypes.byref(answer)) in (0, 1)
 
@@ -255,11 +277,13 @@ class Fmi2(FmiFunctions):
 def _log_3(
     environment: int | None, status: int, category: bytes, message: bytes
 ) -> None:
+    """Collect a log message of FMI 3.0."""
     _hear(environment, status, message)
 
 
 _logger_3 = fmi3LogMessageCallback(_log_3)
 
+# FMI 3.0 types: suffix of the functions and dtype, in the order of TYPES in loop.c.
 TYPES: dict[str, tuple[str, Any]] = {
     "Float32": ("Float32", np.float32),
     "Float64": ("Float64", np.float64),
@@ -274,13 +298,11 @@ TYPES: dict[str, tuple[str, Any]] = {
     "Enumeration": ("Int64", np.int64),
     "Boolean": ("Boolean", np.bool_),
 }
-"""Of each type of FMI 3.0 its functions and its values; the order is that of loop.c's
-TYPES."""
 _CODES = list(dict.fromkeys(values for _, values in TYPES.values()))
 
 
 class _Done(ctypes.Structure):
-    """What fmi3DoStep says beside its status, as loop.c has it."""
+    """The outputs of fmi3DoStep besides its status, in the layout of loop.c."""
 
     _fields_ = (
         ("event", ctypes.c_bool),
@@ -292,8 +314,10 @@ class _Done(ctypes.Structure):
 
 
 class Fmi3(FmiFunctions):
-    """FMI 3.0: arrays, and more types; no event mode, no early return, no intermediate
-    update."""
+    """FMI 3.0: arrays and more types.
+
+    Event mode, early return and intermediate update are not supported.
+    """
 
     prefix, state, deserialise, slave = (
         "fmi3",
@@ -318,11 +342,11 @@ class Fmi3(FmiFunctions):
     ) -> None:
         super().__init__(fmu, calls, interface)
         self._done = _Done(whole=True)
+        # elements of each variable, by its value reference
         self._arrays: dict[int, list[Signal]] = {}
-        """The elements of each variable, by its value reference."""
         for s in interface.signals.values():
             elements = self._arrays.setdefault(_key(s)[0], [])
-            if s.element == len(elements):  # an alias has none of its own
+            if s.element == len(elements):  # an alias has no elements of its own
                 elements.append(s)
         self._values = {_key(s): s.start for a in self._arrays.values() for s in a}
         self._filled: list[tuple[Array, list[Signal]]] = []
@@ -373,8 +397,11 @@ class Fmi3(FmiFunctions):
         which: list[int],
         values: Array,
     ) -> list[Prepared]:
-        """The variables of one type, all elements of each: in place where they are the
-        values one by one, or through a buffer."""
+        """Prepare the transfer of the variables of one type, with all elements of each.
+
+        The transfer works in place if the elements correspond one by one to the values,
+        and otherwise through a buffer.
+        """
         wanted = [signals[i] for i in which]
         variables = list(dict.fromkeys(_key(s)[0] for s in wanted))
         elements = [e for v in variables for e in self._arrays[v]]
@@ -407,8 +434,11 @@ class Fmi3(FmiFunctions):
         ]
 
     def _start(self, elements: Sequence[Signal], of: Any) -> Array:
-        """What elements have been given, or start with; the nearest that there is of a
-        type: what is beyond it is refused where it is set."""
+        """Return the values that elements were given, or their start values.
+
+        A value beyond the range of the type is clipped to it, because it is refused
+        when it is set.
+        """
         values = [self._values[_key(e)] or 0 for e in elements]
         if of.kind not in "fb":
             info = np.iinfo(of)
@@ -418,6 +448,7 @@ class Fmi3(FmiFunctions):
     def _call(
         self, way: Way, name: str, variables: list[int], values: Array
     ) -> Prepared:
+        """Prepare the FMI call that sets or gets whole variables of one type."""
         function, references = f"fmi3{way}{name}", _references(variables)
         n, size, data = len(variables), len(values), values.ctypes.data
         call = self._function(
@@ -483,12 +514,12 @@ class Fmi3(FmiFunctions):
 
 
 def _key(s: Signal) -> tuple[int, int]:
-    """The value reference of a variable, and which of its elements this is."""
+    """Return the value reference of a variable and the index of its element."""
     return s.reference - s.element, s.element
 
 
 def _range(of: Any) -> tuple[float, float]:
-    """The values that a type of the FMU and the master's have in common."""
+    """Return the range of values that the FMU's type and the master's type share."""
     if of.kind in "fb":
         return -np.inf, np.inf
     info = np.iinfo(of)
@@ -498,7 +529,7 @@ def _range(of: Any) -> tuple[float, float]:
 def _moved(
     source: Array, at: Array, target: Array, to: Array, limits: tuple[float, float]
 ) -> int:
-    """Move values into an array of another type: a status."""
+    """Copy values into an array of another type and return an FMI status."""
     values = source[at]
     if ((values < limits[0]) | (values > limits[1])).any():
         return _ERROR
@@ -511,10 +542,11 @@ def _moved(
 
 @cache
 def _callbacks_1() -> fmi1CallbackFunctions:
+    """Create the callbacks of FMI 1.0, which share the logger of FMI 2.0."""
     made = fmi1CallbackFunctions()
     made.logger = ctypes.cast(
         _callbacks().logger, fmi1CallbackLoggerTYPE
-    )  # of the same arguments
+    )  # it has the same arguments
     made.allocateMemory = fmi1.defaultCallbacks.allocateMemory
     made.freeMemory = fmi1.defaultCallbacks.freeMemory
     made.stepFinished = None
@@ -522,7 +554,7 @@ def _callbacks_1() -> fmi1CallbackFunctions:
 
 
 class Fmi1(Fmi2):
-    """FMI 1.0: no initialisation mode, truth values of one byte, no state."""
+    """FMI 1.0: no initialisation mode, Booleans of one byte, no serialised state."""
 
     prefix, slave, reset = "fmi1", FMU1Slave, "fmi1ResetSlave"
     terminate, free = "fmi1TerminateSlave", "fmi1FreeSlaveInstance"
@@ -549,7 +581,7 @@ class Fmi1(Fmi2):
             _callbacks_1(),
             b"\1",
         )
-        if self.c and environment in _listeners:  # the FMU knows nothing but itself
+        if self.c and environment in _listeners:  # the FMU passes its own handle only
             listen(self.c, _listeners[environment])
 
     def begin(self, start: float) -> Sequence[tuple[Any, ...]]:
@@ -566,7 +598,7 @@ class Fmi1(Fmi2):
         )
 
     def why(self, status: int) -> str:
-        return ""  # it has no word for the end of a simulation
+        return ""  # FMI 1.0 cannot report the end of a simulation
 
     def moves(
         self, way: Way, signals: Sequence[Signal], values: Array

@@ -1,5 +1,7 @@
-"""An FMU as an instance: its library loaded once a process, its calls prepared once a
-run."""
+"""Run an FMU as an instance.
+
+Its library is loaded once per process, and its calls are prepared once per run.
+"""
 
 from __future__ import annotations
 
@@ -26,13 +28,12 @@ from .fmi_versions import FMI_VERSIONS, FmiFunctions, Prepared, forget, listen
 
 _STATUS = ("ok", "warning", "discard", "error", "fatal", "pending")
 _DISCARD = _STATUS.index("discard")
+# A status below 0, which fmpy accepts as ok, is taken modulo this and thus a failure.
 _UNSIGNED = 1 << 32
-"""A status below 0, which fmpy takes for one that is in order, is as much less than
-this."""
 
 
 class _Library:
-    """The loaded library of an FMU, for all its instances in this process."""
+    """Loaded library of an FMU, shared by all its instances in this process."""
 
     def __init__(self, folder: Path, ours: bool, functions: type[FmiFunctions]) -> None:
         description = description_of(folder)
@@ -44,10 +45,11 @@ class _Library:
                 unzipDirectory=str(folder),
                 modelIdentifier=description.coSimulation.modelIdentifier,
             )
-            # Our FMUs never wait for another thread, so their calls may keep the GIL; a
-            # foreign FMU's step might wait for a Python thread of its own. No argument
-            # types: what is passed is ctypes objects already, which saves a third of a
-            # call. Unsigned: a status below 0, which FMI does not know, is not ok.
+            # Our FMUs never wait for another thread, so their calls may keep the GIL. A
+            # foreign FMU's step might wait for a Python thread of its own. Argument
+            # types are not declared, because all arguments are ctypes objects already;
+            # that saves a third of a call. The result is unsigned, so that a status
+            # below 0, which FMI does not define, is not ok.
             prototype = (ctypes.PYFUNCTYPE if ours else ctypes.CFUNCTYPE)(ctypes.c_uint)
             self.calls: dict[str, Any] = {
                 name: prototype(
@@ -61,13 +63,12 @@ class _Library:
             raise DesatError(f"{description.modelName}: {text}") from error
         said = getattr(self.fmu, f"{functions.prefix}GetVersion")()
         self.version = plain((said or b"none").decode(errors="replace"))
-        """Of FMI, by what the library says."""
+        # finds the addresses of values in our native FMUs (fmi2.c)
         self.places: Any = None
-        """Of our native FMUs: where values lie (fmi2.c)."""
         if ours and hasattr(self.fmu.dll, "desat_places"):
             self.places = self.fmu.dll.desat_places
             self.places.restype = ctypes.c_bool
-        # pythonfmu's library must be told before the process ends, or it aborts
+        # pythonfmu's library aborts unless it is finalised before the process ends
         finalise = getattr(self.fmu.dll, "finalizePythonInterpreter", None)
         if finalise is not None:
             atexit.register(finalise)
@@ -75,43 +76,45 @@ class _Library:
 
 @cache
 def _library(folder: Path, ours: bool, fmi: str) -> _Library:
+    """Load the library of an extracted FMU, once per process."""
     return _Library(folder, ours, FMI_VERSIONS[fmi])
 
 
 class Moves(NamedTuple):
-    """How variables of one kind are set or read, all at once."""
+    """The prepared transfer of all variables of one kind."""
 
     calls: list[Prepared]
     kind: str
-    values: int
-    """The address of the array that they come from, or go to."""
-    places: Any
-    """Where they lie in the FMU, addresses; None: unknown."""
+    values: int  # address of the master's array
+    places: Any  # addresses of the values in the FMU; None if unknown
 
 
 def _last(name: str, messages: Sequence[str]) -> str:
+    """Format the last message of a component, as the end of an error message."""
     said = next((text for text in reversed(messages) if not is_of_status(text)), "")
     return (
         f": {said.removeprefix(f'{name}: ')}" if said else ""
-    )  # so our adapter begins
+    )  # our adapter begins its messages with the name
 
 
 def failure(
     name: str, what: str, status: int, messages: Sequence[str]
 ) -> ComponentError:
-    """The error for a status, with what the component has said last."""
+    """Build the error for a status, with the last message of the component."""
     of = _STATUS[status] if status < len(_STATUS) else str(ctypes.c_int(status).value)
     return ComponentError(f"{name}: {what} returned {of}{_last(name, messages)}")
 
 
 class FmuInstance:
-    """A co-simulation FMU of FMI 1.0, 2.0 or 3.0: what differs stands in its functions."""
+    """A co-simulation FMU of FMI 1.0, 2.0 or 3.0.
+
+    Its `FmiFunctions` cover the differences between the versions.
+    """
 
     def __init__(self, component: Component, fmu: Fmu) -> None:
         self.name, self.place = component.name, 0
         self._interface = fmu.interface
-        self.messages: list[str] = []
-        """What it has logged beside what is in order."""
+        self.messages: list[str] = []  # logged messages whose status is not ok
         self.foreign, self._process = not fmu.interface.role, os.getpid()
         self._library = _library(fmu.folder, not self.foreign, fmu.interface.fmi)
         if self._library.once and self._library.instances:
@@ -129,8 +132,7 @@ class FmuInstance:
         self._functions = functions(
             self._library.fmu, self._library.calls, fmu.interface
         )
-        self._before = ctypes.c_void_p()
-        """Its state before a step that may be halved."""
+        self._before = ctypes.c_void_p()  # state before a step that may be halved
         listen(id(self), self.messages)
         self._functions.instantiate(fmu, self.name, id(self))
         self._c = self._functions.c
@@ -142,6 +144,7 @@ class FmuInstance:
         self._library.instances += 1
 
     def _last_message(self) -> str:
+        """Format the last message that the FMU logged."""
         return _last(self.name, self.messages)
 
     def failed(self, what: str, status: int) -> ComponentError:
@@ -149,12 +152,12 @@ class FmuInstance:
         return failure(self.name, what, status, self.messages)
 
     def note(self, status: int) -> None:
-        """Once something has failed: what is known of it beside what the FMU says is a
-        message."""
+        """Add what is known about a failure beyond the FMU's log to the messages."""
         if (why := self._functions.why(status)) and why not in self.messages[-1:]:
             self.messages.append(why)
 
     def _call(self, name: str, *arguments: Any) -> None:
+        """Call an FMI function and raise the error of its status."""
         try:
             if (function := self._library.calls.get(name)) is not None:
                 status = function(ctypes.c_void_p(self._c), *arguments)
@@ -169,15 +172,18 @@ class FmuInstance:
         self._judge(name, status)
 
     def _judge(self, what: str, status: int) -> None:
-        """Raise the error of a status, or say that it is a warning."""
+        """Raise the error of a failed status, or record a warning."""
         if status > 1:
             raise self.failed(what, status)
         if status:
             warn_of(self, what)
 
     def _back(self, status: int = 0) -> int:
-        """The status of a call that has come back; where the component has forked a
-        process, and that comes back from the call, too, it ends here."""
+        """Return the status of a call that has come back.
+
+        A process that the component forked during the call, and that returns from it as
+        well, ends here.
+        """
         if self.foreign and os.getpid() != self._process:
             os._exit(0)
         return status
@@ -199,12 +205,13 @@ class FmuInstance:
             "step": [Moves([self._functions.step(clock.t, clock.dt, 1)], "", 0, None)],
             "pull": self._moves("Get", outputs, into),
         }
-        """What is done for each verb, with its arguments."""
         self.push, self.step, self.pull = map(self._together, self.prepared.values())
 
     def halve(self, times: int) -> None:
-        """Once wired: a step that is discarded is made anew from its state before, in
-        2, 4, … parts, `times` times at most."""
+        """Repeat a discarded step from the state before it in 2, 4, … parts.
+
+        The number of parts is doubled at most `times` times. Call it after `wire`.
+        """
         del self.prepared["step"]
         t, dt, before = self._clock.t, self._clock.dt, self._before
         whole = self._functions.step(t, dt, 0).call
@@ -241,8 +248,7 @@ class FmuInstance:
         signals: dict[Kind, list[Signal]],
         arrays: dict[Kind, Array],
     ) -> list[Moves]:
-        """Of each type that there is, what moves all values at once, its arguments
-        prepared."""
+        """Prepare the transfer of all values, one for each type that occurs."""
         made = []
         for kind in KINDS:
             if signals[kind]:
@@ -252,7 +258,7 @@ class FmuInstance:
         return made
 
     def _places(self, signals: list[Signal]) -> Any:
-        """Where values lie in one of our native FMUs; None: unknown."""
+        """Find the addresses of values in a native FMU of ours; None if unknown."""
         n, find = len(signals), self._library.places
         references, places = (
             (ctypes.c_uint * n)(*(s.reference for s in signals)),
@@ -308,11 +314,11 @@ class FmuInstance:
 
     @property
     def places_known(self) -> bool:
-        """Whether it is one of our native FMUs (`places`)."""
+        """Return whether this is one of our native FMUs (`places`)."""
         return self._library.places is not None
 
     def reset(self) -> None:
-        """Be as it was when it was made and wired, but for its inputs."""
+        """Return to the state after construction and wiring, except for the inputs."""
         self._call(self._functions.reset)
         self.messages.clear()
 
@@ -363,7 +369,7 @@ class FmuInstance:
         forget(id(self))
 
     def _together(self, moves: list[Moves]) -> Callable[[], int]:
-        """All calls as one, with the worst of their statuses."""
+        """Combine all calls into one that returns the worst of their statuses."""
         calls = [prepared.call for of in moves for prepared in of.calls]
         if self.foreign:
             return lambda: self._back(max((call() for call in calls), default=0))

@@ -1,11 +1,11 @@
-"""An FMU in a process of its own: what it does to that process, it does to no other.
+"""Run an FMU in a process of its own, so that it cannot damage any other process.
 
-The process is forked before any FMU is loaded. Inputs, outputs, the time of the step
-and statuses lie in memory that both share; a byte each way over a socket says that a
-step is due, and that it is made: inputs are set, the step is made and outputs are read
-in one such turn. Calls that are rare go over the socket as they are. The end of the
-process closes the socket; one that does not answer in time is killed. The functions at
-the end of this file are the other side.
+The process is forked before any FMU is loaded. Both processes share memory that holds
+inputs, outputs, the time of the step and statuses. One byte each way over a socket says
+that a step is due and that it is done: such a turn sets the inputs, makes the step and
+reads the outputs. Rare calls are sent over the socket. The end of the process closes
+the socket, and a process that does not answer in time is killed. The functions at the
+end of this file run on the other side.
 """
 
 from __future__ import annotations
@@ -50,20 +50,20 @@ from .base import DTYPE, Array, Clock, ComponentError, EndedError, warn_of
 from .fmu import FmuInstance, failure
 
 CAN = CAN_FORK
-GRACE = 1.0
-"""A process that has closed its socket is killed where it has not ended after so long
-(s)."""
+GRACE = 1.0  # s: a process that closed its socket is killed after this time
 
 
 class IsolatedInstance:
-    """An FMU in a process of its own, each call of which may take `limit` s. Any call
-    raises EndedError where that process ends, or does not answer."""
+    """An FMU in a process of its own, whose calls may each take `limit` s.
+
+    Any call raises EndedError if that process ends or does not answer.
+    """
 
     def __init__(self, component: Component, fmu: Fmu, limit: float = math.inf) -> None:
         self.name, self.place = component.name, 0
         self.messages: list[str] = []
         self._heard, self._limit, self._ended, self._read = 0, limit, "", False
-        _ = fmu.folder  # extracted here: the process does not clean up
+        _ = fmu.folder  # extracted here, because the process does not clean up
         ours, theirs = socket.socketpair()
         head = os.getpid()
         with kept_back():
@@ -83,7 +83,7 @@ class IsolatedInstance:
         try:
             self._answer()
         except BaseException:
-            # it ends by itself: what it refused is not to be hidden by that
+            # the process ends by itself, which must not hide its refusal
             self._reap()
             raise
 
@@ -106,7 +106,7 @@ class IsolatedInstance:
         self._ask("wire", inputs, outputs)
 
     def halve(self, times: int) -> None:
-        """As that of FmuInstance."""
+        """Repeat discarded steps in parts, as FmuInstance does."""
         self._ask("halve", times)
 
     def push(self) -> int:
@@ -131,7 +131,7 @@ class IsolatedInstance:
         return self._words[READ]
 
     def _turn(self, what: bytes) -> None:
-        """Have the inputs set where they are due, a step made or not, the outputs read."""
+        """Set inputs that are due, make a step if requested, and read the outputs."""
         if self._ended:
             raise ComponentError(self._ended)
         self._words[OPEN] = 1
@@ -169,8 +169,10 @@ class IsolatedInstance:
         self._ask("restore", state)
 
     def look(self) -> None:
-        """Add what the component has changed of its process, which is put back, to what
-        it said."""
+        """Add to the messages what the component changed in its process.
+
+        These changes are undone.
+        """
         if self._socket is not None and not self._ended:
             self._hear("look")
 
@@ -187,7 +189,7 @@ class IsolatedInstance:
             self._reap()
 
     def _ask(self, name: str, *arguments: Any) -> Any:
-        """What a function of the instance there gives. Raises what it raises."""
+        """Call a function of the remote instance; raise what it raises."""
         if self._ended or self._socket is None:
             raise ComponentError(self._ended or f"{self.name}: it is freed")
         try:
@@ -198,6 +200,7 @@ class IsolatedInstance:
         return self._answer()
 
     def _answer(self) -> Any:
+        """Receive the result of a call; raise the error that it reports."""
         assert self._socket is not None
         try:
             octets = self._socket.recv_bytes()
@@ -207,7 +210,7 @@ class IsolatedInstance:
             self._lost()
         try:
             said, error, what = pickle.loads(octets)
-        except Exception:  # what the component has written itself
+        except Exception:  # the component wrote to the socket itself
             self._lost(garbled=f"{current_call.describe(self._words[DOING])} wrote")
         self._take(said)
         if error is not None:
@@ -215,21 +218,25 @@ class IsolatedInstance:
         return what
 
     def _hear(self, name: str) -> None:
-        with suppress(EndedError):  # the next call says so
+        """Fetch new messages by a call; ignore a process that has ended."""
+        with suppress(EndedError):  # the next call reports it
             self._take(self._ask(name))
 
     def _take(self, said: list[str]) -> None:
+        """Append the messages that are new."""
         self.messages += said[self._heard :]
         self._heard = len(said)
 
     # --- its end ----------------------------------------------------------------------
 
     def _lost(self, hung: bool = False, garbled: str = "") -> NoReturn:
-        """The process there has ended, or is ended here: say how. `garbled`: when it
-        has answered what our side of it does not."""
+        """Raise EndedError for a process that has ended or that is killed here.
+
+        `garbled` describes an answer that does not follow the protocol.
+        """
         call = current_call.describe(self._words[DOING])
         if hung and (status := current_call.status_of(self._process)) is not None:
-            hung = False  # what it has forked keeps its socket open
+            hung = False  # a process that it forked keeps the socket open
             self._close()
             self._end_group()
             self._ended = (
@@ -247,11 +254,14 @@ class IsolatedInstance:
             self._ended = f"{self.name}: {call} did not return within {self._limit:g} s"
         else:
             self._ended = f"{self.name}: {call} ended its process: {self._reap()}"
-        current_call.word[0] = 0  # whoever watches this process need not
+        current_call.word[0] = 0  # no call is in progress any more
         raise EndedError(self._ended, Exit.TIMEOUT if hung else Exit.COMPONENT)
 
     def _reap(self) -> str:
-        """How the process ended."""
+        """Close the socket, wait for the process to end and describe how it ended.
+
+        After GRACE seconds it is killed.
+        """
         if self._socket is None:
             return ""
         self._close()
@@ -265,8 +275,11 @@ class IsolatedInstance:
             time.sleep(0.001)
 
     def _end_group(self) -> None:
-        """End what it has forked, of its session: what has left that comes to the
-        process that steps (`child.py`)."""
+        """Kill the processes that it forked within its session.
+
+        Those that left the session become children of the process that steps
+        (`child.py`).
+        """
         with suppress(ProcessLookupError, PermissionError):
             os.killpg(self._process, signal.SIGKILL)
 
@@ -278,8 +291,10 @@ class IsolatedInstance:
 
 
 def cost_of_a_turn(count: int = 300) -> float:
-    """What the turns of an isolated FMU cost here (s each, median): a byte there and
-    back."""
+    """Measure the time of one turn of an isolated FMU here (s, median).
+
+    A turn is a byte there and back.
+    """
     ours, theirs = socket.socketpair()
     child = fork()
     if not child:
@@ -301,8 +316,8 @@ def cost_of_a_turn(count: int = 300) -> float:
 
 
 # ------------------------------------------------------------------------------------------------
-# The process of an isolated FMU: what it does there, and the memory that both processes share.
-# The classes above are the other side.
+# The process of an isolated FMU, and the memory that both processes share. The classes above run in
+# the parent.
 
 
 _VERBS = {
@@ -313,34 +328,36 @@ _VERBS = {
     "terminate": TERMINATE,
     "close": FREE,
 }
+# Shared words: the verb that the process executes; whether inputs are to be set; the
+# statuses of setting inputs, of the step and of reading outputs; the number of messages;
+# whether a turn was requested and is not done, whatever arrives over the socket.
 DOING, DUE, SET, MADE, READ, SAID, OPEN = range(7)
-"""The shared words: the verb that the process is in; whether inputs are to be set; the
-statuses of setting them, of the step and of reading outputs; how many messages there
-are; whether a turn is asked for and not yet made, whatever comes over the socket."""
-RAISED = -1
-"""Instead of a status: an error was raised, and is to be asked for."""
+RAISED = -1  # in place of a status: an error was raised and has to be fetched
+# Bytes on the socket: three requests, and the reply when a turn is done.
 A_STEP, OUTPUTS, A_CALL, DONE = b"s", b"p", b"c", b"."
-"""What is due, and that it is done, over the socket."""
 _HEAD = 72
 
 
 class Shared:
-    """Memory of both processes: words, start and length of the step (s), inputs,
-    outputs."""
+    """Memory that both processes share.
+
+    It holds words, start and length of the step (s), inputs and outputs.
+    """
 
     def __init__(self, interface: Interface) -> None:
         signals = interface.signals.values()
         self._sizes = {k: 8 * sum(s.kind == k for s in signals) for k in KINDS}
-        # anonymous: a process that is forked has the same
+        # anonymous: a forked process shares it
         self._memory = mmap.mmap(-1, _HEAD + 2 * sum(self._sizes.values()))
-        _inherited.add(self._memory)  # of those that are forked after its own
+        # the processes of other FMUs, forked later, must not get it
+        _inherited.add(self._memory)
         self.words = memoryview(self._memory)[:56].cast("q")
         self.clock = memoryview(self._memory)[56:_HEAD].cast("d")
 
     def arrays(
         self, signals: Mapping[Kind, list[Signal]], at: int
     ) -> dict[Kind, Array]:
-        """The inputs (at 0) or the outputs (at 1) that are moved, an array a type."""
+        """Return the inputs (`at` 0) or outputs (`at` 1), one array per type."""
         place, values = _HEAD + at * sum(self._sizes.values()), {}
         for kind, size in self._sizes.items():
             if signals[kind]:
@@ -352,7 +369,7 @@ class Shared:
 
 
 class _There:
-    """The instance in its process, and what is asked of it."""
+    """The instance within its process, and the requests that it serves."""
 
     def __init__(self, shared: Shared, changes: Callable[..., list[str]]) -> None:
         self._shared, self._words, self._changes = shared, shared.words, changes
@@ -362,17 +379,17 @@ class _There:
 
     @property
     def messages(self) -> list[str]:
-        """What the component has logged."""
+        """Return what the component has logged."""
         return self._instance.messages if hasattr(self, "_instance") else []
 
     def make(self, component: Component, fmu: Fmu) -> None:
-        """Load and instantiate it."""
+        """Load and instantiate the FMU."""
         self._instance = FmuInstance(component, fmu)
 
     def wire(
         self, inputs: dict[Kind, list[Signal]], outputs: dict[Kind, list[Signal]]
     ) -> None:
-        """Its inputs come from, and its outputs go to, the memory of both."""
+        """Connect inputs and outputs of the instance to the shared memory."""
         into = {k: np.zeros(0, DTYPE[k]) for k in KINDS} | self._shared.arrays(
             outputs, 1
         )
@@ -381,7 +398,7 @@ class _There:
         self._moves = [(mine, theirs[k]) for k, mine in self._instance.inputs.items()]
 
     def turn(self, step: bool) -> None:
-        """Set the inputs where they are due, make a step or not, read the outputs."""
+        """Set inputs that are due, make a step if `step`, and read the outputs."""
         words, instance = self._words, self._instance
         words[MADE] = words[READ] = 0
         self.push()
@@ -399,10 +416,10 @@ class _There:
         if (worst := max(words[SET], words[MADE], words[READ])) > 1:
             instance.note(worst)
         words[SAID] = len(instance.messages)
-        words[OPEN] = 0  # the last that it does
+        words[OPEN] = 0  # last: it marks the turn as done
 
     def push(self) -> None:
-        """Set the inputs where they are due."""
+        """Set the inputs if they are due."""
         self._words[SET] = 0
         if self._words[DUE]:
             self._words[DUE] = 0
@@ -412,7 +429,7 @@ class _There:
             self._words[SET] = self._instance.push()
 
     def call(self, name: str, *arguments: Any) -> Any:
-        """Any of the other functions."""
+        """Call any of the rarely used functions by name."""
         if name in ("make", "wire"):
             return getattr(self, name)(*arguments)
         if name == "messages":
@@ -422,25 +439,24 @@ class _There:
         if name in (
             "look",
             "save",
-        ):  # who goes on from a state has a process as it was made
+        ):  # a run that resumes from a state starts with a pristine process
             lines = self._changes("while it ran", handlers=True)
             self.messages.extend(line for line in lines if line not in self.messages)
         if name == "look":
             return self.messages
         if name == "save":
-            self.push()  # what is due belongs to its state
+            self.push()  # inputs that are due belong to the state
         self._words[DOING] = _VERBS.get(name, 0)
         return getattr(self._instance, name)(*arguments)
 
 
+# Memory that a forked process would inherit, but that no FMU's process may touch.
 _inherited: WeakSet[mmap.mmap] = WeakSet((current_call.page,))
-"""Memory that a process which is forked would have, too, and that is nothing of an
-FMU's."""
 
 
 @contextmanager
 def kept_back() -> Iterator[None]:
-    """Within: a process that is forked has none of this process' shared memory (Linux)."""
+    """Keep this process' shared memory from processes forked within (Linux)."""
     memories = list(_inherited) if hasattr(mmap, "MADV_DONTFORK") else []
     for memory in memories:
         memory.madvise(mmap.MADV_DONTFORK)
@@ -452,12 +468,15 @@ def kept_back() -> Iterator[None]:
 
 
 def _alone(pipe: Connection) -> None:
-    """Keep nothing of the head's but standard error, and take a session of its own:
-    whatever the component writes into, signals or starts is its own."""
+    """Detach the process from its parent.
+
+    It closes all inherited files except standard error and starts a new session, so
+    that whatever the component writes to, signals or starts is its own.
+    """
     os.setsid()
     nothing = os.open(os.devnull, os.O_RDONLY)
     os.dup2(nothing, 0)
-    os.dup2(2, 1)  # what an FMU prints is no result
+    os.dup2(2, 1)  # the output of an FMU must not mix with results
     os.closerange(3, pipe.fileno())
     os.closerange(pipe.fileno() + 1, os.sysconf("SC_OPEN_MAX"))
 
@@ -465,11 +484,12 @@ def _alone(pipe: Connection) -> None:
 def live(
     pipe: Connection, shared: Shared, component: Component, fmu: Fmu, head: int
 ) -> NoReturn:
-    """The process: it does what it is told until it is told to free the component."""
+    """Serve requests in the forked process until the component is freed."""
     try:
         for name in ("SIGINT", "SIGTERM", "SIGHUP"):
-            signal.signal(getattr(signal, name), signal.SIG_IGN)  # the head decides
-        die_with(head, signal.SIGKILL)  # also in a call
+            # the parent decides when to stop
+            signal.signal(getattr(signal, name), signal.SIG_IGN)
+        die_with(head, signal.SIGKILL)  # also while a call is in progress
         _alone(pipe)
         with keep_state("it", "its process") as changes, np.errstate(all="ignore"):
             there, file = _There(shared, changes), pipe.fileno()
@@ -484,13 +504,13 @@ def live(
                 else:
                     alive = False
     finally:
-        os._exit(0)  # not what the interpreter would do, which is the head's
+        os._exit(0)  # skip the interpreter's exit handlers, which belong to the parent
 
 
 def _answered(
     pipe: Connection, there: _There, name: str, arguments: tuple[Any, ...]
 ) -> bool:
-    """Do a rare call and say what came of it; False where there is no more to come."""
+    """Make a rare call and send its result; return whether more requests may follow."""
     error: type[Exception] | None = None
     what: Any = None
     try:

@@ -1,1 +1,1 @@
-"""Rows of a run on their way to its series, and the series read again."""
+"""Write the rows of a run to its series, and read the series again."""

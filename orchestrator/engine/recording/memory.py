@@ -1,7 +1,7 @@
-"""Series that no file keeps, in arrays: as much of h5py's `File` as recorder and
-results use.
+"""Keep series in arrays, without a file: the part of h5py's `File` that is used here.
 
-(HDF5's own file in memory takes as long for what a short run records as all its steps.)
+HDF5's own file in memory takes as long to record a short run as all steps of the run
+take.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 
 class Rows:
-    """Rows that grow, and their attributes."""
+    """Rows that grow, with their attributes."""
 
     def __init__(self, name: str, tail: tuple[int, ...], dtype: Any, room: int) -> None:
         self.name = name
@@ -24,16 +24,16 @@ class Rows:
 
     @property
     def shape(self) -> tuple[int, ...]:
-        """(rows,) or (rows, elements)."""
+        """Return (rows,) or (rows, elements)."""
         return (self._rows, *self._all.shape[1:])
 
     @property
     def ndim(self) -> int:
-        """1 for a scalar's rows, else 2."""
+        """Return 1 for a scalar and 2 otherwise."""
         return self._all.ndim
 
     def append(self, rows: NDArray[Any]) -> None:
-        """Have these rows, too."""
+        """Append rows."""
         there, wanted = self._rows, self._rows + len(rows)
         if wanted > len(self._all):
             tail = self._all.shape[1:]
@@ -44,12 +44,12 @@ class Rows:
         self._rows = wanted
 
     def thin(self, every: int) -> None:
-        """Keep each so many-th row, from the first on."""
+        """Keep every `every`-th row, from the first on."""
         self._all = self._all[: self._rows : every].copy()
         self._rows = len(self._all)
 
     def __getitem__(self, at: Any) -> NDArray[Any]:
-        # a copy, as from a file: what is done with it does not change the series
+        # a copy, as from a file, so that changing it does not change the series
         return np.array(self._all[: self._rows][at])
 
 
@@ -68,7 +68,7 @@ class File:
         *,
         data: str | None = None,
     ) -> Any:
-        """A data set with room for so many rows; or one that holds a text."""
+        """Create a data set with room for `room` rows, or one that holds a text."""
         made = {(): data} if data is not None else Rows(name, tail, dtype, room)
         group, _, variable = name.strip("/").partition("/")
         (self._groups.setdefault(group, {}) if variable else self._groups)[
@@ -87,15 +87,15 @@ class File:
         return iter(sorted(self._groups))
 
     def thin(self, every: int) -> None:
-        """Keep each so many-th row of every data set."""
+        """Keep every `every`-th row of every data set, from the first on."""
         for group in self._groups.values():
             for rows in group.values() if isinstance(group, dict) else (group,):
                 if isinstance(rows, Rows):
                     rows.thin(every)
 
     def flush(self) -> None:
-        """There is nothing to write to."""
+        """Do nothing, as there is no file to write to."""
 
     def close(self) -> None:
-        """Let all go."""
+        """Release all data sets."""
         self._groups.clear()

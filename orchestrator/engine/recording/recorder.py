@@ -1,7 +1,7 @@
-"""Writes the series of a run while it runs; `results.py` says how they lie in the file.
+"""Write the series of a run while it runs; `results.py` describes the file layout.
 
-Rows are written and packed by a thread, while the compiled loop, which lets go of the
-interpreter, takes further ones; at once where FMUs are not ours.
+A thread writes and packs rows while the compiled loop, which releases the interpreter
+lock, takes further ones. With foreign FMUs rows are written at once.
 """
 
 from __future__ import annotations
@@ -31,28 +31,23 @@ from .row_buffer import Bank, Layout, Places, RowBuffer
 from .series_file import DataSetPlan, Packing, aside, beside
 
 T = TypeVar("T")
-ROWS = 8192
-"""As many are kept before they are written, twice, and as many make a chunk of the
-file."""
+ROWS = 8192  # rows of each half of the buffer and of a chunk of the file
 FLUSH_SECONDS = 1.0
-_CACHE = 1 << 18
-"""Of chunks that are written already HDF5 would keep 8 MiB a data set (bytes)."""
-_ROOM = 64 << 20
-"""Rows that are not written yet take no more (bytes)."""
+_CACHE = 1 << 18  # bytes: HDF5 would keep 8 MiB of written chunks for each data set
+_ROOM = 64 << 20  # bytes: upper bound of the rows that are not written yet
 
 
+# Type of a data set's values, their columns among those of that type, interval or not.
 _Place = tuple[Kind, Places, bool]
-"""The type of a data set's values, their columns among those of that type, interval or
-not."""
 
 
 class Recorder:
-    """Writes the outputs of a master that fit `patterns`, at every step: a run's
-    numbers are of all rows, whatever is kept of them (`Results.thin`).
+    """Recorder of those outputs of a master that match `patterns`, at every step.
 
-    `path` None keeps them in memory. On disk the file is `NAME.part` until `finish`.
-    With `go_on` the first so many rows are those of the file that is there: of a run
-    that was ended. `about` are attributes of the file.
+    The numbers of a run use all rows, whichever rows are stored afterwards
+    (`Results.thin`). With `path` None the series stay in memory. On disk the file is
+    `NAME.part` until `finish`. With `go_on` the first `go_on` rows are copied from the
+    existing file of a run that was ended. `about` holds attributes of the file.
     """
 
     def __init__(
@@ -100,8 +95,8 @@ class Recorder:
         ]
         self._plans = plans
         self._places = [places for _, places in sets]
+        # the times, then the data sets of `_places`
         self._sets = [self._made(plan) for plan in plans]
-        """The times, and the data sets of `_places`."""
         if index is not None:
             self._file.create_dataset(shared_tables.INDEX, data=index)
         self.layout = Layout(
@@ -122,20 +117,20 @@ class Recorder:
             self._file.flush()
         if self._part is not None:
             self._file.swmr_mode = (
-                True  # what is flushed stays readable if we are killed
+                True  # flushed rows stay readable if the process is killed
             )
         if path is not None and self._part is not None and go_on is not None:
             self._synchronise()
             new.replace(self._part)
             path.unlink(missing_ok=True)
-        # a foreign FMU may call exit(), at which HDF5 closes its files: nobody may be
-        # writing then
+        # a foreign FMU may call exit(), which makes HDF5 close its files: no thread may
+        # be writing at that moment
         self._at_once = path is None or not all(
             member.component.interface.role for member in master.members.values()
         )
 
     def _take_over(self, path: Path, rows: int) -> None:
-        """Copy the first rows of the series that are there."""
+        """Copy the first `rows` rows of the existing series."""
         with Results.open(path) as old:
             if (there := len(old.times())) < rows:
                 raise DesatError(
@@ -149,18 +144,21 @@ class Recorder:
         self.unwritten.go_on(rows)
 
     def on_disk(self) -> int:
-        """Write all rows taken so far, so that they survive a failure of power; how
-        many there are of the run."""
+        """Write all rows taken so far, so that they survive a power failure.
+
+        Return the number of rows of the run on disk.
+        """
         self.flush()
         self._synchronise()
         return self.unwritten.written
 
     def _synchronise(self) -> None:
+        """Force the file to disk."""
         if self._part is not None:
             os.fsync(self._file.id.get_vfd_handle())
 
     def _own(self, s: shared_tables.SeriesColumns) -> tuple[DataSetPlan, _Place]:
-        """A data set of its own."""
+        """Plan a separate data set for a series."""
         columns = 0 if s.scalar else s.columns.stop - s.columns.start
         plan = self._plan(
             f"/{s.component}/{s.variable}", columns, DTYPE[s.kind], s.attributes
@@ -170,7 +168,7 @@ class Recorder:
     def _tables(
         self, series: list[shared_tables.SeriesColumns]
     ) -> tuple[str, list[tuple[DataSetPlan, _Place]]]:
-        """Data sets that many share, and what says where."""
+        """Plan data sets that many series share, and the index that locates each."""
         tables, index = shared_tables.tables(series)
         return index, [
             (
@@ -188,26 +186,29 @@ class Recorder:
     def _plan(
         self, name: str, columns: int, dtype: Any, attributes: dict[str, str]
     ) -> DataSetPlan:
+        """Plan a data set with its chunk size."""
         tail = (columns,) if columns else ()
         chunk = shared_tables.chunk(self._chunk, columns) if columns else (self._chunk,)
         return DataSetPlan(name, tail, np.dtype(dtype), chunk, attributes)
 
     def _made(self, plan: DataSetPlan) -> Any:
+        """Create a data set in the file."""
         if isinstance(self._file, memory.File):
             made = self._file.create_dataset(
                 plan.name, plan.tail, plan.dtype, self._chunk
             )
             made.attrs.update(plan.attributes)
             return made
-        # Reals would take seven times as long to write: they are packed beside
+        # compressed Reals would take seven times as long to write: they are packed beside
         return plan.make(self._file, compressed=plan.dtype != np.float64)
 
     def record(self, k: int, live: dict[Kind, Any]) -> None:
-        """Take the row of step k."""
+        """Record the row of step k."""
         self._take(k, live)
         self.make_room()
 
     def _take(self, k: int, live: dict[Kind, Any]) -> None:
+        """Copy the row of step k into the active half of the buffer."""
         half = self.unwritten.active
         row = int(half.taken[0])
         half.times[row] = self._start + k * self._step
@@ -216,19 +217,24 @@ class Recorder:
         half.taken[0] = row + 1
 
     def make_room(self) -> None:
-        """Have the rows written when there is no room for another one."""
+        """Hand the rows over for writing if the buffer is full."""
         half = self.unwritten.active
         if half.taken[0] == len(half.times):
             self._hand_over()
 
     def tick(self) -> None:
-        """Have the rows written when the last were a second ago; call it now and then."""
+        """Hand the rows over for writing if a second has passed since the last time.
+
+        Call it now and then.
+        """
         if time.monotonic() - self._flushed > FLUSH_SECONDS:
             self._hand_over()
 
     def _hand_over(self) -> None:
-        """Have the rows taken so far written, when those before are; raises what that
-        raised."""
+        """Start writing the rows taken so far, after the previous rows are written.
+
+        Raises the error of the previous write, if any.
+        """
         self._job.result()
         self._flushed = time.monotonic()
         half = self.unwritten.swap()
@@ -238,7 +244,7 @@ class Recorder:
             self._job = self._writer.submit(self._write, half)
 
     def _aside(self, work: Callable[..., T], *given: Any) -> T:
-        """Do the work now; in the writer's thread where there is one (`_packing`)."""
+        """Run the work now, in the writer's thread if there is one (`_packing`)."""
         if self._packing is None:
             return work(*given)
         return self._writer.submit(work, *given).result()
@@ -249,8 +255,10 @@ class Recorder:
         self._aside(self._write, self.unwritten.active)
 
     def _write(self, half: Bank, last: bool = False) -> None:
-        """Write the rows of a half, and have them packed; the `last` are not, and the
-        final row has no interval values."""
+        """Write the rows of a half and pack them.
+
+        With `last` they are not packed, and the final row has no interval values.
+        """
         try:
             if half.taken[0] and self._packing is not None:
                 self._packing.leave_room(self._file.id.get_filesize())
@@ -263,8 +271,10 @@ class Recorder:
         self.unwritten.wrote(half)
 
     def _rows(self, half: Bank, last: bool) -> Iterator[tuple[int, NDArray[Any]]]:
-        """The rows of a half, if any, of each data set; those of the next take their
-        memory."""
+        """Yield the rows of a half for each data set, if there are any.
+
+        The rows of the next data set reuse the same memory.
+        """
         if not (n := int(half.taken[0])):
             return
         yield 0, half.times[:n]
@@ -278,7 +288,7 @@ class Recorder:
     def _append(
         self, rows_of: Iterable[tuple[int, NDArray[Any]]], pack: bool = True
     ) -> None:
-        """Further rows of data sets."""
+        """Append rows to data sets."""
         for i, rows in rows_of:
             if self._packing is None:
                 self._sets[i].append(rows)
@@ -288,8 +298,11 @@ class Recorder:
                     self._packing.take(i, rows)
 
     def _together(self, rows: NDArray[Any]) -> NDArray[Any]:
-        """Rows side by side in memory; column by column, which takes half the time, and
-        always in the same memory, for new pages of it cost more than the values."""
+        """Copy rows into contiguous memory.
+
+        The copy goes column by column, which takes half the time. It always uses the
+        same memory, because new pages cost more than the values.
+        """
         if rows.flags.c_contiguous:
             return rows
         if (room := self._rooms.get(rows.dtype)) is None or len(room) < rows.size:
@@ -300,8 +313,7 @@ class Recorder:
         return together
 
     def finish(self, master: Master) -> Results:
-        """Take the last row, close the file under its final name, and open it for
-        reading."""
+        """Record the last row, rename the closed file and open it for reading."""
         last = self._gauss_seidel
         if last:
             self.unwritten.ends_next()
@@ -324,8 +336,11 @@ class Recorder:
 def _rows(
     name: tuple[str, str], slots: list[Slot]
 ) -> Iterator[tuple[tuple[str, str], list[Slot]]]:
-    """A series' name and slots; each slot by itself where a scenario has made some of
-    its elements interval outputs, so that they do not stand in one row."""
+    """Yield the name and slots of a series.
+
+    Each slot is a series by itself if a scenario has made some of its elements interval
+    outputs, so that they are not contiguous.
+    """
     slots.sort(key=lambda s: s.index)
     if slots[-1].index - slots[0].index == len(slots) - 1:
         yield name, slots
@@ -336,7 +351,7 @@ def _rows(
 def _series(
     component: str, variable: str, slots: list[Slot]
 ) -> shared_tables.SeriesColumns:
-    """A variable with what is known of it, from the slots of its elements."""
+    """Describe a variable from the slots of its elements."""
     signal = slots[0].signal
     attributes = {
         "unit": signal.unit_name,
@@ -359,9 +374,11 @@ def _series(
 
 
 def recover(part: Path, path: Path, layout: Layout, unwritten: RowBuffer) -> int:
-    """Make the series of a process that died whole: the rows that are surely on the
-    disk, in `part`, and those in memory. The number of rows. Raises OSError where there
-    is no room."""
+    """Complete the series of a process that died and return the number of rows.
+
+    The rows are those surely on disk, in `part`, followed by those in memory. Raises
+    OSError if there is no space left.
+    """
     unwritten.lay_out(layout)
     written, (times, tables) = unwritten.written, unwritten.left()
     rows = written + len(times)
@@ -392,8 +409,11 @@ def _packed(
     written: int,
     lasts: list[tuple[NDArray[Any], int]],
 ) -> Path | None:
-    """So many rows of each data set: of a file the `written` ones, then of its last
-    ones."""
+    """Pack the rows of each data set into a new file.
+
+    They are the first `written` rows of the old file, followed by the rows in `lasts`.
+    Return None if the disk is full.
+    """
     with h5py.File(part, "r", swmr=True) as old:
         index = old[shared_tables.INDEX][()] if shared_tables.INDEX in old else None
         plans = [DataSetPlan.of(old[name]) for name in names]

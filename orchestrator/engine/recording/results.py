@@ -1,10 +1,10 @@
-"""Time series of a run: written in HDF5 while it runs, read afterwards.
+"""Read the time series of a run, which are written in HDF5 while it runs.
 
-`/time` and one data set per variable, `/component/variable`, a row per recorded step
-and a column per element, with unit, frame, description, output class and the names of
-its values as attributes. A row of a state output belongs to its time t_k, a row of an
-interval output to [t_k, t_k+1), so these have no last row. Thousands of variables share
-data sets (`shared_tables.py`).
+The file has `/time` and one data set per variable, `/component/variable`, with one row
+per recorded step and one column per element. Attributes give unit, frame, description,
+output class and the names of the values. A row of a state output belongs to its time
+t_k, a row of an interval output to [t_k, t_k+1), so that interval outputs have no last
+row. Thousands of variables share data sets (`shared_tables.py`).
 """
 
 from __future__ import annotations
@@ -30,9 +30,7 @@ from .series_file import pack
 
 T = TypeVar("T")
 Array = NDArray[Any]
-RECENT = 128 << 20
-"""So much is kept of series that a file has packed, and of what is made of series
-(bytes)."""
+RECENT = 128 << 20  # bytes: cache of unpacked series and of results derived from them
 SERIES, MANIFEST = "series.h5", "manifest.json"
 _FRAMES = {
     "eci": "eci",
@@ -43,29 +41,31 @@ _FRAMES = {
     "coil": "coil axes",
 }
 
+# Bytes of the superblock that give the end of the file, and the tolerance (bytes) by
+# which a file that is being written may fall short of it: up to two of HDF5's blocks of
+# 2 KiB were missing in 399 of 43,233 readings.
 _END, _BEHIND = slice(28, 36), 1 << 16
-"""Where the superblock of our files says where they end, and how far behind that
-(bytes) one may be that is being written: by up to two of HDF5's blocks of 2 KiB, seen
-in 399 of 43,233 looks."""
-_ATTEMPTS = 10
-"""So often what its writer is just changing is read again, in some milliseconds."""
+_ATTEMPTS = 10  # readings of metadata that the writer is changing, in some milliseconds
 
 
 def frame_of(variable: str) -> str:
-    """The frame that a name ends with, for people; empty where it has none."""
+    """Return the readable frame that a name ends with; empty if there is none."""
     return _FRAMES.get(variable.rpartition("_")[2], "")
 
 
 def _unclosed(path: Path) -> Any:
-    """A file that is being written, or was when its writer was killed. Raises OSError
-    for one that has lost its end: HDF5 would take what is not there for zeros, or try
-    to read it for hours."""
+    """Open a file that is being written, or whose writer was killed.
+
+    Raises OSError for a file whose end is missing: HDF5 would read zeros for the
+    missing part, or try to read it for hours.
+    """
     with path.open("rb") as file:
         end = int.from_bytes(file.read(_END.stop)[_END], "little")
         if file.seek(0, os.SEEK_END) + _BEHIND < end:
             raise OSError(f"its end is missing, from {end} bytes")
     access = h5py.h5p.create(h5py.h5p.FILE_ACCESS)
-    with suppress(AttributeError, OSError):  # h5py does not have it; where it is found
+    # h5py lacks this function; HDF5 may export it
+    with suppress(AttributeError, OSError):
         of_hdf5 = ctypes.CDLL(h5py.h5p.__file__)
         of_hdf5.H5Pset_metadata_read_attempts(ctypes.c_int64(access.id), _ATTEMPTS)
     how = h5py.h5f.ACC_RDONLY | h5py.h5f.ACC_SWMR_READ
@@ -73,8 +73,7 @@ def _unclosed(path: Path) -> Any:
 
 
 def _grown(file: Any) -> int:
-    """The rows of a file that was not closed which all its series have, as long as time
-    grows."""
+    """Count the rows that all series of an unclosed file have while time increases."""
     times = np.asarray(file["time"][:])
     least = min((d.shape[0] for d in shared_tables.data_sets(file)), default=len(times))
     stops = np.flatnonzero(np.diff(times) <= 0.0)
@@ -82,26 +81,27 @@ def _grown(file: Any) -> int:
 
 
 def _row_count(manifest: Path) -> int:
-    """The rows that hold values, where a manifest says so: a disk that is full has
-    others too."""
+    """Read from a manifest the number of rows that hold values.
+
+    On a full disk the file has further rows.
+    """
     try:
         return int(json.loads(manifest.read_text(encoding="utf-8"))["rows"])
     except (OSError, ValueError, KeyError, TypeError):
         return sys.maxsize
 
 
+# Errors that h5py, or the code after it, raises for a damaged file.
 DAMAGED = (OSError, RuntimeError, LookupError, ValueError, TypeError, AttributeError)
-"""What h5py raises, and what follows, where a file is not as it was written."""
 
 
 def _reason(error: Exception) -> str:
-    """Return what an error says in one line."""
+    """Return the message of an error in one line."""
     return plain(" ".join(str(error).split())) or type(error).__name__
 
 
 def _check_series(file: Any, rows: int | None) -> None:
-    """Raise ValueError unless a file that was closed has times and series of as many
-    rows."""
+    """Raise ValueError if times or series of a closed file are invalid."""
     times = np.asarray(file["time"][:rows], np.float64)
     if times.ndim != 1 or not np.isfinite(times).all() or (np.diff(times) <= 0.0).any():
         raise ValueError("its times do not increase")
@@ -116,26 +116,27 @@ def _check_series(file: Any, rows: int | None) -> None:
 
 
 class Results:
-    """The series of a run."""
+    """Series of a run."""
 
     def __init__(self, file: Any, rows: int | None = None) -> None:
         self._file = file
         self._made: dict[str, Any] = {}
         self._recent: dict[Hashable, Array] = {}
         self._index = shared_tables.index(file)
-        self._rows = rows
-        """So many rows hold values; None: all."""
+        self._rows = rows  # number of rows that hold values; None: all
 
     def once(self, key: str, make: Callable[[], T]) -> T:
-        """What `make` makes of these series, made when it is first asked for."""
+        """Compute a result of these series once, at the first request, and keep it."""
         if key not in self._made:
             self._made[key] = make()
         made: T = self._made[key]
         return made
 
     def recent(self, key: Hashable, make: Callable[[], Array]) -> Array:
-        """What `make` makes of these series, not to be written to; kept until others
-        that take more than RECENT have been asked for."""
+        """Return a read-only array computed from these series, cached by `key`.
+
+        It stays cached until more recently used arrays exceed RECENT bytes.
+        """
         array = self._recent.pop(key, None)
         if array is None:
             array = make().view()
@@ -150,10 +151,14 @@ class Results:
 
     @classmethod
     def open(cls, path: Path, rows: int | None = None) -> Results:
-        """The series of a run folder or of an HDF5 file, also of a run that was killed;
-        of those `rows` rows, where so many are known to hold values.
+        """Open the series of a run folder or an HDF5 file, also of a killed run.
 
-        Raises DesatError where there is none.
+        `rows` limits the rows to those known to hold values.
+
+        Raises
+        ------
+        DesatError
+            If there is no readable series.
         """
         file = path / SERIES if path.is_dir() else path
         if not file.exists():
@@ -189,8 +194,10 @@ class Results:
         self._file.close()
 
     def thin(self, every: int) -> None:
-        """Keep each so many-th row of every series, from the first on, in the file as
-        well."""
+        """Keep every `every`-th row of every series, from the first on.
+
+        The file is thinned, too.
+        """
         self._made.clear()
         self._recent.clear()
         if isinstance(self._file, memory.File):
@@ -203,18 +210,19 @@ class Results:
         self._index = shared_tables.index(self._file)
 
     def names(self) -> list[str]:
-        """`component.variable` of every series."""
+        """Return `component.variable` of every series."""
         if self._index:
             return list(self._index)
         components = (c for c in self._file if c != "time" and not c.startswith("."))
         return [f"{c}.{v}" for c in components for v in sorted(self._file[c])]
 
     def _unreadable(self, what: str, error: Exception) -> DesatError:
-        """Return the error of a file that is damaged where it is read."""
+        """Return the error for a file that is damaged where it is read."""
         file = getattr(self._file, "filename", SERIES)
         return DesatError(f"{file}: {what} cannot be read ({_reason(error)})")
 
     def _find(self, name: str) -> Any:
+        """Find the data set or the columns of a series."""
         if name in self._index:
             return self._index[name]
         component, _, variable = name.partition(".")
@@ -227,15 +235,17 @@ class Results:
         raise DesatError(f"no series {name}{nearest(name, known)}")
 
     def raw(self, path: str, rows: slice) -> NDArray[Any]:
-        """Rows of a data set of the file."""
+        """Read rows of a data set of the file."""
         try:
             return np.asarray(self._file[path][rows])
         except DAMAGED as error:
             raise self._unreadable(path, error) from error
 
     def values(self, name: str, rows: slice = slice(None)) -> NDArray[Any]:
-        """The rows of `component.variable` as (rows, elements), or (rows,) for a
-        scalar; not to be written to."""
+        """Return the rows of `component.variable`, read-only.
+
+        The shape is (rows, elements), or (rows,) for a scalar.
+        """
         last = (
             rows.stop
             if self._rows is None
@@ -251,12 +261,12 @@ class Results:
             raise self._unreadable(name, error) from error
 
     def count(self, name: str) -> int:
-        """The number of rows of a series."""
+        """Return the number of rows of a series."""
         n = int(self._find(name).shape[0])
         return n if self._rows is None else min(n, self._rows)
 
     def times(self, name: str | None = None) -> NDArray[np.float64]:
-        """The time (s) of each row of a series (default: of all recorded steps)."""
+        """Return the time (s) of each row of a series (default: of all steps)."""
         try:
             whole = self.recent(
                 "time", lambda: np.asarray(self._file["time"][: self._rows])
@@ -266,15 +276,17 @@ class Results:
         return whole if name is None else whole[: self._find(name).shape[0]]
 
     def attribute(self, name: str, key: str) -> str:
-        """`unit`, `frame`, `description` or `class` of a series."""
+        """Read `unit`, `frame`, `description` or `class` of a series."""
         try:
             return str(self._find(name).attrs[key])
         except DAMAGED as error:
             raise self._unreadable(f"{name}, attribute {key},", error) from error
 
     def choices(self, name: str) -> tuple[str, ...]:
-        """The names of an Integer's values, `-` for one that it never has; empty
-        without names."""
+        """Read the names of an Integer's values; empty if it has none.
+
+        `-` stands for a value that it never takes.
+        """
         try:
             return tuple(str(self._find(name).attrs.get("choices", "")).split())
         except DAMAGED as error:

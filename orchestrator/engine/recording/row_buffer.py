@@ -1,8 +1,7 @@
-"""Rows of a run that are not on the disk yet, in memory that outlives the process that
-runs it.
+"""Buffer unwritten rows of a run in memory that outlives the process.
 
-A recorder of a process that is watched keeps its rows here; where that process ends by
-a crash, its parent puts them after those that are written.
+The recorder of a supervised process keeps its rows here. If that process crashes, its
+parent appends them to those that are written.
 """
 
 from __future__ import annotations
@@ -18,27 +17,24 @@ from numpy.typing import NDArray
 
 from ...system.interface import Kind
 
-Places = slice | NDArray[np.intp]
-"""Columns of a data set among those of its type."""
+Places = slice | NDArray[np.intp]  # columns of a data set among those of its type
 _HEAD = 64
+# Indices of the counts; 0 and 1 are the rows taken in each half.
 _WRITTEN, _NEXT, _WHICH, _ACTIVE, _FINAL = range(2, 7)
-"""Counts, after the rows taken in each half."""
 
 
 @dataclass(frozen=True)
 class Layout:
-    """Where the rows of each data set lie: (path, type, columns, interval)."""
+    """Layout of the rows of each data set: (path, type, columns, interval)."""
 
-    capacity: int
-    """Rows of a half."""
-    widths: dict[Kind, tuple[int, str]]
-    """Columns and dtype of each type's table."""
+    capacity: int  # rows of a half
+    widths: dict[Kind, tuple[int, str]]  # columns and dtype of each type's table
     sets: tuple[tuple[str, Kind, Places, bool], ...]
 
 
 @dataclass(frozen=True, eq=False)
 class Bank:
-    """Times and tables of rows, of which `taken[0]` are there."""
+    """Times and tables of rows; the first `taken[0]` rows are filled."""
 
     taken: NDArray[np.int64]
     times: NDArray[np.float64]
@@ -46,34 +42,36 @@ class Bank:
 
 
 class RowBuffer:
-    """Two halves, one of which takes rows while the other is written; `written` are on
-    the disk."""
+    """Two halves: one takes rows while the other is written.
+
+    `written` rows are on disk.
+    """
 
     def __init__(self, file: int | None = None) -> None:
         self._file = file
 
     @classmethod
     def shared(cls) -> RowBuffer:
-        """Memory that a forked process fills, and its parent reads."""
+        """Create a buffer that a forked process fills and its parent reads."""
         if hasattr(os, "memfd_create"):
             return cls(os.memfd_create("desat-rows"))
         with tempfile.TemporaryFile() as file:
             return cls(os.dup(file.fileno()))
 
     def lay_out(self, layout: Layout) -> None:
-        """Make counts and tables; what is there already stays."""
+        """Lay out counts and tables; existing content is preserved."""
         parts = [
             layout.capacity * n * np.dtype(d).itemsize
             for n, d in layout.widths.values()
         ]
         whole = (
             -(-(8 * layout.capacity + sum(parts)) // 8) * 8
-        )  # so that doubles lie well
+        )  # align doubles to 8 bytes
         size = _HEAD + 2 * whole
         if self._file is None:
             memory: Any = np.zeros(
                 size, np.uint8
-            )  # whose pages are made when they are used
+            )  # its pages are allocated at first use
         else:
             os.ftruncate(self._file, size)
             memory = mmap.mmap(self._file, size)
@@ -94,22 +92,22 @@ class RowBuffer:
 
     @property
     def active(self) -> Bank:
-        """The half that takes rows."""
+        """Return the half that takes rows."""
         return self._halves[int(self._counts[_ACTIVE])]
 
     def swap(self) -> Bank:
-        """Let the other half take rows, which is empty; this one."""
+        """Make the other half, which is empty, the active one, and return this one."""
         half = self.active
         self._counts[_ACTIVE] = 1 - self._counts[_ACTIVE]
         return half
 
     @property
     def written(self) -> int:
-        """The rows on the disk."""
+        """Return the number of rows on disk."""
         return int(max(self._counts[_WRITTEN], self._counts[_NEXT]))
 
     def left(self) -> tuple[NDArray[np.float64], dict[Kind, NDArray[Any]]]:
-        """Times and tables of the rows that only the halves have."""
+        """Return times and tables of the rows that are only in the buffer."""
         active, parts = int(self._counts[_ACTIVE]), []
         for i in (1 - active, active):
             half = self._halves[i]
@@ -127,30 +125,36 @@ class RowBuffer:
         )
 
     def wrote(self, half: Bank) -> None:
-        """Count the rows of a half that are on the disk now, so that none is counted
-        twice if we die here."""
+        """Mark the rows of a half as written.
+
+        The order of the updates prevents rows from being counted twice if the process
+        dies here.
+        """
         self._counts[_WHICH] = self._halves.index(half)
         self._counts[_NEXT] = self._counts[_WRITTEN] + half.taken[0]
         half.taken[0] = 0
         self._counts[_WRITTEN] = self._counts[_NEXT]
 
     def ends_next(self) -> None:
-        """Say that the next row is the run's final one, which has no interval values."""
+        """Mark the next row as the run's final one, which has no interval values."""
         self._counts[_FINAL] = (
             self.written + sum(int(half.taken[0]) for half in self._halves) + 1
         )
 
     @property
     def final(self) -> int:
-        """The number of rows of which the last has no interval values; 0: of none."""
+        """Return the number of rows at the run's final row, or 0 before it is marked.
+
+        The final row has no interval values.
+        """
         return int(self._counts[_FINAL])
 
     def go_on(self, rows: int) -> None:
-        """Count rows that an earlier process has put on the disk."""
+        """Count rows that an earlier process has written to disk."""
         self._counts[[_WRITTEN, _NEXT]] = rows
 
     def close(self) -> None:
-        """Give the memory back."""
+        """Release the memory."""
         if self._file is not None:
             os.close(self._file)
             self._file = None

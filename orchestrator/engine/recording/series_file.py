@@ -1,15 +1,15 @@
-"""Makes the series of a run smaller, and known to other programs.
+"""Compress the series of a run and make them readable by other programs.
 
-While a run goes on its Reals are written as they are: what is flushed stays readable
-when it is killed. Beside it grows the file that is left when it is over: each chunk
-that is whole is compressed (shuffle and deflate, which every reader of HDF5 has), and
-at the end each data set gets its times as dimension scale: `/time` for states,
-`/.interval` for what holds over [t_k, t_k+1).
+While a run goes on its Reals are written uncompressed, so that what is flushed stays
+readable if the run is killed. The final file grows beside it: each complete chunk is
+compressed (shuffle and deflate, which every HDF5 reader has), and at the end each data
+set gets its times as dimension scale: `/time` for states, `/.interval` for outputs that
+hold over [t_k, t_k+1).
 
-HDF5's own filters would take 17.3 us a step of a day at nadir (129 signals, one core of
-a machine that was busy), ISA-L's deflate takes 1.6 for 2 % more bytes. Data sets and
-attributes are made by HDF5's own calls too, for h5py's take twice as long, and a day is
-over in half a second.
+HDF5's own filters would take 17.3 us per step of a day at nadir (129 signals, one core
+of a busy machine). ISA-L's deflate takes 1.6 us for files that are 2 % larger. Data
+sets and attributes are also made by direct HDF5 calls, because those of h5py take twice
+as long and a day is simulated in half a second.
 """
 
 from __future__ import annotations
@@ -33,30 +33,38 @@ from .shared_tables import ELEMENT, INTERVAL
 T = TypeVar("T")
 _LEVEL = 1
 _OF_SCALES = ("CLASS", "NAME", "DIMENSION_LABELS", "DIMENSION_LIST", "REFERENCE_LIST")
-_FULL = (OSError, RuntimeError)
-"""What h5py makes of a full disk."""
+_FULL = (OSError, RuntimeError)  # errors that h5py raises for a full disk
 
 
 def beside(path: Path) -> Path:
-    """Where the packed file of series grows; a process that is killed leaves it."""
+    """Return the path at which the packed file of series grows.
+
+    A process that is killed leaves that file behind.
+    """
     return path.with_name(f"{path.name}.packing")
 
 
 def aside(work: Callable[..., T], *given: Any) -> T:
-    """Do it in a thread of its own. ISA-L leaves the vector registers of its thread in
-    a state in which C that is not built for AVX, as that of FMUs, takes up to six times
-    as long: nothing may pack in a thread that steps, or that forks one that does."""
+    """Run the work in a separate thread.
+
+    ISA-L leaves the vector registers of its thread in a state in which C that is not
+    built for AVX, such as that of FMUs, takes up to six times as long. Therefore no
+    thread that steps, or that forks one that does, may pack.
+    """
     with ThreadPoolExecutor(1) as thread:
         return thread.submit(work, *given).result()
 
 
 def pack(path: Path, every: int = 1) -> None:
-    """Pack a closed file in its place, with each so many-th row of it, from the first
-    on. Where the disk has no room for both it stays as it is."""
+    """Pack a closed file in place, keeping every `every`-th row from the first on.
+
+    The file is unchanged if the disk has no room for both.
+    """
     aside(_pack, path, every)
 
 
 def _pack(path: Path, every: int) -> None:
+    """Pack a closed file in this thread."""
     with h5py.File(path, "r") as file:
         sets = [file["time"], *shared_tables.data_sets(file)]
         index = file[shared_tables.INDEX][()] if shared_tables.INDEX in file else None
@@ -75,18 +83,20 @@ def _pack(path: Path, every: int) -> None:
 
 @dataclass(frozen=True)
 class DataSetPlan:
-    """A data set whose rows grow."""
+    """Plan of a data set whose rows grow."""
 
     name: str
-    tail: tuple[int, ...]
-    """(), or (columns,)."""
+    tail: tuple[int, ...]  # (), or (columns,)
     dtype: np.dtype[Any]
     chunk: tuple[int, ...]
     attributes: Mapping[str, str]
 
     @classmethod
     def of(cls, source: Any) -> DataSetPlan:
-        """A data set of a file; what makes it one with scales is made anew."""
+        """Derive the plan of an existing data set.
+
+        Attributes of dimension scales are left out, because they are made anew.
+        """
         attributes = {k: v for k, v in source.attrs.items() if k not in _OF_SCALES}
         return cls(
             source.name, source.shape[1:], source.dtype, source.chunks, attributes
@@ -94,14 +104,15 @@ class DataSetPlan:
 
     @property
     def interval(self) -> bool:
-        """Whether its rows hold over an interval."""
+        """Return whether the rows hold over an interval."""
         shared = self.name.startswith(f"/{INTERVAL}.")
         return shared or self.attributes.get("class") == "interval"
 
     def make(self, file: Any, compressed: bool) -> Any:
-        """Make it in a file, without rows."""
+        """Create the data set in a file, without rows."""
         how = h5p.create(h5p.DATASET_CREATE)
-        how.set_obj_track_times(False)  # or equal runs would not make equal files
+        # otherwise equal runs would give different files
+        how.set_obj_track_times(False)
         how.set_chunk(self.chunk)
         if compressed:
             how.set_shuffle()
@@ -122,9 +133,12 @@ class DataSetPlan:
         return h5py.Dataset(made)
 
     def append(self, dataset: Any, rows: NDArray[Any]) -> None:
-        """Further rows of one that was made so, in chunks as they are if they are
-        Reals. By HDF5's own calls: `dataset[n:] = rows` takes twice as long, and a day
-        has thousands."""
+        """Append rows to a data set that was created by `make`.
+
+        A complete chunk is written directly, and uncompressed if it holds Reals. The
+        calls are HDF5's own: `dataset[n:] = rows` takes twice as long, and a day has
+        thousands of them.
+        """
         n, *tail = dataset.shape
         dataset.set_extent((n + len(rows), *tail))
         if rows.shape == self.chunk and n % len(rows) == 0:
@@ -139,8 +153,10 @@ class DataSetPlan:
 def chunks(
     plan: DataSetPlan, rows: NDArray[Any]
 ) -> Iterable[tuple[tuple[int, ...], NDArray[Any]]]:
-    """The chunks that rows, no more than one chunk has, lie in, filled with zeros:
-    where they begin, after the first row, and what they hold."""
+    """Yield the chunks that contain the rows, padded with zeros, and their offsets.
+
+    There are at most as many rows as a chunk has. Offsets count from the first row.
+    """
     width = plan.chunk[1:]
     if rows.shape == plan.chunk:
         yield (0,) * rows.ndim, rows
@@ -153,7 +169,7 @@ def chunks(
 
 
 class _Packed:
-    """A data set of the packed file, and its rows that fill no chunk yet."""
+    """A data set of the packed file, with its rows that do not fill a chunk yet."""
 
     def __init__(self, plan: DataSetPlan) -> None:
         self.plan = plan
@@ -162,21 +178,24 @@ class _Packed:
         self._id: Any = None
 
     def make(self, file: Any) -> None:
-        """Make it in the file."""
+        """Create the data set in the file."""
         self._id = self.plan.make(file, compressed=True).id
 
     def fills(self, more: int) -> bool:
-        """Whether so many rows more fill a chunk."""
+        """Return whether `more` further rows complete a chunk."""
         return self._many + more >= self.plan.chunk[0]
 
     def keep(self, rows: NDArray[Any]) -> None:
-        """Keep further rows, a copy of them."""
+        """Keep a copy of further rows."""
         if len(rows):
             self._waiting.append(rows.copy())
             self._many += len(rows)
 
     def write(self, rows: NDArray[Any], whole: bool) -> None:
-        """Pack those that are kept and further ones: those that fill chunks, or all."""
+        """Pack the waiting rows and further ones.
+
+        With `whole` only rows that fill chunks are packed, otherwise all.
+        """
         if self._waiting:
             rows = np.concatenate([*self._waiting, rows])
             self._waiting, self._many = [], 0
@@ -191,22 +210,26 @@ class _Packed:
         self.keep(rows[end:])
 
     def finish(self) -> Any:
-        """Pack the rest."""
+        """Pack the remaining rows."""
         self.write(np.empty((0, *self.plan.tail), self.plan.dtype), whole=False)
         return self._id
 
 
 def deflated(values: NDArray[Any]) -> bytes:
-    """A chunk as HDF5's filters would leave it: of all values the first byte, then the
-    second."""
+    """Compress a chunk as HDF5's shuffle and deflate filters would.
+
+    Shuffling puts the first bytes of all values first, then the second bytes.
+    """
     octets = values.reshape(-1).view(np.uint8).reshape(-1, values.itemsize)
     packed: bytes = isal_zlib.compress(np.ascontiguousarray(octets.T), _LEVEL)
     return packed
 
 
 class Packing:
-    """The packed file of one that grows, beside `path`. Where the disk has no room for
-    both there is none."""
+    """The packed file that is built beside `path`.
+
+    Packing is abandoned if the disk has no room for both files.
+    """
 
     def __init__(
         self,
@@ -221,7 +244,7 @@ class Packing:
         self._lost = False
 
     def take(self, i: int, rows: NDArray[Any]) -> None:
-        """Pack further rows of data set i, or keep a copy till they fill a chunk."""
+        """Pack further rows of data set i, or keep a copy until they fill a chunk."""
         if self._lost:
             return
         one = self._sets[i]
@@ -235,13 +258,15 @@ class Packing:
             self.drop()
 
     def leave_room(self, octets: int) -> None:
-        """Give it up where the disk has less room than this."""
+        """Abandon the packing if the disk has less free space than `octets` bytes."""
         if not self._lost and shutil.disk_usage(self._path.parent).free < octets:
             self.drop()
 
     def finish(self, last: Iterable[tuple[int, NDArray[Any]]] = ()) -> Path | None:
-        """Pack the rest, and the `last` rows of data sets, and close the file; where it
-        is, if it could be made."""
+        """Pack the remaining rows and the `last` rows of data sets, and close the file.
+
+        Return its path, or None if it could not be made.
+        """
         if self._lost:
             return None
         try:
@@ -255,7 +280,7 @@ class Packing:
         return None if self._lost else self._path
 
     def drop(self) -> None:
-        """Give it up."""
+        """Abandon the packing and remove its file."""
         try:
             if self._file:
                 self._file.close()
@@ -266,6 +291,7 @@ class Packing:
         self._lost = True
 
     def _begin(self) -> None:
+        """Create the file and its data sets, once."""
         if self._file is not None:
             return
         self._file = h5py.File(self._path, "w")
@@ -276,7 +302,7 @@ class Packing:
             self._file.create_dataset(shared_tables.INDEX, data=self._index)
 
     def _scale(self, made: list[Any]) -> None:
-        """Attach the scales."""
+        """Attach the dimension scales."""
         time, *sets = made
         interval = [one.plan.interval for one in self._sets[1:]]
         h5ds.set_scale(time, b"time")
@@ -295,7 +321,7 @@ class Packing:
             h5ds.attach_scale(dataset, begin.id if holds else time, 0)
             for many in dataset.shape[
                 1:
-            ]:  # readers of netCDF want a scale for each axis
+            ]:  # readers of netCDF need a scale for each axis
                 if many not in elements:
                     name = f"{ELEMENT}{many}"
                     elements[many] = self._file.create_dataset(

@@ -1,10 +1,9 @@
-"""Thousands of series in few tables: with a data set for each, HDF5 takes minutes, or
-fails.
+"""Store thousands of series in few tables.
 
-Beyond MANY variables those of one type and class lie side by side in one data set, such
-as `/.interval.Real`, a column per element; `/.index` says in JSON, of each variable, in
-which columns it is, with the attributes that a data set of its own would have. No
-component has a dot in its name.
+With a data set for each, HDF5 takes minutes, or fails. Beyond MANY variables, those of
+one type and class are side by side in one data set, such as `/.interval.Real`, with a
+column per element. `/.index` lists in JSON the columns of each variable, with the
+attributes that a separate data set would have. No component has a dot in its name.
 """
 
 from __future__ import annotations
@@ -21,19 +20,18 @@ from ...system.interface import Kind
 
 MANY = 512
 INDEX = ".index"
+# Prefix of the scale of a vector's second axis, followed by the number of elements.
 ELEMENT = ".element."
-"""Of vectors: the scale of their second axis, followed by how many elements they have.
-"""
-INTERVAL = ".interval"
-"""The times of outputs that hold over an interval (`series_file.py`)."""
-_SIDE = 64
-"""Columns of a chunk: so many are read for one."""
+INTERVAL = ".interval"  # times of outputs that hold over an interval (`series_file.py`)
+_SIDE = 64  # columns of a chunk, all of which are read for one
 
 
 @dataclass(frozen=True)
 class SeriesColumns:
-    """A variable that is recorded: its name, and its columns among the outputs of its
-    type."""
+    """A recorded variable.
+
+    It has its name, and its columns among the outputs of its type.
+    """
 
     component: str
     variable: str
@@ -46,7 +44,7 @@ class SeriesColumns:
 
 @dataclass(frozen=True)
 class _Entry:
-    """Where a variable is in the tables."""
+    """Location of a variable in the tables."""
 
     table: str
     first: int
@@ -58,8 +56,10 @@ class _Entry:
 def tables(
     series: Sequence[SeriesColumns],
 ) -> tuple[dict[tuple[Kind, bool], NDArray[np.intp]], str]:
-    """Of each type and class (interval or not) the columns that its table takes; and
-    the index."""
+    """Return the columns of each table, by type and class, and the index as JSON.
+
+    The class is interval or not.
+    """
     columns: dict[tuple[Kind, bool], list[int]] = {}
     entries = {}
     for s in sorted(series, key=lambda s: (s.component, s.variable)):
@@ -76,17 +76,17 @@ def tables(
 
 
 def name_of(kind: Kind, interval: bool) -> str:
-    """The data set of a type and class."""
+    """Return the name of the data set of a type and class."""
     return f".{'interval' if interval else 'state'}.{kind}"
 
 
 def chunk(rows: int, columns: int) -> tuple[int, int]:
-    """The chunk of a table."""
+    """Return the shape of a chunk of a table."""
     return rows, min(columns, _SIDE)
 
 
 class Columns:
-    """A variable's columns of a table, read like a data set of its own."""
+    """Columns of a variable in a table, read like a separate data set."""
 
     def __init__(self, file: Any, entry: _Entry) -> None:
         self._table, self._entry, self.attrs = (
@@ -97,7 +97,7 @@ class Columns:
 
     @property
     def shape(self) -> tuple[int, ...]:
-        """Rows, and elements where it is no scalar."""
+        """Return (rows,) for a scalar, otherwise (rows, elements)."""
         rows = int(self._table.shape[0])
         return (
             (rows,)
@@ -111,7 +111,10 @@ class Columns:
 
 
 def index(file: Any) -> dict[str, Columns]:
-    """`component.variable` -> its columns, of a file with tables; empty for any other."""
+    """Map `component.variable` to its columns in a file with tables.
+
+    The result is empty for any other file.
+    """
     if INDEX not in file:
         return {}
     entries = json.loads(file[INDEX][()])
@@ -119,7 +122,7 @@ def index(file: Any) -> dict[str, Columns]:
 
 
 def data_sets(file: Any) -> Iterator[Any]:
-    """All data sets of a file whose rows are those of a run, but for the times."""
+    """Yield all data sets of a file that hold rows of a run, except the times."""
     for name, of in file.items():
         if name in ("time", INDEX, INTERVAL) or name.startswith(ELEMENT):
             continue
