@@ -54,7 +54,7 @@ class ManagerDetumblingOptimal(Acquisition):
     The phases of `start_up` only report its progress: detumbling, momentum_dump,
     three_axis, done.
 
-    **Rate.** `gyro`; `field`: B x B' / |B|^2, the part across the field, by the field's
+    **Rate.** `gyro`; `field`: -B x B' / |B|^2, the part across the field, by the field's
     rate; `observer`: Euler's equations with the commanded dipole and the wheel's
     measured momentum, corrected by the field (`bandwidth`), from magnetometer and
     tachometer alone. While the gyro is not valid, `field` replaces it, and no condition
