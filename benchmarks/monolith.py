@@ -231,7 +231,7 @@ def run(
         b_meas = c @ b + sigma_b * random.standard_normal(3)
         h_meas = h + sigma_h * random.standard_normal(4)
 
-        # guidance: lvlh
+        # the guidance is the lvlh frame
         z = -r / sqrt(r @ r)
         across = cross(r, v)
         y = -across / sqrt(across @ across)

@@ -101,7 +101,7 @@ def slopes(
     def slope(e: float, state: State) -> State:
         """Compute the derivative of attitude (1/s) and total momentum (N m, eci)."""
         q1, q2, q3, q4, hx, hy, hz = state
-        # C(q)
+        # the matrix C(q)
         a, b, c, d = q1 * q1, q2 * q2, q3 * q3, q4 * q4
         c11, c12, c13 = (
             a - b - c + d,
