@@ -188,7 +188,7 @@ def gravity(r: Vec3, degree: int, mu: float = MU) -> Vec3:
     x, y, z = r
     size2 = x * x + y * y + z * z
     size = sqrt(size2)
-    # Acceleration: a = mu / r^3 (-r + across (x, y, 0) + along (0, 0, 1))
+    # acceleration: mu over r cubed, times (-r + across (x, y, 0) + along (0, 0, 1))
     across = along = 0.0
     s = z / size
     s2 = s * s
