@@ -80,8 +80,9 @@ def unmet(manifest: Manifest, results: Results) -> list[str]:
 
 
 def remarks(manifest: Manifest, results: Results) -> list[str]:
-    """Return a line for an empty tank, or for each axis with little of its command
-    fired.
+    """Return a line for an empty tank, or for each axis with little impulse fired.
+
+    It is little if most of the commanded impulse is not fired.
     """
     impulses, parts = _impulses(manifest, results), manifest.parts[KEY]
     if impulses is None or impulses[2] == 0.0 or parts.scheduled:
@@ -108,11 +109,10 @@ def remarks(manifest: Manifest, results: Results) -> list[str]:
 def _impulses(
     manifest: Manifest, results: Results
 ) -> tuple[list[float], list[float], float] | None:
-    """Compute the commanded and given impulse about each axis (N m s), and the on-time
-    (s).
+    """Compute commanded and given impulse about each axis, and the on-time (s).
 
-    A commanded impulse that is too small to count is 0. None where series are not
-    recorded.
+    Impulses are in N m s. A commanded impulse that is too small to count is 0. None
+    where series are not recorded.
     """
     parts: FiringParts = manifest.parts[KEY]
     names = (

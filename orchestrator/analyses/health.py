@@ -81,10 +81,9 @@ def _fails_at_once(system: System, name: str) -> bool:
 
 
 def _attitude(system: System) -> tuple[str, str] | None:
-    """Return the series of attitude and reference where an enabled controller follows
-    it.
+    """Return the series of attitude and reference where a controller follows it.
 
-    None where there is no such controller, or a manager brakes the craft first (paper
+    None where no enabled controller does, or a manager brakes the craft first (paper
     004, section 4).
     """
     parts = system.components.values()
@@ -161,9 +160,7 @@ def _attitude_error(parts: HealthParts, results: Results) -> tuple[float, bool]:
 
 
 def remarks(manifest: Manifest, results: Results) -> list[str]:
-    """Return a line for each full wheel, for rarely valid sensors and a missed
-    attitude.
-    """
+    """Return a line for each full wheel, rarely valid sensor and missed attitude."""
     parts: HealthParts = manifest.parts[KEY]
     series, lines = f"{parts.wheels}.saturated_wheel", []
     if series in set(results.names()) and len(full := results.values(series)):

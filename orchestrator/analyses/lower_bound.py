@@ -231,10 +231,9 @@ class _Truth:
         return mean
 
     def least(self, impulse: Array) -> tuple[float | None, list[float] | None]:
-        """Compute the minimum firing time (s) for an impulse (N m s, eci), and its
-        price.
+        """Compute the minimum firing time (s) for an impulse, and its price.
 
-        Both are None where the impulse cannot be given.
+        The impulse is in N m s, eci. Both are None where it cannot be given.
         """
         from desat.components.laws.least_firing import least_firing
 

@@ -277,8 +277,7 @@ def torque(
         return np.asarray(across / np.linalg.norm(across, axis=1, keepdims=True))
 
     def drag(v: Array, s: Array) -> Array:
-        """Compute the drag torque (N m, body) at velocity v (m/s, body) through the
-        air.
+        """Compute the drag torque (N m, body) at velocity v (m/s, body) through air.
 
         The direction s to the Sun is as for `light`.
         """

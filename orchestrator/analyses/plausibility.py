@@ -36,17 +36,13 @@ from .flight import (
 
 Array = NDArray[np.float64]
 
-ROWS = 37  # of an orbit
+ROWS = 37  # samples of an orbit
 LARGEST_FIELD = 6e-5  # T, at the ground near a pole
 # share of a wheel up to which an upper estimate of an orbit's momentum is enough
-HARMLESS = (
-    0.5  # share of a wheel up to which an estimate of an orbit's momentum is enough
-)
+HARMLESS = 0.5
 LARGEST_COIL_POWER = 200.0  # W, each; the largest rods take some tens
 # share of a wheel's capacity below which a threshold is likely a wrong unit
-SMALLEST_THRESHOLD = (
-    0.01  # share of a wheel's capacity below which a threshold is a slip of units
-)
+SMALLEST_THRESHOLD = 0.01
 LARGEST_TANK = 0.9  # share of the mass
 
 
@@ -146,7 +142,7 @@ def _coils(system: System) -> Iterator[str]:
         )
 
 
-# --- What an orbit brings into the wheels ------------------------------------
+# --- Momentum of an orbit's disturbances ------------------------------------
 
 
 def _orbit_momentum(system: System, wheels: WheelArray) -> Iterator[str]:
@@ -164,7 +160,7 @@ def _orbit_momentum(system: System, wheels: WheelArray) -> Iterator[str]:
     try:
         flight = _orbit(system)
     except (DesatError, BlockError):
-        return  # an attitude or an environment that cannot be looked at without a run
+        return  # attitude or environment are not known without a run
     inverse = np.linalg.pinv(axes)
     span = float(flight.times[-1] - flight.times[0])
     impulse = flight.disturbance - flight.disturbance[0]

@@ -175,9 +175,7 @@ def _points(
     names: tuple[str, ...],
     sizes: tuple[int, ...],
 ) -> Callable[[int], NDArray[np.float64]]:
-    """Build the function that maps a draw to its uniform numbers in (0, 1), of all
-    axes.
-    """
+    """Build the function from a draw to its uniform numbers in (0, 1), of all axes."""
     width = sum(sizes)
     if sampling == "latin-hypercube":
         keys = [

@@ -226,8 +226,9 @@ def thinned(
 
 
 def _ends(y: Array, starts: NDArray[np.intp]) -> Array:
-    """Compute minimum and maximum of the parts that begin at these rows, nan without
-    value.
+    """Compute minimum and maximum of the parts that begin at these rows.
+
+    They are nan where a part has no value.
     """
     counts = np.diff(np.minimum(starts, len(y)), append=len(y))
     some = counts > 0

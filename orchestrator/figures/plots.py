@@ -51,8 +51,7 @@ _OTHER: dict[str, Any] = {"width": 1.0, "dash": (4.0, 2.0), "alpha": 0.75}
 
 
 def series_figure(plot: Plot, runs: Sequence[Run]) -> Figure | None:
-    """Draw a scenario's `[plots.NAME]` over runs, or return None if nothing is
-    recorded.
+    """Draw a scenario's `[plots.NAME]` over runs; None if nothing is recorded.
 
     Of two runs the first is drawn in colours and the other dashed; of more, each run
     has a colour.
@@ -62,7 +61,7 @@ def series_figure(plot: Plot, runs: Sequence[Run]) -> Figure | None:
         return None
     drawn = [lines_of(plot, r, unit) for _, r, _ in runs]
     limits = limits_of(plot.limits, parameters, unit)
-    # the limits of a size have no other side
+    # limits of a magnitude apply on the positive side only
     signed = any(
         np.nanmin(x.values, initial=0.0) < 0.0 for lines in drawn for x in lines
     )
@@ -176,7 +175,7 @@ def _draw(
             name = name if labels else ""
             of_runs = (
                 len(runs) > 2 or len(lines) == 1
-            )  # else lines are told apart, runs by dashes
+            )  # else colours distinguish lines, and dashes runs
             colour = COLOURS[(number if of_runs else i) % len(COLOURS)]
             run = labels[number] if labels and len(runs) > 1 else ""
             whose = ", ".join(part for part in (line.name, run) if part)
@@ -264,8 +263,7 @@ def _derived_lines(plot: Plot, results: Results, unit: str) -> list[Line]:
         quantity.unit or results.attribute(plot.signals[0], "unit"), unit
     )
     times = results.times()[: len(values)]
-    # a name of the scenario's that is empty leaves its element out; a quantity may have
-    # no name
+    # an empty name in the scenario leaves its element out; a quantity may have no names
     names = enumerate(plot.components or quantity.names)
     return [Line(n, times, values[:, i]) for i, n in names if n or not plot.components]
 
@@ -379,7 +377,7 @@ def bands(
             begin, end = float(starts[first]), float(ends[last])
             end = max(end, min(begin + shortest, float(ends[-1])))
             if spans and begin - spans[-1][1] < shortest:
-                begin = spans.pop()[0]  # no gap that nobody could see
+                begin = spans.pop()[0]  # a narrower gap would be invisible
             spans.append((begin, end))
         strips.append((int(value), spans))
     return strips

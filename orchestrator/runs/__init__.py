@@ -1,1 +1,3 @@
-"""A target prepared as a case, run, supervised, resumed, and told as a manifest."""
+"""Prepare a target as a case, run it, supervise and resume it, and write its
+manifest.
+"""

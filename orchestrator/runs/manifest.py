@@ -76,11 +76,10 @@ def resumed(now: Manifest, before: JsonObject, folder: str, again: str) -> Manif
 
 
 def numbers(content: Content, results: Results, parameters: Table) -> dict[str, Value]:
-    """Compute the scenario's numbers that need no other run, if their series are
-    recorded.
+    """Compute the scenario's numbers that need no other run.
 
-    `value` is None, and shown as "not reached", where the run does not reach a number's
-    window.
+    Their series must be recorded. `value` is None, and shown as "not reached", where
+    the run does not reach a number's window.
     """
     rows: dict[str, Value] = {}
     known, end = set(results.names()), results.times()[-1:].tolist()

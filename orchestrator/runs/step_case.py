@@ -85,8 +85,8 @@ def step(
             kept=keeps,
         )
 
-    # what decides which outputs a master reads, beside what all cases of a spare have
-    # in common
+    # a spare master fits if it reads the same outputs; the other conditions are the same
+    # for all cases that share it
     alike = schedule, ends, options.record, None if keeps is None else keeps.outputs
     spare = case.spare if unwritten is None else None
     with (
@@ -192,7 +192,7 @@ def step(
         if sound:
             _terminate(master, outcome)
         _add(outcome.warnings, [*changes("while it ran"), *master.messages()])
-        # a day's series take seconds to compress; then it is told how it ended
+        # compressing a day's series takes seconds; the outcome is reported after that
         with interruptible():
             results = recorder.finish(master)
             tell("outcome", outcome)
@@ -216,7 +216,7 @@ def _terminate(master: Master, outcome: Outcome) -> None:
     try:
         master.terminate()
     except ComponentError as error:
-        if outcome.status != "completed":  # that it was stopped says more
+        if outcome.status != "completed":  # its status already says why it was stopped
             outcome.warnings += str(error).splitlines()
             return
         outcome.status, outcome.message = "failed", f"{error}, after the run"

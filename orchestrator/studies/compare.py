@@ -186,7 +186,7 @@ def side_by_side(
     Raises DesatError, of which RunError is one, where a run cannot begin or does not
     complete.
     """
-    # what is wrong with any is said before the first flies
+    # check all targets before the first flies
     cases = [None if is_run(t) else prepare(t, options) for t in targets]
     warnings: list[str] = []
     for case in cases:

@@ -87,10 +87,9 @@ class Tuned:
 
     @property
     def confirmed(self) -> bool:
-        """Return whether unseen samples confirm, with 95 % confidence, that it is
-        better.
+        """Return whether unseen samples confirm that the tuned value is better.
 
-        It must not miss requirements more often, either.
+        The confidence is 95 %, and it must not miss requirements more often, either.
         """
         told = self.unseen
         if self.best == self.own or not told.interval_holds:
