@@ -38,7 +38,7 @@ CONTROLLERS = ("controller_pid", "controller_pd")
 class Condition(NamedTuple):
     """Wheel momentum at which the loop is evaluated."""
 
-    name: str  # for people
+    name: str  # for messages
     momentum: Array  # (3,) N m s, body
     stability: Stability
     full: bool = False  # whether the wheels are fuller than at the start of a run

@@ -7,7 +7,7 @@ x J_r^-1 c + J_r^-1 (J_r^-1 c x L)|. So it depends, with L the total momentum of
 body, on
 
 - `turn`: H (|omega| + nutation), nutation = sqrt(L . J_r L / det J_r); rad
-- `kick`: H^2 times the largest acceleration that wheels, coils or thrusters give the body; rad
+- `kick`: H^2 times the largest acceleration by wheels, coils or thrusters; rad
 
 How fast a motor or coil follows is not among them: after a command the curvature of 1 -
 exp(-t / lag) is largest where the lag is a third of H, and falls for shorter lags.

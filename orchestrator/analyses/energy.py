@@ -477,7 +477,7 @@ def figures(manifest: Manifest, results: Results) -> list[tuple[str, Figure]]:
     balanced = balance(manifest, results)
     if balanced is None:
         return []
-    from ..figures.plots import timeline  # heavy, and only for a report
+    from ..figures.plots import timeline  # slow import, needed for a report only
     from ..figures.style import COLOURS, figure, time_axis
 
     fig, ax = figure()
@@ -489,12 +489,13 @@ def figures(manifest: Manifest, results: Results) -> list[tuple[str, Figure]]:
     return [(caption, fig)]
 
 
-# --- Balances made while a run goes on ---
-# They serve where the rows do not hold every step of the body: with substeps, step ratios or
-# decimated rows.
+# --- Balances made while a run goes on ------------------------------------------------
+# They serve where the rows do not hold every step of the body: with substeps, step
+# ratios or decimated rows.
 #
-# The balances need the inputs of the body at each of its own steps. `engine/node.py` keeps them for
-# some thousands of steps at a time, so that memory does not grow with the length of a run.
+# The balances need the inputs of the body at each of its own steps. `engine/node.py`
+# keeps them for some thousands of steps at a time, so that memory does not grow with
+# the length of a run.
 
 
 _STATES = ("q_bi", "omega_bi_body", "impulse_eci")

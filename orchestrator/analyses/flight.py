@@ -164,7 +164,7 @@ def hardware_of(system: System) -> Hardware:
             f"{system.name}: spacecraft has no inertia: a rigid body is needed"
         )
     inertia = np.reshape(craft["inertia"], (3, 3))
-    # without wheels of its own it has ideal ones inside, one along each body axis
+    # a craft without wheel axes has ideal wheels inside, one along each body axis
     axes = np.reshape(craft.get("axes_wheel", np.eye(3, 4)), (3, 4))
     rotors = np.broadcast_to(craft.get("inertia_wheel", 0.0), 4)
     flat = (tuple(np.ravel(x).tolist()) for x in (inertia, axes, rotors))
@@ -278,7 +278,7 @@ def flight_of(system: System, results: Any) -> Flight:
             given = results.values(SERIES[13], rows)[::every]
             sources[GIVEN] = integral(rotate_back(q[rows][::every], given), at)
     if SERIES[11] in known:
-        # pulses of thrusters are too short for rows: what they have given is left out
+        # pulses of thrusters are shorter than rows, so sum up the disturbances instead
         if not sources:
             raise DesatError(
                 f"{system.name}: thrusters fire, and the disturbances of a spacecraft "
@@ -333,7 +333,7 @@ def torques(system: System, inputs: dict[str, Array], q: Array) -> dict[str, Arr
     for name, key in keys.items():
         on = {key: given[key]} if key in given else {}
         if key == "gravity_gradient" and key not in given:
-            on = {key: Parameter(True, "1")}  # of a body that always has it
+            on = {key: Parameter(True, "1")}  # the body has no switch: it always acts
         made[name] = rotate_back(
             q, motion.torque({**given, **still, **on}, quiet, 0.0)(0.0, q)
         )

@@ -177,9 +177,7 @@ def numbers(manifest: Manifest, results: Results) -> dict[str, Value]:
         (on_time,) = _series(
             manifest, results, [f"{manifest.parts[KEY].thrusters}.on_time"]
         )
-        if (
-            on_time[-1] > 0.0
-        ):  # else the programme, which takes long, has nothing to tell
+        if on_time[-1] > 0.0:  # without firing the slow programme has no result
             return of_run(manifest, results).numbers()
     return {}
 
@@ -202,19 +200,22 @@ class _Truth:
         axes = self._parameters["spacecraft"].get("axes_wheel")
         in_body = h @ np.reshape(axes, (3, 4)).T if axes else h[:, :3]
         target = self._parameters["manager"].get("h_target_body", [0.0, 0.0, 0.0])
+        # N m s, body: wheel momentum at the end, less the target
         self.momentum_left = in_body[-1] - target
-        """of the wheels at the end, less the target (N m s, body)"""
         self.period = self._parameters["manager"].get("sample_time") or manifest.step
 
         def torque(c: Array, field: Array) -> Array:
+            """Compute the torque (n, 3, 3; N m, body) of thrusters and coils at the
+            nodes.
+            """
             lead = (NODES - 0.5)[:, None]
             dipole = m[:, None] + lead * m_slope[:, None]
             thrust = tau[:, None] + lead * tau_slope[:, None]
             return thrust + np.cross(dipole, field)
 
         means = self._means(times[:-1], times[1:], torque)
+        # N m s, eci: impulse of torquers and thrusters in the run
         self.given: Array = np.diff(times) @ means
-        """the impulse of torquers and thrusters in the run (N m s, eci)"""
 
     def _means(
         self, begin: Array, end: Array, torque: Callable[[Array, Array], Array]

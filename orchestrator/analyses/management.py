@@ -547,7 +547,7 @@ def _balance(manifest: Manifest, results: Results) -> Balance | None:
             manifest.values_of(parts.thrusters).get("schedule_duration", 0.0)
         ).tolist()
     ):
-        return None  # the torque of what is scheduled is a disturbance
+        return None  # the torque of scheduled firings is a disturbance
     q, omega, impulse, h, *actuators = (results.values(s) for s in needed)
     fired = actuators.pop() if parts.thrusters else None
     intervals = [x for x in (fired, *actuators[:1]) if x is not None]
@@ -593,7 +593,7 @@ def figures(manifest: Manifest, results: Results) -> list[tuple[str, Figure]]:
     held = balance(manifest, results)
     if held is None or not held.h.shape[1]:
         return []
-    from ..figures.plots import timeline  # heavy, and only for a report
+    from ..figures.plots import timeline  # slow import, needed for a report only
     from ..figures.style import COLOURS, DOTTED, LIMIT, figure, time_axis
     from ..numbers.text import spell_unit
 

@@ -37,8 +37,6 @@ Torque = Callable[[float, Array], Array]
 # uses both ends, where everything is known.
 NODES = (0.0, 0.5 - 0.5 * sqrt(3.0 / 7.0), 0.5, 0.5 + 0.5 * sqrt(3.0 / 7.0), 1.0)
 WEIGHTS = (1.0 / 20.0, 49.0 / 180.0, 16.0 / 45.0, 49.0 / 180.0, 1.0 / 20.0)
-"""Of Lobatto's quadrature of order 8 over a step, as shares of it: at both ends all is
-known."""
 
 
 BEYOND = 1e10  # m: a body farther than this from its centre orbits the Sun
@@ -89,15 +87,15 @@ class Steps:
         self.gained = np.diff(self.impulse, axis=0)
         spin = self.omega @ self.carrier.T + self.h @ self.axes.T
         self.momentum = rotate_back(self.q, spin)
+        # external torque (N m, body) at the start and at the end of every step
         self.ends = self.torque(0.0, self.q[:-1]), self.torque(1.0, self.q[1:])
-        """The external torque (N m, body) at the start and at the end of every step."""
         self._start = self._edge(0, self.q[:-1], self.omega[:-1], spin[:-1])
         self._end = self._edge(1, self.q[1:], self.omega[1:], spin[1:])
+        # the same in eci
         self.turned = (
             rotate_back(self.q[:-1], self.ends[0]),
             rotate_back(self.q[1:], self.ends[1]),
         )
-        """The same in eci."""
         self._bend = self.dt * (self.turned[1] - self.turned[0])
 
     def torque(self, e: float, q: Array) -> Array:
@@ -148,9 +146,10 @@ class Steps:
         return np.asarray((total - h @ self.axes.T) @ self.inverse.T)
 
 
-# ------------------------------------------------------------------------------------------------
-# The external torque on a rigid body, computed outside it from what the other components recorded.
-# It uses none of the body's code, only its parameters, its attitude and the signals that reach it.
+# --- External torque on a rigid body --------------------------------------------------
+#
+# It is computed outside the body from the series of the other components, without the
+# body's code: only from its parameters, its attitude and its inputs.
 
 
 # For each input the series that feeds it, or its values where none does.

@@ -142,7 +142,7 @@ def _coils(system: System) -> Iterator[str]:
         )
 
 
-# --- Momentum of an orbit's disturbances ------------------------------------
+# --- Momentum of an orbit's disturbances ----------------------------------------------
 
 
 def _orbit_momentum(system: System, wheels: WheelArray) -> Iterator[str]:
@@ -188,7 +188,7 @@ def _most_in_an_orbit(system: System, craft: Component) -> float:
     """
     environment = craft_of(system).environment
     if environment is None or environment.interface.model not in names():
-        return 0.0  # nothing is known of it
+        return 0.0  # the environment is not known
     try:
         block = environment_block(environment)
         block.output(system.start)

@@ -232,7 +232,7 @@ def figures(manifest: Manifest, results: Results) -> list[tuple[str, Figure]]:
 
 def plot(times: Array, residual: Array, results: Results) -> Figure:
     """Draw the residual over time, above the strips of the run's modes."""
-    from ..figures.plots import timeline  # heavy, and only for a report
+    from ..figures.plots import timeline  # slow import, needed for a report only
     from ..figures.style import COLOURS, figure, time_axis
 
     fig, ax = figure()

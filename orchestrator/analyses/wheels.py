@@ -23,7 +23,7 @@ def warnings(system: System) -> Iterator[str]:
 def _axes(system: System) -> Iterator[str]:
     """Yield a line for each set of wheels that leaves out an axis."""
     if not system.by_input["tau_ctrl_body"]:
-        return  # nobody wants three axes: a boom, a bias wheel
+        return  # no three-axis control: a boom or a bias wheel
     for c in system.components.values():
         if c.interface.role != "wheels" or "axes_wheel" not in c.interface.arrays:
             continue

@@ -48,7 +48,7 @@ def row(
         values = plan.values(number)
         made = _ran(plan, values, attempt > 1)
     except DesatError as error:
-        if error.code > STOPPED:  # this process was told to end: it is lost
+        if error.code > STOPPED:  # this process has to end, so its call is lost
             raise SystemExit(int(error.code)) from error
         made = CaseRow("failed", int(error.code), str(error), values=values)
     return replace(
@@ -70,6 +70,7 @@ def _ran(plan: CampaignPlan, values: Mapping[str, Drawn], supervised: bool) -> C
     told: dict[str, dict[str, str]] = {}
 
     def look(run: Run) -> None:
+        """Collect the envelopes, titles and units of the run."""
         curves.update(_curves(chosen, run))
         told.update(_described(chosen, values, run))
 

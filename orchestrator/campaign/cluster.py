@@ -35,7 +35,7 @@ SETTINGS = {
     "distributed.comm.timeouts.connect": WAIT,
     "distributed.scheduler.allowed-failures": 0,
     "distributed.worker.daemon": False,
-    # a tree of calls a second, kept for an hour: a worker grew by 0.2 MB a second
+    # the profiler keeps its samples for an hour: a worker grew by 0.2 MB a second
     "distributed.worker.profile.enabled": False,
 }
 
@@ -204,7 +204,7 @@ class Cluster:
         for name in ("distributed", "distributed.client"):
             logging.getLogger(name).setLevel(
                 logging.CRITICAL + 1
-            )  # we say it in a line
+            )  # errors are reported in a line of ours
         try:
             if address.startswith("local:"):
                 self._local = distributed.LocalCluster(
@@ -257,7 +257,7 @@ class Cluster:
         told = self._client.run(
             unfit, self._plan, self._sent, versions(), on_error="return"
         )
-        # one that dies just now does not answer; one without desat has no such function
+        # a dying worker does not answer; one without desat lacks the function
         return {
             worker: said if isinstance(said, str) else f"cannot be asked: {said}"
             for worker, said in sorted(told.items())

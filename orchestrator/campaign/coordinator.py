@@ -94,7 +94,7 @@ def planned(
         allowed(sampling, count, system)
         first = {**options.values, **draw_of(system, seed, 0, sampling, count)}
     except DesatError:
-        prepare(source, options).or_raise()  # which names file and key
+        prepare(source, options).or_raise()  # its error names file and key
         raise
     case = _first(source, options, first)
     plots = content.plots
@@ -162,7 +162,9 @@ def _first(source: Target, options: Options, values: Mapping[str, Any]) -> Case:
         case.or_raise()
         return case
     except DesatError as error:
-        prepare(source, options).or_raise()  # not only of what is drawn
+        prepare(
+            source, options
+        ).or_raise()  # an error independent of the drawn values comes first
         raise DesatError(f"{source.text}: case 0: {error}") from error
 
 
@@ -185,7 +187,7 @@ def run(
         If the folder has another campaign or one of other versions, or if another
         coordinator is at work in it.
     """
-    guarded()  # it cannot claim what its head has
+    guarded()  # a worker cannot claim the folder of its coordinator
     with claimed(folder):
         _run(plan, folder, jobs, cluster, progress, accept_versions)
 
@@ -213,7 +215,7 @@ def _run(
     plan.write(folder)
     rows = store.Store(folder, plan.count)
     if longer:
-        rows.forget(Exit.TIMEOUT)  # they may have time enough now
+        rows.forget(Exit.TIMEOUT)  # the new limit may suffice
     at = Progressed(plan.count, rows.done(), rows.failed())
     at.first = at.done
     write_json(folder / STATUS, at.as_json("running"))
@@ -233,7 +235,7 @@ def _workers(plan: CampaignPlan, jobs: int, cluster: str | None) -> Workers:
     if cluster is None:
         return Local(
             batch, jobs, 1.25 * plan.limit + 2.0
-        )  # a supervised case ends itself before
+        )  # a supervised case ends itself earlier
     from .cluster import Cluster
 
     return Cluster(cluster, plan)
@@ -253,6 +255,7 @@ def _make(
     sizes = _Sizes(plan, workers.size)
 
     def task(numbers: Sequence[int], attempt: int = 1) -> tuple[Any, tuple[Any, ...]]:
+        """Return key and arguments of a call that runs these cases."""
         key = tuple(numbers)
         return key, (plan, key, attempt, versions) if local else (
             key,
@@ -263,7 +266,10 @@ def _make(
     def again(
         numbers: Sequence[int], reason: Lost
     ) -> list[tuple[Any, tuple[Any, ...]]]:
-        if len(numbers) > 1:  # one of them, nobody knows which
+        """Return the calls that replace a lost one: first its cases singly, then
+        retries.
+        """
+        if len(numbers) > 1:  # it is not known which of them was lost
             return [task([number]) for number in numbers]
         attempts[numbers[0]] = attempt = attempts.get(numbers[0], 1) + 1
         return [task(numbers, attempt)] if attempt <= _TRIES else []
@@ -433,7 +439,7 @@ def _keep_series(plan: CampaignPlan, number: int, into: Path) -> None:
     except DesatError as error:
         if getattr(error, "code", 0) == Exit.SPACE:
             raise
-        # else it cannot begin and has no series; its row says why
+        # otherwise the case cannot begin and has no series; its row says why
 
 
 def kept_in(folder: Path, number: int) -> Path:
@@ -441,7 +447,7 @@ def kept_in(folder: Path, number: int) -> Path:
     return folder / "kept" / f"{number:06}"
 
 
-# --- How far a campaign is, for people and for programs -------------------------------
+# --- Progress of a campaign -----------------------------------------------------------
 
 
 STATUS = "status.json"

@@ -39,7 +39,7 @@ def of_campaign(folder: Path, curves: bool = False) -> xr.Dataset:
         lazy = Lazy(
             (len(cases),), _dtype(field.type), _column(folder, field.name, cases)
         )
-        # what is drawn is told of as a whole, and has a column an element
+        # drawn arrays are described as a whole, but have a column per element
         told = described.get(field.name.removeprefix("out.").partition("[")[0], {})
         variables[field.name] = lazy.variable(
             ("case",),
@@ -76,6 +76,7 @@ def _column(folder: Path, name: str, cases: Any) -> Callable[[Any], Any]:
     """
 
     def read(key: tuple[Any, ...]) -> Any:
+        """Read the column, and select cases by an index."""
         table = store.read(folder, columns=["case", name])
         if name not in table.column_names:
             return np.full(len(cases), np.nan)[key]
@@ -93,6 +94,7 @@ def _envelopes(folder: Path, name: str, cases: Any) -> Callable[[Any], Any]:
     """Build the function that reads the envelopes of a curve for these cases."""
 
     def read(key: tuple[Any, ...]) -> Any:
+        """Read the envelopes, and select by an index; nan for cases without one."""
         table = store.read(folder, store.CURVES)
         known = (
             table[name].to_pylist()

@@ -209,7 +209,7 @@ def ran(
     if run.code > STOPPED:
         run.or_raise(source.text)
     told = run.manifest
-    # requirements are of all draws or cases together, not of one
+    # requirements apply to all draws or cases together, not to one
     code = Exit.COMPLETED if run.ok and not told.unmet else run.code
     row = RunRow(
         told.status,
@@ -234,7 +234,7 @@ def series_of_numbers(system: System) -> tuple[str, ...]:
     content = content_of(system.about)
     needed = tuple(needed_signals(content))
     if system.substeps == AUTO and (parts := coverage.applies(system)):
-        needed += tuple(parts.series)  # it looks at them again
+        needed += tuple(parts.series)  # the substep choice checks them again
     for analysis in analyses():
         if parts := analysis.applies(system):
             needed += tuple(analysis.signals(parts))
@@ -294,6 +294,7 @@ def rows_of(
     jobs, tried = max(1, min(jobs, len(tasks))), set()
 
     def again(key: Any, reason: Lost) -> list[tuple[Any, tuple[Any, ...]]]:
+        """Return the supervised repetition of a lost run, once."""
         if key in tried:
             return []
         tried.add(key)
@@ -365,7 +366,7 @@ def summary(rows: Sequence[RunRow], late: Collection[str]) -> dict[str, Spread]:
     return spreads([r.numbers for r in whole], units, late)
 
 
-# --- `desat sweep`: a system at every combination of some parameters' values, and its numbers ---
+# --- Sweeps over combinations of parameter values -------------------------------------
 
 
 def axes_of(texts: Sequence[str]) -> dict[str, list[Any]]:

@@ -109,7 +109,7 @@ def more(n: int, inside: int, probability: float, confidence: float) -> int | No
     if not share:
         few = bisect_left(range(n, _MOST), True, key=lambda total: shown(total, 0))
         return few if n + few < _MOST else None
-    # with one more outside a total shows least: these are the totals that decide
+    # each further case outside makes a total show least: check these totals
     first = n - inside + 1
 
     def least(outside: int) -> int:
@@ -135,6 +135,7 @@ def for_half_the_width(n: int, outside: int, confidence: float) -> int | None:
     """
 
     def width(total: int) -> float:
+        """Return the width (%) of the interval for a total number of cases."""
         low, high = clopper_pearson(round(outside / n * total), total, confidence)
         return high - low
 

@@ -267,8 +267,8 @@ def confident(each: Sequence[float], level: float = 0.95) -> Spread:
     )
     if not n:
         return spread
-    # the k-th least and the k-th largest hold the median with at least this confidence
-    from scipy.stats import binom  # half a second
+    # k-th smallest and k-th largest enclose the median with at least this confidence
+    from scipy.stats import binom  # import takes half a second
 
     k = int(binom.ppf((1.0 - level) / 2.0, n, 0.5))
     return replace(

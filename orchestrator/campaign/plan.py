@@ -203,7 +203,7 @@ def joined(old: CampaignPlan, new: CampaignPlan, folder: Path) -> None:
         if before == now or grows or key in GROWS[1:]:
             continue
         if key == "digest" and told["options"] != wanted["options"]:
-            continue  # which is the reason, and said
+            continue  # the options are the reason, and are reported themselves
         if key == "digest":
             raise DesatError(f"{folder}: another campaign: {changed(old)}; {anew(new)}")
         fixed = (

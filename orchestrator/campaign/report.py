@@ -253,7 +253,7 @@ def _number(
         return spread
     last = values[there].max()
     counted = np.isfinite(values) | (np.isnan(values) if is_late else False)
-    # in place of nan a number that every percentile between it and others shows
+    # replace nan by a number that marks any percentile interpolated with it
     values, cases = np.nan_to_num(values[counted], nan=_NEVER), cases[counted]
     ends = {"min": int(np.argmin(values)), "max": int(np.argmax(values))}
     names = ("p5", "median", "p95", "p99", *ends)
@@ -274,7 +274,7 @@ def _drivers(inputs: Mapping[str, Array], out: Mapping[str, Array]) -> list[Driv
     They are between inputs and numbers. Among some hundred pairs several would exceed a
     level meant for one pair, so `CHANCE` is shared by all.
     """
-    from scipy.stats import spearmanr  # half a second
+    from scipy.stats import spearmanr  # import takes half a second
 
     drivers = []
     level = CHANCE / max(len(inputs) * len(out), 1)
@@ -307,7 +307,7 @@ def _sobol(
     if plan.count < (least := BASE * (sum(sizes) + 2)):
         return {"missing": f"they need -n {least} or more"}
     how = dispersions_of(drafted)
-    # of a direction each random number moves all elements
+    # in a direction each random number affects all elements
     form = {
         n: "{}, random number {}"
         if how[n].kind in ("attitude", "direction")
@@ -325,7 +325,7 @@ def _sobol(
         if np.isfinite(y).all() and np.ptp(y) > 0.0:
             with (
                 warnings.catch_warnings()
-            ):  # of numbers that hardly differ: their interval says
+            ):  # numbers that hardly differ; their interval shows it
                 warnings.simplefilter("ignore")
                 cube = unit_cube(len(elements))
                 made = analyze(cube, y, calc_second_order=False, seed=plan.seed)
@@ -350,7 +350,7 @@ TERMINAL_COLUMNS = (
     6,
     7,
     8,
-)  # without the percentile 99: lines stay short
+)  # without the 99th percentile, to keep lines short
 
 
 def tabulate_numbers(numbers: Mapping[str, Spread]) -> Table:
@@ -421,7 +421,7 @@ def _figures(folder: Path, plan: CampaignPlan, told: CampaignSummary) -> list[_F
     table = store.read(folder)
     good = _completed_cases(table)
     described = store.described(folder)
-    strongest = {d.number: d for d in reversed(told.drivers)}  # of each number
+    strongest = {d.number: d for d in reversed(told.drivers)}  # by number
     for driver in sorted(strongest.values(), key=lambda d: -abs(d.correlation))[
         :_SCATTERS
     ]:

@@ -34,7 +34,7 @@ from ..system.errors import DesatError
 from ..system.typed import JsonObject
 from .draws import RunRow
 
-# --- A campaign's files as they are read: one that is damaged is a line that says what to do ----
+# --- Reading files; the error of a damaged one says what to do ------------------------
 
 
 def signature(path: Path) -> Path:
@@ -87,7 +87,7 @@ def _as_signed(path: Path, said: str, *_: int) -> None:
     found = hashlib.sha256(path.read_bytes()).hexdigest()
     if (
         found not in said.split() and _signed(path) == said
-    ):  # else it has been replaced meanwhile
+    ):  # otherwise it has been replaced meanwhile
         raise _summary(path, ValueError("its sha256 is another"))
 
 
@@ -98,7 +98,7 @@ def _open_parquet(path: Path) -> Iterator[BinaryIO]:
     """
     try:
         _check(path)
-        with path.open("rb") as file:  # pyarrow takes no name that is not UTF-8
+        with path.open("rb") as file:  # pyarrow accepts UTF-8 names only
             yield file
     except (pa.ArrowException, OSError) as error:
         raise _summary(path, error) from error
@@ -139,7 +139,7 @@ def _summary(path: Path, error: Exception) -> DesatError:
     """Build the error of a damaged file, which says how its cases are made again."""
     cases = (
         path.parent.parent / "cases" / path.name
-    )  # without it the block is not there
+    )  # without its file of cases a block does not exist
     return DesatError(
         f"{path}: damaged ({' '.join(str(error).split())}); without {cases} the same "
         "command makes its cases again"
@@ -229,14 +229,16 @@ class Store:
         for row in _journal(folder):
             if row.case // BLOCK not in self._whole and row.case < cases:
                 self._open.setdefault(row.case // BLOCK, {})[row.case] = row
-        for path in _journals(folder):  # of blocks that are whole, or that are no more
+        for path in _journals(
+            folder
+        ):  # of blocks that are complete, or that no longer exist
             path.unlink()
         for block in self._open:
             self._write_journal(block)
         for block in sorted(self._whole):
             curves = _part(folder, CURVES, block)
             if curves.exists():
-                count(curves)  # its sha256 is read
+                count(curves)  # verifies its sha256
             if count(_part(folder, CASES, block)) < self._size(block):
                 self._reopen(block)
 

@@ -201,7 +201,7 @@ class _Worker:
         self.key = key
         if self._ready:
             self.begin()
-        with suppress(BrokenPipeError):  # it has died: the answer says so
+        with suppress(BrokenPipeError):  # the process has died: its answer reports that
             self.pipe.send(arguments)
 
     def begin(self) -> None:

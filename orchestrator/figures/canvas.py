@@ -269,7 +269,7 @@ class Axes:
         lines = [
             np.array([[left, v], [left + width, v]]) for v in up(self._of_y(y).values)
         ]
-        # bars stand between given ticks
+        # no vertical lines between bars, which have their own ticks
         if self.x.ticks is None or self.x.log:
             lines += [
                 np.array([[v, top], [v, top + height]])
@@ -361,7 +361,7 @@ class Axes:
         whole = sum(len(rows) for _, rows in entries)
         if whole * pitch > (
             room := self.height + 300
-        ):  # smaller letters where there are many
+        ):  # a smaller font for a long legend
             size, pitch = size * room / (whole * pitch), room / whole
         left = box[0] + box[2] + (560 if self.right else 80)
         y = self.top + self.height / 2 - whole * pitch / 2 + 0.75 * pitch
@@ -436,13 +436,13 @@ class _Scale:
         if self._log:
             with np.errstate(divide="ignore", invalid="ignore"):
                 edge = np.isinf(values)
-                # what is not above zero has no place
+                # a logarithmic axis has no place for values below or at zero
                 values = np.where(
                     edge, values, np.log10(np.where(values > 0.0, values, np.nan))
                 )
         share = (values - self._low) / (self._high - self._low)
         share = np.where(values == np.inf, 1.0, np.where(values == -np.inf, 0.0, share))
-        # what is far outside is cut off anyhow
+        # values far outside are clipped anyway
         place: Array = self._start + self._length * np.clip(share, -9.0, 10.0)
         return place
 
@@ -459,7 +459,7 @@ def _range(axis: Axis, values: Sequence[Array]) -> Point:
         rim = axis.margin * math.log10(high / low) or 0.3
         low, high = low * 10.0**-rim, high * 10.0**rim
     else:
-        # a constant: some of its own size about it
+        # a constant: a margin of its own size
         rim = (
             axis.margin * (high - low)
             if high - low > 1e-12 * max(abs(low), abs(high))
@@ -580,7 +580,7 @@ def _path_of(shape: Shape) -> str:
     left, top, width, height = (round(v) for v in shape.within)
     points = np.concatenate(shape.parts) - (left, top)
     if (points >= -5.0).all() and (points <= (width + 5.0, height + 5.0)).all():
-        return drawn  # nothing to cut off
+        return drawn  # nothing to clip
     return (
         f'<svg x="{left}" y="{top}" width="{width}" height="{height}" '
         f'viewBox="{left} {top} {width} {height}">{drawn}</svg>'
@@ -676,14 +676,14 @@ def linear(low: float, high: float, most: int) -> Ticks:
     values = [k * step for k in range(first, last + 1)]
     largest = max(abs(low), abs(high))
     aside, shift, power = "", 0.0, 0
-    if step < 1e-4 * largest:  # all labels would begin alike
+    if step < 1e-4 * largest:  # all labels would have the same leading digits
         shift = math.floor(low / (1000.0 * step) + 1e-3) * 1000.0 * step
         aside = f"{'−' if shift < 0.0 else '+'} {abs(shift):.15g}"
         largest = high - shift
     if not _SMALL <= largest < _LARGE:
         power = math.floor(math.log10(largest))
         aside = f"×10{raised(power)} {aside}".strip()
-    # decimals of the step, of which 2.5 has one more
+    # decimals of the step; 2.5 has one more
     size = step / 10.0**power
     digits = next(
         (d for d in range(12) if abs(round(size, d) - size) < 1e-6 * size), 12

@@ -235,7 +235,7 @@ def _ends(y: Array, starts: NDArray[np.intp]) -> Array:
     begin = starts[some]
     least, most = (
         (np.fmin, np.fmax) if np.isnan(y.min()) else (np.minimum, np.maximum)
-    )  # faster
+    )  # the latter are faster
     low, high = least.reduceat(y, begin), most.reduceat(y, begin)
     falls = y[begin] > y[begin + counts[some] - 1]
     ends = np.full((len(starts), 2), np.nan)
@@ -254,6 +254,6 @@ def _encode(values: Array) -> JsonObject:
     known = values[np.isfinite(values)]
     low, high = (float(known.min()), float(known.max())) if len(known) else (0.0, 0.0)
     offset = 0.5 * (low + high) if high - low < 1e-3 * max(abs(low), abs(high)) else 0.0
-    with np.errstate(over="ignore"):  # what a float cannot hold is not drawn
+    with np.errstate(over="ignore"):  # values beyond a float are not drawn
         data = (values - offset).astype("<f4").tobytes()
     return {"data": base64.b64encode(data).decode(), "offset": offset}

@@ -28,11 +28,11 @@ def save(figure: Figure, file: Path) -> None:
 
 def paint(figure: Figure, path: Path, form: str) -> None:
     """Paint a figure's shapes into a file with matplotlib, as they are."""
-    if paths.no_home():  # it would say where it keeps what it finds of fonts
+    if paths.no_home():  # otherwise matplotlib prints where its font cache is
         os.environ.setdefault("MPLCONFIGDIR", str(paths.cache() / "matplotlib"))
     backend = os.environ.pop(
         "MPLBACKEND", None
-    )  # we need none, and one that is unknown is refused
+    )  # none is needed, and an unknown one is an error
     try:
         from matplotlib import figure as painter
         from matplotlib.patches import PathPatch, Rectangle

@@ -96,7 +96,7 @@ def of_name(name: str | None, plots: Mapping[str, Plot], runs: Sequence[Run]) ->
     DesatError
         If there is none, or it is not recorded.
     """
-    from ..language.scenario import Plot  # takes long to import
+    from ..language.scenario import Plot  # slow import
 
     names = runs[0][1].names()
     if name is None:
@@ -280,7 +280,7 @@ def _lines(plot: Plot, results: Results, signal: str, unit: str) -> list[Line]:
         return [Line(prefix, times, values, stepped)]
     if plot.norm:
         return [Line(prefix, times, np.linalg.norm(values, axis=1), stepped)]
-    # an element without a name is not shown (a wheel that is not there)
+    # an element without a name, as of a missing wheel, is not shown
     names = plot.components or elements_of(signal, values.shape[1])
     return [
         Line(f"{prefix} {name}".strip(), times, values[:, i], stepped)
@@ -303,9 +303,10 @@ def elements_of(signal: str, count: int) -> list[str]:
     return [str(i + 1) for i in range(count)]
 
 
-# ------------------------------------------------------------------------------------------------
-# The time axis of a plot, above strips of coloured bands that show modes and phases.
-# A strip stands for an Integer output whose values have names (`choices`).
+# --- Time axis ------------------------------------------------------------------------
+#
+# Under it there are strips of coloured bands that show modes and phases. A strip stands
+# for an Integer output whose values have names (`choices`).
 
 
 # Colours of the values, by their number.
@@ -383,7 +384,7 @@ def bands(
     return strips
 
 
-# --- Of several runs together ---------------------------------------------------------
+# --- Several runs together ------------------------------------------------------------
 
 
 def scatter(*args: Any, **options: Any) -> str:

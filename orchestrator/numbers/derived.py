@@ -67,6 +67,7 @@ def quantity(
     """Register a function as a quantity, with its elements, unit and parameters."""
 
     def known(function: Derive) -> Derive:
+        """Register the function under its name."""
         QUANTITIES[function.__name__] = DerivedQuantity(function, names, unit, own)
         return function
 
@@ -185,7 +186,7 @@ def pointing(q: Array, q_ref: Array) -> Array:
 def euler(q: Array, q_ref: Array, sequence: str = "321") -> Array:
     """Euler angles (rows, 3; deg) from a reference to an attitude: turns about body
     axes, first to last as in `sequence`."""
-    with np.errstate(invalid="ignore"):  # of an attitude that is none
+    with np.errstate(invalid="ignore"):  # an attitude may be a zero quaternion
         unit = [x / np.linalg.norm(x, axis=1, keepdims=True) for x in (q_ref, q)]
     return _angles(matrices(unit[0]), matrices(unit[1]), sequence)
 
@@ -223,7 +224,7 @@ def _angles(reference: Array, attitude: Array, sequence: str) -> Array:
     i, j, k = (int(axis) - 1 for axis in sequence)
     proper = i == k
     k = 3 - i - j if proper else k
-    sign = 1.0 if (j - i) % 3 == 1 else -1.0  # of i, j, k in a cycle
+    sign = 1.0 if (j - i) % 3 == 1 else -1.0  # +1 where i, j, k are in cyclic order
     m = np.einsum(
         "nai,nbi->nab", reference, attitude
     )  # columns: body axes in the reference

@@ -94,6 +94,7 @@ class BoundNumber(NamedTuple):
         """
 
         def column(signal: str) -> derived.Array:
+            """Read a series as floats (rows, elements)."""
             values = results.values(signal)
             return (values if values.ndim > 1 else values[:, None]).astype(float)
 
@@ -167,6 +168,7 @@ def evaluate(number: Number, results: Results, parameters: Table) -> float | Non
     """
 
     def series(name: str) -> SeriesUnit:
+        """Return the unit of a series; its width is not known."""
         return SeriesUnit(results.attribute(name, "unit"), 0)
 
     return bind(number, series, parameters).evaluate(results)

@@ -37,7 +37,7 @@ class Spline:
         rise = (self._values[left + 1] - self._values[left]) / length
         d0, d1 = self._slopes[left], self._slopes[left + 1]
         third = (d0 + d1 - 2.0 * rise) / length
-        # in scipy's order, and so with its bits
+        # in scipy's order of operations, for the same bits
         made = self._values[left] + d0 * s + ((rise - d0) / length - third) * (s * s)
         return np.asarray(made + third / length * (s * s * s))
 

@@ -159,6 +159,7 @@ def _deciding_first(plots: Mapping[str, Plot], manifest: Manifest) -> list[Plot]
     wanted = set(number.signals) if number else set()
 
     def weight(name: str) -> tuple[int, bool]:
+        """Return how many of the series a plot shows, and whether its name matches."""
         return len(wanted & set(plots[name].signals)), name in (
             tightest,
             verdict.number,
@@ -190,7 +191,7 @@ def figures_of(drawn: Sequence[tuple[str, Figure]]) -> dict[str, Any]:
 
 def data_element(told: Any, name: str = "told") -> Markup:
     """Return the element with the data (JSON) that a page's script finds by its name."""
-    # a name of somebody's must not end the element
+    # a user's name must not end the element
     data = json.dumps(told, separators=(",", ":")).replace("<", "\\u003c")
     element = Markup('<script type="application/json" id="{}">{}</script>')
     return element.format(name, Markup(data))

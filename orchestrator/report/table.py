@@ -15,12 +15,12 @@ from typing import Literal
 
 from ..numbers.text import number, spell_unit
 
-ROW_UNIT = "row"  # unit of a column whose values have the unit that stands in their row
+ROW_UNIT = "row"  # unit of a column whose values have the unit in their row
 SCALES: Mapping[str, Mapping[str, float]] = {
     "N.m": {"N.m": 1.0, "mN.m": 1e-3, "uN.m": 1e-6},
     "N.m.s": {"N.m.s": 1.0, "mN.m.s": 1e-3, "uN.m.s": 1e-6},
     "kg": {"kg": 1.0, "g": 1e-3},
-}  #: Units in which a quantity is shown, the largest first, and what they are in SI.
+}  #: units of a quantity, the largest first, with their factor to SI
 SI_UNITS = {unit: si for si, units in SCALES.items() for unit in units}
 
 

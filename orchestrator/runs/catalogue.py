@@ -63,7 +63,7 @@ def family(name: str, of_systems: bool = True) -> Family:
             file=sys.stderr,
         )
     made = _load(name, of_systems)
-    with suppress(OSError):  # no cache is no harm
+    with suppress(OSError):  # the cache is optional
         kept.parent.mkdir(parents=True, exist_ok=True)
         part = kept.with_name(f"{kept.name}.{os.getpid()}.part")
         told = {"digest": digest, "of_systems": of_systems, **asdict(made)}
@@ -99,8 +99,8 @@ def _load(name: str, of_systems: bool) -> Family:
     if of_systems:
         from .explain import readable
 
-        # an installation's own scenarios are sound; their systems need the FMUs, which
-        # take long
+        # scenarios of an installation are valid; checking their systems needs the FMUs,
+        # which takes long
         good, lines = readable(name, of_systems=not paths.INSTALLED)
     titles = {n: s.content.title for n, s in good.items()}
     return Family(name, scenario.summary(name), titles, lines)
@@ -130,7 +130,7 @@ def _code() -> bytes:
     code.
     """
     made = hashlib.sha256()
-    # what a checkout maps below the package lies beside it
+    # in a checkout these packages lie beside the main one
     beside = [paths.PACKAGE.parent / "components", paths.PACKAGE.parent / "fmus"]
     for root in (paths.PACKAGE, *(() if paths.INSTALLED else beside)):
         for folder, folders, files in os.walk(root):

@@ -60,7 +60,7 @@ def of_results(manifest: Manifest, results: Results) -> xr.Dataset:
         if dims and sizes.setdefault(dims[0], len(labels)) != len(labels):
             dims = (
                 f"{name}.element",
-            )  # as of a foreign FMU with another number of wheels
+            )  # a foreign FMU may have another number of wheels
         if dims:
             coordinates[dims[0]] = (dims[0], labels)
         lazy, along = _series(results, name, len(times))
@@ -120,6 +120,7 @@ def _series(results: Results, name: str, length: int) -> tuple[Lazy, str]:
     shape = (length, *first.shape[1:])
 
     def until(begin: int, end: int) -> Any:
+        """Read rows from `begin` to `end`, with nan rows where the series has ended."""
         values = results.values(name, slice(begin, min(end, rows))).astype(
             dtype, copy=False
         )
@@ -128,6 +129,7 @@ def _series(results: Results, name: str, length: int) -> tuple[Lazy, str]:
         return np.concatenate([values, blank.astype(dtype)]) if lacking else values
 
     def read(key: tuple[Any, ...]) -> Any:
+        """Read the values of an index."""
         rows_, *rest = key
         if not isinstance(rows_, slice):
             at = int(rows_)

@@ -134,7 +134,7 @@ def begin_manifest(folder: Path, manifest: Manifest) -> None:
         folder / f"{MANIFEST}.part",
         json.dumps(manifest.to_json(), indent=1) + _ROOM * " ",
     )
-    (folder / MANIFEST).unlink(missing_ok=True)  # of a run that was ended
+    (folder / MANIFEST).unlink(missing_ok=True)  # left by an earlier run that was ended
 
 
 def end_manifest(folder: Path, manifest: Manifest) -> None:

@@ -293,7 +293,7 @@ def with_values(target: Target, options: Options) -> Case:
     some = replace(system, components=changed)
     ends = first.checked.unwired
     if [*without_effect(some, ends), *foresee(some, ends)[0]]:
-        return prepare(target, options)  # which says what is wrong as it is always said
+        return prepare(target, options)  # reports problems in the usual way
     manifest = first.manifest and first.manifest.varied(system, changed.values())
     checked = replace(first.checked, system=system, schedule=schedule)
     return replace(first, options=options, checked=checked, manifest=manifest)
@@ -358,7 +358,7 @@ def _with_options(target: Target, options: Options) -> Builder:
         options.design is not None or scenario.design is not None
     ):
         own = scenario.parameters(designed=False)
-        designed = {  # but for what the scenario gives itself
+        designed = {  # except for the scenario's own values
             name: {k: v for k, v in values.items() if k not in own.get(name, {})}
             for name, values in DESIGNS.parameters_for(scenario, options).items()
         }
@@ -430,7 +430,7 @@ def _packed_from(builder: Builder) -> Scenario | None:
     return scenario.of_its_file(content_of(builder.about).name)
 
 
-# --- Which components run in processes of their own, and what to say where there can be none ----
+# --- Components in processes of their own ---------------------------------------------
 
 
 def to_isolate(system: System, options: Options) -> frozenset[str]:

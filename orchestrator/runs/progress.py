@@ -50,6 +50,7 @@ def stages(wanted: bool = True) -> Iterator[Callable[[str], None]]:
     began = last = time.monotonic()
 
     def line(text: str) -> None:
+        """Print a stage, at once in a notebook and at most once a minute elsewhere."""
         nonlocal last
         now = time.monotonic()
         if wanted and (in_notebook() or now - last > MINUTE):
@@ -92,6 +93,7 @@ def _lines(title: str, total: int, done: int) -> Iterator[Tell]:
     begin, end = ("\r", "") if notebook else ("", "\n")
 
     def tell(made: int, text: str) -> None:
+        """Print the progress, with the time that is left, when the next line is due."""
         nonlocal last
         now = time.monotonic()
         if now - last < (BLINK if notebook else MINUTE) and not (

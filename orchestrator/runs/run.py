@@ -224,7 +224,7 @@ def simulate(
         if folder is not None:
             remove(folder)
         choice, checkpoint = more, None
-    if case.options.every > 1 and run.ok:  # numbers are of all rows
+    if case.options.every > 1 and run.ok:  # numbers are computed from all rows
         run.results.thin(case.options.every)
     return run
 
@@ -373,6 +373,7 @@ def _simulate_apart(
     library.unpack(system)
 
     def work(tell: Callable[[str, Any], None], unwritten: RowBuffer) -> None:
+        """Step the case in the child process."""
         step(case, place, manifest, progress, checkpoint, unwritten, tell)
 
     limit = min(options.call_limit, options.time_limit or math.inf)
@@ -403,7 +404,7 @@ def _simulate_apart(
         return _cut_short(system, options, place, ended, layout, unwritten, full)
     finally:
         unwritten.close()
-        if folder is None:  # the series stay until they are closed
+        if folder is None:  # open series stay readable until they are closed
             shutil.rmtree(place, ignore_errors=True)
 
 
@@ -477,8 +478,9 @@ def run_or_load(target: str, analysis: ModuleType | None = None) -> Run:
     return simulate(case).or_raise(target)
 
 
-# ------------------------------------------------------------------------------------------------
-# Continue a run that was ended from its newest checkpoint, with the same bits as without a break:
+# --- Continuing a run -----------------------------------------------------------------
+#
+# A run continues from its newest checkpoint with the same bits as without a break:
 # series, numbers and manifest are those of an uninterrupted run, except for wall times.
 
 

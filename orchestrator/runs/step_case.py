@@ -66,6 +66,7 @@ def step(
     wanted = as_json(case.target, options)
 
     def watched(component: str, signal: Any) -> bool:
+        """Return whether the master has to read an output."""
         ends_it = ends is not None and ends.reads(component, signal)
         balanced = along is not None and along.needs(component, signal)
         return ends_it or balanced or selects(options.record, component, signal)
@@ -74,6 +75,7 @@ def step(
     keeps = None if along is None else along.kept
 
     def make() -> Master:
+        """Build a master for the case."""
         return Master(
             system,
             schedule,
@@ -85,8 +87,8 @@ def step(
             kept=keeps,
         )
 
-    # a spare master fits if it reads the same outputs; the other conditions are the same
-    # for all cases that share it
+    # a spare master fits if it reads the same outputs; all else is the same for all
+    # cases that share it
     alike = schedule, ends, options.record, None if keeps is None else keeps.outputs
     spare = case.spare if unwritten is None else None
     with (

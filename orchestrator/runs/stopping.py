@@ -148,6 +148,7 @@ def watch(master: Master, wanted: Condition | None, seconds: float | None) -> En
     end = None if seconds is None else time.monotonic() + seconds
 
     def reason() -> str:
+        """Return the reason to end now, or ""."""
         if met():
             return text
         return LATE if end is not None and time.monotonic() > end else ""
@@ -168,12 +169,13 @@ def _hold(
         master.live[slots[0].kind],
         np.array([s.index for s in slots], np.intp),
     )
-    # the row that an interval output belongs to has begun a step ago
+    # the row of an interval output began a step ago
     ago = int(slots[0].interval and master.algorithm == "gauss_seidel")
     if not ago and wanted.met(live[index]):
         memory["since"] = master.start
 
     def met() -> bool:
+        """Return whether the condition has held for long enough at the present step."""
         if not wanted.met(live[index]):
             memory.clear()
             return False

@@ -96,7 +96,7 @@ def choose(target: str, system: System, options: Options) -> SubstepChoice | Non
     except DesatError as error:
         if not to_isolate(system, replace(options, isolate="foreign")):
             raise
-        # a foreign FMU may not do the same twice
+        # a foreign FMU may behave differently in a second flight
         return SubstepChoice(1, system.accuracy, why=str(error))
 
 
@@ -148,8 +148,7 @@ def choose_again(
             there = _apart(system, options, flying)
         except ComponentError:
             continue
-        # what the flights before would have come to with as many, by the second power
-        # to be safe
+        # scale the earlier estimate to this count by the second power, to be safe
         share = (more.estimate or 0.0) * (more.substeps / there.substeps) ** 2
         share = max(share, there.estimate or 0.0)
         again = (
@@ -197,6 +196,7 @@ def decimated(system: System, options: Options) -> Slow | None:
         }
 
         def both() -> list[_Flight]:
+            """Fly with the step ratios, and without those of the slow components."""
             systems = (replace(system, components=of) for of in (names, quick))
             return [
                 _Flights(s, options, 1, LONGEST).flown(system.parts) for s in systems
@@ -205,7 +205,7 @@ def decimated(system: System, options: Options) -> Slow | None:
         coarse, fine = _apart(system, options, both)
     except (ComponentError, DesatError):
         return None
-    # where a slow body's states are held, they are those of its own steps
+    # a slow body's states are held between its steps: compare at its own steps only
     rows = slice(None, None, lcm(*(names[n].step_ratio for n in slow)))
     angle, gap = pointing(coarse.q[rows], fine.q[rows]), np.abs(coarse.h - fine.h)[rows]
     return Slow(

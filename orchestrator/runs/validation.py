@@ -338,9 +338,7 @@ def _lacks_parameter(parameters: Table, written: Any) -> bool:
     return False
 
 
-# ------------------------------------------------------------------------------------------------
-# What a run would record, before it begins: is there anything, is there room for it, and can the
-# components be saved
+# --- Recording and saving, checked before a run ---------------------------------------
 
 
 _BYTES = {"Real": 8, "Integer": 4, "Boolean": 4}
@@ -417,7 +415,7 @@ def room(system: System, options: Options, folder: Path) -> str:
     while not folder.exists():
         folder = folder.parent
     needed, disk = size(system, options), shutil.disk_usage(folder)
-    if needed < (free := disk.free) or not disk.total:  # no size: no disk
+    if needed < (free := disk.free) or not disk.total:  # a total of 0: not a real disk
         return ""
     return (
         f"the series may take {needed / 1e9:.3g} GB, {free / 1e9:.3g} GB are free in {folder}: "

@@ -107,6 +107,7 @@ def _last(signal: str) -> Callable[[Manifest, Results], float | None]:
     """Build the criterion that takes the last value of a series, or None without it."""
 
     def of(manifest: Manifest, results: Results) -> float | None:
+        """Return the last value of the series, or None without it."""
         return float(results.values(signal)[-1]) if signal in results.names() else None
 
     return of
@@ -418,7 +419,7 @@ def laws_of(
     check_names(laws, others)
     own = prepare(source, options)
     system, _ = own.or_raise()
-    values_of(system)  # the roles that this asks of
+    values_of(system)  # checks that the roles exist
     progress("its own law")
     first = _fly(own.options, source, system).or_raise(source.text)
     r, v, b, q = (first.results.values(s) for s in ORBIT)

@@ -189,6 +189,7 @@ def tune(
         )
 
     def rows(values: Sequence[float], draw: range) -> list[list[RunRow]]:
+        """Run these draws at each value, and return the rows by value."""
         tasks = [
             (target, replace(options, values={**options.values, parameter: x}), seed, i)
             for x in values
@@ -198,6 +199,7 @@ def tune(
         return [made[k : k + len(draw)] for k in range(0, len(made), len(draw))]
 
     def look(values: Sequence[float]) -> None:
+        """Fly the tuning draws at these values."""
         progress(f"{parameter} = {', '.join(f'{x:.3g}' for x in values)}")
         for x, some in zip(values, rows(values, range(draws)), strict=True):
             flown[x] = Point(
@@ -221,12 +223,14 @@ def tune(
     scale, sign = abs(first.median) or 1.0, -1.0 if most else 1.0
 
     def cost(x: float) -> float:
+        """Return the relative cost of a value; large where it is rejected."""
         point = flown[x]
         if math.isfinite(point.median) and point.missed <= first.missed:
             return sign * point.median / scale
         return 1e3 * (1.0 + point.missed / draws)
 
     def at(place: float) -> float:
+        """Return the cost at a place of the search, which may be logarithmic."""
         x = math.exp(place) if log else place
         if x not in flown:
             look([x])
@@ -235,7 +239,7 @@ def tune(
     known = sorted(flown)
     k = known.index(min(known, key=cost))
     ends = known[max(k - 1, 0)], known[min(k + 1, len(known) - 1)]
-    from scipy.optimize import minimize_scalar  # takes a while to load
+    from scipy.optimize import minimize_scalar  # slow import
 
     places = [math.log(x) if log else x for x in (*ends, low, high)]
     fine = FINE * (places[3] - places[2])
