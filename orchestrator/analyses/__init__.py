@@ -3,21 +3,21 @@
 A module that has `applies` is an analysis, here and in a folder `analyses/` of another
 room:
 
-KEY = "rigid_body"                              # its place in the manifest PARTS
-# its class, which component is what NUMBERS = ("momentum_residual",)                #
-the names of all numbers that it may give def applies(system) -> Parts or None
-# None: not this system def numbers(manifest, results) -> {name: Value} # {} where there
-is none
+    KEY = "rigid_body"                              # its place in the manifest
+    PARTS                                           # its class, which component is what
+    NUMBERS = ("momentum_residual",)                # the names of all numbers that it may give
+    def applies(system) -> Parts or None            # None: not this system
+    def numbers(manifest, results) -> {name: Value} # {} where there is none
 
 The following are optional:
 
-def signals(parts) -> list of series            # series that even a sparse run must
-record def balanced(parts) -> list of series           # more, for a bound or a
-requirement BOUND_KEYS = ("residual_bound",)                # the scenario keys of these
-bounds def unmet(manifest, results) -> list of lines   # violated bounds and goals def
-unchecked(manifest, results) -> {name: why} # NUMBERS that a run could not give def
-figures(manifest, results) -> [(caption, Figure)] def remarks(manifest, results) -> list
-of lines # warnings
+    def signals(parts) -> list of series            # series that even a sparse run must record
+    def balanced(parts) -> list of series           # more, for a bound or a requirement
+    BOUND_KEYS = ("residual_bound",)                # the scenario keys of these bounds
+    def unmet(manifest, results) -> list of lines   # violated bounds and goals
+    def unchecked(manifest, results) -> {name: why} # NUMBERS that a run could not give
+    def figures(manifest, results) -> [(caption, Figure)]
+    def remarks(manifest, results) -> list of lines # warnings
 
 Warnings about a checked system (`warnings(system) -> lines`), and problems that prevent
 running it (`problems(system) -> lines`), are functions beside these; `runs/prepare.py`

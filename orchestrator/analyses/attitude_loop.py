@@ -45,9 +45,7 @@ class Condition(NamedTuple):
 
 
 def loop_of(system: System) -> AttitudeLoop | None:
-    """Build the attitude loop of a system, or return None if it is not of our
-    blocks.
-    """
+    """Build the attitude loop of a system, or return None without blocks of ours."""
     craft = craft_of(system)
     body, controller, manager = craft.rigid_body, craft.controller, craft.manager
     if body is None or controller is None or manager is None:
@@ -125,9 +123,7 @@ def conditions(
 
 
 def _full(system: System, body: RigidBody) -> tuple[Array, str]:
-    """Return the largest momenta (m,) N m s of the wheels, and a text on their
-    limit.
-    """
+    """Return the largest momenta (m,) N m s of the wheels, and what limits them."""
     each, manager = body.wheels.capacities, craft_of(system).manager
     if manager is not None and manager.interface.model == "manager_threshold":
         each = np.minimum(each, manager.values["begin"])
@@ -144,8 +140,9 @@ def problems(system: System) -> Iterator[str]:
 
 
 def problems_when_full(system: System) -> Iterator[str]:
-    """Yield a line if the loop is unstable with full wheels, which a run may not
-    reach.
+    """Yield a line if the loop is unstable with full wheels.
+
+    A run may never reach that state.
     """
     yield from _unstable(system, full=True)
 

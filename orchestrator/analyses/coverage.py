@@ -146,8 +146,9 @@ def _criteria(system: System, body: Body) -> tuple[StepCriteria, str]:
 
 
 def _kicks(system: System, body: Body, step: float) -> Iterator[tuple[str, float]]:
-    """Yield each actuator that acts on the body, and its largest turn in a step
-    (rad).
+    """Yield each actuator that acts on the body, and its largest turn in a step.
+
+    The turn is in rad.
     """
     for name in sorted(
         {c.source for c in system.connections if c.target == body.spacecraft}
@@ -325,8 +326,9 @@ def _step_parts(system: System, body: Body) -> StepParts:
 
 
 def of_run(parts: StepParts | None, results: Results) -> Reached | None:
-    """Compute the motions of a run; None without such a body, or if series are
-    missing.
+    """Compute the motions of a run.
+
+    None where there is no such body, or series are missing.
     """
     if parts is None or not set(parts.series) <= set(results.names()):
         return None

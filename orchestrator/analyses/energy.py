@@ -3,7 +3,7 @@
 The kinetic energy of the body without the wheels' axial part, E = 1/2 omega . J_r
 omega, changes by
 
-dE/dt = P = omega . (tau_ext - A tau_wheel)
+    dE/dt = P = omega . (tau_ext - A tau_wheel)
 
 (the wheels' own energy, h^2 / 2 J_s, changes by tau_wheel . h / J_s, which the momentum
 of each wheel fulfils by itself; the sum of both is tau_ext . omega + tau_wheel .
@@ -23,13 +23,12 @@ rule for P, from the two ends of a step and its middle, measures the bend of P w
 the step, and is of order 5 in its length. The curvature of the motors' torque that mean
 and slope do not carry is of the same order, and the attitude error follows it:
 
-hidden work = max over steps of  dt^2 |dE - dt/6 (P_0 + 4 P_1/2 + P_1)| / (tr J_r / 3)
+    hidden work = max over steps of  dt^2 |dE - dt/6 (P_0 + 4 P_1/2 + P_1)| / (tr J_r / 3)
 
 in units of the energy that a turn of 1 rad in the step would take. It does not grow
-with the length of a run, and is the same
-for a craft whose inertia scales with its torques, or whose motion is as much slower as
-its steps are longer. The page of `ssp/gyrostat` shows what it
-distinguishes.
+with the length of a run, and is the same for a craft whose inertia scales with its
+torques, or whose motion is as much slower as its steps are longer. The page of
+`ssp/gyrostat` shows what it distinguishes.
 """
 
 from __future__ import annotations
@@ -207,9 +206,7 @@ def blocks_of(manifest: Manifest, results: Results) -> Iterator[Steps]:
 
 
 def _not_of_rows(manifest: Manifest, results: Results) -> str:
-    """Return the reason why the rows of a run do not hold its steps; empty if they
-    do.
-    """
+    """Return the reason why the rows of a run do not hold its steps, else ""."""
     parts: EnergyParts = manifest.parts[KEY]
     if manifest.algorithm != "gauss_seidel":
         return f"under {manifest.algorithm} torques act a step late"

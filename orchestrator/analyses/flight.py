@@ -85,9 +85,7 @@ class Hardware:
     noise: float = 0.0
 
     def spread(self) -> Array:
-        """Return the matrix (4, 3) that shares momentum among wheels (least
-        squares).
-        """
+        """Return the least-squares matrix (4, 3) that shares momentum among wheels."""
         return np.asarray(np.linalg.pinv(self.axes_wheel))
 
 
@@ -216,7 +214,7 @@ def _failed(system: System) -> NDArray[np.bool_]:
 def _largest_dipole(coils: Values) -> float:
     """Return the largest dipole that a coil can hold (A m2).
 
-    It is its limit, or smaller if the supply voltage cannot drive the current for it.
+    It is its limit, or what its supply drives through the warm coil where that is less.
     """
     limit, voltage = float(coils["m_limit"]), coils.get("supply_voltage", 0.0)
     if voltage == 0.0:
@@ -407,7 +405,8 @@ def wanted_attitude(system: System) -> Attitude:
     Raises
     ------
     DesatError
-        If the guidance is none of the supported ones, so that the attitude moves otherwise.
+        If the guidance is none of the supported ones, so that the attitude moves
+        otherwise.
     """
     guide = system.roles.get("guidance")
     kept = {

@@ -102,8 +102,9 @@ PARTS = ThrusterParts
 
 
 def applies(system: System) -> ThrusterParts | None:
-    """Find the parts by the connections, or None where no manager commands
-    thrusters.
+    """Find the parts by the connections; None without commanded thrusters.
+
+    A manager has to command them.
     """
     for body, wire in system.by_input["tau_mean_thruster_body"].items():
         ends = (
@@ -170,7 +171,10 @@ def of_run(manifest: Manifest, results: Results) -> LowerBound:
 
 
 def numbers(manifest: Manifest, results: Results) -> dict[str, Value]:
-    """Compute the bound of a completed run; empty where too little was recorded."""
+    """Compute the bound of a completed run.
+
+    Empty where nothing fired, or too little was recorded.
+    """
     if not manifest.completed:
         return {}
     with suppress(DesatError):
@@ -205,9 +209,7 @@ class _Truth:
         self.period = self._parameters["manager"].get("sample_time") or manifest.step
 
         def torque(c: Array, field: Array) -> Array:
-            """Compute the torque (n, 3, 3; N m, body) of thrusters and coils at the
-            nodes.
-            """
+            """Compute the torque (n, 3, 3; N m, body) of the actuators at the nodes."""
             lead = (NODES - 0.5)[:, None]
             dipole = m[:, None] + lead * m_slope[:, None]
             thrust = tau[:, None] + lead * tau_slope[:, None]

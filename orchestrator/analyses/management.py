@@ -144,8 +144,9 @@ def _by_coils(
 
 
 def _without_coils(system: System, body: str, wheels: str) -> ManagementParts:
-    """Return the parts of a craft whose wheels only thrusters unload, or nothing
-    does.
+    """Return the parts of a craft without coils that manage the momentum.
+
+    Only thrusters unload its wheels, or nothing does.
     """
     thrusters = system.fed.get((body, "tau_mean_thruster_body"))
     law = None
@@ -534,7 +535,11 @@ def balance(manifest: Manifest, results: Results) -> Balance | None:
 
 
 def _balance(manifest: Manifest, results: Results) -> Balance | None:
-    """Compute the balance from the series, or return None where one is missing."""
+    """Compute the balance of wheel momentum from the series.
+
+    None without a constant target, with scheduled firings, for another algorithm than
+    gauss_seidel, or where too little is recorded.
+    """
     parts: ManagementParts = manifest.parts[KEY]
     given = manifest.parameters.get(parts.spacecraft, {})
     needed = balanced(parts)
@@ -719,9 +724,7 @@ def unmet(manifest: Manifest, results: Results) -> list[str]:
 
 
 def _driven(parts: ManagementParts, results: Results) -> list[str]:
-    """Return a line if a braking law has left the craft turning faster than it
-    began.
-    """
+    """Return a line if a braking law has made the craft turn faster."""
     series = f"{parts.spacecraft}.omega_bi_body"
     if series not in set(results.names()):
         return []
@@ -735,8 +738,9 @@ def _driven(parts: ManagementParts, results: Results) -> list[str]:
 
 
 def _lost(parts: ManagementParts, results: Results) -> float | None:
-    """Return the largest attitude error in the second half (deg) if it is above
-    `LOST`.
+    """Return the largest attitude error in the second half (deg) above `LOST`.
+
+    None where it is below, or not known.
     """
     series = [f"{parts.spacecraft}.q_bi", str(parts.reference)]
     if missing(series, results):

@@ -294,8 +294,9 @@ def torque(
         return total
 
     def light(s: Array) -> Array:
-        """Compute the torque (N m, body) of sunlight; s: unit vector to the Sun,
-        body.
+        """Compute the torque (N m, body) of sunlight.
+
+        The direction s to the Sun is a unit vector, body.
         """
         pressure = SOLAR_PRESSURE * x["sunlight"]
         if given["radiation"] == "area":

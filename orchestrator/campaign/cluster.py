@@ -94,9 +94,7 @@ def keep(plan: CampaignPlan, data: bytes) -> None:
 
 
 def _plugin(plan: CampaignPlan, data: bytes) -> Any:
-    """Build the plugin that gives the system to every worker once, also to later
-    ones.
-    """
+    """Build the plugin that gives every worker the system once, also later ones."""
     from distributed import WorkerPlugin
 
     class System(WorkerPlugin):  # type: ignore[misc]
@@ -109,8 +107,9 @@ def _plugin(plan: CampaignPlan, data: bytes) -> Any:
 
 
 def other(there: Mapping[str, str], here: Mapping[str, str]) -> str:
-    """Return a text for the first package whose version on a worker differs, else
-    "".
+    """Return a text for the first package whose version on a worker differs.
+
+    It is empty where all are the same.
     """
     for name, version in here.items():
         if there.get(name) != version:
@@ -285,9 +284,7 @@ class Cluster:
         future.add_done_callback(lambda ended: self._done.put((key, arguments, ended)))
 
     def ended(self) -> tuple[Hashable, Any]:
-        """Wait for the next cases that end; raise RunError where the scheduler is
-        gone.
-        """
+        """Wait for the next cases that end; raise RunError if the scheduler is gone."""
         from distributed import KilledWorker
 
         while True:

@@ -1,6 +1,4 @@
-"""Coordinate a campaign: hand out cases, keep their rows, and continue a stopped
-one.
-"""
+"""Coordinate a campaign: hand out cases, keep their rows, and continue later."""
 
 from __future__ import annotations
 
@@ -266,9 +264,7 @@ def _make(
     def again(
         numbers: Sequence[int], reason: Lost
     ) -> list[tuple[Any, tuple[Any, ...]]]:
-        """Return the calls that replace a lost one: first its cases singly, then
-        retries.
-        """
+        """Return the calls that replace a lost one: its cases singly, then retries."""
         if len(numbers) > 1:  # it is not known which of them was lost
             return [task([number]) for number in numbers]
         attempts[numbers[0]] = attempt = attempts.get(numbers[0], 1) + 1
@@ -294,9 +290,9 @@ def _make(
 class _Sizes:
     """Number of cases that are handed out together.
 
-    They take `TOGETHER` s, or a quarter of the limit of one case, so that the
-    coordinator has little to do for each. Towards the end the number falls, so that
-    each worker has some.
+    They take at most `TOGETHER` s, or a quarter of the limit of one case where that is
+    shorter, so that the coordinator has little to do for each. Towards the end the
+    number falls, so that each worker has some.
     """
 
     def __init__(self, plan: CampaignPlan, workers: int) -> None:
@@ -333,7 +329,8 @@ def _without_row(plan: CampaignPlan, number: int, reason: Lost) -> store.CaseRow
 
 
 TOGETHER = 2.0  # s, that cases which are handed out together may take
-# each worker gets at most this fraction of its share of the remaining cases at once
+# each worker gets at most one part in _SHARES of its share of the remaining cases at
+# once
 _SHARES = 4
 # Attempts of a case whose process dies. Repeated attempts are supervised, which names
 # the cause; after the last one the case has no row of its own.

@@ -118,9 +118,7 @@ def differences(ours: Draws, theirs: Draws) -> dict[str, Spread]:
 
 
 def difference(ours: float, theirs: float) -> float:
-    """Compute ours less theirs, 0 where they are equal except for rounding
-    (`EQUAL`).
-    """
+    """Compute ours less theirs, 0 where they are equal to within `EQUAL`."""
     return 0.0 if math.isclose(ours, theirs, rel_tol=EQUAL) else ours - theirs
 
 

@@ -191,9 +191,7 @@ def same_versions(
 
 
 def joined(old: CampaignPlan, new: CampaignPlan, folder: Path) -> None:
-    """Raise DesatError if a folder's campaign is not the one that is to continue in
-    it.
-    """
+    """Raise DesatError if a folder's campaign is not the one to continue in it."""
     if not comparable(old.digest):
         raise DesatError(f"{folder}: it cannot go on: {changed(old)}; {anew(new)}")
     wanted, told = (json.loads(json.dumps(plan.to_json())) for plan in (new, old))

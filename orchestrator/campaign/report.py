@@ -1,6 +1,4 @@
-"""Write the report of a campaign: percentiles, requirements with confidence,
-drivers.
-"""
+"""Write the report of a campaign: percentiles, judged requirements, drivers."""
 
 from __future__ import annotations
 
@@ -296,7 +294,8 @@ def _sobol(
 ) -> Mapping[str, Any] | None:
     """Compute Sobol indices of first and total order.
 
-    None where the cases were not sampled for them; a reason where cases are missing.
+    None where the cases were not sampled for them; a reason where cases are missing or
+    too few.
     """
     if plan.sampling != "saltelli":
         return None
@@ -375,8 +374,9 @@ def tabulate_numbers(numbers: Mapping[str, Spread]) -> Table:
 
 
 def write(folder: Path) -> tuple[Path, CampaignSummary]:
-    """Write report.html and report.json of a campaign; return the path and the
-    content.
+    """Write report.html and report.json of a campaign.
+
+    Returns the path of the page and the content.
     """
     plan, told = read(folder), summary(folder)
     entry = told.to_json()

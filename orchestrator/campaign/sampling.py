@@ -1,14 +1,14 @@
 """Draw the values of a scenario's dispersions.
 
-[dispersions] "spacecraft.h_start_body" = { normal = [0.0, 1.3] }      # each element:
-mean, deviation "wheels.h_start_wheel" = { normal = [0.0, 0.6], within = [-2.0, 2.0] }
-# truncated "environment.phase" = { uniform = [0.0, 6.283] }         # each element:
-low, high "spacecraft.omega_start_body" = { direction = 0.17 }     # random direction,
-this size "spacecraft.q_start_bi" = { attitude = "random" }        # uniform over all
-attitudes "spacecraft.h_start_body" = { signs = [0.1, 0.1, 0.1] }  # each element: plus
-or minus this "environment.phase" = { one_of = [0.0, 1.5, 3.0] }       # one of these,
-with equal probability "*.seed" = { seed = true }                               # every
-component that has a seed
+    [dispersions]
+    "spacecraft.h_start_body" = { normal = [0.0, 1.3] }      # each element: mean, deviation
+    "wheels.h_start_wheel" = { normal = [0.0, 0.6], within = [-2.0, 2.0] }   # truncated
+    "environment.phase" = { uniform = [0.0, 6.283] }         # each element: low, high
+    "spacecraft.omega_start_body" = { direction = 0.17 }     # random direction, this size
+    "spacecraft.q_start_bi" = { attitude = "random" }        # uniform over all attitudes
+    "spacecraft.h_start_body" = { signs = [0.1, 0.1, 0.1] }  # each element: plus or minus this
+    "environment.phase" = { one_of = [0.0, 1.5, 3.0] }       # one of these, with equal probability
+    "*.seed" = { seed = true }                               # every component that has a seed
 
 A drawn value depends on seed, draw and name alone, not on the order of the lines. With
 a sampling that spreads its points evenly, it also depends on their number
@@ -83,7 +83,7 @@ def axes(system: Builder) -> tuple[list[str], list[int]]:
 
 
 def _size(system: Builder, name: str) -> int:
-    """Return the elements of a dispersed parameter; raise DesatError without one."""
+    """Count the elements of a dispersed parameter; raise DesatError without one."""
     owner, _, variable = name.partition(".")
     component = system.part(owner, f"{system.where}: dispersions")
     if size := len(component.elements(variable)):

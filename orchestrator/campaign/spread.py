@@ -41,9 +41,7 @@ class Spread:
 
     @property
     def not_reached_text(self) -> str:
-        """Return in how many runs it is not reached, as `3 of 20 (15 %)`; "" for
-        none.
-        """
+        """Return how many runs do not reach it, as `3 of 20 (15 %)`; "" for none."""
         missing = self.not_reached or 0
         count = self.n + missing
         return (

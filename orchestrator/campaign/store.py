@@ -1,11 +1,12 @@
 """Store a campaign: full blocks of cases as Parquet files, other rows in journals.
 
-campaign.json            the plan (plan.py), versions cases/part-00012.parquet  cases 12
-BLOCK to 13 BLOCK - 1, a row each, in their order cases/part-00012.jsonl   while that
-block is incomplete: its journal, a line a row curves/part-00012.parquet their envelopes
-numbers.json             title and unit of numbers, drawn parameters and envelopes
-status.json              progress kept/000123/             run folder of a case that is
-kept
+    campaign.json            the plan (plan.py), versions
+    cases/part-00012.parquet  cases 12 BLOCK to 13 BLOCK - 1, a row each, in their order
+    cases/part-00012.jsonl   while that block is incomplete: its journal, a line a row
+    curves/part-00012.parquet their envelopes
+    numbers.json             title and unit of numbers, drawn parameters and envelopes
+    status.json              progress
+    kept/000123/             run folder of a case that is kept
 
 Rows depend on plan and number alone, except for the columns `OWN`. The same holds for
 the files, wherever the cases ran and however often the campaign was stopped.
@@ -93,8 +94,9 @@ def _as_signed(path: Path, said: str, *_: int) -> None:
 
 @contextmanager
 def _open_parquet(path: Path) -> Iterator[BinaryIO]:
-    """Open a Parquet file; raise DesatError if it, or what is read of it, is
-    damaged.
+    """Open a Parquet file.
+
+    Raises DesatError if it, or what is read of it, is damaged.
     """
     try:
         _check(path)
@@ -229,9 +231,8 @@ class Store:
         for row in _journal(folder):
             if row.case // BLOCK not in self._whole and row.case < cases:
                 self._open.setdefault(row.case // BLOCK, {})[row.case] = row
-        for path in _journals(
-            folder
-        ):  # of blocks that are complete, or that no longer exist
+        # of blocks that are complete, or that no longer exist
+        for path in _journals(folder):
             path.unlink()
         for block in self._open:
             self._write_journal(block)

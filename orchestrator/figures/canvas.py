@@ -603,8 +603,9 @@ def _dots_of(dots: Dots) -> str:
 
 
 def _path(points: Array) -> str:
-    """Convert points to an SVG path of whole tenths of a point, relative to the
-    last.
+    """Convert points to an SVG path in whole tenths of a point.
+
+    Each point is relative to the one before.
     """
     whole = np.rint(points).astype(int)
     (x, y), moves = whole[0].tolist(), np.diff(whole, axis=0).tolist()

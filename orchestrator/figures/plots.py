@@ -238,9 +238,7 @@ def _draw_limits(
 
 
 def lines_of(plot: Plot, results: Results, unit: str) -> list[Line]:
-    """Return the lines of a scenario's plot in a run, for the series that are
-    recorded.
-    """
+    """Return the lines of a scenario's plot in a run, for recorded series only."""
     known = set(results.names())
     if plot.derive:
         return (

@@ -1,7 +1,7 @@
 """Derive quantities from several series, before numbers measure or plots draw them.
 
-derive = "euler"        # of a number or a plot whose signals are attitude and reference
-sequence = "321"
+    derive = "euler"        # of a number or a plot whose signals are attitude and reference
+    sequence = "321"
 
 Each is a function of its series (rows, elements), and of `times` (rows,) if it has that
 parameter.

@@ -15,7 +15,7 @@ from desat.components.contract.units import Unit, times, unit_of
 
 from .derived import error_vector, pointing
 
-# --- What a measure is: a function that is known by its name, and the unit that it give
+# --- What a measure is: a function that is known by its name, and the unit that it gives --------
 
 
 Array = NDArray[np.float64]

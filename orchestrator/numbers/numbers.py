@@ -1,19 +1,22 @@
 """Compute numbers from series: the value of a scenario's `[numbers.NAME]` in a run.
 
-[numbers.wheels]
-title = "Mean wheel from 2 h on"
-signal = "wheels.h_wheel"        # or several, where the measure takes several
-measure = "mean_size"            # measures.py
-options = {}                     # the measure's own
-window = [7200.0, 86400.0]       # only rows of this time (s), ends included; default: all
-percent_of = "wheels.inertia_wheel * wheels.speed_limit"   # in per cent of this: a product
-                                 # of parameters, or a number in the measure's own unit
-unit = "%"                       # else: converted from the measure's unit
+    [numbers.wheels]
+    title = "Mean wheel from 2 h on"
+    signal = "wheels.h_wheel"        # or several, where the measure takes several
+    measure = "mean_size"            # measures.py
+    options = {}                     # the measure's own
+    window = [7200.0, 86400.0]       # only rows of this time (s), ends included; default: all
+    percent_of = "wheels.inertia_wheel * wheels.speed_limit"   # in per cent of this: a product
+                                     # of parameters, or a number in the measure's own unit
+    unit = "%"                       # else: converted from the measure's unit
 
-[numbers.roll] signal = ["spacecraft.q_bi", "guidance.q_ref"] derive = "euler"
-# the measured quantity, derived from the signals: derived.py sequence = "321" element =
-3                      # only this element of the quantity is measured measure =
-"largest" unit = "deg"
+    [numbers.roll]
+    signal = ["spacecraft.q_bi", "guidance.q_ref"]
+    derive = "euler"                 # the measured quantity, derived from the signals: derived.py
+    sequence = "321"
+    element = 3                      # only this element of the quantity is measured
+    measure = "largest"
+    unit = "deg"
 
 An option may be a product of parameters, too (`system/expression.py`).
 """
@@ -366,8 +369,12 @@ def defined(number: Number | None) -> str:
 
 
 def scale(source: str, target: str) -> float:
-    """Return the factor from one unit to another; raise DesatError if they do not
-    fit.
+    """Return the factor from one unit to another.
+
+    Raises
+    ------
+    DesatError
+        If the units do not fit.
     """
     source, target = source or "1", target or "1"
     return 1.0 if source == target else factor(unit_of(source), target, source)
@@ -376,7 +383,8 @@ def scale(source: str, target: str) -> float:
 def relative(form: str, value: float | None, reference: float | None) -> float | None:
     """Compute a saving (% less than the reference) or a ratio (value over reference).
 
-    None where one of the values was not reached, or the reference is zero.
+    None where one of the values was not reached, or the reference is zero. Raises
+    DesatError for another form.
     """
     if value is None or not reference:
         return None

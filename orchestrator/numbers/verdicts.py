@@ -1,6 +1,4 @@
-"""Judge a single run by its scenario's requirements: met or not, and by which
-margin.
-"""
+"""Judge a single run by its scenario's requirements: met or not, with the margin."""
 
 from __future__ import annotations
 
@@ -105,9 +103,7 @@ def _too_little(
     start: float,
     end: float,
 ) -> str:
-    """Return the reason why a run does not decide a requirement; empty where it
-    does.
-    """
+    """Return the reason why a run does not decide a requirement, else ""."""
     if entry.number not in numbers:
         return "not recorded"
     found = numbers[entry.number]

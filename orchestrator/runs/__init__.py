@@ -1,3 +1,1 @@
-"""Prepare a target as a case, run it, supervise and resume it, and write its
-manifest.
-"""
+"""Prepare a target as a case, run, supervise and resume it, and write its manifest."""

@@ -126,9 +126,7 @@ def _digest(name: str) -> str:
 
 @cache
 def _code() -> bytes:
-    """Compute the digest of path, size and modification time of each file of our
-    code.
-    """
+    """Compute the digest of path, size and modification time of our code files."""
     made = hashlib.sha256()
     # in a checkout these packages lie beside the main one
     beside = [paths.PACKAGE.parent / "components", paths.PACKAGE.parent / "fmus"]

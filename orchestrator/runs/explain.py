@@ -1,6 +1,4 @@
-"""Explain the language and its parts: `desat list`, `keys`, `measures`, `show`,
-`help`.
-"""
+"""Explain the language: `desat list`, `keys`, `measures`, `show` and `help`."""
 
 from __future__ import annotations
 

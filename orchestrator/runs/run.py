@@ -65,7 +65,7 @@ class Run:
 
     @property
     def ok(self) -> bool:
-        """Return whether the run reached its stop time."""
+        """Return whether the run completed, at its stop time or by its `stop_when`."""
         return self.manifest.completed
 
     @property
@@ -152,9 +152,7 @@ class Run:
         return f"<p>{escape(repr(self))}</p>{self.numbers.to_html(na_rep='')}"
 
     def or_raise(self, target: str) -> Run:
-        """Return the run if it completed; else raise RunError with the target's
-        name.
-        """
+        """Return the run if it completed; raise RunError, with the target, if not."""
         if self.ok:
             return self
         told = self.manifest

@@ -213,7 +213,8 @@ def step(
 def _terminate(master: Master, outcome: Outcome) -> None:
     """Terminate the components of a run that has not failed.
 
-    If one of them does not end, the run has failed; everything is recorded by then.
+    If one of them does not end, a completed run has failed after all, with everything
+    recorded; otherwise it is a warning.
     """
     try:
         master.terminate()

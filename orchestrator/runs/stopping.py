@@ -1,11 +1,13 @@
 """End a run before its stop time: by the scenario's `stop_when` or a wall time limit.
 
-[stop_when] signal = "wheels.h_wheel" below = "0.05 * manager.h_limit"   # the size of
-every element; or `above`: of any of them held = 60.0                        # so long
-without a break (s); default: at once
+    [stop_when]
+    signal = "wheels.h_wheel"
+    below = "0.05 * manager.h_limit"   # the size of every element; or `above`: of any of them
+    held = 60.0                        # so long without a break (s); default: at once
 
-[stop_when] signal = "manager.mode" reaches = "nominal"                # an Integer's
-value or its name, or true or false
+    [stop_when]
+    signal = "manager.mode"
+    reaches = "nominal"                # an Integer's value or its name, or true or false
 
 The condition is evaluated after each step. A state output then belongs to t_k, an
 interval output to the step just made, as in the rows of the results; so a run ends
@@ -39,9 +41,7 @@ LATE = "timed out"
 
 @dataclass(frozen=True)
 class Condition:
-    """Condition `stop_when` of a system: output, limit, and how long it must hold
-    (s).
-    """
+    """Condition `stop_when` of a system: output, limit, and holding time (s)."""
 
     component: str
     variable: str

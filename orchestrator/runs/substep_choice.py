@@ -69,10 +69,10 @@ STEEPEST = 3.0  # largest power of time for the extrapolation of an estimate
 
 
 def choose(target: str, system: System, options: Options) -> SubstepChoice | None:
-    """Choose the substeps of a checked system; None if it sets them itself.
+    """Choose the substeps of a checked system; None where they are given.
 
-    With foreign FMUs the choice is one substep where flights cannot decide, with the
-    reason.
+    Where flights are impossible or a component fails in one, and with foreign FMUs
+    where no count is accurate enough, the choice is one substep, with the reason.
 
     Raises
     ------

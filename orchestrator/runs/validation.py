@@ -221,9 +221,7 @@ def bind_dispersion(key: str, spec: Dispersion, components: Components) -> None:
 def _check_dispersion(
     part: Part, variable: str, elements: Sequence[Signal], spec: Dispersion
 ) -> None:
-    """Raise MisfitError if a parameter cannot have the values that a dispersion
-    draws.
-    """
+    """Raise MisfitError if a parameter cannot have the values of a dispersion."""
     kind, count = spec.kind, len(elements)
     values = getattr(spec, kind)
     needed = {"signs": len(values) if kind == "signs" else 0, "attitude": 4, "seed": 1}
@@ -345,7 +343,11 @@ _BYTES = {"Real": 8, "Integer": 4, "Boolean": 4}
 
 
 def recording_problems(system: System, options: Options) -> Iterator[str]:
-    """Yield a line for each pattern without an output, and for too large an `every`."""
+    """Yield a line for each problem with the recorded outputs.
+
+    These are patterns without an output, outputs whose names cannot be recorded, and an
+    `every` beyond the steps of the run.
+    """
     outputs = [
         (c.name, s) for c in system.components.values() for s in c.interface.outputs
     ]
@@ -383,9 +385,7 @@ def not_saved(system: System, options: Options) -> Iterator[str]:
 
 
 def not_halved(system: System, options: Options) -> Iterator[str]:
-    """Yield a line for each foreign FMU whose steps cannot be halved, with
-    `--halve`.
-    """
+    """Yield a line for each foreign FMU that cannot halve its steps, with `--halve`."""
     foreign = [c for c in system.components.values() if c.fmu and not c.interface.role]
     if options.halvings and not foreign:
         yield "--halve: it has no effect without a foreign FMU"
@@ -400,7 +400,10 @@ def not_halved(system: System, options: Options) -> Iterator[str]:
 
 
 def size(system: System, options: Options) -> int:
-    """Compute the size (bytes) of all series of a run to its stop time, undecimated."""
+    """Compute the size (bytes) of the recorded series of a run, undecimated.
+
+    The run lasts to its stop time.
+    """
     row = 8 + sum(
         _BYTES[s.kind]
         for c in system.components.values()

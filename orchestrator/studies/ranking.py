@@ -457,9 +457,7 @@ def options_of_laws(
 
 
 def _following(source: Target, law: Fitting) -> Options:
-    """Return a law's options, with products instead of values where gains follow
-    them.
-    """
+    """Return a law's options, with products in place of values that follow them."""
     component = prepare_with(source, law).or_raise()[0].components[ROLE]
     follows = {
         f"{ROLE}.{s.array}": s.follows

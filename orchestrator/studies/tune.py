@@ -378,9 +378,7 @@ def _misses(content: Content, row: RunRow) -> bool:
 def _verdict(
     own: Sequence[RunRow], best: Sequence[RunRow], number: str, content: Content
 ) -> tuple[Unseen, str]:
-    """Compare pairs of draws, own less best; return the result and the number's
-    unit.
-    """
+    """Compare pairs of draws, own less best; also return the number's unit."""
     pairs = [
         (a.numbers.get(number), b.numbers.get(number))
         for a, b in zip(own, best, strict=True)
