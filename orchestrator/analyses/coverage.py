@@ -134,7 +134,7 @@ def bound(system: System) -> StepCriteria | None:
 
 
 def _criteria(system: System, body: Body) -> tuple[StepCriteria, str]:
-    """Compute the two numbers, and name the actuator that may turn the body most."""
+    """Compute the two numbers, and name the actuator with the largest kick."""
     omega = np.array(
         system.components[body.spacecraft].values.get("omega_start_body", (0.0,) * 3)
     )

@@ -486,7 +486,7 @@ def figures(manifest: Manifest, results: Results) -> list[tuple[str, Figure]]:
     return [(caption, fig)]
 
 
-# --- Balances made while a run goes on ------------------------------------------------
+# --- Balances during a run ------------------------------------------------------------
 # They serve where the rows do not hold every step of the body: with substeps, step
 # ratios or decimated rows.
 #

@@ -101,7 +101,7 @@ class Manifest(Mapping[str, Any]):
     """
 
     scenario: str = ""
-    # content of the scenario, as it travels (`content`)
+    # content of the scenario in JSON (`content`)
     about: Mapping[str, Any] = field(default_factory=dict)
     algorithm: str = ""
     components_as: str = ""

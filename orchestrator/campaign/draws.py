@@ -457,7 +457,7 @@ def _warnings(
 ) -> list[str]:
     """Collect the warnings for each value, with the first value of all other axes.
 
-    Raises DesatError for what is wrong.
+    Raises DesatError for problems.
     """
     first = {name: values[0] for name, values in axes.items()}
     tried = [

@@ -98,7 +98,7 @@ def more(n: int, inside: int, probability: float, confidence: float) -> int | No
     share = (n - inside) / n
 
     def shown(total: int, outside: int) -> bool:
-        """Return whether a total with so many outside shows the requirement met."""
+        """Return whether a total with `outside` cases outside shows it met."""
         low = clopper_pearson(total - outside, total, 2.0 * confidence - 1.0)[0]
         return bool(low >= 100.0 * probability)
 
@@ -113,7 +113,7 @@ def more(n: int, inside: int, probability: float, confidence: float) -> int | No
     first = n - inside + 1
 
     def least(outside: int) -> int:
-        """Return the smallest total with so many outside at this share."""
+        """Return the smallest total with `outside` cases outside at this share."""
         return math.ceil((outside - 0.5) / share)  # the share rounded to whole cases
 
     last = int(share * _MOST)
@@ -131,7 +131,7 @@ def more(n: int, inside: int, probability: float, confidence: float) -> int | No
 def for_half_the_width(n: int, outside: int, confidence: float) -> int | None:
     """Compute how many more cases would halve the interval of the share outside.
 
-    The share is taken to stay as it is. None where the number is too large.
+    The share itself is assumed constant. None where the number is too large.
     """
 
     def width(total: int) -> float:

@@ -640,7 +640,7 @@ def _text(words: Words) -> str:
     )
 
 
-# --- Where an axis has its ticks, and what stands at them -----------------------------
+# --- Ticks and labels of an axis ------------------------------------------------------
 
 
 _RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")

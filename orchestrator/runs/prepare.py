@@ -337,8 +337,8 @@ def _changed(system: System, values: Values) -> dict[str, Component] | None:
 def resolved(target: str | Target, options: Options) -> tuple[System, Any]:
     """Return the unchecked system of a target with the options applied.
 
-    The second value is what its scenario says of its design, where that is made for the
-    values of each draw.
+    The second value is the scenario's description of its design, where that is made for
+    the values of each draw.
 
     Raises
     ------

@@ -11,7 +11,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
-MINUTE = 60.0  # s, between lines where nobody watches
+MINUTE = 60.0  # s, between lines where output is neither a terminal nor a notebook
 BLINK = 0.5  # s, between updates of a notebook's line
 
 # Function that takes the number of finished parts, and a further text.

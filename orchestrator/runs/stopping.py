@@ -136,10 +136,10 @@ def _limit(
 
 
 def watch(master: Master, wanted: Condition | None, seconds: float | None) -> Ending:
-    """Build what ends the run of an initialised master, with the reason.
+    """Build the `Ending` of a run: its condition, or a limit of wall time.
 
-    The reason is the text of its condition, or `LATE` once `seconds` of wall time are
-    over from now.
+    The master is initialised. The reason is the text of the condition, or `LATE` once
+    `seconds` of wall time are over from now.
     """
     slots = [s for s in master.slots if wanted and wanted.reads(s.component, s.signal)]
     memory: dict[str, Any] = {}

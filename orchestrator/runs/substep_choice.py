@@ -59,7 +59,7 @@ LEVELS = tuple(2**i for i in range(10))  # counts to choose from
 # Factor of the substeps of the flight that confirms a count, and their upper limit.
 FAR, FARTHEST = 4, 2 * LEVELS[-1]
 LEAST_FAR = 16  # lower limit of the substeps of the flight that confirms a count
-FREE, LONGEST = 120_000, 6_000  # Limits of the substeps, and of the steps, of a flight.
+FREE, LONGEST = 120_000, 6_000  # limits of the substeps, and of the steps, of a flight
 LOOK = 1_000  # limit of the steps of a flight when a run is checked again
 CARRIED = 2.0  # factor on an estimate that is extrapolated beyond its flight
 ROUGH = 1.5  # estimate over difference, where one of two flights is much finer

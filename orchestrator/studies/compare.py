@@ -183,7 +183,7 @@ def side_by_side(
 ) -> Comparison:
     """Run scenarios now with these options, load run folders, and compare them.
 
-    Raises DesatError, of which RunError is one, where a run cannot begin or does not
+    Raises DesatError (or its subclass RunError) where a run cannot begin or does not
     complete.
     """
     # check all targets before the first flies
