@@ -1,5 +1,4 @@
-"""What is computed of a run beyond its numbers: a file an analysis, found by the
-folder.
+"""Analyse a run beyond its numbers: each file of the folder is an analysis.
 
 A module that has `applies` is an analysis, here and in a folder `analyses/` of another
 room:
@@ -10,19 +9,19 @@ room:
     def applies(system) -> Parts or None            # None: not this system
     def numbers(manifest, results) -> {name: Value} # {} where there is none
 
-and what of these it has:
+The following are optional:
 
-    def signals(parts) -> list of series            # what a run of which little is kept must record
-    def balanced(parts) -> list of series           # more, where a bound or a requirement asks
+    def signals(parts) -> list of series            # series that even a sparse run must record
+    def balanced(parts) -> list of series           # more, for a bound or a requirement
     BOUND_KEYS = ("residual_bound",)                # the scenario keys of these bounds
-    def unmet(manifest, results) -> list of lines   # what of it is not as it ought to be
-    def unchecked(manifest, results) -> {name: why} # which of NUMBERS could not be made of a run
+    def unmet(manifest, results) -> list of lines   # violated bounds and goals
+    def unchecked(manifest, results) -> {name: why} # NUMBERS that a run could not give
     def figures(manifest, results) -> [(caption, Figure)]
-    def remarks(manifest, results) -> list of lines # what to beware of
+    def remarks(manifest, results) -> list of lines # warnings
 
-What to beware of in a checked system (`warnings(system) -> lines`), and what stands
-against running it (`problems(system) -> lines`), are functions beside these;
-`runs/prepare.py` lists them.
+Warnings about a checked system (`warnings(system) -> lines`), and problems that prevent
+running it (`problems(system) -> lines`), are functions beside these; `runs/prepare.py`
+lists them.
 """
 
 from __future__ import annotations
@@ -40,15 +39,15 @@ from ..system.typed import JsonObject
 
 @dataclass(frozen=True)
 class Parts:
-    """Which component of a system is what."""
+    """Components of a system by their part in an analysis."""
 
     @classmethod
     def from_json(cls, told: JsonObject) -> Self:
-        """From a manifest, also one of another version."""
+        """Read the parts from a manifest, also of another version."""
         return cls(**{f.name: told[f.name] for f in fields(cls) if f.name in told})
 
     def to_json(self) -> JsonObject:
-        """As a manifest has it: what is not there is left out, but for `feeds`."""
+        """Return the parts for a manifest; None is left out, except for `feeds`."""
         told = {k: v for k, v in vars(self).items() if v is not None or k == "feeds"}
         return {k: list(v) if isinstance(v, tuple) else v for k, v in told.items()}
 
@@ -63,7 +62,7 @@ _NOTHING: dict[str, Any] = {
 
 
 class Analysis:
-    """A module that is one; what it has not gives nothing."""
+    """Module that is an analysis; functions that it lacks return nothing."""
 
     def __init__(self, module: ModuleType) -> None:
         self._module = module
@@ -75,19 +74,21 @@ class Analysis:
 
 @cache
 def analyses() -> tuple[Analysis, ...]:
-    """The analyses that there are, by the names of their files."""
+    """Return all analyses, by the names of their files."""
     found = discovery.load("analyses")
     return tuple(Analysis(module) for module in found if hasattr(module, "applies"))
 
 
 def with_titles(rows: Mapping[str, tuple[str, float | None, str]]) -> dict[str, Value]:
-    """Numbers of title, value and unit; what is not known is left out."""
+    """Convert title, value and unit to numbers; unknown values are left out."""
     return {name: Value(*row) for name, row in rows.items() if row[1] is not None}
 
 
 def not_checked(reasons: Mapping[str, str]) -> list[str]:
-    """A line for each reason why numbers cannot be made that a run is held against;
-    `reasons` by the numbers' names."""
+    """Return a line for each reason why numbers that judge a run are missing.
+
+    The reasons are by the names of the numbers.
+    """
     named: dict[str, list[str]] = {}
     for name, why in reasons.items():
         named.setdefault(why, []).append(name)

@@ -1,6 +1,8 @@
-"""Figures of a craft that two of its components hold, each for itself, where they must
-be one: what they come to in one component is an account that the other's
-contradicts."""
+"""Check figures of a craft that two of its components hold and that must agree.
+
+Each component computes with its own figure, so that different figures contradict each
+other.
+"""
 
 from __future__ import annotations
 
@@ -16,13 +18,14 @@ FORCE = "force_mean_thruster_body"
 IMPULSE = "specific_impulse"
 DRAG = ("area_drag", "drag_coefficient")
 BY_AREA = "area"
-ABOUT = 3.0
-"""A filter that is told a noise within this factor is told it."""
+ABOUT = 3.0  # factor within which a filter's noise agrees with that of the sensors
 
 
 def problems(system: System) -> Iterator[str]:
-    """A line for an orbit that loses another mass to a force than the thrusters that
-    give it spend."""
+    """Yield a line for an orbit that loses another mass to a force than is spent.
+
+    The thrusters that give the force spend the propellant.
+    """
     for target, wire in system.by_input[FORCE].items():
         source = wire.source
         thrusters, orbit = system.components[source], system.components[target]
@@ -42,9 +45,11 @@ def problems(system: System) -> Iterator[str]:
 
 
 def warnings(system: System) -> Iterator[str]:
-    """A line for each figure of the drag that the orbit has otherwise than the
-    attitude, and for each noise that a manager's filter is told otherwise than the
-    sensors have it."""
+    """Yield a line for each figure that differs between two components.
+
+    These are figures of the drag in orbit and attitude, and the noise in a manager's
+    filter and in the sensors.
+    """
     yield from _drag(system)
     noise = noise_of(system)
     for c in system.components.values():
@@ -62,8 +67,7 @@ def warnings(system: System) -> Iterator[str]:
 
 
 def _told_noise(c: Component) -> dict[str, str]:
-    """Return which parameters of a manager are a sensor's noise, by the rules of its
-    laws.
+    """Find the parameters of a manager that are a sensor's noise, by its laws' rules.
 
     A parameter of such a name may be another quantity, as a random walk.
     """
@@ -78,6 +82,7 @@ def _told_noise(c: Component) -> dict[str, str]:
 
 
 def _drag(system: System) -> Iterator[str]:
+    """Yield a line for each figure of drag that differs between orbit and attitude."""
     bodies, orbits = (
         [
             c

@@ -1,8 +1,7 @@
-"""Whether the attitude control of a craft is stable as it is sampled, with momentum in
-its wheels.
+"""Check whether the sampled attitude control of a craft is stable with wheel momentum.
 
-`system/sampled_loop.py` has the linear loop. It is looked at with wheels at rest, as
-they start, and full: at the threshold of dumps where there is one, else at their
+`system/sampled_loop.py` has the linear loop. It is evaluated with wheels at rest, as
+they start, and full: at the threshold of dumps where there is one, otherwise at their
 capacity.
 """
 
@@ -37,16 +36,16 @@ CONTROLLERS = ("controller_pid", "controller_pd")
 
 
 class Condition(NamedTuple):
-    """A momentum of the wheels at which the loop is looked at."""
+    """Wheel momentum at which the loop is evaluated."""
 
-    name: str  # for people
+    name: str  # for messages
     momentum: Array  # (3,) N m s, body
     stability: Stability
-    full: bool = False  # of wheels that are fuller than a run begins with
+    full: bool = False  # whether the wheels are fuller than at the start of a run
 
 
 def loop_of(system: System) -> AttitudeLoop | None:
-    """Return the attitude loop of a system, or None where it is not of our blocks."""
+    """Build the attitude loop of a system, or return None without blocks of ours."""
     craft = craft_of(system)
     body, controller, manager = craft.rigid_body, craft.controller, craft.manager
     if body is None or controller is None or manager is None:
@@ -110,7 +109,7 @@ def _sample(sensor: Component | None, step: float) -> float:
 def conditions(
     system: System, loop: AttitudeLoop, body: RigidBody
 ) -> Iterator[Condition]:
-    """Look at a loop with wheels at rest, as they start, and full."""
+    """Evaluate a loop with wheels at rest, as they start, and full."""
     yield Condition("with wheels at rest", np.zeros(3), stability(loop, np.zeros(3)))
     start = axes_of(body.wheels.component.values) @ body.wheels.h_start
     if start.any():
@@ -124,7 +123,7 @@ def conditions(
 
 
 def _full(system: System, body: RigidBody) -> tuple[Array, str]:
-    """Return the largest momenta (m,) N m s of the wheels, and what bounds these."""
+    """Return the largest momenta (m,) N m s of the wheels, and what limits them."""
     each, manager = body.wheels.capacities, craft_of(system).manager
     if manager is not None and manager.interface.model == "manager_threshold":
         each = np.minimum(each, manager.values["begin"])
@@ -133,21 +132,23 @@ def _full(system: System, body: RigidBody) -> tuple[Array, str]:
 
 
 def problems(system: System) -> Iterator[str]:
-    """Find whether the attitude loop is unstable at rest or as the wheels start, a line
-    each.
+    """Yield a line for each condition with an unstable loop, at rest and at the start.
 
-    A scenario whose loop is unstable on purpose says so (`unstable`).
+    A scenario whose loop is unstable on purpose declares it (`unstable`).
     """
     yield from _unstable(system, full=False)
 
 
 def problems_when_full(system: System) -> Iterator[str]:
-    """Find whether the attitude loop is unstable with full wheels, which a run may not
-    come to."""
+    """Yield a line if the loop is unstable with full wheels.
+
+    A run may never reach that state.
+    """
     yield from _unstable(system, full=True)
 
 
 def _unstable(system: System, full: bool) -> Iterator[str]:
+    """Yield a line for each unstable condition, with full wheels or the others."""
     if content_of(system.about).unstable:
         return
     for condition, loop in _looked_at(system):
@@ -156,8 +157,11 @@ def _unstable(system: System, full: bool) -> Iterator[str]:
 
 
 def warnings(system: System) -> Iterator[str]:
-    """Find conditions in which the attitude loop is poorly damped, a line each; those
-    in which it is unstable where a scenario says why, and with full wheels."""
+    """Yield a line for each condition in which the attitude loop is poorly damped.
+
+    Unstable conditions are among them with full wheels, and where a scenario gives a
+    reason.
+    """
     why = content_of(system.about).unstable
     for condition, loop in _looked_at(system):
         found = condition.stability
@@ -169,6 +173,7 @@ def warnings(system: System) -> Iterator[str]:
             yield _line(system, loop, condition, damping)
 
 
+# conditions of the last systems, by all that matters for them
 _KNOWN: dict[
     tuple[object, ...], list[Condition]
 ] = {}  # of the last systems, by all that counts
@@ -176,7 +181,10 @@ MOST_KNOWN = 64
 
 
 def _looked_at(system: System) -> Iterator[tuple[Condition, AttitudeLoop]]:
-    """Look at each condition of a system's loop, if it has one of our blocks."""
+    """Yield each condition of a system's loop, if it has one of our blocks.
+
+    The conditions of the last systems are cached.
+    """
     loop, body = loop_of(system), craft_of(system).rigid_body
     if loop is None or body is None:
         return
@@ -201,6 +209,7 @@ def _looked_at(system: System) -> Iterator[tuple[Condition, AttitudeLoop]]:
 
 
 def _line(system: System, loop: AttitudeLoop, condition: Condition, what: str) -> str:
+    """Build the line on a condition, with a sample time that would suffice."""
     controller, body = craft_of(system).controller, craft_of(system).rigid_body
     assert controller is not None
     assert body is not None

@@ -1,12 +1,12 @@
-"""`desat bound` of management by coils: the least energy for the wheels' largest
-momentum.
+"""Compute the minimum coil energy for the peak wheel momentum of a run.
 
-A run's truth (field, attitude and, with it, every external torque but the coils') is
-taken as given. Over the manager's samples it is a convex quadratic programme
-(`least_energy` of `components/laws/momentum_offline.py`): the least integral of the
-squared coil dipoles that keeps each wheel within what the run's own fastest had, and is
-free in the momentum at the end. It knows the whole run, and its coils have no limit: no
-law with such samples does with less.
+This is `desat bound` for management by coils. The true field and attitude of a run, and
+with them every external torque except the coils', are taken as given. Over the
+manager's samples it is a convex quadratic programme (`least_energy` of
+`components/laws/momentum_offline.py`). It minimises the integral of the squared coil
+dipoles with each wheel within the largest wheel momentum of the run, and leaves the
+final momentum free. It knows the whole run, and its coils have no limit: no law with
+such samples needs less.
 """
 
 from __future__ import annotations
@@ -41,25 +41,23 @@ SIGNALS = (
 
 
 START = 0.02  # share of a run that counts as its start
-# share of a run's energy below which the least for its start momentum says nothing
+# share of a run's energy below which the minimum for its initial momentum is
+# meaningless
 WORTH = 0.01
 
 
 @dataclass(frozen=True)
 class CoilBound:
-    """What a run's coils took, and the least that they could have."""
+    """Coil energy of a run, and its lower bound."""
 
-    energy: float
-    """integral of the squared dipoles of all coils (A2 m4 s)"""
-    peak: float
-    """the largest momentum of a wheel (N m s)"""
+    energy: float  # A2 m4 s, integral of the squared dipoles of all coils
+    peak: float  # N m s, the largest momentum of a wheel
+    # A2 m4 s, minimum energy with no larger peak; None: none is found
     least: float | None
-    """the least energy with no larger one (A2 m4 s); None: none is found"""
-    above_percent: float | None
-    """how far the run is above it"""
+    above_percent: float | None  # %, excess of the run over the minimum
 
     def numbers(self) -> dict[str, Value]:
-        """As a manifest's numbers; what is not known is left out."""
+        """Return the numbers for a manifest; unknown ones are left out."""
         rows: dict[str, tuple[str, float | None, str]] = {
             "energy": ("Integral of the squared coil dipoles", self.energy, "A2.m4.s"),
             "peak": ("Largest momentum of a wheel", self.peak, "N.m.s"),
@@ -73,7 +71,7 @@ class CoilBound:
         return with_titles(rows)
 
     def as_json(self) -> JsonObject:
-        """What `--json` prints."""
+        """Return the content of `--json`."""
         return asdict(self)
 
 
@@ -83,8 +81,8 @@ def of_run(manifest: Manifest, results: Results) -> CoilBound:
     Raises
     ------
     DesatError
-        Where a series is not recorded, where the largest momentum is that of the start and
-        next to nothing keeps it, or where the programme cannot be solved.
+        If a series is not recorded, if the largest momentum is that of the start and
+        takes hardly any energy to keep, or if the programme cannot be solved.
     """
     course, start = course_of(manifest, results)
     energy, wheels = (results.values(s) for s in SIGNALS[-2:])
@@ -112,17 +110,26 @@ def of_run(manifest: Manifest, results: Results) -> CoilBound:
 def curve(
     manifest: Manifest, results: Results, peaks: Sequence[float]
 ) -> list[tuple[float, float]]:
-    """The least energy (A2 m4 s) of each largest wheel momentum (N m s), where there is
-    one."""
+    """Compute the minimum energy (A2 m4 s) for each peak wheel momentum (N m s).
+
+    Peaks without a solution are left out.
+    """
     course, start = course_of(manifest, results)
     energies = ((p, offline.least_energy(course, p, start)) for p in peaks)
     return [(p, least) for p, least in energies if least is not None]
 
 
 def course_of(manifest: Manifest, results: Results) -> tuple[offline.Course, Any]:
-    """What acted on a run over the manager's samples, in eci, with the coils that work;
-    and the momentum that it began with (3; N m s). Raises DesatError where a series is
-    not recorded."""
+    """Collect the external torques over the manager's samples, and the start momentum.
+
+    The course is in eci, with the coils that work; the wheel momentum at the start is
+    in N m s.
+
+    Raises
+    ------
+    DesatError
+        If a series is not recorded.
+    """
     missing = [s for s in SIGNALS if s not in results.names()]
     if missing:
         raise DesatError(

@@ -1,26 +1,27 @@
-"""The range in which the exchange is shown to be exact: two numbers of a rigid craft
-with wheels.
+"""Check whether a craft is in the range in which the exchange is shown to be accurate.
 
-Over a substep H (`system/schedule.py`) components exchange means and slopes; what a
-torque does beside, curvature c inside it, leaves an error of the rate of about H^3 / 60
-|omega x J_r^-1 c + J_r^-1 (J_r^-1 c x L)|. So it depends, with L the body's total
-momentum, on
+Two numbers of a rigid craft with wheels describe the range. Over a substep H
+(`system/schedule.py`) components exchange means and slopes. The remainder of a torque,
+its curvature c inside the substep, leaves an error of the rate of about H^3 / 60 |omega
+x J_r^-1 c + J_r^-1 (J_r^-1 c x L)|. So it depends, with L the total momentum of the
+body, on
 
 - `turn`: H (|omega| + nutation), nutation = sqrt(L . J_r L / det J_r); rad
-- `kick`: H^2 times the largest acceleration that wheels, coils or thrusters give the body; rad
+- `kick`: H^2 times the largest acceleration by wheels, coils or thrusters; rad
 
-How fast a motor or coil follows is none of them: after a command the curvature of 1 -
-exp(-t / lag) is largest where the lag is a third of H, and falls with the lag below.
+How fast a motor or coil follows is not among them: after a command the curvature of 1 -
+exp(-t / lag) is largest where the lag is a third of H, and falls for shorter lags.
 
-H is the mean of a step's substeps. Before a run the numbers are those of the state at
-the start and of what each actuator may give at most; after it those of what was
-recorded (`remarks`), for a jet may spin up a craft that begins at rest.
-`tests/test_convergence.py` holds the limits at the largest that the scenarios of
-`ssp/gyrostat` reach, which err by 2e-5 rad at most.
+H is the mean of a step's substeps. Before a run the numbers are those of the initial
+state and of the largest output of each actuator. After it they are those of the
+recorded series (`remarks`), because a jet may spin up a craft that begins at rest.
+`tests/test_convergence.py` tests the limits at the largest values that the scenarios of
+`ssp/gyrostat` reach, whose error is at most 2e-5 rad.
 
-Beside them, what is handed on with less than mean and slope: the jitter of unbalanced
-wheels, of which the body gets the mean alone. Inside a step it turns with the wheel, so
-at every step it leaves up to unbalance Omega H / J of attitude.
+In addition there is an effect that is exchanged with less than mean and slope: the
+jitter of unbalanced wheels, of which the body receives the mean alone. Inside a step it
+turns with the wheel, so each step leaves an attitude error of up to unbalance Omega H /
+J.
 """
 
 from __future__ import annotations
@@ -50,25 +51,23 @@ NUMBERS = ("substeps", "estimated_attitude_error")
 
 @dataclass(frozen=True)
 class StepCriteria:
-    """The two numbers, as the module's text has them."""
+    """The two numbers of a substep, defined in the text of this module."""
 
     turn: float
     kick: float
 
 
+# Reached by heavy-wheels with its substeps (1e-6 rad) and by saturating without (4e-6
+# rad).
 LIMITS = StepCriteria(turn=0.46, kick=0.0076)
-"""Reached by heavy-wheels with its substeps (1e-6 rad) and by saturating without (4e-6
-rad)."""
+# rad, limit of `kick` after a run, where it is that of all actuators together (from
+# saturating)
 TOGETHER = 0.0103
-"""The limit of `kick` after a run, when it is that of all actuators together (rad):
-saturating."""
+# Ratio of the accumulated jitter error to the largest error of one step; the errors add
+# up randomly.
 AT_RANDOM = 8.0
-"""What steps leave of jitter adds up, in this way and that, to about so many of the
-largest."""
-JITTER = 1e-6
-"""Attitude error (rad) that jitter may leave without a word."""
-FIELD = 6e-5
-"""The largest field (T) that coils meet, near a pole in low orbit."""
+JITTER = 1e-6  # rad, attitude error by jitter that needs no warning
+FIELD = 6e-5  # T, the largest field that coils meet, near a pole in low orbit
 TEXTS = {
     "turn": "turn and nutation in a substep",
     "kick": "turn by the largest torque of {} in a substep",
@@ -78,33 +77,40 @@ REMEDY = "--substeps auto chooses their number and states the error"
 
 @dataclass(frozen=True)
 class Body:
-    """A rigid body: inertia without the wheels' axial part (3, 3; kg m2), the wheels'
-    axes (3, 4) and the momentum that they have at the start (4,; N m s)."""
+    """Rigid body with wheels.
+
+    It has the inertia without the wheels' axial part (3, 3; kg m2), the axes of the
+    wheels (3, 4) and their momentum at the start (4,; N m s).
+    """
 
     carrier: Array
     axes: Array
     h_start: Array
-    spacecraft: str = ""
-    """Which component it is, and its wheels'."""
+    spacecraft: str = ""  # names of the components of the body and of its wheels
     wheels: str = ""
 
     def turning(self, omega: Array, h: Array) -> Array:
-        """|omega| + nutation (rad/s), of states (n, 3) in rad/s and (n, 4) in N m s."""
+        """Compute |omega| + nutation (rad/s).
+
+        The states are rates (n, 3) in rad/s and wheel momenta (n, 4) in N m s.
+        """
         momentum = omega @ self.carrier.T + h @ self.axes.T
         nutation = np.einsum("ij,jk,ik->i", momentum, self.carrier, momentum)
         nutation = np.sqrt(nutation / np.linalg.det(self.carrier))
         return np.asarray(np.linalg.norm(omega, axis=1) + nutation)
 
     def pushed(self, torque: Array) -> Array:
-        """The size of the acceleration (rad/s2) that torques (n, 3), N m, give."""
+        """Compute the size of the acceleration (rad/s2) by torques (n, 3), N m."""
         return np.asarray(
             np.linalg.norm(np.linalg.solve(self.carrier, torque.T), axis=0)
         )
 
 
 def body_of(system: System) -> Body | None:
-    """Of a checked system; None where there is no rigid body with wheels, or its
-    inertia is none of a body, which is said when it starts."""
+    """Return the rigid body with wheels of a checked system, or None without one.
+
+    None also where the inertia is not that of a body, which is reported when it starts.
+    """
     body = craft_of(system).rigid_body
     if body is None or not body.is_possible:
         return None
@@ -119,14 +125,16 @@ def body_of(system: System) -> Body | None:
 
 
 def bound(system: System) -> StepCriteria | None:
-    """The two numbers of a checked system before it runs; None where there is no rigid
-    body with wheels."""
+    """Compute the two numbers of a checked system before it runs.
+
+    None where there is no rigid body with wheels.
+    """
     body = body_of(system)
     return None if body is None else _criteria(system, body)[0]
 
 
 def _criteria(system: System, body: Body) -> tuple[StepCriteria, str]:
-    """The two numbers, and which actuator may turn the body most."""
+    """Compute the two numbers, and name the actuator with the largest kick."""
     omega = np.array(
         system.components[body.spacecraft].values.get("omega_start_body", (0.0,) * 3)
     )
@@ -138,7 +146,10 @@ def _criteria(system: System, body: Body) -> tuple[StepCriteria, str]:
 
 
 def _kicks(system: System, body: Body, step: float) -> Iterator[tuple[str, float]]:
-    """What each actuator that the body feels may turn it in a step (rad), and its name."""
+    """Yield each actuator that acts on the body, and its largest turn in a step.
+
+    The turn is in rad.
+    """
     for name in sorted(
         {c.source for c in system.connections if c.target == body.spacecraft}
     ):
@@ -150,7 +161,7 @@ def _kicks(system: System, body: Body, step: float) -> Iterator[tuple[str, float
 
 
 def _torques(system: System, name: str, body: Body) -> Iterator[Any]:
-    """The largest torques (3,; N m, body) that a component may give."""
+    """Yield the largest torques (3,; N m, body) of a component."""
     component = system.components[name]
     has, values = component.interface.arrays.keys(), component.values
     if has >= {"inertia_wheel", "torque_limit"}:
@@ -166,10 +177,12 @@ def _torques(system: System, name: str, body: Body) -> Iterator[Any]:
 
 
 def jitter(parts: StepParts, speeds: Array, step: float) -> float:
-    """The attitude error (rad) that jitter leaves with wheels at such speeds (n, 4;
-    rad/s), which the body gets as a mean over a substep (s): AT_RANDOM of the steps'
-    own, unbalance Omega H / J, and less where a step is short to a wheel's turn.
-    `parts` as of `applies`."""
+    """Estimate the attitude error (rad) by jitter with wheels at speeds (n, 4; rad/s).
+
+    The body receives the jitter as a mean over a substep of `step` s. The error is
+    `AT_RANDOM` times that of a step, unbalance Omega H / J, and less where a step is
+    short compared with a turn of the wheel. `parts` are as `applies` returns them.
+    """
     fast = np.abs(speeds)
     turned = (fast * np.minimum(1.0, fast * step)).sum(axis=1).max(initial=0.0)
     least = float(np.linalg.eigvalsh(np.array(parts.carrier))[0])
@@ -177,14 +190,20 @@ def jitter(parts: StepParts, speeds: Array, step: float) -> float:
 
 
 def _speeds(parts: StepParts, h: Array) -> Array:
-    """Of wheels with momenta h (n, 4; N m s), rad/s; the body's rate is small beside."""
+    """Compute speeds (rad/s) of wheels with momenta h (n, 4; N m s).
+
+    The body's rate is neglected.
+    """
     spin = np.array(parts.inertia_wheel)
     return np.asarray(np.divide(h, spin, out=np.zeros_like(h), where=spin > 0.0))
 
 
 def warnings(system: System) -> list[str]:
-    """What leaves the range that the cases cover, a line each; none of a run that
-    chooses its substeps, which looks itself."""
+    """Return a line for each value of a system outside the tested range.
+
+    There is none for a run that chooses its substeps, because the choice checks them
+    itself.
+    """
     body = None if system.substeps == AUTO else body_of(system)
     if body is None:
         return []
@@ -199,7 +218,7 @@ def warnings(system: System) -> list[str]:
 
 
 def _of_jitter(left: float, when: str) -> list[str]:
-    """A line where it is worth one."""
+    """Return a line if the attitude error by jitter is not negligible."""
     if left <= JITTER:
         return []
     return [
@@ -209,12 +228,14 @@ def _of_jitter(left: float, when: str) -> list[str]:
 
 
 def _beyond(numbers: StepCriteria) -> Iterator[tuple[str, float]]:
+    """Yield name and value of each number beyond its limit."""
     for f in fields(StepCriteria):
         if (value := getattr(numbers, f.name)) > getattr(LIMITS, f.name) * (1.0 + 1e-9):
             yield f.name, value
 
 
 def _line(what: str, value: float, limit: float) -> str:
+    """Return the warning for a value beyond its limit."""
     return (
         f"{what}: {value:.3g} rad, accuracy is shown up to {limit:g} rad only: {REMEDY}"
     )
@@ -225,9 +246,12 @@ def _line(what: str, value: float, limit: float) -> str:
 
 @dataclass(frozen=True)
 class Reached:
-    """What a body came to at its rows: its turning (n,; rad/s), by how much actuators
-    have accelerated it from each to the next (n - 1,; rad/s2), and how much that has
-    changed from each pair to the next (n - 2,; rad/s2)."""
+    """Largest motions of a body at its rows.
+
+    They are its turning (n,; rad/s), the acceleration by actuators from each row to the
+    next (n - 1,; rad/s2), and the change of that from each pair to the next (n - 2,;
+    rad/s2).
+    """
 
     times: Array
     turning: Array
@@ -235,7 +259,7 @@ class Reached:
     changed: Array
 
     def largest(self) -> tuple[float, float, float]:
-        """Of the three."""
+        """Return the largest value of each of the three."""
         return (
             float(self.turning.max(initial=0.0)),
             float(self.pushed.max(initial=0.0)),
@@ -246,8 +270,11 @@ class Reached:
 def reached_by(
     body: Body, times: Array, q: Array, omega: Array, h: Array, impulse: Array
 ) -> Reached:
-    """Of states at times (n,; s): attitude (n, 4), rate (n, 3; rad/s), momenta of the
-    wheels (n, 4; N m s), external impulse until then (n, 3; N m s, eci)."""
+    """Compute the motions of a body from its states at times (n,; s).
+
+    These are attitude (n, 4), rate (n, 3; rad/s), momenta of the wheels (n, 4; N m s)
+    and external impulse until then (n, 3; N m s, eci).
+    """
     seconds = np.diff(times)[:, None]
     torque = rotate(q[:-1], np.diff(impulse, axis=0) / seconds)
     torque = torque - np.diff(h, axis=0) / seconds @ body.axes.T
@@ -261,7 +288,7 @@ def reached_by(
 
 @dataclass(frozen=True)
 class StepParts(Parts):
-    """What is looked at after a run, and the body, as lists."""
+    """Series to inspect after a run, and the body, as lists."""
 
     series: list[str]
     axes_wheel: list[list[float]]
@@ -274,12 +301,13 @@ PARTS = StepParts
 
 
 def applies(system: System) -> StepParts | None:
-    """As for the momentum residual, with what is looked at after a run, and the body."""
+    """Find the series to inspect after a run and the body, or None without wheels."""
     body = body_of(system)
     return None if body is None else _step_parts(system, body)
 
 
 def _step_parts(system: System, body: Body) -> StepParts:
+    """Collect the series to inspect after a run, and the parameters of the body."""
     craft, wheels = body.spacecraft, system.components[body.wheels]
     series = [
         f"{craft}.q_bi",
@@ -298,7 +326,10 @@ def _step_parts(system: System, body: Body) -> StepParts:
 
 
 def of_run(parts: StepParts | None, results: Results) -> Reached | None:
-    """Of a run; None where there is no such body, or not all of it is recorded."""
+    """Compute the motions of a run.
+
+    None where there is no such body, or series are missing.
+    """
     if parts is None or not set(parts.series) <= set(results.names()):
         return None
     times = results.times(parts.series[0])
@@ -310,8 +341,7 @@ def of_run(parts: StepParts | None, results: Results) -> Reached | None:
 
 
 def numbers(manifest: Manifest, results: Results) -> dict[str, Value]:
-    """Of a run that has chosen its substeps: how many, and the error that it expects
-    (rad)."""
+    """Return substeps and expected error (rad) of a run that chose its substeps."""
     choice = manifest.substep_choice
     if choice is None:
         return {}
@@ -323,8 +353,11 @@ def numbers(manifest: Manifest, results: Results) -> dict[str, Value]:
 
 
 def remarks(manifest: Manifest, results: Results) -> list[str]:
-    """Where a run with given substeps has left the range, a line each; and that one
-    which has chosen them could not be looked at again."""
+    """Return a line for each value of a run outside the tested range.
+
+    A run that has chosen its substeps has a line if its choice could not be checked
+    again.
+    """
     choice, parts = manifest.substep_choice, manifest.parts[KEY]
     if choice is not None and choice.estimate is not None:
         lacking = set(parts.series if parts else ()) - set(results.names())

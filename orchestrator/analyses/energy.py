@@ -1,34 +1,34 @@
-"""The standing monitor of a rigid body from outside: does its energy add up, and its
-impulse?
+"""Monitor a rigid body from outside: check the balance of its energy and its impulse.
 
 The kinetic energy of the body without the wheels' axial part, E = 1/2 omega . J_r
 omega, changes by
 
     dE/dt = P = omega . (tau_ext - A tau_wheel)
 
-(the wheels' own, h^2 / 2 J_s, changes by tau_wheel . h / J_s, which the momentum of
-each wheel fulfils by itself; the sum of both is tau_ext . omega + tau_wheel . Omega).
-Both integrals, of work and of impulse, are taken over each of the body's own steps:
-from the rows where these have them one by one, else while it runs (`OnlineBalance`).
-Between the ends of a step `motion.py` knows the body and the external torque from what
-reaches it: exact but for terms of order 6 in nutation times step. Where that torque is
-not known, its mean by the body's own impulse serves for the work, which then errs by
-order 2 where the torque changes within a step.
+(the wheels' own energy, h^2 / 2 J_s, changes by tau_wheel . h / J_s, which the momentum
+of each wheel fulfils by itself; the sum of both is tau_ext . omega + tau_wheel .
+Omega). The integrals of work and of impulse are taken over each of the body's own
+steps: from the rows if these hold every step, otherwise while the body runs
+(`OnlineBalance`). Between the ends of a step `motion.py` computes the body and the
+external torque from the body's inputs, exactly except for terms of order 6 in nutation
+times step. Where that torque is not known, its mean from the body's own impulse serves
+for the work, which then errs by order 2 where the torque changes within a step.
 
-What stays of the energy is what the integrator takes or makes; what stays of the
-impulse is a torque that the body has computed otherwise.
+The remainder of the energy is what the integrator adds or removes. The remainder of the
+impulse is a torque that the body has computed differently.
 
-Neither sees what the exchange leaves out, for it compares the body with the torques
-that it was given. How much work a step hides does: dE less Simpson's rule for P, from
-the two ends of a step and its middle, is what bends in it, of order 5 in its length. So
-is the curvature of the motors' torque that mean and slope do not carry, and an attitude
-errs as this goes:
+Neither detects what the exchange leaves out, because both compare the body with the
+torques that it received. The hidden work estimates this. The change dE less Simpson's
+rule for P, from the two ends of a step and its middle, measures the bend of P within
+the step, and is of order 5 in its length. The curvature of the motors' torque that mean
+and slope do not carry is of the same order, and the attitude error follows it:
 
     hidden work = max over steps of  dt^2 |dE - dt/6 (P_0 + 4 P_1/2 + P_1)| / (tr J_r / 3)
 
 in units of the energy that a turn of 1 rad in the step would take. It does not grow
-with a run's length, and is the same for a craft that is as much heavier or slower as
-its torques and steps are. The page of `ssp/gyrostat` shows what it tells apart.
+with the length of a run, and is the same for a craft whose inertia scales with its
+torques, or whose motion is as much slower as its steps are longer. The page of
+`ssp/gyrostat` shows what it distinguishes.
 """
 
 from __future__ import annotations
@@ -59,38 +59,35 @@ if TYPE_CHECKING:
 
 
 KEY = "energy"
+# default of impulse_bound: impulse mismatch as a share of the largest momentum
 BOUND = 1e-6
-"""Of the impulse's mismatch, as a share of the largest momentum, where a scenario has
-no `impulse_bound`."""
-ENERGY_BOUND = 2e-8
-"""Of the hidden work, where a scenario has no `energy_bound`."""
+ENERGY_BOUND = 2e-8  # default of energy_bound: limit of the hidden work
 NUMBERS = ("energy_mismatch", "hidden_work", "impulse_mismatch")
 BOUND_KEYS = ("impulse_bound", "energy_bound")
+# steps that are computed at once, so that intermediate results fit the cache
 BLOCK = 8192
-"""Steps that are computed at once: what comes between fits the processor's cache."""
 PAIR = ("tau_mean_wheel", "tau_slope_wheel")
-# J: the output by which a spacecraft declares its energy without the wheels'
+# J: output by which a spacecraft declares its energy without the wheels'
 DECLARED = "energy"
 
 
 @dataclass(frozen=True)
 class EnergyParts(residual.RigidBodyParts):
-    """As for the momentum residual, and where the wheels' torques come from."""
+    """Parts of the momentum residual, and the sources of the wheels' torques."""
 
     tau_mean_wheel: str | None = None
     tau_slope_wheel: str | None = None
     feeds: motion.Feeds | None = None
+    # Whether a row holds one step of the body and all its inputs; None: an older run,
+    # where the number of substeps decides.
     rows: bool | None = None
-    """Whether a row holds one step of the body and all that reaches it; None: a run of
-    before, where substeps say so."""
-    why: str = ""
-    """Why there is no balance."""
+    why: str = ""  # reason why there is no balance
+    # series of the energy that a body which is not ours declares
     declared: str | None = None
-    """The series of the energy that a body which is not ours declares."""
 
     @property
     def pair(self) -> list[str]:
-        """The series of the torques' means and slopes."""
+        """Return the series of the torques' means and slopes."""
         return [x for x in (self.tau_mean_wheel, self.tau_slope_wheel) if x is not None]
 
 
@@ -98,9 +95,9 @@ PARTS = EnergyParts
 
 
 def applies(system: System) -> EnergyParts | None:
-    """As for the momentum residual.
+    """Find the parts of the balance, as for the momentum residual, or None.
 
-    A body that is not ours may have parts that move: its energy is that of an output
+    A body that is not ours may have moving parts: its energy is that of an output
     `energy` (J), if it has one.
     """
     parts = residual.rigid_body(system)
@@ -150,8 +147,7 @@ def applies(system: System) -> EnergyParts | None:
 
 
 def _mean_torque(system: System, body: Component) -> str | None:
-    """Return the series of the wheels' mean torque on a body, or None where there is no
-    one."""
+    """Return the series of the wheels' mean torque on a body, or None without one."""
     feeds = [
         c
         for c in system.connections
@@ -162,7 +158,7 @@ def _mean_torque(system: System, body: Component) -> str | None:
 
 
 def warnings(system: System) -> list[str]:
-    """Which balances no run of a system can make, and why: a line a reason."""
+    """Return a line for each reason why runs of a system have no balance."""
     parts = applies(system)
     if parts is None:
         return []
@@ -175,14 +171,17 @@ def warnings(system: System) -> list[str]:
 
 
 def _foreign(parts: EnergyParts) -> str:
+    """Return the reason why the torques on a body are not known."""
     return (
         f"what torques act on {parts.spacecraft} is known of our {motion.BLOCK} alone"
     )
 
 
 def blocks_of(manifest: Manifest, results: Results) -> Iterator[Steps]:
-    """The steps of a run, a block at a time; none where the rows do not have them one
-    by one: `_not_of_rows`."""
+    """Yield the steps of a run, a block at a time.
+
+    Yields nothing where the rows do not hold every step: `_not_of_rows`.
+    """
     parts: EnergyParts | None = manifest.parts.get(KEY)
     if parts is None or _not_of_rows(manifest, results):
         return
@@ -207,7 +206,7 @@ def blocks_of(manifest: Manifest, results: Results) -> Iterator[Steps]:
 
 
 def _not_of_rows(manifest: Manifest, results: Results) -> str:
-    """Why the rows of a run do not have its steps; empty: they do."""
+    """Return the reason why the rows of a run do not hold its steps, else ""."""
     parts: EnergyParts = manifest.parts[KEY]
     if manifest.algorithm != "gauss_seidel":
         return f"under {manifest.algorithm} torques act a step late"
@@ -226,8 +225,11 @@ def _not_of_rows(manifest: Manifest, results: Results) -> str:
 
 
 class Block(NamedTuple):
-    """Of so many steps: energy (J) at their ends (steps + 1,), in each the work (J) and
-    the impulse (N m s, eci) of the torques, and the hidden work."""
+    """Integrals over a number of steps.
+
+    These are the energy (J) at the ends of the steps (steps + 1,), and in each step the
+    work (J) and impulse (N m s, eci) of the torques, and the hidden work.
+    """
 
     energy: Array
     work: Array
@@ -236,7 +238,7 @@ class Block(NamedTuple):
 
 
 def sums(steps: Steps) -> Block:
-    """Both integrals over each step, and what Simpson's rule leaves of the first."""
+    """Integrate work and impulse over each step, and compute the hidden work."""
     dt = np.broadcast_to(np.reshape(steps.dt, (-1, 1)), (len(steps.mean), 1))
     ends = sum(
         (omega * (torque - steps.motors(e))).sum(axis=1)
@@ -261,24 +263,23 @@ def sums(steps: Steps) -> Block:
 
 @dataclass
 class Totals:
-    """What a run comes to, block by block: energies and work (J), impulses (N m s,
-    eci), hidden work. All of it is JSON."""
+    """Totals of a run, summed up block by block; all of it can be written as JSON.
+
+    Energies and work are in J, impulses in N m s, eci.
+    """
 
     start: float | None = None
     work: float = 0.0
     given: tuple[float, ...] = (0.0, 0.0, 0.0)
-    began: tuple[float, ...] = (0.0, 0.0, 0.0)
-    """The body's own impulse at the start."""
-    energy: float = 0.0
-    """The largest; so are those below."""
+    began: tuple[float, ...] = (0.0, 0.0, 0.0)  # the body's own impulse at the start
+    energy: float = 0.0  # J, the largest; the fields below are largest values, too
     worked: float = 0.0
     mismatch: float = 0.0
     hidden: float = 0.0
-    impulse: float | None = None
-    """None: the external torque is not known."""
+    impulse: float | None = None  # None: the external torque is not known
 
     def add(self, steps: Steps) -> tuple[Array, Array]:
-        """Further steps; of each their energy's mismatch (J) and its end's energy (J)."""
+        """Add further steps; return the energy mismatch and energy at each end (J)."""
         block = sums(steps)
         if self.start is None:
             self.start = self.energy = float(block.energy[0])
@@ -299,7 +300,7 @@ class Totals:
 
 
 class Balance(NamedTuple):
-    """Of the rows of a run: times (s), energy gained beyond the work (J), the totals."""
+    """Balance at the rows of a run: times (s), energy beyond the work (J), totals."""
 
     times: Array
     mismatch: Array
@@ -307,11 +308,12 @@ class Balance(NamedTuple):
 
 
 def balance(manifest: Manifest, results: Results) -> Balance | None:
-    """Of a run by its rows; None as for `blocks_of`."""
+    """Compute the balance of a run from its rows, once; None as for `blocks_of`."""
     return results.once(KEY, lambda: _balance(manifest, results))
 
 
 def _balance(manifest: Manifest, results: Results) -> Balance | None:
+    """Compute the balance of a run from its rows."""
     totals, mismatch = Totals(), [np.zeros(1)]
     for steps in blocks_of(manifest, results):
         mismatch.append(totals.add(steps)[0])
@@ -323,7 +325,10 @@ def _balance(manifest: Manifest, results: Results) -> Balance | None:
 
 
 def totals_of(manifest: Manifest, results: Results) -> Totals | None:
-    """Of a run, by its rows or as it was computed while it ran; None where neither is."""
+    """Return the totals of a run, or None where there are none.
+
+    They are those that were computed while it ran, or else follow from its rows.
+    """
     if told := manifest.balance:
         return Totals(**told)
     made = balance(manifest, results)
@@ -331,12 +336,12 @@ def totals_of(manifest: Manifest, results: Results) -> Totals | None:
 
 
 def of_work(parts: EnergyParts) -> list[str]:
-    """The series without which there is no work, and so no balance."""
+    """Return the series that the work, and so any balance, needs."""
     return [*residual.body_series(parts), *parts.pair]
 
 
 def balanced(parts: EnergyParts) -> list[str]:
-    """The series that the balance is made of."""
+    """Return the series that the balance is computed from."""
     if parts.declared and parts.tau_mean_wheel:
         own = [f"{parts.spacecraft}.{n}" for n in _STATES]
         return [parts.declared, *own, parts.tau_mean_wheel]
@@ -348,8 +353,11 @@ def balanced(parts: EnergyParts) -> list[str]:
 
 
 def numbers(manifest: Manifest, results: Results) -> dict[str, Value]:
-    """The largest mismatch of energy, as a share of the largest energy that the body
-    had or got, the hidden work, and the largest mismatch of impulse (N m s)."""
+    """Compute the energy mismatch, the hidden work and the impulse mismatch (N m s).
+
+    Each is the largest of the run. The energy mismatch is a share of the largest energy
+    of the body, or of the largest work on it.
+    """
     parts: EnergyParts | None = manifest.parts.get(KEY)
     if parts is not None and parts.declared:
         return _declared_numbers(parts, manifest, results)
@@ -422,7 +430,7 @@ def _declared_numbers(
 
 
 def unchecked(manifest: Manifest, results: Results) -> dict[str, str]:
-    """Why there is no balance, by the number's name."""
+    """Return the reason why there is no balance, by the names of the numbers."""
     parts: EnergyParts = manifest.parts[KEY]
     if parts.declared:
         return dict.fromkeys(NUMBERS[1:], parts.why)
@@ -437,8 +445,11 @@ def unchecked(manifest: Manifest, results: Results) -> dict[str, str]:
 
 
 def unmet(manifest: Manifest, results: Results) -> list[str]:
-    """An external impulse that is not the one of the torques from outside the body;
-    work that is hidden in a step."""
+    """Return a line for each bound of the balance that a run exceeds.
+
+    The external impulse has to be that of the torques from outside the body, and a step
+    must not hide too much work.
+    """
     told, lines = manifest.numbers, []
     bound = manifest.about.get("energy_bound", ENERGY_BOUND)
     hidden = told["hidden_work"].value if "hidden_work" in told else None
@@ -459,11 +470,11 @@ def unmet(manifest: Manifest, results: Results) -> list[str]:
 
 
 def figures(manifest: Manifest, results: Results) -> list[tuple[str, Figure]]:
-    """The mismatch of energy over time."""
+    """Draw the energy mismatch over time."""
     balanced = balance(manifest, results)
     if balanced is None:
         return []
-    from ..figures.plots import timeline  # heavy, and only for a report
+    from ..figures.plots import timeline  # slow import, needed for a report only
     from ..figures.style import COLOURS, figure, time_axis
 
     fig, ax = figure()
@@ -475,19 +486,23 @@ def figures(manifest: Manifest, results: Results) -> list[tuple[str, Figure]]:
     return [(caption, fig)]
 
 
-# --- The balances of `energy.py`, made while a run goes on ---------------------------------------
-# So where its rows do not have every step of the body: with substeps, step ratios, rows left out.
+# --- Balances during a run ------------------------------------------------------------
+# They serve where the rows do not hold every step of the body: with substeps, step
+# ratios or decimated rows.
 #
-# The balances need what reaches the body at each of its own steps, which `engine/node.py` keeps for
-# some thousands of them at a time: so they take no more memory however long the run is.
+# The balances need the inputs of the body at each of its own steps. `engine/node.py`
+# keeps them for some thousands of steps at a time, so that memory does not grow with
+# the length of a run.
 
 
 _STATES = ("q_bi", "omega_bi_body", "impulse_eci")
 
 
 class OnlineBalance:
-    """Balances of a system's rigid body; `parts` as `applies` has them, `parameters` as
-    a manifest has them."""
+    """Balances of a system's rigid body during a run.
+
+    `parts` are as `applies` returns them, `parameters` as a manifest has them.
+    """
 
     def __init__(self, system: System, parts: EnergyParts, parameters: Table) -> None:
         assert isinstance(system.substeps, int), "it is chosen when a run begins"
@@ -507,12 +522,12 @@ class OnlineBalance:
         self._totals, self._steps = Totals(), 0
 
     def needs(self, component: str, signal: Signal) -> bool:
-        """Whether an output must be read."""
+        """Return whether an output must be read."""
         return (component, signal.name) in self.kept.outputs
 
     @property
     def room(self) -> int:
-        """Steps of the master that may be made before it has to look."""
+        """Return the number of master steps that may be made before the next `look`."""
         return self.kept.room
 
     def look(self) -> None:
@@ -521,6 +536,7 @@ class OnlineBalance:
             self._add(*piece)
 
     def _add(self, starts: Array, given: Array) -> None:
+        """Add steps from the body's states at their starts and its inputs."""
         q, omega, impulse, h = np.split(starts, (4, 7, 10), axis=1)
         x = self._inputs(given)
         dt = self._lengths(len(given))
@@ -534,8 +550,10 @@ class OnlineBalance:
         self._steps += len(given)
 
     def _inputs(self, given: Array) -> dict[str, Array]:
-        """The body's inputs, (steps, elements) each: what it is given, and the values
-        of others."""
+        """Return the body's inputs, (steps, elements) each.
+
+        Those that the steps do not record are constant.
+        """
         columns = {name: i for i, name in enumerate(self.kept.inputs)}
         made: dict[str, Array] = {}
         for name in dict.fromkeys(s.array for s in self._body.interface.inputs):
@@ -552,7 +570,7 @@ class OnlineBalance:
         return made
 
     def _lengths(self, n: int) -> Array:
-        """Of the next n steps of the body (s), (n, 1)."""
+        """Compute the lengths (n, 1) s of the next n steps of the body."""
         step, substeps = self._step, self._inner
         if self.kept.every > 1 or substeps == 1:
             return np.full((n, 1), step * self.kept.every / substeps)
@@ -560,8 +578,10 @@ class OnlineBalance:
         return parts[(self._steps + np.arange(n)) % substeps][:, None]
 
     def finish(self, master: Master, failed: bool) -> JsonObject | None:
-        """The totals at the end of a run, which `failed` within a step or ended after
-        one; None where it has not made a step of the body."""
+        """Return the totals at the end of a run, or None if the body made no step.
+
+        The run `failed` within a step, or ended after one.
+        """
         if not failed:
             self.kept.end(master.k)
         self.look()
@@ -570,9 +590,9 @@ class OnlineBalance:
         return None if self._totals.start is None else asdict(self._totals)
 
     def state(self) -> JsonObject:
-        """As JSON what goes on from here, beside what is kept, depends on."""
+        """Return as JSON the state that the continuation depends on, besides `kept`."""
         return {"totals": asdict(self._totals), "steps": self._steps}
 
     def restore(self, state: Mapping[str, Any]) -> None:
-        """Go on from there."""
+        """Continue from a saved state."""
         self._totals, self._steps = Totals(**state["totals"]), state["steps"]

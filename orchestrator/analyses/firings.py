@@ -1,6 +1,8 @@
-"""Firings of thrusters: scheduled ones that a run does not see to their end or that
-wheels cannot take, a force that is wired to an orbit which it does not move, and
-commands that never fire."""
+"""Check firings of thrusters.
+
+Scheduled firings may outlast the run or exceed the wheels, a force may be wired to an
+orbit that it does not move, and commands may never fire.
+"""
 
 from __future__ import annotations
 
@@ -19,10 +21,9 @@ if TYPE_CHECKING:
 
 KEY = "firings"
 NUMBERS = ()
+# commanded impulse below this share of a wheel's largest momentum is ignored
 COUNTS = 0.01
-"""From this share of the largest momentum of a wheel on commanded impulse counts."""
-MOST = 0.5
-"""Of what is commanded about an axis, no more than this share is fired: a warning."""
+MOST = 0.5  # a fired share of the command about an axis below this gives a warning
 START, DURATION, TORQUE = "schedule_start", "schedule_duration", "schedule_tau_body"
 LIMIT = "torque_limit"
 INPUT, OPTION = "force_mean_thruster_body", "firings"
@@ -30,20 +31,23 @@ INPUT, OPTION = "force_mean_thruster_body", "firings"
 
 @dataclass(frozen=True)
 class FiringParts(Parts):
-    """Who commands, who fires, and whose momentum it is."""
+    """Components that command and fire, and the craft."""
 
     manager: str
     thrusters: str
     spacecraft: str
+    # whether there are scheduled firings, too, which the torque includes
     scheduled: bool
-    """whether firings are scheduled beside, which the torque holds, too"""
 
 
 PARTS = FiringParts
 
 
 def applies(system: System) -> FiringParts | None:
-    """By the connections; None where nobody commands thrusters of a craft with wheels."""
+    """Find the parts by the connections, or None without commanded thrusters.
+
+    The craft must have wheels.
+    """
     for thrusters, wire in system.by_input["tau_cmd_thruster_body"].items():
         manager, of = wire.source, system.components[thrusters]
         body = system.takers.get((thrusters, "tau_mean_thruster_body"))
@@ -59,12 +63,12 @@ def applies(system: System) -> FiringParts | None:
 
 
 def numbers(manifest: Manifest, results: Results) -> dict[str, Value]:
-    """None: what fires has its numbers in the roles' file."""
+    """Return no numbers: those of firings belong to the file of the roles."""
     return {}
 
 
 def unmet(manifest: Manifest, results: Results) -> list[str]:
-    """A line where thrusters are commanded and never fire."""
+    """Return a line if thrusters are commanded and never fire."""
     impulses = _impulses(manifest, results)
     if impulses is None or impulses[2] > 0.0 or not any(impulses[0]):
         return []
@@ -76,8 +80,10 @@ def unmet(manifest: Manifest, results: Results) -> list[str]:
 
 
 def remarks(manifest: Manifest, results: Results) -> list[str]:
-    """A line for a tank that is empty, else for each axis about which most of what is
-    commanded is not fired."""
+    """Return a line for an empty tank, or for each axis with little impulse fired.
+
+    It is little if most of the commanded impulse is not fired.
+    """
     impulses, parts = _impulses(manifest, results), manifest.parts[KEY]
     if impulses is None or impulses[2] == 0.0 or parts.scheduled:
         return []
@@ -103,8 +109,11 @@ def remarks(manifest: Manifest, results: Results) -> list[str]:
 def _impulses(
     manifest: Manifest, results: Results
 ) -> tuple[list[float], list[float], float] | None:
-    """What was commanded and what was given about each axis (N m s; 0 where too little
-    was commanded to count), and the time on (s); None where it is not recorded."""
+    """Compute commanded and given impulse about each axis, and the on-time (s).
+
+    Impulses are in N m s. A commanded impulse that is too small to count is 0. None
+    where series are not recorded.
+    """
     parts: FiringParts = manifest.parts[KEY]
     names = (
         f"{parts.manager}.tau_cmd_thruster_body",
@@ -127,14 +136,15 @@ def _impulses(
 
 
 def warnings(system: System) -> list[str]:
-    """What to beware of in the firings of a system, a line each."""
+    """Return a line for each warning about the firings of a system."""
     return [*_unmoved(system), *_scheduled(system)]
 
 
 def _scheduled(system: System) -> list[str]:
-    """A line for each firing that begins in the run and lasts beyond it, and for each
-    torque that a manager with feed-forward is to cancel and its limit does not let
-    it."""
+    """Return a line for each scheduled firing that outlasts the run or exceeds a limit.
+
+    The limit is that of a manager with feed-forward which has to cancel the torque.
+    """
     lines = []
     for component in system.components.values():
         if component.interface.arrays.keys() >= {TORQUE, LIMIT}:
@@ -154,6 +164,7 @@ def _scheduled(system: System) -> list[str]:
 
 
 def _too_strong(component: Component) -> list[str]:
+    """Return a line for each scheduled torque above the torque limit of a manager."""
     most = component.values[component.interface.arrays[LIMIT][0].name]
     durations = component.values.get(DURATION, ())
     names = [s.name for s in component.interface.arrays[TORQUE]]
@@ -168,8 +179,10 @@ def _too_strong(component: Component) -> list[str]:
 
 
 def _unmoved(system: System) -> list[str]:
-    """A line for each component that is given the force and has not the option, or has
-    it off."""
+    """Return a line for each component that receives the force without moving by it.
+
+    Its model lacks the option, or the option is off.
+    """
     lines = []
     for name in system.by_input[INPUT]:
         component = system.components[name]

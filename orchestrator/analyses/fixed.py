@@ -1,10 +1,9 @@
-"""The balance of a craft whose attitude is given: does the momentum of its wheels add
-up?
+"""Check the momentum balance of a craft whose attitude is prescribed.
 
-They are inside the body and take every torque, so its momentum C'(J omega + h), from
-the momentum that it shows, ought to change by the impulse of the torques that reach it,
-computed outside it (`motion.py`). There is no energy to hold against anything: the body
-turns as it is told to.
+Its wheels are inside the body and take every torque. So its momentum C'(J omega + h),
+from the wheel momentum that it outputs, has to change by the impulse of the external
+torques, which `motion.py` computes outside it. There is no energy balance, because the
+rotation of the body is prescribed.
 """
 
 from __future__ import annotations
@@ -34,7 +33,7 @@ _OWN = ("q_bi", "omega_bi_body", "h_copy_wheel")
 
 @dataclass(frozen=True)
 class FixedAttitudeParts(Parts):
-    """Which component it is, what feeds it, and why its momentum is not checked."""
+    """Component with prescribed attitude, its feeds, and why it is not checked."""
 
     spacecraft: str
     feeds: motion.Feeds | None
@@ -45,7 +44,7 @@ PARTS = FixedAttitudeParts
 
 
 def applies(system: System) -> FixedAttitudeParts | None:
-    """None: there is no such component."""
+    """Find the component with prescribed attitude, or None without one."""
     for c in system.components.values():
         if c.interface.model == motion.FIXED:
             fed, why = motion.feeds(system, c.name), ""
@@ -58,24 +57,25 @@ def applies(system: System) -> FixedAttitudeParts | None:
 
 
 def warnings(system: System) -> list[str]:
-    """Why no run of a system can be checked."""
+    """Return a line with the reason why runs of a system cannot be checked, if any."""
     parts = applies(system)
     return not_checked({NUMBERS[0]: parts.why}) if parts and parts.why else []
 
 
 def balanced(parts: FixedAttitudeParts) -> list[str]:
-    """The series that the balance is made of."""
+    """Return the series that the balance is computed from."""
     outer = [x for x in (parts.feeds or {}).values() if isinstance(x, str)]
     return [*(f"{parts.spacecraft}.{n}" for n in _OWN), *outer]
 
 
 def unchecked(manifest: Manifest, results: Results) -> dict[str, str]:
-    """Why there is no balance, by the number's name."""
+    """Return the reason why there is no balance, by the number's name."""
     why = _why_not(manifest, results)
     return {"impulse_mismatch": why} if why else {}
 
 
 def _why_not(manifest: Manifest, results: Results) -> str:
+    """Return the reason why a run has no balance, or ""."""
     parts: FixedAttitudeParts = manifest.parts[KEY]
     if manifest.algorithm != "gauss_seidel":
         return f"under {manifest.algorithm} torques act a step late"
@@ -89,12 +89,15 @@ def _why_not(manifest: Manifest, results: Results) -> str:
 
 
 def mismatch(manifest: Manifest, results: Results) -> tuple[float, float] | None:
-    """The largest mismatch of the impulse and the largest momentum (N m s); None: not
-    checked."""
+    """Compute the largest impulse mismatch and the largest momentum (N m s), once.
+
+    None where they cannot be checked.
+    """
     return results.once(KEY, lambda: _mismatch(manifest, results))
 
 
 def _mismatch(manifest: Manifest, results: Results) -> tuple[float, float] | None:
+    """Compute the largest impulse mismatch and the largest momentum from the series."""
     if _why_not(manifest, results):
         return None
     parts: FixedAttitudeParts = manifest.parts[KEY]
@@ -121,7 +124,7 @@ def _mismatch(manifest: Manifest, results: Results) -> tuple[float, float] | Non
 
 
 def _turned(q: Array, omega: Array, t: float) -> Array:
-    """q (rows, 4) after t (s) at a constant rate (rad/s, body)."""
+    """Propagate q (rows, 4) by t (s) at a constant rate (rad/s, body)."""
     rate = float(np.linalg.norm(omega))
     vector = omega * (sin(0.5 * rate * t) / rate) if rate else np.zeros(3)
     scalar = cos(0.5 * rate * t)
@@ -134,7 +137,7 @@ def _turned(q: Array, omega: Array, t: float) -> Array:
 
 
 def numbers(manifest: Manifest, results: Results) -> dict[str, Value]:
-    """The largest mismatch of the impulse (N m s)."""
+    """Return the largest impulse mismatch (N m s)."""
     made = mismatch(manifest, results)
     if made is None:
         return {}
@@ -143,7 +146,7 @@ def numbers(manifest: Manifest, results: Results) -> dict[str, Value]:
 
 
 def unmet(manifest: Manifest, results: Results) -> list[str]:
-    """A momentum that is not what the torques from outside have made it."""
+    """Return a line if the momentum does not follow the external torques."""
     made = mismatch(manifest, results)
     if made is None:
         return []

@@ -1,10 +1,9 @@
-"""What no law of momentum management changes of a craft: its field, attitude and
-disturbances.
+"""Compute what no momentum management law changes: field, attitude and disturbances.
 
-Either of a run that was flown (`flight_of`), or flown without one, by the environment's
-own block at the attitude that a run has shown (`Attitude`): at another date, or on
-another orbit. Torques are those of `analyses/motion.py`, which knows the spacecraft's
-by its parameters.
+They come from a run that was flown (`flight_of`), or without one from the environment's
+own block at the attitude that a run has shown (`Attitude`), at another date or on
+another orbit. Torques are those of `analyses/motion.py`, which computes them from the
+parameters of our spacecraft.
 """
 
 from __future__ import annotations
@@ -34,8 +33,7 @@ from . import motion
 Array = NDArray[Any]
 ROLES = ("environment", "spacecraft", "manager")
 SOURCES = ("gravity gradient", "drag", "radiation", "residual dipole")
-GIVEN = "given torque"
-"""The source that a component of the role disturbance is."""
+GIVEN = "given torque"  # source that stands for a component of the role disturbance
 SERIES = (
     "spacecraft.q_bi",
     "spacecraft.omega_bi_body",
@@ -52,110 +50,90 @@ SERIES = (
     "wheels.h_wheel",
     "disturbance.tau_ext_body",
 )
+# rad: an attitude that stays this near to its mean for 95 % of the time can be flown on
+# another orbit
 WANDERS = 0.1
-"""An attitude that stays so near to its mean (rad), 95 % of the time, is one that
-another orbit can be flown at."""
-NODE_TIME = 10.0
-"""Between the rows of the sources of a recorded run (s)."""
+NODE_TIME = 10.0  # s, between the rows of the sources of a recorded run
+# Guidances whose attitude follows from the positions of craft and Sun, and its kind.
 GUIDED = {"guidance_sun": "sun", "guidance_yaw": "yaw"}
-"""Guidances whose attitude follows from where the craft and the Sun are, by its name.
-"""
+# integrates its orbit, so it cannot begin at another date
 _MOVES = "environment_propagated"
-"""It integrates its orbit: it cannot begin at another date."""
 
 
+# Parameters of a craft without torquers.
 NO_COILS: Values = {"axes_coil": np.zeros((3, 0)), "m_limit": 0.0, "drive": "limited"}
-"""Of a craft without torquers."""
 
 
 @dataclass(frozen=True)
 class Hardware:
-    """What a craft has to hold and move momentum with."""
+    """Actuators and inertia with which a craft stores and moves momentum."""
 
-    axes_wheel: Array
-    """(3, 4)"""
-    capacity: Array
-    """(4,) N m s; 0 where there is no wheel, inf where it has no limit"""
-    torque_limit: float
-    """of a wheel, N m; inf: none"""
-    axes_coil: Array
-    """(3, c)"""
-    m_limit: float
-    """of each coil, A m2"""
+    axes_wheel: Array  # (3, 4)
+    capacity: Array  # (4,) N m s; 0: there is no wheel, inf: it has no limit
+    torque_limit: float  # N m, of a wheel; inf: no limit
+    axes_coil: Array  # (3, c)
+    m_limit: float  # A m2, of each coil
+    # largest mean dipole of a coil as a share of m_limit (pulses); inf: no limit
     longest: float
-    """share of m_limit that a coil has in the mean at the most: pulses; inf: no limit
-    """
+    # share of the time in which a coil is not kept off for the magnetometer
     open: float
-    """share of the time that a coil is not kept off for the magnetometer"""
-    inertia: Array
-    """(3, 3) kg m2, of the whole craft"""
-    carrier: Array
-    """(3, 3) kg m2, without the rotors along their axes"""
-    arm: float | None
-    """m, of the thrusters; None: it has none, or it is not known"""
-    specific_impulse: float | None
-    """s"""
+    inertia: Array  # (3, 3) kg m2, of the whole craft
+    carrier: Array  # (3, 3) kg m2, without the rotors along their axes
+    arm: float | None  # m, of the thrusters; None: there are none, or it is not known
+    specific_impulse: float | None  # s
+    # N m s, standard deviation of each wheel's measured momentum at each sample
     noise: float = 0.0
-    """of the momentum of each wheel as it is measured, standard deviation at each
-    sample, N m s"""
 
     def spread(self) -> Array:
-        """(4, 3): a momentum as shared by the wheels with the least squares."""
+        """Return the least-squares matrix (4, 3) that shares momentum among wheels."""
         return np.asarray(np.linalg.pinv(self.axes_wheel))
 
 
 @dataclass(frozen=True)
 class Flight:
-    """What no law changes, at times t_k (n + 1)."""
+    """Quantities that no law changes, at times t_k (n + 1)."""
 
-    times: Array
-    """(n + 1,) s"""
-    period: float
-    """of the orbit, s"""
+    times: Array  # (n + 1,) s
+    period: float  # s, of the orbit
+    # (n + 1, 3) N m s, eci: impulse since the start of all torques except those of
+    # coils and thrusters
     disturbance: Array
-    """(n + 1, 3) N m s, eci: impulse since the start of all torques but coils' and
-    thrusters'"""
-    q: Array
-    """(n + 1, 4) attitude"""
-    b: Array
-    """(n + 1, 3) T, eci"""
-    body: Array
-    """(n + 1, 3) N m s, body: momentum of the body without the wheels'"""
-    h_start: Array
-    """(3,) N m s, of all wheels at the start, body"""
+    q: Array  # (n + 1, 4) attitude
+    b: Array  # (n + 1, 3) T, eci
+    body: Array  # (n + 1, 3) N m s, body: momentum of the body without the wheels
+    h_start: Array  # (3,) N m s, body: of all wheels at the start
+    # name -> impulse (rows, 3) N m s, eci, at source_times
     sources: Mapping[str, Array]
-    """name -> impulse (rows, 3) N m s, eci, at `source_times`"""
-    source_times: Array
-    """(rows,) s"""
-    r: Array
-    """(n + 1, 3) m, eci"""
-    v: Array
-    """(n + 1, 3) m/s, eci"""
-    omega: Array
-    """(n + 1, 3) rad/s, body"""
+    source_times: Array  # (rows,) s
+    r: Array  # (n + 1, 3) m, eci
+    v: Array  # (n + 1, 3) m/s, eci
+    omega: Array  # (n + 1, 3) rad/s, body
 
     @property
     def whole(self) -> float:
-        """The time of all whole orbits (s)."""
+        """Return the duration of all complete orbits (s)."""
         since = float(self.times[-1] - self.times[0])
         return self.period * int(since / self.period * (1.0 + 1e-12))
 
 
 class Attitude(NamedTuple):
-    """How a craft points."""
+    """Pointing of a craft."""
 
+    # `nadir`: q_bo relative to lvlh is constant; `inertial`: q_bi is constant; `sun`,
+    # `yaw`: defined by the guidance; `moving`: none of these
     kind: str
-    """`nadir`: q_bo relative to lvlh stays; `inertial`: q_bi stays; `sun`, `yaw`: as
-    the guidance has it; `moving`: none of these"""
-    q: tuple[float, float, float, float]
-    """the one that stays"""
-    wanders: float
-    """rad: the angle from it, for 95 % of the time below"""
+    q: tuple[float, float, float, float]  # the constant attitude
+    wanders: float  # rad: 95 % quantile of the angle from q
 
 
 def values_of(system: System) -> Mapping[str, Values]:
-    """`role` -> parameter -> value, of all components. Raises DesatError for a role
-    that the system has not."""
+    """Return the parameter values of all components: role -> parameter -> value.
+
+    Raises
+    ------
+    DesatError
+        If the system lacks a role that is needed.
+    """
     lacking = [r for r in ROLES if r not in system.components]
     if not lacking and not {"torquers", "thrusters"} & system.components.keys():
         lacking = ["torquers"]
@@ -169,8 +147,13 @@ def values_of(system: System) -> Mapping[str, Values]:
 
 
 def hardware_of(system: System) -> Hardware:
-    """The wheels, coils and thrusters of a system. Raises DesatError where it has no
-    inertia."""
+    """Return the wheels, coils, thrusters and inertia of a system.
+
+    Raises
+    ------
+    DesatError
+        If the spacecraft has no inertia.
+    """
     given = values_of(system)
     craft, coils = given["spacecraft"], given.get("torquers", NO_COILS)
     wheels, thrusters = given.get("wheels", {}), given.get("thrusters", {})
@@ -179,7 +162,7 @@ def hardware_of(system: System) -> Hardware:
             f"{system.name}: spacecraft has no inertia: a rigid body is needed"
         )
     inertia = np.reshape(craft["inertia"], (3, 3))
-    # without wheels of its own it has ideal ones inside, one along each body axis
+    # a craft without wheel axes has ideal wheels inside, one along each body axis
     axes = np.reshape(craft.get("axes_wheel", np.eye(3, 4)), (3, 4))
     rotors = np.broadcast_to(craft.get("inertia_wheel", 0.0), 4)
     flat = (tuple(np.ravel(x).tolist()) for x in (inertia, axes, rotors))
@@ -214,7 +197,7 @@ def hardware_of(system: System) -> Hardware:
 
 
 def _failed(system: System) -> NDArray[np.bool_]:
-    """Return which wheels (4,) fail before a run ends."""
+    """Return which wheels (4,) fail before the run ends."""
     wheels, failed = system.roles.get("wheels"), np.zeros(4, bool)
     if (
         wheels is None
@@ -229,7 +212,10 @@ def _failed(system: System) -> NDArray[np.bool_]:
 
 
 def _largest_dipole(coils: Values) -> float:
-    """What a coil can hold (A m2): its limit, or what its supply drives through it."""
+    """Return the largest dipole that a coil can hold (A m2).
+
+    It is its limit, or what its supply drives through the warm coil where that is less.
+    """
     limit, voltage = float(coils["m_limit"]), coils.get("supply_voltage", 0.0)
     if voltage == 0.0:
         return limit
@@ -243,7 +229,7 @@ def _largest_dipole(coils: Values) -> float:
 
 
 def series_for(system: System) -> tuple[str, ...]:
-    """What a run has to record for `flight_of`."""
+    """Return the series that a run has to record for `flight_of`."""
     fed = motion.feeds(system, "spacecraft") or {}
     more = {x for x in fed.values() if isinstance(x, str)}
     return tuple(
@@ -252,8 +238,14 @@ def series_for(system: System) -> tuple[str, ...]:
 
 
 def flight_of(system: System, results: Any) -> Flight:
-    """The flight of a run that has recorded each step. Raises DesatError where it is
-    shorter than an orbit."""
+    """Build the flight from a run that has recorded each step.
+
+    Raises
+    ------
+    DesatError
+        If the run is shorter than an orbit, or thrusters fire and the spacecraft is not
+        ours, so that their impulse cannot be separated from the disturbances.
+    """
     hardware = hardware_of(system)
     known = set(results.names())
     q, omega, impulse, b, r, v, dipole = (
@@ -284,7 +276,7 @@ def flight_of(system: System, results: Any) -> Flight:
             given = results.values(SERIES[13], rows)[::every]
             sources[GIVEN] = integral(rotate_back(q[rows][::every], given), at)
     if SERIES[11] in known:
-        # pulses of thrusters are too short for rows: what they have given is left out
+        # pulses of thrusters are shorter than rows, so sum up the disturbances instead
         if not sources:
             raise DesatError(
                 f"{system.name}: thrusters fire, and the disturbances of a spacecraft "
@@ -310,8 +302,10 @@ def flight_of(system: System, results: Any) -> Flight:
 
 
 def torques(system: System, inputs: dict[str, Array], q: Array) -> dict[str, Array]:
-    """The torque (rows, 3) N m, eci, of each source on a spacecraft of ours at these
-    inputs, which are (rows, elements) each."""
+    """Compute the torque (rows, 3) N m, eci, of each source on a spacecraft of ours.
+
+    The inputs are (rows, elements) each.
+    """
     given = table([system.components["spacecraft"]])["spacecraft"]
     off: Values = {
         "gravity_gradient": False,
@@ -337,7 +331,7 @@ def torques(system: System, inputs: dict[str, Array], q: Array) -> dict[str, Arr
     for name, key in keys.items():
         on = {key: given[key]} if key in given else {}
         if key == "gravity_gradient" and key not in given:
-            on = {key: Parameter(True, "1")}  # of a body that always has it
+            on = {key: Parameter(True, "1")}  # the body has no switch: it always acts
         made[name] = rotate_back(
             q, motion.torque({**given, **still, **on}, quiet, 0.0)(0.0, q)
         )
@@ -350,12 +344,15 @@ def torques(system: System, inputs: dict[str, Array], q: Array) -> dict[str, Arr
 def impulses(
     system: System, inputs: dict[str, Array], q: Array, times: Array
 ) -> dict[str, Array]:
-    """The impulse (rows, 3) N m s, eci, of each source since the start: of `torques`."""
+    """Compute the impulse (rows, 3) N m s, eci, of each source since the start.
+
+    The sources are those of `torques`.
+    """
     return {name: integral(x, times) for name, x in torques(system, inputs, q).items()}
 
 
 def integral(torque: Array, times: Array) -> Array:
-    """The integral of a torque (rows, 3) since the start, by the trapezoidal rule."""
+    """Integrate a torque (rows, 3) since the start by the trapezoidal rule."""
     steps = np.diff(times)[:, None]
     parts = 0.5 * (torque[1:] + torque[:-1]) * steps
     return np.vstack([np.zeros(3), np.cumsum(parts, axis=0)])
@@ -365,8 +362,11 @@ def integral(torque: Array, times: Array) -> Array:
 
 
 def attitude_of(system: System, q: Array, r: Array, v: Array) -> Attitude:
-    """How a craft points: as its guidance says, or by the last three quarters of its
-    attitudes q (n, 4) at r (n, 3) m with v (n, 3) m/s."""
+    """Determine how a craft points, from its guidance or from its attitudes.
+
+    Where the guidance does not define it, the last three quarters of the attitudes q
+    (n, 4) at r (n, 3) m with v (n, 3) m/s are used.
+    """
     guide = system.roles.get("guidance")
     if guide is not None and (kind := GUIDED.get(guide.interface.model)):
         return Attitude(kind, (0.0, 0.0, 0.0, 1.0), 0.0)
@@ -400,8 +400,14 @@ def attitude_of(system: System, q: Array, r: Array, v: Array) -> Attitude:
 
 
 def wanted_attitude(system: System) -> Attitude:
-    """Return the attitude that the guidance wants. Raises DesatError for one that moves
-    otherwise."""
+    """Return the reference attitude of the guidance.
+
+    Raises
+    ------
+    DesatError
+        If the guidance is none of the supported ones, so that the attitude moves
+        otherwise.
+    """
     guide = system.roles.get("guidance")
     kept = {
         "guidance_nadir": ("nadir", "q_bo"),
@@ -420,9 +426,14 @@ def wanted_attitude(system: System) -> Attitude:
 
 
 def environment_block(component: Component, changes: Values | None = None) -> Block:
-    """The bare block of an environment with its parameters, some of them changed.
-    Raises DesatError for one that cannot be flown by itself: not ours, or one that
-    integrates its orbit."""
+    """Build the bare block of an environment with its parameters, some of them changed.
+
+    Raises
+    ------
+    DesatError
+        If the environment cannot be flown by itself: it is not our block, it integrates
+        its orbit, or it lacks a parameter that is changed.
+    """
     model = component.interface.model
     if model not in names() or model == _MOVES:
         why = "it integrates its orbit" if model == _MOVES else "it is no block of ours"
@@ -440,10 +451,10 @@ def environment_block(component: Component, changes: Values | None = None) -> Bl
 
 
 def needless(system: System) -> dict[str, int]:
-    """Return what of an environment may be left out, as changes of its parameters.
+    """Return the changes of parameters that leave out an unused part of an environment.
 
     A craft without coils and residual dipole needs no field, which takes most of the
-    time.
+    computing time.
     """
     craft = system.roles.get("spacecraft")
     dipole = (
@@ -457,8 +468,7 @@ def needless(system: System) -> dict[str, int]:
 
 
 def without_field(environment: Component) -> dict[str, int]:
-    """Return the change of parameters by which an environment makes no field, if it has
-    one."""
+    """Return the parameter change that switches an environment's field off, if any."""
     field = environment.interface.signals.get("field")
     if field is None or "none" not in field.choices:
         return {}
@@ -468,7 +478,7 @@ def without_field(environment: Component) -> dict[str, int]:
 def guided(
     component: Component, inputs: Mapping[str, Array], times: Array
 ) -> tuple[Array, Array]:
-    """The attitude (n, 4) and rate (n, 3) rad/s that a guidance of ours wants."""
+    """Compute reference attitude (n, 4) and rate (n, 3) rad/s of a guidance of ours."""
     block = bare_block(component)
     q, omega, last = [], [], None
     for k, t in enumerate(times.tolist()):
@@ -489,7 +499,7 @@ def guided(
 def _given_torque(
     component: Component, inputs: Mapping[str, Array], q: Array, times: Array
 ) -> Array:
-    """The impulse (n, 3) N m s, eci, of a table of torques since the first time."""
+    """Compute the impulse (n, 3) N m s, eci, of a torque table since the first time."""
     block = bare_block(component)
     block.check()
     block.start()
@@ -508,8 +518,15 @@ def _given_torque(
 
 
 def inputs_at(block: Block, times: Sequence[float]) -> dict[str, Array]:
-    """What an environment gives at times (s), one after the other: (times, elements)
-    each. Raises DesatError for a time that it does not cover."""
+    """Compute the outputs of an environment at successive times (s).
+
+    Each is (times, elements).
+
+    Raises
+    ------
+    DesatError
+        If the environment does not cover a time.
+    """
     every = ("r_eci", "v_eci", "b_eci", "sun_eci", "sunlight", "density")
     kept: dict[str, list[Any]] = {name: [] for name in every}
     last = None
@@ -529,9 +546,12 @@ def inputs_at(block: Block, times: Sequence[float]) -> dict[str, Array]:
 
 
 def between(inputs: dict[str, Array], nodes: Array, times: Array) -> dict[str, Array]:
-    """What an environment gives at `times` (s), from what it has given at `nodes` (s)
-    around them: cubic splines, linear for light and air. With nodes at 120 s of a low
-    orbit the field errs by 1e-5, and by 1e-4 in the first and last of them."""
+    """Interpolate outputs of an environment at `nodes` (s) to `times` (s) between them.
+
+    Cubic splines are used, and linear interpolation for sunlight and density. With
+    nodes every 120 s of a low orbit the field errs by 1e-5, and by 1e-4 in the first
+    and last interval.
+    """
     from scipy.interpolate import CubicSpline
 
     made = {
@@ -546,8 +566,10 @@ def between(inputs: dict[str, Array], nodes: Array, times: Array) -> dict[str, A
 def flown_at(
     system: System, attitude: Attitude, inputs: dict[str, Array], times: Array
 ) -> Flight:
-    """The flight of a craft at an attitude that stays, in an environment that has given
-    `inputs` at `times` (s), from wheels at rest."""
+    """Build the flight of a craft at a constant or guided attitude, wheels at rest.
+
+    The environment has given `inputs` at `times` (s).
+    """
     r, v = inputs["r_eci"], inputs["v_eci"]
     pairs = list(zip(map(tuple, r.tolist()), map(tuple, v.tolist()), strict=True))
     if attitude.kind == "nadir":

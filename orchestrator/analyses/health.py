@@ -1,5 +1,8 @@
-"""Whether a run went well whatever its scenario requires: sensors that never measured,
-an attitude that was lost, wheels that were full."""
+"""Check the health of a run, independent of the requirements of its scenario.
+
+The checks are for sensors that never measured, an attitude that was lost, and full
+wheels.
+"""
 
 from __future__ import annotations
 
@@ -20,28 +23,26 @@ if TYPE_CHECKING:
 
 KEY = "health"
 NUMBERS = ()
+# deg: an attitude with a larger rms error over the second half of a run is lost
 LOST = 30.0
-"""An attitude whose error is above this (deg), rms over the second half of a run, is
-lost."""
-SELDOM = 0.05
-"""A sensor that is valid for less of the time is told of."""
-TIME = 600.0
-"""A run that lasts so long (s) has time to reach it."""
+SELDOM = 0.05  # a sensor that is valid for a smaller share of the time is reported
+TIME = 600.0  # s: a run of this length has time to reach its attitude
+# An attitude counts as held after its error has stayed below HELD (deg) for WHILE (s).
 HELD, WHILE = 10.0, 60.0
-"""One whose error stayed below this (deg) for so long (s) before had been held."""
-FULL = 0.01
-"""Of the time: wheels at their limit for longer are said to be full."""
+FULL = 0.01  # share of the time at their limit above which wheels are reported as full
+# option of a manager that lets the attitude go while the craft turns fast
 BRAKES = "velocity_dumping"
-"""A manager's option that lets the attitude go while the craft turns fast."""
 
 
 @dataclass(frozen=True)
 class HealthParts(Parts):
-    """What is looked at; `attitude`: the attitude and the reference that it is to
-    follow."""
+    """Series and components that the health check needs.
 
+    `attitude` has the attitude and the reference that it follows.
+    """
+
+    # those that a component reads and that do not fail at once by the scenario
     sensors: tuple[str, ...] = ()
-    """that somebody reads and that no scenario has fail at once"""
     attitude: tuple[str, str] | None = None
     wheels: str | None = None
 
@@ -50,7 +51,7 @@ PARTS = HealthParts
 
 
 def applies(system: System) -> HealthParts | None:
-    """What of a system can go wrong; None: nothing that is known of."""
+    """Find the parts that the health check needs, or None without any."""
     read = {source for source, _ in system.read}
     of_roles = role_classes()
     sensors = tuple(
@@ -74,15 +75,17 @@ def applies(system: System) -> HealthParts | None:
 
 
 def _fails_at_once(system: System, name: str) -> bool:
-    """Whether a scenario has a sensor fail before its first measurement."""
+    """Return whether a sensor fails before its first measurement."""
     since = system.components[name].values.get("fail_time", -1.0)
     return bool(0.0 <= since <= system.start)
 
 
 def _attitude(system: System) -> tuple[str, str] | None:
-    """The attitude of the craft and the reference that a controller which is on
-    follows; None: nobody controls it so, or a manager brakes the craft first (paper
-    004, section 4)."""
+    """Return the series of attitude and reference where a controller follows it.
+
+    None where no enabled controller does, or a manager brakes the craft first (paper
+    004, section 4).
+    """
     parts = system.components.values()
     if any(BRAKES in c.interface.signals and c.values[BRAKES] for c in parts):
         return None
@@ -102,13 +105,12 @@ def _attitude(system: System) -> tuple[str, str] | None:
 
 
 def numbers(manifest: Manifest, results: Results) -> dict[str, Value]:
-    """None of its own: scenarios and roles have theirs."""
+    """Return no numbers: scenarios and roles have theirs."""
     return {}
 
 
 def unmet(manifest: Manifest, results: Results) -> list[str]:
-    """A line for each sensor that was never valid, and one for an attitude that was
-    lost."""
+    """Return a line for each sensor that was never valid, and for a lost attitude."""
     parts: HealthParts = manifest.parts[KEY]
     if not manifest.completed:
         return []
@@ -129,8 +131,7 @@ def unmet(manifest: Manifest, results: Results) -> list[str]:
 
 
 def _reason(manifest: Manifest, results: Results, name: str) -> str:
-    """What a sensor says of why it is not valid, most often; empty where it says
-    nothing."""
+    """Return the most frequent reason why a sensor is not valid, or ""."""
     series = f"{name}.lost_to"
     if series not in set(results.names()) or not len(codes := results.values(series)):
         return ""
@@ -139,8 +140,11 @@ def _reason(manifest: Manifest, results: Results, name: str) -> str:
 
 
 def _attitude_error(parts: HealthParts, results: Results) -> tuple[float, bool]:
-    """The rms error of the attitude (deg) in the second half, and whether it had been
-    held before; 0 where it is not known."""
+    """Compute the rms attitude error (deg) in the second half of the run.
+
+    The second value is whether the attitude had been held. The error is 0 where it is
+    not known.
+    """
     if parts.attitude is None or not set(parts.attitude) <= set(results.names()):
         return 0.0, False
     q, reference = (results.values(s) for s in parts.attitude)
@@ -156,8 +160,7 @@ def _attitude_error(parts: HealthParts, results: Results) -> tuple[float, bool]:
 
 
 def remarks(manifest: Manifest, results: Results) -> list[str]:
-    """A line for wheels that were full, for sensors that were seldom valid, and for an
-    attitude that was never reached."""
+    """Return a line for each full wheel, rarely valid sensor and missed attitude."""
     parts: HealthParts = manifest.parts[KEY]
     series, lines = f"{parts.wheels}.saturated_wheel", []
     if series in set(results.names()) and len(full := results.values(series)):

@@ -1,12 +1,13 @@
-"""`desat bound`: the least firing time that a dumping run could have done with.
+"""Compute the minimum firing time with which a dumping run could have done.
 
-A run's truth (field, attitude, and with them every external torque but those of
-torquers and thrusters) is taken as given; what the two have to give together in an
-inertial frame then follows from the wheels' momentum that is wanted at the end, and the
-least firing time for it is one linear programme over the whole run
-(`components/laws/least_firing.py`). It knows the field ahead, fires no pulses, and
-holds dipoles and torques over each sample of the manager at their mean: no law with
-such samples does with less, but for the 0.01 rad that the body turns within a sample.
+This is `desat bound`. The true field and attitude of a run, and with them every
+external torque except those of torquers and thrusters, are taken as given. The total
+impulse that torquers and thrusters must give in an inertial frame then follows from the
+target momentum of the wheels at the end. The minimum firing time for it is one linear
+programme over the whole run (`components/laws/least_firing.py`). The programme knows
+the field in advance, fires no pulses, and holds dipoles and torques over each sample of
+the manager at their mean. No law with such samples needs less, except for the 0.01 rad
+that the body turns within a sample.
 """
 
 from __future__ import annotations
@@ -41,33 +42,29 @@ NODES, WEIGHTS = (NODES + 1.0) / 2.0, WEIGHTS / 2.0
 NOT_APPLICABLE = (
     "{}: no manager commands thrusters in it beside torquers; there is no firing time"
 )
-SMALLEST = 1e-6
-"""A bound (s) below which no percentage of it is given."""
+SMALLEST = 1e-6  # s: a bound below this has no percentage
 
 
 @dataclass(frozen=True)
 class LowerBound:
-    """What a run fired and the least that it could have."""
+    """Firing time of a run, and its lower bound."""
 
-    seconds: float
-    """fired in the run (s)"""
+    seconds: float  # s, fired in the run
+    # s, with zero final momentum; None: more than can be dumped in time
     least: float | None
-    """with no momentum left (s); None: more than can be dumped in time"""
-    least_same_end: float | None
-    """with the momentum left that the run left (s)"""
+    least_same_end: float | None  # s, with the final momentum of the run
+    # %, excess of the run over least_same_end; None where that is 0 or not known
     above_percent: float | None
-    """how far the run is above the bound of its own end; None where that is 0 or not
-    known"""
-    final_momentum: float
-    """left by the run, less its target (N m s)"""
+    final_momentum: float  # N m s, final momentum of the run, less its target
+    # s/(N m s), eci: change of least with the required impulse
     price: list[float] | None
-    """s/(N m s), eci: how `least` changes with the impulse wanted"""
-    period: float
-    """s, of the samples that dipoles and torques are held over"""
+    period: float  # s, of the samples over which dipoles and torques are held
 
     def numbers(self) -> dict[str, Value]:
-        """As a manifest's numbers; what is not known is left out, and all where none
-        fired."""
+        """Return the numbers for a manifest; unknown ones are left out.
+
+        There are none where nothing fired.
+        """
         if self.seconds == 0.0:
             return {}
         rows: dict[str, tuple[str, float | None, str]] = {
@@ -86,13 +83,13 @@ class LowerBound:
         return with_titles(rows)
 
     def as_json(self) -> JsonObject:
-        """What `--json` prints."""
+        """Return the content of `--json`."""
         return asdict(self)
 
 
 @dataclass(frozen=True)
 class ThrusterParts(Parts):
-    """Which component is what."""
+    """Components that take part in dumping."""
 
     spacecraft: str
     thrusters: str
@@ -105,7 +102,10 @@ PARTS = ThrusterParts
 
 
 def applies(system: System) -> ThrusterParts | None:
-    """By the connections; None where no manager commands thrusters."""
+    """Find the parts by the connections; None without commanded thrusters.
+
+    A manager has to command them.
+    """
     for body, wire in system.by_input["tau_mean_thruster_body"].items():
         ends = (
             (wire.source, "tau_cmd_thruster_body"),
@@ -120,7 +120,7 @@ def applies(system: System) -> ThrusterParts | None:
 
 
 def signals(who: ThrusterParts) -> list[str]:
-    """The series that a bound is computed from, by the parts of a system."""
+    """Return the series that a bound is computed from."""
     of = {
         "spacecraft": ("q_bi", "h_copy_wheel"),
         "environment": ("b_eci",),
@@ -136,8 +136,13 @@ def signals(who: ThrusterParts) -> list[str]:
 
 
 def of_run(manifest: Manifest, results: Results) -> LowerBound:
-    """The bound of a run. Raises DesatError where it has none: another kind of run, or
-    not recorded."""
+    """Compute the bound of a run.
+
+    Raises
+    ------
+    DesatError
+        If it has none: another kind of run, or series are not recorded.
+    """
     name = manifest.scenario
     who: ThrusterParts | None = manifest.parts.get(KEY)
     if who is None:
@@ -166,23 +171,23 @@ def of_run(manifest: Manifest, results: Results) -> LowerBound:
 
 
 def numbers(manifest: Manifest, results: Results) -> dict[str, Value]:
-    """The bound beside what a completed run fired; none where too little was recorded."""
+    """Compute the bound of a completed run.
+
+    Empty where nothing fired, or too little was recorded.
+    """
     if not manifest.completed:
         return {}
     with suppress(DesatError):
         (on_time,) = _series(
             manifest, results, [f"{manifest.parts[KEY].thrusters}.on_time"]
         )
-        if (
-            on_time[-1] > 0.0
-        ):  # else the programme, which takes long, has nothing to tell
+        if on_time[-1] > 0.0:  # without firing the slow programme has no result
             return of_run(manifest, results).numbers()
     return {}
 
 
 class _Truth:
-    """What happened in a run: splines of attitude and field, and what the actuators
-    gave."""
+    """True motion of a run: splines of attitude and field, and actuator impulses."""
 
     def __init__(
         self, manifest: Manifest, results: Results, who: ThrusterParts
@@ -199,25 +204,29 @@ class _Truth:
         axes = self._parameters["spacecraft"].get("axes_wheel")
         in_body = h @ np.reshape(axes, (3, 4)).T if axes else h[:, :3]
         target = self._parameters["manager"].get("h_target_body", [0.0, 0.0, 0.0])
+        # N m s, body: wheel momentum at the end, less the target
         self.momentum_left = in_body[-1] - target
-        """of the wheels at the end, less the target (N m s, body)"""
         self.period = self._parameters["manager"].get("sample_time") or manifest.step
 
         def torque(c: Array, field: Array) -> Array:
+            """Compute the torque (n, 3, 3; N m, body) of the actuators at the nodes."""
             lead = (NODES - 0.5)[:, None]
             dipole = m[:, None] + lead * m_slope[:, None]
             thrust = tau[:, None] + lead * tau_slope[:, None]
             return thrust + np.cross(dipole, field)
 
         means = self._means(times[:-1], times[1:], torque)
+        # N m s, eci: impulse of torquers and thrusters in the run
         self.given: Array = np.diff(times) @ means
-        """the impulse of torquers and thrusters in the run (N m s, eci)"""
 
     def _means(
         self, begin: Array, end: Array, torque: Callable[[Array, Array], Array]
     ) -> Array:
-        """The mean over each interval, in eci, of torque(C, B): C (n, 3, 3, 3) and B
-        (n, 3, 3; T, body) at the nodes of the interval to (n, 3, ..., 3), body."""
+        """Compute means over intervals, in eci, of a torque(C, B) in body.
+
+        C (n, 3, 3, 3) and B (n, 3, 3; T, body) are at the nodes of each interval; the
+        torque is (n, 3, ..., 3).
+        """
         at = begin[:, None] + np.outer(end - begin, NODES)
         c = self.attitude(at)
         field = np.einsum("nsij,nsj->nsi", c, self._field(at))
@@ -225,8 +234,10 @@ class _Truth:
         return mean
 
     def least(self, impulse: Array) -> tuple[float | None, list[float] | None]:
-        """The least firing time (s) for an impulse (N m s, eci) and its price; None:
-        none can."""
+        """Compute the minimum firing time (s) for an impulse, and its price.
+
+        The impulse is in N m s, eci. Both are None where it cannot be given.
+        """
         from desat.components.laws.least_firing import least_firing
 
         edges = np.append(
@@ -250,7 +261,7 @@ class _Truth:
         return (None, None) if plan is None else (plan.seconds, plan.price.tolist())
 
     def _jets(self) -> Array:
-        """The torque of each thruster (p, 3), N m, body."""
+        """Return the torque of each thruster (p, 3), N m, body."""
         given = self._parameters["thrusters"]
         if "tau_level" in given:
             pairs = np.diag(given["tau_level"])
@@ -267,7 +278,7 @@ class _Truth:
             ) from None
 
     def _coils(self) -> Array:
-        """The largest dipole of each coil (c, 3), A m2, body."""
+        """Return the largest dipole of each coil (c, 3), A m2, body."""
         given = self._parameters["torquers"]
         try:
             return np.asarray(
@@ -279,7 +290,7 @@ class _Truth:
             ) from None
 
     def _share(self, begin: Array, end: Array) -> Array:
-        """The largest share of each interval that each coil may be on (n, c)."""
+        """Return the largest share of each interval that each coil may be on (n, c)."""
         given = self._parameters["torquers"]
         period = given.get("sample_time") or np.inf
         most = 1.0 - given.get("quiet_time", 0.0) / period
@@ -294,7 +305,7 @@ class _Truth:
 
 
 def _series(manifest: Manifest, results: Results, names: list[str]) -> list[Array]:
-    """The series of these names. Raises DesatError where one is missing or steps are."""
+    """Read series; raise DesatError where one is missing or steps are not recorded."""
     scenario = manifest.scenario
     missing = sorted(set(names) - set(results.names()))
     if missing:

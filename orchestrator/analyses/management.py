@@ -1,15 +1,14 @@
-"""The standard numbers of a managed run: what the wheels hold, and what the coils do
-about it.
+"""Compute the standard numbers of a managed run: wheel momentum and use of the coils.
 
-Of wheels with axes A (columns) and momenta h the coils can act on the sum A h alone.
-What is left, h - A^+ A h, adds up to nothing: no torque on the body changes it. A mean
-over wheels cannot tell the two apart, so each has its number; the others say how near
-wheels and coils are to their limits.
+With wheel axes A (columns) and wheel momenta h, the coils can act on the sum A h alone.
+The remainder, h - A^+ A h, is the null-space momentum: it adds up to zero, and no
+torque on the body changes it. A mean over wheels cannot separate the two, so each has
+its own number. The other numbers say how near wheels and coils are to their limits.
 
-What management takes out is said against the same run without it: the external impulse
-less that of coils and thrusters, at the attitudes that were flown, would be in the
-wheels. A law that is to hold the momentum and leaves more of it in the second half of a
-run than none would has its goal not met.
+The effect of management is measured against the same run without it: the external
+impulse less that of coils and thrusters, at the attitudes that were flown, would be in
+the wheels. A law that is to hold the momentum misses its goal if it leaves more
+momentum in the second half of a run than there would be without management.
 """
 
 from __future__ import annotations
@@ -55,46 +54,46 @@ NUMBERS = (
     "unmanaged_rms",
     "least_braking",
 )
+# share of its limit from which a coil counts as saturated; a coil with a lag never
+# reaches it fully
 AT_LIMIT = 0.999
-"""Share of its limit from which on a coil counts as at it: one with a lag never is
-quite."""
+# Momentum that counts as zero: SMALL as a share of a wheel's capacity (what its
+# tachometer resolves), ALIKE as a share of the unmanaged momentum, which is estimated.
 SMALL, ALIKE = 1e-3, 0.01
-"""Momentum that counts as nothing, as a share of a wheel's capacity: what its
-tachometer sees; and as a share of what there would be without management, which is
-estimated."""
-FIELD = 3e-5
-"""Of a low orbit (T)."""
+FIELD = 3e-5  # T, typical of a low orbit
+# share of a target across the orbit normal above which it turns with the craft
 ACROSS = 1e-3
-"""A target across the orbit's normal by more than this share of its size turns with the
-craft."""
-# rad in an orbit, by which a bias may turn: the node's drift, the Sun's course
+# rad per orbit by which a bias may turn: drift of the node, course of the Sun
 MOST_TURN = 0.05
-TURN_ROWS = 193  # at which the wanted attitude is looked at, of two orbits and of a run
-NOTHING = 0.01  # share of what comes in below which a manager does nothing
-MOST_BRAKED = 90.0  # deg of rotation in a sample up to which B-dot brakes
+# number of times at which the reference attitude is sampled, over two orbits and over a
+# run
+TURN_ROWS = 193
+# share of the incoming momentum below which a manager counts as doing nothing
+NOTHING = 0.01
+MOST_BRAKED = 90.0  # deg of rotation within a sample up to which B-dot brakes
 SETTLED = 0.5  # deg/s: B-dot leaves a craft turning with the field
-LONG_ENOUGH = 1800.0  # s: a run in which a law has had time to do something
-LOST = 30.0  # deg: an attitude error above it is no pointing
+LONG_ENOUGH = 1800.0  # s: shortest run in which a law has time to have an effect
+LOST = 30.0  # deg: an attitude error above this is no pointing
 _OF_WHEELS = ("saturated_wheel", "speed_wheel")
 Array = NDArray[Any]
 
 
 @dataclass(frozen=True)
 class ManagementParts(Parts):
-    """Which component is what."""
+    """Components and series that take part in momentum management."""
 
     spacecraft: str
     torquers: str | None = None  # None: no coils manage the momentum
-    wheels: str | None = None  # None: they are ideal ones within the craft
-    field: str | None = None  # the series of the geomagnetic field, eci
-    thrusters: str | None = None  # whose firings are all management's
-    # N m s, body: the sum of the wheels' momentum that is wanted; None: it changes, or
-    # nobody manages it
+    wheels: str | None = None  # None: the wheels are ideal ones within the craft
+    field: str | None = None  # series of the geomagnetic field, eci
+    thrusters: str | None = None  # component whose firings all belong to management
+    # N m s, body: target of the total wheel momentum; None: it varies, or there is no
+    # manager
     target: tuple[float, ...] | None = None
-    holds: bool = False  # whether the law is to hold it there as long as the run lasts
-    deadband: float = 0.0  # N m s, within which it does nothing
-    brakes: bool = False  # whether the law takes the rate out of a craft that tumbles
-    reference: str | None = None  # the series of the wanted attitude
+    holds: bool = False  # whether the law has to hold the target for the whole run
+    deadband: float = 0.0  # N m s, within which the law does nothing
+    brakes: bool = False  # whether the law detumbles the craft
+    reference: str | None = None  # series of the reference attitude
     manager: str = ""
 
 
@@ -102,11 +101,11 @@ PARTS = ManagementParts
 
 
 def applies(system: System) -> ManagementParts | None:
-    """Return what manages the wheels' momentum, by the connections; None of a craft
-    without wheels.
+    """Find the parts that manage wheel momentum, or None for a craft without wheels.
 
-    Of a craft whose momentum only thrusters manage, or nobody, no law is judged: dumps
-    between thresholds leave momentum until the next one.
+    They follow from the connections. Where only thrusters manage the momentum, or
+    nothing does, no law is judged: dumps between thresholds leave momentum until the
+    next one.
     """
     for torquers, wire in system.by_input["m_cmd_body"].items():
         body = system.takers.get((torquers, "m_mean_body"))
@@ -145,7 +144,10 @@ def _by_coils(
 
 
 def _without_coils(system: System, body: str, wheels: str) -> ManagementParts:
-    """Return the parts of a craft whose wheels only thrusters unload, or nothing."""
+    """Return the parts of a craft without coils that manage the momentum.
+
+    Only thrusters unload its wheels, or nothing does.
+    """
     thrusters = system.fed.get((body, "tau_mean_thruster_body"))
     law = None
     if thrusters is not None:
@@ -162,8 +164,7 @@ def _without_coils(system: System, body: str, wheels: str) -> ManagementParts:
 
 
 def _with_speed(system: System, wheels: str | None) -> str | None:
-    """Return the component of the wheels where it says their speed and whether they
-    saturate."""
+    """Return the wheel component if it outputs speeds and saturation, else None."""
     if wheels is None or not system.components[wheels].interface.arrays.keys() >= {
         *_OF_WHEELS
     }:
@@ -172,24 +173,29 @@ def _with_speed(system: System, wheels: str | None) -> str | None:
 
 
 def _reference(system: System) -> str | None:
-    """Return the series of the attitude that a controller is to follow."""
+    """Return the series of the attitude that the controller has to follow, or None."""
     controller = system.roles.get("controller")
     wire = None if controller is None else system.fed.get((controller.name, "q_ref_bi"))
     return None if wire is None else wire.series
 
 
 def _target(system: System, law: Component) -> tuple[float, ...] | None:
-    """The momentum that a manager is to keep (3,) N m s, body; None where another
-    component says it."""
+    """Return the target momentum of a manager (3,) N m s, body.
+
+    It is None where another component supplies it.
+    """
     if (law.name, "h_target_body") in system.fed:
         return None
     return tuple(law.values.get("h_target_body", (0.0, 0.0, 0.0)))
 
 
 def _holds(law: Component) -> bool:
-    """Whether a manager holds momentum, by what its block says of its laws
-    (`Manager.offers`): the choices that these have in common are its own. One that is
-    not ours does."""
+    """Return whether a manager holds momentum at its target.
+
+    This follows from the laws that its block declares (`Manager.offers`): the choices
+    that they have in common have to be the manager's own. A manager that is not a block
+    of ours counts as one that holds.
+    """
     signals = law.interface.signals
     if "enable" in signals and not law.values["enable"]:
         return False
@@ -207,15 +213,18 @@ def _holds(law: Component) -> bool:
 
 
 def _brakes(law: Component) -> bool:
-    """Whether a manager of ours takes the rate out of a craft that tumbles."""
+    """Return whether a manager block of ours detumbles the craft."""
     block = block_class(law.interface.model) if law.interface.model in names() else None
     return block is not None and issubclass(block, Manager) and block.brakes
 
 
 def warnings(system: System) -> Iterator[str]:
-    """A line for a law whose gain takes more out in a sample than there is: it
-    overshoots, and only the coils' limit keeps it from growing; and for one that brakes
-    a rotation which it samples too seldom."""
+    """Yield a line for each law with too large a gain, or with too long a sample.
+
+    A law whose gain removes more in a sample than there is overshoots, and only the
+    limit of the coils keeps the momentum from growing. A law that brakes a rotation has
+    to sample it often enough.
+    """
     yield from _aliased(system)
     for c in system.components.values():
         block = block_class(c.interface.model) if c.interface.model in names() else None
@@ -243,8 +252,10 @@ def warnings(system: System) -> Iterator[str]:
 
 
 def _aliased(system: System) -> Iterator[str]:
-    """Find whether a craft turns by more than 90 deg between two samples of a law that
-    brakes it: the field then seems to turn the other way."""
+    """Yield a line if a craft turns by over 90 deg in a sample of its braking law.
+
+    The field then seems to turn the other way.
+    """
     manager, craft = system.roles.get("manager"), system.roles.get("spacecraft")
     if manager is None or craft is None or not _brakes(manager):
         return
@@ -264,8 +275,10 @@ def _aliased(system: System) -> Iterator[str]:
 
 
 def problems(system: System) -> Iterator[str]:
-    """Find managers that are to keep a bias which the wanted attitude turns in eci, a
-    line each: no law here makes a bias turn."""
+    """Yield a line for a manager with a bias that the reference attitude turns in eci.
+
+    No law here makes a bias turn.
+    """
     guide, manager = system.roles.get("guidance"), system.roles.get("manager")
     if guide is None or manager is None or not _holds(manager):
         return
@@ -302,9 +315,11 @@ def problems(system: System) -> Iterator[str]:
 
 
 def _turned(system: System, bias: Array) -> float:
-    """Return by how much (rad) a bias (3,), body, turns in eci within an orbit at the
-    wanted attitude. Raises DesatError or BlockError where guidance and environment are
-    not our blocks."""
+    """Compute the largest turn (rad) of a bias (3,), body, in eci within an orbit.
+
+    The craft is at the reference attitude. Raises DesatError or BlockError where
+    guidance and environment are not our blocks.
+    """
     component = system.roles["environment"]
     block = environment_block(component, without_field(component))
     first = inputs_at(block, [system.start])
@@ -323,15 +338,18 @@ def _turned(system: System, bias: Array) -> float:
 
 
 def signals(parts: ManagementParts) -> list[str]:
-    """The series that the numbers are made of."""
+    """Return the series that the numbers are computed from."""
     names = [f"{parts.spacecraft}.h_copy_wheel"]
     names += [f"{parts.torquers}.m_mean_body"] if parts.torquers else []
     return names + [f"{parts.wheels}.{n}" for n in _OF_WHEELS if parts.wheels]
 
 
 def numbers(manifest: Manifest, results: Results) -> dict[str, Value]:
-    """The standard numbers of a completed run, as a manifest has them; none where too
-    little was recorded, and only those for which the parameters are known."""
+    """Compute the standard numbers of a completed run, as a manifest has them.
+
+    The result is empty where too little was recorded, and has only those numbers for
+    which the parameters are known.
+    """
     parts: ManagementParts = manifest.parts[KEY]
     if not manifest.completed or missing(signals(parts), results):
         return {}
@@ -363,8 +381,11 @@ def numbers(manifest: Manifest, results: Results) -> dict[str, Value]:
 def _of_their_coils(
     torquers: str, manifest: Manifest, results: Results
 ) -> dict[str, float]:
-    """Return the numbers of a run's coils; none where they have no limit, or less than
-    a period was recorded."""
+    """Compute the numbers of a run's coils.
+
+    The result is empty where the coils have no limit, or less than a period was
+    recorded.
+    """
     m, coils = results.values(f"{torquers}.m_mean_body"), manifest.values_of(torquers)
     if (most := most_of_coils(coils)) is None:
         return {}
@@ -376,6 +397,7 @@ def _of_their_coils(
     return dict(zip(OF_COILS, of_coils(m, inverse, most, period), strict=True))
 
 
+# title and unit of each number
 TITLES: Mapping[str, tuple[str, str]] = {
     "sum_rms": ("Total wheel momentum (body frame), rms", "N.m.s"),
     "sum_largest": ("Total wheel momentum (body frame), largest", "N.m.s"),
@@ -395,21 +417,23 @@ TITLES: Mapping[str, tuple[str, str]] = {
     ),
     "least_braking": ("Shortest detumbling time with saturated coils", "s"),
 }
-"""Of each number, and its unit."""
+# Names of the results of `of_momentum` and `of_coils`, in their order.
 OF_MOMENTUM, OF_COILS = (
     ("sum_rms", "sum_largest", "null_rms"),
     ("coil_duty", "coil_limit_share"),
 )
+# Names of the results of `of_wheels` and `off_target`, in their order.
 OF_WHEELS, OF_BALANCE = ("limit_time", "crossings"), ("left_rms", "unmanaged_rms")
-"""What `of_momentum`, `of_coils`, `of_wheels` and `off_target` give, in their order."""
 
 
 def of_momentum(
     times: Array, h: Array, axes: Array, inverse: Array
 ) -> tuple[float, float, float]:
-    """Of momenta h (rows, wheels; N m s) about axes (3, wheels) with their
-    pseudoinverse: rms and largest size of their sum, and rms of the largest part that
-    adds up to nothing."""
+    """Compute rms and peak of total, and rms of null-space momentum (N m s).
+
+    The momenta h (rows, wheels; N m s) are about axes (3, wheels) with the
+    pseudoinverse `inverse`. The null-space momentum is that of the most loaded wheel.
+    """
     stored = h @ axes.T
     size = np.linalg.norm(stored, axis=1)
     idle = h - stored @ inverse.T
@@ -421,10 +445,12 @@ def of_momentum(
 
 
 def _least_braking(manifest: Manifest, results: Results) -> float | None:
-    """How long (s) coils at their limit take at least for the momentum that the body
-    has at the start: a rod across the field B gives m |B|, and half of that in the mean
-    over the attitudes of a craft that tumbles. None where it is not known, or the run
-    is shorter."""
+    """Estimate the shortest time (s) for saturated coils to stop the body's rotation.
+
+    It is the time to absorb the momentum of the body at the start. A rod across the
+    field B gives m |B|, and half of that in the mean over the attitudes of a craft that
+    tumbles. None where the time is not known, or the run is shorter.
+    """
     parts: ManagementParts = manifest.parts[KEY]
     if not parts.brakes or not parts.torquers:
         return None
@@ -454,8 +480,7 @@ def _least_braking(manifest: Manifest, results: Results) -> float | None:
 
 
 def _rms(values: Array, times: Array) -> float:
-    """The root of the mean over time of the square, linear between rows (rows,) at
-    times (s)."""
+    """Compute the rms over time of values (rows,) at times (s), linear between rows."""
     times = times[: len(values)]
     if len(values) < 2:
         return float(np.abs(values).mean())
@@ -463,7 +488,7 @@ def _rms(values: Array, times: Array) -> float:
 
 
 def balanced(parts: ManagementParts) -> list[str]:
-    """Return the series that `compare` is made of; none where it cannot be made."""
+    """Return the series that `compare` needs; empty where it cannot be computed."""
     if (parts.torquers and parts.field is None) or not parts.manager:
         return []
     own = [f"{parts.spacecraft}.{n}" for n in ("q_bi", "omega_bi_body", "impulse_eci")]
@@ -474,8 +499,11 @@ def balanced(parts: ManagementParts) -> list[str]:
 
 
 def compare(manifest: Manifest, results: Results) -> tuple[float, float] | None:
-    """The wheels' momentum less its target over the second half, and what it would have
-    been without management: rms (N m s). None where too little is recorded or known."""
+    """Compute rms wheel momentum less its target, with and without management.
+
+    Both are in N m s, over the second half of the run. None where too little is
+    recorded or known, or the attitude was lost.
+    """
     parts: ManagementParts = manifest.parts[KEY]
     if parts.holds and _lost(parts, results) is not None:
         return None
@@ -488,28 +516,30 @@ def compare(manifest: Manifest, results: Results) -> tuple[float, float] | None:
 
 
 class Balance(NamedTuple):
-    """What the wheels hold, and what they would without management."""
+    """Wheel momentum with management, and estimated without it."""
 
     times: Array
-    stored: Array
-    """(rows, 3), N m s, body"""
-    without: Array
-    """the same"""
-    target: Array
-    """(3,), N m s, body"""
-    h: Array
-    """Of each wheel that is there (rows, wheels), N m s."""
-    inverse: Array
-    """Of their axes (wheels, 3)."""
+    stored: Array  # (rows, 3) N m s, body
+    without: Array  # (rows, 3) N m s, body
+    target: Array  # (3,) N m s, body
+    h: Array  # (rows, wheels) N m s, of each wheel that exists
+    inverse: Array  # (wheels, 3), pseudoinverse of their axes
 
 
 def balance(manifest: Manifest, results: Results) -> Balance | None:
-    """The momentum of the wheels with management and without; None where too little is
-    recorded or known."""
+    """Compute the wheel momentum with management and without, once for a run.
+
+    None where too little is recorded or known.
+    """
     return results.once("managed", lambda: _balance(manifest, results))
 
 
 def _balance(manifest: Manifest, results: Results) -> Balance | None:
+    """Compute the balance of wheel momentum from the series.
+
+    None without a constant target, with scheduled firings, for another algorithm than
+    gauss_seidel, or where too little is recorded.
+    """
     parts: ManagementParts = manifest.parts[KEY]
     given = manifest.parameters.get(parts.spacecraft, {})
     needed = balanced(parts)
@@ -522,7 +552,7 @@ def _balance(manifest: Manifest, results: Results) -> Balance | None:
             manifest.values_of(parts.thrusters).get("schedule_duration", 0.0)
         ).tolist()
     ):
-        return None  # the torque of what is scheduled is a disturbance
+        return None  # the torque of scheduled firings is a disturbance
     q, omega, impulse, h, *actuators = (results.values(s) for s in needed)
     fired = actuators.pop() if parts.thrusters else None
     intervals = [x for x in (fired, *actuators[:1]) if x is not None]
@@ -561,12 +591,14 @@ def _balance(manifest: Manifest, results: Results) -> Balance | None:
 
 
 def figures(manifest: Manifest, results: Results) -> list[tuple[str, Figure]]:
-    """The momentum of the fullest wheel over time, with management and without, and
-    what a wheel can hold."""
+    """Draw the momentum of the fullest wheel over time, with management and without.
+
+    The figure also shows the capacity of a wheel.
+    """
     held = balance(manifest, results)
     if held is None or not held.h.shape[1]:
         return []
-    from ..figures.plots import timeline  # heavy, and only for a report
+    from ..figures.plots import timeline  # slow import, needed for a report only
     from ..figures.style import COLOURS, DOTTED, LIMIT, figure, time_axis
     from ..numbers.text import spell_unit
 
@@ -609,8 +641,10 @@ def figures(manifest: Manifest, results: Results) -> list[tuple[str, Figure]]:
 
 
 def fired_impulse(times: Array, q: Array, torque: Array) -> Array:
-    """The impulse (rows, 3) of thrusters since the start (N m s, eci), by their mean
-    torque over each step (N m, body)."""
+    """Compute the impulse (rows, 3) of thrusters since the start (N m s, eci).
+
+    Their mean torque over each step is in N m, body.
+    """
     steps = np.diff(times)[:, None]
     given = rotate_back(q[:-1], torque[: len(times) - 1]) * steps
     return np.vstack([np.zeros(3), np.cumsum(given, axis=0)])
@@ -619,9 +653,11 @@ def fired_impulse(times: Array, q: Array, torque: Array) -> Array:
 def unmanaged(
     q: Array, impulse: Array, stored: Array, body: Any, managed: Array
 ) -> Array:
-    """What the wheels would hold without management (rows, 3; N m s, body): by what
-    they and the body hold (body), and the impulse from outside and that of management
-    since the start (eci)."""
+    """Compute the wheel momentum without management (rows, 3; N m s, body).
+
+    It follows from the momentum of wheels (`stored`) and body (`body`), and from the
+    external impulse and the impulse of management since the start (eci).
+    """
     first = rotate_back(q[:1], (stored + body)[:1])
     without: Array = rotate(q, first + impulse - impulse[:1] - managed) - body
     return without
@@ -630,8 +666,10 @@ def unmanaged(
 def off_target(
     times: Array, stored: Array, without: Array, target: Array
 ) -> tuple[float, float]:
-    """The wheels' momentum less its target (3,) over the second half, with and without
-    management: rms (N m s)."""
+    """Compute rms wheel momentum less its target (3,), with and without management.
+
+    Both are in N m s, over the second half of the run.
+    """
     late = times >= (times[0] + times[-1]) / 2.0
     left = np.linalg.norm(stored[late] - target, axis=1)
     other = np.linalg.norm(without[late] - target, axis=1)
@@ -639,7 +677,7 @@ def off_target(
 
 
 def unchecked(manifest: Manifest, results: Results) -> dict[str, str]:
-    """Which numbers could not be made, and why, by their names."""
+    """Return the reason for each number that could not be computed, by its name."""
     parts: ManagementParts = manifest.parts[KEY]
     if why := missing(signals(parts), results):
         return dict.fromkeys(NUMBERS, why)
@@ -651,8 +689,12 @@ def unchecked(manifest: Manifest, results: Results) -> dict[str, str]:
 
 
 def unmet(manifest: Manifest, results: Results) -> list[str]:
-    """Say where a law that is to hold the momentum leaves more than none would, or does
-    nothing; and where one that brakes a rotation has made it faster."""
+    """Return a line for each goal of momentum management that the run missed.
+
+    A law that has to hold the momentum misses it if it leaves more than there would be
+    without management, or does nothing. A law that brakes a rotation misses it if it
+    has made it faster.
+    """
     parts: ManagementParts = manifest.parts[KEY]
     if not manifest.completed:
         return []
@@ -682,7 +724,7 @@ def unmet(manifest: Manifest, results: Results) -> list[str]:
 
 
 def _driven(parts: ManagementParts, results: Results) -> list[str]:
-    """Say where a law that brakes has left the craft turning faster than it began."""
+    """Return a line if a braking law has made the craft turn faster."""
     series = f"{parts.spacecraft}.omega_bi_body"
     if series not in set(results.names()):
         return []
@@ -696,8 +738,10 @@ def _driven(parts: ManagementParts, results: Results) -> list[str]:
 
 
 def _lost(parts: ManagementParts, results: Results) -> float | None:
-    """Return the largest attitude error in the second half (deg) where it is above
-    LOST."""
+    """Return the largest attitude error in the second half (deg) above `LOST`.
+
+    None where it is below, or not known.
+    """
     series = [f"{parts.spacecraft}.q_bi", str(parts.reference)]
     if missing(series, results):
         return None
@@ -710,11 +754,11 @@ def _lost(parts: ManagementParts, results: Results) -> float | None:
 
 
 def removed(manifest: Manifest, results: Results) -> float | None:
-    """Return what management takes out over what comes in, both at their largest.
+    """Compute the momentum that management removes over the incoming momentum.
 
-    What comes in is the external impulse without management's, and what the wheels hold
-    beyond their target at the start. None where that is nothing to speak of, or too
-    little is recorded.
+    Both are the largest during the run. The incoming momentum is the external impulse
+    without that of management, and the initial wheel momentum beyond the target. None
+    where it is negligible, or too little is recorded.
     """
     held = balance(manifest, results)
     if held is None or held.times[-1] - held.times[0] < LONG_ENOUGH:
@@ -731,23 +775,24 @@ def removed(manifest: Manifest, results: Results) -> float | None:
 
 
 def _wheels_of(manifest: Manifest, parts: ManagementParts) -> Values:
-    """Return the parameters that say which wheels there are: the wheels', else the
-    craft's."""
+    """Return the parameters that define the wheels, from the wheels or the craft."""
     wheels = manifest.values_of(parts.wheels or "")
     return wheels if "axes_wheel" in wheels else manifest.values_of(parts.spacecraft)
 
 
 def _capacity(wheels: Values) -> float:
-    """Return the capacity of the smallest wheel that exists (N m s); 0 where it is not
-    known."""
+    """Return the capacity of the smallest existing wheel (N m s); 0 if unknown."""
     if "inertia_wheel" not in wheels or "speed_limit" not in wheels:
         return 0.0
     return smallest_capacity(wheels)
 
 
 def most_of_coils(given: Values) -> float | None:
-    """The largest dipole of a coil (A m2) by the parameters of torquers, of pulsed ones
-    in the mean of a period; None where it has no limit or is not known."""
+    """Return the largest dipole of a coil (A m2) by the parameters of the torquers.
+
+    For pulsed coils it is the mean over a period. None where it has no limit or is not
+    known.
+    """
     most = given.get("m_limit", 0.0)
     if given.get("drive") == "ideal" or not most or "axes_coil" not in given:
         return None
@@ -755,8 +800,10 @@ def most_of_coils(given: Values) -> float | None:
 
 
 def rows_a_period(given: Values, step: float) -> int:
-    """Over how many rows the dipole of coils counts in the mean: of pulsed ones those
-    of a period."""
+    """Return the number of rows over which the dipole of coils is averaged.
+
+    For pulsed coils these are the rows of a period, otherwise it is one row.
+    """
     return (
         max(1, round(given["sample_time"] / step))
         if given.get("drive") == "pulsed"
@@ -765,9 +812,12 @@ def rows_a_period(given: Values, step: float) -> int:
 
 
 def of_coils(m: Array, inverse: Array, most: float, period: int) -> tuple[float, float]:
-    """Duty of coils, and the share of the time with one at its limit (%), by their
-    dipole m (rows, 3; A m2, body), the pseudoinverse (coils, 3) of their axes, and the
-    largest dipole of each, in the mean of so many rows."""
+    """Compute the coil duty and the share of time with a coil saturated (both in %).
+
+    The dipole m is (rows, 3) A m2, body, and `inverse` the pseudoinverse (coils, 3) of
+    the coil axes. The dipole is averaged over `period` rows, and `most` is the largest
+    average (A m2) of each coil.
+    """
     coils = np.abs(m @ inverse.T)
     coils = coils[: len(coils) // period * period]
     coils = coils.reshape(-1, period, coils.shape[1]).mean(axis=1)
@@ -776,13 +826,15 @@ def of_coils(m: Array, inverse: Array, most: float, period: int) -> tuple[float,
 
 
 def margin(h: Array, capacity: Array) -> float:
-    """The smallest momentum margin (%) of wheels with momenta (rows, wheels) and
-    capacities (wheels,), N m s."""
+    """Compute the smallest momentum margin (%) of the wheels.
+
+    Momenta are (rows, wheels) and capacities (wheels,), both in N m s.
+    """
     return 100.0 * (1.0 - float((np.abs(h) / capacity).max()))
 
 
 def of_wheels(times: Array, saturated: Array, speed: Array) -> tuple[float, float]:
-    """The time with a wheel saturated (s), and how often wheels pass zero speed."""
+    """Compute the time with a wheel saturated (s) and the number of zero crossings."""
     steps = np.diff(times, append=times[-1])
     at_limit = np.asarray(saturated.reshape(len(saturated), -1).any(axis=1))
     crossings = np.diff(np.signbit(speed), axis=0).sum()

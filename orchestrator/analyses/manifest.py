@@ -1,5 +1,4 @@
-"""The manifest of a run: what was run, with which values, how it ended, and its
-numbers."""
+"""Describe a run in a manifest: system, values, how it ended, and its numbers."""
 
 from __future__ import annotations
 
@@ -24,6 +23,7 @@ from ..system.parameters import Parameter, table
 from ..system.typed import JsonObject, fault_of
 from . import analyses
 
+# Keys that are written once a run is over, even if they are empty.
 AT_THE_END = {
     "stopped_when",
     "loop",
@@ -33,27 +33,27 @@ AT_THE_END = {
     "not_checked",
     "balance",
 }
-"""What is said once a run is over, be it that there is none."""
-UNKNOWN = "?"
-"""Stands for what a run that was killed could not say."""
+UNKNOWN = "?"  # stands for values that a killed run could not report
 
 
 @dataclass(frozen=True)
 class Stopped:
-    """The condition that ended a run, and when (s)."""
+    """Condition that ended a run, and its time (s)."""
 
     condition: str
     time: float
 
     def to_json(self) -> JsonObject:
-        """As a manifest has it; a campaign's columns keep the time alone."""
+        """Return it as a manifest has it; a campaign's columns keep the time alone."""
         return dict(vars(self)) if self.condition else {"time": self.time}
 
 
 @dataclass(frozen=True)
 class Slow:
-    """What components cost that do not step at every step: errors of the attitude (rad)
-    and of a wheel's momentum (N m s) until a time (s)."""
+    """Errors due to components that do not step at every step.
+
+    They are those of attitude (rad) and of a wheel's momentum (N m s) until a time (s).
+    """
 
     attitude: float
     momentum: float
@@ -63,37 +63,30 @@ class Slow:
 
 @dataclass(frozen=True)
 class SubstepChoice:
-    """The substeps of a run, and how it came to them."""
+    """Substeps of a run, and how they were chosen."""
 
     substeps: int
-    accuracy: float
-    """rad"""
-    estimate: float | None = None
-    """Largest error of the attitude (rad); None: not known"""
-    why: str = ""
-    """Why nothing was estimated."""
+    accuracy: float  # rad
+    estimate: float | None = None  # rad, largest attitude error; None: not known
+    why: str = ""  # reason why nothing was estimated
+    # steps from the start of the run that were flown with the chosen count
     steps: int = 0
-    """So many steps of the run, from its start, were flown with the count that was
-    taken."""
-    tried: Mapping[int, float] = field(default_factory=dict)
-    """Count -> estimate (rad)."""
+    tried: Mapping[int, float] = field(default_factory=dict)  # count -> estimate (rad)
+    # For flights that did not see the whole run: largest turning (rad/s), acceleration
+    # by actuators and change of that (rad/s2).
     reached: tuple[float, float, float] | None = None
-    """Of the flights that did not see the whole run: largest turning (rad/s),
-    acceleration by actuators and change of that (rad/s2)."""
-    flown: int = 0
-    """Substeps of all flights"""
+    flown: int = 0  # substeps of all flights
+    # reason for each repetition of the run
     again: list[str] = field(default_factory=list)
-    """Why the run was made again, each time."""
-    seconds: float = 0.0
-    """CPU time that choosing took"""
+    seconds: float = 0.0  # s, CPU time of the choice
 
     def to_json(self) -> JsonObject:
-        """As the manifest has it."""
+        """Return it as the manifest has it."""
         return {**vars(self), "tried": {str(n): e for n, e in self.tried.items()}}
 
     @classmethod
     def from_json(cls, told: JsonObject) -> SubstepChoice:
-        """From a manifest."""
+        """Read it from a manifest."""
         seen = told["reached"]
         tried = {int(n): e for n, e in told["tried"].items()}
         return cls(**{**told, "tried": tried, "reached": seen and tuple(seen)})
@@ -101,12 +94,15 @@ class SubstepChoice:
 
 @dataclass(frozen=True, eq=False)
 class Manifest(Mapping[str, Any]):
-    """A run's manifest. As a mapping it is its JSON, whose keys are the names of the
-    fields; those of `parts` and `more` stand among them."""
+    """Manifest of a run.
+
+    As a mapping it is its JSON, whose keys are the names of the fields; those of
+    `parts` and `more` stand among them.
+    """
 
     scenario: str = ""
+    # content of the scenario in JSON (`content`)
     about: Mapping[str, Any] = field(default_factory=dict)
-    """What the scenario says, as it travels (`content`)."""
     algorithm: str = ""
     components_as: str = ""
     start: float = 0.0
@@ -120,11 +116,11 @@ class Manifest(Mapping[str, Any]):
     platform: str = ""
     ssp: Mapping[str, str] | None = None
     fmus: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
+    # For each analysis, by its key, the components that it inspects; None where it does
+    # not apply.
     parts: Mapping[str, Any] = field(default_factory=dict)
-    """Of each analysis, by its key, which component is what; None where it does not
-    apply."""
+    # meaning of the values of an output, by component.output
     choices: Mapping[str, Sequence[str]] = field(default_factory=dict)
-    """What the values of an output stand for, by `component.output`."""
     parameters: Table = field(default_factory=dict)
     digest: str = ""
     substep_choice: SubstepChoice | None = None
@@ -133,34 +129,30 @@ class Manifest(Mapping[str, Any]):
     steps: int | None = None
     status: str = "running"
     warnings: Sequence[str] = ()
-    message: str | None = None
-    """None: it is not over."""
+    message: str | None = None  # None: the run is not over
     steps_done: int | str | None = None
     end_time: float | None = None
     stopped_when: Stopped | None = None
+    # the loop that stepped, and why it was not the compiled one
     loop: Mapping[str, str] | None = None
-    """Which loop stepped, and why not the compiled one."""
     wall_seconds: float | str | None = None
     us_per_step: float | str | None = None
     numbers: Mapping[str, Value] = field(default_factory=dict)
+    # those requirements of the scenario that this run can judge, by name
     verdicts: Mapping[str, Verdict] = field(default_factory=dict)
-    """Of the scenario's requirements, by their names, those that this run can judge."""
-    unmet: Sequence[str] = ()
-    """What does not add up: a line for each bound of an analysis that is not kept."""
+    unmet: Sequence[str] = ()  # a line for each bound of an analysis that is exceeded
+    # reason why a number that the run is judged by is missing, by name
     not_checked: Mapping[str, str] = field(default_factory=dict)
-    """Why a number that the run is held against could not be made, by its name."""
+    # totals of the balances that were made while it ran (`energy.Totals`)
     balance: Mapping[str, Any] | None = None
-    """What the balances came to that were made while it ran (`energy.Totals`)."""
-    rows: int | None = None
-    """The rows that hold values, where the file has others too."""
-    exit: int | None = None
-    """The exit code, where the status does not say it."""
+    rows: int | None = None  # rows that hold values, where the file has more
+    exit: int | None = None  # exit code, where the status does not imply it
+    # keys that another version wrote
     more: Mapping[str, Any] = field(default_factory=dict)
-    """What another version has said beside."""
 
     @classmethod
     def of(cls, system: System, options: Options, target: str) -> Manifest:
-        """That of a system before it runs."""
+        """Build the manifest of a system before it runs."""
         path = Path(target)
         return cls(
             scenario=content_of(system.about).name or system.name,
@@ -196,8 +188,11 @@ class Manifest(Mapping[str, Any]):
         )
 
     def varied(self, system: System, changed: Iterable[Component]) -> Manifest:
-        """That of the same system with other values of some components, before it runs;
-        without a digest, which costs more than all else here."""
+        """Return the manifest of the same system with other values of some components.
+
+        It is that before a run, without a digest, which costs more than everything else
+        here.
+        """
         return replace(
             self,
             parts={a.KEY: a.applies(system) for a in analyses()},
@@ -207,26 +202,28 @@ class Manifest(Mapping[str, Any]):
 
     @cached_property
     def content(self) -> Content:
-        """What the scenario says. Raises DesatError where that of another version is
-        not in the language."""
+        """Return the content of the scenario.
+
+        Raises DesatError where that of another version is not in the language.
+        """
         return content_of(self.about)
 
     @property
     def completed(self) -> bool:
-        """Whether the run reached its end."""
+        """Return whether the run reached its end."""
         return self.status == "completed"
 
     @property
     def not_met(self) -> list[str]:
-        """A line for each bound and each requirement that is not met."""
+        """Return a line for each bound and each requirement that is not met."""
         return [*self.unmet, *verdicts.lines(self.verdicts)]
 
     def values_of(self, component: str) -> Values:
-        """The values of a component's parameters by name; none where it is not there."""
+        """Return the values of a component's parameters by name; empty if unknown."""
         return {name: p.value for name, p in self.parameters.get(component, {}).items()}
 
     def to_json(self) -> JsonObject:
-        """As `manifest.json` has it."""
+        """Return the content of `manifest.json`."""
         told: dict[str, Any] = {}
         for f in fields(self):
             value = getattr(self, f.name)
@@ -242,13 +239,14 @@ class Manifest(Mapping[str, Any]):
 
     @classmethod
     def from_json(cls, told: JsonObject) -> Manifest:
-        """Read a manifest, also one of an older version, which lacks some keys, or of a
-        newer one.
+        """Read a manifest, also one of an older or a newer version.
+
+        An older one lacks some keys.
 
         Raises
         ------
         ValueError
-            If a key has not the form that it needs; the text names the key.
+            If a key does not have the form that it needs; the text names the key.
         """
         keys = {f.name for f in fields(cls)} - {"parts", "more"}
         made = {key: x for key, x in told.items() if key in keys}
@@ -275,6 +273,7 @@ class Manifest(Mapping[str, Any]):
 
     @cached_property
     def _json(self) -> JsonObject:
+        """Return the JSON of the manifest, once."""
         return self.to_json()
 
     def __getitem__(self, key: str) -> Any:
@@ -288,6 +287,7 @@ class Manifest(Mapping[str, Any]):
 
 
 def _as_json(x: Any) -> Any:
+    """Convert a value to JSON types."""
     if hasattr(x, "to_json"):
         return x.to_json()
     if isinstance(x, Mapping):
@@ -296,8 +296,7 @@ def _as_json(x: Any) -> Any:
 
 
 def _read(key: str, of: Callable[[Any], Any], told: Any) -> Any:
-    """Return the value of a key as `of` reads it. Raises ValueError, which names the
-    key."""
+    """Read the value of a key with `of`; raise ValueError, which names the key."""
     try:
         return of(told)
     except (ValueError, TypeError, KeyError, AttributeError) as error:

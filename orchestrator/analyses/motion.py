@@ -1,11 +1,10 @@
-"""A rigid body between the rows of a run: attitude, momentum and rate inside every
-step.
+"""Interpolate a rigid body between the rows of a run: attitude, momentum and rate.
 
-From the rows: attitude, rate and external impulse at both ends, the wheels' momentum at
-the start and their torque as mean and slope. The attitude is the polynomial of degree 5
-through values, first and second derivatives at both ends; it errs by (nutation step)^6
-/ 46,080. The momentum goes by the impulse, and by the torque at both ends where that is
-known.
+The rows give attitude, rate and external impulse at both ends of a step, the wheels'
+momentum at the start and their torque as mean and slope. The attitude is the polynomial
+of degree 5 through values, first and second derivatives at both ends; it errs by
+(nutation step)^6 / 46,080. The momentum follows the impulse, and the torque at both
+ends where that is known.
 """
 
 from __future__ import annotations
@@ -30,23 +29,24 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
+# f(e, q): N m, body (steps, 3), at the share e of every step, where the attitudes are
+# q.
 Torque = Callable[[float, Array], Array]
-"""f(e, q): N m, body (steps, 3), at the share e of every step, where the attitudes are
-q."""
 
+# Nodes and weights of Lobatto's quadrature of order 8 over a step, as shares of it. It
+# uses both ends, where everything is known.
 NODES = (0.0, 0.5 - 0.5 * sqrt(3.0 / 7.0), 0.5, 0.5 + 0.5 * sqrt(3.0 / 7.0), 1.0)
 WEIGHTS = (1.0 / 20.0, 49.0 / 180.0, 16.0 / 45.0, 49.0 / 180.0, 1.0 / 20.0)
-"""Of Lobatto's quadrature of order 8 over a step, as shares of it: at both ends all is
-known."""
 
 
-BEYOND = 1e10
-"""So far (m) from what it goes about it goes about the Sun."""
+BEYOND = 1e10  # m: a body farther than this from its centre orbits the Sun
 
 
 def period_of(r: Sequence[float] | Array, v: Sequence[float] | Array) -> float:
-    """The period (s) of the orbit through r (m) with v (m/s); a day for one about the
-    Sun."""
+    """Compute the period (s) of the orbit through r (m) with v (m/s).
+
+    It is a day for an orbit about the Sun.
+    """
     if float(np.linalg.norm(r)) > BEYOND:
         return 86400.0
     axis = 1.0 / (2.0 / float(np.linalg.norm(r)) - float(np.dot(v, v)) / MU)
@@ -54,7 +54,7 @@ def period_of(r: Sequence[float] | Array, v: Sequence[float] | Array) -> float:
 
 
 def _turned(q: Array, omega: Array) -> Array:
-    """1/2 Omega(omega) q, row by row."""
+    """Compute the derivative 1/2 Omega(omega) q, row by row."""
     vector, scalar = q[:, :3], q[:, 3:]
     return 0.5 * np.hstack(
         [
@@ -66,70 +66,64 @@ def _turned(q: Array, omega: Array) -> Array:
 
 @dataclass
 class Steps:
-    """All steps of a run at once; arrays have a row a step, or one more where they say
-    so."""
+    """All steps of a run at once.
 
-    dt: float | Array
-    """s; of each step its own as (steps, 1)"""
-    carrier: Array
-    """J_r (3, 3), kg m2"""
-    axes: Array
-    """(3, wheels)"""
-    q: Array
-    """(steps + 1, 4)"""
-    omega: Array
-    """(steps + 1, 3), rad/s, body"""
-    impulse: Array
-    """(steps + 1, 3), N m s, eci: of the external torque since the start"""
-    h: Array
-    """(steps + 1, wheels), N m s"""
-    mean: Array
-    """(steps, wheels), N m: of the torque on each rotor"""
-    slope: Array
-    """(steps, wheels), N m"""
-    outer: Torque | None = None
-    """External torque; None: its mean by the impulse."""
+    Arrays have a row per step, or one more where they say so.
+    """
+
+    dt: float | Array  # s; (steps, 1) where each step has its own
+    carrier: Array  # J_r (3, 3), kg m2
+    axes: Array  # (3, wheels)
+    q: Array  # (steps + 1, 4)
+    omega: Array  # (steps + 1, 3) rad/s, body
+    impulse: Array  # (steps + 1, 3) N m s, eci: of the external torque since the start
+    h: Array  # (steps + 1, wheels) N m s
+    mean: Array  # (steps, wheels) N m: of the torque on each rotor
+    slope: Array  # (steps, wheels) N m
+    outer: Torque | None = None  # external torque; None: its mean, by the impulse
 
     def __post_init__(self) -> None:
         self.inverse = np.linalg.inv(self.carrier)
         self.gained = np.diff(self.impulse, axis=0)
         spin = self.omega @ self.carrier.T + self.h @ self.axes.T
         self.momentum = rotate_back(self.q, spin)
+        # external torque (N m, body) at the start and at the end of every step
         self.ends = self.torque(0.0, self.q[:-1]), self.torque(1.0, self.q[1:])
-        """The external torque (N m, body) at the start and at the end of every step."""
         self._start = self._edge(0, self.q[:-1], self.omega[:-1], spin[:-1])
         self._end = self._edge(1, self.q[1:], self.omega[1:], spin[1:])
+        # the same in eci
         self.turned = (
             rotate_back(self.q[:-1], self.ends[0]),
             rotate_back(self.q[1:], self.ends[1]),
         )
-        """The same in eci."""
         self._bend = self.dt * (self.turned[1] - self.turned[0])
 
     def torque(self, e: float, q: Array) -> Array:
-        """The external torque (N m, body) at the share e of every step."""
+        """Compute the external torque (N m, body) at the share e of every step."""
         return self.outer(e, q) if self.outer else rotate(q, self.gained / self.dt)
 
     def motors(self, e: float) -> Array:
-        """What the wheels' rotors take from the body (N m, body)."""
+        """Compute the torque that the wheels' rotors take from the body (N m, body)."""
         return np.asarray((self.mean + (e - 0.5) * self.slope) @ self.axes.T)
 
     def _edge(
         self, e: int, q: Array, omega: Array, spin: Array
     ) -> tuple[Array, Array, Array]:
-        """q and its first and second derivative by the share of the step."""
+        """Compute q and its first and second derivative by the share of the step."""
         torque = self.ends[e] - self.motors(e) - cross(omega, spin)
         first = _turned(q, omega)
         second = _turned(q, torque @ self.inverse.T) + _turned(first, omega)
         return q, self.dt * first, self.dt**2 * second
 
     def attitude(self, e: float) -> Array:
-        """q (steps, 4) at the share e of every step."""
+        """Interpolate the attitude (steps, 4) at the share e of every step."""
         z = 1.0 - e
 
         def basis(s: float) -> tuple[float, float, float]:
-            """At s for the value, first and second derivative at 0; 0 with all three at
-            1."""
+            """Compute the Hermite basis for value and two derivatives at 0, at s.
+
+            It is 0 with all three derivatives at 1.
+            """
             c = (1.0 - s) ** 3
             return (
                 c * (1.0 + s * (3.0 + 6.0 * s)),
@@ -144,7 +138,7 @@ class Steps:
         return np.asarray(q / np.linalg.norm(q, axis=1, keepdims=True))
 
     def rate(self, e: float, q: Array) -> Array:
-        """The body's rate (rad/s, body) where its attitude is q."""
+        """Compute the body's rate (rad/s, body) where its attitude is q."""
         h = self.h[:-1] + self.dt * (e * self.mean + 0.5 * (e * e - e) * self.slope)
         total = rotate(
             q, self.momentum[:-1] + e * self.gained + 0.5 * (e * e - e) * self._bend
@@ -152,15 +146,17 @@ class Steps:
         return np.asarray((total - h @ self.axes.T) @ self.inverse.T)
 
 
-# ------------------------------------------------------------------------------------------------
-# The external torque on a rigid body, computed outside it from what the other components recorded.
-# It uses none of the body's code, only its parameters, its attitude and the signals that reach it.
+# --- External torque on a rigid body --------------------------------------------------
+#
+# It is computed outside the body from the series of the other components, without the
+# body's code: only from its parameters, its attitude and its inputs.
 
 
+# For each input the series that feeds it, or its values where none does.
 Feeds = dict[str, str | list[Any]]
-"""Of each input the series that feeds it, or its values where none does."""
 
 BLOCK, FIXED = "spacecraft_rigid", "spacecraft_fixed_attitude"
+# Values for a body that lacks these parameters.
 _ALWAYS: dict[str, Any] = {
     "residual_dipole_body": [0.0, 0.0, 0.0],
     "gravity_gradient": True,
@@ -169,7 +165,6 @@ _ALWAYS: dict[str, Any] = {
     "aerodynamics": "none",
     "radiation": "none",
 }
-"""Of a body that has no such parameter."""
 INPUTS = (
     "r_eci",
     "v_eci",
@@ -188,14 +183,17 @@ INPUTS = (
 
 
 def is_known_body(system: System, body: str) -> bool:
-    """Whether a body is ours, whose torques are known."""
+    """Return whether a body is ours, so that its torques are known."""
     interface = system.components[body].interface
     return interface is not None and interface.model in (BLOCK, FIXED)
 
 
 def feeds(system: System, body: str) -> Feeds | None:
-    """What feeds the inputs of a body; None for another block than ours, and for an
-    input that comes changed (factor, unit) or not at every step."""
+    """Find the series that feed the inputs of a body.
+
+    None for another block than ours, and for an input that arrives changed (factor,
+    unit) or not at every step.
+    """
     component = system.components[body]
     interface = component.interface
     if not is_known_body(system, body):
@@ -230,8 +228,10 @@ def feeds(system: System, body: str) -> Feeds | None:
 def recorded_inputs(
     results: Results, fed: Feeds, rows: slice
 ) -> dict[str, Array] | None:
-    """The inputs of a body in these steps of a run, (steps, elements) each; None where
-    a series is not recorded."""
+    """Return the inputs of a body in these steps of a run, (steps, elements) each.
+
+    None where a series is not recorded.
+    """
     n = rows.stop - rows.start
     known = set(results.names())
     if not {x for x in fed.values() if isinstance(x, str)} <= known:
@@ -247,8 +247,10 @@ def recorded_inputs(
 def torque(
     parameters: Mapping[str, Parameter], x: dict[str, Array], dt: float | Array
 ) -> Torque:
-    """The torque in steps of dt (s) on a body of these parameters (as a manifest has
-    them), its inputs at each being x."""
+    """Build the function of the torque on a body in steps of dt (s).
+
+    The parameters are as a manifest has them, and x are the inputs at each step.
+    """
     given = _ALWAYS | {k: p.value for k, p in parameters.items()}
     inertia = np.reshape(given["inertia"], (3, 3))
     fall = -MU * x["r_eci"] / np.linalg.norm(x["r_eci"], axis=1, keepdims=True) ** 3
@@ -262,7 +264,10 @@ def torque(
     }
 
     def normal_of(k: int, s: Array) -> Array:
-        """Of a plate (rows, 3), which its drive turns to the Sun s (rows, 3), body."""
+        """Compute the normals (rows, 3) of a plate, body.
+
+        Its drive turns it to the Sun s (rows, 3), body.
+        """
         if k not in axes:
             return np.broadcast_to(
                 plates[k, :3] / np.linalg.norm(plates[k, :3]), s.shape
@@ -271,7 +276,10 @@ def torque(
         return np.asarray(across / np.linalg.norm(across, axis=1, keepdims=True))
 
     def drag(v: Array, s: Array) -> Array:
-        """v (m/s, body) through the air, of size |v|; s as of `light`."""
+        """Compute the drag torque (N m, body) at velocity v (m/s, body) through air.
+
+        The direction s to the Sun is as for `light`.
+        """
         head = -0.5 * x["density"] * given["drag_coefficient"]
         if given["aerodynamics"] == "area":
             force = (
@@ -286,7 +294,10 @@ def torque(
         return total
 
     def light(s: Array) -> Array:
-        """s: unit vector to the Sun, body."""
+        """Compute the torque (N m, body) of sunlight.
+
+        The direction s to the Sun is a unit vector, body.
+        """
         pressure = SOLAR_PRESSURE * x["sunlight"]
         if given["radiation"] == "area":
             return cross(
@@ -301,6 +312,7 @@ def torque(
         return total
 
     def at(e: float, q: Array) -> Array:
+        """Compute the external torque (N m, body) at the share e of every step."""
         t, lead = e * dt, e - 0.5
         r = x["r_eci"] + t * x["v_eci"] + 0.5 * t * t * fall
         b = x["b_eci"] + t * x["b_rate_eci"] + 0.5 * t * t * x["b_accel_eci"]

@@ -1,5 +1,4 @@
-"""What a manager of ours needs of a craft to be of any use (`Manager.craft_needs`), and
-what the craft has instead."""
+"""Check whether a craft has what our manager needs (`Manager.craft_needs`)."""
 
 from __future__ import annotations
 
@@ -16,15 +15,15 @@ from ..system.model import Component, System
 from ..system.options import Options
 from ..system.wheels import axes_of, existing
 
-ROWS = 64
-"""An array of more elements is a table."""
-FLAT = 1e-3
-"""Axes count up to this part of the longest."""
+ROWS = 64  # an array of more elements is a table
+FLAT = 1e-3  # axes below this share of the longest singular value do not count
 
 
 def problems(system: System) -> Iterator[str]:
-    """A line for each thing that a manager needs and the craft has not: it would fly
-    without doing anything."""
+    """Yield a line for each need of a manager that the craft does not meet.
+
+    The manager would fly without effect.
+    """
     for c in system.components.values():
         if c.interface.role != "manager" or c.interface.model not in names():
             continue
@@ -43,10 +42,12 @@ def problems(system: System) -> Iterator[str]:
 
 
 def design_problems(system: System, options: Options) -> Iterator[str]:
-    """A line where a manager of ours needs tables made for one craft and has none: of
-    one that is put in another's place, as a design is made with a manager that has none
-    yet. Tables that say what they are made for are looked at by who provides designs
-    (`runs/provider.py`)."""
+    """Yield a line where a manager of ours lacks the tables made for its craft.
+
+    This concerns a manager that replaces another one, because a design is made with a
+    manager that has no tables yet. Tables that declare what they are made for are
+    checked by the provider of designs (`runs/provider.py`).
+    """
     for c in system.components.values() if options.sources else ():
         if c.interface.role != "manager" or c.interface.model not in names():
             continue
@@ -70,18 +71,22 @@ def design_problems(system: System, options: Options) -> Iterator[str]:
 
 
 def _turns(system: System) -> bool:
-    """Whether the craft's attitude is what torques make of it."""
+    """Return whether torques determine the craft's attitude."""
     craft = craft_of(system).spacecraft
     return craft is not None and "omega_start_body" in craft.interface.arrays
 
 
 def _is_off(manager: Component) -> bool:
+    """Return whether a manager is disabled."""
     return "enable" in manager.interface.signals and not manager.values["enable"]
 
 
 def instead(need: Need, system: System, manager: str) -> str:
-    """What a craft has instead of what its manager needs; nothing where it has that, or
-    where it is no matter of wires and hardware."""
+    """Return what a craft has instead of a need of its manager.
+
+    Empty where it meets the need, or where the need does not concern wires and
+    hardware.
+    """
     craft, sends = (
         craft_of(system),
         {output for name, output in system.read if name == manager},
@@ -105,8 +110,10 @@ def instead(need: Need, system: System, manager: str) -> str:
 
 
 def _axes(craft: Component | None) -> int:
-    """How many axes the wheels of a craft span; three where they are ideal ones within
-    it, or it is not known."""
+    """Count the axes that the wheels of a craft span.
+
+    There are three where the wheels are ideal ones within it, or not known.
+    """
     if craft is None or "axes_wheel" not in craft.interface.arrays:
         return 3
     axes = axes_of(craft.values) * existing(craft.values)

@@ -1,7 +1,6 @@
-"""Figures of a craft that contradict each other, or are those of no craft: hardware and
-orbit.
+"""Find figures of hardware and orbit that contradict each other or are implausible.
 
-`desat new craft`, `check`, `run` and `size` all say them.
+`desat new craft`, `check`, `run` and `size` all report them.
 """
 
 from __future__ import annotations
@@ -37,20 +36,18 @@ from .flight import (
 
 Array = NDArray[np.float64]
 
-ROWS = 37  # of an orbit that is looked at
+ROWS = 37  # samples of an orbit
 LARGEST_FIELD = 6e-5  # T, at the ground near a pole
-HARMLESS = (
-    0.5  # share of a wheel up to which an estimate of an orbit's momentum is enough
-)
+# share of a wheel up to which an upper estimate of an orbit's momentum is enough
+HARMLESS = 0.5
 LARGEST_COIL_POWER = 200.0  # W, each; the largest rods take some tens
-SMALLEST_THRESHOLD = (
-    0.01  # share of a wheel's capacity below which a threshold is a slip of units
-)
+# share of a wheel's capacity below which a threshold is likely a wrong unit
+SMALLEST_THRESHOLD = 0.01
 LARGEST_TANK = 0.9  # share of the mass
 
 
 def warnings(system: System) -> Iterator[str]:
-    """Find what is improbable in a checked system, a line each."""
+    """Yield a line for each implausible figure of a checked system."""
     yield from _body(system)
     wheels = craft_of(system).wheels
     if wheels is not None and "inertia_wheel" in wheels.component.values:
@@ -60,6 +57,7 @@ def warnings(system: System) -> Iterator[str]:
 
 
 def _where(system: System, component: Component, name: str) -> str:
+    """Return file and key of a parameter, for messages."""
     return component.given.get(name, system.where)
 
 
@@ -144,11 +142,11 @@ def _coils(system: System) -> Iterator[str]:
         )
 
 
-# --- What an orbit brings into the wheels ------------------------------------
+# --- Momentum of an orbit's disturbances ----------------------------------------------
 
 
 def _orbit_momentum(system: System, wheels: WheelArray) -> Iterator[str]:
-    """Check what an orbit brings into the wheels against what they hold."""
+    """Check the momentum of an orbit's disturbances against the wheels' capacity."""
     craft, capacity = (
         craft_of(system).spacecraft,
         smallest_capacity(wheels.component.values),
@@ -162,7 +160,7 @@ def _orbit_momentum(system: System, wheels: WheelArray) -> Iterator[str]:
     try:
         flight = _orbit(system)
     except (DesatError, BlockError):
-        return  # an attitude or an environment that cannot be looked at without a run
+        return  # attitude or environment are not known without a run
     inverse = np.linalg.pinv(axes)
     span = float(flight.times[-1] - flight.times[0])
     impulse = flight.disturbance - flight.disturbance[0]
@@ -184,11 +182,13 @@ def _orbit_momentum(system: System, wheels: WheelArray) -> Iterator[str]:
 
 
 def _most_in_an_orbit(system: System, craft: Component) -> float:
-    """Estimate from above what disturbances do in an orbit (N m s); inf where it is not
-    known."""
+    """Estimate an upper bound of the disturbances' impulse in an orbit (N m s).
+
+    It is inf where it is not known, and 0 where nothing is known of the environment.
+    """
     environment = craft_of(system).environment
     if environment is None or environment.interface.model not in names():
-        return 0.0  # nothing is known of it
+        return 0.0  # the environment is not known
     try:
         block = environment_block(environment)
         block.output(system.start)
@@ -221,8 +221,7 @@ def _most_in_an_orbit(system: System, craft: Component) -> float:
 
 
 def _lever(values: Values, option: str, area: str) -> float:
-    """Return area times lever (m3) of drag or light, 0 where they are off, inf of
-    plates."""
+    """Return area times lever (m3) of drag or light: 0 if off, inf for plates."""
     if not values.get(option, 0):
         return 0.0
     if values[option] != 1:
@@ -242,8 +241,7 @@ def _given(system: System) -> float:
 
 
 def _orbit(system: System) -> Flight:
-    """Fly an orbit, or a day in deep space, at the wanted attitude and without
-    management."""
+    """Fly an orbit, or a day in deep space, at the reference attitude, unmanaged."""
     block = environment_block(system.roles["environment"], needless(system))
     first = inputs_at(block, [system.start])
     period = motion.period_of(first["r_eci"][0], first["v_eci"][0])

@@ -1,9 +1,9 @@
-"""The standing monitor of a rigid body: does its momentum add up?
+"""Monitor a rigid body: check the balance of its momentum.
 
-The inertial angular momentum of the craft, from its attitude and rate and from the
-momentum that the *wheels* report, less its start and the external impulse, ought to be
-zero. The spacecraft's own copy of the wheels' momentum is not used, so an exchange that
-loses momentum shows.
+The inertial angular momentum of the craft follows from its attitude and rate and from
+the momentum that the *wheels* report. Less its start and the external impulse it should
+be zero. The spacecraft's own copy of the wheels' momentum is not used, so that an
+exchange that loses momentum is detected.
 """
 
 from __future__ import annotations
@@ -34,18 +34,16 @@ Array = NDArray[np.float64]
 KEY = "rigid_body"
 NUMBERS = ("momentum_residual",)
 BOUND_KEYS = ("residual_bound",)
-BOUND = 1e-9
-"""Of the residual, as a share of the largest momentum, where a scenario has no
-`residual_bound`."""
+BOUND = 1e-9  # default of residual_bound: residual as a share of the largest momentum
 BLOCK = "spacecraft_rigid"
-# N m s: the output by which a spacecraft declares its total momentum
+# N m s: output by which a spacecraft declares its total momentum
 TOTAL = "momentum_eci"
 UNKNOWN = f"is no {BLOCK} of ours and declares no total momentum ({TOTAL})"
 
 
 @dataclass(frozen=True)
 class RigidBodyParts(Parts):
-    """The rigid body, and the series of its wheels' momentum."""
+    """Rigid body, and the series of its wheels' momentum."""
 
     spacecraft: str
     wheels: str
@@ -53,23 +51,20 @@ class RigidBodyParts(Parts):
 
 @dataclass(frozen=True)
 class MomentumParts(RigidBodyParts):
-    """The body, and where its total momentum comes from."""
+    """Rigid body, and the source of its total momentum."""
 
-    total: str | None = None
-    """The series of its total momentum, where it declares that"""
-    unknown: str = ""
-    """Why its total momentum is not known"""
+    total: str | None = None  # series of its total momentum, where it declares that
+    unknown: str = ""  # reason why its total momentum is not known
 
 
 PARTS = MomentumParts
 
 
 def applies(system: System) -> MomentumParts | None:
-    """Return which component is the body and where its wheels' momentum comes from, or
-    None.
+    """Find the body and the series of its wheels' momentum, or None without one.
 
-    A body that is not ours may have parts that move. An output `momentum_eci` (N m s)
-    declares its total momentum; without it nothing is known of that.
+    A body that is not ours may have moving parts. An output `momentum_eci` (N m s)
+    declares its total momentum; without it that is not known.
     """
     for body, wire in system.by_input["h_wheel"].items():
         if len(system.components[body].interface.elements.get(TOTAL, ())) == 3:
@@ -83,8 +78,10 @@ def applies(system: System) -> MomentumParts | None:
 
 
 def rigid_body(system: System) -> RigidBodyParts | None:
-    """Return a component with the parameters of a rigid body with wheels, ours or not,
-    or None."""
+    """Find a component with the parameters of a rigid body with wheels, or None.
+
+    It need not be ours.
+    """
     body = craft_of(system).rigid_body
     return (
         None if body is None else RigidBodyParts(body.component.name, body.wheel_series)
@@ -92,8 +89,11 @@ def rigid_body(system: System) -> RigidBodyParts | None:
 
 
 class Momentum(NamedTuple):
-    """Times (s), the residual (rows, 3) in N m s, eci, and the largest momentum (N m
-    s), of the whole or of the wheels."""
+    """Momentum residual of a run.
+
+    It has times (s), the residual (rows, 3) in N m s, eci, and the largest momentum (N
+    m s) of the whole or of the wheels.
+    """
 
     times: Array
     residual: Array
@@ -101,11 +101,15 @@ class Momentum(NamedTuple):
 
 
 def momentum(manifest: Manifest, results: Results) -> Momentum | None:
-    """Of a run; None where there is no rigid body or its series are not recorded."""
+    """Compute the residual of a run, once.
+
+    None where there is no rigid body or its series are not recorded.
+    """
     return results.once(KEY, lambda: _momentum(manifest, results))
 
 
 def _momentum(manifest: Manifest, results: Results) -> Momentum | None:
+    """Compute the residual of a run from its series."""
     body = manifest.parts.get(KEY)
     if body is None or body.unknown:
         return None
@@ -132,33 +136,35 @@ def _momentum(manifest: Manifest, results: Results) -> Momentum | None:
 
 
 def carrier_of(given: Mapping[str, Parameter]) -> tuple[Array, Array]:
-    """(J_r, axes) of a rigid body of these parameters: inertia (3, 3) without the
-    wheels' axial part, kg m2, and the wheels' axes (3, 4)."""
+    """Return J_r (3, 3) in kg m2 and the wheels' axes (3, 4) of a rigid body.
+
+    J_r is the inertia without the wheels' axial part.
+    """
     values = {name: parameter.value for name, parameter in given.items()}
     return carrier_inertia(values), axes_of(values)
 
 
 def balanced(parts: MomentumParts) -> list[str]:
-    """The series that the residual is made of."""
+    """Return the series that the residual is computed from."""
     if parts.total:
         return [parts.total, f"{parts.spacecraft}.impulse_eci", parts.wheels]
     return body_series(parts)
 
 
 def body_series(parts: RigidBodyParts) -> list[str]:
-    """The series of a body's state, of the impulse on it and of its wheels."""
+    """Return the series of a body's state, of the impulse on it and of its wheels."""
     own = [f"{parts.spacecraft}.{n}" for n in ("q_bi", "omega_bi_body", "impulse_eci")]
     return [*own, parts.wheels]
 
 
 def warnings(system: System) -> list[str]:
-    """Why no run of a system can be checked."""
+    """Return a line with the reason why runs of a system cannot be checked, if any."""
     parts = applies(system)
     return not_checked({NUMBERS[0]: parts.unknown}) if parts and parts.unknown else []
 
 
 def numbers(manifest: Manifest, results: Results) -> dict[str, Value]:
-    """The largest residual of a run (N m s)."""
+    """Compute the largest residual of a run (N m s)."""
     series = momentum(manifest, results)
     if series is None:
         return {}
@@ -167,7 +173,7 @@ def numbers(manifest: Manifest, results: Results) -> dict[str, Value]:
 
 
 def unchecked(manifest: Manifest, results: Results) -> dict[str, str]:
-    """Why there is no residual, by the number's name."""
+    """Return the reason why there is no residual, by the number's name."""
     if momentum(manifest, results) is not None:
         return {}
     if why := manifest.parts[KEY].unknown:
@@ -179,14 +185,16 @@ def unchecked(manifest: Manifest, results: Results) -> dict[str, str]:
 
 
 def missing(series: list[str], results: Results) -> str:
-    """Which of these series are not recorded, for people; empty: none."""
+    """Return a text that lists which of the series are not recorded; empty if none."""
     lacking = [s for s in dict.fromkeys(series) if s not in set(results.names())]
     return f"not recorded: {', '.join(lacking)}" if lacking else ""
 
 
 def unmet(manifest: Manifest, results: Results) -> list[str]:
-    """A residual above its bound; not under jacobi, whose exchange is known to lose
-    momentum."""
+    """Return a line if the residual is above its bound.
+
+    Under jacobi it is not checked, because that exchange is known to lose momentum.
+    """
     series = momentum(manifest, results)
     if series is None or manifest.algorithm != "gauss_seidel":
         return []
@@ -198,8 +206,10 @@ def unmet(manifest: Manifest, results: Results) -> list[str]:
 def beyond(
     name: str, number: Value, key: str, bound: float, largest: float
 ) -> list[str]:
-    """A line where a number (N m s) is above its bound, a share of the largest
-    momentum."""
+    """Return a line if a number (N m s) is above its bound.
+
+    The bound is a share of the largest momentum.
+    """
     value = number.value
     if value is None or value <= bound * largest:
         return []
@@ -210,7 +220,7 @@ def beyond(
 
 
 def figures(manifest: Manifest, results: Results) -> list[tuple[str, Figure]]:
-    """The residual over time."""
+    """Draw the residual over time."""
     series = momentum(manifest, results)
     caption = "Momentum residual: momentum lost by the exchange between components"
     return (
@@ -221,8 +231,8 @@ def figures(manifest: Manifest, results: Results) -> list[tuple[str, Figure]]:
 
 
 def plot(times: Array, residual: Array, results: Results) -> Figure:
-    """The residual over time, over the strips of the run's modes."""
-    from ..figures.plots import timeline  # heavy, and only for a report
+    """Draw the residual over time, above the strips of the run's modes."""
+    from ..figures.plots import timeline  # slow import, needed for a report only
     from ..figures.style import COLOURS, figure, time_axis
 
     fig, ax = figure()

@@ -1,4 +1,4 @@
-"""Axes about which no wheel that works turns the craft, though the controller wants it."""
+"""Find axes that the controller commands and about which no working wheel turns."""
 
 from __future__ import annotations
 
@@ -10,19 +10,20 @@ from numpy.typing import NDArray
 from ..system.model import System
 from ..system.wheels import axes_of, existing
 
+# Axes lie in a plane if their smallest singular value, against the largest, is below
+# this.
 FLAT = 1e-3
-"""Axes whose smallest singular value, against the largest, is below this lie in a
-plane."""
 
 
 def warnings(system: System) -> Iterator[str]:
-    """A line each for wheels that leave an axis out, and for what a failure leaves out."""
+    """Yield a line for each axis without a wheel, from the start or after a failure."""
     yield from _axes(system)
 
 
 def _axes(system: System) -> Iterator[str]:
+    """Yield a line for each set of wheels that leaves out an axis."""
     if not system.by_input["tau_ctrl_body"]:
-        return  # nobody wants three axes: a boom, a bias wheel
+        return  # no three-axis control: a boom or a bias wheel
     for c in system.components.values():
         if c.interface.role != "wheels" or "axes_wheel" not in c.interface.arrays:
             continue
@@ -48,7 +49,7 @@ def _axes(system: System) -> Iterator[str]:
 
 
 def _left_out(axes: NDArray[np.float64]) -> str:
-    """The direction that axes (3, n) do not reach, for people; empty: none."""
+    """Return the direction that axes (3, n) do not reach as text; empty if none."""
     left, sizes, _ = (
         np.linalg.svd(axes) if axes.size else (np.eye(3), np.zeros(3), None)
     )

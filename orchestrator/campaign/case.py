@@ -1,4 +1,4 @@
-"""One case of a campaign: a function of plan and number alone, wherever it runs."""
+"""Run one case of a campaign: a function of plan and number alone, wherever it runs."""
 
 from __future__ import annotations
 
@@ -25,29 +25,30 @@ from .plan import CampaignPlan, source, system
 from .sampling import Drawn
 from .store import Batch, CaseRow
 
-POINTS = 200
-"""Parts of a run that an envelope has a value for."""
+POINTS = 200  # parts of a run for which an envelope has a value
 
 
 def batch(
     plan: CampaignPlan, numbers: Sequence[int], attempt: int, versions: str
 ) -> Batch:
-    """Cases of one block, each made for the `attempt`th time, with these versions."""
+    """Run cases of one block, each for the `attempt`th time, with these versions."""
     return Batch.of(row(plan, number, attempt, versions) for number in numbers)
 
 
 def row(
     plan: CampaignPlan, number: int, attempt: int = 1, versions: str = ""
 ) -> CaseRow:
-    """A case as a row: its inputs, its numbers, how it ended. A case that cannot begin
-    is a row that says so. From the second attempt on it is made in a process of its
-    own, which can say what ended it."""
+    """Run a case and return its row: inputs, numbers, and how it ended.
+
+    A case that cannot begin has a row that says so. From the second attempt on it runs
+    in a process of its own, which can report what ended it.
+    """
     clock, values = time.perf_counter(), {}
     try:
         values = plan.values(number)
         made = _ran(plan, values, attempt > 1)
     except DesatError as error:
-        if error.code > STOPPED:  # this process was told to end: it is lost
+        if error.code > STOPPED:  # this process has to end, so its call is lost
             raise SystemExit(int(error.code)) from error
         made = CaseRow("failed", int(error.code), str(error), values=values)
     return replace(
@@ -61,6 +62,7 @@ def row(
 
 
 def _ran(plan: CampaignPlan, values: Mapping[str, Drawn], supervised: bool) -> CaseRow:
+    """Run a case with drawn values, and return its row with envelopes."""
     options = plan.options
     if supervised:
         options = replace(options, supervised=True, call_limit=plan.limit)
@@ -68,6 +70,7 @@ def _ran(plan: CampaignPlan, values: Mapping[str, Drawn], supervised: bool) -> C
     told: dict[str, dict[str, str]] = {}
 
     def look(run: Run) -> None:
+        """Collect the envelopes, titles and units of the run."""
         curves.update(_curves(chosen, run))
         told.update(_described(chosen, values, run))
 
@@ -83,8 +86,10 @@ def _ran(plan: CampaignPlan, values: Mapping[str, Drawn], supervised: bool) -> C
 def _described(
     plots: Mapping[str, Plot], values: Mapping[str, Drawn], run: Run
 ) -> dict[str, dict[str, str]]:
-    """Title and unit of what is drawn, `in.component.variable`, and of envelopes,
-    `curve.PLOT`."""
+    """Return title and unit of drawn values and of envelopes.
+
+    The names are `in.component.variable` and `curve.PLOT`.
+    """
     told = {}
     for name in values:
         owner, _, variable = name.partition(".")
@@ -96,14 +101,17 @@ def _described(
 
 
 def _units(plots: Mapping[str, Plot], run: Run) -> dict[str, str]:
-    """The unit of each plot's axis; none for one whose series the run has not."""
+    """Return the unit of each plot's axis, for plots whose series are recorded."""
     units = {name: unit_of(plot, run.results) for name, plot in plots.items()}
     return {name: unit for name, unit in units.items() if unit is not None}
 
 
 def _curves(plots: Mapping[str, Plot], run: Run) -> dict[str, list[float]]:
-    """Of each plot: the largest size of any of its lines in each part of the run; nan
-    where the run was over."""
+    """Compute the envelope of each plot.
+
+    It is the largest size of any of its lines in each part of the run, and nan where
+    the run was over.
+    """
     start, stop = run.manifest.start, run.manifest.stop
     envelopes = {}
     for name, unit in _units(plots, run).items():
@@ -115,7 +123,10 @@ def _curves(plots: Mapping[str, Plot], run: Run) -> dict[str, list[float]]:
 def _envelope(
     lines: Sequence[tuple[NDArray[Any], NDArray[Any]]], start: float, stop: float
 ) -> list[float]:
-    """Parts without a sample have what lies on the line between their neighbours."""
+    """Compute the largest size of any line in each part of the run.
+
+    Parts without a sample are interpolated linearly between their neighbours.
+    """
     top = np.full(POINTS, np.nan)
     for times, values in lines:
         part = (

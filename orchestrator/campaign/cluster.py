@@ -1,5 +1,7 @@
-"""Cases on a Dask cluster: the same function as on this machine, and the system once
-per worker."""
+"""Run cases on a Dask cluster, with the function used on this machine.
+
+The system is sent once per worker.
+"""
 
 from __future__ import annotations
 
@@ -24,39 +26,43 @@ from .plan import CampaignPlan, digest_of
 from .store import Batch
 from .workers import Lost
 
-WAIT = "15s"
-"""How long a cluster has to answer."""
-LARGEST = 256_000_000
-"""Bytes of a system that are sent to a worker."""
+WAIT = "15s"  # time that a cluster has to answer
+LARGEST = 256_000_000  # bytes: limit of a system that is sent to a worker
 _PARTS = (".toml", ".ssd", ".fmu", ".ssv")
-_LATE = 75
-"""The exit code of a worker that ends itself as a case takes too long."""
+_LATE = 75  # exit code of a worker that ends itself because a case takes too long
+# Settings of Dask that differ from the defaults, here and in the workers of `local:N`.
 SETTINGS = {
     "distributed.comm.timeouts.connect": WAIT,
     "distributed.scheduler.allowed-failures": 0,
     "distributed.worker.daemon": False,
-    # a tree of calls a second, kept for an hour: a worker grew by 0.2 MB a second
+    # the profiler keeps its samples for an hour: a worker grew by 0.2 MB a second
     "distributed.worker.profile.enabled": False,
 }
-"""What of Dask is other than by default: here, and in the workers of `local:N`."""
 
 
 class Unfit(Exception):  # noqa: N818
-    """A worker cannot make the cases of this campaign, which says why."""
+    """Reason why a worker cannot make the cases of this campaign."""
 
 
+# On a worker: digest of a system that is a file -> the file there.
 _shipped: dict[str, str] = {}
-"""On a worker: digest of a system that is a file -> the file here."""
 
 
+# On a worker: result of `_compared_with` for a system.
 _compared: dict[tuple[str, str], str] = {}
-"""On a worker: what `_compare` has said of a system."""
 
 
 def shipped(target: str) -> bytes | None:
-    """What a target is made of, where it is a file: the archive, or a scenario file
-    with the other scenario files and FMUs of its folder, zipped. None for a scenario of
-    ours. Raises DesatError for more than LARGEST bytes."""
+    """Pack the files of a target as a zip archive, or return None for our scenarios.
+
+    The target is an archive, or a scenario file with the other scenario files and FMUs
+    of its folder.
+
+    Raises
+    ------
+    DesatError
+        If they have more than `LARGEST` bytes.
+    """
     path = Path(target)
     if not path.exists():
         return None
@@ -79,7 +85,7 @@ def shipped(target: str) -> bytes | None:
 
 
 def keep(plan: CampaignPlan, data: bytes) -> None:
-    """On a worker: keep a system that is a file for the cases to come."""
+    """On a worker: keep a system that is a file for later cases."""
     if plan.digest not in _shipped:
         folder = library.scratch("run-campaign")
         with zipfile.ZipFile(io.BytesIO(data)) as archive:
@@ -88,7 +94,7 @@ def keep(plan: CampaignPlan, data: bytes) -> None:
 
 
 def _plugin(plan: CampaignPlan, data: bytes) -> Any:
-    """What every worker gets once, also one that comes later."""
+    """Build the plugin that gives every worker the system once, also later ones."""
     from distributed import WorkerPlugin
 
     class System(WorkerPlugin):  # type: ignore[misc]
@@ -101,7 +107,10 @@ def _plugin(plan: CampaignPlan, data: bytes) -> Any:
 
 
 def other(there: Mapping[str, str], here: Mapping[str, str]) -> str:
-    """The first package of a worker that is another one than the head's; empty without."""
+    """Return a text for the first package whose version on a worker differs.
+
+    It is empty where all are the same.
+    """
     for name, version in here.items():
         if there.get(name) != version:
             return f"{name} {there.get(name)}, here it is {version}; the same is needed"
@@ -109,9 +118,11 @@ def other(there: Mapping[str, str], here: Mapping[str, str]) -> str:
 
 
 def unfit(plan: CampaignPlan, sent: bool, here: Mapping[str, str]) -> str:
-    """On a worker, which may have come late: why it cannot make the cases of a
-    campaign; empty where it can. `here`: the head's versions; `sent`: the system is a
-    file."""
+    """On a worker: return the reason why it cannot make the cases of a campaign, or "".
+
+    The worker may have come late. `here` are the versions of the coordinator, and with
+    `sent` the system is a file.
+    """
     if text := other(versions(), here):
         return f"has {text}"
     if sent and plan.digest not in _shipped:
@@ -123,11 +134,12 @@ def unfit(plan: CampaignPlan, sent: bool, here: Mapping[str, str]) -> str:
 
 
 def _here(plan: CampaignPlan, sent: bool) -> CampaignPlan:
-    """On a worker: the plan of the system as it is here."""
+    """On a worker: return the plan with the system as it is there."""
     return replace(plan, target=_shipped[plan.digest]) if sent else plan
 
 
 def _compared_with(plan: CampaignPlan) -> str:
+    """Return the reason why the system of a plan is not the coordinator's, or ""."""
     try:
         there = digest_of(plan.target, plan.options)
     except DesatError as error:
@@ -149,9 +161,11 @@ def on_worker(
     attempt: int,
     told: str,
 ) -> Batch:
-    """On a worker: cases of one block. Those that take too long end their worker, which
-    its nanny replaces. Raises Unfit where the worker has other versions than the head,
-    or another system."""
+    """On a worker: run cases of one block.
+
+    Cases that take too long end their worker, which its nanny replaces. Raises Unfit
+    where the worker has other versions than the coordinator, or another system.
+    """
     if why := unfit(plan, sent, here):
         raise Unfit(why)
     timer = threading.Timer(plan.limit, os._exit, (_LATE,))
@@ -165,8 +179,10 @@ def on_worker(
 
 
 class Cluster:
-    """The workers of a Dask cluster: an address, a scheduler file, or `local:N`
-    processes here."""
+    """Workers of a Dask cluster.
+
+    They are named by an address, a scheduler file, or `local:N` processes here.
+    """
 
     def __init__(self, address: str, plan: CampaignPlan) -> None:
         try:
@@ -187,7 +203,7 @@ class Cluster:
         for name in ("distributed", "distributed.client"):
             logging.getLogger(name).setLevel(
                 logging.CRITICAL + 1
-            )  # we say it in a line
+            )  # errors are reported in a line of ours
         try:
             if address.startswith("local:"):
                 self._local = distributed.LocalCluster(
@@ -230,16 +246,17 @@ class Cluster:
         self._close()
 
     def _close(self) -> None:
+        """Close the client, and a local cluster."""
         self._client.close()
         if self._local is not None:
             self._local.close()
 
     def _unfit(self) -> dict[str, str]:
-        """Of each worker that cannot make these cases, why."""
+        """Return the reason for each worker that cannot make these cases."""
         told = self._client.run(
             unfit, self._plan, self._sent, versions(), on_error="return"
         )
-        # one that dies just now does not answer; one without desat has no such function
+        # a dying worker does not answer; one without desat lacks the function
         return {
             worker: said if isinstance(said, str) else f"cannot be asked: {said}"
             for worker, said in sorted(told.items())
@@ -247,9 +264,11 @@ class Cluster:
         }
 
     def _send_away(self) -> bool:
-        """End the workers that came late and cannot make these cases, a line each: one
-        that only refused them would be free at once for the next. Whether there is or
-        was any."""
+        """Retire late workers that cannot make these cases, with a line each.
+
+        A worker that only refused them would be free for the next ones at once. Returns
+        whether any was ever retired.
+        """
         if found := self._unfit():
             for worker, why in found.items():
                 print(f"worker {worker} {why}: sent away", file=sys.stderr, flush=True)
@@ -258,15 +277,14 @@ class Cluster:
         return bool(self._sent_away)
 
     def submit(self, key: Hashable, *arguments: Any) -> None:
-        """Have cases made: their numbers, which attempt it is, and the versions that
-        rows say."""
+        """Submit cases: their numbers, the attempt, and the versions for their rows."""
         future = self._client.submit(
             on_worker, self._plan, self._sent, versions(), *arguments, pure=False
         )
         future.add_done_callback(lambda ended: self._done.put((key, arguments, ended)))
 
     def ended(self) -> tuple[Hashable, Any]:
-        """The next cases that have ended. Raises RunError where the scheduler is gone."""
+        """Wait for the next cases that end; raise RunError if the scheduler is gone."""
         from distributed import KilledWorker
 
         while True:
@@ -293,6 +311,7 @@ class Cluster:
 
 
 def _whole(address: str) -> int:
+    """Parse the number of workers of `local:N`; raise DesatError for another form."""
     text = address.partition(":")[2]
     if not text.isdecimal() or int(text) < 1:
         raise DesatError(

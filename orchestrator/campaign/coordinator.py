@@ -1,5 +1,4 @@
-"""The head of a campaign: hands out cases, keeps their rows, and goes on where it was
-stopped."""
+"""Coordinate a campaign: hand out cases, keep their rows, and continue later."""
 
 from __future__ import annotations
 
@@ -39,8 +38,7 @@ from .plan import (
 from .sampling import SAMPLINGS, Sampling, allowed, draw_of
 from .workers import Local, Lost, Workers, guarded, results
 
-_EACH = 2.0
-"""Seconds from one status to the next."""
+_EACH = 2.0  # s, from one status to the next
 
 
 def planned(
@@ -54,11 +52,15 @@ def planned(
     keep: Sequence[str] = (),
     limit: float = 600.0,
 ) -> tuple[CampaignPlan, list[str]]:
-    """The plan of a campaign, checked, and warnings. `curves` None: the first plot, if
-    any.
+    """Return the checked plan of a campaign, and warnings.
 
-    Raises DesatError for what is wrong with the system, its dispersions, a requirement,
-    the sampling or what is kept.
+    With `curves` None it has the envelope of the first plot, if there is one.
+
+    Raises
+    ------
+    DesatError
+        If the system, its dispersions, a requirement, the sampling or the series to
+        keep are wrong.
     """
     if sampling not in SAMPLINGS:
         raise DesatError(
@@ -90,7 +92,7 @@ def planned(
         allowed(sampling, count, system)
         first = {**options.values, **draw_of(system, seed, 0, sampling, count)}
     except DesatError:
-        prepare(source, options).or_raise()  # which names file and key
+        prepare(source, options).or_raise()  # its error names file and key
         raise
     case = _first(source, options, first)
     plots = content.plots
@@ -134,7 +136,7 @@ def planned(
 
 
 def _unmissable(content: Content, duration: float) -> list[str]:
-    """Requirements on a time that no run of this length (s) can be above."""
+    """Return a line for each time limit that no run of this length (s) can exceed."""
     return [
         f"requirements.{name}: max = {entry.max:g} s is not before the end of a run, "
         f"{duration:g} s: no case can be above"
@@ -147,18 +149,20 @@ def _unmissable(content: Content, duration: float) -> list[str]:
 
 
 def _power(count: int) -> int:
-    """The least power of two that is not below it."""
+    """Return the smallest power of two that is not below `count`."""
     return 1 << (count - 1).bit_length()
 
 
 def _first(source: Target, options: Options, values: Mapping[str, Any]) -> Case:
-    """The first case. Raises DesatError where it is none."""
+    """Prepare the first case; raise DesatError where it is wrong."""
     case = prepare(source, replace(options, values=values))
     try:
         case.or_raise()
         return case
     except DesatError as error:
-        prepare(source, options).or_raise()  # not only of what is drawn
+        prepare(
+            source, options
+        ).or_raise()  # an error independent of the drawn values comes first
         raise DesatError(f"{source.text}: case 0: {error}") from error
 
 
@@ -170,14 +174,18 @@ def run(
     progress: bool = True,
     accept_versions: bool = False,
 ) -> None:
-    """Make the cases of a campaign that are not there yet, and keep the series of those
-    that are to be kept. What is done when it is stopped, however, is there when it goes
-    on; with other versions of what computes where these are accepted.
+    """Run the missing cases of a campaign, and keep the series that the plan selects.
 
-    Raises DesatError where the folder has another campaign, one of other versions, or
-    where another head is at work in it.
+    Whatever is done when it is stopped is not repeated when it continues. It may
+    continue with other versions of the packages that compute, if these are accepted.
+
+    Raises
+    ------
+    DesatError
+        If the folder has another campaign or one of other versions, or if another
+        coordinator is at work in it.
     """
-    guarded()  # it cannot claim what its head has
+    guarded()  # a worker cannot claim the folder of its coordinator
     with claimed(folder):
         _run(plan, folder, jobs, cluster, progress, accept_versions)
 
@@ -190,6 +198,7 @@ def _run(
     progress: bool,
     accept_versions: bool,
 ) -> None:
+    """Run a campaign in a folder that is claimed."""
     longer = False
     if (folder / PLAN).exists():
         joined(old := read(folder), plan, folder)
@@ -204,7 +213,7 @@ def _run(
     plan.write(folder)
     rows = store.Store(folder, plan.count)
     if longer:
-        rows.forget(Exit.TIMEOUT)  # they may have time enough now
+        rows.forget(Exit.TIMEOUT)  # the new limit may suffice
     at = Progressed(plan.count, rows.done(), rows.failed())
     at.first = at.done
     write_json(folder / STATUS, at.as_json("running"))
@@ -220,10 +229,11 @@ def _run(
 
 
 def _workers(plan: CampaignPlan, jobs: int, cluster: str | None) -> Workers:
+    """Return the pool that runs the cases, local or on a cluster."""
     if cluster is None:
         return Local(
             batch, jobs, 1.25 * plan.limit + 2.0
-        )  # a supervised case ends itself before
+        )  # a supervised case ends itself earlier
     from .cluster import Cluster
 
     return Cluster(cluster, plan)
@@ -237,11 +247,13 @@ def _make(
     folder: Path,
     progress: bool,
 ) -> None:
+    """Run the missing cases, add their rows, and write the status now and then."""
     local, versions = isinstance(workers, Local), versions_here()
     attempts: dict[int, int] = {}
     sizes = _Sizes(plan, workers.size)
 
     def task(numbers: Sequence[int], attempt: int = 1) -> tuple[Any, tuple[Any, ...]]:
+        """Return key and arguments of a call that runs these cases."""
         key = tuple(numbers)
         return key, (plan, key, attempt, versions) if local else (
             key,
@@ -252,7 +264,8 @@ def _make(
     def again(
         numbers: Sequence[int], reason: Lost
     ) -> list[tuple[Any, tuple[Any, ...]]]:
-        if len(numbers) > 1:  # one of them, nobody knows which
+        """Return the calls that replace a lost one: its cases singly, then retries."""
+        if len(numbers) > 1:  # it is not known which of them was lost
             return [task([number]) for number in numbers]
         attempts[numbers[0]] = attempt = attempts.get(numbers[0], 1) + 1
         return [task(numbers, attempt)] if attempt <= _TRIES else []
@@ -275,9 +288,12 @@ def _make(
 
 
 class _Sizes:
-    """How many cases are handed out together: as many as take TOGETHER s (and a quarter
-    of the limit of one), so that the head has little to do for each; fewer towards the
-    end, where each worker is to have some."""
+    """Number of cases that are handed out together.
+
+    They take at most `TOGETHER` s, or a quarter of the limit of one case where that is
+    shorter, so that the coordinator has little to do for each. Towards the end the
+    number falls, so that each worker has some.
+    """
 
     def __init__(self, plan: CampaignPlan, workers: int) -> None:
         self._workers = workers
@@ -285,19 +301,19 @@ class _Sizes:
         self._seconds, self._cases, self._recent = 0.0, 0, math.inf
 
     def learn(self, made: Sequence[store.CaseRow]) -> None:
-        """From cases that are over."""
+        """Update the time per case from cases that are over."""
         seconds = sum(row.seconds or 0.0 for row in made)
         self._seconds, self._cases = self._seconds + seconds, self._cases + len(made)
         self._recent = max(seconds / len(made), self._seconds / self._cases)
 
     def next(self, left: int) -> int:
-        """Of so many cases that are not handed out yet."""
+        """Choose the number of cases to hand out next, with `left` cases remaining."""
         most = self._longest / max(self._recent, 1e-6)
         return max(1, min(store.BLOCK, int(most), left // (_SHARES * self._workers)))
 
 
 def _together(missing: Sequence[int], sizes: _Sizes) -> Iterator[Sequence[int]]:
-    """Cases to hand out together, none from two blocks."""
+    """Yield cases to hand out together, none from two blocks."""
     first = 0
     while first < len(missing):
         last = first + sizes.next(len(missing) - first)
@@ -307,24 +323,26 @@ def _together(missing: Sequence[int], sizes: _Sizes) -> Iterator[Sequence[int]]:
 
 
 def _without_row(plan: CampaignPlan, number: int, reason: Lost) -> store.CaseRow:
-    """The row of a case that never gave one."""
+    """Build the row of a case that never returned one."""
     made = store.CaseRow(**vars(lost(reason)))
     return replace(made, number=number, values=plan.values(number), attempts=_TRIES)
 
 
-TOGETHER = 2.0
-"""How long cases that are handed out together may take, s."""
+TOGETHER = 2.0  # s, that cases which are handed out together may take
+# each worker gets at most one part in _SHARES of its share of the remaining cases at
+# once
 _SHARES = 4
-"""Of what is left each worker gets at most this part at once."""
+# Attempts of a case whose process dies. Repeated attempts are supervised, which names
+# the cause; after the last one the case has no row of its own.
 _TRIES = 3
-"""A case whose process dies is made again, supervised, which names the cause; one that
-is lost so often has no row of its own."""
 
 
 def cases_to_keep(plan: CampaignPlan, folder: Path) -> list[int]:
-    """The cases that are to be kept: the worst are those with the largest number, or
-    with the least where a requirement on it has only a `min`; those that never reach it
-    first."""
+    """Find the cases that are to be kept.
+
+    The worst cases are those with the largest number, or with the smallest where a
+    requirement on it has only a `min`. Those that never reach it come first.
+    """
     from .plan import system
 
     content = content_of(system(plan).about)
@@ -339,7 +357,7 @@ def cases_to_keep(plan: CampaignPlan, folder: Path) -> list[int]:
 
 
 def unreached(plan: CampaignPlan, folder: Path) -> list[str]:
-    """What of `--keep` goes by a number that no case has, or none reaches: a line each."""
+    """Return a line for each `--keep` whose number no case has, or none reaches."""
     lines = []
     for keep in plan.keep:
         if not (number := keep.number):
@@ -358,8 +376,10 @@ def unreached(plan: CampaignPlan, folder: Path) -> list[str]:
 
 
 def worst(folder: Path, number: str, count: int, least: bool = False) -> list[int]:
-    """The completed cases that never reach a number, then those with its largest (or
-    least) values, worst first."""
+    """Return the worst completed cases by a number, worst first.
+
+    Those that never reach it come before those with its largest (or smallest) values.
+    """
     table = store.read(folder, columns=["case", "status", f"out.{number}"])
     if f"out.{number}" not in table.column_names:
         return []
@@ -379,7 +399,7 @@ def worst(folder: Path, number: str, count: int, least: bool = False) -> list[in
 
 
 def _keep(plan: CampaignPlan, folder: Path, jobs: int) -> None:
-    """Make the series of the cases that are to be kept: the same bits again."""
+    """Run the cases to be kept again for their series, which gives the same bits."""
     todo = [n for n in cases_to_keep(plan, folder) if not _is_kept(kept_in(folder, n))]
     if not todo:
         return
@@ -395,8 +415,10 @@ def _keep(plan: CampaignPlan, folder: Path, jobs: int) -> None:
 
 
 def _is_kept(folder: Path) -> bool:
-    """Whether a case was run to its own end there, and not to that of a disk or of its
-    head."""
+    """Return whether a case ran there to its own end.
+
+    It did not if the disk was full, or its coordinator ended.
+    """
     try:
         status = str(store.table(folder / "manifest.json").get("status"))
     except (FileNotFoundError, DesatError):
@@ -405,20 +427,24 @@ def _is_kept(folder: Path) -> bool:
 
 
 def _keep_series(plan: CampaignPlan, number: int, into: Path) -> None:
+    """Run a case again and keep its series.
+
+    A case that cannot begin has no series, and its row says why.
+    """
     try:
         repeat(plan, number, into).results.close()
     except DesatError as error:
         if getattr(error, "code", 0) == Exit.SPACE:
             raise
-        # else it cannot begin and has no series; its row says why
+        # otherwise the case cannot begin and has no series; its row says why
 
 
 def kept_in(folder: Path, number: int) -> Path:
-    """The run folder of a case that is kept."""
+    """Return the run folder of a case that is kept."""
     return folder / "kept" / f"{number:06}"
 
 
-# --- How far a campaign is, for people and for programs -------------------------------
+# --- Progress of a campaign -----------------------------------------------------------
 
 
 STATUS = "status.json"
@@ -426,7 +452,7 @@ STATUS = "status.json"
 
 @dataclass
 class Progressed:
-    """How far a campaign is."""
+    """Progress of a campaign."""
 
     count: int
     done: int
@@ -436,11 +462,11 @@ class Progressed:
 
     @property
     def rate(self) -> float:
-        """Cases a second since this head began."""
+        """Return the cases per second since this coordinator began."""
         return (self.done - self.first) / max(time.monotonic() - self.began, 1e-9)
 
     def as_json(self, state: str) -> JsonObject:
-        """What `status.json` says."""
+        """Return the content of `status.json`."""
         left = (self.count - self.done) / self.rate if self.rate else None
         return {
             "state": state,
@@ -455,8 +481,13 @@ class Progressed:
 
 
 def status(folder: Path) -> JsonObject:
-    """How far a campaign is, as its head wrote last. Raises DesatError where there is
-    none."""
+    """Read the progress of a campaign, as its coordinator wrote it last.
+
+    Raises
+    ------
+    DesatError
+        If there is no campaign.
+    """
     plan = read(folder)
     blank = {"state": "running", "count": plan.count, "done": 0, "failed": 0}
     try:
@@ -474,6 +505,7 @@ def status(folder: Path) -> JsonObject:
 
 
 def _lives(pid: int) -> bool:
+    """Return whether a process exists."""
     try:
         os.kill(pid, 0)
     except ProcessLookupError:

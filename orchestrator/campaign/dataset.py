@@ -1,5 +1,7 @@
-"""A campaign as an xarray data set: `in.*` what was drawn and `out.*` the numbers over
-`case`, or the envelopes of curves; read when they are looked at."""
+"""Convert a campaign to an xarray data set that is read on access.
+
+It has drawn values `in.*` and numbers `out.*` over `case`, or the envelopes of curves.
+"""
 
 from __future__ import annotations
 
@@ -18,8 +20,15 @@ from .plan import read
 
 
 def of_campaign(folder: Path, curves: bool = False) -> xr.Dataset:
-    """The cases of a campaign, a column each; or of each of its curves the envelopes
-    (case, part). Raises DesatError where no case is there yet."""
+    """Build the data set of the cases of a campaign, a variable per column.
+
+    With `curves` it has the envelopes (case, part) of each curve instead.
+
+    Raises
+    ------
+    DesatError
+        If there are no cases yet.
+    """
     plan = read(folder)
     cases = store.read(folder, columns=["case"])["case"].to_numpy()
     described = store.described(folder)
@@ -30,7 +39,7 @@ def of_campaign(folder: Path, curves: bool = False) -> xr.Dataset:
         lazy = Lazy(
             (len(cases),), _dtype(field.type), _column(folder, field.name, cases)
         )
-        # what is drawn is told of as a whole, and has a column an element
+        # drawn arrays are described as a whole, but have a column per element
         told = described.get(field.name.removeprefix("out.").partition("[")[0], {})
         variables[field.name] = lazy.variable(
             ("case",),
@@ -56,13 +65,18 @@ def of_campaign(folder: Path, curves: bool = False) -> xr.Dataset:
 
 
 def _dtype(kind: Any) -> Any:
+    """Return the numpy type of a column."""
     return np.dtype({"double": "f8", "int64": "i8", "int32": "i4"}.get(str(kind), "O"))
 
 
 def _column(folder: Path, name: str, cases: Any) -> Callable[[Any], Any]:
-    """Of these cases, in their order: others may have come since."""
+    """Build the function that reads a column for these cases, in their order.
+
+    Other cases may have come since.
+    """
 
     def read(key: tuple[Any, ...]) -> Any:
+        """Read the column, and select cases by an index."""
         table = store.read(folder, columns=["case", name])
         if name not in table.column_names:
             return np.full(len(cases), np.nan)[key]
@@ -77,7 +91,10 @@ def _column(folder: Path, name: str, cases: Any) -> Callable[[Any], Any]:
 
 
 def _envelopes(folder: Path, name: str, cases: Any) -> Callable[[Any], Any]:
+    """Build the function that reads the envelopes of a curve for these cases."""
+
     def read(key: tuple[Any, ...]) -> Any:
+        """Read the envelopes, and select by an index; nan for cases without one."""
         table = store.read(folder, store.CURVES)
         known = (
             table[name].to_pylist()

@@ -1,5 +1,7 @@
-"""Seeded draws of a scenario's dispersions (`sampling.py`), over processes, one row a
-draw."""
+"""Run seeded draws of a scenario's dispersions over processes, one row a draw.
+
+The values are drawn in `sampling.py`.
+"""
 
 from __future__ import annotations
 
@@ -24,13 +26,12 @@ from .sampling import Drawn, draw_of
 from .spread import Spread, spreads, to_json
 from .workers import Here, Local, Lost, Workers, results
 
-STOPPED = 128
-"""Exit codes above are those of somebody who stopped the run."""
+STOPPED = 128  # exit codes above this are those of a run that somebody stopped
 
 
 @dataclass(frozen=True)
 class RunRow:
-    """A run as a row: how it ended, its numbers, and the values that it was given."""
+    """Row of a run: how it ended, its numbers, and the values that were set."""
 
     status: str
     code: int
@@ -39,18 +40,17 @@ class RunRow:
     stopped_when: Stopped | None = None
     numbers: Mapping[str, float | None] = field(default_factory=dict)
     values: Mapping[str, Drawn] = field(default_factory=dict)
+    # title and unit of the numbers, and of other values of a row
     described: Mapping[str, dict[str, str]] = field(default_factory=dict)
-    """Title and unit of the numbers, and of what else a row has."""
-    number: int | None = None
-    """Of the draw, or of the case; None: nothing was drawn."""
+    number: int | None = None  # of the draw or of the case; None: nothing was drawn
 
     @property
     def completed(self) -> bool:
-        """Whether the run reached its end."""
+        """Return whether the run reached its end."""
         return self.status == "completed"
 
     def to_json(self) -> JsonObject:
-        """As `draws` gives it."""
+        """Return the row as `draws` reports it."""
         return {
             "draw": self.number,
             "status": self.status,
@@ -67,7 +67,7 @@ class RunRow:
 
 @dataclass(frozen=True)
 class Draws:
-    """Draws of a scenario: a row each, and the spreads of their numbers."""
+    """Draws of a scenario: one row each, and the spreads of their numbers."""
 
     scenario: str
     seed: int
@@ -76,7 +76,7 @@ class Draws:
     warnings: Sequence[str]
 
     def to_json(self) -> JsonObject:
-        """Return what `desat.draws` gives."""
+        """Return the draws as `desat.draws` reports them."""
         return {
             "scenario": self.scenario,
             "seed": self.seed,
@@ -89,7 +89,7 @@ class Draws:
 
 @dataclass(frozen=True)
 class SweepPoint:
-    """A combination of values, and the rows of its runs."""
+    """Combination of values, with the rows of its runs."""
 
     values: Mapping[str, Any]
     rows: Sequence[RunRow]
@@ -97,7 +97,7 @@ class SweepPoint:
 
     @property
     def has_draws(self) -> bool:
-        """Return whether its runs are draws."""
+        """Return whether the runs are draws."""
         return self.worst.number is not None
 
     @property
@@ -131,7 +131,7 @@ class SweepPoint:
 
 @dataclass(frozen=True)
 class Sweep:
-    """A system at every combination of some parameters' values."""
+    """System at every combination of some parameters' values."""
 
     scenario: str
     axes: Mapping[str, Sequence[Any]]
@@ -142,19 +142,21 @@ class Sweep:
     warnings: Sequence[str]
 
     def to_json(self) -> JsonObject:
-        """Return what `desat sweep --json` prints."""
+        """Return the sweep as `desat sweep --json` prints it."""
         return {**vars(self), "points": [point.to_json() for point in self.points]}
 
 
 def _count_stopped(rows: Sequence[RunRow]) -> int:
-    """Return how many runs ended early."""
+    """Count the runs that ended early."""
     return sum(row.stopped_when is not None for row in rows)
 
 
 class One:
-    """Makes runs of sources, by target: each is read once a process. (They are not sent
-    to those that start: what is larger than a pipe blocks where one ends before it has
-    read it.)"""
+    """Runner of sources by target, which reads each once a process.
+
+    (Sources are not sent to processes that start: an object larger than a pipe blocks
+    if the process ends before it has read it.)
+    """
 
     def __init__(self, *known: Target) -> None:
         self._known = {source.text: source for source in known}
@@ -162,17 +164,19 @@ class One:
     def __call__(
         self, target: str, options: Options, seed: int, draw: int | None
     ) -> RunRow:
-        """`one` of a target."""
+        """Run a draw of a target (`one`)."""
         if target not in self._known:
             self._known[target] = read(target)
         return one(self._known[target], options, seed, draw)
 
 
 def one(source: Target, options: Options, seed: int, draw: int | None) -> RunRow:
-    """A run with the values drawn (`draw` None: nothing is).
+    """Run a source with drawn values; with `draw` None nothing is drawn.
 
-    Raises DesatError, which names target and draw, for one that could not begin or was
-    stopped.
+    Raises
+    ------
+    DesatError
+        If the run could not begin or was stopped; the message names target and draw.
     """
     target = source.text
     values = {} if draw is None else draw_of(source.to_draw(options.blocks), seed, draw)
@@ -191,8 +195,11 @@ def ran(
     also: Sequence[str] = (),
     look: Callable[[Run], None] = lambda run: None,
 ) -> RunRow:
-    """A run with some values, at which `look` may look; recorded is what the numbers
-    are made of, and `also`."""
+    """Run a source with some values, and return its row.
+
+    Recorded are the series that the numbers need, and `also`. `look` may inspect the
+    run before its results are closed.
+    """
     case = with_values(source, replace(options, values={**options.values, **values}))
     system, _ = case.or_raise()
     if options.record == ("*",):
@@ -202,7 +209,7 @@ def ran(
     if run.code > STOPPED:
         run.or_raise(source.text)
     told = run.manifest
-    # requirements are of all draws or cases together, not of one
+    # requirements apply to all draws or cases together, not to one
     code = Exit.COMPLETED if run.ok and not told.unmet else run.code
     row = RunRow(
         told.status,
@@ -220,12 +227,14 @@ def ran(
 
 
 def series_of_numbers(system: System) -> tuple[str, ...]:
-    """What the numbers of a run are made of, and what it is judged by; the rest need
-    not be recorded."""
+    """Return the series that the numbers and checks of a run need.
+
+    The others need not be recorded.
+    """
     content = content_of(system.about)
     needed = tuple(needed_signals(content))
     if system.substeps == AUTO and (parts := coverage.applies(system)):
-        needed += tuple(parts.series)  # it looks at them again
+        needed += tuple(parts.series)  # the substep choice checks them again
     for analysis in analyses():
         if parts := analysis.applies(system):
             needed += tuple(analysis.signals(parts))
@@ -235,15 +244,18 @@ def series_of_numbers(system: System) -> tuple[str, ...]:
 
 
 def _asks_for(content: Content, analysis: Analysis) -> bool:
-    """Whether a scenario asks for what an analysis makes of series that draws need not
-    record: by its bound, or a requirement on one of its numbers."""
+    """Return whether a scenario needs those series of an analysis that draws may omit.
+
+    It does if it sets a bound of the analysis, or has a requirement on one of its
+    numbers.
+    """
     wanted = {r.number for r in content.requirements.values()}
     asked = content.written.keys() & set(analysis.BOUND_KEYS)
     return bool(asked or wanted & set(analysis.NUMBERS))
 
 
 def never(system: Builder, options: Options) -> list[str]:
-    """What the options give a value that is drawn instead: a line each."""
+    """Return a line for each option that sets a value which is drawn instead."""
     names = [*(text.partition("=")[0] for text in options.sets), *options.values]
     return [
         f"--set {name}: {'it' if name == what else what} is sampled, and so never has this "
@@ -255,14 +267,14 @@ def never(system: Builder, options: Options) -> list[str]:
 
 
 def lost(reason: Lost) -> RunRow:
-    """The row of a run that never came back."""
+    """Return the row of a run that never came back."""
     return RunRow(
         "failed", int(Exit.TIMEOUT if reason.timeout else Exit.COMPONENT), reason.why
     )
 
 
 def needed_signals(content: Content) -> list[str]:
-    """What a scenario's numbers are made of; the rest need not be recorded."""
+    """Return the series that a scenario's numbers need."""
     return sorted({s for number in content.numbers.values() for s in number.signals})
 
 
@@ -273,15 +285,16 @@ def rows_of(
     progress: bool,
     *known: Target,
 ) -> list[RunRow]:
-    """The row (`one`) of each task, over so many processes; `known`: sources read
-    before.
+    """Run all tasks (`one`) over `jobs` processes, and return their rows.
 
-    A run whose process dies is made again in a process of its own, which can say why;
-    with one process, which is this one, each is.
+    The sources in `known` are not read again. A run whose process dies is repeated in a
+    supervised process, which can report the reason. With one job, which is this
+    process, every run is supervised.
     """
     jobs, tried = max(1, min(jobs, len(tasks))), set()
 
     def again(key: Any, reason: Lost) -> list[tuple[Any, tuple[Any, ...]]]:
+        """Return the supervised repetition of a lost run, once."""
         if key in tried:
             return []
         tried.add(key)
@@ -313,9 +326,9 @@ def draws(
     progress: bool = False,
     first: int = 0,
 ) -> Draws:
-    """Run the draws from `first` to before `count` and return rows and, for each
-    number, median, least and largest.
+    """Run the draws from `first` to before `count`, and summarise their numbers.
 
+    The result has the rows and, for each number, median, smallest and largest value.
     Draw i of a seed is the same whatever the count and the number of processes.
     """
     source = read(target) if isinstance(target, str) else target
@@ -337,7 +350,7 @@ def draws(
 
 
 def whole_numbers(target: str, **given: tuple[Any, int]) -> None:
-    """Raises DesatError for what is no integer, or below its least value."""
+    """Raise DesatError for a value that is no integer, or is below its lower bound."""
     for name, (value, least) in given.items():
         if not isinstance(value, int) or isinstance(value, bool) or value < least:
             raise DesatError(
@@ -346,20 +359,26 @@ def whole_numbers(target: str, **given: tuple[Any, int]) -> None:
 
 
 def summary(rows: Sequence[RunRow], late: Collection[str]) -> dict[str, Spread]:
-    """`spreads` of each number of the draws that completed."""
+    """Compute the `spreads` of each number of the draws that completed."""
     whole = [r for r in rows if r.completed]
     described = whole[0].described if whole else {}
     units = {name: d["unit"] for name, d in described.items()}
     return spreads([r.numbers for r in whole], units, late)
 
 
-# --- `desat sweep`: a system at every combination of some parameters' values, and its numbers ---
+# --- Sweeps over combinations of parameter values -------------------------------------
 
 
 def axes_of(texts: Sequence[str]) -> dict[str, list[Any]]:
-    """`component.parameter` -> its values, from texts as `manager.gain=1,2,3`; arrays
-    have `;` between them. Raises DesatError for another form, and a name that comes
-    twice."""
+    """Parse texts as `manager.gain=1,2,3` to `component.parameter` -> its values.
+
+    Array values are separated by `;`.
+
+    Raises
+    ------
+    DesatError
+        If a text has another form, or a name comes twice.
+    """
     axes: dict[str, list[Any]] = {}
     for text in texts:
         name, _, values = text.partition("=")
@@ -382,12 +401,15 @@ def sweep(
     draws: int = 0,
     seed: int = 1,
 ) -> Sweep:
-    """Run a system at the product of the axes' values ("component.parameter" -> values
-    in SI).
+    """Run a system at the product of the axes' values.
 
-    With `draws`, so many seeded draws are run at each combination, and its numbers are
-    medians. Raises DesatError for what is unknown or out of bounds, and for an axis
-    that is drawn.
+    The axes are "component.parameter" -> values in SI. With `draws`, that number of
+    seeded draws runs at each combination, and its numbers are medians.
+
+    Raises
+    ------
+    DesatError
+        If a parameter is unknown, a value is out of bounds, or an axis is also drawn.
     """
     options = options or Options()
     if not axes or not all(axes.values()):
@@ -433,8 +455,10 @@ def sweep(
 def _warnings(
     source: Target, axes: Mapping[str, Sequence[Any]], options: Options
 ) -> list[str]:
-    """The warnings of each value beside the others' first. Raises DesatError for what
-    is wrong."""
+    """Collect the warnings for each value, with the first value of all other axes.
+
+    Raises DesatError for problems.
+    """
     first = {name: values[0] for name, values in axes.items()}
     tried = [
         first,

@@ -1,5 +1,4 @@
-"""A requirement over the cases of a campaign: how many are outside, and what that
-shows."""
+"""Judge a requirement over the cases of a campaign, with its confidence."""
 
 from __future__ import annotations
 
@@ -21,9 +20,11 @@ from ..system.typed import JsonObject
 
 @dataclass(frozen=True)
 class CaseVerdict:
-    """A requirement over the cases: how many are within and outside, with which
-    interval, and whether that shows that it is met; how many more would. Shares are in
-    %."""
+    """Verdict on a requirement over the cases.
+
+    It has the numbers of cases within and outside with the interval, whether that shows
+    that the requirement is met, and how many more cases would. Shares are in %.
+    """
 
     requirement: Requirement
     n: int
@@ -34,10 +35,8 @@ class CaseVerdict:
     interval_outside: Sequence[float]
     shown_within: float
     met: bool
-    cases_outside: Sequence[int]
-    """The first ten."""
-    commands: Sequence[str]
-    """Of the first three, to make them again."""
+    cases_outside: Sequence[int]  # the first ten
+    commands: Sequence[str]  # of the first three, to run them again
     more_cases: int | None
     for_half_the_width: int | None
     unit: str
@@ -60,8 +59,10 @@ def requirement(
     folder: Path,
     unit: str = "",
 ) -> CaseVerdict:
-    """How many cases are within a requirement, and whether that shows that it is met. A
-    case that failed, or has not the number, or an infinite one, is outside."""
+    """Count the cases within a requirement, and judge whether it is shown to be met.
+
+    A case that failed, lacks the number, or has an infinite one, is outside.
+    """
     probability, confidence = entry.probability, entry.confidence
     values = out.get(entry.number, np.full(len(cases), np.nan))
     within = completed & entry.holds(values)
@@ -88,12 +89,16 @@ def requirement(
 
 
 def more(n: int, inside: int, probability: float, confidence: float) -> int | None:
-    """How many more cases would show the requirement met, and go on to show it with any
-    number above, if the share outside stayed as it is; 0 where it is shown, None where
-    more cannot."""
+    """Compute how many more cases would show that the requirement is met.
+
+    With that number and any larger one it is shown, if the share outside stays as it
+    is. The result is 0 where it is shown already, and None where more cases cannot show
+    it.
+    """
     share = (n - inside) / n
 
     def shown(total: int, outside: int) -> bool:
+        """Return whether a total with `outside` cases outside shows it met."""
         low = clopper_pearson(total - outside, total, 2.0 * confidence - 1.0)[0]
         return bool(low >= 100.0 * probability)
 
@@ -104,10 +109,11 @@ def more(n: int, inside: int, probability: float, confidence: float) -> int | No
     if not share:
         few = bisect_left(range(n, _MOST), True, key=lambda total: shown(total, 0))
         return few if n + few < _MOST else None
-    # with one more outside a total shows least: these are the totals that decide
+    # each further case outside makes a total show least: check these totals
     first = n - inside + 1
 
     def least(outside: int) -> int:
+        """Return the smallest total with `outside` cases outside at this share."""
         return math.ceil((outside - 0.5) / share)  # the share rounded to whole cases
 
     last = int(share * _MOST)
@@ -123,10 +129,13 @@ def more(n: int, inside: int, probability: float, confidence: float) -> int | No
 
 
 def for_half_the_width(n: int, outside: int, confidence: float) -> int | None:
-    """How many more cases would make the interval of the share outside half as wide, if
-    that share stayed as it is; None where so many are not made."""
+    """Compute how many more cases would halve the interval of the share outside.
+
+    The share itself is assumed constant. None where the number is too large.
+    """
 
     def width(total: int) -> float:
+        """Return the width (%) of the interval for a total number of cases."""
         low, high = clopper_pearson(round(outside / n * total), total, confidence)
         return high - low
 
@@ -135,10 +144,9 @@ def for_half_the_width(n: int, outside: int, confidence: float) -> int | None:
     return few if n + few < _MOST else None
 
 
-_MOST = 10_000_000
-"""More cases are not told of."""
+_MOST = 10_000_000  # a larger number of cases is not reported
 
 
 def rerun(folder: Path, case: int | str) -> str:
-    """The command that makes a case again."""
+    """Return the command that runs a case again."""
     return f"desat campaign case {shlex.quote(str(folder))} {case}"

@@ -1,8 +1,8 @@
-"""Paired differences: two scenarios that fly the same draws, number by number.
+"""Compute paired differences: two scenarios fly the same draws, number by number.
 
-What is drawn depends on seed, draw and name alone, so what both scenarios disperse
-alike has the same values in both, and the difference of a number within a draw has no
-scatter of that in it.
+A drawn value depends on seed, draw and name alone. So parameters that both scenarios
+disperse alike have the same values in both, and the difference of a number within a
+draw is free of their scatter.
 """
 
 from __future__ import annotations
@@ -29,13 +29,12 @@ from .spread import Spread, to_json
 if TYPE_CHECKING:
     from pandas import DataFrame, Index  # type: ignore[import-untyped]
 
-EQUAL = 1e-12
-"""Relative difference up to which two numbers are equal."""
+EQUAL = 1e-12  # relative difference up to which two numbers are equal
 
 
 @dataclass(frozen=True)
 class Pairs:
-    """The differences of each number over pairs of runs: the first's less the second's."""
+    """Differences of each number over pairs of runs, the first's less the second's."""
 
     first: str
     second: str
@@ -44,17 +43,21 @@ class Pairs:
     numbers: Mapping[str, Spread]
 
     def to_json(self) -> JsonObject:
-        """Return what `desat compare --json` prints."""
+        """Return the pairs as `desat compare --json` prints them."""
         return {**vars(self), "numbers": to_json(self.numbers)}
 
 
 def common(
     one: Target, another: Target, seed: int, options: Options, plain: Options
 ) -> dict[str, list[str]]:
-    """The names that two systems both draw, as `drawn_in_both`, and those that only one
-    draws.
+    """Find the names that two systems both draw, and those that only one draws.
 
-    Raises DesatError where there is none of the former, or one is drawn in another way.
+    The keys are `drawn_in_both`, `drawn_only_in_it` and `drawn_only_in_the_other`.
+
+    Raises
+    ------
+    DesatError
+        If there is no common name, or one is drawn in another way.
     """
     target, other = one.text, another.text
     systems = one.to_draw(options.blocks), another.to_draw(plain.blocks)
@@ -80,9 +83,11 @@ def common(
 def each_draw(
     ours: Iterable[RunRow], theirs: Iterable[RunRow], name: str, ratio: bool = False
 ) -> dict[int | None, float]:
-    """Of each draw of two lots of the same ones a number of ours less that of theirs,
-    or over it. Draws where one has not reached it, or theirs is 0 and would divide, are
-    left out."""
+    """Compute a number of ours less that of theirs, or over it, for each draw.
+
+    Both are of the same draws. Draws are left out where one has not reached the number,
+    or where theirs is 0 and would divide.
+    """
     other = {row.number: row.numbers.get(name) for row in theirs}
     found = {}
     for row in ours:
@@ -93,9 +98,11 @@ def each_draw(
 
 
 def differences(ours: Draws, theirs: Draws) -> dict[str, Spread]:
-    """Of each number that two results of the same draws have by name and unit: ours
-    less theirs of each draw, in all. Draws where one has not reached it count as
-    `not_reached` alone."""
+    """Compute the spread of ours less theirs for each number of the same draws.
+
+    The numbers are those that both have by name and unit. Draws where one has not
+    reached a number count as `not_reached` alone.
+    """
     rows = [[row for row in x.rows if row.numbers] for x in (ours, theirs)]
     both = len({row.number for row in rows[0]} & {row.number for row in rows[1]})
     compared: dict[str, Spread] = {}
@@ -111,7 +118,7 @@ def differences(ours: Draws, theirs: Draws) -> dict[str, Spread]:
 
 
 def difference(ours: float, theirs: float) -> float:
-    """Ours less theirs, 0 where they are equal but for rounding (EQUAL)."""
+    """Compute ours less theirs, 0 where they are equal to within `EQUAL`."""
     return 0.0 if math.isclose(ours, theirs, rel_tol=EQUAL) else ours - theirs
 
 
@@ -119,11 +126,15 @@ def difference(ours: float, theirs: float) -> float:
 
 
 def compare(first: Path, second: Path, level: float = 0.95) -> Pairs:
-    """Of each number that both have: the first's less the second's, case by case:
-    median with its interval (order statistics), and the share of cases in which the
-    first's is lower.
+    """Compare two campaigns case by case: the first's numbers less the second's.
 
-    Raises DesatError where they are not of the same draws.
+    For each common number the result has the median with its interval (order
+    statistics), and the share of cases in which the first's is lower.
+
+    Raises
+    ------
+    DesatError
+        If they are not of the same draws.
     """
     one, other = read(first), read(second)
     for key in ("seed", "sampling"):
@@ -158,7 +169,7 @@ def compare(first: Path, second: Path, level: float = 0.95) -> Pairs:
 
 
 def _warnings(one: CampaignPlan, other: CampaignPlan) -> list[str]:
-    """That the two do not end at the same time, as far as their systems are there."""
+    """Return a line if the two end at different times, as far as that is known."""
     try:
         ends = [p.options.stop or system(p).stop for p in (one, other)]
     except DesatError:
@@ -169,7 +180,7 @@ def _warnings(one: CampaignPlan, other: CampaignPlan) -> list[str]:
 
 
 def _apart(frames: Sequence[DataFrame], cases: Index) -> list[str]:
-    """That cases which one of the two has completed failed in the other."""
+    """Return a line for cases that one has completed and that failed in the other."""
     lines = []
     both = frames[0].index.intersection(frames[1].index)
     for frame, own, other in zip(
@@ -188,8 +199,7 @@ def _apart(frames: Sequence[DataFrame], cases: Index) -> list[str]:
 
 
 def _same_inputs(first: Path, second: Path, matched: Sequence[DataFrame]) -> None:
-    """Raises DesatError where the two drew other values under one name, or nothing
-    alike."""
+    """Raise DesatError if the two drew other values of a name, or share no name."""
     shared = sorted(
         n
         for n in matched[0].columns.intersection(matched[1].columns)
@@ -209,8 +219,7 @@ def _same_inputs(first: Path, second: Path, matched: Sequence[DataFrame]) -> Non
 
 
 def _same_units(first: Path, second: Path, names: list[str]) -> dict[str, str]:
-    """The unit of each number. Raises DesatError where the second has it in another
-    one."""
+    """Return the unit of each number; raise DesatError if the two differ."""
     told = [store.described(f) for f in (first, second)]
     units = {}
     for name in names:
@@ -225,6 +234,7 @@ def _same_units(first: Path, second: Path, names: list[str]) -> dict[str, str]:
 
 
 def _differences(matched: Sequence[DataFrame], name: str, level: float) -> Spread:
+    """Compute the spread of the differences of a number over matched cases."""
     a, b = (frame[name].to_list() for frame in matched)
     each = [
         difference(x, y)
@@ -235,7 +245,7 @@ def _differences(matched: Sequence[DataFrame], name: str, level: float) -> Sprea
 
 
 def confident(each: Sequence[float], level: float = 0.95) -> Spread:
-    """Return the spread of differences.
+    """Compute the spread of differences.
 
     The median has its interval (order statistics), and the share below 0 its own
     (Clopper-Pearson), both at a level.
@@ -255,8 +265,8 @@ def confident(each: Sequence[float], level: float = 0.95) -> Spread:
     )
     if not n:
         return spread
-    # the k-th least and the k-th largest hold the median with at least this confidence
-    from scipy.stats import binom  # half a second
+    # k-th smallest and k-th largest enclose the median with at least this confidence
+    from scipy.stats import binom  # import takes half a second
 
     k = int(binom.ppf((1.0 - level) / 2.0, n, 0.5))
     return replace(

@@ -1,4 +1,4 @@
-"""What a campaign is: the system, how it is changed, what is drawn, and how often."""
+"""Define a campaign: the system, its options, what is drawn, and how often."""
 
 from __future__ import annotations
 
@@ -22,21 +22,23 @@ from ..system.typed import JsonObject
 from .sampling import FIXED, Drawn, Sampling, draw_of
 
 PLAN = "campaign.json"
+# Fields of a plan that may change when a campaign continues. The count may only grow,
+# and not with a sampling whose points depend on it.
 GROWS = ("count", "keep", "limit")
-"""What of a plan may be other when a campaign goes on; `count` only upward, and not
-with a sampling whose points depend on it."""
 
 
 @dataclass(frozen=True)
 class KeptSeries:
-    """Which cases keep their series: so many, the worst by a number, or without one
-    every such."""
+    """Selection of the cases that keep their series.
+
+    These are the `count` worst cases by a number, or without a number every `count`-th.
+    """
 
     count: int
     number: str = ""
 
     def __str__(self) -> str:
-        """As `--keep` has it."""
+        """Return the text of `--keep`."""
         return (
             f"worst:{self.count}:{self.number}"
             if self.number
@@ -45,7 +47,7 @@ class KeptSeries:
 
     @classmethod
     def parsed(cls, text: str) -> KeptSeries:
-        """From `worst:N:NUMBER` or `every:N`. Raises DesatError for another form."""
+        """Parse `worst:N:NUMBER` or `every:N`; raise DesatError for another form."""
         kind, _, rest = text.partition(":")
         count, _, number = rest.partition(":")
         if kind not in ("worst", "every") or not count.isdecimal() or int(count) < 1:
@@ -61,29 +63,25 @@ class KeptSeries:
 
 @dataclass(frozen=True)
 class CampaignPlan:
-    """A campaign. Two with the same plan have the same rows."""
+    """Plan of a campaign; two with the same plan have the same rows."""
 
-    target: str
-    """A scenario's name, or a file."""
-    digest: str
-    """Of the system as it is before anything is drawn (`digest_of`)."""
+    target: str  # a scenario's name, or a file
+    digest: str  # of the system before anything is drawn (`digest_of`)
     count: int
     seed: int = 1
     sampling: Sampling = "random"
-    options: Options = field(default_factory=Options)
-    """What its runs are made with."""
+    options: Options = field(default_factory=Options)  # options of its runs
+    # plots of the scenario for which each case keeps an envelope
     curves: tuple[str, ...] = ()
-    """Plots of the scenario of which each case keeps an envelope."""
     keep: tuple[KeptSeries, ...] = ()
-    limit: float = 600.0
-    """Wall time (s) that a case may take."""
+    limit: float = 600.0  # s, wall time that a case may take
 
     def values(self, number: int) -> dict[str, Drawn]:
-        """`component.parameter` -> value of a case."""
+        """Draw the values of a case: `component.parameter` -> value."""
         return draw_of(system(self), self.seed, number, self.sampling, self.count)
 
     def to_json(self) -> JsonObject:
-        """As its file has it: of the options those that are not as by default."""
+        """Return the plan as its file has it, without default options."""
         usual = vars(Options())
         told = {k: v for k, v in vars(self.options).items() if v != usual[k]}
         return {
@@ -94,13 +92,18 @@ class CampaignPlan:
         }
 
     def write(self, folder: Path) -> None:
-        """Keep it in its folder."""
+        """Write the plan to its folder, with the versions."""
         write_json(folder / PLAN, {**self.to_json(), "versions": versions()})
 
 
 def read(folder: Path) -> CampaignPlan:
-    """The plan of a campaign's folder. Raises DesatError where it has none, or a
-    damaged one."""
+    """Read the plan of a campaign's folder.
+
+    Raises
+    ------
+    DesatError
+        If it has none, or a damaged one.
+    """
     file = folder / PLAN
     if not file.exists():
         raise DesatError(f"{folder}: no campaign (it has no {PLAN})")
@@ -133,9 +136,11 @@ _KINDS: dict[str, Any] = {
 
 
 def changed(plan: CampaignPlan) -> str:
-    """What is to be said where the system is not any more that of the campaign, or
-    where that cannot be told; "" where it is. Raises DesatError where it cannot be
-    had."""
+    """Return a message if the system is not that of the campaign any more, else "".
+
+    There is one, too, where that cannot be compared. Raises DesatError where the system
+    cannot be built.
+    """
     if not comparable(plan.digest):
         return (
             f"{plan.target}: the desat that the campaign began with kept no digest of it that "
@@ -150,7 +155,7 @@ def changed(plan: CampaignPlan) -> str:
 
 
 def anew(plan: CampaignPlan) -> str:
-    """What to say of the command that makes a campaign anew."""
+    """Return the hint with the command that begins the campaign again."""
     sampling = "" if plan.sampling == "random" else f" --sampling {plan.sampling}"
     return (
         f"`desat campaign {shlex.quote(plan.target)} -n {plan.count} --seed {plan.seed}"
@@ -159,12 +164,12 @@ def anew(plan: CampaignPlan) -> str:
 
 
 def versions_here() -> str:
-    """With which versions cases are made here, as their rows have it."""
+    """Return the versions with which cases are made here, as their rows have them."""
     return json.dumps(versions(), sort_keys=True)
 
 
 def kept_versions(folder: Path) -> dict[str, str]:
-    """With which versions a campaign was last gone on with."""
+    """Read the versions with which a campaign was last continued."""
     told: dict[str, str] = json.loads((folder / PLAN).read_text(encoding="utf-8")).get(
         "versions"
     )
@@ -174,8 +179,10 @@ def kept_versions(folder: Path) -> dict[str, str]:
 def same_versions(
     folder: Path, before: Mapping[str, str], accepted: bool, what: str
 ) -> None:
-    """Raises DesatError where what computes is of other versions than before, and none
-    are accepted; `what`: what they would mix in."""
+    """Raise DesatError if versions have changed and no others are accepted.
+
+    These are versions of the packages that compute; `what` names what would be mixed.
+    """
     if not accepted and (text := other(before, versions())):
         raise DesatError(
             f"{folder}: {text}: {what} may differ in their bits; "
@@ -184,8 +191,7 @@ def same_versions(
 
 
 def joined(old: CampaignPlan, new: CampaignPlan, folder: Path) -> None:
-    """Raises DesatError where a folder's campaign is not the one that is to go on in
-    it."""
+    """Raise DesatError if a folder's campaign is not the one to continue in it."""
     if not comparable(old.digest):
         raise DesatError(f"{folder}: it cannot go on: {changed(old)}; {anew(new)}")
     wanted, told = (json.loads(json.dumps(plan.to_json())) for plan in (new, old))
@@ -195,7 +201,7 @@ def joined(old: CampaignPlan, new: CampaignPlan, folder: Path) -> None:
         if before == now or grows or key in GROWS[1:]:
             continue
         if key == "digest" and told["options"] != wanted["options"]:
-            continue  # which is the reason, and said
+            continue  # the options are the reason, and are reported themselves
         if key == "digest":
             raise DesatError(f"{folder}: another campaign: {changed(old)}; {anew(new)}")
         fixed = (
@@ -210,29 +216,38 @@ def joined(old: CampaignPlan, new: CampaignPlan, folder: Path) -> None:
 
 
 def _short(value: Any) -> str:
+    """Format a value as JSON of at most 80 characters."""
     text = json.dumps(value)
     return text if len(text) < 80 else f"{text[:77]}..."
 
 
 def source(plan: CampaignPlan) -> Target:
-    """What a campaign's system is read from, read once a process. Raises DesatError
-    where there is none."""
+    """Read the source of a campaign's system, once a process.
+
+    Raises DesatError where there is none.
+    """
     return _source(plan.target, plan.digest)
 
 
 @lru_cache(maxsize=2)
 def _source(target: str, digest: str) -> Target:
+    """Read a source; the digest only distinguishes cached sources."""
     return read_source(target)
 
 
 def system(plan: CampaignPlan) -> Builder:
-    """A campaign's system to draw for, and its plots. Raises DesatError where it cannot
-    be had."""
+    """Return a campaign's system to draw for, with its plots.
+
+    Raises DesatError where it cannot be built.
+    """
     return source(plan).to_draw(plan.options.blocks)
 
 
 def digest_of(target: str | Target, options: Options) -> str:
-    """The digest of a system before anything is drawn: of all that a row depends on
-    beside seed, number and sampling. Raises DesatError where it cannot be had."""
+    """Compute the digest of a system before anything is drawn.
+
+    It covers everything that a row depends on except seed, number and sampling. Raises
+    DesatError where the system cannot be built.
+    """
     system, design = resolved(target, options)
     return of_system(system, options, design)

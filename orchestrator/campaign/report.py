@@ -1,5 +1,4 @@
-"""What a campaign says: percentiles, requirements with their confidence, what drives
-what."""
+"""Write the report of a campaign: percentiles, judged requirements, drivers."""
 
 from __future__ import annotations
 
@@ -51,8 +50,10 @@ from .spread import Spread, to_json
 
 @dataclass(frozen=True)
 class VersionSet:
-    """How many cases were made with some versions, and in words what is not the same
-    for all."""
+    """Number of cases that were made with some versions.
+
+    The text names the versions that are not the same for all cases.
+    """
 
     cases: int
     versions: dict[str, str]
@@ -61,7 +62,7 @@ class VersionSet:
 
 @dataclass(frozen=True)
 class Driver:
-    """The rank correlation of a number with what is drawn."""
+    """Rank correlation of a number with a drawn parameter."""
 
     input: str
     number: str
@@ -71,7 +72,7 @@ class Driver:
 
 @dataclass(frozen=True)
 class CampaignSummary:
-    """Everything that a campaign's report says."""
+    """Content of a campaign's report."""
 
     target: str
     seed: int
@@ -92,7 +93,7 @@ class CampaignSummary:
     folder: Path
 
     def to_json(self) -> JsonObject:
-        """Return what report.json has."""
+        """Return the content of report.json."""
         failed = [
             {
                 "case": row.case,
@@ -116,22 +117,20 @@ class CampaignSummary:
         return entry
 
 
-STRONG = 0.2
-"""Rank correlations from this size on are shown."""
-CHANCE = 0.01
-"""How likely one of all those shown may be by chance alone."""
+STRONG = 0.2  # rank correlations from this size on are shown
+CHANCE = 0.01  # probability that one of all those shown is due to chance alone
+# Groups of cases from which on Sobol indices are reported. For fewer, the intervals of
+# SALib, which are made of the same cases, mean nothing.
 BASE = 64
-"""Groups of cases from which on Sobol indices are told: of a few, SALib's intervals,
-which are made of the same cases, say nothing."""
 _WORST, _SCATTERS = 3, 4
+# Largest number of bars of a histogram, and of named cases of a bar.
 _BARS, _NAMED = 40, 12
-"""Of a histogram at the most; the cases of a bar that are named."""
 _NEVER = 1e300
 LEVELS = (5.0, 50.0, 95.0, 99.0)  # %
 
 
 def summary(folder: Path) -> CampaignSummary:
-    """Return everything that the report says. Raises DesatError where there is no case."""
+    """Compute the content of the report; raise DesatError where there is no case."""
     plan = read(folder)
     about = content_of(system(plan).about)
     table, told = store.read(folder), store.described(folder)
@@ -196,7 +195,7 @@ def summary(folder: Path) -> CampaignSummary:
 
 
 def _versions(rows: Sequence[str]) -> list[VersionSet]:
-    """Return the sets of versions that cases were made with."""
+    """Collect the sets of versions that cases were made with."""
     sets = [(json.loads(text), n) for text, n in sorted(Counter(rows).items())]
     various = [n for n in COMPUTING if len({one.get(n) for one, _ in sets}) > 1]
     made = []
@@ -211,9 +210,12 @@ def _versions(rows: Sequence[str]) -> list[VersionSet]:
 
 
 def _apart(plan: CampaignPlan, cases: Any) -> Any:
-    """Which cases share no value with another, as intervals and tests ask for: all, but
-    those of saltelli, of which each point stands for itself first and last among those
-    that mix it with the next (`sampling.saltelli`)."""
+    """Select the cases that share no value with another, for intervals and tests.
+
+    These are all cases, except with saltelli sampling. There each point stands for
+    itself first and last among the cases that mix it with the next
+    (`sampling.saltelli`).
+    """
     if plan.sampling != "saltelli":
         return np.ones(len(cases), bool)
     width = sum(axes(system(plan))[1]) + 2
@@ -221,6 +223,7 @@ def _apart(plan: CampaignPlan, cases: Any) -> Any:
 
 
 def _is_number(column: Any) -> bool:
+    """Return whether a column holds numbers, by its first 50 rows."""
     return all(
         isinstance(v, (int, float)) or v is None
         for v in column.slice(0, 50).to_pylist()
@@ -230,8 +233,10 @@ def _is_number(column: Any) -> bool:
 def _number(
     name: str, entry: Mapping[str, str], values: Any, cases: Any, is_late: bool = False
 ) -> Spread:
-    """Return the spread of a number over all completed cases that have it; of a time
-    over all completed cases, those that do not reach it last."""
+    """Compute the spread of a number over all completed cases that have it.
+
+    For a time all completed cases count, and those that do not reach it rank last.
+    """
     there = np.isfinite(values)
     spread = Spread(
         title=entry.get("title", name),
@@ -244,7 +249,7 @@ def _number(
         return spread
     last = values[there].max()
     counted = np.isfinite(values) | (np.isnan(values) if is_late else False)
-    # in place of nan a number that every percentile between it and others shows
+    # replace nan by a number that marks any percentile interpolated with it
     values, cases = np.nan_to_num(values[counted], nan=_NEVER), cases[counted]
     ends = {"min": int(np.argmin(values)), "max": int(np.argmax(values))}
     names = ("p5", "median", "p95", "p99", *ends)
@@ -260,10 +265,12 @@ def _number(
 
 
 def _drivers(inputs: Mapping[str, Array], out: Mapping[str, Array]) -> list[Driver]:
-    """Rank correlations (Spearman) between inputs and numbers, the strong ones,
-    strongest first. Of some hundred pairs several would be beyond a level meant for
-    one, so CHANCE is for all."""
-    from scipy.stats import spearmanr  # half a second
+    """Compute strong rank correlations (Spearman), strongest first.
+
+    They are between inputs and numbers. Among some hundred pairs several would exceed a
+    level meant for one pair, so `CHANCE` is shared by all.
+    """
+    from scipy.stats import spearmanr  # import takes half a second
 
     drivers = []
     level = CHANCE / max(len(inputs) * len(out), 1)
@@ -283,8 +290,11 @@ def _drivers(inputs: Mapping[str, Array], out: Mapping[str, Array]) -> list[Driv
 def _sobol(
     plan: CampaignPlan, cases: Any, completed: Any, out: Mapping[str, Array]
 ) -> Mapping[str, Any] | None:
-    """Sobol indices of first and total order, where the cases were sampled for them and
-    all are there."""
+    """Compute Sobol indices of first and total order.
+
+    None where the cases were not sampled for them; a reason where cases are missing or
+    too few.
+    """
     if plan.sampling != "saltelli":
         return None
     if len(cases) != plan.count or not completed.all():
@@ -294,7 +304,7 @@ def _sobol(
     if plan.count < (least := BASE * (sum(sizes) + 2)):
         return {"missing": f"they need -n {least} or more"}
     how = dispersions_of(drafted)
-    # of a direction each random number moves all elements
+    # in a direction each random number affects all elements
     form = {
         n: "{}, random number {}"
         if how[n].kind in ("attitude", "direction")
@@ -312,7 +322,7 @@ def _sobol(
         if np.isfinite(y).all() and np.ptp(y) > 0.0:
             with (
                 warnings.catch_warnings()
-            ):  # of numbers that hardly differ: their interval says
+            ):  # numbers that hardly differ; their interval shows it
                 warnings.simplefilter("ignore")
                 cube = unit_cube(len(elements))
                 made = analyze(cube, y, calc_second_order=False, seed=plan.seed)
@@ -337,11 +347,11 @@ TERMINAL_COLUMNS = (
     6,
     7,
     8,
-)  # without the percentile 99: lines stay short
+)  # without the 99th percentile, to keep lines short
 
 
 def tabulate_numbers(numbers: Mapping[str, Spread]) -> Table:
-    """Return the spread of each number over the cases."""
+    """Tabulate the spread of each number over the cases."""
     columns = [
         Column("number", kind="text"),
         Column("5 %", ROW_UNIT, is_detail=True),
@@ -362,7 +372,10 @@ def tabulate_numbers(numbers: Mapping[str, Spread]) -> Table:
 
 
 def write(folder: Path) -> tuple[Path, CampaignSummary]:
-    """Write report.html and report.json of a campaign; their path and what they say."""
+    """Write report.html and report.json of a campaign.
+
+    Returns the path of the page and the content.
+    """
     plan, told = read(folder), summary(folder)
     entry = told.to_json()
     write_json(folder / "report.json", entry)
@@ -393,7 +406,7 @@ def write(folder: Path) -> tuple[Path, CampaignSummary]:
 
 
 class _Figure(NamedTuple):
-    """A figure of the report, and the commands of the cases that it names."""
+    """Figure of the report, with the commands of the cases that it names."""
 
     caption: str
     figure: Figure
@@ -401,11 +414,12 @@ class _Figure(NamedTuple):
 
 
 def _figures(folder: Path, plan: CampaignPlan, told: CampaignSummary) -> list[_Figure]:
+    """Draw the curves of a campaign, and its strongest drivers as scatter plots."""
     made = [*_curves(folder, plan)]
     table = store.read(folder)
     good = _completed_cases(table)
     described = store.described(folder)
-    strongest = {d.number: d for d in reversed(told.drivers)}  # of each number
+    strongest = {d.number: d for d in reversed(told.drivers)}  # by number
     for driver in sorted(strongest.values(), key=lambda d: -abs(d.correlation))[
         :_SCATTERS
     ]:
@@ -421,8 +435,7 @@ def _figures(folder: Path, plan: CampaignPlan, told: CampaignSummary) -> list[_F
 
 
 def _of_input(plan: CampaignPlan, name: str) -> str:
-    """What a sampled parameter is, for people:
-    `wheels: axial momentum at the start, 2`."""
+    """Describe a sampled parameter, as in `wheels: axial momentum at the start, 2`."""
     owner, _, variable = name.partition(".")
     variable, _, element = variable.partition("[")
     component = system(plan).components.get(owner)
@@ -434,8 +447,11 @@ def _of_input(plan: CampaignPlan, name: str) -> str:
 
 
 class _Small(NamedTuple):
-    """A histogram among others: where its bars begin and end, as shares of its width,
-    and the cases of each, the first few by number."""
+    """Small histogram, one of many.
+
+    It has the edges of its bars as shares of its width, and the numbers of the first
+    few cases of each bar.
+    """
 
     title: str
     image: Markup
@@ -446,7 +462,7 @@ class _Small(NamedTuple):
 
 
 def _histograms(folder: Path, told: CampaignSummary) -> list[_Small]:
-    """Of each number that is not the same in all cases."""
+    """Draw a histogram of each number that differs between cases."""
     limits: dict[str, list[tuple[str, float]]] = {}
     for name, verdict in told.requirements.items():
         entry = verdict.requirement
@@ -483,8 +499,10 @@ def _histograms(folder: Path, told: CampaignSummary) -> list[_Small]:
 
 
 def _limits(plan: CampaignPlan, plot: Plot, unit: str) -> list[tuple[str, float]]:
-    """The limit lines of a plot that are the same in all cases, sizes, each once; none
-    of a system that is not to be had any more."""
+    """Return the limit lines of a plot that are the same in all cases, each size once.
+
+    Empty for a system that is not available any more.
+    """
     options = plan.options
     try:
         checked, _ = prepare(source(plan), options).or_raise()
@@ -497,6 +515,7 @@ def _limits(plan: CampaignPlan, plot: Plot, unit: str) -> list[tuple[str, float]
 
 
 def _curves(folder: Path, plan: CampaignPlan) -> list[_Figure]:
+    """Draw the percentiles of the envelopes that the cases keep."""
     drafted = system(plan)
     plots, told = content_of(drafted.about).plots, store.described(folder)
     table = store.read(folder, store.CURVES)
@@ -545,8 +564,10 @@ def percentiles(
     worst: Sequence[tuple[int, Array]],
     limits: Sequence[tuple[str, float]] = (),
 ) -> Figure:
-    """Percentile curves of envelopes (cases, parts) at times (parts,), their extremes,
-    the worst cases by name, and limits by name."""
+    """Draw percentile curves of envelopes (cases, parts) at times (parts,).
+
+    The figure also has their extremes, the worst cases by name, and limits by name.
+    """
     fig, ax = figure(3.3)
     scale, time_unit = time_axis(times)
     x = times / scale
@@ -584,8 +605,10 @@ def percentiles(
 def histogram(
     title: str, unit: str, count: Any, edges: Array, limits: Sequence[float]
 ) -> tuple[Figure, Axes]:
-    """A small histogram of a number, cases (n,) between edges (n + 1,), with the limits
-    of requirements, and its axes."""
+    """Draw a small histogram of a number, and return it with its axes.
+
+    It shows cases (n,) between edges (n + 1,), with the limits of requirements.
+    """
     fig = Figure(3.4, 2.0)
     ax = fig.add(left=0.15, right=0.04, top=0.07, bottom=0.27)
     ax.bars(edges[:-1], edges[1:], count, COLOURS[0], alpha=0.7)
@@ -597,10 +620,10 @@ def histogram(
 
 
 def flat(column: pa.ChunkedArray) -> Array:
-    """Return a column as floats, nan where it has nothing."""
+    """Convert a column to floats, nan where it is empty."""
     return np.array(column.to_pylist(), dtype=float)
 
 
 def _completed_cases(table: pa.Table) -> Any:
-    """Return which cases completed."""
+    """Return which cases completed, as a mask."""
     return np.array([status == "completed" for status in table["status"].to_pylist()])

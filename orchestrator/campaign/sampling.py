@@ -1,4 +1,4 @@
-"""What is drawn of a scenario's dispersions.
+"""Draw the values of a scenario's dispersions.
 
     [dispersions]
     "spacecraft.h_start_body" = { normal = [0.0, 1.3] }      # each element: mean, deviation
@@ -7,14 +7,14 @@
     "spacecraft.omega_start_body" = { direction = 0.17 }     # random direction, this size
     "spacecraft.q_start_bi" = { attitude = "random" }        # uniform over all attitudes
     "spacecraft.h_start_body" = { signs = [0.1, 0.1, 0.1] }  # each element: plus or minus this
-    "environment.phase" = { one_of = [0.0, 1.5, 3.0] }       # one of these, as likely as each other
+    "environment.phase" = { one_of = [0.0, 1.5, 3.0] }       # one of these, with equal probability
     "*.seed" = { seed = true }                               # every component that has a seed
 
-What is drawn depends on seed, draw and name alone, not on the order of the lines; with
-a sampling that spreads its points evenly, also on how many there are (latin-hypercube,
-saltelli) and on which names there are. Seeds are always random. An element that comes
-out beyond `within` is drawn again from the same stream, so that draws in which none
-does are those without a limit.
+A drawn value depends on seed, draw and name alone, not on the order of the lines. With
+a sampling that spreads its points evenly, it also depends on their number
+(latin-hypercube, saltelli) and on the other names. Seeds are always random. An element
+beyond `within` is drawn again from the same stream, so that a draw without such an
+element is the same as without a limit.
 """
 
 from __future__ import annotations
@@ -34,19 +34,21 @@ from ..system.errors import DesatError, nearest
 
 Sampling = Literal["random", "latin-hypercube", "sobol", "saltelli"]
 SAMPLINGS: tuple[str, ...] = get_args(Sampling)
+# Samplings whose points depend on their number.
 FIXED: tuple[str, ...] = ("latin-hypercube", "saltelli")
-"""Samplings whose points depend on their number."""
+# A drawn value: a choice is its name, an array is a list.
 Drawn = float | int | str | list[float]
-"""A drawn value, a choice by its name, an array as a list."""
+# limit of the points of these samplings, which are in memory all at once
 MOST = 10_000_000
-"""Points of these, which lie in memory all at once."""
 
 
 def draw_of(
     system: Builder, seed: int, draw: int, sampling: Sampling = "random", count: int = 0
 ) -> dict[str, Drawn]:
-    """`component.variable` -> value for one draw of the system's dispersions, of
-    `count` (which only the samplings of FIXED ask for)."""
+    """Draw the values of the system's dispersions: `component.variable` -> value.
+
+    The number of draws `count` matters only for the samplings in `FIXED`.
+    """
     if sampling == "random":
         spread = dispersions_of(system)
         return {n: _random(system, n, spec, seed, draw) for n, spec in spread.items()}
@@ -65,8 +67,11 @@ def draw_of(
 
 
 def axes(system: Builder) -> tuple[list[str], list[int]]:
-    """The names that a sampling spreads (all but seeds), sorted, and the uniform
-    numbers that each takes."""
+    """Return the sorted names that a sampling spreads, and their uniform numbers.
+
+    These are all names except seeds, each with the number of uniform numbers that it
+    takes.
+    """
     spread = {
         n: spec
         for n, spec in sorted(dispersions_of(system).items())
@@ -78,7 +83,7 @@ def axes(system: Builder) -> tuple[list[str], list[int]]:
 
 
 def _size(system: Builder, name: str) -> int:
-    """The elements of a dispersed parameter. Raises DesatError where there is none."""
+    """Count the elements of a dispersed parameter; raise DesatError without one."""
     owner, _, variable = name.partition(".")
     component = system.part(owner, f"{system.where}: dispersions")
     if size := len(component.elements(variable)):
@@ -91,7 +96,7 @@ def _size(system: Builder, name: str) -> int:
 
 
 def _random(system: Builder, name: str, spec: Dispersion, seed: int, draw: int) -> Any:
-    """A value from a stream of its own."""
+    """Draw a value from a random stream of its own."""
     size, kind = _size(system, name), spec.kind
     stream = np.random.default_rng([seed, draw, zlib.crc32(name.encode())])
     given = getattr(spec, kind)
@@ -115,7 +120,7 @@ def _random(system: Builder, name: str, spec: Dispersion, seed: int, draw: int) 
 
 
 def _place(spec: Dispersion, unit: NDArray[np.float64]) -> Any:
-    """A value from uniform numbers (size,) in (0, 1)."""
+    """Compute a value from uniform numbers (size,) in (0, 1)."""
     from scipy.special import ndtr, ndtri
 
     kind = spec.kind
@@ -138,13 +143,13 @@ def _place(spec: Dispersion, unit: NDArray[np.float64]) -> Any:
 
 
 def _directed(kind: str, given: Any, normal: NDArray[np.float64]) -> list[float]:
-    """A random direction from normal numbers: of size 1 for an attitude."""
+    """Compute a random direction from normal numbers; its size is 1 for an attitude."""
     vector = normal / np.linalg.norm(normal)
     return [float(x) for x in (vector if kind == "attitude" else given * vector)]
 
 
 def allowed(sampling: Sampling, count: int, system: Builder) -> None:
-    """Raises DesatError where a sampling has no such number of points."""
+    """Raise DesatError if a sampling cannot have this number of points."""
     if sampling in FIXED and count > MOST:
         raise DesatError(f"{sampling}: -n {count}: at most {MOST}")
     if sampling == "sobol" and sum(axes(system)[1]) > 21201:
@@ -170,7 +175,7 @@ def _points(
     names: tuple[str, ...],
     sizes: tuple[int, ...],
 ) -> Callable[[int], NDArray[np.float64]]:
-    """Draw -> its uniform numbers in (0, 1), those of all axes after each other."""
+    """Build the function from a draw to its uniform numbers in (0, 1), of all axes."""
     width = sum(sizes)
     if sampling == "latin-hypercube":
         keys = [
@@ -207,9 +212,16 @@ def _points(
 
 
 def saltelli(seed: int, count: int, width: int) -> NDArray[np.float64]:
-    """Points (count, width) in the unit cube for Sobol indices of first and total order
-    (Saltelli et al., Comput. Phys. Commun. 181 (2010) 259), by SALib. Raises DesatError
-    without SALib."""
+    """Sample points (count, width) of the unit cube for Sobol indices, by SALib.
+
+    The indices are of first and total order (Saltelli et al., Comput. Phys. Commun. 181
+    (2010) 259).
+
+    Raises
+    ------
+    DesatError
+        If SALib is not installed.
+    """
     sample = sensitivity("sample")
     made = sample(
         unit_cube(width), count // (width + 2), calc_second_order=False, seed=seed
@@ -218,7 +230,7 @@ def saltelli(seed: int, count: int, width: int) -> NDArray[np.float64]:
 
 
 def sensitivity(what: Literal["sample", "analyze"]) -> Callable[..., Any]:
-    """SALib's function for Sobol indices. Raises DesatError where it is not installed."""
+    """Import SALib's function for Sobol indices; raise DesatError without SALib."""
     try:
         from SALib.analyze import sobol as analyze
         from SALib.sample import sobol as sample
@@ -230,7 +242,7 @@ def sensitivity(what: Literal["sample", "analyze"]) -> Callable[..., Any]:
 
 
 def unit_cube(width: int) -> Mapping[str, Any]:
-    """SALib's description of the unit cube."""
+    """Return SALib's description of the unit cube."""
     return {
         "num_vars": width,
         "names": [str(i) for i in range(width)],
@@ -239,5 +251,5 @@ def unit_cube(width: int) -> Mapping[str, Any]:
 
 
 def _open(unit: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Numbers of [0, 1] in the open interval."""
+    """Clip numbers of [0, 1] to the open interval."""
     return np.clip(unit, 2.0**-53, 1.0 - 2.0**-53)

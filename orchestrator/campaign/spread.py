@@ -1,4 +1,4 @@
-"""The spread of a number over runs: draws, cases of a campaign, or pairs of either."""
+"""Compute the spread of a number over runs: draws, campaign cases, or pairs of them."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from ..system.typed import JsonObject
 
 @dataclass(frozen=True)
 class Spread:
-    """The spread of a number over runs, in its unit.
+    """Spread of a number over runs, in its unit.
 
     Levels and percentiles are None where they are a time that is not reached. Other
     fields are None or empty, and not in JSON, where they do not apply.
@@ -21,33 +21,27 @@ class Spread:
 
     title: str | None = None
     unit: str | None = None
+    # `median`, `min`, `max`; for draws also `low` and `high`, the 95 % interval of the
+    # median
     levels: Mapping[str, float | None] = field(default_factory=dict)
-    """`median`, `min`, `max`; of draws also `low` and `high`, the median's 95 %
-    interval."""
-    n: int = 0
-    """Runs that have the number."""
-    lower: int | None = None
-    """Differences below 0."""
+    n: int = 0  # runs that have the number
+    lower: int | None = None  # differences below 0
     higher: int | None = None
     equal: int | None = None
-    interval: Sequence[float] = ()
-    """Interval of the median of differences."""
+    interval: Sequence[float] = ()  # interval of the median of differences
+    # whether there are enough differences for that interval
     interval_holds: bool | None = None
-    """Whether there are enough differences for that interval."""
-    share_lower: float | None = None
-    """Share of differences below 0 (%)."""
+    share_lower: float | None = None  # %, share of differences below 0
     share_lower_interval: Sequence[float] = ()
-    not_reached: int | None = None
-    """Runs that do not reach the number."""
+    not_reached: int | None = None  # runs that do not reach the number
     infinite: int | None = None
+    # for a campaign: `p5`, `median`, `p95`, `p99`, `min`, `max`
     percentiles: Mapping[str, float | None] = field(default_factory=dict)
-    """Of a campaign: `p5`, `median`, `p95`, `p99`, `min`, `max`."""
-    cases: Mapping[str, int] = field(default_factory=dict)
-    """`min_case` and `max_case`."""
+    cases: Mapping[str, int] = field(default_factory=dict)  # min_case and max_case
 
     @property
     def not_reached_text(self) -> str:
-        """Return in how many runs it is not reached: `3 of 20 (15 %)`; "" for none."""
+        """Return how many runs do not reach it, as `3 of 20 (15 %)`; "" for none."""
         missing = self.not_reached or 0
         count = self.n + missing
         return (
@@ -75,7 +69,7 @@ def spreads(
     units: Mapping[str, str],
     late: Collection[str],
 ) -> dict[str, Spread]:
-    """Return the spread of each number that has a unit here.
+    """Compute the spread of each number that has a unit.
 
     Numbers in `late` (`numbers.late`) are ranked over all rows, others over the rows
     that have them.

@@ -1,16 +1,15 @@
-"""A campaign's folder: whole blocks of cases as Parquet files, rows of the others as
-they come.
+"""Store a campaign: full blocks of cases as Parquet files, other rows in journals.
 
     campaign.json            the plan (plan.py), versions
     cases/part-00012.parquet  cases 12 BLOCK to 13 BLOCK - 1, a row each, in their order
-    cases/part-00012.jsonl   while that block is not whole: its journal, a line a row
+    cases/part-00012.jsonl   while that block is incomplete: its journal, a line a row
     curves/part-00012.parquet their envelopes
-    numbers.json             title and unit of numbers, of what is drawn, of envelopes
-    status.json              how far it is
-    kept/000123/             a run folder of a case that is kept
+    numbers.json             title and unit of numbers, drawn parameters and envelopes
+    status.json              progress
+    kept/000123/             run folder of a case that is kept
 
-Rows depend on plan and number alone, but for OWN: so do the files, whatever ran where,
-and how often it was stopped.
+Rows depend on plan and number alone, except for the columns `OWN`. The same holds for
+the files, wherever the cases ran and however often the campaign was stopped.
 """
 
 from __future__ import annotations
@@ -36,19 +35,23 @@ from ..system.errors import DesatError
 from ..system.typed import JsonObject
 from .draws import RunRow
 
-# --- A campaign's files as they are read: one that is damaged is a line that says what to do ----
+# --- Reading files; the error of a damaged one says what to do ------------------------
 
 
 def signature(path: Path) -> Path:
-    """Where the sha256 of a Parquet file lies; readers of the whole folder pass names
-    with _ by."""
+    """Return the path of the sha256 of a Parquet file.
+
+    Its name begins with _, so that readers of the whole folder skip it.
+    """
     return path.with_name(f"_{path.stem}.sha256")
 
 
 def replace(part: Path, path: Path, octets: bytes) -> None:
-    """Put a written file in the place of a Parquet file, and keep its sha256 beside.
-    While it is replaced that of the old one stands there, too: a reader may find
-    either."""
+    """Move a written file to the path of a Parquet file, and keep its sha256 beside it.
+
+    During the replacement the signature has the sha256 of the old file, too, because a
+    reader may find either file.
+    """
     made = hashlib.sha256(octets).hexdigest()
     replace_text(signature(path), f"{_signed(path)}\n{made}" if path.exists() else made)
     part.replace(path)
@@ -56,8 +59,10 @@ def replace(part: Path, path: Path, octets: bytes) -> None:
 
 
 def _signed(path: Path) -> str:
-    """The sha256 that a file was written with, and while it is replaced that of the new
-    one; "" where there is none."""
+    """Return the sha256 that a file was written with, or "" where there is none.
+
+    While the file is replaced, that of the new one follows.
+    """
     try:
         return signature(path).read_text(encoding="ascii", errors="replace")
     except FileNotFoundError:
@@ -65,8 +70,7 @@ def _signed(path: Path) -> str:
 
 
 def _check(path: Path) -> None:
-    """Raises DesatError where a file is not what was written, or nothing says what that
-    was."""
+    """Raise DesatError if a file is not as it was written, or its sha256 is missing."""
     state = path.stat()
     if not (said := _signed(path)):
         raise _summary(
@@ -77,52 +81,67 @@ def _check(path: Path) -> None:
 
 @lru_cache(maxsize=4096)
 def _as_signed(path: Path, said: str, *_: int) -> None:
-    """What is raised is not remembered: a file may be mended within a tick of the
-    clock."""
+    """Raise DesatError if the sha256 of a file is not among those in `said`.
+
+    Errors are not cached, because a file may be repaired within a tick of the clock.
+    """
     found = hashlib.sha256(path.read_bytes()).hexdigest()
     if (
         found not in said.split() and _signed(path) == said
-    ):  # else it has been replaced meanwhile
+    ):  # otherwise it has been replaced meanwhile
         raise _summary(path, ValueError("its sha256 is another"))
 
 
 @contextmanager
 def _open_parquet(path: Path) -> Iterator[BinaryIO]:
-    """Open a Parquet file. Raises DesatError where it, or what is read of it, is
-    damaged."""
+    """Open a Parquet file.
+
+    Raises DesatError if it, or what is read of it, is damaged.
+    """
     try:
         _check(path)
-        with path.open("rb") as file:  # pyarrow takes no name that is not UTF-8
+        with path.open("rb") as file:  # pyarrow accepts UTF-8 names only
             yield file
     except (pa.ArrowException, OSError) as error:
         raise _summary(path, error) from error
 
 
 def columns(path: Path) -> pa.Schema:
-    """The columns of a Parquet file. Raises DesatError where it is damaged."""
+    """Return the schema of a Parquet file; raise DesatError if it is damaged."""
     with _open_parquet(path) as file:
         return pq.read_schema(file)
 
 
 def count(path: Path) -> int:
-    """How many rows a Parquet file has, by its footer. Raises DesatError where it is
-    damaged."""
+    """Return the number of rows of a Parquet file, from its footer.
+
+    Raises
+    ------
+    DesatError
+        If the file is damaged.
+    """
     with _open_parquet(path) as file:
         return int(pq.read_metadata(file).num_rows)
 
 
 def rows_in(path: Path, wanted: Sequence[str] | None = None) -> pa.Table:
-    """Its rows, of columns those of these that it has. Raises DesatError where it is
-    damaged."""
+    """Read the rows of a Parquet file, with those of the `wanted` columns that it has.
+
+    Raises
+    ------
+    DesatError
+        If the file is damaged.
+    """
     with _open_parquet(path) as opened, pq.ParquetFile(opened) as file:
         names = file.schema_arrow.names
         return file.read(columns=wanted and [c for c in wanted if c in names])
 
 
 def _summary(path: Path, error: Exception) -> DesatError:
+    """Build the error of a damaged file, which says how its cases are made again."""
     cases = (
         path.parent.parent / "cases" / path.name
-    )  # without it the block is not there
+    )  # without its file of cases a block does not exist
     return DesatError(
         f"{path}: damaged ({' '.join(str(error).split())}); without {cases} the same "
         "command makes its cases again"
@@ -130,7 +149,7 @@ def _summary(path: Path, error: Exception) -> DesatError:
 
 
 def table(path: Path) -> JsonObject:
-    """A JSON file that is a table. Raises DesatError where it is none."""
+    """Read a JSON file that holds a table; raise DesatError if it does not."""
     try:
         if isinstance(found := json.loads(path.read_text(encoding="utf-8")), dict):
             return found
@@ -139,19 +158,18 @@ def table(path: Path) -> JsonObject:
         raise DesatError(f"{path}: damaged ({error})") from error
 
 
-BLOCK = 256
-"""Cases of a file."""
+BLOCK = 256  # cases in a file
 CASES, CURVES, NUMBERS = "cases", "curves", "numbers.json"
+# Columns that may differ when a case is made again.
 OWN = ("seconds", "worker", "attempts", "versions")
-"""Columns that may be other when a case is made again."""
 
 
 @dataclass(frozen=True)
 class CaseRow(RunRow):
-    """A case as a row, with what is OWN."""
+    """Row of a case, with the columns `OWN`."""
 
+    # envelopes; None: there are none
     curves: Mapping[str, Sequence[float | None]] | None = None
-    """Its envelopes; None: it has none."""
     seconds: float | None = None
     worker: str = ""
     attempts: int = 1
@@ -159,12 +177,12 @@ class CaseRow(RunRow):
 
     @property
     def case(self) -> int:
-        """Its number."""
+        """Return the number of the case."""
         assert self.number is not None
         return self.number
 
     def to_line(self) -> str:
-        """As a journal has it."""
+        """Return the row as a line of a journal."""
         curves = {} if self.curves is None else {"curves": dict(self.curves)}
         own = {name: getattr(self, name) for name in OWN}
         entry = self.to_json()
@@ -172,7 +190,7 @@ class CaseRow(RunRow):
 
     @classmethod
     def from_json(cls, told: JsonObject) -> CaseRow:
-        """From the journal, or a row of columns."""
+        """Build the row from an entry of a journal or of the columns of a file."""
         stopped = told["stopped_when"]
         when = stopped and Stopped(stopped.get("condition", ""), stopped["time"])
         known = {name: told[name] for name in _FIELDS if name in told}
@@ -184,16 +202,14 @@ _FIELDS = tuple(f.name for f in fields(CaseRow))
 
 @dataclass(frozen=True)
 class Batch:
-    """Cases that were made together: what their head keeps as it is."""
+    """Cases that were made together, as the coordinator keeps them."""
 
-    lines: Sequence[str]
-    """Rows, as the journal has them."""
-    described: Mapping[str, dict[str, str]]
-    """Title and unit of what the rows have."""
+    lines: Sequence[str]  # rows, as the journal has them
+    described: Mapping[str, dict[str, str]]  # title and unit of the values in the rows
 
     @classmethod
     def of(cls, rows: Iterable[CaseRow]) -> Batch:
-        """Rows of at most one block."""
+        """Build a batch of rows of at most one block."""
         lines: list[str] = []
         described: dict[str, dict[str, str]] = {}
         for row in rows:
@@ -203,7 +219,7 @@ class Batch:
 
 
 class Store:
-    """The rows of a campaign that are there, and where further ones go."""
+    """Rows of a campaign that exist, and the place where further rows go."""
 
     def __init__(self, folder: Path, cases: int) -> None:
         self.folder, self._count = folder, cases
@@ -215,20 +231,24 @@ class Store:
         for row in _journal(folder):
             if row.case // BLOCK not in self._whole and row.case < cases:
                 self._open.setdefault(row.case // BLOCK, {})[row.case] = row
-        for path in _journals(folder):  # of blocks that are whole, or that are no more
+        # of blocks that are complete, or that no longer exist
+        for path in _journals(folder):
             path.unlink()
         for block in self._open:
             self._write_journal(block)
         for block in sorted(self._whole):
             curves = _part(folder, CURVES, block)
             if curves.exists():
-                count(curves)  # its sha256 is read
+                count(curves)  # verifies its sha256
             if count(_part(folder, CASES, block)) < self._size(block):
                 self._reopen(block)
 
     def _reopen(self, block: int) -> None:
-        """Of a block that is whole no more, as there are more cases, or of some no
-        account is made: the rows back to its journal."""
+        """Move the rows of a block back to its journal.
+
+        This is for a block that is incomplete because the campaign has more cases now,
+        or because some of its rows are discarded.
+        """
         self._open[block] = {row.case: row for row in _of_block(self.folder, block)}
         self._whole.discard(block)
         self._write_journal(block)
@@ -236,7 +256,7 @@ class Store:
             _part(self.folder, kind, block).unlink(missing_ok=True)
 
     def _write_journal(self, block: int) -> None:
-        """The journal of an open block anew, of its rows alone."""
+        """Rewrite the journal of an open block with its rows alone."""
         path = journal(self.folder, block)
         part = path.with_name(f"{path.name}.tmp")
         with naming(path), part.open("w", encoding="utf-8") as file:
@@ -247,14 +267,15 @@ class Store:
         part.replace(path)
 
     def _size(self, block: int) -> int:
+        """Return the number of cases of a block."""
         return min(self._count - block * BLOCK, BLOCK)
 
     def done(self) -> int:
-        """How many cases are there."""
+        """Count the cases that exist."""
         return sum(map(self._size, self._whole)) + sum(map(len, self._open.values()))
 
     def missing(self) -> Iterator[int]:
-        """The cases that are not there, in their order."""
+        """Yield the numbers of the cases that do not exist yet, in order."""
         for block in range(math.ceil(self._count / BLOCK)):
             if block not in self._whole:
                 there = set(self._open.get(block, ()))
@@ -264,7 +285,7 @@ class Store:
                 )
 
     def failed(self) -> int:
-        """How many of the cases that are there failed."""
+        """Count the existing cases that failed."""
         waiting = sum(
             not r.completed for rows in self._open.values() for r in rows.values()
         )
@@ -274,7 +295,7 @@ class Store:
         )
 
     def forget(self, code: int) -> None:
-        """Make no account of the cases that ended with this code."""
+        """Discard the cases that ended with this exit code."""
         for block in sorted(self._whole):
             codes = rows_in(_part(self.folder, CASES, block), ["code"])[
                 "code"
@@ -286,8 +307,11 @@ class Store:
             self._write_journal(block)
 
     def add(self, batch: Batch) -> list[CaseRow]:
-        """Keep cases of one block: in its file when it is whole, and until then in the
-        journal, at once. Returns their rows."""
+        """Keep cases of one block and return their rows.
+
+        They go to the file of the block when it is complete, and to its journal until
+        then, at once.
+        """
         if not batch.described.keys() <= self._described.keys():
             self._described |= batch.described
             write_json(self.folder / NUMBERS, dict(sorted(self._described.items())))
@@ -306,6 +330,7 @@ class Store:
         return made
 
 
+# Keys of a row in a journal; the first line that lacks one ends the journal.
 _ROW = {
     "case",
     "status",
@@ -316,30 +341,34 @@ _ROW = {
     "numbers",
     "values",
 }
-"""What a row of a journal has; the first line without ends it."""
 
 
 def _part(folder: Path, kind: str, block: int) -> Path:
+    """Return the path of the Parquet file of a block."""
     return folder / kind / f"part-{block:05}.parquet"
 
 
 def _parts(folder: Path) -> set[int]:
+    """Find the blocks that have a Parquet file of cases."""
     found = (p.stem.partition("-")[2] for p in (folder / CASES).glob("part-*.parquet"))
     return {int(number) for number in found if number.isdecimal()}
 
 
 def journal(folder: Path, block: int) -> Path:
-    """Where the rows of a block stand that is not whole yet."""
+    """Return the path of the journal of a block that is incomplete."""
     return folder / CASES / f"part-{block:05}.jsonl"
 
 
 def _journals(folder: Path) -> list[Path]:
+    """Return the paths of all journals, sorted."""
     return sorted((folder / CASES).glob("part-*.jsonl"))
 
 
 def _journal(folder: Path) -> Iterator[CaseRow]:
-    """The rows of all journals; the last line of one may be half a line, of a head that
-    was killed."""
+    """Yield the rows of all journals.
+
+    The last line of a journal may be incomplete, if its coordinator was killed.
+    """
     for path in _journals(folder):
         for line in path.read_text(encoding="utf-8", errors="replace").splitlines():
             try:
@@ -356,8 +385,7 @@ def _journal(folder: Path) -> Iterator[CaseRow]:
 
 
 def _write(folder: Path, block: int, rows: Sequence[CaseRow]) -> None:
-    """Write the files of a block, each under another name first; that of the cases
-    last."""
+    """Write the files of a block, each under a temporary name first, cases last."""
     curves = _curves_table(rows)
     if curves.num_columns > 1:
         _save(curves, _part(folder, CURVES, block))
@@ -365,7 +393,7 @@ def _write(folder: Path, block: int, rows: Sequence[CaseRow]) -> None:
 
 
 def _curves_table(rows: Sequence[CaseRow]) -> pa.Table:
-    """Return the envelopes of cases, a column a curve."""
+    """Return the envelopes of cases, one column per curve."""
     curves = [row.curves or {} for row in rows]
     columns = {"case": pa.array([row.case for row in rows], pa.int64())}
     for name in sorted({name for each in curves for name in each}):
@@ -376,6 +404,7 @@ def _curves_table(rows: Sequence[CaseRow]) -> pa.Table:
 
 
 def _save(table: pa.Table, path: Path) -> None:
+    """Write a table to a Parquet file with its sha256."""
     part = path.with_suffix(".tmp")
     with naming(path), part.open("wb") as opened:
         pq.write_table(table, opened, compression="zstd")
@@ -395,7 +424,7 @@ _COLUMN_TYPES = {
 
 
 def _table(rows: Sequence[CaseRow]) -> pa.Table:
-    """Rows as columns: how each ended, `in.` what was drawn, `out.` its numbers."""
+    """Convert rows to columns: how each ended, drawn values `in.`, numbers `out.`."""
     columns: dict[str, pa.Array] = {
         name: pa.array([getattr(row, name) for row in rows], kind)
         for name, kind in _COLUMN_TYPES.items()
@@ -413,7 +442,7 @@ def _table(rows: Sequence[CaseRow]) -> pa.Table:
 
 
 def _flat(values: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
-    """Drawn values, an element each: `component.variable[i]`, from 1 on."""
+    """Yield drawn values element by element: `component.variable[i]`, i from 1."""
     for name, value in values.items():
         if not isinstance(value, list):
             yield name, value
@@ -424,7 +453,7 @@ def _flat(values: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
 
 
 def _of_block(folder: Path, block: int) -> list[CaseRow]:
-    """The rows of a file as they were added."""
+    """Read the rows of a block as they were added."""
     made = []
     table = rows_in(_part(folder, CASES, block)).to_pylist()
     path = _part(folder, CURVES, block)
@@ -455,8 +484,15 @@ def _of_block(folder: Path, block: int) -> list[CaseRow]:
 def read(
     folder: Path, kind: str = CASES, columns: Sequence[str] | None = None
 ) -> pa.Table:
-    """All rows of a campaign, in the order of the cases, also of one that is not over;
-    of columns those named. Raises DesatError where there is none."""
+    """Read all rows of a campaign in the order of the cases, also of an unfinished one.
+
+    Only the named columns are read.
+
+    Raises
+    ------
+    DesatError
+        If there are no cases yet, or a file holds cases of another block.
+    """
     blocks = sorted(_parts(folder))
     tables = []
     for block in blocks:
@@ -493,7 +529,7 @@ def read(
 
 
 def versions_of(folder: Path, case: int) -> dict[str, str] | None:
-    """The versions that a case was made with; None where it is not there."""
+    """Return the versions that a case was made with, or None if it does not exist."""
     path = _part(folder, CASES, case // BLOCK)
     found = (
         [
@@ -510,7 +546,7 @@ def versions_of(folder: Path, case: int) -> dict[str, str] | None:
 
 
 def schema(folder: Path) -> pa.Schema:
-    """The columns of the cases that are there. Raises DesatError where there is none."""
+    """Return the schema of the existing cases; raise DesatError if there are none."""
     parts = [columns(_part(folder, CASES, b)) for b in sorted(_parts(folder))]
     if rows := [r for r in _journal(folder) if r.case // BLOCK not in _parts(folder)]:
         parts.append(_table(rows).schema)
@@ -520,15 +556,17 @@ def schema(folder: Path) -> pa.Schema:
 
 
 def described(folder: Path) -> dict[str, dict[str, str]]:
-    """Title and unit of each number, of `in.component.variable`, and of `curve.PLOT`."""
+    """Read title and unit of numbers, of `in.component.variable` and `curve.PLOT`."""
     path = folder / NUMBERS
     numbers: dict[str, dict[str, str]] = table(path) if path.exists() else {}
     return numbers
 
 
 def digest(folder: Path, first: int | None = None) -> str:
-    """sha256 of all that is there of cases and curves, but for OWN: equal for equal
-    campaigns; `first`: of the first so many."""
+    """Compute the sha256 of all existing cases and curves, except for columns `OWN`.
+
+    It is equal for equal campaigns. With `first` it covers only that many cases.
+    """
     made = hashlib.sha256()
     for kind in (CASES, CURVES):
         table = read(folder, kind).slice(0, first)

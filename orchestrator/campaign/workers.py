@@ -1,8 +1,7 @@
-"""Where many calls run: processes of this machine, which may die, or those of a Dask
-cluster.
+"""Run many calls: in this process, in processes of this machine, or on a Dask cluster.
 
-Both take `submit(key, *arguments)` of one function, and give `(key, result)` in the
-order in which they end, where the result is `Lost` for a call whose process died or
+All take `submit(key, *arguments)` of one function, and return `(key, result)` in the
+order in which the calls end. The result is `Lost` for a call whose process died or
 passed its time limit.
 """
 
@@ -25,9 +24,8 @@ from typing import Any, Protocol, Self
 from ..engine import process_state
 from ..system.errors import Exit, RunError
 
+# exit code of a process whose script would start processes while it is imported
 UNGUARDED = 78
-"""How a process ends whose script would make processes of its own while it is imported.
-"""
 _GUARD = (
     'the script that asks for runs in several processes needs `if __name__ == "__main__":` '
     "before it does: each process imports it first"
@@ -35,39 +33,40 @@ _GUARD = (
 
 
 def guarded() -> None:
-    """End a process that is importing the script of its head to begin with: it is the
-    script that asks for processes, again. Its head says so."""
+    """End a process that is still importing the main script of its parent.
+
+    In that case the script asks for processes again. The parent reports it.
+    """
     if getattr(current_process(), "_inheriting", False):
         sys.exit(UNGUARDED)
 
 
 @dataclass(frozen=True)
 class Lost:
-    """A call that has no result, and why."""
+    """Call that has no result, with the reason."""
 
     why: str
     timeout: bool = False
 
 
 class Workers(Protocol):
-    """What takes calls."""
+    """Pool that takes calls."""
 
-    size: int
-    """Calls that run at the same time."""
+    size: int  # calls that run at the same time
 
     def __enter__(self) -> Self: ...
 
     def __exit__(self, *_: object) -> None: ...
 
     def submit(self, key: Hashable, *arguments: Any) -> None:
-        """Have the function called."""
+        """Submit a call of the function."""
 
     def ended(self) -> tuple[Hashable, Any]:
-        """The next call that has ended; waits for it. Raises what the function raised."""
+        """Wait for the next call that ends; raise what the function raised."""
 
 
 class Here:
-    """This process: each call is made when its result is asked for."""
+    """Pool of this process alone: each call is made when its result is requested."""
 
     size = 1
 
@@ -82,17 +81,20 @@ class Here:
         self._waiting.clear()
 
     def submit(self, key: Hashable, *arguments: Any) -> None:
+        """Append a call to the queue."""
         self._waiting.append((key, arguments))
 
     def ended(self) -> tuple[Hashable, Any]:
+        """Make the next call and return its key and result."""
         key, arguments = self._waiting.pop(0)
         return key, self._function(*arguments)
 
 
 class Local:
-    """Processes of this machine. One that dies, or takes longer than `limit` s for a
-    call, is replaced; only its call is lost. Each has a pipe of its own, so that it is
-    known which call.
+    """Pool of processes of this machine.
+
+    A process that dies, or takes longer than `limit` s for a call, is replaced, and
+    only its call is lost. Each has a pipe of its own, which identifies the call.
 
     (concurrent.futures gives up all calls when a process dies; pebble 5.2 loses a call
     whose process dies before its pool has read that it was taken.)
@@ -118,17 +120,19 @@ class Local:
             worker.close()
 
     def submit(self, key: Hashable, *arguments: Any) -> None:
+        """Append a call to the queue, and start it if a process is idle."""
         self._waiting.append((key, arguments))
         self._hand_out()
 
     def _hand_out(self) -> None:
-        """Give calls that wait to processes that do not work."""
+        """Give waiting calls to idle or new processes."""
         while self._waiting and len(self._busy) < self.size:
             worker = self._idle.pop() if self._idle else _Worker(self._function)
             self._busy.append(worker)
             worker.take(*self._waiting.popleft())
 
     def ended(self) -> tuple[Hashable, Any]:
+        """Wait for the next call that ends, and return its key and result."""
         while True:
             ready = wait([w.pipe for w in self._busy], self._patience())
             late = (
@@ -167,14 +171,17 @@ class Local:
             return key, result
 
     def _patience(self) -> float | None:
-        """How long the calls that are made may go on yet, s."""
+        """Return the time (s) until the next running call passes the limit.
+
+        None where there is no limit.
+        """
         if self._limit is None:
             return None
         return max(0.0, min(self._limit - w.seconds() for w in self._busy)) + 0.01
 
 
 class _Worker:
-    """A process that takes one call at a time."""
+    """Process that takes one call at a time."""
 
     def __init__(self, function: Callable[..., Any]) -> None:
         context = get_context("spawn")
@@ -190,24 +197,26 @@ class _Worker:
         theirs.close()
 
     def take(self, key: Hashable, arguments: tuple[Any, ...]) -> None:
-        """Give it a call."""
+        """Give the process a call."""
         self.key = key
         if self._ready:
             self.begin()
-        with suppress(BrokenPipeError):  # it has died: the answer says so
+        with suppress(BrokenPipeError):  # the process has died: its answer reports that
             self.pipe.send(arguments)
 
     def begin(self) -> None:
-        """Its call begins now: it has started."""
+        """Start the clock of the call, because the process is ready."""
         self._ready, self._since = True, time.monotonic()
 
     def seconds(self) -> float:
-        """How long its call has been going on."""
+        """Return how long the call has been running (s)."""
         return 0.0 if self._since is None else time.monotonic() - self._since
 
     def answer(self) -> tuple[str, Any]:
-        """What came of the call: `result`, `raised` or `lost`, and what; or that it is
-        `ready`."""
+        """Receive the outcome of the call: `result`, `raised` or `lost`, and its value.
+
+        A process that has just started answers `ready`.
+        """
         try:
             said: tuple[str, Any] = self.pipe.recv()
             return said
@@ -220,18 +229,21 @@ class _Worker:
             )
 
     def end(self) -> None:
-        """End it in the middle of a call."""
+        """Kill the process in the middle of a call."""
         self._process.kill()
         self._process.join()
 
     def close(self) -> None:
-        """Let it end."""
+        """Close the pipe, and wait for the process to end."""
         self.pipe.close()
         self._process.join()
 
 
 def _serve(pipe: Any, function: Callable[..., Any], head: int) -> None:
-    """A worker's life. It leaves Ctrl-C to its head, and dies with it."""
+    """Serve calls in a worker process.
+
+    It leaves Ctrl-C to its parent, and ends with it.
+    """
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     process_state.adopt()
     threading.Thread(target=_die_with, args=(head,), daemon=True).start()
@@ -253,14 +265,14 @@ def _serve(pipe: Any, function: Callable[..., Any], head: int) -> None:
 
 
 def _die_with(head: int) -> None:
-    """End with the head, also in the middle of a call."""
+    """End the process when its parent ends, even in the middle of a call."""
     while sys.platform == "win32" or os.getppid() == head:
         time.sleep(1.0)
     os._exit(1)
 
 
 def _how(code: int) -> str:
-    """How a process ended, as people say it."""
+    """Describe how a process ended: the name of a signal, or its exit code."""
     if code < 0:
         return signal.Signals(-code).name
     return f"exit({code})"
@@ -271,9 +283,11 @@ def results(
     tasks: Iterable[tuple[Hashable, tuple[Any, ...]]],
     again: Callable[[Any, Lost], Sequence[tuple[Hashable, tuple[Any, ...]]]],
 ) -> Iterator[tuple[Any, Any]]:
-    """Each task's key and result in the order in which they end, with a few in advance
-    of what runs. In place of a lost call those are made that `again` gives; none: its
-    `Lost` is its result."""
+    """Yield key and result of each task in the order in which the tasks end.
+
+    A few tasks are submitted in advance of those that run. A lost call is replaced by
+    the calls that `again` returns; if there are none, its `Lost` is its result.
+    """
     tasks, running, more = iter(tasks), 0, True
     while more or running:
         while more and running < 3 * workers.size:

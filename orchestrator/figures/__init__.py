@@ -1,1 +1,1 @@
-"""How figures look, and the plots of a scenario."""
+"""Draw figures, and the plots of a scenario."""

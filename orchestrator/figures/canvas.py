@@ -1,8 +1,8 @@
-"""Figures: lines, areas and points on axes with ticks and a legend, as SVG text.
+"""Draw figures as SVG text: lines, areas and points on axes with ticks and a legend.
 
-A figure is laid out here, in tenths of a point from its upper left corner, into shapes
-and texts; `svg` writes these, and `desat export` has matplotlib paint the same ones.
-That a report needs no plotting library takes half a second off every run.
+A figure is laid out here into shapes and texts, in tenths of a point from its upper
+left corner. `svg` writes these, and `desat export` has matplotlib paint the same ones.
+A report needs no plotting library, which takes half a second off every run.
 """
 
 from __future__ import annotations
@@ -21,37 +21,31 @@ from ..system.errors import plain
 
 Array = NDArray[np.float64]
 Point = tuple[float, float]
-Box = tuple[float, float, float, float]
-"""left, top, width, height"""
+Box = tuple[float, float, float, float]  # left, top, width, height
 
 INCH = 720
+# Free rims of all axes as shares of the figure's width and height, so that times align.
 LEFT, RIGHT, TOP, BOTTOM = 0.115, 0.25, 0.08, 0.16
-"""Of all axes in their figures, shares of its width and height, so that times align."""
 GRID, INK = "#dddddd", "#222222"
-SMALL, USUAL = 80, 90
-"""Sizes of letters: of the legend, and of all else."""
-LETTER = 0.64
-"""Mean width of a letter over its size."""
-LEGEND = 21
-"""Letters in a line of a legend."""
-STRIP = 94
-"""Height of a strip under an axis."""
-LINE = 115
-"""Between the lines of a legend."""
+SMALL, USUAL = 80, 90  # Font sizes: SMALL of the legend, USUAL of all other text.
+LETTER = 0.64  # mean width of a letter over its size
+LEGEND = 21  # letters in a line of a legend
+STRIP = 94  # height of a strip under an axis
+LINE = 115  # distance between the lines of a legend
+# Width of a column of a long line; of each column the first, smallest, largest and last
+# point are drawn.
 COLUMN = 5.0
-"""Width of a column of a line that has many points: of each its first, least, most and
-last are drawn."""
+# Limit for all longer lines of a figure together, so that a file stays below 60 kB.
 COLUMNS = 2400
-"""Of all lines of a figure that have more points, together: a file stays below 60 kB.
-"""
 
-DOTS = 2500
-"""Of one kind at the most."""
+DOTS = 2500  # largest number of dots of one kind
 
 
 class Shape(NamedTuple):
-    """A painted path in tenths of a point: several parts, each (n, 2). With `fill` it
-    is closed."""
+    """Painted path in tenths of a point, of several parts (n, 2) each.
+
+    With `fill` it is closed.
+    """
 
     parts: list[Array]
     colour: str
@@ -59,12 +53,11 @@ class Shape(NamedTuple):
     dash: tuple[float, ...] = ()
     alpha: float = 1.0
     fill: str = ""
-    within: Box | None = None
-    """What it is cut off by."""
+    within: Box | None = None  # box that it is clipped to
 
 
 class Dots(NamedTuple):
-    """Round points, (n, 2), of a width (pt)."""
+    """Round points (n, 2) with a width (pt)."""
 
     at: Array
     colour: str
@@ -73,7 +66,7 @@ class Dots(NamedTuple):
 
 
 class Words(NamedTuple):
-    """A text at a point; with `turned`, from bottom to top."""
+    """Text at a point; with `turned` it runs from bottom to top."""
 
     at: Point
     text: str
@@ -87,37 +80,35 @@ Drawn = Shape | Dots | Words
 
 @dataclass
 class Mark:
-    """A line, area or points in the data's coordinates; nan parts it, inf is an axes'
-    edge."""
+    """Line, area or points in data coordinates.
+
+    A nan separates parts of it, an inf is the edge of the axes.
+    """
 
     x: Array
     y: Array
     colour: str
     label: str = ""
-    width: float = 1.0
-    """Of the line (pt); 0: none."""
-    dash: tuple[float, ...] = ()
-    """Lengths (pt) of what is drawn and left out in turn."""
+    width: float = 1.0  # pt, of the line; 0: no line
+    dash: tuple[float, ...] = ()  # pt, alternating lengths of dashes and gaps
     alpha: float = 1.0
     filled: bool = False
-    marker: float = 0.0
-    """Width (pt) of a point."""
+    marker: float = 0.0  # pt, width of a point
     hollow: bool = False
-    stepped: bool = False
-    """Each value of a line holds until the next."""
+    stepped: bool = False  # whether each value of a line holds until the next
+    # name of a line without a label, in figures where each line has a name
     name: str = ""
-    """What a line without a label is called where each has a name."""
+    # the line that lies within, for an area that encloses a fast line
     whole: tuple[Array, Array] | None = None
-    """Of an area that a fast line lies within: that line."""
 
     @property
     def count(self) -> int:
-        """The points of its path."""
+        """Count the points of its path."""
         return 2 * len(self.x) - 1 if self.stepped and len(self.x) else len(self.x)
 
     @property
     def path(self) -> tuple[Array, Array]:
-        """x and y of all its points, corners of steps included."""
+        """Return x and y of all its points, corners of steps included."""
         if not self.stepped:
             return self.x, self.y
         return np.repeat(self.x, 2)[1:], np.repeat(self.y, 2)[:-1]
@@ -125,7 +116,7 @@ class Mark:
 
 @dataclass
 class Strip:
-    """Coloured spans under the axis of x."""
+    """Coloured spans under the x axis."""
 
     row: int
     spans: list[tuple[float, float]]
@@ -135,24 +126,21 @@ class Strip:
 
 @dataclass
 class Axis:
-    """One of the two axes: what it is called, and its range where that is given."""
+    """One of the two axes, with its label and its range where that is fixed."""
 
     label: str = ""
     low: float | None = None
     high: float | None = None
     log: bool = False
-    margin: float = 0.05
-    """Beyond what is drawn, a share of it."""
+    margin: float = 0.05  # beyond what is drawn, as a share of it
     ticks: Ticks | None = None
-    most: int | None = None
-    """Ticks at the most; default: as many as there is room for."""
-    seconds: float = 0.0
-    """Of an axis of times: seconds in its unit."""
+    most: int | None = None  # largest number of ticks; None: as many as fit
+    seconds: float = 0.0  # seconds in the unit of a time axis
 
 
 @dataclass
 class Axes:
-    """A pair of axes in a figure: where they are, and what is drawn on them."""
+    """Pair of axes in a figure, with its place and the marks on it."""
 
     left: float
     top: float
@@ -161,23 +149,21 @@ class Axes:
     x: Axis = field(default_factory=Axis)
     y: Axis = field(default_factory=Axis)
     title: str = ""
-    size: float = USUAL
-    """Of letters."""
-    legend: int = LEGEND
-    """Letters in a line of the legend; 0: no legend."""
+    size: float = USUAL  # font size
+    legend: int = LEGEND  # letters in a line of the legend; 0: no legend
     marks: list[Mark] = field(default_factory=list)
     strips: list[Strip] = field(default_factory=list)
+    # axes over these with the same x, whose y axis is at the right
     right: Axes | None = None
-    """Other axes over these, of the same x, whose y stands at the right."""
 
     def plot(self, x: Any, y: Any, colour: str, **look: Any) -> None:
-        """A line, or with `width` 0 and a `marker` points."""
+        """Add a line, or points if `width` is 0 and `marker` is set."""
         self.marks.append(
             Mark(np.asarray(x, float), np.asarray(y, float), colour, **look)
         )
 
     def area(self, x: Any, low: Any, high: Any, colour: str, **look: Any) -> None:
-        """What lies between two lines of the same x."""
+        """Add the area between two lines of the same x."""
         x, low, high = (np.asarray(a, float) for a in np.broadcast_arrays(x, low, high))
         known = np.isfinite(low) | np.isinf(x)
         x, low, high = x[known], low[known], high[known]
@@ -187,8 +173,10 @@ class Axes:
     def bars(
         self, begin: Any, end: Any, heights: Any, colour: str, **look: Any
     ) -> None:
-        """Bars from zero, or on a logarithmic axis from its edge; nan where there is
-        none."""
+        """Add bars from zero, or from the edge of a logarithmic axis.
+
+        A nan height leaves a bar out.
+        """
         begin, end, heights = (np.asarray(a, float) for a in (begin, end, heights))
         foot = np.full_like(heights, -np.inf if self.y.log else 0.0)
         gap = np.full_like(heights, np.nan)
@@ -197,23 +185,23 @@ class Axes:
         self.marks.append(Mark(x, y, colour, width=0.0, filled=True, **look))
 
     def level(self, value: float, colour: str, **look: Any) -> None:
-        """A line across at a value of y."""
+        """Add a horizontal line at a value of y."""
         self.plot([-math.inf, math.inf], [value, value], colour, **look)
 
     def upright(self, value: float, colour: str, **look: Any) -> None:
-        """A line from bottom to top at a value of x."""
+        """Add a vertical line at a value of x."""
         self.plot([value, value], [-math.inf, math.inf], colour, **look)
 
     def band(self, low: float, high: float, colour: str, **look: Any) -> None:
-        """All between two values of y."""
+        """Add the area between two values of y."""
         self.area([-math.inf, math.inf], low, high, colour, **look)
 
     def y_range(self) -> Point:
-        """The lowest and highest y that is drawn, margins included."""
+        """Return the lowest and highest y of the axis, margins included."""
         return _range(self.y, [m.y for m in self.marks])
 
     def x_range(self) -> Point:
-        """From where to where x goes, margins included."""
+        """Return the lowest and highest x of the axis, margins included."""
         others = [self.right] if self.right else []
         spans = [np.ravel(s.spans) for s in self.strips]
         return _range(
@@ -221,14 +209,19 @@ class Axes:
         )
 
     def across(self, values: Any) -> Array:
-        """Where values of x stand in the figure, in tenths of a point from its left."""
+        """Convert values of x to places in the figure.
+
+        They are in tenths of a point from its left edge.
+        """
         return _Scale(self.x, self.x_range(), self.left, self.width)(values)
 
     # --- layout -----------------------------------------------------------------------
 
     def shapes(self, column: float = COLUMN) -> Iterator[Drawn]:
-        """All that they consist of; lines of many points are thinned to columns so
-        wide."""
+        """Yield all shapes and texts of the axes.
+
+        Lines of many points are thinned to columns of the width `column`.
+        """
         others = [self.right] if self.right else []
         x = self.x_range()
         floor = self.height - STRIP * len({s.row for s in self.strips})
@@ -251,19 +244,22 @@ class Axes:
         yield from self._legend(box)
 
     def _ticks(self, axis: Axis, ends: Point, room: float) -> Ticks:
-        """The ticks of an axis with room for so many labels."""
+        """Return the ticks of an axis that has room for this many labels."""
         if axis.ticks is not None:
             return axis.ticks
         most = min(axis.most or 99, max(2, int(room)))
         return (logarithmic if axis.log else linear)(*ends, most)
 
     def _of_x(self, x: Point) -> Ticks:
+        """Return the ticks of the x axis."""
         return self._ticks(self.x, x, self.width / (4.6 * self.size))
 
     def _of_y(self, y: Point) -> Ticks:
+        """Return the ticks of the y axis."""
         return self._ticks(self.y, y, min(9.0, self.height / (2.3 * self.size)))
 
     def _grid(self, x: Point, box: Box) -> Iterator[Shape]:
+        """Draw the grid lines at the ticks."""
         left, top, width, height = box
         y = self.y_range()
         across, up = (
@@ -273,7 +269,7 @@ class Axes:
         lines = [
             np.array([[left, v], [left + width, v]]) for v in up(self._of_y(y).values)
         ]
-        # bars stand between given ticks
+        # no vertical lines between bars, which have their own ticks
         if self.x.ticks is None or self.x.log:
             lines += [
                 np.array([[v, top], [v, top + height]])
@@ -282,6 +278,7 @@ class Axes:
         yield Shape(lines, GRID, 0.6)
 
     def _ordinate(self, box: Box, right: bool) -> Iterator[Drawn]:
+        """Draw the y axis with ticks, labels and title, at the left or the right."""
         left, top, width, height = box
         ends = self.y_range()
         made = self._of_y(ends)
@@ -320,6 +317,7 @@ class Axes:
             )
 
     def _abscissa(self, x: Point, box: Box) -> Iterator[Drawn]:
+        """Draw the x axis with ticks, labels and title."""
         left, top, width, height = box
         floor, made = self.top + self.height, self._of_x(x)
         lines = [np.array([[left, top + height], [left + width, top + height]])]
@@ -340,6 +338,7 @@ class Axes:
             yield Words(at, text, self.size, "middle")
 
     def _strip(self, strip: Strip, scale: _Scale, box: tuple[float, ...]) -> Shape:
+        """Draw the spans of a strip under the axes."""
         top = box[1] + box[3] + STRIP * (strip.row + 0.15)
         low, high = top, top + 0.8 * STRIP
         parts = []
@@ -350,7 +349,7 @@ class Axes:
         return Shape(parts, "", fill=strip.colour)
 
     def _legend(self, box: Box) -> Iterator[Drawn]:
-        """What has a label, beside the axes; long labels are wrapped."""
+        """Draw the legend beside the axes; long labels are wrapped."""
         named: list[Mark | Strip] = []
         for axes in [self, *([self.right] if self.right else [])]:
             named += [m for m in axes.marks if m.label]
@@ -362,7 +361,7 @@ class Axes:
         whole = sum(len(rows) for _, rows in entries)
         if whole * pitch > (
             room := self.height + 300
-        ):  # smaller letters where there are many
+        ):  # a smaller font for a long legend
             size, pitch = size * room / (whole * pitch), room / whole
         left = box[0] + box[2] + (560 if self.right else 80)
         y = self.top + self.height / 2 - whole * pitch / 2 + 0.75 * pitch
@@ -375,7 +374,7 @@ class Axes:
 
 @dataclass
 class Figure:
-    """A figure of a width and height (in)."""
+    """Figure with a width and height (in)."""
 
     width: float
     height: float
@@ -388,7 +387,7 @@ class Figure:
         left: float = LEFT,
         right: float = RIGHT,
     ) -> Axes:
-        """Axes with a free rim of these shares of the figure."""
+        """Add axes with a free rim of these shares of the figure."""
         width, height = INCH * self.width, INCH * self.height
         made = Axes(
             left * width,
@@ -400,7 +399,7 @@ class Figure:
         return made
 
     def shapes(self) -> Iterator[Drawn]:
-        """All shapes and texts, the lowest first."""
+        """Yield all shapes and texts, the lowest first."""
         all_axes = [*self.axes, *(a.right for a in self.axes if a.right)]
         room = max((a.width for a in self.axes), default=0.0)
         dense = sum(
@@ -410,7 +409,7 @@ class Figure:
             yield from axes.shapes(max(COLUMN, room * dense / COLUMNS))
 
     def svg(self) -> str:
-        """The figure as an <svg> element, the same for the same data."""
+        """Return the figure as an <svg> element, the same for the same data."""
         width, height = round(INCH * self.width), round(INCH * self.height)
         parts = [
             f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width} {height}" '
@@ -426,7 +425,7 @@ class Figure:
 
 
 class _Scale:
-    """From the data's coordinates to those of the figure; inf is the edge."""
+    """Conversion from data coordinates to those of the figure; inf is the edge."""
 
     def __init__(self, axis: Axis, ends: Point, start: float, length: float) -> None:
         self._log, self._start, self._length = axis.log, start, length
@@ -437,19 +436,19 @@ class _Scale:
         if self._log:
             with np.errstate(divide="ignore", invalid="ignore"):
                 edge = np.isinf(values)
-                # what is not above zero has no place
+                # a logarithmic axis has no place for values below or at zero
                 values = np.where(
                     edge, values, np.log10(np.where(values > 0.0, values, np.nan))
                 )
         share = (values - self._low) / (self._high - self._low)
         share = np.where(values == np.inf, 1.0, np.where(values == -np.inf, 0.0, share))
-        # what is far outside is cut off anyhow
+        # values far outside are clipped anyway
         place: Array = self._start + self._length * np.clip(share, -9.0, 10.0)
         return place
 
 
 def _range(axis: Axis, values: Sequence[Array]) -> Point:
-    """From where to where an axis goes that shows these values."""
+    """Return the lower and upper end of an axis that shows these values."""
     shown = [
         v[np.isfinite(v) & (v > 0.0)] if axis.log else v[np.isfinite(v)] for v in values
     ]
@@ -460,7 +459,7 @@ def _range(axis: Axis, values: Sequence[Array]) -> Point:
         rim = axis.margin * math.log10(high / low) or 0.3
         low, high = low * 10.0**-rim, high * 10.0**rim
     else:
-        # a constant: some of its own size about it
+        # a constant: a margin of its own size
         rim = (
             axis.margin * (high - low)
             if high - low > 1e-12 * max(abs(low), abs(high))
@@ -476,7 +475,7 @@ def _range(axis: Axis, values: Sequence[Array]) -> Point:
 def _painted(
     mark: Mark, across: _Scale, up: _Scale, box: Box, column: float
 ) -> Iterator[Drawn]:
-    """A mark as shapes."""
+    """Convert a mark to shapes."""
     x, y = mark.path
     points = np.column_stack([across(x), up(y)])
     known = np.isfinite(points.sum(axis=1))
@@ -491,7 +490,7 @@ def _painted(
 
 
 def _dots(mark: Mark, points: Array) -> Iterator[Dots]:
-    """The points of a mark; of very many those on a grid."""
+    """Draw the points of a mark; if there are very many, on a grid."""
     grid, at = 1.0, np.unique(np.round(points), axis=0)
     while len(at) > DOTS:
         grid *= 1.5
@@ -502,7 +501,7 @@ def _dots(mark: Mark, points: Array) -> Iterator[Dots]:
 
 
 def _parts(points: Array, known: NDArray[np.bool_]) -> list[Array]:
-    """The stretches of points that are known."""
+    """Split points at unknown ones into contiguous parts."""
     if known.all():
         return [points] if len(points) else []
     ends = np.flatnonzero(np.diff(np.concatenate([[0], known.astype(int), [0]])))
@@ -510,8 +509,10 @@ def _parts(points: Array, known: NDArray[np.bool_]) -> list[Array]:
 
 
 def _thinned(points: Array, width: float) -> Array:
-    """Of each column of a line of many points its first, least, most and last; whole
-    tenths, each once."""
+    """Thin a line of many points to the first, lowest, highest and last of each column.
+
+    The points are rounded to tenths of a point, and repeated ones are dropped.
+    """
     points = np.round(points)
     starts = np.flatnonzero(np.diff(np.floor(points[:, 0] / width), prepend=-np.inf))
     if len(points) > 4 * len(starts) and (np.diff(points[:, 0]) >= 0.0).all():
@@ -530,7 +531,7 @@ def _thinned(points: Array, width: float) -> Array:
 
 
 def _sample(mark: Mark | Strip, left: float, y: float) -> Iterator[Drawn]:
-    """What stands before a label of a legend."""
+    """Draw the sample of a mark before its label in a legend."""
     if isinstance(mark, Strip) or mark.filled:
         box = np.array(
             [[left, y - 32], [left + 130, y - 32], [left + 130, y + 32], [left, y + 32]]
@@ -551,14 +552,18 @@ def _sample(mark: Mark | Strip, left: float, y: float) -> Iterator[Drawn]:
 
 
 def _markup(shape: Drawn) -> str:
+    """Convert a shape or text to SVG."""
     if isinstance(shape, Words):
         return _text(shape)
     return _path_of(shape) if isinstance(shape, Shape) else _dots_of(shape)
 
 
 def _path_of(shape: Shape) -> str:
-    """A shape as SVG; what is cut off is so by an <svg> of its own, for names of clip
-    paths would be those of the whole page."""
+    """Convert a shape to SVG.
+
+    It is clipped by an <svg> element of its own, because names of clip paths would
+    apply to the whole page.
+    """
     path = "".join(_path(p) + "z" * bool(shape.fill) for p in shape.parts)
     if not path:
         return ""
@@ -575,7 +580,7 @@ def _path_of(shape: Shape) -> str:
     left, top, width, height = (round(v) for v in shape.within)
     points = np.concatenate(shape.parts) - (left, top)
     if (points >= -5.0).all() and (points <= (width + 5.0, height + 5.0)).all():
-        return drawn  # nothing to cut off
+        return drawn  # nothing to clip
     return (
         f'<svg x="{left}" y="{top}" width="{width}" height="{height}" '
         f'viewBox="{left} {top} {width} {height}">{drawn}</svg>'
@@ -583,7 +588,7 @@ def _path_of(shape: Shape) -> str:
 
 
 def _dots_of(dots: Dots) -> str:
-    """Dots as lines of no length with round ends."""
+    """Convert dots to SVG, as lines of zero length with round ends."""
     if not len(dots.at):
         return ""
     moves = np.diff(
@@ -598,7 +603,10 @@ def _dots_of(dots: Dots) -> str:
 
 
 def _path(points: Array) -> str:
-    """Points as a path of whole tenths of a point, each relative to the one before."""
+    """Convert points to an SVG path in whole tenths of a point.
+
+    Each point is relative to the one before.
+    """
     whole = np.rint(points).astype(int)
     (x, y), moves = whole[0].tolist(), np.diff(whole, axis=0).tolist()
     parts, letter = [f"M{x} {y}"], ""
@@ -616,6 +624,7 @@ def _path(points: Array) -> str:
 
 
 def _text(words: Words) -> str:
+    """Convert a text to SVG."""
     if not words.text:
         return ""
     x, y = (round(v) for v in words.at)
@@ -631,20 +640,22 @@ def _text(words: Words) -> str:
     )
 
 
-# --- Where an axis has its ticks, and what stands at them -----------------------------
+# --- Ticks and labels of an axis ------------------------------------------------------
 
 
 _RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 _STEPS = (1.0, 2.0, 2.5, 5.0, 10.0)
+# Sizes above and below which a power of ten is taken out of all labels of an axis.
 _LARGE, _SMALL = 1e5, 1e-3
-"""Sizes from and below which a power of ten is taken out of all labels of an axis."""
+# Decades of a logarithmic axis up to which values between the powers have ticks.
 _FEW = 3
-"""Decades of a logarithmic axis up to which those between the powers have ticks."""
 
 
 class Ticks(NamedTuple):
-    """The ticks of an axis: values, a label each (empty: a short tick without one), and
-    what is taken out of all labels, as `×10⁻⁶` or `+ 7000`."""
+    """Ticks of an axis: values, and a label each, empty for a short tick without one.
+
+    The text `aside` stands for what is taken out of all labels, as ×10⁻⁶ or + 7000.
+    """
 
     values: tuple[float, ...]
     labels: tuple[str, ...]
@@ -652,26 +663,28 @@ class Ticks(NamedTuple):
 
 
 def raised(number: int) -> str:
-    """A whole number as an exponent: -3 -> `⁻³`."""
+    """Return an integer as an exponent: -3 becomes ⁻³."""
     return str(number).translate(_RAISED)
 
 
 def linear(low: float, high: float, most: int) -> Ticks:
-    """At most so many ticks, 1, 2, 2.5 or 5 times a power of ten apart, from low to
-    high."""
+    """Return at most `most` ticks from low to high, at a round distance.
+
+    The distance is 1, 2, 2.5 or 5 times a power of ten.
+    """
     step = nice((high - low) / max(most - 1, 1))
     first, last = math.ceil(low / step - 1e-9), math.floor(high / step + 1e-9)
     values = [k * step for k in range(first, last + 1)]
     largest = max(abs(low), abs(high))
     aside, shift, power = "", 0.0, 0
-    if step < 1e-4 * largest:  # all labels would begin alike
+    if step < 1e-4 * largest:  # all labels would have the same leading digits
         shift = math.floor(low / (1000.0 * step) + 1e-3) * 1000.0 * step
         aside = f"{'−' if shift < 0.0 else '+'} {abs(shift):.15g}"
         largest = high - shift
     if not _SMALL <= largest < _LARGE:
         power = math.floor(math.log10(largest))
         aside = f"×10{raised(power)} {aside}".strip()
-    # decimals of the step, of which 2.5 has one more
+    # decimals of the step; 2.5 has one more
     size = step / 10.0**power
     digits = next(
         (d for d in range(12) if abs(round(size, d) - size) < 1e-6 * size), 12
@@ -681,14 +694,16 @@ def linear(low: float, high: float, most: int) -> Ticks:
 
 
 def nice(step: float) -> float:
-    """The least of 1, 2, 2.5 and 5 times a power of ten that is not below a step."""
+    """Round a step up to 1, 2, 2.5 or 5 times a power of ten."""
     power = 10.0 ** math.floor(math.log10(step))
     return next(s * power for s in _STEPS if s * power >= step * (1.0 - 1e-9))
 
 
 def logarithmic(low: float, high: float, most: int) -> Ticks:
-    """At powers of ten, every so many that there are at most so many labels; of few
-    decades also between."""
+    """Return ticks at powers of ten, with at most `most` labels.
+
+    On an axis of few decades there are ticks between them, too.
+    """
     first, last = math.floor(math.log10(low) + 1e-9), math.ceil(math.log10(high) - 1e-9)
     every = -(-(last - first + 1) // max(most, 2))
     ticks: list[tuple[float, str]] = []
@@ -705,5 +720,5 @@ def logarithmic(low: float, high: float, most: int) -> Ticks:
 
 
 def minus(text: str) -> str:
-    """A number's text with the sign that is as wide as a plus; no minus before a zero."""
+    """Return a number's text with a minus as wide as a plus, and none before a zero."""
     return text.replace("-", "−") if float(text) else text.lstrip("-")

@@ -1,9 +1,8 @@
-"""Figures for a page's script (`figures.js`, which has uPlot draw them): what the SVG
-of `canvas` shows, with more points, as JSON.
+"""Convert figures to JSON for a page's script (`figures.js`, which draws with uPlot).
 
-Series of a figure share their times. Those of more rows than there is room for are
-thinned to the least and most of parts of equal length; all figures of a page together
-stay below 1.3 MB.
+They show what the SVG of `canvas` shows, with more points. The series of a figure share
+their times. Longer series are thinned to minimum and maximum in parts of equal length,
+so that all figures of a page together stay below 1.3 MB.
 """
 
 from __future__ import annotations
@@ -19,16 +18,17 @@ from ..system.typed import JsonObject
 from .canvas import Axes, Figure, Mark
 
 Array = NDArray[np.float64]
-VALUES = 200_000
-"""Of all figures of a page, of 5.4 bytes each."""
-FEWEST, MOST = 400, 20_000
-"""Values of a line."""
+VALUES = 200_000  # limit for all figures of a page, with 5.4 bytes per value
+FEWEST, MOST = 400, 20_000  # Limits of the values of a line.
 
 
 def data_of(figures: Sequence[Figure]) -> JsonObject:
-    """`grids`: values of x (of times s), base64 of little-endian doubles; `plots`: a
-    figure each, None for one that the script cannot draw, of which the SVG stays;
-    `most`: values of a line."""
+    """Convert figures to the data of a page.
+
+    `grids` are values of x (s for times) as base64 of little-endian doubles. `plots`
+    has an entry per figure; it is None for one that the script cannot draw, whose SVG
+    stays. `most` is the limit of the values of a line.
+    """
     lines = [_lines(f.axes[0]) if _drawable(f) else [] for f in figures]
     room = min(MOST, max(FEWEST, VALUES // max(sum(map(len, lines)), 1)))
     grids: dict[bytes, int] = {}
@@ -44,7 +44,7 @@ def data_of(figures: Sequence[Figure]) -> JsonObject:
 
 
 class _Line(NamedTuple):
-    """A line, or one of the two edges of an area."""
+    """Line, or one of the two edges of an area."""
 
     mark: Mark
     x: Array
@@ -54,7 +54,7 @@ class _Line(NamedTuple):
 
 
 def _lines(ax: Axes) -> list[_Line]:
-    """The lines of axes; an area gives two, the least first."""
+    """Collect the lines of axes; an area gives two, the lower edge first."""
     bare = _bare(ax)
     lines = []
     for m in ax.marks:
@@ -71,22 +71,25 @@ def _lines(ax: Axes) -> list[_Line]:
 
 
 def _bare(ax: Axes) -> str:
-    """What is drawn, without its unit."""
+    """Return the label of the y axis without its unit."""
     return " ".join(ax.y.label.split("\n")).partition("[")[0].strip() or "value"
 
 
 def _is_across(mark: Mark) -> bool:
-    """Whether it is a level or band from edge to edge, or one so far away that its name
-    alone is shown (nan)."""
+    """Return whether a mark is a level or band from edge to edge.
+
+    A limit that is so far away that only its name is shown (nan) is one, too.
+    """
     return 0 < len(mark.x) <= 4 and not np.isfinite(mark.x).any()
 
 
 def _is_upright(mark: Mark) -> bool:
+    """Return whether a mark is a vertical line."""
     return len(mark.y) == 2 and bool(np.isinf(mark.y).all())
 
 
 def _is_area(mark: Mark) -> bool:
-    """Whether it lies between two lines of the same x."""
+    """Return whether a mark is an area between two lines of the same x."""
     half = len(mark.x) // 2
     return (
         mark.filled
@@ -97,14 +100,17 @@ def _is_area(mark: Mark) -> bool:
 
 
 def _is_line(mark: Mark) -> bool:
+    """Return whether a mark is a line or points."""
     return mark.whole is not None or not (
         mark.filled or not len(mark.x) or _is_upright(mark) or _is_across(mark)
     )
 
 
 def _drawable(figure: Figure) -> bool:
-    """Whether it has lines of growing x, and besides areas and levels that go across
-    only."""
+    """Return whether the script can draw a figure.
+
+    It can draw lines of growing x, areas, and levels and lines across the axes.
+    """
     ax = figure.axes[0]
     known = all(
         _is_line(m) or _is_area(m) or _is_across(m) or _is_upright(m) for m in ax.marks
@@ -124,6 +130,7 @@ def _drawable(figure: Figure) -> bool:
 def _plot(
     ax: Axes, lines: Sequence[_Line], room: int, grids: dict[bytes, int]
 ) -> JsonObject:
+    """Convert a pair of axes to JSON, with its lines thinned to `room` values."""
     seconds = ax.x.seconds
     x, columns = thinned([(line.x, line.y) for line in lines], room)
     label = " ".join(ax.y.label.split("\n"))
@@ -186,15 +193,19 @@ def _plot(
 
 
 def _finite(value: float) -> float | None:
+    """Return a value as float, or None if it is not finite."""
     return float(value) if np.isfinite(value) else None
 
 
 def thinned(
     lines: Sequence[tuple[Array, Array]], most: int
 ) -> tuple[Array, list[Array]]:
-    """Lines (times, values) over times that they share, `most` at the most (even): as
-    they are, nan where one has no value, or the least and most in each of `most` / 2
-    parts, in about the order in which they come."""
+    """Thin lines (times, values) to shared times, at most `most` (even) of them.
+
+    Lines that are short enough stay as they are, with nan where one has no value.
+    Otherwise each has the minimum and maximum of each of `most` / 2 parts, in about the
+    order in which they occur.
+    """
     longest = max((x for x, _ in lines), key=len)
     alike = all(np.array_equal(x, longest[: len(x)]) for x, _ in lines)
     shared = longest if alike else np.unique(np.concatenate([x for x, _ in lines]))
@@ -215,13 +226,16 @@ def thinned(
 
 
 def _ends(y: Array, starts: NDArray[np.intp]) -> Array:
-    """Least and most of each part that begins at these rows, nan where it has no value."""
+    """Compute minimum and maximum of the parts that begin at these rows.
+
+    They are nan where a part has no value.
+    """
     counts = np.diff(np.minimum(starts, len(y)), append=len(y))
     some = counts > 0
     begin = starts[some]
     least, most = (
         (np.fmin, np.fmax) if np.isnan(y.min()) else (np.minimum, np.maximum)
-    )  # faster
+    )  # the latter are faster
     low, high = least.reduceat(y, begin), most.reduceat(y, begin)
     falls = y[begin] > y[begin + counts[some] - 1]
     ends = np.full((len(starts), 2), np.nan)
@@ -233,11 +247,13 @@ def _ends(y: Array, starts: NDArray[np.intp]) -> Array:
 
 
 def _encode(values: Array) -> JsonObject:
-    """Values as base64 of little-endian floats, less an offset where they hardly
-    differ."""
+    """Encode values as base64 of little-endian floats.
+
+    An offset is subtracted where the values hardly differ.
+    """
     known = values[np.isfinite(values)]
     low, high = (float(known.min()), float(known.max())) if len(known) else (0.0, 0.0)
     offset = 0.5 * (low + high) if high - low < 1e-3 * max(abs(low), abs(high)) else 0.0
-    with np.errstate(over="ignore"):  # what a float cannot hold is not drawn
+    with np.errstate(over="ignore"):  # values beyond a float are not drawn
         data = (values - offset).astype("<f4").tobytes()
     return {"data": base64.b64encode(data).decode(), "offset": offset}

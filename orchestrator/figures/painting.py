@@ -1,4 +1,4 @@
-"""Figures painted by matplotlib, for files that are no SVG."""
+"""Paint figures with matplotlib, for files other than SVG."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ ANCHORS = {"start": "left", "middle": "center", "end": "right"}
 
 
 def save(figure: Figure, file: Path) -> None:
-    """Write a figure: .svg, .png or .pdf. Raises DesatError for another ending."""
+    """Write a figure as .svg, .png or .pdf; raise DesatError for another suffix."""
     form = file.suffix.removeprefix(".")
     if form not in ("svg", "png", "pdf"):
         raise DesatError(f"{file}: a plot is written as .svg, .png or .pdf")
@@ -27,12 +27,12 @@ def save(figure: Figure, file: Path) -> None:
 
 
 def paint(figure: Figure, path: Path, form: str) -> None:
-    """Have matplotlib paint a figure's shapes, as they are, into a file."""
-    if paths.no_home():  # it would say where it keeps what it finds of fonts
+    """Paint a figure's shapes into a file with matplotlib, as they are."""
+    if paths.no_home():  # otherwise matplotlib prints where its font cache is
         os.environ.setdefault("MPLCONFIGDIR", str(paths.cache() / "matplotlib"))
     backend = os.environ.pop(
         "MPLBACKEND", None
-    )  # we need none, and one that is unknown is refused
+    )  # none is needed, and an unknown one is an error
     try:
         from matplotlib import figure as painter
         from matplotlib.patches import PathPatch, Rectangle

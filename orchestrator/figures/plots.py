@@ -1,4 +1,4 @@
-"""Plots of scenarios: the series of runs over time, with limit lines and modes."""
+"""Draw plots of scenarios: series of runs over time, with limit lines and modes."""
 
 from __future__ import annotations
 
@@ -33,36 +33,35 @@ from .style import (
 if TYPE_CHECKING:
     from ..language.scenario import Plot
 
-Run = tuple[str, Results, Table]
-"""label, series, parameters as a manifest has them"""
+Run = tuple[str, Results, Table]  # label, series, parameters as a manifest has them
 
 
 class Line(NamedTuple):
-    """A line of a plot: times (s) and values in the plot's unit."""
+    """Line of a plot: times (s) and values in the plot's unit."""
 
     name: str
     times: Any
     values: Any
-    stepped: bool = False
-    """True: each value holds until the next."""
+    stepped: bool = False  # True: each value holds until the next
 
 
-FAR = 10.0
-"""A limit of so many times what is drawn is named only."""
+FAR = 10.0  # a limit beyond this factor of the drawn range is only named
 _FIRST: dict[str, Any] = {"width": 1.4}
 _OTHER: dict[str, Any] = {"width": 1.0, "dash": (4.0, 2.0), "alpha": 0.75}
 
 
 def series_figure(plot: Plot, runs: Sequence[Run]) -> Figure | None:
-    """The figure of a scenario's `[plots.NAME]` over runs. Of two the first is drawn in
-    colours, the other dashed; of more each run has a colour. None where a series is not
-    recorded."""
+    """Draw a scenario's `[plots.NAME]` over runs; None if nothing is recorded.
+
+    Of two runs the first is drawn in colours and the other dashed; of more, each run
+    has a colour.
+    """
     _, results, parameters = runs[0]
     if (unit := unit_of(plot, results)) is None:
         return None
     drawn = [lines_of(plot, r, unit) for _, r, _ in runs]
     limits = limits_of(plot.limits, parameters, unit)
-    # the limits of a size have no other side
+    # limits of a magnitude apply on the positive side only
     signed = any(
         np.nanmin(x.values, initial=0.0) < 0.0 for lines in drawn for x in lines
     )
@@ -90,9 +89,14 @@ def series_figure(plot: Plot, runs: Sequence[Run]) -> Figure | None:
 
 
 def of_name(name: str | None, plots: Mapping[str, Plot], runs: Sequence[Run]) -> Figure:
-    """The figure of a plot of a scenario, of its first (None), or of a series over
-    runs. Raises DesatError where there is none, or it is not recorded."""
-    from ..language.scenario import Plot  # takes long to import
+    """Draw a plot of a scenario by name, its first one (None), or a series over runs.
+
+    Raises
+    ------
+    DesatError
+        If there is none, or it is not recorded.
+    """
+    from ..language.scenario import Plot  # slow import
 
     names = runs[0][1].names()
     if name is None:
@@ -113,7 +117,7 @@ def of_name(name: str | None, plots: Mapping[str, Plot], runs: Sequence[Run]) ->
 
 
 def unit_of(plot: Plot, results: Results) -> str | None:
-    """The unit of a plot's axis; None where what it shows is not recorded."""
+    """Return the unit of a plot's axis, or None where its series are not recorded."""
     known = set(results.names())
     signals = [s for s in plot.signals if s in known]
     if not signals or (plot.derive and len(signals) < len(plot.signals)):
@@ -126,8 +130,10 @@ def unit_of(plot: Plot, results: Results) -> str | None:
 def _panels(
     plot: Plot, results: Results
 ) -> tuple[Figure, list[tuple[Axes, float | None]]]:
-    """A figure, and its pairs of axes: the whole run and, where the plot wants it, what
-    follows its `steady` (s)."""
+    """Build a figure with its axes: the whole run, and the time after `steady` (s).
+
+    The second axes are left out where the plot has no `steady`, or the run ends before.
+    """
     steady = plot.steady
     if steady is None or results.times()[-1] <= steady:
         fig = Figure(WIDTH, HEIGHT)
@@ -140,6 +146,7 @@ def _panels(
 
 
 def _since(line: Line, begin: float) -> Line:
+    """Return the part of a line from a time (s) on."""
     kept = line.times >= begin
     return line._replace(times=line.times[kept], values=line.values[kept])
 
@@ -151,11 +158,13 @@ def _draw(
     seconds: float,
     plot: Plot,
 ) -> None:
-    """The lines of several runs. A line is named in the first run; where there are
-    several runs, the first line of each other one has the run's name, and a lone line
-    always has; of more than two runs the first line of each; without `labels` none has.
-    An `envelope` fills what a line that is faster than the plot is wide lies
-    between."""
+    """Draw the lines of several runs, with their labels.
+
+    A line is named in the first run. With two runs the first line of the second has the
+    run's name, and a lone line always has. With more than two runs the first line of
+    each has it. Without `labels` no line is named. An `envelope` fills the range of a
+    line that is faster than the width of the plot can show.
+    """
     for number, lines in enumerate(runs):
         for i, line in enumerate(lines):
             name = line.name if number == 0 else ""
@@ -166,7 +175,7 @@ def _draw(
             name = name if labels else ""
             of_runs = (
                 len(runs) > 2 or len(lines) == 1
-            )  # else lines are told apart, runs by dashes
+            )  # else colours distinguish lines, and dashes runs
             colour = COLOURS[(number if of_runs else i) % len(COLOURS)]
             run = labels[number] if labels and len(runs) > 1 else ""
             whose = ", ".join(part for part in (line.name, run) if part)
@@ -197,9 +206,12 @@ def _draw(
 def _draw_limits(
     ax: Axes, limits: list[tuple[str, float, bool]], signed: bool, always: bool = True
 ) -> None:
-    """Limit lines and bands (name, value, filled), on both sides of zero where
-    `signed`; those that are beyond what is drawn only where `always`. Of one so FAR
-    that the lines would be flat beside it there is the name alone."""
+    """Draw limit lines and bands (name, value, filled).
+
+    With `signed` they are on both sides of zero. Limits beyond the drawn range appear
+    only with `always`. A limit beyond `FAR` times that range would flatten the lines,
+    so only its name appears.
+    """
     low, high = ax.y_range()
     bands = iter(BANDS * len(limits))
     for name, value, filled in limits:
@@ -226,7 +238,7 @@ def _draw_limits(
 
 
 def lines_of(plot: Plot, results: Results, unit: str) -> list[Line]:
-    """The lines of a scenario's plot in a run; none for a series that is not recorded."""
+    """Return the lines of a scenario's plot in a run, for recorded series only."""
     known = set(results.names())
     if plot.derive:
         return (
@@ -239,7 +251,7 @@ def lines_of(plot: Plot, results: Results, unit: str) -> list[Line]:
 
 
 def _derived_lines(plot: Plot, results: Results, unit: str) -> list[Line]:
-    """The lines that a plot derives from its signals."""
+    """Return the lines that a plot derives from its signals."""
     entry = derived.of_entry(plot)
     assert entry is not None
     quantity, options = entry
@@ -249,14 +261,13 @@ def _derived_lines(plot: Plot, results: Results, unit: str) -> list[Line]:
         quantity.unit or results.attribute(plot.signals[0], "unit"), unit
     )
     times = results.times()[: len(values)]
-    # a name of the scenario's that is empty leaves its element out; a quantity may have
-    # no name
+    # an empty name in the scenario leaves its element out; a quantity may have no names
     names = enumerate(plot.components or quantity.names)
     return [Line(n, times, values[:, i]) for i, n in names if n or not plot.components]
 
 
 def _lines(plot: Plot, results: Results, signal: str, unit: str) -> list[Line]:
-    """The lines of a signal: one an element, or its size."""
+    """Return the lines of a signal: one per element, or its size."""
     values = results.values(signal).astype(float) * scale(
         results.attribute(signal, "unit"), unit
     )
@@ -267,7 +278,7 @@ def _lines(plot: Plot, results: Results, signal: str, unit: str) -> list[Line]:
         return [Line(prefix, times, values, stepped)]
     if plot.norm:
         return [Line(prefix, times, np.linalg.norm(values, axis=1), stepped)]
-    # an element without a name is not shown (a wheel that is not there)
+    # an element without a name, as of a missing wheel, is not shown
     names = plot.components or elements_of(signal, values.shape[1])
     return [
         Line(f"{prefix} {name}".strip(), times, values[:, i], stepped)
@@ -277,8 +288,11 @@ def _lines(plot: Plot, results: Results, signal: str, unit: str) -> list[Line]:
 
 
 def elements_of(signal: str, count: int) -> list[str]:
-    """The names of a signal's elements for people: of a vector its axes, of wheels,
-    coils and nozzles which one, else their numbers."""
+    """Return readable names of a signal's elements.
+
+    These are axes for vectors, numbers with their kind for wheels, coils and nozzles,
+    and numbers otherwise.
+    """
     kind = signal.rpartition("_")[2]
     if kind in ("wheel", "coil", "nozzle"):
         return [f"{kind} {i + 1}" for i in range(count)]
@@ -287,11 +301,13 @@ def elements_of(signal: str, count: int) -> list[str]:
     return [str(i + 1) for i in range(count)]
 
 
-# ------------------------------------------------------------------------------------------------
-# The axis of times of a plot, over strips of coloured bands: what modes and phases were meanwhile.
-# A strip stands for an Integer output whose values have names (`choices`).
+# --- Time axis ------------------------------------------------------------------------
+#
+# Under it there are strips of coloured bands that show modes and phases. A strip stands
+# for an Integer output whose values have names (`choices`).
 
 
+# Colours of the values, by their number.
 BAND_COLOURS = (
     "#d4d4d4",
     "#7fb8de",
@@ -302,18 +318,19 @@ BAND_COLOURS = (
     "#6f6f6f",
     "#c9a27a",
 )
-"""Of the values, by their number."""
+# A span is at least as wide as one of this many columns, so that short ones are
+# visible.
 COLUMNS = 800
-"""A span is drawn at least as long as one of so many columns, so that short ones are
-seen."""
 
 
 def timeline(
     ax: Axes, seconds: float, unit: str, results: Results | None = None
 ) -> None:
-    """Name the axis of times, in `unit` of so many seconds. Under it, a strip of
-    coloured bands for each Integer of the results whose values have names: a mode, a
-    phase."""
+    """Label the time axis in a unit of `seconds` s, and add strips of the results.
+
+    Each Integer output whose values have names, as a mode or phase, has a strip of
+    coloured bands under the axis.
+    """
     ax.x.label, ax.x.margin, ax.x.seconds = f"time [{unit}]", 0.01, seconds
     strips = results.once("strips", lambda: list(_strips(results))) if results else []
     for strip in strips:
@@ -322,7 +339,7 @@ def timeline(
 
 
 def _strips(results: Results) -> Iterator[Strip]:
-    """The strips of a run, over times in s."""
+    """Yield the strips of a run, over times in s."""
     named = [(s, choices) for s in results.names() if (choices := results.choices(s))]
     for row, (signal, choices) in enumerate(named):
         for value, spans in bands(results.times(), results.values(signal)):
@@ -334,11 +351,11 @@ def _strips(results: Results) -> Iterator[Strip]:
 def bands(
     times: Any, values: Any, columns: int = COLUMNS
 ) -> list[tuple[int, list[tuple[float, float]]]]:
-    """(value, its spans from begin to end in s) of a series of integers, those that
-    hold longest first. `times` may have one row more: the end of the last.
+    """Return each value of an integer series with its spans (begin, end in s).
 
-    A span is at least as long as a column, one of so many over all: what is shorter is
-    seen.
+    Values that hold longest come first. `times` may have one more row: the end of the
+    last value. A span is at least as wide as one of `columns` over the whole time, so
+    that short ones are visible.
     """
     if len(values) == 0:
         return []
@@ -359,17 +376,17 @@ def bands(
             begin, end = float(starts[first]), float(ends[last])
             end = max(end, min(begin + shortest, float(ends[-1])))
             if spans and begin - spans[-1][1] < shortest:
-                begin = spans.pop()[0]  # no gap that nobody could see
+                begin = spans.pop()[0]  # a narrower gap would be invisible
             spans.append((begin, end))
         strips.append((int(value), spans))
     return strips
 
 
-# --- Of several runs together ---------------------------------------------------------
+# --- Several runs together ------------------------------------------------------------
 
 
 def scatter(*args: Any, **options: Any) -> str:
-    """`scattered` as SVG."""
+    """Draw `scattered` as SVG."""
     return scattered(*args, **options).svg()
 
 
@@ -383,10 +400,12 @@ def scattered(
     log: str = "",
     size: float = 5.0,
 ) -> Figure:
-    """Points of a size (pt): {label: (x, y)}, one without a label in no legend;
-    `diagonal` names the line y = x, empty for none; `joined`: a line from each to the
-    next; `log`: the axes that are logarithmic, of "x", "y", "xy". What is infinite, as
-    a time not reached, has no point."""
+    """Draw groups of points of a size (pt): {label: (x, y)}.
+
+    A group without a label is not in the legend. `diagonal` names the line y = x, empty
+    for none. With `joined` a line connects the points. `log` names the logarithmic
+    axes: "x", "y" or "xy". Infinite values, as a time not reached, have no point.
+    """
     fig, ax = figure()
     ax.x.log, ax.y.log, ax.x.label, ax.y.label = "x" in log, "y" in log, xlabel, ylabel
     drawn = {

@@ -1,4 +1,4 @@
-"""How our figures look: colours, sizes, units."""
+"""Define the look of our figures: colours, sizes and units."""
 
 from __future__ import annotations
 
@@ -23,17 +23,16 @@ COLOURS = (
     "#a3b72c",
 )
 LIMIT = "#b22222"
+# colours of filled limits, in order
 BANDS = ("#b22222", "#e0a100", "#5b7f95")
-"""Of filled limits, in their order."""
-BINS = 240
-"""Parts of a line whose least and most are drawn as an area."""
+BINS = 240  # parts of a line whose minimum and maximum are drawn as an area
+# in: width and height of a figure with one pair of axes, and height of one with two
 WIDTH, HEIGHT, PANELS = 7.2, 2.9, 4.9
-"""in, of a figure with one pair of axes; the height of one with two."""
 DOTTED, DASHED = (1.0, 1.6), (5.0, 2.5)
 
 
 def time_axis(times: np.ndarray[Any, Any]) -> tuple[float, str]:
-    """(seconds in the unit, unit) that suit a time span."""
+    """Choose the unit of a time span; return its seconds and its name."""
     span = float(times[-1] - times[0]) if len(times) else 0.0
     if span > 3 * 3600:
         return 3600.0, "h"
@@ -41,19 +40,19 @@ def time_axis(times: np.ndarray[Any, Any]) -> tuple[float, str]:
 
 
 def figure(height: float = HEIGHT) -> tuple[Figure, Axes]:
-    """A figure in our style (in), and its axes."""
+    """Build a figure in our style with a height (in), and its axes."""
     fig = Figure(WIDTH, height)
     return fig, fig.add()
 
 
 def axis_label(what: str, unit: str, height: float) -> str:
-    """`quantity [unit]` for an axis so many inches high, in lines that fit it."""
+    """Return `quantity [unit]`, wrapped to fit an axis of a height (in)."""
     bracket = f"[{spell_unit(unit)}]".replace(" ", "\u00a0") if spell_unit(unit) else ""
     return textwrap.fill(f"{what} {bracket}".strip(), max(14, int(height * 14)))
 
 
 def between(x: Any, y: Any) -> tuple[Any, Any, Any]:
-    """Times, least and most of each of BINS parts of a line."""
+    """Compute times, minimum and maximum of each of `BINS` parts of a line."""
     edges = np.linspace(0, len(x), BINS + 1).astype(int)
     parts = [(x[a], y[a:b].min(), y[a:b].max()) for a, b in pairwise(edges)]
     times, low, high = np.array(parts).T

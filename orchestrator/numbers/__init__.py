@@ -1,1 +1,1 @@
-"""From series to numbers and their texts: measures, derived quantities, statistics."""
+"""Compute numbers and texts from series: measures, derived quantities, statistics."""

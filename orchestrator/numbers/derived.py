@@ -1,11 +1,10 @@
-"""Quantities that numbers and plots derive from several series, before they are
-measured or drawn.
+"""Derive quantities from several series, before numbers measure or plots draw them.
 
     derive = "euler"        # of a number or a plot whose signals are attitude and reference
     sequence = "321"
 
-Each is a function of its series (rows, elements), and of `times` (rows,) where it asks
-for them.
+Each is a function of its series (rows, elements), and of `times` (rows,) if it has that
+parameter.
 """
 
 from __future__ import annotations
@@ -29,18 +28,20 @@ Derive = Callable[..., Array]
 
 @dataclass(frozen=True)
 class DerivedQuantity:
-    """A derived quantity: its function, the names of its elements, and its unit (empty:
-    that of its first series)."""
+    """Derived quantity: its function, the names of its elements, and its unit.
+
+    An empty unit is that of its first series.
+    """
 
     function: Callable[..., Array]
     names: tuple[str, ...]
     unit: str
+    # parameters that it takes from the component of its first series
     own: tuple[str, ...] = ()
-    """Parameters that it takes, of the component that its first series is of."""
 
     @property
     def series(self) -> list[str]:
-        """The series that it takes."""
+        """Return the names of the series that it takes."""
         given = inspect.signature(self.function).parameters.values()
         other = ("times", *self.own)
         return [p.name for p in given if p.default is p.empty and p.name not in other]
@@ -48,7 +49,7 @@ class DerivedQuantity:
     def rows(
         self, times: Array, series: Sequence[Array], options: dict[str, Any]
     ) -> Array:
-        """Its rows (rows, elements); series of other lengths end with the shortest."""
+        """Compute its rows (rows, elements); all series are cut to the shortest."""
         count = min(map(len, series))
         given = [s[:count] for s in series]
         if "times" in inspect.signature(self.function).parameters:
@@ -63,10 +64,10 @@ QUANTITIES: dict[str, DerivedQuantity] = {}
 def quantity(
     *names: str, unit: str, own: tuple[str, ...] = ()
 ) -> Callable[[Derive], Derive]:
-    """Make a function known by its name: its elements, its unit, the parameters that it
-    takes."""
+    """Register a function as a quantity, with its elements, unit and parameters."""
 
     def known(function: Derive) -> Derive:
+        """Register the function under its name."""
         QUANTITIES[function.__name__] = DerivedQuantity(function, names, unit, own)
         return function
 
@@ -74,8 +75,7 @@ def quantity(
 
 
 def of_entry(entry: Number | Plot) -> tuple[DerivedQuantity, dict[str, Any]] | None:
-    """Return what a number or plot derives, and its options; None where it derives
-    nothing.
+    """Return the quantity that a number or plot derives, and its options, or None.
 
     Raises
     ------
@@ -107,14 +107,19 @@ def in_body(h: Array, axes_wheel: Sequence[float]) -> Array:
 
 
 def cross(a: ArrayLike, b: ArrayLike) -> Array:
-    """a x b, row by row, for (rows, 3) or one vector (3,) for all rows: the bits of
-    numpy's, which copies what it is given first."""
+    """Compute a x b, row by row, for (rows, 3) or one vector (3,) for all rows.
+
+    The result has the same bits as that of numpy, which copies its arguments first.
+    """
     (ax, ay, az), (bx, by, bz) = np.asarray(a).T, np.asarray(b).T
     return _rows(ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx)
 
 
 def rotate_back(q: Array, v: Array) -> Array:
-    """C(q)' v = v + w t + u x t with t = 2 u x v, row by row: from body to eci."""
+    """Rotate vectors from body to eci, row by row.
+
+    This is C(q)' v = v + w t + u x t with t = 2 u x v.
+    """
     (x, y, z, w), (a, b, c) = q.T, v.T
     d, e, f = 2.0 * (y * c - z * b), 2.0 * (z * a - x * c), 2.0 * (x * b - y * a)
     return _rows(
@@ -125,24 +130,24 @@ def rotate_back(q: Array, v: Array) -> Array:
 
 
 def rotate(q: Array, v: Array) -> Array:
-    """C(q) v, row by row: from eci to body."""
+    """Rotate vectors from eci to body, row by row: C(q) v."""
     return rotate_back(q * np.array([-1.0, -1.0, -1.0, 1.0]), v)
 
 
 def from_body(q: Array) -> Array:
-    """C(q)' (rows, 3, 3), row by row: from body to eci; by `rotate_back`."""
+    """Compute the matrices C(q)' (rows, 3, 3) from body to eci, by `rotate_back`."""
     return np.stack(
         [rotate_back(q, np.broadcast_to(e, (len(q), 3))) for e in np.eye(3)], axis=2
     )
 
 
 def unit_rows(rows: Array) -> Array:
-    """Rows (n, k), each over its size."""
+    """Normalise rows (n, k) to unit length."""
     return np.asarray(rows / np.linalg.norm(rows, axis=1, keepdims=True))
 
 
 def _rows(*columns: Array) -> Array:
-    """Columns (rows,) as (rows, columns)."""
+    """Combine columns (rows,) to an array (rows, columns)."""
     made = np.empty((*columns[0].shape, len(columns)))
     for i, column in enumerate(columns):
         made[..., i] = column
@@ -181,7 +186,7 @@ def pointing(q: Array, q_ref: Array) -> Array:
 def euler(q: Array, q_ref: Array, sequence: str = "321") -> Array:
     """Euler angles (rows, 3; deg) from a reference to an attitude: turns about body
     axes, first to last as in `sequence`."""
-    with np.errstate(invalid="ignore"):  # of an attitude that is none
+    with np.errstate(invalid="ignore"):  # an attitude may be a zero quaternion
         unit = [x / np.linalg.norm(x, axis=1, keepdims=True) for x in (q_ref, q)]
     return _angles(matrices(unit[0]), matrices(unit[1]), sequence)
 
@@ -197,8 +202,10 @@ def euler_lvlh(q: Array, r: Array, v: Array, sequence: str = "321") -> Array:
 
 
 def matrices(q: Array) -> Array:
-    """C(q) (rows, 3, 3) of attitudes (rows, 4), scalar last: from the frame that they
-    are relative to into body."""
+    """Compute C(q) (rows, 3, 3) of attitudes (rows, 4), scalar last.
+
+    It turns from the frame that the attitudes are relative to into body.
+    """
     v, w = q[:, :3], q[:, 3]
     c = 2.0 * v[:, :, None] * v[:, None, :]
     c += (w**2 - (v**2).sum(axis=1))[:, None, None] * np.eye(3)
@@ -210,12 +217,14 @@ def matrices(q: Array) -> Array:
 
 
 def _angles(reference: Array, attitude: Array, sequence: str) -> Array:
-    """Euler angles (rows, 3; deg) of the turn from one C (rows, 3, 3) to another. Where
-    first and third axis fall together the third angle is 0."""
+    """Compute Euler angles (rows, 3; deg) between attitudes C (rows, 3, 3).
+
+    Where first and third axis coincide the third angle is 0.
+    """
     i, j, k = (int(axis) - 1 for axis in sequence)
     proper = i == k
     k = 3 - i - j if proper else k
-    sign = 1.0 if (j - i) % 3 == 1 else -1.0  # of i, j, k in a cycle
+    sign = 1.0 if (j - i) % 3 == 1 else -1.0  # +1 where i, j, k are in cyclic order
     m = np.einsum(
         "nai,nbi->nab", reference, attitude
     )  # columns: body axes in the reference
@@ -250,9 +259,11 @@ def angle_between(a: Array, b: Array) -> Array:
 
 
 def coil_impulse(times: Array, b_eci: Array, q: Array, dipole: Array) -> Array:
-    """The impulse (rows, 3) of coils since the start (N m s, eci), by field and
-    attitude at t_k and the mean dipole over each step; the torque is taken at the
-    middle of the step."""
+    """Compute the impulse (rows, 3) of coils since the start (N m s, eci).
+
+    Field and attitude are those at t_k, and the dipole is the mean over each step. The
+    torque is taken at the middle of the step.
+    """
     n = min(len(dipole), len(b_eci) - 1)
     b, halfway = (b_eci[:n] + b_eci[1 : n + 1]) / 2.0, q[:n] + q[1 : n + 1]
     m_eci = rotate_back(

@@ -1,4 +1,4 @@
-"""The limit lines of a plot: numbers, or products of parameters."""
+"""Compute the limit lines of a plot: numbers, or products of parameters."""
 
 from __future__ import annotations
 
@@ -16,8 +16,10 @@ if TYPE_CHECKING:
 def limits_of(
     given: Iterable[LimitLine], parameters: Table, unit: str
 ) -> list[tuple[str, float, bool]]:
-    """(name, value, filled) of the limit lines, or bands about zero: products of
-    parameters, or numbers, that hold in this run."""
+    """Compute the limit lines, or bands about zero, that hold in this run.
+
+    Each has (name, value, filled); the value is in `unit`.
+    """
     limits = []
     for limit in given:
         if any(parameter_of(parameters, k) == v for k, v in limit.unless.items()):
@@ -32,7 +34,7 @@ def limits_of(
 
 
 def parameter_of(parameters: Table, name: str) -> Any:
-    """The value of `component.parameter` or `component.parameter[i]`; None if unknown."""
+    """Return the value of `component.parameter`, or one element, or None if unknown."""
     try:
         return value_of(name, parameters)[0]
     except DesatError:

@@ -1,4 +1,4 @@
-"""Numbers from series: what a scenario's `[numbers.NAME]` gives of a run.
+"""Compute numbers from series: the value of a scenario's `[numbers.NAME]` in a run.
 
     [numbers.wheels]
     title = "Mean wheel from 2 h on"
@@ -12,9 +12,9 @@
 
     [numbers.roll]
     signal = ["spacecraft.q_bi", "guidance.q_ref"]
-    derive = "euler"                 # what is measured is derived of the signals: derived.py
+    derive = "euler"                 # the measured quantity, derived from the signals: derived.py
     sequence = "321"
-    element = 3                      # of what is measured, only this element
+    element = 3                      # only this element of the quantity is measured
     measure = "largest"
     unit = "deg"
 
@@ -44,27 +44,23 @@ if TYPE_CHECKING:
     from ..language.content import Content
     from ..language.scenario import Number
 
-OPEN_END = 1e9
-"""A window that ends here or later (s) ends with the run."""
+OPEN_END = 1e9  # s: a window that ends here or later ends with the run
 
 
 class SeriesUnit(NamedTuple):
-    """What a number must know of a series before it is measured."""
+    """Unit and width of a series, which a number needs before it is measured."""
 
     unit: str
     width: int  # elements; 0: not known
 
 
+# Function that returns unit and elements of `component.output`, or None where the FMU
+# of the component is missing. It raises DesatError where there is no such series.
 SeriesLookup = Callable[[str], SeriesUnit | None]
-"""Unit and elements of `component.output`; None where the component's FMU is missing.
-
-It raises DesatError where there is no such series.
-"""
 
 
 class BoundNumber(NamedTuple):
-    """A number of a scenario with what it takes from the system or run that it is bound
-    to."""
+    """Number of a scenario, bound to a system or run."""
 
     number: Number
     measure: Measure
@@ -94,13 +90,14 @@ class BoundNumber(NamedTuple):
         return None if math.isnan(value) else self.convert(value)
 
     def _columns(self, results: Results) -> list[derived.Array]:
-        """Return what is measured, (rows, elements) each: the series, or what is
-        derived of them.
+        """Return the measured columns, (rows, elements) each.
 
-        Several numbers measure the same.
+        They are series or a derived quantity, and are cached, because several numbers
+        measure the same ones.
         """
 
         def column(signal: str) -> derived.Array:
+            """Read a series as floats (rows, elements)."""
             values = results.values(signal)
             return (values if values.ndim > 1 else values[:, None]).astype(float)
 
@@ -123,13 +120,14 @@ class BoundNumber(NamedTuple):
 def bind(number: Number, series: SeriesLookup, parameters: Table | None) -> BoundNumber:
     """Bind a number to the series and parameters of a system or of a run.
 
-    Without `parameters`, which a system that cannot be built lacks, what follows from
-    them is left out: it is a check then.
+    Without `parameters`, which a system that cannot be built lacks, everything that
+    follows from them is left out, and the result serves as a check only.
 
     Raises
     ------
     MisfitError
-        If measure, option, derived quantity, series, element, unit or parameter does not fit.
+        If measure, option, derived quantity, series, element, unit or parameter does
+        not fit.
     """
     check_words(number)
     measure = MEASURES[number.measure]
@@ -163,16 +161,17 @@ def bind(number: Number, series: SeriesLookup, parameters: Table | None) -> Boun
 
 
 def evaluate(number: Number, results: Results, parameters: Table) -> float | None:
-    """Return the value of a scenario's number in a run; None where the run does not
-    reach it.
+    """Compute a scenario's number in a run, or None where the run does not reach it.
 
     Raises
     ------
     DesatError
-        If the run lacks a series, a unit does not fit, or a product of parameters has no value.
+        If the run lacks a series, a unit does not fit, or a product of parameters has
+        no value.
     """
 
     def series(name: str) -> SeriesUnit:
+        """Return the unit of a series; its width is not known."""
         return SeriesUnit(results.attribute(name, "unit"), 0)
 
     return bind(number, series, parameters).evaluate(results)
@@ -182,7 +181,7 @@ def evaluate(number: Number, results: Results, parameters: Table) -> float | Non
 
 
 class MeasureOptions(NamedTuple):
-    """What a measure takes after the times."""
+    """Arguments of a measure after the times."""
 
     series: list[str]
     defaults: Mapping[str, Any]  # of its options, or inspect.Parameter.empty
@@ -203,13 +202,12 @@ def options_of(measure: str) -> MeasureOptions:
 
 
 def check_words(number: Number) -> None:
-    """Check the measure of a number, its options, and what it derives, without any
-    system.
+    """Check measure, options and derived quantity of a number without any system.
 
     Raises
     ------
     MisfitError
-        For the first thing that there is not, or that does not fit.
+        For the first of them that does not exist or does not fit.
     """
     measure = number.measure
     if measure not in MEASURES:
@@ -239,8 +237,7 @@ def check_words(number: Number) -> None:
 
 
 def _needed_instead(option: str, annotation: str, value: Any) -> str:
-    """Return what an option of a measure needs in place of a value; empty where that is
-    right.
+    """Describe the value that an option of a measure needs; empty if it has one.
 
     A text may stand for a number: it names parameters.
     """
@@ -257,8 +254,7 @@ def _needed_instead(option: str, annotation: str, value: Any) -> str:
 
 
 def _check_elements(number: Number, count: int) -> None:
-    """Raise MisfitError where a number measures an element that there is not, or
-    several as one."""
+    """Raise MisfitError for an element that does not exist, or several for one."""
     if not count:
         return
     if (number.element or 0) > count:
@@ -271,9 +267,11 @@ def _check_elements(number: Number, count: int) -> None:
 
 
 def late(content: Content) -> set[str]:
-    """A scenario's numbers that are times at which something is reached: over several
-    runs, one that does not reach it is later than all that do. Not those with
-    `only_done`."""
+    """Return the names of numbers that are times at which something is reached.
+
+    Over several runs, one that does not reach such a time ranks after all that do.
+    Numbers with `only_done` are not among them.
+    """
     return {
         name
         for name, number in content.numbers.items()
@@ -284,16 +282,16 @@ def late(content: Content) -> set[str]:
 
 
 def ranks(values: Sequence[float | None], is_late: bool) -> list[Any]:
-    """A number over several runs, as it is ranked: a time that is not reached is
-    infinite."""
+    """Return a number over several runs for ranking; a time not reached is infinite."""
     return [math.inf if x is None and is_late else x for x in values]
 
 
 def _conversion(
     number: Number, own_unit: str, parameters: Table | None
 ) -> Callable[[float], float]:
-    """Return the conversion from the measure's unit, of a series in `own_unit`, to the
-    number's.
+    """Return the conversion from the measure's unit to the number's.
+
+    The series is in `own_unit`.
 
     Raises
     ------
@@ -327,7 +325,10 @@ def _conversion(
 
 
 def _options(number: Number, units: list[Unit], parameters: Table) -> dict[str, Any]:
-    """The measure's options; a product of parameters has the unit of one of its series."""
+    """Evaluate the options of a measure; products of parameters become values.
+
+    The unit of a product has to be that of one of the series.
+    """
     options = dict(number.options)
     texts = {key: value for key, value in options.items() if isinstance(value, str)}
     kinds = options_of(number.measure).kinds
@@ -340,8 +341,10 @@ def _options(number: Number, units: list[Unit], parameters: Table) -> dict[str, 
 
 
 def defined(number: Number | None) -> str:
-    """A number of a scenario in a sentence: its title, and how it is measured. Empty
-    for None."""
+    """Describe a number in a sentence: its title, and how it is measured.
+
+    Empty for None.
+    """
     if number is None:
         return ""
     if number.reference:
@@ -366,14 +369,23 @@ def defined(number: Number | None) -> str:
 
 
 def scale(source: str, target: str) -> float:
-    """The factor from one unit to another. Raises DesatError where they do not fit."""
+    """Return the factor from one unit to another.
+
+    Raises
+    ------
+    DesatError
+        If the units do not fit.
+    """
     source, target = source or "1", target or "1"
     return 1.0 if source == target else factor(unit_of(source), target, source)
 
 
 def relative(form: str, value: float | None, reference: float | None) -> float | None:
-    """`saving`: percent less than the reference; `ratio`: value over reference. None
-    where one of them was not reached, or there is no ratio."""
+    """Compute a saving (% less than the reference) or a ratio (value over reference).
+
+    None where one of the values was not reached, or the reference is zero. Raises
+    DesatError for another form.
+    """
     if value is None or not reference:
         return None
     if form == "saving":
@@ -387,9 +399,11 @@ def relative(form: str, value: float | None, reference: float | None) -> float |
 
 
 def related(form: str, value: float | None, reference: float | None) -> float | None:
-    """`difference`: value less reference; `paired_ratio`: value over reference; else as
-    `relative`. None where one of them was not reached. Raises DesatError for another
-    form."""
+    """Compute a `difference`, a `paired_ratio` or a form of `relative`.
+
+    The difference is value less reference. None where one of them was not reached.
+    Raises DesatError for another form.
+    """
     form = "ratio" if form == "paired_ratio" else form
     if form != "difference":
         return relative(form, value, reference)

@@ -1,5 +1,7 @@
-"""The cubic spline through rows of a run: that of scipy, which loads longer than a run
-takes."""
+"""Interpolate rows of a run by the cubic spline of scipy, without loading scipy.
+
+Loading scipy takes longer than a run.
+"""
 
 from __future__ import annotations
 
@@ -10,9 +12,10 @@ Array = NDArray[np.float64]
 
 
 class Spline:
-    """Through values (n, ...) at times (n,), which grow; its third derivative does not
-    jump at the second time and the last but one ("not a knot"). Of three values it is a
-    parabola, of two a line.
+    """Cubic spline through values (n, ...) at increasing times (n,).
+
+    Its third derivative is continuous at the second time and the last but one ("not a
+    knot"). For three values it is a parabola, for two a line.
     """
 
     def __init__(self, times: Array, values: Array) -> None:
@@ -22,8 +25,7 @@ class Spline:
         )
 
     def __call__(self, at: Array) -> Array:
-        """Values (*at.shape, ...) at times within those that were given, and beyond
-        them."""
+        """Interpolate, or extrapolate, to values (*at.shape, ...) at times."""
         left = np.clip(
             np.searchsorted(self._times, at, "right") - 1, 0, len(self._times) - 2
         )
@@ -35,15 +37,16 @@ class Spline:
         rise = (self._values[left + 1] - self._values[left]) / length
         d0, d1 = self._slopes[left], self._slopes[left + 1]
         third = (d0 + d1 - 2.0 * rise) / length
-        # in scipy's order, and so with its bits
+        # in scipy's order of operations, for the same bits
         made = self._values[left] + d0 * s + ((rise - d0) / length - third) * (s * s)
         return np.asarray(made + third / length * (s * s * s))
 
 
 def _slopes(times: Array, y: Array) -> Array:
-    """The slopes (n, m) at the times, from a system of three diagonals: the rows in
-    between are those of any cubic spline, the first and the last say that its two
-    pieces there are one cubic. line.
+    """Compute the slopes (n, m) at the times from a tridiagonal system.
+
+    The inner rows are those of any cubic spline. The first and the last require that
+    the two pieces there are one cubic.
     """
     h = np.diff(times)[:, None]
     rise = np.diff(y, axis=0) / h

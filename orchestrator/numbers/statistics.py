@@ -1,4 +1,4 @@
-"""Statistics of draws."""
+"""Compute statistics of draws."""
 
 from __future__ import annotations
 
@@ -8,8 +8,10 @@ from collections.abc import Sequence
 
 
 def clopper_pearson(count: int, n: int, level: float = 0.95) -> list[float]:
-    """The exact interval (%) of a binomial share: Clopper & Pearson, Biometrika 26
-    (1934) 404."""
+    """Compute the exact interval (%) of a binomial share.
+
+    See Clopper & Pearson, Biometrika 26 (1934) 404.
+    """
     from scipy.special import betaincinv  # the quantile of the beta distribution
 
     tail = (1.0 - level) / 2.0
@@ -21,10 +23,13 @@ def clopper_pearson(count: int, n: int, level: float = 0.95) -> list[float]:
 def median_interval(
     values: Sequence[float], level: float = 0.95
 ) -> tuple[float, float, float]:
-    """The median of some values, and the narrowest interval between two of them, as
-    many from either end, that holds the median of all with at least this probability,
-    whatever their distribution: Thompson, Annals of Mathematical Statistics 7 (1936)
-    122. Of fewer than six values (at 0.95) it is from the least to the largest."""
+    """Compute the median of values, and its confidence interval.
+
+    The interval is the narrowest one between two of the values, equally many from
+    either end, that holds the median of the population with at least this probability,
+    whatever the distribution: Thompson, Annals of Mathematical Statistics 7 (1936) 122.
+    For fewer than six values (at 0.95) it extends from the smallest to the largest.
+    """
     ordered, n = sorted(values), len(values)
     below, cut = 0.0, 0
     for k in range((n - 1) // 2):

@@ -1,4 +1,4 @@
-"""Numbers as people read them."""
+"""Format numbers for readers."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from ..system.typed import JsonObject
 
 
 def number(x: Any) -> str:
-    """A number for people: four significant digits, thousands apart."""
+    """Format a number: four significant digits, with separated thousands."""
     if x is None:
         return "not reached"
     if isinstance(x, bool) or not isinstance(x, (int, float)):
@@ -21,12 +21,12 @@ def number(x: Any) -> str:
 
 
 def spell_unit(unit: str) -> str:
-    """Return a unit as people read it: `uN.m.s2` -> `uN m s2`; nothing for `1`."""
+    """Format a unit: `uN.m.s2` becomes `uN m s2`, and `1` becomes ""."""
     return "" if unit == "1" else unit.replace(".", " ")
 
 
 def format_duration(seconds: float) -> str:
-    """Return a time (s) in days, hours, minutes or seconds."""
+    """Format a time (s) in days, hours, minutes or seconds."""
     if seconds == inf:
         return "for ever"
     for unit, name in ((86400.0, "d"), (3600.0, "h"), (60.0, "min")):
@@ -36,7 +36,7 @@ def format_duration(seconds: float) -> str:
 
 
 def format_momenta(momentum: float, capacity: float | None = None) -> str:
-    """Return a momentum (N m s), and the capacity that it is held against, in one unit."""
+    """Format a momentum (N m s), and optionally a capacity, in one unit."""
     momenta = [momentum] if capacity is None else [momentum, capacity]
     factor, unit = (1.0, "N m s") if max(momenta) >= 1.0 else (1e3, "mN m s")
     # three significant digits, but never 1e+03
@@ -49,23 +49,21 @@ def format_momenta(momentum: float, capacity: float | None = None) -> str:
 
 @dataclass(frozen=True)
 class Value:
-    """A number of a run; `value` None: it is not reached."""
+    """Number of a run; with `value` None it is not reached."""
 
     title: str
     value: float | None
     unit: str
-    note: str = ""
-    """How much of its window the run has, or of what it is."""
-    reference: str = ""
-    """The scenario that it compares with."""
+    note: str = ""  # remark, as on how much of its window the run has
+    reference: str = ""  # the scenario that it compares with
 
     @property
     def label(self) -> str:
-        """Its title, with what there is to say of it."""
+        """Return the title with the note."""
         return f"{self.title} ({self.note})" if self.note else self.title
 
     def to_json(self) -> JsonObject:
-        """As a manifest has it."""
+        """Return the number as a manifest has it."""
         return {
             k: v for k, v in vars(self).items() if v or k not in ("note", "reference")
         }

@@ -1,4 +1,4 @@
-"""What a single run says of its scenario's requirements: met, by which margin, or not."""
+"""Judge a single run by its scenario's requirements: met or not, with the margin."""
 
 from __future__ import annotations
 
@@ -20,8 +20,10 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Verdict:
-    """A requirement in a run. `value` None: the number is not reached, which is not
-    met."""
+    """Verdict on a requirement in a run.
+
+    With `value` None the number is not reached, which is not met.
+    """
 
     number: str
     title: str
@@ -33,8 +35,11 @@ class Verdict:
 
     @property
     def margin(self) -> float | None:
-        """From the value to the nearer limit as a share of that limit, below zero where
-        it is not met; None where there is no value, or the limit is zero."""
+        """Compute the margin to the nearer limit, as a share of that limit.
+
+        It is below zero where the requirement is not met, and None where there is no
+        value, or the limit is zero.
+        """
         if self.value is None or not math.isfinite(self.value):
             return None
         shares = [
@@ -56,15 +61,18 @@ class Verdict:
         return ", ".join(f"{word} {number(x)}" for word, x in self.bounds)
 
     def to_json(self) -> JsonObject:
-        """As a manifest has it."""
+        """Return the verdict as a manifest has it."""
         return {k: v for k, v in vars(self).items() if v is not None or k == "value"}
 
 
 def judge(
     content: Content, numbers: Mapping[str, Value], start: float, end: float
 ) -> tuple[dict[str, Verdict], dict[str, str]]:
-    """The verdicts on a run from `start` to `end` (s) by its numbers, and by a number's
-    name why there is none: it is not recorded, or the run is too short to tell."""
+    """Judge a run from `start` to `end` (s) by its numbers.
+
+    Returns the verdicts, and by a number's name the reason why there is none: it is not
+    recorded, or the run is too short.
+    """
     verdicts, unjudged = {}, {}
     times = late(content)
     for name, entry in content.requirements.items():
@@ -95,7 +103,7 @@ def _too_little(
     start: float,
     end: float,
 ) -> str:
-    """Why a run says nothing of a requirement; empty where it does."""
+    """Return the reason why a run does not decide a requirement, else ""."""
     if entry.number not in numbers:
         return "not recorded"
     found = numbers[entry.number]
@@ -112,7 +120,7 @@ def _too_little(
 
 
 def lines(verdicts: Mapping[str, Verdict]) -> Iterator[str]:
-    """A line for each requirement that is not met."""
+    """Yield a line for each requirement that is not met."""
     for name, v in verdicts.items():
         if not v.met:
             unit = "" if v.unit in ("", "1") else f" {v.unit}"

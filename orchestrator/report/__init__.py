@@ -1,1 +1,1 @@
-"""What is made of runs for people and other programs: report, export, data sets."""
+"""Present runs to people and other programs: report, export, data sets."""

@@ -1,5 +1,4 @@
-"""The Content Security Policy of a page: it runs only the scripts that we wrote into
-it."""
+"""Write the Content Security Policy of a page: it runs only our own scripts."""
 
 from __future__ import annotations
 
@@ -11,30 +10,28 @@ from markupsafe import Markup
 
 from ..system import discovery
 
+# Place of the policy in page.html; the scripts of a page are known only at its end.
 PLACEHOLDER = "POLICY-OF-THIS-PAGE"
-"""Stands in page.html where the policy goes: which scripts a page runs is known at its
-end."""
+# Part of the policy that all pages share. Styles are inline, also as attributes of SVG.
 FIXED = (
     "default-src 'none'; style-src 'unsafe-inline'; img-src data:; base-uri 'none'; "
     "form-action 'none'; script-src"
 )
-"""The part of the policy that all pages share. Styles are inline, also as attributes of
-SVG."""
 
 
 def part(name: str) -> Markup:
-    """Return a part of pages from a folder `templates/` as it is."""
+    """Read a part of pages from a folder `templates/` as it is."""
     paths = (folder / name for folder in discovery.folders("templates"))
     path = next(path for path in paths if path.exists())
     return Markup(path.read_text(encoding="utf-8"))
 
 
 class PageScripts:
-    """Write the script elements of one page, and collect their hashes for its policy.
+    """Script elements of one page, with their hashes for its policy.
 
-    The hash of a script enters the policy only when a template asks for that script by
-    the names of its parts, so a script that somebody's text brings into the page does
-    not run.
+    The hash of a script enters the policy only when a template requests that script by
+    the names of its parts. So a script that a user's text brings into the page does not
+    run.
     """
 
     def __init__(self) -> None:

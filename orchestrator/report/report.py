@@ -1,4 +1,4 @@
-"""report.html: one self-contained page of a run, its baseline beside it."""
+"""Write report.html: one self-contained page of a run, with its baseline beside it."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ REPORT = "report.html"
 
 
 def render(template: str, **values: Any) -> str:
-    """Return a page made from one of our templates, with its Content Security Policy."""
+    """Render one of our templates to a page with its Content Security Policy."""
     from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
     environment = Environment(
@@ -51,7 +51,7 @@ def write_page(path: Path, text: str) -> Path:
 
 
 def label_of(manifest: Manifest) -> str:
-    """The short name of a run: its cell's labels, or its scenario."""
+    """Return the short name of a run: the labels of its cell, or its scenario."""
     labels = manifest.about.get("labels") or {}
     return ", ".join(labels.values()) or manifest.scenario.rpartition("/")[2]
 
@@ -112,7 +112,7 @@ def write_report(folder: Path, run: Run, baseline: Run | None = None) -> Path:
 
 
 class Drawn(NamedTuple):
-    """A figure of the page, by its place among them."""
+    """Figure of the page, with its place among them."""
 
     place: int
     caption: str
@@ -120,13 +120,12 @@ class Drawn(NamedTuple):
 
 
 def _law(manifest: Manifest) -> str:
-    """The manager that flew, by its file's name; empty where there is none."""
+    """Return the file name of the manager that flew; empty where there is none."""
     return Path(manifest.fmus.get("manager", {}).get("source", "")).stem
 
 
 def _answer(manifest: Manifest) -> str:
-    """The sentence that says how a run stands to what is required of it; empty where
-    nothing is."""
+    """Return the sentence on how a run meets its requirements; empty without any."""
     told = manifest.verdicts
     if not told:
         return ""
@@ -145,9 +144,11 @@ def _answer(manifest: Manifest) -> str:
 
 
 def _deciding_first(plots: Mapping[str, Plot], manifest: Manifest) -> list[Plot]:
-    """Plots in their order, but first the one that shows most of what the requirement
-    is made of that is nearest to its limit, or furthest beyond; of several the one of
-    its name."""
+    """Order the plots so that the one of the tightest requirement comes first.
+
+    It is the plot with most of the series of the requirement that is nearest to its
+    limit, or furthest beyond; of several the one with its name.
+    """
     if not manifest.verdicts:
         return [*plots.values()]
     tightest, verdict = min(
@@ -158,6 +159,7 @@ def _deciding_first(plots: Mapping[str, Plot], manifest: Manifest) -> list[Plot]
     wanted = set(number.signals) if number else set()
 
     def weight(name: str) -> tuple[int, bool]:
+        """Return how many of the series a plot shows, and whether its name matches."""
         return len(wanted & set(plots[name].signals)), name in (
             tightest,
             verdict.number,
@@ -168,8 +170,11 @@ def _deciding_first(plots: Mapping[str, Plot], manifest: Manifest) -> list[Plot]
 
 
 def figures_of(drawn: Sequence[tuple[str, Figure]]) -> dict[str, Any]:
-    """What a page that includes `figures.html` needs: its `figures` with captions, and
-    of those that its script draws data, the styles of uPlot and its licence."""
+    """Collect the values for a page that includes `figures.html`.
+
+    These are its `figures` with captions, and for those that its script draws the data,
+    the styles of uPlot and its licence.
+    """
     figures = [Drawn(i, c, Markup(figure.svg())) for i, (c, figure) in enumerate(drawn)]
     told = interactive.data_of([figure for _, figure in drawn])
     if not any(told["plots"]):
@@ -186,12 +191,12 @@ def figures_of(drawn: Sequence[tuple[str, Figure]]) -> dict[str, Any]:
 
 def data_element(told: Any, name: str = "told") -> Markup:
     """Return the element with the data (JSON) that a page's script finds by its name."""
-    # a name of somebody's must not end the element
+    # a user's name must not end the element
     data = json.dumps(told, separators=(",", ":")).replace("<", "\\u003c")
     element = Markup('<script type="application/json" id="{}">{}</script>')
     return element.format(name, Markup(data))
 
 
 def _default(results: Results) -> dict[str, Plot]:
-    """For a system that says nothing about plots: the first dozen series, one each."""
+    """Return plots of the first dozen series, one each, for a system without plots."""
     return {name: Plot(title=name, signals=(name,)) for name in results.names()[:12]}

@@ -1,4 +1,4 @@
-"""The tables of a run: its numbers and the verdicts on them."""
+"""Tabulate the numbers of a run and the verdicts on them."""
 
 from __future__ import annotations
 
@@ -17,16 +17,16 @@ def tabulate_numbers(
     has_verdicts: bool = False,
     has_references: bool = False,
 ) -> Table:
-    """Return the numbers of a run, then what was not checked.
+    """Tabulate the numbers of a run, then those that were not checked.
 
     Parameters
     ----------
     manifest, baseline
         The run, and the one whose numbers stand beside its own.
     titles
-        What stands above the numbers of each.
+        Headings of the numbers of each.
     has_verdicts
-        Whether a column says what is required of a number, and whether that is met.
+        Whether a column shows the requirement of a number, and whether it is met.
     has_references
         Whether titles name the scenario that a number compares with.
     """
@@ -55,13 +55,13 @@ def tabulate_numbers(
 
 
 def _number(manifest: Manifest, name: str) -> str | float | None:
-    """Return a number of a run; None if it has none of the name."""
+    """Return a number of a run; None if the run lacks it."""
     found = manifest.numbers.get(name)
     return None if found is None else or_not_reached(found.value)
 
 
 def _required(manifest: Manifest) -> dict[str, Cell]:
-    """Return what is required of numbers, by their names, and whether it is met."""
+    """Collect the requirements of numbers, by name, and whether they are met."""
     texts: dict[str, list[str]] = {}
     limits: dict[str, list[float]] = {}
     for v in manifest.verdicts.values():
@@ -82,7 +82,7 @@ def _limits_text(verdict: Verdict) -> str:
 
 
 def tabulate_verdicts(verdicts: Mapping[str, Verdict]) -> Table:
-    """Return the requirements with the numbers of a run."""
+    """Tabulate the requirements with the numbers of a run."""
     columns = [
         Column("requirement", kind="text"),
         Column("", kind="text"),

@@ -1,9 +1,9 @@
-"""Tables of results: rows are made once, and shown on a terminal or on a page.
+"""Build tables of results, which are shown on a terminal or on a page.
 
 `print_table` (`cli/console.py`) prints a table and the macro of `templates/table.html`
 renders it, both from `Table.headings` and `Table.cells`. Within a table a quantity has
-one unit. What `--json` prints is made of the results themselves, whose units stay as
-they are.
+one unit. The output of `--json` is made from the results themselves, whose units stay
+as they are.
 """
 
 from __future__ import annotations
@@ -15,12 +15,12 @@ from typing import Literal
 
 from ..numbers.text import number, spell_unit
 
-ROW_UNIT = "row"  # unit of a column whose values have the unit that stands in their row
+ROW_UNIT = "row"  # unit of a column whose values have the unit in their row
 SCALES: Mapping[str, Mapping[str, float]] = {
     "N.m": {"N.m": 1.0, "mN.m": 1e-3, "uN.m": 1e-6},
     "N.m.s": {"N.m.s": 1.0, "mN.m.s": 1e-3, "uN.m.s": 1e-6},
     "kg": {"kg": 1.0, "g": 1e-3},
-}  #: Units in which a quantity is shown, the largest first, and what they are in SI.
+}  #: units of a quantity, the largest first, with their factor to SI
 SI_UNITS = {unit: si for si, units in SCALES.items() for unit in units}
 
 
@@ -29,18 +29,19 @@ Mark = Literal["", "ok", "bad"]
 
 @dataclass(frozen=True)
 class Column:
-    """A column of a table.
+    """Column of a table.
 
     Parameters
     ----------
     title
-        What stands above it.
+        Heading of the column.
     unit
         Unit of its numbers; ROW_UNIT: that of their row; empty or 1: none.
     form
-        Format specification of its numbers; empty: four significant digits, thousands apart.
+        Format specification of its numbers; empty: four significant digits, with
+        separated thousands.
     kind
-        `unit`: its cells are the units of the rows. Numbers stand to the right.
+        `unit`: its cells are the units of the rows. Numbers are aligned to the right.
     is_detail
         Whether narrow pages leave it out.
     """
@@ -54,16 +55,16 @@ class Column:
 
 @dataclass(frozen=True)
 class Cell:
-    """A value with more than its column says.
+    """Value of a table with a note, a mark or several numbers.
 
     Parameters
     ----------
     value
         Number in the column's unit, or a text.
     numbers
-        Numbers in the column's unit that take the places `{}` of the text.
+        Numbers in the column's unit that replace `{}` in the text.
     note
-        Follows the value in brackets.
+        Note in brackets after the value.
     mark
         Whether the value is good or bad: its colour on a page.
     """
@@ -78,7 +79,7 @@ Row = Sequence[str | float | Cell | None]
 
 
 def share(value: float, limit: float) -> Cell:
-    """Return a value and what it is held against: `37.3 of 1000`."""
+    """Return a value and its limit: `37.3 of 1000`."""
     return Cell("{} of {}", (value, limit))
 
 
@@ -94,15 +95,15 @@ class Table:
     Parameters
     ----------
     title
-        What the table is of.
+        Title of the table.
     columns, rows
-        A row has a cell for each column; None is shown as empty. The unit of a row may be a
-        `Cell`: then it is no unit, but a remark.
+        A row has a cell for each column; None is shown as empty. If the unit of a row
+        is a `Cell`, it is a remark and no unit.
     has_header
         Whether the titles of the columns are shown.
     is_scaled
-        Whether units are chosen by the largest value. Otherwise units stay as they are, unless
-        there are several of one quantity.
+        Whether units are chosen by the largest value. Otherwise units stay as they are,
+        unless there are several of one quantity.
     scales
         Units and factors of the table of which this one is a part.
     """
@@ -120,7 +121,7 @@ class Table:
         return [_heading(column, scales) for column in self.columns]
 
     def cells(self) -> list[list[Cell]]:
-        """Return the rows as texts for people."""
+        """Return the rows as readable texts."""
         scales = self._scales()
         return [
             [
@@ -149,8 +150,7 @@ class Table:
         return units[0] if units and isinstance(units[0], str) else ""
 
     def _scales(self) -> Mapping[str, tuple[str, float]]:
-        """Return the unit in which each unit of the table is shown, and the factor to
-        it."""
+        """Choose the unit in which each unit is shown, and the factor to it."""
         if self.scales is not None:
             return self.scales
         sizes: dict[str, float] = {}
@@ -180,12 +180,12 @@ class Table:
 
 
 def _cell(given: str | float | Cell | None) -> Cell:
+    """Convert a value to a cell."""
     return given if isinstance(given, Cell) else Cell(given)
 
 
 def _suitable_unit(si: str, size: float) -> str:
-    """Return the largest unit in which a size (SI) is 1 or more; the smallest if there
-    is none."""
+    """Select the largest unit in which a size (SI) is 1 or more, else the smallest."""
     if size == 0.0:
         return si
     units = SCALES[si]
@@ -195,6 +195,7 @@ def _suitable_unit(si: str, size: float) -> str:
 
 
 def _heading(column: Column, scales: Mapping[str, tuple[str, float]]) -> str:
+    """Return the title of a column with its unit."""
     unit = scales[column.unit][0] if column.unit in scales else column.unit
     spelled = "" if unit == ROW_UNIT else spell_unit(unit)
     return f"{column.title}, {spelled}" if spelled else column.title
@@ -206,7 +207,7 @@ def _shown(
     unit: str,
     scales: Mapping[str, tuple[str, float]],
 ) -> Cell:
-    """Return a cell whose value is a text for people."""
+    """Return a cell whose value is a readable text."""
     if column.kind == "unit" and isinstance(given, str):
         return Cell(spell_unit(scales[given][0] if given in scales else given))
     cell = _cell(given)
@@ -223,6 +224,7 @@ def _shown(
 
 
 def _format(value: str | float | None, form: str, factor: float | None) -> str:
+    """Format a value after scaling."""
     if value is None:
         return ""
     if isinstance(value, str):

@@ -1,1 +1,1 @@
-"""A target prepared as a case, run, supervised, resumed, and told as a manifest."""
+"""Prepare a target as a case, run, supervise and resume it, and write its manifest."""

@@ -1,10 +1,9 @@
-"""The families of scenarios as `desat list` shows them, and what is wrong with their
-files.
+"""List the families of scenarios for `desat list`, with problems in their files.
 
-To find that out, every scenario is read, held against the language and, where a family
-is asked for, against its system, which takes seconds. What was found is kept in the
-user's cache for as long as the family's files and our code are the same, so that
-nothing but this file and JSON is read then.
+For this every scenario is read and checked against the language and, where a family is
+named, against its system, which takes seconds. The result is cached for the user as
+long as the family's files and our code are the same; then only this module and JSON are
+read.
 """
 
 from __future__ import annotations
@@ -24,8 +23,11 @@ from ..system.errors import DesatError, require
 
 @dataclass(frozen=True)
 class Family:
-    """A family: the line about it, its sound scenarios (name -> title), and what is
-    wrong with the others, a line each."""
+    """Family of scenarios.
+
+    It has the line about it, its valid scenarios (name -> title), and a line for each
+    problem of the others.
+    """
 
     name: str
     title: str
@@ -34,13 +36,21 @@ class Family:
 
 
 def families() -> list[str]:
-    """The names of all families."""
+    """Return the names of all families."""
     return sorted(p.parent.name for p in paths.SCENARIOS.glob("*/scenarios"))
 
 
 def family(name: str, of_systems: bool = True) -> Family:
-    """A family; with `of_systems` False what is wrong is said as far as files say it
-    alone, unless all is known. Raises DesatError where there is none."""
+    """Read a family, from the cache where that is current.
+
+    With `of_systems` False problems are only those of the files alone, unless all are
+    known.
+
+    Raises
+    ------
+    DesatError
+        If there is none.
+    """
     require(name, families(), "no family")
     digest, kept = _digest(name), _file(name)
     with suppress(OSError, ValueError, KeyError, TypeError):
@@ -53,7 +63,7 @@ def family(name: str, of_systems: bool = True) -> Family:
             file=sys.stderr,
         )
     made = _load(name, of_systems)
-    with suppress(OSError):  # no cache is no harm
+    with suppress(OSError):  # the cache is optional
         kept.parent.mkdir(parents=True, exist_ok=True)
         part = kept.with_name(f"{kept.name}.{os.getpid()}.part")
         told = {"digest": digest, "of_systems": of_systems, **asdict(made)}
@@ -63,7 +73,7 @@ def family(name: str, of_systems: bool = True) -> Family:
 
 
 def of_folder(folder: Path) -> Family:
-    """The scenarios of the folder of a craft of one's own."""
+    """Read the scenarios in the folder of a user's craft."""
     from ..files import craft, scenario
 
     titles: dict[str, str] = {}
@@ -82,27 +92,28 @@ def of_folder(folder: Path) -> Family:
 
 
 def _load(name: str, of_systems: bool) -> Family:
+    """Read a family's scenarios and check them."""
     from ..files import scenario
 
     good, lines = scenario.readable(name)
     if of_systems:
         from .explain import readable
 
-        # an installation's own scenarios are sound; their systems need the FMUs, which
-        # take long
+        # scenarios of an installation are valid; checking their systems needs the FMUs,
+        # which takes long
         good, lines = readable(name, of_systems=not paths.INSTALLED)
     titles = {n: s.content.title for n, s in good.items()}
     return Family(name, scenario.summary(name), titles, lines)
 
 
 def _file(name: str) -> Path:
-    """Where a family of this folder is kept."""
+    """Return the path of the cache of a family in this folder."""
     where = hashlib.sha256(os.fsencode(paths.SCENARIOS / name)).hexdigest()[:16]
     return paths.cache() / "lists" / f"{name}-{where}.json"
 
 
 def _digest(name: str) -> str:
-    """Of the contents of a family's files, and of which files our code is."""
+    """Compute the digest of a family's files and of our code."""
     made = hashlib.sha256(f"{sys.version}".encode())
     folder = paths.SCENARIOS / name
     for path in sorted(
@@ -115,9 +126,9 @@ def _digest(name: str) -> str:
 
 @cache
 def _code() -> bytes:
-    """Of path, size and time of change of each file of our code."""
+    """Compute the digest of path, size and modification time of our code files."""
     made = hashlib.sha256()
-    # what a checkout maps below the package lies beside it
+    # in a checkout these packages lie beside the main one
     beside = [paths.PACKAGE.parent / "components", paths.PACKAGE.parent / "fmus"]
     for root in (paths.PACKAGE, *(() if paths.INSTALLED else beside)):
         for folder, folders, files in os.walk(root):

@@ -1,11 +1,11 @@
-"""Results as xarray data sets, read when they are looked at.
+"""Convert results to xarray data sets that are read on access.
 
-Of a run: a variable `component.variable` each, over `time`, t_k. What holds from t_k on
-until the next step, as a measured or a commanded value, has no value at the last t_k:
-nan there. Means and slopes over steps are over `interval`, the middles of the steps.
-Elements are over `axis` (x, y, z), `quaternion`, `wheel`, `coil`, `nozzle`, which
-series share. Units, frames, descriptions and choices are attributes; scenario, epoch,
-versions those of the set.
+A run has a variable `component.variable` each, over `time`, t_k. A value that holds
+from t_k until the next step, as a measurement or a command, has no value at the last
+t_k: nan there. Means and slopes over steps are over `interval`, the middles of the
+steps. Elements are over `axis` (x, y, z), `quaternion`, `wheel`, `coil`, `nozzle`,
+which series share. Units, frames, descriptions and choices are attributes; scenario,
+epoch and versions are those of the set.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ FRAMES = ("body", "eci", "lvlh")
 
 
 class Lazy(BackendArray):
-    """An array that is read where it is indexed."""
+    """Array that is read when it is indexed."""
 
     def __init__(
         self, shape: tuple[int, ...], dtype: Any, read: Callable[[Any], Any]
@@ -43,12 +43,12 @@ class Lazy(BackendArray):
     def variable(
         self, dims: tuple[str, ...], attributes: dict[str, Any]
     ) -> xr.Variable:
-        """It as a variable of a data set."""
+        """Return the array as a variable of a data set."""
         return xr.Variable(dims, indexing.LazilyIndexedArray(self), attributes)
 
 
 def of_results(manifest: Manifest, results: Results) -> xr.Dataset:
-    """The series of a run, read when they are looked at."""
+    """Build the data set of a run's series, which are read on access."""
     times = results.times()
     sizes: dict[str, int] = {}
     coordinates: dict[str, Any] = {
@@ -60,7 +60,7 @@ def of_results(manifest: Manifest, results: Results) -> xr.Dataset:
         if dims and sizes.setdefault(dims[0], len(labels)) != len(labels):
             dims = (
                 f"{name}.element",
-            )  # as of a foreign FMU with another number of wheels
+            )  # a foreign FMU may have another number of wheels
         if dims:
             coordinates[dims[0]] = (dims[0], labels)
         lazy, along = _series(results, name, len(times))
@@ -81,8 +81,11 @@ def of_results(manifest: Manifest, results: Results) -> xr.Dataset:
 
 
 def dims_of(name: str, shape: tuple[int, ...]) -> tuple[tuple[str, ...], Sequence[Any]]:
-    """The dimension of a series' elements, which all series of its kind share, and its
-    labels: x, y and z of vectors, numbers of wheels, coils and nozzles."""
+    """Return the dimension of a series' elements, and its labels.
+
+    All series of a kind share the dimension. The labels are x, y and z for vectors, and
+    numbers for wheels, coils and nozzles.
+    """
     if not shape:
         return (), ()
     (count,) = shape
@@ -98,13 +101,16 @@ def dims_of(name: str, shape: tuple[int, ...]) -> tuple[tuple[str, ...], Sequenc
 
 
 def is_mean(name: str) -> bool:
-    """Whether a series is of means, or slopes, over each step."""
+    """Return whether a series holds means or slopes over each step."""
     return "_mean_" in name or "_slope_" in name
 
 
 def _series(results: Results, name: str, length: int) -> tuple[Lazy, str]:
-    """A series of `length` rows over `time`, the last of which is not a number where it
-    holds until the next; or over `interval`, with as many rows as there are steps."""
+    """Return a lazy series and its dimension, `time` or `interval`.
+
+    Over `time` it has `length` rows, and the last one is nan where a value holds until
+    the next step. Over `interval` it has as many rows as there are steps.
+    """
     first = results.values(name, slice(0, 1))
     rows = results.count(name)
     along = "interval" if is_mean(name) and rows < length else "time"
@@ -114,6 +120,7 @@ def _series(results: Results, name: str, length: int) -> tuple[Lazy, str]:
     shape = (length, *first.shape[1:])
 
     def until(begin: int, end: int) -> Any:
+        """Read rows from `begin` to `end`, with nan rows where the series has ended."""
         values = results.values(name, slice(begin, min(end, rows))).astype(
             dtype, copy=False
         )
@@ -122,6 +129,7 @@ def _series(results: Results, name: str, length: int) -> tuple[Lazy, str]:
         return np.concatenate([values, blank.astype(dtype)]) if lacking else values
 
     def read(key: tuple[Any, ...]) -> Any:
+        """Read the values of an index."""
         rows_, *rest = key
         if not isinstance(rows_, slice):
             at = int(rows_)
@@ -135,6 +143,7 @@ def _series(results: Results, name: str, length: int) -> tuple[Lazy, str]:
 
 
 def _attributes(results: Results, name: str) -> dict[str, Any]:
+    """Collect unit, frame, description, class and choices of a series."""
     choices = results.choices(name)
     told = {
         "units": results.attribute(name, "unit"),

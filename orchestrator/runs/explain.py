@@ -1,4 +1,4 @@
-"""What `desat list`, `keys`, `measures`, `show` and `help` print."""
+"""Explain the language: `desat list`, `keys`, `measures`, `show` and `help`."""
 
 from __future__ import annotations
 
@@ -26,9 +26,10 @@ from . import validation
 def readable(
     family: str | None, of_systems: bool = True
 ) -> tuple[dict[str, Scenario], list[str]]:
-    """The scenarios that are right, and what is wrong with the others, one line each;
-    `of_systems` False: as far as their files say without the system that they
-    describe."""
+    """Return the scenarios without problems, and a line for each problem of the others.
+
+    With `of_systems` False they are checked without the systems that they describe.
+    """
     good, lines = scenario.readable(family)
     for name in list(good):
         wrong = _design(good[name])
@@ -39,7 +40,7 @@ def readable(
 
 
 def _of_content(given: Scenario, of_systems: bool) -> list[str]:
-    """What is wrong with what a scenario says, and with its system on bare blocks."""
+    """Return the problems of a scenario's content, and of its system on bare blocks."""
     if not of_systems:
         wrong = validation.content_problems(given.content, None)
         return [f"{given.where(path)}: {text}" for path, text in wrong]
@@ -55,7 +56,7 @@ def _of_content(given: Scenario, of_systems: bool) -> list[str]:
 
 
 def _design(given: Scenario) -> list[str]:
-    """What is wrong with the file of a scenario's design."""
+    """Return the problems of the file of a scenario's design."""
     try:
         if given.design is not None and given.design.exists():
             reader.design(given.design)
@@ -65,6 +66,7 @@ def _design(given: Scenario) -> list[str]:
 
 
 def _tables() -> JsonObject:
+    """Return the models of the language's tables, by the names that readers use."""
     from ..language import paper as p
     from ..language import scenario as l
 
@@ -86,8 +88,13 @@ def _tables() -> JsonObject:
 
 
 def keys(what: str | None) -> list[dict[str, str]]:
-    """The keys of a table of the language, or of all. Raises DesatError where there is
-    none."""
+    """List the keys of a table of the language, or of all tables.
+
+    Raises
+    ------
+    DesatError
+        If there is no such table.
+    """
     from ..language.kinds import declared
 
     tables = _tables()
@@ -109,7 +116,7 @@ def keys(what: str | None) -> list[dict[str, str]]:
 
 
 def _type(annotation: Any) -> str:
-    """A type as a reader says it."""
+    """Describe a type for readers."""
     plain = {
         float: "number",
         int: "whole number",
@@ -136,7 +143,7 @@ def _type(annotation: Any) -> str:
 
 
 def page() -> str:
-    """The language as a page: `keys` and `measures`, a table each, as Markdown."""
+    """Return the language as a Markdown page, with tables of `keys` and `measures`."""
     lines = [
         "# The scenario language",
         "",
@@ -160,17 +167,18 @@ def page() -> str:
 
 
 def _row(*cells: str) -> str:
+    """Format cells as a row of a Markdown table."""
     return "| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |"
 
 
 def schema() -> JsonObject:
-    """The language as a JSON schema, for editors."""
+    """Return the language as a JSON schema, for editors."""
     made: JsonObject = _tables()["scenario"].model_json_schema()
     return made
 
 
 def measures() -> list[dict[str, str]]:
-    """Every measure: how many series, its options, its sentence."""
+    """Describe every measure: its series, its options and its sentence."""
     rows = []
     for name in sorted(MEASURES):
         series, options, _ = options_of(name)
@@ -192,8 +200,7 @@ def measures() -> list[dict[str, str]]:
 
 
 def show(name: str) -> list[JsonObject]:
-    """Every value of a scenario as merged, and the file, axis cell or design it comes
-    from."""
+    """Return every value of a merged scenario, with its file, axis cell or design."""
     nominal = Path(name) / paths.NOMINAL
     given = nominal if nominal.is_file() else Path(name)
     whole = scenario.own(given) if given.suffix == ".toml" else scenario.find(name)
@@ -220,6 +227,7 @@ def show(name: str) -> list[JsonObject]:
 def _leaves(
     value: Any, path: tuple[str, ...] = ()
 ) -> Iterator[tuple[tuple[str, ...], Any]]:
+    """Yield path and value of each leaf of nested tables."""
     if isinstance(value, dict) and value:
         for key, inner in value.items():
             yield from _leaves(inner, (*path, key))
@@ -228,12 +236,18 @@ def _leaves(
 
 
 def _plain(value: Any) -> Any:
+    """Convert dates to text for JSON."""
     return value.isoformat() if hasattr(value, "isoformat") else value
 
 
 def blocks(what: str | None) -> tuple[str, list[dict[str, str]]]:
-    """A text for people and rows: all blocks, those of a role, or the variables of one.
-    Raises DesatError for what is neither."""
+    """Return a text and rows on all blocks, those of a role, or the variables of one.
+
+    Raises
+    ------
+    DesatError
+        If there is no such block or role.
+    """
     known = {name: interface_of_block(name) for name in registry.names()}
     if what in known:
         assert what is not None
@@ -271,7 +285,7 @@ def blocks(what: str | None) -> tuple[str, list[dict[str, str]]]:
 
 
 def _laws(block: type[Block]) -> str:
-    """Of a manager: what it needs of a craft, and its laws with their gains by rule."""
+    """Describe a manager: what it needs of a craft, and its laws with gains by rule."""
     if not issubclass(block, Manager):
         return ""
     if block.no_law:
@@ -284,6 +298,7 @@ def _laws(block: type[Block]) -> str:
 
 
 def _start(elements: Sequence[Signal]) -> str:
+    """Format the start values of a variable."""
     values = [s.named(s.start) for s in elements]
     text = (
         str(values[0])
@@ -294,6 +309,7 @@ def _start(elements: Sequence[Signal]) -> str:
 
 
 def _bounds(signal: Signal) -> str:
+    """Format the bounds of a variable."""
     low, high = signal.minimum, signal.maximum
     return " ".join(
         filter(

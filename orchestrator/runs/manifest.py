@@ -1,5 +1,4 @@
-"""A run's numbers, its manifest as a file, and whether a run that goes on is what it
-was."""
+"""Compute a run's numbers, write its manifest, and check a run that is resumed."""
 
 from __future__ import annotations
 
@@ -24,13 +23,15 @@ from ..system.expression import Table
 from ..system.model import J2000
 from ..system.typed import JsonObject
 
-_ROOM = 64_000
-"""Bytes that the manifest of a run under way is longer than it needs."""
+_ROOM = 64_000  # bytes by which the manifest of a run under way is longer than it needs
 
 
 def attributes(manifest: Manifest) -> dict[str, str]:
-    """What of a manifest its series say themselves: scenario, title, UTC of t = 0
-    (empty where no component has an epoch), versions (JSON)."""
+    """Return the attributes that series share with a manifest.
+
+    These are scenario, title, UTC of t = 0 (empty where no component has an epoch) and
+    versions (JSON).
+    """
     epochs = [
         p["epoch_j2000"].value
         for p in manifest.parameters.values()
@@ -45,9 +46,16 @@ def attributes(manifest: Manifest) -> dict[str, str]:
 
 
 def resumed(now: Manifest, before: JsonObject, folder: str, again: str) -> Manifest:
-    """The manifest of a run that goes on, which is the one that it had. Raises
-    DesatError where the target, its wiring, an FMU, a package or this machine is not
-    what it was, or where that cannot be told; `again`: the command that begins anew."""
+    """Return the manifest of a run that is resumed, which is its previous one.
+
+    `again` is the command that begins again.
+
+    Raises
+    ------
+    DesatError
+        If target, wiring, an FMU, a package or this machine has changed, or that cannot
+        be compared.
+    """
     if not comparable(before.get("digest", "")):
         raise DesatError(
             f"{folder}: it cannot go on: the desat that it began with kept no digest "
@@ -68,10 +76,10 @@ def resumed(now: Manifest, before: JsonObject, folder: str, again: str) -> Manif
 
 
 def numbers(content: Content, results: Results, parameters: Table) -> dict[str, Value]:
-    """The scenario's numbers that need no other run, where their series are recorded.
+    """Compute the scenario's numbers that need no other run.
 
-    `value` is None, and shown as "not reached", where the run does not reach a number's
-    window.
+    Their series must be recorded. `value` is None, and shown as "not reached", where
+    the run does not reach a number's window.
     """
     rows: dict[str, Value] = {}
     known, end = set(results.names()), results.times()[-1:].tolist()
@@ -87,7 +95,7 @@ def numbers(content: Content, results: Results, parameters: Table) -> dict[str, 
 
 
 def unrecorded(content: Content, results: Results) -> dict[str, str]:
-    """Why a scenario's number could not be made of what was recorded, by its name."""
+    """Return the reason why a scenario's number could not be computed, by its name."""
     known = set(results.names())
     lacking = {
         name: [s for s in number.signals if s not in known]
@@ -101,8 +109,10 @@ def unrecorded(content: Content, results: Results) -> dict[str, str]:
 
 
 def related_to(manifest: Manifest, others: Mapping[str, Manifest]) -> Manifest:
-    """With the numbers that compare a run with others (by scenario name, without the
-    family)."""
+    """Return a manifest with the numbers that compare its run with others.
+
+    The others are by scenario name, without the family.
+    """
     made = dict(manifest.numbers)
     for name, number in manifest.content.numbers.items():
         other, of = others.get(number.reference), number.of
@@ -114,22 +124,24 @@ def related_to(manifest: Manifest, others: Mapping[str, Manifest]) -> Manifest:
 
 
 def write_json(path: Path, data: Any) -> None:
-    """Write JSON under a temporary name, then rename."""
+    """Write JSON under a temporary name, then rename it."""
     replace_text(path, json.dumps(data, indent=1))
 
 
 def begin_manifest(folder: Path, manifest: Manifest) -> None:
-    """Write the manifest of a run that is under way, with room for that of its end."""
+    """Write the manifest of a run under way, with room for that of its end."""
     replace_text(
         folder / f"{MANIFEST}.part",
         json.dumps(manifest.to_json(), indent=1) + _ROOM * " ",
     )
-    (folder / MANIFEST).unlink(missing_ok=True)  # of a run that was ended
+    (folder / MANIFEST).unlink(missing_ok=True)  # left by an earlier run that was ended
 
 
 def end_manifest(folder: Path, manifest: Manifest) -> None:
-    """Write the manifest of a run that is over; where the disk is full, into the room
-    it has."""
+    """Write the manifest of a run that is over.
+
+    Where the disk is full, it goes into the room of the earlier one.
+    """
     part, text = (
         folder / f"{MANIFEST}.part",
         json.dumps(manifest.to_json(), indent=1).encode(),
@@ -147,7 +159,13 @@ def end_manifest(folder: Path, manifest: Manifest) -> None:
 
 
 def read_manifest(folder: Path) -> Manifest:
-    """The manifest of a run folder, also of a run that was killed. Raises DesatError."""
+    """Read the manifest of a run folder, also of a run that was killed.
+
+    Raises
+    ------
+    DesatError
+        If there is none, or it is damaged.
+    """
     for name in (MANIFEST, f"{MANIFEST}.part"):
         if (folder / name).exists():
             where = str(folder / name)

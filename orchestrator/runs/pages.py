@@ -1,4 +1,4 @@
-"""The pages of the documentation, which an installation has too: `desat help TOPIC`."""
+"""Read the pages of the documentation, which an installation has, too: `desat help`."""
 
 from __future__ import annotations
 
@@ -7,17 +7,16 @@ from pathlib import Path
 from ..files import paths
 from ..system.errors import DesatError, nearest
 
-FOLDERS = ("", "tutorials/", "understand/")
-"""Of the pages that are for users."""
+FOLDERS = ("", "tutorials/", "understand/")  # folders of the pages for users
 
 
 def titles() -> dict[str, str]:
-    """The pages by name, with their titles."""
+    """Return the titles of the pages, by name."""
     return {name: _title(path) for name, path in _pages().items()}
 
 
 def text(name: str) -> str:
-    """A page, as Markdown. Raises DesatError where there is none of this name."""
+    """Return a page as Markdown; raise DesatError where there is none of this name."""
     known = _pages()
     if name not in known:
         raise DesatError(f"desat help {name}: no such topic{nearest(name, known)}")
@@ -25,12 +24,13 @@ def text(name: str) -> str:
 
 
 def _pages() -> dict[str, Path]:
+    """Return the paths of the pages, by name."""
     files = (p for form in FOLDERS for p in sorted(paths.PAGES.glob(f"{form}*.md")))
     return {p.stem: p for p in files if p.name != "index.md"}
 
 
 def _title(path: Path) -> str:
-    """A page's first heading."""
+    """Return a page's first heading, or its name."""
     lines = path.read_text(encoding="utf-8").splitlines()
     return next(
         (line.removeprefix("# ") for line in lines if line.startswith("# ")), path.stem

@@ -1,4 +1,4 @@
-"""Before a run: a target found, read, changed by the options, and checked."""
+"""Prepare a run: find the target, read it, apply the options and check the system."""
 
 from __future__ import annotations
 
@@ -50,46 +50,48 @@ DEFAULT = Options()
 
 @dataclass(frozen=True)
 class Case:
-    """A target with options, checked: what a run needs, or what is wrong with it."""
+    """Checked target with options: the system for a run, or the problems with it."""
 
     target: str
     options: Options
-    where: str
-    """The file that its system was read from, for messages."""
+    where: str  # file that its system was read from, for messages
     checked: Checked
+    # manifest before the run, where it is known from another case (`varied`)
     manifest: Manifest | None = None
-    """Its manifest before it runs, where that is known from another case (`varied`)."""
+    # pool with a master to run with, for cases that differ in values alone
     spare: MasterPool | None = None
-    """Whose master it may run with, where there are others that differ in values alone.
-    """
 
     def or_raise(self) -> tuple[System, Schedule]:
-        """The system and its schedule; raises DesatError with every problem, a line
-        each."""
+        """Return the system and its schedule.
+
+        Raises
+        ------
+        DesatError
+            If there are problems; it names each on a line.
+        """
         return self.checked.or_raise()
 
 
 @dataclass(frozen=True)
 class Target:
-    """A target as it is read, before options change it: what many cases of it have in
-    common."""
+    """Target as it is read, before options change it: the common part of many cases."""
 
     text: str
-    scenario: Scenario | None
-    """None for an SSP file or a folder."""
+    scenario: Scenario | None  # None for an SSP file or a folder
     _layers: dict[tuple[bool, bool], list[Layer]] = field(default_factory=dict)
     _to_draw: dict[bool, Builder] = field(default_factory=dict)
+    # first prepared case, by the options without values
     _first: dict[str, Case] = field(default_factory=dict)
-    """Of options without values: the first case that was prepared."""
 
     def builder(self, options: Options = DEFAULT) -> Builder:
-        """Begin its system on bare blocks or FMUs, without its design where the options
-        name one.
+        """Begin its system on bare blocks or FMUs.
+
+        The design is left out where the options name one.
 
         Raises
         ------
         DesatError
-            Where it has no system.
+            If it has no system.
         """
         key = options.design is None, options.outside
         if key not in self._layers:
@@ -102,8 +104,7 @@ class Target:
         return Builder(first, options.blocks, options.fmus).add(*others)
 
     def to_draw(self, blocks: bool) -> Builder:
-        """Return its system to draw values for. Raises DesatError where something is
-        wrong."""
+        """Return its system to draw values for; raise DesatError for any problem."""
         if blocks not in self._to_draw:
             builder = self.builder(Options(blocks=blocks))
             given = self.scenario or _packed_scenario(builder)
@@ -121,8 +122,15 @@ class Target:
 
 
 def read(target: str) -> Target:
-    """The source that a target names: a scenario's name, a scenario file, an .ssp, an
-    .ssd or a folder. Raises DesatError where there is none."""
+    """Find and read the source that a target names.
+
+    It is a scenario's name, a scenario file, an .ssp, an .ssd or a folder.
+
+    Raises
+    ------
+    DesatError
+        If there is none.
+    """
     path = Path(target)
     if (own := path / paths.NOMINAL).is_file():
         return Target(target, scenario.own(own))
@@ -149,10 +157,14 @@ def read(target: str) -> Target:
 
 
 def prepare(target: str | Target, options: Options) -> Case:
-    """Read a system, apply the options, and check it. Who makes many cases of it reads
-    it once (`read`).
+    """Read a system, apply the options, and check it.
 
-    Raises DesatError where there is nothing to check, or an option is wrong.
+    For many cases of a target, read it once with `read`.
+
+    Raises
+    ------
+    DesatError
+        If there is nothing to check, or an option is wrong.
     """
     target = read(target) if isinstance(target, str) else target
     if isinstance(options.stop, str):
@@ -161,8 +173,16 @@ def prepare(target: str | Target, options: Options) -> Case:
 
 
 def with_stop(target: str | Target, options: Options) -> Options:
-    """The options with the stop time in s: orbits are those of the environment at the
-    start, to a whole step. Raises DesatError where they cannot be asked of it."""
+    """Convert a stop time in orbits to seconds.
+
+    The orbit is that of the environment at the start; the time is rounded to a whole
+    step.
+
+    Raises
+    ------
+    DesatError
+        If the environment does not define an orbit.
+    """
     if not isinstance(options.stop, str):
         return options
     count = orbits(options.stop) or 0.0
@@ -184,7 +204,7 @@ def with_stop(target: str | Target, options: Options) -> Options:
 
 
 def _prepare(target: Target, options: Options) -> Case:
-    """As `prepare`, with a stop time in seconds."""
+    """Prepare a case whose stop time is in seconds."""
     scenario = target.scenario
     if options.design is None and options.values and scenario and scenario.each_draw:
         options = replace(options, design=NOW)
@@ -222,8 +242,11 @@ def _hold(
     target: Target,
     options: Options,
 ) -> None:
-    """Add what of a scenario's content does not suit the system; what another FMU
-    lacks, which the options put in a place, is left out of the content instead."""
+    """Add problems where a scenario's content does not suit the system.
+
+    Where the options replace FMUs, entries that the new FMUs do not support are left
+    out of the content with a warning instead.
+    """
     system = checked.system
     wrong = validation.content_problems(
         given.content, builder.components, system if checked.schedule else None
@@ -240,12 +263,15 @@ def _hold(
 
 
 def with_values(target: Target, options: Options) -> Case:
-    """As `prepare`, for one of many cases that differ in values alone
-    (`options.values`): only the components that get a value are resolved and checked
-    anew. What its system is and what is wrong with it is as `prepare` has it; its
-    warnings are those of the first case.
+    """Prepare one of many cases that differ in values alone (`options.values`).
 
-    Raises DesatError as `prepare`.
+    Only the components that get a value are resolved and checked again. System and
+    problems are those that `prepare` finds; the warnings are those of the first case.
+
+    Raises
+    ------
+    DesatError
+        As `prepare`.
     """
     if isinstance(options.stop, str):
         options = with_stop(target, options)
@@ -265,15 +291,17 @@ def with_values(target: Target, options: Options) -> Case:
     some = replace(system, components=changed)
     ends = first.checked.unwired
     if [*without_effect(some, ends), *foresee(some, ends)[0]]:
-        return prepare(target, options)  # which says what is wrong as it is always said
+        return prepare(target, options)  # reports problems in the usual way
     manifest = first.manifest and first.manifest.varied(system, changed.values())
     checked = replace(first.checked, system=system, schedule=schedule)
     return replace(first, options=options, checked=checked, manifest=manifest)
 
 
 def _changed(system: System, values: Values) -> dict[str, Component] | None:
-    """The components of a checked system that get other values; None where more than
-    their own values would change by that, or one does not fit."""
+    """Return the components of a checked system that get other values.
+
+    None where more than their own values would change, or a value does not fit.
+    """
     texts = [t for c in system.components.values() for t in c.references.values()]
     told = [
         content_of(system.about).written.get(k)
@@ -305,9 +333,15 @@ def _changed(system: System, values: Values) -> dict[str, Component] | None:
 
 
 def resolved(target: str | Target, options: Options) -> tuple[System, Any]:
-    """The system of a target with the options applied, unchecked; and, where its design
-    is made for the values of each draw, what its scenario says of it. Raises DesatError
-    where it cannot be had.
+    """Return the unchecked system of a target with the options applied.
+
+    The second value is the scenario's description of its design, where that is made for
+    the values of each draw.
+
+    Raises
+    ------
+    DesatError
+        If the system cannot be built.
     """
     target = read(target) if isinstance(target, str) else target
     options = with_stop(target, options)
@@ -322,7 +356,7 @@ def _with_options(target: Target, options: Options) -> Builder:
         options.design is not None or scenario.design is not None
     ):
         own = scenario.parameters(designed=False)
-        designed = {  # but for what the scenario gives itself
+        designed = {  # except for the scenario's own values
             name: {k: v for k, v in values.items() if k not in own.get(name, {})}
             for name, values in DESIGNS.parameters_for(scenario, options).items()
         }
@@ -333,8 +367,10 @@ def _with_options(target: Target, options: Options) -> Builder:
 def _drawn_from(
     builder: Builder, described: Scenario | None, options: Options
 ) -> dict[str, str]:
-    """File and key of the dispersion of each value that is drawn: a draw has a value
-    for each."""
+    """Return file and key of the dispersion of each drawn value.
+
+    A draw has a value for each dispersion; without that the result is empty.
+    """
     spread = dispersions_of(builder)
     if not spread.keys() <= options.values.keys():
         return {}
@@ -353,8 +389,11 @@ def _drawn_from(
 def _run_warnings(
     system: System, schedule: Schedule, options: Options
 ) -> Iterator[str]:
-    """What of the options has no effect: of substeps and means under the semantics of
-    other masters, and of processes where foreign FMUs can have none."""
+    """Yield a line for each option without effect.
+
+    These concern substeps and step averages under the semantics of other masters, and
+    processes for foreign FMUs where there can be none.
+    """
     if (
         not CAN
         and options.isolate == "foreign"
@@ -376,7 +415,7 @@ def _run_warnings(
 
 
 def _packed_scenario(builder: Builder) -> Scenario | None:
-    """What a packed system says of itself, as a scenario; None where it says nothing."""
+    """Return the scenario that is packed in a system, or None."""
     content = content_of(builder.about)
     if content is NOTHING:
         return None
@@ -385,15 +424,15 @@ def _packed_scenario(builder: Builder) -> Scenario | None:
 
 
 def _packed_from(builder: Builder) -> Scenario | None:
-    """The scenario of ours that a packed system was packed from."""
+    """Return our own scenario that a packed system was packed from."""
     return scenario.of_its_file(content_of(builder.about).name)
 
 
-# --- Which components run in processes of their own, and what to say where there can be none ----
+# --- Components in processes of their own ---------------------------------------------
 
 
 def to_isolate(system: System, options: Options) -> frozenset[str]:
-    """The components for which the options ask for a process."""
+    """Return the components for which the options require a process."""
     if options.isolate == "none":
         return frozenset()
     return frozenset(
@@ -404,12 +443,12 @@ def to_isolate(system: System, options: Options) -> frozenset[str]:
 
 
 def isolated_in(system: System, options: Options) -> frozenset[str]:
-    """Those that get one: all that are wanted, on POSIX."""
+    """Return the components that get a process: all required ones, on POSIX."""
     return to_isolate(system, options) if CAN else frozenset()
 
 
 def _isolation_problems(system: System, options: Options) -> Iterator[str]:
-    """A line where all are to have a process each, and none can."""
+    """Yield a line if all components need a process each, and none can have one."""
     if options.isolate != "all":
         return
     if not CAN:
@@ -420,6 +459,7 @@ def _isolation_problems(system: System, options: Options) -> Iterator[str]:
 
 # --- What a case is checked for -------------------------------------------------------
 
+# Functions that yield a line for each problem of a run with its options.
 RUNS: tuple[Callable[[System, Options], Iterable[str]], ...] = (
     library.problems,
     validation.recording_problems,
@@ -428,7 +468,7 @@ RUNS: tuple[Callable[[System, Options], Iterable[str]], ...] = (
     _isolation_problems,
     needs.design_problems,
 )
-"""What stands against a run with its options, each a line a problem."""
+# Functions that yield a line for each problem of a system.
 SYSTEMS: tuple[Callable[[System], Iterable[str]], ...] = (
     DESIGNS.problems,
     accounts.problems,
@@ -436,7 +476,7 @@ SYSTEMS: tuple[Callable[[System], Iterable[str]], ...] = (
     needs.problems,
     attitude_loop.problems,
 )
-"""What stands against running a system."""
+# Functions that yield a line for each warning about a system.
 WARNINGS: tuple[Callable[[System], Iterable[str]], ...] = (
     library.unused_warnings,
     accounts.warnings,
@@ -450,4 +490,3 @@ WARNINGS: tuple[Callable[[System], Iterable[str]], ...] = (
     plausibility.warnings,
     residual.warnings,
 )
-"""What to beware of in one."""

@@ -1,5 +1,8 @@
-"""How far long work is: a bar on a terminal, a line that is written over in a notebook,
-a line a minute elsewhere; all on standard error."""
+"""Show the progress of long work on standard error.
+
+It is a bar on a terminal, a line that is overwritten in a notebook, and a line a minute
+elsewhere.
+"""
 
 from __future__ import annotations
 
@@ -8,17 +11,15 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
-MINUTE = 60.0
-"""Seconds from one line to the next where nobody looks on."""
-BLINK = 0.5
-"""Seconds from one state of a notebook's line to the next."""
+MINUTE = 60.0  # s, between lines where output is neither a terminal nor a notebook
+BLINK = 0.5  # s, between updates of a notebook's line
 
+# Function that takes the number of finished parts, and a further text.
 Tell = Callable[[int, str], None]
-"""Takes how much is done, and what else there is to say of it."""
 
 
 def in_notebook() -> bool:
-    """Whether a notebook's kernel runs this."""
+    """Return whether this runs in a notebook's kernel."""
     shell = sys.modules.get("IPython")
     found = shell.get_ipython() if shell is not None else None
     return found is not None and type(found).__name__ == "ZMQInteractiveShell"
@@ -28,8 +29,10 @@ def in_notebook() -> bool:
 def progress(
     title: str, total: int, wanted: bool = True, done: int = 0
 ) -> Iterator[Tell]:
-    """Within: what is told of `total` parts, of which `done` were made before, is
-    shown."""
+    """Show the progress of `total` parts within the context.
+
+    It yields the function to report progress with. `done` parts were made before.
+    """
     if not wanted or not total:
         yield lambda made, text: None
     elif sys.stderr.isatty():
@@ -41,13 +44,13 @@ def progress(
 
 @contextmanager
 def stages(wanted: bool = True) -> Iterator[Callable[[str], None]]:
-    """Within: the stage that work of unknown length is at is shown, and for how long it
-    has run."""
+    """Show the current stage of work of unknown length, and how long it has run."""
     from rich.console import Console
 
     began = last = time.monotonic()
 
     def line(text: str) -> None:
+        """Print a stage, at once in a notebook and at most once a minute elsewhere."""
         nonlocal last
         now = time.monotonic()
         if wanted and (in_notebook() or now - last > MINUTE):
@@ -67,6 +70,7 @@ def stages(wanted: bool = True) -> Iterator[Callable[[str], None]]:
 
 @contextmanager
 def _bar(title: str, total: int, done: int) -> Iterator[Tell]:
+    """Show a bar on a terminal."""
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
@@ -83,11 +87,13 @@ def _bar(title: str, total: int, done: int) -> Iterator[Tell]:
 
 
 def _lines(title: str, total: int, done: int) -> Iterator[Tell]:
+    """Print lines, or overwrite a line in a notebook."""
     notebook = in_notebook()
     began = last = time.monotonic()
     begin, end = ("\r", "") if notebook else ("", "\n")
 
     def tell(made: int, text: str) -> None:
+        """Print the progress, with the time that is left, when the next line is due."""
         nonlocal last
         now = time.monotonic()
         if now - last < (BLINK if notebook else MINUTE) and not (

@@ -1,4 +1,4 @@
-"""Who computes the layer of values that a scenario's [design] asks for.
+"""Find the provider of the layer of values for a scenario's [design].
 
 The core computes none. A module of a folder `providers/` (`papers/` has one) has the
 functions of `LayerProvider`, which stands for it where it is absent.
@@ -17,17 +17,16 @@ from ..system.options import Options
 
 
 class LayerProvider:
-    """What a provider does, and what is done where there is none."""
+    """Interface of a provider, with the behaviour where there is none."""
 
     def parameters_for(
         self, scenario: Scenario, options: Options
     ) -> Mapping[str, Values]:
-        """Return the values, by component, that `options.design` asks for; none without
-        it.
+        """Return the designed values for `options.design`, by component.
 
-        They are a layer below what the scenario gives itself. Called for a scenario
-        that has a [design], or is to have one. Raises DesatError where it cannot be
-        made.
+        There are none without it. They are a layer below the scenario's own values.
+        Called for a scenario that has a [design], or is to have one. Raises DesatError
+        where it cannot be made.
         """
         asked = f"{scenario.name}: [design]"
         if options.design is not None:
@@ -39,16 +38,15 @@ class LayerProvider:
     def warnings(
         self, scenario: Scenario, options: Options, system: System
     ) -> Iterable[str]:
-        """Return what to beware of in a system that runs with the kept design of a
-        scenario."""
+        """Return warnings on a system that runs with the kept design of a scenario."""
         return ()
 
     def problems(self, system: System) -> Iterable[str]:
-        """Return what is wrong with the designed values of a system, a line each."""
+        """Return a line for each problem of the designed values of a system."""
         return ()
 
 
 def provider() -> LayerProvider:
-    """Return the module that provides designs, or what stands for it."""
+    """Return the module that provides designs, or its substitute."""
     found = discovery.load("providers")
     return cast(LayerProvider, found[0]) if found else LayerProvider()

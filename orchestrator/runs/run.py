@@ -1,4 +1,4 @@
-"""Run a system: initialise, step, record, and leave a run folder behind."""
+"""Run a system: initialise, step, record, and leave a run folder."""
 
 from __future__ import annotations
 
@@ -42,8 +42,7 @@ if TYPE_CHECKING:
 
     from ..figures.canvas import Figure
 
-SHOWN = 6
-"""Numbers in a run's `repr`."""
+SHOWN = 6  # numbers in a run's `repr`
 
 __all__ = [
     "Case",
@@ -59,19 +58,19 @@ __all__ = [
 
 @dataclass(repr=False)
 class Run:
-    """A finished (or stopped) run: its manifest and its series."""
+    """Finished or stopped run, with its manifest and its series."""
 
     manifest: Manifest
     results: Results
 
     @property
     def ok(self) -> bool:
-        """True when it reached its stop time."""
+        """Return whether the run completed, at its stop time or by its `stop_when`."""
         return self.manifest.completed
 
     @property
     def code(self) -> Exit:
-        """The exit code that says how it ended."""
+        """Return the exit code that says how the run ended."""
         if self.ok:
             return Exit.UNMET if self.manifest.not_met else Exit.COMPLETED
         if self.manifest.exit is not None:
@@ -82,8 +81,11 @@ class Run:
 
     @property
     def numbers(self) -> DataFrame:
-        """The scenario's numbers by name: title, value, unit, limit for people, and
-        whether it is met (None: there is none)."""
+        """Return the scenario's numbers by name as a table.
+
+        Its columns are title, value, unit, limit as text, and whether the limit is met
+        (None where there is none).
+        """
         from pandas import DataFrame
 
         judged = {v.number: v for v in self.manifest.verdicts.values()}
@@ -104,9 +106,11 @@ class Run:
 
     @property
     def data(self) -> Dataset:
-        """The series as an xarray Dataset that is read where it is looked at
-        (`runs/dataset.py`): `run.data["wheels.h_wheel"]` over `time` and `wheel`, with
-        its unit."""
+        """Return the series as an xarray Dataset that is read on access.
+
+        For example `run.data["wheels.h_wheel"]` is over `time` and `wheel`, with its
+        unit (see `runs/dataset.py`).
+        """
         from .dataset import of_results
 
         return of_results(self.manifest, self.results)
@@ -114,9 +118,16 @@ class Run:
     def plot(
         self, name: str | None = None, file: str | PathLike[str] | None = None
     ) -> Figure:
-        """A plot of the scenario by its name, or a series by its `component.output`;
-        None: the first plot. A notebook shows it; `file` (.svg, .png, .pdf) is written.
-        Raises DesatError for what there is not."""
+        """Draw a plot of the scenario by name, or a series by its `component.output`.
+
+        None is the first plot. A notebook shows the figure. With `file` (.svg, .png,
+        .pdf) it is written, too.
+
+        Raises
+        ------
+        DesatError
+            If there is no such plot or series.
+        """
         from ..figures.plots import of_name
 
         runs = [(self.manifest.scenario, self.results, self.manifest.parameters)]
@@ -141,8 +152,7 @@ class Run:
         return f"<p>{escape(repr(self))}</p>{self.numbers.to_html(na_rep='')}"
 
     def or_raise(self, target: str) -> Run:
-        """Itself where it completed. Raises RunError, which names the target, where
-        not."""
+        """Return the run if it completed; raise RunError, with the target, if not."""
         if self.ok:
             return self
         told = self.manifest
@@ -152,8 +162,13 @@ class Run:
 def execute(
     target: str, options: Options, folder: Path | None = None, progress: bool = False
 ) -> Run:
-    """Prepare and run a scenario, an .ssp or a folder. Raises DesatError where it
-    cannot begin."""
+    """Prepare and run a scenario, an .ssp or a folder.
+
+    Raises
+    ------
+    DesatError
+        If the run cannot begin.
+    """
     return simulate(prepare(target, options), folder, progress)
 
 
@@ -163,16 +178,25 @@ def simulate(
     progress: bool = False,
     checkpoint: Checkpoint | None = None,
 ) -> Run:
-    """Run a prepared case; `folder` None keeps the series in memory. With `checkpoint`
-    it goes on from there, in the folder of the run that was ended (`resume`).
+    """Run a prepared case; with `folder` None the series stay in memory.
 
-    A component that fails, a signal to stop and the time limits end the run early: what
-    was recorded is kept, and the manifest's status says which. A run that its
-    scenario's `stop_when` ends is completed, and the manifest's `stopped_when` says
-    when. With `case.options.supervised` it runs in a process of its own, which a
-    component may end (`engine/child.py`). Raises DesatError where the run cannot begin,
-    RunError where there is no room for it, and KeyboardInterrupt or SystemExit where a
-    signal stops it before it has begun.
+    With `checkpoint` the run continues from there, in the folder of the run that was
+    ended (`resume`).
+
+    A component that fails, a signal to stop and the time limits end the run early: the
+    rows recorded until then are kept, and the manifest's status says which it was. A
+    run that ends by its scenario's `stop_when` is completed, and the manifest's
+    `stopped_when` says when. With `case.options.supervised` it runs in a process of its
+    own, which a component may end (`engine/child.py`).
+
+    Raises
+    ------
+    DesatError
+        If the run cannot begin.
+    RunError
+        If there is no room for it.
+    KeyboardInterrupt, SystemExit
+        If a signal stops it before it has begun.
     """
     system, _ = case.or_raise()
     choice = (
@@ -198,13 +222,13 @@ def simulate(
         if folder is not None:
             remove(folder)
         choice, checkpoint = more, None
-    if case.options.every > 1 and run.ok:  # numbers are of all rows
+    if case.options.every > 1 and run.ok:  # numbers are computed from all rows
         run.results.thin(case.options.every)
     return run
 
 
 def _with_inner(case: Case, choice: SubstepChoice | None) -> Case:
-    """A case with the substeps that were chosen."""
+    """Return the case with the chosen number of substeps."""
     if choice is None or case.checked.system is None:
         return case
     system = replace(case.checked.system, substeps=choice.substeps)
@@ -213,7 +237,7 @@ def _with_inner(case: Case, choice: SubstepChoice | None) -> Case:
 
 
 def _tell(run: Run, choice: SubstepChoice, folder: Path | None) -> None:
-    """Put what a second look has given into a run's manifest."""
+    """Add the result of a second substep choice to a run's manifest."""
     told = replace(run.manifest, substep_choice=choice)
     told = replace(
         told, numbers={**told.numbers, **coverage.numbers(told, run.results)}
@@ -236,7 +260,7 @@ def _simulate(
     progress: bool,
     checkpoint: Checkpoint | None,
 ) -> Run:
-    """A run of a case whose substeps are known."""
+    """Run a case whose number of substeps is known."""
     system, _ = case.or_raise()
     options, clock = case.options, time.perf_counter()
     began = datetime.now(UTC)
@@ -291,15 +315,14 @@ def _simulate(
     )
     try:
         _measure(run, system)
-    finally:  # whatever fails in there, what the run was is kept
+    finally:  # the manifest is kept whatever fails in there
         if folder is not None:
             end_manifest(folder, run.manifest)
     return run
 
 
 def _measure(run: Run, system: System) -> None:
-    """Add the numbers of a run, the verdicts on them, and what is unmet, to its
-    manifest."""
+    """Add numbers, verdicts and unmet conditions of a run to its manifest."""
     told, results = run.manifest, run.results
     if not len(results.times()):
         return
@@ -338,14 +361,17 @@ def _simulate_apart(
     progress: bool,
     checkpoint: Checkpoint | None = None,
 ) -> tuple[Outcome, Results]:
-    """The same in a process of its own: how it ended, or was ended, and the rows until
-    then."""
+    """Run a case in a process of its own, and return how it ended and its rows.
+
+    If the process was ended early, the rows until then are returned.
+    """
     system, schedule = case.or_raise()
     options, unwritten = case.options, RowBuffer.shared()
     place = folder or library.scratch("run")
     library.unpack(system)
 
     def work(tell: Callable[[str, Any], None], unwritten: RowBuffer) -> None:
+        """Step the case in the child process."""
         step(case, place, manifest, progress, checkpoint, unwritten, tell)
 
     limit = min(options.call_limit, options.time_limit or math.inf)
@@ -361,7 +387,7 @@ def _simulate_apart(
         if "bug" in ended.reports and not full and outcome is None and not ended.signal:
             raise RuntimeError(ended.reports["bug"])
         if outcome is not None:
-            if ended.how:  # all is recorded; it ended when a component was freed
+            if ended.how:  # all is recorded: it ended while a component was freed
                 outcome.status, outcome.message = (
                     "failed",
                     f"{ended.text()}, after the run",
@@ -376,7 +402,7 @@ def _simulate_apart(
         return _cut_short(system, options, place, ended, layout, unwritten, full)
     finally:
         unwritten.close()
-        if folder is None:  # the series stay until they are closed
+        if folder is None:  # open series stay readable until they are closed
             shutil.rmtree(place, ignore_errors=True)
 
 
@@ -389,9 +415,9 @@ def _cut_short(
     unwritten: RowBuffer,
     full: str,
 ) -> tuple[Outcome, Results]:
-    """How a run ended that could not say so itself, and its rows."""
+    """Reconstruct the outcome and rows of a run whose process could not report them."""
     outcome = Outcome("failed", ended.text(), Exit.COMPONENT)
-    if "error" in ended.reports:  # what it could not do while it recorded
+    if "error" in ended.reports:  # an error while it recorded
         outcome.message = str(ended.reports["error"][1][0])
     if full:
         outcome = Outcome("no space", f"{place / SERIES}: {full}", Exit.SPACE)
@@ -401,10 +427,10 @@ def _cut_short(
         outcome = Outcome(stopping.LATE, ended.text(), Exit.TIMEOUT)
     part, path = place / f"{SERIES}.part", place / SERIES
     unwritten.lay_out(layout)
-    if full:  # nor for a copy: what is there is read as it is
+    if full:  # there is no space for a copy either: read the part as it is
         outcome.rows = unwritten.written
         results = Results.open(part, outcome.rows)
-    elif path.exists() and not part.exists():  # it was ended when all was recorded
+    elif path.exists() and not part.exists():  # it ended after all was recorded
         results = Results.open(path)
     else:
         recover(part, path, layout, unwritten)
@@ -416,7 +442,7 @@ def _cut_short(
 
 
 def load_run(folder: Path) -> Run:
-    """A run from its folder. Raises DesatError where it is none."""
+    """Load a run from its folder; raise DesatError where there is none."""
     manifest = read_manifest(folder)
     if manifest.message is None:
         manifest = replace(
@@ -432,10 +458,14 @@ def load_run(folder: Path) -> Run:
 
 
 def run_or_load(target: str, analysis: ModuleType | None = None) -> Run:
-    """The run of a run folder; or of a scenario, .ssp or folder, run now.
+    """Load the run of a run folder, or run a scenario, .ssp or folder now.
 
-    Raises RunError where that run does not complete, and DesatError before it begins
-    where `analysis` does not apply to the system.
+    Raises
+    ------
+    RunError
+        If the run does not complete.
+    DesatError
+        If `analysis` does not apply to the system, before the run begins.
     """
     folder = Path(target)
     if any((folder / f"{MANIFEST}{end}").exists() for end in ("", ".part")):
@@ -446,22 +476,24 @@ def run_or_load(target: str, analysis: ModuleType | None = None) -> Run:
     return simulate(case).or_raise(target)
 
 
-# ------------------------------------------------------------------------------------------------
-# Going on with a run that was ended, from its newest checkpoint: the same bits as without a break
-# Series, numbers and manifest are then those of a run that was never ended, but for wall times.
+# --- Continuing a run -----------------------------------------------------------------
+#
+# A run continues from its newest checkpoint with the same bits as without a break:
+# series, numbers and manifest are those of an uninterrupted run, except for wall times.
 
 
 def has_checkpoints(folder: Path) -> bool:
-    """Whether a run folder is one to go on with."""
+    """Return whether a run folder has checkpoints to continue from."""
     return (folder / FOLDER).is_dir()
 
 
 def options_of(folder: Path) -> Options:
-    """The options of a run with checkpoints. Raises DesatError where there is none."""
+    """Return the options of a run with checkpoints; raise DesatError without one."""
     return from_json(_newest(folder).about)
 
 
 def _newest(folder: Path) -> Checkpoint:
+    """Return the newest checkpoint; raise DesatError where there is none."""
     if (checkpoint := newest(folder)) is None:
         if (folder / MANIFEST).exists() and read_manifest(folder).completed:
             raise DesatError(f"{folder}: it has completed")
@@ -472,11 +504,12 @@ def _newest(folder: Path) -> Checkpoint:
 
 
 def resume(folder: Path, progress: bool = False) -> Run:
-    """Go on with a run in its folder, an absolute path; one that has completed is
-    loaded.
+    """Continue a run in its folder, an absolute path; load one that has completed.
 
-    Raises DesatError where there is no checkpoint, or where what it was made of has
-    changed.
+    Raises
+    ------
+    DesatError
+        If there is no checkpoint, or what the run was made of has changed.
     """
     if (folder / MANIFEST).exists():
         run = load_run(folder)

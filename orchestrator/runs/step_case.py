@@ -1,4 +1,4 @@
-"""A checked system stepped to its end, or to what ends it before, and recorded."""
+"""Step a checked system to its end, or until something ends it, and record it."""
 
 from __future__ import annotations
 
@@ -31,25 +31,21 @@ from .progress import progress as shown
 
 @dataclass
 class Outcome:
-    """How stepping ended."""
+    """Outcome of stepping."""
 
     status: str
     message: str = ""
-    code: int = 0
-    """The exit code, where the status does not say it."""
+    code: int = 0  # exit code, where the status does not imply it
     steps: int = 0
-    seconds: float = 0.0
-    """Wall time that these took."""
+    seconds: float = 0.0  # s, wall time of the steps
+    # the loop that stepped, and why it was not the compiled one
     loop: dict[str, str] | None = None
-    """Which loop stepped, and why not the compiled one."""
-    stopped: Stopped | None = None
-    """The condition that ended the run, and when."""
+    stopped: Stopped | None = None  # condition that ended the run, and its time
     warnings: list[str] = field(default_factory=list)
-    rows: int | None = None
-    """The rows that hold values, where the file has others too."""
+    rows: int | None = None  # rows that hold values, where the file has more
+    # totals of its rigid body's balances that were made while it ran
+    # (`analyses/energy.py`)
     balance: dict[str, Any] | None = None
-    """The balances of its rigid body that were made while it ran
-    (`analyses/energy.py`)."""
 
 
 def step(
@@ -61,13 +57,16 @@ def step(
     unwritten: RowBuffer | None = None,
     tell: Callable[[str, Any], None] = lambda name, what: None,
 ) -> tuple[Outcome, Results]:
-    """Initialise, step and record. `tell` gets the layout of rows, and the outcome
-    before the components are freed."""
+    """Initialise, step and record.
+
+    `tell` receives the layout of rows, and the outcome before the components are freed.
+    """
     system, schedule = case.or_raise()
     options, outcome = case.options, Outcome("completed")
     wanted = as_json(case.target, options)
 
     def watched(component: str, signal: Any) -> bool:
+        """Return whether the master has to read an output."""
         ends_it = ends is not None and ends.reads(component, signal)
         balanced = along is not None and along.needs(component, signal)
         return ends_it or balanced or selects(options.record, component, signal)
@@ -76,6 +75,7 @@ def step(
     keeps = None if along is None else along.kept
 
     def make() -> Master:
+        """Build a master for the case."""
         return Master(
             system,
             schedule,
@@ -87,8 +87,8 @@ def step(
             kept=keeps,
         )
 
-    # what decides which outputs a master reads, beside what all cases of a spare have
-    # in common
+    # a spare master fits if it reads the same outputs; all else is the same for all
+    # cases that share it
     alike = schedule, ends, options.record, None if keeps is None else keeps.outputs
     spare = case.spare if unwritten is None else None
     with (
@@ -126,8 +126,11 @@ def step(
         outcome.loop = {"name": steps.name, "why": steps.why}
 
         def about_now() -> dict[str, Any]:
-            """What a checkpoint has of all this; what components have changed is put
-            back, as it will be where the run goes on."""
+            """Return the state for a checkpoint.
+
+            Changes by components to the process are undone first, as they are when the
+            run continues.
+            """
             _add(outcome.warnings, changes("while it ran", handlers=False))
             state = {
                 "warnings": outcome.warnings,
@@ -191,7 +194,7 @@ def step(
         if sound:
             _terminate(master, outcome)
         _add(outcome.warnings, [*changes("while it ran"), *master.messages()])
-        # a day's series take seconds to compress; then it is told how it ended
+        # compressing a day's series takes seconds; the outcome is reported after that
         with interruptible():
             results = recorder.finish(master)
             tell("outcome", outcome)
@@ -208,12 +211,15 @@ def step(
 
 
 def _terminate(master: Master, outcome: Outcome) -> None:
-    """Terminate the components of a run that has not failed; it has where one of them
-    does not end, all of which is recorded by then."""
+    """Terminate the components of a run that has not failed.
+
+    If one of them does not end, a completed run has failed after all, with everything
+    recorded; otherwise it is a warning.
+    """
     try:
         master.terminate()
     except ComponentError as error:
-        if outcome.status != "completed":  # that it was stopped says more
+        if outcome.status != "completed":  # its status already says why it was stopped
             outcome.warnings += str(error).splitlines()
             return
         outcome.status, outcome.message = "failed", f"{error}, after the run"
@@ -222,9 +228,11 @@ def _terminate(master: Master, outcome: Outcome) -> None:
 
 
 def _along(case: Case, manifest: Manifest) -> OnlineBalance | None:
-    """What makes the balances of a rigid body while the run goes on; None where its
-    rows will do, or where they are not made at all: what rows would need for the work
-    must be recorded."""
+    """Return the balances to compute during the run, or None.
+
+    None where its rows suffice, or where no balance is computed: the series that the
+    work needs must be recorded.
+    """
     (system, _), options = case.or_raise(), case.options
     parts: energy.EnergyParts | None = manifest.parts[energy.KEY]
     if parts is None or parts.why or options.algorithm != "gauss_seidel":
@@ -241,5 +249,5 @@ def _along(case: Case, manifest: Manifest) -> OnlineBalance | None:
 
 
 def _add(lines: list[str], more: list[str]) -> None:
-    """Add those lines that are not there."""
+    """Add those lines that are not in the list yet."""
     lines += [line for line in more if line not in lines]

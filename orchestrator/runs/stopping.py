@@ -1,5 +1,4 @@
-"""What ends a run before its stop time: the scenario's `stop_when`, and a limit of wall
-time.
+"""End a run before its stop time: by the scenario's `stop_when` or a wall time limit.
 
     [stop_when]
     signal = "wheels.h_wheel"
@@ -10,9 +9,9 @@ time.
     signal = "manager.mode"
     reaches = "nominal"                # an Integer's value or its name, or true or false
 
-It is looked at after each step. A state output belongs to t_k then, an interval output
-to the step just made, as in the rows of the results; so a run ends where the measure
-`first_below` is known.
+The condition is evaluated after each step. A state output then belongs to t_k, an
+interval output to the step just made, as in the rows of the results; so a run ends
+where the measure `first_below` is known.
 """
 
 from __future__ import annotations
@@ -36,14 +35,13 @@ from ..system.interface import Signal, find_elements
 from ..system.model import System
 from ..system.parameters import table, unit_of
 
+# Result of `watch`, and status in the manifest, when the wall time limit is over.
 LATE = "timed out"
-"""What `watch` says, and the manifest's status, where the limit of wall time is over.
-"""
 
 
 @dataclass(frozen=True)
 class Condition:
-    """A `stop_when` of a system: which output, when it is met, and for how long (s)."""
+    """Condition `stop_when` of a system: output, limit, and holding time (s)."""
 
     component: str
     variable: str
@@ -53,7 +51,7 @@ class Condition:
     text: str
 
     def met(self, values: NDArray[Any]) -> bool:
-        """Whether the values of all elements meet it."""
+        """Return whether the values of all elements meet the condition."""
         if self.how == "reaches":
             return bool((values == self.limit).all())
         largest = np.abs(values).max()
@@ -62,12 +60,12 @@ class Condition:
         )
 
     def reads(self, component: str, signal: Signal) -> bool:
-        """True for an element of its signal."""
+        """Return whether a signal is an element of the condition's output."""
         return component == self.component and signal.series == self.variable
 
 
 def condition(system: System) -> Condition | None:
-    """Return the condition of a system, interfaces loaded; None where it has none.
+    """Return the condition of a system with its interfaces loaded, or None.
 
     Raises
     ------
@@ -99,7 +97,7 @@ def _signal(system: System, name: str) -> Signal:
 
 
 def _reaches(signal: Signal, value: Any) -> int:
-    """Return the number that the signal is to have."""
+    """Return the number that the signal has to reach."""
     where = f"got {value!r}; {signal.array} is"
     keys = ("stop_when", "reaches")
     if signal.kind == "Real":
@@ -119,7 +117,7 @@ def _reaches(signal: Signal, value: Any) -> int:
 def _limit(
     system: System, signal: Signal, given: StopWhen, how: Literal["below", "above"]
 ) -> tuple[float, str]:
-    """Return the limit in the signal's unit, and as people read it."""
+    """Return the limit in the signal's unit, and as text."""
     if signal.kind != "Real":
         text = f"{given.signal} is of type {signal.kind}; `reaches`"
         raise MisfitError(text, "stop_when", how)
@@ -138,8 +136,11 @@ def _limit(
 
 
 def watch(master: Master, wanted: Condition | None, seconds: float | None) -> Ending:
-    """What ends the run of an initialised master, and why: the text of its condition,
-    or LATE when `seconds` of wall time are over since now."""
+    """Build the `Ending` of a run: its condition, or a limit of wall time.
+
+    The master is initialised. The reason is the text of the condition, or `LATE` once
+    `seconds` of wall time are over from now.
+    """
     slots = [s for s in master.slots if wanted and wanted.reads(s.component, s.signal)]
     memory: dict[str, Any] = {}
     met = _hold(master, wanted, slots, memory) if wanted else lambda: False
@@ -147,6 +148,7 @@ def watch(master: Master, wanted: Condition | None, seconds: float | None) -> En
     end = None if seconds is None else time.monotonic() + seconds
 
     def reason() -> str:
+        """Return the reason to end now, or ""."""
         if met():
             return text
         return LATE if end is not None and time.monotonic() > end else ""
@@ -159,18 +161,21 @@ def watch(master: Master, wanted: Condition | None, seconds: float | None) -> En
 def _hold(
     master: Master, wanted: Condition, slots: list[Slot], memory: dict[str, Any]
 ) -> Callable[[], bool]:
-    """Whether the condition has held for long enough; `memory` has since when it is
-    met."""
+    """Build the function that tells whether the condition has held for long enough.
+
+    `memory` holds the time since when it is met.
+    """
     live, index = (
         master.live[slots[0].kind],
         np.array([s.index for s in slots], np.intp),
     )
-    # the row that an interval output belongs to has begun a step ago
+    # the row of an interval output began a step ago
     ago = int(slots[0].interval and master.algorithm == "gauss_seidel")
     if not ago and wanted.met(live[index]):
         memory["since"] = master.start
 
     def met() -> bool:
+        """Return whether the condition has held for long enough at the present step."""
         if not wanted.met(live[index]):
             memory.clear()
             return False

@@ -1,22 +1,22 @@
-"""How many substeps a run makes that chooses them itself: `substeps = "auto"`.
+"""Choose the number of substeps of a run with `substeps = "auto"`.
 
 The system flies beforehand, unrecorded, with 1, 2, 4, ... substeps on the FMUs and the
-loop of the run. Of two such flights the coarse one errs by about their difference (its
-error falls with the third power of the substeps, where an event hides inside a step
-with the first); FACTOR times that is the estimate. The first count whose estimate is
-below the system's `accuracy` is held against a flight with FAR times as many too, for
-two may err alike (a wheel's friction is integrated in parts of its own); where that
-bears it out, it is taken.
+loop of the run. The coarse one of two such flights errs by about their difference,
+because its error falls with the third power of the substeps (with the first, where an
+event hides inside a step). `FACTOR` times the difference is the estimate. The first
+count whose estimate is below the system's `accuracy` is compared also with a flight of
+`FAR` times as many substeps, because two flights may err alike (a wheel's friction is
+integrated in parts of its own). If that confirms it, it is chosen.
 
-A flight covers the whole run as long as LONGEST steps, and FREE inner ones, are enough.
-Where they are not, the estimate is carried on: in the proportion in which that of fewer
-substeps has grown from there to the run's end, or, where none has seen that, with the
-power of time by which it has grown so far. Such a run is looked at again when it is
-over: where its body turned faster, was pushed harder, or its torques changed more than
-in the flights, these are made again from the state recorded there, and where they want
-more substeps, the run is made again from its start.
+A flight covers the whole run if `LONGEST` steps, and `FREE` substeps, are enough.
+Otherwise the estimate is extrapolated: in the proportion in which that of fewer
+substeps has grown from there to the end of the run, or, if no flight has reached that,
+with the power of time by which it has grown so far. Such a run is checked again when it
+is over. Where its body turned faster, was accelerated more, or its torques changed more
+than in the flights, these are repeated from the state recorded there. If they need more
+substeps, the run is repeated from its start.
 
-Nothing of it depends on a clock: the same system chooses alike everywhere.
+Nothing depends on a clock: the choice for a system is the same everywhere.
 """
 
 from __future__ import annotations
@@ -52,36 +52,32 @@ from .prepare import isolated_in, to_isolate
 
 T = TypeVar("T")
 
+# Estimate over difference. An estimate must not be below the error, and the error of a
+# flight is once to twice its difference from the next.
 FACTOR = 2.0
-"""Estimate over difference: an estimate is to be no less than the error, and that of a
-flight is once to twice its difference from the next."""
-LEVELS = tuple(2**i for i in range(10))
-"""Counts to choose from."""
+LEVELS = tuple(2**i for i in range(10))  # counts to choose from
+# Factor of the substeps of the flight that confirms a count, and their upper limit.
 FAR, FARTHEST = 4, 2 * LEVELS[-1]
-LEAST_FAR = 16
-"""Times as many substeps, at least so many and at most so many, that the flight makes
-by which a count is judged in the end."""
-FREE, LONGEST = 120_000, 6_000
-"""Substeps, and steps, that a flight may take."""
-LOOK = 1_000
-"""Steps that one may take when a run is looked at again."""
-CARRIED = 2.0
-"""Times an estimate that is carried on beyond its flight."""
-ROUGH = 1.5
-"""Estimate over difference, where one of two flights is much finer."""
-GAIN = 1.2
-"""Beyond so many times what the flights have seen, a run has left their range."""
-AGAIN = 3
-"""A run is made so many times at most."""
-STEEPEST = 3.0
-"""Of the powers of time by which an estimate is carried on."""
+LEAST_FAR = 16  # lower limit of the substeps of the flight that confirms a count
+FREE, LONGEST = 120_000, 6_000  # limits of the substeps, and of the steps, of a flight
+LOOK = 1_000  # limit of the steps of a flight when a run is checked again
+CARRIED = 2.0  # factor on an estimate that is extrapolated beyond its flight
+ROUGH = 1.5  # estimate over difference, where one of two flights is much finer
+GAIN = 1.2  # a run leaves the range of its flights beyond this factor
+AGAIN = 3  # largest number of times that a run is made
+STEEPEST = 3.0  # largest power of time for the extrapolation of an estimate
 
 
 def choose(target: str, system: System, options: Options) -> SubstepChoice | None:
-    """The choice of a checked system; None of one whose substeps are given.
+    """Choose the substeps of a checked system; None where they are given.
 
-    Raises DesatError, with the reason, where no count of LEVELS is accurate enough;
-    with foreign FMUs that is one substep, and the reason beside.
+    Where flights are impossible or a component fails in one, and with foreign FMUs
+    where no count is accurate enough, the choice is one substep, with the reason.
+
+    Raises
+    ------
+    DesatError
+        If no count of `LEVELS` is accurate enough; it gives the reason.
     """
     if system.substeps != AUTO:
         return None
@@ -100,13 +96,15 @@ def choose(target: str, system: System, options: Options) -> SubstepChoice | Non
     except DesatError as error:
         if not to_isolate(system, replace(options, isolate="foreign")):
             raise
-        # a foreign FMU may not do the same twice
+        # a foreign FMU may behave differently in a second flight
         return SubstepChoice(1, system.accuracy, why=str(error))
 
 
 def _apart(system: System, options: Options, flying: Callable[[], T]) -> T:
-    """What flights give: made where the run's steps are, in a process that is watched,
-    if so asked. Raises ComponentError where a component fails, or ends that process."""
+    """Fly in the process of the run's steps: in a watched one, if the options say so.
+
+    Raises ComponentError where a component fails, or ends that process.
+    """
     if not (options.supervised and CAN):
         return flying()
     return apart(
@@ -115,8 +113,10 @@ def _apart(system: System, options: Options, flying: Callable[[], T]) -> T:
 
 
 def settled(target: str, system: System) -> System:
-    """A checked system with the substeps that a run of it begins with. Raises
-    DesatError as `choose` does."""
+    """Return a checked system with the substeps that a run of it begins with.
+
+    Raises DesatError as `choose` does.
+    """
     choice = choose(target, system, Options())
     return system if choice is None else replace(system, substeps=choice.substeps)
 
@@ -128,11 +128,10 @@ def choose_again(
     choice: SubstepChoice,
     results: Results,
 ) -> SubstepChoice | None:
-    """Another choice for a run that has left the range of its flights, and is to be
-    made again; None where it has not, or where they want no more substeps. `system` is
-    as before the choice.
+    """Choose again for a run that has left the range of its flights.
 
-    Raises DesatError as `choose` does.
+    None where it has not, or where the flights need no more substeps. `system` is as
+    before the choice. Raises DesatError as `choose` does.
     """
     parts = coverage.applies(system)
     if choice.reached is None or parts is None:
@@ -149,8 +148,7 @@ def choose_again(
             there = _apart(system, options, flying)
         except ComponentError:
             continue
-        # what the flights before would have come to with as many, by the second power
-        # to be safe
+        # scale the earlier estimate to this count by the second power, to be safe
         share = (more.estimate or 0.0) * (more.substeps / there.substeps) ** 2
         share = max(share, there.estimate or 0.0)
         again = (
@@ -170,13 +168,13 @@ def choose_again(
 
 
 def decimated(system: System, options: Options) -> Slow | None:
-    """How much a system errs as components that hand means on, or feed what does, do
-    not step at every step: attitude (rad) and a wheel's momentum (N m s), the largest
-    over the first LONGEST steps. None where all do, or where nothing can be told.
-    `system` has its substeps.
+    """Estimate the errors due to components that do not step at every step.
 
-    As many flights, one of them without these step ratios, and ROUGH times their
-    difference.
+    These are components that pass on means, or feed such components. The errors are
+    those of attitude (rad) and of a wheel's momentum (N m s), the largest over the
+    first `LONGEST` steps: `ROUGH` times the difference of two flights, one of them
+    without these step ratios. None where all components step at every step, or the
+    errors cannot be estimated. `system` has its substeps.
     """
     names = system.components
     whole = replace(
@@ -198,6 +196,7 @@ def decimated(system: System, options: Options) -> Slow | None:
         }
 
         def both() -> list[_Flight]:
+            """Fly with the step ratios, and without those of the slow components."""
             systems = (replace(system, components=of) for of in (names, quick))
             return [
                 _Flights(s, options, 1, LONGEST).flown(system.parts) for s in systems
@@ -206,7 +205,7 @@ def decimated(system: System, options: Options) -> Slow | None:
         coarse, fine = _apart(system, options, both)
     except (ComponentError, DesatError):
         return None
-    # where a slow body's states are held, they are those of its own steps
+    # a slow body's states are held between its steps: compare at its own steps only
     rows = slice(None, None, lcm(*(names[n].step_ratio for n in slow)))
     angle, gap = pointing(coarse.q[rows], fine.q[rows]), np.abs(coarse.h - fine.h)[rows]
     return Slow(
@@ -218,7 +217,7 @@ def decimated(system: System, options: Options) -> Slow | None:
 
 
 def _beyond(found: Reached, seen: tuple[float, float, float]) -> list[tuple[int, str]]:
-    """Rows of a run where it went furthest beyond what its flights had seen, and how."""
+    """Find the rows where a run went furthest beyond its flights, with a text each."""
     rows = []
     looks = (
         ("turns at {:.3g} rad/s", found.turning),
@@ -240,8 +239,10 @@ def _beyond(found: Reached, seen: tuple[float, float, float]) -> list[tuple[int,
 
 
 def _from(system: System, t: float, state: list[Array]) -> System:
-    """A system that begins at t (s) with a body in that state: attitude, rate, wheels'
-    momenta."""
+    """Return a system that begins at t (s) with its body in a given state.
+
+    The state is attitude, rate and wheel momenta.
+    """
     parts = residual.rigid_body(system)
     assert parts is not None
     q, omega, h = (x.tolist() for x in state)
@@ -256,6 +257,7 @@ def _from(system: System, t: float, state: list[Array]) -> System:
 
 
 def _with(component: Component, given: dict[str, list[Scalar]]) -> Component:
+    """Return a component with other values of some parameters."""
     values = dict(component.parameters)
     for name, elements in given.items():
         signals = component.interface.elements.get(name, ())
@@ -264,8 +266,7 @@ def _with(component: Component, given: dict[str, list[Scalar]]) -> Component:
 
 
 def _not_flown(system: System, options: Options) -> str:
-    """Why a system makes one substep, where there is nothing to choose by; else
-    nothing."""
+    """Return the reason why a system makes one substep without flights, else ""."""
     if options.algorithm == "jacobi":
         return "jacobi takes no substeps"
     if residual.rigid_body(system) is None:
@@ -278,7 +279,10 @@ def _not_flown(system: System, options: Options) -> str:
 
 
 def _foreign(system: System, options: Options, every: Mapping[str, int]) -> str:
-    """Why a system with foreign FMUs is not flown beforehand; `every` as in `Rates`."""
+    """Return the reason why foreign FMUs are not flown beforehand, else "".
+
+    `every` is as in `Rates`.
+    """
     for name in sorted(to_isolate(system, replace(options, isolate="foreign"))):
         component = system.components[name]
         assert component.fmu is not None
@@ -295,8 +299,11 @@ def _foreign(system: System, options: Options, every: Mapping[str, int]) -> str:
 
 @dataclass(frozen=True)
 class _Flight:
-    """States after each step: times (n,; s), attitude (n, 4), rate (n, 3; rad/s),
-    momenta of the wheels (n, 4; N m s), external impulse (n, 3; N m s, eci)."""
+    """States after each step of a flight.
+
+    These are times (n,; s), attitude (n, 4), rate (n, 3; rad/s), momenta of the wheels
+    (n, 4; N m s) and external impulse (n, 3; N m s, eci).
+    """
 
     times: Array
     q: Array
@@ -306,8 +313,10 @@ class _Flight:
 
 
 class _Flights:
-    """Flights of a system with more and more substeps, from `least` on, of `longest`
-    steps at most."""
+    """Flights of a system with more and more substeps.
+
+    They begin with `least` substeps and have at most `longest` steps.
+    """
 
     def __init__(
         self, system: System, options: Options, least: int, longest: int
@@ -327,7 +336,10 @@ class _Flights:
         self._steps = 0
 
     def choice(self, target: str) -> SubstepChoice:
-        """The first count that is accurate enough. Raises DesatError, with the reason."""
+        """Find the first count that is accurate enough.
+
+        Raises DesatError, with the reason, where there is none.
+        """
         tried: dict[int, float] = {}
         began = time.process_time()
         coarse = self.flown(self._levels[0])
@@ -362,7 +374,7 @@ class _Flights:
         )
 
     def flown(self, substeps: int, free: int = FREE) -> _Flight:
-        """A flight as long as so many substeps last."""
+        """Fly with this number of substeps, as long as `free` substeps last."""
         steps = min(self._system.steps, max(8, min(free // substeps, self._longest)))
         self._steps += steps * substeps
         system = replace(self._system, substeps=substeps)
@@ -397,8 +409,11 @@ class _Flights:
         return _Flight(times, *np.split(rows, [4, 7, 11], axis=1))
 
     def _estimate(self, coarse: _Flight, fine: _Flight) -> tuple[float, Array]:
-        """What a flight errs (rad) at the run's end, by one with more substeps; and the
-        largest difference until each of the rows that both have (rad)."""
+        """Estimate a flight's error (rad) at the run's end, by one with more substeps.
+
+        The second value is the largest difference up to each of the rows that both have
+        (rad).
+        """
         many = min(len(coarse.q), len(fine.q))
         error = np.maximum.accumulate(
             np.radians(pointing(coarse.q[:many], fine.q[:many]))
@@ -408,8 +423,7 @@ class _Flights:
         return FACTOR * self._carried(error, self._longest_error), error
 
     def _carried(self, error: Array, whole: Array) -> float:
-        """The largest error at the run's end, of a flight that may not have come so
-        far."""
+        """Extrapolate the largest error of a flight to the end of the run (rad)."""
         here, steps = float(error[-1]), self._system.steps
         if len(error) == steps + 1 or here == 0.0:
             return here
@@ -424,7 +438,7 @@ class _Flights:
         return float(here * (steps / last) ** min(max(power, 0.0), STEEPEST))
 
     def _reason(self, tried: dict[int, float], error: Array) -> str:
-        """Why no count was accurate enough."""
+        """Explain why no count was accurate enough."""
         last = max(tried)
         text = (
             f"with {last} substeps, of {MOST_SUBSTEPS} at most, the attitude would still err "
@@ -446,8 +460,10 @@ class _Flights:
 
 
 def _on_natives(system: System) -> System:
-    """The system on native FMUs in place of Python FMUs and bare blocks of ours, which
-    make the same bits."""
+    """Return the system on native FMUs, which give the same bits.
+
+    They replace Python FMUs and bare blocks of ours.
+    """
     components = {}
     for name, c in system.components.items():
         fmu = (

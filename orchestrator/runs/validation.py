@@ -1,8 +1,7 @@
-"""What a scenario says, held against the system that it describes: each entry is bound,
-or refused.
+"""Bind each entry of a scenario to the system that it describes, or refuse it.
 
 Numbers, plots, requirements, rows of a paper, dispersions and the stop condition have
-one function each that binds them; what it raises is what `check` reports.
+one function each that binds them. `check` reports what it raises.
 """
 
 from __future__ import annotations
@@ -47,9 +46,11 @@ def content_problems(
     Parameters
     ----------
     components
-        What it is held against, of which some interfaces may be missing; None: by its words alone.
+        Components that the entries are bound to, some perhaps without interface; None:
+        the words alone are checked.
     system
-        That they make, where they make one: values of parameters and analyses are known then.
+        System of these components, if they make one: values of parameters and analyses
+        are then known.
     """
     for path, check in _checks(content, components, system):
         try:
@@ -107,7 +108,7 @@ def bind_number(
     components: Components | None,
     parameters: Table | None,
 ) -> None:
-    """Bind a number to components. Raises MisfitError for what does not fit."""
+    """Bind a number to components; raise MisfitError where it does not fit."""
     if number.of:
         _require_number(content, number.of, "of")
     if not number.signals:
@@ -164,7 +165,7 @@ def bind_requirement(content: Content, entry: Requirement) -> None:
     Raises
     ------
     MisfitError
-        If nobody computes the number, it compares runs, or nothing can be within.
+        If nothing computes the number, it compares runs, or no value can be within.
     """
     _require_number(content, entry.number, "number")
     number = content.numbers.get(entry.number)
@@ -182,7 +183,7 @@ def bind_row(content: Content, row: Entry, system: System | None) -> None:
     Raises
     ------
     MisfitError
-        If nobody computes them, or an analysis that does not apply to the system.
+        If nothing computes them, or only an analysis that does not apply to the system.
     """
     _require_number(content, row.of, "number" if row.number else "quantity")
     if isinstance(row.tolerance, OfNumber):
@@ -194,8 +195,13 @@ def bind_row(content: Content, row: Entry, system: System | None) -> None:
 
 
 def bind_dispersion(key: str, spec: Dispersion, components: Components) -> None:
-    """Bind a dispersion to the parameters that it draws. Raises MisfitError where it
-    has none."""
+    """Bind a dispersion to the parameters that it draws.
+
+    Raises
+    ------
+    MisfitError
+        If there are none, or they cannot have the drawn values.
+    """
     owner, _, variable = key.partition(".")
     owners = [owner]
     if owner == "*":
@@ -215,7 +221,7 @@ def bind_dispersion(key: str, spec: Dispersion, components: Components) -> None:
 def _check_dispersion(
     part: Part, variable: str, elements: Sequence[Signal], spec: Dispersion
 ) -> None:
-    """Raise MisfitError where a parameter cannot have what a dispersion draws."""
+    """Raise MisfitError if a parameter cannot have the values of a dispersion."""
     kind, count = spec.kind, len(elements)
     values = getattr(spec, kind)
     needed = {"signs": len(values) if kind == "signs" else 0, "attitude": 4, "seed": 1}
@@ -241,7 +247,7 @@ def _check_dispersion(
 
 
 def _require_number(content: Content, name: str, key: str) -> None:
-    """Raise MisfitError where no number of this name is computed of a run."""
+    """Raise MisfitError if a run computes no number of this name."""
     if name in content.numbers:
         return
     known = {*content.numbers, *(n for a in analyses() for n in a.NUMBERS)}
@@ -264,7 +270,9 @@ _LEFT_OUT = {
 
 
 def fit_to(content: Content, system: System) -> tuple[Content, list[tuple[Keys, str]]]:
-    """Leave out what of a scenario's content does not bind to a system with other FMUs.
+    """Remove those entries of a scenario's content that do not bind to a system.
+
+    The system has other FMUs than the scenario describes.
 
     Returns
     -------
@@ -285,7 +293,8 @@ def fit_to(content: Content, system: System) -> tuple[Content, list[tuple[Keys, 
 def _leave_out(data: dict[str, Any], path: Keys, system: System) -> None:
     """Remove an entry from a scenario's data.
 
-    Of a plot that has others, only the first signal or limit that the system lacks.
+    Of a plot with several signals or limits, only the first one that the system lacks
+    is removed.
     """
     what, *names = path
     if not names:
@@ -327,16 +336,18 @@ def _lacks_parameter(parameters: Table, written: Any) -> bool:
     return False
 
 
-# ------------------------------------------------------------------------------------------------
-# What a run would record, before it begins: is there anything, is there room for it, and can the
-# components be saved
+# --- Recording and saving, checked before a run ---------------------------------------
 
 
 _BYTES = {"Real": 8, "Integer": 4, "Boolean": 4}
 
 
 def recording_problems(system: System, options: Options) -> Iterator[str]:
-    """A line for each pattern that no output fits, and for rows too rare to be any."""
+    """Yield a line for each problem with the recorded outputs.
+
+    These are patterns without an output, outputs whose names cannot be recorded, and an
+    `every` beyond the steps of the run.
+    """
     outputs = [
         (c.name, s) for c in system.components.values() for s in c.interface.outputs
     ]
@@ -357,8 +368,7 @@ def recording_problems(system: System, options: Options) -> Iterator[str]:
 
 
 def not_saved(system: System, options: Options) -> Iterator[str]:
-    """A line for each component whose state cannot be saved, where checkpoints are
-    wanted."""
+    """Yield a line for each component without saved state, if checkpoints are used."""
     if options.checkpoint is None:
         return
     if not 0.0 < options.checkpoint < inf:
@@ -375,7 +385,7 @@ def not_saved(system: System, options: Options) -> Iterator[str]:
 
 
 def not_halved(system: System, options: Options) -> Iterator[str]:
-    """A line for each foreign FMU whose steps cannot be halved, where that is wanted."""
+    """Yield a line for each foreign FMU that cannot halve its steps, with `--halve`."""
     foreign = [c for c in system.components.values() if c.fmu and not c.interface.role]
     if options.halvings and not foreign:
         yield "--halve: it has no effect without a foreign FMU"
@@ -390,8 +400,10 @@ def not_halved(system: System, options: Options) -> Iterator[str]:
 
 
 def size(system: System, options: Options) -> int:
-    """What the series of a run to its stop time take (bytes) before any row is left
-    out."""
+    """Compute the size (bytes) of the recorded series of a run, undecimated.
+
+    The run lasts to its stop time.
+    """
     row = 8 + sum(
         _BYTES[s.kind]
         for c in system.components.values()
@@ -402,11 +414,11 @@ def size(system: System, options: Options) -> int:
 
 
 def room(system: System, options: Options, folder: Path) -> str:
-    """What to say where the series may not fit on the disk of a folder; else nothing."""
+    """Return a warning if the series may not fit on the disk of a folder, else ""."""
     while not folder.exists():
         folder = folder.parent
     needed, disk = size(system, options), shutil.disk_usage(folder)
-    if needed < (free := disk.free) or not disk.total:  # no size: no disk
+    if needed < (free := disk.free) or not disk.total:  # a total of 0: not a real disk
         return ""
     return (
         f"the series may take {needed / 1e9:.3g} GB, {free / 1e9:.3g} GB are free in {folder}: "

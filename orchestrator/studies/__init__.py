@@ -1,1 +1,1 @@
-"""Studies that make runs of their own."""
+"""Run studies that make runs of their own."""

@@ -1,7 +1,7 @@
-"""`desat compare`: scenarios and runs side by side, or scenarios draw by draw in pairs.
+"""Compare scenarios and runs side by side, or scenarios draw by draw in pairs.
 
-The first is what all others are held against: a difference is the first's number less
-the other's, as in `campaign/pairs.py`.
+This is `desat compare`. All others are compared with the first: a difference is the
+first's number less the other's, as in `campaign/pairs.py`.
 """
 
 from __future__ import annotations
@@ -29,18 +29,16 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class ComparedNumber:
-    """A number of several runs."""
+    """Number of several runs."""
 
     title: str
     unit: str
-    values: tuple[float | None, ...]
-    """One a run; None: not reached."""
-    there: tuple[bool, ...]
-    """Which runs have it, in this unit."""
+    values: tuple[float | None, ...]  # one per run; None: not reached
+    there: tuple[bool, ...]  # which runs have it, in this unit
 
     @property
     def differences(self) -> tuple[float | None, ...]:
-        """The first's less each other's; None where one of the two has none."""
+        """Compute the first's value less each other's; None where one is missing."""
         first, *others = self.values
         return tuple(
             None if first is None or x is None else difference(first, x) for x in others
@@ -62,9 +60,8 @@ class Comparison:
 
     targets: tuple[str, ...]
     runs: tuple[Run, ...]
+    # By name: numbers of the first run in its order, then those that only others have.
     rows: dict[str, ComparedNumber]
-    """By the number's name, those of the first run in its order, then what only others
-    have."""
     warnings: tuple[str, ...]
 
     def __repr__(self) -> str:
@@ -72,8 +69,11 @@ class Comparison:
 
     @property
     def numbers(self) -> DataFrame:
-        """The numbers by name: title, unit, the value of each target, and
-        `less TARGET`: the first's less each other's."""
+        """Return the numbers by name as a table.
+
+        Its columns are title, unit, the value of each target, and `less TARGET`: the
+        first's value less the target's.
+        """
         from pandas import DataFrame
 
         rows = {
@@ -93,8 +93,11 @@ class Comparison:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """What each is called: its scenario, or where two are of one, what was typed.
-        Of laws they are the laws'."""
+        """Return the names of the runs: scenarios, or the targets as typed.
+
+        The targets serve where two runs are of one scenario. For laws the names are
+        those of the laws.
+        """
         files = [t.endswith((".toml", ".ssp")) for t in self.targets]
         scenarios = tuple(
             run.manifest.scenario if is_file else target
@@ -104,7 +107,7 @@ class Comparison:
 
     @property
     def table(self) -> Table:
-        """Return the numbers side by side, with the first's less each other's."""
+        """Tabulate the numbers side by side, with the first's less each other's."""
         first, *others = self.names
         titles = [*self.names, *(f"{first} less {x}" for x in others)]
         columns = [
@@ -115,8 +118,10 @@ class Comparison:
         return Table("", columns, [row.row for row in self.rows.values()])
 
     def as_json(self) -> JsonObject:
-        """For programs; a run that lacks a number is not among its values, None: not
-        reached."""
+        """Return the comparison for programs.
+
+        A run that lacks a number is not among its values; null means not reached.
+        """
         return {
             "targets": list(self.targets),
             "warnings": list(self.warnings),
@@ -145,8 +150,13 @@ class Comparison:
 
 
 def are_campaigns(targets: Sequence[str]) -> bool:
-    """Whether these are campaigns' folders. Raises DesatError where only some are,
-    where there are fewer than two, and where one comes twice."""
+    """Return whether the targets are folders of campaigns.
+
+    Raises
+    ------
+    DesatError
+        If only some are, there are fewer than two, or one comes twice.
+    """
     if len(targets) < 2:
         raise DesatError(f"{' '.join(targets)}: two or more are needed to compare")
     if twice := [t for i, t in enumerate(targets) if t in targets[:i]]:
@@ -162,7 +172,7 @@ def are_campaigns(targets: Sequence[str]) -> bool:
 
 
 def is_run(target: str) -> bool:
-    """Whether a target is a run's folder."""
+    """Return whether a target is the folder of a run."""
     return (Path(target) / MANIFEST).is_file()
 
 
@@ -171,9 +181,12 @@ def side_by_side(
     options: Options,
     progress: Callable[[str], None] = lambda text: None,
 ) -> Comparison:
-    """Runs of scenarios, flown now with these options, and run folders as they are.
-    Raises DesatError, RunError too, where one cannot begin or does not complete."""
-    # what is wrong with any is said before the first flies
+    """Run scenarios now with these options, load run folders, and compare them.
+
+    Raises DesatError (or its subclass RunError) where a run cannot begin or does not
+    complete.
+    """
+    # check all targets before the first flies
     cases = [None if is_run(t) else prepare(t, options) for t in targets]
     warnings: list[str] = []
     for case in cases:
@@ -191,7 +204,7 @@ def side_by_side(
 def of_runs(
     targets: Sequence[str], runs: Sequence[Run], warnings: Sequence[str]
 ) -> Comparison:
-    """Completed runs side by side, by their names."""
+    """Compare completed runs side by side, by their names."""
     ends = [run.manifest.end_time for run in runs]
     uneven = [
         f"{targets[0]} ends at {ends[0]:g} s, {target} at {end:g} s"
@@ -202,8 +215,11 @@ def of_runs(
 
 
 def rows_of(runs: Sequence[Run]) -> dict[str, ComparedNumber]:
-    """The numbers of runs, by name. One whose unit is not that of the first run that
-    has the name stands in a row of its own, `NAME (UNIT)`."""
+    """Collect the numbers of runs, by name.
+
+    A number whose unit is not that of the first run with the name has a row of its own,
+    `NAME (UNIT)`.
+    """
     rows = {}
     for name in dict.fromkeys(n for run in runs for n in run.manifest.numbers):
         each = [run.manifest.numbers.get(name) for run in runs]
@@ -223,8 +239,10 @@ def rows_of(runs: Sequence[Run]) -> dict[str, ComparedNumber]:
 
 
 def write(made: Comparison, path: Path, **more: Any) -> Path:
-    """The page: the table, and each plot of the first over all runs; `more` is for its
-    template. Raises OSError where it cannot be written."""
+    """Write the page: the table, and each plot of the first run over all runs.
+
+    `more` is for the template. Raises OSError where it cannot be written.
+    """
     overlaid = [
         (t, run.results, run.manifest.parameters)
         for t, run in zip(made.names, made.runs, strict=True)
@@ -253,10 +271,17 @@ def paired_draws(
     jobs: int = 2,
     progress: bool = False,
 ) -> tuple[list[Pairs], list[Draws]]:
-    """The same draws of several scenarios: each other one's pairs with the first, in
-    the form of `pairs.compare`, and the draws of each as `draws` gives them. Raises
-    DesatError where one draws nothing, or the first and another do not draw alike, and
-    for a run folder."""
+    """Run the same draws of several scenarios, and pair each with the first.
+
+    Returns the pairs of each other scenario with the first, in the form of
+    `pairs.compare`, and the draws of each as `draws` returns them.
+
+    Raises
+    ------
+    DesatError
+        If one draws nothing, another does not draw like the first, or a target is a run
+        folder.
+    """
     for target in targets:
         if is_run(target):
             raise DesatError(f"{target}: a run cannot be sampled; name its scenario")

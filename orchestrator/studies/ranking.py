@@ -1,5 +1,8 @@
-"""`desat compare CRAFT --laws all`: a craft flown with every law that fits it
-(`sizing/compatibility.py`), and the laws ranked by what is asked for."""
+"""Fly a craft with every law that fits it, and rank the laws by criteria.
+
+This is `desat compare CRAFT --laws all`; `sizing/compatibility.py` finds the laws that
+fit.
+"""
 
 from __future__ import annotations
 
@@ -54,42 +57,45 @@ ORBIT = (
 REFERENCE = "guidance.q_ref_bi"
 DIPOLE, ENERGY = "torquers.m_mean_body", "torquers.electric_energy"
 TORQUE, FIRING = "thrusters.tau_mean_thruster_body", "thrusters.on_time"
+# Default criteria for the ranking, as far as they are known for the craft.
 STANDARD = ("peak", "duty", "energy", "pointing", "firing")
-"""What laws are ranked by where nothing is asked for, as far as it can be told of the
-craft."""
 
 
 class Criterion(NamedTuple):
-    """What laws are ranked by: the less, the better."""
+    """Criterion by which laws are ranked; a smaller value is better."""
 
     name: str
     title: str
     unit: str
+    # value for a run; None: it is not known
     of: Callable[[Manifest, Results], float | None]
-    """of a run; None: it cannot be told"""
 
     @property
     def heading(self) -> str:
-        """Of a column, and of an axis."""
+        """Return the title with unit, for a column or an axis."""
         return f"{self.title} [{spell_unit(self.unit)}]"
 
 
 def _filled(manifest: Manifest, results: Results) -> float | None:
+    """Return the fill of the fullest wheel (%), or None if it is not known."""
     margin = manifest.numbers.get("momentum_margin")
     return None if margin is None or margin.value is None else 100.0 - margin.value
 
 
 def _stored_runs(manifest: Manifest, results: Results) -> float | None:
+    """Return the largest total wheel momentum (N m s), or None if it is not known."""
     largest = manifest.numbers.get("sum_largest")
     return None if largest is None else largest.value
 
 
 def _duty(manifest: Manifest, results: Results) -> float | None:
+    """Return the coil duty (%), or None if it is not known."""
     duty = manifest.numbers.get("coil_duty")
     return None if duty is None else duty.value
 
 
 def _pointing(manifest: Manifest, results: Results) -> float | None:
+    """Compute the rms pointing error (deg), or None without a reference."""
     if REFERENCE not in results.names():
         return None
     q, wanted = results.values(ORBIT[3]), results.values(REFERENCE)
@@ -98,7 +104,10 @@ def _pointing(manifest: Manifest, results: Results) -> float | None:
 
 
 def _last(signal: str) -> Callable[[Manifest, Results], float | None]:
+    """Build the criterion that takes the last value of a series, or None without it."""
+
     def of(manifest: Manifest, results: Results) -> float | None:
+        """Return the last value of the series, or None without it."""
         return float(results.values(signal)[-1]) if signal in results.names() else None
 
     return of
@@ -119,28 +128,26 @@ CRITERIA = {
 
 @dataclass(frozen=True)
 class RankedLaw:
-    """A law as it flew."""
+    """Law with its result in the ranking."""
 
     law: Fitting
-    values: tuple[float, ...]
-    """one a criterion; inf where it cannot be told"""
-    front: bool
-    """whether no other law is as good in all criteria and better in one"""
+    values: tuple[float, ...]  # one per criterion; inf where it is not known
+    front: bool  # whether no other law is as good in all criteria and better in one
     not_met: tuple[str, ...]
 
     @property
     def name(self) -> str:
-        """Of the law."""
+        """Return the name of the law."""
         return self.law.name
 
     @property
     def label(self) -> str:
-        """The name, and whether it is the craft's own."""
+        """Return the name, marked if the law is the craft's own."""
         return f"{self.name} (own)" if self.law.own else self.name
 
     @property
     def gains(self) -> str:
-        """Its gains."""
+        """Return the gains as text."""
         if self.law.own:
             return "as the craft has it"
         return "; ".join(f"{k}: {x}" for k, x in self.law.gains.items()) or "its own"
@@ -148,8 +155,10 @@ class RankedLaw:
 
 @dataclass(frozen=True, repr=False)
 class Ranking:
-    """The laws of a craft, by the first criterion, those that meet all requirements
-    first."""
+    """Laws of a craft, ranked by the first criterion.
+
+    Those that meet all requirements come first.
+    """
 
     target: str
     by: tuple[Criterion, ...]
@@ -162,7 +171,7 @@ class Ranking:
 
     @property
     def answer(self) -> str:
-        """The sentence that answers."""
+        """Return the sentence that answers which law is best."""
         best, c = self.ranked[0], self.by[0]
         if best.not_met:
             return (
@@ -179,8 +188,11 @@ class Ranking:
 
     @property
     def numbers(self) -> DataFrame:
-        """The laws in their order: a column a criterion, whether another law is better
-        in all of them, and the requirements that are not met."""
+        """Return the laws in order as a table.
+
+        It has a column per criterion, one that says whether no other law dominates it,
+        and one with the requirements that are not met.
+        """
         from pandas import DataFrame
 
         columns = [*(f"{c.heading}" for c in self.by), "not dominated", "not met"]
@@ -193,7 +205,7 @@ class Ranking:
         return f"<p>{escape(self.answer)}</p>{self.numbers.to_html(na_rep='')}"
 
     def declined(self) -> list[tuple[str, str]]:
-        """Managers that do not fit, those of one reason together, and the reason."""
+        """Return the managers that do not fit, grouped by reason, with the reason."""
         why: dict[str, list[str]] = {}
         for each in self.refused:
             why.setdefault(each.why, []).append(each.name)
@@ -201,7 +213,7 @@ class Ranking:
 
     @property
     def table(self) -> Table:
-        """Return the laws in their order."""
+        """Return the laws in order as a table of the report."""
         columns = [
             Column("law", kind="text"),
             *(Column(criterion.heading) for criterion in self.by),
@@ -220,7 +232,7 @@ class Ranking:
         return Table("", columns, rows)
 
     def as_json(self) -> JsonObject:
-        """For programs; a value that cannot be told is null."""
+        """Return the ranking for programs; a value that is not known is null."""
         return {
             "target": self.target,
             "answer": self.answer,
@@ -246,7 +258,7 @@ class Ranking:
         }
 
     def figures(self) -> list[tuple[str, Figure]]:
-        """Caption and picture of the first criterion over each other."""
+        """Draw the first criterion over each other one, with captions."""
         return [
             (
                 f"{self.by[0].title.capitalize()} over {other.title}: right of and above the dashed "
@@ -258,14 +270,15 @@ class Ranking:
         ]
 
     def write(self, path: Path) -> Path:
-        """The page: the ranking, and what `compare` has of runs. Raises OSError where
-        it cannot be written."""
+        """Write the page with the ranking and the comparison of the runs.
+
+        Raises OSError where it cannot be written.
+        """
         pareto = [(caption, Markup(drawn.svg())) for caption, drawn in self.figures()]
         return write(self.comparison, path, choice=self, pareto=pareto)
 
     def _pareto(self, k: int) -> Figure:
-        """A law of its own at each point; the front from one edge of the picture to the
-        other."""
+        """Draw each law as a point, and the front across the whole picture."""
         fig, ax = figure()
         points = [(e.values[k], e.values[0]) for e in self.ranked]
         known = [
@@ -301,7 +314,13 @@ class Ranking:
 
 
 def criteria(by: str) -> tuple[Criterion, ...]:
-    """The criteria of a list, `peak,duty`. Raises DesatError for one that there is not."""
+    """Parse a list of criteria, as `peak,duty`.
+
+    Raises
+    ------
+    DesatError
+        If there is no such criterion.
+    """
     names = [x.strip() for x in by.split(",") if x.strip()]
     for name in names or [by]:
         if name not in CRITERIA:
@@ -320,10 +339,16 @@ def choose(
     others: Sequence[str] = (),
     progress: Callable[[str], None] = lambda text: None,
 ) -> Ranking:
-    """Fly a craft with its own law and with those that fit it: `laws` by name, or all,
-    and the `others` of the user's own, files; `asked` is what they are ranked by,
-    nothing: STANDARD. Raises DesatError for a craft that cannot fly with its own, and
-    where a criterion is of something that it has not."""
+    """Fly a craft with its own law and with those that fit it, and rank them.
+
+    The laws are `laws` by name, or all, and the user's own files `others`. They are
+    ranked by `asked`, or by `STANDARD` if it is empty.
+
+    Raises
+    ------
+    DesatError
+        If the craft cannot fly with its own law, or a criterion is not known for it.
+    """
     source = read(target)
     first, found, refused = laws_of(source, options, laws, others, progress)
     flown, runs, warnings = [found[0]], [first], [*first.manifest.warnings]
@@ -381,13 +406,20 @@ def laws_of(
     others: Sequence[str] = (),
     progress: Callable[[str], None] = lambda text: None,
 ) -> tuple[Run, list[Fitting], list[Refused]]:
-    """A craft flown with its own law, which gains by rule go by, and the laws that fit
-    it, its own first, with their gains, and those that do not. Raises DesatError as
-    `choose`."""
+    """Fly a craft with its own law, and find the laws that fit it.
+
+    The own law comes first. Gains by rule follow from its run. The laws that do not fit
+    are returned last.
+
+    Raises
+    ------
+    DesatError
+        If the craft cannot fly with its own law.
+    """
     check_names(laws, others)
     own = prepare(source, options)
     system, _ = own.or_raise()
-    values_of(system)  # the roles that this asks of
+    values_of(system)  # checks that the roles exist
     progress("its own law")
     first = _fly(own.options, source, system).or_raise(source.text)
     r, v, b, q = (first.results.values(s) for s in ORBIT)
@@ -399,9 +431,16 @@ def laws_of(
 def options_of_laws(
     target: str, options: Options, asked: Sequence[str]
 ) -> dict[str, Options]:
-    """Of a craft's own law, and of those that are asked for beside it, by name, the
-    options of a run; what a gain follows of the craft stays a product of its
-    parameters. Raises DesatError for a law that does not fit."""
+    """Return the options of a run for each law, by its name.
+
+    The laws are the craft's own, or those in `asked`. A gain that follows from the
+    craft stays a product of its parameters.
+
+    Raises
+    ------
+    DesatError
+        If a law does not fit.
+    """
     source = read(target)
     system, _ = prepare(source, options).or_raise()
     if not asked:
@@ -418,8 +457,7 @@ def options_of_laws(
 
 
 def _following(source: Target, law: Fitting) -> Options:
-    """The options of a law, with the products that its parameters follow in place of
-    their values."""
+    """Return a law's options, with products in place of values that follow them."""
     component = prepare_with(source, law).or_raise()[0].components[ROLE]
     follows = {
         f"{ROLE}.{s.array}": s.follows
@@ -436,7 +474,7 @@ def _following(source: Target, law: Fitting) -> Options:
 
 
 def _fly(options: Options, source: Target, system: System) -> Run:
-    """A run that has recorded what it is judged by and what its plots show."""
+    """Fly a craft and record the series that judge it and that its plots show."""
     plots = content_of(system.about).plots.values()
     wanted = {
         *series_of_numbers(system),
@@ -462,16 +500,19 @@ def _fly(options: Options, source: Target, system: System) -> Run:
 
 
 def _of_the_other(warning: str) -> bool:
-    """Whether it says that values of the craft's own manager go: the law has its own by
-    rule."""
+    """Return whether a warning concerns unused values of the craft's own manager.
+
+    They do not matter, because the law has its own values by rule.
+    """
     return warning.startswith(f"{ROLE}: ") and " does not take " in warning
 
 
 def _idle(run: Run) -> bool:
-    """Whether neither coils nor thrusters were commanded to do anything."""
+    """Return whether neither coils nor thrusters received a command."""
     known = set(run.results.names())
     return not any(run.results.values(s).any() for s in (DIPOLE, TORQUE) if s in known)
 
 
 def _beats(one: Sequence[float], other: Sequence[float]) -> bool:
+    """Return whether one law is as good in all criteria and better in one."""
     return one != other and all(a <= b for a, b in zip(one, other, strict=True))

@@ -1,12 +1,11 @@
-"""`desat tune`: the value of a parameter with which a number is least, over seeded
-draws.
+"""Tune a parameter: find the value that minimises a number over seeded draws.
 
-The same draws fly at every value, so that the median over them is a function of the
-value alone: looked at over the whole range first, evenly in its logarithm where it is
-above 0, then by Brent's method between the neighbours of the best. A value at which
-more draws miss a requirement than at the craft's own is none. What was found is judged
-on draws that it was not made with, each paired with the same draw at the craft's own
-value.
+This is `desat tune`. The same draws fly at every value, so that the median over them is
+a function of the value alone. It is first sampled over the whole range, evenly in the
+logarithm where the range is above 0, and then minimised by Brent's method between the
+neighbours of the best sample. A value is rejected if more draws miss a requirement than
+at the craft's own value. The result is judged on draws that were not used for tuning,
+each paired with the same draw at the craft's own value.
 """
 
 from __future__ import annotations
@@ -37,33 +36,28 @@ from ..system.errors import DesatError, nearest, require
 from ..system.interface import Signal, names
 from ..system.typed import JsonObject
 
-SPAN = 10.0
-"""Without a range: so many times below and above the craft's own value."""
-LOOKED_AT = 7
-"""Values of the range that are flown first."""
-REFINED = 8
-"""Values that Brent's method may ask for."""
-SAME = 1e-3
-"""Less of the number than that, as a share, is no reason for another value."""
-FINE = 0.02
-"""How near it comes, as a share of the range."""
+SPAN = 10.0  # default range: this factor below and above the craft's own value
+LOOKED_AT = 7  # values of the range that are flown first
+REFINED = 8  # limit of the evaluations by Brent's method
+SAME = 1e-3  # a smaller relative gain in the number is no reason for another value
+FINE = 0.02  # tolerance of the search, as a share of the range
 
 
 @dataclass(frozen=True)
 class Point:
-    """A value over the draws that it is tuned by."""
+    """Result at a value over the tuning draws."""
 
     value: float
-    median: float
-    """of the number; inf where a draw does not have it"""
-    missed: int
-    """samples that miss a requirement"""
+    median: float  # of the number; inf where a draw lacks it
+    missed: int  # samples that miss a requirement
 
 
 @dataclass(frozen=True, kw_only=True)
 class Unseen(Spread):
-    """The spread of own less best, draw by draw, the medians, and draws that miss a
-    requirement."""
+    """Paired differences of own less best over draws not used for tuning.
+
+    It also has the medians, and the numbers of draws that miss a requirement.
+    """
 
     median_own: float
     median_best: float
@@ -73,7 +67,7 @@ class Unseen(Spread):
 
 @dataclass(frozen=True, repr=False)
 class Tuned:
-    """A value, and what unseen samples say of it beside the craft's own."""
+    """Tuned value, compared with the craft's own on unseen samples."""
 
     target: str
     parameter: str
@@ -83,11 +77,9 @@ class Tuned:
     most: bool
     own: float
     best: float
-    searched: tuple[float, float]
-    """the range"""
+    searched: tuple[float, float]  # the range
     draws: int
-    points: tuple[Point, ...]
-    """by value"""
+    points: tuple[Point, ...]  # by value
     unseen: Unseen
 
     def __repr__(self) -> str:
@@ -95,8 +87,10 @@ class Tuned:
 
     @property
     def confirmed(self) -> bool:
-        """Whether the unseen samples say that it is better, with 95 % confidence, and
-        miss no requirement more often."""
+        """Return whether unseen samples confirm that the tuned value is better.
+
+        The confidence is 95 %, and it must not miss requirements more often, either.
+        """
         told = self.unseen
         if self.best == self.own or not told.interval_holds:
             return False
@@ -106,7 +100,7 @@ class Tuned:
 
     @property
     def answer(self) -> str:
-        """The sentence that answers."""
+        """Return the sentence that answers."""
         told, unit = (
             self.unseen,
             f" {self.number_unit}" if self.number_unit not in ("", "1") else "",
@@ -126,7 +120,7 @@ class Tuned:
 
     @property
     def table(self) -> Table:
-        """Return the values that were tried."""
+        """Tabulate the values that were tried."""
         columns = [
             Column(
                 f"{self.parameter} [{spell_unit(self.unit)}]", form=".4g", kind="text"
@@ -145,7 +139,7 @@ class Tuned:
         return Table("", columns, rows)
 
     def as_json(self) -> JsonObject:
-        """For programs; what is not finite is null."""
+        """Return the result for programs; medians that are not finite are null."""
         told = asdict(self) | {
             "unseen": self.unseen.to_json(),
             "confirmed": self.confirmed,
@@ -172,9 +166,16 @@ def tune(
     jobs: int = 2,
     progress: Callable[[str], None] = lambda text: None,
 ) -> Tuned:
-    """Tune `component.parameter`. The draws of the seed before `draws` are those that
-    it is made with, the next `unseen` ones judge it. Raises DesatError for what there
-    is not, and where the craft's own value does not give the number."""
+    """Tune `component.parameter` to minimise (or maximise) a number.
+
+    The draws of the seed before `draws` tune it, the next `unseen` ones judge it.
+
+    Raises
+    ------
+    DesatError
+        If parameter, number or dispersions do not exist, or a draw at the craft's own
+        value lacks the number.
+    """
     source = read(target)
     system, _ = prepare(source, options).or_raise()
     content = content_of(system.about)
@@ -188,6 +189,7 @@ def tune(
         )
 
     def rows(values: Sequence[float], draw: range) -> list[list[RunRow]]:
+        """Run these draws at each value, and return the rows by value."""
         tasks = [
             (target, replace(options, values={**options.values, parameter: x}), seed, i)
             for x in values
@@ -197,6 +199,7 @@ def tune(
         return [made[k : k + len(draw)] for k in range(0, len(made), len(draw))]
 
     def look(values: Sequence[float]) -> None:
+        """Fly the tuning draws at these values."""
         progress(f"{parameter} = {', '.join(f'{x:.3g}' for x in values)}")
         for x, some in zip(values, rows(values, range(draws)), strict=True):
             flown[x] = Point(
@@ -220,12 +223,14 @@ def tune(
     scale, sign = abs(first.median) or 1.0, -1.0 if most else 1.0
 
     def cost(x: float) -> float:
+        """Return the relative cost of a value; large where it is rejected."""
         point = flown[x]
         if math.isfinite(point.median) and point.missed <= first.missed:
             return sign * point.median / scale
         return 1e3 * (1.0 + point.missed / draws)
 
     def at(place: float) -> float:
+        """Return the cost at a place of the search, which may be logarithmic."""
         x = math.exp(place) if log else place
         if x not in flown:
             look([x])
@@ -234,7 +239,7 @@ def tune(
     known = sorted(flown)
     k = known.index(min(known, key=cost))
     ends = known[max(k - 1, 0)], known[min(k + 1, len(known) - 1)]
-    from scipy.optimize import minimize_scalar  # takes a while to load
+    from scipy.optimize import minimize_scalar  # slow import
 
     places = [math.log(x) if log else x for x in (*ends, low, high)]
     fine = FINE * (places[3] - places[2])
@@ -269,8 +274,10 @@ def tune(
 def _parameter(
     source: Target, options: Options, name: str
 ) -> tuple[Signal, float, str]:
-    """The parameter of a name, its value, and its unit under the law that flies. Raises
-    DesatError for one that cannot be tuned."""
+    """Find a parameter, its value, and its unit under the law that flies.
+
+    Raises DesatError for one that cannot be tuned.
+    """
     system, _ = prepare(source, options).or_raise()
     owner, _, variable = name.partition(".")
     require(owner, system.components, f"{name}: no component")
@@ -304,7 +311,7 @@ def _parameter(
 
 
 def _number(content: Content, system: Any, number: str, target: str) -> None:
-    """Raises DesatError for a number that the runs will not have."""
+    """Raise DesatError for a number that the runs will not have."""
     known = {*content.numbers}
     for analysis in analyses():
         if analysis.applies(system):
@@ -319,7 +326,7 @@ def _number(content: Content, system: Any, number: str, target: str) -> None:
 def _range(
     name: str, signal: Signal, own: float, between: tuple[float, float] | None
 ) -> tuple[float, float]:
-    """The range that is searched. Raises DesatError for one that is none."""
+    """Return the range for the search; raise DesatError where it is not valid."""
     if between is None:
         if own <= 0.0:
             raise DesatError(f"{name} = {own:g}: a range is needed: --between LOW,HIGH")
@@ -344,7 +351,7 @@ def _range(
 
 
 def _median(rows: Sequence[RunRow], number: str) -> float:
-    """Over draws; inf where one did not complete, or does not have it."""
+    """Compute the median over draws; inf where one failed or lacks the number."""
     values = [r.numbers.get(number) if r.completed else None for r in rows]
     return (
         math.inf
@@ -354,8 +361,10 @@ def _median(rows: Sequence[RunRow], number: str) -> float:
 
 
 def _misses(content: Content, row: RunRow) -> bool:
-    """Whether a draw misses a requirement; one of a time that it is too short for
-    counts not."""
+    """Return whether a draw misses a requirement.
+
+    A time that it does not reach, because it is too short, does not count.
+    """
     if not row.completed:
         return True
     times = late(content)
@@ -371,7 +380,7 @@ def _misses(content: Content, row: RunRow) -> bool:
 def _verdict(
     own: Sequence[RunRow], best: Sequence[RunRow], number: str, content: Content
 ) -> tuple[Unseen, str]:
-    """What pairs of draws say, own less best, and the number's unit."""
+    """Compare pairs of draws, own less best; also return the number's unit."""
     pairs = [
         (a.numbers.get(number), b.numbers.get(number))
         for a, b in zip(own, best, strict=True)
