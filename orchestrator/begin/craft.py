@@ -837,8 +837,7 @@ def _dump(
 
 
 def _thresholds(text: str) -> tuple[float, float, str, bool]:
-    """Parse begin and end (%) of dumps, the actuators, and whether dumps wait for an
-    axis.
+    """Parse begin and end (%) of dumps, actuators, and whether dumps wait for an axis.
 
     Raises DesatError for another form.
     """

@@ -123,9 +123,7 @@ class Composite:
         self._fields = [field for field in fields if field]
 
     def _at(self, of: Any) -> tuple[str, int]:
-        """Return the block's array that holds a master's array, and the first index
-        there.
-        """
+        """Return the block's array that holds a master's array, and its first index."""
         at = int(of.ctypes.data) if isinstance(of, np.ndarray) else ctypes.addressof(of)
         for first, end, size, name in self._regions:
             if first <= at < end:
