@@ -1,17 +1,15 @@
 """Compute designs that laws need beforehand (`desat design`): a module for each kind.
 
     [design]
-    of = "NAME"                       # no design of its own: that of another scenario
+    of = "NAME"                       # no design of its own: another scenario's
     each_draw = true                  # made anew for the values of each sample
-    [design.assume.spacecraft]        # values that the design assumes instead of the
-    scenario's
+    [design.assume.spacecraft]        # assumed instead of the scenario's values
     inertia = [1, 0, 0, 0, 1, 0, 0, 0, 1]
 
 and the keys of the kind. A module of this folder that has `applies` is a kind of
 design:
 
-    KEYS                              # keys of [design] (language/scenario.py) that it
-    takes
+    KEYS                              # keys of [design] (language/scenario.py)
     def applies(system) -> bool       # whether it is the one for this system
     def make(scenario, options) -> MadeDesign
 

@@ -4,7 +4,7 @@
 final_momentum = 0.05             # N m s: the cheapest end of this size
 final_momentum_body = [0, 0, 0]   # or this end
 end_of = "NAME"                   # or the end of another scenario's run, with its
-stored design
+                                  # stored design
 """
 
 from __future__ import annotations

@@ -3,25 +3,20 @@
 They are H_NOM, and the feedback and costate of the preview.
 
     [design]
-    peak_weight = 3e5             # preview: A2 m4, of (wheel momentum /
-    peak_momentum)^8
+    peak_weight = 3e5             # preview: A2 m4, of (wheel momentum / peak_momentum)^8
     peak_momentum = 20.0          # preview: N m s
-    peak_share = 0.9              # preview: instead of it, in units of the largest
-    wheel momentum of
-                                  # the course without a peak_weight; that is then in
-                                  units of the
-                                  # mean squared dipoles of that course
+    peak_share = 0.9              # preview: instead of it, over the largest wheel
+                                  # momentum of the course without a peak_weight;
+                                  # peak_weight is then over that course's mean
+                                  # squared dipoles
     momentum_weight = [q, q, q]   # preview: of |H|^2, eci, 1/(T2 s2)
-    hold_weight = 15000.0         # preview: 1/(T2 s2), stiffness with which the course
-    is held
-    lost_momentum_weight = [q, q, q]   # learning preview: the same for the courses with
-    a coil lost,
-    lost_peak_share = 1.6              # peaks in units of the course with all coils;
-    lost_effort = 2e6                  # A2 m4: a course that takes less has coils to
-    spare:
-                                       # peak_weight is then in units of this, and the
-                                       share falls
-                                       # with the fourth root
+    hold_weight = 15000.0         # preview: 1/(T2 s2), stiffness that holds the course
+    lost_momentum_weight = [q, q, q]  # learning preview: the same for the courses with
+                                      # a coil lost,
+    lost_peak_share = 1.6             # peaks over those of the course with all coils;
+    lost_effort = 2e6                 # A2 m4: a course that takes less has coils to
+                                      # spare: peak_weight is then over this, and the
+                                      # share falls with the fourth root
 
 The tables are made for the manager's own inertia, coils and weighting, the attitudes of
 guidance and the field of the environment (with `assume`: another), from zero momentum
