@@ -170,7 +170,7 @@ def sources(which: str) -> tuple[dict[str, str], str]:
 
 
 def with_wrapper(own: dict[str, str], described: bytes) -> tuple[dict[str, str], str]:
-    """Add the wrapper's files to C files and put the GUID in.
+    """Add the wrapper's files to C files, put the GUID in, and return both.
 
     `own` are C files, one of which has `@GUID@` in place of its GUID. The GUID follows
     from the files and a model description without one.

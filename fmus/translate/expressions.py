@@ -182,9 +182,7 @@ class Expressions(ABC):
         return self.temporary(replace(value, again=False), at)
 
     def is_fixed(self, value: Value) -> bool:
-        """Return whether no statement can change the value: a constant or a
-        temporary.
-        """
+        """Return whether no statement can change the value (constant or temporary)."""
         if value.parts is not None:
             return all(p.is_const or self.is_fixed(p) for p in value.parts)
         root = re.match(r"\w+", value.code)
@@ -1009,9 +1007,7 @@ class Expressions(ABC):
         return self.truth(self.expression(node), node)
 
     def mark(self, node: ast.expr) -> None:
-        """Mark the `and`, `or` and `not` parts of a condition as conditions
-        themselves.
-        """
+        """Mark the `and`, `or` and `not` parts of a condition as conditions too."""
         if isinstance(node, ast.BoolOp):
             self.conditions.add(id(node))
             for value in node.values:

@@ -390,9 +390,7 @@ class Translation(Calls):
     def kept(
         self, old: Type, new: Type, limit: int | None, node: ast.AST, name: str
     ) -> Type:
-        """Return the type of a variable of type `old` that gets a value of type
-        `new`.
-        """
+        """Return the type of a variable of type `old` that gets one of type `new`."""
         try:
             t = join(old, new)
         except JoinError as error:

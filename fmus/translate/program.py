@@ -132,9 +132,7 @@ class Program:
         )
 
     def _started(self) -> None:
-        """Refuse a field that may be read before it is assigned: in C it would be
-        zero.
-        """
+        """Refuse a field that may be read before it is assigned; in C it would be 0."""
         known = fields_changed(self.block, "start")
         for name in self.fields:
             if name not in self.declared and f"self.{name}" not in known:
@@ -154,8 +152,9 @@ class Program:
             return self.memory[callee, types, ("None",) * len(types)]
 
     def _shown(self, path: Path) -> str:
-        """Return a file's name for messages and comments, "" if it does not
-        translate.
+        """Return a file's name for messages and comments, or "".
+
+        It is "" for a file that does not translate.
         """
         if path.is_relative_to(COMPONENTS):
             return path.relative_to(COMPONENTS.parent).as_posix()

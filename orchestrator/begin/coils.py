@@ -89,8 +89,9 @@ def made(text: str, most_mass: float = inf) -> tuple[coil.Coil, str]:
 
 
 def _turns(dipole: str, build: Callable[[float], coil.Coil]) -> float:
-    """Return the number of turns for a dipole, or raise DesatError if one gives
-    more.
+    """Return the number of turns for a dipole.
+
+    Raises DesatError if one turn gives more.
     """
     wanted, one = DIPOLE(dipole), build(1.0).dipole
     if wanted < one:

@@ -750,10 +750,11 @@ def _bend(orbit: Orbit) -> float:
 
 
 def _substeps(step: float, acceleration: float, dump: NewDumps | None) -> int:
-    """Return the number of substeps.
+    """Return the number of substeps in a step (s).
 
     For long runs with dumps it is the number that `coverage.LIMITS` requires when all
-    wheels turn the craft at their torque (rad/s2 each); for a day's run eight a second.
+    wheels turn the craft at their torque (rad/s2 each); for a day's run eight a second,
+    and one in a step above 1 s.
     """
     if dump is None:
         return max(1, round(8.0 * step)) if step <= 1.0 else 1
@@ -784,9 +785,7 @@ def _dump(
     inertia: float,
     step: float,
 ) -> NewDumps | None:
-    """Return the dumps between thresholds, or None for a law that dumps all the
-    time.
-    """
+    """Return the dumps between thresholds; None for a law that dumps all the time."""
     if wanted.dump is None:
         if not rods:
             raise DesatError(
@@ -990,9 +989,7 @@ def _rods(wanted: CraftFacts, mass: float, orbit: Orbit) -> dict[str, str] | Non
 
 
 def _gyro() -> dict[str, str]:
-    """Return the angle random walk (deg) after 1 s, and the text that its class
-    gives.
-    """
+    """Return the angle random walk (deg) after 1 s, and as the text of its class."""
     figures = classes()["gyros"]["mems"]
     return {"in_1_s": _text(math.degrees(walk(figures))), "in_1_h": figures["walk"]}
 

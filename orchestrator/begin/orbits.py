@@ -115,9 +115,7 @@ def epoch_of(wanted: CraftFacts) -> datetime:
 
 
 def _days(epoch: datetime, elements: float) -> float:
-    """Return the time (days) from the epoch of two-line elements (s, J2000) to
-    another.
-    """
+    """Return the days from the epoch of two-line elements (s, J2000) to another."""
     return ((epoch - J2000).total_seconds() - elements) / 86400.0
 
 

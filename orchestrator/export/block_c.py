@@ -1,6 +1,4 @@
-"""Export a block alone as C (`fmus/alone.py`), given by name or as a user's own
-file.
-"""
+"""Export a block alone as C (`fmus/alone.py`), given by name or by a user's file."""
 
 from __future__ import annotations
 

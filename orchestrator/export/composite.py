@@ -39,9 +39,7 @@ _OWN: dict[Kind, str] = {"Real": "double", "Integer": "int64_t", "Boolean": "boo
 
 @dataclass(frozen=True)
 class Scalars:
-    """A variable of the loop: names and start values of its elements, and their
-    origin.
-    """
+    """A variable of the loop: names, start values and origin of its elements."""
 
     name: str
     elements: tuple[str, ...]
@@ -309,9 +307,7 @@ class Composite:
     # --- initialisation ---------------------------------------------------------------
 
     def _settling(self) -> Iterator[str]:
-        """Yield one exchange of values in initialisation mode, in the master's
-        order.
-        """
+        """Yield one exchange of values in initialisation mode, in master's order."""
         for name, member in self._master.members.items():
             gathers = member.gathers(
                 self._master.live, lambda slot: True, started=False

@@ -298,8 +298,9 @@ def target(path: Path) -> Path:
 
 
 def write(path: Path) -> tuple[Path, bool]:
-    """Write the SSD of a craft file if it differs; return its path and whether it
-    did.
+    """Write the SSD of a craft file if it differs.
+
+    Returns its path, and whether it was written.
     """
     file, new = target(path), text(path).encode()
     place_of(file)

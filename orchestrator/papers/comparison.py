@@ -1,6 +1,4 @@
-"""Build the cells of a paper's tables from [paper.NAME] of scenarios and our
-numbers.
-"""
+"""Build the cells of a paper's tables from [paper.NAME] and our numbers."""
 
 from __future__ import annotations
 

@@ -40,9 +40,7 @@ from ..system.options import Options
 
 
 class StoredScenario(TypedDict):
-    """Samples of a scenario: origin, `units` and summary of numbers, and the
-    samples.
-    """
+    """Samples of a scenario with their origin, `units` and summary of numbers."""
 
     sha256: str
     code_sha256: str
@@ -294,9 +292,7 @@ def _provenances() -> Mapping[str, Any]:
 
 
 def _pack(scenarios: Mapping[str, StoredScenario]) -> bytes:
-    """Return the samples of scenarios as a Parquet file; numbers keep all their
-    bits.
-    """
+    """Return the samples of scenarios as a Parquet file; numbers retain all bits."""
     import pyarrow as pa
     import pyarrow.parquet as pq
 

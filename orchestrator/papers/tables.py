@@ -332,7 +332,7 @@ def definitions(given: Iterable[str]) -> list[str]:
 
 
 def summed_up(table: list[PaperCell]) -> str:
-    """Summarise how many cells lie within their bands, and what that is worth."""
+    """Summarise how many cells lie within their bands, and how independent they are."""
     n = count(table)
     lacking = (
         f" {n['not_judged']} rows cannot be tested by simulation; each gives the reason."

@@ -189,9 +189,7 @@ class DumpSizing:
         return self.tank / self.a_year if self.a_year > 0.0 else inf
 
     def as_json(self) -> JsonObject:
-        """Return the data that `--json` prints; infinite or unknown numbers are
-        null.
-        """
+        """Return the data that `--json` prints; infinite or unknown values are null."""
         steady = asdict(self.steady) | {
             "a_week": self.steady.a_week,
             "a_year": self.steady.a_year,
@@ -525,8 +523,8 @@ def _perigees(block: Any, start: float, period: float, span: float) -> list[floa
     from scipy.optimize import brentq
 
     def outward(t: float) -> float:
-        """Return r . v (m2/s), positive after a perigee, at a time (s) since the
-        start.
+        """Return r . v (m2/s) at a time (s) since the start, positive after a
+        perigee.
         """
         r, v = block.motion(start + t)
         return float(np.dot(r, v))

@@ -293,9 +293,7 @@ def _fly(task: _Task) -> tuple[Array, Array]:
 
 
 def _of_dipole(flight: Flight, dipole: Array) -> Array:
-    """Compute the torque (rows, 3) N m, eci, of a dipole (A m2, body) along a
-    flight.
-    """
+    """Compute the torque (rows, 3) N m, eci, of a dipole (A m2, body) in flight."""
     from ..numbers.derived import cross, rotate_back
 
     return cross(

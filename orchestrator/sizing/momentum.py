@@ -98,9 +98,9 @@ def compute_wheel_needs(
 ) -> tuple[float, float]:
     """Compute the momentum of the fullest wheel, and the time without dumping.
 
-    The momentum (N m s) is what that wheel has to hold of the cyclic part and of a bias
-    (3,) N m s, body, by least squares. The time (s) is until a wheel that starts at
-    rest is full; inf: never.
+    The momentum (N m s) is the part of the cyclic momentum and of a bias (3,) N m s,
+    body, that this wheel holds by least squares. The time (s) is until a wheel that
+    starts at rest is full; inf: never.
     """
     spread = hardware.spread()
     n = len(cyclic)

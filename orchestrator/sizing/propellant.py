@@ -55,7 +55,7 @@ def compute_propellant(
 def costs_along(
     flight: Flight, torque: Array, cost: Callable[[Array], float], isp: float
 ) -> tuple[Array, Array]:
-    """Compute what 1 N m s along a torque costs at DUMP_ATTITUDES of a flight.
+    """Compute the cost of 1 N m s along a torque at DUMP_ATTITUDES of a flight.
 
     Returns the direction of the torque (3,), eci, in body (rows, 3), and the propellant
     (kg) for each.
@@ -84,8 +84,8 @@ def thruster_cost(
     torques = np.cross(np.reshape(thrusters["position_nozzle"], (-1, 3)), forces)
 
     def cost(u: Array) -> float:
-        """Return the impulse of force (N s) of nozzles; inf where they cannot give
-        it.
+        """Return the impulse of force (N s) of nozzles; inf where they lack a
+        torque.
         """
         x, y, z = u.tolist()
         times = least_on_times(tuple(map(tuple, torques.tolist())), (x, y, z), 1e9)

@@ -181,9 +181,7 @@ class Sizing:
         return text + f"Its wheels need {format_momenta(needs, has)} each."
 
     def _held(self) -> str:
-        """Return the hardest condition under which the recommended rods hold, as
-        text.
-        """
+        """Return the hardest condition under which the recommended rods hold."""
         rod, year = self.recommended, self.recommended_year
         if self.worst_scenario and rod is not None and (year is None or rod > year):
             return self.worst_scenario

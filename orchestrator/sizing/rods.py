@@ -1,6 +1,4 @@
-"""Size rods: momentum and duty of laws over rod sizes, and the smallest that
-suffice.
-"""
+"""Size rods: momentum and duty of laws over rod sizes, and the smallest rods."""
 
 from __future__ import annotations
 
@@ -89,9 +87,7 @@ def round_up(rod: float) -> float:
 def rod_grid(
     least: float, requirements: SizingRequirements, hardware: Hardware
 ) -> Array:
-    """Return rods (A m2) from the margin over the least one to the largest
-    considered.
-    """
+    """Return rods (A m2) from the margin over the least one to the largest allowed."""
     largest = max(LARGEST_MULTIPLE, hardware.m_limit / least)
     return np.geomspace(requirements.margin, largest, GRID_SIZES) * least
 
@@ -141,9 +137,7 @@ def find_smallest(rods: Array, is_enough: Array) -> float | None:
 def meets(
     course: Course, hardware: Hardware, requirements: SizingRequirements
 ) -> Array:
-    """Return for each rod whether the duty is met and the wheels hold with the
-    margin.
-    """
+    """Return for each rod whether the duty is met and wheels hold with the margin."""
     capacity = smallest_wheel_capacity(hardware)
     holds = course.wheel * requirements.margin <= capacity
     return np.asarray((course.duty <= requirements.duty) & holds)

@@ -1,4 +1,4 @@
-"""Read what a sizing takes from a craft's scenarios, and what its model leaves out."""
+"""Read data of a sizing from a craft's scenarios, and name what its model lacks."""
 
 from __future__ import annotations
 

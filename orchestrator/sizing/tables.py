@@ -25,7 +25,7 @@ UNEXPLAINED = "of no source"
 
 
 def tabulate_quantities(sizing: Sizing) -> Table:
-    """Tabulate what drives a sizing and what follows from it."""
+    """Tabulate the quantities that drive a sizing and those that follow from them."""
     secular = float(np.linalg.norm(sizing.secular))
     weakest = ", ".join(f"{x:.2f}" for x in sizing.weakest)
     rows: list[Row] = [
@@ -355,8 +355,9 @@ def describe_map(sizing: SizingMap, law: str) -> str:
 
 
 def tabulate_map(sizing: SizingMap, law: int) -> Table:
-    """Tabulate the smallest rods that hold under a law, by orbit and residual
-    dipole.
+    """Tabulate the smallest rods that hold under a law, by orbit and dipole.
+
+    The dipole is the residual dipole of the craft.
     """
     axes = sizing.axes
     order = np.argsort(axes.rods, kind="stable")

@@ -110,7 +110,8 @@ def _activities(
     """Return levels of solar activity, as changes of an environment without a field.
 
     They are low and high where air matters and the environment has them; otherwise one
-    level without changes. With `own` the scenario's comes first.
+    level without changes. With `own` the scenario's comes first, or is the only one
+    where its atmosphere does not follow the activity.
     """
     signals = component.interface.signals
     thin = craft.get("aerodynamics", "none") == "none"

@@ -260,9 +260,7 @@ def _asked(text: str, flown: Sequence[_Flown], notes: list[str]) -> dict[int, Sl
 
 
 def _is_alike(slider: Slider, home: Slider) -> bool:
-    """Return whether the range of a slider of one law serves for that of another
-    one.
-    """
+    """Return whether the range of one law's slider serves for that of another."""
     is_near = slider.holds_start or slider.start == home.start
     return is_near and slider.unit == home.unit
 

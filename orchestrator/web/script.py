@@ -120,9 +120,7 @@ class _Program:
         return name
 
     def table_of(self, name: str, scope: dict[str, Any]) -> str:
-        """Return the name of a module's table of functions, translating it if
-        needed.
-        """
+        """Return the name of a module's table of functions, translated if needed."""
         if name not in self.parts:
             tree = ast.parse(inspect.getsource(sys.modules[scope["__name__"]]))
             value = next(
@@ -144,7 +142,7 @@ class _Expressions:
         self.local: set[str] = set()
 
     def of(self, node: ast.expr) -> str:
-        """Translate an expression, or raise DesatError if JavaScript has none of it."""
+        """Translate an expression, or raise DesatError if it has no JavaScript."""
         made = getattr(self, f"_{type(node).__name__.lower()}", None)
         if made is None:
             raise DesatError(
@@ -295,7 +293,7 @@ class _Expressions:
         return f"{self._called(node, bool(named))}({', '.join(given)})"
 
     def _called(self, node: ast.Call, named: bool) -> str:
-        """Return what a call without a dot calls."""
+        """Return the function that a call without a dot calls."""
         if not isinstance(node.func, ast.Name):
             return self.of(node.func)
         name = node.func.id

@@ -1,6 +1,4 @@
-"""Define the sliders of a page: parameters by the names that `--set` uses, and
-ranges.
-"""
+"""Define the sliders of a page: parameters by the names of `--set`, and ranges."""
 
 from __future__ import annotations
 
@@ -300,7 +298,7 @@ def _moves(signal: Signal) -> bool:
 
 
 def _why(signal: Signal) -> str:
-    """Return what a signal is that cannot be a slider."""
+    """Describe a signal that cannot be a slider."""
     if signal.array in BAKED:
         return "what the loop is written out with"
     if signal.choices:

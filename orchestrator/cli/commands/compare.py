@@ -218,8 +218,9 @@ def _show(made: Comparison, page: Path, as_json: bool) -> None:
 
 
 def show_pairs(told: Sequence[Pairs], as_json: bool) -> None:
-    """Print paired differences (`pairs.compare`) as tables, or as JSON: one, or a
-    list.
+    """Print paired differences (`pairs.compare`) as tables, or as JSON.
+
+    The JSON is one object, or a list of several.
     """
     for each in told:
         warn(each.warnings)

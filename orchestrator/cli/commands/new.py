@@ -179,9 +179,7 @@ def craft(
 
 
 def _doubts_of(folder: Path) -> list[str]:
-    """Return warnings on improbable values of a craft, as `check`, `run` and `size`
-    do.
-    """
+    """Return warnings on improbable values of a craft, as `check` and `run` do."""
     from ...analyses import plausibility
     from ...runs.prepare import resolved
     from ...system.options import Options

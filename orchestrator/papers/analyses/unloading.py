@@ -195,9 +195,7 @@ def _periodic(times: Any, momentum: Any, rate: float) -> float:
 def _off_profile(
     given: Mapping[str, Any], impulse: Any, step: float, first: int
 ) -> float:
-    """Return the rms distance (N m s) of the momentum (rows, 3) from the rows of
-    H_NOM.
-    """
+    """Return the rms distance (N m s) of the momentum (rows, 3) from H_NOM's rows."""
     nodes = int(given["table_nodes"])
     table = np.reshape(given["profile_table"], (-1, 3))[:nodes]
     rows = np.round(given["table_spacing"] * np.arange(nodes) / step).astype(int)
