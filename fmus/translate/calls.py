@@ -1252,7 +1252,7 @@ class Calls(Expressions):
         limits: list[int | None] = [1]
 
         def body(item: Value) -> None:
-            """Write a placeholder for one element, whose type is known after the
+            """Write a placeholder for one element: its type is known after the
             loops.
             """
             item = replace(item, type=item.type)

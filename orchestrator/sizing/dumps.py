@@ -523,8 +523,9 @@ def _perigees(block: Any, start: float, period: float, span: float) -> list[floa
     from scipy.optimize import brentq
 
     def outward(t: float) -> float:
-        """Return r . v (m2/s) at a time (s) since the start, positive after a
-        perigee.
+        """Return r . v (m2/s), positive after a perigee.
+
+        `t` is in s since the start.
         """
         r, v = block.motion(start + t)
         return float(np.dot(r, v))

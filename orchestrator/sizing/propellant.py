@@ -84,8 +84,9 @@ def thruster_cost(
     torques = np.cross(np.reshape(thrusters["position_nozzle"], (-1, 3)), forces)
 
     def cost(u: Array) -> float:
-        """Return the impulse of force (N s) of nozzles; inf where they lack a
-        torque.
+        """Return the impulse of force (N s) of nozzles for a momentum.
+
+        It is inf where they cannot give it.
         """
         x, y, z = u.tolist()
         times = least_on_times(tuple(map(tuple, torques.tolist())), (x, y, z), 1e9)
