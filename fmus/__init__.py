@@ -1,1 +1,1 @@
-"""The blocks as FMUs: the one FMI adapter, and the builder."""
+"""Build the blocks as FMUs: the FMI adapter and the builder."""

@@ -1,8 +1,8 @@
-"""A block's C alone, without FMI: a header with its struct, and a C99 file without heap
-and text.
+"""Export a block's C alone, without FMI: a header and a C99 file without heap.
 
-What an FMU has of it in `sources/` is put into one file: Python's arithmetic of block.h
-and runtime.c, the block, and three functions around it.
+The header holds the block's struct. The C file is made of the FMU's `sources/`:
+Python's arithmetic from block.h and runtime.c, the block, and three functions around
+it. It produces no text.
 """
 
 from __future__ import annotations
@@ -40,10 +40,13 @@ _PROTOTYPE = re.compile(r"^(?! )(?=(?:double|int64_t) \w+\()", re.M)
 
 @dataclass(frozen=True)
 class Size:
-    """What a compiler makes of a block alone: bytes of its struct, of code and
-    constants, of static memory, and of the stack of the deepest of its functions,
-    without those of libm; None: that calls itself, or what tells it is not there
-    (`size` of the compiler's, a gcc for the stack)."""
+    """Memory that a compiler needs for a block alone, in bytes.
+
+    The fields are the struct; code and constants; static memory; and the stack of the
+    deepest chain of calls, without those of libm. None stands for a value that is
+    unknown: a function calls itself, or the tool is missing (the compiler's `size`, or
+    a gcc for the stack).
+    """
 
     compiler: str
     struct: int | None
@@ -65,9 +68,25 @@ class Size:
 def alone(
     fmu: Path, compilers: Sequence[Sequence[str]] = ()
 ) -> tuple[dict[str, str], list[Size]]:
-    """The files NAME.h and NAME.c of a native FMU's block by their names, and what each
-    compiler makes of them, which stands in the header. Raises RuntimeError where one
-    does not compile them.
+    """Return the files NAME.h and NAME.c of a native FMU's block, and their sizes.
+
+    Parameters
+    ----------
+    fmu
+        Path of the native FMU.
+    compilers
+        Commands of C compilers. Each compiles the files, and its sizes stand in the
+        header.
+
+    Returns
+    -------
+    tuple
+        Text of each file by its name, and one `Size` for each compiler (bytes).
+
+    Raises
+    ------
+    RuntimeError
+        If a compiler does not compile the files.
     """
     name = fmu.stem
     with zipfile.ZipFile(fmu) as archive:
@@ -95,7 +114,10 @@ def _header(
     types: list[tuple[str, str]],
     variables: list[tuple[str, str, str, str, str, str]],
 ) -> str:
+    """Return the text of the header, with @SIZES@ where the sizes go."""
+
     def renamed(text: str) -> str:
+        """Replace the prefix `desat_` of the block's types by the block's name."""
         for _, of in types:
             text = re.sub(rf"\bdesat_{of}\b", f"{name}_{of}", text)
         return re.sub(r"\bdesat_block \*", f"{name} *", text)
@@ -153,6 +175,7 @@ int {name}_step({name} *self, double t, double dt);
 
 
 def _source(name: str, files: dict[str, str], code: str, table: str) -> str:
+    """Return the text of the C file."""
     upper = name.upper()
     header = files["block.h"]
     inline = (
@@ -281,7 +304,13 @@ int {name}_step({name} *self, double t, double dt)
 
 
 def measured(name: str, files: dict[str, str], compiler: Sequence[str]) -> Size:
-    """The sizes that a compiler gives. Raises RuntimeError where it does not compile."""
+    """Compile the files of a block and return its sizes in bytes.
+
+    Raises
+    ------
+    RuntimeError
+        If the compiler does not compile them.
+    """
     with TemporaryDirectory() as temporary:
         folder = Path(temporary)
         for file, text in files.items():
@@ -306,7 +335,7 @@ def measured(name: str, files: dict[str, str], compiler: Sequence[str]) -> Size:
         struct = code = static = None
         if (
             len(probed) > 8 and len(made) > 8
-        ):  # after the words of its head: text, data, bss
+        ):  # columns after the six words of the heading: text, data, bss
             read_only, data, zeroed = map(int, made[6:9])
             struct, code, static = (
                 int(probed[7]) + int(probed[8]),
@@ -320,6 +349,7 @@ def measured(name: str, files: dict[str, str], compiler: Sequence[str]) -> Size:
 
 
 def _run(command: Sequence[str], folder: Path) -> tuple[int, str]:
+    """Run a command in a folder; return its exit code and what it printed."""
     try:
         done = subprocess.run(
             command, cwd=folder, capture_output=True, text=True, check=False
@@ -330,8 +360,10 @@ def _run(command: Sequence[str], folder: Path) -> tuple[int, str]:
 
 
 def _deepest(graph: str) -> int | None:
-    """The bytes of stack of the longest chain of calls; None where a function calls
-    itself, or has no bound of its own."""
+    """Return the stack of the longest chain of calls in bytes.
+
+    None where a function calls itself or has no bound of its own.
+    """
     own: dict[str, int] = {}
     for of, label in re.findall(r'node: \{ title: "(.*?)" label: "(.*?)"', graph):
         found = re.search(r"(\d+) bytes \((\w+)", label)
@@ -346,6 +378,7 @@ def _deepest(graph: str) -> int | None:
     known: dict[str, int] = {}
 
     def depth(function: str, above: frozenset[str]) -> int:
+        """Return the stack that a function and its callees need, in bytes."""
         if function in above:
             raise RecursionError
         if function not in known:

@@ -1,14 +1,17 @@
-"""`python -m desat.fmus.build [NAME ...]`: build the FMUs of the blocks into
-fmus/dist/.
+"""`python -m desat.fmus.build [NAME ...]`: build the FMUs of blocks into fmus/dist/.
 
-Three of each block. Of Python, in dist/NAME.fmu: built by pythonfmu, each in a process
-of its own, then packed anew: our model description and documentation, entries sorted,
-deflated, dated 1980, so that the same sources give the same bytes. Such an FMU ships
-the block, what it imports and the adapter in a package whose name is a hash of its
-contents: FMUs share one interpreter, and equal names would share code. Native, in
-dist/native/NAME.fmu, where the block is in the subset that translates to C
-(`native.py`), and the same as FMI 3.0 in dist/fmi3/NAME.fmu (`fmi3.py`).
-dist/index.json lists them; what is made of the same is not built again.
+Each block gets up to three FMUs:
+
+- dist/NAME.fmu is the Python one. pythonfmu builds it in a process of its own; it is
+  then packed anew with our model description and documentation, entries sorted,
+  deflated and dated 1980, so that the same sources give the same bytes. It ships the
+  block, the modules that the block imports and the adapter in a package whose name is a
+  hash of its contents: FMUs share one interpreter, and equal names would share code.
+- dist/native/NAME.fmu is the native one, for a block in the subset that translates to C
+  (`native.py`).
+- dist/fmi3/NAME.fmu is the native one as FMI 3.0 (`fmi3.py`).
+
+dist/index.json lists them. An FMU whose sources are unchanged is not built again.
 """
 
 from __future__ import annotations
@@ -70,8 +73,13 @@ except NameError:
 
 
 def contents(which: str) -> dict[str, bytes]:
-    """Path in the package -> bytes, for a block, the adapter included. Raises
-    OwnBlockError."""
+    """Return the files of a block's package, adapter included, by their path.
+
+    Raises
+    ------
+    OwnBlockError
+        If a user's own file is no block.
+    """
     files = {
         p.relative_to(COMPONENTS).as_posix(): p.read_bytes() for p in sources(which)
     }
@@ -82,8 +90,10 @@ def contents(which: str) -> dict[str, bytes]:
 
 
 def build(which: str, dist: Path = DIST) -> Path:
-    """Build the Python FMU of a block, one of ours by its name or a file of the user's
-    own, in this process and return its path."""
+    """Build the Python FMU of a block in this process and return its path.
+
+    `which` is the name of a block of the project or a user's own file.
+    """
     block, name = block_class(which), identifier(which)
     files = contents(which)
     digest = hashlib.sha256(f"{name} {pythonfmu.__version__}".encode())
@@ -123,9 +133,11 @@ def build(which: str, dist: Path = DIST) -> Path:
 
 @contextlib.contextmanager
 def without_fmus_on_the_path() -> Iterator[None]:
-    """Within: no folder of an FMU that this process has loaded, whose own pythonfmu has
-    no binaries to put into an FMU, is where a process that it starts looks for
-    modules."""
+    """Remove the folders of loaded FMUs from sys.path within the context.
+
+    Processes that are started would otherwise import an FMU's own pythonfmu, which
+    lacks the binaries that an FMU needs.
+    """
     before = list(sys.path)
     sys.path[:] = [p for p in before if not (Path(p) / "slavemodule.txt").is_file()]
     try:
@@ -135,7 +147,7 @@ def without_fmus_on_the_path() -> Iterator[None]:
 
 
 def build_all(which: tuple[str, ...], dist: Path = DIST) -> list[Path]:
-    """Build the FMUs of some blocks, each in a process of its own."""
+    """Build the Python FMUs of some blocks, each in a process of its own."""
     with (
         without_fmus_on_the_path(),
         ProcessPoolExecutor(
@@ -159,10 +171,17 @@ def build_native(
     dist: Path,
     targets: Sequence[native.Target] = (native.HERE_ALONE,),
 ) -> dict[str, str]:
-    """Build the native FMUs of some blocks below `dist`; name -> why there is none, of
-    the others.
+    """Build the native FMUs of some blocks below `dist`.
 
-    Raises NoCompilerError.
+    Returns
+    -------
+    dict
+        For each block without a native FMU the reason.
+
+    Raises
+    ------
+    NoCompilerError
+        If there is no C compiler.
     """
     with tempfile.TemporaryDirectory() as shared:
         native.compile_wrapper(Path(shared), targets)
@@ -188,7 +207,7 @@ def build_native(
 
 
 def _digest(which: str) -> str:
-    """What both FMUs of a block are made of."""
+    """Compute the digest of what both FMUs of a block are made of."""
     versions = f"{pythonfmu.__version__} {version('desat')}"
     digest = hashlib.sha256(f"{identifier(which)} {versions}".encode())
     for path, data in contents(which).items():
@@ -201,6 +220,7 @@ def _digest(which: str) -> str:
 
 
 def _entry(kind: str, name: str, dist: Path, made_of: str, why: str) -> dict[str, Any]:
+    """Return the index entry of an FMU."""
     path = dist / ("" if kind == "python" else kind) / f"{name}.fmu"
     data = path.read_bytes()
     with zipfile.ZipFile(path) as archive:
@@ -220,7 +240,7 @@ def _entry(kind: str, name: str, dist: Path, made_of: str, why: str) -> dict[str
 
 
 def _compiled(platforms: str) -> str:
-    """What native FMUs are made of beside their blocks; nothing without a compiler."""
+    """Return the digest of the native build, or "" without a compiler."""
     try:
         return native.made_of(native.targets_of(platforms)).hex()
     except NoCompilerError:
@@ -228,19 +248,28 @@ def _compiled(platforms: str) -> str:
 
 
 def _native_digest(made: str, compiled: str) -> str:
+    """Compute the digest of a native FMU from those of block and build."""
     return hashlib.sha256((made + compiled).encode()).hexdigest()
 
 
 def made_of(which: str, platforms: str = "") -> str:
-    """A hash of all that the FMUs of a block are made of here. Raises OwnBlockError."""
+    """Compute a hash of all that the FMUs of a block are made of on this machine.
+
+    Raises
+    ------
+    OwnBlockError
+        If a user's own file is no block.
+    """
     return _native_digest(_digest(which), _compiled(platforms))
 
 
 def update(
     wanted: tuple[str, ...], dist: Path, platforms: str = ""
 ) -> list[dict[str, Any]]:
-    """Build what of some blocks' FMUs is not there yet, for these platforms
-    (`native.targets_of`); write and return the index."""
+    """Build the missing or outdated FMUs of some blocks; write and return the index.
+
+    `platforms` is as in `native.targets_of`.
+    """
     compiled = _compiled(platforms)
     called = {identifier(which): which for which in wanted}
     try:
@@ -252,6 +281,7 @@ def update(
     }
 
     def is_current(kind: str, name: str, made_of: str) -> bool:
+        """Return whether an FMU is there, unchanged and made of the same."""
         e = kept.get((kind, name))
         path = dist / e["file"] if e else dist
         return bool(
@@ -269,7 +299,7 @@ def update(
         build_all(tuple(called[name] for name in old), dist)
         for name in old:
             kept["python", name] = _entry("python", name, dist, made[name], "")
-        _write(kept, dist)  # compiling may be broken off
+        _write(kept, dist)  # saved now because compiling may be interrupted
     why: dict[str, str] = {}
     if not compiled:
         why = dict.fromkeys(called, "no C compiler where it was built")
@@ -320,7 +350,7 @@ def update(
 def _write(
     kept: dict[tuple[str, str], dict[str, Any]], dist: Path
 ) -> list[dict[str, Any]]:
-    """The index, native before FMI 3.0 before Python, written."""
+    """Write and return the index: native before FMI 3.0 before Python."""
     order = ("native", "fmi3", "python")
     index = [kept[key] for key in sorted(kept, key=lambda k: (k[1], order.index(k[0])))]
     (dist / INDEX).write_text(json.dumps(index, indent=1) + "\n", encoding="utf-8")
@@ -328,7 +358,7 @@ def _write(
 
 
 def _unusable(wanted: tuple[str, ...]) -> dict[str, str]:
-    """Blocks of which there can be no FMU: name -> why, in a line."""
+    """Return the blocks that cannot become FMUs, each with a one-line reason."""
     wrong = {}
     for name in wanted:
         try:
@@ -342,8 +372,10 @@ def _unusable(wanted: tuple[str, ...]) -> dict[str, str]:
 
 
 def _print_table(index: list[dict[str, Any]]) -> None:
-    """A line a block: sizes in kB of its native and its Python FMU, or why there is no
-    native."""
+    """Print a line for each block: the sizes of its native and Python FMU in kB.
+
+    A block without a native FMU has the reason instead.
+    """
     by_name: dict[str, dict[str, dict[str, Any]]] = {}
     for e in index:
         by_name.setdefault(e["name"], {})[e["kind"]] = e
@@ -357,7 +389,7 @@ def _print_table(index: list[dict[str, Any]]) -> None:
 
 
 def main() -> int:
-    """Command line: build all blocks, or those named."""
+    """Build all blocks, or those named on the command line; return the exit code."""
     parser = argparse.ArgumentParser(
         description="Build the FMUs of the blocks into fmus/dist/."
     )
@@ -407,7 +439,7 @@ def main() -> int:
             stale.unlink()
         for left in dist.rglob(
             "*.part"
-        ):  # of a build that was killed; one is written at once
+        ):  # left by a build that was killed; a running build writes its own quickly
             if time.time() - left.stat().st_mtime > 60.0:
                 left.unlink(missing_ok=True)
         interfaces.write()

@@ -1,5 +1,4 @@
-"""The C compiler of this machine: what native FMUs and the compiled loop are built
-with."""
+"""Find the C compiler for native FMUs and for the compiled loop."""
 
 from __future__ import annotations
 
@@ -12,14 +11,17 @@ from importlib.util import find_spec
 
 
 class NoCompilerError(Exception):
-    """There is no C compiler on this machine."""
+    """No C compiler on this machine."""
 
 
 @cache
 def compiler() -> tuple[str, ...]:
-    """The command of the C compiler: CC, gcc, cc, clang, or of the package ziglang.
+    """Return the command of the C compiler: CC, gcc, cc, clang, or ziglang's.
 
-    Raises NoCompilerError.
+    Raises
+    ------
+    NoCompilerError
+        If there is none, or CC names no command.
     """
     try:
         wanted = shlex.split(os.environ.get("CC", ""))
@@ -41,10 +43,14 @@ def compiler() -> tuple[str, ...]:
 
 
 def zig() -> tuple[str, ...]:
-    """The command of the C compiler of the package ziglang, which knows other machines,
-    too.
+    """Return the command of the package ziglang's C compiler.
 
-    Raises NoCompilerError.
+    It can also compile for other platforms.
+
+    Raises
+    ------
+    NoCompilerError
+        If the package ziglang is missing.
     """
     if not find_spec("ziglang"):
         raise NoCompilerError(

@@ -1,4 +1,4 @@
-"""The modelDescription.xml and the documentation page of a block's FMU."""
+"""Write the modelDescription.xml and the documentation page of a block's FMU."""
 
 from __future__ import annotations
 
@@ -14,25 +14,25 @@ from desat.components.contract.block import Block, Scalar, Variable
 from desat.components.contract.units import unit_of
 
 BASE_UNIT_EXPONENTS = ("kg", "m", "s", "A", "K", "rad")
+# Name of the project's annotations. They hold: a block's role; the names of a mode's
+# values; shared parameters; which parameters or inputs have no effect without an input
+# or output; the range of usual values; which output is the mean over a step of a
+# quantity whose integral counts, and its slope; which input is read at the start.
 TOOL = "desat"
-"""Name of our annotations: a block's role, the names of a mode's values, shared
-parameters, which parameters (or inputs) have no effect without an input or output, the
-range of usual values, which output is the mean over a step of a quantity whose integral
-counts, with its slope, and which input is read at the start."""
+# generationTool of Python FMUs and of native ones
 GENERATION_TOOL, NATIVE_TOOL = "desat with PythonFMU", "desat"
-"""What an FMU of ours says of who made it: of Python, or native."""
+# default experiment of a block (s): any step will do
 ONE_SECOND = {"startTime": 0.0, "stepSize": 1.0}
-"""The default experiment of a block: any step will do."""
+# displayUnit of FMI: the unit in which a host may show values
 DISPLAY = {"rad": "deg", "rad/s": "deg/s"}
-"""In which unit people read values of a unit: what a host may show."""
+# image of an FMU in hosts: a turning wheel (96 x 96 pixels)
 ICON = Path(__file__).with_name("icon.png")
-"""What hosts draw of an FMU of ours: a wheel that turns (96 x 96)."""
+# the same for all FMUs, so that equal contents give equal files
 DATE = "1980-01-01T00:00:00Z"
-"""Of all of them, so that equal contents are equal."""
 
 
 def title(block: type[Block]) -> str:
-    """The first line of a block's docstring."""
+    """Return the first line of a block's docstring."""
     return (inspect.getdoc(block) or block.__name__).splitlines()[0]
 
 
@@ -46,13 +46,26 @@ def model_description(
     depends: Mapping[str, Collection[str]] | None = None,
     experiment: Mapping[str, float] = ONE_SECOND,
 ) -> bytes:
-    """The FMI 2.0 model description of a block as UTF-8 XML.
+    """Return the FMI 2.0 model description of a block as UTF-8 XML.
 
-    State outputs have no dependencies, interval outputs depend on all inputs, or on
-    those that `depends` says; every output is an initial unknown that depends on the
-    parameters and on the inputs it starts from. `sources`: the C files of a native FMU;
-    one without needs Python in its host. `experiment`: startTime, stopTime, stepSize
-    (s), of those that there are.
+    State outputs have no dependencies. Interval outputs depend on all inputs, or on
+    those that `depends` gives. Every output is an initial unknown that depends on the
+    parameters and on the inputs it starts from.
+
+    Parameters
+    ----------
+    block
+        Class of the block.
+    identifier, guid
+        Name and GUID of the FMU.
+    date, version
+        Generation date and version of the FMU.
+    sources
+        Names of the C files of a native FMU; an FMU without needs Python in its host.
+    depends
+        Inputs on which each interval output depends, by output.
+    experiment
+        startTime, stopTime, stepSize (s), those that are known.
     """
     root = etree.Element(
         "fmiModelDescription",
@@ -119,8 +132,10 @@ def model_description(
 def unknowns(
     block: type[Block], depends: Mapping[str, Collection[str]] | None = None
 ) -> Iterator[tuple[Variable, list[str], list[str]]]:
-    """Each output, what it depends on in a step (`depends` as in `model_description`),
-    and what at the start."""
+    """Yield each output with its dependencies in a step and at the start.
+
+    `depends` is as in `model_description`.
+    """
     inputs = [v.name for v in block.variables if v.causality == "input"]
     parameters = [v.name for v in block.variables if v.causality == "parameter"]
     for v in block.variables:
@@ -134,6 +149,7 @@ def unknowns(
 
 
 def _unknown(parent: Any, index: int, dependencies: list[int]) -> None:
+    """Add an unknown with the indices that it depends on."""
     etree.SubElement(
         parent,
         "Unknown",
@@ -145,6 +161,7 @@ def _unknown(parent: Any, index: int, dependencies: list[int]) -> None:
 def _scalar_variable(
     parent: Any, v: Variable, name: str, reference: int, start: Any
 ) -> None:
+    """Add a scalar variable, one element of a block's variable."""
     attributes = {"name": name, "valueReference": str(reference), **common(v)}
     element = etree.SubElement(parent, "ScalarVariable", attributes)
     value = etree.SubElement(element, v.type)
@@ -164,19 +181,19 @@ def _scalar_variable(
 
 
 def units_of(v: Variable) -> dict[str, str]:
-    """The unit of a Real, and in which people read it, where that is another."""
+    """Return the unit of a Real, and its display unit where that differs."""
     return {"unit": v.unit} | (
         {"displayUnit": DISPLAY[v.unit]} if v.unit in DISPLAY else {}
     )
 
 
 def start_value(x: Scalar) -> str:
-    """A start value in XML."""
+    """Format a start value for XML."""
     return str(x).lower() if isinstance(x, bool) else repr(x)
 
 
 def common(v: Variable) -> dict[str, str]:
-    """The attributes that a variable has in FMI 2.0 as in FMI 3.0."""
+    """Return the attributes that a variable has both in FMI 2.0 and in FMI 3.0."""
     attributes = {
         "description": describe(v),
         "causality": v.causality,
@@ -190,8 +207,10 @@ def common(v: Variable) -> dict[str, str]:
 
 
 def annotation(v: Variable, name: str) -> dict[str, str]:
-    """What our annotation of a variable, or of its element `name`, says; nothing for
-    most."""
+    """Return the annotation of a variable, or of its element `name`.
+
+    It is empty for most variables.
+    """
     said = {
         "choices": " ".join(v.choices),
         "shared": "true" if v.shared else "",
@@ -206,7 +225,7 @@ def annotation(v: Variable, name: str) -> dict[str, str]:
 
 
 def describe(v: Variable) -> str:
-    """The description, with the names of a mode's values."""
+    """Return the description of a variable, with the names of a mode's values."""
     if not v.choices:
         return v.description
     return f"{v.description}: " + ", ".join(
@@ -215,14 +234,14 @@ def describe(v: Variable) -> str:
 
 
 def made_by(root: Any, block: type[Block]) -> None:
-    """Say whose a block of ours is; not of one of the user's own."""
+    """Add author and license to the FMU of a block of the project only."""
     if block.__module__.startswith("desat.components."):
         root.set("author", "the desat authors")
         root.set("license", "MIT")
 
 
 def unit_definitions(root: Any, block: type[Block]) -> None:
-    """Add the units of a block's variables, as both versions of FMI have them."""
+    """Add the units of a block's variables, in the form of both FMI versions."""
     definitions = etree.SubElement(root, "UnitDefinitions")
     for name in dict.fromkeys(v.unit for v in block.variables if v.type == "Real"):
         unit = unit_of(name)
@@ -239,7 +258,7 @@ def unit_definitions(root: Any, block: type[Block]) -> None:
 
 
 def log_categories(root: Any) -> None:
-    """Add what the messages are about."""
+    """Add the category that the messages of an FMU have."""
     categories = etree.SubElement(root, "LogCategories")
     etree.SubElement(
         categories, "Category", name="logStatusError", description="Failures"
@@ -247,7 +266,7 @@ def log_categories(root: Any) -> None:
 
 
 def default_experiment(root: Any, experiment: Mapping[str, float]) -> None:
-    """Add startTime, stopTime, stepSize (s), of those that there are."""
+    """Add startTime, stopTime and stepSize (s), those that are known."""
     times = {k: repr(v).removesuffix(".0") for k, v in experiment.items()}
     etree.SubElement(root, "DefaultExperiment", times)
 
@@ -276,8 +295,8 @@ made. SI units.</p>
 
 
 def documentation(block: type[Block], identifier: str) -> str:
-    """The block's page as self-contained HTML: its docstring and its variables."""
-    # only where FMUs are built: every command loads this module
+    """Return the block's page as self-contained HTML: docstring and variables."""
+    # imported here because every command loads this module and few build FMUs
     from jinja2 import Environment
     from markdown_it import MarkdownIt
     from markupsafe import Markup
@@ -299,6 +318,7 @@ def documentation(block: type[Block], identifier: str) -> str:
 
 
 def _row(v: Variable) -> dict[str, str]:
+    """Return the cells of a variable's row in the page."""
     bounds = ""
     if v.minimum is not None or v.maximum is not None:
         low = "-inf" if v.minimum is None else f"{v.minimum:g}"
@@ -318,7 +338,7 @@ def _row(v: Variable) -> dict[str, str]:
 
 
 def start_text(v: Variable) -> str:
-    """The start value for people: a choice's name, a number, or numbers."""
+    """Format the start value for readers: a choice's name, or numbers."""
     if v.choices and isinstance(v.start, int):
         return v.choices[v.start]
     flat = v.flat_start()
@@ -330,4 +350,5 @@ def start_text(v: Variable) -> str:
 
 
 def _number(x: Any) -> str:
+    """Format a number with six digits, or a truth value."""
     return str(x).lower() if isinstance(x, bool) else f"{x:.6g}"

@@ -1,6 +1,8 @@
-"""FMI 3.0: a native FMU packed anew. The library that it has for FMI 2.0 has both faces
-(c/fmi3.c), so that nothing is compiled again; arrays are arrays, modes and choices are
-enumerations, and what a block usually takes from another is a terminal.
+"""Write FMUs of FMI 3.0 by repacking native FMUs of FMI 2.0.
+
+The library of a native FMU implements both versions (c/fmi3.c), so nothing is compiled
+again. Arrays are arrays, modes and choices are enumerations, and the inputs that a
+block usually takes from another form a terminal.
 """
 
 from __future__ import annotations
@@ -33,6 +35,7 @@ from .description import (
 )
 from .native import pack
 
+# platforms of FMI 2.0 that FMI 3.0 names otherwise
 PLATFORMS = {
     "linux64": ("x86_64-linux",),
     "linux32": ("x86-linux",),
@@ -40,7 +43,6 @@ PLATFORMS = {
     "win32": ("x86-windows",),
     "darwin64": ("x86_64-darwin", "aarch64-darwin"),
 }
-"""What FMI 3.0 calls the platforms of FMI 2.0; others are called the same."""
 _TYPE = {"Real": "Float64", "Integer": "Int64", "Boolean": "Boolean"}
 
 
@@ -51,9 +53,11 @@ def repack(
     depends: Mapping[str, Collection[str]] | None = None,
     experiment: Mapping[str, float] = ONE_SECOND,
 ) -> Path:
-    """Write a native FMU (FMI 2.0) of a block as one of FMI 3.0, and return its path;
-    `depends` and `experiment` as in `description.model_description`, as they were for
-    that one."""
+    """Write a native FMU (FMI 2.0) of a block as one of FMI 3.0; return its path.
+
+    `depends` and `experiment` are as in `description.model_description` and must be
+    those of the FMI 2.0 one.
+    """
     with zipfile.ZipFile(native) as archive:
         old = {n: archive.read(n) for n in archive.namelist()}
     root = etree.fromstring(old.pop("modelDescription.xml"))
@@ -86,8 +90,11 @@ def model_description(
     depends: Mapping[str, Collection[str]] | None,
     experiment: Mapping[str, float],
 ) -> bytes:
-    """The FMI 3.0 model description of a block as UTF-8 XML. An array's value reference
-    is that of its first element in FMI 2.0; time has the one after the last."""
+    """Return the FMI 3.0 model description of a block as UTF-8 XML.
+
+    The value reference of an array is that of its first element in FMI 2.0; time has
+    the one after the last.
+    """
     root = etree.Element(
         "fmiModelDescription",
         fmiVersion="3.0",
@@ -145,12 +152,14 @@ def model_description(
 
 
 def _xml(root: Any) -> bytes:
+    """Return an XML tree as UTF-8 bytes."""
     return bytes(
         etree.tostring(root, xml_declaration=True, encoding="UTF-8", pretty_print=True)
     )
 
 
 def _annotate(parent: Any, what: str, attributes: dict[str, str]) -> None:
+    """Add an annotation of the project to an element."""
     made = etree.SubElement(
         etree.SubElement(parent, "Annotations"), "Annotation", type=TOOL
     )
@@ -158,6 +167,7 @@ def _annotate(parent: Any, what: str, attributes: dict[str, str]) -> None:
 
 
 def _variable(parent: Any, v: Variable, reference: int) -> None:
+    """Add a variable, with its dimensions."""
     attributes = {"name": v.name, "valueReference": str(reference), **common(v)}
     if v.choices:
         attributes["declaredType"] = v.name
@@ -179,6 +189,7 @@ def _variable(parent: Any, v: Variable, reference: int) -> None:
 
 
 def _type_definitions(root: Any, block: type[Block]) -> None:
+    """Add an enumeration for each variable that has choices."""
     chosen = [v for v in block.variables if v.choices]
     if not chosen:
         return
@@ -191,9 +202,12 @@ def _type_definitions(root: Any, block: type[Block]) -> None:
 
 
 def terminals(block: type[Block]) -> bytes:
-    """Icon and terminals of a block as UTF-8 XML: a terminal of its role, with all its
-    outputs, and one of each role that its inputs usually come from, whose members are
-    called as that one's outputs are; none for a loop of blocks."""
+    """Return icon and terminals of a block as UTF-8 XML.
+
+    One terminal is that of its role, with all its outputs. There is one more for each
+    role that its inputs usually come from; its members have the names of that role's
+    outputs. A loop of blocks has no terminals.
+    """
     root = etree.Element("fmiTerminalsAndIcons", fmiVersion="3.0")
     drawn = etree.SubElement(root, "GraphicalRepresentation")
     corners = {"x1": "-100", "y1": "-100", "x2": "100", "y2": "100"}
@@ -231,6 +245,7 @@ def terminals(block: type[Block]) -> bytes:
 
 
 def _build_description(identifier: str, files: list[str]) -> bytes:
+    """Return the description of how the sources are compiled, as UTF-8 XML."""
     root = etree.Element("fmiBuildDescription", fmiVersion="3.0")
     made = etree.SubElement(root, "BuildConfiguration", modelIdentifier=identifier)
     sources = etree.SubElement(made, "SourceFileSet", language="C11")

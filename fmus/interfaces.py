@@ -1,5 +1,4 @@
-"""interfaces.md: every role's interface and every block's variables, generated from the
-blocks."""
+"""Generate interfaces.md: the interface of each role, the variables of each block."""
 
 from __future__ import annotations
 
@@ -16,7 +15,7 @@ PATH = Path(__file__).parent / "interfaces.md"
 
 
 def text() -> str:
-    """The page as Markdown."""
+    """Return the page as Markdown."""
     lines = [
         "# Interfaces",
         "",
@@ -44,12 +43,15 @@ def text() -> str:
 
 
 def _as_in(role: type[Block], variable: Variable) -> bool:
-    """True where the role declares the variable alike; what needs it is each block's
-    own."""
+    """Return whether the role declares the variable alike.
+
+    `needed_by` may differ: it belongs to each block.
+    """
     return any(replace(variable, needed_by=v.needed_by) == v for v in role.variables)
 
 
 def _table(variables: list[Variable]) -> list[str]:
+    """Return the Markdown table of some variables."""
     if not variables:
         return ["No variables of its own."]
     rows = ["| variable | kind | unit | start | meaning |", "|---|---|---|---|---|"]
@@ -69,7 +71,7 @@ def _table(variables: list[Variable]) -> list[str]:
 
 
 def write() -> None:
-    """Write the page where it differs."""
+    """Write the page if its text has changed."""
     new = text()
     if not PATH.exists() or PATH.read_text(encoding="utf-8") != new:
         PATH.write_text(new, encoding="utf-8")

@@ -1,5 +1,7 @@
-"""What blocks, and Python files, compute, as a hash in which texts, layout and the
-place of a file do not count."""
+"""Hash what blocks and Python files compute.
+
+Texts, layout and the folder of a file do not affect the hash.
+"""
 
 from __future__ import annotations
 
@@ -16,8 +18,11 @@ COMPONENTS = Path(__file__).parents[1] / "components"
 
 
 def sources(which: str) -> list[Path]:
-    """The files of components/ that a block needs, found through its imports: of ours
-    itself first; one of the user's own is not among them."""
+    """Return the files of components/ that a block needs, found by its imports.
+
+    For a block of the project its own file comes first. A user's own block file is not
+    included.
+    """
     place = COMPONENTS / "blocks" / f"{own.identifier(which)}.py"
     todo, found = [place], list[Path]()
     if own.is_own(which):
@@ -36,7 +41,7 @@ def sources(which: str) -> list[Path]:
 
 @cache
 def _imported(path: Path, text: str) -> list[Path]:
-    """The files that a file with this text imports of its own package."""
+    """Return the files of its own package that a file with this text imports."""
     found = []
     for node in ast.walk(ast.parse(text)):
         if isinstance(node, ast.ImportFrom) and node.level:
@@ -53,9 +58,12 @@ def _imported(path: Path, text: str) -> list[Path]:
 
 
 def computed(which: str) -> dict[str, Any]:
-    """What a block computes: `computes`, its hash; the files that it is of, and the
-    hash of their bytes, by which it is told in a moment whether they are still the same
-    (`is_as`); those not of one of the user's own, whose file may be gone."""
+    """Return the index entry for what a block computes.
+
+    `computes` is its hash; `files` are its files and `files_sha256` is the hash of
+    their bytes, so that `is_as` can check quickly whether they are unchanged. A user's
+    own block has no such files in the entry, because its file may be gone.
+    """
     files = sources(which)
     if own.is_own(which):
         return {"computes": of_files([Path(which), *files])}
@@ -69,8 +77,7 @@ def computed(which: str) -> dict[str, Any]:
 
 
 def is_as(entry: dict[str, Any]) -> bool:
-    """Whether the files of a block are as they were when an entry of the index was
-    made."""
+    """Return whether a block's files are as they were when its entry was made."""
     files = [COMPONENTS / file for file in entry.get("files", ())]
     return (
         bool(files)
@@ -80,6 +87,7 @@ def is_as(entry: dict[str, Any]) -> bool:
 
 
 def _hashed(files: list[Path]) -> str:
+    """Compute the sha256 of the bytes of files."""
     digest = hashlib.sha256()
     for path in files:
         data = path.read_bytes()
@@ -88,8 +96,11 @@ def _hashed(files: list[Path]) -> str:
 
 
 def of_files(files: Iterable[Path], imports: bool = True) -> str:
-    """sha256 of what files define, whichever of them it is in: of Python the
-    definitions, of others (C, tables of numbers) the text."""
+    """Compute the sha256 of what files define, in whichever file it stands.
+
+    Python files count by their definitions, others (C, tables of numbers) by their
+    text.
+    """
     texts = ((p.suffix, p.read_text(encoding="utf-8")) for p in files)
     return _hash_of(
         {
@@ -101,14 +112,18 @@ def of_files(files: Iterable[Path], imports: bool = True) -> str:
 
 
 def _hash_of(said: Iterable[str]) -> str:
+    """Compute the sha256 of texts, independent of their order."""
     return hashlib.sha256("\0".join(sorted(said)).encode()).hexdigest()
 
 
 @cache
 def definitions(text: str, imports: bool = True) -> frozenset[str]:
-    """What a Python file defines: the syntax trees of its statements, without comments,
-    docstrings and layout. Of an import the names count, and the file's, not its folder;
-    none without `imports`, for files that are moved and renamed."""
+    """Return the syntax trees of a Python file's statements as texts.
+
+    Comments, docstrings and layout are left out. Of an import the names and the
+    module's file name count, but not its folder; without `imports` no import counts,
+    for files that are moved and renamed.
+    """
     tree = ast.parse(text)
     if imports:
         for node in ast.walk(tree):
@@ -123,8 +138,10 @@ def definitions(text: str, imports: bool = True) -> frozenset[str]:
 
 
 def _dump(node: Any, imports: bool) -> str:
-    """A syntax tree as a text that is the same for every version of Python: unlike
-    `ast.dump`, it leaves out every field that is empty."""
+    """Format a syntax tree as a text that is the same for every Python version.
+
+    Unlike `ast.dump`, it leaves out every empty field.
+    """
     if isinstance(node, list):
         kept = [
             x
@@ -139,8 +156,10 @@ def _dump(node: Any, imports: bool) -> str:
 
 
 def _is_aside(node: Any) -> bool:
-    """True for a statement that computes nothing: what is for types alone, and what is
-    only a text, as a docstring."""
+    """Return whether a statement computes nothing.
+
+    Such are statements for types alone and texts, as a docstring.
+    """
     if isinstance(node, ast.If):
         return isinstance(node.test, ast.Name) and node.test.id == "TYPE_CHECKING"
     return (
@@ -154,7 +173,7 @@ def _is_aside(node: Any) -> bool:
 
 
 class _Module:
-    """The top-level statements of a file, the names that they define, and its imports."""
+    """Top-level statements of a file, the names they define, and its imports."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
@@ -174,6 +193,7 @@ class _Module:
                 self._add(node)
 
     def _add_import(self, node: ast.Import | ast.ImportFrom) -> None:
+        """Record where each imported name comes from."""
         of = (node.module or "") if isinstance(node, ast.ImportFrom) else ""
         for alias in node.names:
             name = alias.asname or alias.name
@@ -198,6 +218,7 @@ class _Module:
                 )
 
     def _add(self, node: ast.stmt) -> None:
+        """Record a statement and the names that it defines."""
         place = len(self.statements)
         self.statements.append(node)
         names = _names_defined(node)
@@ -209,6 +230,7 @@ class _Module:
 
 @cache
 def _module(path: Path, _modified: int) -> _Module:
+    """Read a file once for each of its modification times."""
     return _Module(path)
 
 
@@ -230,7 +252,8 @@ def used_by(path: Path) -> set[str]:
     Parameters
     ----------
     path
-        A file of components/; all of it counts, of others what is used, directly or not.
+        A file of components/. All its definitions count; of other files those that are
+        used, directly or indirectly.
 
     Returns
     -------
@@ -260,20 +283,22 @@ def used_by(path: Path) -> set[str]:
 
 
 def _found(path: Path, name: str, attribute: str) -> list[tuple[_Module, int]]:
-    """Return the statements of a file that a name stands for; without one, all or an
-    attribute."""
+    """Return the statements of a file that define a name.
+
+    Without a name, `attribute` is searched for; where that is not found either, all
+    statements are returned.
+    """
     module = _module(path, path.stat().st_mtime_ns)
     wanted = name or attribute
     if wanted in module.defined:
         return [(module, place) for place in module.defined[wanted]]
-    if wanted in module.local:  # it hands on what it imports
+    if wanted in module.local:  # the module re-exports it
         return _found(*module.local[wanted], "")
     return [(module, place) for place in range(len(module.statements))]
 
 
 def _names_used(node: ast.AST) -> set[tuple[str, str]]:
-    """Return the names that a statement reads, each with the attribute that is taken of
-    it."""
+    """Return the names that a statement reads, each with the attribute read from it."""
     attributes = {
         id(x.value): x.attr
         for x in ast.walk(node)

@@ -1,9 +1,8 @@
-"""Native FMUs: a block's C, made from its Python, compiled with the FMI wrapper and
-packed.
+"""Build native FMUs: a block's C, compiled with the FMI wrapper and packed.
 
-They need no Python where they run, only libc and libm, and carry their sources. The
-same bits come out of them as of the Python FMUs on one machine; `translate` refuses
-what it cannot make so.
+The C is translated from the block's Python. Native FMUs need no Python where they run,
+only libc and libm, and carry their sources. On one machine they give the same bits as
+the Python FMUs; `translate` refuses what it cannot make so.
 """
 
 from __future__ import annotations
@@ -34,9 +33,10 @@ from .translate.types import SubsetError
 
 HERE = Path(__file__).parent
 WRAPPER = HERE / "c"
+# C files that every library has besides its block; they implement both FMI 2.0 and FMI
+# 3.0
 UNITS = tuple(sorted(p.stem for p in WRAPPER.glob("*.c")))
-"""What all libraries have beside their block: each has both faces, FMI 2.0 and FMI 3.0.
-"""
+# The arithmetic flags make the bits equal; they do not hinder the optimiser.
 FLAGS = (
     "-std=c11",
     "-O3",
@@ -50,20 +50,18 @@ FLAGS = (
     "-Werror=incompatible-pointer-types",
     "-Werror=int-conversion",
 )
-"""Those about arithmetic are what makes the bits equal; they stand in no optimiser's
-way."""
+# The only list of blocks that stay Python, with the reason. Any other block is native,
+# or `make check` fails.
 PINNED = {
     "environment_tle": "SGP4 is the package sgp4's",
 }
-"""Blocks that stay Python, and why: the one list of them. Any other is native, or
-`make check` fails."""
 
 LINK = ("-shared", "-s", "-Wl,--build-id=none", "-Wl,-z,defs")
 
 
 @cache
 def compiler_version() -> str:
-    """The first line that the compiler says of itself."""
+    """Return the first line of the compiler's version text."""
     done = subprocess.run(
         [*compiler(), "--version"], capture_output=True, text=True, check=True
     )
@@ -71,20 +69,23 @@ def compiler_version() -> str:
 
 
 def platform() -> str:
-    """FMI's name of this machine's platform."""
+    """Return FMI's name of this machine's platform."""
     system = {"linux": "linux", "darwin": "darwin", "win32": "win"}[sys.platform]
     return f"{system}{64 if sys.maxsize > 2**32 else 32}"
 
 
 def library_suffix() -> str:
-    """What a shared library's name ends in here."""
+    """Return the suffix of shared libraries on this machine."""
     return {"linux": ".so", "darwin": ".dylib", "win32": ".dll"}[sys.platform]
 
 
 @dataclass(frozen=True)
 class Target:
-    """What a library is made for: FMI's name of the platform, and zig's of the target;
-    without one it is made by this machine's compiler."""
+    """A platform that libraries are compiled for.
+
+    It has FMI's name of the platform and zig's name of the target (`triple`). Without
+    `triple` this machine's compiler is used.
+    """
 
     platform: str
     suffix: str
@@ -93,11 +94,13 @@ class Target:
 
     @property
     def compiler(self) -> tuple[str, ...]:
-        """The command. Raises NoCompilerError."""
+        """Return the compiler's command, or raise NoCompilerError."""
         return (*zig(), "-target", self.triple) if self.triple else compiler()
 
 
 HERE_ALONE = Target(platform(), library_suffix(), link=LINK)
+# Platforms that the package ziglang compiles for; linux64 runs with glibc from 2012 on
+# (2.17).
 EVERYWHERE = (
     Target("linux64", ".so", "x86_64-linux-gnu.2.17", LINK),
     Target("win64", ".dll", "x86_64-windows-gnu"),
@@ -105,14 +108,24 @@ EVERYWHERE = (
     Target("darwin64", ".dylib", "aarch64-macos"),
     Target("aarch64-linux", ".so", "aarch64-linux-gnu.2.17", LINK),
 )
-"""All platforms that the package ziglang makes libraries for; linux64 for glibc from
-2012 on."""
 _PAGE = 1 << 14
 
 
 def targets_of(platforms: str) -> tuple[Target, ...]:
-    """The targets that platforms name: nothing for this machine, `all`, or names with
-    commas. Raises NoCompilerError, ValueError for another name."""
+    """Return the targets that a list of platforms names.
+
+    Parameters
+    ----------
+    platforms
+        "" for this machine, "all", or names separated by commas.
+
+    Raises
+    ------
+    NoCompilerError
+        If the package ziglang is missing and other platforms are named.
+    ValueError
+        If a platform is unknown.
+    """
     if not platforms:
         return (HERE_ALONE,)
     zig()
@@ -124,8 +137,13 @@ def targets_of(platforms: str) -> tuple[Target, ...]:
 
 
 def made_of(targets: Sequence[Target] = (HERE_ALONE,)) -> bytes:
-    """A digest of all that native FMUs are made of beside their blocks; raises
-    NoCompilerError."""
+    """Compute a digest of what native FMUs are made of besides their blocks.
+
+    Raises
+    ------
+    NoCompilerError
+        If there is no C compiler.
+    """
     by = (
         [compiler_version()]
         if HERE_ALONE in targets
@@ -139,16 +157,24 @@ def made_of(targets: Sequence[Target] = (HERE_ALONE,)) -> bytes:
 
 
 def sources(which: str) -> tuple[dict[str, str], str]:
-    """The C files of a block by their name, and the guid that they give; raises
-    SubsetError."""
+    """Return the C files of a block by name, and the GUID that they give.
+
+    Raises
+    ------
+    SubsetError
+        If the block leaves the subset.
+    """
     block, name = block_class(which), identifier(which)
     described = model_description(block, name, "", DATE, version("desat"))
     return with_wrapper({f"{name}.c": translate(block, name, "@GUID@")}, described)
 
 
 def with_wrapper(own: dict[str, str], described: bytes) -> tuple[dict[str, str], str]:
-    """C files, one of which has `@GUID@` for its guid, with those of the wrapper, and
-    the guid that they and a model description without one give."""
+    """Add the wrapper's files to C files, put the GUID in, and return both.
+
+    `own` are C files, one of which has `@GUID@` in place of its GUID. The GUID follows
+    from the files and a model description without one.
+    """
     files = {
         p.name: p.read_text(encoding="utf-8") for p in sorted(WRAPPER.iterdir())
     } | own
@@ -160,6 +186,7 @@ def with_wrapper(own: dict[str, str], described: bytes) -> tuple[dict[str, str],
     return {file: text.replace("@GUID@", guid) for file, text in files.items()}, guid
 
 
+# messages of compilers that cannot write, and the error number of each
 _NO_ROOM = {
     "No space left on device": errno.ENOSPC,
     "NoSpaceLeft": errno.ENOSPC,
@@ -168,18 +195,20 @@ _NO_ROOM = {
     "FileTooBig": errno.EFBIG,
     "File size limit exceeded": errno.EFBIG,
 }
-"""What compilers say where they cannot write, and the number of that error."""
 
 
 def check_room(said: str, what: str) -> None:
-    """Raise OSError, with `what` as its file, if a compiler says that it has no room to
-    write."""
+    """Raise OSError if a compiler's message says that the disk is full.
+
+    `what` is the error's file.
+    """
     for text, number in _NO_ROOM.items():
         if text in said:
             raise OSError(number, os.strerror(number), what)
 
 
 def _run(command: list[str], folder: Path) -> None:
+    """Run a compiler, or raise an error with its message."""
     done = subprocess.run(
         command, cwd=folder, capture_output=True, text=True, check=False
     )
@@ -189,7 +218,7 @@ def _run(command: list[str], folder: Path) -> None:
 
 
 def compile_wrapper(shared: Path, targets: Sequence[Target] = (HERE_ALONE,)) -> None:
-    """Compile what all blocks share, into a folder."""
+    """Compile the files that all blocks share into the folder `shared`."""
     for target in targets:
         folder = shared / target.triple
         folder.mkdir(exist_ok=True)
@@ -208,8 +237,11 @@ def compile_block(
     shared: Path,
     target: Target = HERE_ALONE,
 ) -> Path:
-    """Compile the C of a block, or of a loop of blocks, and link it with what
-    `compile_wrapper` has put into `shared`; the library, in `folder`."""
+    """Compile the C of a block or of a loop of blocks and return its library.
+
+    It is linked with the objects that `compile_wrapper` has put into `shared`; the
+    library is in `folder`.
+    """
     shared_objects = [f"{unit}.o" for unit in UNITS]
     for file in shared_objects:
         shutil.copy(shared / target.triple / file, folder / file)
@@ -221,6 +253,7 @@ def compile_block(
     units = [file.removesuffix(".c") for file in own if file.endswith(".c")]
 
     def one(unit: str) -> None:
+        """Compile one C file."""
         _run([*target.compiler, *FLAGS, "-c", f"{unit}.c", "-o", f"{unit}_.o"], folder)
 
     with ThreadPoolExecutor(os.cpu_count()) as pool:
@@ -236,8 +269,23 @@ def build(
 ) -> Path:
     """Build the native FMU of a block and return its path.
 
-    `which`: one of ours by its name, or a file of the user's own. `shared`: a folder in
-    which `compile_wrapper` has been. Raises SubsetError, NoCompilerError.
+    Parameters
+    ----------
+    which
+        Name of a block of the project, or a user's own file.
+    dist
+        Folder of the FMU.
+    shared
+        Folder that `compile_wrapper` has filled.
+    targets
+        Platforms to compile for.
+
+    Raises
+    ------
+    SubsetError
+        If the block leaves the subset.
+    NoCompilerError
+        If there is no C compiler.
     """
     files, guid = sources(which)
     block, name = block_class(which), identifier(which)
@@ -259,8 +307,30 @@ def assemble(
     file: Path,
     targets: Sequence[Target] = (HERE_ALONE,),
 ) -> Path:
-    """Compile and pack a native FMU: its C files by their name, its model description,
-    its page as HTML. Raises NoCompilerError."""
+    """Compile and pack a native FMU and return its path.
+
+    Parameters
+    ----------
+    files
+        C files by their name.
+    name
+        Name of the FMU.
+    described
+        Model description as XML.
+    page
+        Documentation as HTML.
+    shared
+        Folder that `compile_wrapper` has filled.
+    file
+        Path of the FMU.
+    targets
+        Platforms to compile for.
+
+    Raises
+    ------
+    NoCompilerError
+        If there is no C compiler.
+    """
     made: dict[str, list[bytes]] = {}
     for target in targets:
         with tempfile.TemporaryDirectory() as folder:
@@ -278,7 +348,7 @@ def assemble(
 
 
 def undated(library: bytes) -> bytes:
-    """A library without the time when it was linked, which those of Windows have."""
+    """Return a library with its link time set to zero, which Windows ones have."""
     if library[:2] != b"MZ":
         return library
     (header,) = struct.unpack_from("<I", library, 60)
@@ -286,8 +356,10 @@ def undated(library: bytes) -> bytes:
 
 
 def universal(binaries: Sequence[bytes]) -> bytes:
-    """Libraries of macOS for several processors as one, each on a page of its own; a
-    single one as it is."""
+    """Join macOS libraries for several processors to one, each on its own page.
+
+    A single library is returned unchanged.
+    """
     if len(binaries) == 1:
         return binaries[0]
     at = _PAGE
@@ -306,7 +378,7 @@ def universal(binaries: Sequence[bytes]) -> bytes:
 def tried(
     which: str, dist: Path, shared: Path, targets: Sequence[Target] = (HERE_ALONE,)
 ) -> str:
-    """Build the native FMU of a block; why there is none, or nothing."""
+    """Build the native FMU of a block; return the reason if there is none, or ""."""
     if which in PINNED:
         return PINNED[which]
     try:
@@ -326,8 +398,10 @@ def tried(
 
 
 def pack(members: dict[str, bytes], target: Path) -> Path:
-    """Write an archive: entries sorted, deflated, dated 1980, so that equal contents
-    are equal."""
+    """Write an archive whose bytes follow from its contents alone.
+
+    Entries are sorted, deflated and dated 1980.
+    """
     part = target.with_name(f"{target.name}.{os.getpid()}.part")
     with zipfile.ZipFile(part, "w", zipfile.ZIP_DEFLATED, compresslevel=9) as archive:
         for member, data in sorted(members.items()):

@@ -1,8 +1,8 @@
-"""A block file of the user's own: one Python file, anywhere, that holds one block.
+"""Read a user's own block: one Python file, anywhere, that holds one block.
 
-It is written as those of components/blocks/ are, with absolute imports
-(`from desat.components.contract.roles import Manager`); in an FMU it stands among the
-others, and imports them as they do each other.
+It is written like the files of components/blocks/, with absolute imports
+(`from desat.components.contract.roles import Manager`). In an FMU it stands among these
+files and imports their modules as they do.
 """
 
 from __future__ import annotations
@@ -29,18 +29,24 @@ _OURS = "desat.components."
 
 
 class OwnBlockError(Exception):
-    """A file that cannot be a block: the text names file, line, and what to write
-    instead."""
+    """A file that cannot be a block; the text gives file, line and a replacement."""
 
 
 def is_own(which: str) -> bool:
-    """Whether a block is called by its file, not by the name of one of ours."""
+    """Return whether a block is given by its file, not by a name of the project."""
     return which.endswith(SUFFIX)
 
 
 def identifier(which: str) -> str:
-    """The name of a block and of its FMU: a name of ours, or that of a file without its
-    suffix. Raises OwnBlockError where it cannot be one."""
+    """Return the name of a block and of its FMU.
+
+    It is a name of the project, or the name of the file without its suffix.
+
+    Raises
+    ------
+    OwnBlockError
+        If the file's name cannot be a name in C, or a block of the project has it.
+    """
     if not is_own(which):
         return which
     file = Path(which)
@@ -58,8 +64,15 @@ def identifier(which: str) -> str:
 
 
 def shipped(which: str) -> str:
-    """The text of a block file as it stands among ours in an FMU, line by line the
-    same. Raises OwnBlockError for an import that cannot go with it."""
+    """Return the text of a block file as an FMU holds it, line by line the same.
+
+    Imports of `desat.components` become relative.
+
+    Raises
+    ------
+    OwnBlockError
+        If the file has an import that an FMU cannot resolve.
+    """
     path = Path(which)
     text = _text(path)
     lines = text.splitlines(keepends=True)
@@ -114,8 +127,13 @@ def _importable(name: str, path: Path, at: str) -> None:
 
 
 def block_class(which: str) -> type[Block]:
-    """The block that a file holds. Raises OwnBlockError where it is not one, and as
-    `shipped`."""
+    """Return the block class that a file holds.
+
+    Raises
+    ------
+    OwnBlockError
+        If the file does not hold exactly one complete block, or as in `shipped`.
+    """
     path = Path(which)
     name = identifier(which)
     shipped(which)
@@ -172,14 +190,17 @@ def block_class(which: str) -> type[Block]:
 
 
 def unassigned(block: type[Block]) -> list[str]:
-    """The outputs of a block that keep their start value for ever, a line each: those
-    that neither `start` nor `output` (of a state), `advance` (of an interval output),
-    or what these call, assign; and those that `start` alone does, where another name
-    that is nearest to theirs is assigned and not declared."""
+    """Return a line for each output of a block that keeps its start value for ever.
+
+    A state output must be assigned by `output`, an interval output by `advance`, or by
+    methods that these call. An output assigned in `start` alone is reported only where
+    a similar name is assigned that is not declared. The list is empty where `setattr`
+    or `vars` hides assignments.
+    """
     declared = {v.name for v in block.variables}
     begun, *rest = (_assigned(block, name) for name in ("start", "output", "advance"))
     if any("*" in names for names in (begun, *rest)):
-        return []  # by setattr or vars: it cannot be told
+        return []  # setattr or vars: assignments cannot be found
     strange = {n for names in (begun, *rest) for n in names if n[0] != "_"} - declared
     lines = []
     for v in block.variables:
@@ -196,8 +217,10 @@ def unassigned(block: type[Block]) -> list[str]:
 
 
 def _assigned(block: type[Block], method: str) -> set[str]:
-    """The attributes of `self` that a method and what it calls of the block assign; `*`
-    where some are by setattr or vars."""
+    """Return the attributes of `self` that a method and the methods it calls assign.
+
+    `*` is among them where setattr or vars is used.
+    """
     mro, found = block.__mro__[:-1], set[str]()
     seen, todo = set[Any](), [(method, mro)]
     while todo:
@@ -224,6 +247,7 @@ def _assigned(block: type[Block], method: str) -> set[str]:
 
 
 def _text(path: Path) -> str:
+    """Read a block file, or raise OwnBlockError."""
     try:
         return path.read_text(encoding="utf-8")
     except (OSError, ValueError) as error:
@@ -232,6 +256,7 @@ def _text(path: Path) -> str:
 
 
 def _tree(path: Path, text: str) -> ast.Module:
+    """Parse a block file, or raise OwnBlockError with the line."""
     try:
         return ast.parse(text)
     except (SyntaxError, ValueError) as error:

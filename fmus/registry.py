@@ -1,4 +1,4 @@
-"""The blocks that there are: every module of `components.blocks` holds one."""
+"""List the blocks of the project: every module of `components.blocks` holds one."""
 
 from __future__ import annotations
 
@@ -15,20 +15,31 @@ from . import own
 
 @cache
 def names() -> tuple[str, ...]:
-    """The names of all blocks, sorted; the name of a block is that of its file and its
-    FMU."""
+    """Return the sorted names of all blocks.
+
+    The name of a block is that of its file and of its FMU.
+    """
     return tuple(sorted(m.name for m in pkgutil.iter_modules(blocks.__path__)))
 
 
 def block_class(which: str) -> type[Block]:
-    """The block of a name, or of a file of the user's own. Raises KeyError for an
-    unknown name, TypeError where a file of the folder does not hold exactly one block,
-    OwnBlockError."""
+    """Return the class of a block, given by name or by a user's own file.
+
+    Raises
+    ------
+    KeyError
+        If no block has this name.
+    TypeError
+        If a file of components/blocks does not hold exactly one block.
+    OwnBlockError
+        If the user's own file is no block.
+    """
     return own.block_class(which) if own.is_own(which) else _ours(which)
 
 
 @cache
 def _ours(name: str) -> type[Block]:
+    """Import a block of the project by its name."""
     if name not in names():
         raise KeyError(name)
     module = importlib.import_module(f"desat.components.blocks.{name}")

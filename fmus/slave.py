@@ -1,16 +1,16 @@
-"""The FMI 2.0 adapter: everything between pythonfmu and a block, for every block.
+"""Adapt a block to FMI 2.0: everything between pythonfmu and any block.
 
-An FMU carries this file, the block and what the block imports, in a package of a name
-of its own. Nothing here knows what a block computes; a block knows nothing of this
-file.
+An FMU carries this file, the block and the modules that the block imports, in a package
+of a name of its own. Nothing here depends on what a block computes, and no block refers
+to this file.
 
-Noise is keyed by the instance's name: a master that names instances otherwise than the
-system names its components gets other streams, of the same statistics.
+Noise is keyed by the name of the instance. A master that names instances differently
+from the system's components gets other streams with the same statistics.
 
-Two rules of pythonfmu's library shape it: an exception that leaves an entry point takes
-the host down, so none does (it becomes a log message, the output `fault`, and `do_step`
-returning False); and each instantiation releases the entry module's globals once too
-often, so each instance adds a reference.
+Two rules of pythonfmu's library shape this file. An exception that leaves an entry
+point would end the host, so none does: it becomes a log message, the output `fault`,
+and `do_step` returns False. Each instantiation releases the globals of the entry module
+once too often, so each instance adds a reference.
 """
 
 from __future__ import annotations
@@ -33,8 +33,10 @@ _Selection = tuple[list[int], Any, bool]
 
 
 class Slave(Fmi2Slave):  # type: ignore[misc]
-    """A block behind FMI. The entry script of an FMU derives from it and sets
-    `block_class`."""
+    """A block behind FMI.
+
+    The entry script of an FMU derives from it and sets `block_class`.
+    """
 
     block_class: ClassVar[Any]
 
@@ -56,12 +58,13 @@ class Slave(Fmi2Slave):  # type: ignore[misc]
         self._writing = dict(self._reading)
 
     def model_identifier(self) -> str:
-        """The FMU's name; the entry script overrides it."""
+        """Return the FMU's name; the entry script overrides it."""
         return type(self).__name__
 
     # --- failures ---------------------------------------------------------------------
 
     def _fail(self, what: str, error: BaseException | str) -> None:
+        """Set `fault` and log an error."""
         self._block.fault = True
         text = error if isinstance(error, str) else f"{type(error).__name__}: {error}"
         self.log(f"{self.instance_name}: {what}: {text}", Fmi2Status.error)
@@ -71,12 +74,14 @@ class Slave(Fmi2Slave):  # type: ignore[misc]
     def setup_experiment(
         self, start_time: float, stop_time: Any, tolerance: Any
     ) -> None:
+        """Set the start time (s)."""
         if self._phase != _INSTANTIATED:
             self._fail("set up the experiment", RuntimeError("it has begun"))
             return
         self._time = start_time
 
     def enter_initialization_mode(self) -> None:
+        """Enter initialisation mode."""
         if self._phase != _INSTANTIATED:
             self._fail("enter initialisation", RuntimeError("it was entered before"))
             return
@@ -84,23 +89,27 @@ class Slave(Fmi2Slave):  # type: ignore[misc]
         self._stale = True
 
     def exit_initialization_mode(self) -> None:
+        """Compute the outputs at the start and enter step mode."""
         self._stale = self._stale or self._unstarted
         self._refresh(ends=True)
         self._phase = _STEPPING
 
     def terminate(self) -> None:
+        """End the simulation; a second call fails."""
         if self._phase == _TERMINATED:
             self._fail("terminate", RuntimeError("it was before"))
         self._phase = _TERMINATED
 
     def _refresh(self, ends: bool = False) -> None:
-        """Initialisation mode: bring the outputs up to date with inputs and parameters;
-        that the block cannot start is logged when the mode ends: until then inputs may
-        not have arrived."""
+        """Update the outputs in initialisation mode from inputs and parameters.
+
+        A failing start is logged only when the mode ends, because inputs may arrive
+        until then.
+        """
         if not self._stale or self._phase != _INITIALISING:
             return
         self._stale = False
-        if self._unstarted:  # the inputs may have settled meanwhile
+        if self._unstarted:  # the inputs may be complete by now
             self._block.fault = self._unstarted = False
         try:
             self._block.check()
@@ -113,6 +122,7 @@ class Slave(Fmi2Slave):  # type: ignore[misc]
                 self._fail("start", error)
 
     def do_step(self, current_time: float, step_size: float) -> bool:
+        """Advance the block by `step_size` (s); return False where that fails."""
         if self._block.fault:
             return False
         try:
@@ -136,7 +146,7 @@ class Slave(Fmi2Slave):  # type: ignore[misc]
     # --- values -----------------------------------------------------------------------
 
     def _select(self, vrs: list[int], kind: str) -> _Selection:
-        """Raises TypeError where a variable is not of type `kind`."""
+        """Return access to variables of one type, or raise TypeError."""
         found = [self._scalars[vr][0] for vr in vrs]
         for vr, variable in zip(vrs, found, strict=True):
             if variable.type != kind:
@@ -148,6 +158,7 @@ class Slave(Fmi2Slave):  # type: ignore[misc]
         )
 
     def _get(self, vrs: list[int], kind: str, failed: Any) -> list[Any]:
+        """Return values, or `failed` for each where reading fails."""
         try:
             if self._stale:
                 self._refresh()
@@ -160,10 +171,12 @@ class Slave(Fmi2Slave):  # type: ignore[misc]
             return [failed] * len(vrs)
 
     def _name_of(self, vr: int) -> str:
+        """Return the name of the element with a value reference."""
         variable, index = self._scalars[vr]
         return str(variable.elements()[index or 0])
 
     def _set(self, vrs: list[int], values: list[Any], kind: str) -> None:
+        """Write values; log an error for an output, nan, or a fixed parameter."""
         try:
             known, access, parameter = self._writing[kind]
             if vrs != known:
@@ -217,6 +230,7 @@ class Slave(Fmi2Slave):  # type: ignore[misc]
     # --- state ------------------------------------------------------------------------
 
     def _get_fmu_state(self) -> dict[str, Any]:
+        """Return the state: phase, time (s) and all values of the block."""
         return {
             "phase": self._phase,
             "time": self._time,
@@ -225,6 +239,7 @@ class Slave(Fmi2Slave):  # type: ignore[misc]
         }
 
     def _set_fmu_state(self, state: dict[str, Any]) -> None:
+        """Restore a state, or log an error."""
         try:
             values = {name: _frozen(x) for name, x in state["values"].items()}
             self._phase, self._time, self._stale = (
@@ -250,14 +265,17 @@ class Slave(Fmi2Slave):  # type: ignore[misc]
 
 
 def _name(instance: str) -> str:
-    """The instance's name, by which noise is keyed; of a path, as Ecos gives, the
-    file's stem."""
+    """Return the name of the instance, by which noise is keyed.
+
+    Of a path, which Ecos gives, it is the stem of the file.
+    """
     if not instance.endswith(".fmu"):
         return instance
     return instance.replace("\\", "/").rpartition("/")[2].removesuffix(".fmu")
 
 
 def _frozen(value: Any) -> Any:
+    """Return a value with all its lists as tuples."""
     return (
         tuple(_frozen(x) for x in value) if isinstance(value, (list, tuple)) else value
     )

@@ -1,8 +1,8 @@
-"""`python -m desat.fmus.subset`: hold the blocks to what translates to C.
+"""`python -m desat.fmus.subset`: check that the blocks translate to C.
 
-Every block is translated; what leaves the subset is told with its place and what to
-write instead. Blocks that stay Python are in `native.PINNED`; one that is there and
-translates is an error, too.
+Every block is translated; what leaves the subset is reported with its place and a
+replacement. Blocks that stay Python are listed in `native.PINNED`; a pinned block that
+does translate is an error, too.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from .translate.types import SubsetError
 
 
 def problems() -> list[str]:
-    """A line a block that leaves the subset, and a line a pinned one that need not be."""
+    """Return a line for each block that leaves the subset or is pinned needlessly."""
     lines = [
         f"fmus/native.py: PINNED has {name}, which is no block"
         for name in PINNED
@@ -39,7 +39,7 @@ def problems() -> list[str]:
 
 
 def main() -> int:
-    """Print what leaves the subset; 1 where something does."""
+    """Print what leaves the subset and return the exit code, 1 if anything does."""
     lines = problems()
     print(
         "\n".join(lines)

@@ -1,10 +1,10 @@
-"""Runs systems of FMUs: scenarios, SSP, check, master, results, command line.
+"""Run systems of FMUs: scenarios, SSP, check, master, results, command line.
 
 `new`, `scenario`, `run`, `size`, `compare`, `tune`, `draws`, `cases`, `load` and
-`tables` do what the commands do, with their options, and return objects; `prepare`,
-`simulate`, `Options`, `Case` and `Run` are what they are made of. What they import is
-imported when they are called. Bad input raises `desat.system.errors.DesatError` with
-one line for people.
+`tables` do the same as the commands, with their options, and return objects; `prepare`,
+`simulate`, `Options`, `Case` and `Run` are the parts they use. Their imports are made
+when they are called. Wrong input raises `desat.system.errors.DesatError` with a text of
+one line for the user.
 """
 
 from __future__ import annotations
@@ -48,6 +48,7 @@ __all__ = [
     "tables",
     "tune",
 ]
+# modules of public names that are imported at first use
 _AT = {
     "Case": "runs.prepare",
     "prepare": "runs.prepare",
@@ -56,7 +57,6 @@ _AT = {
     "Options": "system.options",
     "tables": "papers.tables",
 }
-"""Where a public name is, which is imported when it is asked for."""
 
 
 def __dir__() -> list[str]:
@@ -65,7 +65,13 @@ def __dir__() -> list[str]:
 
 
 def __getattr__(name: str) -> Any:
-    """A public name that is not here."""
+    """Import a public name that is defined in another module.
+
+    Raises
+    ------
+    AttributeError
+        If there is no such name, or its package is not installed.
+    """
     if name not in _AT:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     from importlib import import_module
@@ -93,16 +99,38 @@ def run(
 ) -> Run:
     """Run a system and return its manifest and series.
 
-    `target`: a scenario's name, a scenario file (.toml), an .ssp, an .ssd or a folder
-    with one. `sets`: "component.variable" -> value in SI: a number, a choice's name, a
-    list (an array, rows in lists). `stop`: seconds, or "2 orbits"; `step`: seconds.
-    `folder`: where manifest and series are written; None keeps the series in memory.
-    `options`: further fields of `desat.Options`.
+    Parameters
+    ----------
+    target
+        A scenario's name, a scenario file (.toml), an .ssp, an .ssd or a folder with
+        one.
+    sets
+        "component.variable" -> value in SI: a number, a choice's name, or a list (an
+        array, rows in lists).
+    stop
+        Stop time in seconds, or "2 orbits".
+    step
+        Step in seconds.
+    folder
+        Folder for manifest and series; None: the series stay in memory.
+    **options
+        Further fields of `desat.Options`.
 
-    `.numbers` is a pandas frame of the scenario's numbers: title, value, unit, limit,
-    met; `.data` an xarray Dataset of the series; `.plot("momentum")` a figure. As a
-    mapping `.manifest` is the run's JSON file.
+    Returns
+    -------
+    Run
+        `.numbers` is a pandas frame of the scenario's numbers: title, value, unit,
+        limit, met. `.data` is an xarray Dataset of the series, and `.plot("momentum")`
+        a figure. As a mapping `.manifest` is the run's JSON file.
 
+    Raises
+    ------
+    DesatError
+        If the input is wrong. A component that fails ends the run early instead: see
+        `.ok` and `.manifest.message`; `.or_raise(name)` raises it as a RunError.
+
+    Examples
+    --------
     >>> run = run("nadir_day/day-dipole", {"manager.gain": 2e-3}, stop="0.1 orbit")
     >>> run.ok
     True
@@ -110,9 +138,6 @@ def run(
     'deg'
     >>> run.data["wheels.h_wheel"].dims
     ('time', 'wheel')
-
-    Raises DesatError for wrong input. A component that fails ends the run early: see
-    `.ok`, `.manifest.message`; `.or_raise(name)` makes a RunError of that.
     """
     from pathlib import Path
 
@@ -129,16 +154,36 @@ def run(
 def new(
     folder: str | PathLike[str], *, force: bool = False, **facts: Unpack[Facts]
 ) -> Path:
-    """Begin a craft, as `desat new craft` does, and return its folder; `facts` are its
-    options as texts. What is not given is typical of the craft's class.
+    """Write a new craft, as `desat new craft` does, and return its folder.
 
+    Parameters
+    ----------
+    folder
+        Folder of the craft.
+    force
+        Write into a folder that exists.
+    **facts
+        Options of `desat new craft`, as texts. Values that are not given are typical of
+        the craft's class.
+
+    Returns
+    -------
+    Path
+        The folder.
+
+    Raises
+    ------
+    DesatError
+        If the facts are unknown or impossible, or the folder exists and `force` is
+        False.
+
+    Examples
+    --------
     >>> import tempfile
     >>> with tempfile.TemporaryDirectory() as here:
     ...     craft = new(f"{here}/my12u", size="12U", altitude="400km", rods="0.2")
     ...     sorted(p.name for p in craft.iterdir())
     ['craft.toml', 'detumbling.toml', 'nominal.toml', 'worst.toml']
-
-    Raises DesatError for what cannot be, and for a folder that exists, unless `force`.
     """
     import shlex
     from pathlib import Path
@@ -159,13 +204,27 @@ def new(
 
 
 def scenario(target: str | PathLike[str]) -> DataFrame:
-    """The values of a scenario as merged, by their keys: `value`, the file that it is
-    `from` and the axis' `cell`, as `desat show` prints them.
+    """Return the values of a scenario as merged, as `desat show` prints them.
 
+    Parameters
+    ----------
+    target
+        A scenario's name or file, or a craft's folder.
+
+    Returns
+    -------
+    DataFrame
+        By key: `value`, the file that it is `from`, and the `cell` of the axes.
+
+    Raises
+    ------
+    DesatError
+        If there is no such scenario.
+
+    Examples
+    --------
     >>> scenario("nadir_day/day-dipole").loc["stop", "value"]
     86400.0
-
-    Raises DesatError where there is none.
     """
     from pandas import DataFrame
 
@@ -186,20 +245,41 @@ def size(
     margin: float = 1.3,
     **options: Unpack[RunOptions],
 ) -> Sizing | DumpSizing:
-    """Size a craft, as `desat size` does: its `answer` is a sentence, `as_json()` all
-    of it. A craft that dumps by thrusters between thresholds gives a `DumpSizing`, any
-    other a `Sizing`.
+    """Size a craft, as `desat size` does.
 
-    `year`: other days of a year, too; `laws`: other laws, too; `flown`: the closed loop
-    beside; `duty` (1) and `margin` (1): what rods are recommended for. The rest as for
-    `run`.
+    Parameters
+    ----------
+    target, sets, stop, **options
+        As for `run`.
+    year
+        Size for other days of a year, too.
+    laws
+        Size for other laws than the craft's own, too.
+    flown
+        Fly the closed loop with the sizes that count.
+    duty
+        Duty of the coils (1) for which rods are recommended.
+    margin
+        Margin of the recommended rods (1).
 
+    Returns
+    -------
+    Sizing or DumpSizing
+        A `DumpSizing` for a craft that dumps by thrusters between thresholds, otherwise
+        a `Sizing`. Its `answer` is a sentence; `as_json()` returns everything.
+
+    Raises
+    ------
+    DesatError
+        If the craft lacks data that this needs.
+    RunError
+        If a run does not complete.
+
+    Examples
+    --------
     >>> sized = size("nadir_day/day-dipole", stop="2 orbits", year=False, laws=False, flown=False)
     >>> sized.answer
     'nadir_day/day-dipole: rods of 0.168 A m2 are recommended: they hold ...'
-
-    Raises DesatError for a craft without what it takes, RunError where a run does not
-    complete.
     """
     from .sizing import dumps, sizing
     from .sizing.requirements import SizingRequirements
@@ -220,16 +300,38 @@ def compare(
     step: float | None = None,
     **options: Unpack[RunOptions],
 ) -> Comparison | Ranking:
-    """Hold scenarios (flown now) and run folders against the first, as `desat compare`
-    does; or, with `laws`, fly one craft law by law: "all", names of laws, or files of
-    your own. `by`: what laws are ranked by, "peak,duty". The rest as for `run`.
-    `.numbers` is a pandas frame.
+    """Compare scenarios and run folders with the first, or the laws of one craft.
 
+    It does what `desat compare` does; scenarios fly now.
+
+    Parameters
+    ----------
+    *targets
+        Scenarios and run folders; with `laws` one craft.
+    laws
+        "all", names of laws, or files of your own: the craft flies law by law.
+    by
+        Criteria by which laws are ranked, as "peak,duty".
+    sets, stop, step, **options
+        As for `run`.
+
+    Returns
+    -------
+    Comparison or Ranking
+        A `Ranking` with `laws`. `.numbers` is a pandas frame.
+
+    Raises
+    ------
+    DesatError
+        If the input is wrong.
+    RunError
+        If a run does not complete.
+
+    Examples
+    --------
     >>> compared = compare("nadir_day/day-dipole", "nadir_day/day-igrf", stop=600.0)
     >>> list(compared.numbers.columns[2:])
     ['nadir_day/day-dipole', 'nadir_day/day-igrf', 'less nadir_day/day-igrf']
-
-    Raises DesatError for wrong input, RunError where a run does not complete.
     """
     from .studies import compare as study
     from .system.errors import DesatError
@@ -269,12 +371,45 @@ def tune(
     step: float | None = None,
     **options: Unpack[RunOptions],
 ) -> Tuned:
-    """Find the value of `component.parameter` with the least (`most`: the largest)
-    median of a number over `count` samples, judged by `unseen` others, as `desat tune`
-    does. `.best` is it, `.answer` a sentence. `jobs` as for `draws`; the rest as for
-    `run`.
+    """Find the best value of a parameter over random samples, as `desat tune` does.
 
-    Raises DesatError for what there is not, RunError where a run does not complete.
+    The median of a number over `count` samples is minimised, and `unseen` other samples
+    test the result.
+
+    Parameters
+    ----------
+    target
+        As for `run`.
+    parameter
+        The parameter, `component.parameter`.
+    number
+        Name of the number.
+    most
+        Maximise the number instead.
+    between
+        Range of the parameter.
+    count
+        Number of samples for tuning.
+    unseen
+        Number of samples that test the result.
+    seed
+        Seed of the samples.
+    jobs
+        Number of processes, as for `draws`.
+    sets, stop, step, **options
+        As for `run`.
+
+    Returns
+    -------
+    Tuned
+        `.best` is the value, `.answer` a sentence.
+
+    Raises
+    ------
+    DesatError
+        If the target, the parameter or the number is unknown.
+    RunError
+        If a run does not complete.
     """
     from .studies import tune as study
     from .system.options import of_program
@@ -295,17 +430,30 @@ def tune(
 
 
 def load(folder: str | PathLike[str], *, curves: bool = False) -> Dataset:
-    """The results in a run's or a campaign's folder, also of one that was killed, as an
-    xarray Dataset that is read where it is looked at.
+    """Load the results in a run's or a campaign's folder, also of one that was killed.
 
-    Of a run: `ds["wheels.h_wheel"]` over `time` and `wheel`, vectors over `axis`, means
-    over steps over `interval`, with units, frame, description and choices as
-    attributes; `ds.attrs` has scenario, epoch, versions, numbers and the manifest, as
-    JSON. Of a campaign: `in.*` and `out.*` over `case`, a row each in
-    `ds.to_dataframe()`; `curves`: instead, the envelopes of its curves over `case` and
-    `part`.
+    Parameters
+    ----------
+    folder
+        Folder of a run or a campaign.
+    curves
+        For a campaign: return the envelopes of its curves over `case` and `part`
+        instead.
 
-    Raises DesatError where it is neither.
+    Returns
+    -------
+    Dataset
+        An xarray Dataset whose values are read when they are used. For a run it has
+        `ds["wheels.h_wheel"]` over `time` and `wheel`, vectors over `axis` and means
+        over steps over `interval`, with units, frame, description and choices as
+        attributes; `ds.attrs` has scenario, epoch, versions, numbers and the manifest,
+        as JSON. For a campaign it has `in.*` and `out.*` over `case`, a row each in
+        `ds.to_dataframe()`.
+
+    Raises
+    ------
+    DesatError
+        If the folder is neither.
     """
     from pathlib import Path
 
@@ -330,14 +478,32 @@ def draws(
     jobs: int = 1,
     **options: Unpack[RunOptions],
 ) -> dict[str, Any]:
-    """Run seeded samples of a system's dispersions; arguments as for `run`.
+    """Run seeded samples of a system's dispersions.
 
-    Return a dict: `draws`, a row each with status, numbers and sampled values; and
-    `summary`, of each number its unit, median, min, max and n. Sample i of a seed is
-    the same whatever `count` and `jobs`, processes; with more than one, the caller's
-    script needs `if __name__ == "__main__":`.
+    Sample i of a seed is the same for every `count` and `jobs`.
 
-    Raises DesatError for wrong input, and where there are no dispersions.
+    Parameters
+    ----------
+    target, sets, stop, step, **options
+        As for `run`.
+    count
+        Number of samples.
+    seed
+        Seed of the samples.
+    jobs
+        Number of processes. With more than one the caller's script needs `if __name__
+        == "__main__":`.
+
+    Returns
+    -------
+    dict
+        `draws`: a row for each sample, with status, numbers and sampled values; and
+        `summary`: the unit, median, min, max and n of each number.
+
+    Raises
+    ------
+    DesatError
+        If the input is wrong, or the system has no dispersions.
     """
     from .campaign import draws as study
     from .runs.progress import in_notebook
@@ -365,13 +531,41 @@ def cases(
     accept_versions: bool = False,
     **options: Unpack[RunOptions],
 ) -> Dataset:
-    """Make the cases of a campaign that its folder has not yet, and its report; return
-    it as `load` does. What `desat campaign run` does: `sets`, `stop`, `step`, `options`
-    as for `run`; `keep`, `limit` (s), `cluster`, `accept_versions` as its options;
-    `curves`: plots by name, None the first.
+    """Run the missing cases of a campaign, write its report and return its results.
 
-    The caller's script needs `if __name__ == "__main__":`, as there are processes.
-    Raises DesatError for wrong input, and where the folder has another campaign.
+    It does what `desat campaign run` does. The caller's script needs
+    `if __name__ == "__main__":`, because processes are started.
+
+    Parameters
+    ----------
+    target, sets, stop, step, **options
+        As for `run`.
+    count
+        Number of cases.
+    folder
+        Folder of the campaign; cases that it has are not run again.
+    seed, sampling
+        Seed and method of sampling.
+    keep
+        Cases whose series and report are stored, as the option of the command.
+    curves
+        Names of plots with percentile curves; None: the first plot.
+    limit
+        Wall time of a case (s).
+    jobs, cluster
+        Number of processes, or a Dask cluster, as the options of the command.
+    accept_versions
+        Continue with other versions than those of the folder.
+
+    Returns
+    -------
+    Dataset
+        The campaign, as from `load`.
+
+    Raises
+    ------
+    DesatError
+        If the input is wrong, or the folder has another campaign.
     """
     from pathlib import Path
 

@@ -1,1 +1,1 @@
-"""From a block's Python to C99: `program.translate` gives the C source of a block."""
+"""Translate a block's Python to C99; `program.translate` returns the source."""

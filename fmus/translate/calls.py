@@ -1,5 +1,7 @@
-"""Calls of the subset to C: our own functions, the library's mathematics, loops over
-tuples."""
+"""Translate calls of the subset to C.
+
+They are the project's own functions, the library's mathematics, and loops over tuples.
+"""
 
 from __future__ import annotations
 
@@ -38,11 +40,9 @@ from .types import (
 )
 from .value import ATOM, COND, LESS, MUL, UNARY, Value, constant
 
-UNROLLED = 4
-"""Passes up to which a comprehension is written out."""
+UNROLLED = 4  # maximum number of passes for which a comprehension is unrolled
 
-LONGEST = 1 << 16
-"""Elements of a tuple whose length is known at run time."""
+LONGEST = 1 << 16  # maximum number of elements of a tuple of run-time length
 
 FUNCTIONS = {
     getattr(math, name): f"py_{name}"
@@ -80,8 +80,10 @@ ROUNDED = {
 
 @dataclass
 class Iteration:
-    """What a loop runs over: how many passes, what each gets; `unroll`: each pass is of
-    its own."""
+    """The passes of a loop: their number and the item of each.
+
+    `unroll` says that every pass is written out, because the items differ in type.
+    """
 
     count: Value
     item: Callable[[Value], Value]
@@ -92,22 +94,24 @@ class Iteration:
 
     @property
     def fixed(self) -> int | None:
+        """Return the number of passes if it is constant, otherwise None."""
         return self.count.const if self.count.is_const else None
 
     @property
     def most(self) -> int | None:
+        """Return the maximum number of passes, or None where it has no bound."""
         return self.fixed if self.fixed is not None else self.count.high
 
 
 class RangeOf:
-    """A range that has been given a name."""
+    """A range that is held by a name."""
 
     def __init__(self, iteration: Iteration) -> None:
         self.iteration = iteration
 
 
 class Calls(Expressions):
-    """The part of a function's translation that makes C of its calls."""
+    """Translation of a function's calls to C."""
 
     def _call(self, node: ast.Call) -> Value:
         func = node.func
@@ -153,6 +157,7 @@ class Calls(Expressions):
     ended: bool
 
     def super_call(self, node: ast.Call, name: str) -> Value:
+        """Translate a call of a method of a base class through `super()`."""
         order = self.program.block.__mro__
         after = order[order.index(self.spec.owner) + 1 :]
         for cls in after:
@@ -167,6 +172,7 @@ class Calls(Expressions):
         raise self.refuse(node, f"super().{name}", "a method that a base has")
 
     def tuple_method(self, node: ast.Call, func: ast.Attribute) -> Value:
+        """Translate `index` or `count` of a tuple, or `encode` of a text."""
         base = self.expression(func.value)
         if func.attr == "encode" and base.type == S:
             return base
@@ -213,7 +219,10 @@ class Calls(Expressions):
         args: Sequence[Any],
         keywords: Sequence[ast.keyword],
     ) -> Value:
-        """Call one of our functions; where it is one of several, by a switch."""
+        """Call one of the project's functions.
+
+        Where the value may be one of several functions, a C switch selects it.
+        """
         callees = target.type.callees
         values, named = self.arguments(node, args, keywords)
         if len(callees) == 1:
@@ -256,6 +265,7 @@ class Calls(Expressions):
     def arguments(
         self, node: ast.AST, args: Sequence[Any], keywords: Sequence[ast.keyword]
     ) -> tuple[list[Value], dict[str, Value]]:
+        """Return the positional and the named arguments of a call, in their order."""
         makers: list[Any] = [a.value if isinstance(a, ast.Starred) else a for a in args]
         if any(k.arg is None for k in keywords):
             raise self.refuse(node, "** in a call", "name the arguments")
@@ -288,7 +298,7 @@ class Calls(Expressions):
         values: list[Value],
         named: dict[str, Value],
     ) -> Value:
-        """Call a function that is known."""
+        """Call a single function that is known during translation."""
         program = self.program
         info = program.info(callee)
         memo = info.is_constant
@@ -390,14 +400,13 @@ class Calls(Expressions):
             return Value(spec.result, f"(*{kept})", again=True)
         return Value(spec.result, code)
 
+    # number of calls of each function that remembers its last result
     kept_of: Counter[str]
-    """Of each function that remembers its last result: how often it is called."""
-    reached: set[str]
-    """Such functions that are called further down."""
+    reached: set[str]  # names of such functions that callees call
     effects: bool
 
     def argument(self, node: ast.AST, spec: Any, k: int, v: Value) -> str:
-        """The C of argument k of a call."""
+        """Return the C of argument `k` of a call, by value or by address."""
         how = spec.passing(k)
         if how == "value":
             return self.convert(v, spec.types[k], node)
@@ -425,6 +434,7 @@ class Calls(Expressions):
     # --- the library ------------------------------------------------------------------
 
     def call_known(self, node: ast.Call, thing: Any) -> Value:
+        """Translate a call of a named tuple, a builtin or a library function."""
         if isinstance(thing, type) and hasattr(thing, "_fields"):
             values, named = self.arguments(node, node.args, node.keywords)
             values += [named[n] for n in thing._fields[len(values) :]]
@@ -483,6 +493,7 @@ class Calls(Expressions):
         )
 
     def mathematics(self, node: ast.Call, name: str, python: str) -> Value:
+        """Translate a function of `math`; constants are computed now."""
         values = [self.some(v) for v in self.in_order(node.args)]
         if any(not {v.type} <= {F, I, B} for v in values):
             raise self.refuse(node, f"{python} of this", "of a number")
@@ -498,6 +509,7 @@ class Calls(Expressions):
         return Value(F, f"{name}({', '.join(self.convert(v, F) for v in values)})")
 
     def rounded(self, node: ast.Call, name: str) -> Value:
+        """Translate a rounding to an integer: floor, ceil, trunc, round or int."""
         if len(node.args) != 1:
             raise self.refuse(node, "rounding to digits", "round(x)")
         value = self.some(self.expression(node.args[0]))
@@ -521,6 +533,7 @@ class Calls(Expressions):
         )
 
     def bisected(self, node: ast.Call, side: str) -> Value:
+        """Translate a binary search in a tuple of numbers."""
         table, x = self.in_order(node.args)
         table = self.some(table)
         if not isinstance(table.type, Tuple) or element(table.type) not in (F, I):
@@ -542,6 +555,7 @@ class Calls(Expressions):
         return self.absolute(node, self.some(self.expression(node.args[0])))
 
     def absolute(self, node: ast.AST, value: Value) -> Value:
+        """Return the absolute value of a number."""
         if value.is_const:
             return constant(abs(value.const))  # type: ignore[return-value]
         if value.type == F:
@@ -581,7 +595,7 @@ class Calls(Expressions):
         return self.extreme(node, "max", ">")
 
     def extreme(self, node: ast.Call, name: str, sign: str) -> Value:
-        """min or max: of equal ones the first, as Python's."""
+        """Translate min or max; of equal elements the first wins, as in Python."""
         keywords = {k.arg: k.value for k in node.keywords}
         if len(node.args) > 1 and not keywords:
             values = [self.some(v) for v in self.in_order(node.args)]
@@ -600,6 +614,7 @@ class Calls(Expressions):
         return self.searched(node, name, sign, iteration, key, keywords.get("default"))
 
     def largest(self, node: ast.AST, name: str, values: Sequence[Value]) -> Value:
+        """Return the minimum or maximum of values that are written out."""
         result = values[0]
         for v in values[1:]:
             if result.is_const and v.is_const:
@@ -635,12 +650,13 @@ class Calls(Expressions):
         key: ast.expr | None,
         default: ast.expr | None,
     ) -> Value:
-        """The extreme element of a loop, by a key."""
+        """Write a loop that finds the extreme element by a key."""
         best, value = self.fresh(name), self.fresh("value")
         probe: list[Type] = []
         mark = len(self.out)
 
         def body(item: Value) -> None:
+            """Write the comparison of one element with the best so far."""
             x = self.temporary(self.some(item))
             k = self.temporary(self.keyed(node, key, x))
             if probe and probe != [x.type, k.type]:
@@ -680,6 +696,7 @@ class Calls(Expressions):
         return self.choose(node, Value(B, f"{best}.some"), (found, []), other)
 
     def keyed(self, node: ast.AST, key: ast.expr | None, x: Value) -> Value:
+        """Apply the key of min or max, or the function of map, to an element."""
         if key is None:
             return x
         if isinstance(key, ast.Lambda):
@@ -708,7 +725,7 @@ class Calls(Expressions):
         return self.every(node, True)
 
     def every(self, node: ast.Call, wanted: bool) -> Value:
-        """all or any: the first that decides ends it."""
+        """Translate all or any; the first element that decides ends the loop."""
         argument = node.args[0]
         sign, level = ("&&", 20) if wanted else ("||", 15)
         if not isinstance(argument, ast.GeneratorExp):
@@ -726,6 +743,7 @@ class Calls(Expressions):
         self.line(f"bool {name} = {'true' if wanted else 'false'};")
 
         def body(item: Value) -> None:
+            """Write the test of one element."""
             test = self.truth(item, node)
             no = f"!{test.within(UNARY)}" if wanted else test.code
             self.line(f"if ({no}) {name} = {'false' if wanted else 'true'};")
@@ -738,6 +756,7 @@ class Calls(Expressions):
         return Value(B, name, again=True)
 
     def call_next(self, node: ast.Call) -> Value:
+        """Translate `next` of a generator expression."""
         (argument,) = node.args
         if not isinstance(argument, ast.GeneratorExp):
             raise self.refuse(node, "next of this", "of a generator expression")
@@ -746,6 +765,7 @@ class Calls(Expressions):
         types: list[Type] = []
 
         def body(item: Value) -> None:
+            """Write the C that keeps the first element."""
             if types and types != [item.type]:
                 raise JoinError(f"{shown(types[0])} and {shown(item.type)}")
             types[:] = [item.type]
@@ -769,6 +789,7 @@ class Calls(Expressions):
         return value
 
     def call_list(self, node: ast.Call) -> Value:
+        """Translate `list(...)`, whose length must be fixed."""
         value = self.call_tuple(node)
         if isinstance(value.type, List):
             raise self.refuse(node, "a list of unknown length", "a tuple")
@@ -785,7 +806,7 @@ class Calls(Expressions):
     # --- loops ------------------------------------------------------------------------
 
     def collected(self, iteration: Iteration, node: ast.AST) -> Value:
-        """All that a loop gets, as a tuple."""
+        """Return all items of a loop as a tuple."""
         source = iteration.source
         if source is not None:
             if source.parts is None and isinstance(source.type, Tuple):
@@ -800,7 +821,7 @@ class Calls(Expressions):
         )
 
     def iteration(self, node: ast.expr) -> Iteration:
-        """What a loop over an expression runs over."""
+        """Return the passes of a loop over an expression."""
         if isinstance(node, ast.Call):
             target = self.quiet_target(node.func)
             kinds: dict[Any, Callable[[ast.Call], Iteration]] = {
@@ -819,6 +840,7 @@ class Calls(Expressions):
         return self.over_value(node, self.expression(node))
 
     def quiet_target(self, node: ast.expr) -> Any:
+        """Return the library object that a name refers to, or None."""
         if (
             isinstance(node, ast.Name)
             and node.id not in self.types
@@ -830,6 +852,7 @@ class Calls(Expressions):
         return None
 
     def over_value(self, node: ast.AST, value: Value) -> Iteration:
+        """Return the passes over a tuple, a range or a text."""
         value = self.some(value)
         if isinstance(value.type, Known) and isinstance(value.type.thing, RangeOf):
             return value.type.thing.iteration
@@ -851,6 +874,7 @@ class Calls(Expressions):
         return Iteration(constant(n), lambda k: self.indexed_by(x, k), unroll, source=x)  # type: ignore[arg-type]
 
     def over_text(self, value: Value) -> Iteration:
+        """Return the passes over the bytes of a text."""
         x = self.temporary(value)
         count = Value(I, f"(int64_t)strlen({x.code})", low=0, high=1 << 30)
         return Iteration(
@@ -861,11 +885,13 @@ class Calls(Expressions):
         )
 
     def indexed_by(self, x: Value, k: Value) -> Value:
+        """Return element `k`, a constant or a C variable, of a tuple."""
         if k.is_const:
             return self.element_at(x, k.const)
         return self.at(x, k.code)
 
     def over_range(self, node: ast.Call) -> Iteration:
+        """Return the passes over a range, with bounds of its items."""
         args = node.args
         values = [self.some(v) for v in self.in_order(args)]
         if any(v.type not in (I, B) for v in values):
@@ -901,6 +927,7 @@ class Calls(Expressions):
         assert count
 
         def item(k: Value) -> Value:
+            """Return item `k` of the range, with its bounds."""
             low = high = None
             if (
                 start.low is not None
@@ -931,7 +958,10 @@ class Calls(Expressions):
         return Iteration(count, item, start=start, step=s)
 
     def span(self, args: Sequence[ast.expr], start: Value, stop: Value) -> int | None:
-        """The most that the ends of a range are apart, of one that counts upwards."""
+        """Return an upper bound of stop minus start of a range that counts upwards.
+
+        None where it has none.
+        """
         if stop.high is not None and start.low is not None:
             return stop.high - start.low
         if len(args) < 2:
@@ -957,6 +987,7 @@ class Calls(Expressions):
         return total
 
     def over_enumerate(self, node: ast.Call) -> Iteration:
+        """Return the passes over `enumerate(...)`."""
         inner = self.iteration(node.args[0])
         extra = (
             node.args[1]
@@ -977,6 +1008,7 @@ class Calls(Expressions):
         return Iteration(inner.count, item, inner.unroll)
 
     def over_reversed(self, node: ast.Call) -> Iteration:
+        """Return the passes over `reversed(...)`."""
         inner = self.iteration(node.args[0])
 
         def item(k: Value) -> Value:
@@ -987,6 +1019,7 @@ class Calls(Expressions):
         return Iteration(inner.count, item, inner.unroll)
 
     def over_map(self, node: ast.Call) -> Iteration:
+        """Return the passes over `map(...)` with one iterable."""
         function, *rest = node.args
         (argument,) = rest
         inner = self.iteration(argument)
@@ -997,6 +1030,11 @@ class Calls(Expressions):
         )
 
     def over_zip(self, node: ast.Call) -> Iteration:
+        """Return the passes over `zip(...)`.
+
+        Lengths that are known at run time alone need `strict=True`; the C compares
+        them.
+        """
         strict = any(
             k.arg == "strict" and isinstance(k.value, ast.Constant) and k.value.value
             for k in node.keywords
@@ -1035,7 +1073,7 @@ class Calls(Expressions):
         )
 
     def over_columns(self, node: ast.AST, argument: ast.expr) -> Iteration:
-        """zip(*rows): the columns."""
+        """Return the passes over `zip(*rows)`: the columns."""
         rows = self.temporary(self.collected(self.iteration(argument), argument))
         if isinstance(rows.type, List) and rows.parts is None:
             item = rows.type.item
@@ -1043,6 +1081,7 @@ class Calls(Expressions):
                 raise self.refuse(node, "columns of such rows", "of rows of one type")
 
             def column(k: Value) -> Value:
+                """Build column `k` of rows whose number is known at run time."""
                 t = List(element(item), rows.type.most)
                 name, r = self.fresh("column"), self.fresh("r")
                 self.line(f"{self.program.names(t)} {name} = {{.n = {rows.code}.n}};")
@@ -1074,7 +1113,7 @@ class Calls(Expressions):
         stop: str = "",
         hint: str = "k",
     ) -> None:
-        """Write a loop: the body once where it is one of C, else once for each pass."""
+        """Write a loop: its body once in a C loop, or once for each unrolled pass."""
         if iteration.unroll or (iteration.fixed is not None and iteration.fixed <= 1):
             for one in range(iteration.fixed or 0):
                 if stop and one:
@@ -1104,9 +1143,10 @@ class Calls(Expressions):
     def comprehended(
         self, node: Any, body: Callable[[Value], None], stop: str = ""
     ) -> None:
-        """Write the loops of a comprehension around a body that gets its elements."""
+        """Write the loops of a comprehension around `body`, which gets its elements."""
 
         def inner(generators: Sequence[ast.comprehension]) -> None:
+            """Write the remaining loops, or the body where none remains."""
             if not generators:
                 body(self.expression(node.elt))
                 return
@@ -1114,6 +1154,7 @@ class Calls(Expressions):
             iteration = self.iteration(first.iter)
 
             def one(item: Value) -> None:
+                """Bind one item, write the conditions and the loops within."""
                 saved = dict(self.bound)
                 self.bind(first.target, item, iteration.unroll)
                 for test in first.ifs:
@@ -1130,7 +1171,7 @@ class Calls(Expressions):
         inner(node.generators)
 
     def bind(self, target: ast.expr, item: Value, unrolled: bool) -> None:
-        """Give the names of a comprehension's target their values."""
+        """Bind the names of a comprehension's target to their values."""
         if isinstance(target, ast.Name):
             if target.id == "_":
                 return
@@ -1148,7 +1189,7 @@ class Calls(Expressions):
         raise self.refuse(target, "this target", "names")
 
     def comprehension(self, node: Any) -> Value:
-        """A comprehension as a tuple."""
+        """Translate a comprehension to a tuple."""
         size: int | None = 1
         whole = True
         if len(node.generators) == 1 or all(not g.ifs for g in node.generators):
@@ -1171,8 +1212,11 @@ class Calls(Expressions):
     _generatorexp = _listcomp = comprehension
 
     def counted(self, node: Any) -> tuple[int, bool] | None:
-        """How many elements a comprehension has without its conditions, and whether it
-        must be written out; None where that is not known."""
+        """Count the elements of a comprehension without its conditions.
+
+        The second value says whether it must be written out. None where the number is
+        not known.
+        """
         outer, saved, level = self.out, dict(self.bound), self.level
         counts = dict(self.counts)
         self.out = []
@@ -1197,7 +1241,10 @@ class Calls(Expressions):
         size: int | None,
         whole: bool = False,
     ) -> Value:
-        """What loops give, in a tuple; `whole`: it has `size` elements."""
+        """Collect the elements that loops yield in a tuple.
+
+        `whole` says that it has exactly `size` elements.
+        """
         name = self.fresh("all")
         mark, level = len(self.out), self.level
         types: list[Type] = []
@@ -1205,6 +1252,9 @@ class Calls(Expressions):
         limits: list[int | None] = [1]
 
         def body(item: Value) -> None:
+            """Write a placeholder for one element: its type is known after the
+            loops.
+            """
             item = replace(item, type=item.type)
             t = item.type
             if isinstance(t, Tuple) and item.parts is not None:
@@ -1213,13 +1263,13 @@ class Calls(Expressions):
             self.line(f"@{name}@{self.code(item)}")
             holes.append(len(self.out) - 1)
 
-        # those of a tuple in which this one is an element do not count what this one
-        # has
+        # The class's own run: an enclosing `gathered` must not count these passes too.
         before, plain = self.run, MethodType(type(self).run, self)
 
         def run(
             iteration: Iteration, inner: Any, stop: str = "", hint: str = "k"
         ) -> None:
+            """Write a loop and multiply the limit of the length by its passes."""
             top = iteration.most
             limits[0] = None if top is None or limits[0] is None else limits[0] * top
             plain(iteration, inner, stop, hint)
@@ -1266,25 +1316,29 @@ class Calls(Expressions):
 
 
 def address(code: str) -> str:
-    """The address of a variable, of which the code may be `(*name)`."""
+    """Return the address of a variable; of `(*name)` it is the name."""
     inside = code[2:-1]
     return inside if code.startswith("(*") and inside.isidentifier() else f"&{code}"
 
 
 def _is_known(t: Type) -> bool:
-    """True for text and functions, which exist while translating."""
+    """Return whether a type is text or a function, or contains one.
+
+    Such values exist during translation.
+    """
     if isinstance(t, Tuple):
         return any(map(_is_known, t.items))
     return t == S or isinstance(t, Function)
 
 
 class Unrolled:
-    """A comprehension written out, element by element."""
+    """A comprehension that is written out element by element."""
 
     def __init__(self, calls: Calls) -> None:
         self.calls = calls
 
     def collect(self, node: Any, parts: list[Value], depth: int = 0) -> None:
+        """Append the elements to `parts`, from generator `depth` inwards."""
         calls = self.calls
         if depth == len(node.generators):
             parts.append(calls.expression(node.elt))

@@ -1,4 +1,7 @@
-"""Expressions of the subset to C: names, arithmetic, comparisons, tuples, indices."""
+"""Translate expressions of the subset to C.
+
+They are names, arithmetic, comparisons, tuples, indices and text.
+"""
 
 from __future__ import annotations
 
@@ -67,6 +70,7 @@ COMPARISONS = {
 EXACT = 1 << 53
 
 
+# Constructs that do not translate, and the replacement that the message suggests.
 INSTEAD: dict[type[ast.expr], tuple[str, str]] = {
     ast.Dict: ("a dict", "a tuple and an index, or `if` for each key"),
     ast.DictComp: ("a dict", "a tuple and an index"),
@@ -76,19 +80,20 @@ INSTEAD: dict[type[ast.expr], tuple[str, str]] = {
     ast.YieldFrom: ("yield", "return a tuple"),
     ast.NamedExpr: (":=", "an assignment of its own line"),
 }
-"""What people write first that does not translate, and what to write instead."""
 
 
 class Known:
-    """Something that only exists while translating: a module, a class, a function of
-    the library, a range, a generator."""
+    """A Python object that exists only during translation.
+
+    It is a module, a class, a function of the library, a range or a generator.
+    """
 
     def __init__(self, thing: Any) -> None:
         self.thing = thing
 
 
 class Expressions(ABC):
-    """The part of a function's translation that makes C of its expressions."""
+    """Translation of a function's expressions to C."""
 
     program: Any
     spec: Any
@@ -98,14 +103,20 @@ class Expressions(ABC):
     # --- places -----------------------------------------------------------------------
 
     def refuse(self, node: ast.AST, what: str, instead: str) -> SubsetError:
+        """Return a `SubsetError` that names the line and suggests a replacement."""
         line = getattr(node, "lineno", 0)
         return SubsetError(f"{self.spec.where}:{line}: {what}: {instead}")
 
     def line(self, text: str) -> None:
+        """Append a line of C at the current indentation."""
         self.out.append("    " * self.level + text)
 
     def temporary(self, value: Value, at: int | None = None, hint: str = "") -> Value:
-        """The value in a variable of its own, so that its code may stand again."""
+        """Store the value in a C variable, so that its code may be repeated.
+
+        The declaration is inserted at line `at` of the output, or appended where `at`
+        is None. A value whose code may be repeated already is returned unchanged.
+        """
         if value.again or value.type in (NONE, NEVER) or isinstance(value.type, Known):
             return value
         if value.parts is not None:
@@ -121,7 +132,7 @@ class Expressions(ABC):
         return replace(value, code=name, binds=ATOM, again=True, as_float=None)
 
     def fresh(self, hint: str) -> str:
-        """A name that the function does not have."""
+        """Return a new C name that no local variable of the function has."""
         while True:
             self.counts[hint] = self.counts.get(hint, 0) + 1
             if (name := f"{hint}_{self.counts[hint]}") not in self.spec.locals_names:
@@ -130,8 +141,11 @@ class Expressions(ABC):
     counts: dict[str, int]
 
     def in_order(self, nodes: Sequence[ast.expr | Callable[[], Value]]) -> list[Value]:
-        """The values of some expressions, what each of them needs done before it in
-        their order."""
+        """Evaluate expressions in their order and return their values.
+
+        Where an expression needs statements first, earlier values that these could
+        change are stored in temporaries before them.
+        """
         values: list[Value] = []
         marks: list[int] = []
         for node in nodes:
@@ -155,7 +169,7 @@ class Expressions(ABC):
         return values
 
     def pinned(self, value: Value, at: int) -> Value:
-        """The value as it is at a place of the code before this one."""
+        """Store the value in a temporary at an earlier place `at` of the output."""
         if value.parts is not None:
             parts = []
             for p in value.parts:
@@ -168,7 +182,7 @@ class Expressions(ABC):
         return self.temporary(replace(value, again=False), at)
 
     def is_fixed(self, value: Value) -> bool:
-        """True for what no statement changes: constants and temporaries."""
+        """Return whether no statement can change the value (constant or temporary)."""
         if value.parts is not None:
             return all(p.is_const or self.is_fixed(p) for p in value.parts)
         root = re.match(r"\w+", value.code)
@@ -176,13 +190,14 @@ class Expressions(ABC):
 
     @property
     def fixed(self) -> set[str]:
+        """Return the names of all temporaries that the translation has made."""
         made = {f"{h}_{k}" for h, n in self.counts.items() for k in range(1, n + 1)}
         return made.difference(self.spec.locals_names)
 
     # --- conversion -------------------------------------------------------------------
 
     def code(self, value: Value) -> str:
-        """The C of a value of any type."""
+        """Return the C expression of a value of any type."""
         if value.parts is not None and not value.code:
             if value.is_const and len(value.parts) > 4:
                 table: str | None = self.program.table(value.const, value.type)
@@ -192,6 +207,7 @@ class Expressions(ABC):
         return value.code
 
     def built(self, t: Type, parts: Sequence[Value]) -> str:
+        """Return the C compound literal of a tuple or list with these parts."""
         name = self.program.names(t)
         if isinstance(t, List):
             inside = ", ".join(self.convert(p, t.item) for p in parts)
@@ -205,7 +221,11 @@ class Expressions(ABC):
         return f"({name}){{{{{inside}}}}}" if t.uniform else f"({name}){{{inside}}}"
 
     def convert(self, value: Value, t: Type, node: ast.AST | None = None) -> str:
-        """The C of a value as one of type t."""
+        """Return the C expression of a value, converted to type `t`.
+
+        Statements that the conversion needs are appended to the output. A `SubsetError`
+        is raised where the types do not agree.
+        """
         v = value.type
         if isinstance(v, Known):
             raise self.refuse(
@@ -274,7 +294,11 @@ class Expressions(ABC):
     def elements(
         self, value: Value, n: int, node: ast.AST | None = None
     ) -> list[Value]:
-        """The n elements of a tuple or list."""
+        """Return the `n` elements of a tuple or list.
+
+        A `SubsetError` is raised where the length is known and differs from `n`. Where
+        it is known only at run time, the C checks it.
+        """
         t = value.type
         if isinstance(t, Maybe):
             return self.elements(self.some(value), n, node)
@@ -301,7 +325,7 @@ class Expressions(ABC):
         return [self.element_at(x, k) for k in range(n)]
 
     def element_at(self, x: Value, k: int) -> Value:
-        """Element k of a tuple whose code may stand again."""
+        """Return element `k` of a tuple whose code may be repeated."""
         if x.parts is not None:
             return x.parts[k]
         t = x.type
@@ -310,8 +334,11 @@ class Expressions(ABC):
         return Value(element(t), f"{x.code}.e[{k}]", again=True)
 
     def some(self, value: Value) -> Value:
-        """What is in a value that may be None; in C a check where nothing has made it
-        sure."""
+        """Return the value inside an optional one.
+
+        The C checks at run time that it is not None, unless the translation has shown
+        that already.
+        """
         if not isinstance(value.type, Maybe):
             return value
         x = self.temporary(value)
@@ -319,7 +346,7 @@ class Expressions(ABC):
         return Value(value.type.item, f"{x.code}.v", again=x.again)
 
     def truth(self, value: Value, node: ast.AST) -> Value:
-        """A value as a condition."""
+        """Return the truth of a value as a condition."""
         t = value.type
         if value.is_const:
             return constant(bool(value.const))  # type: ignore[return-value]
@@ -347,7 +374,7 @@ class Expressions(ABC):
     # --- expressions ------------------------------------------------------------------
 
     def expression(self, node: ast.expr) -> Value:
-        """The value of an expression; statements that it needs are in `out` then."""
+        """Translate an expression; statements that it needs are appended to `out`."""
         method = getattr(self, f"_{type(node).__name__.lower()}", None)
         if method is None:
             raise self.refuse(
@@ -372,6 +399,7 @@ class Expressions(ABC):
         return value
 
     def _name(self, node: ast.Name) -> Value:
+        """Return the value of a name: bound, local variable, or of the module."""
         name = node.id
         if name in self.bound:
             return self.bound[name]
@@ -392,10 +420,10 @@ class Expressions(ABC):
 
     @abstractmethod
     def local(self, name: str) -> str:
-        """The C of a local variable's name."""
+        """Return the C name of a local variable."""
 
     def outside(self, node: ast.AST, name: str) -> Value:
-        """A name of the module, or of Python itself."""
+        """Return the value of a name of the module or of Python's builtins."""
         scope = self.spec.globals
         builtins = scope["__builtins__"]
         builtins = builtins if isinstance(builtins, dict) else vars(builtins)
@@ -411,7 +439,7 @@ class Expressions(ABC):
         return self.thing(scope[name] if name in scope else builtins[name], node)
 
     def thing(self, x: Any, node: ast.AST) -> Value:
-        """A Python object as it is while translating."""
+        """Return a Python object that is known during translation as a value."""
         value = constant(x)
         if value is not None:
             return value
@@ -439,10 +467,11 @@ class Expressions(ABC):
         )
 
     def is_self(self, node: ast.AST) -> bool:
+        """Return whether an expression is `self` of a method."""
         return isinstance(node, ast.Name) and node.id == "self" and self.spec.has_self
 
     def field(self, node: ast.Attribute) -> Value:
-        """A field of the block, or one of its methods."""
+        """Return the value of a field of the block, or one of its methods."""
         name = node.attr
         program = self.program
         if name in program.fields:
@@ -464,6 +493,7 @@ class Expressions(ABC):
         )
 
     def _tuple(self, node: ast.Tuple) -> Value:
+        """Translate a tuple display; starred elements may have a length of run time."""
         makers: list[Any] = []
         for e in node.elts:
             makers.append(e.value if isinstance(e, ast.Starred) else e)
@@ -491,6 +521,7 @@ class Expressions(ABC):
         return self.concatenated(growing, node)
 
     def tuple_of(self, parts: Sequence[Value]) -> Value:
+        """Return a tuple value of these parts; it is constant where all of them are."""
         parts = tuple(parts)
         if not parts:
             return constant(())  # type: ignore[return-value]
@@ -508,8 +539,10 @@ class Expressions(ABC):
     def concatenated(
         self, pieces: Sequence[tuple[Value, bool]], node: ast.AST
     ) -> Value:
-        """A tuple of single values and of tuples whose length is known at run time
-        only."""
+        """Join single values and tuples of run-time length to one tuple.
+
+        Each piece is a value and whether it is a tuple to be spliced in.
+        """
         item: Type = NEVER
         size = 0
         for v, many in pieces:
@@ -538,10 +571,11 @@ class Expressions(ABC):
             self.line(f"    {name}.e[py_room({name}.n++, {t.most})] = {text};")
         return Value(t, name, again=True)
 
+    # maximum length of the tuple that is assigned, where its annotation gives one
     most_wanted: int | None = None
-    """Of the tuple that is assigned, where its annotation says how long it gets."""
 
     def _list(self, node: ast.List) -> Value:
+        """Translate a list display of fixed length."""
         if any(isinstance(e, ast.Starred) for e in node.elts) or not node.elts:
             raise self.refuse(node, "this list", "a tuple, or a list of a fixed length")
         return replace(
@@ -594,7 +628,7 @@ class Expressions(ABC):
         return self.binary(node, type(node.op), self.some(a), self.some(b))
 
     def masked(self, node: ast.expr) -> Value:
-        """An integer expression modulo 2^64, as `& _MASK` makes it."""
+        """Translate an integer expression modulo 2^64, as `& _MASK` requires."""
 
         def text(e: ast.expr) -> tuple[str, int]:
             if isinstance(e, ast.BinOp) and type(e.op) in ARITHMETIC:
@@ -621,7 +655,7 @@ class Expressions(ABC):
     def binary(
         self, node: ast.AST, op: type[ast.operator], a: Value, b: Value
     ) -> Value:
-        """a op b"""
+        """Translate `a op b` for numbers, 64-bit masks and tuples."""
         if (
             a.is_const
             and b.is_const
@@ -658,6 +692,7 @@ class Expressions(ABC):
         return self.of_integers(op, a, b)
 
     def fold(self, op: type[ast.operator], a: Any, b: Any) -> Value | None:
+        """Compute `a op b` of two constants, or return None where it has no result."""
         if isinstance(a, (str, tuple)) or isinstance(b, (str, tuple)):
             if op is ast.Add and type(a) is type(b):
                 return constant(a + b)
@@ -684,6 +719,11 @@ class Expressions(ABC):
             return None
 
     def of_integers(self, op: type[ast.operator], a: Value, b: Value) -> Value:
+        """Translate a sum, difference or product of integers, with its bounds.
+
+        Plain C operators are used where the result stays below 2^62; otherwise a
+        function that checks for overflow.
+        """
         sign, level = ARITHMETIC[op]
         low = high = None
         bounds = [a.low, a.high, b.low, b.high]
@@ -717,6 +757,7 @@ class Expressions(ABC):
     def of_masks(
         self, node: ast.AST, op: type[ast.operator], a: Value, b: Value
     ) -> Value:
+        """Translate an operation on 64-bit masks (unsigned in C)."""
         if F in (a.type, b.type):
             x = a if a.type == F else Value(F, f"(double){a.within(UNARY)}", UNARY)
             y = b if b.type == F else Value(F, f"(double){b.within(UNARY)}", UNARY)
@@ -746,6 +787,7 @@ class Expressions(ABC):
         return Value(U, f"{left} {sign} {right}", level)
 
     def quotient(self, a: Value, b: Value) -> Value:
+        """Translate `a / b` with Python's check for division by zero."""
         if a.type in (I, B) and b.type in (I, B) and not (is_exact(a) and is_exact(b)):
             return Value(F, f"py_div_i({a.code}, {b.code})")
         left = Value(F, self.convert(a, F), a.binds if a.type == F else UNARY)
@@ -756,6 +798,7 @@ class Expressions(ABC):
         return Value(F, f"py_div{kind}({left.code}, {right.code})")
 
     def modulo(self, op: type[ast.operator], a: Value, b: Value) -> Value:
+        """Translate `a % b` or `a // b` with Python's signs."""
         name = "mod" if op is ast.Mod else "floordiv"
         if a.type in (I, B) and b.type in (I, B):
             low = high = None
@@ -770,7 +813,7 @@ class Expressions(ABC):
     def of_tuples(
         self, node: ast.AST, op: type[ast.operator], a: Value, b: Value
     ) -> Value:
-        """Concatenation and repetition."""
+        """Translate concatenation and repetition of tuples."""
         if op is ast.Mult and b.is_const and isinstance(b.const, int):
             x = self.temporary(a)
             n = len(x.parts) if x.parts is not None else most(a.type)
@@ -834,8 +877,10 @@ class Expressions(ABC):
     def either(
         self, node: ast.BoolOp, is_and: bool, left: Value, operand: ast.expr
     ) -> Value:
-        """left and operand, or left or operand: the operand is looked at only where
-        needed."""
+        """Translate `left and operand` or `left or operand`.
+
+        The operand is evaluated only where the left side does not decide.
+        """
         if left.is_const:
             return left if bool(left.const) != is_and else self.expression(operand)
         inner: list[str] = []
@@ -844,7 +889,7 @@ class Expressions(ABC):
         right = self.expression(operand)
         if (
             id(node) in self.conditions
-        ):  # what its truth needs done is done only where it counts
+        ):  # statements of the operand's truth run only if the operand is evaluated
             right = self.truth(right, node)
         self.out = outer
         self.level -= 1
@@ -882,8 +927,7 @@ class Expressions(ABC):
             else self.choose(node, first, (taken, []), (right, inner))
         )
 
-    conditions: set[int]
-    """Expressions of which only the truth counts."""
+    conditions: set[int]  # ids of `and`/`or` expressions used only as a condition
 
     def choose(
         self,
@@ -892,7 +936,7 @@ class Expressions(ABC):
         yes: tuple[Value, list[str]],
         no: tuple[Value, list[str]],
     ) -> Value:
-        """test ? yes : no, each with the statements that it needs."""
+        """Translate `test ? yes : no`, each with the statements that it needs."""
         if test.is_const:
             value, lines = yes if test.const else no
             self.out += lines
@@ -934,8 +978,10 @@ class Expressions(ABC):
         return Value(t, name, again=True, low=low, high=high)
 
     def branch(self, node: ast.expr, sure: set[str]) -> tuple[Value, list[str]]:
-        """The value of an expression that stands in a branch, with what it needs done
-        before."""
+        """Translate an expression of a branch; return its value and its statements.
+
+        `sure` are the names that are not None within the branch.
+        """
         saved = set(self.sure)
         self.sure |= sure
         self.out, outer = [], self.out
@@ -956,11 +1002,12 @@ class Expressions(ABC):
         )
 
     def condition(self, node: ast.expr) -> Value:
-        """The truth of an expression."""
+        """Translate an expression as a condition and return its truth."""
         self.mark(node)
         return self.truth(self.expression(node), node)
 
     def mark(self, node: ast.expr) -> None:
+        """Mark the `and`, `or` and `not` parts of a condition as conditions too."""
         if isinstance(node, ast.BoolOp):
             self.conditions.add(id(node))
             for value in node.values:
@@ -969,9 +1016,10 @@ class Expressions(ABC):
             self.mark(node.operand)
 
     def certain(self, test: ast.expr) -> tuple[set[str], set[str]]:
-        """Which names are not None where a condition holds, and where it does not."""
+        """Return which names are not None where a test holds, and where it fails."""
 
         def path(e: ast.expr) -> str | None:
+            """Return the name of a variable or field of `self`, or None for others."""
             if isinstance(e, ast.Name):
                 return e.id
             if isinstance(e, ast.Attribute) and self.is_self(e.value):
@@ -1028,6 +1076,7 @@ class Expressions(ABC):
         return result
 
     def compared(self, node: ast.AST, op: ast.cmpop, a: Value, b: Value) -> Value:
+        """Translate one comparison `a op b`."""
         if isinstance(op, (ast.Is, ast.IsNot)):
             if b.type != NONE:
                 raise self.refuse(node, "`is` of values", "==")
@@ -1065,13 +1114,16 @@ class Expressions(ABC):
         return Value(B, f"{left} {sign} {right}", level)
 
     def exactly(self, value: Value) -> str:
-        """An integer as a double of the same value; a failure where there is none."""
+        """Return an integer as a double of the same value.
+
+        The C fails at run time where no double has that value.
+        """
         if value.type != I or value.as_float is not None or is_exact(value):
             return self.convert(value, F)
         return f"py_exact({value.code})"
 
     def equal(self, node: ast.AST, a: Value, b: Value) -> Value:
-        """Equality of tuples, element by element."""
+        """Translate equality of tuples, element by element."""
         if isinstance(a.type, List) or isinstance(b.type, List):
             x, y = self.temporary(a), self.temporary(b)
             item = join(element(a.type), element(b.type))
@@ -1095,14 +1147,19 @@ class Expressions(ABC):
         return Value(B, " && ".join(texts), AND if len(texts) > 1 else EQUAL)
 
     def at(self, x: Value, k: str) -> Value:
-        """Element k, a C expression, of a uniform tuple whose code may stand again."""
+        """Return element `k` (a C expression) of a uniform tuple.
+
+        The code of the tuple may be repeated.
+        """
         if x.parts is not None:
             x = Value(x.type, self.placed(x), again=True)
         return Value(element(x.type), f"{x.code}.e[{k}]", again=True)
 
     def placed(self, x: Value) -> str:
-        """A tuple in a variable, whose elements have one type, so that an index finds
-        them."""
+        """Place a tuple in a C variable whose elements have one type.
+
+        An index of run time can then select an element.
+        """
         if x.parts is not None and x.is_const:
             t = uniform_constant(x.const)
             table = self.program.table(x.const, t) if t and t.uniform else None
@@ -1114,6 +1171,7 @@ class Expressions(ABC):
         return name
 
     def contained(self, node: ast.AST, op: ast.cmpop, a: Value, b: Value) -> Value:
+        """Translate `a in b` or `a not in b` for a tuple `b`."""
         x = self.temporary(a)
         if isinstance(b.type, Known):
             raise self.refuse(node, "`in` this", "a tuple")
@@ -1148,11 +1206,12 @@ class Expressions(ABC):
 
     @abstractmethod
     def assign(self, target: ast.expr, value: Value) -> None:
-        """Write what puts a value into a name, a field or the names of a tuple."""
+        """Write the C that assigns a value to a name, a field or a tuple of names."""
 
     # --- indices ----------------------------------------------------------------------
 
     def length(self, value: Value) -> Value:
+        """Return the number of elements of a tuple or list as a value."""
         if value.parts is not None:
             return constant(len(value.parts))  # type: ignore[return-value]
         if isinstance(value.type, List):
@@ -1172,6 +1231,7 @@ class Expressions(ABC):
         return self.indexed(node, value, index)
 
     def indexed(self, node: ast.AST, value: Value, index: Value) -> Value:
+        """Translate an index into a tuple, checked where it is a constant."""
         if index.type == B:
             index = replace(index, type=I, low=0, high=1)
         if index.type != I:
@@ -1209,8 +1269,11 @@ class Expressions(ABC):
         return Value(item, f"{x.code}.e[{k}]", again=bool(re.fullmatch(r"\w+", k)))
 
     def checked(self, index: Value, n: Value) -> str:
-        """The C of an index that is within a tuple; as in Python it may count from the
-        end."""
+        """Return the C of an index, with a check that it is within the tuple.
+
+        As in Python, a negative index counts from the end. The check is left out where
+        the bounds of the index show that it always passes.
+        """
         if (
             n.is_const
             and index.low is not None
@@ -1221,8 +1284,10 @@ class Expressions(ABC):
         return f"py_index({index.code}, {n.code})"
 
     def linear(self, node: ast.expr) -> dict[str, int]:
-        """An integer expression as a sum: text of a term, or "" for the constant ->
-        factor."""
+        """Return an integer expression as a sum of terms.
+
+        Keys are the text of a term, or "" for the constant; values are its factor.
+        """
         match node:
             case ast.BinOp(left=a, op=ast.Add(), right=b):
                 return _sum(self.linear(a), self.linear(b), 1)
@@ -1240,7 +1305,7 @@ class Expressions(ABC):
         return {ast.dump(node): 1}
 
     def quiet(self, node: ast.expr) -> Value | None:
-        """The value of a name or constant, without a trace."""
+        """Evaluate a name or constant without appending statements."""
         self.out, outer = [], self.out
         try:
             return self.expression(node)
@@ -1248,6 +1313,7 @@ class Expressions(ABC):
             self.out = outer
 
     def sliced(self, node: ast.AST, value: Value, s: ast.Slice) -> Value:
+        """Translate a slice of a tuple, of constant length where that can be shown."""
         x = self.temporary(value)
         variable = isinstance(x.type, List) and x.parts is None
         n = (
@@ -1278,7 +1344,7 @@ class Expressions(ABC):
                     node, "a slice with a step", "of a row of a table: [i::columns]"
                 )
             if lower.low is None or lower.low < 0:
-                # Python would count from the end
+                # a negative start counts from the end in Python: the C refuses it
                 self.line(f"py_window({lower.code}, 1, {step.const});")
             first = self.temporary(Value(I, self.checked(lower, constant(step.const))))  # type: ignore[arg-type]
             item = element(x.type)
@@ -1301,7 +1367,10 @@ class Expressions(ABC):
         return self.run_time_slice(x, lower, upper)
 
     def window(self, x: Value, lower: Value, count: int) -> Value:
-        """`count` elements from `lower` on."""
+        """Return `count` elements from index `lower` on.
+
+        The C checks at run time that they are there, unless bounds show it.
+        """
         if not lower.again:
             lower = self.temporary(replace(lower, as_float=None))
         n = self.length(x)
@@ -1334,7 +1403,7 @@ class Expressions(ABC):
     def run_time_slice(
         self, x: Value, lower: Value | None, upper: Value | None
     ) -> Value:
-        """A slice as Python cuts it, of a length known at run time."""
+        """Translate a slice of run-time length, with Python's clipping of its ends."""
         t = List(element(x.type), most(x.type))
         name, k, n = self.fresh("slice"), self.fresh("k"), self.length(x)
         first, last = self.fresh("from"), self.fresh("to")
@@ -1356,6 +1425,7 @@ class Expressions(ABC):
     # --- text -------------------------------------------------------------------------
 
     def _joinedstr(self, node: ast.JoinedStr) -> Value:
+        """Translate an f-string by writing its pieces to the text buffer of the C."""
         pieces = []
         given = [p.value for p in node.values if isinstance(p, ast.FormattedValue)]
         values = iter(self.in_order(given))
@@ -1382,7 +1452,7 @@ class Expressions(ABC):
         return Value(S, name, again=True)
 
     def write_text(self, node: ast.AST, value: Value, spec: str) -> None:
-        """Append a value to the text that is written."""
+        """Write the C that appends a value to the text in the buffer."""
         t = value.type
         if value.is_const and isinstance(value.const, (str, int, float)) and t != B:
             text = format(value.const, spec)
@@ -1423,8 +1493,10 @@ class Expressions(ABC):
 
 
 class UnknownYetError(Exception):
-    """Something is not known in this pass, perhaps in the next; else it is refused by
-    `reason`."""
+    """A type or field that is unknown in this pass and may be known in the next.
+
+    If no later pass finds it, `reason` is raised.
+    """
 
     def __init__(self, reason: SubsetError) -> None:
         super().__init__(str(reason))
@@ -1432,7 +1504,10 @@ class UnknownYetError(Exception):
 
 
 def _joined(a: Value, b: Value, sign: str, level: int) -> Value:
-    """a && b or a || b; of both kinds with parentheses, which compilers ask for."""
+    """Join two conditions by && or ||.
+
+    Where both operators are mixed, parentheses avoid a compiler warning.
+    """
     lowest = EQUAL if sign == "||" else level
     left = a.code if a.binds == level or a.binds >= lowest else f"({a.code})"
     right = b.code if b.binds >= max(lowest, level + 1) else f"({b.code})"
@@ -1440,29 +1515,34 @@ def _joined(a: Value, b: Value, sign: str, level: int) -> Value:
 
 
 def safe_field(name: str) -> str:
-    """A field's name in C."""
+    """Return the C name of a field."""
     from .types import safe
 
     return safe(name)
 
 
 def _sum(a: dict[str, int], b: dict[str, int], sign: int) -> dict[str, int]:
+    """Return `a + sign * b` of two sums of terms."""
     return {k: a.get(k, 0) + sign * b.get(k, 0) for k in {*a, *b}}
 
 
 def _is_literal(node: ast.expr) -> bool:
-    """Whether an expression has integers alone, written out."""
+    """Return whether an expression consists of integer literals alone.
+
+    Division and powers do not count.
+    """
     if isinstance(node, ast.BinOp) and not isinstance(node.op, (ast.Div, ast.Pow)):
         return _is_literal(node.left) and _is_literal(node.right)
     return isinstance(node, ast.Constant) and type(node.value) is int
 
 
 def is_exact(value: Value) -> bool:
-    """Whether an integer is one that a double has."""
+    """Return whether a double can represent every value of an integer exactly."""
     if value.type == B:
         return True
     return None not in (value.low, value.high) and max(-value.low, value.high) <= EXACT  # type: ignore[operator,type-var]
 
 
 def is_scalar(t: Type) -> bool:
+    """Return whether a type is a scalar that has values."""
     return isinstance(t, Scalar) and t not in (NONE, NEVER)

@@ -1,4 +1,4 @@
-"""One function of the subset, for given types of its arguments, to one function of C."""
+"""Translate one function of the subset, for given argument types, to C."""
 
 from __future__ import annotations
 
@@ -74,8 +74,8 @@ class Translation(Calls):
         self.declared: set[str] = set()
         self.tries = 0
         self.wanted: dict[str, int] = {}
+        # number of enclosing try statements at the start of each enclosing loop
         self.loops: list[int] = []
-        """Of each loop around how many try were around it."""
         self.said = spec.node.lineno
         given = {name for name, _ in spec.arguments}
         self.order = Order(spec.node, program.block, spec.changed_in_place)
@@ -103,8 +103,7 @@ class Translation(Calls):
             self.bound[name] = Value(t, at, again=True)
 
     def widened(self) -> None:
-        """A parameter that gets values of another type is copied to a variable of that
-        type."""
+        """Copy parameters that later get values of a wider type to variables."""
         for name, t in self.spec.arguments:
             final = self.spec.variables.get(name, t)
             if final != t and name not in self.bound:
@@ -113,6 +112,7 @@ class Translation(Calls):
                 self.line(f"{self.program.names(final)} {safe(name)} = {text};")
 
     def local(self, name: str) -> str:
+        """Return the C of a local variable, dereferenced if passed by address."""
         if name in self.spec.by_address:
             return f"(*{safe(name)})"
         return safe(name)
@@ -120,7 +120,7 @@ class Translation(Calls):
     # --- statements -------------------------------------------------------------------
 
     def block(self, body: Sequence[ast.stmt]) -> bool:
-        """Write statements; True when the end cannot be reached."""
+        """Write statements; return True where the end cannot be reached."""
         for statement in body:
             if self.ended:
                 self.ended = False
@@ -136,6 +136,7 @@ class Translation(Calls):
         return ended
 
     def comments(self, node: ast.stmt) -> None:
+        """Copy the comments of the source up to a statement to the C."""
         last = node.end_lineno or node.lineno
         if isinstance(node, (ast.If, ast.For, ast.While, ast.Try, ast.FunctionDef)):
             last = node.body[0].lineno - 1
@@ -144,6 +145,7 @@ class Translation(Calls):
         self.said = max(self.said, last)
 
     def statement(self, node: ast.stmt) -> None:
+        """Write one statement, or refuse its kind."""
         method = getattr(self, f"do_{type(node).__name__.lower()}", None)
         if method is None:
             raise self.refuse(
@@ -163,7 +165,7 @@ class Translation(Calls):
         self.evaluate(value)
 
     def evaluate(self, value: Value) -> None:
-        """Compute a value that nobody needs: it may fail."""
+        """Write the evaluation of an unused value, because it may fail."""
         if value.parts is not None and not value.is_const:
             for part in value.parts:
                 self.evaluate(part)
@@ -171,6 +173,7 @@ class Translation(Calls):
             self.line(f"(void)({value.code});")
 
     def do_annassign(self, node: ast.AnnAssign) -> None:
+        """Translate an annotated assignment; the annotation may limit a length."""
         limit = self.program.most_of(node.annotation, self.spec.globals)
         if limit is not None:
             if isinstance(node.target, ast.Name):
@@ -235,8 +238,7 @@ class Translation(Calls):
         self.assign(node.target, value)
 
     def assign(self, target: ast.expr, value: Value) -> None:
-        """Assign a value to a name, a field, an element, or one after the other to
-        several."""
+        """Assign a value to a name, a field, an element, or to several in order."""
         if isinstance(target, ast.Name):
             self.store(target, value)
         elif isinstance(target, ast.Attribute):
@@ -268,6 +270,7 @@ class Translation(Calls):
             raise self.refuse(target, "this target", "names and fields of self")
 
     def pin(self, value: Value) -> Value:
+        """Store a value in a temporary unless no statement can change it."""
         if (
             value.is_const
             or value.type in (NONE, NEVER)
@@ -281,11 +284,13 @@ class Translation(Calls):
         return self.temporary(replace(value, again=False))
 
     def text_of(self, value: Value) -> str:
+        """Return the C code of a value and of all its parts."""
         if value.parts is not None:
             return " ".join(self.text_of(p) for p in value.parts)
         return value.code
 
     def target_code(self, target: ast.expr) -> str:
+        """Return the C of the variable or field that a target changes."""
         if isinstance(target, ast.Name):
             return self.local(target.id)
         if isinstance(target, ast.Attribute):
@@ -295,6 +300,11 @@ class Translation(Calls):
         return ""
 
     def store(self, target: ast.Name, value: Value) -> None:
+        """Assign a value to a local variable, declaring it where needed.
+
+        A constant or function assigned once becomes no variable: the name stands for
+        it.
+        """
         name = target.id
         if name == "_":
             self.evaluate(value)
@@ -367,8 +377,7 @@ class Translation(Calls):
         self.line(f"{self.local(name)} = {text};")
 
     def stays(self, name: str, value: Value) -> bool:
-        """True for what a function remembers, which another name may stand for: no
-        copy."""
+        """Return whether a name may stand for a remembered result without a copy."""
         return (
             value.again
             and value.code.startswith("(*kept_")
@@ -381,7 +390,7 @@ class Translation(Calls):
     def kept(
         self, old: Type, new: Type, limit: int | None, node: ast.AST, name: str
     ) -> Type:
-        """The type of a variable that gets another value."""
+        """Return the type of a variable of type `old` that gets one of type `new`."""
         try:
             t = join(old, new)
         except JoinError as error:
@@ -399,6 +408,7 @@ class Translation(Calls):
         return t
 
     def store_field(self, target: ast.Attribute, value: Value) -> None:
+        """Assign a value to a field of the block, widening its type where needed."""
         name = target.attr
         program = self.program
         self.effects = True
@@ -428,6 +438,7 @@ class Translation(Calls):
         self.line(f"self->{safe_field(name)} = {self.convert(value, t, target)};")
 
     def store_element(self, target: ast.Subscript, value: Value) -> None:
+        """Assign a value to an element of a list that the function made."""
         if not isinstance(target.value, ast.Name):
             raise self.refuse(target, "an element of this", "of a list with a name")
         name = target.value.id
@@ -459,6 +470,7 @@ class Translation(Calls):
         self.line(f"{x.code}.e[{k}] = {self.convert(value, wider, target)};")
 
     def do_return(self, node: ast.Return) -> None:
+        """Translate a return, leaving each enclosing try."""
         value = constant(None) if node.value is None else self.expression(node.value)
         assert value is not None
         if node.value is not None and self.ended:
@@ -492,6 +504,7 @@ class Translation(Calls):
         self.line(f"return {text};")
 
     def do_raise(self, node: ast.Raise) -> None:
+        """Translate a raise of a known exception with a text."""
         match node.exc:
             case ast.Call(func=ast.Name(id=name), args=[text]) if name in RAISES:
                 value = self.expression(text)
@@ -503,6 +516,7 @@ class Translation(Calls):
         )
 
     def do_if(self, node: ast.If) -> None:
+        """Translate an if; names tested against None are sure within its branches."""
         test = self.condition(node.test)
         yes, no = self.certain(node.test)
         if test.is_const:
@@ -538,6 +552,7 @@ class Translation(Calls):
         self.ended = first and second
 
     def do_while(self, node: ast.While) -> None:
+        """Translate a while loop; statements of its test run before each pass."""
         if node.orelse:
             raise self.refuse(node, "else of a loop", "a variable")
         self.forget(node)
@@ -572,7 +587,7 @@ class Translation(Calls):
         )
 
     def forget(self, node: ast.stmt) -> None:
-        """Within a loop nothing is sure of what the loop assigns."""
+        """Discard what is known of each name that a loop assigns."""
         for n in ast.walk(node):
             if isinstance(n, ast.Name) and isinstance(n.ctx, ast.Store):
                 self.sure.discard(n.id)
@@ -581,6 +596,11 @@ class Translation(Calls):
                 self.sure.discard(f"self.{n.attr}")
 
     def do_for(self, node: ast.For) -> None:
+        """Translate a for loop over a tuple, a range or a text.
+
+        A loop that changes the sequence that it runs over is refused or runs over a
+        copy.
+        """
         if node.orelse:
             raise self.refuse(node, "else of a loop", "a variable")
         iteration = self.iteration(node.iter)
@@ -607,7 +627,7 @@ class Translation(Calls):
                 )
         if (
             clash & self.spec.changed_in_place
-        ):  # each pass gets what is there when it begins
+        ):  # each pass reads the element as it is when the pass begins
             item = iteration.item
             iteration = replace(iteration, item=lambda k: self.pin(item(k)))
         if (
@@ -668,7 +688,7 @@ class Translation(Calls):
         self.line("}")
 
     def counting(self, node: ast.For, iteration: Iteration) -> None:
-        """for i in range(...): a loop of C over the same name."""
+        """Translate a for loop over a range to a C loop with the same variable."""
         assert isinstance(node.target, ast.Name)
         assert iteration.start is not None
         name, step, start = node.target.id, iteration.step, iteration.start
@@ -710,7 +730,7 @@ class Translation(Calls):
     def one_pass(
         self, node: ast.For, iteration: Iteration, k: Value, free: bool
     ) -> None:
-        """The body of a loop, with what the target gets at pass k."""
+        """Write the body of a loop, its target bound to the item of pass `k`."""
         saved, sure = dict(self.bound), set(self.sure)
         known = set(self.declared)
         item = iteration.item(k)
@@ -736,13 +756,14 @@ class Translation(Calls):
         self.leave("continue;")
 
     def leave(self, text: str) -> None:
-        """Out of a pass of the loop around, and of each try within it."""
+        """Leave the enclosing loop's pass, ending each try within it."""
         for _ in range(self.tries - self.loops[-1]):
             self.line("py_end_try();")
         self.line(text)
         self.ended = True
 
     def do_try(self, node: ast.Try) -> None:
+        """Translate a try with one except that always raises or fails."""
         if node.finalbody or node.orelse or len(node.handlers) != 1:
             raise self.refuse(node, "this try", "one except, no else, no finally")
         (handler,) = node.handlers
@@ -788,7 +809,10 @@ class Translation(Calls):
         self.ended = ended
 
     def do_functiondef(self, node: ast.FunctionDef) -> None:
-        """A function inside: a struct with what it captures, made where it is defined."""
+        """Translate a nested function to a struct of the variables it captures.
+
+        The struct is filled where the function is defined.
+        """
         captured: list[tuple[str, Any]] = []
         own = {a.arg for a in node.args.args}
         own |= {
@@ -855,7 +879,10 @@ class Translation(Calls):
 
 
 def optional(annotation: ast.expr, scope: dict[str, Any]) -> Type | None:
-    """T of an annotation `T | None`; None where it is another one or does not say all."""
+    """Return T of an annotation `T | None`.
+
+    None where the annotation has another form or its type is incomplete.
+    """
     match annotation:
         case ast.BinOp(left=left, op=ast.BitOr(), right=ast.Constant(value=None)):
             try:
@@ -869,6 +896,7 @@ def optional(annotation: ast.expr, scope: dict[str, Any]) -> Type | None:
 
 
 def _load(target: ast.expr) -> ast.expr:
+    """Return the expression that reads an assignment's target."""
     text = ast.unparse(target)
     made = ast.parse(text, mode="eval").body
     for n in ast.walk(made):
@@ -878,7 +906,7 @@ def _load(target: ast.expr) -> ast.expr:
 
 
 def _own(body: Sequence[ast.stmt]) -> list[ast.AST]:
-    """What stands in a loop's body, without what stands in loops within."""
+    """Return all nodes of a loop's body except those of loops within it."""
     found: list[ast.AST] = []
     todo: list[ast.AST] = list(body)
     while todo:
@@ -890,11 +918,12 @@ def _own(body: Sequence[ast.stmt]) -> list[ast.AST]:
 
 
 def _mentions(text: str, code: str) -> bool:
+    """Return whether C text reads a variable or field."""
     return re.search(rf"(?<![\w>.]){re.escape(code)}(?!\w)", text) is not None
 
 
 def _changes(node: ast.For, code: str) -> bool:
-    """True where a loop's body may change what it runs over."""
+    """Return whether a loop's body may change the sequence it runs over."""
     if not code:
         return False
     stored = {
@@ -924,7 +953,7 @@ def _changes(node: ast.For, code: str) -> bool:
 
 
 def _has(what: Any, t: Type) -> bool:
-    """Whether a type is, or has within, one of a class, or this one."""
+    """Return whether a type is, or contains, a class of types or one type."""
     if isinstance(t, what) if isinstance(what, type) else t == what:
         return True
     if isinstance(t, Tuple):
@@ -933,6 +962,7 @@ def _has(what: Any, t: Type) -> bool:
 
 
 def _inside(node: ast.AST, other: ast.AST) -> bool:
+    """Return whether a node lies inside another."""
     return any(n is other for n in ast.walk(node))
 
 

@@ -1,7 +1,7 @@
-"""What a part of a function changes: fields of self, names, elements of lists.
+"""Find what a part of a function changes: fields of self, names, list elements.
 
-Python evaluates in an order, and a list may have two names. Where the C that is written
-would not do the same, `refused` says so before a function is translated.
+Python evaluates in a fixed order, and a list may have two names. Where the C would
+behave differently, `refused` reports it before a function is translated.
 """
 
 from __future__ import annotations
@@ -17,8 +17,10 @@ _COMPREHENSIONS = (ast.GeneratorExp, ast.ListComp)
 
 
 class Order:
-    """What nodes of a function read and change: `name` of locals, `self.name` of
-    fields."""
+    """Reads and changes of a function's nodes.
+
+    Local variables are given as `name`, fields as `self.name`.
+    """
 
     def __init__(self, node: ast.FunctionDef, block: type, lists: set[str]) -> None:
         self._block, self._lists = block, lists
@@ -30,7 +32,7 @@ class Order:
         self._busy: set[str] = set()
 
     def changes(self, *nodes: ast.AST) -> set[str]:
-        """What is assigned there, also by the functions that are called."""
+        """Return the variables and fields that nodes assign, also through calls."""
         found: set[str] = set()
         for n in (n for node in nodes for n in _walk(node)):
             if isinstance(getattr(n, "ctx", None), ast.Store) and (path := _path(n)):
@@ -40,10 +42,11 @@ class Order:
         return found
 
     def calls_change(self, node: ast.AST) -> bool:
-        """Whether a function that is called there changes something."""
+        """Return whether a function that the node calls changes anything."""
         return any(self._called(n) for n in ast.walk(node) if isinstance(n, ast.Call))
 
     def _called(self, call: ast.Call) -> set[str]:
+        """Return the variables and fields that a call changes."""
         match call.func:
             case ast.Attribute(value=ast.Name(id="self"), attr=name):
                 return fields_changed(self._block, name)
@@ -70,8 +73,10 @@ class Order:
 def fields_changed(
     block: type, name: str, seen: frozenset[str] = frozenset()
 ) -> set[str]:
-    """The fields that a method assigns, also by the methods that it calls, as
-    `self.name`."""
+    """Return the fields that a method assigns, also through methods it calls.
+
+    They are given as `self.name`.
+    """
     found: set[str] = set()
     if name in seen:
         return found
@@ -99,7 +104,7 @@ def fields_changed(
 
 
 def reads(node: ast.AST) -> set[str]:
-    """The names and fields that an expression reads itself."""
+    """Return the names and fields that an expression reads directly."""
     found: set[str] = set()
     for n in ast.walk(node):
         match n:
@@ -113,8 +118,11 @@ def reads(node: ast.AST) -> set[str]:
 def refused(
     order: Order, node: ast.FunctionDef, lists: set[str], given: set[str]
 ) -> Iterator[tuple[ast.AST, str, str]]:
-    """What is refused in a function: where, what, what to write instead. `lists`: those
-    of which elements are assigned; `given`: its parameters."""
+    """Yield each refused construct: its node, what it is, and a replacement.
+
+    `lists` are the variables whose elements are assigned, `given` the parameters of the
+    function.
+    """
     for n in ast.walk(node):
         match n:
             case ast.AugAssign(target=target) if order.calls_change(target):
@@ -192,7 +200,7 @@ def refused(
 
 
 def _walk(node: ast.AST) -> Iterator[ast.AST]:
-    """All nodes but the targets of comprehensions, whose names are their own."""
+    """Yield all nodes except targets of comprehensions, whose names are local."""
     yield node
     for field, value in ast.iter_fields(node):
         if isinstance(node, ast.comprehension) and field == "target":
@@ -203,7 +211,7 @@ def _walk(node: ast.AST) -> Iterator[ast.AST]:
 
 
 def _path(node: ast.AST) -> str:
-    """What an assignment to this changes."""
+    """Return the variable or field that an assignment to a node changes."""
     while isinstance(node, ast.Subscript):
         node = node.value
     match node:
@@ -215,11 +223,12 @@ def _path(node: ast.AST) -> str:
 
 
 def _named(node: Any, names: set[str]) -> bool:
+    """Return whether a node is one of these names."""
     return isinstance(node, ast.Name) and node.id in names
 
 
 def _outside(node: ast.FunctionDef, inner: ast.FunctionDef) -> set[str]:
-    """The names that stand in a function and not only in one within it."""
+    """Return the names that a function uses outside of a function within it."""
     within = {id(n) for n in ast.walk(inner)}
     return {
         n.id for n in ast.walk(node) if isinstance(n, ast.Name) and id(n) not in within

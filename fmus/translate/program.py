@@ -1,5 +1,8 @@
-"""A whole block to C99: its functions for the types that they are called with, its
-fields, its tables, and what the FMI wrapper needs to know of its variables."""
+"""Translate a whole block to C99.
+
+The source holds the block's functions for the types that they are called with, its
+fields, its tables, and the description of its variables that the FMI wrapper needs.
+"""
 
 from __future__ import annotations
 
@@ -38,20 +41,43 @@ from .types import (
 )
 from .value import c_text, constant, number, uniform_constant
 
+# folder of the modules that translate; a user's own block file translates too
 COMPONENTS = Path(__file__).resolve().parents[2] / "components"
-"""Where what translates is, beside the file of a block of the user's own."""
 PASSES = 24
 ENTRIES = {"start": (), "output": (F,), "advance": (F, F)}
 KINDS = {"Real": F, "Integer": I, "Boolean": B}
 
 
 def translate(block: type[Block], name: str, guid: str) -> str:
-    """The C source of a block; raises SubsetError where it leaves the subset."""
+    """Translate a block to C.
+
+    Parameters
+    ----------
+    block
+        Class of the block.
+    name
+        Name of the FMU, which the C gives as its own.
+    guid
+        GUID of the FMU.
+
+    Returns
+    -------
+    str
+        C99 source of the block.
+
+    Raises
+    ------
+    SubsetError
+        If the block leaves the subset.
+    """
     return Program(block).text(name, guid)
 
 
 class Program:
-    """The translation of a block: passes over all that it calls, until no type changes."""
+    """Translation of a block.
+
+    It makes passes over all functions that the block calls until no type changes.
+    """
 
     def __init__(self, block: type[Block]) -> None:
         self.block = block
@@ -83,6 +109,7 @@ class Program:
     unsettled = ""
 
     def _translate(self) -> None:
+        """Repeat passes over the block until types settle, or refuse it."""
         for _ in range(PASSES):
             self.changed = False
             self.names = Names()
@@ -105,7 +132,7 @@ class Program:
         )
 
     def _started(self) -> None:
-        """Refuse a field that may be read before it is assigned: in C it would be zero."""
+        """Refuse a field that may be read before it is assigned; in C it would be 0."""
         known = fields_changed(self.block, "start")
         for name in self.fields:
             if name not in self.declared and f"self.{name}" not in known:
@@ -117,6 +144,7 @@ class Program:
                 )
 
     def _entry(self, name: str, types: tuple[Type, ...]) -> Spec:
+        """Specialise one of the block's entry methods for its argument types."""
         callee = Callee(getattr(self.block, name), bound=True)
         try:
             return self.specialised(callee, types, (None,) * len(types), None)
@@ -124,14 +152,16 @@ class Program:
             return self.memory[callee, types, ("None",) * len(types)]
 
     def _shown(self, path: Path) -> str:
-        """The name of a file for people and for comments; none of one that does not
-        translate."""
+        """Return a file's name for messages and comments, or "".
+
+        It is "" for a file that does not translate.
+        """
         if path.is_relative_to(COMPONENTS):
             return path.relative_to(COMPONENTS.parent).as_posix()
         return path.name if path == self.file else ""
 
     def info(self, callee: Callee) -> Info:
-        """What a function declares."""
+        """Return the declarations of a function."""
         key = (callee.function, callee.bound)
         if key not in self.infos:
             function = getattr(callee.function, "__wrapped__", callee.function)
@@ -148,7 +178,7 @@ class Program:
         return self.infos[key]
 
     def nested(self, node: ast.FunctionDef, spec: Spec) -> Nested:
-        """A function within another one, the same in every pass."""
+        """Return a function within another one, the same object in every pass."""
         return self._nested.setdefault((id(node), spec.key), Nested(node, spec))
 
     def specialised(
@@ -158,8 +188,10 @@ class Program:
         consts: tuple[Any, ...],
         caller: Any,
     ) -> Spec:
-        """A function for these arguments; translated now where that is not done in this
-        pass."""
+        """Return a function for these argument types, translating it if needed.
+
+        It is translated at most once per pass.
+        """
         info = self.info(callee)
         key = (callee, types, tuple(map(repr, consts)))
         if key not in self.memory:
@@ -179,6 +211,7 @@ class Program:
         return spec
 
     def _pass(self, spec: Spec) -> None:
+        """Translate a function until its variable types settle within this pass."""
         spec.busy = True
         spec.name = self._name(spec)
         before = (spec.result, spec.effects)
@@ -212,7 +245,9 @@ class Program:
         except UnknownYetError as later:
             self.later = self.later or later
             raise
-        except SubsetError as reason:  # what is known later may show another way
+        except (
+            SubsetError
+        ) as reason:  # a type that becomes known later may remove the reason
             self.later = self.later or UnknownYetError(reason)
             raise self.later from None
         finally:
@@ -222,6 +257,7 @@ class Program:
             self.changed = True
 
     def _name(self, spec: Spec) -> str:
+        """Choose a unique C name for a function."""
         stem = Path(spec.where).stem
         name = spec.info.name.strip("_")
         if isinstance(spec.callee.function, Nested):
@@ -232,7 +268,7 @@ class Program:
         return base if n == 1 else f"{base}_{n}"
 
     def most_of(self, annotation: ast.expr, scope: dict[str, Any]) -> int | None:
-        """MOST of Annotated[tuple[...], MOST]."""
+        """Return MOST of `Annotated[tuple[...], MOST]`, or None."""
         if "Annotated" not in ast.unparse(annotation):
             return None
         thing = eval(
@@ -248,7 +284,7 @@ class Program:
     # --- tables -----------------------------------------------------------------------
 
     def table(self, const: Any, t: Type) -> str | None:
-        """The name of a constant table; None where its rows are not alike."""
+        """Return the C name of a constant table, or None where its rows differ."""
         if uniform_constant(const) != t or not isinstance(t, Tuple):
             return None
         key = id(const)
@@ -267,7 +303,7 @@ class Program:
     # --- text -------------------------------------------------------------------------
 
     def text(self, name: str, guid: str) -> str:
-        """The C source."""
+        """Return the C source of the block."""
         lines = [
             f"/* {name}: {(inspect.getdoc(self.block) or name).splitlines()[0]}",
             "",
@@ -303,6 +339,7 @@ class Program:
         return "\n".join(lines) + "\n"
 
     def head(self, spec: Spec) -> str:
+        """Return the C declaration of a function."""
         arguments = []
         if spec.takes_self:
             arguments.append(f"{BLOCK} *self")
@@ -329,12 +366,13 @@ class Program:
         kind = "void" if result in (NONE, NEVER) else self.names(result)
         if spec.memo:
             kind = f"const {kind} *"
-        # inlined, its lists would lie on the stack for as long as the function around
-        # runs
+        # not inlined: its lists would stay on the stack while the caller
+        # runs.
         apart = "PY_APART " if spec.changed_in_place else ""
         return f"static {apart}{kind} {spec.name}({', '.join(arguments) or 'void'})"
 
     def function(self, spec: Spec) -> Iterable[str]:
+        """Yield the lines of a function in C, with its docstring as a comment."""
         doc = ast.get_docstring(spec.node)
         place = f"{spec.where}:{spec.node.lineno}"
         if doc:
@@ -381,7 +419,7 @@ class Program:
         yield "}"
 
     def description(self, name: str, guid: str) -> Iterable[str]:
-        """The start values, the table of the variables, and the entries."""
+        """Yield the start values, the table of variables and the entry functions."""
         yield f"static const {BLOCK} {PREFIX}at_start = {{"
         for v in self.block.variables:
             yield f"    .{safe(v.name)} = {initial(v.start, self.declared[v.name])},"
@@ -422,7 +460,7 @@ class Program:
 
 
 def initial(x: Any, t: Type) -> str:
-    """A constant as an initialiser of C."""
+    """Format a constant as a C initialiser."""
     if isinstance(t, Tuple):
         inside = ", ".join(initial(e, k) for e, k in zip(x, t.items, strict=True))
         return f"{{{{{inside}}}}}" if t.uniform else f"{{{inside}}}"
@@ -434,10 +472,12 @@ def initial(x: Any, t: Type) -> str:
 
 
 def _stands(name: str, lines: Iterable[str]) -> bool:
+    """Return whether a name occurs in lines of C."""
     return any(re.search(rf"(?<![.>])\b{name}\b", line) for line in lines)
 
 
 def _is_nothing(t: Type) -> bool:
+    """Return whether a type has no value to store."""
     return (
         t in (NONE, NEVER)
         or (isinstance(t, List) and t.item == NEVER)

@@ -1,5 +1,4 @@
-"""Python files as the translator reads them: trees, comments, and what a function
-declares."""
+"""Read Python files for the translator: trees, comments and declarations."""
 
 from __future__ import annotations
 
@@ -29,14 +28,13 @@ from .types import (
     join,
 )
 
-BY_ADDRESS = 64
-"""Arguments larger than that (bytes) are handed over by their address."""
+BY_ADDRESS = 64  # bytes: larger arguments are passed by address
 
 _TOOLS = re.compile(r"#\s*(fmt:|type:|noqa|mypy:)")
 
 
 class Source:
-    """A file: its tree, its functions by their first line, its comments by line."""
+    """A Python file: its tree, its functions by first line, its comments by line."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
@@ -56,7 +54,7 @@ class Source:
                 )
 
     def comments(self, first: int, last: int) -> list[str]:
-        """The comments from one line to another."""
+        """Return the comments from line `first` to line `last`."""
         return [
             self._comments[k] for k in range(first, last + 1) if self._comments.get(k)
         ]
@@ -64,12 +62,12 @@ class Source:
 
 @cache
 def source(path: str) -> Source:
-    """The file at a path, read once."""
+    """Read the file at a path, once per process."""
     return Source(Path(path))
 
 
 class Nested:
-    """A function defined within another, for given types of that one."""
+    """A function defined within another, for given argument types of that one."""
 
     def __init__(self, node: ast.FunctionDef, spec: Any) -> None:
         self.node, self.spec = node, spec
@@ -77,7 +75,10 @@ class Nested:
 
 
 class Info:
-    """What a function declares: parameters, defaults, types, what is remembered."""
+    """Declarations of a function.
+
+    They are its parameters, defaults and types, and whether Python caches its result.
+    """
 
     required = object()
 
@@ -145,6 +146,7 @@ class Info:
             self.is_constant = callee.function()
 
     def _annotation(self, node: ast.expr | None) -> tuple[Type | None, bool]:
+        """Return the type of an annotation and whether it admits None."""
         if node is None:
             return None, True
         try:
@@ -157,8 +159,10 @@ class Info:
 
 
 def of_annotation(thing: Any) -> tuple[Type | None, bool]:
-    """The type that an annotation says, None where it does not say all, and whether it
-    may be None."""
+    """Return the type that an annotation gives, and whether it admits None.
+
+    The type is None where the annotation does not determine it fully.
+    """
     if thing is float:
         return F, False
     if thing is bool:
@@ -189,8 +193,7 @@ def of_annotation(thing: Any) -> tuple[Type | None, bool]:
 
 
 class Spec:
-    """A function with the types of its arguments: what is found out about it, pass by
-    pass."""
+    """A function for given argument types, and what the passes find out about it."""
 
     def __init__(
         self,
@@ -219,9 +222,8 @@ class Spec:
         self.done = False
         self.effects = False
         self.lines: list[str] = []
+        # functions with a remembered result that this one calls, directly or indirectly
         self.reached: set[str] = set()
-        """The functions that remember their last result which it calls, or which those
-        call."""
         self.recursive = False
         self.end_reached = False
         self.busy = False
@@ -229,11 +231,15 @@ class Spec:
 
     @property
     def top(self) -> set[str]:
+        """Return the variables that are declared at the top of the function."""
         return self.hoisted
 
     def _places(self) -> None:
-        """Where each local name stands: how often it is assigned, in which block of
-        statements."""
+        """Find where each local name is used.
+
+        For each name it records how often it is assigned, whether in a loop, and in
+        which block of statements.
+        """
         self.stores: Counter[str] = Counter()
         self.changed_in_place: set[str] = set()
         self.in_loops: set[str] = set()
@@ -245,6 +251,7 @@ class Spec:
         def names(
             node: ast.AST, path: tuple[int, ...], loop: bool, own: frozenset[str]
         ) -> None:
+            """Record the names of an expression, except those a comprehension binds."""
             if isinstance(node, (ast.GeneratorExp, ast.ListComp, ast.Lambda)):
                 inner = {
                     n.id
@@ -273,6 +280,7 @@ class Spec:
                 names(child, path, loop, own)
 
         def block(body: list[ast.stmt], path: tuple[int, ...], loop: bool) -> None:
+            """Record the names of a block of statements and of the blocks within it."""
             here = (*path, id(body))
             for s in body:
                 if isinstance(s, ast.FunctionDef):
@@ -310,7 +318,7 @@ class Spec:
         own_names = {a for a, _ in self.arguments}
         for s in ast.walk(
             self.node
-        ):  # a list that another function changes is changed here
+        ):  # a list counts as changed where a function that gets it changes it
             if isinstance(s, ast.Call):
                 self._passed(s, own_names)
         self.locals_names = {*self.stores, *own_names}
@@ -322,6 +330,7 @@ class Spec:
         }
 
     def _passed(self, call: ast.Call, own: set[str]) -> None:
+        """Record lists passed to a function that changes their elements."""
         if not isinstance(call.func, ast.Name):
             return
         target = self.globals.get(call.func.id)
@@ -348,14 +357,17 @@ class Spec:
                 self.changed_in_place.add(argument.id)
 
     def passing(self, k: int) -> str:
-        """How argument k is handed over: by value, by address, or to be changed."""
+        """Return how argument `k` is passed: "value", "address" or "change".
+
+        "change" is a list whose elements the function assigns.
+        """
         name, _ = self.arguments[k]
         if name in self.changed_in_place:
             return "change"
         return "address" if name in self.by_address else "value"
 
     def give(self, t: Type, one: Any, node: ast.AST) -> None:
-        """It returns a value of this type, too."""
+        """Widen the result type by the type of another returned value."""
         try:
             wider = join(self.result, t)
         except JoinError as error:
@@ -367,28 +379,35 @@ class Spec:
             one.changed = True
 
     def used_after(self, loop: ast.For, name: str) -> bool:
+        """Return whether a name is used after a loop."""
         return any(line > (loop.end_lineno or 0) for line in self._lines.get(name, ()))
 
     def outside_of(self, loop: ast.For, name: str) -> bool:
-        """True where a name stands before a loop over it."""
+        """Return whether a name is used before the loop that assigns it."""
         return any(line < loop.lineno for line in self._lines.get(name, ()))
 
     @property
     def memo(self) -> bool:
-        """True where the last result is kept: what Python remembers, and is not small."""
+        """Return whether the C keeps the last result.
+
+        It does so where Python caches the function and the result has more than 1024
+        bytes.
+        """
         return self.info.cached and size(self.result) > 1024
 
     @property
     def never_returns(self) -> bool:
+        """Return whether the function always raises."""
         return self.done and self.result == NEVER
 
 
 def _captures(t: Type) -> bool:
+    """Return whether a type is a function that captures variables."""
     return type(t).__name__ == "Function" and any(c.captured for c in t.callees)
 
 
 def size(t: Type) -> int:
-    """About how many bytes a value of a type has."""
+    """Estimate the size of a value of a type in bytes."""
     if isinstance(t, Scalar):
         return 8
     if isinstance(t, Tuple):

@@ -1,4 +1,4 @@
-"""The types of the subset, how two of them join, and what they are called in C."""
+"""Define the types of the subset, how they join, and their names in C."""
 
 from __future__ import annotations
 
@@ -7,13 +7,19 @@ from typing import Any
 
 
 class SubsetError(Exception):
-    """A construct outside of the subset; the text says where, what, and what to write
-    instead."""
+    """A construct outside of the subset.
+
+    The text gives the place, the construct and a replacement.
+    """
 
 
 @dataclass(frozen=True)
 class Scalar:
-    """double, bool, int64_t, uint64_t (of masked arithmetic), text, or nothing yet."""
+    """A scalar type.
+
+    One of double, bool, int64_t, uint64_t (masked arithmetic), text, None, or nothing
+    yet.
+    """
 
     name: str
 
@@ -27,19 +33,20 @@ S, NONE, NEVER = Scalar("str"), Scalar("None"), Scalar("nothing")
 
 @dataclass(frozen=True)
 class Tuple:
-    """A tuple of a fixed length; `names` where it is a named one."""
+    """A tuple of fixed length; `names` are the fields of a named tuple."""
 
     items: tuple[Any, ...]
     names: tuple[str, ...] = field(default=(), compare=False)
 
     @property
     def uniform(self) -> bool:
+        """Return whether all elements have one type."""
         return len(set(self.items)) == 1
 
 
 @dataclass(frozen=True)
 class List:
-    """A tuple of up to `most` elements."""
+    """A tuple of up to `most` elements, whose length is known at run time."""
 
     item: Any
     most: int
@@ -47,7 +54,7 @@ class List:
 
 @dataclass(frozen=True)
 class Array:
-    """A list: it changes in place, and keeps its length."""
+    """A Python list: its elements change in place and its length is fixed."""
 
     item: Any
     size: int
@@ -55,15 +62,18 @@ class Array:
 
 @dataclass(frozen=True)
 class Maybe:
-    """T | None."""
+    """An optional type, `T | None`."""
 
     item: Any
 
 
 @dataclass(frozen=True)
 class Callee:
-    """A function known while translating: of a module, of the block (`bound`), or
-    inside another, with what it captures."""
+    """A function known during translation.
+
+    It belongs to a module, to the block (`bound`), or to another function; then
+    `captured` holds the variables that it captures.
+    """
 
     function: Any
     bound: bool = False
@@ -72,21 +82,26 @@ class Callee:
 
 @dataclass(frozen=True)
 class Function:
-    """One of some functions."""
+    """A function value, one of several callees."""
 
     callees: tuple[Callee, ...]
 
 
-Type = Any
-"""One of the classes above."""
+Type = Any  # one of the classes above
 
 
 class JoinError(Exception):
-    """Two types that no variable can have."""
+    """Two types that no variable can have both."""
 
 
 def join(a: Type, b: Type) -> Type:
-    """The type of what may be of type a or b. Raises JoinError."""
+    """Return the type of a variable that holds values of types `a` and `b`.
+
+    Raises
+    ------
+    JoinError
+        If no type has both.
+    """
     if a == b or b == NEVER:
         return a
     if a == NEVER:
@@ -123,7 +138,13 @@ def join(a: Type, b: Type) -> Type:
 
 
 def element(t: Type) -> Type:
-    """The type that all elements of a tuple have. Raises JoinError."""
+    """Return the common type of all elements of a tuple.
+
+    Raises
+    ------
+    JoinError
+        If the elements have no common type.
+    """
     if isinstance(t, (List, Array)):
         return t.item
     found: Type = NEVER
@@ -133,7 +154,7 @@ def element(t: Type) -> Type:
 
 
 def most(t: Type) -> int:
-    """The most elements that a value of a type has."""
+    """Return the maximum number of elements that a value of a type has."""
     return (
         t.most
         if isinstance(t, List)
@@ -144,7 +165,7 @@ def most(t: Type) -> int:
 
 
 def shown(t: Type) -> str:
-    """A type for people."""
+    """Format a type for a message."""
     match t:
         case Tuple() if t.items and t.uniform:
             return f"tuple of {len(t.items)} {shown(t.items[0])}"
@@ -162,7 +183,7 @@ def shown(t: Type) -> str:
 
 
 class Names:
-    """The C names of types, and their definitions in an order that C takes."""
+    """C names of types, and their definitions in an order that C accepts."""
 
     def __init__(self) -> None:
         self._names: dict[Type, str] = {}
@@ -170,6 +191,7 @@ class Names:
         self.equal: set[str] = set()
 
     def __call__(self, t: Type) -> str:
+        """Return the C name of a type, defining it at first use."""
         if isinstance(t, Scalar):
             return {
                 F: "double",
@@ -185,6 +207,7 @@ class Names:
         return self._names[t]
 
     def _define(self, t: Type) -> str:
+        """Define a type in C and return its name."""
         name = ""
         if isinstance(t, (Tuple, Array)) and (isinstance(t, Array) or t.uniform):
             item, n = element(t), most(t)
@@ -225,16 +248,17 @@ class Names:
         return name
 
     def member(self, t: Type) -> str:
-        """The type of a captured variable; the block by its address."""
+        """Return the C type of a captured variable; the block is held by address."""
         return f"{BLOCK} *" if t == "self" else self(t)
 
 
 def hidden(t: Type) -> bool:
-    """True for a function that C knows by its name, so that no value of it is needed."""
+    """Return whether C knows a function by its name, so that it needs no value."""
     return isinstance(t, Function) and len(t.callees) == 1 and not t.callees[0].captured
 
 
 def _kind(t: Type) -> str:
+    """Return the word for a type that its C name contains."""
     return {
         "Tuple": "tuple",
         "List": "upto",
@@ -245,13 +269,11 @@ def _kind(t: Type) -> str:
 
 
 def member_names(t: Tuple) -> list[str]:
-    """What the elements of a tuple of different types are called in C."""
+    """Return the C names of the members of a tuple of mixed types."""
     return [f"x{i}" for i in range(len(t.items))]
 
 
-PREFIX = "desat_"
-"""What each name begins with that is known in the whole of a C file: none of a library
-does."""
+PREFIX = "desat_"  # prefix of all names with file scope: no library uses it
 BLOCK = f"{PREFIX}block"
 _WORDS = """auto break case char const continue default do double else enum extern float for goto if
 inline int long register restrict return short signed sizeof static struct switch typedef union
@@ -261,5 +283,5 @@ _RESERVED = frozenset(_WORDS.split())
 
 
 def safe(name: str) -> str:
-    """A Python name that C takes as well."""
+    """Return a Python name, with an underscore appended where C reserves it."""
     return f"{name}_" if name in _RESERVED or name.startswith(("py_", PREFIX)) else name

@@ -1,5 +1,7 @@
-"""What an expression is while it is translated: its type, its C, and what else is known
-of it."""
+"""Define the value of an expression during translation.
+
+It holds the type, the C code, and whatever else is known of the expression.
+"""
 
 from __future__ import annotations
 
@@ -23,9 +25,9 @@ from .types import (
     join,
 )
 
-UNKNOWN: Any = object()
-"""The constant of what is not one."""
+UNKNOWN: Any = object()  # marks a value that is no constant
 
+# precedence of C operators: a larger number binds more tightly
 ATOM, UNARY, MUL, ADD, SHIFT, LESS, EQUAL, AND_BITS, XOR, OR_BITS, AND, OR, COND = (
     100,
     90,
@@ -41,14 +43,16 @@ ATOM, UNARY, MUL, ADD, SHIFT, LESS, EQUAL, AND_BITS, XOR, OR_BITS, AND, OR, COND
     15,
     10,
 )
-"""How tightly C binds."""
 
 
 @dataclass(frozen=True)
 class Value:
-    """An expression: C `code` that binds by `binds`; a constant; the parts of a tuple
-    that is written out; bounds of an integer; `again`: the code may stand several
-    times."""
+    """An expression in translation: its type and its C code.
+
+    `binds` is the precedence of the code, `const` the value of a constant, `parts` the
+    elements of a tuple that is written out, `low` and `high` are bounds of an integer.
+    `again` says that the code may be repeated.
+    """
 
     type: Type
     code: str
@@ -58,24 +62,27 @@ class Value:
     low: int | None = None
     high: int | None = None
     again: bool = False
+    # an integer converted from a float: C of the same number as a double, not limited
+    # to 64 bits
     as_float: str | None = None
-    """Of an integer made of a float: the same number as a double, without a limit."""
     generator: bool = False
 
     @property
     def is_const(self) -> bool:
+        """Return whether the value is a constant."""
         return self.const is not UNKNOWN
 
     def within(self, level: int) -> str:
-        """The code where C binds by `level`."""
+        """Return the code, in parentheses if it binds less tightly than `level`."""
         return self.code if self.binds >= level else f"({self.code})"
 
     def bounded(self, low: int | None, high: int | None) -> Value:
+        """Return the value with these bounds."""
         return replace(self, low=low, high=high)
 
 
 def number(x: float) -> str:
-    """A float as C writes it."""
+    """Format a float as a C literal."""
     if math.isinf(x):
         return "INFINITY" if x > 0 else "-INFINITY"
     if math.isnan(x):
@@ -84,7 +91,7 @@ def number(x: float) -> str:
 
 
 def constant(x: Any) -> Value | None:
-    """The value of a Python constant, None where it is of no type of ours."""
+    """Return a Python constant as a value, or None if the subset lacks its type."""
     if x is None:
         return Value(NONE, "", const=None, again=True)
     if isinstance(x, bool):
@@ -123,8 +130,11 @@ def constant(x: Any) -> Value | None:
 
 
 def uniform_constant(x: Any) -> Type | None:
-    """The type of a constant table, in which all rows are made alike; None where that
-    fails."""
+    """Return the type of a constant table whose rows share one type, or None.
+
+    Where the rows have no common type, the result is a mixed tuple. None means that an
+    element is no constant of the subset or that the table is empty.
+    """
     if isinstance(x, tuple):
         items = [uniform_constant(e) for e in x]
         if not items or any(t is None for t in items):
@@ -143,7 +153,7 @@ def uniform_constant(x: Any) -> Type | None:
 
 
 def c_text(x: str) -> str:
-    """A string as C writes it, ASCII."""
+    """Format a string as a C string literal in ASCII."""
     out = []
     for byte in x.encode():
         char = chr(byte)

@@ -1,1 +1,1 @@
-"""What a user begins with: a craft's folder, a block's file."""
+"""Write what a user begins with: a craft's folder, a block's file."""

@@ -1,6 +1,8 @@
-"""A block of one's own to begin with: a file that flies as it is, and its test. Of a
-manager it is a law in twenty lines; of another role a block of ours, to be changed
-where it says so."""
+"""Write a user's first block: a file that flies as it is, and its test.
+
+For a manager it is a law in twenty lines; for another role it derives from a block of
+the project and marks where to change it.
+"""
 
 from __future__ import annotations
 
@@ -22,16 +24,27 @@ LAW = "law"
 
 
 def write_law(file: Path, force: bool = False) -> list[Path]:
-    """Write NAME.py, a manager, and test_NAME.py beside it; both. Raises DesatError for
-    a name that no block can have, and where one of them exists already, unless `force`;
-    then nothing is written."""
+    """Write NAME.py, a manager, and test_NAME.py beside it; return both paths.
+
+    Raises
+    ------
+    DesatError
+        If no block can have the name, or one of the files exists and `force` is not
+        set; then nothing is written.
+    """
     return _write(file, LAW, {}, force)
 
 
 def write(what: str, file: Path | None, force: bool = False) -> list[Path]:
-    """Write a block of a role, or one that derives from a block of ours, and its test,
-    as `write_law`; without a file `my_ROLE.py`. Raises DesatError for what is neither,
-    too."""
+    """Write a block of a role, or one derived from a project's block, and its test.
+
+    Without a file it is `my_ROLE.py`.
+
+    Raises
+    ------
+    DesatError
+        If `what` is neither a role nor a block, or as in `write_law`.
+    """
     roles = role_classes()
     if what not in roles and what not in names():
         raise DesatError(
@@ -45,7 +58,7 @@ def write(what: str, file: Path | None, force: bool = False) -> list[Path]:
 
 
 def _description(base: str, block: type[Block]) -> dict[str, Any]:
-    """What the template says of the block that one begins with."""
+    """Return the values of the template that describe the base block."""
     method, what = "advance", "A step: dt (s) from t (s) on."
     if issubclass(block, Computer):
         method, what = (
@@ -78,6 +91,7 @@ def _description(base: str, block: type[Block]) -> dict[str, Any]:
 
 
 def _write(file: Path, kind: str, more: Mapping[str, Any], force: bool) -> list[Path]:
+    """Render the templates of a block and its test, and return their paths."""
     if not file.name:
         raise DesatError(f"NAME {file}: a file's name is needed, as my_{kind}")
     file = file if file.suffix == SUFFIX else file.with_name(file.name + SUFFIX)

@@ -1,9 +1,8 @@
-"""The body of a new craft: its mass, its sides and its moments of inertia, given or
-assumed.
+"""Compute the body of a new craft: mass, sides and moments of inertia.
 
-What is not given follows from what is: sides from the mass and the class density, the
-mass from the sides and that density (of a CubeSat from its units), both from the
-moments of inertia alone.
+Values that are not given follow from those that are: sides from the mass and the class
+density, the mass from the sides and that density (for a CubeSat from its units), both
+from the moments of inertia alone.
 """
 
 from __future__ import annotations
@@ -17,7 +16,7 @@ from ..system.errors import DesatError
 from ..system.quantity import Quantity
 from .facts import CraftFacts
 
-UNIT_MASS = 1.5  # kg, of a CubeSat's unit
+UNIT_MASS = 1.5  # kg, of one unit of a CubeSat
 CUBESATS = {
     1: (0.1, 0.1, 0.1135),
     2: (0.1, 0.1, 0.227),
@@ -27,7 +26,7 @@ CUBESATS = {
     12: (0.2263, 0.2263, 0.366),
     16: (0.2263, 0.2263, 0.454),
     27: (0.34, 0.34, 0.366),
-}  #: Sides (m) by units: CubeSat Design Specification, and what deployers of larger ones take.
+}  #: Sides (m) by units: CubeSat Design Specification, and deployers of larger ones.
 MASS = Quantity("--mass", "kg", 0.0, 1e6, above=True, bare=False)
 BOX = Quantity("--box", "m", 0.0, 100.0, above=True, what="sides")
 INERTIA = Quantity("--inertia", "kg.m2", 0.0, 1e9, above=True, what="moments")
@@ -37,13 +36,13 @@ Sides = tuple[float, float, float]
 
 @dataclass(frozen=True)
 class NewBody(Body):
-    """A body, and where each of its figures is from."""
+    """Body of a new craft, with the origin of each figure."""
 
     inertia: Sides  # kg m2, principal moments
     mass_from: str
     sides_from: str
     inertia_from: str
-    shape: str  # for people: "a 12U"
+    shape: str  # as text: "a 12U"
 
 
 def body_of(wanted: CraftFacts) -> NewBody:
@@ -52,7 +51,8 @@ def body_of(wanted: CraftFacts) -> NewBody:
     Raises
     ------
     DesatError
-        Where sides, mass and moments of inertia contradict each other or are those of no craft.
+        If sides, mass and moments of inertia contradict each other or no craft can have
+        them.
     """
     inertia = None if wanted.inertia is None else _moments(wanted.inertia)
     mass = None if wanted.mass is None else MASS(wanted.mass)
@@ -87,7 +87,7 @@ def body_of(wanted: CraftFacts) -> NewBody:
 
 
 def _options(wanted: CraftFacts) -> str:
-    """Return the options that say the body, for messages."""
+    """Return the options that define the body, for messages."""
     given = {
         "--size": wanted.size,
         "--box": wanted.box,
@@ -100,8 +100,10 @@ def _options(wanted: CraftFacts) -> str:
 
 
 def _given_sides(wanted: CraftFacts) -> tuple[Sides | None, str, str, int]:
-    """Return the sides (m) that are given, their origin, the shape and a CubeSat's
-    units."""
+    """Return the given sides (m), their origin, the shape and a CubeSat's units.
+
+    The sides are None where none are given.
+    """
     if wanted.box is not None:
         if wanted.size is not None:
             raise DesatError(
@@ -129,7 +131,7 @@ def _given_sides(wanted: CraftFacts) -> tuple[Sides | None, str, str, int]:
 
 
 def _moments(text: str) -> Sides:
-    """Return principal moments (kg m2). Raises DesatError for those of no body."""
+    """Parse principal moments (kg m2), or raise DesatError if no body has them."""
     values = INERTIA.many(text)
     if len(values) != 3:
         raise DesatError(f"--inertia {text}: three moments are needed, as 0.2,0.2,0.1")

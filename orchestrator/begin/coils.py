@@ -1,5 +1,4 @@
-"""Torquers by their making, as people type them: coils and rods of so many turns, or of
-what their dipole takes."""
+"""Parse torquers given by their construction: coils and rods by turns or dipole."""
 
 from __future__ import annotations
 
@@ -20,26 +19,26 @@ TURNS = Quantity("--rods", "1", 1.0, 1e6, what="turns")
 DIPOLE = Quantity("--rods", "A.m2", 0.0, 1e5, above=True)
 LENGTH = Quantity("--rods", "m", 1e-6, 100.0)
 CURRENT = Quantity("--rods", "A", 1e-6, 1e3)
-MOST_DENSITY = 30.0  # A/mm2: in vacuum copper carries some 5
+MOST_DENSITY = 30.0  # A/mm2: upper limit; copper in vacuum carries about 5
+# of a core: so high that the ratio of length to diameter decides, not this
 PERMEABILITY = 20_000.0
-"""Of a core: its length against its diameter decides then, not this."""
 
 
 def is_made(text: str) -> bool:
-    """Whether it says a making."""
+    """Return whether a text describes a construction."""
     return text.split()[0:1] in (["coil"], ["rod"])
 
 
 def made(text: str, most_mass: float = inf) -> tuple[coil.Coil, str]:
-    """Return the coil that a text says, and how it is made, for people.
+    """Return the coil that a text describes, and its construction as text.
 
-    TURNS may be a dipole (0.2Am2): then there are as many as that takes.
+    TURNS may be a dipole (0.2Am2): then the number of turns follows from it.
 
     Raises
     ------
     DesatError
-        For a text of another form, for a current that melts the wire, and for a coil heavier than
-        `most_mass` (kg).
+        If the text has another form, the current melts the wire, or the coil is heavier
+        than `most_mass` (kg).
     """
     words = text.split()
     size = (
@@ -90,7 +89,10 @@ def made(text: str, most_mass: float = inf) -> tuple[coil.Coil, str]:
 
 
 def _turns(dipole: str, build: Callable[[float], coil.Coil]) -> float:
-    """How many turns a dipole takes. Raises DesatError where one turn gives more."""
+    """Return the number of turns for a dipole.
+
+    Raises DesatError if one turn gives more.
+    """
     wanted, one = DIPOLE(dipole), build(1.0).dipole
     if wanted < one:
         raise DesatError(

@@ -1,24 +1,29 @@
-"""A new craft's folder, from what its owner knows of it: `craft.toml` with every
-number's origin, and the scenarios `nominal`, `worst` and `detumbling`. What is not
-given is typical of its class (templates/classes.toml, templates/craft/).
+"""Write a new craft's folder from the facts that its owner knows.
+
+It holds `craft.toml` with the origin of every number, and the scenarios `nominal`,
+`worst` and `detumbling`. Values that are not given are typical of the class
+(templates/classes.toml, templates/craft/).
 
 Rules, each written beside its number:
 
 - inertia: a homogeneous box of the craft's mass and sides;
-- drag and radiation: the mean area of the box as it is seen from all sides, half the sum of its
+- drag and radiation: the mean area of the box seen from all sides, half the sum of its
   three faces; centre of pressure off by 5 % of each side;
 - residual dipole: 5 mA m2 a kilogram, along (1, -0.5, 0.8);
-- wheels: no less than residual dipole and gravity gradient turn in and out of them each orbit;
-- attitude controller: bandwidth 0.1 rad/s, or less where the wheels' torque would not turn an error
-  of 5 deg so fast; damping 0.7; integral ten times slower;
-- manager: gain of the orbit's rate; B-dot: BRAKING orbit rates times the mean
+- wheels: at least the momentum that residual dipole and gravity gradient exchange with
+  them each orbit;
+- attitude controller: bandwidth 0.1 rad/s, or less where the wheels' torque would not
+  turn an error of 5 deg so fast; damping 0.7; integral ten times slower;
+- manager: gain equal to the orbit rate; B-dot: BRAKING orbit rates times the mean
   moment of inertia;
-- dumps between thresholds: torque half of what the wheels give, or what the pairs give if less; a
-  sample's pulse, centred in it, turns the craft to one side and the wheels turn it back: samples as
-  long, and the torque as large, as keep torque T^2 / (8 J) within DEVIATION;
-- an orbit of SLOW or more is flown at steps of up to 10 s: as long as the wheels' torque turns the
-  craft by LARGEST_TURN in one, and the air at perigee by DEVIATION against the controller, at the
-  most; until there have been DUMPS dumps.
+- dumps between thresholds: torque half of the wheels' torque, or that of the pairs if
+  less. The pulse of a sample, centred in it, turns the craft to one side and the wheels
+  turn it back: samples as long, and the torque as large, as keep torque T^2 / (8 J)
+  within DEVIATION;
+- steps in an orbit of period SLOW or more: up to 10 s, as long as in one step the
+  wheels' torque turns the craft by at most LARGEST_TURN and the air at perigee by at
+  most DEVIATION against the controller; the run lasts until there have been DUMPS
+  dumps.
 """
 
 from __future__ import annotations
@@ -68,31 +73,28 @@ from .orbits import Orbit, epoch_of, orbit_of
 from .torques import GivenTorque, given_torque
 
 Array = NDArray[np.float64]
+# the last one only for a craft with rods
 SCENARIOS = ("nominal", "worst", "detumbling")
-"""The last one of a craft with rods alone."""
 LAYOUTS = ("pyramid", "axes")
 POINTINGS = ("nadir", "inertial", "sun", "yaw")
+# B-dot gain divided by mean moment of inertia, in units of the orbit rate. Of gains
+# from 0.003 to 0.03 1/s, flown on 24 random crafts of 1U to 150 kg, it is within 1.3 of
+# the fastest in 23. Stronger rods are saturated for a shorter time, which does not
+# change the best gain. The gain of Avanzini & Giulietti (2012), 2 n (1 + sin xi) J_min,
+# is up to ten times slower where J_min is far below the other moments.
 BRAKING = 7.0
-"""Of B-dot: gain over the mean moment of inertia, in orbit rates. Of gains from 0.003
-to 0.03 1/s, flown on 24 random crafts of 1U to 150 kg, it is within 1.3 of the quickest
-in 23. Stronger rods are at their limit for less long, which does not move the best
-gain; Avanzini & Giulietti (2012), 2 n (1 + sin xi) J_min, are up to ten times slower
-where J_min is far below the others."""
-SLOW = 6.0 * 3600.0
-"""Periods (s) from which on nothing asks for steps of a second."""
-LARGEST_TURN = 0.02
-"""By a wheel's torque in a step (rad)."""
+SLOW = 6.0 * 3600.0  # s: from this orbit period on steps may be longer than a second
+LARGEST_TURN = 0.02  # rad: maximum turn by a wheel's torque in a step
+# rad: maximum turn by the wheels' torque in a substep, to which accuracy has been shown
+# (analyses/coverage.py)
 KICK = 0.0076
-"""By the wheels' torque in a substep (rad): so far accuracy is shown
-(analyses/coverage.py)."""
+# Number of dumps of a scenario, and its maximum number of steps.
 DUMPS, MOST_STEPS = 9, 2_500_000
-"""How many a scenario lasts for, and in how many steps at the most."""
+# initial attitude error of the worst scenario: 10 deg
 OFF: Vec4 = (0.05, -0.05, 0.0513, 0.9962)
-"""By how much a bad day begins off the wanted attitude: 10 deg."""
-YAW_ERROR = 1e-3
-"""What the steered frame's acceleration lets the attitude lag by (rad)."""
+YAW_ERROR = 1e-3  # rad: lag of the attitude under the acceleration of the steered frame
+# 1/s: gain of laws in deep space, where there is no orbit rate to derive it from
 QUICKEST = 1e-4
-"""Of laws in deep space (1/s), where no orbit's rate says one."""
 WHEELS = Quantity("--wheels", "N.m.s", 0.0, 1e5, above=True, bare=False)
 RODS = Quantity("--rods", "A.m2", 0.0, 1e5, above=True)
 THRUSTERS = Quantity("--thrusters", "N", 0.0, 1e5, above=True, bare=False)
@@ -104,63 +106,63 @@ ISP = Quantity("--isp", "s", 1.0, 1e4, bare=False)
 SAMPLE = Quantity("--sample", "s", 0.01, 10.0, bare=False)
 FILL = Quantity("--dump", "%", 0.0, 95.0)
 DUMPERS = ("thrusters", "coils")
+# rad: maximum turn by one pulse of a dump, half of the allowed pointing error
 DEVIATION = math.radians(0.1)
-"""What one pulse of a dump may turn a craft by (rad): half of what pointing may err."""
+# s: sample times of thrusters; the longest that keeps DEVIATION is taken, at least a
+# step
 SAMPLES = (10.0, 5.0, 2.0, 1.0)
-"""Of thrusters (s): the longest that keeps within it, at least a step."""
 
 
 @dataclass(frozen=True)
 class NewWheels:
-    """The wheels of a new craft: texts for its files, and numbers in SI."""
+    """Wheels of a new craft: texts for its files, and numbers in SI."""
 
     count: int
     inertia_si: float  # kg m2, of a rotor
     axes_si: list[list[float]]  # (3, 4), body; zero where there is no wheel
-    axes: list[str]  # its rows
+    axes: list[str]  # rows of axes_si
     layout_why: str
-    null: bool  # whether some momenta of the wheels add up to nothing
+    null: bool  # whether the wheels have a null space
     capacity: str
-    speed: str  # largest
+    speed: str  # maximum
     class_name: str
     inertia: str  # of each rotor
     torque: str
     torque_si: float  # N m
     capacity_si: float  # N m s, of each
-    why: str  # where the torque is from
+    why: str  # origin of the torque
     viscous: str
     coulomb: str
     lag: str
     compensation: str
-    noise: str  # N m s, of the momentum that is measured
+    noise: str  # N m s, of the measured momentum
     half: str  # half the capacity of each
 
 
 @dataclass(frozen=True)
 class NewDumps:
-    """How a new craft dumps momentum between thresholds: texts for its files, and
-    numbers in SI."""
+    """Dumps of a new craft between thresholds: texts for its files, numbers in SI."""
 
     by: str
-    percent: tuple[str, str]  # of a wheel's capacity: where a dump begins and ends
+    percent: tuple[str, str]  # of a wheel's capacity: begin and end of a dump
     begin: str  # N m s
     end: str  # N m s
     torque: str  # N m
-    why: str  # where the torque is from
+    why: str  # origin of the torque
     sample: float  # s, of thrusters or coils
-    large: bool  # whether the momentum is printed in N m s, not mN m s
-    most: str  # %: the fill that is required
+    large: bool  # print momentum in N m s, not mN m s
+    most: str  # %: required maximum fill
     aligned: bool  # whether a dump waits until its momentum lies along an axis
     room: float  # N m s, between the thresholds
 
 
 class Assumption(NamedTuple):
-    """A figure of a new craft, and where it is from."""
+    """A figure of a new craft, and its origin."""
 
     quantity: str
     value: str
     unit: str
-    origin: str  # "given", or by which rule
+    origin: str  # "given", or the rule
 
 
 @dataclass(frozen=True)
@@ -179,8 +181,8 @@ def write(
     Raises
     ------
     DesatError
-        Where the folder exists already, unless `force`, or where something wanted cannot be; then
-        nothing is written.
+        If the folder exists and `force` is not set, or a requested property is
+        impossible; then nothing is written.
     """
     if folder.exists() and not force:
         raise DesatError(f"{folder}: it exists; --force writes the craft into it")
@@ -218,7 +220,7 @@ def write(
 
 
 def _assumptions(wanted: CraftFacts, made: Mapping[str, Any]) -> Iterator[Assumption]:
-    """List what a new craft was given and what was assumed."""
+    """Yield the figures of a new craft, given or assumed."""
     body, orbit, wheels = made["body"], made["orbit"], made["wheels"]
     yield Assumption("mass", body["mass"], "kg", body["mass_from"])
     yield Assumption("sides", body["sides"].strip("[]"), "m", body["sides_from"])
@@ -289,7 +291,10 @@ def _assumptions(wanted: CraftFacts, made: Mapping[str, Any]) -> Iterator[Assump
 def _of_class(
     asked: Quantity, kind: str, measure: str, text: str
 ) -> tuple[str, Figures, float]:
-    """The class that a size belongs to, its figures, and the size."""
+    """Return the class that a size belongs to, its figures, and the size.
+
+    A number takes the class of the nearest size.
+    """
     known, option, unit = classes()[kind], asked.option, asked.unit
     if text in known:
         return text, known[text], quantity(option, known[text][measure], unit)
@@ -313,15 +318,17 @@ def _of_class(
 
 
 def _text(x: float) -> str:
+    """Format a number with six digits."""
     return f"{x:.6g}"
 
 
 def _list(values: Any) -> str:
+    """Format numbers as a TOML list."""
     return "[" + ", ".join(_text(float(x)) for x in values) + "]"
 
 
 def _template_values(wanted: CraftFacts, name: str, command: str) -> dict[str, Any]:
-    """What the templates are filled with."""
+    """Return the values that the templates are filled with."""
     pointing = wanted.pointing or ("nadir" if wanted.sun is None else "sun")
     if pointing not in POINTINGS:
         raise DesatError(
@@ -485,7 +492,7 @@ def _template_values(wanted: CraftFacts, name: str, command: str) -> dict[str, A
 def _radiation(
     wanted: CraftFacts, area: float, sides: tuple[float, float, float]
 ) -> tuple[float, list[float], str]:
-    """The area (m2) and the centre (m, body) of the Sun's light, and why."""
+    """Return area (m2) and centre (m, body) of radiation pressure, and their origin."""
     if wanted.panel is None:
         return (
             1.5 * area,
@@ -503,7 +510,7 @@ def _radiation(
 
 @dataclass(frozen=True)
 class Sources:
-    """Which torques beside gravity gradient turn a new craft."""
+    """Torques on a new craft besides gravity gradient."""
 
     dipole: bool
     air: bool
@@ -512,7 +519,7 @@ class Sources:
 
 
 def _torques(orbit: Orbit, sources: Sources) -> str:
-    """Name the torques that turn the craft, for people."""
+    """List the torques on the craft as text."""
     names = ["gravity gradient"] * orbit.of_earth
     names += ["drag"] * sources.air + ["radiation"] * sources.light
     names += ["its own dipole"] * sources.dipole
@@ -522,7 +529,7 @@ def _torques(orbit: Orbit, sources: Sources) -> str:
 
 
 def _worse(orbit: Orbit, sources: Sources) -> list[str]:
-    """Name what is worse on a bad day, for people."""
+    """List what is worse in the worst scenario, as texts."""
     worse = ["1.3 times the torque"] * (sources.given is not None)
     worse += ["high solar activity"] * (sources.air and not orbit.of_tle)
     worse += ["1.3 times the light"] * (sources.light and not sources.air)
@@ -530,8 +537,10 @@ def _worse(orbit: Orbit, sources: Sources) -> list[str]:
 
 
 def _start(pointing: str, orbit: Orbit) -> dict[str, Any]:
-    """The wanted attitude at t = 0, relative to lvlh or to eci, and one that is OFF
-    from it."""
+    """Return the reference attitude at t = 0, and one with the error OFF.
+
+    Both are relative to lvlh or to eci.
+    """
     if pointing in ("nadir", "inertial"):
         return {
             "frame": "lvlh" if pointing == "nadir" else "eci",
@@ -556,8 +565,11 @@ def _start(pointing: str, orbit: Orbit) -> dict[str, Any]:
 def _secular(
     orbit: Orbit, sources: Sources, area: float, centre: list[float], dipole: float
 ) -> float:
-    """Estimate what is left in the wheels (N m): of light, of a dipole a tenth of its
-    torque in the field of a circular orbit, and what is given."""
+    """Estimate the secular torque (N m).
+
+    It is the sum of radiation, a tenth of the residual dipole's torque in the field of
+    a circular orbit, and the given torque.
+    """
     light = (
         orbit.light * SOLAR_PRESSURE * area * math.hypot(*centre)
         if sources.light
@@ -577,9 +589,12 @@ def _step(
     sides: tuple[float, float, float],
     turns: bool,
 ) -> float:
-    """How long a step is (s): a second, of a slow orbit as long as neither the wheels'
-    torque (N m) nor the air at perigee turns the craft far in it, nor it lags behind
-    where it `turns` with an ellipse."""
+    """Choose the step (s).
+
+    It is a second. In a slow orbit it is as long as neither the wheels' torque (N m)
+    nor the air at perigee turns the craft far in it, nor the attitude lags where it
+    `turns` with an ellipse.
+    """
     if orbit.period < SLOW:
         return 1.0
     (r, v), (a, b, c) = orbit.state, sides
@@ -591,8 +606,7 @@ def _step(
         else 0.0
     )
     wind = 1.1 * air * speed * speed * area * lever
-    # the controller's bandwidth w is a tenth of the samples' rate, and J w^2 its
-    # stiffness
+    # the controller's bandwidth w is a tenth of the sample rate, its stiffness J w^2
     return next(
         (
             x
@@ -606,14 +620,17 @@ def _step(
 
 
 def _is_multiple(time: float, step: float) -> bool:
-    """Return whether a sample time (s) is a whole number of steps (s), one at least."""
+    """Return whether a sample time (s) is a whole number of steps (s), at least one."""
     count = time / step
     return round(count) >= 1 and abs(count - round(count)) <= 1e-9
 
 
 def _given_sample(text: str) -> float:
-    """Return the sample time (s) of --sample. Raises DesatError where 10 s are no
-    multiple of it: coils and manager sample every 10 s."""
+    """Parse the sample time (s) of --sample.
+
+    Raises DesatError where 10 s are no multiple of it, because coils and manager sample
+    every 10 s.
+    """
     sample = SAMPLE(text)
     if not _is_multiple(10.0, sample):
         raise DesatError(
@@ -625,7 +642,7 @@ def _given_sample(text: str) -> float:
 def _attitude_loop(
     inertia: Sequence[float], wheels: NewWheels, bandwidth: float, step: float
 ) -> AttitudeLoop:
-    """Return the attitude loop of a new craft, all of it sampled at every step (s)."""
+    """Return the attitude loop of a new craft, all sampled at every step (s)."""
     axes, rotor = np.array(wheels.axes_si), wheels.inertia_si
     whole = np.diag(inertia)
     kp, kd, ki = _gains(bandwidth)
@@ -647,7 +664,10 @@ def _attitude_loop(
 
 
 def _gains(bandwidth: float) -> tuple[float, float, float]:
-    """Return kp, kd and ki of the controller, whose e is half the angle: damping 0.7."""
+    """Return kp, kd and ki of the controller for a damping of 0.7.
+
+    Its error e is half the angle; `bandwidth` is in rad/s.
+    """
     return 2.0 * bandwidth**2, 1.4 * bandwidth, 0.2 * bandwidth**3
 
 
@@ -665,7 +685,8 @@ def _stable_sample(
     fullest
         Share of their capacity to which they fill.
     given
-        Whether the sample time is the user's, who is then told instead.
+        Whether the user set the sample time. It is then not changed: a DesatError says
+        which one would do.
     """
     axes = np.array(wheels.axes_si)[:, : wheels.count]
     each = np.full(wheels.count, fullest * wheels.capacity_si)
@@ -692,8 +713,7 @@ def _stable_sample(
 def _limits(
     mass: float, orbit: Orbit, thrusters: Mapping[str, str] | None
 ) -> dict[str, str]:
-    """What the scenarios require, as their numbers have it; the class is that of the
-    mass."""
+    """Return the limits of the scenarios as texts, by the mass class."""
     known = classes()["requirements"]
     name = [n for n, x in known.items() if quantity("", x["mass"], "kg") <= mass][-1]
     figures = known[name]
@@ -709,7 +729,7 @@ def _limits(
         )
     }
     if orbit.eccentricity > 0.1:
-        made["duty"] = ""  # coils are at their limits where the field is of no use
+        made["duty"] = ""  # coils saturate where the field is too weak to act
     tank = (
         ""
         if thrusters is None or not thrusters["tank"]
@@ -719,8 +739,10 @@ def _limits(
 
 
 def _bend(orbit: Orbit) -> float:
-    """The largest angular acceleration of nadir (rad/s2): 2 n^2 e sin v (1 + e cos v)^3
-    / (1 - e^2)^3 at the true anomaly v."""
+    """Return the largest angular acceleration of nadir (rad/s2).
+
+    At the true anomaly v it is 2 n^2 e sin v (1 + e cos v)^3 / (1 - e^2)^3.
+    """
     e = orbit.eccentricity
     v = np.linspace(0.0, math.pi, 721)
     bend = np.sin(v) * (1.0 + e * np.cos(v)) ** 3
@@ -728,16 +750,23 @@ def _bend(orbit: Orbit) -> float:
 
 
 def _substeps(step: float, acceleration: float, dump: NewDumps | None) -> int:
-    """As many as `coverage.LIMITS` asks of wheels that all turn the craft at their
-    torque (rad/s2 each), where dumps make runs long; eight of a day's run."""
+    """Return the number of substeps in a step (s).
+
+    For long runs with dumps it is the number that `coverage.LIMITS` requires when all
+    wheels turn the craft at their torque (rad/s2 each); for a day's run eight a second,
+    and one in a step above 1 s.
+    """
     if dump is None:
         return max(1, round(8.0 * step)) if step <= 1.0 else 1
     return min(8, math.ceil(step * math.sqrt(2.4 * acceleration / KICK)))
 
 
 def _stop(orbit: Orbit, dump: NewDumps | None, torque: float, step: float) -> float:
-    """How long a scenario lasts (s): a day, ten orbits of a slow one, or until there
-    have been DUMPS dumps; all wheels of a pyramid hold 1.7 times what one does."""
+    """Return the duration of a scenario (s).
+
+    It is a day, ten orbits of a slow orbit, or until there have been DUMPS dumps; all
+    wheels of a pyramid together hold 1.7 times the momentum of one.
+    """
     days = 1.0
     if orbit.period >= SLOW:
         days = math.ceil(10.0 * orbit.period / 86400.0) if orbit.of_earth else 10.0
@@ -756,7 +785,7 @@ def _dump(
     inertia: float,
     step: float,
 ) -> NewDumps | None:
-    """What dumps between thresholds are made with; None: a law that dumps all the time."""
+    """Return the dumps between thresholds; None for a law that dumps all the time."""
     if wanted.dump is None:
         if not rods:
             raise DesatError(
@@ -805,10 +834,9 @@ def _dump(
 
 
 def _thresholds(text: str) -> tuple[float, float, str, bool]:
-    """Return begin and end of dumps (%), what dumps, and whether dumps wait for an
-    axis.
+    """Parse begin and end (%) of dumps, actuators, and whether dumps wait for an axis.
 
-    Raises DesatError.
+    Raises DesatError for another form.
     """
     match = re.fullmatch(
         r"\s*(\w+)\s+([\d.]+)\s*:\s*([\d.]+)\s*(%?)(\s+aligned)?\s*", text
@@ -839,7 +867,7 @@ def _holds(
     dipole: list[float],
     start: Mapping[str, Any],
 ) -> None:
-    """Raises DesatError where the fullest wheel cannot hold what an orbit alone brings."""
+    """Raise DesatError if the fullest wheel cannot hold an orbit's cyclic momentum."""
     a, b, c = inertia
     to_earth = pointing in ("nadir", "yaw")
     momentum = cyclic.momentum(
@@ -860,9 +888,9 @@ def _holds(
 
 
 def _wheels(wanted: CraftFacts, inertia: list[float]) -> NewWheels:
-    """Return the wheels that the facts ask for, or those of its class."""
+    """Return the wheels that the facts give, or those of the class."""
     largest = max(inertia)
-    # a class of its own: what turns it at 1 deg/s, thrice
+    # default: three times the momentum of the craft at 1 deg/s
     size = 3.0 * largest * math.radians(1.0)
     text = wanted.wheels or f"4 pyramid {max(size, 2e-3):.2g} N.m.s"
     match = re.fullmatch(r"\s*(\d)\s+(\w+)\s+(.+?)\s*", text)
@@ -921,6 +949,7 @@ def _wheels(wanted: CraftFacts, inertia: list[float]) -> NewWheels:
 
 
 def _rods(wanted: CraftFacts, mass: float, orbit: Orbit) -> dict[str, str] | None:
+    """Return the texts of the rods, or None without rods."""
     if wanted.rods == "none" or (wanted.rods is None and not orbit.of_earth):
         return None
     if not orbit.of_earth:
@@ -958,8 +987,7 @@ def _rods(wanted: CraftFacts, mass: float, orbit: Orbit) -> dict[str, str] | Non
 
 
 def _gyro() -> dict[str, str]:
-    """Its angle random walk: the angle after 1 s (deg), and after 1 h, as its class has
-    it."""
+    """Return the angle random walk (deg) after 1 s, and as the text of its class."""
     figures = classes()["gyros"]["mems"]
     return {"in_1_s": _text(math.degrees(walk(figures))), "in_1_h": figures["walk"]}
 
@@ -967,6 +995,7 @@ def _gyro() -> dict[str, str]:
 def _thrusters(
     wanted: CraftFacts, sides: tuple[float, float, float]
 ) -> Mapping[str, str] | None:
+    """Return the texts of the thrusters, or None without thrusters."""
     if wanted.thrusters is None:
         for option, given in (
             ("--propellant", wanted.propellant),

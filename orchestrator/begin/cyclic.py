@@ -1,5 +1,4 @@
-"""The momentum that an orbit turns in and out of the wheels whatever coils do about the
-rest."""
+"""Compute the cyclic momentum of an orbit, which wheels hold whatever coils do."""
 
 from __future__ import annotations
 
@@ -16,8 +15,7 @@ from desat.components.physics import torques as torques_of
 from desat.components.physics.orbit import MU, lvlh_attitude, orbit_plane
 
 Array = NDArray[np.float64]
-DIPOLE = 7.75e15
-"""Of the Earth: mu_0 / (4 pi) times the moment (T m3); IGRF-14, 2025."""
+DIPOLE = 7.75e15  # T m3, of the Earth: mu_0 / (4 pi) times the moment; IGRF-14, 2025
 
 
 def momentum(
@@ -28,11 +26,31 @@ def momentum(
     dipole: Sequence[float],
     turned: Array | None = None,
 ) -> Array:
-    """(N, 3) N m s, body, over a circular orbit about its middle, of residual dipole (A
-    m2) and gravity gradient alone, in the field of a dipole along the Earth's axis.
-    Drag, radiation and the field's tilt are left out. `rate`: the mean motion (rad/s);
-    `nadir`: the craft turns with the orbit, else it stays in eci; `turned` (3, 3): its
-    attitude beyond that."""
+    """Compute the cyclic momentum over a circular orbit, about its middle.
+
+    It is of residual dipole and gravity gradient alone, in the field of a dipole along
+    the Earth's axis. Drag, radiation and the field's tilt are left out.
+
+    Parameters
+    ----------
+    nadir
+        Whether the craft turns with the orbit; otherwise it stays fixed in eci.
+    rate
+        Mean motion (rad/s).
+    inclination
+        Inclination (rad).
+    inertia
+        Moments of inertia (kg m2), body.
+    dipole
+        Residual dipole (A m2), body.
+    turned
+        (3, 3) attitude relative to that frame; None: the identity.
+
+    Returns
+    -------
+    array
+        (N, 3) N m s, body.
+    """
     to_node, ahead, _ = (np.array(x) for x in orbit_plane(inclination, 0.0))
     u = np.linspace(0.0, 2.0 * pi, 361)[:, None]
     out, along = (
@@ -64,13 +82,15 @@ def momentum(
 
 
 def fullest(axes: Array, cyclic: Array) -> float:
-    """What the fullest of wheels along axes (3, n) has of it, shared with the least
-    squares."""
+    """Return the largest momentum (N m s) of a wheel along axes (3, n).
+
+    The momentum is shared with least squares.
+    """
     return float(np.abs(cyclic @ np.linalg.pinv(axes).T).max())
 
 
 def shortfall(needs: float, has: float) -> str:
-    """That wheels of a capacity (N m s) do not hold what an orbit brings, for people."""
+    """Return the text that wheels (N m s) cannot hold the momentum of an orbit."""
     return (
         f"{has * 1e3:.4g} mN m s a wheel; residual dipole and gravity gradient turn "
         f"{needs * 1e3:.4g} mN m s in and out of the fullest within each orbit, which no rods "

@@ -1,4 +1,4 @@
-"""What is known of a craft that begins."""
+"""Define the facts that are known of a new craft."""
 
 from __future__ import annotations
 
@@ -9,7 +9,11 @@ from typing import TypedDict
 
 @dataclass(frozen=True)
 class CraftFacts:
-    """As it is typed; None: what its class has; pointing is nadir, about the Sun to it."""
+    """Facts of a new craft, as typed.
+
+    None stands for the value of the class. The default pointing is nadir, for an orbit
+    about the Sun to the Sun.
+    """
 
     altitude: str | None = None
     inclination: str | None = None
@@ -38,7 +42,7 @@ class CraftFacts:
 
 
 class Facts(TypedDict, total=False):
-    """The same for programs: the options of `desat new craft`, as text."""
+    """The same facts for programs: the options of `desat new craft`, as text."""
 
     altitude: str | None
     inclination: str | None

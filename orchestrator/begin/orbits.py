@@ -1,6 +1,8 @@
-"""The orbit of a new craft, from what its owner knows of it: a circular or
-Sun-synchronous one, one by the heights of its ends or by its name, one of two-line
-elements, or one about the Sun."""
+"""Compute the orbit of a new craft from the facts that its owner knows.
+
+It is circular or Sun-synchronous, given by the heights of its ends or by name, by
+two-line elements, or an orbit about the Sun.
+"""
 
 from __future__ import annotations
 
@@ -29,70 +31,65 @@ from ..system.quantity import Quantity
 from .facts import CraftFacts
 from .two_line import check_layout
 
-ALTITUDES = 150.0, 2000.0
-"""Of a circular orbit (km)."""
-FARTHEST = 400_000.0
-"""The highest apogee (km): beyond, it is no orbit about the Earth alone."""
+ALTITUDES = 150.0, 2000.0  # km, of a circular orbit
+FARTHEST = 400_000.0  # km: highest apogee; beyond it is no orbit about the Earth alone
 MOST_ECCENTRIC = 0.95  # as environment_kepler has it
-AIR = 1000.0
-"""From this perigee on (km) there is no air."""
+AIR = 1000.0  # km: there is no air from this perigee on
+# Heights of perigee and apogee, inclination and argument of perigee (deg), and their
+# origin, by name.
 ORBITS = {
     "geo": ("35786.03x35786.03km", 0.05, 0.0, "geostationary; class: 0.05 deg"),
     "gto": ("250x35786km", 6.0, 178.0, "class: from Kourou"),
     "molniya": ("504x39863km", 63.4349, 270.0, "class: its perigee stays in the south"),
 }
-"""By name: heights of perigee and apogee, inclination and argument of perigee (deg),
-and why."""
 INCLINATION = Quantity("--inclination", "deg", 0.0, 180.0, bare=False)
-DISTANCES = 0.1, 40.0
-"""From the Sun (astronomical units)."""
-YEARS = 1957, 2056
-"""Of an epoch: those that two-line elements can name."""
+DISTANCES = 0.1, 40.0  # astronomical units from the Sun
+YEARS = 1957, 2056  # of an epoch: years that two-line elements can express
+# Age of two-line elements (days): from the first on SGP4 is off by tens of kilometres,
+# from the second on by hundreds.
 DOUBTFUL, MEANINGLESS = 7.0, 30.0
-"""Age of two-line elements (days): from the first on SGP4 is off by tens of kilometres,
-from the second on by hundreds."""
 
 
 @dataclass(frozen=True)
 class Orbit:
-    """What the rest of a craft follows from its orbit."""
+    """Orbit of a new craft, from which other figures follow."""
 
-    block: str
-    """environment that has it"""
+    block: str  # environment that has this orbit
+    # parameters of the environment: name, value as written, origin
     rows: tuple[tuple[str, str, str], ...]
-    """parameters of the environment: name, value as it is written, origin"""
-    rate: float
-    """mean motion, rad/s"""
-    inclination: float
-    """rad"""
+    rate: float  # rad/s, mean motion
+    inclination: float  # rad
     eccentricity: float
-    state: tuple[Vec3, Vec3]
-    """position (m) and velocity (m/s) at t = 0, eci"""
-    sun: Vec3
-    """unit vector to the Sun at t = 0, eci"""
-    light: float = 1.0
-    """of the Sun, over that at 1 astronomical unit"""
+    state: tuple[Vec3, Vec3]  # position (m) and velocity (m/s) at t = 0, eci
+    sun: Vec3  # unit vector to the Sun at t = 0, eci
+    light: float = 1.0  # sunlight over that at 1 astronomical unit
     air: bool = True
 
     @property
     def period(self) -> float:
-        """s"""
+        """Return the period (s)."""
         return 2.0 * math.pi / self.rate
 
     @property
     def of_earth(self) -> bool:
-        """Whether there are a field, a shadow and a gravity gradient."""
+        """Return whether there are a field, a shadow and a gravity gradient."""
         return self.block != "environment_sun"
 
     @property
     def of_tle(self) -> bool:
-        """Whether it is of two-line elements."""
+        """Return whether it is given by two-line elements."""
         return self.block == "environment_tle"
 
 
 def epoch_of(wanted: CraftFacts) -> datetime:
-    """Of t = 0: what is given, else that of two-line elements, to a second. Raises
-    DesatError."""
+    """Return the epoch of t = 0: as given, else of the two-line elements, to a second.
+
+    Raises
+    ------
+    DesatError
+        If it is no time, out of range, or too far from the epoch of the two-line
+        elements.
+    """
     of_tle = None if wanted.tle is None else _of_file(wanted.tle)["epoch_tle_j2000"]
     if wanted.epoch is None:
         if of_tle is None:
@@ -118,16 +115,23 @@ def epoch_of(wanted: CraftFacts) -> datetime:
 
 
 def _days(epoch: datetime, elements: float) -> float:
-    """From the epoch of two-line elements (s since J2000) to another (days)."""
+    """Return the days from the epoch of two-line elements (s, J2000) to another."""
     return ((epoch - J2000).total_seconds() - elements) / 86400.0
 
 
 def _aged(days: float) -> str:
+    """Format an age in days."""
     return f"{abs(days):.0f} days {'after' if days > 0.0 else 'before'}"
 
 
 def doubts(wanted: CraftFacts) -> list[str]:
-    """What makes what is wanted doubtful, though it can be. Raises DesatError."""
+    """Return warnings on facts that are possible but doubtful.
+
+    Raises
+    ------
+    DesatError
+        If epoch or two-line elements are invalid.
+    """
     if wanted.tle is None:
         return []
     age = _days(epoch_of(wanted), _of_file(wanted.tle)["epoch_tle_j2000"])
@@ -140,7 +144,13 @@ def doubts(wanted: CraftFacts) -> list[str]:
 
 
 def orbit_of(wanted: CraftFacts, epoch: float) -> Orbit:
-    """The orbit of a craft at an epoch (s since J2000). Raises DesatError."""
+    """Return the orbit of a craft at an epoch (s since J2000).
+
+    Raises
+    ------
+    DesatError
+        If the options contradict each other or one is invalid.
+    """
     given = {
         "--altitude": wanted.altitude,
         "--sso": wanted.sso,
@@ -175,6 +185,7 @@ def orbit_of(wanted: CraftFacts, epoch: float) -> Orbit:
 
 
 def _circular(wanted: CraftFacts, option: str, epoch: float) -> Orbit:
+    """Return a circular or Sun-synchronous orbit at an epoch (s since J2000)."""
     text = wanted.sso or wanted.altitude or "500 km"
     height = Quantity(option, "km", *ALTITUDES, bare=False)(text) * 1e3
     axis, raan, raan_why = EARTH_RADIUS + height, 0.0, "class"
@@ -215,6 +226,10 @@ def _kepler(
     epoch: float,
     air: bool = True,
 ) -> Orbit:
+    """Return an orbit of `environment_kepler`, at perigee at the epoch.
+
+    `axis` is in m, angles in rad, `epoch` in s since J2000.
+    """
     to, ahead = perifocal_axes(inclination, raan, perigee)
     rate = mean_motion(axis)
     state = ellipse_state(axis, eccentricity, 0.0, rate, to, ahead)
@@ -231,7 +246,7 @@ def _kepler(
 
 
 def _of_ends(text: str, given: str | None, epoch: float) -> Orbit:
-    """By its name, or by the heights of its perigee and apogee."""
+    """Return an orbit given by its name, or by the heights of perigee and apogee."""
     ends, inclination, perigee, why = ORBITS.get(
         text.strip().lower(), (text, 51.6, 0.0, "class")
     )
@@ -285,7 +300,7 @@ def _of_ends(text: str, given: str | None, epoch: float) -> Orbit:
 
 
 def _about_the_sun(text: str) -> Orbit:
-    """A circle in the ecliptic at a distance."""
+    """Return a circular orbit about the Sun in the ecliptic, at a distance."""
     match = re.fullmatch(r"\s*([\d.]+)\s*(?:AU|au)\s*", text)
     if match is None:
         raise DesatError(
@@ -317,6 +332,7 @@ def _about_the_sun(text: str) -> Orbit:
 
 
 def _hours(text: str) -> float:
+    """Parse a local time to hours."""
     match = re.fullmatch(r"(\d{1,2}):(\d{2})", text)
     if match is None or int(match[1]) > 23 or int(match[2]) > 59:
         raise DesatError(f"--ltan {text}: a time of day is needed, as 10:30")
@@ -324,7 +340,10 @@ def _hours(text: str) -> float:
 
 
 def _of_file(file: Path) -> dict[str, float]:
-    """The parameters of a file with two-line elements. Raises DesatError."""
+    """Read the parameters of a file with two-line elements.
+
+    Raises DesatError if it is no such file.
+    """
     text = io.text(file, f"--tle {file}")
     lines = [x for x in text.splitlines() if x[:2] in ("1 ", "2 ")]
     if len(lines) != 2:
@@ -337,7 +356,10 @@ def _of_file(file: Path) -> dict[str, float]:
 
 
 def _of_tle(file: Path, epoch: float) -> Orbit:
-    """Raises DesatError for elements that SGP4 has no orbit of at the epoch."""
+    """Return the orbit of two-line elements at an epoch (s since J2000).
+
+    Raises DesatError for elements of which SGP4 has no orbit at the epoch.
+    """
     values = _of_file(file)
     at, bstar, *others = (
         values[k]

@@ -1,4 +1,4 @@
-"""A torque that is given in the place of the class's drag, light and residual dipole."""
+"""Read a given torque that replaces drag, light and residual dipole of the class."""
 
 from __future__ import annotations
 
@@ -18,8 +18,7 @@ from .facts import CraftFacts
 FRAMES = ("body", "lvlh", "eci")
 SECULAR = Quantity("--secular", "N.m", -1e4, 1e4, bare=False)
 
-Row = tuple[float, ...]
-"""Time s, torque about x, y, z N m."""
+Row = tuple[float, ...]  # time s, torque about x, y, z N m
 
 
 @dataclass(frozen=True)
@@ -29,22 +28,25 @@ class GivenTorque:
     option: str
     frame: str
     rows: tuple[Row, ...]
+    # N m, body: added to the rows
     constant: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    """N m, body: beside the rows"""
 
     @property
     def repeated(self) -> bool:
-        """Whether it has an end to begin anew at."""
+        """Return whether the rows have an end after which they repeat."""
         return len(self.rows) > 1
 
     @property
     def worse(self) -> tuple[float, ...]:
-        """1.3 times the constant part (N m, body)."""
+        """Return 1.3 times the constant part (N m, body)."""
         return tuple(1.3 * x for x in self.constant)
 
     @property
     def size(self) -> float:
-        """Of its mean (N m)."""
+        """Return an estimate of the mean torque (N m).
+
+        It is the magnitude of the rows' mean plus that of the constant part.
+        """
         table = np.array(self.rows)
         beside = float(np.linalg.norm(self.constant))
         if not self.repeated:
@@ -54,9 +56,12 @@ class GivenTorque:
 
 
 def given_torque(wanted: CraftFacts) -> GivenTorque | None:
-    """Return the torque that is given, or None where the class's torques are modelled.
+    """Return the given torque, or None where the class's torques are modelled.
 
-    Raises DesatError.
+    Raises
+    ------
+    DesatError
+        If the option or its file is invalid.
     """
     steady = None if wanted.secular is None else _secular(wanted.secular)
     if wanted.torque is None:
@@ -75,7 +80,7 @@ def given_torque(wanted: CraftFacts) -> GivenTorque | None:
 
 
 def _secular(text: str) -> tuple[float, float, float]:
-    """Return a constant torque (N m, body), about y where one number is given."""
+    """Parse a constant torque (N m, body); a single number is about y."""
     values = SECULAR.many(text)
     if len(values) not in (1, 3):
         raise DesatError(
@@ -88,7 +93,14 @@ def _secular(text: str) -> tuple[float, float, float]:
 
 
 def read(file: Path) -> tuple[Row, ...]:
-    """The rows of a csv; its first line may name the columns. Raises DesatError."""
+    """Read the rows of a csv file; its first line may name the columns.
+
+    Raises
+    ------
+    DesatError
+        If a row is no four numbers, times do not increase, or there are no or too many
+        rows.
+    """
     where = f"--torque {file}"
     rows: list[Row] = []
     for number, line in enumerate(io.text(file, where).splitlines(), 1):
@@ -118,7 +130,7 @@ def read(file: Path) -> tuple[Row, ...]:
 
 
 def _numbers(line: str) -> Row | None:
-    """The four numbers of a line; None: it has others."""
+    """Return the four finite numbers of a line, or None if it has others."""
     try:
         row = tuple(float(x) for x in line.replace(";", ",").split(","))
     except ValueError:
@@ -127,6 +139,8 @@ def _numbers(line: str) -> Row | None:
 
 
 def _has_number(line: str) -> bool:
-    """Return whether a field of a line is a number, nan and inf among them: no heading
-    then."""
+    """Return whether a field of a line is a number, so that it is no heading.
+
+    nan and inf count as numbers.
+    """
     return any(is_float(field) for field in line.replace(";", ",").split(","))

@@ -1,4 +1,4 @@
-"""The layout of two-line element sets, checked before sgp4 reads them."""
+"""Check the layout of two-line element sets before sgp4 reads them."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ import re
 from ..system.errors import DesatError, plain
 
 _ANGLE = r"[ \d]{2}\d\.\d{4}"
+# Fields of each line that are used: name, first and last column, and form.
 _LAYOUT: dict[int, tuple[tuple[str, int, int, str], ...]] = {
     1: (
         ("year of the epoch", 19, 20, r"\d\d"),
@@ -22,13 +23,13 @@ _LAYOUT: dict[int, tuple[tuple[str, int, int, str], ...]] = {
         ("mean motion", 53, 63, r"[ \d]\d\.\d{8}"),
     ),
 }
-"""Of each line the fields that are used: name, first and last column, and form."""
 
 
 def check_layout(lines: list[str], where: str) -> None:
     """Check that the fields of both lines stand in their columns, with their points.
 
-    The checksum does not show a missing point, and sgp4 then reads another number.
+    The checksum does not reveal a missing point, and sgp4 would then read another
+    number.
 
     Parameters
     ----------

@@ -1,5 +1,4 @@
-"""The command `desat`: a file of a folder `commands/` each, or a few that belong
-together."""
+"""Define the command `desat`; each file in a folder `commands/` adds commands."""
 
 from __future__ import annotations
 
@@ -21,10 +20,11 @@ from ..system.errors import DesatError, Exit, nearest
 from .console import app, err, out
 from .spare import spare
 
-REPEAT_AFTER = 0.05  # s: a callback of the interpreter or of ctypes is over by then
+REPEAT_AFTER = 0.05  # s: a callback of the interpreter or of ctypes has ended by then
 
 
 def _version(wanted: bool) -> None:
+    """Print the version and exit."""
     if wanted:
         from importlib.metadata import version
 
@@ -45,14 +45,15 @@ def _desat(
 
 
 def _terminate(number: int, frame: Any) -> NoReturn:
-    """SIGTERM and SIGHUP end as an exception does: what is open is closed, what is
-    temporary removed."""
+    """End on SIGTERM and SIGHUP by an exception.
+
+    Open files are closed and temporary ones removed.
+    """
     sys.exit(128 + number)
 
 
 def _repeat_swallowed(unraisable: Any) -> None:
-    """Send a signal to stop once more where Python swallowed the exception that it
-    raised.
+    """Send a stop signal again where Python swallowed the exception that it raised.
 
     Python ignores an exception inside a weakref callback, a finaliser or a callback of
     ctypes, and each import has a weakref callback: the signal would be lost, and a
@@ -67,15 +68,17 @@ def _repeat_swallowed(unraisable: Any) -> None:
     if number not in stop_signals() or not hasattr(signal, "setitimer"):
         sys.__unraisablehook__(unraisable)
         return
-    # to whatever handler there is then; at once would be inside this hook
+    # later, because an immediate signal would arrive inside this hook
     signal.signal(signal.SIGALRM, lambda *_: os.kill(os.getpid(), number))
     signal.setitimer(signal.ITIMER_REAL, REPEAT_AFTER)
 
 
 def app_for(words: Sequence[str]) -> typer.Typer:
-    """The application with the command that these words begin with, where that has a
-    file of its own: to make all of them takes as long as to list the families. Else
-    with all."""
+    """Return the application with the command that words begin with.
+
+    Only that command is loaded where it has a file of its own, because loading all
+    takes as long as `desat list`; otherwise all are loaded.
+    """
     one = words[0] if words and words[0].isidentifier() else "*"
     if not discovery.load("commands", one):
         discovery.load("commands")
@@ -83,7 +86,7 @@ def app_for(words: Sequence[str]) -> typer.Typer:
 
 
 def main() -> None:
-    """Entry of the command: every error is a line, never a traceback."""
+    """Run the command; every error is printed as a line, never as a traceback."""
     os.environ.setdefault(THREADS, "1")  # before numpy is loaded
     for number in stop_signals():
         if number != signal.SIGINT:
@@ -91,18 +94,18 @@ def main() -> None:
     sys.unraisablehook = _repeat_swallowed
     if hasattr(
         signal, "SIGCHLD"
-    ):  # some who start us ignore it: then nobody hears how a child ends
+    ):  # a parent may have set it to be ignored: then the end of children is not reported
         signal.signal(signal.SIGCHLD, signal.SIG_DFL)
     sys.exit(_code())
 
 
 def _code() -> int:
-    """Do what the command line says; how it ended."""
+    """Run the command line and return its exit code."""
     try:
         _refuse_empty(sys.argv[1:])
         command = get_command(app_for(sys.argv[1:]))
         spare(command)
-        # typer.Exit comes back as a number
+        # typer returns an Exit as a number
         code = command(prog_name="desat", standalone_mode=False)
         sys.stdout.flush()
         return code if isinstance(code, int) else Exit.COMPLETED
@@ -133,8 +136,10 @@ def _code() -> int:
 
 
 def _refuse_empty(words: Sequence[str]) -> None:
-    """Raise DesatError for an empty word, which a path would take for the current
-    folder."""
+    """Raise DesatError for an empty word.
+
+    A path would take it for the current folder.
+    """
     for before, word in zip(("", *words), words, strict=False):
         name, equals, value = word.partition("=")
         if word == "":
@@ -146,9 +151,11 @@ def _refuse_empty(words: Sequence[str]) -> None:
 
 
 def _say(text: str) -> None:
+    """Print an error."""
     err.print(f"error: {text}")
 
 
+# former options and commands, and their replacement
 RENAMED = {
     "--inner": "it is called --substeps",
     "--twin": "it is called --baseline",
@@ -162,7 +169,7 @@ RENAMED = {
     "craft": "desat pack --ssd writes the SSD of crafts, desat new craft begins one",
     "draws": "desat campaign NAME -n COUNT makes them, the same of a seed",
 }
-"""What takes the place of options and commands of before."""
+# options, by their names in other programs
 MEANT = {
     "--stop": (
         "--duration",
@@ -181,11 +188,10 @@ MEANT = {
     "--jobs": ("--workers", "--threads", "--processes", "-j"),
     "--orbit": ("--apogee", "--perigee"),
 }
-"""Options by what other programs call them."""
 
 
 def _say_usage(error: Any) -> None:
-    """What is wrong with a command line; without a command, what there is."""
+    """Print the error of a command line, or the help where no command was given."""
     text, context = error.format_message(), getattr(error, "ctx", None)
     if context is not None and text == context.get_help():
         error.show()
@@ -205,8 +211,7 @@ def _say_usage(error: Any) -> None:
 
 
 def _instead(name: str, known: Sequence[str]) -> str:
-    """What an option or a command that is not known is called, as far as can be
-    guessed."""
+    """Suggest a name in place of an unknown option or command, or return ""."""
     if name in RENAMED:
         return f"; {RENAMED[name]}"
     for option, others in MEANT.items():
@@ -217,5 +222,5 @@ def _instead(name: str, known: Sequence[str]) -> str:
 
 
 def _drop_output() -> None:
-    """Nobody takes our output: the interpreter must not try once more when it ends."""
+    """Redirect standard output to nowhere, so that no flush is tried at the end."""
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

@@ -1,10 +1,10 @@
-"""`python -m desat.cli`: the command `desat`."""
+"""Run the command `desat` (`python -m desat.cli`)."""
 
 import sys
 
 import desat
 
-# where this is a checkout, a folder of that name comes before the package
+# in the parent of a checkout the folder `desat` shadows the package
 if getattr(desat, "__file__", None) is None:
     there = ", ".join(dict.fromkeys(desat.__path__))
     print(

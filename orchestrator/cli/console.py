@@ -1,4 +1,4 @@
-"""What the commands of `desat` share: the application, and how it prints."""
+"""Define the application `desat` and how its commands print."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ from typer.core import TyperGroup
 from ..report.table import Column, Table
 from ..system.errors import Exit, plain
 
-# a stream that is closed would be given to the next file that is opened, and written
-# into
+# The number of a closed stream would be given to the next file opened, and that be
+# written to.
 for _number, _name in ((1, "stdout"), (2, "stderr")):
     if getattr(sys, _name) is None:
         os.dup2(os.open(os.devnull, os.O_WRONLY), _number)
@@ -29,10 +29,14 @@ for _number, _name in ((1, "stdout"), (2, "stderr")):
 
 
 class _Lasting(io.FileIO):
-    """Where a stream ends. Whoever reads it may go away: the rest is for nobody, and
-    the command ends as it would have."""
+    """Raw end of an output stream that survives its reader.
+
+    If the reader goes away, the remaining output is discarded and the command ends as
+    usual.
+    """
 
     def write(self, data: Any) -> int:
+        """Write data; discard it if the reader has gone."""
         try:
             return super().write(data)
         except BrokenPipeError:
@@ -45,11 +49,11 @@ class _Lasting(io.FileIO):
             raise
 
 
-# a path may have characters that the locale has not
+# a path may have characters that the locale lacks
 for _name in ("stdout", "stderr"):
     if (
         type(_stream := getattr(sys, _name)) is io.TextIOWrapper
-    ):  # not what tests put there
+    ):  # not a stream that tests have set
         _stream.flush()
         _raw = _Lasting(_stream.fileno(), "w", closefd=False)
         setattr(
@@ -66,19 +70,20 @@ for _name in ("stdout", "stderr"):
 
 EPILOG = "Exit codes: " + "; ".join(f"{e.value} {e.meaning}" for e in Exit) + "."
 
+# commands in the order of `desat --help`
 PANELS = {
     "Start": ("new", "size", "run", "list", "show", "help"),
     "Study": ("compare", "tune", "sweep", "campaign", "bound", "tables"),
     "Results": ("report", "export", "resume"),
     "Make": ("check", "build", "design", "pack"),
 }
-"""The commands as `desat --help` lists them."""
 
 
 class Panels(TyperGroup):
-    """The commands in panels, on a terminal and where help is piped."""
+    """Commands in panels, on a terminal and where help is piped."""
 
     def list_commands(self, ctx: Any) -> list[str]:
+        """Return the commands in the order of their panels."""
         for panel, names in PANELS.items():
             for name in names:
                 if name in self.commands:
@@ -86,6 +91,7 @@ class Panels(TyperGroup):
         return [n for names in PANELS.values() for n in names if n in self.commands]
 
     def format_commands(self, ctx: Any, formatter: Any) -> None:
+        """Write the commands, a section for each panel."""
         for panel, names in PANELS.items():
             commands = [(n, self.commands[n]) for n in names if n in self.commands]
             with formatter.section(panel):
@@ -93,7 +99,7 @@ class Panels(TyperGroup):
 
 
 def example(command: str) -> str:
-    """The last lines of a command's help: a command line that can be typed as it is."""
+    """Return the last line of a command's help: an example that can be typed."""
     return f"Example: {command}"
 
 
@@ -101,7 +107,7 @@ app = typer.Typer(
     cls=Panels,
     no_args_is_help=True,
     pretty_exceptions_enable=False,
-    # boxes take as long to load as all else: only where a person looks
+    # boxes take as long to load as everything else: only on a terminal
     rich_markup_mode="rich" if sys.stdout.isatty() else None,
     context_settings={} if sys.stdout.isatty() else {"terminal_width": 120},
     help="Spacecraft momentum management as co-simulated FMUs. Start with `desat new craft my12u "
@@ -112,26 +118,27 @@ app = typer.Typer(
 
 
 class WithDefault(TyperGroup):
-    """A group whose first argument may be a target: then it is its command `run`."""
+    """A group that runs its command `run` if the first argument is a target."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Insert `run` before a first argument that is no command."""
         if args and args[0] not in self.commands and args[0] not in ("--help", "-h"):
             args = ["run", *args]
         return super().parse_args(ctx, args)
 
 
 class _Plain(Console):
-    """A console that prints no control characters of names and messages that others
-    gave."""
+    """A console that prints no control characters from names and messages."""
 
     def render_str(self, text: str, **options: Any) -> Text:
+        """Render a text without control characters."""
         return super().render_str(
             "\n".join(plain(x) for x in text.split("\n")), **options
         )
 
 
 def plain_console(**options: Any) -> Console:
-    """A console for texts of anybody."""
+    """Return a console for texts of any origin."""
     return _Plain(emoji=False, markup=False, highlight=False, **options)
 
 
@@ -142,13 +149,13 @@ err = plain_console(stderr=True, soft_wrap=True)
 
 
 def warn(texts: Iterable[str]) -> None:
-    """Warnings, on standard error."""
+    """Print warnings on standard error."""
     for text in texts:
         err.print(f"warning: {text}")
 
 
 def print_json(data: Any) -> None:
-    """Data for programs, on standard output."""
+    """Print data as JSON on standard output."""
     sys.stdout.write(json.dumps(data, indent=1) + "\n")
 
 
@@ -161,10 +168,10 @@ def print_table(table: Table, *, is_folded: bool = False) -> None:
     Parameters
     ----------
     table
-        Nothing is printed of one without rows.
+        The table; nothing is printed if it has no rows.
     is_folded
-        Whether long texts are folded to the width of the terminal. Numbers are not: one that is
-        cut is another one.
+        Whether long texts are folded to the width of the terminal. Numbers are not: a
+        truncated number would be another one.
     """
     if not table.rows:
         return
@@ -182,20 +189,19 @@ def print_table(table: Table, *, is_folded: bool = False) -> None:
         whole = Measurement.get(
             out, out.options.update(max_width=10_000), shown
         ).maximum
-        out.width = max(usual, whole)  # `print` takes no greater one
+        out.width = max(usual, whole)  # `print` limits its width to this
     out.print(shown)
     out.width = usual
 
 
+# numbers that a command prints without --all, at least those with a requirement
 SHOWN = 5
-"""Numbers that a command prints where not all are asked for, and those with a
-requirement."""
 
 
 def to_print(
     numbers: Iterable[str], judged: Container[str], everything: bool
 ) -> list[str]:
-    """The names of the numbers that are printed, in their order."""
+    """Select the names of the numbers that are printed, in their order."""
     names = list(numbers)
     if everything:
         return names
@@ -205,7 +211,7 @@ def to_print(
 
 
 def print_rows(rows: list[dict[str, str]], as_json: bool) -> None:
-    """Print texts of the same keys as a table, or for programs."""
+    """Print rows of texts with the same keys as a table, or as JSON."""
     if as_json:
         print_json(rows)
         return
@@ -215,7 +221,7 @@ def print_rows(rows: list[dict[str, str]], as_json: bool) -> None:
 
 
 def name_of(target: str) -> str:
-    """The name under runs/ of what is made of a target."""
+    """Return the name under runs/ of the results of a target."""
     path = Path(target).resolve()
     if not path.exists():
         return target.replace("/", "-")

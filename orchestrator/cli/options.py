@@ -1,5 +1,4 @@
-"""The options that several commands have, each declared once:
-`from .. import options as o`."""
+"""Declare the options that several commands share (`from .. import options as o`)."""
 
 from __future__ import annotations
 
@@ -18,12 +17,11 @@ if TYPE_CHECKING:
     from ..system.options import Options
 
 
-LONGEST = 1e7
-"""Of a wall time that can be asked for (s)."""
+LONGEST = 1e7  # s: maximum of wall times in options
 
 
 def complete_name(incomplete: str) -> list[str]:
-    """The scenarios that a shell offers for the beginning of a name."""
+    """Return the scenarios whose name begins with a text, for the shell."""
     from ..runs import catalogue
 
     names = (
@@ -35,22 +33,28 @@ def complete_name(incomplete: str) -> list[str]:
 
 
 def complete_family(incomplete: str) -> list[str]:
-    """The families that a shell offers for the beginning of a name."""
+    """Return the families whose name begins with a text, for the shell."""
     from ..runs.catalogue import families
 
     return [n for n in families() if n.startswith(incomplete)]
 
 
 def number(asked: Quantity, metavar: str, text: str) -> Any:
-    """An option of one number; each that is typed is one of these, or a whole one of
-    typer's."""
+    """Return an option of one number, parsed with its unit.
+
+    Every number that is typed uses this, or is an integer of typer's.
+    """
     return typer.Option(asked.option, parser=asked.__call__, metavar=metavar, help=text)
 
 
 def output_file(option: str, text: str) -> Any:
-    """An option that names a file to write: what cannot be written is refused at once."""
+    """Return an option that names a file to write.
+
+    A path that cannot be written is refused at once.
+    """
 
     def checked(given: str | Path) -> Path:
+        """Return the path, or raise DesatError."""
         from ..files.io import place_of
 
         place_of(Path(given), option)
@@ -62,8 +66,7 @@ def output_file(option: str, text: str) -> Any:
 
 
 def refuse(ctx: typer.Context, why: str, *names: str) -> None:
-    """Raise DesatError, which names it, for an option that is typed and would be
-    ignored."""
+    """Raise DesatError, which names the option, for a typed one that has no effect."""
     for param in ctx.command.params:
         source = ctx.get_parameter_source(str(param.name))
         if param.name in names and source is not None and source.name == "COMMANDLINE":
@@ -101,7 +104,7 @@ Sources = Annotated[
 
 
 def _stop(given: str | float) -> str | float:
-    """A stop time as it is typed: s, or the text of a number of orbits."""
+    """Parse a stop time: a number of s, or the text of a number of orbits."""
     from ..system.options import orbits
 
     return (
@@ -240,7 +243,7 @@ def options_of(
     sources: list[str] | None = None,
     **more: Any,
 ) -> Options:
-    """Return what the options of a command say."""
+    """Return the options that a command was given."""
     from ..system.options import Options
 
     overrides: dict[str, str] = {}
@@ -270,6 +273,7 @@ def options_of(
 
 
 def _whole(where: str, text: str) -> int:
+    """Parse an integer, or raise DesatError."""
     try:
         return int(text)
     except ValueError:

@@ -1,8 +1,8 @@
-"""Arguments that need no conversion are given to a command as they are.
+"""Pass arguments that need no conversion to a command unchanged.
 
-typer 0.29 has pydantic convert every one, also a text to a text, and also one that was
-not given: to import it takes longer than `desat list` does. Older ones do not, and are
-left alone.
+typer 0.29 lets pydantic convert every argument, also a text to a text and one that was
+not given; importing it takes longer than `desat list` does. Older versions do not, and
+are left alone.
 """
 
 from __future__ import annotations
@@ -10,15 +10,15 @@ from __future__ import annotations
 from enum import Enum
 from typing import Any
 
+# attribute in which typer 0.29 caches the conversion of a parameter
 _KEPT = "_runtime_param"
-"""Where typer 0.29 keeps how it converts a parameter's values, once it has made that.
-"""
 
 
 class _AsGiven:
-    """Typer's conversion of one parameter, made where a value needs it."""
+    """Conversion of one parameter by typer, made only where a value needs it."""
 
     def coerce(self, value: Any, param: Any, ctx: Any) -> Any:
+        """Return the value unchanged if its type is right, else convert it."""
         many = param.multiple or param.nargs == -1
         if value is None:
             return () if many else None
@@ -33,7 +33,7 @@ class _AsGiven:
 
 
 def spare(command: Any) -> None:
-    """Let a command, and those below it, convert no argument that is right as it is."""
+    """Skip unnecessary conversions in a command and those below it."""
     for param in command.get_params(command.context_class(command)):  # with --help
         if getattr(param, _KEPT, param) is None:
             setattr(param, _KEPT, _AsGiven())

@@ -1,2 +1,1 @@
-"""What leaves desat: a loop as one FMU, a block as C, series as tables, a system as
-.ssp."""
+"""Export a loop as one FMU, a block as C, series as tables, a system as .ssp."""

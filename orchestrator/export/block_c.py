@@ -1,4 +1,4 @@
-"""A block alone as C (`fmus/alone.py`), by its name or from a file of the user's own."""
+"""Export a block alone as C (`fmus/alone.py`), given by name or by a user's file."""
 
 from __future__ import annotations
 
@@ -18,11 +18,26 @@ from ..system.errors import DesatError, nearest
 def export(
     block: str, folder: Path, compilers: Sequence[str] | None = None
 ) -> tuple[list[Path], list[Size]]:
-    """Write NAME.h and NAME.c into a folder, and return their paths and what each
-    compiler makes of them (default: this machine's, where it has one).
+    """Write NAME.h and NAME.c into a folder.
 
-    Raises DesatError where there is no such block, it has no C, or a compiler does not
-    compile it.
+    Parameters
+    ----------
+    block
+        Name of a block, or a user's own file.
+    folder
+        Folder for the files.
+    compilers
+        Commands of compilers; default: this machine's, where it has one.
+
+    Returns
+    -------
+    tuple
+        Paths of the files, and the sizes (bytes) that each compiler gives.
+
+    Raises
+    ------
+    DesatError
+        If there is no such block, it has no C, or a compiler does not compile it.
     """
     fmu = _native(block)
     try:
@@ -38,6 +53,7 @@ def export(
 
 
 def _native(block: str) -> Path:
+    """Return the native FMU of a block, or raise DesatError."""
     if block.endswith(".py"):
         made = own.build(Path(block))
         if made.native is None:
@@ -52,6 +68,7 @@ def _native(block: str) -> Path:
 
 
 def _commands(wanted: Sequence[str] | None) -> list[Sequence[str]]:
+    """Return the commands of the compilers, or raise DesatError for an unknown one."""
     if wanted is None:
         try:
             return [compiler()]

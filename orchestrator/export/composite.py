@@ -1,8 +1,8 @@
-"""A whole loop as one block in C: the operations of a master's plan, written out.
+"""Write a whole loop as one block in C: the operations of a master's plan.
 
 The block's bytes are its own variables, the arrays that a master has (`live`, `fresh`,
-inputs, windows, clocks), and after them the bytes of the blocks that it is made of.
-Initialisation, order, substeps and rates are the master's, and so are the bits.
+inputs, windows, clocks), and after them the bytes of the blocks it consists of.
+Initialisation, order, substeps and rates are those of the master, and so are the bits.
 """
 
 from __future__ import annotations
@@ -33,33 +33,34 @@ from ..engine.operations import (
 from ..system.interface import KINDS, Kind, Signal
 
 _TYPE: dict[Kind, str] = {"Real": "double", "Integer": "int32_t", "Boolean": "int32_t"}
+# C type of a variable in a block
 _OWN: dict[Kind, str] = {"Real": "double", "Integer": "int64_t", "Boolean": "bool"}
-"""Of a variable, in a block."""
 
 
 @dataclass(frozen=True)
 class Scalars:
-    """A variable of the loop: its name, its elements' names and start values, and what
-    it is of."""
+    """A variable of the loop: names, start values and origin of its elements."""
 
     name: str
     elements: tuple[str, ...]
+    # by element, then component: the scalars that it stands for, several for a shared
+    # parameter
     signals: tuple[tuple[tuple[str, Signal], ...], ...]
-    """Of each element, by component, the scalar that it is: of a shared parameter
-    several."""
     starts: tuple[Scalar, ...]
     causality: str
 
     @property
     def kind(self) -> Kind:
-        """Of all its elements."""
+        """Return the type of all its elements."""
         return self.signals[0][0][1].kind  # type: ignore[return-value]
 
 
 class Composite:
-    """The C of an initialised master. `models`: of each component that is part of it
-    the block's name; the others are `without`, whose outputs are inputs of the loop,
-    and the reverse."""
+    """C of an initialised master.
+
+    `models` gives the block's name of each component in the loop. The outputs of all
+    other components (`without`) are inputs of the loop, and their inputs its outputs.
+    """
 
     def __init__(
         self,
@@ -73,16 +74,18 @@ class Composite:
         }
         self._names = {name: f"in_{i}" for i, name in enumerate(master.members)}
         self._regions: list[tuple[int, int, int, str]] = []
+        # body -> name of its function: equal operations share one
         self._functions: dict[str, str] = {}
-        """Of each text its function: what a cycle does again is there once."""
         self._lay_out()
 
     # --- where the master's values are in the block -----------------------------------
 
     def _lay_out(self) -> None:
+        """Assign a place in the block to each array of the master."""
         master, seen = self._master, set[int]()
 
         def add(array: Array, name: str, kind: str) -> str:
+            """Register an array and return its C declaration, "" if empty or known."""
             at = int(array.ctypes.data)
             if not array.size or at in seen:
                 return ""
@@ -118,8 +121,7 @@ class Composite:
         self._fields = [field for field in fields if field]
 
     def _at(self, of: Any) -> tuple[str, int]:
-        """The array of the block that a master's array lies in, and its first place
-        there."""
+        """Return the block's array that holds a master's array, and its first index."""
         at = int(of.ctypes.data) if isinstance(of, np.ndarray) else ctypes.addressof(of)
         for first, end, size, name in self._regions:
             if first <= at < end:
@@ -127,17 +129,18 @@ class Composite:
         raise AssertionError("a value of the plan that the loop has not")
 
     def _element(self, of: Any, i: int = 0) -> str:
+        """Return the C of element `i` of a master's array."""
         name, first = self._at(of)
         return f"{name}[{first + int(i)}]"
 
     def _variable(self, component: str, kind: str, reference: int) -> str:
-        """A variable of a part."""
+        """Return the C of a variable of a part."""
         return f"DESAT_{kind.upper()}({self._parts[component]}, {reference})"
 
     # --- operations -------------------------------------------------------------------
 
     def _statements(self, operation: Operation) -> Iterator[str]:
-        """An operation as statements."""
+        """Yield the C statements of an operation."""
         match operation:
             case Tick():
                 for clock in operation.clocks:
@@ -165,6 +168,7 @@ class Composite:
                 raise AssertionError(f"{type(operation).__name__} is not of a loop")
 
     def _gathered(self, g: Gather) -> Iterator[str]:
+        """Yield the statements that gather inputs, converting units."""
         into = range(len(g.target)) if g.into is None else g.into.tolist()
         for k, (i, source) in enumerate(zip(into, g.index.tolist(), strict=True)):
             value = self._element(g.source, source)
@@ -174,6 +178,7 @@ class Composite:
             yield f"{self._element(g.target, i)} = {value};"
 
     def _called(self, call: Call) -> Iterator[str]:
+        """Yield the statements of a call of an instance."""
         name = call.instance.name
         member = self._master.members[name]
         if name in self._parts:
@@ -182,7 +187,7 @@ class Composite:
             yield from self._settings(member)
 
     def _push(self, member: Node) -> Iterator[str]:
-        """A part's inputs set: those that are wired, and those that the loop has."""
+        """Yield the statements that set a part's wired inputs."""
         signals, inputs = member.component.interface.signals, member.instance.inputs
         for kind, feeds in member.incoming.items():
             for i, (_, c) in enumerate(feeds):
@@ -193,7 +198,10 @@ class Composite:
                 yield f"{target} = {value};"
 
     def _opened(self, causality: str, name: str = "") -> Iterator[str]:
-        """Variables of the loop set where they belong: of one component, or of all."""
+        """Yield the statements that set components from variables of the loop.
+
+        They are those of one component, or of all without `name`.
+        """
         for n, v in enumerate(self._variables):
             if v.causality == causality:
                 for i, of in enumerate(v.signals):
@@ -205,6 +213,7 @@ class Composite:
                             yield f"{target} = self->v{n}[{i}];"
 
     def _step(self, member: Node) -> Iterator[str]:
+        """Yield the statements that step a part."""
         yield from self._opened("input", member.name)
         kept = self._master.memory()
         t, dt = (
@@ -213,6 +222,7 @@ class Composite:
         yield f"desat_stepped(c, {self._parts[member.name]}, {t}, {dt});"
 
     def _pull(self, member: Node) -> Iterator[str]:
+        """Yield the statements that read a part's outputs."""
         for kind in KINDS:
             home = self._master.home(member, kind)
             for i, slot in enumerate(member.slots[kind]):
@@ -221,7 +231,7 @@ class Composite:
                 yield f"{self._element(home, i)} = {cast}{value};"
 
     def _settings(self, member: Node) -> Iterator[str]:
-        """What the loop is given in the place of a component's outputs."""
+        """Yield the statements that read the loop's inputs for an omitted component."""
         at = {
             (component, signal.name): f"self->v{n}[{i}]"
             for n, v in enumerate(self._variables)
@@ -236,6 +246,7 @@ class Composite:
                 yield f"{self._element(home, i)} = {cast}{at[member.name, slot.signal.name]};"
 
     def _joined(self, whole: Any, i: int) -> Iterator[str]:
+        """Yield the statements that add part `i` to means and slopes over a step."""
         mean, slope, weights = whole.mean, whole.slope, whole.weights[i]
         places = zip(
             whole.source.means.tolist(), whole.source.slopes.tolist(), strict=True
@@ -262,6 +273,7 @@ class Composite:
                     yield f"{self._element(whole.into, s)} = {self._element(slope, e)};"
 
     def _cut(self, part: Any, i: int) -> Iterator[str]:
+        """Yield the statements that give part `i` of a step its means and slopes."""
         in_mean, in_slope = map(number, part.weights[i])
         source, target = part.source, part.target
         places = (source.means, source.slopes, target.means, target.slopes)
@@ -275,7 +287,7 @@ class Composite:
                 yield f"{self._element(part.live, ts)} = {in_slope} * {of_s};"
 
     def _function(self, statements: Iterable[str], what: str) -> str:
-        """The function that does this; nothing where that is nothing."""
+        """Return the name of the function with these statements, "" without any."""
         text = "\n".join(f"    {line}" for line in statements)
         if not text:
             return ""
@@ -284,6 +296,7 @@ class Composite:
         return self._functions[text]
 
     def _calls(self, operations: Iterable[Operation]) -> Iterator[str]:
+        """Yield the calls that run operations."""
         for operation in operations:
             what = type(operation).__name__.lower()
             if isinstance(operation, Call):
@@ -294,7 +307,7 @@ class Composite:
     # --- initialisation ---------------------------------------------------------------
 
     def _settling(self) -> Iterator[str]:
-        """One exchange in initialisation mode, as the master makes it."""
+        """Yield one exchange of values in initialisation mode, in master's order."""
         for name, member in self._master.members.items():
             gathers = member.gathers(
                 self._master.live, lambda slot: True, started=False
@@ -307,7 +320,7 @@ class Composite:
             yield from self._pulled(member)
 
     def _pulled(self, member: Node) -> Iterator[str]:
-        """A component's outputs read and shown at once."""
+        """Yield the calls that read a component's outputs and publish them at once."""
         taken = (
             self._pull(member) if member.name in self._parts else self._settings(member)
         )
@@ -316,6 +329,7 @@ class Composite:
         yield from self._calls(self._master.shown(member))
 
     def _parameters(self) -> Iterator[str]:
+        """Yield the statements that set the parameters of all parts."""
         for name, i in self._parts.items():
             member = self._master.members[name]
             yield f"    desat_renewed(c, {i});"
@@ -334,7 +348,7 @@ class Composite:
     # --- text -------------------------------------------------------------------------
 
     def text(self, identifier: str, title: str) -> str:
-        """The C source."""
+        """Return the C source."""
         master, parts = self._master, list(self._parts)
         steps: list[list[str]] = [
             [*self._calls((*s.before, *s.after))] for s in master.cycle
@@ -450,7 +464,10 @@ class Composite:
         return "\n".join(lines) + "\n"
 
     def _first_row(self) -> Iterator[str]:
-        """The row as it is before the first step, where it is not what is live."""
+        """Yield the statements that set the row before the first step.
+
+        There are none where the row is the live values.
+        """
         for kind, live in self._master.live.items():
             if live is not self._master.row[kind] and live.size:
                 row = self._element(self._master.row[kind])
@@ -459,7 +476,7 @@ class Composite:
                 )
 
     def _clocks(self) -> Iterator[str]:
-        """The clocks as they are before the first step."""
+        """Yield the statements that set the clocks before the first step."""
         kept = self._master.memory()
         for member in {m.every: m for m in self._master.members.values()}.values():
             t, dt = (
@@ -470,6 +487,7 @@ class Composite:
             yield f"    {dt} = {number(self._master.length(member))};"
 
     def _table(self) -> Iterator[str]:
+        """Yield the rows of the C table of variables."""
         for n, v in enumerate(self._variables):
             for i, (element, of) in enumerate(zip(v.elements, v.signals, strict=True)):
                 s = of[0][1]
@@ -487,8 +505,10 @@ class Composite:
                 )
 
     def _exported(self) -> Iterator[str]:
-        """The outputs of the loop: states as they are now, interval values as of the
-        row."""
+        """Yield the statements that set the outputs of the loop.
+
+        States are of the current time, interval values of the row.
+        """
         places = {(s.component, s.signal.name): s for s in self._master.slots}
         for name, member in self._master.members.items():
             if name not in self._parts:
@@ -499,7 +519,7 @@ class Composite:
             if v.causality != "output":
                 continue
             for i, ((component, signal),) in enumerate(v.signals):
-                if signal.causality == "input":  # of a component that is left out
+                if signal.causality == "input":  # of an omitted component
                     member = self._master.members[component]
                     feeds = member.incoming[v.kind]
                     k = next(
@@ -517,8 +537,10 @@ class Composite:
 def depends(
     master: Master, without: Collection[str], variables: Sequence[Scalars]
 ) -> dict[str, set[str]]:
-    """Of each output of a loop the inputs that it depends on within a step, through the
-    graph."""
+    """Return for each output of a loop the inputs it depends on within a step.
+
+    The dependencies follow the graph of the master.
+    """
     inputs = {
         (component, signal.name): v.name
         for v in variables
@@ -532,11 +554,12 @@ def depends(
             reached[component].add(name)
 
     def of_slot(slot: Slot) -> set[str]:
+        """Return the inputs of the loop that a slot depends on within a step."""
         if slot.component in without:
             return {inputs[slot.component, slot.signal.name]}
         return reached[slot.component] if slot.interval else set()
 
-    for name, member in master.members.items():  # in the order in which they step
+    for name, member in master.members.items():  # in stepping order
         for feeds in member.incoming.values():
             for slot, _ in feeds:
                 reached[name] |= of_slot(slot)
@@ -556,6 +579,7 @@ def depends(
 
 
 def _text(x: Scalar) -> str:
+    """Format a start value in C."""
     return (
         str(x).lower()
         if isinstance(x, bool)

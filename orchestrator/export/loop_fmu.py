@@ -1,4 +1,4 @@
-"""The loop of a scenario as one native FMU: `desat export fmu`."""
+"""Export the loop of a scenario as one native FMU (`desat export fmu`)."""
 
 from __future__ import annotations
 
@@ -31,18 +31,16 @@ from .composite import Composite, Scalars, depends
 
 @dataclass(frozen=True)
 class LoopEnds:
-    """What of a loop is seen from outside: `component.variable`, `*` and `?` as in file
-    names."""
+    """Variables of a loop that are visible from outside.
 
-    outputs: Sequence[str] = ()
-    """None: those that the scenario plots."""
-    inputs: Sequence[str] = ()
-    """Inputs that nothing in the loop feeds."""
-    parameters: Sequence[str] = ()
-    """Also `shared.NAME`, in all components that have it."""
+    Each is `component.variable`, where `*` and `?` match as in file names.
+    """
+
+    outputs: Sequence[str] = ()  # empty: those that the scenario plots
+    inputs: Sequence[str] = ()  # inputs that nothing in the loop feeds
+    parameters: Sequence[str] = ()  # also `shared.NAME`, in all components that have it
+    # omitted components: their outputs become inputs, their inputs outputs
     without: Sequence[str] = field(default=())
-    """Components that are left out: what they give becomes inputs, what they are given
-    outputs."""
 
 
 def export(
@@ -53,11 +51,25 @@ def export(
     platforms: str = "",
     third: bool = False,
 ) -> Path:
-    """Write a scenario's loop as one FMU (default: NAME.fmu in this folder), for these
-    platforms (`fmus/native.py`, `targets_of`), of FMI 2.0 or (`third`) of FMI 3.0, and
-    return its path.
+    """Write a scenario's loop as one FMU and return its path.
 
-    Raises DesatError where a component has no C, or a name is not of the loop.
+    Parameters
+    ----------
+    target, options
+        The scenario.
+    wanted
+        Variables that are visible from outside.
+    file
+        Path of the FMU; default: NAME.fmu in the current folder.
+    platforms
+        As in `native.targets_of`.
+    third
+        Write FMI 3.0 instead of FMI 2.0.
+
+    Raises
+    ------
+    DesatError
+        If a component has no C, or a name is not of the loop.
     """
     if file is not None:
         io.place_of(file, "--out")
@@ -77,22 +89,20 @@ class LoopSource:
     """A loop as C."""
 
     identifier: str
-    loop: str
-    """Its own C, with `@GUID@` for its guid."""
-    blocks: dict[str, str]
-    """Of each block that it is made of the name, and the C."""
-    variables: tuple[Scalars, ...]
-    """Behind `fault`, in this order."""
-    interval: frozenset[str]
-    """The outputs among them, by their names, that are of the interval class."""
-    on: dict[str, set[str]]
-    """Of each output the inputs that it depends on within a step."""
+    loop: str  # its own C, with `@GUID@` in place of the GUID
+    blocks: dict[str, str]  # C of each block, by name
+    variables: tuple[Scalars, ...]  # after `fault`, in this order
+    interval: frozenset[str]  # names of the outputs that are interval outputs
+    on: dict[str, set[str]]  # inputs that each output depends on within a step
 
 
 def written_out(system: System, wanted: LoopEnds) -> LoopSource:
-    """The loop of a checked system, whose substeps are chosen, as C.
+    """Translate the loop of a checked system, whose substeps are chosen, to C.
 
-    Raises DesatError where a component has no C, or a name is not of the loop.
+    Raises
+    ------
+    DesatError
+        If a component has no C, or a name is not of the loop.
     """
     for name in wanted.without:
         if name not in system.components:
@@ -140,6 +150,7 @@ def _archive(
     targets: Sequence[native.Target],
     third: bool,
 ) -> Path:
+    """Compile and pack the FMU of a loop and return its path."""
     identifier, variables, on = source.identifier, source.variables, source.on
     own = {f"{model}.c": text for model, text in source.blocks.items()}
     own |= {f"{identifier}.c": source.loop}
@@ -151,6 +162,7 @@ def _archive(
     }
 
     def described(guid: str) -> bytes:
+        """Return the model description with this GUID."""
         return model_description(
             block, identifier, guid, DATE, version("desat"), sorted(own), on, experiment
         )
@@ -176,8 +188,10 @@ def _archive(
 
 
 def _unit(component: Component) -> tuple[str, str]:
-    """The name and the C of a component's block, out of its native FMU. Raises
-    DesatError."""
+    """Return the name and the C of a component's block, from its native FMU.
+
+    Raises DesatError where it has none.
+    """
     fmu, name = component.fmu, component.name
     instead = f"`--without {name}` leaves it out"
     if fmu is None or not fmu.ours:
@@ -198,7 +212,7 @@ def _block(
     variables: Sequence[Scalars],
     on: dict[str, set[str]],
 ) -> type[Block]:
-    """What the loop declares, as a block does."""
+    """Return a block class that declares the variables of the loop."""
     content = content_of(system.about)
     left = f" without {', '.join(wanted.without)}" if wanted.without else ""
     substeps = f", {system.parts} substeps" if system.parts > 1 else ""
@@ -218,7 +232,7 @@ _OF_END = "after a step: of its end"
 
 
 def _declared(v: Scalars, inputs: tuple[str, ...], on: dict[str, set[str]]) -> Variable:
-    """A variable of the loop as one of a block."""
+    """Return a variable of the loop as the variable of a block."""
     signal = v.signals[0][0][1]
     index = v.elements[-1].removeprefix(v.name)
     low, high = (
@@ -253,7 +267,7 @@ def _declared(v: Scalars, inputs: tuple[str, ...], on: dict[str, set[str]]) -> V
 
 
 def _outputs_of(system: System, wanted: LoopEnds) -> list[tuple[str, Signal]]:
-    """The outputs that are asked for, or those of the scenario's plots."""
+    """Return the requested outputs, or those of the scenario's plots."""
     names = list(wanted.outputs)
     if not names:
         plotted = dict.fromkeys(
@@ -271,15 +285,17 @@ def _matching(
     option: str,
     without: Sequence[str],
 ) -> list[tuple[str, Signal]]:
-    """The scalars that names and patterns stand for, in order. Raises DesatError for
-    one that stands for none."""
+    """Return the scalars that names and patterns match, in order.
+
+    Raises DesatError for one that matches none.
+    """
     known = [
         (name, s)
         for name, c in system.components.items()
         if name not in without
         for s in c.interface.of(causality)
         if s.kind in KINDS and s.name != "fault"
-    ]  # a part that fails ends the loop, whose own output `fault` tells
+    ]  # a failing part ends the loop, whose own `fault` reports it
     found: dict[tuple[str, str], Signal] = {}
     for pattern in patterns:
         hits = [(n, s) for n, s in known if fnmatchcase(f"{n}.{s.array}", pattern)]
@@ -296,7 +312,7 @@ def _matching(
 def _variables(
     master: Master, system: System, wanted: LoopEnds, outputs: list[tuple[str, Signal]]
 ) -> Iterator[Scalars]:
-    """The variables of the loop, parameters last as in a block."""
+    """Yield the variables of the loop, parameters last as in a block."""
     fed = {(c.target, c.input) for c in system.connections}
     live = {
         (s.component, s.signal.name): master.live[s.kind][s.index] for s in master.slots
@@ -318,6 +334,7 @@ def _variables(
             )
 
     def start(name: str, signal: Signal) -> Scalar:
+        """Return the start value of a scalar."""
         if (name, signal.name) in live:
             value = live[name, signal.name].item()
         else:
@@ -330,6 +347,7 @@ def _variables(
         )
 
     def grouped(of: list[tuple[str, Signal]], causality: str) -> Iterator[Scalars]:
+        """Yield scalars grouped to arrays."""
         arrays: dict[str, list[tuple[str, Signal]]] = {}
         for name, signal in of:
             arrays.setdefault(f"{name}.{signal.array}", []).append((name, signal))
@@ -361,7 +379,7 @@ def _shared(
     without: Sequence[str],
     start: Callable[[str, Signal], Scalar],
 ) -> Scalars:
-    """A parameter that components share, as one."""
+    """Return a parameter that components share as one variable."""
     base = name.removeprefix("shared.")
     owners = [
         (n, c)

@@ -1,8 +1,8 @@
-"""Packing: a system as one .ssp that other tools can load, and those of the scenarios.
+"""Pack a system as one .ssp for other tools, and write the SSDs of craft files.
 
-What is written is the part of SSP that tools take alike (libcosim and Ecos run it in
-our tests): one flat system, listed connectors wired, one parameter set per component,
-the step size in annotations.
+What is written is the part of SSP that tools interpret alike (libcosim and Ecos run it
+in the tests): one flat system, wired connectors only, one parameter set for each
+component, and the step size in annotations.
 """
 
 from __future__ import annotations
@@ -36,13 +36,30 @@ def pack_scenario(
     choose: Callable[[System], System] | None = None,
     tell: Callable[[str], None] = lambda text: None,
 ) -> Path:
-    """Check a scenario, write its .ssp (default: among the packed ones) unless it is
-    newer than all that it is made of, and return its path. `choose` gives a system with
-    `substeps = "auto"` those that a run of it takes; without it a run of the archive
-    chooses. `tell` gets a line for each thing that other tools make otherwise of what
-    is written.
+    """Check a scenario, write its .ssp and return its path.
 
-    Raises DesatError with every problem of the scenario.
+    An archive that is newer than all its sources is not written again.
+
+    Parameters
+    ----------
+    scenario
+        The scenario.
+    target
+        Path of the archive; default: in the folder of packed ones.
+    force
+        Write in any case.
+    fmus
+        "python" or "native".
+    choose
+        Gives a system with `substeps = "auto"` the number that a run would take;
+        without it a run of the archive chooses.
+    tell
+        Called with a line for each thing that other tools interpret differently.
+
+    Raises
+    ------
+    DesatError
+        If the scenario has problems; the text lists all.
     """
     folder = (
         paths.packed_folder() / "native" if fmus == "native" else paths.packed_folder()
@@ -68,8 +85,10 @@ def pack_scenario(
 
 
 def otherwise(system: System) -> list[str]:
-    """What other tools make otherwise of a packed system, a line each; its description
-    has them."""
+    """Return a line for each thing that other tools interpret differently.
+
+    The archive's description has these lines.
+    """
     lines = []
     if slow := [c.name for c in system.components.values() if c.step_ratio > 1]:
         lines.append(
@@ -88,11 +107,15 @@ def otherwise(system: System) -> list[str]:
 def pack(system: System, target: Path, fmus: str = "python") -> None:
     """Write a system as one self-contained .ssp in the universal profile.
 
-    Ours are packed as Python FMUs, which run on more platforms, or with `fmus` native
-    as native ones, where there are such. Components that step once in several steps get
-    a step-size hint, which of the other tools only libcosim reads. Raises DesatError
-    for what they would misread: a connection that converts units or values, a component
-    without a file.
+    Blocks of the project are packed as Python FMUs, which run on more platforms, or
+    where `fmus` is "native" as native ones if there are such. Components that step once
+    in several steps get a step-size hint; of the other tools only libcosim reads it.
+
+    Raises
+    ------
+    DesatError
+        If other tools would misread the system: a connection converts units or values,
+        or a component has no file.
     """
     for connection in system.connections:
         if (connection.factor, connection.offset) != (1.0, 0.0):
@@ -107,7 +130,7 @@ def pack(system: System, target: Path, fmus: str = "python") -> None:
         f"{{{SSD}}}SystemStructureDescription",
         name=system.name.replace("/", "_"),
         version="1.0",
-        # declared here: libcosim takes a declaration further down for content
+        # declared here: libcosim takes a later declaration for content
         nsmap={"ssd": SSD, "ssc": SSC, "ssv": SSV, "osp": OSP, "oms": OMS},
     )
     if lines := otherwise(system):
@@ -119,8 +142,8 @@ def pack(system: System, target: Path, fmus: str = "python") -> None:
             raise DesatError(
                 f"{system.where}: {component.name}: no FMU {component.source}"
             )
-        # the component's name: Ecos instantiates by the file, and noise is keyed by the
-        # instance
+        # The component's name: Ecos names instances by file, and noise is keyed by
+        # the instance.
         source = f"resources/{component.name}.fmu"
         members[source] = library.of_kind(component.fmu, fmus).path.read_bytes()
         element = _sub(
@@ -133,7 +156,7 @@ def pack(system: System, target: Path, fmus: str = "python") -> None:
         )
         signals = component.interface.signals.values()
         listed = [s for s in signals if (component.name, s.name) in wired]
-        if listed:  # an empty list is none that SSP knows
+        if listed:  # SSP does not allow an empty list
             connectors = _sub(element, "Connectors")
             for signal in listed:
                 connector = _sub(
@@ -170,22 +193,26 @@ def pack(system: System, target: Path, fmus: str = "python") -> None:
 
 
 def _sub(parent: Any, tag: str, /, **attributes: str) -> Any:
+    """Add an element of the SSD name space."""
     return etree.SubElement(parent, f"{{{SSD}}}{tag}", attributes)
 
 
 def _annotation(parent: Any, kind: str) -> Any:
+    """Add an annotation of a kind."""
     return etree.SubElement(
         _sub(parent, "Annotations"), f"{{{SSC}}}Annotation", type=kind
     )
 
 
 def _text(root: Any) -> bytes:
+    """Return an XML tree as UTF-8 bytes."""
     return bytes(
         etree.tostring(root, xml_declaration=True, encoding="UTF-8", pretty_print=True)
     )
 
 
 def _parameter_set(component: Component) -> bytes:
+    """Return the parameter set of a component as XML."""
     root = etree.Element(
         f"{{{SSV}}}ParameterSet",
         name="parameters",
@@ -202,6 +229,7 @@ def _parameter_set(component: Component) -> bytes:
 
 
 def _annotate_for_omsimulator(top: Any, system: System) -> None:
+    """Add the step size for OMSimulator."""
     annotation = _annotation(top, "org.openmodelica")
     oms = etree.SubElement(annotation, f"{{{OMS}}}Annotations")
     information = etree.SubElement(oms, f"{{{OMS}}}SimulationInformation")
@@ -214,6 +242,7 @@ def _annotate_for_omsimulator(top: Any, system: System) -> None:
 
 
 def _default_experiment(root: Any, system: System) -> None:
+    """Add the times of the experiment, with the step size for OSP."""
     times = {"startTime": repr(system.start), "stopTime": repr(system.stop)}
     experiment = _sub(root, "DefaultExperiment", **times)
     annotation = _annotation(experiment, "com.opensimulationplatform")
@@ -227,13 +256,14 @@ def _default_experiment(root: Any, system: System) -> None:
 
 
 def _write_archive(members: dict[str, bytes], target: Path) -> None:
+    """Write the members of an archive."""
     buffer = io.BytesIO()
     with zipfile.ZipFile(buffer, "w") as archive:
         for name, data in sorted(members.items()):
             info = zipfile.ZipInfo(name)
             info.create_system, info.external_attr = 3, 0o644 << 16
-            # hundreds of these with the same FMUs: level 6 takes thrice the time for 10
-            # % less
+            # There are hundreds of these with the same FMUs: level 6 takes three times as
+            # long for 10 % less.
             archive.writestr(info, data, zipfile.ZIP_DEFLATED, compresslevel=1)
     replace_text(target, buffer.getvalue())
 
@@ -242,8 +272,13 @@ def _write_archive(members: dict[str, bytes], target: Path) -> None:
 
 
 def craft_files(names: list[str]) -> list[Path]:
-    """The craft files of some families, or of all, and those given by their path.
-    Raises DesatError for an unknown family."""
+    """Return the craft files of some families, or of all, and those given by path.
+
+    Raises
+    ------
+    DesatError
+        If a family is unknown.
+    """
     files: list[Path] = []
     for name in names or families():
         if name.endswith(".toml"):
@@ -256,15 +291,17 @@ def craft_files(names: list[str]) -> list[Path]:
 
 
 def target(path: Path) -> Path:
-    """Where the SSD of a craft file belongs."""
+    """Return the path of a craft file's SSD."""
     return path.with_name(
         ssp.FILE if path.name == craft.FILE else f"{craft.stem(path)}.ssd"
     )
 
 
 def write(path: Path) -> tuple[Path, bool]:
-    """Write the SSD of a craft file where it differs: its path, and whether it was
-    written."""
+    """Write the SSD of a craft file if it differs.
+
+    Returns its path, and whether it was written.
+    """
     file, new = target(path), text(path).encode()
     place_of(file)
     if file.exists() and file.read_bytes() == new:
@@ -274,9 +311,12 @@ def write(path: Path) -> tuple[Path, bool]:
 
 
 def text(path: Path) -> str:
-    """The SSD of a craft file: one line an element, in the order of the craft file.
+    """Return the SSD of a craft file: one line an element, in the file's order.
 
-    Raises DesatError with everything that is wrong with the file.
+    Raises
+    ------
+    DesatError
+        If the file has problems; the text lists all.
     """
     builder = Builder(craft.read(path), load=False)
     name, title = quoteattr(builder.name), builder.title
@@ -309,6 +349,7 @@ def text(path: Path) -> str:
 
 
 def _component_lines(component: Component) -> list[str]:
+    """Return the lines of a component."""
     lines = [
         f"      <ssd:Component name={quoteattr(component.name)}"
         ' type="application/x-fmu-sharedlibrary" implementation="CoSimulation"'

@@ -1,9 +1,11 @@
-"""`desat export`: a run's series for other programs, with quantity and unit in every
-name.
+"""Export a run's series for other programs, with quantity and unit in every name.
 
-csv, parquet  a column an element, `component.variable[i] [unit]`, and `time [s]`
-mat           a struct a component, with `time`, `interval` and `units` (MATLAB, Octave, scipy)
-png, pdf      the scenario's plots, a file each
+csv, parquet: a column for each element, `component.variable[i] [unit]`, and `time [s]`.
+
+mat: a struct for each component, with `time`, `interval` and `units` (MATLAB, Octave,
+scipy).
+
+png, pdf: the scenario's plots, a file each.
 """
 
 from __future__ import annotations
@@ -23,10 +25,12 @@ FORMATS = ("csv", "parquet", "mat", "png", "pdf")
 
 
 def export(folder: Path, form: str, into: Path | None = None) -> tuple[list[Path], str]:
-    """Write a run folder's series (or plots) in a format; the files, and what is to be
-    said.
+    """Write a run folder's series or plots in a format; return the files and a note.
 
-    Raises DesatError for an unknown format, and where the folder has no series.
+    Raises
+    ------
+    DesatError
+        If the format is unknown, or the folder has no series.
     """
     if form not in FORMATS:
         raise DesatError(f"--format {form}: there are {', '.join(FORMATS)}")
@@ -73,13 +77,16 @@ def _write_table(table: pa.Table, form: str, file: BinaryIO) -> None:
 
 
 def no_formula(text: str) -> str:
-    """A name of somebody's as a cell that no spreadsheet takes for a formula."""
+    """Return a user's name as a cell that no spreadsheet takes for a formula."""
     return f"'{text}" if text.startswith(("=", "+", "-", "@")) else text
 
 
 def _table(run: Run) -> tuple[pa.Table, str]:
-    """All series side by side. Where there are outputs of intervals, whose last row is
-    that before the last state, the last state has no place: what is said of it."""
+    """Return all series side by side, and a note.
+
+    Interval outputs have no value at the last state. Where there are such, the last
+    state is left out and the note says so.
+    """
     results = run.results
     rows = min((results.count(n) for n in results.names()), default=0)
     times = results.times()
@@ -104,7 +111,10 @@ def _table(run: Run) -> tuple[pa.Table, str]:
 
 
 def _structs(run: Run) -> dict[str, Any]:
-    """A struct a component: an array a variable, `units`; times beside them."""
+    """Return a struct for each component, with an array for each variable and `units`.
+
+    The times stand beside the structs.
+    """
     results = run.results
     times = results.times()
     rows = min((results.count(n) for n in results.names()), default=0)
@@ -118,6 +128,7 @@ def _structs(run: Run) -> dict[str, Any]:
 
 
 def _plots(run: Run, form: str, folder: Path, into: Path) -> list[Path]:
+    """Write the scenario's plots and return their paths."""
     from ..figures.plots import series_figure
     from ..report.report import label_of
 

@@ -1,1 +1,1 @@
-"""A paper's tables and pages: our numbers beside the paper's, stored draws, templates."""
+"""Compare with papers: their tables beside our numbers, stored samples, pages."""

@@ -1,5 +1,4 @@
-"""The cells of a paper's tables: what a scenario's [paper.NAME] says, and our numbers
-beside it."""
+"""Build the cells of a paper's tables from [paper.NAME] and our numbers."""
 
 from __future__ import annotations
 
@@ -18,14 +17,16 @@ from ..numbers.statistics import clopper_pearson
 from ..system.errors import DesatError
 from .stored import StoredScenario
 
-Numbers = Mapping[str, Any]
-"""A run's numbers by name; None: not reached."""
+Numbers = Mapping[str, Any]  # numbers of a run by name; None: not reached
 
 
 @dataclass(frozen=True)
 class Spread:
-    """Of a median of draws: how many `n` have it, the least and the largest, the `band`
-    of each draw, and how many do not reach a time."""
+    """Spread of a median of samples.
+
+    `n` samples have the number, between `min` and `max`; `band` is that of each sample,
+    and `not_reached` counts the samples that do not reach a time.
+    """
 
     n: int
     min: float | None
@@ -36,8 +37,11 @@ class Spread:
 
 @dataclass(frozen=True)
 class Share:
-    """Of `n` draws the `count` of those that are within, and the `interval` (%,
-    Clopper-Pearson, 95 %) in which the share of all possible draws lies."""
+    """Share of samples within limits.
+
+    `count` of `n` samples are within; `interval` (%, Clopper-Pearson, 95 %) contains
+    the share of all possible samples.
+    """
 
     n: int
     count: int
@@ -52,37 +56,33 @@ class PaperCell:
     method: str
     case: str
     quantity: str
-    heading: str
-    """The quantity in words."""
+    heading: str  # the quantity in words
     unit: str
     paper: float | None
+    # None: no run decides what the paper says, and `remark` gives the reason; infinite:
+    # a time that is not reached
     ours: float | None
-    """None: no run decides what the paper says, and `remark` says why; infinite: a time
-    that is not reached."""
     band: tuple[float, float] | None
     within: bool | None
+    # the paper's own value is within the band; None where either is missing
     paper_within: bool | None
-    """Whether the paper's own value is within the band; None where there is none of
-    them."""
     tuned: bool
+    # the paper gives a value that nothing was tuned to, that had no part in a choice
+    # and that repeats no other cell
     out_of_sample: bool
-    """True: the paper gives a value, nothing was tuned to it, it had no part in a
-    choice, and it repeats no other cell."""
-    definition: str
-    """What is measured, in a sentence."""
-    flag: bool
-    """True: 0 means no and 1 means yes."""
+    definition: str  # what is measured, in a sentence
+    flag: bool  # 0 means no and 1 means yes
     remark: str
     scenario: str
+    # where `ours` is a median or a share of samples
     draws: Spread | Share | None = None
-    """Where `ours` is of draws: a median of them, or a share."""
 
 
 def band_of(entry: Entry, values: Numbers) -> tuple[float, float] | None:
-    """[low, high] of what counts as within a row's `tolerance`; None where anything
-    does.
+    """Return the band [low, high] of a row by its `tolerance`, or None without one.
 
-    `values`: the run's, for a band that is a multiple of another number.
+    `values` are the numbers of the run, for a band that is a multiple of another
+    number.
     """
     tolerance, paper = entry.tolerance, entry.values
     if isinstance(tolerance, OfNumber):
@@ -101,7 +101,7 @@ def band_of(entry: Entry, values: Numbers) -> tuple[float, float] | None:
 
 
 def _remark(entry: Entry) -> str:
-    """What a reader should know of a row."""
+    """Return the remarks on a row as text."""
     words = {
         "tuned": "tuned: ",
         "in_sample": "in sample: ",
@@ -119,12 +119,24 @@ def rows_of(
     everything: Mapping[str, Numbers],
     drawn: StoredScenario | None,
 ) -> list[PaperCell]:
-    """The rows that a scenario gives. `values`: its numbers, `everything`: those of all
-    scenarios; `drawn`: its draws, where it has some: their `summary` and the `draws`
-    themselves.
+    """Return the cells that a scenario gives.
 
-    Raises DesatError where a number is not reached or is of a run that was not made,
-    and for a share of draws where there are none.
+    Parameters
+    ----------
+    scenario
+        The scenario.
+    values
+        Numbers of its run.
+    everything
+        Numbers of all scenarios, by name.
+    drawn
+        Its samples with their summary, where it has some.
+
+    Raises
+    ------
+    DesatError
+        If a number is not reached or belongs to a run that was not made, or if a share
+        of samples is required and there are none.
     """
     rows = []
     content = scenario.content
@@ -148,6 +160,7 @@ def rows_of(
 
 
 def _spread_of(entry: Entry, drawn: StoredScenario, content: Content) -> Spread | None:
+    """Return the spread of a row's number, or None if its samples lack it."""
     if (summary := drawn["summary"].get(entry.of)) is None:
         return None
     number = content.numbers.get(entry.of)
@@ -158,15 +171,17 @@ def _spread_of(entry: Entry, drawn: StoredScenario, content: Content) -> Spread 
 
 
 def values_of(draws: Iterable[RunRow], name: str, content: Content) -> list[Any]:
-    """A number of each draw of a scenario, as `ranked` has it."""
+    """Return a number of each sample of a scenario, as `ranks` orders it."""
     return ranks([row.numbers.get(name) for row in draws], name in late(content))
 
 
 def share_of(
     values: list[Any], least: float = -math.inf, most: float = math.inf
 ) -> Share:
-    """Of `values_of` draws the share of those within [least, most]. What a draw has not
-    is not within."""
+    """Return the share of samples whose value lies within [least, most].
+
+    `values` are as from `values_of`; a sample without a value is not within.
+    """
     count = sum(x is not None and least <= x <= most for x in values)
     return Share(len(values), count, clopper_pearson(count, len(values)))
 
@@ -178,6 +193,7 @@ def _row(
     values: Numbers,
     draws: Spread | Share | None,
 ) -> PaperCell:
+    """Return the cell of a row."""
     band, paper = band_of(entry, values), entry.values
     within = None if band is None or ours is None else band[0] <= ours <= band[1]
     if isinstance(draws, Spread) and draws.band is not None:
@@ -215,9 +231,12 @@ def _row(
 
 
 def count(table: list[PaperCell]) -> dict[str, int]:
-    """How many rows there are, and how many that no run decides. Of those with a band:
-    how many are within it, tuned, without a value of the paper, in sample otherwise,
-    out of sample, and of the latter within."""
+    """Count the rows of a table.
+
+    The counts are of all rows and of those that no run decides. Of the rows with a band
+    they are: those within it, tuned, without a value of the paper, in sample otherwise,
+    out of sample, and of the latter those within.
+    """
     banded = [r for r in table if r.within is not None]
     out = [r for r in banded if r.out_of_sample]
     return {
@@ -243,7 +262,7 @@ def _value(
     values: Numbers,
     everything: Mapping[str, Numbers],
 ) -> float:
-    """Our number of a row, from this run or in relation to another."""
+    """Return our number of a row, from this run or in relation to another."""
     number = scenario.content.numbers.get(name)
     if number is not None and number.reference and name not in values:
         other = everything.get(f"{scenario.family}/{number.reference}")

@@ -1,11 +1,12 @@
-"""Draws that take long: computed once by `make papers`, kept under docs/papers, read by
-`tables`.
+"""Compute and store samples that take long (`make papers`), for `desat tables`.
 
-docs/papers/FAMILY/draws.parquet: a row a draw, sorted by scenario and draw, a column a
-number; null where the draw does not reach it, or where the scenario does not keep it
-docs/papers/draws.json: of each family seed, versions and the sha256 of that file, and
-of each scenario, a line, its stamps and the units of the numbers that it keeps: those
-that rows of papers name, and those that a page has asked for
+docs/papers/FAMILY/draws.parquet holds a row for each sample, sorted by scenario and
+sample, and a column for each number. It is null where the sample does not reach the
+number, or where the scenario does not store it.
+
+docs/papers/draws.json holds for each family the seed, versions and the sha256 of that
+file, and for each scenario, in one line, its stamps and the units of the stored
+numbers: those that rows of papers name, and those that a page has requested.
 """
 
 from __future__ import annotations
@@ -39,8 +40,7 @@ from ..system.options import Options
 
 
 class StoredScenario(TypedDict):
-    """Of a scenario's draws what they are of, `units` and summary of the numbers, and
-    the draws."""
+    """Samples of a scenario with their origin, `units` and summary of numbers."""
 
     sha256: str
     code_sha256: str
@@ -51,7 +51,7 @@ class StoredScenario(TypedDict):
 
 
 class StoredDraws(TypedDict):
-    """The draws of a family."""
+    """Samples of a family."""
 
     family: str
     date: str
@@ -62,7 +62,7 @@ class StoredDraws(TypedDict):
 
 
 class Provenance(TypedDict):
-    """Which run draws are from, and the file where they stand."""
+    """Run that samples come from, and the file that holds them."""
 
     file: str
     date: str
@@ -78,25 +78,29 @@ ROUNDING = (
 
 
 def file_of(family: str) -> Path:
-    """Where the draws of a family are stored."""
+    """Return the path of a family's stored samples."""
     return paths.DRAWS / family / "draws.parquet"
 
 
 def provenance_file() -> Path:
-    """Where it is said which code and scenarios the stored draws of all families are
-    of."""
+    """Return the path of the stamps of all families.
+
+    They say which code and scenarios the stored samples belong to.
+    """
     return paths.DRAWS / "draws.json"
 
 
 def with_draws(family: str) -> dict[str, Scenario]:
-    """The scenarios of a family that say `draws`."""
+    """Return the scenarios of a family that have samples."""
     return {n: s for n, s in scenarios(family).items() if s.content.samples}
 
 
 def needed(family: str) -> dict[str, set[str]]:
-    """Of each scenario with draws the numbers that rows of the family's paper are made
-    of, its own rows and those that compare another one with it. Pages ask for more
-    (`benchmarks/pages/sources.py`)."""
+    """Return the numbers of each scenario that rows of the family's paper need.
+
+    They are those of its own rows and of rows that compare another scenario with it.
+    Pages request more (`benchmarks/pages/sources.py`).
+    """
     found: dict[str, set[str]] = {name: set() for name in with_draws(family)}
     for name, scenario in scenarios(family).items():
         numbers = scenario.content.numbers
@@ -117,9 +121,16 @@ def needed(family: str) -> dict[str, set[str]]:
 
 
 def digest(scenario: Scenario) -> str:
-    """The digest of all of a scenario that a draw's numbers depend on: its system, with
-    the code of its blocks, before anything is drawn; and its design, where that is made
-    for each draw. Raises DesatError where it has no system."""
+    """Compute the digest of everything of a scenario that a sample depends on.
+
+    It covers the system before sampling, with the code of its blocks, and the design
+    where one is made for each sample.
+
+    Raises
+    ------
+    DesatError
+        If the scenario has no system.
+    """
     system = scenario.builder(blocks=True).system()
     return identity.of_system(
         system, Options(blocks=True), scenario.each_draw, identity.JUDGED
@@ -127,10 +138,12 @@ def digest(scenario: Scenario) -> str:
 
 
 def code(scenario: Scenario) -> str:
-    """A hash of what defines the code that makes a scenario's draws, beside its blocks:
-    the engine, the drawing and the measures; and what designs, where a design is made
-    for each draw. In which file and order definitions stand does not count, so that
-    files can be moved, joined and split; nor do imports, comments and docstrings."""
+    """Compute a hash of the code that makes a scenario's samples, besides its blocks.
+
+    It covers the engine, the sampling and the measures, and the code of designs where
+    one is made for each sample. The file and order of definitions do not affect it, so
+    that files can be moved, joined and split; nor do imports, comments and docstrings.
+    """
     home = Path(__file__).parents[1]
     files = {p for p in (home / "engine").rglob("*") if p.suffix in (".py", ".c")}
     files |= {
@@ -153,12 +166,29 @@ def compute(
     names: Iterable[str] | None = None,
     also: Mapping[str, Collection[str]] | None = None,
 ) -> StoredDraws:
-    """Run the draws of a family (or of the scenarios named) by its FMUs. Raises
-    DesatError where a draw fails.
+    """Run the samples of a family, or of the named scenarios, with its FMUs.
 
-    What `known` (an older result) has for the other scenarios is kept, and so are those
-    of its draws that this code would make again. Kept are the numbers that are
-    `needed`, those that `known` has, and those that `also` names by scenario.
+    Parameters
+    ----------
+    family
+        Name of the family.
+    jobs
+        Number of processes.
+    progress
+        Show a progress bar.
+    known
+        An older result. Its other scenarios are retained, and so are those of its
+        samples that this code would make again.
+    names
+        Scenarios to run; None: all.
+    also
+        Numbers to store by scenario, besides those that are `needed` and those that
+        `known` has.
+
+    Raises
+    ------
+    DesatError
+        If a sample fails.
     """
     kept = known["scenarios"] if known else {}
     made, of_rows = dict[str, StoredScenario](), needed(family)
@@ -211,12 +241,12 @@ def compute(
 
 
 def row_of_draw(draw: int | None, numbers: Mapping[str, float | None]) -> RunRow:
-    """Return the row of a draw with what is stored of it; all of these completed."""
+    """Return the row of a stored sample; all of these completed."""
     return RunRow("completed", 0, "", numbers=numbers, number=draw)
 
 
 def _processor() -> str:
-    """Return the processor's name, where the system tells it."""
+    """Return the processor's name, where the system gives it."""
     try:
         text = Path("/proc/cpuinfo").read_text(encoding="utf-8")
     except OSError:
@@ -226,8 +256,10 @@ def _processor() -> str:
 
 
 def write(result: StoredDraws) -> Path:
-    """Store the draws of a family, and its stamps beside those of the others. The same
-    draws give the same bytes."""
+    """Store the samples of a family and its stamps, and return the path.
+
+    The same samples give the same bytes.
+    """
     path = file_of(result["family"])
     data = _pack(result["scenarios"])
     replace_text(path, data)
@@ -249,7 +281,7 @@ def write(result: StoredDraws) -> Path:
 
 
 def _provenances() -> Mapping[str, Any]:
-    """What is said of all families' draws; empty where nothing is."""
+    """Read the stamps of all families; empty where there are none."""
     try:
         told: Mapping[str, Any] = json.loads(
             provenance_file().read_text(encoding="utf-8")
@@ -260,8 +292,7 @@ def _provenances() -> Mapping[str, Any]:
 
 
 def _pack(scenarios: Mapping[str, StoredScenario]) -> bytes:
-    """The draws of scenarios as the bytes of a Parquet file; numbers keep all their
-    bits."""
+    """Return the samples of scenarios as a Parquet file; numbers retain all bits."""
     import pyarrow as pa
     import pyarrow.parquet as pq
 
@@ -294,8 +325,16 @@ def _pack(scenarios: Mapping[str, StoredScenario]) -> bytes:
 
 
 def read(family: str) -> StoredDraws:
-    """The stored draws of a family: of each scenario its stamps, `units` and `summary`
-    of its numbers, and `draws`, a row each. Raises DesatError where there are none."""
+    """Read the stored samples of a family.
+
+    Each scenario has its stamps, `units` and `summary` of its numbers, and `draws`, a
+    row for each sample.
+
+    Raises
+    ------
+    DesatError
+        If there are none, or the file is not the one that was stamped.
+    """
     import pyarrow as pa
     import pyarrow.parquet as pq
 
@@ -331,9 +370,11 @@ def read(family: str) -> StoredDraws:
 
 
 def outdated(stored: StoredDraws) -> list[str]:
-    """The scenarios whose stored draws are missing, fewer or more than it says, without
-    a number that is needed, or of another version of it or of the code that makes
-    them."""
+    """Return the scenarios whose stored samples are not current.
+
+    They are missing, fewer or more than the scenario requires, without a number that is
+    needed, or of another version of the scenario or of the code.
+    """
     kept, of_rows = stored["scenarios"], needed(stored["family"])
     return [
         name
@@ -382,7 +423,7 @@ def require_current(stored: StoredDraws) -> None:
 
 
 def _is_current(kept: StoredScenario, scenario: Scenario) -> bool:
-    """True where stored draws are of this version of a scenario and of its code."""
+    """Return whether stored samples are of this version of a scenario and its code."""
     return kept["sha256"] == digest(scenario) and kept.get("code_sha256") == code(
         scenario
     )
@@ -394,8 +435,10 @@ def renew(
     progress: bool = False,
     also: Mapping[str, Collection[str]] | None = None,
 ) -> StoredDraws:
-    """The family's draws, of which only those are made now that are outdated, or have
-    not kept a number that `also` names by scenario."""
+    """Compute those samples of a family that are outdated or lack a number.
+
+    `also` names further numbers by scenario.
+    """
     if not file_of(family).exists():
         return compute(family, jobs, progress, also=also)
     known = read(family)
@@ -409,10 +452,12 @@ def renew(
 
 
 def confirm(family: str, count: int, jobs: int) -> list[str]:
-    """Make the first `count` draws of each scenario whose draws are of other code, or
-    whose file has changed, and say that they are of this where all numbers come out
-    equal (to ROUNDING); the names of the scenarios where they do not: `renew` is for
-    these."""
+    """Confirm stored samples by making the first `count` of them again.
+
+    This is done for each scenario whose code or file has changed. Where all numbers
+    agree (to ROUNDING), the samples are stamped as of the present code. Returns the
+    names of the scenarios where they do not agree: `renew` is for these.
+    """
     known, failed = read(family), []
     for name in outdated(known):
         scenario, kept = with_draws(family)[name], known["scenarios"].get(name)
@@ -429,7 +474,7 @@ def confirm(family: str, count: int, jobs: int) -> list[str]:
 
 
 def provenance(stored: StoredDraws, fresh: bool) -> Provenance:
-    """Which run the numbers of the draws are from."""
+    """Return the run that the samples come from."""
     file = "computed now" if fresh else paths.shown(file_of(stored["family"]))
     return {
         "file": file,
@@ -443,23 +488,28 @@ def provenance(stored: StoredDraws, fresh: bool) -> Provenance:
 def _alike(
     now: list[Mapping[str, float | None]], kept: list[Mapping[str, float | None]]
 ) -> bool:
-    """True where all that is kept comes out again. A number that runs have since is not
-    in the kept draws, and whatever asks for it says so."""
+    """Return whether all stored numbers come out again.
+
+    A number that runs have only since then is not in the stored samples; a request for
+    it is reported elsewhere.
+    """
     return len(now) == len(kept) and all(
         all(_equal(a.get(k), b[k]) for k in b) for a, b in zip(now, kept, strict=True)
     )
 
 
 def _equal(a: float | None, b: float | None) -> bool:
-    """Equal to ROUNDING, or neither reached."""
+    """Return whether two numbers are equal to ROUNDING, or both not reached."""
     return a is b is None or (
         a is not None and b is not None and math.isclose(a, b, rel_tol=ROUNDING)
     )
 
 
 def main() -> int:
-    """`python -m desat.papers.stored [--verify N] [FAMILY ...]`: stamp stored draws
-    that runs of today's code reproduce."""
+    """Run `python -m desat.papers.stored [--verify N] [FAMILY ...]`.
+
+    It stamps stored samples that runs of today's code reproduce.
+    """
     parser = argparse.ArgumentParser(description=confirm.__doc__)
     parser.add_argument(
         "families", nargs="*", metavar="FAMILY", help="default: all with samples"

@@ -1,7 +1,7 @@
-"""`desat tables FAMILY`: a paper's tables beside ours, computed by runs made now.
+"""Compare a paper's tables with numbers of runs made now (`desat tables FAMILY`).
 
-A scenario with `draws` gives the median of so many draws instead; these are read from
-the file that `make papers` has stored (`stored.py`), or made now.
+A scenario with samples gives their median instead; they are read from the file that
+`make papers` has stored (`stored.py`), or computed now.
 """
 
 from __future__ import annotations
@@ -29,18 +29,32 @@ from . import stored
 from .comparison import Numbers, PaperCell, Share, Spread, count, rows_of
 from .stored import Provenance, StoredDraws, StoredScenario
 
-LARGEST = sys.float_info.max
-"""The open end of a band in JSON."""
+LARGEST = sys.float_info.max  # open end of a band in JSON
 
 
 def tables(
     family: str, *, jobs: int = 1, **options: Unpack[RunOptions]
 ) -> list[PaperCell]:
-    """Run a family's scenarios and return the cells of its paper's tables: each the
-    paper's value, ours, unit and band. Medians of samples are the stored ones. `jobs`
-    as for `draws`; `options`: fields of `desat.Options`.
+    """Run a family's scenarios and return the cells of its paper's tables.
 
-    Raises DesatError for an unknown family, and RunError where a run does not complete.
+    Each cell has the paper's value, ours, the unit and the band. Medians of samples are
+    the stored ones.
+
+    Parameters
+    ----------
+    family
+        Name of the family.
+    jobs
+        Number of processes, as for `draws`.
+    **options
+        Fields of `desat.Options`.
+
+    Raises
+    ------
+    DesatError
+        If the family is unknown.
+    RunError
+        If a run does not complete.
     """
     drawn = stored.read(family) if stored.with_draws(family) else None
     return rows(family, of_program(None, None, None, options), jobs, drawn)
@@ -51,9 +65,9 @@ def rows(
 ) -> list[PaperCell]:
     """Run every scenario of a family that a paper's table has a cell for.
 
-    `drawn`: the draws of the scenarios that have some (`stored.read` or
-    `stored.compute`); rows of those that are not among them are left out, and
-    `stored.outdated` names them.
+    `drawn` are the samples of the scenarios that have some (from `stored.read` or
+    `stored.compute`). Rows of scenarios that are not among them are left out;
+    `stored.outdated` names these.
     """
     given = {n: s for n, s in scenarios(family).items() if s.content.entries}
     if wrong := [
@@ -80,7 +94,7 @@ def rows(
     }
     alone = {**given, **_references(given.values())}
     values |= _single([s for n, s in alone.items() if n not in values], options, jobs)
-    # first what the paper has values for, then what is ours alone
+    # values that the paper gives come before those that it lacks
     ranked = sorted(
         given.values(),
         key=lambda s: not any(e.values is not None for e in s.content.paper.values()),
@@ -103,7 +117,7 @@ def rows(
 
 
 def _references(given: Iterable[Scenario]) -> dict[str, Scenario]:
-    """The scenarios without draws that numbers of these are compared with."""
+    """Return the scenarios without samples that numbers of these are compared with."""
     names = {
         f"{s.family}/{number.reference}"
         for s in given
@@ -117,8 +131,11 @@ def _references(given: Iterable[Scenario]) -> dict[str, Scenario]:
 def _pairs_of(
     scenario: Scenario, drawn: Mapping[str, StoredScenario]
 ) -> StoredScenario:
-    """The stored draws of a scenario, with what its numbers of form `difference` or
-    `paired_ratio` are draw by draw, and their summaries."""
+    """Add paired numbers and their summaries to the stored samples of a scenario.
+
+    Paired numbers are those of form `difference` or `paired_ratio`, computed sample by
+    sample.
+    """
     own = drawn[scenario.name]
     summary, draws = dict(own["summary"]), [dict(row.numbers) for row in own["draws"]]
     for name, entry in scenario.content.numbers.items():
@@ -136,8 +153,11 @@ def _pairs_of(
 
 
 def _single(given: list[Scenario], options: Options, jobs: int) -> dict[str, Numbers]:
-    """The numbers of a run of each scenario, of which little more is recorded than
-    these need. Raises RunError for one that does not complete."""
+    """Run each scenario once and return its numbers.
+
+    Little more is recorded than these need. Raises RunError for a run that does not
+    complete.
+    """
     made = rows_of_runs(
         [(s.name, options, 0, None) for s in given], jobs, "runs", progress=False
     )
@@ -152,9 +172,12 @@ def _single(given: list[Scenario], options: Options, jobs: int) -> dict[str, Num
 def as_json(
     family: str, table: list[PaperCell], drawn: Provenance | None = None
 ) -> Mapping[str, Any]:
-    """What `--json` prints; where a band has no bound, the largest number that there
-    is, for JSON has no infinity, and null for a time that is not reached. `drawn`:
-    which run the draws are from (`stored.provenance`)."""
+    """Return the data that `--json` prints.
+
+    JSON has no infinity: an open end of a band is the largest number, and a time that
+    is not reached is null. `drawn` is the run that the samples come from
+    (`stored.provenance`).
+    """
     made = [
         asdict(replace(row, ours=None) if row.ours == math.inf else row)
         for row in table
@@ -167,7 +190,7 @@ def as_json(
 
 
 def texts_of(row: PaperCell) -> dict[str, str]:
-    """A row as texts for people."""
+    """Format a row for the reader."""
     digits = 2 if row.unit in ("s", "%") else 3
     difference = ""
     if row.paper is not None and row.ours is not None and row.ours != math.inf:
@@ -218,18 +241,19 @@ NUMBERS = ("paper", "ours", "difference")
 
 
 def columns(lines: list[dict[str, str]]) -> dict[str, str]:
-    """The columns that have something to show in these rows, and their headings."""
+    """Return the columns that are not empty in these rows, with their headings."""
     filled = (c for c in COLUMNS if any(line[c] for line in lines))
     named = {"verdict": "", "draws": "samples"}
     return {c: named.get(c, c) for c in filled}
 
 
 def _of_paper(value: float) -> int:
-    """The paper's values have two digits, unless that would show a small one as 0."""
+    """Return the digits of a paper's value: two, unless that would show it as 0."""
     return 3 if 0.0 < abs(value) < 0.005 else 2
 
 
 def _value(value: float | None, digits: int, flag: bool = False) -> str:
+    """Format a value, or yes and no for a flag."""
     if value is None or value == math.inf:
         return number(None)
     if flag and value in (0.0, 1.0):
@@ -238,12 +262,13 @@ def _value(value: float | None, digits: int, flag: bool = False) -> str:
 
 
 def _band(row: PaperCell, digits: int) -> str:
+    """Format the band of a row."""
     assert row.band is not None
     return _within(row.band, lambda x: _value(x, digits, row.flag))
 
 
 def _within(band: Sequence[float], text: Callable[[float], str]) -> str:
-    """A band in words; one that is open at an end has one bound."""
+    """Format a band in words; one that is open at an end has one bound."""
     (low, high), (least, most) = band, map(text, band)
     if math.isinf(low):
         return f"at most {most}"
@@ -253,6 +278,7 @@ def _within(band: Sequence[float], text: Callable[[float], str]) -> str:
 
 
 def _of_draws(draws: Spread | Share, digits: int, flag: bool = False) -> str:
+    """Format the spread or the share of samples."""
     if isinstance(draws, Share):
         low, high = draws.interval
         share = f"{100.0 * draws.count / draws.n:.0f} %"
@@ -269,11 +295,12 @@ def _of_draws(draws: Spread | Share, digits: int, flag: bool = False) -> str:
 
 
 def _signed(x: float, digits: int) -> str:
+    """Format a number with its sign."""
     return f"{round(x, digits) + 0.0:+.{digits}f}"  # + 0.0: no minus before a zero
 
 
 def groups(table: list[PaperCell]) -> list[tuple[str, list[PaperCell]]]:
-    """(heading, rows) for each table and quantity."""
+    """Group rows by table and quantity; return (heading, rows) for each."""
     groups: dict[str, list[PaperCell]] = {}
     for row in table:
         unit = f" [{spell_unit(row.unit)}]" if spell_unit(row.unit) else ""
@@ -284,8 +311,10 @@ def groups(table: list[PaperCell]) -> list[tuple[str, list[PaperCell]]]:
 
 
 def definitions(given: Iterable[str]) -> list[str]:
-    """What the rows of a heading measure, each sentence once; those that differ in
-    nothing but the scenario that they compare with as one."""
+    """Return what the rows of a heading measure, each sentence once.
+
+    Sentences that differ only in the scenario that they compare with are joined.
+    """
     texts = dict.fromkeys(text for text in given if text)
     others: dict[str, list[str]] = {}
     for text in texts:
@@ -303,7 +332,7 @@ def definitions(given: Iterable[str]) -> list[str]:
 
 
 def summed_up(table: list[PaperCell]) -> str:
-    """How many cells are within their bands, and what that counts for."""
+    """Summarise how many cells lie within their bands, and how independent they are."""
     n = count(table)
     lacking = (
         f" {n['not_judged']} rows cannot be tested by simulation; each gives the reason."
@@ -321,7 +350,7 @@ def summed_up(table: list[PaperCell]) -> str:
 
 
 def spelt(family: str, table: list[PaperCell]) -> str:
-    """The abbreviations in the tables of a family, spelt out."""
+    """Return the abbreviations in the tables of a family with their meaning."""
     texts = (
         x for row in table for x in (row.method, row.case, row.heading, row.remark)
     )
@@ -329,7 +358,7 @@ def spelt(family: str, table: list[PaperCell]) -> str:
 
 
 def origin(drawn: Provenance) -> str:
-    """Where the numbers of draws are from, for people."""
+    """Describe where the numbers of samples come from."""
     how = (
         "just now"
         if drawn["file"] == "computed now"
@@ -345,7 +374,7 @@ def write_html(
     options: Options,
     drawn: Provenance | None = None,
 ) -> Path:
-    """The tables as a self-contained page."""
+    """Write the tables as a self-contained page and return its path."""
     from importlib.metadata import version
 
     pages = []

@@ -1,2 +1,1 @@
-"""Sizing: the laws that suit a craft, their momentum by a model, and flights of what is
-found."""
+"""Size craft: laws that suit them, a momentum-only model, and closed-loop flights."""

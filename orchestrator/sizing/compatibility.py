@@ -1,5 +1,8 @@
-"""Which managers fit a craft, and with which gains: what their blocks declare of
-themselves (`components/contract/fitting.py`), asked of a system."""
+"""Find which managers fit a craft, and with which gains.
+
+The blocks declare it themselves (`components/contract/fitting.py`); here the
+declarations are evaluated for a system.
+"""
 
 from __future__ import annotations
 
@@ -27,26 +30,21 @@ from ..system.parameters import Parameter, table
 from ..system.sensors import KNOWN, noise_of
 
 ROLE = "manager"
-BANDWIDTH = 5.0
-"""Of a craft whose own law gives no rate: so many times the orbit's (1/s over 1/s)."""
-PLAINEST = "manager_cross_product"
-"""It comes after the craft's own."""
+BANDWIDTH = 5.0  # law rate over orbit rate, for a craft whose own law gives none
+PLAINEST = "manager_cross_product"  # listed after the craft's own
 ALL = "all"
+# s: sample time of a law that must sample, where neither the craft's manager nor its
+# coils do
 SAMPLE = 10.0
-"""s, of a law that must sample, where neither the craft's own manager nor its coils do.
-"""
 
 
 @dataclass(frozen=True)
 class Terms:
-    """What rules of gains go by besides the craft's parameters."""
+    """Quantities that rules of gains use besides the craft's parameters."""
 
-    orbit_rate: float
-    """rad/s"""
-    field: float
-    """T, mean size"""
-    inertial: bool
-    """whether the attitude stays in eci"""
+    orbit_rate: float  # rad/s
+    field: float  # T, mean magnitude
+    inertial: bool  # the attitude stays fixed in eci
 
 
 @dataclass(frozen=True)
@@ -54,14 +52,11 @@ class Fitting:
     """A law that fits a craft."""
 
     name: str
-    manager: str
-    """its block, or its file as it was given"""
-    own: bool
-    """whether it is what the craft flies, as it flies it"""
-    options: Options
-    """with which the craft flies it"""
+    manager: str  # its block, or its file as the user gave it
+    own: bool  # the law that the craft flies, with its own values
+    options: Options  # options with which the craft flies it
+    # parameter -> its rule and the resulting value; empty for the craft's own law
     gains: Mapping[str, str]
-    """parameter -> its rule and what it comes to; of the craft's own: nothing"""
 
 
 @dataclass(frozen=True)
@@ -73,7 +68,7 @@ class Refused:
 
 
 def law_name(component: Component) -> str:
-    """What the law of a manager is called: that of its block whose choices it has."""
+    """Return the name of the law that a manager is set to."""
     model = component.interface.model
     if model not in names():
         return model
@@ -82,12 +77,13 @@ def law_name(component: Component) -> str:
 
 
 def _law_of(component: Component) -> Law | None:
-    """Of the laws that the block of a component declares, the one that it has."""
+    """Find the law that a component's choices select among its block's laws."""
     block = block_class(component.interface.model)
     laws = block.offers if issubclass(block, Manager) else ()
     signals = component.interface.signals
 
     def chosen(law: Law) -> bool:
+        """Return whether the component has the choices of a law."""
         choices = {
             k: v for k, v in law.gains.items() if k in signals and signals[k].choices
         }
@@ -99,7 +95,7 @@ def _law_of(component: Component) -> Law | None:
 
 
 def managers() -> list[str]:
-    """Our managers, sorted."""
+    """Return the sorted names of the project's managers."""
     return [name for name in names() if issubclass(block_class(name), Manager)]
 
 
@@ -110,10 +106,29 @@ def fitting(
     asked: Sequence[str] = (ALL,),
     others: Sequence[str] = (),
 ) -> tuple[list[Fitting], list[Refused]]:
-    """The laws that fit the craft of a source, its own first, and the managers that do
-    not, with the reason. `asked`: laws or managers of ours by name, or all. `others`:
-    block files and FMUs of the user's own. Raises DesatError for a name that there is
-    not, or a source with something wrong."""
+    """Find the laws that fit the craft of a source, and the managers that do not.
+
+    Parameters
+    ----------
+    source, options
+        Scenario of the craft.
+    terms
+        Quantities that rules of gains use.
+    asked
+        Laws or managers of the project by name, or all.
+    others
+        Block files and FMUs of the user's own.
+
+    Returns
+    -------
+    tuple
+        The laws, the craft's own first, and the refused managers with the reason.
+
+    Raises
+    ------
+    DesatError
+        If a name is unknown, or the source has a problem.
+    """
     system, _ = prepare(source, options).or_raise()
     own = system.components[ROLE]
     known = _table_of(system, own, terms)
@@ -144,12 +159,12 @@ def fitting(
 
 
 def check_names(asked: Sequence[str], others: Sequence[str] = ()) -> None:
-    """Check laws, managers and files that are asked for, before anything flies.
+    """Check the names of laws, managers and files before anything flies.
 
     Parameters
     ----------
     asked
-        Laws or managers of ours by name, or all.
+        Laws or managers of the project by name, or all.
     others
         Block files and FMUs of the user's own.
 
@@ -169,7 +184,7 @@ def check_names(asked: Sequence[str], others: Sequence[str] = ()) -> None:
 
 
 def _laws_of(asked: Sequence[str]) -> list[str]:
-    """The managers of these laws or managers."""
+    """Return the managers that laws or managers name."""
     every = managers()
     by_law = {law.name: m for m in every for law in _laws(block_class(m), m)}
     known = (
@@ -186,17 +201,18 @@ def _laws_of(asked: Sequence[str]) -> list[str]:
 def _is_asked(
     law: Law, manager: str, asked: Sequence[str], others: Sequence[str]
 ) -> bool:
+    """Return whether a law is among those that were named."""
     names = (law.name, manager, manager.removeprefix("manager_"), ALL)
     return manager in others or any(n in asked for n in names)
 
 
 def _block(manager: str) -> type[Block] | None:
-    """The block of a manager; None for an FMU."""
+    """Return the block of a manager, or None for an FMU."""
     return None if manager.endswith(".fmu") else block_class(manager)
 
 
 def _read_block(manager: str) -> type[Block] | None:
-    """Return the block of a manager. Raises DesatError for a file that cannot be one."""
+    """Return the block of a manager, or raise DesatError for an unsuitable file."""
     try:
         return _block(manager)
     except OwnBlockError as error:
@@ -204,8 +220,11 @@ def _read_block(manager: str) -> type[Block] | None:
 
 
 def _laws(block: type[Block] | None, manager: str) -> tuple[Law, ...]:
-    """The laws of a manager; what is not ours and declares none flies with its own
-    values."""
+    """Return the laws of a manager.
+
+    One that is not of the project and declares none has a single law with its own
+    values.
+    """
     declared = block.offers if block is not None and issubclass(block, Manager) else ()
     ours = manager in names()
     if block is not None and not ours:
@@ -254,7 +273,7 @@ def _is_rule(rule: Any) -> bool:
 
 
 def _lacks(block: type[Block], manager: str, system: System, terms: Terms) -> str:
-    """Why a manager is of no use to a craft; nothing where it may be."""
+    """Return why a manager is of no use to a craft, or ""."""
     if not issubclass(block, Manager):
         return f"{manager} is no manager"
     if block.no_law:
@@ -266,7 +285,7 @@ def _lacks(block: type[Block], manager: str, system: System, terms: Terms) -> st
 
 
 def _instead(need: Need, system: System, terms: Terms) -> str:
-    """What a craft has instead of what is needed; nothing where it has that."""
+    """Return what a craft has instead of a need, or "" where it meets it."""
     if need is Need.DESIGN:
         return "those of this craft are for its own law alone"
     if need is Need.INERTIAL:
@@ -275,13 +294,13 @@ def _instead(need: Need, system: System, terms: Terms) -> str:
 
 
 def _table_of(system: System, own: Component, terms: Terms) -> dict[str, Any]:
-    """The parameters of a system, and the terms of rules as those of a component
-    `craft`."""
+    """Return a system's parameters; `craft` has the terms of rules."""
     known: dict[str, Any] = dict(table(system.components.values()))
     law = _law_of(own) if own.interface.model in names() else None
     noise = noise_of(system)
 
     def with_rate(rate: float) -> dict[str, Any]:
+        """Return the table for a law rate (1/s)."""
         return known | {
             "craft": {
                 "rate": Parameter(rate, "1/s"),
@@ -306,8 +325,10 @@ def _fit(
     law: Law,
     known: Mapping[str, Any],
 ) -> Fitting:
-    """A law of a manager with its gains. Raises DesatError where the craft cannot fly
-    it."""
+    """Prepare a law of a manager with its gains.
+
+    Raises DesatError where the craft cannot fly it.
+    """
     placed = options
     if manager != own.interface.model:
         placed = replace(options, sources=[*options.sources, f"{ROLE}={manager}"])
@@ -329,14 +350,14 @@ def _fit(
 def _gains(
     component: Component, own: Component, law: Law, known: Mapping[str, Any]
 ) -> Iterator[tuple[str, Any, str]]:
-    """Parameter, value and what is said of it, of all that a law takes from the craft."""
+    """Yield parameter, value and rule of all that a law takes from the craft."""
     signals = component.interface.signals
     for key, rule in law.gains.items():
         elements = component.interface.elements.get(key, ())
         if isinstance(rule, bool) or rule in elements[0].choices:
             yield key, rule, str(rule)
             continue
-        number, unit = product(str(rule), known)  # a number stands for itself
+        number, unit = product(str(rule), known)  # a plain number is its own value
         number *= unit.factor
         shown = law.units.get(key, elements[0].unit_name)
         text = f"{rule} = {number:.4g} {shown}".removesuffix(" 1")
@@ -351,7 +372,7 @@ def _gains(
             try:
                 given = list(values_of(component, key, text, known).values())
             except DesatError:
-                continue  # the craft has none
+                continue  # the craft does not have that parameter
             yield key, given[0] if key in signals else given, text
     if "sample_time" in signals and not component.values["sample_time"]:
         coils = known.get("torquers", {}).get("sample_time")
@@ -360,10 +381,10 @@ def _gains(
 
 
 def terms_of(period: float, b: Any, inertial: bool) -> Terms:
-    """Terms of a flight with this period (s) in this field b (rows, 3; T)."""
+    """Return the terms of a flight of this period (s) in a field b (rows, 3) T."""
     return Terms(2.0 * pi / period, float(np.linalg.norm(b, axis=1).mean()), inertial)
 
 
 def prepare_with(source: Target, law: Fitting) -> Case:
-    """A craft with a law that fits it, ready to fly."""
+    """Prepare a craft with a law that fits it."""
     return prepare(source, law.options)

@@ -1,21 +1,23 @@
-"""`desat size` of a craft that dumps by thrusters between thresholds
-(`manager_threshold`): how often it dumps, what a dump and a year take, and how long the
-tank lasts.
+"""Size dumps by thrusters between thresholds (`manager_threshold`) for `desat size`.
 
-The momentum H (N m s, eci) grows by what the disturbances leave, at the wanted attitude
-C(t), by the environment's own block; with h_b the body's own and A^+ the least squares
-over the wheels
+The results are how often the craft dumps, the propellant of a dump and of a year, and
+how long the tank lasts.
 
-    h(t) = A^+ (C(t) H(t) - h_b(t)),   a dump begins where the fill of h comes to `begin`
+The momentum H (N m s, eci) grows by the impulse of the disturbances at the wanted
+attitude C(t), which the environment's own block gives. With h_b the momentum of the
+body and A^+ the least-squares allocation to the wheels,
 
-and goes on by the law's own block, until its `end`. It takes the impulse of force that its
-thrusters need for that momentum u in the attitude where it begins: of pairs about the axes
-|u|_1 / arm, of nozzles by the least on-times (`least_on_times`).
+    h(t) = A^+ (C(t) H(t) - h_b(t)),   a dump begins where the fill of h reaches `begin`
 
-A degree of the orbit, or a threshold APART from the one that is set, decides in which
-quarter of the orbit the next dump begins: WAYS such courses say how far that goes.
-Rates are between the first dump and the last of the course that the craft flies itself;
-those of a year are the mean over DATES days, each as if it lasted, and over the ways.
+and the law's own block continues it to its `end`. A dump takes the impulse of force
+that the thrusters need for its momentum u in the attitude where it begins: |u|_1 / arm
+for pairs about the axes, the least on-times for nozzles (`least_on_times`).
+
+One degree of the orbit, or a threshold that differs by APART, decides in which quarter
+of the orbit the next dump begins. WAYS such courses show how far the rates differ.
+Rates are taken between the first and the last dump of the course that the craft flies
+itself. Those of a year are the mean over the days of a year, each as if it lasted, and
+over the courses.
 """
 
 from __future__ import annotations
@@ -73,12 +75,13 @@ from .year import YearDate, days_of_year
 
 Array = NDArray[Any]
 LAW = "manager_threshold"
+# Dumps of a course, courses that rates are the mean of, and largest relative change of
+# their thresholds in either direction.
 TRIED, WAYS, APART = 10, 8, 0.01
-"""Dumps of a course, courses that rates are of, and how far their thresholds are apart
-either way, relative."""
+# Maximum number of dumps that are followed after the first, and of steps to follow
+# them.
 MANY, MOST_STEPS = 25, 1_500_000
-"""Dumps after the first that are followed at the most, and steps that they are worth.
-"""
+# Numbers of the closed loop that are shown beside the sizes, and their units here.
 LOOP = {
     "dumps_a_week": "1",
     "propellant_a_year": "kg",
@@ -88,63 +91,55 @@ LOOP = {
     "dump_propellant": "kg",
     "pointing_largest": "deg",
 }
-"""Numbers of the closed loop that stand beside the sizes, and their units here."""
-LONGEST = 20.0 * YEAR
-"""So long (s) the first dumps are waited for."""
-PARTS = 5
-"""Days of a scenario that are looked at."""
-NODES = 1440
-"""Rows of an orbit at least."""
+LONGEST = 20.0 * YEAR  # s: maximum time to the first dumps
+PARTS = 5  # days of a scenario that are examined
+NODES = 1440  # minimum number of rows of a day or orbit
+# Spacing of rows in deep space (s), and maximum number of rows of a flight through all
+# dumps.
 COARSE, MOST_ROWS = 1200.0, 70_000
-"""Between rows in deep space (s), and rows of a flight through all dumps."""
-MOST_SAMPLES = 10_000
-"""Of a dump."""
-BETWEEN = 200
-"""Rows between two dumps at least."""
+MOST_SAMPLES = 10_000  # samples of a dump
+BETWEEN = 200  # minimum number of rows between two dumps
 WEEK = 7.0 * 86400.0
 CHEAPEST_OF, CHEAPEST_AT = (
     10,
     180,
-)  # dumps, and attitudes at which their cost is looked at
-WORST_DUMPS = 8  # that the worst scenario flies after its first
+)  # dumps, and attitudes at which their cost is evaluated
+WORST_DUMPS = 8  # dumps of the worst scenario after its first
 SLOW_ORBIT = (
     4.0 * 3600.0
-)  # s: an orbit below it has rows of 2 min, which keep 1e-5 of the field
-COARSE_TURN = 0.1  # deg, by the shortest pulse
+)  # s: a faster orbit gets rows of 2 min, which keep the field to 1e-5
+COARSE_TURN = 0.1  # deg: a pulse that turns the craft further is coarse
 
 
 @dataclass(frozen=True)
 class Rates:
-    """What dumps come to, steady. Times s, momenta N m s, propellant kg."""
+    """Mean rates of dumps: times s, momenta N m s, propellant kg."""
 
-    first: float
-    """from wheels at rest to the first dump; inf: never"""
+    first: float  # s, from wheels at rest to the first dump; inf: never
     interval: float
-    momentum: float
-    """that a dump takes out"""
-    impulse: float
-    """of force that a dump takes, N s"""
-    propellant: float
-    """of a dump"""
+    momentum: float  # N m s, of a dump
+    impulse: float  # N s, impulse of force of a dump
+    propellant: float  # kg, of a dump
+    # kg, of a dump that waits for the attitude at which its momentum costs least
     least_propellant: float = 0.0
-    """of a dump that waits for the attitude at which its momentum costs least"""
+    # dumps a week: range over courses that begin at other times with slightly other
+    # thresholds
     least_a_week: float = 0.0
-    """of courses that begin at other times, with thresholds a little apart"""
     most_a_week: float = 0.0
 
     @property
     def a_week(self) -> float:
-        """Dumps."""
+        """Return the number of dumps a week."""
         return WEEK / self.interval if self.interval < inf else 0.0
 
     @property
     def a_year(self) -> float:
-        """Propellant, kg."""
+        """Return the propellant of a year (kg)."""
         return self.propellant * YEAR / self.interval if self.interval < inf else 0.0
 
     @property
     def least_a_year(self) -> float:
-        """The same where each dump waits for its cheapest attitude."""
+        """Return the propellant (kg) of a year of dumps at their cheapest attitude."""
         return (
             self.least_propellant * YEAR / self.interval if self.interval < inf else 0.0
         )
@@ -152,47 +147,34 @@ class Rates:
 
 @dataclass(frozen=True, repr=False)
 class DumpSizing:
-    """What a craft with thrusters needs, beside what it has."""
+    """Requirements of a craft that dumps by thrusters, beside its hardware."""
 
     target: str
     period: float
     attitude: str
-    secular: tuple[float, ...]
-    """N m, eci"""
-    a_day: float
-    """N m s"""
+    secular: tuple[float, ...]  # N m, eci
+    a_day: float  # N m s
     sources: tuple[SourceShare, ...]
     year: tuple[YearDate, ...]
-    begin: float
-    """N m s"""
+    begin: float  # N m s
     end: float
-    capacity: float
-    """of the smallest wheel"""
-    steady: Rates
-    """in the scenario's time"""
+    capacity: float  # N m s, of the smallest wheel
+    steady: Rates  # in the time of the scenario
+    # kg of propellant, mean over the days of a year with the scenario's solar activity
     a_year: float
-    """propellant, kg, the mean over the days of a year with the scenario's solar
-    activity"""
+    # kg, the same with low and high solar activity, where air matters
     by_activity: Mapping[str, float]
-    """the same with low and high solar activity, where air matters"""
-    each_year: tuple[float, ...]
-    """the same as if each day of `year` lasted"""
+    each_year: tuple[float, ...]  # kg, the same as if each day of `year` lasted
+    # kg, as `a_year` where each dump waits for the attitude at which it costs least
     least_a_year: float
-    """the same where each dump waits for the attitude at which it costs least"""
-    weekly: float
-    """capacity of wheels that would dump once a week"""
-    tank: float
-    """kg; 0: it is not known"""
-    pulse: float
-    """the shortest of the thrusters, N m s; 0: any is fired"""
-    slew_momentum: float
-    """of the fullest wheel in the slew that is asked for, N m s"""
-    slew_torque: float
-    """of it, N m"""
-    wheel_torque: float
-    """that a wheel gives, N m"""
+    weekly: float  # N m s, capacity of wheels that would dump once a week
+    tank: float  # kg; 0: unknown
+    pulse: float  # N m s, shortest pulse of the thrusters; 0: no lower limit
+    slew_momentum: float  # N m s, of the fullest wheel in the required slew
+    slew_torque: float  # N m, of that wheel
+    wheel_torque: float  # N m, limit of a wheel
+    # the numbers LOOP of the closed loop; empty: not flown
     loop: Mapping[str, float | None]
-    """the numbers LOOP of the closed loop; empty: not flown"""
     problems: tuple[str, ...]
     notes: tuple[str, ...]
 
@@ -201,13 +183,13 @@ class DumpSizing:
 
     @property
     def years(self) -> float:
-        """That the tank lasts; nan: it is not known."""
+        """Return how long the tank lasts (years); nan if its content is unknown."""
         if self.tank == 0.0:
             return nan
         return self.tank / self.a_year if self.a_year > 0.0 else inf
 
     def as_json(self) -> JsonObject:
-        """What `--json` prints; what is without end, or not known, is null."""
+        """Return the data that `--json` prints; infinite or unknown values are null."""
         steady = asdict(self.steady) | {
             "a_week": self.steady.a_week,
             "a_year": self.steady.a_year,
@@ -221,7 +203,7 @@ class DumpSizing:
 
     @property
     def answer(self) -> str:
-        """The sentence that answers."""
+        """Return the sentence that answers the sizing."""
         if self.problems:
             return f"{self.target} cannot hold: {self.problems[0]}."
         if self.steady.interval == inf:
@@ -241,7 +223,7 @@ class DumpSizing:
 
 
 def applies(system: System) -> bool:
-    """Whether a system dumps by thrusters between thresholds."""
+    """Return whether a system dumps by thrusters between thresholds."""
     manager = system.components.get("manager")
     return (
         manager is not None
@@ -251,8 +233,10 @@ def applies(system: System) -> bool:
 
 
 def is_of(target: str, options: Options) -> bool:
-    """Whether a target is such a system; False of one that cannot be had, which is said
-    where it is sized."""
+    """Return whether a target dumps by thrusters between thresholds.
+
+    False also where the target cannot be resolved; sizing it reports the error.
+    """
     try:
         return applies(resolved(target, options)[0])
     except DesatError:
@@ -271,18 +255,19 @@ def size(
     Parameters
     ----------
     target, options
-        The craft's scenario.
+        Scenario of the craft.
     requirements
-        What is asked beside it.
+        Requirements beside the scenario's.
     progress
-        Called with what is being done.
+        Called with a text for each stage of the work.
     sized
         Called with the sizes before the closed loop flies.
 
     Raises
     ------
     DesatError
-        For a craft without what it takes.
+        If the craft does not dump by thrusters between thresholds, or lacks data that
+        this needs.
     """
     requirements = requirements or SizingRequirements()
     case = prepare(read(target), options)
@@ -316,7 +301,7 @@ def size(
     if whole is not None and steady.first < window:
         progress("its dumps, one after the other")
         along = rates_of(whole, hardware, law, cost, isp, steady.interval)
-        # a flight with fewer than two dumps has no rate of its own
+        # fewer than two dumps give no rate
         steady = along if along.interval < inf else replace(steady, first=along.first)
     year: list[YearDate] = []
     each: list[Rates] = []
@@ -399,17 +384,17 @@ def size(
 
 
 class ThresholdLaw(NamedTuple):
-    """A law that dumps between thresholds, by the values of its manager."""
+    """A law that dumps between thresholds, with the values of its manager."""
 
-    begin: float  # N m s, of the fill
+    begin: float  # N m s, fill at which a dump begins
     end: float  # N m s
-    target: Array  # (3,) N m s, body: the sum of the wheels' momentum that is wanted
-    of_wheels: bool  # whether the fill is that of the fullest wheel, not of their sum
-    pulse: float  # N m, the largest along an axis
+    target: Array  # (3,) N m s, body: desired sum of the wheels' momentum
+    of_wheels: bool  # the fill is that of the fullest wheel, not of their sum
+    pulse: float  # N m s, shortest pulse of the axis where it is largest
     sample_time: float  # s
     aligned: float  # |h|_1 / |h| up to which a dump begins; 0: it does not wait
     longest_wait: float  # s
-    block: ManagerThreshold  # its own, which dumps at once and samples alone
+    block: ManagerThreshold  # the manager's block, set to dump at once
 
 
 def _law_of(system: System) -> ThresholdLaw:
@@ -433,7 +418,7 @@ def _law_of(system: System) -> ThresholdLaw:
 
 
 def _causes(system: System, law: ThresholdLaw, hardware: Hardware) -> Iterator[str]:
-    """Find what of a craft makes its closed loop miss its requirements, for people."""
+    """Yield likely causes of requirements that the closed loop misses, as text."""
     kick = law.pulse * law.sample_time
     turn = np.degrees(kick / float(np.linalg.eigvalsh(hardware.inertia)[0]) / 8.0)
     if turn > COARSE_TURN:
@@ -445,7 +430,7 @@ def _causes(system: System, law: ThresholdLaw, hardware: Hardware) -> Iterator[s
 
 
 def _numbers_of(run: Run) -> Iterator[tuple[str, float | None]]:
-    """The numbers LOOP of a run, each in its unit there."""
+    """Yield the numbers LOOP of a run, each in its unit there."""
     for name, unit in LOOP.items():
         if (found := run.manifest.numbers.get(name)) is None:
             continue
@@ -454,8 +439,11 @@ def _numbers_of(run: Run) -> Iterator[tuple[str, float | None]]:
 
 
 def _window(system: System, options: Options, steady: Rates) -> float:
-    """For how long (s) dumps are followed, and flown: the time of the scenario, or what
-    MANY dumps and MOST_STEPS steps leave of it where the user does not say how long."""
+    """Return the time (s) over which dumps are followed and flown.
+
+    It is the scenario's, shortened to MANY dumps and MOST_STEPS steps unless the user
+    sets a stop time.
+    """
     span = system.stop - system.start
     if options.stop is not None:
         return span
@@ -464,12 +452,14 @@ def _window(system: System, options: Options, steady: Rates) -> float:
 
 
 def _flown(target: str, options: Options, window: float) -> Run:
-    """The closed loop of so long (s). Raises DesatError where it cannot run, or did not
-    come to its end."""
+    """Fly the closed loop for `window` (s) and return the run.
+
+    Raises DesatError where it cannot run or does not complete.
+    """
     source = read(target)
     system, _ = prepare(source, options).or_raise()
     case = prepare(source, replace(options, stop=system.start + window))
-    # all of a year in orbit would not fit into memory
+    # all series of a year would not fit into memory
     record = series_of_numbers(case.or_raise()[0])
     run = simulate(
         replace(case, options=replace(case.options, record=record))
@@ -481,23 +471,28 @@ def _flown(target: str, options: Options, window: float) -> Run:
 def _through(
     system: System, attitude: Attitude, flight: Flight, span: float, interval: float
 ) -> Flight | None:
-    """A flight of so long (s), over which orbit and Sun move, with many rows between
-    two dumps; None where that takes too many."""
+    """Fly the orbit and the Sun through all dumps, many rows between two of them.
+
+    None where that takes too many rows, or the environment ends before `span` (s).
+    """
     block = environment_block(system.components["environment"], needless(system))
     times = system.start + _nodes(block, system.start, flight, span, interval / BETWEEN)
     if len(times) > MOST_ROWS:
         return None
     try:
         return flown_at(system, attitude, inputs_at(block, times.tolist()), times)
-    except DesatError:  # the environment does not go on for so long
+    except DesatError:  # the environment ends before
         return None
 
 
 def _nodes(
     block: Any, start: float, flight: Flight, span: float, longest: float
 ) -> Array:
-    """Times (s) since the start through a span, no two `longest` apart: of an ellipse
-    as many about its perigee as about its apogee, by the eccentric anomaly."""
+    """Return times (s) since the start through a span, at most `longest` apart.
+
+    On an ellipse they are spaced by the eccentric anomaly, so that perigee and apogee
+    have equally many.
+    """
     r, v = flight.r[0], flight.v[0]
     size, rate = float(np.linalg.norm(r)), 2.0 * pi / flight.period
     if size > BEYOND:
@@ -520,12 +515,18 @@ def _nodes(
 
 
 def _perigees(block: Any, start: float, period: float, span: float) -> list[float]:
-    """When (s since the start) an orbit has its perigees, from the one before the start
-    to the one after a span."""
+    """Find the times of the perigees (s since the start).
+
+    They go from the one before the start to the one after `span`.
+    """
 
     from scipy.optimize import brentq
 
     def outward(t: float) -> float:
+        """Return r . v (m2/s), positive after a perigee.
+
+        `t` is in s since the start.
+        """
         r, v = block.motion(start + t)
         return float(np.dot(r, v))
 
@@ -539,8 +540,10 @@ def _perigees(block: Any, start: float, period: float, span: float) -> list[floa
 
 
 def _flight(system: System, attitude: Attitude, since: float = 0.0) -> Flight:
-    """Whole orbits at the wanted attitude, a day of them or one, `since` (s) after the
-    start."""
+    """Fly whole orbits at the wanted attitude, `since` (s) after the start.
+
+    They take about a day, or one orbit if that is longer.
+    """
     begin = system.start + since
     block = environment_block(system.components["environment"], needless(system))
     first = inputs_at(block, [begin])
@@ -559,9 +562,11 @@ def rates_of(
     isp: float,
     interval: float = 0.0,
 ) -> Rates:
-    """The dumps of a flight that goes on as it is: the mean over WAYS. One with an
-    `interval` (s) is of all dumps, which are its own; the ways begin within the first
-    interval."""
+    """Compute the mean rates of dumps over WAYS courses of a flight.
+
+    A flight without `interval` is repeated as it is. One with an `interval` (s) goes
+    through all dumps, which are its own; the courses begin within the first interval.
+    """
     parts = np.linspace(-APART, APART, WAYS)
     last = len(flight.q) - 1
     if interval > 0.0:
@@ -602,14 +607,16 @@ def rates_of(
 
 
 def _cheapest(flight: Flight, momentum: Array, cost: Callable[[Array], float]) -> float:
-    """Return the impulse of force (N s) that a momentum (3,) N m s, eci, takes in the
-    attitude of a flight at which it takes least."""
+    """Return the least impulse of force (N s) for a momentum (3,) N m s, eci.
+
+    The minimum is over the attitudes of the flight.
+    """
     q = flight.q[:: max(1, len(flight.q) // CHEAPEST_AT)]
     return min(cost(u) for u in rotate(q, np.broadcast_to(momentum, (len(q), 3))))
 
 
 def mean_of(each: Sequence[Rates]) -> Rates:
-    """Of rates that follow each other for equally long: those of the whole."""
+    """Return the mean of rates that follow each other for equal times."""
     some = [r for r in each if r.interval < inf]
     if not some:
         return each[0]
@@ -645,15 +652,17 @@ def _course(
     goes_on: bool,
     most: int,
 ) -> Iterator[tuple[float, Array, Array]]:
-    """The first dumps, `most` of them, of wheels that are at rest at a row: when (s),
-    and the momentum (3,) N m s that is taken out, body and eci. `part`: of the
-    threshold at which they begin; `goes_on`: the flight is repeated until there are as
-    many, else it ends."""
+    """Yield the first `most` dumps of wheels that are at rest at a row.
+
+    Each is its time (s) and the momentum (3,) N m s that it removes, in body and eci.
+    `part` scales the threshold at which dumps begin. If `goes_on`, the flight is
+    repeated until there are as many; otherwise it ends.
+    """
     begin, spread = part * law.begin, hardware.spread()
     target = law.target
     most_share = float(np.linalg.norm(spread, axis=1).max()) if law.of_wheels else 1.0
     gained = flight.disturbance - flight.disturbance[0]
-    # what the body itself has turns with it: wheels at rest begin with that as the
+    # The body's own momentum turns with it: with wheels at rest it is the
     # whole
     total = rotate_back(flight.q[row : row + 1], flight.body[row : row + 1])[0]
     times, span = (
@@ -673,7 +682,7 @@ def _course(
         if not full.any():
             if not goes_on:
                 return
-            # as many repetitions at once as cannot bring the fill to its threshold
+            # skip the repetitions that cannot yet bring the fill to its threshold
             growth = float(np.linalg.norm(gained[-1])) * most_share
             room = (
                 (begin - float(fill.max())) / growth
@@ -689,7 +698,7 @@ def _course(
         k = _begins(law, held, times[row:], int(np.argmax(full)))
         out = _taken(law, held[k], float(fill[k]), spread, target)
         if not out.any():
-            return  # no pulse is so short
+            return  # less than the shortest pulse
         inertial = rotate_back(flight.q[row + k : row + k + 1], out[None])[0]
         total = whole[k] - inertial
         row, dumps = row + k, dumps + 1
@@ -699,8 +708,10 @@ def _course(
 def _taken(
     law: ThresholdLaw, held: Array, fill: float, spread: Array, target: Array
 ) -> Array:
-    """What the law's own block takes out (3,) N m s, body, of a momentum that is held
-    beyond the target, in a craft that does not turn meanwhile."""
+    """Return the momentum (3,) N m s, body, that a dump by the law's block removes.
+
+    `held` is the momentum beyond the target; the craft does not turn meanwhile.
+    """
     block = law.block
     block.begin = max(0.999 * fill, 1.001 * block.end)
     block.start()
@@ -717,8 +728,11 @@ def _taken(
 
 
 def _begins(law: ThresholdLaw, held: Array, times: Array, due: int) -> int:
-    """The row at which a dump begins that is due at one: at once, or where its momentum
-    (rows, 3) lies near an axis, but no later than `longest_wait`."""
+    """Return the row at which a dump begins that is due at row `due`.
+
+    It begins at once, or where its momentum (rows, 3) lies near an axis, but at most
+    `longest_wait` later.
+    """
     if law.aligned == 0.0:
         return due
     last = int(np.searchsorted(times, times[due] + law.longest_wait, side="right"))
@@ -728,7 +742,7 @@ def _begins(law: ThresholdLaw, held: Array, times: Array, due: int) -> int:
 
 
 def _stays(flight: Flight, law: ThresholdLaw, sizes: Array) -> bool:
-    """Whether wheels that have not come to their threshold never will in LONGEST."""
+    """Return whether wheels below their threshold stay below it for LONGEST."""
     torque, _ = secular(flight)
     return bool(
         float(sizes.max()) + float(np.linalg.norm(torque)) * LONGEST < law.begin
@@ -736,6 +750,7 @@ def _stays(flight: Flight, law: ThresholdLaw, sizes: Array) -> bool:
 
 
 def _problems(made: DumpSizing) -> Iterator[str]:
+    """Yield a line for each reason why dumps cannot work."""
     if made.begin > made.capacity:
         yield (
             f"dumps begin at {made.begin:.4g} N m s, and a wheel holds {made.capacity:.4g} N m s"
@@ -760,6 +775,7 @@ def _problems(made: DumpSizing) -> Iterator[str]:
 
 
 def _notes(made: DumpSizing, requirements: SizingRequirements) -> Iterator[str]:
+    """Yield a line for each limit of the results."""
     if requirements.flown and not made.loop:
         first = (
             format_duration(made.steady.first) if made.steady.first < inf else "never"

@@ -1,11 +1,10 @@
-"""The law of a manager as the momentum-only model takes it: the manager's own block,
-asked.
+"""Take the law of a manager for the momentum-only model, from the manager's own block.
 
 Where a law is a function of time and momentum alone, and affine in it, M = K(t) h +
-c(t), its block says K and c: it takes a sample with the wheels' momentum at its target,
-and beyond that by a momentum along each axis. Nothing of a law is written down here; a
-law of somebody else's serves as well. What is no such law has no model
-(`UnsuitedError`), and the closed loop alone judges it.
+c(t), its block gives K and c: it is sampled with the wheels' momentum at its target,
+and beyond that by a momentum along each axis. No law is written down here, so a user's
+own law serves as well. Any other law has no model (`UnsuitedError`) and can be judged
+in the closed loop alone.
 """
 
 from __future__ import annotations
@@ -28,19 +27,14 @@ from ..system.model import Component
 from .compatibility import law_name
 
 Array = NDArray[Any]
-ENDLESS = 1e30
-"""A limit of the dipole (A m2) that no law comes to."""
-PROBES = 24
-"""Samples at which a law is looked at closely."""
-STEP = 10.0
-"""Samples of a law that are nearer than this (s) are taken together, where it is slow.
-"""
-SLOW = 0.1
-"""So much of the momentum may a law take out between two samples of the model."""
+ENDLESS = 1e30  # A m2: dipole limit that no law reaches
+PROBES = 24  # samples at which a law is tested for being affine
+STEP = 10.0  # s: samples of a slow law that are closer are combined
+SLOW = 0.1  # maximum share of the momentum removed between two samples of the model
 
 
 class UnsuitedError(Exception):
-    """A manager whose law the model does not have; the text says why."""
+    """A manager whose law the model does not have; the text gives the reason."""
 
 
 @dataclass(frozen=True)
@@ -49,31 +43,32 @@ class Law:
 
     name: str
     block: MomentumDumping
-    sample_time: float
-    """s; 0: at every step"""
-    deadband: float
-    """N m s: no dipole up to this momentum beyond the target"""
-    target: Array
-    """(3,) N m s, body"""
+    sample_time: float  # s; 0: at every step
+    deadband: float  # N m s: no dipole up to this momentum beyond the target
+    target: Array  # (3,) N m s, body
+    # `each`: each body axis by itself; `whole`: the dipole in its own direction; `none`
     limit: str
-    """`each`: axis of body by itself; `whole`: the dipole in its own direction; `none`
-    """
 
 
 @dataclass(frozen=True)
 class Asked:
-    """A law along a flight, at its rows: M = K (h - target) + c (A m2, body), h (N m s,
-    body) the wheels' momentum."""
+    """A law at the rows of a flight: M = K (h - target) + c (A m2, body).
 
-    gain: Array
-    """K (rows, 3, 3) 1/(T s)"""
-    offset: Array
-    """c (rows, 3) A m2"""
+    h (N m s, body) is the momentum of the wheels.
+    """
+
+    gain: Array  # K (rows, 3, 3) 1/(T s)
+    offset: Array  # c (rows, 3) A m2
 
 
 def law_of(component: Component) -> Law:
-    """The law of a manager with its parameters. Raises UnsuitedError for one that the
-    model does not have."""
+    """Return the law of a manager with its parameters.
+
+    Raises
+    ------
+    UnsuitedError
+        If the model does not have it.
+    """
     model = component.interface.model
     if model not in names():
         raise UnsuitedError("it is no block of ours")
@@ -90,8 +85,13 @@ def law_of(component: Component) -> Law:
 
 
 def law_by(block: Block, name: str, target: Array) -> Law:
-    """The law of a block whose parameters are given. Raises UnsuitedError for one that
-    the model does not have."""
+    """Return the law of a block whose parameters are set.
+
+    Raises
+    ------
+    UnsuitedError
+        If the model does not have it.
+    """
     if isinstance(block, TorquerDumping):
         limit = "each" if block.saturation else "none"
         block.saturation = False
@@ -109,9 +109,16 @@ def law_by(block: Block, name: str, target: Array) -> Law:
 
 
 def ask(law: Law, flight: Flight, rows: Array) -> Asked:
-    """K and c at these rows of a flight. Raises UnsuitedError where the law is not
-    affine in the momentum, or remembers it, and DesatError's like BlockError where its
-    block refuses."""
+    """Evaluate K and c of a law at rows of a flight.
+
+    Raises
+    ------
+    UnsuitedError
+        If the block cannot start, or the law has memory or is not affine in the
+        momentum.
+    BlockError
+        If the block refuses a sample.
+    """
     try:
         law.block.start()
     except BlockError as error:
@@ -141,8 +148,10 @@ def ask(law: Law, flight: Flight, rows: Array) -> Asked:
 
 
 def _dipole(law: Law, t: float, h: Array) -> Array:
-    """M (A m2, body) at a momentum h beyond the target; the block keeps what it
-    remembers."""
+    """Return the dipole M (A m2, body) at a momentum `h` (N m s) beyond the target.
+
+    The block keeps the state that the sample leaves in it.
+    """
     x, y, z = h.tolist()
     _, (m, _) = law.block.dump(t, t, (x, y, z))
     return np.array(m)
@@ -151,7 +160,7 @@ def _dipole(law: Law, t: float, h: Array) -> Array:
 def _samples(
     law: Law, flight: Flight, rows: Array
 ) -> Iterator[tuple[float, dict[str, Any]]]:
-    """The time and the measured inputs at each row, without errors."""
+    """Yield the time (s) and the measured inputs at each row, without errors."""
     columns = (flight.q, flight.b, flight.r, flight.v, flight.omega)
     lists = (x[rows].tolist() for x in columns)
     for t, q, b, r, v, omega in zip(flight.times[rows].tolist(), *lists, strict=True):
@@ -169,8 +178,11 @@ def _samples(
 
 
 def hold_of(law: Law, flight: Flight, most: float = STEP) -> int:
-    """Rows of a flight between two samples of the model: the law's own, or where it is
-    slow against them several of them together, of `most` (s) at the most."""
+    """Return the number of rows of a flight between two samples of the model.
+
+    It is the law's own, or combines several samples, up to `most` (s), where the law is
+    slow compared with them.
+    """
     step = float(flight.times[1] - flight.times[0])
     own = max(1, round(law.sample_time / step)) if law.sample_time > 0.0 else 1
     rows = np.linspace(0, len(flight.times) - 1, PROBES).astype(int)

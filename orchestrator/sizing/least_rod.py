@@ -1,9 +1,13 @@
-"""The least rod with which any law can take the secular torque out.
+"""Compute the least rod with which any law can remove the secular torque.
 
-Rods of 1 A m2 at their limit work against the secular torque s with kappa, the mean over time of
-sum_i |(a_i x B) . n|, n = s / |s|; so no law does with less than |s| / kappa. That the rest must
-come to nothing, too, makes it the larger  max over y of (y . s) / mean sum_i |(a_i x B) . y|,  a
-linear programme (its dual) whose answer any law can have that knows the whole time before.
+Saturated rods of 1 A m2 work against the secular torque s with kappa, the mean over
+time of sum_i |(a_i x B) . n|, n = s / |s|; so no law needs less than |s| / kappa. The
+other components must vanish, too, which makes the least rod the larger
+
+    max over y of (y . s) / mean sum_i |(a_i x B) . y|
+
+This is the dual of a linear programme, whose solution is open to any law that knows the
+whole time in advance.
 """
 
 from __future__ import annotations
@@ -20,15 +24,15 @@ from ..analyses.flight import Flight, Hardware
 from ..numbers.derived import cross, rotate_back
 
 Array = NDArray[Any]
-PROGRAMME_TIMES = (
-    1440  # rows of the linear programme at most: as many minutes as a day has
-)
-FIELD_DIRECTIONS = 400  # in which the reach of the rods is looked at
+PROGRAMME_TIMES = 1440  # maximum rows of the linear programme: the minutes of a day
+FIELD_DIRECTIONS = 400  # directions in which the rods' authority is evaluated
 
 
 def reach(flight: Flight, hardware: Hardware) -> Array:
-    """Return what each rod of 1 A m2 can do over the whole orbits, as torque in eci:
-    (rows, c, 3) N m."""
+    """Compute the torque of each rod of 1 A m2 over the whole orbits.
+
+    The result is (rows, c, 3) N m, eci.
+    """
     rows = flight.times - flight.times[0] <= flight.whole * (1.0 + 1e-12)
     q, b = flight.q[rows], flight.b[rows]
     each = [
@@ -42,8 +46,10 @@ def reach(flight: Flight, hardware: Hardware) -> Array:
 
 
 def least_by_formula(able: Array, torque: Array) -> float:
-    """Return |s| / mean sum_i |(a_i x B) . n| (A m2); inf where no rod does anything
-    against s."""
+    """Return the rod |s| / mean sum_i |(a_i x B) . n| (A m2).
+
+    It is inf where no rod acts against s.
+    """
     size = float(np.linalg.norm(torque))
     if size == 0.0:
         return 0.0
@@ -52,8 +58,10 @@ def least_by_formula(able: Array, torque: Array) -> float:
 
 
 def least_by_programme(able: Array, torque: Array) -> float:
-    """Return the least dipole (A m2) of equal rods, any law: `solve_programme` over at
-    most PROGRAMME_TIMES rows."""
+    """Return the least dipole (A m2) of equal rods under any law.
+
+    `solve_programme` is solved over at most PROGRAMME_TIMES rows.
+    """
     if not np.any(torque):
         return 0.0
     some = able[:: -(-len(able) // PROGRAMME_TIMES)]
@@ -61,8 +69,11 @@ def least_by_programme(able: Array, torque: Array) -> float:
 
 
 def solve_programme(able: Array, torque: Array) -> float:
-    """Return min m,  sum u_i able_i = torque,  |u_i| <= m: (rods, 3) N m to A m2. As max x with
-    sum u_i able_i = x torque and |u_i| <= 1, m = 1 / x, it has but three rows."""
+    """Return the minimum m (A m2) with sum u_i able_i = torque, |u_i| <= m.
+
+    `able` is (rods, 3) N m. As max x with sum u_i able_i = x torque and |u_i| <= 1, m =
+    1 / x, the programme has only three rows.
+    """
     scale = float(np.abs(able).sum(axis=0).max())
     if scale == 0.0:
         return inf
@@ -80,31 +91,28 @@ def solve_programme(able: Array, torque: Array) -> float:
 
 
 class Geometry(NamedTuple):
-    """Where the field forbids."""
+    """Directions and times in which the field limits the rods."""
 
+    # (3,) unit vector, eci: the rods have least authority against a torque along it
     weakest: Array
-    """(3,) unit vector, eci: against a torque along it the rods do least"""
-    weakness: float
-    """what they do there over what they do on the average of all directions"""
+    weakness: float  # authority there over its mean over all directions
+    # s: longest time in which rods of 1.3 times the least cannot cancel the secular
+    # torque
     blind: float
-    """s: the longest time in which rods of 1.3 times the least cannot undo the secular
-    torque"""
-    against: float
-    """mean sum_i |(a_i x B) . n| along the weakest (T)"""
+    against: float  # T, mean sum_i |(a_i x B) . n| along the weakest
+    # T, the same of a tumbling craft: half of |B x n| a rod, mean over all attitudes
     tumbling: float
-    """the same of a craft that tumbles: half of |B x n| a rod, the mean over all
-    attitudes"""
 
 
 def compute_geometry(
     flight: Flight, hardware: Hardware, able: Array, torque: Array, least: float
 ) -> Geometry:
-    """Return what the rods can do in which direction, and when not."""
+    """Compute the authority of the rods by direction, and when it is too small."""
     k = np.arange(FIELD_DIRECTIONS) + 0.5
     z, turn = (
         1.0 - k / FIELD_DIRECTIONS,
         pi * (1.0 + 5.0**0.5) * k,
-    )  # half a sphere: n and -n are one
+    )  # half a sphere: n and -n are equivalent
     n = np.stack(
         [np.cos(turn) * np.sqrt(1.0 - z * z), np.sin(turn) * np.sqrt(1.0 - z * z), z]
     )

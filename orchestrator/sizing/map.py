@@ -1,10 +1,9 @@
-"""`desat size --map`: rods by inclination, altitude, residual dipole and law, without
-runs of them.
+"""Map rods by inclination, altitude, residual dipole and law (`desat size --map`).
 
-The environment's own block flies each orbit for a day at the attitude that one run has
-shown (`flight.py`), and the momentum-only model flies all dipoles and rods on it side
-by side. What that leaves out beside a closed loop: errors of pointing, the drift of a
-settling craft, noise.
+No closed loop is flown. The environment's own block flies each orbit for a day at the
+attitude that one run has shown (`flight.py`), and the momentum-only model flies all
+dipoles and rods on it side by side. Compared with a closed loop this leaves out
+pointing errors, the drift of a settling craft, and noise.
 """
 
 from __future__ import annotations
@@ -48,62 +47,57 @@ from .rods import other_laws
 from .scenarios import fly_case
 
 Array = NDArray[Any]
-STEP = 10.0
-"""Between the rows of an orbit (s)."""
-SAMPLE = 30.0
-"""Samples of a slow law that are nearer than this (s) are taken together."""
-NODES = 120.0
-"""Between the times at which its environment is asked (s)."""
+STEP = 10.0  # s, between the rows of an orbit
+SAMPLE = 30.0  # s: samples of a slow law that are closer are combined
+NODES = 120.0  # s, between the times at which the environment is evaluated
 DAY = 86400.0
 _RODS = (0.5, 1.0, 1.5, 2.0, 4.0, 8.0)
 _INCLINATIONS = (10.0, 28.5, 51.6, 75.0, 97.5)
 _ALTITUDES = (350e3, 450e3, 550e3, 700e3, 900e3)
+# The default map is given by multiples of the craft's least rod, deg, m, and multiples
+# of its residual dipole.
 _DIPOLES = (0.0, 0.5, 1.0, 2.0)
-"""The default map: multiples of the craft's least rod, deg, m, multiples of its
-residual dipole."""
 
 
 @dataclass(frozen=True)
 class MapAxes:
-    """What a map goes over; an axis that is empty is the default one."""
+    """Axes of a map; an empty one takes its default values."""
 
-    rods: tuple[float, ...] = ()
-    """A m2"""
-    inclinations: tuple[float, ...] = ()
-    """deg"""
+    rods: tuple[float, ...] = ()  # A m2
+    inclinations: tuple[float, ...] = ()  # deg
+    # m, of a circular orbit above the equatorial radius
     altitudes: tuple[float, ...] = ()
-    """m, of a circular orbit above the equatorial radius"""
+    # A m2, size of the residual dipole, along the craft's own
     dipoles: tuple[float, ...] = ()
-    """A m2, size of the residual dipole, along the craft's own"""
-    laws: bool = False
-    """whether other laws than the craft's own are flown too"""
+    laws: bool = False  # other laws than the craft's own fly too
 
 
 @dataclass(frozen=True)
 class SizingMap:
-    """A map; its tables have the shape (laws, inclinations, altitudes, dipoles, rods),
-    `least` that of (inclinations, altitudes, dipoles)."""
+    """Smallest rods over orbits, residual dipoles and laws.
+
+    Its tables have the shape (laws, inclinations, altitudes, dipoles, rods), `least`
+    that of (inclinations, altitudes, dipoles).
+    """
 
     target: str
     axes: MapAxes
     laws: tuple[str, ...]
     requirements: SizingRequirements
-    least: Array
-    """the least rod, by the formula, A m2"""
-    rms: Array
-    """N m s"""
-    largest: Array
-    """N m s"""
+    least: Array  # A m2, least rod by the formula
+    rms: Array  # N m s
+    largest: Array  # N m s
+    # share of the wheels' capacity in the second half of the day; 0: no limit
     filled: Array
-    """share of the wheels' capacity in the second half of the day; 0 without a limit"""
-    duty: Array
-    """1"""
+    duty: Array  # 1
     notes: tuple[str, ...] = ()
 
     @property
     def holds(self) -> Array:
-        """(laws, inclinations, altitudes, dipoles, rods): margin and duty are as asked
-        for."""
+        """Return where margin and duty are as required.
+
+        The shape is (laws, inclinations, altitudes, dipoles, rods).
+        """
         enough = (
             np.asarray(self.axes.rods)
             >= self.requirements.margin * self.least[..., None]
@@ -113,7 +107,7 @@ class SizingMap:
         )
 
     def as_json(self) -> JsonObject:
-        """What `--json` prints; a least rod without end is null."""
+        """Return the data that `--json` prints; an infinite least rod is null."""
         tables = {
             n: getattr(self, n).tolist() for n in ("rms", "largest", "filled", "duty")
         }
@@ -131,6 +125,7 @@ class SizingMap:
 
 
 def _null(value: Any) -> Any:
+    """Replace nan in nested lists by None."""
     if isinstance(value, list):
         return [_null(v) for v in value]
     return None if value != value else value
@@ -143,8 +138,7 @@ class _Task:
     system: System
     attitude: Attitude
     laws: tuple[Law, ...]
-    orbits: tuple[tuple[float, float], ...]
-    """inclination (deg) and altitude (m)"""
+    orbits: tuple[tuple[float, float], ...]  # inclination (deg) and altitude (m)
     dipoles: tuple[float, ...]
     rods: tuple[float, ...]
 
@@ -157,8 +151,13 @@ def map_of(
     jobs: int = 2,
     progress: Callable[[str], None] = lambda text: None,
 ) -> SizingMap:
-    """A map of a scenario's craft. Raises DesatError for a craft whose law, attitude or
-    environment has no model."""
+    """Compute the map of a scenario's craft.
+
+    Raises
+    ------
+    DesatError
+        If the law, the attitude or the environment of the craft has no model.
+    """
     source = read(target)
     case = prepare(source, options)
     system, _ = case.or_raise()
@@ -232,11 +231,13 @@ def map_of(
 
 
 def _residual(system: System) -> Array:
+    """Return the residual dipole (3,) A m2, body."""
     craft = values_of(system)["spacecraft"]
     return np.asarray(craft.get("residual_dipole_body", [0.0, 0.0, 0.0]), float)
 
 
 def _side_by_side(tasks: Sequence[_Task]) -> list[tuple[Array, Array]]:
+    """Fly tasks in parallel processes."""
     if len(tasks) == 1:
         return [_fly(tasks[0])]
     from concurrent.futures import ProcessPoolExecutor
@@ -247,8 +248,11 @@ def _side_by_side(tasks: Sequence[_Task]) -> list[tuple[Array, Array]]:
 
 
 def _fly(task: _Task) -> tuple[Array, Array]:
-    """Least rods (orbits, dipoles), and rms, largest, wheel, duty (4, laws, orbits,
-    dipoles, rods)."""
+    """Fly the orbits of a task.
+
+    Returns the least rods (orbits, dipoles) in A m2, and rms, largest, wheel and duty
+    (4, laws, orbits, dipoles, rods).
+    """
     system, hardware = task.system, hardware_of(task.system)
     component = system.components["environment"]
     residual = _residual(system)
@@ -262,7 +266,7 @@ def _fly(task: _Task) -> tuple[Array, Array]:
         inputs = between(inputs_at(block, nodes.tolist()), nodes, times)
         flight = flown_at(system, task.attitude, inputs, times)
         own_part = flight.sources["residual dipole"]
-        if size == 0.0:  # along the diagonal, where the craft has none
+        if size == 0.0:  # the craft has none: the diagonal gives the direction
             residual, size = np.full(3, 3.0**-0.5), 1.0
             own_part = integral(_of_dipole(flight, residual), times)
             rest = flight.disturbance
@@ -289,7 +293,7 @@ def _fly(task: _Task) -> tuple[Array, Array]:
 
 
 def _of_dipole(flight: Flight, dipole: Array) -> Array:
-    """The torque (rows, 3) N m, eci, of a dipole (A m2, body) along a flight."""
+    """Compute the torque (rows, 3) N m, eci, of a dipole (A m2, body) in flight."""
     from ..numbers.derived import cross, rotate_back
 
     return cross(
@@ -298,7 +302,10 @@ def _of_dipole(flight: Flight, dipole: Array) -> Array:
 
 
 def _orbit(inclination: float, altitude: float) -> dict[str, float]:
-    """A circular orbit, as changes of an environment that takes elements."""
+    """Return a circular orbit as changes of an environment that takes elements.
+
+    `inclination` is in deg, `altitude` in m.
+    """
     return {
         "orbit_start": MEAN,
         "semi_major_axis": EARTH_RADIUS + altitude,

@@ -1,11 +1,10 @@
-"""The momentum-only model: what disturbances and coils make of a craft's momentum, many
-at once.
+"""Integrate the momentum-only model: momentum under disturbances and coils, vectorised.
 
-Its state is the momentum H of wheels and body in eci, H' = disturbances + coils; the
-coils by the law (`law.py`), by the rods' limits and at the law's samples. The law has
-the momentum as the tachometers measure it: their noise, of a stream of its own, makes
-coils at their limits do less and others work more. It knows neither pointing errors,
-detumbling and slews, nor the saturation of one wheel by momentum in the null space.
+Its state is the momentum H of wheels and body in eci, H' = disturbances + coils. The
+coils follow the law (`law.py`) within the rods' limits, at the law's samples. The law
+gets the momentum as the tachometers measure it: their noise, a stream of its own, makes
+saturated coils do less and others work more. The model has no pointing errors,
+detumbling and slews, and no saturation of one wheel by momentum in the null space.
 """
 
 from __future__ import annotations
@@ -22,18 +21,19 @@ from ..numbers.derived import cross, from_body, rotate, rotate_back
 from .law import Law, ask, hold_of
 
 Array = NDArray[Any]
+# Coils have little effect where the field is below this share of its largest, as far
+# out on an ellipse: duty is over the rest.
 USEFUL = 0.2
-"""Where the field is below this share of its largest, as far out on an ellipse, coils
-do nothing that counts: duty is over the rest."""
-SEED = 1
-"""Of the tachometers' noise, the same for all rods."""
+SEED = 1  # seed of the tachometers' noise, the same for all rods
 
 
 class Course(NamedTuple):
-    """What the wheels' momentum comes to, an element a craft: rms and largest size of
-    it in body (N m s), the largest of one wheel in the second half, where the start is
-    forgotten (N m s), the coils' duty where the field is `useful` (1), and the largest
-    of one wheel at all (N m s)."""
+    """Momentum of the wheels over a flight, an element for each craft.
+
+    The fields are its rms and largest size in body (N m s), the largest of one wheel in
+    the second half, where the start no longer matters (N m s), the coils' duty where
+    the field is `useful` (1), and the largest of one wheel over all (N m s).
+    """
 
     rms: Array
     largest: Array
@@ -44,30 +44,24 @@ class Course(NamedTuple):
 
 @dataclass(frozen=True)
 class Track:
-    """A law along a flight, at its samples (n + 1 rows, n steps), for crafts whose
-    disturbances and rods differ."""
+    """A law along a flight at its samples (n + 1 rows, n steps).
+
+    Crafts on it differ in disturbances and rods.
+    """
 
     times: Array
-    start: Array
-    """(3,) N m s, eci: of wheels and body"""
-    to_eci: Array
-    """(rows, 3, 3)"""
-    body: Array
-    """(rows, 3) N m s, body"""
-    given: Array
-    """(steps, disturbances, 3) N m s, eci"""
-    push: Array
-    """(steps, coils, 3) N m s, eci: of each coil at 1 A m2"""
-    gain: Array
-    """(rows, 3, 3), transposed"""
-    offset: Array
-    """(rows, 3) A m2, body"""
-    useful: Array
-    """(steps,) whether the field is large enough for coils to count"""
+    start: Array  # (3,) N m s, eci: of wheels and body
+    to_eci: Array  # (rows, 3, 3)
+    body: Array  # (rows, 3) N m s, body
+    given: Array  # (steps, disturbances, 3) N m s, eci
+    push: Array  # (steps, coils, 3) N m s, eci: of each coil at 1 A m2
+    gain: Array  # (rows, 3, 3), transposed
+    offset: Array  # (rows, 3) A m2, body
+    useful: Array  # (steps,) the field is large enough for coils to count
 
 
 def useful(b: Array) -> Array:
-    """The rows in which a field b (rows, 3) T is not below USEFUL of its largest."""
+    """Return the rows where a field b (rows, 3) T reaches USEFUL of its largest."""
     size = np.linalg.norm(b, axis=1)
     return np.asarray(size >= USEFUL * size.max(initial=0.0))
 
@@ -79,9 +73,22 @@ def track_of(
     disturbances: Sequence[Array] | None = None,
     hold: int | None = None,
 ) -> Track:
-    """A law along a flight, at the model's samples, each `hold` rows of it;
-    `disturbances`: impulses (rows, 3) N m s, eci, in place of the flight's. Raises
-    UnsuitedError for a law that the model does not have."""
+    """Evaluate a law along a flight at the model's samples.
+
+    Parameters
+    ----------
+    flight, law, hardware
+        Flight, law and craft.
+    disturbances
+        Impulses (rows, 3) N m s, eci, in place of the flight's.
+    hold
+        Rows of the flight between two samples; None: by `hold_of`.
+
+    Raises
+    ------
+    UnsuitedError
+        If the model does not have the law.
+    """
     rows = np.arange(0, len(flight.times), hold or hold_of(law, flight))
     asked = ask(law, flight, rows)
     q, b, times = flight.q[rows], flight.b[rows], flight.times[rows]
@@ -115,9 +122,22 @@ def track_of(
 def fly(
     tracks: Sequence[Track], law: Law, hardware: Hardware, rods: Sequence[float]
 ) -> Course:
-    """The model along each track with each of its disturbances and with rods of these
-    sizes (A m2): (tracks, disturbances, rods) each. The tracks have the same
-    samples."""
+    """Integrate the model along tracks, for all disturbances and rods at once.
+
+    Parameters
+    ----------
+    tracks
+        Tracks with the same samples.
+    law, hardware
+        Law and craft.
+    rods
+        Sizes of rods (A m2).
+
+    Returns
+    -------
+    Course
+        (tracks, disturbances, rods) each.
+    """
     m = np.asarray(rods, float)
     first = tracks[0]
     count, many = len(tracks), first.given.shape[1]
@@ -171,5 +191,5 @@ def fly(
 
 
 def in_body_of(flight: Flight, vectors: Array) -> Array:
-    """Vectors of eci (rows, 3) in body, at the rows of a flight."""
+    """Rotate vectors (rows, 3) from eci to body, at the rows of a flight."""
     return rotate(flight.q[: len(vectors)], vectors)

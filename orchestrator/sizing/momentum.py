@@ -1,8 +1,8 @@
-"""The momentum of a craft: its secular and cyclic part, its sources, and what wheels
-hold of it.
+"""Split the momentum of a craft into secular and cyclic parts, by source and wheel.
 
-The secular torque is s = (J(T) - J(0)) / T over whole orbits, J(t) the impulse of the
-disturbances. The cyclic rest J - s t the wheels have to hold whatever the coils do.
+The secular torque is s = (J(T) - J(0)) / T over whole orbits, where J(t) is the impulse
+of the disturbances. The wheels have to hold the cyclic remainder J - s t whatever the
+coils do.
 """
 
 from __future__ import annotations
@@ -24,29 +24,27 @@ Array = NDArray[Any]
 
 @dataclass(frozen=True)
 class SourceShare:
-    """The share of a source of disturbance in the momentum."""
+    """Share of a source of disturbance in the momentum."""
 
     name: str
-    secular: float
-    """N m, its size"""
+    secular: float  # N m, magnitude
+    # component along the secular torque over that torque; the sum is 1 where all
+    # sources are known
     along: float
-    """its share of the secular torque, along that; the shares make 1 where all sources
-    are known"""
-    per_orbit: float
-    """N m s"""
-    cyclic: float
-    """N m s, as `Sizing.cyclic`"""
+    per_orbit: float  # N m s
+    cyclic: float  # N m s, as `Sizing.cyclic`
 
 
 def secular(flight: Flight) -> tuple[Array, Array]:
-    """Return the secular torque (3,) N m, eci, over as many whole orbits as there are,
-    and the cyclic impulse (rows, 3) N m s of these."""
+    """Compute the secular torque (3,) N m, eci, and the cyclic impulse (rows, 3) N m s.
+
+    Both are over as many whole orbits as the flight has.
+    """
     return _secular(flight.times, flight.disturbance, flight.whole)
 
 
 def _secular(times: Array, impulse: Array, whole: float) -> tuple[Array, Array]:
-    """Return the secular torque and the cyclic impulse of an impulse over a time
-    `whole` (s)."""
+    """Compute the secular torque and cyclic impulse over a time `whole` (s)."""
     since = times - times[0]
     rows = since <= whole * (1.0 + 1e-12)
     end = np.array([np.interp(whole, since, x) for x in impulse.T])
@@ -55,20 +53,25 @@ def _secular(times: Array, impulse: Array, whole: float) -> tuple[Array, Array]:
 
 
 def cyclic_span(cyclic: Array) -> float:
-    """Return the largest distance (N m s) from the middle of the box that holds the
-    cyclic momentum."""
+    """Return the largest distance (N m s) of the cyclic momentum from its middle.
+
+    The middle is that of the box that encloses it.
+    """
     return float(np.linalg.norm(cyclic - box_middle(cyclic), axis=1).max())
 
 
 def box_middle(cyclic: Array) -> Array:
+    """Return the middle (3,) N m s of the box that encloses the cyclic momentum."""
     return np.asarray((cyclic.max(axis=0) + cyclic.min(axis=0)) / 2.0)
 
 
 def shares_of(
     flight: Flight, torque: Array
 ) -> tuple[tuple[SourceShare, ...], float | None]:
-    """Return the shares of the sources, and the secular torque (N m) that is of none of
-    them."""
+    """Compute the shares of the sources, and the secular torque (N m) of none of them.
+
+    Without known sources there are no shares and the torque is None.
+    """
     if not flight.sources:
         return (), None
     square = float(torque @ torque)
@@ -93,9 +96,12 @@ def smallest_wheel_capacity(hardware: Hardware) -> float:
 def compute_wheel_needs(
     flight: Flight, hardware: Hardware, torque: Array, cyclic: Array, bias: Array
 ) -> tuple[float, float]:
-    """Return what the fullest wheel has to hold of the cyclic momentum and of a bias
-    (3,) N m s, body, shared with the least squares, and how long wheels that begin at
-    rest last without dumping (s)."""
+    """Compute the momentum of the fullest wheel, and the time without dumping.
+
+    The momentum (N m s) is the part of the cyclic momentum and of a bias (3,) N m s,
+    body, that this wheel holds by least squares. The time (s) is until a wheel that
+    starts at rest is full; inf: never.
+    """
     spread = hardware.spread()
     n = len(cyclic)
     inside = in_body_of(flight, cyclic - box_middle(cyclic))
@@ -109,8 +115,8 @@ def compute_wheel_needs(
     since = flight.times - flight.times[0]
     if full.any():
         return needed, float(since[np.argmax(full)])
-    # of what goes on beyond the flight: along the torque in the attitudes that it has
-    # shown
+    # Beyond the flight the momentum grows along the torque, in the attitudes
+    # that the flight has shown.
     along = rotate(flight.q[:n], np.broadcast_to(torque, (n, 3)))
     rate = float(np.abs(along @ spread.T)[:, exists].max())
     remaining = float((capacity - stored.max(axis=0)).min())
@@ -120,8 +126,10 @@ def compute_wheel_needs(
 def compute_slew(
     hardware: Hardware, requirements: SizingRequirements
 ) -> tuple[float, float]:
-    """Return momentum (N m s) and torque (N m) of the fullest wheel in a slew about the
-    worst axis, with the rate of a triangle."""
+    """Compute momentum (N m s) and torque (N m) of the fullest wheel in a slew.
+
+    The slew is about the worst axis, with a triangular rate profile.
+    """
     if requirements.slew_time == 0.0:
         return 0.0, 0.0
     worst = float(np.linalg.norm(hardware.spread() @ hardware.inertia, axis=1).max())

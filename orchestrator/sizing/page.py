@@ -1,4 +1,4 @@
-"""The pages of a sizing and of its map, and their figures."""
+"""Write the pages of a sizing and of its map, with their figures."""
 
 from __future__ import annotations
 
@@ -19,23 +19,23 @@ from .dumps import DumpSizing
 from .map import SizingMap
 from .result import Sizing
 
+# colours from the smallest to the largest rod of a map
 SHADES = ("#fdf3c0", "#f6d36b", "#7ecb8f", "#35a3a0", "#2a6fb0", "#33307e", "#1a1037")
-"""Of the smallest to the largest rod of a map."""
 NONE = "#c9c9c9"
 
 
 def versions() -> str:
-    """YearDate and versions that a page was made with."""
+    """Return the date and the versions that a page was made with."""
     return f"{datetime.now(UTC).date().isoformat()}, desat {version('desat')}, numpy {np.__version__}"
 
 
 def write_sizing(made: Sizing, path: Path) -> Path:
-    """Write the page of a sizing.
+    """Write the page of a sizing and return its path.
 
     Raises
     ------
     OSError
-        Where it cannot be written.
+        If it cannot be written.
     """
     sources = tables.tabulate_sources(made.sources, made.unexplained)
     shown = [
@@ -53,12 +53,12 @@ def write_sizing(made: Sizing, path: Path) -> Path:
 
 
 def write_dumps(made: DumpSizing, path: Path) -> Path:
-    """Write the page of a sizing of dumps.
+    """Write the page of a sizing of dumps and return its path.
 
     Raises
     ------
     OSError
-        Where it cannot be written.
+        If it cannot be written.
     """
     drawn = []
     shown = [tables.tabulate_dump_sources(made.sources)]
@@ -95,12 +95,12 @@ def _write(
 
 
 def write_map(made: SizingMap, path: Path) -> Path:
-    """Write the page of a map.
+    """Write the page of a map and return its path.
 
     Raises
     ------
     OSError
-        Where it cannot be written.
+        If it cannot be written.
     """
     drawn = [
         (tables.describe_map(made, law), heat_map(made, k))
@@ -122,7 +122,7 @@ def write_map(made: SizingMap, path: Path) -> Path:
 
 
 def drawn_of(made: Sizing) -> list[tuple[str, Figure]]:
-    """Caption and figure of a sizing."""
+    """Draw the figures of a sizing, each with its caption."""
     figures = []
     if any(r.duty is not None for r in made.curve):
         figures.append(
@@ -157,6 +157,10 @@ def drawn_of(made: Sizing) -> list[tuple[str, Figure]]:
 
 
 def _curve(made: Sizing, key: str, loop: str, factor: float, label: str) -> Figure:
+    """Draw a quantity of the curves over the size of the rods.
+
+    `factor` converts it to the unit of the axis.
+    """
     fig, ax = figure()
     laws = list(dict.fromkeys(r.law for r in made.curve))
     shape = [r.rod for r in made.curve if r.rod != made.rod]
@@ -203,6 +207,7 @@ def _curve(made: Sizing, key: str, loop: str, factor: float, label: str) -> Figu
 
 
 def _sources(made: Sizing) -> Figure:
+    """Draw the momentum of each source of disturbance (mN m s)."""
     fig, ax = figure(2.4)
     names = [s.name for s in made.sources]
     at = np.arange(len(names), dtype=float)
@@ -217,6 +222,7 @@ def _sources(made: Sizing) -> Figure:
 
 
 def _year(made: Sizing) -> Figure:
+    """Draw the least rod (A m2) over the days of a year."""
     fig, ax = figure(2.4)
     for i, activity in enumerate(dict.fromkeys(d.activity for d in made.year)):
         rows = [d for d in made.year if d.activity == activity]
@@ -240,6 +246,7 @@ def _year(made: Sizing) -> Figure:
 
 
 def _dump_year(made: DumpSizing) -> Figure:
+    """Draw the propellant (kg a year) over the days of a year."""
     fig, ax = figure(2.4)
     for i, activity in enumerate(dict.fromkeys(d.activity for d in made.year)):
         rows = [
@@ -266,8 +273,10 @@ def _dump_year(made: DumpSizing) -> Figure:
 
 
 def heat_map(made: SizingMap, law: int) -> Figure:
-    """For each residual dipole a panel of altitude over inclination, each cell the
-    smallest rod of the map that holds."""
+    """Draw the smallest rod of the map that holds in each orbit.
+
+    Each residual dipole has a panel of altitude over inclination.
+    """
     axes = made.axes
     order = np.argsort(axes.rods)
     holds = made.holds[law][..., order]
@@ -303,7 +312,7 @@ def heat_map(made: SizingMap, law: int) -> Figure:
 
 
 def _cells(ax: Any, holds: Any, rods: Sequence[float], legend: bool) -> None:
-    """A colour for each rod, over the cells of which it is the smallest that holds."""
+    """Colour the cells by the smallest rod that holds in them."""
     smallest = np.where(holds.any(axis=2), holds.argmax(axis=2), len(rods))
     shades = [
         SHADES[round(i * (len(SHADES) - 1) / max(1, len(rods) - 1))]
@@ -323,6 +332,7 @@ def _cells(ax: Any, holds: Any, rods: Sequence[float], legend: bool) -> None:
 
 
 def _ticks(values: Sequence[float]) -> Ticks:
+    """Return ticks in the middle of cells."""
     return Ticks(
         tuple(i + 0.5 for i in range(len(values))), tuple(f"{v:g}" for v in values)
     )

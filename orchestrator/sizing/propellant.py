@@ -1,4 +1,4 @@
-"""The propellant of thrusters that take out the secular torque alone."""
+"""Compute the propellant of thrusters that remove the secular torque alone."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from .requirements import SizingRequirements
 Array = NDArray[Any]
 YEAR = 365.25 * 86400.0  # s
 GRAVITY = 9.80665  # m/s2
-DUMP_ATTITUDES = 720  # at which the cost of a dump by thrusters is looked at
+DUMP_ATTITUDES = 720  # attitudes at which the cost of a dump is evaluated
 
 
 def compute_propellant(
@@ -29,12 +29,14 @@ def compute_propellant(
     torque: Array,
     requirements: SizingRequirements,
 ) -> tuple[float | None, float | None]:
-    """Return the kg a year that thrusters alone take for the secular torque: where
-    dumps begin as the fullest wheel is fullest, and where each waits for the attitude
-    at which it costs least. None where they are not known.
+    """Compute the propellant (kg a year) of thrusters that remove the secular torque.
 
-    An impulse along the body direction u costs |u|_1 / (arm g0 I_sp) of pairs that give
-    a torque about one axis each, and of nozzles what their own on-times come to
+    The first value is for dumps that begin as the fullest wheel is fullest; the second
+    for dumps that wait for the attitude at which they cost least. None where they are
+    unknown.
+
+    An impulse along the body direction u costs |u|_1 / (arm g0 I_sp) with pairs that
+    give a torque about one axis each, and with nozzles the sum of their on-times
     (`least_on_times`).
     """
     size = float(np.linalg.norm(torque))
@@ -53,8 +55,11 @@ def compute_propellant(
 def costs_along(
     flight: Flight, torque: Array, cost: Callable[[Array], float], isp: float
 ) -> tuple[Array, Array]:
-    """Return the direction of a torque (3,), eci, in body at DUMP_ATTITUDES of a flight
-    (rows, 3), and the propellant (kg) that 1 N m s along it takes in each."""
+    """Compute the cost of 1 N m s along a torque at DUMP_ATTITUDES of a flight.
+
+    Returns the direction of the torque (3,), eci, in body (rows, 3), and the propellant
+    (kg) for each.
+    """
     q = flight.q[:: max(1, len(flight.q) // DUMP_ATTITUDES)]
     along = rotate(q, np.broadcast_to(torque / np.linalg.norm(torque), (len(q), 3)))
     return along, np.array([cost(u) for u in along]) / (isp * GRAVITY)
@@ -63,8 +68,11 @@ def costs_along(
 def thruster_cost(
     system: System, hardware: Hardware, requirements: SizingRequirements
 ) -> Callable[[Array], float] | None:
-    """Return the impulse of force (N s) that an angular impulse of 1 N m s along a body
-    direction takes; None where it is not known."""
+    """Return the function for the impulse of force (N s) per angular impulse.
+
+    Its argument is an angular impulse (3,) N m s, body. None where arm and nozzles are
+    unknown.
+    """
     arm = requirements.arm or hardware.arm
     if arm is not None:
         return lambda u: float(np.abs(u).sum()) / arm
@@ -76,6 +84,10 @@ def thruster_cost(
     torques = np.cross(np.reshape(thrusters["position_nozzle"], (-1, 3)), forces)
 
     def cost(u: Array) -> float:
+        """Return the impulse of force (N s) of nozzles for a momentum.
+
+        It is inf where they cannot give it.
+        """
         x, y, z = u.tolist()
         times = least_on_times(tuple(map(tuple, torques.tolist())), (x, y, z), 1e9)
         remaining = u - np.array(times) @ torques

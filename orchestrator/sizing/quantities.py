@@ -1,4 +1,4 @@
-"""What a sizing is asked, as quantities: what options take, and what programs may give."""
+"""Define the quantities that a sizing accepts, from options and from programs."""
 
 from __future__ import annotations
 

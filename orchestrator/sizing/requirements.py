@@ -1,4 +1,4 @@
-"""Requirements of a sizing."""
+"""Define the requirements of a sizing."""
 
 from __future__ import annotations
 
@@ -13,27 +13,20 @@ from . import quantities
 
 @dataclass(frozen=True)
 class SizingRequirements:
-    """Requirements that a sizing has to meet beside what the craft says."""
+    """Requirements that a sizing has to meet besides those of the craft."""
 
-    duty: float = 0.5
-    """of the coils"""
+    duty: float = 0.5  # of the coils
+    # rods over the least rod, and wheel capacity over the momentum they hold
     margin: float = 1.3
-    """of rods over the least rod, and of wheels over what they hold"""
-    slew_angle: float = 0.0
-    """rad"""
-    slew_time: float = 0.0
-    """s"""
+    slew_angle: float = 0.0  # rad
+    slew_time: float = 0.0  # s
+    # rad/s; None: that of the craft's scenario `detumbling.toml`, else TIP_OFF
     tip_off: float | None = None
-    """rad/s; None: that of the craft's own scenario `detumbling`, else TIP_OFF"""
-    arm: float | None = None
-    """m, of thrusters; None: the craft's"""
-    specific_impulse: float | None = None
-    """s"""
-    laws: bool = True
-    """whether other laws than the craft's own have curves"""
+    arm: float | None = None  # m, of thrusters; None: the craft's
+    specific_impulse: float | None = None  # s; None: the craft's
+    laws: bool = True  # other laws than the craft's own have curves
     year: bool = True
-    flown: bool = True
-    """whether the closed loop flies with the rods that count"""
+    flown: bool = True  # the closed loop flies with the rods that count
 
     def __post_init__(self) -> None:
         """Raise DesatError for a requirement that makes no sense."""

@@ -1,4 +1,4 @@
-"""What a sizing says: its numbers, margins, problems, and the sentence that answers."""
+"""Hold the result of a sizing: numbers, margins, problems and the answer."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from .year import YearDate
 
 @dataclass(frozen=True)
 class Margin:
-    """What is needed beside what there is."""
+    """A requirement beside the craft's value."""
 
     name: str
     needed: float
@@ -29,110 +29,90 @@ class Margin:
 
     @property
     def ratio(self) -> float:
-        """What it has over what it needs."""
+        """Return the craft's value over the required one."""
         return self.has / self.needed if self.needed > 0.0 else inf
 
 
 @dataclass(frozen=True)
 class RodsByCondition:
-    """The smallest rods that hold under a condition, law by law."""
+    """Smallest rods that hold under a condition, by law."""
 
-    condition: str
-    """for people"""
+    condition: str  # text for the user
+    # law -> A m2; None: none up to LARGEST_MULTIPLE times the least
     rods: Mapping[str, float | None]
-    """law -> A m2; None: none up to LARGEST_MULTIPLE times the least"""
 
 
 @dataclass(frozen=True, repr=False)
 class Sizing:
-    """What a craft needs, beside what it has. Momenta N m s, torques N m, dipoles A m2,
-    times s."""
+    """Requirements of a craft beside its hardware.
+
+    Momenta are in N m s, torques in N m, dipoles in A m2, times in s.
+    """
 
     target: str
     orbits: int
     period: float
-    attitude: str
-    """nadir, inertial or moving"""
-    secular: tuple[float, ...]
-    """eci"""
-    per_orbit: float
-    """secular momentum of an orbit"""
-    cyclic: float
-    """largest size of the cyclic momentum about its middle"""
+    attitude: str  # nadir, inertial or moving
+    secular: tuple[float, ...]  # N m, eci
+    per_orbit: float  # N m s, secular momentum of an orbit
+    cyclic: float  # N m s, largest distance of the cyclic momentum from its middle
     sources: tuple[SourceShare, ...]
+    # N m, secular torque of no source; None: the sources are unknown
     unexplained: float | None
-    """secular torque that is of no source, N m; None: the sources are not known"""
     year: tuple[YearDate, ...]
+    # N m s, of the fullest wheel for the cyclic and body momentum as the attitude
+    # turns, and a bias
     wheel_needed: float
-    """of the fullest wheel, to hold cyclic and body momentum as the attitude turns, and
-    a bias"""
-    slew_momentum: float
-    """of the fullest wheel, 2 I theta / T"""
-    slew_torque: float
-    """of it, 4 I theta / T^2"""
-    wheel_capacity: float
-    """of the smallest wheel; inf where it has no limit"""
-    wheel_torque: float
-    """of a wheel at most"""
+    slew_momentum: float  # N m s, of the fullest wheel, 2 I theta / T
+    slew_torque: float  # N m, of that wheel, 4 I theta / T^2
+    wheel_capacity: float  # N m s, of the smallest wheel; inf: no limit
+    wheel_torque: float  # N m, limit of a wheel
+    # s, until a wheel that starts at rest is full without dumping; inf: never
     time_without: float
-    """until a wheel that starts at rest is full without dumping; inf: never"""
     least_formula: float
-    least: float
-    """by the linear programme"""
-    rod: float
-    """that the craft has"""
-    best: tuple[Best, ...]
-    """law by law, the craft's own first where the model has it"""
+    least: float  # A m2, by the linear programme
+    rod: float  # A m2, of the craft
+    best: tuple[Best, ...]  # by law, the craft's own first where the model has it
+    # rods with the required margin and duty, easier conditions first
     conditions: tuple[RodsByCondition, ...]
-    """the rods with the margin and the duty asked for, under conditions that are easier
-    first"""
-    law: str
-    """of the recommended rods, the first of these"""
+    law: str  # law of the recommended rods, the first of `best`
+    # A m2, smallest rod with the required margin and duty on the worst day of the year,
+    # with which the wheels suffice and `worst.toml` meets its requirements; None: there
+    # is none
     recommended: float | None
-    """the smallest with the margin and the duty asked for on the worst day of the year,
-    with which the wheels suffice and `worst.toml` meets its requirements; None: there
-    is none"""
+    # A m2, the same without `worst.toml`, by the model alone
     recommended_year: float | None
-    """the same without `worst.toml`, by the model alone"""
-    recommended_day: float | None
-    """the same for the day of the scenario alone"""
+    recommended_day: float | None  # A m2, the same for the day of the scenario alone
+    # date and solar activity, or that it is the scenario's own day; empty: no other day
+    # was examined
     worst_day: str
-    """and the activity of the Sun on it, or that it is the scenario's own; empty: no
-    other day was looked at"""
-    least_year: float
-    """least rod for any law on that day, by the linear programme"""
+    least_year: float  # A m2, least rod of any law on that day, by the linear programme
+    # scenario that the recommended rods meet too; empty: there is none, or it did not
+    # fly
     worst_scenario: str
-    """the scenario that the recommended rods meet, too; empty: there is none, or it did
-    not fly"""
+    # unit vector, eci: the rods have least authority against a torque along it
     weakest: tuple[float, ...]
-    """eci: against a torque along it the rods do least"""
-    weakness: float
-    """what they do there over what they do on the average of all directions"""
+    weakness: float  # authority there over its mean over all directions
+    # s, longest time in which rods of 1.3 times the least cannot cancel the secular
+    # torque
     blind: float
-    """the longest time in which rods of 1.3 times the least cannot undo the secular
-    torque"""
-    tip_off_rate: float
-    """rate of the body after separation, rad/s"""
-    tip_off: float
-    """momentum of the body after separation"""
+    tip_off_rate: float  # rad/s, rate of the body after separation
+    tip_off: float  # N m s, momentum of the body after separation
+    # s, minimum time to remove that momentum from a tumbling craft with saturated rods
     detumbling: float
-    """least time in which its rods, at their limits, take that out of a craft that
-    tumbles"""
+    # s, the same at the wanted attitude, from its wheels, in the worst direction
     first_dump: float
-    """the same at the wanted attitude, from its wheels, in the worst direction"""
+    # s, as `detumbling`, with the recommended rods
     detumbling_recommended: float | None
-    """as `detumbling`, with the recommended rods"""
+    # s, as `first_dump`, with the recommended rods
     first_dump_recommended: float | None
-    """as `first_dump`, with these"""
-    start_momentum: float
-    """of the wheels at the start"""
-    start_dump: float
-    """the same for that"""
+    start_momentum: float  # N m s, of the wheels at the start
+    start_dump: float  # s, as `first_dump`, for `start_momentum`
+    # kg a year, of thrusters alone in this layout, where dumps begin as a wheel is
+    # full; None: unknown
     propellant: float | None
-    """kg a year, of thrusters alone in this layout, where dumps begin as a wheel is
-    full; None: they are not known"""
+    # kg a year, the same where each dump waits for its cheapest attitude
     propellant_least: float | None
-    """the same where each dump waits for the attitude at which it costs least"""
     requirements: SizingRequirements
     curve: tuple[SizingPoint, ...]
     margins: tuple[Margin, ...]
@@ -140,7 +120,7 @@ class Sizing:
     notes: tuple[str, ...]
 
     def as_json(self) -> JsonObject:
-        """Return what `--json` prints; what is without end is null."""
+        """Return the data that `--json` prints; infinite numbers are null."""
         data = {name: finite(value) for name, value in asdict(self).items()}
         for row, margin in zip(data["margins"], self.margins, strict=True):
             row["ratio"] = finite(margin.ratio)
@@ -157,7 +137,7 @@ class Sizing:
 
     @property
     def answer(self) -> str:
-        """Return the sentence that answers."""
+        """Return the sentence that answers the sizing."""
         if self.problems:
             rods = (
                 ""
@@ -201,7 +181,7 @@ class Sizing:
         return text + f"Its wheels need {format_momenta(needs, has)} each."
 
     def _held(self) -> str:
-        """Return the hardest condition that the recommended rods hold, for people."""
+        """Return the hardest condition under which the recommended rods hold."""
         rod, year = self.recommended, self.recommended_year
         if self.worst_scenario and rod is not None and (year is None or rod > year):
             return self.worst_scenario
@@ -211,7 +191,7 @@ class Sizing:
 
 
 def finite(value: Any) -> Any:
-    """Return a value for JSON: null where a number is not finite."""
+    """Convert a value for JSON: numbers that are not finite become null."""
     if isinstance(value, dict):
         return {k: finite(v) for k, v in value.items()}
     if isinstance(value, (list, tuple)):
@@ -220,9 +200,11 @@ def finite(value: Any) -> Any:
 
 
 def find_margins(sizing: Sizing, filled: float | None) -> Iterator[Margin]:
-    """Yield what is needed beside what there is, a row each. `filled`: what the fullest
-    wheel comes to on the worst day with the craft's rods (N m s); None: it is not
-    known."""
+    """Yield each requirement beside the craft's value.
+
+    `filled` is the momentum (N m s) of the fullest wheel on the worst day with the
+    craft's rods; None if it is unknown.
+    """
     if sizing.least < inf:
         yield Margin("rods: any law, this day", sizing.least, sizing.rod, "A.m2")
     if sizing.least_year > 0.0:
@@ -277,7 +259,7 @@ def find_margins(sizing: Sizing, filled: float | None) -> Iterator[Margin]:
 
 
 def find_problems(sizing: Sizing) -> list[str]:
-    """Return why the craft cannot hold its momentum, a line each."""
+    """Return why the craft cannot hold its momentum, one reason a line."""
     lines = []
     if sizing.least == inf:
         lines.append(
@@ -321,7 +303,7 @@ def find_problems(sizing: Sizing) -> list[str]:
 
 
 def find_notes(sizing: Sizing, attitude: Attitude) -> list[str]:
-    """Return what the numbers do not say, a line each."""
+    """Return the limits of the numbers, a line each."""
     lines = []
     if sizing.orbits < 14:
         lines.append(

@@ -1,5 +1,4 @@
-"""The rods of laws: their momentum and duty over sizes, and the smallest that meet
-requirements."""
+"""Size rods: momentum and duty of laws over rod sizes, and the smallest rods."""
 
 from __future__ import annotations
 
@@ -29,19 +28,21 @@ from .year import WorstDay
 
 Array = NDArray[Any]
 CURVE_MULTIPLES = (0.8, 1.0, 1.15, 1.3, 1.6, 2.0, 3.0, 5.0, 8.0)
-#: Rods of a curve, as multiples of the least. From 1.15 on model and closed loop agree within 5 %.
-LARGEST_MULTIPLE = 30.0  # largest rod that is looked at, or the craft's own if larger
-LOOP_MULTIPLES = (1.3,)  # rods that fly in the closed loop beside the recommended one
-LOOP_TRIES = 6  # flights of the worst scenario with larger and larger rods
-LOOP_STEP = 1.5  # by which they grow where the model does not say by how much
+# rods of a curve, in units of the least; from 1.15 on model and closed loop agree to 5 %
+LARGEST_MULTIPLE = 30.0  # largest rod considered, or the craft's own if larger
+LOOP_MULTIPLES = (1.3,)  # rods of the closed loop besides the recommended one
+LOOP_TRIES = 6  # flights of the worst scenario, with growing rods
+LOOP_STEP = 1.5  # growth factor where the model gives none
 GRID_SIZES = 60  # rods of a search by the model
 
 
 def other_laws(
     source: Target, options: Options, terms: Terms, notes: list[str]
 ) -> Iterator[Law]:
-    """Yield the laws that fit the craft besides its own (`compatibility.py`), as the
-    model has them; what it has not is added to the notes."""
+    """Yield the laws that fit the craft besides its own (`compatibility.py`).
+
+    Laws that the model lacks are added to the notes instead.
+    """
     without = []
     for each in fitting(source, options, terms)[0][1:]:
         system, _ = prepare_with(source, each).or_raise()
@@ -57,28 +58,26 @@ def other_laws(
 
 @dataclass(frozen=True)
 class SizingPoint:
-    """A size of rods (A m2) under a law: the model, and the closed loop where it flew."""
+    """A size of rods (A m2) under a law, by the model and in the closed loop."""
 
     law: str
     rod: float
-    multiple: float
-    """of the least rod"""
-    rms: float | None
-    """N m s; None: closed loop only"""
+    multiple: float  # rod over the least rod
+    rms: float | None  # N m s; None: closed loop only
     largest: float | None
+    # fullest wheel in the second half, share of its capacity; None: no limit
     filled: float | None
-    """the fullest wheel in the second half, share of its capacity; None: without a
-    limit"""
-    duty: float | None
-    """1"""
+    duty: float | None  # 1
     loop_rms: float | None = None
     loop_largest: float | None = None
     loop_duty: float | None = None
 
 
 def round_up(rod: float) -> float:
-    """Return a rod (A m2) rounded up to three digits: as it is printed, and typed
-    again."""
+    """Return a rod (A m2) rounded up to three digits.
+
+    So it can be typed again as it is printed.
+    """
     if not 0.0 < rod < inf:
         return rod
     digit = 10.0 ** (floor(log10(rod)) - 2)
@@ -88,8 +87,7 @@ def round_up(rod: float) -> float:
 def rod_grid(
     least: float, requirements: SizingRequirements, hardware: Hardware
 ) -> Array:
-    """Return rods (A m2) from the margin over the least one to the largest that is
-    looked at."""
+    """Return rods (A m2) from the margin over the least one to the largest allowed."""
     largest = max(LARGEST_MULTIPLE, hardware.m_limit / least)
     return np.geomspace(requirements.margin, largest, GRID_SIZES) * least
 
@@ -106,11 +104,12 @@ def fly_rods(
     Parameters
     ----------
     flight, law, hardware
-        What it flies.
+        Flight, law and craft of the model.
     rods
         (n,) A m2.
     longest
-        Time (s) up to which samples of the law are taken together; None: they are not.
+        Time (s) up to which samples of the law are combined; None: the default of
+        `hold_of`.
 
     Returns
     -------
@@ -120,7 +119,7 @@ def fly_rods(
     Raises
     ------
     UnsuitedError
-        For a law that the model does not have.
+        If the model does not have the law.
     """
     if longest is None:
         track = track_of(flight, law, hardware)
@@ -131,15 +130,14 @@ def fly_rods(
 
 
 def find_smallest(rods: Array, is_enough: Array) -> float | None:
-    """Return the first rod (A m2) that is enough; None if there is none."""
+    """Return the first rod (A m2) that is enough, or None if there is none."""
     return float(rods[np.argmax(is_enough)]) if is_enough.any() else None
 
 
 def meets(
     course: Course, hardware: Hardware, requirements: SizingRequirements
 ) -> Array:
-    """Return for which rods the duty is as required and the wheels hold with the
-    margin."""
+    """Return for each rod whether the duty is met and wheels hold with the margin."""
     capacity = smallest_wheel_capacity(hardware)
     holds = course.wheel * requirements.margin <= capacity
     return np.asarray((course.duty <= requirements.duty) & holds)
@@ -157,15 +155,15 @@ def curve_of(
     Returns
     -------
     points
-        Of the sizes of CURVE_MULTIPLES, of the craft's own and of the smallest that meets the
-        requirements.
+        At the sizes of CURVE_MULTIPLES, at the craft's own size and at the smallest
+        that meets the requirements.
     smallest
         That rod (A m2); None if there is none.
 
     Raises
     ------
     UnsuitedError
-        For a law that the model does not have.
+        If the model does not have the law.
     """
     grid = rod_grid(least, requirements, hardware)
     own = [hardware.m_limit] if hardware.m_limit else []
@@ -194,12 +192,11 @@ def curve_of(
 
 @dataclass(frozen=True)
 class Best:
-    """The rods of the model for the duty and the margin asked for, under a law."""
+    """Smallest rods of the model with the required duty and margin, under a law."""
 
     law: str
+    # A m2; None: none up to LARGEST_MULTIPLE times the least and the craft's own
     rod: float | None
-    """A m2; None: there is none up to LARGEST_MULTIPLE times the least and the craft's
-    own"""
 
 
 def compute_curves(
@@ -211,8 +208,10 @@ def compute_curves(
     progress: Callable[[str], None],
     notes: list[str],
 ) -> tuple[tuple[SizingPoint, ...], tuple[Best, ...]]:
-    """Return the curves of the laws, the craft's own first, and the rods to recommend
-    under each."""
+    """Compute the curves of laws and the rods to recommend under each.
+
+    The craft's own law comes first.
+    """
     if not 0.0 < least < inf:
         return (), ()
     rows: tuple[SizingPoint, ...] = ()
@@ -236,19 +235,18 @@ def find_rod_for_year(
     requirements: SizingRequirements,
     longest: float = STEP,
 ) -> float | None:
-    """Return the smallest rod (A m2) that holds on the scenario's day and on the worst
-    one.
+    """Return the smallest rod (A m2) that holds on the scenario's and on the worst day.
 
     Parameters
     ----------
     day
-        Rod (A m2) that the scenario's day takes; None: none holds.
+        Rod (A m2) that the scenario's day needs; None: none holds.
     hardest
         The worst day; None: there is no other.
     law, hardware, requirements
-        What holds.
+        Law and craft of the model, and the conditions that the rod has to meet.
     longest
-        Time (s) up to which samples of the law are taken together.
+        Time (s) up to which samples of the law are combined.
     """
     if day is None or law is None:
         return None
@@ -270,17 +268,20 @@ def find_rod_for_worst(
     law: Law | None,
     progress: Callable[[str], None],
 ) -> tuple[float | None, list[str]]:
-    """Return rods (A m2), from `rod` on, with which a scenario meets its requirements
-    in the closed loop; None: there are none. And a line for each requirement that it
-    misses with the craft's own."""
+    """Return the smallest tried rod (A m2) that meets a scenario's requirements.
+
+    The closed loop flies with rods from `rod` on; None if none meets them. The second
+    value has a line for each requirement that the craft's own rods miss.
+    """
 
     def fly_with(size: float) -> tuple[Manifest, Flight | None]:
+        """Fly the scenario with rods of a size (A m2)."""
         progress(f"{WORST} with rods of {size:.4g} A m2")
         run = _with_rods(source, options, size, more=series_of_numbers)
         with run.results as results:
             try:
                 found = flight_of(prepare(source, options).or_raise()[0], results)
-            except DesatError:  # it is shorter than an orbit
+            except DesatError:  # the run is shorter than an orbit
                 found = None
         return run.manifest, found
 
@@ -313,9 +314,12 @@ def _find_larger(
     law: Law | None,
     largest: float,
 ) -> float | None:
-    """Return the next rod to try where a run with `rod` misses a requirement: by the
-    model where that is one on the wheels' largest momentum, in a craft that keeps its
-    attitude. None: it is larger than all that are looked at."""
+    """Return the next rod (A m2) to try after a run that misses a requirement.
+
+    Where the only requirement missed is the wheels' largest momentum and the craft
+    keeps its attitude, the model gives it. None if it is larger than all that are
+    considered.
+    """
     over = [
         v.value / v.max
         for v in manifest.verdicts.values()
@@ -342,8 +346,10 @@ def add_closed_loop(
     least: float,
     progress: Callable[[str], None],
 ) -> tuple[SizingPoint, ...]:
-    """Return the rows of the craft's own manager with the closed loop at the sizes that
-    count; rows of the closed loop alone where the model does not have its law."""
+    """Add the closed loop to the rows of the craft's own law, at some sizes.
+
+    Where the model lacks that law, rows of the closed loop alone are added.
+    """
     name = own.name if own is not None and curve and curve[0].law == own.name else ""
     closed = [
         *(k * least for k in LOOP_MULTIPLES),
@@ -369,7 +375,7 @@ def in_the_loop(
     options: Options,
     progress: Callable[[str], None] = lambda text: None,
 ) -> SizingPoint:
-    """Return a size of rods with what the closed loop makes of it."""
+    """Fly the closed loop with a size of rods and add its results to the row."""
     progress(f"the closed loop with rods of {row.rod:.4g} A m2")
     run = _with_rods(source, options, row.rod).or_raise(source.text)
     system, _ = prepare(source, options).or_raise()
@@ -395,8 +401,7 @@ def _with_rods(
     rod: float,
     more: Callable[[System], Iterable[str]] = lambda system: (),
 ) -> Run:
-    """Return a run with rods of this size (A m2), which has recorded what a flight
-    takes, and more."""
+    """Run with rods of a size (A m2), recording the series of a flight and `more`."""
     plain, _ = prepare(source, options).or_raise()
     values = {**options.values, "torquers.m_limit": rod}
     if "m_limit" in plain.components["manager"].interface.signals:
@@ -410,5 +415,5 @@ def _with_rods(
 
 
 def manager_name(system: System) -> str:
-    """Return the name of the file of a craft's manager."""
+    """Return the file name of a craft's manager without its suffix."""
     return system.components["manager"].source.rpartition("/")[2].removesuffix(".fmu")

@@ -1,5 +1,4 @@
-"""What a sizing takes from the scenarios of a craft, and what of them its model does
-not have."""
+"""Read data of a sizing from a craft's scenarios, and name what its model lacks."""
 
 from __future__ import annotations
 
@@ -19,10 +18,12 @@ from ..system.interface import role_classes
 from ..system.model import System
 from ..system.options import Options
 
-# the scenario beside a craft's own that what is recommended has to meet, too
+# scenario beside the craft's own that recommended rods have to meet too
 WORST = "worst.toml"
 DETUMBLING = "detumbling.toml"
-TIP_OFF = 5.0 * pi / 180.0  # rad/s, where no scenario says it
+TIP_OFF = 5.0 * pi / 180.0  # rad/s, where no scenario gives it
+# Parameters of other roles that act in the closed loop alone, besides all of
+# `loop_roles`.
 LOOP_PARAMETERS = {
     "wheels": {
         "motor_lag",
@@ -74,17 +75,15 @@ LOOP_PARAMETERS = {
     },
     "manager": {"delay", "wheel_sample_time", "null_gain", "gyroscopic", "feedforward"},
 }
-"""Parameters of other roles that do so."""
 
 
 def doubts(system: System) -> list[str]:
-    """Say what is improbable in a craft, as `check` and `run` do."""
+    """Return warnings on improbable values of a craft, as `check` and `run` do."""
     return [*plausibility.warnings(system), *attitude_loop.warnings(system)]
 
 
 def closed_loop_only(system: System, options: Options) -> Iterator[str]:
-    """Name the parameters that options set and the momentum model does not have, in a
-    line."""
+    """Yield a line that names parameters set by options that the model lacks."""
     changed = [x.partition("=")[0].strip() for x in options.sets] + [*options.values]
     names = []
     for name in dict.fromkeys(changed):
@@ -108,8 +107,10 @@ def loop_roles() -> set[str]:
 
 
 def find_tip_off(source: Target, options: Options) -> float:
-    """Return the rate after separation (rad/s): of the scenario `detumbling` beside a
-    craft of one's own, or TIP_OFF."""
+    """Return the rate after separation (rad/s).
+
+    It is that of the scenario `detumbling.toml` beside a user's own craft, or TIP_OFF.
+    """
     file = source.scenario.file if source.scenario is not None else None
     if file is None or not (there := file.parent / DETUMBLING).is_file():
         return TIP_OFF
@@ -123,8 +124,10 @@ def find_tip_off(source: Target, options: Options) -> float:
 
 
 def find_worst_scenario(source: Target) -> Target | None:
-    """Return the worst scenario of a craft of one's own, where the source is its
-    nominal one."""
+    """Return the worst scenario of a user's own craft, or None.
+
+    The source has to be the craft's nominal scenario.
+    """
     file = source.scenario.file if source.scenario is not None else None
     if (
         file is None
@@ -136,8 +139,13 @@ def find_worst_scenario(source: Target) -> Target | None:
 
 
 def fly_case(case: Case, system: System) -> Flight:
-    """Return the flight of a prepared case, flown now. Raise DesatError if it does not
-    complete."""
+    """Fly a prepared case and return its flight.
+
+    Raises
+    ------
+    DesatError
+        If the run does not complete.
+    """
     recording = replace(case.options, record=series_for(system), every=1)
     run = simulate(replace(case, options=recording)).or_raise(case.target)
     with run.results as results:

@@ -1,19 +1,19 @@
-"""`desat size`: which wheels, rods and propellant a craft needs, from its momentum
-alone.
+"""Size wheels, rods and propellant of a craft from its momentum alone (`desat size`).
 
 One run at the wanted attitude gives what no law changes (`analyses/flight.py`): the
-field B(t), the attitude C(t), and the impulse J(t) of the disturbances. On these alone
-stand
+field B(t), the attitude C(t), and the impulse J(t) of the disturbances. The following
+use these alone:
 
 - the secular torque and the cyclic momentum (`momentum.py`);
 - the least rod of any law (`least_rod.py`);
-- the curves of momentum and duty over rods, law by law (`model.py`, `rods.py`), and the rods that
-  hold with the required margin and duty;
-- a year's extremes (`year.py`): the same torque, cyclic momentum and least rod at other dates.
+- the curves of momentum and duty over rods, law by law (`model.py`, `rods.py`), and the
+  rods that hold with the required margin and duty;
+- the extremes of a year (`year.py`): torque, cyclic momentum and least rod at other
+  dates.
 
-What is recommended holds on the worst of these days, by the same model, and with it the
-scenario `worst.toml` beside the craft's meets its requirements in the closed loop. The
-closed loop flies beside the model at the sizes that count.
+The recommended rods hold on the worst of these days by the same model, and with them
+the scenario `worst.toml` beside the craft's meets its requirements in the closed loop.
+The closed loop flies beside the model at the sizes that count.
 """
 
 from __future__ import annotations
@@ -63,8 +63,10 @@ from .scenarios import (
 )
 from .year import WorstDay, YearDate, days_of_year, find_worst_day
 
-OTHERS_STEP = 40.0  # s, samples of other laws than the craft's on the worst day
-SMALLEST_TORQUE = 1e-300  # N m for each A m2: instead of 0, so that times are inf
+OTHERS_STEP = (
+    40.0  # s: samples of other laws on the worst day are combined up to this time
+)
+SMALLEST_TORQUE = 1e-300  # N m per A m2: replaces 0 so that no division by zero occurs
 
 
 def size(
@@ -73,22 +75,21 @@ def size(
     requirements: SizingRequirements | None = None,
     progress: Callable[[str], None] = lambda text: None,
 ) -> Sizing:
-    """Size the wheels and rods of a craft for the attitude, orbit and law of a
-    scenario.
+    """Size wheels and rods of a craft for the attitude, orbit and law of a scenario.
 
     Parameters
     ----------
     target, options
-        The craft's scenario.
+        Scenario of the craft.
     requirements
-        What has to be met beside it.
+        Requirements beside the scenario's.
     progress
-        Called with what is being done.
+        Called with a text for each stage of the work.
 
     Raises
     ------
     DesatError
-        For a craft without what it takes, or a run that does not complete.
+        If the craft lacks data that this needs, or a run does not complete.
     """
     requirements = requirements or SizingRequirements()
     source = read(target)
@@ -220,8 +221,10 @@ def _fly_year(
     progress: Callable[[str], None],
     notes: list[str],
 ) -> tuple[tuple[YearDate, ...], WorstDay | None]:
-    """Return the days of a year and the worst one; none if they are not wanted or not
-    known."""
+    """Fly the days of a year and the worst one.
+
+    None are returned if they are not required or not known.
+    """
     if not requirements.year:
         return (), None
     progress("the days of a year")
@@ -243,7 +246,7 @@ def _find_conditions(
     hardware: Hardware,
     requirements: SizingRequirements,
 ) -> list[RodsByCondition]:
-    """Return the smallest rods on the day of the scenario and on the worst of the year."""
+    """Return the smallest rods on the scenario's day and on the worst of the year."""
     of_day = {b.law: b.rod and round_up(b.rod) for b in best}
     conditions = [RodsByCondition("the day of the scenario", of_day)]
     if hardest is None or not best:
@@ -261,8 +264,10 @@ def _find_conditions(
 def _fullest_wheel(
     hardest: WorstDay | None, law: Law | None, hardware: Hardware
 ) -> float | None:
-    """Return what the fullest wheel comes to on the worst day with the craft's rods (N
-    m s)."""
+    """Return the momentum of the fullest wheel (N m s) on the worst day.
+
+    The craft has its own rods; None where it has none, or there is no law or other day.
+    """
     if law is None or hardest is None or hardware.m_limit == 0.0:
         return None
     rods = np.array([hardware.m_limit])
@@ -276,17 +281,20 @@ def _bias(system: System) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
 
 
 def _dump_time(momentum: float, torque: float, rod: float) -> float:
-    """Return how long (s) rods (A m2) of a torque for each A m2 take for a momentum (N
-    m s)."""
+    """Compute the time (s) in which rods (A m2) remove a momentum (N m s).
+
+    `torque` is that of 1 A m2 (N m).
+    """
     return momentum / (max(torque, SMALLEST_TORQUE) * max(rod, SMALLEST_TORQUE))
 
 
 def _dump_time_with(momentum: float, torque: float, rod: float | None) -> float | None:
+    """Compute the time as `_dump_time`, or return None without a rod."""
     return None if rod is None else _dump_time(momentum, torque, rod)
 
 
 def _describe_day(hardest: WorstDay, least: float) -> str:
-    """Return the worst day for people: the scenario's own where that asks for more."""
+    """Describe the worst day: the scenario's own where that needs larger rods."""
     if least >= hardest.least:
         return "that of the scenario"
     activity = f", {hardest.activity} solar activity" if hardest.activity else ""

@@ -1,4 +1,4 @@
-"""The tables of a sizing, as a terminal and a page show them."""
+"""Tabulate a sizing for terminal and page."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ UNEXPLAINED = "of no source"
 
 
 def tabulate_quantities(sizing: Sizing) -> Table:
-    """Return what drives a sizing and what follows from it."""
+    """Tabulate the quantities that drive a sizing and those that follow from them."""
     secular = float(np.linalg.norm(sizing.secular))
     weakest = ", ".join(f"{x:.2f}" for x in sizing.weakest)
     rows: list[Row] = [
@@ -89,17 +89,19 @@ def tabulate_quantities(sizing: Sizing) -> Table:
 
 
 def _duration(title: str, seconds: float) -> Row:
+    """Return a row with a duration (s)."""
     return title, format_duration(seconds), ""
 
 
 def _propellant(title: str, mass: float) -> Row:
+    """Return a row with a mass (kg), or its reason where no layout gives it."""
     if mass == inf:
         return title, "no layout gives it", ""
     return title, mass, "kg"
 
 
 def tabulate_margins(sizing: Sizing) -> Table:
-    """Return what is needed beside what the craft has."""
+    """Tabulate each requirement beside the craft's value."""
     columns = [
         Column("margin", kind="text"),
         Column("needed", ROW_UNIT, ".4g"),
@@ -123,8 +125,7 @@ def tabulate_margins(sizing: Sizing) -> Table:
 def tabulate_sources(
     sources: Sequence[SourceShare], unexplained: float | None = None
 ) -> Table:
-    """Return the momentum of each source of disturbance, and the torque that is of
-    none."""
+    """Tabulate the momentum of each disturbance, and the torque of no source."""
     columns = [
         Column("source", kind="text"),
         Column("secular", "N.m", ".4g"),
@@ -141,7 +142,7 @@ def tabulate_sources(
 
 
 def tabulate_days(days: Sequence[YearDate]) -> Table:
-    """Return the days of a year."""
+    """Tabulate the days of a year."""
     columns = [
         Column("day", kind="text"),
         Column("solar activity", kind="text"),
@@ -157,7 +158,7 @@ def tabulate_days(days: Sequence[YearDate]) -> Table:
 
 
 def tabulate_extremes(days: Sequence[YearDate]) -> Table:
-    """Return the days of a year that ask least and most of rods."""
+    """Tabulate the days of a year that need the smallest and the largest rods."""
     columns = [
         Column("of a year", kind="text"),
         Column("day", kind="text"),
@@ -176,7 +177,7 @@ def tabulate_extremes(days: Sequence[YearDate]) -> Table:
 
 
 def tabulate_points(points: Sequence[SizingPoint]) -> Table:
-    """Return sizes of rods law by law: the model, and the closed loop where it flew."""
+    """Tabulate sizes of rods by law: the model, and the closed loop where it flew."""
     columns = [
         Column("law", kind="text"),
         Column("rod", "A.m2", ".4g"),
@@ -210,18 +211,19 @@ def tabulate_points(points: Sequence[SizingPoint]) -> Table:
 
 
 def _percent(share: float | None) -> float | None:
+    """Return a share in percent."""
     return None if share is None else 100.0 * share
 
 
 def _difference(model: float | None, loop: float | None) -> str:
-    """Return by how much the model is above the closed loop."""
+    """Format by how many percent the model is above the closed loop."""
     if model is None or loop is None:
         return ""
     return f"{100.0 * (model / loop - 1.0):+.1f} %"
 
 
 def tabulate_conditions(sizing: Sizing) -> Table:
-    """Return the smallest rods that hold under each condition, law by law."""
+    """Tabulate the smallest rods that hold under each condition, by law."""
     laws = [best.law for best in sizing.best]
     margin = sizing.requirements.margin
     title = f"smallest rods (A m2), duty {100.0 * sizing.duty:g} %, margin {margin:g}"
@@ -234,7 +236,7 @@ def tabulate_conditions(sizing: Sizing) -> Table:
 
 
 def _smallest_rod(rods: Mapping[str, float | None], law: str) -> str | float:
-    """Return a law's rod (A m2); empty where the law was not looked at."""
+    """Return a law's rod (A m2), "none", or "" where the law was not examined."""
     rod = rods.get(law)
     if rod is None:
         return "none" if law in rods else ""
@@ -242,7 +244,7 @@ def _smallest_rod(rods: Mapping[str, float | None], law: str) -> str | float:
 
 
 def tabulate_dumps(sizing: DumpSizing) -> Table:
-    """Return what dumps come to, as sized and in the closed loop."""
+    """Tabulate the rates of dumps, as sized and in the closed loop."""
     columns = [
         Column("dumps by thrusters", kind="text"),
         Column("sized", ROW_UNIT, ".4g"),
@@ -304,7 +306,7 @@ def tabulate_dumps(sizing: DumpSizing) -> Table:
 
 
 def tabulate_dump_sources(sources: Sequence[SourceShare]) -> Table:
-    """Return the secular torque of each source of disturbance."""
+    """Tabulate the secular torque of each source of disturbance."""
     columns = [
         Column("source", kind="text"),
         Column("secular", "N.m", ".4g"),
@@ -315,7 +317,7 @@ def tabulate_dump_sources(sources: Sequence[SourceShare]) -> Table:
 
 
 def tabulate_dump_days(sizing: DumpSizing) -> Table:
-    """Return the days of a year with the propellant of a year of such days."""
+    """Tabulate the days of a year with the propellant of a year of such days."""
     columns = [
         Column("day", kind="text"),
         Column("solar activity", kind="text"),
@@ -330,7 +332,7 @@ def tabulate_dump_days(sizing: DumpSizing) -> Table:
 
 
 def tabulate_dump_extremes(days: Sequence[YearDate]) -> Table:
-    """Return the days of a year with the least and the largest torque."""
+    """Tabulate the days of a year with the least and the largest torque."""
     columns = [
         Column("of a year", kind="text"),
         Column("day", kind="text"),
@@ -345,7 +347,7 @@ def tabulate_dump_extremes(days: Sequence[YearDate]) -> Table:
 
 
 def describe_map(sizing: SizingMap, law: str) -> str:
-    """Return what the cells of a map are for a law."""
+    """Return the caption of a map for a law."""
     return (
         f"{law}: the smallest rod (A m2) that holds with a duty of "
         f"{100.0 * sizing.requirements.duty:g} % and a margin of {sizing.requirements.margin:g}"
@@ -353,8 +355,10 @@ def describe_map(sizing: SizingMap, law: str) -> str:
 
 
 def tabulate_map(sizing: SizingMap, law: int) -> Table:
-    """Return the smallest rods of a map that hold under a law, by orbit and residual
-    dipole."""
+    """Tabulate the smallest rods that hold under a law, by orbit and dipole.
+
+    The dipole is the residual dipole of the craft.
+    """
     axes = sizing.axes
     order = np.argsort(axes.rods, kind="stable")
     columns = [
@@ -374,8 +378,10 @@ def tabulate_map(sizing: SizingMap, law: int) -> Table:
 
 
 def tabulate_least_rods(sizing: SizingMap, dipole: int) -> Table:
-    """Return the least rods of any law over the orbits of a map, with a residual
-    dipole."""
+    """Tabulate the least rods of any law over the orbits of a map.
+
+    `dipole` is the index of the residual dipole.
+    """
     axes = sizing.axes
     columns = [
         Column("altitude", "km", "g", kind="text"),

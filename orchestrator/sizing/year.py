@@ -1,5 +1,4 @@
-"""The days of a year, flown by the environment's own block at the attitude that a run
-has shown."""
+"""Fly the days of a year with the environment's block, at the attitude of a run."""
 
 from __future__ import annotations
 
@@ -29,7 +28,7 @@ from .least_rod import least_by_formula, least_by_programme, reach
 from .momentum import cyclic_span, secular
 
 Array = NDArray[Any]
-YEAR_DATES = 13  # days of a year that are looked at
+YEAR_DATES = 13  # days of a year that are examined
 YEAR_DATE_SPACING = 28  # d
 YEAR_ROW_SPACING = 120.0  # s
 WORST_DAY_ROW_SPACING = 10.0  # s
@@ -40,36 +39,36 @@ class YearDate:
     """A day of the year."""
 
     day: str
-    activity: str
-    """of the Sun; empty: as the scenario has it"""
-    secular: float
-    """N m"""
-    per_orbit: float
-    """N m s"""
-    cyclic: float
-    """N m s"""
-    least: float
-    """rod, by the formula, A m2"""
+    activity: str  # solar activity; empty: that of the scenario
+    secular: float  # N m
+    per_orbit: float  # N m s
+    cyclic: float  # N m s
+    least: float  # A m2, least rod by the formula
 
 
 @dataclass(frozen=True)
 class WorstDay:
-    """The day of the year that asks most of rods."""
+    """The day of the year that needs the largest rods."""
 
     day: str
-    activity: str
-    """of the Sun; empty: as the scenario has it"""
-    least: float
-    """rod for any law, by the linear programme, A m2"""
+    activity: str  # solar activity; empty: that of the scenario
+    least: float  # A m2, least rod of any law, by the linear programme
     flight: Flight
 
 
 def days_of_year(
     system: System, hardware: Hardware, attitude: Attitude, own: bool = False
 ) -> Iterator[tuple[YearDate, tuple[dict[str, Array], Array]]]:
-    """Yield the days of a year, one after the other, each with what the environment
-    gives and the times (s); `own`: with the scenario's own solar activity first, then
-    with low and high. Raises DesatError where they cannot be asked for."""
+    """Yield the days of a year, each with the environment's outputs and times (s).
+
+    Each day has low and high solar activity where air matters; with `own` that of the
+    scenario comes first.
+
+    Raises
+    ------
+    DesatError
+        If the attitude moves, or the environment has no outputs at these times.
+    """
     if attitude.kind == "moving":
         raise DesatError(
             f"the attitude stays neither in eci nor in lvlh ("
@@ -108,9 +107,12 @@ def days_of_year(
 def _activities(
     component: Component, craft: Values, own: bool
 ) -> list[tuple[str, dict[str, int]]]:
-    """Return low and high activity of the Sun, as changes of an environment that makes
-    no field, where the air matters and it knows them; else as it is. `own`: the
-    scenario's before them."""
+    """Return levels of solar activity, as changes of an environment without a field.
+
+    They are low and high where air matters and the environment has them; otherwise one
+    level without changes. With `own` the scenario's comes first, or is the only one
+    where its atmosphere does not follow the activity.
+    """
     signals = component.interface.signals
     thin = craft.get("aerodynamics", "none") == "none"
     if (
@@ -121,6 +123,7 @@ def _activities(
         return [("", {})]
 
     def number(name: str, choice: str) -> int:
+        """Return the number of a choice."""
         return signals[name].choices.index(choice)
 
     still = {
@@ -143,7 +146,7 @@ def find_worst_day(
     attitude: Attitude,
     days: Sequence[tuple[YearDate, Any]],
 ) -> WorstDay:
-    """Return the day of the largest least rod, flown at rows that the model can take."""
+    """Fly the day with the largest least rod, at rows close enough for the model."""
     date, (inputs, nodes) = max(days, key=lambda d: d[0].least)
     times = np.linspace(
         nodes[0], nodes[-1], round((nodes[-1] - nodes[0]) / WORST_DAY_ROW_SPACING) + 1

@@ -1,1 +1,1 @@
-"""A loop as a page that flies it: the parts of `desat export web`."""
+"""Export a loop as a page that flies it (`desat export web`)."""

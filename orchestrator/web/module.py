@@ -1,4 +1,4 @@
-"""Loops as one WebAssembly module, by the C compiler of the package ziglang."""
+"""Compile loops to one WebAssembly module with the package ziglang's C compiler."""
 
 from __future__ import annotations
 
@@ -19,6 +19,8 @@ from ..files import io
 from ..system.errors import DesatError
 
 _ASIDE = ("-O3", "-fPIC", "-fvisibility=hidden")
+# The last three enable setjmp and longjmp: a failure of a block becomes an exception of
+# WebAssembly.
 _TARGET = (
     "-target",
     "wasm32-wasi",
@@ -27,15 +29,13 @@ _TARGET = (
     "-mllvm",
     "-wasm-enable-sjlj",
 )
-"""With the last three, setjmp and longjmp: a failure of a block is one of WebAssembly.
-"""
 _LINK = ("-mexec-model=reactor", "-Wl,-z,stack-size=524288", "-Wl,--strip-all")
 _FLAGS = (*_TARGET, *(f for f in native.FLAGS if f not in _ASIDE))
 _SHARED = ("block.h", "runtime.c")
 
 
 def need_compiler() -> None:
-    """Raise DesatError where there is nothing that compiles to WebAssembly."""
+    """Raise DesatError if there is no compiler for WebAssembly."""
     try:
         zig()
     except NoCompilerError:
@@ -46,7 +46,7 @@ def need_compiler() -> None:
 
 
 def sources(loops: Sequence[LoopSource]) -> dict[str, str]:
-    """The C files of a module of these loops, by their names."""
+    """Return the C files of a module of these loops, by name."""
     found = {
         name: (native.WRAPPER / name).read_text(encoding="utf-8") for name in _SHARED
     }
@@ -65,7 +65,7 @@ def sources(loops: Sequence[LoopSource]) -> dict[str, str]:
 
 
 def digest(found: dict[str, str]) -> str:
-    """Of C files and of how they are compiled: sha256."""
+    """Compute the sha256 of C files and of how they are compiled."""
     made = hashlib.sha256(" ".join((*_FLAGS, *_LINK)).encode())
     for name, text in sorted(found.items()):
         made.update(f"\0{name}\0{text}".encode())
@@ -73,7 +73,13 @@ def digest(found: dict[str, str]) -> str:
 
 
 def compiled(found: dict[str, str]) -> bytes:
-    """The module of C files. Raises DesatError where there is no compiler."""
+    """Compile C files to a module and return its bytes.
+
+    Raises
+    ------
+    DesatError
+        If there is no compiler, or it does not compile a file.
+    """
     need_compiler()
     with tempfile.TemporaryDirectory() as place:
         folder = Path(place)
@@ -82,9 +88,10 @@ def compiled(found: dict[str, str]) -> bytes:
         units = sorted(name.removesuffix(".c") for name in found if name.endswith(".c"))
 
         def one(unit: str) -> None:
+            """Compile one C file."""
             _run([*zig(), *_FLAGS, "-c", f"{unit}.c", "-o", f"{unit}.o"], folder)
 
-        one(units[0])  # the first makes what all others find
+        one(units[0])  # the first fills the compiler's cache for the others
         with ThreadPoolExecutor(os.cpu_count()) as pool:
             list(pool.map(one, units[1:]))
         objects = [f"{unit}.o" for unit in units]
@@ -93,6 +100,7 @@ def compiled(found: dict[str, str]) -> bytes:
 
 
 def _run(command: Sequence[str], folder: Path) -> None:
+    """Run the compiler, or raise DesatError with its message."""
     done = subprocess.run(
         command, cwd=folder, capture_output=True, text=True, check=False
     )

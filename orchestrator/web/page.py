@@ -1,9 +1,8 @@
-"""`desat export web`: one HTML file that flies a loop in WebAssembly as its sliders
-move.
+"""Write one HTML file that flies a loop in WebAssembly as its sliders move.
 
-What the page says is the scenario's own: its plots, its numbers by our measures
-(`script.py`), those of management, and what follows from a parameter by the scenario's
-expressions (`values.py`).
+The content of the page is that of the scenario (`desat export web`): its plots, its
+numbers by the project's measures (`script.py`), those of momentum management, and the
+parameters that follow from others by the scenario's expressions (`values.py`).
 """
 
 from __future__ import annotations
@@ -51,8 +50,8 @@ from .script import numpy_source, script
 from .sliders import Slider, asked_of, parts_of, refused, usual, usual_of
 from .values import Expression, expression, follows, names_of, numbers_of, reached
 
+# bytes: maximum size of a flight's series in the page's memory
 MOST_BYTES = 800_000_000
-"""Of the series of a flight, in the page's memory."""
 _MANAGEMENT: tuple[Callable[..., Any], ...] = (
     management.of_momentum,
     management.of_coils,
@@ -68,23 +67,22 @@ _MANAGEMENT: tuple[Callable[..., Any], ...] = (
 
 @dataclass(frozen=True)
 class _Flown:
-    """A law with its system, what of that follows from other values, and its loop."""
+    """A law with its system, the parameters that follow from others, and all values."""
 
     name: str
-    options: Options
-    """Of a run with it."""
+    options: Options  # options of a run with the law
     system: System
     ordered: list[JsonObject]
     values: JsonObject
 
     @property
     def content(self) -> Content:
-        """What its scenario says."""
+        """Return the content of the scenario."""
         return content_of(self.system.about)
 
     @property
     def known(self) -> Table:
-        """Its parameters."""
+        """Return the parameters of the system."""
         return table(self.system.components.values())
 
 
@@ -95,15 +93,17 @@ class Made:
     path: Path
     digest: str
     sliders: tuple[str, ...]
-    notes: tuple[str, ...]
-    """What is not on it, and why, a line each."""
+    notes: tuple[str, ...]  # omitted items with the reason, a line each
 
 
 def check_request(sliders: Sequence[str], file: Path | None) -> None:
-    """Check what can be checked of a page before its laws fly.
+    """Check the request of a page before its laws fly.
 
-    Raises DesatError for a place where no file can be written, a missing compiler, and
-    a slider of another form than `NAME=FROM:TO`.
+    Raises
+    ------
+    DesatError
+        If the file cannot be written, the compiler is missing, or a slider has another
+        form than `NAME=FROM:TO` or is given twice.
     """
     if file is not None:
         io.place_of(file, "--out")
@@ -117,12 +117,29 @@ def check_request(sliders: Sequence[str], file: Path | None) -> None:
 def export(
     target: str, laws: Mapping[str, Options], sliders: Sequence[str], file: Path | None
 ) -> Made:
-    """Write the page of a target to a file (default: NAME.html). `laws`: by name the
-    options of a run with each, the first as the page opens; `sliders`: `NAME=FROM:TO`,
-    none: the usual ones.
+    """Write the page of a target.
 
-    Raises DesatError where a component has no C, a slider is none of the scenario's,
-    nothing compiles to WebAssembly, or a flight would not fit into a page's memory.
+    Parameters
+    ----------
+    target
+        Scenario of the page.
+    laws
+        Options of a run with each law, by name; the page opens with the first.
+    sliders
+        `NAME=FROM:TO` each; empty: the usual ones.
+    file
+        Path of the page; default: NAME.html.
+
+    Returns
+    -------
+    Made
+        Path, digest, sliders and notes of the page.
+
+    Raises
+    ------
+    DesatError
+        If a component has no C, a slider is not of the scenario, nothing compiles to
+        WebAssembly, or a flight would not fit into a page's memory.
     """
     check_request(sliders, file)
     source = read(target)
@@ -149,7 +166,10 @@ def export(
 
 
 def _flown(target: str, source: Target, name: str, options: Options) -> _Flown:
-    """A law of a target, checked, its substeps chosen. Raises DesatError."""
+    """Prepare a law of a target and choose its substeps.
+
+    Raises DesatError if the case has problems or uses `stop_when`.
+    """
     system, _ = prepare(source, options).or_raise()
     if content_of(system.about).stop_when is not None:
         raise DesatError(
@@ -167,9 +187,9 @@ def _flown(target: str, source: Target, name: str, options: Options) -> _Flown:
 def _sliders(
     source: Target, flown: Sequence[_Flown], asked: Sequence[str], notes: list[str]
 ) -> list[list[Slider]]:
-    """Return the sliders of each law: those that are asked for, or the usual ones.
+    """Return the sliders of each law: the requested or the usual ones.
 
-    Raises DesatError for one that is asked for and cannot be.
+    Raises DesatError for a requested one that is impossible.
     """
     if not asked:
         wanted = [usual(f.system) for f in flown]
@@ -185,9 +205,9 @@ def _sliders(
 def _is_possible(
     slider: Slider, source: Target, flown: _Flown, notes: list[str]
 ) -> bool:
-    """Return whether a page can move a slider of a law; why not is a note.
+    """Return whether a page can move a slider of a law; the reason becomes a note.
 
-    Raises DesatError where it is one that is asked for.
+    Raises DesatError for a requested slider.
     """
     why = refused(slider, source, flown.options, flown.system, flown.ordered)
     if why and slider.asked:
@@ -198,12 +218,11 @@ def _is_possible(
 
 
 def _asked(text: str, flown: Sequence[_Flown], notes: list[str]) -> dict[int, Slider]:
-    """Return the slider of `NAME=FROM:TO` for each law that has one, by the law's
-    place.
+    """Return the slider of `NAME=FROM:TO` for each law that has it, by the law's index.
 
     The range is that of the first law whose own value lies in it, else of the first
-    that takes it. A law whose own value lies elsewhere has the range that is usual for
-    it. Raises DesatError where no law takes it, as the first of them does.
+    that accepts it. A law whose own value lies elsewhere gets the range that is usual
+    for it. Raises DesatError where no law accepts it, as for the first of them.
     """
     found: dict[int, Slider] = {}
     errors: list[DesatError] = []
@@ -241,13 +260,13 @@ def _asked(text: str, flown: Sequence[_Flown], notes: list[str]) -> dict[int, Sl
 
 
 def _is_alike(slider: Slider, home: Slider) -> bool:
-    """Return whether the range of a slider of one law serves for that of another one."""
+    """Return whether the range of one law's slider serves for that of another."""
     is_near = slider.holds_start or slider.start == home.start
     return is_near and slider.unit == home.unit
 
 
 def _usual_there(name: str, system: System) -> Slider | None:
-    """Return the slider of a parameter with its usual range; None where there is none."""
+    """Return the slider of a parameter with its usual range, or None."""
     try:
         return usual_of(name, system)
     except DesatError:
@@ -258,8 +277,10 @@ def _usual_there(name: str, system: System) -> Slider | None:
 
 
 def _loop(flown: _Flown, targets: set[str], series: Sequence[str]) -> LoopSource:
-    """The loop of a law, with these series, and the parameters that sliders reach.
-    Raises DesatError for a component without C."""
+    """Translate the loop of a law with these series and the parameters sliders reach.
+
+    Raises DesatError for a component without C, or too many steps.
+    """
     system = flown.system
     parameters = [
         n for n in sorted(reached(targets, flown.ordered)) if n in flown.values
@@ -278,15 +299,17 @@ def _loop(flown: _Flown, targets: set[str], series: Sequence[str]) -> LoopSource
 
 
 def _pattern(name: str) -> str:
+    """Escape brackets in a name, for `LoopEnds`."""
     return name.replace("[", "[[]")
 
 
 def _split(names: Sequence[str]) -> Iterator[tuple[str, str]]:
+    """Split names into component and variable."""
     return (tuple(name.split(".", 1)) for name in names)  # type: ignore[misc]
 
 
 def _there(system: System) -> set[str]:
-    """The series of a system."""
+    """Return the names of all series of a system."""
     return {
         f"{c.name}.{s.array}"
         for c in system.components.values()
@@ -296,7 +319,7 @@ def _there(system: System) -> set[str]:
 
 
 def _series(flown: _Flown) -> set[str]:
-    """The series that plots and numbers are made of."""
+    """Return the series that plots and numbers need."""
     content, there = flown.content, _there(flown.system)
     wanted = {s for n in content.numbers.values() for s in n.signals}
     wanted |= {s for p in content.plots.values() for s in p.signals}
@@ -317,7 +340,7 @@ def _told(
     loops: Sequence[LoopSource],
     notes: list[str],
 ) -> tuple[str, JsonObject]:
-    """The JavaScript of measures, and all else that the page is made of."""
+    """Return the JavaScript of the measures, and all other data of the page."""
     first = flown[0].system
     used = {n.measure for f in flown for n in f.content.numbers.values() if n.signals}
     used_derived = {
@@ -365,7 +388,7 @@ def _law(
     lacking: Mapping[str, str],
     notes: list[str],
 ) -> JsonObject:
-    """What the page is told of a law."""
+    """Return the data of the page for a law."""
     numbers = [*_numbers(flown, lacking, notes)]
     plots = [*_plots(flown, lacking, notes)]
     managed = _managed(flown)
@@ -399,8 +422,10 @@ def _law(
 
 
 def _usual_ranges(system: System, names: set[str]) -> list[JsonObject]:
-    """Return the parameters that have a range that is usual, outside of which
-    `desat run` warns."""
+    """Return the parameters that have a usual range.
+
+    `desat run` warns outside of it.
+    """
     found = []
     for name in sorted(names):
         owner, _, array = name.partition(".")
@@ -422,9 +447,11 @@ def _usual_ranges(system: System, names: set[str]) -> list[JsonObject]:
 
 
 def _places(loop: LoopSource) -> tuple[list[Any], JsonObject, int]:
-    """Of a loop's parameters the name and the place of the first element among all
-    variables; of its series where they are in a row of outputs; and how many these
-    are."""
+    """Return where a loop's parameters and series are.
+
+    These are the name and the index of the first element of each parameter among all
+    variables; the place of each series in a row of outputs; and the length of that row.
+    """
     slots, series = [], {}
     place, at = 1, 1  # `fault` comes first
     for v in loop.variables:
@@ -445,7 +472,7 @@ def _places(loop: LoopSource) -> tuple[list[Any], JsonObject, int]:
 def _numbers(
     flown: _Flown, lacking: Mapping[str, str], notes: list[str]
 ) -> Iterator[JsonObject]:
-    """The scenario's numbers that the page has, each as `engine.js` evaluates it."""
+    """Yield the scenario's numbers on the page, each as `engine.js` evaluates it."""
     there = _there(flown.system)
     for name, number in flown.content.numbers.items():
         missing = [s for s in number.signals if s not in there]
@@ -469,7 +496,7 @@ def _numbers(
 
 
 def _number(number: Number, flown: _Flown) -> JsonObject:
-    """How a number is made of series."""
+    """Return how a number is computed from series."""
     units = [_unit(flown.system, s) for s in number.signals]
     entry = derived.of_entry(number)
     if entry is not None:
@@ -505,7 +532,7 @@ def _number(number: Number, flown: _Flown) -> JsonObject:
 
 
 def _how(entry: Number | Plot, flown: _Flown) -> JsonObject:
-    """The options of what is derived, and the parameters that it takes."""
+    """Return the options of a derived quantity and the parameters that it needs."""
     made = derived.of_entry(entry)
     if made is None:
         return {"how": {}, "own": {}}
@@ -514,7 +541,7 @@ def _how(entry: Number | Plot, flown: _Flown) -> JsonObject:
 
 
 def _required(content: Content, name: str) -> dict[str, float]:
-    """What is required of a number."""
+    """Return the required limits of a number."""
     found = dict[str, float]()
     for of in content.requirements.values():
         if of.number == name:
@@ -523,6 +550,7 @@ def _required(content: Content, name: str) -> dict[str, float]:
 
 
 def _unit(system: System, series: str) -> str:
+    """Return the unit of a series."""
     owner, _, name = series.partition(".")
     return system.components[owner].interface.arrays[name][0].unit_name or "1"
 
@@ -530,7 +558,7 @@ def _unit(system: System, series: str) -> str:
 def _plots(
     flown: _Flown, lacking: Mapping[str, str], notes: list[str]
 ) -> Iterator[JsonObject]:
-    """The scenario's plots that the page has, each as `engine.js` draws it."""
+    """Yield the scenario's plots on the page, each as `engine.js` draws it."""
     there = _there(flown.system)
     for name, plot in flown.content.plots.items():
         signals = [s for s in plot.signals if s in there]
@@ -546,8 +574,10 @@ def _plots(
 
 
 def _plot(name: str, plot: Plot, signals: list[str], flown: _Flown) -> JsonObject:
-    """A plot: its lines' names a series, empty for one that is not shown, and its
-    limits."""
+    """Return a plot: the names of its lines by series, and its limits.
+
+    The name is empty for a line that is not shown.
+    """
     entry = derived.of_entry(plot)
     own = [_unit(flown.system, s) for s in signals]
     if entry is not None:
@@ -575,6 +605,7 @@ def _plot(name: str, plot: Plot, signals: list[str], flown: _Flown) -> JsonObjec
 
 
 def _elements(plot: Plot, signal: str, flown: _Flown) -> Sequence[str]:
+    """Return the names of a series' elements in a plot."""
     owner, _, name = signal.partition(".")
     count = len(flown.system.components[owner].interface.arrays[name])
     if count == 1:
@@ -583,13 +614,13 @@ def _elements(plot: Plot, signal: str, flown: _Flown) -> Sequence[str]:
 
 
 def _line(plot: Plot, signal: str, name: str) -> str:
-    """The name of a line; with several series that of its own before."""
+    """Return the name of a line, after that of its series where there are several."""
     prefix = "" if len(plot.signals) == 1 or not name else signal.partition(".")[2]
     return f"{prefix} {name}".strip()
 
 
 def _limits(plot: Plot, flown: _Flown, unit: str) -> Iterator[JsonObject]:
-    """The limit lines of a plot."""
+    """Yield the limit lines of a plot."""
     for limit in plot.limits:
         value: float | Expression | str = limit.value
         name = "limit"
@@ -603,8 +634,10 @@ def _limits(plot: Plot, flown: _Flown, unit: str) -> Iterator[JsonObject]:
 
 
 def _managed(flown: _Flown) -> JsonObject | None:
-    """What the numbers of management are made of, and the curve without; None where
-    they do not apply."""
+    """Return the data of the management numbers and of the curve without management.
+
+    None where they do not apply.
+    """
     parts, system = management.applies(flown.system), flown.system
     if parts is None or parts.wheels is None or parts.target is None:
         return None
@@ -661,7 +694,7 @@ def _managed(flown: _Flown) -> JsonObject | None:
 
 
 def _coils(system: System, torquers: str) -> JsonObject | None:
-    """What the duty of coils is made of; None where they have no limit."""
+    """Return the data of the coils' duty, or None where they have no limit."""
     component = system.components[torquers]
     known = dict(component.values)
     if "drive" in known:
@@ -680,11 +713,12 @@ def _coils(system: System, torquers: str) -> JsonObject | None:
 
 
 def _asset(name: str) -> str:
+    """Read a file of this package."""
     return (files(__package__) / name).read_text(encoding="utf-8")
 
 
 def _page(told: JsonObject, code: str) -> str:
-    """The HTML."""
+    """Return the HTML of the page."""
     worker = "\n".join([numpy_source(), code, _asset("engine.js"), _asset("worker.js")])
     return render(
         "web.html",

@@ -1,8 +1,8 @@
-"""Functions of numpy's Python as JavaScript: measures and derived quantities, for a
-page.
+"""Translate Python functions that use numpy to JavaScript, for a page.
 
-`numpy.js` has what they call of numpy as `$`; operators become calls of it, as arrays
-have none there. What is not known is refused: no measure is written a second time.
+They are the measures and derived quantities. `numpy.js` implements as `$` the functions
+of numpy that they call. Operators become calls of it, because JavaScript's arrays have
+none. Unknown constructs are refused: no measure is written a second time.
 """
 
 from __future__ import annotations
@@ -67,15 +67,15 @@ _BUILTINS = {
     "abs": "abs",
     "enumerate": "enumerate",
 }
+# modules whose functions are translated along with those that call them
 _OURS = ("desat.numbers.", "desat.analyses.")
-"""Modules whose functions are translated with those that call them."""
 
 
 def numpy_source() -> str:
-    """Return numpy.js with each operation that it names by text written out as
-    functions."""
+    """Return numpy.js with each operation named by text written out as functions."""
 
     def written_out(found: re.Match[str]) -> str:
+        """Return the functions of one operation."""
         kind, text = found.groups()
         return f"{kind}({_LOOPS[kind].format(text)}"
 
@@ -83,8 +83,14 @@ def numpy_source() -> str:
 
 
 def script(functions: Iterable[Callable[..., Any]]) -> tuple[str, dict[str, str]]:
-    """The JavaScript of functions and of all that they call, which ends with an object
-    `measures` of them by name; and why there is none of some, by their names."""
+    """Translate functions and all functions that they call to JavaScript.
+
+    Returns
+    -------
+    tuple
+        The JavaScript, which ends with an object `measures` of the functions by name;
+        and for each function that does not translate the reason, by name.
+    """
     program, refused, there = _Program(), dict[str, str](), list[str]()
     for function in functions:
         try:
@@ -96,14 +102,16 @@ def script(functions: Iterable[Callable[..., Any]]) -> tuple[str, dict[str, str]
 
 
 class _Program:
-    """Functions and constants that are translated so far, each after what it needs."""
+    """Functions and constants translated so far, each after those it needs."""
 
     def __init__(self) -> None:
         self.parts: dict[str, str] = {}
 
     def name_of(self, thing: Any) -> str:
-        """The name of a function in JavaScript, translated now if need be. Raises
-        DesatError."""
+        """Return the JavaScript name of a function, translating it if needed.
+
+        Raises DesatError where it does not translate.
+        """
         name: str = thing.__name__
         if name not in self.parts:
             tree = ast.parse(textwrap.dedent(inspect.getsource(thing))).body[0]
@@ -112,7 +120,7 @@ class _Program:
         return name
 
     def table_of(self, name: str, scope: dict[str, Any]) -> str:
-        """A table of functions of a module, by its name there."""
+        """Return the name of a module's table of functions, translated if needed."""
         if name not in self.parts:
             tree = ast.parse(inspect.getsource(sys.modules[scope["__name__"]]))
             value = next(
@@ -127,15 +135,14 @@ class _Program:
 
 
 class _Expressions:
-    """Expressions of a function, whose globals are `scope` and whose own names are
-    `local`."""
+    """Expressions of a function with the globals `scope` and local names `local`."""
 
     def __init__(self, program: _Program, scope: dict[str, Any]) -> None:
         self._program, self._scope = program, scope
         self.local: set[str] = set()
 
     def of(self, node: ast.expr) -> str:
-        """An expression as JavaScript. Raises DesatError for one that has none."""
+        """Translate an expression, or raise DesatError if it has no JavaScript."""
         made = getattr(self, f"_{type(node).__name__.lower()}", None)
         if made is None:
             raise DesatError(
@@ -145,6 +152,7 @@ class _Expressions:
         return text
 
     def _list_of(self, nodes: Iterable[ast.expr]) -> str:
+        """Translate expressions, separated by commas."""
         return ", ".join(map(self.of, nodes))
 
     def _constant(self, node: ast.Constant) -> str:
@@ -155,6 +163,7 @@ class _Expressions:
         return f'"{node.value}"' if isinstance(node.value, str) else repr(node.value)
 
     def _name(self, node: ast.Name) -> str:
+        """Translate a local name, a constant or a table of the module."""
         if node.id in self.local:
             return (
                 f"{node.id}_"
@@ -201,6 +210,7 @@ class _Expressions:
         return self._operator(node.op, node.operand)
 
     def _operator(self, op: ast.AST, *operands: ast.expr) -> str:
+        """Translate an operator to a call of `numpy.js`."""
         if type(op) not in _OPERATORS:
             raise DesatError(
                 f"line {operands[0].lineno}: no JavaScript of {type(op).__name__}"
@@ -226,6 +236,7 @@ class _Expressions:
         return f"({self.of(node.test)} ? {self.of(node.body)} : {self.of(node.orelse)})"
 
     def _attribute(self, node: ast.Attribute) -> str:
+        """Translate np.pi, or T, shape or ndim of an array."""
         if ast.unparse(node) == "np.pi":
             return "Math.PI"
         if node.attr not in ("T", "shape", "ndim"):
@@ -238,11 +249,12 @@ class _Expressions:
         return f"$.get({self.of(node.value)}, {self.places(node)})"
 
     def places(self, node: ast.Subscript) -> str:
-        """What stands between brackets."""
+        """Translate the index between brackets."""
         inside = node.slice.elts if isinstance(node.slice, ast.Tuple) else [node.slice]
         return f"[{', '.join(map(self._place, inside))}]"
 
     def _place(self, node: ast.expr) -> str:
+        """Translate one index or slice."""
         if not isinstance(node, ast.Slice):
             return self.of(node)
         if node.step is not None:
@@ -266,6 +278,7 @@ class _Expressions:
         return text
 
     def _call(self, node: ast.Call) -> str:
+        """Translate a call; named arguments become an object."""
         to_type = isinstance(node.func, ast.Attribute) and node.func.attr == "astype"
         given = [self.of(a) for a in node.args if not to_type]
         if named := {
@@ -280,7 +293,7 @@ class _Expressions:
         return f"{self._called(node, bool(named))}({', '.join(given)})"
 
     def _called(self, node: ast.Call, named: bool) -> str:
-        """What a call without a dot calls."""
+        """Return the function that a call without a dot calls."""
         if not isinstance(node.func, ast.Name):
             return self.of(node.func)
         name = node.func.id
@@ -296,6 +309,7 @@ class _Expressions:
         )
 
     def _runtime(self, name: str, node: ast.Call) -> str:
+        """Return a function of `numpy.js`, or raise DesatError if it has none."""
         if name not in _KNOWN:
             raise DesatError(
                 f"line {node.lineno}: no JavaScript of `{ast.unparse(node)}`"
@@ -304,7 +318,7 @@ class _Expressions:
 
 
 class _Function(_Expressions):
-    """A function."""
+    """Translation of one function."""
 
     def __init__(
         self, program: _Program, tree: ast.FunctionDef, scope: dict[str, Any]
@@ -326,7 +340,10 @@ class _Function(_Expressions):
         self.local |= {*self._own}
 
     def text(self) -> str:
-        """It as JavaScript; `order` says what its arguments are called."""
+        """Return the function as JavaScript.
+
+        `order` of it holds the names of its arguments.
+        """
         args = self._tree.args
         names = [a.arg for a in args.args]
         defaults = [None] * (len(names) - len(args.defaults)) + list(args.defaults)
@@ -346,6 +363,7 @@ class _Function(_Expressions):
         )
 
     def _statement(self, node: ast.stmt) -> Iterator[str]:
+        """Yield the JavaScript of a statement."""
         match node:
             case ast.Expr(ast.Constant()):
                 pass  # its docstring
@@ -377,14 +395,16 @@ class _Function(_Expressions):
                 )
 
     def _block(self, body: Iterable[ast.stmt]) -> Iterator[str]:
+        """Yield the indented JavaScript of statements."""
         yield from (f"  {line}" for s in body for line in self._statement(s))
 
     def _assigned(self, target: ast.expr, value: str) -> str:
+        """Return the assignment of a value to a name or an element."""
         if isinstance(target, ast.Subscript):
             return f"$.set({self.of(target.value)}, {self.places(target)}, {value});"
         return f"{self.of(target)} = {value};"
 
 
 def quantities() -> list[Callable[..., np.ndarray[Any, Any]]]:
-    """The functions of all derived quantities."""
+    """Return the functions of all derived quantities."""
     return [q.function for q in QUANTITIES.values()]

@@ -1,5 +1,4 @@
-"""The sliders of a page: parameters by the names that `--set` has for them, and their
-ranges."""
+"""Define the sliders of a page: parameters by the names of `--set`, and ranges."""
 
 from __future__ import annotations
 
@@ -23,43 +22,39 @@ from ..system.typed import JsonObject
 from ..system.wheels import smallest_capacity
 from .values import differing, reached
 
+# m: heights of the default range of a craft below the upper one
 LOW_ORBIT = (2.0e5, 1.5e6)
-"""Heights (m) of the default range of a craft that is below the upper one."""
+# parameters that are constants of the translated loop: no sliders
 BAKED = ("sample_time", "delay", "axes_wheel", "axes_coil")
-"""What a loop is written out with: it is no slider."""
 
 
 @dataclass(frozen=True)
 class Slider:
-    """A parameter that a page moves, in its own unit: shown times `factor`, and
-    `offset`."""
+    """A parameter that a page moves.
 
-    name: str
-    """As `--set` has it."""
+    Its own unit is the shown value times `factor`, plus `offset`.
+    """
+
+    name: str  # as in `--set`
     title: str
-    targets: tuple[str, ...]
-    """The parameters that it gives a value: of `shared.NAME` several."""
+    targets: tuple[str, ...]  # parameters that it sets: several for `shared.NAME`
+    # `one`: a number; `element`: of an array; `length` or `largest`: norm or largest
+    # magnitude of a whole array, whose elements keep their proportions; `each`: all
+    # elements equal
     form: str
-    """`one` number; `element` of an array; of a whole array its `length`, or the
-    `largest` size of its elements, the others in proportion; `each`: all elements
-    alike."""
     element: int
-    there: tuple[bool, ...]
-    """Of `each`: which elements there are."""
+    there: tuple[bool, ...]  # for `each`: which elements exist
     unit: str
     factor: float
     offset: float
-    low: float
-    """In the shown unit, as `high`."""
+    low: float  # in the shown unit, as `high`
     high: float
-    start: float
-    """Of the scenario, in the shown unit."""
-    height: bool = False
-    """Whether it is a radius from the Earth's centre."""
+    start: float  # of the scenario, in the shown unit
+    height: bool = False  # a radius from the Earth's centre
     asked: bool = False
 
     def told(self) -> JsonObject:
-        """Return what the page is told of it."""
+        """Return the data of the slider for the page."""
         return {k: v for k, v in asdict(self).items() if k != "asked"}
 
     @property
@@ -68,7 +63,10 @@ class Slider:
         return self.low <= self.start <= self.high
 
     def value_text(self, shown: float, before: Any) -> str:
-        """`NAME=VALUE` as `--set` takes it; `before`: the parameter without the slider."""
+        """Return `NAME=VALUE` as `--set` accepts it.
+
+        `before` is the value of the parameter without the slider.
+        """
         own = shown * self.factor + self.offset
         if self.form in ("one", "element"):
             return (
@@ -84,13 +82,12 @@ class Slider:
 
 
 def size(values: Sequence[float], form: str) -> float:
-    """Of an array, by a slider's form."""
+    """Return the size of an array that a slider's form moves."""
     return math.hypot(*values) if form == "length" else max(map(abs, values))
 
 
 def parts_of(text: str) -> tuple[str, str, str]:
-    """Return name, lower and upper end of `NAME=FROM:TO`. Raises DesatError for another
-    form."""
+    """Parse name, lower and upper end of `NAME=FROM:TO`, or raise DesatError."""
     name, equals, ends = text.partition("=")
     low, colon, high = ends.partition(":")
     if not (equals and colon and low.strip() and high.strip()):
@@ -102,7 +99,13 @@ def parts_of(text: str) -> tuple[str, str, str]:
 
 
 def asked_of(text: str, system: System) -> Slider:
-    """The slider of `NAME=FROM:TO`. Raises DesatError, which says what is allowed."""
+    """Return the slider of `NAME=FROM:TO`.
+
+    Raises
+    ------
+    DesatError
+        If it is impossible; the text says what is allowed.
+    """
     name, low, high = parts_of(text)
     found = _slider(name.strip(), system, f"--slider {text}")
     _, signals = _signals(name.strip(), system, f"--slider {text}")
@@ -135,7 +138,7 @@ THRUSTERS = (
 
 
 def usual(system: System) -> list[Slider]:
-    """Return the sliders of a page that asks for none, as far as the system has them.
+    """Return the default sliders of a page, as far as the system has them.
 
     A craft that dumps by thrusters alone has those of its dumps. Where there are coils
     there are also those of the orbit, of the coils and of the wheels, and the gain of
@@ -165,14 +168,18 @@ def usual(system: System) -> list[Slider]:
 def usual_of(name: str, system: System) -> Slider | None:
     """Return the slider of a parameter with the range that is usual for it.
 
-    None where there is nothing to move. Raises DesatError if the system has no such
-    parameter, or a page cannot move it.
+    None where there is nothing to move.
+
+    Raises
+    ------
+    DesatError
+        If the system has no such parameter, or a page cannot move it.
     """
     return _range(_slider(name, system, f"--slider {name}"), base_name(name), system)
 
 
 def _gain(system: System) -> str:
-    """The parameter of the manager's law that says how quickly it works."""
+    """Return the parameter that sets the speed of the manager's law."""
     manager = system.roles.get("manager")
     if manager is None or manager.interface.model not in names():
         return "gain"
@@ -182,8 +189,7 @@ def _gain(system: System) -> str:
 
 
 def _range(slider: Slider, name: str, system: System) -> Slider | None:
-    """A slider with the range that is usual for it; None where there is nothing to
-    move."""
+    """Return a slider with its usual range, or None where there is nothing to move."""
     name = name.partition(".")[2]
     value = slider.start
     if name == "inclination":
@@ -246,8 +252,10 @@ def _threshold(slider: Slider, name: str, system: System) -> Slider:
 def _signals(
     name: str, system: System, where: str
 ) -> tuple[list[str], Sequence[Signal]]:
-    """The parameters that a name stands for, and the scalars of the first. Raises
-    DesatError."""
+    """Return the parameters that a name stands for, and the scalars of the first.
+
+    Raises DesatError if there are none or a page cannot move them.
+    """
     variable = name.partition(".")[2]
     owners = owners_of(name, system)
     known = {
@@ -275,7 +283,7 @@ def _signals(
 
 
 def owners_of(name: str, system: System) -> list[str]:
-    """The components that `COMPONENT.NAME` or `shared.NAME` is of."""
+    """Return the components that have `COMPONENT.NAME` or `shared.NAME`."""
     owner, _, variable = name.partition(".")
     if owner != "shared":
         return [owner]
@@ -285,11 +293,12 @@ def owners_of(name: str, system: System) -> list[str]:
 
 
 def _moves(signal: Signal) -> bool:
+    """Return whether a page can move a parameter."""
     return signal.kind == "Real" and not signal.choices and signal.array not in BAKED
 
 
 def _why(signal: Signal) -> str:
-    """What a signal is that is no slider."""
+    """Describe a signal that cannot be a slider."""
     if signal.array in BAKED:
         return "what the loop is written out with"
     if signal.choices:
@@ -302,7 +311,7 @@ def _why(signal: Signal) -> str:
 
 
 def _slider(name: str, system: System, where: str) -> Slider:
-    """A slider without a range. Raises DesatError."""
+    """Return a slider without a range, or raise DesatError."""
     targets, signals = _signals(name, system, where)
     owner, _, parameter = targets[0].partition(".")
     values, first = system.components[owner].values[parameter], signals[0]
@@ -347,7 +356,7 @@ def _slider(name: str, system: System, where: str) -> Slider:
 
 
 def _there(system: System, owner: str, count: int) -> tuple[bool, ...]:
-    """Which elements there are of an array of wheels; of another all."""
+    """Return which elements of an array of wheels exist; of other arrays all do."""
     spin = system.components[owner].values.get("inertia_wheel")
     if isinstance(spin, list) and len(spin) == count:
         return tuple(x > 0.0 for x in spin)
@@ -355,7 +364,7 @@ def _there(system: System, owner: str, count: int) -> tuple[bool, ...]:
 
 
 def _shown(signal: Signal, value: float) -> tuple[str, float, float]:
-    """The unit in which a parameter is shown, and how its own is made of it."""
+    """Return the shown unit, and factor and offset from it to the parameter's own."""
     own = signal.unit_name if signal.unit_name != "1" else ""
     wanted = {"rad": "deg", "rad/s": "rpm", "N.m.s": "mN.m.s", "N.m": "mN.m"}.get(
         own, own
@@ -371,6 +380,7 @@ def _shown(signal: Signal, value: float) -> tuple[str, float, float]:
 
 
 def _round(value: float, digits: int = 6) -> float:
+    """Round a number to some digits."""
     return float(f"{value:.{digits}g}")
 
 
@@ -381,8 +391,11 @@ def refused(
     system: System,
     ordered: list[dict[str, Any]],
 ) -> str:
-    """Why a page cannot move a slider of a system; nothing where it can: at both ends
-    its parameter is allowed, and no other one changes but by products."""
+    """Return why a page cannot move a slider of a system, or "" where it can.
+
+    It can if its parameter is allowed at both ends of the range and all other
+    parameters that change follow from it by products.
+    """
     by_others = {f["name"] for f in ordered} & {*slider.targets}
     if by_others:
         text = next(f["of"]["text"] for f in ordered if f["name"] in by_others)

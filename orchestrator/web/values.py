@@ -1,5 +1,4 @@
-"""What a system's parameters are given as, for a page: which follow from others, and by
-what."""
+"""Find which parameters of a system follow from others, and by which expressions."""
 
 from __future__ import annotations
 
@@ -11,13 +10,19 @@ from ..system.model import System, Values
 from ..system.parameters import table, unit_of
 from ..system.typed import JsonObject
 
+# `factors`: operator `*` or `/`, and a number, or a parameter and its element (0:
+# whole); `scale`: multiplies their product; `text`
 Expression = dict[str, Any]
-"""`factors`: of each `*` or `/`, and a number, or a parameter and its element (0: the
-whole); `scale`: what their product is multiplied by; `text`."""
 
 
 def expression(text: str, known: Table, scale: float = 1.0) -> Expression:
-    """A product of parameters. Raises DesatError for one that there is not."""
+    """Parse a product of parameters.
+
+    Raises
+    ------
+    DesatError
+        If it names an unknown parameter.
+    """
     return {
         "text": text,
         "scale": scale,
@@ -28,6 +33,7 @@ def expression(text: str, known: Table, scale: float = 1.0) -> Expression:
 
 
 def _factor(word: str, known: Table) -> float | list[Any]:
+    """Return a factor: a number, or a parameter and its element."""
     try:
         return float(word)
     except ValueError:
@@ -36,14 +42,16 @@ def _factor(word: str, known: Table) -> float | list[Any]:
 
 
 def names_of(of: Expression) -> set[str]:
-    """The parameters in an expression."""
+    """Return the parameters in an expression."""
     return {factor[0] for _, factor in of["factors"] if isinstance(factor, list)}
 
 
 def follows(system: System) -> list[JsonObject]:
-    """The parameters of a system that are given as others, each after those that it is
-    made of: its name, what it is (`of`), how many elements it has (0: it is no array),
-    and whether it is another one as it is (`whole`)."""
+    """Return the parameters of a system that follow from others, in evaluation order.
+
+    Each has its name, its expression (`of`), its number of elements (`count`, 0: no
+    array), and whether it equals another one (`whole`).
+    """
     known = table(system.components.values())
     waiting = {
         f"{c.name}.{name}": _reference(system, c.name, name, text, known)
@@ -51,7 +59,7 @@ def follows(system: System) -> list[JsonObject]:
         for name, text in c.references.items()
     }
     ordered = []
-    while waiting:  # there is no circle: the system is resolved
+    while waiting:  # there is no cycle: the system is resolved
         for name in [
             n for n, f in waiting.items() if not names_of(f["of"]) & waiting.keys()
         ]:
@@ -62,6 +70,7 @@ def follows(system: System) -> list[JsonObject]:
 def _reference(
     system: System, owner: str, name: str, text: str, known: Table
 ) -> JsonObject:
+    """Return the entry of one parameter that follows from others."""
     signals = system.components[owner].interface.elements[name]
     whole = is_name(text)
     unit = unit_of(entry(text, known).unit) if whole else product(text, known)[1]
@@ -74,7 +83,7 @@ def _reference(
 
 
 def reached(moved: Set[str], ordered: list[JsonObject]) -> set[str]:
-    """Parameters, and all that follow from them."""
+    """Return parameters and all that follow from them."""
     found = set(moved)
     for each in ordered:
         if names_of(each["of"]) & found:
@@ -83,7 +92,7 @@ def reached(moved: Set[str], ordered: list[JsonObject]) -> set[str]:
 
 
 def numbers_of(system: System) -> Iterator[tuple[str, Any]]:
-    """Every parameter of numbers: its name, and the number or the list of its elements."""
+    """Yield every numeric parameter: its name, and its number or list of elements."""
     for owner, parameters in table(system.components.values()).items():
         for name, of in parameters.items():
             values = of.value if isinstance(of.value, list) else [of.value]
@@ -92,12 +101,13 @@ def numbers_of(system: System) -> Iterator[tuple[str, Any]]:
 
 
 def differing(a: System, b: System) -> set[str]:
-    """The parameters in which two systems of the same components differ."""
+    """Return the parameters in which two systems of the same components differ."""
     one, other = (_all(s) for s in (a, b))
     return {name for name, value in one.items() if other[name] != value}
 
 
 def _all(system: System) -> Values:
+    """Return the values of all parameters by name."""
     known = table(system.components.values())
     return {
         f"{owner}.{n}": p.value for owner, of in known.items() for n, p in of.items()

@@ -1,3 +1,6 @@
-"""A file a command: what is added here, or in a folder `commands/` of another room, is
-a command of `desat`; files of the same name add to one command. Files import what is
-heavy inside their functions, for `desat --help` imports them all."""
+"""Define the commands of `desat`, a file for each.
+
+A file here, or in a folder `commands/` of another package, is a command; files of the
+same name add to one command. Heavy imports stand inside functions, because
+`desat --help` imports all files.
+"""

@@ -1,4 +1,4 @@
-"""`desat bound NAME`."""
+"""Define `desat bound NAME`."""
 
 from __future__ import annotations
 
@@ -56,8 +56,10 @@ def bound(
 
 
 def _by_coils(target: str) -> bool:
-    """True for a scenario, .ssp or run folder whose manager knows the coils one by one:
-    a law of momentum management by coils."""
+    """Return whether the manager of a scenario, .ssp or run folder knows single coils.
+
+    Then it is a law of momentum management by coils.
+    """
     from ...runs.run import Options, load_run, prepare
 
     if any(

@@ -1,4 +1,4 @@
-"""`desat build FILE.py`."""
+"""Define `desat build FILE.py`."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`desat campaign SYSTEM`, and what is done with its folder."""
+"""Define `desat campaign SYSTEM`, and the commands on its folder."""
 
 from __future__ import annotations
 
@@ -226,8 +226,10 @@ def _print_numbers(told: CampaignSummary, everything: bool) -> None:
 
 
 def _asked(told: CaseVerdict) -> str:
-    """What a requirement asks for where that is not shown, and how many more cases
-    would do."""
+    """Describe a requirement that is not shown to be met.
+
+    It gives the required share and confidence, and how many more cases would show it.
+    """
     if told.met:
         return ""
     more = told.more_cases
@@ -239,11 +241,11 @@ def _asked(told: CaseVerdict) -> str:
     )
 
 
-_REASONS = 3
-"""Failed cases whose reason is said; the report has them all."""
+_REASONS = 3  # failed cases whose reason is printed; the report has all
 
 
 def _report(folder: Path, as_json: bool, everything: bool) -> None:
+    """Write the report of a campaign, print its summary and exit with its code."""
     from ...campaign import report as of
     from ...numbers.text import number
 

@@ -1,4 +1,4 @@
-"""`desat check NAME`."""
+"""Define `desat check NAME`."""
 
 from __future__ import annotations
 
@@ -16,6 +16,7 @@ from ..console import app, err, example, out, print_json, print_table
 if TYPE_CHECKING:
     from ...files.inspection import InspectedFmu
 
+# options without meaning for a single FMU
 OF_SYSTEMS = (
     "sets",
     "sources",
@@ -30,7 +31,6 @@ OF_SYSTEMS = (
     "outside",
     "schedule_too",
 )
-"""Options that mean nothing of an FMU alone."""
 CheckedTarget = Annotated[
     str,
     typer.Argument(
@@ -156,7 +156,7 @@ def check(
 
 
 def _check_fmu(path: Path, trust: Path | None, as_json: bool) -> None:
-    """Print what an FMU is, and what of it breaks the standard."""
+    """Print what an FMU is, and how it breaks the standard."""
     from ...files.inspection import inspect_fmu
     from ...files.library import hashes
 

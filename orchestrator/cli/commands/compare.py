@@ -1,4 +1,4 @@
-"""`desat compare A B ...`."""
+"""Define `desat compare A B ...`."""
 
 from __future__ import annotations
 
@@ -150,6 +150,7 @@ def _laws(
     html: Path | None,
     as_json: bool,
 ) -> None:
+    """Fly a craft law by law and print the ranking."""
     from ...studies import ranking as study
 
     if len(targets) > 1:
@@ -180,6 +181,7 @@ def _draws(
     jobs: int,
     as_json: bool,
 ) -> None:
+    """Fly the same samples of each scenario and print their differences."""
     from ...studies.compare import paired_draws
 
     told, made = paired_draws(targets, count, seed, options, jobs, progress=not as_json)
@@ -197,6 +199,7 @@ def _draws(
 
 
 def _show(made: Comparison, page: Path, as_json: bool) -> None:
+    """Print a comparison; exit with 1 where a requirement is not met."""
     warn(made.warnings)
     if as_json:
         print_json({**made.as_json(), "page": str(page)})
@@ -215,8 +218,10 @@ def _show(made: Comparison, page: Path, as_json: bool) -> None:
 
 
 def show_pairs(told: Sequence[Pairs], as_json: bool) -> None:
-    """Print paired differences (`pairs.compare`) as tables, or for programs: one, or a
-    list."""
+    """Print paired differences (`pairs.compare`) as tables, or as JSON.
+
+    The JSON is one object, or a list of several.
+    """
     for each in told:
         warn(each.warnings)
     if as_json:
@@ -231,8 +236,7 @@ def show_pairs(told: Sequence[Pairs], as_json: bool) -> None:
 
 
 def _tabulate_pairs(pairs: Pairs) -> Table:
-    """Return the differences: median with its interval, shares of samples below and
-    above."""
+    """Tabulate the differences: median with its interval, shares below and above."""
     columns = [
         Column("number", kind="text"),
         Column("median", ROW_UNIT),

@@ -1,4 +1,4 @@
-"""`desat export RUN`, and what else is made for other programs."""
+"""Define `desat export RUN`, and other exports for other programs."""
 
 from __future__ import annotations
 

@@ -1,5 +1,4 @@
-"""`desat help TOPIC`: the pages of the documentation, the scenario language, the
-blocks."""
+"""Define `desat help TOPIC`: documentation pages, scenario language, blocks."""
 
 from __future__ import annotations
 
@@ -13,9 +12,10 @@ from ..console import app, example, out, print_json, print_rows
 
 
 class _Topics(TyperGroup):
-    """A group whose first argument may be a page's name: then it is its command `page`."""
+    """A group that runs its command `page` if the first argument is a page's name."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Insert `page` before a first argument that is no command."""
         if args and args[0] not in self.commands and not args[0].startswith("-"):
             args = ["page", *args]
         return super().parse_args(ctx, args)

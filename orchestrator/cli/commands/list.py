@@ -1,4 +1,4 @@
-"""`desat list`: what there is to run."""
+"""Define `desat list`: scenarios that can be run."""
 
 from __future__ import annotations
 
@@ -69,12 +69,14 @@ def list_command(
 
 
 def _print_scenarios(families: list[Family]) -> None:
+    """Print the scenarios of families, a row each."""
     columns = [Column("scenario", kind="text"), Column("what it is", kind="text")]
     rows = [scenario for family in families for scenario in family.scenarios.items()]
     print_table(Table("", columns, rows), is_folded=True)
 
 
 def _print_families(families: list[Family]) -> None:
+    """Print families, a row each."""
     columns = [
         Column("family", kind="text"),
         Column("scenarios", form="d"),

@@ -1,4 +1,4 @@
-"""`desat new craft FOLDER`, `desat new law NAME`, `desat new block ROLE`."""
+"""Define `desat new craft FOLDER`, `desat new law NAME`, `desat new block ROLE`."""
 
 from __future__ import annotations
 
@@ -179,7 +179,7 @@ def craft(
 
 
 def _doubts_of(folder: Path) -> list[str]:
-    """Return what of a craft is improbable, as `check`, `run` and `size` say it."""
+    """Return warnings on improbable values of a craft, as `check` and `run` do."""
     from ...analyses import plausibility
     from ...runs.prepare import resolved
     from ...system.options import Options
@@ -235,6 +235,7 @@ def block(
 
 
 def _print(made: list[Path], role: str, where: str, as_json: bool) -> None:
+    """Print the files of a new block, and the command that flies it."""
     from ...files.paths import shown
 
     if as_json:

@@ -1,4 +1,4 @@
-"""`desat pack`."""
+"""Define `desat pack`."""
 
 from __future__ import annotations
 
@@ -85,7 +85,7 @@ def pack(
     if not names:
         for left in paths.packed_folder().rglob(
             "*.part"
-        ):  # of a command that was killed
+        ):  # left by a command that was killed
             if time.time() - left.stat().st_mtime > 60.0:
                 left.unlink(missing_ok=True)
     for text in told:
@@ -101,7 +101,7 @@ def pack(
 
 
 def _write_ssds(names: list[str], as_json: bool) -> None:
-    """Write the SSDs of crafts, of all of ssp/ where none is named."""
+    """Write the SSDs of crafts, or of all of ssp/ where none is named."""
     from ...export import packing
     from ...files import paths
 

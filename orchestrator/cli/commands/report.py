@@ -1,4 +1,4 @@
-"""`desat report RUN`."""
+"""Define `desat report RUN`."""
 
 from __future__ import annotations
 

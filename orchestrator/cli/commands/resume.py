@@ -1,4 +1,4 @@
-"""`desat resume RUN`."""
+"""Define `desat resume RUN`."""
 
 from __future__ import annotations
 
@@ -13,8 +13,7 @@ from .. import options as o
 from ..console import app, example, warn
 from .run import conclude
 
-WAIT = 10.0
-"""The process of a run whose parent was killed ends by itself, so soon (s)."""
+WAIT = 10.0  # s: a run whose parent was killed ends by itself within this time
 
 
 @app.command(epilog=example("desat resume runs/my12u"))

@@ -1,4 +1,4 @@
-"""`desat run NAME`."""
+"""Define `desat run NAME`."""
 
 from __future__ import annotations
 
@@ -31,8 +31,7 @@ from ..console import (
 if TYPE_CHECKING:
     from ...runs.run import Case, Options, Run
 
-BASELINE = "baseline"
-"""Where the run of the baseline lies in a run folder."""
+BASELINE = "baseline"  # folder of the baseline's run in a run folder
 
 
 @app.command(epilog=example("desat run my12u --stop 6h --set manager.gain=0.002"))
@@ -162,7 +161,7 @@ def run(
 
 
 def _tell_isolation(case: Case, finished: Run, as_json: bool) -> None:
-    """Say which FMUs ran in processes of their own, and what that costs a step."""
+    """Print which FMUs ran in processes of their own, and the cost of that a step."""
     from ...engine.instances.isolated import cost_of_a_turn
     from ...runs.prepare import isolated_in
 
@@ -189,7 +188,7 @@ def conclude(
     everything: bool,
     as_json: bool,
 ) -> None:
-    """What follows a run: its baseline, the report, and how the command ends."""
+    """Run the baseline, write the report, print the results and exit with the code."""
     from ...engine import checkpoint
 
     other = (
@@ -207,8 +206,10 @@ def conclude(
 
 
 def _report(finished: Run, other: Run | None, folder: Path) -> Path | None:
-    """Write the report; None where there is no room for that of a run that did not end
-    well."""
+    """Write the report and return its path.
+
+    None where the disk has no room for that of a run that failed.
+    """
     from ...report import report as report_module
 
     with _room(finished, folder, "report"):
@@ -228,8 +229,10 @@ def _csv(finished: Run, folder: Path) -> None:
 
 @contextmanager
 def _room(finished: Run, folder: Path, what: str) -> Iterator[None]:
-    """Within: what has no room on the disk is left out of a run that did not end well,
-    with a warning. Raises RunError for one that did."""
+    """Omit an output for which the disk has no room, with a warning.
+
+    This applies to a run that failed. For one that did not, RunError is raised.
+    """
     from ...engine.process_state import no_space
 
     try:
@@ -243,7 +246,7 @@ def _room(finished: Run, folder: Path, what: str) -> Iterator[None]:
 
 
 def _free(folder: Path | None) -> None:
-    """Raise DesatError for a folder that holds something."""
+    """Raise DesatError for a folder that is not empty."""
     if (
         folder is not None
         and folder.exists()
@@ -256,7 +259,7 @@ def _free(folder: Path | None) -> None:
 
 @contextmanager
 def _run_folder(target: str, folder: Path | None) -> Iterator[Path]:
-    """Within: a folder of this run alone; without `folder` a new one under runs/."""
+    """Claim a folder for this run alone; without `folder` a new one under runs/."""
     place = folder or _new_folder(name_of(target))
     with io.claimed(place, made=folder is None):
         _free(place)
@@ -264,6 +267,7 @@ def _run_folder(target: str, folder: Path | None) -> Iterator[Path]:
 
 
 def _new_folder(name: str) -> Path:
+    """Make a new folder under runs/."""
     for count in itertools.count(1):
         folder = Path("runs") / (name if count == 1 else f"{name}-{count}")
         folder.parent.mkdir(exist_ok=True)
@@ -307,6 +311,7 @@ def _report_run(
     everything: bool,
     as_json: bool,
 ) -> None:
+    """Print the results of a run."""
     from ...engine.recording.results import SERIES
     from ...report.run_tables import tabulate_numbers
 

@@ -1,4 +1,4 @@
-"""`desat show NAME`: a scenario as merged."""
+"""Define `desat show NAME`, which prints a scenario as merged."""
 
 from __future__ import annotations
 

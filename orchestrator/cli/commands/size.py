@@ -1,4 +1,4 @@
-"""`desat size NAME`."""
+"""Define `desat size NAME`."""
 
 from __future__ import annotations
 
@@ -223,11 +223,12 @@ def size(
 
 
 def _print(page: Path) -> None:
+    """Print the path of a page."""
     out.print(f"page: {page.resolve()}", highlight=False, markup=False)
 
 
 def _slew(text: str | None) -> tuple[float, float]:
-    """Angle (deg) and time (s). Raises DesatError where they are none."""
+    """Parse angle (deg) and time (s) of a slew, or raise DesatError."""
     if text is None:
         return 0.0, 0.0
     parts = text.split("/")
@@ -244,6 +245,7 @@ def _slew(text: str | None) -> tuple[float, float]:
 
 
 def _print_sizing(made: Sizing) -> None:
+    """Print a sizing."""
     from ...sizing import tables
 
     out.print(made.answer, highlight=False, markup=False)
@@ -263,6 +265,7 @@ def _print_sizing(made: Sizing) -> None:
 
 
 def _print_tables(tables: Sequence[Table]) -> None:
+    """Print the tables that have rows."""
     for table in tables:
         if table.rows:
             out.print()
@@ -270,14 +273,16 @@ def _print_tables(tables: Sequence[Table]) -> None:
 
 
 def _print_notes(notes: Iterable[str]) -> None:
+    """Print notes, a line each."""
     for line in notes:
         out.print(f"note: {line}", highlight=False, markup=False)
 
 
 def _print_sized(as_json: bool) -> Callable[[DumpSizing], None]:
-    """Return what prints the sizes before the closed loop has flown."""
+    """Return the function that prints the sizes before the closed loop has flown."""
 
     def show(made: DumpSizing) -> None:
+        """Print the answer of the sizes."""
         if not as_json:
             out.print(f"sized: {made.answer}", highlight=False, markup=False)
 
@@ -285,6 +290,7 @@ def _print_sized(as_json: bool) -> Callable[[DumpSizing], None]:
 
 
 def _print_dumps(made: DumpSizing) -> None:
+    """Print a sizing of dumps."""
     from ...sizing import tables
 
     out.print(made.answer, highlight=False, markup=False)
@@ -296,6 +302,7 @@ def _print_dumps(made: DumpSizing) -> None:
 
 
 def _print_map(made: SizingMap) -> None:
+    """Print a map, a table for each law."""
     from ...sizing import tables
 
     for k in range(len(made.laws)):

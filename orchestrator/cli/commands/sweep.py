@@ -1,4 +1,4 @@
-"""`desat sweep NAME component.parameter=a,b,c`."""
+"""Define `desat sweep NAME component.parameter=a,b,c`."""
 
 from __future__ import annotations
 
@@ -82,13 +82,14 @@ def sweep(
 
 
 def _print(result: Sweep) -> None:
+    """Print the numbers of a sweep."""
     print_table(_tabulate(result))
     if result.draws:
         out.print(f"medians of {result.draws} draws")
 
 
 def _tabulate(result: Sweep) -> Table:
-    """Return the numbers by value; the longer side goes down the page."""
+    """Tabulate the numbers by value; the longer side goes down the page."""
     points, units = result.points, result.units
     if len(units) <= len(points):
         columns = [
@@ -128,6 +129,7 @@ def _cell(point: SweepPoint, name: str) -> Cell:
 
 
 def _text(value: Any) -> str:
+    """Format a value."""
     if isinstance(value, list):
         return ", ".join(_text(x) for x in value)
     return f"{value:g}" if isinstance(value, float) else str(value)

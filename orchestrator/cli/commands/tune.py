@@ -1,4 +1,4 @@
-"""`desat tune CRAFT component.parameter --for NUMBER`."""
+"""Define `desat tune CRAFT component.parameter --for NUMBER`."""
 
 from __future__ import annotations
 
@@ -116,6 +116,7 @@ def tune(
 
 
 def _print(made: Tuned) -> None:
+    """Print the result of a tuning."""
     from ...numbers.text import number, spell_unit
 
     out.print(made.answer, highlight=False, markup=False)

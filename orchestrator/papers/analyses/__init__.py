@@ -1,1 +1,1 @@
-"""Analyses of what only the papers claim (`desat.analyses` says what an analysis is)."""
+"""Analyse claims that only the papers make (`desat.analyses` defines analyses)."""

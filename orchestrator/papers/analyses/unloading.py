@@ -1,8 +1,8 @@
-"""Numbers of momentum management by coils (paper 001): what its claims are judged by.
+"""Compute numbers of momentum management by coils, for the claims of paper 001.
 
-Of a run the first quarter is left out. The periodic part of a momentum is what a
-least-squares fit of cos and sin of twice the orbital rate, beside a straight line,
-finds in it: gravity gradient at an inertial attitude makes that, and a secular part.
+The first quarter of a run is left out. The periodic part of a momentum is found by a
+least-squares fit of cos and sin of twice the orbital rate and a straight line: at an
+inertial attitude gravity gradient makes such a part, and a secular one.
 """
 
 from __future__ import annotations
@@ -25,8 +25,7 @@ if TYPE_CHECKING:
     from ...engine.recording.results import Results
 
 KEY = "unloading"
-SPEEDS = (100, 200, 300)
-"""rpm, above which the time of the fastest wheel is counted."""
+SPEEDS = (100, 200, 300)  # rpm: the time of the fastest wheel above these is counted
 RPM = 30.0 / np.pi
 NUMBERS = (
     *(f"time_above_{s}" for s in SPEEDS),
@@ -52,7 +51,7 @@ SIGNALS = (
 
 @dataclass(frozen=True)
 class TelescopeParts(Parts):
-    """Which component manages."""
+    """Component that manages the momentum."""
 
     manager: str = "manager"
 
@@ -61,8 +60,11 @@ PARTS = TelescopeParts
 
 
 def applies(system: System) -> TelescopeParts | None:
-    """Systems whose manager says its desired torque, with the components of a craft
-    with coils."""
+    """Return the parts of a system that the analysis applies to, or None.
+
+    Its manager must output its desired torque, and it must have the components of a
+    craft with coils.
+    """
     for signal in SIGNALS:
         name, _, output = signal.partition(".")
         component = system.components.get(name)
@@ -72,12 +74,15 @@ def applies(system: System) -> TelescopeParts | None:
 
 
 def signals(parts: TelescopeParts) -> list[str]:
-    """The series that the numbers are made of."""
+    """Return the series that the numbers need."""
     return list(SIGNALS)
 
 
 def numbers(manifest: Manifest, results: Results) -> dict[str, Value]:
-    """Of a completed run of two orbits or more; none where a series is not recorded."""
+    """Compute the numbers of a completed run of at least two orbits.
+
+    There are none where a series is not recorded.
+    """
     if not manifest.completed or not set(SIGNALS) <= set(results.names()):
         return {}
     law = manifest.values_of("manager")
@@ -158,7 +163,7 @@ def numbers(manifest: Manifest, results: Results) -> dict[str, Value]:
         )
     if (
         "desaturation_period" in law
-    ):  # one for the dipole of a sample, and those of a solution
+    ):  # one for the dipole of each sample, and those of each solution
         each = law["desaturation_period"] / law["sample_time"] / law["update_period"]
         models = 3600.0 * (1.0 / law["sample_time"] + each)
     else:
@@ -181,7 +186,7 @@ def numbers(manifest: Manifest, results: Results) -> dict[str, Value]:
 
 
 def _periodic(times: Any, momentum: Any, rate: float) -> float:
-    """The size of the periodic part (N m s)."""
+    """Return the size of the periodic part (N m s) of a momentum."""
     phase = 2.0 * rate * times
     form = np.stack([np.ones_like(times), times, np.cos(phase), np.sin(phase)], axis=1)
     return float(np.linalg.norm(np.linalg.lstsq(form, momentum, rcond=None)[0][2:]))
@@ -190,7 +195,7 @@ def _periodic(times: Any, momentum: Any, rate: float) -> float:
 def _off_profile(
     given: Mapping[str, Any], impulse: Any, step: float, first: int
 ) -> float:
-    """How far the momentum (rows, 3) is off the rows of H_NOM."""
+    """Return the rms distance (N m s) of the momentum (rows, 3) from H_NOM's rows."""
     nodes = int(given["table_nodes"])
     table = np.reshape(given["profile_table"], (-1, 3))[:nodes]
     rows = np.round(given["table_spacing"] * np.arange(nodes) / step).astype(int)
@@ -201,8 +206,10 @@ def _off_profile(
 def _end_miss(
     law: Mapping[str, Any], impulse: Any, wanted: Any, q: Any, step: float
 ) -> float:
-    """Where a desaturation period ends: rms of |H - H_NOM| over that of |H_D|, in %;
-    H_D is the integral of the torque that is meant (eq. 3)."""
+    """Return the rms of |H - H_NOM| at the ends of desaturation periods.
+
+    It is in % of the rms of |H_D|, the integral of the desired torque (eq. 3).
+    """
     period = law["update_period"]
     rows, nodes = round(period / step), round(period / law["table_spacing"])
     if abs(nodes * law["table_spacing"] - period) > 1e-6:

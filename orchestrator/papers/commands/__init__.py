@@ -1,1 +1,1 @@
-"""The commands that only the papers need."""
+"""Define the commands that only the papers need."""

@@ -1,4 +1,4 @@
-"""`desat design`."""
+"""Define `desat design`."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`desat tables FAMILY`."""
+"""Define `desat tables FAMILY`."""
 
 from __future__ import annotations
 
@@ -86,8 +86,10 @@ def tables(
 def _draws_of(
     family: str, jobs: int, fresh: bool, progress: bool
 ) -> tuple[StoredDraws | None, Provenance | None]:
-    """The samples of a family that has some, stored or made now, and where they are
-    from."""
+    """Return the samples of a family, stored or computed now, and their origin.
+
+    Both are None for a family without samples.
+    """
     from .. import stored as stored_module
 
     if not stored_module.with_draws(family):

@@ -1,4 +1,4 @@
-"""The gain of the cross-product law of magnetic dumping.
+"""Tune the gain of the cross-product law of magnetic dumping.
 
 [design]
 final_momentum = 0.05         # N m s: the gain is tuned to this |h_f|
@@ -17,11 +17,11 @@ KEYS = ("final_momentum",)
 
 
 def applies(system: System) -> bool:
-    """For this block and this law."""
+    """Return whether the manager is `manager_cross_product` with the law ccpl."""
     return flies(system, "manager_cross_product", "ccpl")
 
 
 def make(scenario: Scenario, options: Options) -> MadeDesign:
-    """The gain."""
+    """Tune the gain (1/(T s))."""
     plant = Plant(scenario, options)
     return tune(plant, lambda gain: {"gain": gain}, "gain", GAIN_UNIT)

@@ -1,4 +1,4 @@
-"""The ILQR of magnetic dumping: its weight, paper 000, eq. 14.
+"""Tune the weight of the ILQR of magnetic dumping: paper 000, eq. 14.
 
 [design]
 final_momentum = 0.05         # N m s: the weight F is tuned to this |h_f|
@@ -20,16 +20,17 @@ KEYS = ("final_momentum", "momentum_weight")
 
 
 def applies(system: System) -> bool:
-    """For this block and this law."""
+    """Return whether the manager is `manager_magnetic_ilqr`."""
     return flies(system, "manager_magnetic_ilqr")
 
 
 def make(scenario: Scenario, options: Options) -> MadeDesign:
-    """The weight F, and N_con where there is one."""
+    """Compute the weight F, and N_con where it is not zero."""
     plant = Plant(scenario, options)
     n_con = {"n_con_body": list(plant.n_con)} if norm(plant.n_con) > 1e-15 else {}
 
     def parameters(scale_of_f: float) -> Parameters:
+        """Return the manager's parameters for a scale of F."""
         return {"momentum_weight": (scale_of_f * shape(plant)).tolist(), **n_con}
 
     return with_weight(plant, parameters)

@@ -1,4 +1,4 @@
-"""The LQR of magnetic dumping: gain tables of paper 000, eq. 13.
+"""Compute the gain tables of the LQR of magnetic dumping: paper 000, eq. 13.
 
 [design]
 final_momentum = 0.05         # N m s: the weight F is tuned to this |h_f|
@@ -27,12 +27,12 @@ KEYS = ("final_momentum", "momentum_weight", "nodes")
 
 
 def applies(system: System) -> bool:
-    """For this block and this law."""
+    """Return whether the manager is `manager_magnetic` with the law lqr."""
     return flies(system, "manager_magnetic", "lqr")
 
 
 def make(scenario: Scenario, options: Options) -> MadeDesign:
-    """Gain and offset tables over the time to go."""
+    """Compute gain and offset tables over the time to go."""
     plant = Plant(scenario, options)
     nodes = plant.asked.nodes or NODES
     if nodes > CAPACITY:
@@ -42,6 +42,7 @@ def make(scenario: Scenario, options: Options) -> MadeDesign:
     times = np.linspace(0.0, plant.horizon, nodes)
 
     def parameters(scale_of_f: float) -> Parameters:
+        """Return the manager's parameters for a scale of F."""
         gain, offset = offline.gains(
             plant.field,
             plant.omega,
@@ -61,6 +62,7 @@ def make(scenario: Scenario, options: Options) -> MadeDesign:
 
 
 def _padded(table: Array) -> list[list[float]]:
+    """Pad a table with zeros to CAPACITY rows."""
     rows = np.zeros((CAPACITY, table.shape[1]))
     rows[: len(table)] = table
     return [[float(x) for x in row] for row in rows]

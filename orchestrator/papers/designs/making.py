@@ -1,5 +1,4 @@
-"""`desat design`: which scenarios have a design made, and how one is made, kept and
-used."""
+"""Make, store and use designs (`desat design`)."""
 
 from __future__ import annotations
 
@@ -20,13 +19,21 @@ from .origin import TABLE, builder_of, design_of, made_of, names_of, owner, syst
 
 PACKAGES = ("desat", "numpy", "scipy")
 COMMON = ("of", "assume", "each_draw")
+# tolerance for results of a stored design: the last bits of linear algebra depend on
+# the machine
 ROUNDING = 1e-12
-"""Of what a kept design reached: the last bits of linear algebra are the machine's."""
 
 
 def designable(names: list[str]) -> list[Scenario]:
-    """The scenarios of these names, or all that have a design of their own; one that
-    ends where another ends comes after it. Raises DesatError for one that has none."""
+    """Return the scenarios of these names, or all that have a design of their own.
+
+    A scenario that ends where another ends comes after it.
+
+    Raises
+    ------
+    DesatError
+        If a named scenario has no design of its own.
+    """
     wanted = [find(n) for n in names] or [
         s for s in scenarios().values() if s.content.design and not s.content.design.of
     ]
@@ -42,8 +49,13 @@ def designable(names: list[str]) -> list[Scenario]:
 
 
 def design(scenario: Scenario, options: Options | None = None) -> MadeDesign:
-    """Compute a scenario's design for the values of `options`. Raises DesatError where
-    it cannot be made."""
+    """Compute a scenario's design for the values of `options`.
+
+    Raises
+    ------
+    DesatError
+        If it cannot be made.
+    """
     options = options or Options()
     system, _ = builder_of(scenario, options).check().or_raise()
     kind = next((k for k in kinds() if k.applies(system)), None)
@@ -61,6 +73,7 @@ def design(scenario: Scenario, options: Options | None = None) -> MadeDesign:
 
 
 def _no_kind(system: System) -> str:
+    """Return the message that no kind of design applies to a system."""
     names = ", ".join(k.__name__.rpartition(".")[2] for k in kinds())
     manager = system.components.get("manager")
     what = ""
@@ -75,9 +88,15 @@ _made: dict[str, MadeDesign] = {}
 
 
 def parameters_for(scenario: Scenario, options: Options) -> dict[str, Parameters]:
-    """The designed parameters, a table a component, that `options.design` asks for: a
-    file, or made now for the values of the options. Raises DesatError where that cannot
-    be."""
+    """Return the designed parameters that `options.design` selects, by component.
+
+    They are read from a file, or computed now for the values of the options.
+
+    Raises
+    ------
+    DesatError
+        If that is impossible.
+    """
     if options.design is None:
         return {}
     if scenario.design is None:
@@ -92,7 +111,10 @@ def parameters_for(scenario: Scenario, options: Options) -> dict[str, Parameters
 
 
 def text(scenario: Scenario, made: MadeDesign, options: Options | None = None) -> str:
-    """The file of a design. The same design with the same versions gives the same text."""
+    """Return the text of a design's file.
+
+    The same design with the same versions gives the same text.
+    """
     from importlib.metadata import version
 
     versions = ", ".join(f"{p} {version(p)}" for p in PACKAGES)
@@ -127,25 +149,27 @@ def text(scenario: Scenario, made: MadeDesign, options: Options | None = None) -
 
 
 def origin_text(values: dict[str, Any]) -> str:
-    """The table that ends a design's file."""
+    """Return the table that ends a design's file."""
     lines = [f"{json.dumps(k)} = {_toml_value(v)}" for k, v in values.items()]
     return "\n".join(["", f"[{TABLE}]", *lines]) + "\n"
 
 
 def _toml_value(value: Any) -> str:
+    """Format a value in TOML."""
     if isinstance(value, list):
         return f"[{', '.join(_toml_value(v) for v in value)}]"
     return json.dumps(value) if isinstance(value, (str, bool)) else repr(value)
 
 
 def _assignment(name: str, value: Any) -> str:
+    """Format an assignment in TOML, a matrix with a row on each line."""
     if isinstance(value, list) and isinstance(value[0], list):
         return "\n".join([f"{name} = [", *(f"  {row!r}," for row in value), "]"])
     return f"{name} = {value!r}"
 
 
 def as_json(scenario: Scenario, made: MadeDesign, path: Path) -> dict[str, Any]:
-    """What `--json` prints of a design that was written to `path`."""
+    """Return the data that `--json` prints of a design written to `path`."""
     return {
         "scenario": scenario.name,
         "file": str(path),
@@ -170,9 +194,11 @@ def write(
 
 
 def confirm(scenario: Scenario) -> bool:
-    """Renew the table [made_of] of a scenario's kept design, and nothing else of its
-    file, if a run with the kept numbers reaches what the file says, to `ROUNDING`;
-    False where it does not."""
+    """Renew the table [made_of] of a stored design if a run confirms the design.
+
+    The run with the stored numbers has to reach the results in the file, to `ROUNDING`;
+    otherwise nothing is written and the result is False.
+    """
     from .plant import Plant
 
     if scenario.design is None:
@@ -193,8 +219,7 @@ def confirm(scenario: Scenario) -> bool:
 
 
 def main() -> int:
-    """`python -m desat.papers.designs.making`: stamp the kept designs that runs now
-    confirm."""
+    """Run `python -m desat.papers.designs.making`: stamp designs that runs confirm."""
     failed = 0
     for scenario in designable([]):
         try:

@@ -1,9 +1,10 @@
-"""Minimum-energy control of magnetic dumping: the costate, paper 000, eqs. 10-12.
+"""Compute the costate of minimum-energy magnetic dumping: paper 000, eqs. 10-12.
 
 [design]
 final_momentum = 0.05             # N m s: the cheapest end of this size
 final_momentum_body = [0, 0, 0]   # or this end
-end_of = "NAME"                   # or the end of another scenario's run, with its kept design
+end_of = "NAME"                   # or the end of another scenario's run, with its
+                                  # stored design
 """
 
 from __future__ import annotations
@@ -20,23 +21,22 @@ from . import MadeDesign, Parameters
 from .plant import Array, DesignFlight, Plant
 from .tuning import flies, needless, of_flight
 
-LARGEST_MISS = 1e-9
-"""Of an end that a costate was solved for (N m s)."""
+LARGEST_MISS = 1e-9  # N m s: largest miss of an end that a costate was solved for
+# iterations of a costate: the first solves the linear equations, the others remove
+# rounding errors
 REFINEMENTS = 3
-"""Of a costate: the first solves the linear equations, the others take out their
-rounding."""
 
 
 KEYS = ("final_momentum", "final_momentum_body", "end_of")
 
 
 def applies(system: System) -> bool:
-    """For this block and this law."""
+    """Return whether the manager is `manager_magnetic` with the law mec."""
     return flies(system, "manager_magnetic", "mec")
 
 
 def make(scenario: Scenario, options: Options) -> MadeDesign:
-    """The costate with which the run ends where it shall."""
+    """Compute the costate with which the run ends at the required momentum."""
     plant = Plant(scenario, options)
     if plant.manager_value("saturation"):
         raise DesatError(
@@ -49,6 +49,7 @@ def make(scenario: Scenario, options: Options) -> MadeDesign:
     }
 
     def fly(p: Array) -> DesignFlight:
+        """Fly with a costate."""
         return plant.fly(costate=p.tolist(), **fixed)
 
     start = fly(np.zeros(3)).momentum[0]
@@ -64,7 +65,7 @@ def make(scenario: Scenario, options: Options) -> MadeDesign:
     p = offline.costate(
         plant.field, plant.omega, weight, plant.n_con, start, end, plant.horizon
     )
-    # variation of extremals: the end is linear in p, also that of commands held over a
+    # Variation of extremals: the end is linear in p, also with commands held over a
     # sample
     flight, size = fly(p), float(np.linalg.norm(p))
     miss = np.linalg.norm(flight.momentum[-1] - end)

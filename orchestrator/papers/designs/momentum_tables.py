@@ -1,20 +1,26 @@
-"""Tables for momentum management (paper 001): H_NOM, and the preview's feedback and
-costate.
+"""Compute tables for momentum management (paper 001).
 
-[design]
-peak_weight = 3e5             # preview: A2 m4, of (wheel momentum / peak_momentum)^8
-peak_momentum = 20.0          # preview: N m s
-peak_share = 0.9              # preview: in place of it, of the largest wheel momentum of the course
-                              # without a peak_weight; that is then in its mean squared dipoles
-momentum_weight = [q, q, q]   # preview: of |H|^2, eci, 1/(T2 s2)
-hold_weight = 15000.0         # preview: 1/(T2 s2), of how stiffly the course is held
-lost_momentum_weight = [q, q, q]   # learning preview: the same of the courses with a coil lost,
-lost_peak_share = 1.6              # peaks in terms of the course with all coils;
-lost_effort = 2e6                  # A2 m4: one that takes less has coils to spare: peak_weight is
-                                   # then in this, and the share falls with the fourth root
+They are H_NOM, and the feedback and costate of the preview.
 
-Made for the manager's own inertia, coils and weighting, the attitudes of guidance and
-the field of the environment (with `assume`: another), from momentum zero on.
+    [design]
+    peak_weight = 3e5             # preview: A2 m4, of (wheel momentum / peak_momentum)^8
+    peak_momentum = 20.0          # preview: N m s
+    peak_share = 0.9              # preview: instead of it, over the largest wheel
+                                  # momentum of the course without a peak_weight;
+                                  # peak_weight is then over that course's mean
+                                  # squared dipoles
+    momentum_weight = [q, q, q]   # preview: of |H|^2, eci, 1/(T2 s2)
+    hold_weight = 15000.0         # preview: 1/(T2 s2), stiffness that holds the course
+    lost_momentum_weight = [q, q, q]  # learning preview: the same for the courses with
+                                      # a coil lost,
+    lost_peak_share = 1.6             # peaks over those of the course with all coils;
+    lost_effort = 2e6                 # A2 m4: a course that takes less has coils to
+                                      # spare: peak_weight is then over this, and the
+                                      # share falls with the fourth root
+
+The tables are made for the manager's own inertia, coils and weighting, the attitudes of
+guidance and the field of the environment (with `assume`: another), from zero momentum
+on.
 """
 
 from __future__ import annotations
@@ -44,16 +50,17 @@ from . import MadeDesign, Parameters
 from .origin import builder_of
 from .origin import design_of as asked_of
 
+# Desaturation period (s) of H_NOM, half an orbit of 500 km in whole samples of 50 s;
+# and spacing (s) of rows, of which it is a multiple.
 HALF_ORBIT, SPACING = 2850.0, 150.0
-"""The desaturation period of H_NOM, half an orbit of 500 km in whole samples of 50 s;
-and the time between rows (s), of which it is a multiple."""
+# s: extent of the tables beyond the run, for the next target of an open-loop law
 BEYOND = 600.0
-"""What the tables reach beyond the run (s): an open-loop law's next target."""
 LEARNING = "manager_preview_learning"
 PREVIEW, PROFILE = (
     ("manager_preview", LEARNING),
     ("manager_mixed_mode", "manager_open_loop"),
 )
+# Parameters of an environment that a course depends on; field models belong to the law.
 ORBIT = (
     "orbit_start",
     "orbit_frame",
@@ -69,8 +76,6 @@ ORBIT = (
     "epoch_j2000",
     "eci_frame",
 )
-"""Parameters of an environment that a course depends on; field models are the law's own
-affair."""
 KEYS = (
     "peak_weight",
     "peak_momentum",
@@ -84,13 +89,13 @@ KEYS = (
 
 
 def applies(system: System) -> bool:
-    """For the blocks with such tables."""
+    """Return whether the manager is a block with such tables."""
     manager = system.components.get("manager")
     return manager is not None and manager.interface.model in (*PREVIEW, *PROFILE)
 
 
 def make(scenario: Scenario, options: Options) -> MadeDesign:
-    """The tables of its manager."""
+    """Compute the tables of a scenario's manager."""
     system, _ = builder_of(scenario, options).check().or_raise()
     manager = system.components["manager"]
     dt = float(_value(manager, "sample_time"))
@@ -107,7 +112,7 @@ def make(scenario: Scenario, options: Options) -> MadeDesign:
             f"{SPACING:g} s; a table has {CAPACITY}"
         )
     preview = manager.interface.model in PREVIEW
-    # a preview looks an orbit beyond the end, else it would let go there
+    # a preview looks an orbit beyond the end; otherwise control would cease there
     span = (nodes - 1) * SPACING + (2.0 * HALF_ORBIT if preview else dt)
     course, rate, turns = _course(system, dt, ceil(span / HALF_ORBIT) * period)
     times = SPACING * np.arange(nodes)
@@ -129,7 +134,7 @@ def make(scenario: Scenario, options: Options) -> MadeDesign:
 def _profile(
     manager: Component, course: offline.Course, times: Any, rate: float, period: int
 ) -> tuple[Parameters, dict[str, tuple[Any, str]]]:
-    """H_NOM as a table, and what its rows leave out."""
+    """Compute H_NOM as a table, and its interpolation error."""
     ends = offline.periodic_ends(course, rate, period)
     values, conditions = offline.profile(course, ends, period, np.zeros(3))
     rows = offline.at_rows(values, course.dt, times, period)
@@ -161,7 +166,10 @@ def _preview(
     times: Any,
     lost: list[offline.Course | None],
 ) -> tuple[Parameters, dict[str, tuple[Any, str]]]:
-    """K and g as tables: the cheapest course, held; and g of those with a coil lost."""
+    """Compute the tables K and g of the preview.
+
+    They hold the cheapest course; g is also computed for the courses with a coil lost.
+    """
     asked, weight = asked_of(scenario), _weight(scenario, "momentum_weight")
     peak, unit, flown = asked.peak_momentum or 20.0, 1.0, round(times[-1] / course.dt)
     if asked.peak_share:
@@ -180,6 +188,7 @@ def _preview(
     )
 
     def offset(x: offline.Optimum) -> Any:
+        """Return g at the rows of the table."""
         held = -x.costate - np.einsum("kab,kb->ka", gain, x.momentum[:-1])
         return offline.at_rows(held, course.dt, times)
 
@@ -218,6 +227,7 @@ def _preview(
 
 
 def _weight(scenario: Scenario, key: str) -> Any:
+    """Return a weight (3,) of the design, or raise DesatError if not positive."""
     weight = np.array(getattr(asked_of(scenario), key) or (1000.0,) * 3, float)
     if weight.min() <= 0.0:
         raise DesatError(
@@ -227,7 +237,7 @@ def _weight(scenario: Scenario, key: str) -> Any:
 
 
 def _coils(course: offline.Course, x: offline.Optimum) -> Any:
-    """The coils' squared dipoles (A2 m4) of each sample."""
+    """Return the coils' sum of squared dipoles (A2 m4) of each sample."""
     return np.einsum(
         "ki,kij,kj->k", x.dipole, np.linalg.inv(course.weighting), x.dipole
     )
@@ -236,8 +246,10 @@ def _coils(course: offline.Course, x: offline.Optimum) -> Any:
 def _lost(
     manager: Component, course: offline.Course, turns: Any
 ) -> list[offline.Course | None]:
-    """The course with coil 1, 2, 3 or 4 lost; None where the coils left do not span
-    space, or the weighting is not of coils."""
+    """Return the course with coil 1, 2, 3 or 4 lost.
+
+    None where the remaining coils do not span space, or the weighting is not of coils.
+    """
     if manager.choice("weighting") != "coils":
         return [None] * 4
     courses: list[offline.Course | None] = []
@@ -253,8 +265,11 @@ def _lost(
 
 
 def _course(system: System, dt: float, count: int) -> tuple[offline.Course, float, Any]:
-    """What is predicted for so many samples, in eci, the orbital rate (rad/s), and the
-    samples' attitudes (count, 3, 3), eci to body."""
+    """Predict the course for `count` samples of `dt` (s).
+
+    Returns the course in eci, the orbital rate (rad/s), and the samples' attitudes
+    (count, 3, 3), eci to body.
+    """
     manager = system.components["manager"]
     environment, guidance = (
         _started(system.components[n]) for n in ("environment", "guidance")
@@ -290,30 +305,36 @@ def _course(system: System, dt: float, count: int) -> tuple[offline.Course, floa
 
 
 def _mean(x: Any) -> Any:
-    """Means over the samples, by Simpson's rule: their middles err by 5e-4, which adds
-    up."""
+    """Return means over the samples by Simpson's rule.
+
+    The middles alone err by 5e-4, which accumulates.
+    """
     return (x[:-1:2] + 4.0 * x[1::2] + x[2::2]) / 6.0
 
 
 def _started(component: Component) -> Any:
+    """Return the started block of a component."""
     block = bare_block(component)
     block.start()
     return block
 
 
 def _value(component: Component, name: str) -> Any:
-    """A parameter; an array as a tuple."""
+    """Return a parameter; an array as a tuple."""
     value = component.values.get(name, ())
     return tuple(value) if isinstance(value, list) else value
 
 
 def _padded(rows: Any) -> Any:
+    """Pad rows with zeros to CAPACITY rows."""
     return np.vstack((rows, np.zeros((CAPACITY - len(rows), rows.shape[1]))))
 
 
 def _rounded(rows: Any) -> list[list[float]]:
-    """A whole table, of seven digits: 1e-7 of a momentum is far below what is between
-    rows."""
+    """Return a padded table with seven digits.
+
+    1e-7 of a momentum is far below the interpolation error between rows.
+    """
     return [[float(f"{x:.7g}") for x in row] for row in _padded(rows)]
 
 
@@ -321,7 +342,7 @@ def _rounded(rows: Any) -> list[list[float]]:
 
 
 def made_for(system: System) -> float:
-    """A number of orbit, epoch and attitude, that tables are good for."""
+    """Compute a number that identifies orbit, epoch and attitude of tables."""
     about: dict[str, Any] = {"start": system.start}
     for name, wanted in (("environment", ORBIT), ("guidance", None)):
         component = system.components.get(name)
@@ -336,8 +357,10 @@ def made_for(system: System) -> float:
 
 
 def problems(system: System) -> Iterator[str]:
-    """What is wrong with the tables of a system, a line each: none, of another orbit or
-    attitude, shorter than the run."""
+    """Yield a line for each problem of a system's tables.
+
+    They are missing, of another orbit or attitude, or shorter than the run.
+    """
     for c in system.components.values():
         if "made_for" not in c.interface.signals:
             continue

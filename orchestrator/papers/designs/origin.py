@@ -1,7 +1,7 @@
-"""What a design was made from, and in what a run differs from it.
+"""Record what a design was made from, and find how a run differs from it.
 
 A design's file ends with a table [made_of]: times, sources, wiring, the [design] of the
-scenario and every parameter of its system but those that were computed.
+scenario and every parameter of its system except those that were computed.
 """
 
 from __future__ import annotations
@@ -28,15 +28,17 @@ TABLE = "made_of"
 
 
 def design_of(scenario: Scenario) -> Design:
-    """The [design] of a scenario that has one."""
+    """Return the [design] of a scenario that has one."""
     assert scenario.content.design is not None
     return scenario.content.design
 
 
 def builder_of(scenario: Scenario, options: Options, designed: bool = False) -> Builder:
-    """Begin the system, on bare blocks, that a scenario's design is made for: with the
-    values of `options`, then what [design] assumes. `designed`: with the kept design,
-    and nothing assumed."""
+    """Begin the system, on bare blocks, that a scenario's design is made for.
+
+    It has the values of `options`, then those that [design] assumes. With `designed` it
+    has the stored design and nothing assumed.
+    """
     name, assumed = scenario.name, Layer(scenario.name)
     if scenario.content.design is not None and not designed:
         assumed.values = [
@@ -48,13 +50,19 @@ def builder_of(scenario: Scenario, options: Options, designed: bool = False) -> 
     return builder.add(layers.of_options(replace(options, blocks=True)), assumed)
 
 
-LONGEST = 12
-"""An array longer than this is kept as a digest."""
+LONGEST = 12  # an array longer than this is stored as a digest
 
 
 def system_of(scenario: Scenario, options: Options) -> System:
-    """The system that a scenario's design is made for, resolved, whatever FMU the
-    options put in a place. Raises DesatError where it cannot be."""
+    """Resolve the system that a scenario's design is made for.
+
+    FMUs that the options exchange are ignored.
+
+    Raises
+    ------
+    DesatError
+        If it cannot be resolved.
+    """
     return builder_of(scenario, replace(options, sources=[])).system()
 
 
@@ -64,10 +72,22 @@ def made_of(
     without: set[str],
     known: Container[str] | None = None,
 ) -> dict[str, Any]:
-    """What a scenario's design is made of, `component.parameter` -> value and more,
-    where it is made for this system; `without` the parameters that it computes. A
-    choice stands by its name. With `known`, parameters that are neither in it nor given
-    by anybody are left out: a block has got them since."""
+    """Return what a scenario's design is made from, `component.parameter` -> value.
+
+    Times, wiring and sources are included; a choice stands by its name.
+
+    Parameters
+    ----------
+    scenario
+        The scenario.
+    system
+        System that the design is made for.
+    without
+        Parameters that the design computes.
+    known
+        Names to include. A parameter that is neither in it nor set by anybody is left
+        out, because its block got it later. None: all.
+    """
     values: dict[str, Any] = {
         "start": system.start,
         "stop": system.stop,
@@ -98,26 +118,31 @@ def made_of(
 
 
 def _wire(c: Connection) -> str:
-    """A connection with its transformation, where it has one."""
+    """Format a connection with its conversion, where it has one."""
     same = (c.factor, c.offset) == (1.0, 0.0)
     return str(c) if same else f"{c}: {c.factor!r}, {c.offset!r}"
 
 
 def _short_form(value: Any) -> Any:
+    """Return a value, or the digest of a long array."""
     if isinstance(value, list) and len(value) > LONGEST:
         return f"{len(value)} values, {_digest(value)}"
     return value
 
 
 def _digest(data: Any) -> str:
+    """Compute a short digest of data."""
     return hashlib.sha256(
         json.dumps(data, sort_keys=True, default=str).encode()
     ).hexdigest()[:16]
 
 
 def owner(scenario: Scenario, options: Options) -> tuple[Scenario, Options, list[str]]:
-    """The scenario that has the design made which this one uses, those of the options
-    that it knows, and the `component.variable` of those that it does not."""
+    """Return the scenario that owns the design which a scenario uses.
+
+    Also returned are those options that this scenario knows, and the
+    `component.variable` of those that it does not.
+    """
     if not (of := design_of(scenario).of):
         return scenario, options, []
     other = find(f"{scenario.family}/{of}")
@@ -125,6 +150,7 @@ def owner(scenario: Scenario, options: Options) -> tuple[Scenario, Options, list
     strange: list[str] = []
 
     def known(name: str, variable: str) -> bool:
+        """Return whether the owner has a variable; note it if not."""
         if name in components and components[name].elements(base_name(variable)):
             return True
         strange.append(f"{name}.{variable}")
@@ -143,14 +169,16 @@ def owner(scenario: Scenario, options: Options) -> tuple[Scenario, Options, list
 
 
 def names_of(file: DesignFile) -> set[str]:
-    """`component.parameter` of all that a design's file computes."""
+    """Return `component.parameter` of everything that a design's file computes."""
     return {f"{name}.{k}" for name, values in file.parameters.items() for k in values}
 
 
 def warnings(scenario: Scenario, options: Options, system: System) -> list[str]:
-    """What to say of a run of a scenario that uses a kept design made for other values:
-    with the command that makes one for them. `system`: the one that runs, with these
-    options."""
+    """Return warnings on a run with a stored design made for other values.
+
+    Each names the command that makes a design for the run's values. `system` is the one
+    that runs with these options.
+    """
     if scenario.design is None or not scenario.design.exists():
         return []
     file = design(scenario.design)
@@ -193,5 +221,6 @@ def warnings(scenario: Scenario, options: Options, system: System) -> list[str]:
 
 
 def _short(value: Any) -> str:
+    """Format a value in at most 80 characters."""
     text = "nothing" if value is None else str(value)
     return text if len(text) <= 80 else f"{text[:77]}..."

@@ -1,7 +1,7 @@
-"""The paper's model of dumping by magnetic torquers: fixed attitude, ideal wheels.
+"""Model dumping by magnetic torquers as the paper does: fixed attitude, ideal wheels.
 
-Field, attitude and N_con come from the scenario's own environment and spacecraft, and
-every end that is tuned or solved for is that of a run of the scenario on bare blocks.
+Field, attitude and N_con come from the scenario's own environment and spacecraft. Every
+end that is tuned or solved for is that of a run of the scenario on bare blocks.
 """
 
 from __future__ import annotations
@@ -39,8 +39,11 @@ ENERGY = "torquers.dipole_energy"
 
 @dataclass(frozen=True)
 class DesignFlight:
-    """What a run did: the wheels' momentum (rows, 3; N m s), the dipole over each step
-    (steps, 3; A m2) and its energy (A2 m4 s)."""
+    """Course of a run.
+
+    It has the wheels' momentum (rows, 3; N m s), the dipole over each step (steps, 3; A
+    m2) and its energy (A2 m4 s).
+    """
 
     momentum: Array
     dipole: Array
@@ -48,11 +51,11 @@ class DesignFlight:
 
     @property
     def size(self) -> float:
-        """|h_f| (N m s)"""
+        """Return the final momentum |h_f| (N m s)."""
         return float(np.linalg.norm(self.momentum[-1]))
 
     def reached(self) -> dict[str, tuple[Any, str]]:
-        """What it ended with: name -> value and unit."""
+        """Return the final values: name -> value and unit."""
         return {
             "final_momentum": (self.size, "N.m.s"),
             "final_momentum_body": ([float(x) for x in self.momentum[-1]], "N.m.s"),
@@ -61,9 +64,11 @@ class DesignFlight:
 
 
 class Plant:
-    """A scenario, with the values of `options`, that is flown on bare blocks with this
-    or that parameter of its manager; `designed`: with its kept design, and nothing
-    assumed."""
+    """A scenario flown on bare blocks with varying parameters of its manager.
+
+    It has the values of `options`; with `designed` it has the stored design, and
+    nothing is assumed.
+    """
 
     def __init__(
         self, scenario: Scenario, options: Options | None = None, designed: bool = False
@@ -91,29 +96,34 @@ class Plant:
         self.n_con = constant_torque(spacecraft.inertia, self.omega, nadir, norm(r))
 
     def _component(self, name: str) -> Component:
+        """Return a component, or raise DesatError."""
         if name not in self.system.components:
             known = nearest(name, self.system.components)
             raise DesatError(f"{self.system.name}: no component {name}{known}")
         return self.system.components[name]
 
     def _bare(self, name: str) -> Any:
-        """The block of a component with its parameters, started."""
+        """Return the block of a component with its parameters.
+
+        The block of the environment is started.
+        """
         block: Any = bare_block(self._component(name))
         if name == "environment":
             block.start()
         return block
 
     def _at(self, t: float) -> None:
+        """Set the environment to `t` (s) after the start."""
         self._environment.output(self.system.start + t)
 
     def field(self, t: float) -> Vec3:
-        """B (T, body) in the fixed attitude, t (s) after the start."""
+        """Return B (T, body) in the fixed attitude, `t` (s) after the start."""
         self._at(t)
         e = self._environment
         return rotate(product(self._attitude, lvlh_attitude(e.r_eci, e.v_eci)), e.b_eci)
 
     def manager_value(self, name: str) -> Any:
-        """A parameter of the manager; a choice by its name."""
+        """Return a parameter of the manager; a choice by its name."""
         signals = self.manager.interface.elements.get(name, ())
         if signals[0].choices:
             return self.manager.choice(signals[0].name)
@@ -121,7 +131,7 @@ class Plant:
         return values if signals[0].name != name else values[0]
 
     def fly(self, **parameters: Any) -> DesignFlight:
-        """Run it with these parameters of its manager."""
+        """Run the scenario with these parameters of its manager."""
         values = dict(self.manager.parameters)
         where = f"{self.system.name}: manager"
         for name, value in parameters.items():

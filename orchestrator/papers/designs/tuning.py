@@ -1,4 +1,4 @@
-"""What the laws of magnetic dumping share: the search for their one free number."""
+"""Search the one free number of a law of magnetic dumping."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from . import MadeDesign, Parameters
 from .plant import Array, DesignFlight, Plant
 
 WEIGHT_UNIT, GAIN_UNIT = "1/(T2.s2)", "1/(T.s)"
+# minimum, maximum and step of the decimal logarithm of a law's free number
 SEARCH = (-1.0, 8.0, 0.1)
-"""For a law's free number: least, largest and step of its decimal logarithm."""
 
 
 def flies(system: System, model: str, law: str = "") -> bool:
-    """True where the system's manager is this block with this `law`."""
+    """Return whether the system's manager is this block with this `law`."""
     manager = system.components.get("manager")
     if manager is None or manager.interface.model != model:
         return False
@@ -33,12 +33,12 @@ def of_flight(
     tuned: dict[str, tuple[float, str]] | None = None,
     notes: tuple[str, ...] = (),
 ) -> MadeDesign:
-    """The design of manager parameters with which this was flown."""
+    """Return the design of the manager parameters of a flight."""
     return MadeDesign("manager", parameters, flight.reached(), tuned or {}, notes)
 
 
 def with_weight(plant: Plant, parameters: Callable[[float], Parameters]) -> MadeDesign:
-    """The design with F as given, or as large as the wanted end asks."""
+    """Return the design with F as given, or tuned to the required final momentum."""
     if plant.asked.final_momentum:
         return tune(plant, parameters, "momentum_weight", WEIGHT_UNIT)
     if not plant.asked.momentum_weight:
@@ -50,16 +50,22 @@ def with_weight(plant: Plant, parameters: Callable[[float], Parameters]) -> Made
 
 
 def shape(plant: Plant) -> Array:
-    """The diagonal of F, its shape where a number is tuned (3)."""
+    """Return the diagonal (3,) of F; only its shape counts where a number is tuned."""
     return np.asarray(plant.asked.momentum_weight or (1.0, 1.0, 1.0), float)
 
 
 def tune(
     plant: Plant, parameters: Callable[[float], Parameters], name: str, unit: str
 ) -> MadeDesign:
-    """The least value of the law's one free number, from SEARCH up, with which the run
-    ends at the wanted size. The size falls with the number, and rises again where a
-    sample is too long for it.
+    """Find the smallest free number with which the run ends at the required size.
+
+    The search goes from SEARCH upwards. The final momentum falls with the number, and
+    rises again where a sample is too long for it.
+
+    Raises
+    ------
+    DesatError
+        If no number leads there, or the end is reached without dumping.
     """
     where = f"{plant.system.name}: design"
     if (wanted := plant.asked.final_momentum) is None:
@@ -67,13 +73,17 @@ def tune(
     best = inf
 
     def excess(log: float) -> float:
+        """Return the final momentum beyond the required one (N m s).
+
+        It is inf where the run diverges after one that did not.
+        """
         nonlocal best
         try:
             size = plant.fly(**parameters(float(10.0**log))).size
         except ComponentError:
             if best == inf:
                 raise
-            return inf  # it has diverged
+            return inf  # the run has diverged
         best = min(best, size)
         return size - wanted
 
@@ -95,7 +105,7 @@ def tune(
 
 
 def needless(plant: Plant, wanted: float) -> DesatError:
-    """The error of an end that is reached without dumping."""
+    """Return the error for an end that is reached without dumping."""
     return DesatError(
         f"{plant.system.name}: design: final_momentum = {wanted:g} N m s is reached without dumping"
     )

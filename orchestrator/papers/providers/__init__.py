@@ -1,1 +1,1 @@
-"""The layers of values that the papers provide (`runs/provider.py`)."""
+"""Provide the layers of values of the papers (`runs/provider.py`)."""

@@ -1,4 +1,4 @@
-"""The values that a [design] asks for: gain tables and costates (`papers/designs/`)."""
+"""Provide the values of a [design]: gain tables and costates (`papers/designs/`)."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""The command that writes the page."""
+"""Define the command that writes the page."""

@@ -1,4 +1,4 @@
-"""`desat export web`."""
+"""Define `desat export web`."""
 
 from __future__ import annotations
 
