@@ -182,7 +182,7 @@ def test_runs_do_not_overwrite(desat, tmp_path):
             ("run", NAME, "--source", "manager=environment_kepler"),
             "manager: its FMU lacks what is wired: ",
         ),
-        (("run", "/dev/null"), "/dev/null: it ends in none of .toml, .ssp, .ssd"),
+        (("run", "/dev/null"), "/dev/null: neither a .toml, .ssp or .ssd file"),
         (("run", NAME, "--out", "/proc/x"), "/proc/x: No such file or directory"),
     ],
 )

@@ -1252,8 +1252,9 @@ class Calls(Expressions):
         limits: list[int | None] = [1]
 
         def body(item: Value) -> None:
-            """Write a placeholder for one element: its type is known after the
-            loops.
+            """Write a placeholder for one element.
+
+            Its type is known after the loops.
             """
             item = replace(item, type=item.type)
             t = item.type

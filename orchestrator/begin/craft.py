@@ -85,8 +85,8 @@ POINTINGS = ("nadir", "inertial", "sun", "yaw")
 BRAKING = 7.0
 SLOW = 6.0 * 3600.0  # s: from this orbit period on steps may be longer than a second
 LARGEST_TURN = 0.02  # rad: maximum turn by a wheel's torque in a step
-# rad: maximum turn by the wheels' torque in a substep, to which accuracy has been shown
-# (analyses/coverage.py)
+# rad: maximum turn by the wheels' torque in a substep; analyses/coverage.py shows that
+# the accuracy holds up to it
 KICK = 0.0076
 # Number of dumps of a scenario, and its maximum number of steps.
 DUMPS, MOST_STEPS = 9, 2_500_000

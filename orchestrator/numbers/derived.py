@@ -102,7 +102,8 @@ def of_entry(entry: Number | Plot) -> tuple[DerivedQuantity, dict[str, Any]] | N
 def in_body(h: Array, axes_wheel: Sequence[float]) -> Array:
     """The sum of the wheels' momenta as a vector in body (rows, 3): of h_i along each
     axis, the columns of axes_wheel (3, 4) row by row. Of numbers only: plots know no
-    parameters."""
+    parameters.
+    """
     return np.asarray(h @ np.reshape(axes_wheel, (3, -1)).T)
 
 
@@ -185,7 +186,8 @@ def pointing(q: Array, q_ref: Array) -> Array:
 @quantity("first", "second", "third", unit="deg")
 def euler(q: Array, q_ref: Array, sequence: str = "321") -> Array:
     """Euler angles (rows, 3; deg) from a reference to an attitude: turns about body
-    axes, first to last as in `sequence`."""
+    axes, first to last as in `sequence`.
+    """
     with np.errstate(invalid="ignore"):  # an attitude may be a zero quaternion
         unit = [x / np.linalg.norm(x, axis=1, keepdims=True) for x in (q_ref, q)]
     return _angles(matrices(unit[0]), matrices(unit[1]), sequence)
@@ -194,7 +196,8 @@ def euler(q: Array, q_ref: Array, sequence: str = "321") -> Array:
 @quantity("first", "second", "third", unit="deg")
 def euler_lvlh(q: Array, r: Array, v: Array, sequence: str = "321") -> Array:
     """Euler angles (rows, 3; deg) from lvlh, by position and velocity in eci, to an
-    attitude: as `euler`, with a reference that no guidance samples."""
+    attitude: as `euler`, with a reference that no guidance samples.
+    """
     z = -r / np.linalg.norm(r, axis=1, keepdims=True)
     y = -np.cross(r, v)
     y /= np.linalg.norm(y, axis=1, keepdims=True)
@@ -247,7 +250,8 @@ def _angles(reference: Array, attitude: Array, sequence: str) -> Array:
 @quantity("x", "y", "z", unit="1")
 def nadir_body(q: Array, r: Array) -> Array:
     """The unit vector to nadir in body (rows, 3), by the position in eci; its z is the
-    cosine of the tilt of the body's z axis."""
+    cosine of the tilt of the body's z axis.
+    """
     return rotate(q, -unit_rows(r))
 
 
@@ -279,7 +283,8 @@ def momentum_budget(
 ) -> Array:
     """Sizes (rows, 3) of what disturbances, coils and both have given a craft since the
     start, as vectors in eci (N m s): the external impulse, and the coils'
-    (`coil_impulse`)."""
+    (`coil_impulse`).
+    """
     coils = coil_impulse(times, b_eci, q, dipole)
     n = len(coils)
     parts = impulse[:n] - coils, coils, impulse[:n]

@@ -39,7 +39,8 @@ def in_unit(
     unit: str | Callable[[Unit], Unit], late: bool = False
 ) -> Callable[[Measure], Measure]:
     """The same, of a function that gives a unit of its own, or one made from that of
-    its values; `late`: it is one of LATE."""
+    its values; `late`: it is one of LATE.
+    """
 
     def known(function: Measure) -> Measure:
         if late:
@@ -121,7 +122,8 @@ def rms(times: Array, values: Array, each: int = 0) -> float:
 @measure
 def growth_in(times: Array, values: Array, time: float, multiple: float = 1.0) -> float:
     """How much a scalar grows in `time` seconds, from first to last row, times
-    `multiple`; of what grows now and then take `steps_in`."""
+    `multiple`; of what grows now and then take `steps_in`.
+    """
     return float(
         multiple * time * (values[-1, 0] - values[0, 0]) / (times[-1] - times[0])
     )
@@ -131,7 +133,8 @@ def growth_in(times: Array, values: Array, time: float, multiple: float = 1.0) -
 def steps_in(times: Array, values: Array, time: float) -> float:
     """How often a scalar that grows now and then does so in `time` seconds: between its
     first and its last rise, so that neither the time before nor that after counts; nan
-    with less than two."""
+    with less than two.
+    """
     rises = np.flatnonzero(np.diff(values[:, 0]) > 0.0)
     rises = rises[np.append(True, np.diff(rises) > 1)] if len(rises) else rises
     if len(rises) < 2:
@@ -143,7 +146,8 @@ def steps_in(times: Array, values: Array, time: float) -> float:
 def growth_between(times: Array, values: Array, driver: Array, time: float) -> float:
     """How much a scalar grows in `time` seconds, between the first and the last rise of
     another that grows now and then, as what each of its events takes; nan with less
-    than two."""
+    than two.
+    """
     rises = np.flatnonzero(np.diff(driver[:, 0]) > 0.0) + 1
     if len(rises) < 2:
         return float("nan")
@@ -156,7 +160,8 @@ def growth_between(times: Array, values: Array, driver: Array, time: float) -> f
 @measure
 def growth_each(times: Array, values: Array, driver: Array) -> float:
     """How much a scalar grows from one rise to the next of another that grows now and
-    then, in the mean; nan with less than two."""
+    then, in the mean; nan with less than two.
+    """
     rises = np.flatnonzero(np.diff(driver[:, 0]) > 0.0) + 1
     if len(rises) < 2:
         return float("nan")
@@ -166,7 +171,8 @@ def growth_each(times: Array, values: Array, driver: Array) -> float:
 @in_unit("s")
 def time_between(times: Array, values: Array) -> float:
     """The mean time from one rise to the next of a scalar that grows now and then (s);
-    nan with less than two."""
+    nan with less than two.
+    """
     rises = np.flatnonzero(np.diff(values[:, 0]) > 0.0) + 1
     return float(np.diff(times[rises]).mean()) if len(rises) > 1 else float("nan")
 
@@ -174,7 +180,8 @@ def time_between(times: Array, values: Array) -> float:
 @in_unit("%")
 def share_along(times: Array, values: Array, direction: Array) -> float:
     """The root mean square of a vector's part along the direction of another, of that
-    of its size (%); nan where the vector is zero throughout."""
+    of its size (%); nan where the vector is zero throughout.
+    """
     size = np.linalg.norm(direction, axis=1, keepdims=True)
     part = (values * direction).sum(axis=1) / np.where(size > 0.0, size, 1.0)[:, 0]
     whole = (values**2).sum()
@@ -194,7 +201,8 @@ def norm_level_while(
     times: Array, values: Array, driver: Array, least: float, level: float
 ) -> float:
     """What the size of a vector stays below for `level` per cent of the time in which
-    the size of another is at least `least`; nan where it never is."""
+    the size of another is at least `least`; nan where it never is.
+    """
     there = np.linalg.norm(driver, axis=1) >= least
     size = np.linalg.norm(values[there], axis=1)
     return float(np.percentile(size, level)) if there.any() else float("nan")
@@ -221,7 +229,8 @@ def largest_mean(times: Array, values: Array) -> float:
 @measure
 def load_until_below(times: Array, values: Array, stored: Array, limit: float) -> float:
     """`largest_mean` of the values until the mean size of `stored` is below a limit to
-    stay; of all where it never is."""
+    stay; of all where it never is.
+    """
     end = np.fmin(until_below(times, stored, limit), times[-1])
     return largest_mean(times, values[: max(1, int(np.searchsorted(times, end)))])
 
@@ -231,7 +240,8 @@ def settled_within(
     times: Array, values: Array, limits: list[float], since: float, period: float
 ) -> float:
     """After how many periods from `since` (s) on every element is within its limit to
-    stay; 0: it never was outside."""
+    stay; 0: it never was outside.
+    """
     good = np.asarray((np.abs(values) <= np.array(limits)).all(axis=1))
     return 0.0 if good.all() else (settled(times, good) - since) / period
 
@@ -240,7 +250,8 @@ def settled_within(
 def along(times: Array, values: Array, direction: list[float]) -> float:
     """The size of the last value's part along a direction, divided by the direction's
     length as the elements have it: |x.n| / n.n (the momentum of a wheel with n_i = 1
-    that n alone makes)."""
+    that n alone makes).
+    """
     n = np.array(direction)
     return float(abs(values[-1] @ n) / (n @ n))
 
@@ -254,7 +265,8 @@ def above(times: Array, values: Array, direction: list[float], floor: float) -> 
 @in_unit("s", late=True)
 def until_below(times: Array, values: Array, limit: float, kind: str = "mean") -> float:
     """When the values have come below a limit to stay (s): the mean size of the
-    elements, the largest, or the vector's (`norm`)."""
+    elements, the largest, or the vector's (`norm`).
+    """
     return settled(times, SIZES[kind](values) < limit)
 
 
@@ -270,7 +282,8 @@ def first_below(
 ) -> float:
     """When the sizes of all elements at once have first come below a limit and stayed
     there for `held` seconds (s: the beginning of that time); with `only_done` 1 median
-    and largest of several runs are of those that reach it."""
+    and largest of several runs are of those that reach it.
+    """
     good = (np.abs(values) < limit).all(axis=1)
     begins = np.flatnonzero(np.diff(good.astype(int), prepend=0) == 1)
     bad = np.flatnonzero(~good)
@@ -293,7 +306,8 @@ def largest_while(
     times: Array, values: Array, driver: Array, value: int, element: int = 0
 ) -> float:
     """The largest size of any element, or of one counted from 1, while a whole-number
-    signal, such as a phase, has a value; nan where it never has."""
+    signal, such as a phase, has a value; nan where it never has.
+    """
     there = (driver == value).all(axis=1)
     counted = values[:, element - 1 : element] if element else values
     return float(np.abs(counted[there]).max()) if there.any() else float("nan")
@@ -302,7 +316,8 @@ def largest_while(
 @in_unit("J")
 def drive_energy(times: Array, values: Array, power: float, nominal: float) -> float:
     """The energy (J) of drives that take `power` (W) at `nominal` speed, and at another
-    speed in proportion to its size."""
+    speed in proportion to its size.
+    """
     speed = np.abs(values).sum(axis=1)
     return float(power / nominal * np.trapezoid(speed, times))
 
@@ -380,7 +395,8 @@ def pointing_until_below(times: Array, q: Array, q_ref: Array, limit: float) -> 
 @in_unit("deg")
 def pointing_level(times: Array, q: Array, q_ref: Array, level: float = 95.0) -> float:
     """The angle that `level` per cent of the time stay below: absolute performance
-    error (APE) at this level (deg); ECSS-E-ST-60-10C."""
+    error (APE) at this level (deg); ECSS-E-ST-60-10C.
+    """
     return float(np.percentile(pointing(q, q_ref), level))
 
 
@@ -390,7 +406,8 @@ def pointing_relative(
 ) -> float:
     """The relative performance error (RPE) over intervals of so many seconds (deg): the
     distance of the error vector from its mean over its interval. Its mean, or the value
-    that `level` per cent of the time stay below; ECSS-E-ST-60-10C."""
+    that `level` per cent of the time stay below; ECSS-E-ST-60-10C.
+    """
     error = error_vector(q, q_ref)
     count = max(1, round(interval / (times[1] - times[0])))
     whole = error[: len(error) // count * count].reshape(-1, count, 3)

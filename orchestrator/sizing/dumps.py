@@ -519,7 +519,6 @@ def _perigees(block: Any, start: float, period: float, span: float) -> list[floa
 
     They go from the one before the start to the one after `span`.
     """
-
     from scipy.optimize import brentq
 
     def outward(t: float) -> float:

@@ -169,7 +169,8 @@ def report(
     folder: Folder, everything: o.Everything = False, as_json: o.Json = False
 ) -> None:
     """Write report.html and report.json of what is there; ends with 1 where a
-    requirement is not shown to be met."""
+    requirement is not shown to be met.
+    """
     _report(folder, as_json, everything)
 
 

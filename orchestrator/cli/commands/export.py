@@ -89,7 +89,8 @@ def fmu(
     as_json: o.Json = False,
 ) -> None:
     """Write the loop of a scenario as one native FMU, with the same bits as
-    `desat run`."""
+    `desat run`.
+    """
     from ...export.loop_fmu import LoopEnds, export
 
     options = o.options_of(
@@ -142,7 +143,8 @@ def c(
     as_json: o.Json = False,
 ) -> None:
     """Write a block alone as C99, NAME.h and NAME.c: a struct, init, start and step; no
-    FMI, no heap. Its header states the memory that it takes."""
+    FMI, no heap. Its header states the memory that it takes.
+    """
     from ...export.block_c import export
 
     paths, sizes = export(block, into or Path(), compilers)

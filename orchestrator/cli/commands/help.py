@@ -108,7 +108,8 @@ def blocks(
 ) -> None:
     """Print the blocks by role; of one what it computes, its parameters, inputs and
     outputs: unit, start value, what is allowed, what of the craft it usually follows,
-    and what needs it."""
+    and what needs it.
+    """
     from ...runs import explain
 
     text, rows = explain.blocks(what)

@@ -35,7 +35,8 @@ def list_command(
     """List the families of scenarios, or the scenarios of one or of a craft's folder.
 
     What is wrong with a file is said, too; with a family, --all or --json also what is
-    wrong with the systems that they describe."""
+    wrong with the systems that they describe.
+    """
     from ...runs import catalogue
 
     if family and (Path(family) / NOMINAL).is_file():

@@ -125,7 +125,8 @@ def craft(
 ) -> None:
     """A craft of your own: a folder with craft.toml and the scenarios nominal, worst
     and, with rods, detumbling, which runs at once. What you do not say is typical of
-    its class, and marked."""
+    its class, and marked.
+    """
     from ...begin import craft as new_craft
     from ...begin.facts import CraftFacts
     from ...begin.orbits import doubts
@@ -198,7 +199,8 @@ def law(
 ) -> None:
     """A law of your own: a manager's block in twenty lines, which flies as it is in any
     craft with coils and wheels, and a test of it.
-    `desat run CRAFT --source manager=NAME.py` builds it."""
+    `desat run CRAFT --source manager=NAME.py` builds it.
+    """
     from ...begin import block as new_block
 
     _print(
@@ -225,7 +227,8 @@ def block(
 ) -> None:
     """A block of your own: a file that derives from a block of ours and flies as it is,
     with the place where yours goes, and a test of it. Of the role manager it is a law
-    (`new law`)."""
+    (`new law`).
+    """
     from desat.fmus.registry import block_class
 
     from ...begin import block as new_block

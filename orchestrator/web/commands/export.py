@@ -47,7 +47,8 @@ def web(
     as_json: o.Json = False,
 ) -> None:
     """Write one HTML file that flies a scenario as its sliders move: no server, no
-    network. It is compiled by the package ziglang."""
+    network. It is compiled by the package ziglang.
+    """
     from ...studies.ranking import options_of_laws
     from ..page import check_request, export
 
