@@ -830,9 +830,11 @@ def _vector(v: Array) -> str:
 
 _HEAD = """# Sizing
 
-`desat size CRAFT` says which wheels, rods and propellant a craft needs, from one run at its
-attitude: momentum by source and over a year, the least rod of any law, duty and momentum over rods
-law by law, slews, detumbling. `--map` flies rods over inclinations, altitudes and residual dipoles.
+`desat size CRAFT` computes the wheels, rods and propellant that a craft needs, from one run at the
+attitude of the craft. The result contains the momentum by source and over a year, the lower bound
+of the rod dipole for any law, the duty and the momentum of each law as a function of the rod
+dipole, slews, and detumbling. `--map` evaluates rods over inclinations, altitudes and residual
+dipoles.
 This page is made by `make sizing` (`benchmarks/sizing.py`): {today}, desat {desat}, numpy {numpy},
 scipy {scipy}.
 
@@ -840,21 +842,23 @@ scipy {scipy}.
 
 With J(t) the impulse of the disturbances, s = J(T) / T over whole orbits, a_i the rods' axes:
 
-- the least rod of the formula, |s| / mean sum |(a_i x B) . n| with n = s / |s|, and of a linear
-  programme over the day, which any law can have that knows it beforehand; both are shown, and where
-  they differ by more than 1 % the programme counts;
-- the model: momentum H of wheels and body, H' = disturbances + coils, in steps of the law's samples
-  (several together where the law is slow), many rods side by side. A law is not written down in it:
-  the manager's own block is asked at each sample, at its target and at a momentum along each axis.
-  Laws with memory, nonlinear laws and laws that use thrusters are outside the model ("closed loop
-  only"): `compare --laws` flies them;
-- a year and a map: the environment's own block at other dates and orbits, at the attitude that the
-  run has shown; of an attitude that moves there is none.
+- The minimum rod dipole is computed in two ways. The formula is |s| / mean sum |(a_i x B) . n| with
+  n = s / |s|. The linear programme over the day gives the minimum that a law can reach if it knows
+  the day in advance. Both values are shown. Where they differ by more than 1 %, the value of the
+  linear programme is used.
+- The model integrates the momentum H of wheels and body, H' = disturbance torque + coil torque. Its
+  step is the sample time of the law, or several sample times where the law is slow. It computes
+  many rod dipoles in parallel. The model contains no copy of a law: it calls the manager's own
+  block at each sample, at the target momentum of the block and at a momentum along each axis. The
+  model excludes laws with memory, nonlinear laws and laws that use thrusters ("closed loop only");
+  `compare --laws` simulates them.
+- The year and the map use the environment's own block at other dates and orbits, at the attitude of
+  the run. They are not computed for an attitude that moves.
 
-The law has the momentum with the noise of the craft's tachometers, which makes coils at their
-limits do less and others work more. The model is blind to pointing errors, detumbling and slews,
-and to one wheel's saturation by the null space.
-Times of dumping and detumbling are the least that rods at their limits take.
+The momentum input of the law contains the noise of the craft's tachometers. This noise reduces the
+effect of coils at their limits and increases the load of the other coils. The model does not
+include pointing errors, detumbling, slews, or the saturation of one wheel by null-space momentum.
+The times of dumping and detumbling are lower bounds: they assume rods at their dipole limits.
 
 ## Crafts that nobody chose
 

@@ -11,7 +11,12 @@ import generate
 project = "desat"
 author = "the desat authors"
 release = version = version_of("desat")
-extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx-mathjax-offline"]
+extensions = [
+    "myst_parser",
+    "sphinx.ext.autodoc",
+    "sphinx.ext.napoleon",
+    "sphinx-mathjax-offline",
+]
 exclude_patterns = ["**/*.template"]
 html_theme = "furo"
 html_title = "desat"
@@ -24,6 +29,8 @@ html_extra_path = (
 html_show_sphinx = html_show_copyright = html_copy_source = False
 myst_enable_extensions = ["dollarmath"]
 myst_heading_anchors = 4
+napoleon_google_docstring = False
+napoleon_use_rtype = False
 default_role = "code"
 smartquotes = False  # they make a dash of --option
 autodoc_typehints = "signature"

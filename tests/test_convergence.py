@@ -367,7 +367,7 @@ def test_a_case_of_the_exchange(case):
     assert truth <= promised
     assert single <= 2.0 * was
     assert 0.2 <= estimated / truth <= 5.0, name
-    known = ("no wheel turns the craft", "attitude control")
+    known = ("no wheel gives torque", "attitude control")
     assert not [w for w in warnings if not any(x in w for x in known)]
 
 

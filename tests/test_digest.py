@@ -434,7 +434,7 @@ def test_other_versions_are_refused_or_accepted(mine, tmp_path, desat, monkeypat
             said = desat(*begun, "4")
             assert said.returncode == Exit.INPUT
             assert f"{name} was {here[name]}, and is 0.1-other" in said.stderr
-            assert "--accept-versions goes on" in said.stderr
+            assert "--accept-versions continues" in said.stderr
             assert one_line(said)
             said = desat("campaign", "case", str(folder), "1")
             assert said.returncode == Exit.INPUT

@@ -406,4 +406,4 @@ def test_each_output_says_of_which_time_it_is(desat, tmp_path):
         if name.startswith(("spacecraft.", "guidance."))
     )
     page = (ROOT / "docs/loop-fmu.md").read_text()
-    assert page.index("takes attitudes a step apart") < page.index("| option |")
+    assert page.index("attitudes that are one step apart") < page.index("| option |")

@@ -119,6 +119,11 @@ class EnvironmentPropagated(NearEarth, OrbitStart):
         return (x, y, z), (vx, vy, vz)
 
     def advance(self, t: float, dt: float) -> None:
+        """Move the orbit on by dt (s) from t (s).
+
+        The arc of equidistant nodes (m, m/s, eci) is extended ahead of the new time,
+        and the polynomial path of its interval is fitted.
+        """
         after = t + dt
         interval = floor(after / NODE_TIME)
         if self.firings and any(self.force_mean_thruster_body):

@@ -262,7 +262,11 @@ class Torquers(Role):
         return _replaced(x, i, 0.0 + self.failed_share * x[i])
 
     def _hold(self, dt: float) -> None:
-        """Integrate a step with constant commands."""
+        """Integrate the coils over a step of dt (s) with constant commands.
+
+        It sets mean and slope of their dipole (A m2, body), the on-time (s) and
+        `_energy`, half the integral of the squared dipoles (A2 m4 s).
+        """
         a, b, c, d = self._command
         self._on_time += dt * self._coils_on
         if self.lag == 0.0:

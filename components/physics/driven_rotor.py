@@ -244,13 +244,17 @@ def _runge_kutta(
     now: Moving,
     size: float,
 ) -> Moving:
-    """Integrate one RK4 step of `size` (s) from `begin` (s)."""
+    """Integrate one RK4 step of `size` (s) from `begin` (s).
+
+    `now` is y (N m s), the momentum beyond that of the ideal motor torque; the learnt
+    friction torque (N m); and the integral of y (N m s2).
+    """
     j, lag, c, (rate, change) = motor[0], motor[1], motor[5], axial
     y, learnt, total = now
     excess = torque - command if lag > 0.0 else 0.0
 
     def changes(s: float, y: float, learnt: float) -> tuple[float, float]:
-        """Return the derivatives of y (N m) and of the learnt torque (N m/s)."""
+        """Compute y' (N m) and the derivative of the learnt torque (N m/s) at s (s)."""
         left = exp(-s / lag) if excess else 0.0
         answer = command + excess * left
         pushed = command * s + excess * lag * (1.0 - left)

@@ -308,12 +308,18 @@ class Balance(NamedTuple):
 
 
 def balance(manifest: Manifest, results: Results) -> Balance | None:
-    """Compute the balance of a run from its rows, once; None as for `blocks_of`."""
+    """Compute the energy balance of a run from its rows, once.
+
+    None as for `blocks_of`.
+    """
     return results.once(KEY, lambda: _balance(manifest, results))
 
 
 def _balance(manifest: Manifest, results: Results) -> Balance | None:
-    """Compute the balance of a run from its rows."""
+    """Compute the energy balance of a run from its rows.
+
+    The mismatch is energy (J) less the work of all torques since the start.
+    """
     totals, mismatch = Totals(), [np.zeros(1)]
     for steps in blocks_of(manifest, results):
         mismatch.append(totals.add(steps)[0])

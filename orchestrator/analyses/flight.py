@@ -352,7 +352,10 @@ def impulses(
 
 
 def integral(torque: Array, times: Array) -> Array:
-    """Integrate a torque (rows, 3) since the start by the trapezoidal rule."""
+    """Integrate a torque (rows, 3), N m, since the start by the trapezoidal rule.
+
+    The impulse (rows, 3), N m s, is in the frame of the torque.
+    """
     steps = np.diff(times)[:, None]
     parts = 0.5 * (torque[1:] + torque[:-1]) * steps
     return np.vstack([np.zeros(3), np.cumsum(parts, axis=0)])

@@ -269,8 +269,9 @@ def _aliased(system: System) -> Iterator[str]:
         where = craft.given.get("omega_start_body", system.where)
         yield (
             f"{where}: {craft.name} turns at {np.degrees(rate):.3g} deg/s, by {turn:.3g} deg in a "
-            f"sample of {max(samples):g} s: above {MOST_BRAKED:g} deg {manager.name} drives the "
-            f"rotation; {np.radians(MOST_BRAKED / 2.0) / rate:.2g} s would do"
+            f"sample of {max(samples):g} s: beyond {MOST_BRAKED:g} deg {manager.name} speeds "
+            "the rotation up instead of braking it; a sample time of "
+            f"{np.radians(MOST_BRAKED / 2.0) / rate:.2g} s would do"
         )
 
 

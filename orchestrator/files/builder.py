@@ -602,7 +602,7 @@ class Builder:
                 if isinstance(value, float) and not abs(value) <= LARGEST:
                     where = component.given.get(base_name(name), self.where)
                     yield (
-                        f"{where}: {component.name}.{name} = {value:g}: a size of at most "
+                        f"{where}: {component.name}.{name} = {value:g}: a magnitude of at most "
                         f"{LARGEST:g} is needed"
                     )
 

@@ -38,7 +38,9 @@ COULOMB, VISCOUS = 0.01, 0.04
 
 
 def quantity(option: str, text: str, unit: str) -> float:
-    """Parse a number with a unit or, without one, in `unit`.
+    """Return the number of a text in `unit`, whatever its own unit.
+
+    A text without a unit is in `unit`.
 
     Raises
     ------

@@ -56,7 +56,7 @@ class FmuFile:
 
     @cached_property
     def sha256(self) -> str:
-        """Compute the sha256 of its file; for a folder that of all its files."""
+        """Compute the sha256 of its file, or that of the names and contents of a folder."""
         if not self.path.is_dir():
             return sha256(self.path)
         digest = hashlib.sha256()

@@ -241,7 +241,8 @@ def _beyond(found: Reached, seen: tuple[float, float, float]) -> list[tuple[int,
 def _from(system: System, t: float, state: list[Array]) -> System:
     """Return a system that begins at t (s) with its body in a given state.
 
-    The state is attitude, rate and wheel momenta.
+    The state is the attitude from eci to body, the rate (rad/s, body) and the wheel
+    momenta (N m s).
     """
     parts = residual.rigid_body(system)
     assert parts is not None

@@ -37,7 +37,7 @@ class SizingRequirements:
         quantities.MARGIN(self.margin)
         if (self.slew_angle > 0.0) != (self.slew_time > 0.0):
             raise DesatError(
-                "--slew: an angle and a time above 0 are needed, as 60/300"
+                "--slew: an angle (deg) and a time (s) above 0 are needed, as 60/300"
             )
         if self.slew_angle > pi * (1.0 + 1e-9):
             raise DesatError(
