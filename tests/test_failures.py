@@ -1863,7 +1863,7 @@ PROVOKED = {
     "--halve": "halvings",
     "it forks": '"FORK"',
     "any call": '"FORK_BESIDE"',
-    "finds open": '"SCRIBBLE"',
+    "files that are open": '"SCRIBBLE"',
     "process group": '"KILL_GROUP"',
     "daemons": '"DAEMON"',
     "does not return": '"HANG"',
