@@ -150,7 +150,7 @@ def course_of(manifest: Manifest, results: Results) -> tuple[offline.Course, Any
     dead = 0 if failed == "none" or gives else int(failed)
     live = laws.without(tuple(parameters["torquers"]["axes_coil"]), dead)
     s = np.reshape(laws.weighting(live), (3, 3))
-    inverse = np.linalg.pinv(np.reshape(parameters["wheels"]["axes_wheel"], (3, 4)))
+    inverse = np.linalg.pinv(np.reshape(parameters["wheels"]["axes_wheel"], (3, -1)))
     halves = from_body(middle[every // 2 :: every]).transpose(0, 2, 1)
     course = offline.Course(
         step * every,

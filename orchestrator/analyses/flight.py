@@ -27,7 +27,7 @@ from ..numbers.derived import coil_impulse, cross, from_body, rotate_back
 from ..system.errors import DesatError
 from ..system.model import Component, System, Values
 from ..system.parameters import Parameter, bare_block, table
-from ..system.wheels import capacities, existing
+from ..system.wheels import axes_of, capacities, existing
 from . import motion
 
 Array = NDArray[Any]
@@ -163,8 +163,8 @@ def hardware_of(system: System) -> Hardware:
         )
     inertia = np.reshape(craft["inertia"], (3, 3))
     # a craft without wheel axes has ideal wheels inside, one along each body axis
-    axes = np.reshape(craft.get("axes_wheel", np.eye(3, 4)), (3, 4))
-    rotors = np.broadcast_to(craft.get("inertia_wheel", 0.0), 4)
+    axes = axes_of(craft)
+    rotors = np.broadcast_to(craft.get("inertia_wheel", 0.0), axes.shape[1])
     flat = (tuple(np.ravel(x).tolist()) for x in (inertia, axes, rotors))
     carrier = np.reshape(carrier_inertia(*flat), (3, 3))
     capacity = capacities({"axes_wheel": axes, **wheels})

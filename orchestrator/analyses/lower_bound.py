@@ -202,7 +202,7 @@ class _Truth:
         self.attitude = Spline(times, matrices(q))
         self._field = Spline(times, b)
         axes = self._parameters["spacecraft"].get("axes_wheel")
-        in_body = h @ np.reshape(axes, (3, 4)).T if axes else h[:, :3]
+        in_body = h @ np.reshape(axes, (3, -1)).T if axes else h[:, :3]
         target = self._parameters["manager"].get("h_target_body", [0.0, 0.0, 0.0])
         # N m s, body: wheel momentum at the end, less the target
         self.momentum_left = in_body[-1] - target
