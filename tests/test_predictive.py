@@ -17,35 +17,46 @@ from desat.components.laws import disturbance_learning as learning
 from desat.components.laws import predictive
 from desat.runs.run import Options, execute
 
-N, H = predictive.INTERVALS, predictive.HELD
+N, H = predictive.INTERVALS, predictive.PATH_INTERVALS
 
 
 @pytest.mark.parametrize("seed", range(6))
 @pytest.mark.parametrize(
     ("most", "peak"), [(50.0, 0.0), (0.25, 0.0), (0.4, 0.05), (50.0, 0.05)]
 )
-def test_held_plan_is_the_least(seed: int, most: float, peak: float) -> None:
+def test_planned_path_is_the_least(seed: int, most: float, peak: float) -> None:
     """The same problem by scipy's L-BFGS-B, and the costate by differences."""
     draw, count, q, r = random.Random(seed), 5, 0.7, 0.9
     x0, bias = (0.8, -0.5, 0.3), (0.1, -0.1, 0.0, 0.05)
     lengths = tuple(draw.uniform(0.5, 2.0) if k < count else 0.0 for k in range(H))
-    drift = tuple(draw.gauss(0.0, 0.3) for _ in range(3 * H))
-    effect = tuple(draw.gauss(0.0, 0.5) for _ in range(9 * H))
-    rows = tuple(draw.gauss(0.0, 1.0) for _ in range(12 * H))
-    case = lengths, drift, effect, r, (most,) * 3, rows, bias, q
-    first, _, course, _, settled = predictive.held(
-        count, x0, predictive.NO_PLAN, *case, 0.0, 1.0
+
+    def draw_vectors(number: int, spread: float) -> predictive.Vectors:
+        elements = [draw.gauss(0.0, spread) for _ in range(3 * number)]
+        return tuple(zip(elements[::3], elements[1::3], elements[2::3], strict=True))
+
+    problem = predictive.PathProblem(
+        intervals=count,
+        start=x0,
+        dt=lengths,
+        drift=draw_vectors(H, 0.3),
+        effect=draw_vectors(3 * H, 0.5),
+        price=r,
+        limits=(most,) * 3,
+        wheel_axes=draw_vectors(4 * H, 1.0),
+        offset=bias,
+        stiffness=q,
     )
-    assert settled
-    size = 0.85 * predictive.largest(count, course, rows, bias)
-    u, costate, course, _, settled = predictive.held(
-        count, x0, first, *case, peak, size
+    first, _, path, _, converged = predictive.plan_path(
+        problem, predictive.NO_PLAN, 0.0, 1.0
     )
-    assert settled
+    assert converged
+    size = 0.85 * predictive.find_largest_momentum(problem, path)
+    u, costate, path, _, converged = predictive.plan_path(problem, first, peak, size)
+    assert converged
     dt = np.array(lengths)[:count]
-    g = np.array(effect).reshape(H, 3, 3)[:count]
-    d = np.array(drift).reshape(H, 3)[:count]
-    a = np.array(rows).reshape(H, 4, 3)[:count]
+    g = np.array(problem.effect).reshape(H, 3, 3)[:count]
+    d = np.array(problem.drift)[:count]
+    a = np.array(problem.wheel_axes).reshape(H, 4, 3)[:count]
 
     def cost(u: np.ndarray, first: np.ndarray) -> float:
         x = first + np.cumsum(
@@ -67,9 +78,9 @@ def test_held_plan_is_the_least(seed: int, most: float, peak: float) -> None:
         options=exact,
     )
     assert np.abs(ours).max() <= most
-    assert cost(ours, begin) <= best.fun * (1.0 + 3.0 * predictive.SETTLED)
+    assert cost(ours, begin) <= best.fun * (1.0 + 3.0 * predictive.CONVERGED)
     end = begin + (d + np.einsum("kji,kj->ki", g, ours.reshape(count, 3))).sum(0)
-    assert course[3 * count - 3 : 3 * count] == pytest.approx(tuple(end), abs=1e-12)
+    assert path[count - 1] == pytest.approx(tuple(end), abs=1e-12)
     slope = [
         (cost(ours, begin + 1e-6 * e) - cost(ours, begin - 1e-6 * e)) / 2e-6
         for e in np.eye(3)
@@ -91,10 +102,10 @@ def test_emptying_takes_hardly_more_than_the_linear_programme(seed: int) -> None
     most = np.zeros((N, 6))
     most[:count] = [limit] * 3 + [8.0] * 3
     fee = np.tile([0.0] * 3 + [1.0] * 3, N)
-    plan, _, settled = predictive.emptied(
+    plan, _, settled = predictive.plan_unloading(
         count,
         tuple(x0),
-        tuple(effect.ravel().tolist()),
+        tuple(map(tuple, effect.reshape(-1, 3).tolist())),
         2e-3,
         (limit,) * 3,
         (1.0,) * N,
@@ -155,7 +166,7 @@ def test_filter_finds_a_dead_and_a_turned_coil() -> None:
         ]
         seen = tuple(y + draw.gauss(0.0, 1e-3) for y in h)
         rows = learning.causes(tuple(columns))
-        x, p = learning.learnt(x, p, seen, rows, 1e-3, 1e-4, spreads, 1e-3)  # type: ignore[arg-type]
+        x, p = learning.update(x, p, seen, rows, 1e-3, 1e-4, spreads, 1e-3)  # type: ignore[arg-type]
     assert x[13:17] == pytest.approx((0.0, 1.0, -1.0, 0.7), abs=0.05)
     assert x[4] == pytest.approx(2e-4, abs=3e-5)
     matrix = np.array(p).reshape(learning.STATES, learning.STATES)

@@ -219,8 +219,8 @@ def updates(truth, count, noise=0.0, seed=1):
         coils = tuple(random.uniform(-800.0, 800.0, 4).tolist())
         rows = learning.effects(50.0, gravity, COILS, coils, b)
         change = np.reshape(rows, (3, 5)) @ truth + noise * random.normal(size=3)
-        x, p = learning.learnt(x, p, tuple(change.tolist()), rows, 0.1, 0.01)
-        lost = learning.lost(x, p, lost)
+        x, p = learning.update(x, p, tuple(change.tolist()), rows, 0.1, 0.01)
+        lost = learning.find_lost_coil(x, p, lost)
         found.append((x, p, lost))
     return found
 
@@ -246,7 +246,7 @@ def test_the_filter_is_that_of_information_form():
     prior = np.linalg.inv(p + 0.01**2 * np.eye(5))
     whole = prior + rows.T @ rows / 0.3**2
     wanted = np.linalg.solve(whole, prior @ x + rows.T @ change / 0.3**2)
-    found, spread = learning.learnt(
+    found, spread = learning.update(
         learning.FIRST,
         learning.first_covariance(),
         tuple(change),
@@ -265,10 +265,10 @@ def test_noise_as_large_as_said_makes_no_coil_lost_and_a_whole_one_is_no_more():
     assert {lost for _, _, lost in found} == {0}
     assert np.abs(np.array(found[-1][0]) - 1.0).max() < 0.3
     x, p, _ = updates(np.array([1.0, 1.0, 0.0, 1.0, 1.0]), 60)[-1]
-    assert learning.lost(x, p, 0) == 2
-    assert learning.lost(learning.FIRST, p, 2) == 0
+    assert learning.find_lost_coil(x, p, 0) == 2
+    assert learning.find_lost_coil(learning.FIRST, p, 2) == 0
     assert (
-        learning.lost((1.0, 1.0, 0.5, 1.0, 1.0), p, 2) == 2
+        learning.find_lost_coil((1.0, 1.0, 0.5, 1.0, 1.0), p, 2) == 2
     )  # neither is sure: as it was
     assert learning.shares((1.0, -0.1, 0.4, 1.0, 1.2)) == (0.0, 0.4, 1.0, 1.0)
 

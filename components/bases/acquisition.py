@@ -19,9 +19,16 @@ from ..maths.vector import ZERO, clip
 
 IDLE, DUMPING = range(2)
 DETUMBLING, PITCH_SPIN, WHEEL_RAMP, MOMENTUM_DUMP, THREE_AXIS, DONE = range(6)
-START, CONDITION_MET, TIME_LIMIT, LOST, NO_FIELD, NO_RATE, NO_ATTITUDE, NO_MOMENTUM = (
-    range(8)
-)
+(
+    START,
+    CONDITION_MET,
+    TIME_LIMIT,
+    RATE_LOST,
+    NO_FIELD,
+    NO_RATE,
+    NO_ATTITUDE,
+    NO_MOMENTUM,
+) = range(8)
 DIFFERENCE, FILTERED = range(2)
 
 # s; above it eq. 2 no longer follows a field that turns at 0.17 rad/s
@@ -306,7 +313,7 @@ class Acquisition(Manager, WheelAxes):
             self._begun = t
         phase = self.phase
         if phase != self._sequence[0] and self._is_lost(phase):
-            self._enter(t, self._sequence[0], LOST)
+            self._enter(t, self._sequence[0], RATE_LOST)
         elif phase != DONE:
             if self._is_met(t, phase):
                 self._enter(t, self._next(phase), CONDITION_MET)
@@ -321,9 +328,9 @@ class Acquisition(Manager, WheelAxes):
             THREE_AXIS if following == PITCH_SPIN and self._is_filled() else following
         )
 
-    def _enter(self, t: float, phase: int, why: int) -> None:
+    def _enter(self, t: float, phase: int, reason: int) -> None:
         """Enter a phase at t (s) for a reason."""
-        self.phase, self._changed = phase, why
+        self.phase, self._changed = phase, reason
         self._begun, self._held_since = t, -1.0
 
     def _is_lost(self, phase: int) -> bool:

@@ -105,12 +105,12 @@ class Boom(Manager, WheelAxes):
             return ZERO
         return sub(body_momentum(self.axes_wheel, self.h_wheel), self.h_target_body)
 
-    def need_wheel(self, axis: Vec3, wanted: str) -> None:
+    def need_wheel(self, axis: Vec3, setting: str) -> None:
         """Refuse to continue where no wheels give a torque along a body axis.
 
-        The message begins with `wanted`, the setting that needs the wheel.
+        The message begins with `setting`, the setting that needs the wheel.
         """
-        given = body_momentum(self.axes_wheel, to_wheels(self._to_wheels, axis))
-        missing = sub(given, axis)
+        torque = body_momentum(self.axes_wheel, to_wheels(self._to_wheels, axis))
+        missing = sub(torque, axis)
         if max(abs(missing[0]), abs(missing[1]), abs(missing[2])) > 1e-6:
-            self.fail(f"{wanted}: axes_wheel has no wheel along body {axis}")
+            self.fail(f"{setting}: axes_wheel has no wheel along body {axis}")

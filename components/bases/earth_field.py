@@ -70,9 +70,11 @@ class EarthField(Block):
 
         Fails where `igrf` is true and IGRF-14 does not cover the epoch.
         """
-        given = self.earth_angle
+        has_start_angle = self.earth_angle
         self._angle = (
-            self.earth_angle_start if given else earth.earth_angle(self.epoch_j2000)
+            self.earth_angle_start
+            if has_start_angle
+            else earth.earth_angle(self.epoch_j2000)
         )
         of_date = self.eci_frame == EQUATOR_OF_DATE
         self._precession = IDENTITY if of_date else earth.precession(self.epoch_j2000)

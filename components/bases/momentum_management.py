@@ -20,7 +20,7 @@ _, COILS, WHEELS = range(3)
 _, TOTAL = range(2)
 CAPACITY = 312  # rows of a table
 # Smallest over largest eigenvalue of A A' from which on axes count as spanning space.
-ROOM = 1e-3
+LEAST_EIGENVALUE_RATIO = 1e-3
 
 
 class MomentumManagement(MomentumDumping):
@@ -113,13 +113,13 @@ class MomentumManagement(MomentumDumping):
         live = laws.without(self.axes_coil, self.dead_coil)
         of_coils, of_wheels = laws.weighting(live), laws.weighting(self.axes_wheel)
         for name, s in (("axes_coil", of_coils), ("axes_wheel", of_wheels)):
-            if laws.condition(s) > 1.0 / ROOM:
-                left = (
+            if laws.condition(s) > 1.0 / LEAST_EIGENVALUE_RATIO:
+                remaining = (
                     " that are left" if name == "axes_coil" and self.dead_coil else ""
                 )
                 self.fail(
-                    f"{name}: the axes{left} do not span space: A A' has the condition "
-                    f"{laws.condition(s):.3g}, at most {1.0 / ROOM:g} may be"
+                    f"{name}: the axes{remaining} do not span space: A A' has the condition "
+                    f"{laws.condition(s):.3g}, at most {1.0 / LEAST_EIGENVALUE_RATIO:g} may be"
                 )
         if self.sample_time <= 0.0:
             self.fail(f"sample_time = {self.sample_time} s: a time above 0 is needed")
@@ -238,10 +238,10 @@ class NominalProfile(GroundTables):
 
     def nominal(self, t: float) -> Vec3 | None:
         """Interpolate H_NOM (N m s, eci) at t (s); None outside the table."""
-        where = self.place(t)
-        if where is None:
+        place = self.place(t)
+        if place is None:
             return None
-        i, share = where
+        i, share = place
         return laws.profile3(
             self.profile_table, self.table_nodes, self.table_period, i, share
         )

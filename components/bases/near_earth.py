@@ -131,9 +131,11 @@ class NearEarth(Environment, EarthField):
     def start(self) -> None:
         """Set the Earth's field, the solar activity and the state to start values."""
         self.start_field(igrf=self.field == _IGRF)
-        given = self.solar_activity == len(atmosphere.ACTIVITY)
+        has_own_activity = self.solar_activity == len(atmosphere.ACTIVITY)
         f107, ap = (
-            (self.f107, self.ap) if given else atmosphere.ACTIVITY[self.solar_activity]
+            (self.f107, self.ap)
+            if has_own_activity
+            else atmosphere.ACTIVITY[self.solar_activity]
         )
         self._coldest, self._kp = (
             atmosphere.coldest_temperature(f107),

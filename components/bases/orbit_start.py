@@ -56,8 +56,8 @@ class OrbitStart(Block):
     epoch_j2000: float
     eci_frame: int
 
-    def start_elements(self, degree: int, wanted: int) -> Elements:
-        """Compute the elements at t = 0, MEAN or OSCULATING as `wanted`.
+    def start_elements(self, degree: int, kind: int) -> Elements:
+        """Compute the elements at t = 0, MEAN or OSCULATING as `kind`.
 
         They are in the mean equator and equinox of date; fails where they describe no
         orbit. `degree`: of the zonal harmonics; 1: a sphere.
@@ -85,8 +85,8 @@ class OrbitStart(Block):
             )
         if self._from_j2000():
             elements = turned(elements, earth.precession(self.epoch_j2000))
-        given = MEAN if self.orbit_start == MEAN else OSCULATING
-        if degree == 1 or given == wanted:
+        start_kind = MEAN if self.orbit_start == MEAN else OSCULATING
+        if degree == 1 or start_kind == kind:
             return elements
         if elements.inclination > _STEEPEST:
             self.fail(
@@ -94,7 +94,7 @@ class OrbitStart(Block):
                 f"it must be below {_STEEPEST:g} rad"
             )
         convert = (
-            averaging.mean_elements if wanted == MEAN else averaging.osculating_elements
+            averaging.mean_elements if kind == MEAN else averaging.osculating_elements
         )
         return convert(elements, degree, self.mu)
 

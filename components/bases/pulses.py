@@ -26,7 +26,7 @@ Pulse = tuple[float, float, int, Jet]
 class PulsedThrusters(Thrusters):
     """Thrusters that fire in pulses, with a schedule of firings.
 
-    A block implements `wanted`: which torques fire for how long. They fire here.
+    A block implements `commanded_on_times`: which torques fire for how long. They fire here.
     """
 
     least_pulse: float = Parameter(
@@ -123,7 +123,7 @@ class PulsedThrusters(Thrusters):
             period = self.sample_time or dt
             wants = tuple(
                 (on_time + self._rest(i, jet), jet)
-                for i, (on_time, jet) in enumerate(self.wanted(period))
+                for i, (on_time, jet) in enumerate(self.commanded_on_times(period))
             )
             self._pulses = tuple(
                 self._pulse(t, period, width, i, jet)
@@ -164,8 +164,8 @@ class PulsedThrusters(Thrusters):
         used = 0.0
         for begin, end, _, jet in self._pulses:
             used += window(begin, end, t, dt)[0] * dt * jet[2] / exhaust
-        left = self.propellant_limit() - self._propellant
-        share = max(0.0, left) / used if used > left else 1.0
+        remaining = self.propellant_limit() - self._propellant
+        share = max(0.0, remaining) / used if used > remaining else 1.0
         for begin, end, i, (torque, push, thrust) in self._pulses:
             torque, push = scale(share, torque), scale(share, push)
             seconds = share * _add(
@@ -182,7 +182,7 @@ class PulsedThrusters(Thrusters):
         return inf
 
     @abstractmethod
-    def wanted(self, period: float) -> Iterable[tuple[float, Jet]]:
+    def commanded_on_times(self, period: float) -> Iterable[tuple[float, Jet]]:
         """Return the commanded on-time (s) and the effect of each axis or nozzle.
 
         The command is that for this sample period (s).

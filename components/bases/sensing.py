@@ -46,7 +46,7 @@ class Sensor(Sampled):
         self.valid = True
         self.measure(0, 0.0)
         if failed(0.0, self.fail_time):
-            self.lost()
+            self.mark_failed()
 
     def advance(self, t: float, dt: float) -> None:
         """Take a sample where one is due, unless the sensor has failed."""
@@ -54,7 +54,7 @@ class Sensor(Sampled):
         if not self.due(t):
             return
         if failed(t, self.fail_time):
-            self.lost()
+            self.mark_failed()
             return
         self.valid = True
         self.measure(
@@ -62,7 +62,7 @@ class Sensor(Sampled):
             (self._sample - before) * (self.sample_time or dt) if before >= 0 else 0.0,
         )
 
-    def lost(self) -> None:
+    def mark_failed(self) -> None:
         """Mark the sensor as failed: its last value stays, invalid."""
         self.valid = False
 

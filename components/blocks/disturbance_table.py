@@ -103,9 +103,10 @@ class DisturbanceTable(Disturbance):
                 low = middle
             else:
                 high = middle
-        whole = scale(float(rounds), self._impulses[self._count - 1])
+        full_rounds = scale(float(rounds), self._impulses[self._count - 1])
         return add(
-            whole, add(self._impulses[low], self._within(low, t - self.torque[4 * low]))
+            full_rounds,
+            add(self._impulses[low], self._within(low, t - self.torque[4 * low])),
         )
 
     def _within(self, i: int, span: float) -> Vec3:

@@ -196,12 +196,12 @@ class EnvironmentPropagated(NearEarth, OrbitStart):
 
     def _path_of(self, interval: int) -> _Path:
         """Compute the polynomial of the position (m) between two nodes."""
-        left, right = self._node(interval), self._node(interval + 1)
+        begin, end = self._node(interval), self._node(interval + 1)
         t = NODE_TIME * interval
-        a = self._acceleration(t, left, self._sun(t))
-        b = self._acceleration(t + NODE_TIME, right, self._sun(t + NODE_TIME))
+        a = self._acceleration(t, begin, self._sun(t))
+        b = self._acceleration(t + NODE_TIME, end, self._sun(t + NODE_TIME))
         x, y, z = (
-            hermite(left[i], left[i + 3], a[i], right[i], right[i + 3], b[i])
+            hermite(begin[i], begin[i + 3], a[i], end[i], end[i + 3], b[i])
             for i in range(3)
         )
         return interval, (x, y, z)

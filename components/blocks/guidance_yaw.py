@@ -75,13 +75,13 @@ class GuidanceYaw(Guidance):
         rate = norm(cross(r, v)) / dot(r, r)
         x, y, z = rotate(lvlh, self.sun_eci)
         across = sqrt(x * x + y * y)
-        wanted = atan2(y, x) if across > 0.0 else self._yaw
+        yaw = atan2(y, x) if across > 0.0 else self._yaw
         turning = -rate * y * z / (across * across) if across > 1e-9 else 0.0
         turning = self._within(turning, self.rate_limit)
         if self._begun and t > self._last:
             since = t - self._last
             self._yaw += since * self._rate
-            behind = remainder(wanted - self._yaw, tau)
+            behind = remainder(yaw - self._yaw, tau)
             after = sqrt(self.acceleration_limit * abs(behind))
             turning = self._within(
                 turning + self._within(behind / (10.0 * since), after), self.rate_limit
@@ -89,7 +89,7 @@ class GuidanceYaw(Guidance):
             most = since * self.acceleration_limit
             self._rate += self._within(turning - self._rate, most)
         elif not self._begun:
-            self._begun, self._yaw, self._rate = True, wanted, turning
+            self._begun, self._yaw, self._rate = True, yaw, turning
         self._last = t
         half = 0.5 * self._yaw
         turned = product((0.0, 0.0, sin(half), cos(half)), lvlh)

@@ -193,8 +193,8 @@ class ManagerBoomFeedforward(Boom):
         roll, pitch = self.wheels == WHEELS_XYZ, self.wheels != WHEELS_Z
         self._has: Vec3 = (1.0 if roll else 0.0, 1.0 if pitch else 0.0, 1.0)
         name = ("z", "y_z", "x_y_z")[self.wheels]
-        for axis, wanted in ((X_AXIS, roll), (Y_AXIS, pitch), (Z_AXIS, True)):
-            if wanted:
+        for axis, has_wheel in ((X_AXIS, roll), (Y_AXIS, pitch), (Z_AXIS, True)):
+            if has_wheel:
                 self.need_wheel(axis, f"wheels = {name}")
         self._check_schedule()
         self._omega: Vec3 | None = None
@@ -403,11 +403,11 @@ class ManagerBoomFeedforward(Boom):
         It sets `reason` where the limit is reached.
         """
         has = self._has
-        wanted = (has[0] * torque[0], has[1] * torque[1], has[2] * torque[2])
-        given = clip(wanted, self.torque_limit)
-        if given != wanted and self.reason == NOTHING:
+        requested = (has[0] * torque[0], has[1] * torque[1], has[2] * torque[2])
+        limited = clip(requested, self.torque_limit)
+        if limited != requested and self.reason == NOTHING:
             self.reason = TORQUE_LIMIT
-        return given
+        return limited
 
     def _dipole(self, nadir: Vec3, rate: Vec3, h: Vec3) -> Vec3:
         """Compute the mean dipole (A m2, body) of the coils' pulses over the sample."""

@@ -323,14 +323,14 @@ class ManagerDetumblingRollout(Manager, WheelInertias):
             missed(n[3], u[3], got[3], limit[3]),
         )
         n = self._misses
-        left = (
+        limits = (
             0.0 if n[0] >= MISSES else limit[0],
             0.0 if n[1] >= MISSES else limit[1],
             0.0 if n[2] >= MISSES else limit[2],
             0.0 if n[3] >= MISSES else limit[3],
         )
-        if left != limit:
-            self._limits = left
+        if limits != limit:
+            self._limits = limits
             self.wheels_dead += 1
             self._drop()
 

@@ -195,14 +195,14 @@ class ManagerIntegrated(WheelManager):
             self._to_wheels,
             self.axes_wheel,
             self.tau_des_body,
-            scale(1.0 - self._share, self._wanted()),
+            scale(1.0 - self._share, self._commanded_torque()),
             self.omega_bi_body if self.valid_omega else ZERO,
             self.h_wheel if self.valid_h else OFF,
         )
         p, q, r, s = self._null_torque
         return (a + p, b + q, c + r, d + s)
 
-    def _wanted(self) -> Vec3:
+    def _commanded_torque(self) -> Vec3:
         """Return tau (N m, body), the torque of wheels and coils on the body."""
         if self._tumbling and not self.valid_omega:
             return ZERO
@@ -264,7 +264,7 @@ class ManagerIntegrated(WheelManager):
                 self.gain,
                 self.torque_limit or inf,
             )
-            self._share, by_coils = k, scale(k, self._wanted())
+            self._share, by_coils = k, scale(k, self._commanded_torque())
         self.m_cmd_body = integrated.dipole(by_coils, b, self.m_limit)
 
     def _watch(self, excess: Vec4) -> None:

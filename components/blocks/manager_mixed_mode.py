@@ -32,7 +32,7 @@ class ManagerMixedMode(MomentumManagement, NominalProfile):
         nominal = self.nominal(t + self.sample_time)
         if nominal is None:
             return None
-        wanted = rotate(self.q_bi, nominal)
-        torque = laws.mixed_mode_torque(h, wanted, self.sample_time, self.gravity())
+        target = rotate(self.q_bi, nominal)
+        torque = laws.mixed_mode_torque(h, target, self.sample_time, self.gravity())
         self.tau_desired_body = torque
         return laws.closed_loop_dipole(torque, self.field(), self._s)

@@ -189,8 +189,10 @@ class ManagerOpenLoop(MomentumManagement, NominalProfile, EarthField):
         It is a whole number of samples later.
         """
         if self._in_manoeuvre(t):
-            left = self.t_end + self.lag_time - t
-            return t + floor(left / self.sample_time + 1.0 - 1e-6) * self.sample_time
+            remaining = self.t_end + self.lag_time - t
+            return (
+                t + floor(remaining / self.sample_time + 1.0 - 1e-6) * self.sample_time
+            )
         return t + self.desaturation_period
 
     def _in_manoeuvre(self, t: float) -> bool:
@@ -217,13 +219,13 @@ class ManagerOpenLoop(MomentumManagement, NominalProfile, EarthField):
             gravity = rotate_back(q, gravity_gradient(rotate(q, r), self._inertia))
             impulse = add(impulse, scale(dt, gravity))
             product = _plus(product, dt, laws.field_product(b, _turned(self._s, q)))
-        wanted = sub(sub(nominal, h_eci), impulse)
+        change = sub(sub(nominal, h_eci), impulse)
         self.condition = min(laws.condition(product), LARGEST)
         if self.condition > self.condition_limit:
             return
         self._solved = True
-        self._costate = laws.open_loop_costate(product, wanted)
-        self.miss_predicted = norm(sub(mat_vec(product, self._costate), wanted))
+        self._costate = laws.open_loop_costate(product, change)
+        self.miss_predicted = norm(sub(mat_vec(product, self._costate), change))
 
     def _ahead(
         self, orbit: Elements, t: float, ahead: float

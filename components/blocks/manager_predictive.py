@@ -27,30 +27,32 @@ from ..physics.wheel_array import body_momentum, pseudo_inverse, to_wheels
 
 HOLD, EMPTY = range(2)
 NADIR, _, IGRF = range(3)
-PLANNED = 30.0  # s, shortest time between plans
-ORBITS, SHARE = 1.5, 0.05  # Horizon of a plan, and its longest interval, in orbits.
-# Weight of momentum against energy: q = (STIFF n)^2 / b^2; w_p = PEAK q h_s^2, h_s =
-# CLOSE times the peak.
-STIFF, PEAK, CLOSE = 1.0, 0.1, 0.85
-SCALE = 1e-3  # smallest eigenvalue of the coils' price, relative to its mean
+PLAN_TIME = 30.0  # s, shortest time between plans
+ORBITS = 1.5  # horizon of a plan
+LONGEST_INTERVAL = 0.05  # of a plan, in orbits
+# Weight of momentum against energy, goal hold: q = (STIFFNESS n)^2 / b^2,
+# w_p = PEAK q h_s^2, h_s = PEAK_SCALE times the peak.
+STIFFNESS = 1.0
+PEAK = 0.1
+PEAK_SCALE = 0.85
+LEAST_EIGENVALUE = 1e-3  # of the coils' price, relative to its mean
 LEAST_ENERGY = 0.05  # relative price of a dipole of a coil that gives none
-# Goal empty: additional price of a full dipole or a second, squared and halved;
-# relative discount of a last second against a first; fraction of the thrusters' time
-# that plans leave free except in their first interval, so that thrusters may turn out
-# weaker by that.
-COIL_PRICE, PATIENCE, RESERVE = 2e-3, 1e-3, 0.35
-# Prior standard deviation of constant torques, relative to n^2 J, and of the own
-# dipole, relative to m_limit.
-SPREAD, OWN = 0.2, 0.02
-# Torque that is not modelled, relative to n^2 J, for a sixth of an orbit at a time;
-# possible change of a learnt parameter in an orbit, relative to its prior deviation.
-UNKNOWN, DRIFT = 0.01, 0.1
+COIL_PRICE = 2e-3  # goal empty: price of a full dipole or a second, squared and halved
+PATIENCE = 1e-3  # goal empty: relative discount of a last second against a first
+# Goal empty: fraction of the thrusters' time that plans leave free except in their
+# first interval, so that thrusters may turn out weaker by that.
+RESERVE = 0.35
+TORQUE_SPREAD = 0.2  # prior deviation of constant torques, relative to n^2 J
+DIPOLE_SPREAD = 0.02  # prior deviation of the craft's own dipole, relative to m_limit
+# Torque that is not modelled, relative to n^2 J, for a sixth of an orbit at a time.
+UNMODELLED_TORQUE = 0.01
+DRIFT = 0.1  # change of a parameter in an orbit, relative to its prior deviation
 # Limit of the momentum in the null space, relative to the largest momentum that a wheel
 # has otherwise.
-CLEAR = 2.0
+NULL_MOMENTUM = 2.0
 BINS = 8  # parts of an orbit whose largest wheel momenta are stored
-# relative difference of measured and model field beyond which the law falls back
-STRANGE = 0.3
+# Relative difference of measured and model field beyond which the law falls back.
+FIELD_MISMATCH = 0.3
 AXES: tuple[Vec3, Vec3, Vec3] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 AT_1, AT_2 = 0.21132486540518713, 0.7886751345948129  # Gauss points
 
@@ -236,41 +238,9 @@ class ManagerPredictive(MomentumDumping, EarthField):
 
     def start(self) -> None:
         super().start()
-        a, b, c = self.weights
-        if a + b + c <= 0.0:
-            self.fail("weights = (0, 0, 0): a plan needs a weight that is above 0")
-        if b <= 0.0:
-            self.fail(
-                "weights[2] = 0: coil energy needs a weight above 0, as a price sets dipoles"
-            )
-        if self.goal == HOLD and a <= 0.0:
-            self.fail(
-                "weights[1] = 0: with goal hold the momentum needs a weight above 0"
-            )
-        if self.sample_time <= 0.0:
-            self.fail("sample_time = 0 s: a plan is made of samples")
-        if 0.0 < self.horizon < 2.0 * self.sample_time:
-            self.fail(
-                f"horizon = {self.horizon:.10g} s is below two samples of sample_time = "
-                f"{self.sample_time:.10g} s"
-            )
-        if self.goal == EMPTY and self.end < 2.0 * self.sample_time:
-            self.fail(
-                f"end = {self.end:.10g} s is before now or within two samples of sample_time "
-                f"= {self.sample_time:.10g} s"
-            )
-        if self.goal == EMPTY and c <= 0.0:
-            self.fail(
-                "weights[3] = 0: with goal empty propellant needs a weight above 0"
-            )
+        self._check_plan()
         live = without(self.axes_coil, self.dead_coil)
-        x, y, z = self.tau_level
-        with_coils = self.m_limit > 0.0 and any(x != 0.0 for x in live)
-        if not with_coils and not (self.goal == EMPTY and x + y + z > 0.0):
-            self.fail(
-                f"m_limit = {self.m_limit:.10g} A m2 with these axes_coil: no coil is left "
-                "that the law could use"
-            )
+        self._check_actuators(live)
         self._to_coils = pseudo_inverse(live)
         self._null = null_vector(self.axes_wheel)
         self._live = live
@@ -299,6 +269,49 @@ class ManagerPredictive(MomentumDumping, EarthField):
         self.torque_eci = ZERO
         self.plan_steps = 0
 
+    def _check_plan(self) -> None:
+        """Refuse weights and times with which there is no plan."""
+        a, b, c = self.weights
+        if a + b + c <= 0.0:
+            self.fail("weights = (0, 0, 0): a plan needs a weight that is above 0")
+        if b <= 0.0:
+            self.fail(
+                "weights[2] = 0: coil energy needs a weight above 0, as a price sets dipoles"
+            )
+        if self.goal == HOLD and a <= 0.0:
+            self.fail(
+                "weights[1] = 0: with goal hold the momentum needs a weight above 0"
+            )
+        if self.sample_time <= 0.0:
+            self.fail("sample_time = 0 s: a plan is made of samples")
+        if 0.0 < self.horizon < 2.0 * self.sample_time:
+            self.fail(
+                f"horizon = {self.horizon:.10g} s is below two samples of sample_time = "
+                f"{self.sample_time:.10g} s"
+            )
+        if self.goal == EMPTY and self.end < 2.0 * self.sample_time:
+            self.fail(
+                f"end = {self.end:.10g} s is before now or within two samples of sample_time "
+                f"= {self.sample_time:.10g} s"
+            )
+        if self.goal == EMPTY and c <= 0.0:
+            self.fail(
+                "weights[3] = 0: with goal empty propellant needs a weight above 0"
+            )
+
+    def _check_actuators(self, live: Mat34) -> None:
+        """Refuse a craft without a coil or a thruster that the law could use.
+
+        live: the axes of the coils that are not dead (body).
+        """
+        x, y, z = self.tau_level
+        with_coils = self.m_limit > 0.0 and any(x != 0.0 for x in live)
+        if not with_coils and not (self.goal == EMPTY and x + y + z > 0.0):
+            self.fail(
+                f"m_limit = {self.m_limit:.10g} A m2 with these axes_coil: no coil is left "
+                "that the law could use"
+            )
+
     def foresee(self, begin: float, end: float, wired: frozenset[str]) -> Iterator[str]:
         self.covered(begin, end, self.field_model == IGRF)
         yield from super().foresee(begin, end, wired)
@@ -312,8 +325,10 @@ class ManagerPredictive(MomentumDumping, EarthField):
         a, b, c, d = self.h_wheel
         size2 = p * p + q * q + r * r + s * s
         along = (p * a + q * b + r * c + s * d) / max(size2, 1.0)
-        left = min(max(along, -CLEAR * self._peak()), CLEAR * self._peak())
-        above = (a - left * p, b - left * q, c - left * r, d - left * s)
+        level = min(
+            max(along, -NULL_MOMENTUM * self._peak()), NULL_MOMENTUM * self._peak()
+        )
+        above = (a - level * p, b - level * q, c - level * r, d - level * s)
         rate = self.null_gain if self.null_gain > 0.0 else n
         a, b, c, d = null_torque(above, self._null, rate, inf)
         e, f, g, i = self.tau_cmd_wheel
@@ -349,7 +364,7 @@ class ManagerPredictive(MomentumDumping, EarthField):
         )
         model = self._field(self.r_eci, self.v_eci, t)
         b = rotate_back(q, self.b_body) if self.valid_b else model
-        strange = norm(sub(b, model)) > STRANGE * norm(model)
+        strange = norm(sub(b, model)) > FIELD_MISMATCH * norm(model)
         self._weigh(b, model)
         model = scale(self._field_scale, model)
         self._remember(t, h)
@@ -362,13 +377,11 @@ class ManagerPredictive(MomentumDumping, EarthField):
         self._gravity = rotate_back(
             q, gravity_gradient(rotate(q, self.r_eci), self._inertia)
         )
-        middle = self._coasted(0.5 * self.sample_time)
-        soon = self._field(middle[0], middle[1], t + 0.5 * self.sample_time)
-        mean = rotate(q, add(b, sub(scale(self._field_scale, soon), model)))
+        mean = rotate(q, add(b, sub(self._field_amid_sample(t), model)))
         m, n_t = ZERO, self._thrust
         if self._failed or strange:
             self.mode = FALLBACK
-            gain = STIFF * norm(turn)
+            gain = STIFFNESS * norm(turn)
             m = cross_product.normalised(h, mean, gain) if self.valid_b else ZERO
         elif self.valid_b:
             self.mode = DUMPING
@@ -377,17 +390,17 @@ class ManagerPredictive(MomentumDumping, EarthField):
             self.mode = FALLBACK if norm(n_t) > 0.0 else IDLE
         m = reduced(m, to_wheels(self._to_coils, m), self.m_limit)
         self._coils = to_wheels(self._to_coils, m)
-        given = self._given(self._coils)
+        dipole = self._effective_dipole(self._coils)
         x, y, z = self.thruster_effectiveness
         absorbed = (x * n_t[0], y * n_t[1], z * n_t[2])
-        return add(cross(given, mean), absorbed), (m, n_t)
+        return add(cross(dipole, mean), absorbed), (m, n_t)
 
     def _period(self) -> float:
         """Return the time (s) from plan to plan, a multiple of the sample time."""
         if self.goal == EMPTY:
             return self.sample_time
         return self.sample_time * float(
-            int(max(PLANNED / self.sample_time, 1.0) + 0.999999)
+            int(max(PLAN_TIME / self.sample_time, 1.0) + 0.999999)
         )
 
     def _motion(self) -> tuple[float, float]:
@@ -413,6 +426,11 @@ class ManagerPredictive(MomentumDumping, EarthField):
             return rotate_back(lvlh_attitude(r, v), in_lvlh(r))
         return self.field_eci(r, t, igrf=self.field_model == IGRF)
 
+    def _field_amid_sample(self, t: float) -> Vec3:
+        """Compute the scaled model's B (T, eci) half a sample after t (s)."""
+        r, v = self._coasted(0.5 * self.sample_time)
+        return scale(self._field_scale, self._field(r, v, t + 0.5 * self.sample_time))
+
     def _weigh(self, b: Vec3, model: Vec3) -> None:
         """Update the scale of the model's field by a measured field (T, eci).
 
@@ -420,10 +438,10 @@ class ManagerPredictive(MomentumDumping, EarthField):
         measurement.
         """
         _, orbit = self._motion()
-        kept = max(1.0 - self.sample_time / orbit, 0.0)
+        memory = max(1.0 - self.sample_time / orbit, 0.0)
         one = dot(model, model) if self._models == 0.0 else 0.0
-        self._models = kept * self._models + one + dot(model, model)
-        self._fields = kept * self._fields + one + dot(b, model)
+        self._models = memory * self._models + one + dot(model, model)
+        self._fields = memory * self._fields + one + dot(b, model)
         self._field_scale = self._fields / self._models
 
     def _remember(self, t: float, h: Vec3) -> None:
@@ -437,7 +455,7 @@ class ManagerPredictive(MomentumDumping, EarthField):
             self._bins = (0.0, *self._bins[:-1])
         self._bins = (max(self._bins[0], largest), *self._bins[1:])
 
-    def _given(self, coils: Vec4) -> Vec3:
+    def _effective_dipole(self, coils: Vec4) -> Vec3:
         """Compute the dipole (A m2, body) that the coils give for these commands."""
         a, b, c, d = coils
         e, f, g, i = self.effectiveness
@@ -453,20 +471,14 @@ class ManagerPredictive(MomentumDumping, EarthField):
         largest = max(
             abs(self._inertia[0]), abs(self._inertia[4]), abs(self._inertia[8])
         )
-        most = n * n * largest
-        from_rate, from_attitude = (
-            largest * self.rate_noise,
-            norm(total) * self.attitude_noise,
+        gravity_torque = n * n * largest
+        noise = max(
+            self._momentum_noise(largest, norm(total)),
+            1e-3 * gravity_torque * self.sample_time,
         )
-        noise = sqrt(
-            self.h_noise * self.h_noise
-            + from_rate * from_rate
-            + from_attitude * from_attitude
-        )
-        noise = max(noise, 1e-3 * most * self.sample_time)
         if self._deviations[learning.GRAVITY] == 0.0:
             self._deviations = learning.spreads(
-                SPREAD * most, OWN * self.m_limit, noise
+                TORQUE_SPREAD * gravity_torque, DIPOLE_SPREAD * self.m_limit, noise
             )
             self._p = learning.first_covariance(self._deviations)
             self._x = learning.first_state(h)
@@ -476,83 +488,78 @@ class ManagerPredictive(MomentumDumping, EarthField):
             self._x = (*h, *self._x[3:])
             self._p = learning.forgotten(self._p, noise)
         else:
-            b = rotate_back(q, self.b_body)
-            pull = rotate_back(
-                q, gravity_gradient(rotate(q, self.r_eci), self._inertia)
-            )
-            then, now = (
-                lvlh_attitude(self._r, self._v),
-                lvlh_attitude(self.r_eci, self.v_eci),
-            )
-            half = 0.5 * passed
-            (c0, s0), (c1, s1) = self._latitude(self._r), self._latitude(self.r_eci)
-            causes = learning.causes(
-                (
-                    scale(half, add(self._gravity, pull)),
-                    *(scale(passed, axis) for axis in AXES),
-                    *(
-                        scale(
-                            half, add(rotate_back(then, axis), rotate_back(now, axis))
-                        )
-                        for axis in AXES
-                    ),
-                    *(scale(half, self._moved(axis, q, b)) for axis in AXES),
-                    *(
-                        scale(
-                            half * coil,
-                            self._moved(
-                                (self._live[i], self._live[4 + i], self._live[8 + i]),
-                                q,
-                                b,
-                            ),
-                        )
-                        for i, coil in enumerate(self._coils)
-                    ),
-                    *(
-                        scale(
-                            half * torque,
-                            add(rotate_back(self._q, axis), rotate_back(q, axis)),
-                        )
-                        for axis, torque in zip(AXES, self._thrust, strict=True)
-                    ),
-                    *(
-                        scale(
-                            half,
-                            add(
-                                scale(c0, rotate_back(then, axis)),
-                                scale(c1, rotate_back(now, axis)),
-                            ),
-                        )
-                        for axis in AXES
-                    ),
-                    *(
-                        scale(
-                            half,
-                            add(
-                                scale(s0, rotate_back(then, axis)),
-                                scale(s1, rotate_back(now, axis)),
-                            ),
-                        )
-                        for axis in AXES
-                    ),
-                )
-            )
-            self._x, self._p = learning.learnt(
+            causes = self._causes(passed, q, rotate_back(q, self.b_body))
+            self._x, self._p = learning.update(
                 self._x,
                 self._p,
                 h,
                 causes,
                 noise,
-                UNKNOWN * most * sqrt(orbit * passed / 3.0),
+                UNMODELLED_TORQUE * gravity_torque * sqrt(orbit * passed / 3.0),
                 self._deviations,
                 DRIFT * sqrt(passed / orbit),
             )
         self._known = t
         x = self._x
         self.gravity_scale = x[learning.GRAVITY]
-        self.torque_eci = (x[4], x[5], x[6])
-        self.effectiveness = (x[13], x[14], x[15], x[16])
-        self.thruster_effectiveness = (x[17], x[18], x[19])
+        self.torque_eci = learning.vector(x, learning.INERTIAL)
+        e = learning.COILS
+        self.effectiveness = (x[e], x[e + 1], x[e + 2], x[e + 3])
+        self.thruster_effectiveness = learning.vector(x, learning.THRUSTERS)
+
+    def _momentum_noise(self, inertia: float, total: float) -> float:
+        """Return the standard deviation of the measured momentum H (N m s).
+
+        inertia: the largest (kg m2); total: |H| (N m s).
+        """
+        from_rate, from_attitude = (
+            inertia * self.rate_noise,
+            total * self.attitude_noise,
+        )
+        return sqrt(
+            self.h_noise * self.h_noise
+            + from_rate * from_rate
+            + from_attitude * from_attitude
+        )
+
+    def _causes(self, passed: float, q: Vec4, b: Vec3) -> Table:
+        """Return the effect of a unit of each learnt parameter on H, `learning.causes`.
+
+        Over the time `passed` (s) since the last sample, by the mean of then and now;
+        q and b (T, eci) are those of now.
+        """
+        half = 0.5 * passed
+        pull = rotate_back(q, gravity_gradient(rotate(q, self.r_eci), self._inertia))
+        then = lvlh_attitude(self._r, self._v)
+        now = lvlh_attitude(self.r_eci, self.v_eci)
+        (c0, s0), (c1, s1) = self._latitude(self._r), self._latitude(self.r_eci)
+        coil_axes = tuple(
+            (self._live[i], self._live[4 + i], self._live[8 + i]) for i in range(4)
+        )
+        return learning.causes(
+            (
+                scale(half, add(self._gravity, pull)),
+                *(scale(passed, axis) for axis in AXES),
+                *(
+                    scale(half, add(rotate_back(then, axis), rotate_back(now, axis)))
+                    for axis in AXES
+                ),
+                *(scale(half, self._moved(axis, q, b)) for axis in AXES),
+                *(
+                    scale(half * coil, self._moved(axis, q, b))
+                    for axis, coil in zip(coil_axes, self._coils, strict=True)
+                ),
+                *(
+                    scale(
+                        half * torque,
+                        add(rotate_back(self._q, axis), rotate_back(q, axis)),
+                    )
+                    for axis, torque in zip(AXES, self._thrust, strict=True)
+                ),
+                *(scale(half, _weighted(c0, then, c1, now, axis)) for axis in AXES),
+                *(scale(half, _weighted(s0, then, s1, now, axis)) for axis in AXES),
+            )
+        )
 
     def _latitude(self, r: Vec3) -> tuple[float, float]:
         """Return cosine and sine of the argument of latitude of r (m).
@@ -585,7 +592,7 @@ class ManagerPredictive(MomentumDumping, EarthField):
             a, b, c = p[3 * i], p[3 * i + 1], p[3 * i + 2]
             xx, xy, xz = xx + w * a * a, xy + w * a * b, xz + w * a * c
             yy, yz, zz = yy + w * b * b, yz + w * b * c, zz + w * c * c
-        least = SCALE * (xx + yy + zz) / 3.0
+        least = LEAST_EIGENVALUE * (xx + yy + zz) / 3.0
         # R = L L', the commands are the columns of L'^-1
         l11 = sqrt(xx + least)
         l21, l31 = xy / l11, xz / l11
@@ -599,13 +606,13 @@ class ManagerPredictive(MomentumDumping, EarthField):
             -l32 / (l22 * l33),
             1.0 / l33,
         )
-        given = (
-            self._given(to_wheels(p, first)),
-            self._given(to_wheels(p, second)),
-            self._given(to_wheels(p, third)),
+        dipoles = (
+            self._effective_dipole(to_wheels(p, first)),
+            self._effective_dipole(to_wheels(p, second)),
+            self._effective_dipole(to_wheels(p, third)),
         )
         most = (self._reach(first), self._reach(second), self._reach(third))
-        return (first, second, third), given, most
+        return (first, second, third), dipoles, most
 
     def _reach(self, command: Vec3) -> float:
         """Return the largest multiple of a command (A m2) within the coils' limits."""
@@ -620,10 +627,10 @@ class ManagerPredictive(MomentumDumping, EarthField):
         """
         if self.goal == EMPTY:
             return self._dipole_planned
-        commands, given, most = self._axes()
+        commands, dipoles, most = self._axes()
         m = ZERO
         for i in range(3):
-            v = -dot(cross(given[i], b), costate) / self.weights[1]
+            v = -dot(cross(dipoles[i], b), costate) / self.weights[1]
             m = add(m, scale(min(max(v, -most[i]), most[i]), commands[i]))
         return m
 
@@ -651,8 +658,8 @@ class ManagerPredictive(MomentumDumping, EarthField):
             reach = self.end - t
         dt = [0.0] * predictive.INTERVALS
         period = self._period()
-        longest = max(SHARE * orbit, period)
-        most = predictive.HELD if self.goal == HOLD else predictive.INTERVALS
+        longest = max(LONGEST_INTERVAL * orbit, period)
+        most = predictive.PATH_INTERVALS if self.goal == HOLD else predictive.INTERVALS
         count, begin, size = 0, 0.0, period
         while count < most and begin < reach - 0.5 * period:
             dt[count] = size
@@ -662,9 +669,9 @@ class ManagerPredictive(MomentumDumping, EarthField):
                 size = min(2.0 * size, longest)
             else:
                 # whole samples, as few in each as the remaining intervals allow
-                left = int((reach - begin) / period + 0.5)
+                samples = int((reach - begin) / period + 0.5)
                 slots = max(most - count, 1)
-                size = period * float(max((left + slots - 1) // slots, 1))
+                size = period * float(max((samples + slots - 1) // slots, 1))
         return count, tuple(dt)
 
     def _forecast(
@@ -676,16 +683,16 @@ class ManagerPredictive(MomentumDumping, EarthField):
         off: Vec3,
         count: int,
         dt: Table,
-    ) -> tuple[Table, Table, Table, float]:
+    ) -> tuple[predictive.Vectors, predictive.Vectors, predictive.Vectors, float]:
         """Predict drift and effects of the actuators in each interval.
 
         Returns the change of X in each interval (N m s, eci), that by a unit of each
         actuator, the wheels' axes at its end (eci), and b^2 (T2). `from_lvlh`: body
         from lvlh.
         """
-        drift = [0.0] * (3 * predictive.INTERVALS)
-        effect = [0.0] * (3 * predictive.ACTUATORS * predictive.INTERVALS)
-        rows = [0.0] * (12 * predictive.HELD)
+        drift = [ZERO] * predictive.INTERVALS
+        effect = [ZERO] * (predictive.ACTUATORS * predictive.INTERVALS)
+        wheel_axes = [ZERO] * (predictive.WHEELS * predictive.PATH_INTERVALS)
         hold = self.goal == HOLD
         each = predictive.COILS if hold else predictive.ACTUATORS
         n, _ = self._motion()
@@ -693,7 +700,7 @@ class ManagerPredictive(MomentumDumping, EarthField):
             self.r_eci, self.v_eci
         )
         to_perigee, onward = perifocal_axes(inclination, raan, perigee)
-        _, given, _ = self._axes()
+        _, dipoles, _ = self._axes()
         turn = cross(self.r_eci, self.v_eci)
         before = self._bias(q, turn, dot(self.r_eci, self.r_eci), turning)
         strength, begin = 0.0, 0.0
@@ -709,90 +716,92 @@ class ManagerPredictive(MomentumDumping, EarthField):
                 if k == 0:
                     b = add(b, off)
                 push = add(push, scale(0.5 * step, self._torque(pointing, frame, r, b)))
-                for j in range(3):
-                    i = 3 * (each * k + j)
-                    f = scale(0.5 * step, cross(rotate_back(pointing, given[j]), b))
-                    effect[i] += f[0]
-                    effect[i + 1] += f[1]
-                    effect[i + 2] += f[2]
+                vectors = self._effects(0.5 * step, pointing, b, dipoles)
+                for j in range(each):
+                    i = each * k + j
+                    effect[i] = add(effect[i], vectors[j])
                 for j in range(4):
                     axis = (self._live[j], self._live[4 + j], self._live[8 + j])
                     f = cross(rotate_back(pointing, axis), b)
                     strength += 0.25 * step * dot(f, f)
-                for j in range(each - predictive.COILS):
-                    gain = 0.5 * self.tau_level[j] * self.thruster_effectiveness[j]
-                    f = scale(gain, rotate_back(pointing, AXES[j]))
-                    i = 3 * (each * k + predictive.COILS + j)
-                    effect[i] += f[0]
-                    effect[i + 1] += f[1]
-                    effect[i + 2] += f[2]
             begin += step
             r, v = ellipse_state(a, e, anomaly + n * begin, n, to_perigee, onward)
             pointing = product(from_lvlh, lvlh_attitude(r, v)) if turning else q
             after = self._bias(pointing, cross(r, v), dot(r, r), turning)
             push = sub(push, sub(after, before))
             before = after
-            drift[3 * k], drift[3 * k + 1], drift[3 * k + 2] = push
-            for j in range(4 if hold else 0):
+            drift[k] = push
+            for j in range(predictive.WHEELS if hold else 0):
                 w = self._to_wheels
-                row = rotate_back(pointing, (w[3 * j], w[3 * j + 1], w[3 * j + 2]))
-                i = 3 * (4 * k + j)
-                rows[i], rows[i + 1], rows[i + 2] = row
-        return tuple(drift), tuple(effect), tuple(rows), strength / begin
+                axis = rotate_back(pointing, (w[3 * j], w[3 * j + 1], w[3 * j + 2]))
+                wheel_axes[predictive.WHEELS * k + j] = axis
+        return tuple(drift), tuple(effect), tuple(wheel_axes), strength / begin
+
+    def _effects(
+        self, weight: float, q: Vec4, b: Vec3, dipoles: tuple[Vec3, Vec3, Vec3]
+    ) -> tuple[Vec3, ...]:
+        """Return the effect of each actuator on X at a point of an interval (eci).
+
+        Of a unit of each coil command over `weight` (s), in N m s / (A m2), whose
+        dipoles (body) are given; then of half a second of each thruster axis (N m s).
+        """
+        p, r, s = dipoles
+        x, y, z = self.tau_level
+        e, f, g = self.thruster_effectiveness
+        return (
+            scale(weight, cross(rotate_back(q, p), b)),
+            scale(weight, cross(rotate_back(q, r), b)),
+            scale(weight, cross(rotate_back(q, s), b)),
+            scale(0.5 * x * e, rotate_back(q, AXES[0])),
+            scale(0.5 * y * f, rotate_back(q, AXES[1])),
+            scale(0.5 * z * g, rotate_back(q, AXES[2])),
+        )
 
     def _hold(
         self,
         count: int,
         x0: Vec3,
         dt: Table,
-        drift: Table,
-        effect: Table,
-        rows: Table,
+        drift: predictive.Vectors,
+        effect: predictive.Vectors,
+        wheel_axes: predictive.Vectors,
         strength: float,
     ) -> None:
         """Plan a course of low momentum from X = x0 (N m s, eci) on."""
         n, _ = self._motion()
         _, _, limits = self._axes()
-        stiff = STIFF * n
+        stiff = STIFFNESS * n
         momentum = self.weights[0] * stiff * stiff / max(strength, 1e-30)
-        bias = to_wheels(self._to_wheels, self.h_target_body)
-        u, _, course, steps, _ = predictive.held(
+        problem = predictive.PathProblem(
             count,
             x0,
-            predictive.NO_PLAN,
             dt,
             drift,
             effect,
             self.weights[1],
             limits,
-            rows,
-            bias,
+            wheel_axes,
+            to_wheels(self._to_wheels, self.h_target_body),
             momentum,
-            0.0,
-            1.0,
         )
-        size = CLOSE * max(
-            predictive.largest(count, course, rows, bias), self._peak(), 1e-9
+        u, _, path, steps, _ = predictive.plan_path(
+            problem, predictive.NO_PLAN, 0.0, 1.0
         )
-        _, self._costate, _, more, settled = predictive.held(
-            count,
-            x0,
-            u,
-            dt,
-            drift,
-            effect,
-            self.weights[1],
-            limits,
-            rows,
-            bias,
-            momentum,
-            PEAK * momentum * size * size,
-            size,
+        largest = predictive.find_largest_momentum(problem, path)
+        peak_scale = PEAK_SCALE * max(largest, self._peak(), 1e-9)
+        peak = PEAK * momentum * peak_scale * peak_scale
+        _, self._costate, _, more_steps, converged = predictive.plan_path(
+            problem, u, peak, peak_scale
         )
-        self.plan_steps, self._failed = steps + more, not settled
+        self.plan_steps, self._failed = steps + more_steps, not converged
 
     def _empty(
-        self, count: int, x0: Vec3, dt: Table, drift: Table, effect: Table
+        self,
+        count: int,
+        x0: Vec3,
+        dt: Table,
+        drift: predictive.Vectors,
+        effect: predictive.Vectors,
     ) -> None:
         """Plan dipole and pulses of the first interval so that X = x0 becomes zero.
 
@@ -805,7 +814,7 @@ class ManagerPredictive(MomentumDumping, EarthField):
         rest, reach, begin = x0, 0.0, 0.0
         for k in range(count):
             reach += dt[k]
-            rest = add(rest, (drift[3 * k], drift[3 * k + 1], drift[3 * k + 2]))
+            rest = add(rest, drift[k])
         for k in range(count):
             fee[k] = self.weights[2] * (1.0 - PATIENCE * begin / reach)
             most[k] = (1.0 - RESERVE if k > 0 else 1.0) * dt[k] if fires else 0.0
@@ -814,7 +823,7 @@ class ManagerPredictive(MomentumDumping, EarthField):
         least = level * self.least_pulse
         weight = 10.0 * self.weights[2] / (level * least)
         near, stride = 0.01 * least, 0.5 * self.weights[2] / level
-        u, self.plan_steps, _ = predictive.emptied(
+        u, self.plan_steps, _ = predictive.plan_unloading(
             count,
             rest,
             effect,
@@ -831,10 +840,8 @@ class ManagerPredictive(MomentumDumping, EarthField):
             # the coils compensate the rounding of the pulses
             for j in range(3):
                 on = thrust[j] * self.sample_time / max(self.tau_level[j], 1e-9)
-                i = 3 * (predictive.COILS + j)
-                done = scale(on, (effect[i], effect[i + 1], effect[i + 2]))
-                rest = add(rest, done)
-            u, _, _ = predictive.emptied(
+                rest = add(rest, scale(on, effect[predictive.COILS + j]))
+            u, _, _ = predictive.plan_unloading(
                 count,
                 rest,
                 effect,
@@ -868,20 +875,25 @@ class ManagerPredictive(MomentumDumping, EarthField):
         """
         x = self._x
         gravity = rotate_back(q, gravity_gradient(rotate(q, r), self._inertia))
-        own = cross(rotate_back(q, (x[10], x[11], x[12])), b)
+        dipole_torque = cross(rotate_back(q, learning.vector(x, learning.DIPOLE)), b)
         c, s = self._latitude(r)
-        orbital = rotate_back(
-            lvlh,
-            (
-                x[7] + c * x[20] + s * x[23],
-                x[8] + c * x[21] + s * x[24],
-                x[9] + c * x[22] + s * x[25],
-            ),
+        constant = learning.vector(x, learning.ORBITAL)
+        cosine = learning.vector(x, learning.WAVES)
+        sine = learning.vector(x, learning.WAVES + 3)
+        in_lvlh = add(add(constant, scale(c, cosine)), scale(s, sine))
+        inertial = learning.vector(x, learning.INERTIAL)
+        return add(
+            add(scale(x[learning.GRAVITY], gravity), inertial),
+            add(rotate_back(lvlh, in_lvlh), dipole_torque),
         )
-        return add(add(scale(x[3], gravity), (x[4], x[5], x[6])), add(orbital, own))
 
     def _pulse(self, on_time: float, axis: int) -> float:
         """Round an on-time (s) to whole pulses: mean torque (N m) over a sample."""
         count = int(abs(on_time) / self.least_pulse + 0.5)
         on = copysign(float(count) * self.least_pulse, on_time)
         return self.tau_level[axis] * on / self.sample_time
+
+
+def _weighted(p: float, first: Vec4, r: float, second: Vec4, axis: Vec3) -> Vec3:
+    """Return p and r times an axis of two frames (eci), added."""
+    return add(scale(p, rotate_back(first, axis)), scale(r, rotate_back(second, axis)))

@@ -43,10 +43,10 @@ class ManagerPreview(MomentumManagement, GroundTables):
     )
 
     def law(self, t: float, h: Vec3) -> Vec3 | None:
-        where = self.place(t)
-        if where is None:
+        place = self.place(t)
+        if place is None:
             return None
-        i, share = where
+        i, share = place
         gain = laws.between6(self.feedback_table, i, share)
         costate = laws.preview_costate(
             gain, self.offset(i, share), rotate_back(self.q_bi, h)

@@ -40,7 +40,7 @@ class ManagerPreviewLearning(ManagerPreview):
     lost_table: Table = Parameter(
         "A.m2/T",
         "a row a node: g with coil 1, 2, 3 or 4 lost, eci",
-        shape=(CAPACITY, learning.LOST),
+        shape=(CAPACITY, learning.COSTATES),
     )
     learn: bool = Parameter("1", "true: what is learnt is used", start=True)
     learn_noise: float = Parameter(
@@ -93,8 +93,8 @@ class ManagerPreviewLearning(ManagerPreview):
             return n, split
         a, b, c, d = to_wheels(self._to_coils, split[0])
         e, f, g, i = self.effectiveness
-        given = body_momentum(self.axes_coil, (e * a, f * b, g * c, i * d))
-        return cross(given, self._b), split
+        dipole = body_momentum(self.axes_coil, (e * a, f * b, g * c, i * d))
+        return cross(dipole, self._b), split
 
     def law(self, t: float, h: Vec3) -> Vec3 | None:
         self._observe(t)
@@ -109,7 +109,7 @@ class ManagerPreviewLearning(ManagerPreview):
         j = 3 * (self.lost_coil - 1)
         if self.lost_coil == 0 or self.lost_table[j : j + 3] == ZERO:
             return scale(s, super().offset(i, share))
-        return scale(s, laws.between3(self.lost_table, i, share, j, learning.LOST))
+        return scale(s, laws.between3(self.lost_table, i, share, j, learning.COSTATES))
 
     def _observe(self, t: float) -> None:
         """Learn from the change of the momentum since the last sample."""
@@ -124,12 +124,12 @@ class ManagerPreviewLearning(ManagerPreview):
             rows = learning.effects(
                 self.sample_time, self._gravity, self.axes_coil, coils, b
             )
-            self._x, self._p = learning.learnt(
+            self._x, self._p = learning.update(
                 self._x, self._p, change, rows, self.learn_noise, self.learn_drift
             )
             self.effectiveness = learning.shares(self._x)
             self.gravity_scale = self._x[0]
-            self.lost_coil = learning.lost(self._x, self._p, self.lost_coil)
+            self.lost_coil = learning.find_lost_coil(self._x, self._p, self.lost_coil)
         self._then, self._q, self._h_eci = t, self.q_bi, rotate_back(self.q_bi, h)
 
     def _still(self, elapsed: float) -> bool:

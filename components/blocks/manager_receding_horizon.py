@@ -185,12 +185,12 @@ class ManagerRecedingHorizon(ThrusterDumping, EarthField):
         The reserve is kept in all samples, or in all but this one, where that costs no
         more than `reserve_cost`; otherwise in none.
         """
-        whole = self.thruster_duty * self.sample_time
-        kept = (1.0 - self.reserve) * whole
-        free = self._step(h, q_bi, fields, (whole, whole))
+        longest_on = self.thruster_duty * self.sample_time
+        reserved = (1.0 - self.reserve) * longest_on
+        free = self._step(h, q_bi, fields, (longest_on, longest_on))
         if free is None:
             return None
-        for longest in ((kept, kept), (whole, kept)):
+        for longest in ((reserved, reserved), (longest_on, reserved)):
             step = self._step(h, q_bi, fields, longest)
             if step is not None and step[2] <= free[2] + self.reserve_cost:
                 return step[0], step[1]
@@ -217,10 +217,10 @@ class ManagerRecedingHorizon(ThrusterDumping, EarthField):
         )
         return receding_horizon.first_step(plan, self.limits())
 
-    def _fallback(self, h: Vec3, left: float) -> tuple[Vec3, blending.Split]:
-        """Blend in place of a plan, with `left` (s) until the horizon."""
+    def _fallback(self, h: Vec3, remaining_time: float) -> tuple[Vec3, blending.Split]:
+        """Blend in place of a plan, with `remaining_time` (s) until the horizon."""
         self.mode = FALLBACK
-        rate = max(self.g_rate, 1.0 / left)
+        rate = max(self.g_rate, 1.0 / remaining_time)
         n = dumping.ilqr(h, self.rate(), rate, self.n_con_body)
         field = self.b_body if self.valid_b else ZERO
         m, (x, y, z) = blending.bounded_one_norm(n, field, self.limits())

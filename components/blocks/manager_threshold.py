@@ -165,10 +165,10 @@ class ManagerThreshold(MomentumDumping):
             rest = size * (1.0 - self.end / fill) / self.sample_time
             self._last = self._last + 1 if rest <= self.torque else 0
             n = scale(-min(self.torque, max(rest, LAST * self.torque)) / size, h)
-            left = scale(1.0 - self.end / fill, h)
-            if self._is_done(left):
+            remaining = scale(1.0 - self.end / fill, h)
+            if self._is_done(remaining):
                 self._last = SAMPLES
-            n = self._in_pulses(n, left)
+            n = self._in_pulses(n, remaining)
             self._count(n)
             return n, (ZERO, n)
         if not self.valid_b:
@@ -183,31 +183,33 @@ class ManagerThreshold(MomentumDumping):
         self._taken = add(self._taken, scale(self.sample_time, n))
         self.dumped = self._dumped_before + norm(self._taken)
 
-    def _is_done(self, left: Vec3) -> bool:
+    def _is_done(self, remaining: Vec3) -> bool:
         """Return whether the remainder of a dump is below half a pulse about each axis.
 
         left in N m s.
         """
         a, b, c = self.pulse_body
-        x, y, z = left
+        x, y, z = remaining
         return abs(x) < 0.5 * a and abs(y) < 0.5 * b and abs(z) < 0.5 * c
 
-    def _in_pulses(self, n: Vec3, left: Vec3) -> Vec3:
+    def _in_pulses(self, n: Vec3, remaining: Vec3) -> Vec3:
         """Round a torque (N m) over a sample to whole pulses.
 
-        They bring the remainder `left` of the dump (N m s) at most to within half a
+        They bring the remainder `remaining` of the dump (N m s) at most to within half a
         pulse. The rounding error is carried to the next sample.
         """
-        wanted = add(scale(self.sample_time, n), self._rest)
+        impulses = add(scale(self.sample_time, n), self._rest)
         x, y, z = (
             copysign(
                 size * int(min(abs(impulse), abs(rest) + 0.5 * size) / size), impulse
             )
             if size > 0.0
             else impulse
-            for impulse, rest, size in zip(wanted, left, self.pulse_body, strict=True)
+            for impulse, rest, size in zip(
+                impulses, remaining, self.pulse_body, strict=True
+            )
         )
-        self._rest = sub(wanted, (x, y, z))
+        self._rest = sub(impulses, (x, y, z))
         return scale(1.0 / self.sample_time, (x, y, z))
 
     def _goes(self, t: float, h: Vec3, size: float) -> bool:

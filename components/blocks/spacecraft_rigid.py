@@ -219,7 +219,7 @@ class SpacecraftRigid(Spacecraft, WheelInertias):
         motors = ramp(
             body_momentum(axes, mean), body_momentum(axes, self.tau_slope_wheel)
         )
-        given = ramp(
+        external = ramp(
             add(
                 self.tau_disturbance_body,
                 add(self.tau_ext_body, self.tau_mean_thruster_body),
@@ -230,10 +230,10 @@ class SpacecraftRigid(Spacecraft, WheelInertias):
             add(self.m_mean_body, self.residual_dipole_body), self.m_slope_body
         )
         magnetic = dipole != STILL
-        torque = peak(motors) + peak(given) + self._largest_around()
+        torque = peak(motors) + peak(external) + self._largest_around()
         if magnetic:
             torque += peak(dipole) * norm(self.b_eci)
-        bend = norm(motors[1]) + norm(given[1])
+        bend = norm(motors[1]) + norm(external[1])
         if magnetic:
             bend += norm(dipole[1]) * norm(self.b_eci)
         turning = dt * dt * self._inverse_size
@@ -249,7 +249,7 @@ class SpacecraftRigid(Spacecraft, WheelInertias):
             self.inertia,
             self._half_inverse,
             gathered(wheels, motors, dt),
-            given,
+            external,
             dipole,
             field,
             place,

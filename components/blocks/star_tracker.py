@@ -188,28 +188,10 @@ class StarTracker(Role, Sensor):
 
     def _blind(self, sample: int, elapsed: float) -> int:
         """Return why no stars are seen; 0: they are."""
-        if self.sun_exclusion > 0.0 or self.earth_exclusion > 0.0:
-            boresight = rotate_back(self.q_bi, self._boresight)
-            if self.sun_exclusion > 0.0:
-                size = norm(self.sun_eci)
-                if size == 0.0:
-                    self.fail(
-                        f"sun_exclusion = {self.sun_exclusion} rad needs sun_eci, which is zero: "
-                        "the environment has no Sun"
-                    )
-                near = dot(boresight, self.sun_eci) > size * cos(self.sun_exclusion)
-                if near and self.sunlight > 0.0:
-                    return SUN
-            if self.earth_exclusion > 0.0:
-                r = norm(self.r_eci)
-                if r < EARTH_RADIUS:
-                    self.fail(
-                        f"earth_exclusion = {self.earth_exclusion} rad needs r_eci, which is "
-                        f"{r} m from the Earth's centre, below its surface"
-                    )
-                down = min(max(-dot(boresight, self.r_eci) / r, -1.0), 1.0)
-                if acos(down) - asin(EARTH_RADIUS / r) < self.earth_exclusion:
-                    return EARTH
+        if self._is_sun_near():
+            return SUN
+        if self._is_earth_near():
+            return EARTH
         if self.rate_limit > 0.0 and norm(self.omega_bi_body) > self.rate_limit:
             return RATE
         if self.dropout_interval > 0.0 and elapsed > 0.0:
@@ -217,6 +199,34 @@ class StarTracker(Role, Sensor):
             if uniform(self._dropouts, sample) > stays:
                 return DROPOUT
         return 0
+
+    def _is_sun_near(self) -> bool:
+        """Return whether the lit Sun is within its exclusion angle."""
+        if self.sun_exclusion <= 0.0:
+            return False
+        size = norm(self.sun_eci)
+        if size == 0.0:
+            self.fail(
+                f"sun_exclusion = {self.sun_exclusion} rad needs sun_eci, which is zero: "
+                "the environment has no Sun"
+            )
+        boresight = rotate_back(self.q_bi, self._boresight)
+        near = dot(boresight, self.sun_eci) > size * cos(self.sun_exclusion)
+        return near and self.sunlight > 0.0
+
+    def _is_earth_near(self) -> bool:
+        """Return whether the Earth's limb is within its exclusion angle."""
+        if self.earth_exclusion <= 0.0:
+            return False
+        r = norm(self.r_eci)
+        if r < EARTH_RADIUS:
+            self.fail(
+                f"earth_exclusion = {self.earth_exclusion} rad needs r_eci, which is "
+                f"{r} m from the Earth's centre, below its surface"
+            )
+        boresight = rotate_back(self.q_bi, self._boresight)
+        down = min(max(-dot(boresight, self.r_eci) / r, -1.0), 1.0)
+        return acos(down) - asin(EARTH_RADIUS / r) < self.earth_exclusion
 
     def _attitude(self, sample: int, elapsed: float) -> Vec4:
         """Compute the measured attitude; the errors evolve also without stars."""

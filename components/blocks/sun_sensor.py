@@ -54,18 +54,18 @@ class SunSensor(Role, Sensor):
         self._noise = stream(self.instance, "sun_meas_body", self.seed)
         super().start()
 
-    def lost(self) -> None:
+    def mark_failed(self) -> None:
         self.valid, self.sun_meas_body = False, ZERO
 
     def measure(self, sample: int, elapsed: float) -> None:
         size = norm(self.sun_eci)
         if size == 0.0 or self.sunlight < self.sunlight_min:
-            self.lost()
+            self.mark_failed()
             return
         s = rotate(self.q_bi, scale(1.0 / size, self.sun_eci))
         # the tolerance keeps half angles of pi and 0 valid in spite of rounding
         if dot(s, self._boresight) < self._cosine - 1e-12:
-            self.lost()
+            self.mark_failed()
             return
         if self.noise > 0.0:
             s = unit(add(s, scale(self.noise, normal3(self._noise, sample))))

@@ -62,7 +62,7 @@ class Thrusters(PulsedThrusters):
         super().output(t)
         self.propellant_left = max(0.0, self.tank - self._propellant)
 
-    def wanted(self, period: float) -> Iterable[tuple[float, Jet]]:
+    def commanded_on_times(self, period: float) -> Iterable[tuple[float, Jet]]:
         if 0.0 < self.tank <= self._propellant:
             return ()
         return tuple(self._axis(i, period) for i in range(3))

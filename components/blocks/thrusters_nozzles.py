@@ -112,11 +112,11 @@ class ThrustersNozzles(PulsedThrusters):
 
     def foresee(self, begin: float, end: float, wired: frozenset[str]) -> Iterator[str]:
         torques = tuple(jet[0] for jet in self._jets)
-        lost = [name for name, side in SIDES if not gives(torques, side)]
-        if lost and "tau_cmd_thruster_body" in wired:
+        missing = [name for name, side in SIDES if not gives(torques, side)]
+        if missing and "tau_cmd_thruster_body" in wired:
             yield (
                 f"thrust, position_nozzle and direction_nozzle give no torque about "
-                f"{', '.join(lost)} alone: what is commanded there is not given"
+                f"{', '.join(missing)} alone: what is commanded there is not given"
             )
         yield from super().foresee(begin, end, wired)
 
@@ -135,7 +135,7 @@ class ThrustersNozzles(PulsedThrusters):
         force = scale(self.thrust[i], (x, y, z))
         return cross((px, py, pz), force), force, self.thrust[i]
 
-    def wanted(self, period: float) -> Iterable[tuple[float, Jet]]:
+    def commanded_on_times(self, period: float) -> Iterable[tuple[float, Jet]]:
         impulse = scale(period, self.tau_cmd_thruster_body)
         on_times = least_on_times(tuple(jet[0] for jet in self._jets), impulse, period)
         return zip(on_times, self._jets, strict=True)

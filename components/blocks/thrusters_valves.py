@@ -125,7 +125,7 @@ class ThrustersValves(ThrustersNozzles):
         self._known = self.failure_known and t >= self.stuck_from
         super().advance(t, dt)
 
-    def wanted(self, period: float) -> Iterable[tuple[float, Jet]]:
+    def commanded_on_times(self, period: float) -> Iterable[tuple[float, Jet]]:
         impulse = scale(period, self.tau_cmd_thruster_body)
         torques, stuck = tuple(jet[0] for jet in self._jets), self.stuck_nozzle - 1
         if stuck >= 0 and self._known:
@@ -143,21 +143,21 @@ class ThrustersValves(ThrustersNozzles):
         t: float,
         dt: float,
     ) -> None:
-        made = [0.0] * (2 * NOZZLES)  # mean and slope of each nozzle's share
+        shares = [0.0] * (2 * NOZZLES)  # mean and slope of each nozzle's share
         opened, levels = [0.0] * NOZZLES, list(self._levels)
         pressure, used = self._pressure(), 0.0
         for i in range(NOZZLES):
             _, push, thrust = self._jets[i]
             if push != ZERO:
                 a, b, levels[i], opened[i] = self._share(i, levels[i], pressure, t, dt)
-                made[2 * i], made[2 * i + 1] = a, b
+                shares[2 * i], shares[2 * i + 1] = a, b
                 used += dt * a * thrust / (STANDARD_GRAVITY * self.specific_impulse)
-        left = self.tank - self._propellant
-        share = left / used if self.tank > 0.0 and used > left else 1.0
+        remaining = self.tank - self._propellant
+        share = remaining / used if self.tank > 0.0 and used > remaining else 1.0
         for i in range(NOZZLES):
             torque, push, _ = self._jets[i]
             if push != ZERO:
-                a, b = share * made[2 * i], share * made[2 * i + 1]
+                a, b = share * shares[2 * i], share * shares[2 * i + 1]
                 for axis in range(3):
                     mean[axis] += a * torque[axis]
                     slope[axis] += b * torque[axis]
@@ -183,8 +183,8 @@ class ThrustersValves(ThrustersNozzles):
         Returns mean, slope and end of the share, and how long (s) its valve is open.
         """
         begin = end = t
-        for first, last, which, _ in self._pulses:
-            if which == i:
+        for first, last, nozzle, _ in self._pulses:
+            if nozzle == i:
                 begin, end = first, last
         always = dt
         if i == self.stuck_nozzle - 1:

@@ -199,15 +199,15 @@ class Torquers(Role):
         """Take a sample: command of each coil, and its beginning and end."""
         fails = self.failed_coil != NO_COIL
         failed = fails and t >= self.failed_from
-        wanted = self._allocated(failed)
+        dipoles = self._allocated(failed)
         if failed and not self._failed:
             self._m = self._without_failed(self._m)
         self._failed = failed
-        self._command = self._driven(wanted)
+        self._command = self._driven(dipoles)
         self._begin = (
             t + self.quiet_time + (self.pulse_delay if self.drive == PULSED else 0.0)
         )
-        self._end = self._ends(wanted)
+        self._end = self._ends(dipoles)
         if fails and not failed:
             i = self.failed_coil - 1
             end = min(self._end[i], self.failed_from)
@@ -222,12 +222,12 @@ class Torquers(Role):
             return self._without_failed(
                 to_wheels(self._allocation_of_rest, self.m_cmd_body)
             )
-        wanted = to_wheels(self._allocation, self.m_cmd_body)
-        return self._without_failed(wanted) if failed else wanted
+        dipoles = to_wheels(self._allocation, self.m_cmd_body)
+        return self._without_failed(dipoles) if failed else dipoles
 
-    def _driven(self, wanted: Vec4) -> Vec4:
+    def _driven(self, dipoles: Vec4) -> Vec4:
         """Compute the dipole of each coil while it is on (A m2)."""
-        a, b, c, d = wanted
+        a, b, c, d = dipoles
         most = self.m_limit
         if self.drive == PULSED:
             return (
@@ -243,16 +243,16 @@ class Torquers(Role):
                 _within(c, most),
                 _within(d, most),
             )
-        return wanted
+        return dipoles
 
-    def _ends(self, wanted: Vec4) -> Vec4:
+    def _ends(self, dipoles: Vec4) -> Vec4:
         """Return the time (s) at which each coil is switched off.
 
         inf: not before the next sample.
         """
         if self.drive != PULSED:
             return (inf, inf, inf, inf)
-        a, b, c, d = wanted
+        a, b, c, d = dipoles
         begin, width = self._begin, self._pulse_width
         return (begin + width(a), begin + width(b), begin + width(c), begin + width(d))
 
@@ -300,9 +300,9 @@ class Torquers(Role):
 
     def _pulse_width(self, m: float) -> float:
         """Compute the on-time (s) in a period for a dipole m (A m2)."""
-        most = int(self.duty_max * self.sample_time / self.least_pulse + 1e-9)
-        wanted = int(abs(m) / self.m_limit * self.sample_time / self.least_pulse + 0.5)
-        return min(wanted, most) * self.least_pulse
+        most_pulses = int(self.duty_max * self.sample_time / self.least_pulse + 1e-9)
+        pulses = int(abs(m) / self.m_limit * self.sample_time / self.least_pulse + 0.5)
+        return min(pulses, most_pulses) * self.least_pulse
 
     def _switched(self, i: int, t: float, dt: float) -> Vec3:
         """Compute mean, slope and end value (A m2) of coil i over a step.

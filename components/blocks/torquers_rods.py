@@ -182,14 +182,16 @@ class TorquersRods(Torquers):
                 (there, last, target, 0.0),
             ):
                 if end > begin:
-                    made, plays = over(
+                    part_result, plays = over(
                         plays, x, aim, slow, end - begin, self.m_limit, self.remanence
                     )
-                    share, lead = part(begin / dt, end / dt, made[0], made[1])
+                    share, lead = part(
+                        begin / dt, end / dt, part_result[0], part_result[1]
+                    )
                     mean, slope = mean + share, slope + lead
-                    self._energy += 0.5 * made[2] * (end - begin)
-                    self._heat += made[3] * (end - begin)
-                    x = made[4]
+                    self._energy += 0.5 * part_result[2] * (end - begin)
+                    self._heat += part_result[3] * (end - begin)
+                    x = part_result[4]
         a, b, c, d = self._plays
         self._plays = (
             plays if i == 0 else a,

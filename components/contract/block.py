@@ -91,7 +91,7 @@ class Variable:
     shared: bool = False
     source: tuple[str, ...] = ()
     initial: bool = False
-    asked: bool = False
+    only_if_needed: bool = False
     needs: tuple[str, ...] = ()
     needed_by: tuple[str, ...] = ()
     follows: str = ""
@@ -136,24 +136,24 @@ class _Declaration:
         Raise TypeError if annotation, unit, shape or start value do not fit.
         """
         annotation = owner.__annotations__.get(name)
-        where = f"{owner.__name__}.{name}"
+        place = f"{owner.__name__}.{name}"
         if annotation is not None and not isinstance(annotation, str):
             raise TypeError(
-                f"{where}: annotations are read as text: its file needs the line "
+                f"{place}: annotations are read as text: its file needs the line "
                 "`from __future__ import annotations` at its head"
             )
         if annotation not in _SHAPES:
-            raise TypeError(f"{where}: annotate it with one of {', '.join(_SHAPES)}")
+            raise TypeError(f"{place}: annotate it with one of {', '.join(_SHAPES)}")
         try:
             unit_of(self.unit)
         except ValueError as error:
-            raise TypeError(f"{where}: unit {self.unit!r}: {error}") from error
+            raise TypeError(f"{place}: unit {self.unit!r}: {error}") from error
         kind, shape = _SHAPES[annotation]
         options = dict(self.options)
-        given = options.pop("shape", None)
-        shape = given if shape is None else shape
+        declared_shape = options.pop("shape", None)
+        shape = declared_shape if shape is None else shape
         if shape is None:
-            raise TypeError(f"{where}: a Table needs a shape")
+            raise TypeError(f"{place}: a Table needs a shape")
         choices = tuple(options.pop("choices", ()))
         size = math.prod(shape)
         start = options.pop("start", None)
@@ -167,14 +167,14 @@ class _Declaration:
             flat = flat * size if len(flat) == 1 else flat
             if len(flat) != size:
                 raise TypeError(
-                    f"{where}: start has {len(flat)} values, the shape needs {size}"
+                    f"{place}: start has {len(flat)} values, the shape needs {size}"
                 )
             value = tuple(cast(x) for x in flat)
         else:
             value = cast(start if start is not None else 0)
         usual = options.get("usual")
         if usual and not all(usual[0] <= x <= usual[1] for x in _flatten(value)):
-            raise TypeError(f"{where}: its start value is not within what is usual")
+            raise TypeError(f"{place}: its start value is not within what is usual")
         return Variable(
             name,
             self.causality,
@@ -205,12 +205,12 @@ def Input(
     needs: tuple[str, ...] = (),
     source: str | tuple[str, ...] = (),
     initial: bool = False,
-    asked: bool = False,
+    only_if_needed: bool = False,
 ) -> Any:
     """Declare an input: unit, meaning with frame and sign, value while unconnected.
 
     `initial` marks an input that is read in initialisation mode only. `source` names
-    the outputs (`role.output`) that usually feed it, the best one first. `asked`
+    the outputs (`role.output`) that usually feed it, the best one first. `only_if_needed`
     restricts this wiring to blocks that need the input, since most blocks of the role
     do not read it. `needs` names other variables without which it has no effect, as for
     a parameter; this counts where the input is wired.
@@ -226,7 +226,7 @@ def Input(
         needs=needs,
         source=usual,
         initial=initial,
-        asked=asked,
+        only_if_needed=only_if_needed,
     )
 
 
@@ -322,8 +322,8 @@ class Access:
         while k < len(positions):
             variable, index = scalars[positions[k]]
             size = variable.size
-            whole = list(range(positions[k], positions[k] + size))
-            if index == 0 and list(positions[k : k + size]) == whole:
+            consecutive = list(range(positions[k], positions[k] + size))
+            if index == 0 and list(positions[k : k + size]) == consecutive:
                 self._steps.append((variable.name, None, k, k + size))
                 k += size
             else:

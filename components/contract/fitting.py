@@ -67,5 +67,7 @@ def unit_under(
 
 def needs_of(manager: type) -> list[Need]:
     """Collect what a craft must have for a manager, from its class and its bases."""
-    said = {need for c in manager.__mro__ for need in vars(c).get("craft_needs", ())}
-    return [need for need in Need if need in said]
+    declared = {
+        need for c in manager.__mro__ for need in vars(c).get("craft_needs", ())
+    }
+    return [need for need in Need if need in declared]

@@ -465,7 +465,7 @@ class Guidance(Sampled):
         "unit vector to the Sun, eci",
         start=(1.0, 0.0, 0.0),
         source="environment.sun_eci",
-        asked=True,
+        only_if_needed=True,
     )
     q_ref_bi: Vec4 = Output(
         "1",
@@ -706,14 +706,14 @@ class Torquers(Sampled):
 
     # only for passive torquers, which have no command
     b_eci: Vec3 = Input(
-        "T", "geomagnetic field, eci", source="environment.b_eci", asked=True
+        "T", "geomagnetic field, eci", source="environment.b_eci", only_if_needed=True
     )
     q_bi: Vec4 = Input(
         "1",
         "attitude: body from eci, scalar last",
         start=UPRIGHT,
         source="spacecraft.q_bi",
-        asked=True,
+        only_if_needed=True,
     )
     m_cmd_body: Vec3 = Input(
         "A.m2", "dipole command, body", source="manager.m_cmd_body"

@@ -188,8 +188,8 @@ def _nearest_along(m: Vec3, u: Vec3, limit: Vec3) -> Vec3:
 
 def _compensated(split: Split, b: Vec3, m: Vec3) -> Split:
     """Replace the dipole of a split by m and add the lost torque to the thrusters."""
-    lost = cross(sub(split[0], m), b)
-    return m, add(split[1], lost)
+    removed_torque = cross(sub(split[0], m), b)
+    return m, add(split[1], removed_torque)
 
 
 def _with_thrusters(n: Vec3, b: Vec3, m: Vec3) -> Split:

@@ -27,8 +27,8 @@ def filtered(last: Vec3, rate: Vec3, cut_off: float, elapsed: float) -> Vec3:
     cut_off in rad/s. With `difference` before it, this is the filtered derivative s /
     (1 + s / cut_off) of b.
     """
-    kept = exp(-cut_off * elapsed)
-    return add(scale(kept, last), scale(1.0 - kept, rate))
+    decay = exp(-cut_off * elapsed)
+    return add(scale(decay, last), scale(1.0 - decay, rate))
 
 
 def rate_across(b: Vec3, b_rate: Vec3) -> Vec3:

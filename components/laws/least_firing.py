@@ -78,19 +78,19 @@ def least_firing(
 
 
 def programme(
-    cost: Array, rows: Array, wanted: Array, least: Array, most: Array
+    cost: Array, rows: Array, goal: Array, least: Array, most: Array
 ) -> tuple[Array, Array] | tuple[None, None]:
     """Solve a linear programme: minimise cost x with rows x = wanted.
 
     least <= x <= most. Returns x (n,), and the derivative of the least cost by each of
-    `wanted` (m,); None, None where there is no solution. It calls the dual simplex
+    `goal` (m,); None, None where there is no solution. It calls the dual simplex
     method of HiGHS itself, as scipy's function for it takes 0.3 s to import.
     """
     m, n = rows.shape
     task = highspy.HighsLp()
     task.num_col_, task.num_row_ = n, m
     task.col_cost_, task.col_lower_, task.col_upper_ = cost, least, most
-    task.row_lower_ = task.row_upper_ = wanted
+    task.row_lower_ = task.row_upper_ = goal
     column, row = np.nonzero(rows.T)
     task.a_matrix_.format_ = highspy.MatrixFormat.kColwise
     task.a_matrix_.start_ = np.searchsorted(column, np.arange(n + 1))

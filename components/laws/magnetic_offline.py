@@ -104,8 +104,8 @@ def costate(
         back = turned_back(omega, t)
         gramian += weight * back @ reach(field(t), dipole_weight) @ back.T
         drift += weight * back @ n_con
-    asked = np.asarray(start) + drift - turned_back(omega, horizon) @ end
-    return np.linalg.solve(gramian, asked)
+    momentum = np.asarray(start) + drift - turned_back(omega, horizon) @ end
+    return np.linalg.solve(gramian, momentum)
 
 
 def turned_back(omega: Triple, t: float) -> Array:

@@ -17,9 +17,11 @@ it is not in paper 001.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from math import sqrt
 
 from ..contract.block import Mat34, Table, Vec3, Vec4
+from ..maths import kalman
 from ..maths.vector import ZERO, add, cross, scale
 
 STATES = 5
@@ -32,7 +34,7 @@ SURE, HALF = 3.0, 0.5
 LEAST_SCALE, MOST_SCALE = 0.5, 2.0  # bounds of s as used
 # Numbers in a row of the table of costates with a coil lost: a vector for each of four
 # coils.
-LOST = 12
+COSTATES = 12
 
 
 def first_covariance() -> Table:
@@ -86,35 +88,45 @@ def effects(elapsed: float, gravity: Vec3, axes: Mat34, coils: Vec4, b: Vec3) ->
     )
 
 
-def learnt(
-    x: Table, p: Table, change: Vec3, rows: Table, noise: float, drift: float
+def update(
+    x: Table, p: Table, change: Vec3, effect: Table, noise: float, drift: float
 ) -> tuple[Table, Table]:
-    """Update (x, P) by a momentum change (N m s).
+    """Return (x, P) after a momentum change (N m s).
 
-    `rows` of `effects`; noise (N m s) of an update, drift (1) of x from one update to
-    the next.
+    Parameters
+    ----------
+    x, p : Table
+        State and covariance (row-major) before it.
+    change : Vec3
+        dH (N m s), in the axes of `effect`.
+    effect : Table
+        Matrix from x to dH, of `effects`.
+    noise : float
+        Standard deviation of dH (N m s).
+    drift : float
+        Standard deviation of the change of x from one update to the next (1).
     """
-    walk = drift * drift
-    p = tuple(
-        p[STATES * i + j] + (walk if i == j else 0.0)
-        for i in range(STATES)
-        for j in range(STATES)
-    )
+    state = [0.0] * STATES
+    covariance = [0.0] * (STATES * STATES)
+    product = [0.0] * STATES
+    for i in range(STATES):
+        state[i] = x[i]
+    for i in range(STATES * STATES):
+        covariance[i] = p[i]
+    for i in range(STATES):
+        covariance[(STATES + 1) * i] += drift * drift
     for k in range(3):
-        c = rows[STATES * k : STATES * k + STATES]
-        pc = tuple(_dot5(p[STATES * i : STATES * i + STATES], c) for i in range(STATES))
-        size = _dot5(c, pc) + noise * noise
-        miss = (change[k] - _dot5(c, x)) / size
-        x = tuple(x[i] + pc[i] * miss for i in range(STATES))
-        p = tuple(
-            p[STATES * i + j] - pc[i] * pc[j] / size
-            for i in range(STATES)
-            for j in range(STATES)
-        )
-    return x, p
+        row = effect[STATES * k : STATES * k + STATES]
+        for i in range(STATES):
+            column = covariance[STATES * i : STATES * i + STATES]
+            product[i] = _dot5(column, row)
+        variance = _dot5(row, product) + noise * noise
+        innovation = change[k] - _dot5(row, state)
+        kalman.correct(state, covariance, product, innovation, variance)
+    return tuple(state), tuple(covariance)
 
 
-def lost(x: Table, p: Table, was: int) -> int:
+def find_lost_coil(x: Table, p: Table, was: int) -> int:
     """Return the number of the lost coil, from 1 on; 0: none.
 
     The previous result `was` holds until the opposite is certain.
@@ -144,6 +156,6 @@ def _share(e: float) -> float:
     return min(max(e, 0.0), 1.0)
 
 
-def _dot5(a: Table, b: Table) -> float:
+def _dot5(a: Sequence[float], b: Sequence[float]) -> float:
     """Compute the scalar product of two rows of five."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + a[3] * b[3] + a[4] * b[4]

@@ -83,11 +83,11 @@ def profile(
     rows, conditions = [np.asarray(start, float)], []
     for k, first in enumerate(range(0, len(product), period)):
         part = slice(first, first + period)
-        whole = product[part].sum(axis=0) * course.dt
-        wanted = ends[k + 1] - rows[-1] - course.gravity[part].sum(axis=0) * course.dt
-        torque = product[part] @ np.linalg.solve(whole, wanted) + course.gravity[part]
+        gramian = product[part].sum(axis=0) * course.dt
+        change = ends[k + 1] - rows[-1] - course.gravity[part].sum(axis=0) * course.dt
+        torque = product[part] @ np.linalg.solve(gramian, change) + course.gravity[part]
         rows += list(rows[-1] + np.cumsum(torque * course.dt, axis=0))
-        conditions.append(np.linalg.cond(whole))
+        conditions.append(np.linalg.cond(gramian))
     return np.array(rows), np.array(conditions)
 
 
@@ -158,17 +158,18 @@ def least_energy(
     weight w of the barrier its optimum is at most 2 n w above the minimum.
     """
     inverse = np.linalg.inv(course.weighting)
-    weight, now = 1e3, None
-    while now is None and weight < 1e9:  # find a first course within the limits
-        tried = cheapest(course, np.full(3, 1e3), weight, 0.8 * peak, start)
-        inside = np.abs(wheels(course, tried)).max() < 0.999 * peak
-        weight, now = 10.0 * weight, tried if inside else None
+    now = _course_within(course, peak, start)
     if now is None:
         return None
 
     def coils(x: Optimum) -> float:
         """Sum the squared dipoles of the coils over the samples (A2 m4)."""
         return float(np.einsum("ki,kij,kj->", x.dipole, inverse, x.dipole))
+
+    def barrier_cost(x: Optimum, w: float) -> float:
+        """Return the coils' sum and the barrier of weight w; inf outside the limits."""
+        gap = peak * peak - wheels(course, x) ** 2
+        return coils(x) - w * float(np.log(gap).sum()) if gap.min() > 0.0 else np.inf
 
     limits = course.to_wheels.shape[0] * course.to_wheels.shape[1] * 2
     w = 0.1 * coils(now) / limits
@@ -181,26 +182,30 @@ def least_energy(
                 2.0 * w * (peak * peak + h * h) / (gap * gap),
             )
             step = _newton(course, slope, bend, h, start, None)
-            share = 1.0
-            value = coils(now) - w * np.log(gap).sum()
-            while True:
-                better = _between(now, step, share)
-                gap = peak * peak - wheels(course, better) ** 2
-                if gap.min() > 0.0 and coils(better) - w * np.log(gap).sum() <= value:
+            value, better = barrier_cost(now, w), now
+            for halvings in range(27):
+                trial = _between(now, step, 0.5**halvings)
+                if barrier_cost(trial, w) <= value:
+                    better = trial
                     break
-                share *= 0.5
-                if share < 1e-8:
-                    better = now
-                    break
-            gained = value - (
-                coils(better) - w * np.log(peak**2 - wheels(course, better) ** 2).sum()
-            )
+            gained = value - barrier_cost(better, w)
             now = better
             if gained <= 0.01 * w * limits:
                 break
         if w * limits <= accuracy * coils(now):
             return float(course.dt * (coils(now) - w * limits))
         w *= 0.2
+
+
+def _course_within(course: Course, peak: float, start: Array) -> Optimum | None:
+    """Return a course that keeps the wheels within +-peak (N m s), or None."""
+    weight = 1e3
+    while weight < 1e9:
+        trial = cheapest(course, np.full(3, 1e3), weight, 0.8 * peak, start)
+        if np.abs(wheels(course, trial)).max() < 0.999 * peak:
+            return trial
+        weight *= 10.0
+    return None
 
 
 def feedback(course: Course, momentum_weight: Array) -> Array:
@@ -226,12 +231,12 @@ def at_rows(values: Array, dt: float, times: Array, period: int = 0) -> Array:
     grid = dt * np.arange(len(values))
     if period == 0:
         return np.asarray(CubicSpline(grid, values)(times))
-    made = np.empty((len(times), *values.shape[1:]))
+    interpolated = np.empty((len(times), *values.shape[1:]))
     for first in range(0, len(values) - 1, period):
         part = slice(first, min(first + period, len(values) - 1) + 1)
         inside = (times >= grid[part][0] - 1e-9) & (times <= grid[part][-1] + 1e-9)
-        made[inside] = CubicSpline(grid[part], values[part])(times[inside])
-    return made
+        interpolated[inside] = CubicSpline(grid[part], values[part])(times[inside])
+    return interpolated
 
 
 def wheels(course: Course, x: Optimum) -> Array:
@@ -313,15 +318,15 @@ def _riccati(course: Course, weights: Array) -> Array:
     count, effect = len(course.field), course.effect
     effort = course.dt * np.linalg.inv(course.weighting)
     weights = course.dt * weights
-    kept, k_next = np.empty((count, 3, 3)), np.zeros((3, 3))
+    solution, k_next = np.empty((count, 3, 3)), np.zeros((3, 3))
     for k in range(count - 1, -1, -1):
-        whole, e = k_next + weights[k], effect[k]
-        through = e.T @ whole
-        k_next = whole @ (
+        ahead, e = k_next + weights[k], effect[k]
+        through = e.T @ ahead
+        k_next = ahead @ (
             np.eye(3) - e @ np.linalg.solve(effort[k] + through @ e, through)
         )
-        k_next = kept[k] = 0.5 * (k_next + k_next.T)
-    return kept
+        k_next = solution[k] = 0.5 * (k_next + k_next.T)
+    return solution
 
 
 def _skew(b: Array) -> Array:

@@ -6,7 +6,7 @@ inertial frame:
 
     X_k+1 = X_k + D_k + sum_j g_kj u_kj
 
-u is a dipole (A m2; g = e dt a x B) or an on-time (s; g = e tau). `held` minimises
+u is a dipole (A m2; g = e dt a x B) or an on-time (s; g = e tau). `plan_path` minimises
 
     J = sum_k dt_k [ sum_j r_j u_kj^2 / 2 + q |X_k+1|^2 / 2 + w_p sum_i (h_i / h_s)^16 ]
 
@@ -17,7 +17,7 @@ forward sweep that feeds back what the bounds remove, with the step halved until
 falls. Any plan at which the iteration stops can therefore be flown and is better than
 the first one.
 
-`emptied` minimises sum (r_j u_kj^2 / 2 + c_kj |u_kj|) + W |X_N|^2 / 2. There the
+`plan_unloading` minimises sum (r_j u_kj^2 / 2 + c_kj |u_kj|) + W |X_N|^2 / 2. There the
 costate W X_N is the same for all intervals, so only three numbers are unknown: they
 maximise a concave function whose second derivative jumps where an actuator leaves zero
 or reaches its bound. r is large at first.
@@ -30,25 +30,43 @@ the space telescope's preview.
 from __future__ import annotations
 
 from math import inf, sqrt
+from typing import NamedTuple
 
 from ..contract.block import Mat33, Table, Vec3
+from ..maths import matrix
 from ..maths.matrix import multiply, transposed
-from ..maths.vector import ZERO, add, dot, mat_t_vec, mat_vec, norm, scale, sub
+from ..maths.vector import (
+    IDENTITY,
+    ZERO,
+    add,
+    dot,
+    mat_t_vec,
+    mat_vec,
+    norm,
+    scale,
+    sub,
+)
+
+Vectors = tuple[Vec3, ...]
+Matrices = tuple[Mat33, ...]
 
 INTERVALS = 64  # maximum number of intervals of a plan
-HELD = 40  # maximum number of intervals of a plan by `held`
+PATH_INTERVALS = 40  # maximum number of intervals of a plan by `plan_path`
 COILS = 3  # commands to coils in an interval
 ACTUATORS = 6  # the coils and the thrusters' three axes
-STEPS = 30  # maximum number of Newton steps of a plan by `held`
-TRIALS = 80  # maximum number of trials in each stage of `emptied`
-SETTLED = 1e-4  # A plan has converged where a step lowers J by less than this fraction.
-_HALVINGS = 12
-_WHEELS = 4
-_ROUNDED = 1e-15
-NOTHING: Mat33 = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-POWER = 16.0
-NO_PLAN: Table = (0.0,) * (COILS * HELD)
-_STAGES = (1000.0, 100.0, 10.0, 1.0)
+WHEELS = 4
+STEPS = 30  # maximum number of Newton steps of a plan by `plan_path`
+HALVINGS = 12  # maximum number of halvings of a Newton step
+TRIALS = 80  # maximum number of trials in each stage of `plan_unloading`
+STAGES = (1000.0, 100.0, 10.0, 1.0)  # multiples of r, one after the other
+SHORTEST = 1e-9  # A stage ends where less than this fraction of a step is left.
+CONVERGED = (
+    1e-4  # A plan has converged where a step lowers J by less than this fraction.
+)
+POWER = 16.0  # of the wheels' momentum in J
+NO_PLAN: Table = (0.0,) * (COILS * PATH_INTERVALS)
+ZERO_MATRIX: Mat33 = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+_ROUNDING = 1e-15  # least part of a diagonal element that is left in `root`
 
 
 def root(m: Mat33) -> Mat33:
@@ -58,7 +76,7 @@ def root(m: Mat33) -> Mat33:
     """
     a = sqrt(m[0])
     b, c = m[3] / a, m[6] / a
-    d = sqrt(max(m[4] - b * b, _ROUNDED * m[4]))
+    d = sqrt(max(m[4] - b * b, _ROUNDING * m[4]))
     e = (m[7] - c * b) / d
     return (
         a,
@@ -69,7 +87,7 @@ def root(m: Mat33) -> Mat33:
         0.0,
         c,
         e,
-        sqrt(max(m[8] - c * c - e * e, _ROUNDED * m[8])),
+        sqrt(max(m[8] - c * c - e * e, _ROUNDING * m[8])),
     )
 
 
@@ -80,17 +98,46 @@ def inverse_of_lower(m: Mat33) -> Mat33:
     return (a, 0.0, 0.0, d, b, 0.0, -(m[6] * a + m[7] * d) * c, e, c)
 
 
+class PathProblem(NamedTuple):
+    """What `plan_path` plans: intervals, actuators and costs, in one inertial frame."""
+
+    intervals: int  # their number
+    start: Vec3  # X_0 (N m s)
+    dt: Table  # lengths of the intervals (s)
+    drift: Vectors  # D_k (N m s)
+    effect: Vectors  # g_kj, COILS an interval (N m s by a unit of u)
+    price: float  # r
+    limits: Vec3  # u_max,j
+    wheel_axes: Vectors  # a_ki, WHEELS an interval
+    offset: Table  # b_i (N m s)
+    stiffness: float  # q
+
+
+class Sweep(NamedTuple):
+    """What a backward sweep gives the forward sweep, interval by interval.
+
+    The change of X to second order: V_k = dX' P_k dX / 2 + p_k' dX, with
+    M_k = P_k+1 + dt_k Q_k and m_k = p_k+1 + dt_k q_k of the cost's derivatives Q and q,
+    and S_k = sum g g' / (r dt_k) over the actuators that are free.
+    """
+
+    free: Table  # COILS an interval: 1 where u may move, 0 where it stays at its limit
+    hessian: Matrices  # M_k
+    gradient: Vectors  # m_k
+    transition: Matrices  # (1 + S_k M_k)^-1
+    step: Vectors  # S_k m_k + sum g u over the free actuators (N m s)
+
+
 def path_cost(
-    x: Vec3, k: int, rows: Table, bias: Table, q: float, peak: float, size: float
+    problem: PathProblem, k: int, x: Vec3, peak: float, peak_scale: float
 ) -> float:
     """Compute q |X|^2 / 2 + w_p sum (h_i / h_s)^16 at the end of interval k."""
-    cost = 0.5 * q * (x[0] * x[0] + x[1] * x[1] + x[2] * x[2])
+    cost = 0.5 * problem.stiffness * (x[0] * x[0] + x[1] * x[1] + x[2] * x[2])
     if peak > 0.0:
-        for i in range(_WHEELS):
-            n = 3 * (_WHEELS * k + i)
-            s = (
-                rows[n] * x[0] + rows[n + 1] * x[1] + rows[n + 2] * x[2] + bias[i]
-            ) / size
+        for i in range(WHEELS):
+            axis = problem.wheel_axes[WHEELS * k + i]
+            h = axis[0] * x[0] + axis[1] * x[1] + axis[2] * x[2] + problem.offset[i]
+            s = h / peak_scale
             s2 = s * s
             s4 = s2 * s2
             s8 = s4 * s4
@@ -98,344 +145,395 @@ def path_cost(
     return cost
 
 
-def path_slope(
-    x: Vec3, k: int, rows: Table, bias: Table, q: float, peak: float, size: float
+def path_cost_derivatives(
+    problem: PathProblem, k: int, x: Vec3, peak: float, peak_scale: float
 ) -> tuple[Vec3, Mat33]:
-    """Compute the first and second derivatives of `path_cost` by X."""
+    """Compute the gradient and the Hessian of `path_cost` with respect to X."""
+    q = problem.stiffness
     gx, gy, gz = q * x[0], q * x[1], q * x[2]
     xx, xy, xz, yy, yz, zz = q, 0.0, 0.0, q, 0.0, q
     if peak > 0.0:
-        for i in range(_WHEELS):
-            n = 3 * (_WHEELS * k + i)
-            a, b, c = rows[n], rows[n + 1], rows[n + 2]
-            s = (a * x[0] + b * x[1] + c * x[2] + bias[i]) / size
+        for i in range(WHEELS):
+            a, b, c = problem.wheel_axes[WHEELS * k + i]
+            s = (a * x[0] + b * x[1] + c * x[2] + problem.offset[i]) / peak_scale
             s2 = s * s
             s4 = s2 * s2
             s14 = s4 * s4 * s4 * s2
-            first = POWER * peak / size * s14 * s
-            second = POWER * (POWER - 1.0) * peak / (size * size) * s14
+            first = POWER * peak / peak_scale * s14 * s
+            second = POWER * (POWER - 1.0) * peak / (peak_scale * peak_scale) * s14
             gx, gy, gz = gx + first * a, gy + first * b, gz + first * c
             xx, xy, xz = xx + second * a * a, xy + second * a * b, xz + second * a * c
             yy, yz, zz = yy + second * b * b, yz + second * b * c, zz + second * c * c
     return (gx, gy, gz), (xx, xy, xz, xy, yy, yz, xz, yz, zz)
 
 
-def held(
-    count: int,
-    x0: Vec3,
-    first: Table,
-    dt: Table,
-    drift: Table,
-    effect: Table,
-    price: float,
-    most: Vec3,
-    rows: Table,
-    bias: Table,
-    q: float,
-    peak: float,
-    size: float,
-) -> tuple[Table, Vec3, Table, int, bool]:
-    """Plan over `count` intervals from X = x0, beginning with the plan `first`.
+def plan_path(
+    problem: PathProblem, first: Table, peak: float, peak_scale: float
+) -> tuple[Table, Vec3, Vectors, int, bool]:
+    """Plan dipoles u that minimise J, beginning with the plan `first`.
 
-    dt; drift: D, three an interval; effect: g, COILS vectors an interval; price, most:
-    r and u_max; rows: a, four vectors an interval; bias: b. Returns u, the costate of
-    the first interval (dJ / dX_1), the course X_1 .. X_count, the number of steps, and
-    whether J converged.
+    Parameters
+    ----------
+    problem : PathProblem
+        Intervals, actuators and costs.
+    first : Table
+        COILS values an interval (A m2); those beyond the limits are limited.
+    peak, peak_scale : float
+        w_p, and h_s (N m s).
+
+    Returns
+    -------
+    tuple
+        u (A m2); the costate of the first interval, dJ / dX_1; X_1 .. X_count (N m s);
+        the number of Newton steps; whether J converged.
     """
-    u = [0.0] * (COILS * HELD)
-    new = [0.0] * (COILS * HELD)
-    free = [0.0] * (COILS * HELD)
-    course = [0.0] * (3 * HELD)
-    ahead = [0.0] * (3 * HELD)
-    back = [0.0] * (24 * HELD)
-    cost = 0.0
-    x = x0
-    for k in range(count):
-        nx, ny, nz = (
-            x[0] + drift[3 * k],
-            x[1] + drift[3 * k + 1],
-            x[2] + drift[3 * k + 2],
+    u = [0.0] * (COILS * PATH_INTERVALS)
+    trial_u = [0.0] * (COILS * PATH_INTERVALS)
+    path: list[Vec3] = [ZERO] * PATH_INTERVALS
+    trial_path: list[Vec3] = [ZERO] * PATH_INTERVALS
+    cost = _follow_plan(problem, first, peak, peak_scale, u, path)
+    steps, converged = 0, False
+    while steps < STEPS and not converged:
+        steps += 1
+        sweep = _sweep_backward(problem, peak, peak_scale, u, path)
+        fraction, trial_cost = 1.0, cost
+        improved, is_flat = False, False
+        for _ in range(HALVINGS):
+            trial_cost = _sweep_forward(
+                problem, peak, peak_scale, fraction, sweep, u, path, trial_u, trial_path
+            )
+            if trial_cost < cost:
+                improved = True
+                break
+            is_flat = is_flat or trial_cost - cost <= CONVERGED * CONVERGED * cost
+            fraction *= 0.5
+        if not improved:
+            converged = is_flat
+            break
+        converged = cost - trial_cost <= CONVERGED * cost
+        cost = trial_cost
+        for i in range(COILS * problem.intervals):
+            u[i] = trial_u[i]
+        for k in range(problem.intervals):
+            path[k] = trial_path[k]
+    costate = ZERO
+    for step_back in range(problem.intervals):
+        k = problem.intervals - 1 - step_back
+        slope, _ = path_cost_derivatives(problem, k, path[k], peak, peak_scale)
+        costate = add(costate, scale(problem.dt[k], slope))
+    return tuple(u), costate, tuple(path), steps, converged
+
+
+def _next_momentum(problem: PathProblem, k: int, x: Vec3, u: list[float]) -> Vec3:
+    """Return X_k+1 (N m s) that follows from x = X_k and the plan u."""
+    moved = add(x, problem.drift[k])
+    for j in range(COILS):
+        i = COILS * k + j
+        if u[i] != 0.0:
+            moved = add(moved, scale(u[i], problem.effect[i]))
+    return moved
+
+
+def _add_interval_cost(
+    cost: float,
+    problem: PathProblem,
+    k: int,
+    u: list[float],
+    x: Vec3,
+    peak: float,
+    peak_scale: float,
+) -> float:
+    """Return `cost` plus that of interval k, with x = X_k+1 (N m s)."""
+    for j in range(COILS):
+        v = u[COILS * k + j]
+        cost += problem.dt[k] * (0.5 * problem.price * v * v)
+    return cost + problem.dt[k] * path_cost(problem, k, x, peak, peak_scale)
+
+
+def _follow_plan(
+    problem: PathProblem,
+    first: Table,
+    peak: float,
+    peak_scale: float,
+    u: list[float],
+    path: list[Vec3],
+) -> float:
+    """Fill `u` with the plan `first` within its limits, and `path`; return J."""
+    cost, x = 0.0, problem.start
+    for k in range(problem.intervals):
+        for j in range(COILS):
+            limit = problem.limits[j]
+            i = COILS * k + j
+            u[i] = min(max(first[i], -limit), limit)
+        x = _next_momentum(problem, k, x, u)
+        path[k] = x
+        cost = _add_interval_cost(cost, problem, k, u, x, peak, peak_scale)
+    return cost
+
+
+def _sweep_backward(
+    problem: PathProblem,
+    peak: float,
+    peak_scale: float,
+    u: list[float],
+    path: list[Vec3],
+) -> Sweep:
+    """Expand J to second order about the plan u and minimise it from the end on.
+
+    With b_k = sum g u over the free actuators,
+
+        P_k = M_k (1 + S_k M_k)^-1,      p_k = (1 + S_k M_k)^-T m_k - P_k b_k.
+    """
+    free = [0.0] * (COILS * PATH_INTERVALS)
+    hessians: list[Mat33] = [ZERO_MATRIX] * PATH_INTERVALS
+    gradients: list[Vec3] = [ZERO] * PATH_INTERVALS
+    transitions: list[Mat33] = [ZERO_MATRIX] * PATH_INTERVALS
+    steps: list[Vec3] = [ZERO] * PATH_INTERVALS
+    value_hessian, value_gradient = ZERO_MATRIX, ZERO
+    costate = ZERO  # dJ / dX along the plan as it is
+    for step_back in range(problem.intervals):
+        k = problem.intervals - 1 - step_back
+        slope, curvature = path_cost_derivatives(problem, k, path[k], peak, peak_scale)
+        slope = scale(problem.dt[k], slope)
+        costate = add(costate, slope)
+        gradient = add(value_gradient, slope)
+        hessian = matrix.add(value_hessian, matrix.scale(problem.dt[k], curvature))
+        for j in range(COILS):
+            free[COILS * k + j] = _is_free(problem, k, j, u[COILS * k + j], costate)
+        effect, offset = _sum_free_effects(problem, k, u, free)
+        transition, value_hessian = _solve_interval(hessian, effect)
+        hessians[k], gradients[k], transitions[k] = hessian, gradient, transition
+        steps[k] = add(mat_vec(effect, gradient), offset)
+        value_gradient = sub(
+            mat_t_vec(transition, gradient), mat_vec(value_hessian, offset)
+        )
+    return Sweep(
+        tuple(free),
+        tuple(hessians),
+        tuple(gradients),
+        tuple(transitions),
+        tuple(steps),
+    )
+
+
+def _is_free(problem: PathProblem, k: int, j: int, v: float, costate: Vec3) -> float:
+    """Return 0.0 where actuator j is off, or J falls by leaving its limit; else 1.0."""
+    limit = problem.limits[j]
+    if limit <= 0.0:
+        return 0.0
+    slope = dot(problem.effect[COILS * k + j], costate)
+    slope += problem.dt[k] * problem.price * v
+    return 0.0 if abs(v) >= limit and v * slope < 0.0 else 1.0
+
+
+def _sum_free_effects(
+    problem: PathProblem, k: int, u: list[float], free: list[float]
+) -> tuple[Mat33, Vec3]:
+    """Return S_k = sum g g' / (r dt_k) and sum g u over the free actuators."""
+    xx, xy, xz, yy, yz, zz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    total = ZERO
+    w = 1.0 / (problem.dt[k] * problem.price)
+    for j in range(COILS):
+        i = COILS * k + j
+        if free[i] != 0.0:
+            a, b, c = problem.effect[i]
+            total = add(total, scale(u[i], problem.effect[i]))
+            xx, xy, xz = xx + w * a * a, xy + w * a * b, xz + w * a * c
+            yy, yz, zz = yy + w * b * b, yz + w * b * c, zz + w * c * c
+    return (xx, xy, xz, xy, yy, yz, xz, yz, zz), total
+
+
+def _solve_interval(hessian: Mat33, effect: Mat33) -> tuple[Mat33, Mat33]:
+    """Return (1 + S M)^-1 and M (1 + S M)^-1 for M = `hessian`, S = `effect`.
+
+    With M = L L' and Z Z' = (1 + L' S L)^-1 they are L'^-1 Z Z' L' and L Z Z' L'.
+    This form keeps precision in the directions in which M is small.
+    """
+    lower = root(hessian)
+    upper = transposed(lower)
+    squared = matrix.add(IDENTITY, multiply(upper, multiply(effect, lower)))
+    z = inverse_of_lower(root(squared))
+    product = multiply(z, upper)
+    left_factor = transposed(multiply(z, inverse_of_lower(lower)))
+    return multiply(left_factor, product), multiply(transposed(product), product)
+
+
+def _sweep_forward(
+    problem: PathProblem,
+    peak: float,
+    peak_scale: float,
+    fraction: float,
+    sweep: Sweep,
+    u: list[float],
+    path: list[Vec3],
+    new_u: list[float],
+    new_path: list[Vec3],
+) -> float:
+    """Fill `new_u` and `new_path` with a plan a `fraction` of a Newton step on.
+
+    u that would pass a limit is limited, and what this leaves over is fed back to the
+    intervals that follow. Returns J of the new plan.
+    """
+    cost, x = 0.0, problem.start
+    change = ZERO
+    for k in range(problem.intervals):
+        ahead = sub(change, scale(fraction, sweep.step[k]))
+        ahead = mat_vec(sweep.transition[k], ahead)
+        costate = add(
+            mat_vec(sweep.hessian[k], ahead), scale(fraction, sweep.gradient[k])
         )
         for j in range(COILS):
             i = COILS * k + j
-            v = min(max(first[i], -most[j]), most[j])
-            u[i] = v
-            a, b, c = effect[3 * i], effect[3 * i + 1], effect[3 * i + 2]
-            nx, ny, nz = nx + a * v, ny + b * v, nz + c * v
-            cost += dt[k] * (0.5 * price * v * v)
-        x = (nx, ny, nz)
-        course[3 * k], course[3 * k + 1], course[3 * k + 2] = x
-        cost += dt[k] * path_cost(x, k, rows, bias, q, peak, size)
-    steps, settled = 0, False
-    while steps < STEPS and not settled:
-        steps += 1
-        # backward: V_k = X' P X / 2 + p X of the change of X; `tied` is the gradient of
-        # J by X
-        p: Mat33 = NOTHING
-        tied, value = ZERO, ZERO
-        for back_k in range(count):
-            k = count - 1 - back_k
-            here = (course[3 * k], course[3 * k + 1], course[3 * k + 2])
-            slope, curve = path_slope(here, k, rows, bias, q, peak, size)
-            t = dt[k]
-            tied = (
-                tied[0] + t * slope[0],
-                tied[1] + t * slope[1],
-                tied[2] + t * slope[2],
-            )
-            m = (
-                value[0] + t * slope[0],
-                value[1] + t * slope[1],
-                value[2] + t * slope[2],
-            )
-            big: Mat33 = (
-                p[0] + t * curve[0],
-                p[1] + t * curve[1],
-                p[2] + t * curve[2],
-                p[3] + t * curve[3],
-                p[4] + t * curve[4],
-                p[5] + t * curve[5],
-                p[6] + t * curve[6],
-                p[7] + t * curve[7],
-                p[8] + t * curve[8],
-            )
-            sxx, sxy, sxz, syy, syz, szz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-            bx, by, bz = 0.0, 0.0, 0.0
-            for j in range(COILS):
-                i = COILS * k + j
-                free[i] = 0.0
-                limit = most[j]
-                if limit > 0.0:
-                    a, b, c = effect[3 * i], effect[3 * i + 1], effect[3 * i + 2]
-                    pull = a * tied[0] + b * tied[1] + c * tied[2] + t * price * u[i]
-                    if not (abs(u[i]) >= limit and u[i] * pull < 0.0):
-                        free[i] = 1.0
-                        w = 1.0 / (t * price)
-                        bx, by, bz = bx + a * u[i], by + b * u[i], bz + c * u[i]
-                        sxx, sxy, sxz = (
-                            sxx + w * a * a,
-                            sxy + w * a * b,
-                            sxz + w * a * c,
-                        )
-                        syy, syz, szz = (
-                            syy + w * b * b,
-                            syz + w * b * c,
-                            szz + w * c * c,
-                        )
-            s: Mat33 = (sxx, sxy, sxz, sxy, syy, syz, sxz, syz, szz)
-            # With M = L L' and Z = (1 + L'S L)^-1, (1 + S M)^-1 = L'^-1 Z L', and so on.
-            # This form keeps precision in the directions in which M is small.
-            low = root(big)
-            up = inverse_of_lower(low)
-            held_back = multiply(transposed(low), multiply(s, low))
-            z = inverse_of_lower(
-                root(
-                    (
-                        1.0 + held_back[0],
-                        held_back[1],
-                        held_back[2],
-                        held_back[3],
-                        1.0 + held_back[4],
-                        held_back[5],
-                        held_back[6],
-                        held_back[7],
-                        1.0 + held_back[8],
-                    )
-                )
-            )
-            zl = multiply(z, transposed(low))
-            shrink = multiply(transposed(multiply(z, up)), zl)
-            p = multiply(transposed(zl), zl)
-            at, off = mat_vec(s, m), (bx, by, bz)
-            y = (at[0] + bx, at[1] + by, at[2] + bz)
-            n = 24 * k
-            for i in range(9):
-                back[n + i] = big[i]
-                back[n + 9 + i] = shrink[i]
-            for i in range(3):
-                back[n + 18 + i] = m[i]
-                back[n + 21 + i] = y[i]
-            kept, lost = mat_t_vec(shrink, m), mat_vec(p, off)
-            value = (kept[0] - lost[0], kept[1] - lost[1], kept[2] - lost[2])
-        share, better, flat = 1.0, False, False
-        for _ in range(_HALVINGS):
-            trial = 0.0
-            x = x0
-            dx, dy, dz = 0.0, 0.0, 0.0
-            for k in range(count):
-                n = 24 * k
-                t = dt[k]
-                vx = dx - share * back[n + 21]
-                vy = dy - share * back[n + 22]
-                vz = dz - share * back[n + 23]
-                ex = back[n + 9] * vx + back[n + 10] * vy + back[n + 11] * vz
-                ey = back[n + 12] * vx + back[n + 13] * vy + back[n + 14] * vz
-                ez = back[n + 15] * vx + back[n + 16] * vy + back[n + 17] * vz
-                lx = (
-                    back[n] * ex
-                    + back[n + 1] * ey
-                    + back[n + 2] * ez
-                    + share * back[n + 18]
-                )
-                ly = (
-                    back[n + 3] * ex
-                    + back[n + 4] * ey
-                    + back[n + 5] * ez
-                    + share * back[n + 19]
-                )
-                lz = (
-                    back[n + 6] * ex
-                    + back[n + 7] * ey
-                    + back[n + 8] * ez
-                    + share * back[n + 20]
-                )
-                nx, ny, nz = (
-                    x[0] + drift[3 * k],
-                    x[1] + drift[3 * k + 1],
-                    x[2] + drift[3 * k + 2],
-                )
-                for j in range(COILS):
-                    i = COILS * k + j
-                    v = u[i]
-                    a, b, c = effect[3 * i], effect[3 * i + 1], effect[3 * i + 2]
-                    if free[i] != 0.0:
-                        v -= share * v + (a * lx + b * ly + c * lz) / (t * price)
-                        v = min(max(v, -most[j]), most[j])
-                    new[i] = v
-                    if v != 0.0:
-                        nx, ny, nz = nx + a * v, ny + b * v, nz + c * v
-                        trial += t * (0.5 * price * v * v)
-                x = (nx, ny, nz)
-                ahead[3 * k], ahead[3 * k + 1], ahead[3 * k + 2] = x
-                dx, dy, dz = (
-                    nx - course[3 * k],
-                    ny - course[3 * k + 1],
-                    nz - course[3 * k + 2],
-                )
-                trial += t * path_cost(x, k, rows, bias, q, peak, size)
-            if trial < cost:
-                better = True
-                break
-            flat = flat or trial - cost <= SETTLED * SETTLED * cost
-            share *= 0.5
-        if not better:
-            settled = flat
-            break
-        settled = cost - trial <= SETTLED * cost
-        cost = trial
-        for i in range(COILS * count):
-            u[i] = new[i]
-        for i in range(3 * count):
-            course[i] = ahead[i]
-    tied = ZERO
-    for back_k in range(count):
-        k = count - 1 - back_k
-        here = (course[3 * k], course[3 * k + 1], course[3 * k + 2])
-        slope, _ = path_slope(here, k, rows, bias, q, peak, size)
-        tied = (
-            tied[0] + dt[k] * slope[0],
-            tied[1] + dt[k] * slope[1],
-            tied[2] + dt[k] * slope[2],
-        )
-    return tuple(u), tied, tuple(course), steps, settled
+            v = u[i]
+            if sweep.free[i] != 0.0:
+                pull = dot(problem.effect[i], costate) / (problem.dt[k] * problem.price)
+                v -= fraction * v + pull
+                v = min(max(v, -problem.limits[j]), problem.limits[j])
+            new_u[i] = v
+        x = _next_momentum(problem, k, x, new_u)
+        new_path[k] = x
+        change = sub(x, path[k])
+        cost = _add_interval_cost(cost, problem, k, new_u, x, peak, peak_scale)
+    return cost
 
 
-def emptied(
+def plan_unloading(
     count: int,
     rest: Vec3,
-    effect: Table,
+    effect: Vectors,
     price: float,
     limits: Vec3,
     fee: Table,
-    most: Table,
+    longest: Table,
     weight: float,
-    near: float,
+    tolerance: float,
     stride: float,
 ) -> tuple[Table, int, bool]:
-    """Plan over `count` intervals that lead X_0 + sum D = `rest` (N m s) to zero.
+    """Plan dipoles and on-times that lead X_0 + sum D = `rest` (N m s) to zero.
 
-    effect: g, ACTUATORS vectors an interval, coils first; price: r of a second, and of
-    a coil's whole dipole, which is one of `limits`; fee, most: c and u_max of
-    thrusters, one for each interval; weight: W; near (N m s): tolerance between the end
-    and the one that W implies; stride: limit of the costate's change in a step. Returns
-    u, the number of steps, and whether it converged to that tolerance.
+    Parameters
+    ----------
+    count : int
+        Number of intervals.
+    rest : Vec3
+        The momentum without the actuators (N m s, inertial).
+    effect : Vectors
+        g, ACTUATORS vectors an interval, coils first.
+    price : float
+        r of a second, and of a coil's whole dipole.
+    limits : Vec3
+        The coils' whole dipoles (A m2).
+    fee, longest : Table
+        c, and u_max (s), of the thrusters in each interval.
+    weight : float
+        W.
+    tolerance : float
+        Between the end and the one that W implies (N m s).
+    stride : float
+        Limit of the costate's change in a step.
+
+    Returns
+    -------
+    tuple
+        u (A m2 and s); the number of steps; whether it converged to `tolerance`.
     """
     u = [0.0] * (ACTUATORS * INTERVALS)
-    best = [0.0] * (ACTUATORS * INTERVALS)
+    best_u = [0.0] * (ACTUATORS * INTERVALS)
     costate = ZERO
-    steps, settled = 0, False
-    for stage in _STAGES:
-        share, settled = 1.0, False
+    steps, converged = 0, False
+    for stage in STAGES:
+        fraction, converged = 1.0, False
         step = ZERO
         value = -inf
         for _ in range(TRIALS):
             steps += 1
-            tried = add(costate, scale(share, step))
-            total = dot(tried, rest) - 0.5 / weight * dot(tried, tried)
-            gx, gy, gz = sub(rest, scale(1.0 / weight, tried))
-            sxx, sxy, sxz, syy, syz, szz = (
-                1.0 / weight,
-                0.0,
-                0.0,
-                1.0 / weight,
-                0.0,
-                1.0 / weight,
+            trial = add(costate, scale(fraction, step))
+            trial_value, gradient, hessian = _evaluate_dual(
+                count,
+                rest,
+                effect,
+                stage,
+                price,
+                limits,
+                fee,
+                longest,
+                weight,
+                trial,
+                u,
             )
-            for i in range(ACTUATORS * count):
-                a, b, c = effect[3 * i], effect[3 * i + 1], effect[3 * i + 2]
-                pull = a * tried[0] + b * tried[1] + c * tried[2]
-                k, j = i // ACTUATORS, i % ACTUATORS
-                limit = limits[j] if j < COILS else most[k]
-                unit = max(limit * limit, 1e-12) if j < COILS else 1.0
-                beyond, r = (
-                    abs(pull) - (0.0 if j < COILS else fee[k]),
-                    stage * (price / unit),
-                )
-                v = 0.0
-                if beyond > 0.0 and limit > 0.0:
-                    v = beyond / r
-                    if v < limit:
-                        sxx, sxy, sxz = (
-                            sxx + a * a / r,
-                            sxy + a * b / r,
-                            sxz + a * c / r,
-                        )
-                        syy, syz, szz = (
-                            syy + b * b / r,
-                            syz + b * c / r,
-                            szz + c * c / r,
-                        )
-                    v = min(v, limit)
-                    total += 0.5 * r * v * v - beyond * v
-                    v = -v if pull > 0.0 else v
-                    gx, gy, gz = gx + a * v, gy + b * v, gz + c * v
-                u[i] = v
-            if total < value:
+            if trial_value < value:
                 # beyond the maximum
-                share *= 0.5
-                if share < 1e-9:
-                    settled = True
+                fraction *= 0.5
+                if fraction < SHORTEST:
+                    converged = True
                     break
                 continue
-            costate, value, share = tried, total, 1.0
+            costate, value, fraction = trial, trial_value, 1.0
             for i in range(ACTUATORS * count):
-                best[i] = u[i]
-            if gx * gx + gy * gy + gz * gz <= near * near:
-                settled = True
+                best_u[i] = u[i]
+            if dot(gradient, gradient) <= tolerance * tolerance:
+                converged = True
                 break
-            up = inverse_of_lower(root((sxx, sxy, sxz, sxy, syy, syz, sxz, syz, szz)))
-            step = mat_t_vec(up, mat_vec(up, (gx, gy, gz)))
+            inverse = inverse_of_lower(root(hessian))
+            step = mat_t_vec(inverse, mat_vec(inverse, gradient))
             # limited, as only the slope is known where no actuator is free
             step = scale(min(1.0, stride / max(norm(step), 1e-300)), step)
-    return tuple(best), steps, settled
+    return tuple(best_u), steps, converged
 
 
-def largest(count: int, course: Table, rows: Table, bias: Table) -> float:
-    """Find the largest momentum of a wheel (N m s) on a course."""
-    most = 0.0
-    for k in range(count):
-        for i in range(_WHEELS):
-            n = 3 * (_WHEELS * k + i)
-            h = bias[i] + rows[n] * course[3 * k] + rows[n + 1] * course[3 * k + 1]
-            most = max(most, abs(h + rows[n + 2] * course[3 * k + 2]))
-    return most
+def _evaluate_dual(
+    count: int,
+    rest: Vec3,
+    effect: Vectors,
+    stage: float,
+    price: float,
+    limits: Vec3,
+    fee: Table,
+    longest: Table,
+    weight: float,
+    costate: Vec3,
+    u: list[float],
+) -> tuple[float, Vec3, Mat33]:
+    """Fill `u` with the plan that a costate asks for; return the dual there.
+
+    Returns the value of the concave function that the costate maximises, its gradient
+    (N m s), which is the end less the one that W implies, and its Hessian's opposite.
+    """
+    value = dot(costate, rest) - 0.5 / weight * dot(costate, costate)
+    gradient = sub(rest, scale(1.0 / weight, costate))
+    w = 1.0 / weight
+    xx, xy, xz, yy, yz, zz = w, 0.0, 0.0, w, 0.0, w
+    for i in range(ACTUATORS * count):
+        k, j = i // ACTUATORS, i % ACTUATORS
+        limit, deadband, unit = longest[k], fee[k], 1.0
+        if j < COILS:
+            limit, deadband = limits[j], 0.0
+            unit = max(limit * limit, 1e-12)
+        pull = dot(effect[i], costate)
+        excess = abs(pull) - deadband
+        r = stage * (price / unit)
+        v = 0.0
+        if excess > 0.0 and limit > 0.0:
+            v = excess / r
+            if v < limit:
+                a, b, c = effect[i]
+                xx, xy, xz = xx + a * a / r, xy + a * b / r, xz + a * c / r
+                yy, yz, zz = yy + b * b / r, yz + b * c / r, zz + c * c / r
+            v = min(v, limit)
+            value += 0.5 * r * v * v - excess * v
+            v = -v if pull > 0.0 else v
+            gradient = add(gradient, scale(v, effect[i]))
+        u[i] = v
+    return value, gradient, (xx, xy, xz, xy, yy, yz, xz, yz, zz)
+
+
+def find_largest_momentum(problem: PathProblem, path: Vectors) -> float:
+    """Find the largest momentum of a wheel (N m s) along X_1 .. X_count."""
+    largest = 0.0
+    for k in range(problem.intervals):
+        for i in range(WHEELS):
+            a, b, c = problem.wheel_axes[WHEELS * k + i]
+            x = path[k]
+            h = problem.offset[i] + a * x[0] + b * x[1] + c * x[2]
+            largest = max(largest, abs(h))
+    return largest

@@ -189,10 +189,10 @@ def programme(
     external = ZERO
     for k in range(n):
         external = add(external, mat_t_vec(matrix(q_bi[k + 1]), n_con))
-    wanted = sub(
+    target_change = sub(
         mat_t_vec(matrix(q_bi[n + 1]), h_target), mat_t_vec(matrix(q_bi[0]), h)
     )
-    goal = scale(1.0 / strength, sub(wanted, scale(period, external)))
+    goal = scale(1.0 / strength, sub(target_change, scale(period, external)))
     columns = tuple(
         mat_t_vec(matrix(q), scale(1.0 / strength, column))
         for q, b in zip(q_bi[1:-1], fields, strict=True)

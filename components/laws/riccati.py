@@ -38,10 +38,10 @@ def infinite_gain(w: Mat33, s: Mat33, f: Mat33) -> Mat33 | None:
     a, g, h = scale(1.0 / rate, w), scale(1.0 / largest_s, s), scale(1.0 / largest_f, f)
     shifted = inverse(subtract(a, scale(_SHIFT, IDENTITY)))
     shifted_g = multiply(shifted, g)
-    left = inverse(add(transposed(inverse(shifted)), multiply(h, shifted_g)))
-    power = add(IDENTITY, scale(2.0 * _SHIFT, transposed(left)))
-    reach = scale(2.0 * _SHIFT, multiply(shifted_g, left))
-    gain = scale(2.0 * _SHIFT, multiply(left, multiply(h, shifted)))
+    left_factor = inverse(add(transposed(inverse(shifted)), multiply(h, shifted_g)))
+    power = add(IDENTITY, scale(2.0 * _SHIFT, transposed(left_factor)))
+    reach = scale(2.0 * _SHIFT, multiply(shifted_g, left_factor))
+    gain = scale(2.0 * _SHIFT, multiply(left_factor, multiply(h, shifted)))
     converged = False
     for _ in range(_DOUBLINGS):
         middle = inverse(add(IDENTITY, multiply(reach, gain)))

@@ -125,7 +125,7 @@ def largest(omega: Vec3) -> float:
     return max(abs(omega[0]), abs(omega[1]), abs(omega[2]))
 
 
-def flown(
+def predict_cost(
     model: Model,
     omega: Vec3,
     b: Vec3,
@@ -205,17 +205,17 @@ def sought(
     length: int,
     horizon: int,
 ) -> tuple[Sequence, float]:
-    """Search the best sequence from here; return it and its cost (see `flown`).
+    """Search the best sequence from here; return it and its cost (see `predict_cost`).
 
     index: number of the search, for the draws; candidates: sequences in each round;
     length (steps): of a segment; horizon (steps): of a simulation.
     """
     fastest = max(TURN / model.step, largest(omega))
-    cost = flown(model, omega, b, h, NOTHING, 0, 0, length, horizon, inf, inf)
+    cost = predict_cost(model, omega, b, h, NOTHING, 0, 0, length, horizon, inf, inf)
     torques, segments, elapsed = NOTHING, 0, 0
     if cost <= 0.0:
         return none(), cost
-    again = flown(
+    again = predict_cost(
         model,
         omega,
         b,
@@ -251,10 +251,10 @@ def sought(
             )
             many = 1 + i % SEGMENTS if anew else used
             since = 0 if anew else begun
-            made = flown(
+            trial_cost = predict_cost(
                 model, omega, b, h, trial, many, since, length, horizon, cost, fastest
             )
-            if made < cost:
-                cost, torques, segments, elapsed = made, trial, many, since
+            if trial_cost < cost:
+                cost, torques, segments, elapsed = trial_cost, trial, many, since
         spread *= 0.5
     return Sequence(torques, segments, elapsed), cost

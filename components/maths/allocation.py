@@ -40,10 +40,10 @@ def gives(torques: tuple[Vec3, ...], direction: Vec3) -> bool:
     The torque must have no component across `direction`, which is a unit vector.
     """
     strongest = max((abs(c) for torque in torques for c in torque), default=0.0)
-    wanted = scale(1e-3 * strongest, direction)
-    left = wanted
+    impulse = scale(1e-3 * strongest, direction)
+    rest = impulse
     for on_time, torque in zip(
-        least_on_times(torques, wanted, 1.0), torques, strict=True
+        least_on_times(torques, impulse, 1.0), torques, strict=True
     ):
-        left = sub(left, scale(on_time, torque))
-    return norm(left) < 1e-3 * norm(wanted)
+        rest = sub(rest, scale(on_time, torque))
+    return norm(rest) < 1e-3 * norm(impulse)

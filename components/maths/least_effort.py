@@ -51,7 +51,7 @@ def least_effort(
         If rounding prevents convergence, which has not been observed.
     """
     n = len(columns)
-    side, rate, when = [0.0] * COLUMNS, [0.0] * COLUMNS, [inf] * COLUMNS
+    side, rate, reach = [0.0] * COLUMNS, [0.0] * COLUMNS, [inf] * COLUMNS
     basis, kink = [-1, -2, -3], [0.0, 0.0, 0.0]
     allowed = _FIT * max(norm(goal), 1.0)
     for exchange in range(_MOST_EXCHANGES):
@@ -62,19 +62,9 @@ def least_effort(
             if side[j] != 0.0:
                 rest = sub(rest, scale(side[j] * most[j], columns[j]))
         values = mat_vec(to_basis, rest)
-        # the basis variable leaves that exceeds its bounds (0 and `most`) the most
-        leaving, excess, turn = -1, allowed, 0.0
-        for i in range(3):
-            edge = kink[i] * most[basis[i]] if basis[i] >= 0 else 0.0
-            over, under = values[i] - max(edge, 0.0), min(edge, 0.0) - values[i]
-            worst = max(over, under)
-            better = (
-                worst > excess
-                if exchange < _LONG
-                else (worst > allowed and (leaving < 0 or basis[i] < basis[leaving]))
-            )
-            if better:
-                leaving, excess, turn = i, worst, 1.0 if over > under else -1.0
+        leaving, excess, turn = _leaving(
+            values, tuple(basis), tuple(kink), most, allowed, exchange < _LONG
+        )
         if leaving < 0:
             return _solution(tuple(basis), values, tuple(side), most)
         held = (
@@ -89,39 +79,95 @@ def least_effort(
         if out >= 0:  # it stays at the bound that it exceeds: `most` or 0
             side[out] = turn if turn == kink[leaving] else 0.0
         for j in range(n):
-            rate[j], when[j] = dot(step, columns[j]), inf
+            rate[j], reach[j] = dot(step, columns[j]), inf
             if (
                 most[j] > 0.0
                 and abs(rate[j]) > stiff * norm(columns[j])
                 and (j == out or j not in basis)
             ):
-                way = 1.0 if rate[j] > 0.0 else -1.0
-                if side[j] != way:
-                    next_kink = way if side[j] == 0.0 else -way
-                    now = (
-                        kink[leaving] * cost[j] if j == out else dot(price, columns[j])
-                    )
-                    when[j] = max((next_kink * cost[j] - now) / rate[j], 0.0)
-        while True:
-            entering = 0
-            for j in range(1, n):
-                if when[j] < when[entering]:
-                    entering = j
-            if when[entering] == inf:
-                return None
-            way = 1.0 if rate[entering] > 0.0 else -1.0
-            excess -= most[entering] * abs(rate[entering])
-            if excess <= allowed or exchange >= _LONG:
-                break
-            side[entering] += way
-            if side[entering] == way:
-                when[entering] = inf
-            else:
-                when[entering] += 2.0 * cost[entering] / abs(rate[entering])
+                at = kink[leaving] * cost[j] if j == out else dot(price, columns[j])
+                reach[j] = _way_to_kink(side[j], rate[j], cost[j], at)
+        entering = _entering(
+            n, side, rate, reach, cost, most, excess, allowed, exchange < _LONG
+        )
+        if entering < 0:
+            return None
+        way = 1.0 if rate[entering] > 0.0 else -1.0
         basis[leaving] = entering
         kink[leaving] = way if side[entering] == 0.0 else -way
         side[entering] = 0.0
     raise BlockError(f"a linear programme has no end after {_MOST_EXCHANGES} exchanges")
+
+
+def _leaving(
+    values: Vec3,
+    basis: tuple[int, ...],
+    kink: tuple[float, ...],
+    most: tuple[float, ...],
+    allowed: float,
+    largest_first: bool,
+) -> tuple[int, float, float]:
+    """Find the basis variable that leaves: the one most outside 0 to `most`.
+
+    Otherwise the first one (Bland). Returns its place in the basis, or -1; by how much
+    it is outside; and 1 or -1, as it is above or below.
+    """
+    leaving, excess, turn = -1, allowed, 0.0
+    for i in range(3):
+        edge = kink[i] * most[basis[i]] if basis[i] >= 0 else 0.0
+        over, under = values[i] - max(edge, 0.0), min(edge, 0.0) - values[i]
+        worst = max(over, under)
+        better = (
+            worst > excess
+            if largest_first
+            else (worst > allowed and (leaving < 0 or basis[i] < basis[leaving]))
+        )
+        if better:
+            leaving, excess, turn = i, worst, 1.0 if over > under else -1.0
+    return leaving, excess, turn
+
+
+def _way_to_kink(side: float, rate: float, cost: float, at: float) -> float:
+    """Return the step after which a column's price, now `at`, is at its next kink."""
+    way = 1.0 if rate > 0.0 else -1.0
+    if side == way:
+        return inf
+    next_kink = way if side == 0.0 else -way
+    return max((next_kink * cost - at) / rate, 0.0)
+
+
+def _entering(
+    n: int,
+    side: list[float],
+    rate: list[float],
+    reach: list[float],
+    cost: tuple[float, ...],
+    most: tuple[float, ...],
+    excess: float,
+    allowed: float,
+    long_step: bool,
+) -> int:
+    """Find the column that enters, or return -1 where the objective rises for ever.
+
+    A long step passes kinks as long as the objective still rises: by `excess` a unit,
+    which must stay above `allowed`. What it passes changes `side`.
+    """
+    while True:
+        entering = 0
+        for j in range(1, n):
+            if reach[j] < reach[entering]:
+                entering = j
+        if reach[entering] == inf:
+            return -1
+        way = 1.0 if rate[entering] > 0.0 else -1.0
+        excess -= most[entering] * abs(rate[entering])
+        if excess <= allowed or not long_step:
+            return entering
+        side[entering] += way
+        if side[entering] == way:
+            reach[entering] = inf
+        else:
+            reach[entering] += 2.0 * cost[entering] / abs(rate[entering])
 
 
 def _solution(

@@ -48,11 +48,7 @@ def least_cost(
     for exchange in range(_MOST_EXCHANGES + 1):
         p, q, r = with_errors[basis[0]], with_errors[basis[1]], with_errors[basis[2]]
         to_basis = inverse((p[0], q[0], r[0], p[1], q[1], r[1], p[2], q[2], r[2]))
-        rest = goal
-        for j in range(n + 6):
-            if full[j]:
-                rest = sub(rest, scale(limit[j], with_errors[j]))
-        values = mat_vec(to_basis, rest)
+        values = mat_vec(to_basis, _remainder(goal, with_errors, limit, tuple(full)))
         price = mat_t_vec(
             to_basis, (price_of[basis[0]], price_of[basis[1]], price_of[basis[2]])
         )
@@ -62,17 +58,7 @@ def least_cost(
         falls = mat_vec(to_basis, with_errors[entering])
         if full[entering]:
             falls = scale(-1.0, falls)
-        room, leaving = limit[entering], -1
-        for i, fall in enumerate(falls):
-            if abs(fall) <= _TOLERANCE:
-                continue
-            reach = max(
-                (values[i] - (0.0 if fall > 0.0 else limit[basis[i]])) / fall, 0.0
-            )
-            if reach < room or (
-                reach == room and leaving >= 0 and basis[i] < basis[leaving]
-            ):
-                room, leaving = reach, i
+        leaving = _leaving(falls, values, tuple(basis), limit, limit[entering])
         if full[entering]:
             full[entering] = False
         elif leaving < 0:
@@ -81,11 +67,59 @@ def least_cost(
             if falls[leaving] < 0.0:
                 full[basis[leaving]] = True
             basis[leaving] = entering
-    x = [most[j] if full[j] else 0.0 for j in range(n)]
+    return _solution(tuple(basis), values, tuple(full), most)
+
+
+def _remainder(
+    goal: Vec3,
+    columns: tuple[Vec3, ...],
+    limit: tuple[float, ...],
+    full: tuple[bool, ...],
+) -> Vec3:
+    """Return the goal less the columns that are at their limit."""
+    rest = goal
+    for j, column in enumerate(columns):
+        if full[j]:
+            rest = sub(rest, scale(limit[j], column))
+    return rest
+
+
+def _solution(
+    basis: tuple[int, ...],
+    values: Vec3,
+    full: tuple[bool, ...],
+    most: tuple[float, ...],
+) -> tuple[float, ...]:
+    """Assemble x: those of the basis limited, the others 0 or `most`."""
+    x = [limit if full[j] else 0.0 for j, limit in enumerate(most)]
     for j, value in zip(basis, values, strict=True):
-        if j < n:
+        if j < len(most):
             x[j] = min(max(value, 0.0), most[j])
     return tuple(x)
+
+
+def _leaving(
+    falls: Vec3,
+    values: Vec3,
+    basis: tuple[int, ...],
+    limit: tuple[float, ...],
+    step: float,
+) -> int:
+    """Find the place in the basis that reaches a bound first, before `step`, or -1.
+
+    `falls` says by how much each of `values` falls in a unit of the entering variable.
+    """
+    leaving = -1
+    for i, fall in enumerate(falls):
+        if abs(fall) <= _TOLERANCE:
+            continue
+        bound = 0.0 if fall > 0.0 else limit[basis[i]]
+        reach = max((values[i] - bound) / fall, 0.0)
+        if reach < step or (
+            reach == step and leaving >= 0 and basis[i] < basis[leaving]
+        ):
+            step, leaving = reach, i
+    return leaving
 
 
 def _entering(

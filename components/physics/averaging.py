@@ -40,17 +40,17 @@ def osculating_elements(mean: Elements, degree: int, mu: float) -> Elements:
 
     Fixed-point iteration; each step gains a factor of 1000, as J2 is small.
     """
-    wanted = _equinoctial(mean)
-    guess = wanted
+    mean_equinoctial = _equinoctial(mean)
+    guess = mean_equinoctial
     for _ in range(4):
         found = _averages(_elements(guess), degree, mu)
         guess = (
-            guess[0] + wanted[0] - found[0],
-            guess[1] + wanted[1] - found[1],
-            guess[2] + wanted[2] - found[2],
-            guess[3] + wanted[3] - found[3],
-            guess[4] + wanted[4] - found[4],
-            guess[5] + remainder(wanted[5] - found[5], tau),
+            guess[0] + mean_equinoctial[0] - found[0],
+            guess[1] + mean_equinoctial[1] - found[1],
+            guess[2] + mean_equinoctial[2] - found[2],
+            guess[3] + mean_equinoctial[3] - found[3],
+            guess[4] + mean_equinoctial[4] - found[4],
+            guess[5] + remainder(mean_equinoctial[5] - found[5], tau),
         )
     return _elements(guess)
 

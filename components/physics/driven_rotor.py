@@ -221,15 +221,15 @@ def _piece(
     their difference.
     """
     half = 0.5 * size
-    whole = _runge_kutta(motor, curve, torque, command, axial, begin, now, size)
+    whole_step = _runge_kutta(motor, curve, torque, command, axial, begin, now, size)
     middle = _runge_kutta(motor, curve, torque, command, axial, begin, now, half)
     after = _runge_kutta(
         motor, curve, torque, command, axial, begin + half, middle, half
     )
-    apart = after[0] - whole[0]
+    apart = after[0] - whole_step[0]
     return (
         after[0] + apart / 15.0,
-        after[1] + (after[1] - whole[1]) / 15.0,
+        after[1] + (after[1] - whole_step[1]) / 15.0,
         after[2],
     ), abs(apart)
 
@@ -255,13 +255,13 @@ def _runge_kutta(
 
     def changes(s: float, y: float, learnt: float) -> tuple[float, float]:
         """Compute y' (N m) and the derivative of the learnt torque (N m/s) at s (s)."""
-        left = exp(-s / lag) if excess else 0.0
-        answer = command + excess * left
-        pushed = command * s + excess * lag * (1.0 - left)
+        decay = exp(-s / lag) if excess else 0.0
+        answer = command + excess * decay
+        pushed = command * s + excess * lag * (1.0 - decay)
         omega = (y + pushed) / j - rate - change * s
-        lost = drag(motor, curve, omega)
+        friction = drag(motor, curve, omega)
         drive = limited(motor, curve, answer + learnt, omega)
-        return drive - answer - lost, c * (lost - learnt)
+        return drive - answer - friction, c * (friction - learnt)
 
     half = 0.5 * size
     p, p2 = changes(begin, y, learnt)

@@ -408,11 +408,18 @@ def _with_friction(
     """Propagate the rotor over dt (s): motor in closed form, friction by RK4."""
     h0, torque0, _, way = rotor
     pushed, first, torque, excess = driven(motor, torque0, command, dt)
-    lost, first_lost = _lost(motor, rotor, excess, command, axial, dt)
-    return (h0 + pushed - lost, torque, 0.0, way), h0 * dt + first - first_lost
+    friction_loss, first_friction_loss = _friction_loss(
+        motor, rotor, excess, command, axial, dt
+    )
+    return (
+        h0 + pushed - friction_loss,
+        torque,
+        0.0,
+        way,
+    ), h0 * dt + first - first_friction_loss
 
 
-def _lost(
+def _friction_loss(
     motor: Motor, rotor: Rotor, excess: float, command: float, axial: Axial, dt: float
 ) -> tuple[float, float]:
     """Compute the momentum lost by friction (N m s) and its integral (N m s2).
@@ -422,14 +429,14 @@ def _lost(
     j, lag, viscous, coulomb, omega_eps, _, stiction, _ = motor
     (rate, change), (h0, _, _, way) = axial, rotor
 
-    def drag(s: float, lost: float) -> float:
+    def drag(s: float, friction_loss: float) -> float:
         """Compute the friction (N m) at s (s) into the step.
 
-        `lost` is the momentum lost so far (N m s). The function is `_drag`, written out
+        `friction_loss` is the momentum lost so far (N m s). The function is `_drag`, written out
         because it is called often.
         """
         pushed = command * s + (excess * (1.0 - exp(-s / lag)) if excess else 0.0)
-        omega = (h0 + pushed - lost) / j - rate - change * s
+        omega = (h0 + pushed - friction_loss) / j - rate - change * s
         return viscous * omega + coulomb * (
             way if stiction > 0.0 else tanh(omega / omega_eps)
         )
@@ -439,8 +446,8 @@ def _lost(
     b = drag(half, half * a)
     c = drag(half, half * b)
     d = drag(dt, dt * c)
-    lost = dt / 6.0 * (a + 2.0 * (b + c) + d)
-    return lost, dt * (0.5 * lost + dt * (a - d) / 12.0)
+    friction_loss = dt / 6.0 * (a + 2.0 * (b + c) + d)
+    return friction_loss, dt * (0.5 * friction_loss + dt * (a - d) / 12.0)
 
 
 def _compensated(
@@ -460,10 +467,15 @@ def _compensated(
     end = _drag(motor, omega, way)
     steady = (end - start) / (c * dt)
     rest = x0 - steady
-    lost = steady * dt + rest * decayed / c
+    friction_loss = steady * dt + rest * decayed / c
     first = 0.5 * steady * dt * dt + rest / c * (dt - decayed / c)
     learnt = end - steady - rest * (1.0 - decayed)
-    return (h0 + pushed - lost, torque, learnt, way), h0 * dt + first_pushed - first
+    return (
+        h0 + pushed - friction_loss,
+        torque,
+        learnt,
+        way,
+    ), h0 * dt + first_pushed - first
 
 
 def _clipped(

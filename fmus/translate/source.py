@@ -331,9 +331,12 @@ class Spec:
 
     def _passed(self, call: ast.Call, own: set[str]) -> None:
         """Record lists passed to a function that changes their elements."""
-        if not isinstance(call.func, ast.Name):
-            return
-        target = self.globals.get(call.func.id)
+        target: object = None
+        match call.func:
+            case ast.Name(id=name):
+                target = self.globals.get(name)
+            case ast.Attribute(value=ast.Name(id=module), attr=name):
+                target = getattr(self.globals.get(module), name, None)
         if not isinstance(target, python_types.FunctionType) or "desat" not in (
             target.__module__ or ""
         ):

@@ -247,7 +247,7 @@ def asked_for() -> frozenset[tuple[str, str]]:
     They are wired only if something in the block needs them.
     """
     inputs = [(role, v) for role, c in role_classes().items() for v in c.variables]
-    return frozenset((role, v.name) for role, v in inputs if v.asked)
+    return frozenset((role, v.name) for role, v in inputs if v.only_if_needed)
 
 
 @cache

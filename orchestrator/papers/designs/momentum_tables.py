@@ -34,7 +34,7 @@ from typing import Any
 
 import numpy as np
 
-from desat.components.bases.momentum_management import CAPACITY, ROOM
+from desat.components.bases.momentum_management import CAPACITY, LEAST_EIGENVALUE_RATIO
 from desat.components.laws import momentum_management as laws
 from desat.components.laws import momentum_offline as offline
 from desat.components.maths.attitude import matrix, normalised
@@ -258,7 +258,7 @@ def _lost(
     )
     for coil in range(1, 5):
         s = laws.weighting(laws.without(known, coil))
-        spans = laws.condition(s) <= 1.0 / ROOM
+        spans = laws.condition(s) <= 1.0 / LEAST_EIGENVALUE_RATIO
         weighting = turns.transpose(0, 2, 1) @ np.reshape(s, (3, 3)) @ turns
         courses.append(replace(course, weighting=weighting) if spans else None)
     return courses
