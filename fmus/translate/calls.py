@@ -489,7 +489,7 @@ class Calls(Expressions):
                 node, "sum", "write it out: Python 3.12 and later compensate"
             )
         raise self.refuse(
-            node, f"{name}()", "what translates is listed in docs/hosts.md"
+            node, f"{name}()", "what translates is listed in docs/translation.md"
         )
 
     def mathematics(self, node: ast.Call, name: str, python: str) -> Value:

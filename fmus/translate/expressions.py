@@ -381,7 +381,7 @@ class Expressions(ABC):
                 node,
                 *INSTEAD.get(
                     type(node),
-                    (type(node).__name__, "what translates is listed in docs/hosts.md"),
+                    (type(node).__name__, "what translates is listed in docs/translation.md"),
                 ),
             )
         try:
