@@ -50,7 +50,7 @@ def rows(python: str, name: str, folder: Path) -> pa.Table:
         command, check=False, capture_output=True, cwd=Path(python).parents[2]
     )
     table = store.read(folder)
-    return table.select([n for n in table.column_names if n not in store.OWN])
+    return table.select([n for n in table.column_names if n not in store.BOOKKEEPING])
 
 
 def differences(ours: pa.Table, theirs: pa.Table) -> list[str]:

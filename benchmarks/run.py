@@ -205,7 +205,7 @@ def recorded(path: str, steps: int, loop: Loop = "compiled") -> dict[str, Any]:
         began = time.perf_counter()
         recorder = Recorder(Path(folder) / SERIES, master)
         stepper = stepper_of(recorder)
-        assert stepper.name == loop, stepper.why
+        assert stepper.name == loop, stepper.reason
         run(master, stepper, steps, recorder)
         recorder.finish(master).close()
         seconds = time.perf_counter() - began

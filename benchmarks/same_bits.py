@@ -64,7 +64,7 @@ def _case(target: str, options: Options, seed: int) -> Case:
     builder.components = {n: builder.components[n] for n in names}
     rng.shuffle(builder.connections)
     builder.add(of_options(options))
-    return Case(target, options, builder.where, builder.check())
+    return Case(target, options, builder.place, builder.check())
 
 
 def made(way: dict[str, Any]) -> dict[str, Any]:

@@ -774,7 +774,7 @@ def _law_by_law(laws: Sequence[ranking.Ranking]) -> Iterator[str]:
             )
     yield ""
     for made in laws:
-        (own,) = [e for e in made.ranked if e.law.own]
+        (own,) = [e for e in made.ranked if e.law.is_own]
         c, first = made.by[0], made.ranked[0]
         rest = "" if own is first else f", {first.name} {number(first.values[0])}"
         better = [

@@ -101,10 +101,10 @@ def alone(
     about = code.partition("#include")[0]
     source = _source(name, files, code.replace(struct[0], ""), _AT_START + table)
     header = _header(name, about, struct[0], types, _VARIABLE.findall(table))
-    made = {f"{name}.h": header.replace("@SIZES@", ""), f"{name}.c": source}
-    sizes = [measured(name, made, command) for command in compilers]
-    told = "".join(f"\n   {size}" for size in sizes)
-    return made | {f"{name}.h": header.replace("@SIZES@", told)}, sizes
+    files_written = {f"{name}.h": header.replace("@SIZES@", ""), f"{name}.c": source}
+    sizes = [measured(name, files_written, command) for command in compilers]
+    sizes_text = "".join(f"\n   {size}" for size in sizes)
+    return files_written | {f"{name}.h": header.replace("@SIZES@", sizes_text)}, sizes
 
 
 def _header(
@@ -323,20 +323,20 @@ def measured(name: str, files: dict[str, str], compiler: Sequence[str]) -> Size:
             else ["-fcallgraph-info=su"]
         )
         for file in ("probe", name):
-            failed, said = _run([*compiler, *FLAGS, *graph, "-c", f"{file}.c"], folder)
+            failed, error = _run([*compiler, *FLAGS, *graph, "-c", f"{file}.c"], folder)
             if failed:
-                raise RuntimeError(f"{shlex.join(compiler)}: {said.strip()[:600]}")
+                raise RuntimeError(f"{shlex.join(compiler)}: {error.strip()[:600]}")
         printed = (
             _run([*compiler, "-print-prog-name=size"], folder)[1].strip() or "size"
         )
-        probed, made = (
+        probed, own_size = (
             _run([printed, f"{file}.o"], folder)[1].split() for file in ("probe", name)
         )
         struct = code = static = None
         if (
-            len(probed) > 8 and len(made) > 8
+            len(probed) > 8 and len(own_size) > 8
         ):  # columns after the six words of the heading: text, data, bss
-            read_only, data, zeroed = map(int, made[6:9])
+            read_only, data, zeroed = map(int, own_size[6:9])
             struct, code, static = (
                 int(probed[7]) + int(probed[8]),
                 read_only + data,
@@ -364,12 +364,12 @@ def _deepest(graph: str) -> int | None:
 
     None where a function calls itself or has no bound of its own.
     """
-    own: dict[str, int] = {}
+    own_stack: dict[str, int] = {}
     for of, label in re.findall(r'node: \{ title: "(.*?)" label: "(.*?)"', graph):
         found = re.search(r"(\d+) bytes \((\w+)", label)
         if found is not None and found[2] != "static" and "bounded" not in label:
             return None
-        own[of] = int(found[1]) if found else 0
+        own_stack[of] = int(found[1]) if found else 0
     calls: dict[str, set[str]] = {}
     for caller, called in re.findall(
         r'edge: \{ sourcename: "(.*?)" targetname: "(.*?)"', graph
@@ -383,12 +383,12 @@ def _deepest(graph: str) -> int | None:
             raise RecursionError
         if function not in known:
             inner = above | {function}
-            known[function] = own.get(function, 0) + max(
+            known[function] = own_stack.get(function, 0) + max(
                 (depth(x, inner) for x in calls.get(function, ())), default=0
             )
         return known[function]
 
     try:
-        return max((depth(x, frozenset()) for x in own), default=0)
+        return max((depth(x, frozenset()) for x in own_stack), default=0)
     except RecursionError:
         return None

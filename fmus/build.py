@@ -72,7 +72,7 @@ except NameError:
 '''
 
 
-def contents(which: str) -> dict[str, bytes]:
+def contents(block_ref: str) -> dict[str, bytes]:
     """Return the files of a block's package, adapter included, by their path.
 
     Raises
@@ -81,21 +81,21 @@ def contents(which: str) -> dict[str, bytes]:
         If a user's own file is no block.
     """
     files = {
-        p.relative_to(COMPONENTS).as_posix(): p.read_bytes() for p in sources(which)
+        p.relative_to(COMPONENTS).as_posix(): p.read_bytes() for p in sources(block_ref)
     }
-    if is_own(which):
-        files[f"blocks/{identifier(which)}.py"] = shipped(which).encode()
+    if is_own(block_ref):
+        files[f"blocks/{identifier(block_ref)}.py"] = shipped(block_ref).encode()
     files["slave.py"] = (HERE / "slave.py").read_bytes()
     return dict(sorted(files.items()))
 
 
-def build(which: str, dist: Path = DIST) -> Path:
+def build(block_ref: str, dist: Path = DIST) -> Path:
     """Build the Python FMU of a block in this process and return its path.
 
-    `which` is the name of a block of the project or a user's own file.
+    `block_ref` is the name of a block of the project or a user's own file.
     """
-    block, name = block_class(which), identifier(which)
-    files = contents(which)
+    block, name = block_class(block_ref), identifier(block_ref)
+    files = contents(block_ref)
     digest = hashlib.sha256(f"{name} {pythonfmu.__version__}".encode())
     for path, data in files.items():
         digest.update(f"\0{path}\0{len(data)}\0".encode() + data)
@@ -146,7 +146,7 @@ def without_fmus_on_the_path() -> Iterator[None]:
         sys.path[:] = before
 
 
-def build_all(which: tuple[str, ...], dist: Path = DIST) -> list[Path]:
+def build_all(block_refs: tuple[str, ...], dist: Path = DIST) -> list[Path]:
     """Build the Python FMUs of some blocks, each in a process of its own."""
     with (
         without_fmus_on_the_path(),
@@ -154,12 +154,12 @@ def build_all(which: tuple[str, ...], dist: Path = DIST) -> list[Path]:
             os.cpu_count(), mp_context=get_context("spawn"), max_tasks_per_child=1
         ) as pool,
     ):
-        results = pool.map(build, which, [dist] * len(which))
+        results = pool.map(build, block_refs, [dist] * len(block_refs))
         return list(
             track(
                 results,
                 "FMUs",
-                total=len(which),
+                total=len(block_refs),
                 transient=True,
                 disable=not sys.stderr.isatty(),
             )
@@ -167,7 +167,7 @@ def build_all(which: tuple[str, ...], dist: Path = DIST) -> list[Path]:
 
 
 def build_native(
-    which: tuple[str, ...],
+    block_refs: tuple[str, ...],
     dist: Path,
     targets: Sequence[native.Target] = (native.HERE_ALONE,),
 ) -> dict[str, str]:
@@ -188,10 +188,10 @@ def build_native(
         with ProcessPoolExecutor(
             os.cpu_count(), mp_context=get_context("spawn")
         ) as pool:
-            n = len(which)
+            n = len(block_refs)
             results = pool.map(
                 native.tried,
-                which,
+                block_refs,
                 [dist / "native"] * n,
                 [Path(shared)] * n,
                 [targets] * n,
@@ -203,23 +203,29 @@ def build_native(
                 transient=True,
                 disable=not sys.stderr.isatty(),
             )
-            return {name: why for name, why in zip(which, tracked, strict=True) if why}
+            return {
+                name: reason
+                for name, reason in zip(block_refs, tracked, strict=True)
+                if reason
+            }
 
 
-def _digest(which: str) -> str:
+def _digest(block_ref: str) -> str:
     """Compute the digest of what both FMUs of a block are made of."""
     versions = f"{pythonfmu.__version__} {version('desat')}"
-    digest = hashlib.sha256(f"{identifier(which)} {versions}".encode())
-    for path, data in contents(which).items():
+    digest = hashlib.sha256(f"{identifier(block_ref)} {versions}".encode())
+    for path, data in contents(block_ref).items():
         digest.update(f"\0{path}\0{len(data)}\0".encode() + data)
-    for what in (inspect.getsource(build), ENTRY, inspect.getsource(native.pack)):
-        digest.update(what.encode())
+    for text in (inspect.getsource(build), ENTRY, inspect.getsource(native.pack)):
+        digest.update(text.encode())
     for file in (HERE / "description.py", ICON):
         digest.update(file.read_bytes())
     return digest.hexdigest()
 
 
-def _entry(kind: str, name: str, dist: Path, made_of: str, why: str) -> dict[str, Any]:
+def _entry(
+    kind: str, name: str, dist: Path, made_of: str, reason: str
+) -> dict[str, Any]:
     """Return the index entry of an FMU."""
     path = dist / ("" if kind == "python" else kind) / f"{name}.fmu"
     data = path.read_bytes()
@@ -236,7 +242,7 @@ def _entry(kind: str, name: str, dist: Path, made_of: str, why: str) -> dict[str
         "sha256": hashlib.sha256(data).hexdigest(),
         "made_of": made_of,
     }
-    return {**entry, "why": why} if why else entry
+    return {**entry, "why": reason} if reason else entry
 
 
 def _compiled(platforms: str) -> str:
@@ -247,12 +253,12 @@ def _compiled(platforms: str) -> str:
         return ""
 
 
-def _native_digest(made: str, compiled: str) -> str:
+def _native_digest(digest: str, compiled: str) -> str:
     """Compute the digest of a native FMU from those of block and build."""
-    return hashlib.sha256((made + compiled).encode()).hexdigest()
+    return hashlib.sha256((digest + compiled).encode()).hexdigest()
 
 
-def made_of(which: str, platforms: str = "") -> str:
+def made_of(block_ref: str, platforms: str = "") -> str:
     """Compute a hash of all that the FMUs of a block are made of on this machine.
 
     Raises
@@ -260,29 +266,29 @@ def made_of(which: str, platforms: str = "") -> str:
     OwnBlockError
         If a user's own file is no block.
     """
-    return _native_digest(_digest(which), _compiled(platforms))
+    return _native_digest(_digest(block_ref), _compiled(platforms))
 
 
 def update(
-    wanted: tuple[str, ...], dist: Path, platforms: str = ""
+    block_refs: tuple[str, ...], dist: Path, platforms: str = ""
 ) -> list[dict[str, Any]]:
     """Build the missing or outdated FMUs of some blocks; write and return the index.
 
     `platforms` is as in `native.targets_of`.
     """
     compiled = _compiled(platforms)
-    called = {identifier(which): which for which in wanted}
+    called = {identifier(block_ref): block_ref for block_ref in block_refs}
     try:
         known = json.loads((dist / INDEX).read_text(encoding="utf-8"))
     except (OSError, ValueError):
         known = []
-    kept = {
+    entries_kept = {
         (e["kind"], e["name"]): e for e in known if e["name"] in {*names(), *called}
     }
 
     def is_current(kind: str, name: str, made_of: str) -> bool:
         """Return whether an FMU is there, unchanged and made of the same."""
-        e = kept.get((kind, name))
+        e = entries_kept.get((kind, name))
         path = dist / e["file"] if e else dist
         return bool(
             e
@@ -291,83 +297,95 @@ def update(
             and hashlib.sha256(path.read_bytes()).hexdigest() == e["sha256"]
         )
 
-    made = {name: _digest(which) for name, which in called.items()}
+    digests = {name: _digest(block_ref) for name, block_ref in called.items()}
     anew = hashlib.sha256((HERE / "fmi3.py").read_bytes()).hexdigest()
-    both = {name: _native_digest(made[name], compiled) for name in called}
-    old = tuple(name for name in called if not is_current("python", name, made[name]))
+    both = {name: _native_digest(digests[name], compiled) for name in called}
+    old = tuple(
+        name for name in called if not is_current("python", name, digests[name])
+    )
     if old:
         build_all(tuple(called[name] for name in old), dist)
         for name in old:
-            kept["python", name] = _entry("python", name, dist, made[name], "")
-        _write(kept, dist)  # saved now because compiling may be interrupted
-    why: dict[str, str] = {}
+            entries_kept["python", name] = _entry(
+                "python", name, dist, digests[name], ""
+            )
+        _write(entries_kept, dist)  # saved now because compiling may be interrupted
+    reasons: dict[str, str] = {}
     if not compiled:
-        why = dict.fromkeys(called, "no C compiler where it was built")
+        reasons = dict.fromkeys(called, "no C compiler where it was built")
     else:
-        python = {n: kept.get(("python", n), {}) for n in called}
+        python = {n: entries_kept.get(("python", n), {}) for n in called}
         refused = {
             n: e["why"]
             for n, e in python.items()
             if e.get("why") and e.get("with") == both[n]
         }
         todo = tuple(
-            which
-            for n, which in called.items()
+            block_ref
+            for n, block_ref in called.items()
             if n not in refused and not is_current("native", n, both[n])
         )
         now = build_native(todo, dist, native.targets_of(platforms)) if todo else {}
-        why = {**refused, **{identifier(which): text for which, text in now.items()}}
-    for name, which in called.items():
-        old_entry = kept.get(("python", name), {})
-        told = (
+        reasons = {
+            **refused,
+            **{identifier(block_ref): text for block_ref, text in now.items()},
+        }
+    for name, block_ref in called.items():
+        old_entry = entries_kept.get(("python", name), {})
+        meaning_entry = (
             {k: old_entry[k] for k in ("computes", "files", "files_sha256")}
             if (meaning.is_as(old_entry))
-            else meaning.computed(which)
+            else meaning.computed(block_ref)
         )
-        kept["python", name] = {
-            **_entry("python", name, dist, made[name], why.get(name, "")),
+        entries_kept["python", name] = {
+            **_entry("python", name, dist, digests[name], reasons.get(name, "")),
             "with": both[name],
-            **told,
+            **meaning_entry,
         }
-        if name in why:
+        if name in reasons:
             for kind in ("native", "fmi3"):
-                kept.pop((kind, name), None)
+                entries_kept.pop((kind, name), None)
                 (dist / kind / f"{name}.fmu").unlink(missing_ok=True)
             continue
         compiled_by = (
             f"ziglang {version('ziglang')}" if platforms else native.compiler_version()
         )
-        of_c = {"computes": told["computes"], "compiler": compiled_by}
-        kept["native", name] = {**_entry("native", name, dist, both[name], ""), **of_c}
+        of_c = {"computes": meaning_entry["computes"], "compiler": compiled_by}
+        entries_kept["native", name] = {
+            **_entry("native", name, dist, both[name], ""),
+            **of_c,
+        }
         third = _native_digest(both[name], anew)
         if not is_current("fmi3", name, third):
-            path = dist / kept["native", name]["file"]
-            fmi3.repack(path, block_class(which), dist / "fmi3" / path.name)
-        kept["fmi3", name] = {**_entry("fmi3", name, dist, third, ""), **of_c}
-    return _write(kept, dist)
+            path = dist / entries_kept["native", name]["file"]
+            fmi3.repack(path, block_class(block_ref), dist / "fmi3" / path.name)
+        entries_kept["fmi3", name] = {**_entry("fmi3", name, dist, third, ""), **of_c}
+    return _write(entries_kept, dist)
 
 
 def _write(
-    kept: dict[tuple[str, str], dict[str, Any]], dist: Path
+    entries: dict[tuple[str, str], dict[str, Any]], dist: Path
 ) -> list[dict[str, Any]]:
     """Write and return the index: native before FMI 3.0 before Python."""
     order = ("native", "fmi3", "python")
-    index = [kept[key] for key in sorted(kept, key=lambda k: (k[1], order.index(k[0])))]
+    index = [
+        entries[key] for key in sorted(entries, key=lambda k: (k[1], order.index(k[0])))
+    ]
     (dist / INDEX).write_text(json.dumps(index, indent=1) + "\n", encoding="utf-8")
     return index
 
 
-def _unusable(wanted: tuple[str, ...]) -> dict[str, str]:
+def _unusable(block_refs: tuple[str, ...]) -> dict[str, str]:
     """Return the blocks that cannot become FMUs, each with a one-line reason."""
     wrong = {}
-    for name in wanted:
+    for name in block_refs:
         try:
             block_class(name)
         except OwnBlockError as error:
             wrong[name] = str(error)
         except Exception as error:
-            said = " ".join(f"{type(error).__name__}: {error}".split())
-            wrong[name] = f"components/blocks/{name}.py: {said}"
+            text = " ".join(f"{type(error).__name__}: {error}".split())
+            wrong[name] = f"components/blocks/{name}.py: {text}"
     return wrong
 
 
@@ -382,9 +400,9 @@ def _print_table(index: list[dict[str, Any]]) -> None:
     print(f"{'block':28} {'native':>7} {'Python':>7}  kB")
     for name, kinds in by_name.items():
         size = f"{kinds['native']['bytes'] / 1e3:.0f}" if "native" in kinds else "-"
-        why = kinds["python"].get("why", "")
+        reason = kinds["python"].get("why", "")
         print(
-            f"{name:28} {size:>7} {kinds['python']['bytes'] / 1e3:>7.0f}  {why}".rstrip()
+            f"{name:28} {size:>7} {kinds['python']['bytes'] / 1e3:>7.0f}  {reason}".rstrip()
         )
 
 
@@ -405,46 +423,49 @@ def main() -> int:
     parser.add_argument(
         "--platforms", default="", help="all, or linux64,win64,...: for these"
     )
-    given = parser.parse_args()
+    arguments = parser.parse_args()
     try:
-        native.targets_of(given.platforms)
+        native.targets_of(arguments.platforms)
     except (NoCompilerError, ValueError) as error:
         print(f"error: {error}", file=sys.stderr)
         return 2
-    wanted = tuple(given.names) or names()
-    own = [which for which in wanted if is_own(which)]
-    if own and given.into is None:
+    block_refs = tuple(arguments.names) or names()
+    own_blocks = [block_ref for block_ref in block_refs if is_own(block_ref)]
+    if own_blocks and arguments.into is None:
         print(
-            f"error: {own[0]}: --into is needed: fmus/dist/ holds ours alone",
+            f"error: {own_blocks[0]}: --into is needed: fmus/dist/ holds ours alone",
             file=sys.stderr,
         )
         return 2
-    if unknown := sorted({*wanted} - {*own, *names()}):
+    if unknown := sorted({*block_refs} - {*own_blocks, *names()}):
         print(
             f"error: no block {', '.join(unknown)}; blocks are {', '.join(names())}",
             file=sys.stderr,
         )
         return 2
-    dist, whole = given.into or DIST, len(wanted) == len(names())
-    for why in (wrong := _unusable(wanted)).values():
-        print(f"error: {why}", file=sys.stderr)
-    wanted = tuple(name for name in wanted if name not in wrong)
-    index = update(wanted, dist, given.platforms)
-    if given.into is None and whole and not wrong:
+    dist, is_complete = arguments.into or DIST, len(block_refs) == len(names())
+    for problem in (wrong := _unusable(block_refs)).values():
+        print(f"error: {problem}", file=sys.stderr)
+    block_refs = tuple(name for name in block_refs if name not in wrong)
+    index = update(block_refs, dist, arguments.platforms)
+    if arguments.into is None and is_complete and not wrong:
         for stale in {
             path
-            for where in ("", "native/", "fmi3/")
-            for path in dist.glob(f"{where}*.fmu")
+            for folder in ("", "native/", "fmi3/")
+            for path in dist.glob(f"{folder}*.fmu")
         } - {dist / e["file"] for e in index}:
             stale.unlink()
-        for left in dist.rglob(
+        for unfinished in dist.rglob(
             "*.part"
         ):  # left by a build that was killed; a running build writes its own quickly
-            if time.time() - left.stat().st_mtime > 60.0:
-                left.unlink(missing_ok=True)
+            if time.time() - unfinished.stat().st_mtime > 60.0:
+                unfinished.unlink(missing_ok=True)
         interfaces.write()
-    built = {Path(which).stem if is_own(which) else which for which in wanted}
-    if given.names:
+    built = {
+        Path(block_ref).stem if is_own(block_ref) else block_ref
+        for block_ref in block_refs
+    }
+    if arguments.names:
         _print_table([e for e in index if e["name"] in built])
     of = {kind: sum(e["kind"] == kind for e in index) for kind in ("native", "fmi3")}
     print(

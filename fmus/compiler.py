@@ -24,15 +24,15 @@ def compiler() -> tuple[str, ...]:
         If there is none, or CC names no command.
     """
     try:
-        wanted = shlex.split(os.environ.get("CC", ""))
+        requested = shlex.split(os.environ.get("CC", ""))
     except ValueError as error:
         raise NoCompilerError(
             f"CC = {os.environ['CC']}: {str(error).lower()}"
         ) from None
-    for command in [wanted] if wanted else (["gcc"], ["cc"], ["clang"]):
+    for command in [requested] if requested else (["gcc"], ["cc"], ["clang"]):
         if found := shutil.which(command[0]):
             return (found, *command[1:])
-    if wanted:
+    if requested:
         raise NoCompilerError(f"CC = {os.environ['CC']}: there is no such command")
     try:
         return zig()

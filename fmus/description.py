@@ -211,7 +211,7 @@ def annotation(v: Variable, name: str) -> dict[str, str]:
 
     It is empty for most variables.
     """
-    said = {
+    entries = {
         "choices": " ".join(v.choices),
         "shared": "true" if v.shared else "",
         "follows": v.follows,
@@ -221,7 +221,7 @@ def annotation(v: Variable, name: str) -> dict[str, str]:
         "neededBy": " ".join(v.needed_by),
         "usual": " ".join(map(repr, v.usual or ())),
     }
-    return {key: text for key, text in said.items() if text}
+    return {key: text for key, text in entries.items() if text}
 
 
 def describe(v: Variable) -> str:

@@ -158,12 +158,12 @@ def _xml(root: Any) -> bytes:
     )
 
 
-def _annotate(parent: Any, what: str, attributes: dict[str, str]) -> None:
+def _annotate(parent: Any, text: str, attributes: dict[str, str]) -> None:
     """Add an annotation of the project to an element."""
-    made = etree.SubElement(
+    element = etree.SubElement(
         etree.SubElement(parent, "Annotations"), "Annotation", type=TOOL
     )
-    etree.SubElement(made, what, attributes)
+    etree.SubElement(element, text, attributes)
 
 
 def _variable(parent: Any, v: Variable, reference: int) -> None:
@@ -195,10 +195,10 @@ def _type_definitions(root: Any, block: type[Block]) -> None:
         return
     types = etree.SubElement(root, "TypeDefinitions")
     for v in chosen:
-        made = etree.SubElement(types, "EnumerationType", name=v.name)
+        enumeration = etree.SubElement(types, "EnumerationType", name=v.name)
         for value, name in enumerate(v.choices):
             if name != "-":
-                etree.SubElement(made, "Item", name=name, value=str(value))
+                etree.SubElement(enumeration, "Item", name=name, value=str(value))
 
 
 def terminals(block: type[Block]) -> bytes:
@@ -224,10 +224,10 @@ def terminals(block: type[Block]) -> bytes:
         elif v.causality == "input" and v.source:
             role, _, name = v.source[0].partition(".")
             members.setdefault(role, {}).setdefault(name, v.name)
-    made = etree.SubElement(root, "Terminals")
+    terminal_list = etree.SubElement(root, "Terminals")
     for role, names in members.items():
         terminal = etree.SubElement(
-            made,
+            terminal_list,
             "Terminal",
             name=role,
             matchingRule="bus",
@@ -247,10 +247,12 @@ def terminals(block: type[Block]) -> bytes:
 def _build_description(identifier: str, files: list[str]) -> bytes:
     """Return the description of how the sources are compiled, as UTF-8 XML."""
     root = etree.Element("fmiBuildDescription", fmiVersion="3.0")
-    made = etree.SubElement(root, "BuildConfiguration", modelIdentifier=identifier)
-    sources = etree.SubElement(made, "SourceFileSet", language="C11")
+    configuration = etree.SubElement(
+        root, "BuildConfiguration", modelIdentifier=identifier
+    )
+    sources = etree.SubElement(configuration, "SourceFileSet", language="C11")
     for name in files:
         if name.endswith(".c"):
             etree.SubElement(sources, "SourceFile", name=name)
-    etree.SubElement(made, "Library", name="m", external="true")
+    etree.SubElement(configuration, "Library", name="m", external="true")
     return _xml(root)

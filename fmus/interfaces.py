@@ -36,9 +36,9 @@ def text() -> str:
         for name in names():
             block = block_class(name)
             if issubclass(block, role):
-                own = [v for v in block.variables if not _as_in(role, v)]
+                own_variables = [v for v in block.variables if not _as_in(role, v)]
                 lines += ["", f"### `{name}`", "", f"{title(block)}.", ""]
-                lines += _table(own)
+                lines += _table(own_variables)
     return "\n".join(lines) + "\n"
 
 

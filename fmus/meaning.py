@@ -17,16 +17,16 @@ from . import own
 COMPONENTS = Path(__file__).parents[1] / "components"
 
 
-def sources(which: str) -> list[Path]:
+def sources(block_ref: str) -> list[Path]:
     """Return the files of components/ that a block needs, found by its imports.
 
     For a block of the project its own file comes first. A user's own block file is not
     included.
     """
-    place = COMPONENTS / "blocks" / f"{own.identifier(which)}.py"
+    place = COMPONENTS / "blocks" / f"{own.identifier(block_ref)}.py"
     todo, found = [place], list[Path]()
-    if own.is_own(which):
-        todo = [place.parent / "__init__.py", *_imported(place, own.shipped(which))]
+    if own.is_own(block_ref):
+        todo = [place.parent / "__init__.py", *_imported(place, own.shipped(block_ref))]
     while todo:
         path = todo.pop()
         if path in found:
@@ -57,20 +57,20 @@ def _imported(path: Path, text: str) -> list[Path]:
     return found
 
 
-def computed(which: str) -> dict[str, Any]:
+def computed(block_ref: str) -> dict[str, Any]:
     """Return the index entry for what a block computes.
 
     `computes` is its hash; `files` are its files and `files_sha256` is the hash of
     their bytes, so that `is_as` can check quickly whether they are unchanged. A user's
     own block has no such files in the entry, because its file may be gone.
     """
-    files = sources(which)
-    if own.is_own(which):
-        return {"computes": of_files([Path(which), *files])}
+    files = sources(block_ref)
+    if own.is_own(block_ref):
+        return {"computes": of_files([Path(block_ref), *files])}
     data = [p for p in files if p.suffix != ".py"]
-    said = {*used_by(files[0]), *(p.read_text(encoding="utf-8") for p in data)}
+    texts = {*used_by(files[0]), *(p.read_text(encoding="utf-8") for p in data)}
     return {
-        "computes": _hash_of(said),
+        "computes": _hash_of(texts),
         "files": [p.relative_to(COMPONENTS).as_posix() for p in files],
         "files_sha256": _hashed(files),
     }
@@ -111,9 +111,9 @@ def of_files(files: Iterable[Path], imports: bool = True) -> str:
     )
 
 
-def _hash_of(said: Iterable[str]) -> str:
+def _hash_of(texts: Iterable[str]) -> str:
     """Compute the sha256 of texts, independent of their order."""
-    return hashlib.sha256("\0".join(sorted(said)).encode()).hexdigest()
+    return hashlib.sha256("\0".join(sorted(texts)).encode()).hexdigest()
 
 
 @cache
@@ -129,12 +129,12 @@ def definitions(text: str, imports: bool = True) -> frozenset[str]:
         for node in ast.walk(tree):
             if isinstance(node, ast.ImportFrom):
                 node.level, node.module = 0, (node.module or "").rpartition(".")[2]
-    kept = [
+    statements = [
         x
         for x in tree.body
         if imports or not isinstance(x, (ast.Import, ast.ImportFrom))
     ]
-    return frozenset(_dump(x, imports) for x in kept if not _is_aside(x))
+    return frozenset(_dump(x, imports) for x in statements if not _is_aside(x))
 
 
 def _dump(node: Any, imports: bool) -> str:
@@ -143,12 +143,14 @@ def _dump(node: Any, imports: bool) -> str:
     Unlike `ast.dump`, it leaves out every empty field.
     """
     if isinstance(node, list):
-        kept = [
+        statements = [
             x
             for x in node
             if imports or not isinstance(x, (ast.Import, ast.ImportFrom))
         ]
-        return f"[{','.join(_dump(x, imports) for x in kept if not _is_aside(x))}]"
+        return (
+            f"[{','.join(_dump(x, imports) for x in statements if not _is_aside(x))}]"
+        )
     if not isinstance(node, ast.AST):
         return repr(node)
     fields = ((k, v) for k, v in ast.iter_fields(node) if v is not None and v != [])
@@ -289,11 +291,11 @@ def _found(path: Path, name: str, attribute: str) -> list[tuple[_Module, int]]:
     statements are returned.
     """
     module = _module(path, path.stat().st_mtime_ns)
-    wanted = name or attribute
-    if wanted in module.defined:
-        return [(module, place) for place in module.defined[wanted]]
-    if wanted in module.local:  # the module re-exports it
-        return _found(*module.local[wanted], "")
+    searched = name or attribute
+    if searched in module.defined:
+        return [(module, place) for place in module.defined[searched]]
+    if searched in module.local:  # the module re-exports it
+        return _found(*module.local[searched], "")
     return [(module, place) for place in range(len(module.statements))]
 
 

@@ -130,10 +130,10 @@ def targets_of(platforms: str) -> tuple[Target, ...]:
         return (HERE_ALONE,)
     zig()
     known = dict.fromkeys(t.platform for t in EVERYWHERE)
-    wanted = list(known) if platforms == "all" else platforms.split(",")
-    if wrong := [p for p in wanted if p not in known]:
+    names = list(known) if platforms == "all" else platforms.split(",")
+    if wrong := [p for p in names if p not in known]:
         raise ValueError(f"platform {wrong[0]}: there is all, {', '.join(known)}")
-    return tuple(t for t in EVERYWHERE if t.platform in wanted)
+    return tuple(t for t in EVERYWHERE if t.platform in names)
 
 
 def made_of(targets: Sequence[Target] = (HERE_ALONE,)) -> bytes:
@@ -156,7 +156,7 @@ def made_of(targets: Sequence[Target] = (HERE_ALONE,)) -> bytes:
     return digest.digest()
 
 
-def sources(which: str) -> tuple[dict[str, str], str]:
+def sources(block_ref: str) -> tuple[dict[str, str], str]:
     """Return the C files of a block by name, and the GUID that they give.
 
     Raises
@@ -164,20 +164,22 @@ def sources(which: str) -> tuple[dict[str, str], str]:
     SubsetError
         If the block leaves the subset.
     """
-    block, name = block_class(which), identifier(which)
+    block, name = block_class(block_ref), identifier(block_ref)
     described = model_description(block, name, "", DATE, version("desat"))
     return with_wrapper({f"{name}.c": translate(block, name, "@GUID@")}, described)
 
 
-def with_wrapper(own: dict[str, str], described: bytes) -> tuple[dict[str, str], str]:
+def with_wrapper(
+    own_files: dict[str, str], described: bytes
+) -> tuple[dict[str, str], str]:
     """Add the wrapper's files to C files, put the GUID in, and return both.
 
-    `own` are C files, one of which has `@GUID@` in place of its GUID. The GUID follows
+    `own_files` are C files, one of which has `@GUID@` in place of its GUID. The GUID follows
     from the files and a model description without one.
     """
     files = {
         p.name: p.read_text(encoding="utf-8") for p in sorted(WRAPPER.iterdir())
-    } | own
+    } | own_files
     digest = hashlib.sha256(" ".join(FLAGS).encode())
     digest.update(described)
     for file, text in sorted(files.items()):
@@ -197,14 +199,14 @@ _NO_ROOM = {
 }
 
 
-def check_room(said: str, what: str) -> None:
+def check_room(message: str, target: str) -> None:
     """Raise OSError if a compiler's message says that the disk is full.
 
-    `what` is the error's file.
+    `target` is the error's file.
     """
     for text, number in _NO_ROOM.items():
-        if text in said:
-            raise OSError(number, os.strerror(number), what)
+        if text in message:
+            raise OSError(number, os.strerror(number), target)
 
 
 def _run(command: list[str], folder: Path) -> None:
@@ -245,12 +247,12 @@ def compile_block(
     shared_objects = [f"{unit}.o" for unit in UNITS]
     for file in shared_objects:
         shutil.copy(shared / target.triple / file, folder / file)
-    own = [
+    own_files = [
         file for file in files if not (WRAPPER / file).exists() or file.endswith(".h")
     ]
-    for file in own:
+    for file in own_files:
         (folder / file).write_text(files[file], encoding="utf-8")
-    units = [file.removesuffix(".c") for file in own if file.endswith(".c")]
+    units = [file.removesuffix(".c") for file in own_files if file.endswith(".c")]
 
     def one(unit: str) -> None:
         """Compile one C file."""
@@ -265,7 +267,7 @@ def compile_block(
 
 
 def build(
-    which: str, dist: Path, shared: Path, targets: Sequence[Target] = (HERE_ALONE,)
+    block_ref: str, dist: Path, shared: Path, targets: Sequence[Target] = (HERE_ALONE,)
 ) -> Path:
     """Build the native FMU of a block and return its path.
 
@@ -287,8 +289,8 @@ def build(
     NoCompilerError
         If there is no C compiler.
     """
-    files, guid = sources(which)
-    block, name = block_class(which), identifier(which)
+    files, guid = sources(block_ref)
+    block, name = block_class(block_ref), identifier(block_ref)
     units = sorted(f for f in files if f.endswith(".c"))
     described = model_description(
         block, name, guid, DATE, version("desat"), sources=units
@@ -331,17 +333,17 @@ def assemble(
     NoCompilerError
         If there is no C compiler.
     """
-    made: dict[str, list[bytes]] = {}
+    by_platform: dict[str, list[bytes]] = {}
     for target in targets:
         with tempfile.TemporaryDirectory() as folder:
             library = compile_block(files, name, Path(folder), shared, target)
             member = f"binaries/{target.platform}/{library.name}"
-            made.setdefault(member, []).append(undated(library.read_bytes()))
+            by_platform.setdefault(member, []).append(undated(library.read_bytes()))
     members = {
         "modelDescription.xml": described,
         "documentation/index.html": page.encode(),
         "model.png": ICON.read_bytes(),
-        **{member: universal(binaries) for member, binaries in made.items()},
+        **{member: universal(binaries) for member, binaries in by_platform.items()},
         **{f"sources/{file}": text.encode() for file, text in files.items()},
     }
     return pack(members, file)
@@ -369,20 +371,20 @@ def universal(binaries: Sequence[bytes]) -> bytes:
         head += struct.pack(
             ">IIIII", processor, kind, at, len(binary), _PAGE.bit_length() - 1
         )
-        room = -len(binary) % _PAGE
-        body += binary + bytes(room)
-        at += len(binary) + room
+        padding = -len(binary) % _PAGE
+        body += binary + bytes(padding)
+        at += len(binary) + padding
     return head + bytes(_PAGE - len(head)) + body
 
 
 def tried(
-    which: str, dist: Path, shared: Path, targets: Sequence[Target] = (HERE_ALONE,)
+    block_ref: str, dist: Path, shared: Path, targets: Sequence[Target] = (HERE_ALONE,)
 ) -> str:
     """Build the native FMU of a block; return the reason if there is none, or ""."""
-    if which in PINNED:
-        return PINNED[which]
+    if block_ref in PINNED:
+        return PINNED[block_ref]
     try:
-        build(which, dist, shared, targets)
+        build(block_ref, dist, shared, targets)
     except SubsetError as refused:
         return str(refused)
     except (

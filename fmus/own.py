@@ -32,12 +32,12 @@ class OwnBlockError(Exception):
     """A file that cannot be a block; the text gives file, line and a replacement."""
 
 
-def is_own(which: str) -> bool:
+def is_own(block_ref: str) -> bool:
     """Return whether a block is given by its file, not by a name of the project."""
-    return which.endswith(SUFFIX)
+    return block_ref.endswith(SUFFIX)
 
 
-def identifier(which: str) -> str:
+def identifier(block_ref: str) -> str:
     """Return the name of a block and of its FMU.
 
     It is a name of the project, or the name of the file without its suffix.
@@ -47,9 +47,9 @@ def identifier(which: str) -> str:
     OwnBlockError
         If the file's name cannot be a name in C, or a block of the project has it.
     """
-    if not is_own(which):
-        return which
-    file = Path(which)
+    if not is_own(block_ref):
+        return block_ref
+    file = Path(block_ref)
     if not (file.stem.isascii() and file.stem.isidentifier()):
         better = re.sub(r"\W", "_", file.stem, flags=re.ASCII)
         better = f"block_{better}" if better[:1].isdigit() else better
@@ -63,7 +63,7 @@ def identifier(which: str) -> str:
     return file.stem
 
 
-def shipped(which: str) -> str:
+def shipped(block_ref: str) -> str:
     """Return the text of a block file as an FMU holds it, line by line the same.
 
     Imports of `desat.components` become relative.
@@ -73,7 +73,7 @@ def shipped(which: str) -> str:
     OwnBlockError
         If the file has an import that an FMU cannot resolve.
     """
-    path = Path(which)
+    path = Path(block_ref)
     text = _text(path)
     lines = text.splitlines(keepends=True)
     for node in ast.walk(_tree(path, text)):
@@ -126,7 +126,7 @@ def _importable(name: str, path: Path, at: str) -> None:
         raise OwnBlockError(f"{at}: import of {name}: there is no such module")
 
 
-def block_class(which: str) -> type[Block]:
+def block_class(block_ref: str) -> type[Block]:
     """Return the block class that a file holds.
 
     Raises
@@ -134,9 +134,9 @@ def block_class(which: str) -> type[Block]:
     OwnBlockError
         If the file does not hold exactly one complete block, or as in `shipped`.
     """
-    path = Path(which)
-    name = identifier(which)
-    shipped(which)
+    path = Path(block_ref)
+    name = identifier(block_ref)
+    shipped(block_ref)
     text = _text(path)
     module = ModuleType(
         f"desat_own_{name}_{hashlib.sha256(text.encode()).hexdigest()[:16]}"
@@ -184,8 +184,8 @@ def block_class(which: str) -> type[Block]:
             f"{path.name}:{first}: {block.__name__} lacks what its role leaves to "
             f"it: write `def {open_[0]}`"
         )
-    if left := unassigned(block):
-        raise OwnBlockError(f"{path.name}:{first}: {block.__name__}.{left[0]}")
+    if missing := unassigned(block):
+        raise OwnBlockError(f"{path.name}:{first}: {block.__name__}.{missing[0]}")
     return block
 
 
@@ -226,12 +226,12 @@ def _assigned(block: type[Block], method: str) -> set[str]:
     while todo:
         name, classes = todo.pop()
         owner = next((c for c in classes if name in vars(c)), None)
-        made = owner and vars(owner)[name]
-        made = made.fget if isinstance(made, property) else made
-        if owner is None or not inspect.isfunction(made) or made in seen:
+        attribute = owner and vars(owner)[name]
+        attribute = attribute.fget if isinstance(attribute, property) else attribute
+        if owner is None or not inspect.isfunction(attribute) or attribute in seen:
             continue
-        seen.add(made)
-        for node in ast.walk(ast.parse(textwrap.dedent(inspect.getsource(made)))):
+        seen.add(attribute)
+        for node in ast.walk(ast.parse(textwrap.dedent(inspect.getsource(attribute)))):
             if isinstance(node, ast.Name) and node.id in ("setattr", "vars"):
                 found.add("*")
             if not isinstance(node, ast.Attribute):
@@ -251,8 +251,8 @@ def _text(path: Path) -> str:
     try:
         return path.read_text(encoding="utf-8")
     except (OSError, ValueError) as error:
-        why = getattr(error, "strerror", None) or "it is no text in UTF-8"
-        raise OwnBlockError(f"{path}: {why}") from error
+        reason = getattr(error, "strerror", None) or "it is no text in UTF-8"
+        raise OwnBlockError(f"{path}: {reason}") from error
 
 
 def _tree(path: Path, text: str) -> ast.Module:
@@ -261,7 +261,7 @@ def _tree(path: Path, text: str) -> ast.Module:
         return ast.parse(text)
     except (SyntaxError, ValueError) as error:
         line = getattr(error, "lineno", None)
-        said = getattr(error, "msg", str(error))
+        reason = getattr(error, "msg", str(error))
         raise OwnBlockError(
-            f"{path.name}{f':{line}' if line else ''}: {said}"
+            f"{path.name}{f':{line}' if line else ''}: {reason}"
         ) from error

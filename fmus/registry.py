@@ -22,7 +22,7 @@ def names() -> tuple[str, ...]:
     return tuple(sorted(m.name for m in pkgutil.iter_modules(blocks.__path__)))
 
 
-def block_class(which: str) -> type[Block]:
+def block_class(block_ref: str) -> type[Block]:
     """Return the class of a block, given by name or by a user's own file.
 
     Raises
@@ -34,7 +34,7 @@ def block_class(which: str) -> type[Block]:
     OwnBlockError
         If the user's own file is no block.
     """
-    return own.block_class(which) if own.is_own(which) else _ours(which)
+    return own.block_class(block_ref) if own.is_own(block_ref) else _ours(block_ref)
 
 
 @cache

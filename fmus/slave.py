@@ -63,11 +63,11 @@ class Slave(Fmi2Slave):  # type: ignore[misc]
 
     # --- failures ---------------------------------------------------------------------
 
-    def _fail(self, what: str, error: BaseException | str) -> None:
+    def _fail(self, message: str, error: BaseException | str) -> None:
         """Set `fault` and log an error."""
         self._block.fault = True
         text = error if isinstance(error, str) else f"{type(error).__name__}: {error}"
-        self.log(f"{self.instance_name}: {what}: {text}", Fmi2Status.error)
+        self.log(f"{self.instance_name}: {message}: {text}", Fmi2Status.error)
 
     # --- life -------------------------------------------------------------------------
 

@@ -79,11 +79,11 @@ def __getattr__(name: str) -> Any:
     try:
         module = import_module(f".{_AT[name]}", __name__)
     except ModuleNotFoundError as error:
-        room = f"{__name__}.{_AT[name].partition('.')[0]}"
-        if error.name != room:
+        package = f"{__name__}.{_AT[name].partition('.')[0]}"
+        if error.name != package:
             raise
         raise AttributeError(
-            f"{__name__}.{name} needs {room}, which is not installed"
+            f"{__name__}.{name} needs {package}, which is not installed"
         ) from error
     return getattr(module, name)
 
@@ -145,9 +145,12 @@ def run(
     from .runs.run import execute
     from .system.options import of_program
 
-    given = of_program(stop, step, sets, options)
+    options_given = of_program(stop, step, sets, options)
     return execute(
-        str(target), given, None if folder is None else Path(folder), in_notebook()
+        str(target),
+        options_given,
+        None if folder is None else Path(folder),
+        in_notebook(),
     )
 
 
@@ -285,10 +288,10 @@ def size(
     from .sizing.requirements import SizingRequirements
     from .system.options import of_program
 
-    given = of_program(stop, None, sets, options)
+    options_given = of_program(stop, None, sets, options)
     requirements = SizingRequirements(duty, margin, laws=laws, year=year, flown=flown)
-    sized = dumps.size if dumps.is_of(str(target), given) else sizing.size
-    return sized(str(target), given, requirements)
+    sized = dumps.size if dumps.is_of(str(target), options_given) else sizing.size
+    return sized(str(target), options_given, requirements)
 
 
 def compare(
@@ -337,22 +340,25 @@ def compare(
     from .system.errors import DesatError
     from .system.options import of_program
 
-    given, names = of_program(stop, step, sets, options), [str(t) for t in targets]
+    options_given, names = (
+        of_program(stop, step, sets, options),
+        [str(t) for t in targets],
+    )
     if laws is None:
         if by is not None:
             raise DesatError("by: it ranks laws: laws='all'")
         if study.are_campaigns(names):
             raise DesatError(f"{names[0]}: campaigns are compared by `desat compare`")
-        return study.side_by_side(names, given)
+        return study.side_by_side(names, options_given)
     from .studies import ranking
 
     if len(names) != 1:
         raise DesatError(f"{' '.join(names)}: laws are flown on one craft")
-    asked = [laws] if isinstance(laws, str) else list(laws)
-    own = [x for x in asked if x.endswith((".py", ".fmu"))]
-    known = [x for x in asked if x not in own]
+    law_names = [laws] if isinstance(laws, str) else list(laws)
+    own_laws = [x for x in law_names if x.endswith((".py", ".fmu"))]
+    known = [x for x in law_names if x not in own_laws]
     criteria = ranking.criteria(by) if by is not None else ()
-    return ranking.choose(names[0], given, criteria, known, own)
+    return ranking.choose(names[0], options_given, criteria, known, own_laws)
 
 
 def tune(
@@ -414,12 +420,12 @@ def tune(
     from .studies import tune as study
     from .system.options import of_program
 
-    given = of_program(stop, step, sets, options)
+    options_given = of_program(stop, step, sets, options)
     return study.tune(
         str(target),
         parameter,
         number,
-        given,
+        options_given,
         most=most,
         between=between,
         draws=count,
@@ -457,14 +463,14 @@ def load(folder: str | PathLike[str], *, curves: bool = False) -> Dataset:
     """
     from pathlib import Path
 
-    where = Path(folder)
-    if (where / "campaign.json").exists():
+    path = Path(folder)
+    if (path / "campaign.json").exists():
         from .campaign.dataset import of_campaign
 
-        return of_campaign(where, curves)
+        return of_campaign(path, curves)
     from .runs.run import load_run
 
-    return load_run(where).data
+    return load_run(path).data
 
 
 def draws(
@@ -509,8 +515,10 @@ def draws(
     from .runs.progress import in_notebook
     from .system.options import of_program
 
-    given = of_program(stop, step, sets, options)
-    return study.draws(str(target), count, seed, given, jobs, in_notebook()).to_json()
+    options_given = of_program(stop, step, sets, options)
+    return study.draws(
+        str(target), count, seed, options_given, jobs, in_notebook()
+    ).to_json()
 
 
 def cases(
@@ -573,13 +581,13 @@ def cases(
     from .runs.progress import in_notebook
     from .system.options import of_program
 
-    given = of_program(stop, step, sets, options)
+    options_given = of_program(stop, step, sets, options)
     plan, _ = coordinator.planned(
         str(target),
         count,
         seed=seed,
         sampling=sampling,
-        options=given,
+        options=options_given,
         curves=curves,
         keep=keep,
         limit=limit,

@@ -32,7 +32,7 @@ from test_failures import HOW, compiled, fmu, ssd  # noqa: E402
 
 from benchmarks import seen  # noqa: E402
 from benchmarks.seen import FAILURES  # noqa: E402
-from desat.engine.current_call import how  # noqa: E402
+from desat.engine.current_call import describe_exit  # noqa: E402
 from desat.engine.recording.results import Results  # noqa: E402
 from desat.export.packing import pack  # noqa: E402
 from desat.runs.run import Options, prepare  # noqa: E402
@@ -162,7 +162,7 @@ def outcome(tool: str, path: Path, folder: Path) -> dict[str, Any]:
     try:
         out, _ = process.communicate(timeout=PATIENCE)
         number = process.returncode
-        ended = how(-number if number < 0 else number << 8)
+        ended = describe_exit(-number if number < 0 else number << 8)
     except subprocess.TimeoutExpired:
         ended = "waits"
     with contextlib.suppress(ProcessLookupError):

@@ -33,7 +33,7 @@ from desat.campaign import plan as plan_module
 from desat.campaign.pairs import compare
 from desat.campaign.plan import CampaignPlan
 from desat.campaign.sampling import axes, draw_of
-from desat.campaign.workers import Local, Lost, results
+from desat.campaign.workers import Local, NoResult, results
 from desat.engine.master import Master
 from desat.files.builder import Builder
 from desat.runs import prepare as prepare_module
@@ -93,9 +93,9 @@ def test_processes_that_die_lose_their_calls_alone():
     assert sorted(found) == list(range(12))
     for number, result in found.items():
         if number == 6:
-            assert result == Lost("it was not over within 3 s", timeout=True)
+            assert result == NoResult("it was not over within 3 s", timeout=True)
         elif number % 3 == 1:
-            assert result == Lost(f"its process ended by exit({number})")
+            assert result == NoResult(f"its process ended by exit({number})")
         else:
             assert result == number**2
 
@@ -103,7 +103,7 @@ def test_processes_that_die_lose_their_calls_alone():
 def test_a_process_that_ends_without_an_answer_is_lost():
     with Local(os._exit, 1, limit=3.0) as workers:
         found = dict(results(workers, [(0, (0,))], lambda key, why: ()))
-    assert found == {0: Lost("its process ended by exit(0)")}
+    assert found == {0: NoResult("its process ended by exit(0)")}
 
 
 # --- sampling -------------------------------------------------------------------------
@@ -360,7 +360,7 @@ def test_a_worker_says_why_it_cannot_make_the_cases(own):
 def test_a_packed_system_has_the_same_case_on_a_worker(own, whole, tmp_path):
     from desat.campaign import cluster
     from desat.export.packing import pack_scenario
-    from desat.files.scenario import own as scenario
+    from desat.files.scenario import read_foreign as scenario
 
     file = pack_scenario(
         scenario(own), tmp_path / "mine.ssp", force=True, fmus="native"
@@ -477,7 +477,7 @@ def _first_alike(folder: Path, whole: Path, count: int, of: int | None = None) -
         mine, theirs = store.read(folder, kind), store.read(whole, kind).slice(0, count)
         assert mine.num_rows == (of or count)
         mine = mine.slice(0, count)
-        names = [n for n in theirs.column_names if n not in store.OWN]
+        names = [n for n in theirs.column_names if n not in store.BOOKKEEPING]
         # as texts, of which that of a float is all of it: nan is not equal to itself
         assert str(mine.select(names).to_pydict()) == str(
             theirs.select(names).to_pydict()

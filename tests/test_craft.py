@@ -385,7 +385,7 @@ def test_a_scenario_names_its_craft_or_its_ssd(family):
     packing.write(family / "craft.toml")
     (family / "resources").symlink_to(paths.fmus())
     from_ssd = system('ssd = "SystemStructure.ssd"\n')
-    assert from_ssd.where.endswith("SystemStructure.ssd")
+    assert from_ssd.place.endswith("SystemStructure.ssd")
     same_system(from_ssd, system(""))
     with pytest.raises(DesatError, match="craft and ssd: only one of them"):
         system('craft = "craft.toml"\nssd = "SystemStructure.ssd"\n')

@@ -925,7 +925,7 @@ def test_a_case_made_again_ends_as_it_did(
 # --- a run in a process of its own ----------------------------------------------------
 
 FULL = "errno = 28, "
-DIED = {"component": "a", "call": "stepping", "how": "SIGSEGV"}
+DIED = {"component": "a", "call": "stepping", "exit_text": "SIGSEGV"}
 HUNG = {**DIED, "hung": 2.0}
 
 
@@ -1007,7 +1007,7 @@ def test_a_supervised_run_ends_as_its_process(
     monkeypatch.setattr(child, "watch", lambda *args: limits.append(args[-1]) or ended)
     monkeypatch.setattr(runs.Results, "open", lambda place: place)
     monkeypatch.setattr(runs, "_cut_short", lambda *args: ("cut short", args[2]))
-    if not ended.how:  # else it is gone already
+    if not ended.exit_text:  # else it is gone already
         scratch.mkdir()
     monkeypatch.setattr(runs.library, "scratch", lambda name: scratch)
     options = SimpleNamespace(call_limit=3.0, time_limit=2.0 if kept else None)
@@ -1021,7 +1021,7 @@ def test_a_supervised_run_ends_as_its_process(
             made if isinstance(made, str) else (made.status, made.message, made.code)
         )
     assert given == result
-    assert scratch.exists() == (kept and not ended.how)
+    assert scratch.exists() == (kept and not ended.exit_text)
 
 
 @pytest.mark.parametrize(
@@ -1161,7 +1161,7 @@ def test_the_time_is_over_after_it_and_not_at_it(monkeypatch, seconds):
     now = 10.0
     monkeypatch.setattr(stopping.time, "monotonic", lambda: now)
     ending = stopping.watch(SimpleNamespace(slots=[]), None, seconds)
-    assert ending.how == "never"
+    assert ending.kind == "never"
     for now, late in (14.9, False), (15.0, False), (math.nextafter(15.0, 16.0), True):  # noqa: B007
         assert ending.reason() == (LATE if late and seconds else "")
 
@@ -1192,7 +1192,7 @@ def test_a_condition_is_to_hold_for_its_time(interval, algorithm):
     ending = stopping.watch(
         master, Condition("a", "x", "below", 2.0, 0.3, "it is low"), None
     )
-    assert (ending.watched, ending.limit, ending.how) == ([slot], 2.0, "below")
+    assert (ending.watched, ending.limit, ending.kind) == ([slot], 2.0, "below")
     assert ending.memory == ({"since": 3.0} if at_start else {})
     met = []
     for k, value in enumerate((1.0, 1.0, 1.0, 9.0, 1.0, 1.0, 1.0, 1.0), start=1):
@@ -1322,7 +1322,7 @@ def test_a_case_that_is_kept_needs_room_and_no_signal(
     [({}, "completed"), ({"timeout": True}, "timed out")],
 )
 def test_what_never_came_back_is_a_failed_row(given, status):
-    made = study.lost(study.Lost("why", **given))
+    made = study.lost_row(study.NoResult("why", **given))
     assert (made.status, made.message) == ("failed", "why")
     assert made.code == (Exit.TIMEOUT if given else Exit.COMPONENT)
 

@@ -1423,7 +1423,7 @@ def test_room_is_estimated(system, tmp_path, monkeypatch, desat):
     )
     case = prepare(str(system), Options(step=2.0**-29, stop=999.0))
     assert validation.size(case.checked.system, case.options) == 16 * (999 * 2**29 + 1)
-    assert "GB are free" in validation.room(
+    assert "GB are free" in validation.check_disk(
         case.checked.system, case.options, system / "not there"
     )
 

@@ -66,7 +66,7 @@ def test_each_manager_fits_or_is_refused_by_name():
 def test_thrusters_and_an_attitude_that_stays_let_more_in():
     found, refused = of("uosat12/table3-ocdc-ilqr-1")
     assert {"ocdc", "bounded 1-norm"} <= found.keys()
-    assert next(iter(found.values())).own
+    assert next(iter(found.values())).is_own
     assert "desat design" in refused["preview"], "its tables are made for one craft"
     found, _ = of(
         "space_telescope/closed-cp-nominal", Terms(1.1e-3, 3e-5, inertial=True)
@@ -76,7 +76,7 @@ def test_thrusters_and_an_attitude_that_stays_let_more_in():
 
 def test_a_craft_with_one_wheel_has_no_such_law():
     found, refused = of("hausat2/along-field")
-    assert [f.own for f in found.values()] == [True]
+    assert [f.is_own for f in found.values()] == [True]
     assert (
         refused["predictive"]
         == "it needs wheels about three axes; the craft's span 1 of them"

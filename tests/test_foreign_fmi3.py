@@ -181,7 +181,7 @@ def rows(
         m.initialise()
         recorder = Recorder(None, m)
         made = stepping(m, recorder, NEVER, loop)
-        assert made.name == loop, made.why
+        assert made.name == loop, made.reason
         run(m, made, steps, recorder)
         with recorder.finish(m) as results:
             return {n: results.values(n).copy() for n in results.names()}

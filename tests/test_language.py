@@ -22,7 +22,7 @@ from scipy.spatial.transform import Rotation
 from desat import cli
 from desat.campaign.sampling import draw_of
 from desat.files import paths, reader, scenario
-from desat.files.scenario import find, load, own
+from desat.files.scenario import find, load, read_foreign
 from desat.language import paper
 from desat.language import scenario as language
 from desat.language.content import KEYS, content_of
@@ -105,7 +105,7 @@ def checked(name: str = "f/t-a") -> str:
         found = scenario.find(name)
         builder = found.builder(blocks=True)
         wrong = validation.content_problems(found.content, builder.components)
-        builder.problems += [f"{found.where(path)}: {text}" for path, text in wrong]
+        builder.problems += [f"{found.place(path)}: {text}" for path, text in wrong]
     except DesatError as error:
         return str(error)
     return "\n".join(builder.problems)
@@ -694,7 +694,7 @@ def test_a_file_may_extend_a_cell_of_a_table_whose_rows_are_then_its_own(
     file = tmp_path / "mine.toml"
     file.write_text('extends = "uosat12/table3-ocdc-ilqr-1"\ntitle = "mine"\n')
     desat("check", str(file), check=True)
-    rows = own(file).content.entries
+    rows = read_foreign(file).content.entries
     assert rows == find("uosat12/table3-ocdc-ilqr-1").content.entries
     assert (rows["firing_time"].values, rows["firing_time"].tolerance) == (71.45, "3 %")
 
@@ -706,10 +706,10 @@ def test_a_key_of_before_is_refused_with_its_name_of_now(tmp_path, old, new):
     with pytest.raises(
         DesatError, match=f":2: {old}: unknown key; it is called {new}$"
     ):
-        scenario.own(file)
+        scenario.read_foreign(file)
     file.write_text(f'extends = "nadir_day/day-dipole"\n[numbers.x]\n{old} = 1\n')
     with pytest.raises(DesatError, match=f"numbers.x.{old}: unknown key") as error:
-        scenario.own(file)
+        scenario.read_foreign(file)
     assert "it is called" not in str(error.value)
 
 

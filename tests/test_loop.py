@@ -303,7 +303,7 @@ def test_what_it_does_not_know_is_said_and_done(probe):
     with Master(*system(probe, wires)) as m:
         m.initialise()
         steps = stepping(m, None)
-        assert (steps.name, steps.why) == (
+        assert (steps.name, steps.reason) == (
             "python",
             "a connection converts values of type Integer",
         )
@@ -337,17 +337,17 @@ def test_without_a_compiler(probe, monkeypatch):
     with Master(*system(probe)) as m:
         m.initialise()
         monkeypatch.setenv("DESAT_CACHE", "/proc/none")
-        assert "/proc/none" in stepping(m, None).why
+        assert "/proc/none" in stepping(m, None).reason
         monkeypatch.setattr(compiled, "compiler", compiler.__wrapped__)
         monkeypatch.setenv("CC", shutil.which("false") or "false")
         monkeypatch.setenv("DESAT_CACHE", str(probe / "cache"))
-        assert "false" in stepping(m, None).why
+        assert "false" in stepping(m, None).reason
 
         def none():
             raise NoCompilerError("no C compiler")
 
         monkeypatch.setattr(compiled, "compiler", none)
-        assert stepping(m, None).why.startswith("no C compiler")
+        assert stepping(m, None).reason.startswith("no C compiler")
         assert stepping(m, None).name == "python"
 
 

@@ -311,7 +311,7 @@ def test_the_loop_ends_where_a_condition_says():
 
         ending = Ending(finished)
         steps = stepping(m, recorder, ending)
-        assert (steps.name, steps.why) == ("python", "sensor is not run as an FMU")
+        assert (steps.name, steps.reason) == ("python", "sensor is not run as an FMU")
         reason = run(m, steps, 10, recorder, ending)
         assert (reason, m.k) == ("three", 3)
         assert run(m, steps, 10, recorder) == ""

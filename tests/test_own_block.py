@@ -236,7 +236,7 @@ def test_a_new_law_flies_and_its_own_test_holds(desat, cache, tmp_path):
     assert made.stdout.splitlines()[0] == "my_own.py, test_my_own.py"
     file = tmp_path / "my_own.py"
     built = own.build(file)
-    assert built.native is not None, built.why
+    assert built.native is not None, built.reason
     runs = [
         execute(TARGET, Options(stop=600.0, sources=[f"manager={x}"]))
         for x in (file, OURS)

@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from desat.engine.operations import Part, Places, Whole
+from desat.engine.operations import Part, Places, WindowMean
 from desat.export.packing import pack
 from desat.runs.run import Options, execute, prepare
 from desat.system.errors import DesatError, Exit
@@ -57,7 +57,7 @@ def test_a_line_cut_and_joined_is_itself(mean, slope, count):
     joined = np.zeros(4)
     part, whole = (
         Part(cut, source(), TARGET, parts),
-        Whole(joined, source(), joined, TARGET, parts),
+        WindowMean(joined, source(), joined, TARGET, parts),
     )
     for i in range(count):
         part(i)
@@ -71,7 +71,7 @@ def test_a_line_cut_and_joined_is_itself(mean, slope, count):
 def test_joined_parts_keep_integral_and_first_moment(values, sloped):
     parts = graded(len(values))
     live = np.zeros(4)
-    whole = Whole(live, source(sloped), live, TARGET, parts)
+    whole = WindowMean(live, source(sloped), live, TARGET, parts)
     integral = moment = 0.0
     for i, ((m, p), (a, w)) in enumerate(zip(values, parts, strict=True)):
         p = p if sloped else 0.0

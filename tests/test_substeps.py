@@ -471,7 +471,7 @@ def test_a_packed_scenario_has_what_its_run_chose(tmp_path):
     target = Path(own(tmp_path, "stop = 60"))
     run = simulate(prepare(str(target), Options()))
     path = pack_scenario(
-        scenario.own(target),
+        scenario.read_foreign(target),
         tmp_path / "own.ssp",
         choose=lambda s: substep_choice.settled("own", s),
     )

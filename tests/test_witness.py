@@ -13,7 +13,7 @@ from conftest import python
 from benchmarks import seen
 from desat.export.packing import pack, pack_scenario
 from desat.files.builder import Builder
-from desat.files.scenario import find, own
+from desat.files.scenario import find, read_foreign
 from desat.files.ssp import read
 from desat.runs.run import Options, execute
 
@@ -166,7 +166,7 @@ def test_libcosim_agrees_through_a_firing_whose_edges_are_inside_steps(
     1 s."""
     file = tmp_path / "firing.toml"
     file.write_text(FIRING.format(law=law, start=start), encoding="utf-8")
-    path = pack_scenario(own(file), tmp_path / "firing.ssp")
+    path = pack_scenario(read_foreign(file), tmp_path / "firing.ssp")
     outputs = real_outputs(path)
     wanted = [(c, list(v.values())) for c, v in outputs.items()]
     theirs = rows_of(python(LIBCOSIM, str(path), json.dumps(wanted), str(STEPS)))

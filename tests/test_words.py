@@ -323,3 +323,65 @@ def test_a_stale_name_is_found(
 ) -> None:
     file = ROOT / "orchestrator" / "runs" / "prepare.py"
     assert (code_names.unknown_in(span, file) == []) == is_known
+
+
+#: Names that say nothing of the thing: participles and question words (READABLE, rule 4).
+PARTICIPLES = (
+    "told said kept wanted asked made given flown fits room lost left whole own beside "
+    "what which how where when why who whose whether"
+)
+BARE_NAMES = frozenset(PARTICIPLES.split())
+#: Where such a name stays, and the reason.
+KEPT_NAMES = {
+    ("orchestrator/__init__.py", "flown"): "a keyword of desat.size",
+    ("orchestrator/sizing/requirements.py", "flown"): "the keyword of desat.size",
+    ("orchestrator/analyses/energy.py", "why"): "a key of manifest.json",
+    ("orchestrator/analyses/energy.py", "given"): "a key of manifest.json",
+    ("orchestrator/analyses/fixed.py", "why"): "a key of manifest.json",
+    ("orchestrator/analyses/manifest.py", "why"): "a key of manifest.json",
+    ("orchestrator/analyses/manifest.py", "flown"): "a key of manifest.json",
+    ("orchestrator/sizing/compatibility.py", "why"): "a key of compare --json",
+    ("orchestrator/studies/tune.py", "own"): "a key of tune --json",
+    ("orchestrator/system/parameters.py", "given"): "a key of manifest.json",
+    ("orchestrator/language/paper.py", "what"): "a key of scenario files",
+    ("orchestrator/engine/compiled.py", "how"): "a field of loop.c",
+    ("orchestrator/engine/compiled.py", "asked"): "a field of loop.c",
+    ("orchestrator/figures/canvas.py", "left"): "a side",
+}
+
+
+def bare_names(source: str) -> set[str]:
+    """Return the bare participles and question words that a source uses as names."""
+    found = set()
+    for node in ast.walk(ast.parse(source)):
+        match node:
+            case ast.Name(id=name, ctx=ast.Store()):
+                found.add(name)
+            case ast.Attribute(attr=name, ctx=ast.Store()):
+                found.add(name)
+            case ast.FunctionDef(name=name) | ast.ClassDef(name=name):
+                found.add(name)
+            case ast.ExceptHandler(name=str(name)) | ast.alias(asname=str(name)):
+                found.add(name)
+            case ast.arg(arg=name):
+                found.add(name)
+    return {name for name in found if name.strip("_").lower() in BARE_NAMES}
+
+
+def test_names_are_nouns_and_verbs() -> None:
+    found = {
+        (file.relative_to(ROOT).as_posix(), name)
+        for folder in CODE
+        for file in sorted((ROOT / folder).rglob("*.py"))
+        for name in bare_names(file.read_text(encoding="utf-8"))
+    }
+    assert found == set(KEPT_NAMES)
+
+
+def test_a_bare_name_is_found() -> None:
+    assert bare_names("def f(wanted): kept, x.own = 1, _LOST\nclass How: pass") == {
+        "wanted",
+        "kept",
+        "own",
+        "How",
+    }

@@ -136,7 +136,7 @@ class Values:
         problems = problems or [*self._choices()]
         if problems:
             raise DesatError(
-                "\n".join(f"{system.where}: the reference {p}" for p in problems)
+                "\n".join(f"{system.place}: the reference {p}" for p in problems)
             )
 
     def many(self, role: str, name: str) -> Any:

@@ -142,8 +142,8 @@ class Calls(Expressions):
                 raise self.refuse(
                     node, "getattr of this", "of self, with a constant name"
                 )
-            made = ast.Attribute(node.args[0], name.const, ast.Load())
-            return self.field(ast.copy_location(made, node))
+            call = ast.Attribute(node.args[0], name.const, ast.Load())
+            return self.field(ast.copy_location(call, node))
         target = self.expression(func)
         target = self.some(target) if isinstance(target.type, Maybe) else target
         if isinstance(target.type, Function):
@@ -177,7 +177,7 @@ class Calls(Expressions):
         if func.attr == "encode" and base.type == S:
             return base
         if isinstance(base.type, (Tuple, List)) and func.attr in ("index", "count"):
-            x, wanted = (
+            x, searched = (
                 self.temporary(base),
                 self.temporary(self.expression(node.args[0])),
             )
@@ -189,7 +189,7 @@ class Calls(Expressions):
             name, k = self.fresh(func.attr), self.fresh("k")
             first = "0" if func.attr == "count" else "-1"
             x = x if x.parts is None else Value(x.type, self.placed(x), again=True)
-            same = self.compared(node, ast.Eq(), self.at(x, k), wanted).code
+            same = self.compared(node, ast.Eq(), self.at(x, k), searched).code
             self.line(f"int64_t {name} = {first};")
             if func.attr == "count":
                 self.line(
@@ -304,34 +304,34 @@ class Calls(Expressions):
         memo = info.is_constant
         if memo is not None:
             return self.thing(memo, node)
-        given: list[Value] = list(values)
+        arguments: list[Value] = list(values)
         for name, default in info.parameters[len(values) :]:
             if name in named:
-                given.append(named.pop(name))
+                arguments.append(named.pop(name))
             elif default is not info.required:
-                given.append(self.thing(default, node))
+                arguments.append(self.thing(default, node))
             else:
                 raise self.refuse(node, f"{info.name} without {name}", "give it")
-        if named or len(given) != len(info.parameters):
+        if named or len(arguments) != len(info.parameters):
             raise self.refuse(
                 node, f"these arguments of {info.name}", "as it declares them"
             )
         types: list[Type] = []
         consts: list[Any] = []
-        for k, v in enumerate(given):
-            wanted = info.annotated[k]
+        for k, v in enumerate(arguments):
+            annotation = info.annotated[k]
             if isinstance(v.type, Maybe) and not info.optional[k]:
                 v = self.some(v)
-            if wanted is not None and v.type != wanted:
+            if annotation is not None and v.type != annotation:
                 try:
-                    fits = join(v.type, wanted) == wanted
+                    has_type = join(v.type, annotation) == annotation
                 except JoinError:
-                    fits = False
-                if fits:
+                    has_type = False
+                if has_type:
                     low, high = v.low, v.high
-                    code = self.convert(v, wanted, node)
+                    code = self.convert(v, annotation, node)
                     v = Value(
-                        wanted,
+                        annotation,
                         code,
                         COND,
                         again=False,
@@ -339,7 +339,7 @@ class Calls(Expressions):
                         high=high,
                         const=v.const,
                     )
-                    if v.is_const and wanted == F:
+                    if v.is_const and annotation == F:
                         v = constant(float(v.const))  # type: ignore[assignment]
             t = v.type
             if isinstance(t, Known):
@@ -356,7 +356,7 @@ class Calls(Expressions):
                         v = Value(t, self.built(t, v.parts))
                 except JoinError:
                     pass
-            given[k] = v
+            arguments[k] = v
             types.append(t)
             consts.append(v.const if v.is_const and info.wants_constant[k] else None)
         spec = program.specialised(callee, tuple(types), tuple(consts), self)
@@ -366,7 +366,7 @@ class Calls(Expressions):
             texts.append("self")
         if callee.captured:
             texts.append(address(self.temporary(target).code))
-        for k, v in enumerate(given):
+        for k, v in enumerate(arguments):
             if consts[k] is not None or (isinstance(v.type, Function) and not v.code):
                 if isinstance(v.type, Function):
                     continue
@@ -395,9 +395,11 @@ class Calls(Expressions):
             return constant(None)  # type: ignore[return-value]
         if spec.memo:
             self.kept_of[spec.name] += 1
-            kept = self.fresh("kept")
-            self.line(f"const {self.program.names(spec.result)} *{kept} = {code};")
-            return Value(spec.result, f"(*{kept})", again=True)
+            last_result = self.fresh("kept")
+            self.line(
+                f"const {self.program.names(spec.result)} *{last_result} = {code};"
+            )
+            return Value(spec.result, f"(*{last_result})", again=True)
         return Value(spec.result, code)
 
     # number of calls of each function that remembers its last result
@@ -407,10 +409,10 @@ class Calls(Expressions):
 
     def argument(self, node: ast.AST, spec: Any, k: int, v: Value) -> str:
         """Return the C of argument `k` of a call, by value or by address."""
-        how = spec.passing(k)
-        if how == "value":
+        passing = spec.passing(k)
+        if passing == "value":
             return self.convert(v, spec.types[k], node)
-        if how == "change":
+        if passing == "change":
             if not v.again or v.parts is not None:
                 raise self.refuse(
                     node, "a list that is changed by this call", "give it a name"
@@ -724,10 +726,10 @@ class Calls(Expressions):
     def call_all(self, node: ast.Call) -> Value:
         return self.every(node, True)
 
-    def every(self, node: ast.Call, wanted: bool) -> Value:
+    def every(self, node: ast.Call, is_all: bool) -> Value:
         """Translate all or any; the first element that decides ends the loop."""
         argument = node.args[0]
-        sign, level = ("&&", 20) if wanted else ("||", 15)
+        sign, level = ("&&", 20) if is_all else ("||", 15)
         if not isinstance(argument, ast.GeneratorExp):
             iteration = self.iteration(argument)
             if iteration.fixed is not None and iteration.fixed <= UNROLLED:
@@ -739,16 +741,16 @@ class Calls(Expressions):
                 if len(self.out) == mark and not any(t.is_const for t in tests):
                     text = f" {sign} ".join(t.within(level + 1) for t in tests)
                     return Value(B, text, level)
-        name = self.fresh("all" if wanted else "any")
-        self.line(f"bool {name} = {'true' if wanted else 'false'};")
+        name = self.fresh("all" if is_all else "any")
+        self.line(f"bool {name} = {'true' if is_all else 'false'};")
 
         def body(item: Value) -> None:
             """Write the test of one element."""
             test = self.truth(item, node)
-            no = f"!{test.within(UNARY)}" if wanted else test.code
-            self.line(f"if ({no}) {name} = {'false' if wanted else 'true'};")
+            no = f"!{test.within(UNARY)}" if is_all else test.code
+            self.line(f"if ({no}) {name} = {'false' if is_all else 'true'};")
 
-        stop = name if wanted else f"!{name}"
+        stop = name if is_all else f"!{name}"
         if isinstance(argument, ast.GeneratorExp):
             self.comprehended(argument, body, stop)
         else:
@@ -1191,11 +1193,15 @@ class Calls(Expressions):
     def comprehension(self, node: Any) -> Value:
         """Translate a comprehension to a tuple."""
         size: int | None = 1
-        whole = True
+        is_complete = True
         if len(node.generators) == 1 or all(not g.ifs for g in node.generators):
             counts = self.counted(node)
-            whole = counts is not None and not any(g.ifs for g in node.generators)
-            if whole and counts is not None and (counts[0] <= UNROLLED or counts[1]):
+            is_complete = counts is not None and not any(g.ifs for g in node.generators)
+            if (
+                is_complete
+                and counts is not None
+                and (counts[0] <= UNROLLED or counts[1])
+            ):
                 parts: list[Value] = []
                 unrolled = Unrolled(self)
                 unrolled.collect(node, parts)
@@ -1205,8 +1211,8 @@ class Calls(Expressions):
         return self.gathered(
             node,
             lambda body: self.comprehended(node, body),
-            size if whole else None,
-            whole,
+            size if is_complete else None,
+            is_complete,
         )
 
     _generatorexp = _listcomp = comprehension
@@ -1239,11 +1245,11 @@ class Calls(Expressions):
         node: ast.AST,
         loops: Callable[[Callable[[Value], None]], None],
         size: int | None,
-        whole: bool = False,
+        is_complete: bool = False,
     ) -> Value:
         """Collect the elements that loops yield in a tuple.
 
-        `whole` says that it has exactly `size` elements.
+        `is_complete` says that it has exactly `size` elements.
         """
         name = self.fresh("all")
         mark, level = len(self.out), self.level
@@ -1283,7 +1289,7 @@ class Calls(Expressions):
         found: Type = NEVER
         for t in types:
             found = join(found, t)
-        limit = size if whole else limits[0]
+        limit = size if is_complete else limits[0]
         if self.most_wanted is not None:
             limit = self.most_wanted if limit is None else min(limit, self.most_wanted)
         if limit is None or limit > LONGEST or found == NEVER:
@@ -1292,7 +1298,9 @@ class Calls(Expressions):
                 "a tuple that may get any length",
                 "Annotated[tuple[...], MOST], or a range with an end",
             )
-        result: Type = Tuple((found,) * limit) if whole and size else List(found, limit)
+        result: Type = (
+            Tuple((found,) * limit) if is_complete and size else List(found, limit)
+        )
         text = self.program.names(result)
         one = any(t != found for t in types)
         for hole in holes:

@@ -102,10 +102,10 @@ class Expressions(ABC):
 
     # --- places -----------------------------------------------------------------------
 
-    def refuse(self, node: ast.AST, what: str, instead: str) -> SubsetError:
+    def refuse(self, node: ast.AST, construct: str, instead: str) -> SubsetError:
         """Return a `SubsetError` that names the line and suggests a replacement."""
         line = getattr(node, "lineno", 0)
-        return SubsetError(f"{self.spec.where}:{line}: {what}: {instead}")
+        return SubsetError(f"{self.spec.place}:{line}: {construct}: {instead}")
 
     def line(self, text: str) -> None:
         """Append a line of C at the current indentation."""
@@ -191,8 +191,10 @@ class Expressions(ABC):
     @property
     def fixed(self) -> set[str]:
         """Return the names of all temporaries that the translation has made."""
-        made = {f"{h}_{k}" for h, n in self.counts.items() for k in range(1, n + 1)}
-        return made.difference(self.spec.locals_names)
+        temporaries = {
+            f"{h}_{k}" for h, n in self.counts.items() for k in range(1, n + 1)
+        }
+        return temporaries.difference(self.spec.locals_names)
 
     # --- conversion -------------------------------------------------------------------
 
@@ -381,7 +383,10 @@ class Expressions(ABC):
                 node,
                 *INSTEAD.get(
                     type(node),
-                    (type(node).__name__, "what translates is listed in docs/translation.md"),
+                    (
+                        type(node).__name__,
+                        "what translates is listed in docs/translation.md",
+                    ),
                 ),
             )
         try:
@@ -616,9 +621,9 @@ class Expressions(ABC):
     def _binop(self, node: ast.BinOp) -> Value:
         if _is_literal(node):  # (1 << 64) - 1, a part of which has more than 64 bits
             with suppress(ArithmeticError, ValueError):
-                whole = eval(ast.unparse(node))
-                if (value := constant(whole)) is None:
-                    raise self.refuse(node, str(whole), "integers of 64 bits")
+                result = eval(ast.unparse(node))
+                if (value := constant(result)) is None:
+                    raise self.refuse(node, str(result), "integers of 64 bits")
                 return value
         if isinstance(node.op, ast.BitAnd):
             right = self.expression(node.right)
@@ -683,12 +688,12 @@ class Expressions(ABC):
             raise self.refuse(node, f"{op.__name__}", "of 64-bit masks only")
         if F in (ta, tb):
             sign, level = ARITHMETIC[op]
-            left = a if ta == F else Value(F, self.convert(a, F), UNARY)
+            first = a if ta == F else Value(F, self.convert(a, F), UNARY)
             right = b if tb == F else Value(F, self.convert(b, F), UNARY)
             if ta == B and not a.is_const:
-                left = Value(F, f"(double){a.within(UNARY)}", UNARY)
+                first = Value(F, f"(double){a.within(UNARY)}", UNARY)
             text = right.within(level + 1)
-            return Value(F, f"{left.within(level)} {sign} {text}", level)
+            return Value(F, f"{first.within(level)} {sign} {text}", level)
         return self.of_integers(op, a, b)
 
     def fold(self, op: type[ast.operator], a: Any, b: Any) -> Value | None:
@@ -782,20 +787,20 @@ class Expressions(ABC):
             if not b.is_const or not 0 <= b.const < 64:
                 raise self.refuse(node, "a shift by this", "a constant from 0 to 63")
             return Value(U, f"{a.within(level)} >> {b.const}", level)
-        left = a.within(level + 1) if a.type == U else self.convert(a, U)
+        first = a.within(level + 1) if a.type == U else self.convert(a, U)
         right = b.within(level + 1) if b.type == U else self.convert(b, U)
-        return Value(U, f"{left} {sign} {right}", level)
+        return Value(U, f"{first} {sign} {right}", level)
 
     def quotient(self, a: Value, b: Value) -> Value:
         """Translate `a / b` with Python's check for division by zero."""
         if a.type in (I, B) and b.type in (I, B) and not (is_exact(a) and is_exact(b)):
             return Value(F, f"py_div_i({a.code}, {b.code})")
-        left = Value(F, self.convert(a, F), a.binds if a.type == F else UNARY)
+        first = Value(F, self.convert(a, F), a.binds if a.type == F else UNARY)
         right = Value(F, self.convert(b, F), b.binds if b.type == F else UNARY)
         if b.is_const and b.const != 0:
-            return Value(F, f"{left.within(MUL)} / {right.within(MUL + 1)}", MUL)
+            return Value(F, f"{first.within(MUL)} / {right.within(MUL + 1)}", MUL)
         kind = "" if F in (a.type, b.type) else "_int"
-        return Value(F, f"py_div{kind}({left.code}, {right.code})")
+        return Value(F, f"py_div{kind}({first.code}, {right.code})")
 
     def modulo(self, op: type[ast.operator], a: Value, b: Value) -> Value:
         """Translate `a % b` or `a // b` with Python's signs."""
@@ -875,14 +880,14 @@ class Expressions(ABC):
         return result
 
     def either(
-        self, node: ast.BoolOp, is_and: bool, left: Value, operand: ast.expr
+        self, node: ast.BoolOp, is_and: bool, before: Value, operand: ast.expr
     ) -> Value:
         """Translate `left and operand` or `left or operand`.
 
         The operand is evaluated only where the left side does not decide.
         """
-        if left.is_const:
-            return left if bool(left.const) != is_and else self.expression(operand)
+        if before.is_const:
+            return before if bool(before.const) != is_and else self.expression(operand)
         inner: list[str] = []
         self.out, outer = inner, self.out
         self.level += 1
@@ -894,12 +899,12 @@ class Expressions(ABC):
         self.out = outer
         self.level -= 1
         sign, level = ("&&", AND) if is_and else ("||", OR)
-        if left.type == B and right.type == B and not inner:
+        if before.type == B and right.type == B and not inner:
             if right.is_const and bool(right.const) == is_and:
-                return left
-            return _joined(left, right, sign, level)
+                return before
+            return _joined(before, right, sign, level)
         if id(node) in self.conditions:
-            first = self.truth(left, node)
+            first = self.truth(before, node)
             if not inner:
                 second = self.truth(right, node)
                 if second.is_const and bool(second.const) == is_and:
@@ -916,7 +921,7 @@ class Expressions(ABC):
             self.level -= 1
             self.line("}")
             return Value(B, name, again=True)
-        x = self.temporary(left)
+        x = self.temporary(before)
         first = self.truth(x, node)
         taken = x
         if isinstance(x.type, Maybe) and not is_and:
@@ -954,12 +959,12 @@ class Expressions(ABC):
         mark = len(self.out)
         if not before_a and not before_b:
             self.out, outer = [], self.out
-            left, right = self.convert(a, t, node), self.convert(b, t, node)
+            first, right = self.convert(a, t, node), self.convert(b, t, node)
             extra = self.out
             self.out = outer
             if not extra:
-                left = left if a.binds > COND or t != a.type else f"({left})"
-                code = f"{test.within(COND + 1)} ? {left} : {right}"
+                first = first if a.binds > COND or t != a.type else f"({first})"
+                code = f"{test.within(COND + 1)} ? {first} : {right}"
                 return Value(t, code, COND, low=low, high=high)
         assert mark == len(self.out)
         name = self.fresh("chosen")
@@ -1106,12 +1111,12 @@ class Expressions(ABC):
             raise self.refuse(
                 node, f"{sign} of {shown(a.type)} and {shown(b.type)}", "numbers"
             )
-        left, right = a.within(LESS + 1), b.within(LESS + 1)
+        first, right = a.within(LESS + 1), b.within(LESS + 1)
         if F in (a.type, b.type):
-            left = left if a.type == F else self.exactly(a)
+            first = first if a.type == F else self.exactly(a)
             right = right if b.type == F else self.exactly(b)
         level = EQUAL if sign in ("==", "!=") else LESS
-        return Value(B, f"{left} {sign} {right}", level)
+        return Value(B, f"{first} {sign} {right}", level)
 
     def exactly(self, value: Value) -> str:
         """Return an integer as a double of the same value.
@@ -1427,8 +1432,10 @@ class Expressions(ABC):
     def _joinedstr(self, node: ast.JoinedStr) -> Value:
         """Translate an f-string by writing its pieces to the text buffer of the C."""
         pieces = []
-        given = [p.value for p in node.values if isinstance(p, ast.FormattedValue)]
-        values = iter(self.in_order(given))
+        placeholders = [
+            p.value for p in node.values if isinstance(p, ast.FormattedValue)
+        ]
+        values = iter(self.in_order(placeholders))
         for part in node.values:
             if isinstance(part, ast.Constant):
                 pieces.append((constant(part.value), ""))
@@ -1439,10 +1446,10 @@ class Expressions(ABC):
             spec = ""
             if part.format_spec is not None:
                 spec = "".join(str(v.value) for v in part.format_spec.values)  # type: ignore[attr-defined]
-            told = next(values)
-            if part.conversion != -1 and told.type == S:
+            text = next(values)
+            if part.conversion != -1 and text.type == S:
                 raise self.refuse(node, "!r of text", "without, in quotes")
-            pieces.append((self.temporary(told), spec))
+            pieces.append((self.temporary(text), spec))
         self.line("py_text_begin();")
         for value, spec in pieces:
             assert value is not None
@@ -1509,9 +1516,9 @@ def _joined(a: Value, b: Value, sign: str, level: int) -> Value:
     Where both operators are mixed, parentheses avoid a compiler warning.
     """
     lowest = EQUAL if sign == "||" else level
-    left = a.code if a.binds == level or a.binds >= lowest else f"({a.code})"
+    first = a.code if a.binds == level or a.binds >= lowest else f"({a.code})"
     right = b.code if b.binds >= max(lowest, level + 1) else f"({b.code})"
-    return Value(B, f"{left} {sign} {right}", level)
+    return Value(B, f"{first} {sign} {right}", level)
 
 
 def safe_field(name: str) -> str:

@@ -73,14 +73,14 @@ class Translation(Calls):
         self.changed = False
         self.declared: set[str] = set()
         self.tries = 0
-        self.wanted: dict[str, int] = {}
+        self.limits_needed: dict[str, int] = {}
         # number of enclosing try statements at the start of each enclosing loop
         self.loops: list[int] = []
-        self.said = spec.node.lineno
-        given = {name for name, _ in spec.arguments}
+        self.commented_to = spec.node.lineno
+        arguments = {name for name, _ in spec.arguments}
         self.order = Order(spec.node, program.block, spec.changed_in_place)
-        for where in refused(self.order, spec.node, spec.changed_in_place, given):
-            raise self.refuse(*where)
+        for finding in refused(self.order, spec.node, spec.changed_in_place, arguments):
+            raise self.refuse(*finding)
         for (name, t), const in zip(spec.arguments, spec.consts, strict=True):
             if const is not None:
                 self.bound[name] = constant(const)  # type: ignore[assignment]
@@ -107,8 +107,8 @@ class Translation(Calls):
         for name, t in self.spec.arguments:
             final = self.spec.variables.get(name, t)
             if final != t and name not in self.bound:
-                given = Value(t, f"{safe(name)}_given", again=True)
-                text = self.convert(given, final)
+                argument = Value(t, f"{safe(name)}_given", again=True)
+                text = self.convert(argument, final)
                 self.line(f"{self.program.names(final)} {safe(name)} = {text};")
 
     def local(self, name: str) -> str:
@@ -140,9 +140,9 @@ class Translation(Calls):
         last = node.end_lineno or node.lineno
         if isinstance(node, (ast.If, ast.For, ast.While, ast.Try, ast.FunctionDef)):
             last = node.body[0].lineno - 1
-        for text in self.spec.source.comments(self.said + 1, last):
+        for text in self.spec.source.comments(self.commented_to + 1, last):
             self.line(f"/* {text} */")
-        self.said = max(self.said, last)
+        self.commented_to = max(self.commented_to, last)
 
     def statement(self, node: ast.stmt) -> None:
         """Write one statement, or refuse its kind."""
@@ -177,9 +177,9 @@ class Translation(Calls):
         limit = self.program.most_of(node.annotation, self.spec.globals)
         if limit is not None:
             if isinstance(node.target, ast.Name):
-                self.wanted[node.target.id] = limit
+                self.limits_needed[node.target.id] = limit
             elif isinstance(node.target, ast.Attribute):
-                self.program.wanted[node.target.attr] = limit
+                self.program.limits_needed[node.target.attr] = limit
         if node.value is None:
             return
         self.most_wanted = limit
@@ -192,10 +192,13 @@ class Translation(Calls):
 
     def do_assign(self, node: ast.Assign) -> None:
         (first, *_) = node.targets
-        if isinstance(first, ast.Name) and first.id in self.wanted:
-            self.most_wanted = self.wanted[first.id]
-        if isinstance(first, ast.Attribute) and first.attr in self.program.wanted:
-            self.most_wanted = self.program.wanted[first.attr]
+        if isinstance(first, ast.Name) and first.id in self.limits_needed:
+            self.most_wanted = self.limits_needed[first.id]
+        if (
+            isinstance(first, ast.Attribute)
+            and first.attr in self.program.limits_needed
+        ):
+            self.most_wanted = self.program.limits_needed[first.attr]
         value = self.expression(node.value)
         self.most_wanted = None
         if (
@@ -217,9 +220,9 @@ class Translation(Calls):
 
     def do_augassign(self, node: ast.AugAssign) -> None:
         load = ast.copy_location(_load(node.target), node)
-        if isinstance(node.target, ast.Name) and node.target.id in self.wanted:
-            self.most_wanted = self.wanted[node.target.id]
-        made = ast.copy_location(ast.BinOp(load, node.op, node.value), node)
+        if isinstance(node.target, ast.Name) and node.target.id in self.limits_needed:
+            self.most_wanted = self.limits_needed[node.target.id]
+        assignment = ast.copy_location(ast.BinOp(load, node.op, node.value), node)
         if (
             isinstance(node.target, ast.Name)
             and node.target.id in self.types
@@ -233,7 +236,7 @@ class Translation(Calls):
             )
             value = self.expression(ast.copy_location(joined, node))
         else:
-            value = self.expression(made)
+            value = self.expression(assignment)
         self.most_wanted = None
         self.assign(node.target, value)
 
@@ -339,9 +342,9 @@ class Translation(Calls):
             self.bound[name] = value
             return
         old = self.types.get(name, NEVER)
-        t = self.kept(old, value.type, self.wanted.get(name), target, name)
-        given = dict(self.spec.arguments).get(name)
-        if given == I and t != I and t != F:
+        t = self.join_with(old, value.type, self.limits_needed.get(name), target, name)
+        argument_type = dict(self.spec.arguments).get(name)
+        if argument_type == I and t != I and t != F:
             raise self.refuse(
                 target, f"{name} is an integer and then a 64-bit mask", "another name"
             )
@@ -359,7 +362,7 @@ class Translation(Calls):
         if (
             value.type == I
             and name not in self.spec.in_loops
-            and (self.spec.stores[name] == 1 and given is None)
+            and (self.spec.stores[name] == 1 and argument_type is None)
         ):
             self.bounds[name] = (value.low, value.high)
         if name not in self.declared:
@@ -384,10 +387,11 @@ class Translation(Calls):
             and size(value.type) > BY_ADDRESS
             and self.level == 1 + self.tries
             and self.spec.stores[name] == 1
-            and name not in {*self.types, *self.wanted, *self.spec.changed_in_place}
+            and name
+            not in {*self.types, *self.limits_needed, *self.spec.changed_in_place}
         )
 
-    def kept(
+    def join_with(
         self, old: Type, new: Type, limit: int | None, node: ast.AST, name: str
     ) -> Type:
         """Return the type of a variable of type `old` that gets one of type `new`."""
@@ -424,8 +428,8 @@ class Translation(Calls):
             )
         old = program.fields.get(name, NEVER)
         if declared is None:
-            t = self.kept(
-                old, value.type, program.wanted.get(name), target, f"self.{name}"
+            t = self.join_with(
+                old, value.type, program.limits_needed.get(name), target, f"self.{name}"
             )
             if t != old:
                 program.fields[name] = t
@@ -583,7 +587,7 @@ class Translation(Calls):
         self.level -= 1
         self.line("}")
         self.ended = endless and not any(
-            isinstance(n, ast.Break) for n in _own(node.body)
+            isinstance(n, ast.Break) for n in _own_nodes(node.body)
         )
 
     def forget(self, node: ast.stmt) -> None:
@@ -655,7 +659,9 @@ class Translation(Calls):
             or self.spec.outside_of(node, n)
             for n in names
         )
-        breaks = any(isinstance(n, (ast.Break, ast.Continue)) for n in _own(node.body))
+        breaks = any(
+            isinstance(n, (ast.Break, ast.Continue)) for n in _own_nodes(node.body)
+        )
         if iteration.unroll and breaks:
             raise self.refuse(
                 node, "break or continue over a mixed tuple", "over equal elements"
@@ -814,8 +820,8 @@ class Translation(Calls):
         The struct is filled where the function is defined.
         """
         captured: list[tuple[str, Any]] = []
-        own = {a.arg for a in node.args.args}
-        own |= {
+        parameters = {a.arg for a in node.args.args}
+        parameters |= {
             n.id
             for n in ast.walk(node)
             if isinstance(n, ast.Name) and isinstance(n.ctx, ast.Store)
@@ -824,7 +830,7 @@ class Translation(Calls):
             dict.fromkeys(
                 n.id
                 for n in ast.walk(node)
-                if isinstance(n, ast.Name) and n.id not in own
+                if isinstance(n, ast.Name) and n.id not in parameters
             )
         )
         values = []
@@ -898,14 +904,14 @@ def optional(annotation: ast.expr, scope: dict[str, Any]) -> Type | None:
 def _load(target: ast.expr) -> ast.expr:
     """Return the expression that reads an assignment's target."""
     text = ast.unparse(target)
-    made = ast.parse(text, mode="eval").body
-    for n in ast.walk(made):
+    expression = ast.parse(text, mode="eval").body
+    for n in ast.walk(expression):
         if hasattr(n, "lineno"):
             n.lineno = target.lineno
-    return made
+    return expression
 
 
-def _own(body: Sequence[ast.stmt]) -> list[ast.AST]:
+def _own_nodes(body: Sequence[ast.stmt]) -> list[ast.AST]:
     """Return all nodes of a loop's body except those of loops within it."""
     found: list[ast.AST] = []
     todo: list[ast.AST] = list(body)
@@ -952,13 +958,13 @@ def _changes(node: ast.For, code: str) -> bool:
     return root is not None and root[1] in stored
 
 
-def _has(what: Any, t: Type) -> bool:
+def _has(kind: Any, t: Type) -> bool:
     """Return whether a type is, or contains, a class of types or one type."""
-    if isinstance(t, what) if isinstance(what, type) else t == what:
+    if isinstance(t, kind) if isinstance(kind, type) else t == kind:
         return True
     if isinstance(t, Tuple):
-        return any(_has(what, x) for x in t.items)
-    return isinstance(t, (List, Maybe)) and _has(what, t.item)
+        return any(_has(kind, x) for x in t.items)
+    return isinstance(t, (List, Maybe)) and _has(kind, t.item)
 
 
 def _inside(node: ast.AST, other: ast.AST) -> bool:

@@ -55,12 +55,12 @@ class Order:
             case ast.Name(id=name) if name in self._within and name not in self._busy:
                 self._busy.add(name)
                 inside = self._within[name]
-                own = {
+                assigned = {
                     n.id
                     for n in ast.walk(inside)
                     if isinstance(n, ast.Name) and isinstance(n.ctx, ast.Store)
                 }
-                found = self.changes(*inside.body) - own
+                found = self.changes(*inside.body) - assigned
                 self._busy.discard(name)
                 return found
             case ast.Name():
@@ -116,11 +116,11 @@ def reads(node: ast.AST) -> set[str]:
 
 
 def refused(
-    order: Order, node: ast.FunctionDef, lists: set[str], given: set[str]
+    order: Order, node: ast.FunctionDef, lists: set[str], arguments: set[str]
 ) -> Iterator[tuple[ast.AST, str, str]]:
     """Yield each refused construct: its node, what it is, and a replacement.
 
-    `lists` are the variables whose elements are assigned, `given` the parameters of the
+    `lists` are the variables whose elements are assigned, `arguments` the parameters of the
     function.
     """
     for n in ast.walk(node):
@@ -154,7 +154,7 @@ def refused(
                     "a list, and what changes it, as arguments of one call",
                     "change it before",
                 )
-            case ast.Return(value=ast.Name(id=name)) if name in lists & given:
+            case ast.Return(value=ast.Name(id=name)) if name in lists & arguments:
                 yield (
                     n,
                     f"{name} is changed and returned",
@@ -165,11 +165,13 @@ def refused(
             ):
                 yield n, "a second name for a list that changes", "list(...) copies it"
             case ast.Assign(targets=[ast.Name(id=name)], value=value) if name in lists:
-                made = isinstance(value, (ast.List, ast.ListComp, ast.BinOp, ast.Name))
+                creates_list = isinstance(
+                    value, (ast.List, ast.ListComp, ast.BinOp, ast.Name)
+                )
                 if isinstance(value, ast.Call):
                     shares = any(isinstance(a, ast.Name) for a in value.args)
-                    made = _named(value.func, {"list"}) or not shares
-                if not made:
+                    creates_list = _named(value.func, {"list"}) or not shares
+                if not creates_list:
                     yield n, f"{name} may be another list, too", "list(...) copies it"
             case ast.FunctionDef() if n is not node and reads(n) & lists & _outside(
                 node, n

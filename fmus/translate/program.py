@@ -96,7 +96,7 @@ class Program:
                     del self.field_bounds[v.name]
             self.declared[v.name] = Tuple((t,) * v.size) if v.shape else t
         self.fields: dict[str, Type] = dict(self.declared)
-        self.wanted: dict[str, int] = {}
+        self.limits_needed: dict[str, int] = {}
         self.memory: dict[Any, Spec] = {}
         self.infos: dict[Any, Info] = {}
         self._nested: dict[Any, Nested] = {}
@@ -137,9 +137,9 @@ class Program:
         for name in self.fields:
             if name not in self.declared and f"self.{name}" not in known:
                 node = self.infos[self.block.start, True].node
-                where = self.infos[self.block.start, True].where
+                place = self.infos[self.block.start, True].place
                 raise SubsetError(
-                    f"{where}:{node.lineno}: start does not assign self.{name}: "
+                    f"{place}:{node.lineno}: start does not assign self.{name}: "
                     "assign it there"
                 )
 
@@ -233,9 +233,11 @@ class Program:
                     break
             for name, calls in one.kept_of.items():
                 if calls > 1 or name in one.reached:
-                    what = f"{name} is called again, which keeps but its last result"
+                    construct = (
+                        f"{name} is called again, which keeps but its last result"
+                    )
                     raise one.refuse(
-                        spec.node, what, "a function of its own for each call"
+                        spec.node, construct, "a function of its own for each call"
                     )
             spec.reached = one.reached | set(one.kept_of)
             spec.done = True
@@ -258,7 +260,7 @@ class Program:
 
     def _name(self, spec: Spec) -> str:
         """Choose a unique C name for a function."""
-        stem = Path(spec.where).stem
+        stem = Path(spec.place).stem
         name = spec.info.name.strip("_")
         if isinstance(spec.callee.function, Nested):
             stem = spec.callee.function.spec.name
@@ -354,14 +356,14 @@ class Program:
                 and not t.callees[0].captured
             ):
                 continue
-            how = spec.passing(k)
+            passing = spec.passing(k)
             text = self.names(t)
-            const = "" if how == "change" or text.startswith("const") else "const "
-            star = "" if how == "value" else "*"
-            if how == "value":
+            const = "" if passing == "change" or text.startswith("const") else "const "
+            star = "" if passing == "value" else "*"
+            if passing == "value":
                 const = ""
-            given = "_given" if spec.variables.get(n, t) != t else ""
-            arguments.append(f"{const}{text} {star}{safe(n)}{given}")
+            suffix = "_given" if spec.variables.get(n, t) != t else ""
+            arguments.append(f"{const}{text} {star}{safe(n)}{suffix}")
         result = spec.result
         kind = "void" if result in (NONE, NEVER) else self.names(result)
         if spec.memo:
@@ -374,7 +376,7 @@ class Program:
     def function(self, spec: Spec) -> Iterable[str]:
         """Yield the lines of a function in C, with its docstring as a comment."""
         doc = ast.get_docstring(spec.node)
-        place = f"{spec.where}:{spec.node.lineno}"
+        place = f"{spec.place}:{spec.node.lineno}"
         if doc:
             text = doc.replace("*/", "* /").splitlines()
             yield f"/* {place}"
@@ -443,10 +445,10 @@ class Program:
         yield ""
         for spec, (entry, types) in zip(self.entries, ENTRIES.items(), strict=True):
             declared = "".join(f", double {n}" for n in ("t", "dt")[: len(types)])
-            given = "".join(f", {n}" for n in ("t", "dt")[: len(types)])
+            arguments = "".join(f", {n}" for n in ("t", "dt")[: len(types)])
             yield f"static void {PREFIX}do_{entry}(void *self{declared})"
             yield "{"
-            yield f"    {spec.name}(self{given});"
+            yield f"    {spec.name}(self{arguments});"
             yield "}"
             yield ""
         yield f"const block_description {PREFIX}the_block = {{"

@@ -48,9 +48,11 @@ class Source:
         self._comments: dict[int, str] = {}
         for token in tokenize.generate_tokens(io.StringIO(text).readline):
             if token.type == tokenize.COMMENT and not _TOOLS.match(token.string):
-                said = re.split(r"\s*#\s*(?:fmt:|type:|noqa)", token.string)[0]
+                without_marker = re.split(r"\s*#\s*(?:fmt:|type:|noqa)", token.string)[
+                    0
+                ]
                 self._comments[token.start[0]] = (
-                    said.lstrip("# ").rstrip().replace("*/", "* /")
+                    without_marker.lstrip("# ").rstrip().replace("*/", "* /")
                 )
 
     def comments(self, first: int, last: int) -> list[str]:
@@ -89,18 +91,18 @@ class Info:
         if isinstance(function, Nested):
             self.node, self.globals = function.node, function.spec.globals
             self.source = function.spec.source
-            self.where = function.spec.where
+            self.place = function.spec.place
             defaults: tuple[Any, ...] = ()
             named: dict[str, Any] = {}
             if self.node.args.defaults or self.node.args.kw_defaults:
                 raise SubsetError(
-                    f"{self.where}:{self.node.lineno}: defaults of a function within "
+                    f"{self.place}:{self.node.lineno}: defaults of a function within "
                     "another: give the arguments"
                 )
         else:
             code = function.__code__
             self.source = source(code.co_filename)
-            self.where = shown
+            self.place = shown
             if code.co_firstlineno not in self.source.functions:
                 raise SubsetError(
                     f"{shown}:{code.co_firstlineno}: a lambda with a name: def"
@@ -112,7 +114,7 @@ class Info:
         arguments = self.node.args
         if arguments.vararg or arguments.kwarg:
             raise SubsetError(
-                f"{self.where}:{self.node.lineno}: * in {self.name}'s parameters: name them"
+                f"{self.place}:{self.node.lineno}: * in {self.name}'s parameters: name them"
             )
         names = [*arguments.posonlyargs, *arguments.args]
         values = [self.required] * (len(names) - len(defaults)) + list(defaults)
@@ -208,7 +210,7 @@ class Spec:
         self.key, self.info, self.callee = key, info, callee
         self.types, self.consts, self.owner, self.name = types, consts, owner, name
         self.node, self.globals, self.source = info.node, info.globals, info.source
-        self.where = info.where
+        self.place = info.place
         self.arguments = [
             (n, t) for (n, _), t in zip(info.parameters, types, strict=True)
         ]
@@ -249,7 +251,7 @@ class Spec:
         self._lines: dict[str, list[int]] = {}
 
         def names(
-            node: ast.AST, path: tuple[int, ...], loop: bool, own: frozenset[str]
+            node: ast.AST, path: tuple[int, ...], loop: bool, bound: frozenset[str]
         ) -> None:
             """Record the names of an expression, except those a comprehension binds."""
             if isinstance(node, (ast.GeneratorExp, ast.ListComp, ast.Lambda)):
@@ -261,8 +263,8 @@ class Spec:
                 }
                 if isinstance(node, ast.Lambda):
                     inner = {a.arg for a in node.args.args}
-                own = own | inner
-            if isinstance(node, ast.Name) and node.id not in own:
+                bound = bound | inner
+            if isinstance(node, ast.Name) and node.id not in bound:
                 if isinstance(node.ctx, ast.Store):
                     self.stores[node.id] += 1
                     if loop:
@@ -277,7 +279,7 @@ class Spec:
             ):
                 self.changed_in_place.add(node.value.id)
             for child in ast.iter_child_nodes(node):
-                names(child, path, loop, own)
+                names(child, path, loop, bound)
 
         def block(body: list[ast.stmt], path: tuple[int, ...], loop: bool) -> None:
             """Record the names of a block of statements and of the blocks within it."""
@@ -329,7 +331,7 @@ class Spec:
             or (self.stores[n] == 0 and (size(t) > BY_ADDRESS or _captures(t)))
         }
 
-    def _passed(self, call: ast.Call, own: set[str]) -> None:
+    def _passed(self, call: ast.Call, parameters: set[str]) -> None:
         """Record lists passed to a function that changes their elements."""
         target: object = None
         match call.func:

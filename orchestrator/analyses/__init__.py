@@ -42,14 +42,18 @@ class Parts:
     """Components of a system by their part in an analysis."""
 
     @classmethod
-    def from_json(cls, told: JsonObject) -> Self:
+    def from_json(cls, document: JsonObject) -> Self:
         """Read the parts from a manifest, also of another version."""
-        return cls(**{f.name: told[f.name] for f in fields(cls) if f.name in told})
+        return cls(
+            **{f.name: document[f.name] for f in fields(cls) if f.name in document}
+        )
 
     def to_json(self) -> JsonObject:
         """Return the parts for a manifest; None is left out, except for `feeds`."""
-        told = {k: v for k, v in vars(self).items() if v is not None or k == "feeds"}
-        return {k: list(v) if isinstance(v, tuple) else v for k, v in told.items()}
+        document = {
+            k: v for k, v in vars(self).items() if v is not None or k == "feeds"
+        }
+        return {k: list(v) if isinstance(v, tuple) else v for k, v in document.items()}
 
 
 _NOTHING: dict[str, Any] = {
@@ -68,8 +72,8 @@ class Analysis:
         self._module = module
 
     def __getattr__(self, name: str) -> Any:
-        own = hasattr(self._module, name) or name not in _NOTHING
-        return getattr(self._module, name) if own else _NOTHING[name]
+        is_defined = hasattr(self._module, name) or name not in _NOTHING
+        return getattr(self._module, name) if is_defined else _NOTHING[name]
 
 
 @cache
@@ -90,6 +94,8 @@ def not_checked(reasons: Mapping[str, str]) -> list[str]:
     The reasons are by the names of the numbers.
     """
     named: dict[str, list[str]] = {}
-    for name, why in reasons.items():
-        named.setdefault(why, []).append(name)
-    return [f"not checked: {', '.join(names)}: {why}" for why, names in named.items()]
+    for name, reason in reasons.items():
+        named.setdefault(reason, []).append(name)
+    return [
+        f"not checked: {', '.join(names)}: {reason}" for reason, names in named.items()
+    ]

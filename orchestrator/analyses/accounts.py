@@ -36,9 +36,9 @@ def problems(system: System) -> Iterator[str]:
             continue
         theirs, its = thrusters.values[IMPULSE], orbit.values[IMPULSE]
         if its > 0.0 and abs(its - theirs) > 1e-9 * theirs:
-            where = orbit.given.get(IMPULSE, f"{system.where}: default")
+            place = orbit.origins.get(IMPULSE, f"{system.place}: default")
             yield (
-                f"{where}: {target}.{IMPULSE} = {its:g} s, but {source}.{IMPULSE} = "
+                f"{place}: {target}.{IMPULSE} = {its:g} s, but {source}.{IMPULSE} = "
                 f"{theirs:g} s: the mass that leaves the craft is not the propellant that is "
                 f'spent; given as "{source}.{IMPULSE}" it follows'
             )
@@ -54,13 +54,13 @@ def warnings(system: System) -> Iterator[str]:
     noise = noise_of(system)
     for c in system.components.values():
         for name, of in _told_noise(c).items():
-            told, is_so, unit = c.values[name], noise[of], KNOWN[of]
+            stated, is_so, unit = c.values[name], noise[of], KNOWN[of]
             if is_so == 0.0:
                 continue
-            if not is_so / ABOUT <= told <= is_so * ABOUT:
+            if not is_so / ABOUT <= stated <= is_so * ABOUT:
                 yield (
-                    f"{c.given.get(name, f'{system.where}: default')}: {c.name}.{name} = "
-                    f"{told:.3g} {unit}, but the craft's sensors have {is_so:.3g}: "
+                    f"{c.origins.get(name, f'{system.place}: default')}: {c.name}.{name} = "
+                    f"{stated:.3g} {unit}, but the craft's sensors have {is_so:.3g}: "
                     "the filter of the law assumes a wrong value; --set "
                     f"{c.name}.{name}={is_so:.3g} corrects it"
                 )
@@ -97,9 +97,9 @@ def _drag(system: System) -> Iterator[str]:
             for name in DRAG if orbit.values[DRAG[0]] > 0.0 else ():
                 its, other = orbit.values[name], body.values[name]
                 if abs(its - other) > 1e-9 * abs(other):
-                    where = orbit.given.get(name, f"{system.where}: default")
+                    place = orbit.origins.get(name, f"{system.place}: default")
                     unit = " m2" if name == DRAG[0] else ""
                     yield (
-                        f"{where}: {orbit.name}.{name} = {its:g}{unit}, but {body.name}.{name} "
+                        f"{place}: {orbit.name}.{name} = {its:g}{unit}, but {body.name}.{name} "
                         f"= {other:g}{unit}: the same drag has two different values"
                     )

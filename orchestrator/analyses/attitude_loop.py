@@ -53,7 +53,7 @@ def loop_of(system: System) -> AttitudeLoop | None:
     if not _is_closed(system, body, controller, manager) or not body.is_possible:
         return None
     step = system.step / system.parts
-    own = manager.values
+    settings = manager.values
     return AttitudeLoop(
         inertia=body.carrier,
         gain_matrix=np.reshape(controller.values["gain_matrix"], (3, 3)),
@@ -63,16 +63,18 @@ def loop_of(system: System) -> AttitudeLoop | None:
         actuated=(body.axes * body.wheels.exist)
         @ np.linalg.pinv(axes_of(manager.values)),
         motor_lag=body.wheels.component.values.get("motor_lag", 0.0),
-        gyroscopic=bool(own.get("gyroscopic", True)),
+        gyroscopic=bool(settings.get("gyroscopic", True)),
         step=step,
         gyro_sample=_sample(craft.gyro, step),
         attitude_sample=max(
             _sample(craft.determination, step), _sample(craft.star_tracker, step)
         ),
         controller_sample=controller.values["sample_time"] or step,
-        wheel_sample=own.get("wheel_sample_time") or own["sample_time"] or step,
+        wheel_sample=settings.get("wheel_sample_time")
+        or settings["sample_time"]
+        or step,
         controller_delay=controller.values.get("delay", 0.0),
-        manager_delay=own.get("delay", 0.0),
+        manager_delay=settings.get("delay", 0.0),
     )
 
 
@@ -162,12 +164,12 @@ def warnings(system: System) -> Iterator[str]:
     Unstable conditions are among them with full wheels, and where a scenario gives a
     reason.
     """
-    why = content_of(system.about).unstable
+    reason = content_of(system.about).unstable
     for condition, loop in _looked_at(system):
         found = condition.stability
-        if not found.stable and (why or condition.full):
+        if not found.stable and (reason or condition.full):
             line = _line(system, loop, condition, "is unstable")
-            yield f"{line} ({why})" if why else line
+            yield f"{line} ({reason})" if reason else line
         elif found.stable and not found.well_damped:
             damping = f"has a damping of {found.damping:.2g} (below {LEAST_DAMPING:g})"
             yield _line(system, loop, condition, damping)
@@ -208,7 +210,9 @@ def _looked_at(system: System) -> Iterator[tuple[Condition, AttitudeLoop]]:
         yield condition, loop
 
 
-def _line(system: System, loop: AttitudeLoop, condition: Condition, what: str) -> str:
+def _line(
+    system: System, loop: AttitudeLoop, condition: Condition, finding: str
+) -> str:
     """Build the line on a condition, with a sample time that would suffice."""
     controller, body = craft_of(system).controller, craft_of(system).rigid_body
     assert controller is not None
@@ -222,5 +226,5 @@ def _line(system: System, loop: AttitudeLoop, condition: Condition, what: str) -
     remedy = (
         "no sample time alone helps" if enough is None else f"{enough:g} s would do"
     )
-    name = f"{system.where}: {controller.name}"
-    return f"{name}: attitude control {what} {condition.name}{at}: {remedy}"
+    name = f"{system.place}: {controller.name}"
+    return f"{name}: attitude control {finding} {condition.name}{at}: {remedy}"

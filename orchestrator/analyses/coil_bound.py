@@ -143,7 +143,7 @@ def course_of(manifest: Manifest, results: Results) -> tuple[offline.Course, Any
     middle = unit_rows(q[:-1] + q[1:])[: count * every]
     mean_field = (field[:-1] + field[1:])[: count * every] / 2.0
     torque = np.cross(rotate_back(middle, dipole[: count * every]), mean_field)
-    given = np.diff(impulse, axis=0)[: count * every] - step * torque
+    disturbance = np.diff(impulse, axis=0)[: count * every] - step * torque
     attitudes = from_body(unit_rows(q[: count * every + 1 : every])).transpose(0, 2, 1)
     failed = parameters["torquers"]["failed_coil"]
     gives = parameters["torquers"].get("failed_share", 0.0) != 0.0
@@ -155,7 +155,7 @@ def course_of(manifest: Manifest, results: Results) -> tuple[offline.Course, Any
     course = offline.Course(
         step * every,
         mean_field.reshape(count, every, 3).mean(axis=1),
-        given.reshape(count, every, 3).sum(axis=1) / (step * every),
+        disturbance.reshape(count, every, 3).sum(axis=1) / (step * every),
         np.einsum("kia,ij,kjb->kab", halves, s, halves),
         np.einsum("wi,kia->kwa", inverse, attitudes[1:]),
     )

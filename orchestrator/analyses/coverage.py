@@ -141,8 +141,8 @@ def _criteria(system: System, body: Body) -> tuple[StepCriteria, str]:
     step = system.step / system.parts
     turn = step * float(body.turning(omega[None], body.h_start[None])[0])
     kicks = dict(_kicks(system, body, step))
-    who = max(kicks, key=lambda name: kicks[name], default="")
-    return StepCriteria(turn, kicks.get(who, 0.0)), who
+    actuator = max(kicks, key=lambda name: kicks[name], default="")
+    return StepCriteria(turn, kicks.get(actuator, 0.0)), actuator
 
 
 def _kicks(system: System, body: Body, step: float) -> Iterator[tuple[str, float]]:
@@ -207,23 +207,25 @@ def warnings(system: System) -> list[str]:
     body = None if system.substeps == AUTO else body_of(system)
     if body is None:
         return []
-    numbers, who = _criteria(system, body)
+    numbers, actuator = _criteria(system, body)
     lines = [
-        _line(TEXTS[name].format(who), value, getattr(LIMITS, name))
+        _line(TEXTS[name].format(actuator), value, getattr(LIMITS, name))
         for name, value in _beyond(numbers)
     ]
     parts = _step_parts(system, body)
-    left = jitter(parts, _speeds(parts, body.h_start[None]), system.step / system.parts)
-    return lines + _of_jitter(left, "at the speeds of the start")
+    jitter_error = jitter(
+        parts, _speeds(parts, body.h_start[None]), system.step / system.parts
+    )
+    return lines + _of_jitter(jitter_error, "at the speeds of the start")
 
 
-def _of_jitter(left: float, when: str) -> list[str]:
+def _of_jitter(error: float, condition: str) -> list[str]:
     """Return a line if the attitude error by jitter is not negligible."""
-    if left <= JITTER:
+    if error <= JITTER:
         return []
     return [
         f"the jitter of unbalanced wheels is averaged over each substep, which causes "
-        f"an attitude error of about {left:.1e} rad, {when}; {REMEDY}"
+        f"an attitude error of about {error:.1e} rad, {condition}; {REMEDY}"
     ]
 
 
@@ -234,11 +236,9 @@ def _beyond(numbers: StepCriteria) -> Iterator[tuple[str, float]]:
             yield f.name, value
 
 
-def _line(what: str, value: float, limit: float) -> str:
+def _line(quantity: str, value: float, limit: float) -> str:
     """Return the warning for a value beyond its limit."""
-    return (
-        f"{what}: {value:.3g} rad, accuracy is shown up to {limit:g} rad only: {REMEDY}"
-    )
+    return f"{quantity}: {value:.3g} rad, accuracy is shown up to {limit:g} rad only: {REMEDY}"
 
 
 # --- after a run ----------------------------------------------------------------------
@@ -384,7 +384,9 @@ def remarks(manifest: Manifest, results: Results) -> list[str]:
             at = f"at t = {found.times[k]:g} s, {TEXTS[name].format('all actuators')}"
             lines.append(_line(at, float(values[k]), limit))
     speeds = _speeds(parts, results.values(parts.series[2]))
-    left, told = (jitter(parts, of, step) for of in (speeds, speeds[:1]))
+    error, first_error = (jitter(parts, of, step) for of in (speeds, speeds[:1]))
     return lines + (
-        _of_jitter(left, "at their largest speeds") if left > 2.0 * told else []
+        _of_jitter(error, "at their largest speeds")
+        if error > 2.0 * first_error
+        else []
     )

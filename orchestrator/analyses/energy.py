@@ -40,7 +40,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from ..engine.master import Master
-from ..engine.node import Kept
+from ..engine.node import StepRecording
 from ..numbers.derived import rotate, rotate_back
 from ..numbers.text import Value
 from ..system.expression import Table
@@ -105,7 +105,7 @@ def applies(system: System) -> EnergyParts | None:
         return None
     body = system.components[parts.spacecraft]
     if body.interface.model != residual.BLOCK:
-        why = f"{body.name} is no {residual.BLOCK} of ours: its energy and torques are not known"
+        reason = f"{body.name} is no {residual.BLOCK} of ours: its energy and torques are not known"
         declared = (
             f"{body.name}.{DECLARED}" if DECLARED in body.interface.signals else None
         )
@@ -115,12 +115,12 @@ def applies(system: System) -> EnergyParts | None:
             parts.wheels,
             tau_mean_wheel=mean,
             rows=True,
-            why=why,
+            why=reason,
             declared=declared if mean else None,
         )
     wheels = system.components[parts.wheels.partition(".")[0]]
     pair: dict[str, str] = {}
-    rows, why = system.parts == 1 and body.step_ratio == 1, ""
+    rows, reason = system.parts == 1 and body.step_ratio == 1, ""
     for name in PAIR:
         feeds = [
             c
@@ -129,20 +129,20 @@ def applies(system: System) -> EnergyParts | None:
         ]
         series = {f"{c.source}.{c.output.partition('[')[0]}" for c in feeds}
         if len(series) != 1 or len(feeds) != len(body.interface.elements.get(name, ())):
-            why = why or f"{body.name}.{name} does not come from one component"
+            reason = reason or f"{body.name}.{name} does not come from one component"
             continue
         pair[name] = series.pop()
         same = all((c.factor, c.offset) == (1.0, 0.0) for c in feeds)
         rows = rows and same and system.components[feeds[0].source].step_ratio == 1
     if body.step_ratio % wheels.step_ratio:
-        why = (
-            why
+        reason = (
+            reason
             or f"{wheels.name} is slower than {body.name}: its momentum is not known there"
         )
     fed = motion.feeds(system, body.name)
     rows = rows and (fed is not None or not motion.is_known_body(system, body.name))
     return EnergyParts(
-        parts.spacecraft, parts.wheels, **pair, feeds=fed, rows=rows, why=why
+        parts.spacecraft, parts.wheels, **pair, feeds=fed, rows=rows, why=reason
     )
 
 
@@ -185,13 +185,13 @@ def blocks_of(manifest: Manifest, results: Results) -> Iterator[Steps]:
     parts: EnergyParts | None = manifest.parts.get(KEY)
     if parts is None or _not_of_rows(manifest, results):
         return
-    given, states, pair = (
+    parameters, states, pair = (
         manifest.parameters[parts.spacecraft],
         residual.body_series(parts),
         parts.pair,
     )
     n = min(results.count(pair[0]), results.count(states[0]) - 1)
-    carrier, axes = residual.carrier_of(given)
+    carrier, axes = residual.carrier_of(parameters)
     dt = manifest.step
     for first in range(0, n, BLOCK):
         rows = slice(first, min(first + BLOCK, n))
@@ -199,7 +199,7 @@ def blocks_of(manifest: Manifest, results: Results) -> Iterator[Steps]:
         q, omega, impulse, h = (results.values(s, ends) for s in states)
         mean, slope = (results.values(s, rows) for s in pair)
         reach = parts.feeds and motion.recorded_inputs(results, parts.feeds, rows)
-        torque = reach and motion.torque(given, reach, dt)
+        torque = reach and motion.torque(parameters, reach, dt)
         yield Steps(
             dt, carrier, axes, q, omega, impulse, h, mean, slope, torque or None
         )
@@ -286,15 +286,15 @@ class Totals:
             self.began = tuple(steps.impulse[0].tolist())
             self.impulse = None if steps.outer is None else 0.0
         work = np.cumsum([self.work, *block.work])[1:]
-        given = np.cumsum([self.given, *block.impulse], axis=0)[1:]
+        impulses = np.cumsum([self.given, *block.impulse], axis=0)[1:]
         mismatch = block.energy[1:] - self.start - work
-        self.work, self.given = float(work[-1]), tuple(given[-1].tolist())
+        self.work, self.given = float(work[-1]), tuple(impulses[-1].tolist())
         self.energy = max(self.energy, float(block.energy.max()))
         self.worked = max(self.worked, float(np.abs(work).max()))
         self.mismatch = max(self.mismatch, float(np.abs(mismatch).max()))
         self.hidden = max(self.hidden, float(block.hidden.max()))
         if self.impulse is not None:
-            off = np.linalg.norm(steps.impulse[1:] - self.began - given, axis=1)
+            off = np.linalg.norm(steps.impulse[1:] - self.began - impulses, axis=1)
             self.impulse = max(self.impulse, float(off.max()))
         return mismatch, block.energy[1:]
 
@@ -335,10 +335,10 @@ def totals_of(manifest: Manifest, results: Results) -> Totals | None:
 
     They are those that were computed while it ran, or else follow from its rows.
     """
-    if told := manifest.balance:
-        return Totals(**told)
-    made = balance(manifest, results)
-    return made and made.totals
+    if stored := manifest.balance:
+        return Totals(**stored)
+    computed = balance(manifest, results)
+    return computed and computed.totals
 
 
 def of_work(parts: EnergyParts) -> list[str]:
@@ -349,8 +349,8 @@ def of_work(parts: EnergyParts) -> list[str]:
 def balanced(parts: EnergyParts) -> list[str]:
     """Return the series that the balance is computed from."""
     if parts.declared and parts.tau_mean_wheel:
-        own = [f"{parts.spacecraft}.{n}" for n in _STATES]
-        return [parts.declared, *own, parts.tau_mean_wheel]
+        series = [f"{parts.spacecraft}.{n}" for n in _STATES]
+        return [parts.declared, *series, parts.tau_mean_wheel]
     if parts.why:
         return residual.body_series(parts)
     fed = parts.feeds or {}
@@ -420,11 +420,11 @@ def _declared_numbers(
         for k in (0, 1)
     )
     work = np.concatenate([[0.0], np.cumsum(0.5 * np.sum(list(ends), axis=0))])
-    own = np.ravel(energy)[: steps + 1]
-    largest = float(max(np.abs(own).max(), np.abs(work).max()))
+    values = np.ravel(energy)[: steps + 1]
+    largest = float(max(np.abs(values).max(), np.abs(work).max()))
     if largest == 0.0:
         return {}
-    mismatch = float(np.abs(own - own[0] - work).max()) / largest
+    mismatch = float(np.abs(values - values[0] - work).max()) / largest
     return {
         "energy_mismatch": Value(
             "Largest energy mismatch",
@@ -442,8 +442,8 @@ def unchecked(manifest: Manifest, results: Results) -> dict[str, str]:
         return dict.fromkeys(NUMBERS[1:], parts.why)
     totals = totals_of(manifest, results)
     if totals is None:
-        why = _not_of_rows(manifest, results)
-        return dict.fromkeys(NUMBERS, why)
+        reason = _not_of_rows(manifest, results)
+        return dict.fromkeys(NUMBERS, reason)
     if totals.impulse is not None:
         return {}
     lacking = parts.feeds and residual.missing(balanced(parts), results)
@@ -456,16 +456,16 @@ def unmet(manifest: Manifest, results: Results) -> list[str]:
     The external impulse has to be that of the torques from outside the body, and a step
     must not hide too much work.
     """
-    told, lines = manifest.numbers, []
+    numbers, lines = manifest.numbers, []
     bound = manifest.about.get("energy_bound", ENERGY_BOUND)
-    hidden = told["hidden_work"].value if "hidden_work" in told else None
+    hidden = numbers["hidden_work"].value if "hidden_work" in numbers else None
     if hidden is not None and hidden > bound:
         lines.append(
             f"hidden_work = {hidden:.2g}: above energy_bound = {bound:g}: "
             "the torques vary too much within a step for their mean and slope: use more substeps "
             "(--substeps)"
         )
-    mismatch = told.get("impulse_mismatch")
+    mismatch = numbers.get("impulse_mismatch")
     series = residual.momentum(manifest, results)
     if mismatch is not None and series is not None:
         bound = manifest.about.get("impulse_bound", BOUND)
@@ -523,29 +523,29 @@ class OnlineBalance:
             for owner, n in names
             for s in system.components[owner].interface.elements.get(n, ())
         ]
-        self.kept = Kept(self._body.name, outputs)
+        self.recorded = StepRecording(self._body.name, outputs)
         self._known = motion.is_known_body(system, self._body.name)
         self._totals, self._steps = Totals(), 0
 
     def needs(self, component: str, signal: Signal) -> bool:
         """Return whether an output must be read."""
-        return (component, signal.name) in self.kept.outputs
+        return (component, signal.name) in self.recorded.outputs
 
     @property
-    def room(self) -> int:
+    def steps_before_look(self) -> int:
         """Return the number of master steps that may be made before the next `look`."""
-        return self.kept.room
+        return self.recorded.steps_before_look
 
     def look(self) -> None:
         """Add the steps that were made, as far as they fill a piece."""
-        while piece := self.kept.take():
+        while piece := self.recorded.take():
             self._add(*piece)
 
-    def _add(self, starts: Array, given: Array) -> None:
+    def _add(self, starts: Array, inputs: Array) -> None:
         """Add steps from the body's states at their starts and its inputs."""
         q, omega, impulse, h = np.split(starts, (4, 7, 10), axis=1)
-        x = self._inputs(given)
-        dt = self._lengths(len(given))
+        x = self._inputs(inputs)
+        dt = self._lengths(len(inputs))
         mean, slope = (x[name] for name in PAIR)
         torque = motion.torque(self._parameters, x, dt) if self._known else None
         self._totals.add(
@@ -553,33 +553,33 @@ class OnlineBalance:
                 dt, self._carrier, self._axes, q, omega, impulse, h, mean, slope, torque
             )
         )
-        self._steps += len(given)
+        self._steps += len(inputs)
 
-    def _inputs(self, given: Array) -> dict[str, Array]:
+    def _inputs(self, rows: Array) -> dict[str, Array]:
         """Return the body's inputs, (steps, elements) each.
 
         Those that the steps do not record are constant.
         """
-        columns = {name: i for i, name in enumerate(self.kept.inputs)}
-        made: dict[str, Array] = {}
+        columns = {name: i for i, name in enumerate(self.recorded.inputs)}
+        inputs: dict[str, Array] = {}
         for name in dict.fromkeys(s.array for s in self._body.interface.inputs):
             elements = [s.name for s in self._body.interface.elements.get(name, ())]
             if self._body.interface.signals[elements[0]].kind != "Real":
                 continue
             columns_of_it = [
-                given[:, columns[e]]
+                rows[:, columns[e]]
                 if e in columns
-                else np.full(len(given), self._body.values[e], float)
+                else np.full(len(rows), self._body.values[e], float)
                 for e in elements
             ]
-            made[name] = np.column_stack(columns_of_it)
-        return made
+            inputs[name] = np.column_stack(columns_of_it)
+        return inputs
 
     def _lengths(self, n: int) -> Array:
         """Compute the lengths (n, 1) s of the next n steps of the body."""
         step, substeps = self._step, self._inner
-        if self.kept.every > 1 or substeps == 1:
-            return np.full((n, 1), step * self.kept.every / substeps)
+        if self.recorded.every > 1 or substeps == 1:
+            return np.full((n, 1), step * self.recorded.every / substeps)
         parts = np.array([w * step for _, w in graded(substeps)])
         return parts[(self._steps + np.arange(n)) % substeps][:, None]
 
@@ -589,14 +589,14 @@ class OnlineBalance:
         The run `failed` within a step, or ended after one.
         """
         if not failed:
-            self.kept.end(master.k)
+            self.recorded.end(master.k)
         self.look()
-        if rest := self.kept.take(rest=True):
+        if rest := self.recorded.take(rest=True):
             self._add(*rest)
         return None if self._totals.start is None else asdict(self._totals)
 
     def state(self) -> JsonObject:
-        """Return as JSON the state that the continuation depends on, besides `kept`."""
+        """Return as JSON the state that the continuation depends on, besides `recorded`."""
         return {"totals": asdict(self._totals), "steps": self._steps}
 
     def restore(self, state: Mapping[str, Any]) -> None:

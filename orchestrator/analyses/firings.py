@@ -87,7 +87,7 @@ def remarks(manifest: Manifest, results: Results) -> list[str]:
     impulses, parts = _impulses(manifest, results), manifest.parts[KEY]
     if impulses is None or impulses[2] == 0.0 or parts.scheduled:
         return []
-    commanded, given, _ = impulses
+    commanded, delivered, _ = impulses
     tank = manifest.values_of(parts.thrusters).get("tank", 0.0)
     spent = f"{parts.thrusters}.propellant"
     if tank > 0.0 and spent in results.names():
@@ -100,9 +100,9 @@ def remarks(manifest: Manifest, results: Results) -> list[str]:
             ]
     return [
         f"{parts.thrusters}: commanded {commanded[i]:.3g} N m s about {axis}, fired "
-        f"{given[i]:.3g}: shorter on-times than it can give are left out"
+        f"{delivered[i]:.3g}: shorter on-times than it can give are left out"
         for i, axis in enumerate("xyz")
-        if given[i] < MOST * commanded[i]
+        if delivered[i] < MOST * commanded[i]
     ]
 
 
@@ -128,11 +128,11 @@ def _impulses(
     if not len(on_time) or len(times) < 2 or not len(command):
         return None
     steps = np.append(np.diff(times), times[-1] - times[-2])
-    commanded, given = (
+    commanded, delivered = (
         np.abs(x * steps[: len(x), None]).sum(axis=0) for x in (command, torque)
     )
     counts = commanded > COUNTS * float(np.abs(h).max())
-    return (commanded * counts).tolist(), given.tolist(), float(on_time[-1])
+    return (commanded * counts).tolist(), delivered.tolist(), float(on_time[-1])
 
 
 def warnings(system: System) -> list[str]:

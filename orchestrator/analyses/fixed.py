@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 KEY = "fixed_attitude"
 NUMBERS = ("impulse_mismatch",)
 BOUND_KEYS = ("impulse_bound",)
-_OWN = ("q_bi", "omega_bi_body", "h_copy_wheel")
+_BODY_OUTPUTS = ("q_bi", "omega_bi_body", "h_copy_wheel")
 
 
 @dataclass(frozen=True)
@@ -47,12 +47,12 @@ def applies(system: System) -> FixedAttitudeParts | None:
     """Find the component with prescribed attitude, or None without one."""
     for c in system.components.values():
         if c.interface.model == motion.FIXED:
-            fed, why = motion.feeds(system, c.name), ""
+            fed, reason = motion.feeds(system, c.name), ""
             if system.substeps != 1 or c.step_ratio > 1:
-                why = f"a row has several steps of {c.name}, or a part of one"
+                reason = f"a row has several steps of {c.name}, or a part of one"
             elif fed is None:
-                why = f"what reaches {c.name} is converted, or does not come at every step"
-            return FixedAttitudeParts(c.name, fed, why)
+                reason = f"what reaches {c.name} is converted, or does not come at every step"
+            return FixedAttitudeParts(c.name, fed, reason)
     return None
 
 
@@ -65,22 +65,22 @@ def warnings(system: System) -> list[str]:
 def balanced(parts: FixedAttitudeParts) -> list[str]:
     """Return the series that the balance is computed from."""
     outer = [x for x in (parts.feeds or {}).values() if isinstance(x, str)]
-    return [*(f"{parts.spacecraft}.{n}" for n in _OWN), *outer]
+    return [*(f"{parts.spacecraft}.{n}" for n in _BODY_OUTPUTS), *outer]
 
 
 def unchecked(manifest: Manifest, results: Results) -> dict[str, str]:
     """Return the reason why there is no balance, by the number's name."""
-    why = _why_not(manifest, results)
-    return {"impulse_mismatch": why} if why else {}
+    reason = _reason_against(manifest, results)
+    return {"impulse_mismatch": reason} if reason else {}
 
 
-def _why_not(manifest: Manifest, results: Results) -> str:
+def _reason_against(manifest: Manifest, results: Results) -> str:
     """Return the reason why a run has no balance, or ""."""
     parts: FixedAttitudeParts = manifest.parts[KEY]
     if manifest.algorithm != "gauss_seidel":
         return f"under {manifest.algorithm} torques act a step late"
-    if why := parts.why or residual.missing(balanced(parts), results):
-        return why
+    if reason := parts.why or residual.missing(balanced(parts), results):
+        return reason
     times = results.times(f"{parts.spacecraft}.q_bi")
     if len(times) < 2:
         return "there is no whole step"
@@ -98,7 +98,7 @@ def mismatch(manifest: Manifest, results: Results) -> tuple[float, float] | None
 
 def _mismatch(manifest: Manifest, results: Results) -> tuple[float, float] | None:
     """Compute the largest impulse mismatch and the largest momentum from the series."""
-    if _why_not(manifest, results):
+    if _reason_against(manifest, results):
         return None
     parts: FixedAttitudeParts = manifest.parts[KEY]
     name, dt, parameters = (
@@ -107,17 +107,17 @@ def _mismatch(manifest: Manifest, results: Results) -> tuple[float, float] | Non
         manifest.parameters[parts.spacecraft],
     )
     inertia = np.reshape(parameters["inertia"].value, (3, 3))
-    q, omega, h = (results.values(f"{name}.{n}") for n in _OWN)
+    q, omega, h = (results.values(f"{name}.{n}") for n in _BODY_OUTPUTS)
     total = rotate_back(q, omega @ inertia.T + h[:, :3])
     rows = slice(0, len(q) - 1)
     reach = parts.feeds and motion.recorded_inputs(results, parts.feeds, rows)
     assert reach
     torque = motion.torque(parameters, reach, dt)
-    given = np.zeros((len(q) - 1, 3))
+    reference = np.zeros((len(q) - 1, 3))
     for e, weight in zip(NODES, WEIGHTS, strict=True):
         turned = _turned(q[rows], omega[0], e * dt)
-        given += weight * dt * rotate_back(turned, torque(e, turned))
-    off = total[1:] - total[0] - np.cumsum(given, axis=0)
+        reference += weight * dt * rotate_back(turned, torque(e, turned))
+    off = total[1:] - total[0] - np.cumsum(reference, axis=0)
     return float(np.linalg.norm(off, axis=1).max()), float(
         np.linalg.norm(total, axis=1).max()
     )
@@ -138,18 +138,20 @@ def _turned(q: Array, omega: Array, t: float) -> Array:
 
 def numbers(manifest: Manifest, results: Results) -> dict[str, Value]:
     """Return the largest impulse mismatch (N m s)."""
-    made = mismatch(manifest, results)
-    if made is None:
+    mismatches = mismatch(manifest, results)
+    if mismatches is None:
         return {}
     title = "Largest difference of the total momentum from the impulse computed independently"
-    return {"impulse_mismatch": Value(title, made[0], "N.m.s")}
+    return {"impulse_mismatch": Value(title, mismatches[0], "N.m.s")}
 
 
 def unmet(manifest: Manifest, results: Results) -> list[str]:
     """Return a line if the momentum does not follow the external torques."""
-    made = mismatch(manifest, results)
-    if made is None:
+    mismatches = mismatch(manifest, results)
+    if mismatches is None:
         return []
     bound = manifest.about.get("impulse_bound", BOUND)
     number = manifest.numbers["impulse_mismatch"]
-    return residual.beyond("impulse_mismatch", number, "impulse_bound", bound, made[1])
+    return residual.beyond(
+        "impulse_mismatch", number, "impulse_bound", bound, mismatches[1]
+    )

@@ -33,7 +33,9 @@ from . import motion
 Array = NDArray[Any]
 ROLES = ("environment", "spacecraft", "manager")
 SOURCES = ("gravity gradient", "drag", "radiation", "residual dipole")
-GIVEN = "given torque"  # source that stands for a component of the role disturbance
+TABLE_TORQUE = (
+    "given torque"  # source that stands for a component of the role disturbance
+)
 SERIES = (
     "spacecraft.q_bi",
     "spacecraft.omega_bi_body",
@@ -110,7 +112,7 @@ class Flight:
     omega: Array  # (n + 1, 3) rad/s, body
 
     @property
-    def whole(self) -> float:
+    def orbits_duration(self) -> float:
         """Return the duration of all complete orbits (s)."""
         since = float(self.times[-1] - self.times[0])
         return self.period * int(since / self.period * (1.0 + 1e-12))
@@ -154,9 +156,9 @@ def hardware_of(system: System) -> Hardware:
     DesatError
         If the spacecraft has no inertia.
     """
-    given = values_of(system)
-    craft, coils = given["spacecraft"], given.get("torquers", NO_COILS)
-    wheels, thrusters = given.get("wheels", {}), given.get("thrusters", {})
+    values = values_of(system)
+    craft, coils = values["spacecraft"], values.get("torquers", NO_COILS)
+    wheels, thrusters = values.get("wheels", {}), values.get("thrusters", {})
     if "inertia" not in craft:
         raise DesatError(
             f"{system.name}: spacecraft has no inertia: a rigid body is needed"
@@ -192,7 +194,7 @@ def hardware_of(system: System) -> Hardware:
         carrier,
         thrusters.get("arm"),
         thrusters.get("specific_impulse"),
-        float(given.get("tachometers", {}).get("noise", 0.0)),
+        float(values.get("tachometers", {}).get("noise", 0.0)),
     )
 
 
@@ -273,8 +275,8 @@ def flight_of(system: System, results: Any) -> Flight:
         some = {k: x[::every] for k, x in inputs.items()}
         sources = impulses(system, some, q[rows][::every], at)
         if SERIES[13] in known:
-            given = results.values(SERIES[13], rows)[::every]
-            sources[GIVEN] = integral(rotate_back(q[rows][::every], given), at)
+            torque = results.values(SERIES[13], rows)[::every]
+            sources[TABLE_TORQUE] = integral(rotate_back(q[rows][::every], torque), at)
     if SERIES[11] in known:
         # pulses of thrusters are shorter than rows, so sum up the disturbances instead
         if not sources:
@@ -306,7 +308,7 @@ def torques(system: System, inputs: dict[str, Array], q: Array) -> dict[str, Arr
 
     The inputs are (rows, elements) each.
     """
-    given = table([system.components["spacecraft"]])["spacecraft"]
+    parameters = table([system.components["spacecraft"]])["spacecraft"]
     off: Values = {
         "gravity_gradient": False,
         "aerodynamics": "none",
@@ -327,18 +329,20 @@ def torques(system: System, inputs: dict[str, Array], q: Array) -> dict[str, Arr
     ):
         quiet[name] = np.zeros((len(q), 3))
     keys = dict(zip(SOURCES, list(off)[:4], strict=True))
-    made = {}
+    contributions = {}
     for name, key in keys.items():
-        on = {key: given[key]} if key in given else {}
-        if key == "gravity_gradient" and key not in given:
+        on = {key: parameters[key]} if key in parameters else {}
+        if key == "gravity_gradient" and key not in parameters:
             on = {key: Parameter(True, "1")}  # the body has no switch: it always acts
-        made[name] = rotate_back(
-            q, motion.torque({**given, **still, **on}, quiet, 0.0)(0.0, q)
+        contributions[name] = rotate_back(
+            q, motion.torque({**parameters, **still, **on}, quiet, 0.0)(0.0, q)
         )
-    constant = np.asarray(given["tau_disturbance_body"].value, float)
+    constant = np.asarray(parameters["tau_disturbance_body"].value, float)
     if constant.any():
-        made["constant"] = rotate_back(q, np.broadcast_to(constant, (len(q), 3)))
-    return made
+        contributions["constant"] = rotate_back(
+            q, np.broadcast_to(constant, (len(q), 3))
+        )
+    return contributions
 
 
 def impulses(
@@ -412,18 +416,18 @@ def wanted_attitude(system: System) -> Attitude:
         otherwise.
     """
     guide = system.roles.get("guidance")
-    kept = {
+    guidance = {
         "guidance_nadir": ("nadir", "q_bo"),
         "guidance_inertial": ("inertial", "q_target_bi"),
     }
     model = "" if guide is None else guide.interface.model
     if guide is not None and model in GUIDED:
         return Attitude(GUIDED[model], (0.0, 0.0, 0.0, 1.0), 0.0)
-    if guide is None or model not in kept:
+    if guide is None or model not in guidance:
         raise DesatError(
-            f"{system.name}: guidance: one of {', '.join((*kept, *GUIDED))} is needed"
+            f"{system.name}: guidance: one of {', '.join((*guidance, *GUIDED))} is needed"
         )
-    kind, name = kept[model]
+    kind, name = guidance[model]
     x, y, z, w = guide.values[name]
     return Attitude(kind, (x, y, z, w), 0.0)
 
@@ -439,9 +443,11 @@ def environment_block(component: Component, changes: Values | None = None) -> Bl
     """
     model = component.interface.model
     if model not in names() or model == _MOVES:
-        why = "it integrates its orbit" if model == _MOVES else "it is no block of ours"
+        reason = (
+            "it integrates its orbit" if model == _MOVES else "it is no block of ours"
+        )
         raise DesatError(
-            f"{model}: {why}, so it cannot be evaluated at other dates and on other orbits"
+            f"{model}: {reason}, so it cannot be evaluated at other dates and on other orbits"
         )
     block: Block = bare_block(component)
     for name, value in (changes or {}).items():
@@ -531,7 +537,7 @@ def inputs_at(block: Block, times: Sequence[float]) -> dict[str, Array]:
         If the environment does not cover a time.
     """
     every = ("r_eci", "v_eci", "b_eci", "sun_eci", "sunlight", "density")
-    kept: dict[str, list[Any]] = {name: [] for name in every}
+    series: dict[str, list[Any]] = {name: [] for name in every}
     last = None
     try:
         for t in times:
@@ -539,12 +545,12 @@ def inputs_at(block: Block, times: Sequence[float]) -> dict[str, Array]:
                 block.advance(last, t - last)
             block.output(t)
             last = t
-            for name, rows in kept.items():
+            for name, rows in series.items():
                 rows.append(getattr(block, name))
     except BlockError as error:
         raise DesatError(str(error)) from error
     return {
-        k: np.reshape(np.array(x, float), (len(times), -1)) for k, x in kept.items()
+        k: np.reshape(np.array(x, float), (len(times), -1)) for k, x in series.items()
     }
 
 
@@ -557,13 +563,13 @@ def between(inputs: dict[str, Array], nodes: Array, times: Array) -> dict[str, A
     """
     from scipy.interpolate import CubicSpline
 
-    made = {
+    inputs_between = {
         k: CubicSpline(nodes, inputs[k])(times)
         for k in ("r_eci", "v_eci", "b_eci", "sun_eci")
     }
     for name in ("sunlight", "density"):
-        made[name] = np.interp(times, nodes, inputs[name][:, 0])[:, None]
-    return made
+        inputs_between[name] = np.interp(times, nodes, inputs[name][:, 0])[:, None]
+    return inputs_between
 
 
 def flown_at(
@@ -592,8 +598,8 @@ def flown_at(
         if not isinstance(x, str) and k in inputs
     }
     sources = impulses(system, inputs | loose, q, times)
-    if (given := system.roles.get("disturbance")) is not None:
-        sources[GIVEN] = _given_torque(given, inputs, q, times)
+    if (disturbance := system.roles.get("disturbance")) is not None:
+        sources[TABLE_TORQUE] = _given_torque(disturbance, inputs, q, times)
     hardware = hardware_of(system)
     return Flight(
         times,

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 KEY = "health"
 NUMBERS = ()
 # deg: an attitude with a larger rms error over the second half of a run is lost
-LOST = 30.0
+ATTITUDE_LOST_DEG = 30.0
 SELDOM = 0.05  # a sensor that is valid for a smaller share of the time is reported
 TIME = 600.0  # s: a run of this length has time to reach its attitude
 # An attitude counts as held after its error has stayed below HELD (deg) for WHILE (s).
@@ -122,7 +122,7 @@ def unmet(manifest: Manifest, results: Results) -> list[str]:
                 f"{name}: it was never valid{_reason(manifest, results, name)}"
             )
     error, held = _attitude_error(parts, results)
-    if error > LOST and held:
+    if error > ATTITUDE_LOST_DEG and held:
         lines.append(
             f"the attitude was lost: {error:.3g} deg from its reference, rms in the "
             "second half of the run"
@@ -181,7 +181,7 @@ def remarks(manifest: Manifest, results: Results) -> list[str]:
             )
     error, held = _attitude_error(parts, results)
     times = results.times()
-    if error > LOST and not held and times[-1] - times[0] >= TIME:
+    if error > ATTITUDE_LOST_DEG and not held and times[-1] - times[0] >= TIME:
         lines.append(
             f"the attitude never stayed within {HELD:g} deg of its reference for "
             f"{WHILE:g} s: {error:.3g} deg rms in the second half of the run"

@@ -119,7 +119,7 @@ def applies(system: System) -> ThrusterParts | None:
     return None
 
 
-def signals(who: ThrusterParts) -> list[str]:
+def signals(parts: ThrusterParts) -> list[str]:
     """Return the series that a bound is computed from."""
     of = {
         "spacecraft": ("q_bi", "h_copy_wheel"),
@@ -128,11 +128,11 @@ def signals(who: ThrusterParts) -> list[str]:
         "torquers": ("m_mean_body", "m_slope_body"),
     }
     names = [
-        f"{getattr(who, role)}.{variable}"
+        f"{getattr(parts, role)}.{variable}"
         for role, variables in of.items()
         for variable in variables
     ]
-    return [*names, f"{who.thrusters}.on_time"]
+    return [*names, f"{parts.thrusters}.on_time"]
 
 
 def of_run(manifest: Manifest, results: Results) -> LowerBound:
@@ -144,19 +144,19 @@ def of_run(manifest: Manifest, results: Results) -> LowerBound:
         If it has none: another kind of run, or series are not recorded.
     """
     name = manifest.scenario
-    who: ThrusterParts | None = manifest.parts.get(KEY)
-    if who is None:
+    parts: ThrusterParts | None = manifest.parts.get(KEY)
+    if parts is None:
         raise DesatError(NOT_APPLICABLE.format(name))
     if manifest.algorithm != "gauss_seidel":
         raise DesatError(
             f"{name}: a run by {manifest.algorithm}; the bound needs gauss_seidel"
         )
-    truth = _Truth(manifest, results, who)
+    truth = _Truth(manifest, results, parts)
     c_end = truth.attitude(truth.times[-1:])[0]
-    left = (truth.momentum_left @ c_end).astype(float)
-    seconds = float(results.values(f"{who.thrusters}.on_time")[-1])
-    least, price = truth.least(truth.given - left)
-    same, _ = truth.least(truth.given)
+    remaining = (truth.momentum_left @ c_end).astype(float)
+    seconds = float(results.values(f"{parts.thrusters}.on_time")[-1])
+    least, price = truth.least(truth.delivered - remaining)
+    same, _ = truth.least(truth.delivered)
     return LowerBound(
         seconds=seconds,
         least=least,
@@ -190,13 +190,13 @@ class _Truth:
     """True motion of a run: splines of attitude and field, and actuator impulses."""
 
     def __init__(
-        self, manifest: Manifest, results: Results, who: ThrusterParts
+        self, manifest: Manifest, results: Results, parts: ThrusterParts
     ) -> None:
         self._parameters = {
-            role: manifest.values_of(c) for role, c in vars(who).items()
+            role: manifest.values_of(c) for role, c in vars(parts).items()
         }
         q, h, b, tau, tau_slope, m, m_slope, _ = _series(
-            manifest, results, signals(who)
+            manifest, results, signals(parts)
         )
         self.times = times = results.times()[: len(q)]
         self.attitude = Spline(times, matrices(q))
@@ -217,7 +217,7 @@ class _Truth:
 
         means = self._means(times[:-1], times[1:], torque)
         # N m s, eci: impulse of torquers and thrusters in the run
-        self.given: Array = np.diff(times) @ means
+        self.delivered: Array = np.diff(times) @ means
 
     def _means(
         self, begin: Array, end: Array, torque: Callable[[Array, Array], Array]
@@ -262,16 +262,16 @@ class _Truth:
 
     def _jets(self) -> Array:
         """Return the torque of each thruster (p, 3), N m, body."""
-        given = self._parameters["thrusters"]
-        if "tau_level" in given:
-            pairs = np.diag(given["tau_level"])
+        values = self._parameters["thrusters"]
+        if "tau_level" in values:
+            pairs = np.diag(values["tau_level"])
             return np.concatenate([pairs, -pairs])
         try:
             place, way = (
-                np.reshape(given[k], (-1, 3))
+                np.reshape(values[k], (-1, 3))
                 for k in ("position_nozzle", "direction_nozzle")
             )
-            return np.cross(place, np.array(given["thrust"])[:, None] * way)
+            return np.cross(place, np.array(values["thrust"])[:, None] * way)
         except KeyError as error:
             raise DesatError(
                 f"thrusters: no tau_level, no {error.args[0]}: torque unknown"
@@ -279,10 +279,10 @@ class _Truth:
 
     def _coils(self) -> Array:
         """Return the largest dipole of each coil (c, 3), A m2, body."""
-        given = self._parameters["torquers"]
+        values = self._parameters["torquers"]
         try:
             return np.asarray(
-                given["m_limit"] * np.reshape(given["axes_coil"], (3, -1)).T
+                values["m_limit"] * np.reshape(values["axes_coil"], (3, -1)).T
             )
         except KeyError as error:
             raise DesatError(
@@ -291,15 +291,15 @@ class _Truth:
 
     def _share(self, begin: Array, end: Array) -> Array:
         """Return the largest share of each interval that each coil may be on (n, c)."""
-        given = self._parameters["torquers"]
-        period = given.get("sample_time") or np.inf
-        most = 1.0 - given.get("quiet_time", 0.0) / period
-        if given.get("drive") == "pulsed":
-            most = min(most, given["duty_max"])
-        share = np.full((len(begin), len(given["axes_coil"]) // 3), most)
-        if (failed := given.get("failed_coil", "none")) != "none":
-            alive = np.clip((given["failed_from"] - begin) / (end - begin), 0.0, 1.0)
-            rest = abs(given.get("failed_share", 0.0))
+        values = self._parameters["torquers"]
+        period = values.get("sample_time") or np.inf
+        most = 1.0 - values.get("quiet_time", 0.0) / period
+        if values.get("drive") == "pulsed":
+            most = min(most, values["duty_max"])
+        share = np.full((len(begin), len(values["axes_coil"]) // 3), most)
+        if (failed := values.get("failed_coil", "none")) != "none":
+            alive = np.clip((values["failed_from"] - begin) / (end - begin), 0.0, 1.0)
+            rest = abs(values.get("failed_share", 0.0))
             share[:, int(failed) - 1] *= alive + (1.0 - alive) * rest
         return share
 

@@ -73,7 +73,7 @@ NOTHING = 0.01
 MOST_BRAKED = 90.0  # deg of rotation within a sample up to which B-dot brakes
 SETTLED = 0.5  # deg/s: B-dot leaves a craft turning with the field
 LONG_ENOUGH = 1800.0  # s: shortest run in which a law has time to have an effect
-LOST = 30.0  # deg: an attitude error above this is no pointing
+ATTITUDE_LOST_DEG = 30.0  # deg: an attitude error above this is no pointing
 _OF_WHEELS = ("saturated_wheel", "speed_wheel")
 Array = NDArray[Any]
 
@@ -243,9 +243,9 @@ def warnings(system: System) -> Iterator[str]:
                 continue
             rate = c.values[law.rate] * (FIELD if "craft.field" in rule else 1.0)
             if rate * sample > 1.0:
-                where = c.given.get(law.rate, system.where)
+                place = c.origins.get(law.rate, system.place)
                 yield (
-                    f"{where}: {c.name}.{law.rate} = {c.values[law.rate]:g}: at {rate:.3g} 1/s "
+                    f"{place}: {c.name}.{law.rate} = {c.values[law.rate]:g}: at {rate:.3g} 1/s "
                     f"it takes {rate * sample:.3g} times the momentum out within a sample of "
                     f"{sample:g} s; usual is the orbit's rate, some 1e-3 1/s"
                 )
@@ -266,9 +266,9 @@ def _aliased(system: System) -> Iterator[str]:
         samples.append(float(magnetometer.values.get("sample_time", 0.0)))
     turn = np.degrees(rate * max(samples))
     if turn > MOST_BRAKED:
-        where = craft.given.get("omega_start_body", system.where)
+        place = craft.origins.get("omega_start_body", system.place)
         yield (
-            f"{where}: {craft.name} turns at {np.degrees(rate):.3g} deg/s, by {turn:.3g} deg in a "
+            f"{place}: {craft.name} turns at {np.degrees(rate):.3g} deg/s, by {turn:.3g} deg in a "
             f"sample of {max(samples):g} s: beyond {MOST_BRAKED:g} deg {manager.name} speeds "
             "the rotation up instead of braking it; a sample time of "
             f"{np.radians(MOST_BRAKED / 2.0) / rate:.2g} s would do"
@@ -283,12 +283,12 @@ def problems(system: System) -> Iterator[str]:
     guide, manager = system.roles.get("guidance"), system.roles.get("manager")
     if guide is None or manager is None or not _holds(manager):
         return
-    wanted = np.array(_target(system, manager) or (0.0, 0.0, 0.0), float)
-    if not wanted.any() or "environment" not in system.roles:
+    target = np.array(_target(system, manager) or (0.0, 0.0, 0.0), float)
+    if not target.any() or "environment" not in system.roles:
         return
     nadir = guide.interface.model == "guidance_nadir"
     try:
-        turned = _turned(system, wanted)
+        turned = _turned(system, target)
     except (DesatError, BlockError):
         if not nadir:
             return
@@ -297,19 +297,19 @@ def problems(system: System) -> Iterator[str]:
     if nadir:
         offset = guide.values["q_bo"] or [0.0, 0.0, 0.0, 1.0]
         normal = matrices(np.array([offset]))[0] @ normal
-        across = wanted - (wanted @ normal) * normal
-        share = float(np.linalg.norm(across) / np.linalg.norm(wanted))
+        across = target - (target @ normal) * normal
+        share = float(np.linalg.norm(across) / np.linalg.norm(target))
         turned = 2.0 * float(np.arcsin(min(1.0, share))) if share > ACROSS else 0.0
     if turned <= MOST_TURN and not (nadir and turned > 0.0):
         return
-    shown = ", ".join(f"{x:g}" for x in wanted.tolist())
-    where = manager.given.get("h_target_body", system.where)
+    shown = ", ".join(f"{x:g}" for x in target.tolist())
+    place = manager.origins.get("h_target_body", system.place)
     only = (
         f"; only one along the orbit's normal, ({', '.join(f'{x:.3g}' for x in normal)}) in body, "
         "stays"
     )
     yield (
-        f"{where}: {manager.name}.h_target_body = ({shown}) N m s: {guide.interface.model} turns "
+        f"{place}: {manager.name}.h_target_body = ({shown}) N m s: {guide.interface.model} turns "
         f"it by {np.degrees(turned):.3g} deg in eci, and no law turns a bias with it"
         f"{only if nadir else ''}"
     )
@@ -365,9 +365,9 @@ def numbers(manifest: Manifest, results: Results) -> dict[str, Value]:
     if parts.torquers:
         known |= _of_their_coils(parts.torquers, manifest, results)
     if parts.wheels:
-        own = manifest.values_of(parts.wheels)
-        if "inertia_wheel" in own and "speed_limit" in own and there.any():
-            known["momentum_margin"] = margin(h, capacities(own)[there])
+        values = manifest.values_of(parts.wheels)
+        if "inertia_wheel" in values and "speed_limit" in values and there.any():
+            known["momentum_margin"] = margin(h, capacities(values)[there])
         saturated, speed = (results.values(f"{parts.wheels}.{n}") for n in _OF_WHEELS)
         known |= zip(
             OF_WHEELS, of_wheels(times, saturated, speed[:, there]), strict=True
@@ -455,12 +455,12 @@ def _least_braking(manifest: Manifest, results: Results) -> float | None:
     parts: ManagementParts = manifest.parts[KEY]
     if not parts.brakes or not parts.torquers:
         return None
-    given, coils = (
+    values, coils = (
         manifest.parameters.get(parts.spacecraft, {}),
         manifest.values_of(parts.torquers),
     )
     series = f"{parts.spacecraft}.omega_bi_body", str(parts.field)
-    if missing(list(series), results) or "inertia" not in given:
+    if missing(list(series), results) or "inertia" not in values:
         return None
     if (
         coils.get("drive") == "ideal"
@@ -469,7 +469,9 @@ def _least_braking(manifest: Manifest, results: Results) -> float | None:
     ):
         return None
     omega, b = (results.values(s) for s in series)
-    begun = float(np.linalg.norm(np.reshape(given["inertia"].value, (3, 3)) @ omega[0]))
+    begun = float(
+        np.linalg.norm(np.reshape(values["inertia"].value, (3, 3)) @ omega[0])
+    )
     axes = np.reshape(coils["axes_coil"], (3, -1))
     most = float(coils["m_limit"]) * int((np.linalg.norm(axes, axis=0) > 0.0).sum())
     times = results.times()[: len(b)]
@@ -492,11 +494,15 @@ def balanced(parts: ManagementParts) -> list[str]:
     """Return the series that `compare` needs; empty where it cannot be computed."""
     if (parts.torquers and parts.field is None) or not parts.manager:
         return []
-    own = [f"{parts.spacecraft}.{n}" for n in ("q_bi", "omega_bi_body", "impulse_eci")]
-    own.append(f"{parts.spacecraft}.h_copy_wheel")
+    series = [
+        f"{parts.spacecraft}.{n}" for n in ("q_bi", "omega_bi_body", "impulse_eci")
+    ]
+    series.append(f"{parts.spacecraft}.h_copy_wheel")
     if parts.torquers and parts.field:
-        own += [f"{parts.torquers}.m_mean_body", parts.field]
-    return own + [f"{parts.thrusters}.tau_mean_thruster_body"] * bool(parts.thrusters)
+        series += [f"{parts.torquers}.m_mean_body", parts.field]
+    return series + [f"{parts.thrusters}.tau_mean_thruster_body"] * bool(
+        parts.thrusters
+    )
 
 
 def compare(manifest: Manifest, results: Results) -> tuple[float, float] | None:
@@ -506,7 +512,7 @@ def compare(manifest: Manifest, results: Results) -> tuple[float, float] | None:
     recorded or known, or the attitude was lost.
     """
     parts: ManagementParts = manifest.parts[KEY]
-    if parts.holds and _lost(parts, results) is not None:
+    if parts.holds and _largest_late_error(parts, results) is not None:
         return None
     held = balance(manifest, results)
     return (
@@ -542,7 +548,7 @@ def _balance(manifest: Manifest, results: Results) -> Balance | None:
     gauss_seidel, or where too little is recorded.
     """
     parts: ManagementParts = manifest.parts[KEY]
-    given = manifest.parameters.get(parts.spacecraft, {})
+    values = manifest.parameters.get(parts.spacecraft, {})
     needed = balanced(parts)
     if not needed or parts.target is None or manifest.algorithm != "gauss_seidel":
         return None
@@ -568,8 +574,8 @@ def _balance(manifest: Manifest, results: Results) -> Balance | None:
     known_wheels = _wheels_of(manifest, parts)
     axes = axes_of(known_wheels)
     body = (
-        omega @ carrier_of(given)[0].T
-        if {"inertia", "inertia_wheel"} <= given.keys()
+        omega @ carrier_of(values)[0].T
+        if {"inertia", "inertia_wheel"} <= values.keys()
         else 0.0
     )
     managed = np.zeros((count, 3))
@@ -647,8 +653,8 @@ def fired_impulse(times: Array, q: Array, torque: Array) -> Array:
     Their mean torque over each step is in N m, body.
     """
     steps = np.diff(times)[:, None]
-    given = rotate_back(q[:-1], torque[: len(times) - 1]) * steps
-    return np.vstack([np.zeros(3), np.cumsum(given, axis=0)])
+    impulses = rotate_back(q[:-1], torque[: len(times) - 1]) * steps
+    return np.vstack([np.zeros(3), np.cumsum(impulses, axis=0)])
 
 
 def unmanaged(
@@ -672,20 +678,20 @@ def off_target(
     Both are in N m s, over the second half of the run.
     """
     late = times >= (times[0] + times[-1]) / 2.0
-    left = np.linalg.norm(stored[late] - target, axis=1)
+    distance = np.linalg.norm(stored[late] - target, axis=1)
     other = np.linalg.norm(without[late] - target, axis=1)
-    return _rms(left, times[late]), _rms(other, times[late])
+    return _rms(distance, times[late]), _rms(other, times[late])
 
 
 def unchecked(manifest: Manifest, results: Results) -> dict[str, str]:
     """Return the reason for each number that could not be computed, by its name."""
     parts: ManagementParts = manifest.parts[KEY]
-    if why := missing(signals(parts), results):
-        return dict.fromkeys(NUMBERS, why)
-    if parts.holds and (error := _lost(parts, results)) is not None:
+    if reason := missing(signals(parts), results):
+        return dict.fromkeys(NUMBERS, reason)
+    if parts.holds and (error := _largest_late_error(parts, results)) is not None:
         return dict.fromkeys(OF_BALANCE, f"the attitude was lost ({error:.3g} deg)")
-    if parts.holds and (why := missing(balanced(parts), results)):
-        return dict.fromkeys(OF_BALANCE, why)
+    if parts.holds and (reason := missing(balanced(parts), results)):
+        return dict.fromkeys(OF_BALANCE, reason)
     return {}
 
 
@@ -702,7 +708,7 @@ def unmet(manifest: Manifest, results: Results) -> list[str]:
     lines = _driven(parts, results) if parts.brakes else []
     if not parts.holds:
         return lines
-    if _lost(parts, results) is not None:
+    if _largest_late_error(parts, results) is not None:
         return lines
     if (share := removed(manifest, results)) is not None and share < NOTHING:
         return [
@@ -713,13 +719,13 @@ def unmet(manifest: Manifest, results: Results) -> list[str]:
     compared = compare(manifest, results)
     if compared is None:
         return lines
-    left, without = compared
+    deviation, without = compared
     capacity = _capacity(manifest.values_of(parts.wheels or ""))
-    if left <= (1.0 + ALIKE) * max(without, parts.deadband) + SMALL * capacity:
+    if deviation <= (1.0 + ALIKE) * max(without, parts.deadband) + SMALL * capacity:
         return lines
     return [
         *lines,
-        f"management: wheel momentum less its target is {left:.3g} N m s rms in the "
+        f"management: wheel momentum less its target is {deviation:.3g} N m s rms in the "
         f"second half of the run, without management it would be {without:.3g}",
     ]
 
@@ -738,8 +744,8 @@ def _driven(parts: ManagementParts, results: Results) -> list[str]:
     ]
 
 
-def _lost(parts: ManagementParts, results: Results) -> float | None:
-    """Return the largest attitude error in the second half (deg) above `LOST`.
+def _largest_late_error(parts: ManagementParts, results: Results) -> float | None:
+    """Return the largest attitude error in the second half (deg) above `ATTITUDE_LOST_DEG`.
 
     None where it is below, or not known.
     """
@@ -751,7 +757,7 @@ def _lost(parts: ManagementParts, results: Results) -> float | None:
     if count < 4:
         return None
     error = float(pointing(q[count // 2 : count], reference[count // 2 : count]).max())
-    return error if error > LOST else None
+    return error if error > ATTITUDE_LOST_DEG else None
 
 
 def removed(manifest: Manifest, results: Results) -> float | None:
@@ -788,26 +794,26 @@ def _capacity(wheels: Values) -> float:
     return smallest_capacity(wheels)
 
 
-def most_of_coils(given: Values) -> float | None:
+def most_of_coils(values: Values) -> float | None:
     """Return the largest dipole of a coil (A m2) by the parameters of the torquers.
 
     For pulsed coils it is the mean over a period. None where it has no limit or is not
     known.
     """
-    most = given.get("m_limit", 0.0)
-    if given.get("drive") == "ideal" or not most or "axes_coil" not in given:
+    most = values.get("m_limit", 0.0)
+    if values.get("drive") == "ideal" or not most or "axes_coil" not in values:
         return None
-    return float(most * given["duty_max"] if given.get("drive") == "pulsed" else most)
+    return float(most * values["duty_max"] if values.get("drive") == "pulsed" else most)
 
 
-def rows_a_period(given: Values, step: float) -> int:
+def rows_a_period(values: Values, step: float) -> int:
     """Return the number of rows over which the dipole of coils is averaged.
 
     For pulsed coils these are the rows of a period, otherwise it is one row.
     """
     return (
-        max(1, round(given["sample_time"] / step))
-        if given.get("drive") == "pulsed"
+        max(1, round(values["sample_time"] / step))
+        if values.get("drive") == "pulsed"
         else 1
     )
 

@@ -85,11 +85,11 @@ class SubstepChoice:
         return {**vars(self), "tried": {str(n): e for n, e in self.tried.items()}}
 
     @classmethod
-    def from_json(cls, told: JsonObject) -> SubstepChoice:
+    def from_json(cls, document: JsonObject) -> SubstepChoice:
         """Read it from a manifest."""
-        seen = told["reached"]
-        tried = {int(n): e for n, e in told["tried"].items()}
-        return cls(**{**told, "tried": tried, "reached": seen and tuple(seen)})
+        seen = document["reached"]
+        tried = {int(n): e for n, e in document["tried"].items()}
+        return cls(**{**document, "tried": tried, "reached": seen and tuple(seen)})
 
 
 @dataclass(frozen=True, eq=False)
@@ -224,21 +224,21 @@ class Manifest(Mapping[str, Any]):
 
     def to_json(self) -> JsonObject:
         """Return the content of `manifest.json`."""
-        told: dict[str, Any] = {}
+        document: dict[str, Any] = {}
         for f in fields(self):
             value = getattr(self, f.name)
             if f.name in ("parts", "more"):
-                told |= {key: _as_json(x) for key, x in value.items()}
+                document |= {key: _as_json(x) for key, x in value.items()}
             elif (
                 self.message is not None
                 if f.name in AT_THE_END
                 else (value is not None or f.name == "ssp")
             ):
-                told[f.name] = _as_json(value)
-        return told
+                document[f.name] = _as_json(value)
+        return document
 
     @classmethod
-    def from_json(cls, told: JsonObject) -> Manifest:
+    def from_json(cls, document: JsonObject) -> Manifest:
         """Read a manifest, also one of an older or a newer version.
 
         An older one lacks some keys.
@@ -249,21 +249,23 @@ class Manifest(Mapping[str, Any]):
             If a key does not have the form that it needs; the text names the key.
         """
         keys = {f.name for f in fields(cls)} - {"parts", "more"}
-        made = {key: x for key, x in told.items() if key in keys}
+        fields_found = {key: x for key, x in document.items() if key in keys}
         for key, of in _TYPED.items():
-            if made.get(key) is not None:
-                made[key] = _read(key, of, made[key])
+            if fields_found.get(key) is not None:
+                fields_found[key] = _read(key, of, fields_found[key])
         parts = {}
         for analysis in analyses():
             key = analysis.KEY
-            if key in told:
-                parts[key] = told[key] and _read(
-                    key, analysis.PARTS.from_json, told[key]
+            if key in document:
+                parts[key] = document[key] and _read(
+                    key, analysis.PARTS.from_json, document[key]
                 )
         more = {
-            key: x for key, x in told.items() if key not in made and key not in parts
+            key: x
+            for key, x in document.items()
+            if key not in fields_found and key not in parts
         }
-        manifest = cls(**{**made, "parts": parts, "more": more})
+        manifest = cls(**{**fields_found, "parts": parts, "more": more})
         fault = fault_of(manifest, cls, "")
         for key, part in parts.items():
             fault = fault or (fault_of(part, type(part), key) if part else "")
@@ -295,10 +297,10 @@ def _as_json(x: Any) -> Any:
     return dict(vars(x)) if is_dataclass(x) else x
 
 
-def _read(key: str, of: Callable[[Any], Any], told: Any) -> Any:
+def _read(key: str, of: Callable[[Any], Any], value: Any) -> Any:
     """Read the value of a key with `of`; raise ValueError, which names the key."""
     try:
-        return of(told)
+        return of(value)
     except (ValueError, TypeError, KeyError, AttributeError) as error:
         raise ValueError(f"{key} has not the form that it needs ({error})") from error
 

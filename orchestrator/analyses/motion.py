@@ -251,11 +251,11 @@ def torque(
 
     The parameters are as a manifest has them, and x are the inputs at each step.
     """
-    given = _ALWAYS | {k: p.value for k, p in parameters.items()}
-    inertia = np.reshape(given["inertia"], (3, 3))
+    values = _ALWAYS | {k: p.value for k, p in parameters.items()}
+    inertia = np.reshape(values["inertia"], (3, 3))
     fall = -MU * x["r_eci"] / np.linalg.norm(x["r_eci"], axis=1, keepdims=True) ** 3
-    plates = np.reshape(given["plates"], (-1, PLATE_COLUMNS))
-    drives = np.reshape(given["drive_plate"], (-1, 3))
+    plates = np.reshape(values["plates"], (-1, PLATE_COLUMNS))
+    drives = np.reshape(values["drive_plate"], (-1, 3))
     there = [k for k in range(len(plates)) if plates[k, 3] > 0.0]
     axes: dict[int, Array] = {
         k: drives[k] / size
@@ -280,12 +280,15 @@ def torque(
 
         The direction s to the Sun is as for `light`.
         """
-        head = -0.5 * x["density"] * given["drag_coefficient"]
-        if given["aerodynamics"] == "area":
+        head = -0.5 * x["density"] * values["drag_coefficient"]
+        if values["aerodynamics"] == "area":
             force = (
-                head * given["area_drag"] * np.linalg.norm(v, axis=1, keepdims=True) * v
+                head
+                * values["area_drag"]
+                * np.linalg.norm(v, axis=1, keepdims=True)
+                * v
             )
-            return cross(given["centre_drag_body"], force)
+            return cross(values["centre_drag_body"], force)
         total = np.zeros_like(v)
         for k in there:
             p = plates[k]
@@ -299,9 +302,10 @@ def torque(
         The direction s to the Sun is a unit vector, body.
         """
         pressure = SOLAR_PRESSURE * x["sunlight"]
-        if given["radiation"] == "area":
+        if values["radiation"] == "area":
             return cross(
-                given["centre_radiation_body"], -pressure * given["area_radiation"] * s
+                values["centre_radiation_body"],
+                -pressure * values["area_radiation"] * s,
             )
         total = np.zeros_like(s)
         for k in there:
@@ -317,26 +321,26 @@ def torque(
         r = x["r_eci"] + t * x["v_eci"] + 0.5 * t * t * fall
         b = x["b_eci"] + t * x["b_rate_eci"] + 0.5 * t * t * x["b_accel_eci"]
         dipole = (
-            x["m_mean_body"] + lead * x["m_slope_body"] + given["residual_dipole_body"]
+            x["m_mean_body"] + lead * x["m_slope_body"] + values["residual_dipole_body"]
         )
         total = (
             x["tau_ext_body"]
-            + given["tau_disturbance_body"]
+            + values["tau_disturbance_body"]
             + cross(dipole, rotate(q, b))
         )
         total += x["tau_mean_thruster_body"] + lead * x["tau_slope_thruster_body"]
-        if given["gravity_gradient"]:
+        if values["gravity_gradient"]:
             p = rotate(q, r)
             size = np.linalg.norm(p, axis=1, keepdims=True)
             total += 3.0 * MU / size**5 * cross(p, p @ inertia.T)
-        if given["aerodynamics"] != "none":
+        if values["aerodynamics"] != "none":
             wind = (
                 x["v_eci"]
                 + t * fall
                 - cross([0.0, 0.0, EARTH_RATE], x["r_eci"] + t * x["v_eci"])
             )
             total += drag(rotate(q, wind), rotate(q, x["sun_eci"]))
-        if given["radiation"] != "none":
+        if values["radiation"] != "none":
             total += light(rotate(q, x["sun_eci"]))
         return np.asarray(total)
 

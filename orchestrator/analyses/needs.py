@@ -32,13 +32,13 @@ def problems(system: System) -> Iterator[str]:
             continue
         if block.offers and _turns(system) and instead(Need.CONTROLLER, system, c.name):
             yield (
-                f"{system.where}: {c.name}: {c.interface.model} has no attitude law, "
+                f"{system.place}: {c.name}: {c.interface.model} has no attitude law, "
                 "and no other component controls the attitude: tau_ctrl_body is "
                 "unconnected"
             )
         for need in needs_of(block):
             if has := instead(need, system, c.name):
-                yield f"{system.where}: {c.name}: {c.interface.model} needs {need.value}; {has}"
+                yield f"{system.place}: {c.name}: {c.interface.model} needs {need.value}; {has}"
 
 
 def design_problems(system: System, options: Options) -> Iterator[str]:
@@ -65,7 +65,7 @@ def design_problems(system: System, options: Options) -> Iterator[str]:
             continue
         if not any(x for t in tables for x in c.values[t]):
             yield (
-                f"{system.where}: {c.name}: {c.interface.model} needs {Need.DESIGN.value}; "
+                f"{system.place}: {c.name}: {c.interface.model} needs {Need.DESIGN.value}; "
                 f"{', '.join(tables)} {'is' if len(tables) == 1 else 'are'} 0"
             )
 

@@ -56,9 +56,9 @@ def warnings(system: System) -> Iterator[str]:
     yield from _coils(system)
 
 
-def _where(system: System, component: Component, name: str) -> str:
+def _place_of(system: System, component: Component, name: str) -> str:
     """Return file and key of a parameter, for messages."""
-    return component.given.get(name, system.where)
+    return component.origins.get(name, system.place)
 
 
 def _body(system: System) -> Iterator[str]:
@@ -68,14 +68,14 @@ def _body(system: System) -> Iterator[str]:
         return
     if craft is not None and "inertia" in craft.values:
         inertia = np.diag(np.reshape(craft.values["inertia"], (3, 3))).tolist()
-        where = _where(system, craft, "inertia")
+        place = _place_of(system, craft, "inertia")
         yield from (
-            f"{where}: body: {line}" for line in contradictions(system.body, inertia)
+            f"{place}: body: {line}" for line in contradictions(system.body, inertia)
         )
     tank = 0.0 if thrusters is None else thrusters.values.get("tank", 0.0)
     if thrusters is not None and tank > LARGEST_TANK * system.body.mass:
         yield (
-            f"{_where(system, thrusters, 'tank')}: {thrusters.name}.tank = {tank:g} kg in a craft "
+            f"{_place_of(system, thrusters, 'tank')}: {thrusters.name}.tank = {tank:g} kg in a craft "
             f"of {system.body.mass:g} kg"
         )
 
@@ -91,19 +91,19 @@ def _dumps(system: System, wheels: WheelArray) -> Iterator[str]:
     )
     if not 0.0 < capacity < inf:
         return
-    most, whose = capacity, "a wheel holds"
+    most, owner = capacity, "a wheel holds"
     if manager.choice("fill") == "sum":
         most = float(np.linalg.norm(np.abs(wheels.axes) @ wheels.capacities))
-        whose = "the wheels hold no more than"
-    where = _where(system, manager, "begin")
+        owner = "the wheels hold no more than"
+    place = _place_of(system, manager, "begin")
     if begin > most:
         yield (
-            f"{where}: {manager.name}.begin = {begin:g} N m s, and {whose} {most:.4g} N m s: no "
+            f"{place}: {manager.name}.begin = {begin:g} N m s, and {owner} {most:.4g} N m s: no "
             "dump begins"
         )
     elif begin < SMALLEST_THRESHOLD * capacity:
         yield (
-            f"{where}: {manager.name}.begin = {begin:g} N m s is {100.0 * begin / capacity:.2g} % "
+            f"{place}: {manager.name}.begin = {begin:g} N m s is {100.0 * begin / capacity:.2g} % "
             f"of a wheel's {capacity:.4g} N m s: is it meant as a share?"
         )
     torque, limit = (
@@ -117,7 +117,7 @@ def _dumps(system: System, wheels: WheelArray) -> Iterator[str]:
     needed = torque * float(np.linalg.norm(np.linalg.pinv(wheels.axes), axis=1).max())
     if needed > limit * (1.0 + 1e-9):
         yield (
-            f"{_where(system, manager, 'torque')}: {manager.name}.torque = {torque:g} N m asks up "
+            f"{_place_of(system, manager, 'torque')}: {manager.name}.torque = {torque:g} N m asks up "
             f"to {needed:.3g} N m of a wheel, which gives {limit:g} N m: the craft turns with "
             "each dump"
         )
@@ -131,12 +131,12 @@ def _coils(system: System) -> Iterator[str]:
         or not {"resistance", "area_turns", "m_limit"} <= coils.values.keys()
     ):
         return
-    given = {"resistance", "area_turns"} & coils.given.keys()
+    construction = {"resistance", "area_turns"} & coils.origins.keys()
     current = coils.values["m_limit"] / coils.values["area_turns"]
     power = current**2 * coils.values["resistance"]
-    if given and power > LARGEST_COIL_POWER:
+    if construction and power > LARGEST_COIL_POWER:
         yield (
-            f"{_where(system, coils, min(given))}: {coils.name}: {power:.3g} W in each coil at "
+            f"{_place_of(system, coils, min(construction))}: {coils.name}: {power:.3g} W in each coil at "
             f"{coils.values['m_limit']:g} A m2: coils of spacecraft take {LARGEST_COIL_POWER:g} W "
             "at most"
         )
@@ -169,14 +169,14 @@ def _orbit_momentum(system: System, wheels: WheelArray) -> Iterator[str]:
     rest = rest - (rest.max(axis=0) + rest.min(axis=0)) / 2.0
     inside = rotate(flight.q, rest) - (flight.body - flight.body.mean(axis=0))
     needs = float(np.abs(inside @ inverse.T).max())
-    where = _where(system, craft, "residual_dipole_body")
+    place = _place_of(system, craft, "residual_dipole_body")
     if needs > capacity:
-        yield f"{where}: {name}: {cyclic.shortfall(needs, capacity)}"
+        yield f"{place}: {name}: {cyclic.shortfall(needs, capacity)}"
     along = rotate(flight.q, np.broadcast_to(secular, (len(flight.q), 3)))
     brings = span * float(np.abs(along @ inverse.T).max())
     if brings > capacity:
         yield (
-            f"{where}: {name}: disturbances leave {brings:.3g} N m s in the fullest wheel "
+            f"{place}: {name}: disturbances leave {brings:.3g} N m s in the fullest wheel "
             f"in each orbit, and it holds {capacity:.3g} N m s"
         )
 
@@ -216,8 +216,8 @@ def _most_in_an_orbit(system: System, craft: Component) -> float:
         torque += (
             density * MU / near * 2.2 * _lever(values, "aerodynamics", "area_drag")
         )
-        return float(period * (torque + _given(system)))
-    return float(motion.period_of(r, v) * (torque + _given(system)))
+        return float(period * (torque + _largest_table_torque(system)))
+    return float(motion.period_of(r, v) * (torque + _largest_table_torque(system)))
 
 
 def _lever(values: Values, option: str, area: str) -> float:
@@ -230,7 +230,7 @@ def _lever(values: Values, option: str, area: str) -> float:
     return float(values.get(area, 0.0) * np.linalg.norm(values.get(centre, 0.0)))
 
 
-def _given(system: System) -> float:
+def _largest_table_torque(system: System) -> float:
     """Return the largest torque (N m) of a table of torques."""
     table = craft_of(system).disturbance
     if table is None or "torque" not in table.values:

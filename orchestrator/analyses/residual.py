@@ -119,8 +119,10 @@ def _momentum(manifest: Manifest, results: Results) -> Momentum | None:
     times = results.times(series[0])
     # a slow component's outputs are held between its steps
     every = lcm(*(manifest.step_ratio[s.partition(".")[0]] for s in series))
-    whole = np.round((times - manifest.start) / manifest.step).astype(int) % every == 0
-    values = [results.values(s)[whole] for s in series]
+    is_master_step = (
+        np.round((times - manifest.start) / manifest.step).astype(int) % every == 0
+    )
+    values = [results.values(s)[is_master_step] for s in series]
     impulse, h = values[-2:]
     if len(impulse) == 0:
         return None
@@ -132,15 +134,15 @@ def _momentum(manifest: Manifest, results: Results) -> Momentum | None:
         in_eci = rotate_back(q, omega @ carrier.T + h @ axes.T)
     sizes = np.linalg.norm(in_eci, axis=1).max(), np.linalg.norm(h, axis=1).max()
     residual = in_eci - in_eci[0] - (impulse - impulse[0])
-    return Momentum(times[whole], residual, float(max(sizes)))
+    return Momentum(times[is_master_step], residual, float(max(sizes)))
 
 
-def carrier_of(given: Mapping[str, Parameter]) -> tuple[Array, Array]:
+def carrier_of(parameters: Mapping[str, Parameter]) -> tuple[Array, Array]:
     """Return J_r (3, 3) in kg m2 and the wheels' axes (3, 4) of a rigid body.
 
     J_r is the inertia without the wheels' axial part.
     """
-    values = {name: parameter.value for name, parameter in given.items()}
+    values = {name: parameter.value for name, parameter in parameters.items()}
     return carrier_inertia(values), axes_of(values)
 
 
@@ -153,8 +155,10 @@ def balanced(parts: MomentumParts) -> list[str]:
 
 def body_series(parts: RigidBodyParts) -> list[str]:
     """Return the series of a body's state, of the impulse on it and of its wheels."""
-    own = [f"{parts.spacecraft}.{n}" for n in ("q_bi", "omega_bi_body", "impulse_eci")]
-    return [*own, parts.wheels]
+    series = [
+        f"{parts.spacecraft}.{n}" for n in ("q_bi", "omega_bi_body", "impulse_eci")
+    ]
+    return [*series, parts.wheels]
 
 
 def warnings(system: System) -> list[str]:
@@ -176,8 +180,8 @@ def unchecked(manifest: Manifest, results: Results) -> dict[str, str]:
     """Return the reason why there is no residual, by the number's name."""
     if momentum(manifest, results) is not None:
         return {}
-    if why := manifest.parts[KEY].unknown:
-        return {"momentum_residual": why}
+    if reason := manifest.parts[KEY].unknown:
+        return {"momentum_residual": reason}
     return {
         "momentum_residual": missing(balanced(manifest.parts[KEY]), results)
         or "there are no rows"

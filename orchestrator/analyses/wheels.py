@@ -28,34 +28,37 @@ def _axes(system: System) -> Iterator[str]:
         if c.interface.role != "wheels" or "axes_wheel" not in c.interface.arrays:
             continue
         there, axes = existing(c.values), axes_of(c.values)
-        if lost := _left_out(axes[:, there]):
+        if missing := _left_out(axes[:, there]):
             yield (
-                f"{c.name}: {int(there.sum())} wheels: none of them gives torque about {lost}, which "
+                f"{c.name}: {int(there.sum())} wheels: none of them gives torque about {missing}, which "
                 "the controller wants"
             )
             continue
         failed, since = c.choice("failed"), c.values["failed_from"]
         if failed != "none" and since < system.stop:
             there[[int(x) - 1 for x in failed.split("+")]] = False
-            if lost := _left_out(axes[:, there]):
-                where, begin = (
-                    c.given.get("failed", system.where),
+            if missing := _left_out(axes[:, there]):
+                place, begin = (
+                    c.origins.get("failed", system.place),
                     max(since, system.start),
                 )
                 yield (
-                    f"{where}: {c.name}.failed = {failed}: from {begin:g} s on no wheel "
-                    f"gives torque about {lost}, which the controller commands"
+                    f"{place}: {c.name}.failed = {failed}: from {begin:g} s on no wheel "
+                    f"gives torque about {missing}, which the controller commands"
                 )
 
 
 def _left_out(axes: NDArray[np.float64]) -> str:
     """Return the direction that axes (3, n) do not reach as text; empty if none."""
-    left, sizes, _ = (
+    axes_left, sizes, _ = (
         np.linalg.svd(axes) if axes.size else (np.eye(3), np.zeros(3), None)
     )
     if len(sizes) == 3 and sizes[2] > FLAT * sizes[0]:
         return ""
     if len(sizes) < 2 or sizes[1] <= FLAT * sizes[0]:
         return "two axes"
-    normal = left[:, 2] * np.sign(left[np.argmax(np.abs(left[:, 2])), 2]) + 0.0
+    normal = (
+        axes_left[:, 2] * np.sign(axes_left[np.argmax(np.abs(axes_left[:, 2])), 2])
+        + 0.0
+    )
     return "(" + ", ".join(f"{x:.3g}" for x in normal) + ")"

@@ -35,7 +35,7 @@ def write_law(file: Path, force: bool = False) -> list[Path]:
     return _write(file, LAW, {}, force)
 
 
-def write(what: str, file: Path | None, force: bool = False) -> list[Path]:
+def write(kind: str, file: Path | None, force: bool = False) -> list[Path]:
     """Write a block of a role, or one derived from a project's block, and its test.
 
     Without a file it is `my_ROLE.py`.
@@ -43,35 +43,35 @@ def write(what: str, file: Path | None, force: bool = False) -> list[Path]:
     Raises
     ------
     DesatError
-        If `what` is neither a role nor a block, or as in `write_law`.
+        If `kind` is neither a role nor a block, or as in `write_law`.
     """
     roles = role_classes()
-    if what not in roles and what not in names():
+    if kind not in roles and kind not in names():
         raise DesatError(
-            f"{what}: no role and no block of ours{nearest(what, {*roles, *names()})}"
+            f"{kind}: no role and no block of ours{nearest(kind, {*roles, *names()})}"
         )
-    file = file or Path(f"my_{what}")
-    if what == Manager.role:
+    file = file or Path(f"my_{kind}")
+    if kind == Manager.role:
         return write_law(file, force)
-    base = roles[what].typical_block if what in roles else what
+    base = roles[kind].typical_block if kind in roles else kind
     return _write(file, "block", _description(base, block_class(base)), force)
 
 
 def _description(base: str, block: type[Block]) -> dict[str, Any]:
     """Return the values of the template that describe the base block."""
-    method, what = "advance", "A step: dt (s) from t (s) on."
+    method, meaning = "advance", "A step: dt (s) from t (s) on."
     if issubclass(block, Computer):
-        method, what = (
+        method, meaning = (
             "compute",
             "A step: dt (s) from t (s) on; it decides at its samples.",
         )
     elif hasattr(block, "measure"):
-        method, what = (
+        method, meaning = (
             "measure",
             "A sample: its number, and the time since the last (s).",
         )
     function = inspect.signature(getattr(block, method))
-    given = list(function.parameters.values())[1:]
+    arguments = list(function.parameters.values())[1:]
     lines: dict[str, list[str]] = {"input": [], "output": []}
     for v in block.variables:
         if v.causality in lines and v.name != "fault":
@@ -82,9 +82,9 @@ def _description(base: str, block: type[Block]) -> dict[str, Any]:
         "base": base,
         "base_class": block.__name__,
         "method": method,
-        "what": what,
-        "arguments": ", ".join(f"{p.name}: {p.annotation}" for p in given),
-        "names": ", ".join(p.name for p in given),
+        "what": meaning,
+        "arguments": ", ".join(f"{p.name}: {p.annotation}" for p in arguments),
+        "names": ", ".join(p.name for p in arguments),
         "inputs": lines["input"],
         "outputs": lines["output"],
     }
@@ -99,8 +99,8 @@ def _write(file: Path, kind: str, more: Mapping[str, Any], force: bool) -> list[
         name = identifier(str(file))
     except OwnBlockError as error:
         raise DesatError(str(error)) from None
-    made = {file: f"{kind}.py", file.with_name(f"test_{file.name}"): "test.py"}
-    for path in made:
+    templates = {file: f"{kind}.py", file.with_name(f"test_{file.name}"): "test.py"}
+    for path in templates:
         if path.exists() and not force:
             raise DesatError(f"{path}: it exists; --force writes over it")
         io.place_of(path)
@@ -112,16 +112,16 @@ def _write(file: Path, kind: str, more: Mapping[str, Any], force: bool) -> list[
         keep_trailing_newline=True,
     )
     words = [w for w in name.split("_") if w]
-    told = {
+    values = {
         "name": name,
         "cls": "".join(w[:1].upper() + w[1:] for w in words) or "Mine",
         "title": " ".join(words).capitalize() or "A block",
         **more,
     }
-    if told["cls"] == told.get("base_class"):
-        told["cls"] = f"{told['cls']}Mine"
+    if values["cls"] == values.get("base_class"):
+        values["cls"] = f"{values['cls']}Mine"
     file.parent.mkdir(parents=True, exist_ok=True)
-    for path, template in made.items():
-        text = environment.get_template(f"{template}.jinja").render(told)
+    for path, template in templates.items():
+        text = environment.get_template(f"{template}.jinja").render(values)
         io.replace_text(path, text)
-    return list(made)
+    return list(templates)

@@ -28,8 +28,8 @@ CUBESATS = {
     27: (0.34, 0.34, 0.366),
 }  #: Sides (m) by units: CubeSat Design Specification, and deployers of larger ones.
 MASS = Quantity("--mass", "kg", 0.0, 1e6, above=True, bare=False)
-BOX = Quantity("--box", "m", 0.0, 100.0, above=True, what="sides")
-INERTIA = Quantity("--inertia", "kg.m2", 0.0, 1e9, above=True, what="moments")
+BOX = Quantity("--box", "m", 0.0, 100.0, above=True, noun="sides")
+INERTIA = Quantity("--inertia", "kg.m2", 0.0, 1e9, above=True, noun="moments")
 
 Sides = tuple[float, float, float]
 
@@ -45,7 +45,7 @@ class NewBody(Body):
     shape: str  # as text: "a 12U"
 
 
-def body_of(wanted: CraftFacts) -> NewBody:
+def body_of(facts: CraftFacts) -> NewBody:
     """Return the body of a new craft.
 
     Raises
@@ -54,9 +54,9 @@ def body_of(wanted: CraftFacts) -> NewBody:
         If sides, mass and moments of inertia contradict each other or no craft can have
         them.
     """
-    inertia = None if wanted.inertia is None else _moments(wanted.inertia)
-    mass = None if wanted.mass is None else MASS(wanted.mass)
-    sides, sides_from, shape, units = _given_sides(wanted)
+    inertia = None if facts.inertia is None else _moments(facts.inertia)
+    mass = None if facts.mass is None else MASS(facts.mass)
+    sides, sides_from, shape, units = _given_sides(facts)
     mass_from = "given"
     if mass is None and sides is None and inertia is not None:
         # a cube of side s has m s^2 / 6 about each axis, and m = density s^3
@@ -82,42 +82,42 @@ def body_of(wanted: CraftFacts) -> NewBody:
         inertia_from = f"a homogeneous body of {mass:.4g} kg, {shape}"
     body = NewBody(mass, sides, inertia, mass_from, sides_from, inertia_from, shape)
     for line in contradictions(body, inertia):
-        raise DesatError(f"{_options(wanted)}: {line}")
+        raise DesatError(f"{_options(facts)}: {line}")
     return body
 
 
-def _options(wanted: CraftFacts) -> str:
+def _options(facts: CraftFacts) -> str:
     """Return the options that define the body, for messages."""
-    given = {
-        "--size": wanted.size,
-        "--box": wanted.box,
-        "--mass": wanted.mass,
-        "--inertia": wanted.inertia,
+    options = {
+        "--size": facts.size,
+        "--box": facts.box,
+        "--mass": facts.mass,
+        "--inertia": facts.inertia,
     }
     return " ".join(
-        f"{name} {value}" for name, value in given.items() if value is not None
+        f"{name} {value}" for name, value in options.items() if value is not None
     )
 
 
-def _given_sides(wanted: CraftFacts) -> tuple[Sides | None, str, str, int]:
+def _given_sides(facts: CraftFacts) -> tuple[Sides | None, str, str, int]:
     """Return the given sides (m), their origin, the shape and a CubeSat's units.
 
     The sides are None where none are given.
     """
-    if wanted.box is not None:
-        if wanted.size is not None:
+    if facts.box is not None:
+        if facts.size is not None:
             raise DesatError(
-                f"--box {wanted.box}: --size {wanted.size} gives the sides as well: use one of them"
+                f"--box {facts.box}: --size {facts.size} gives the sides as well: use one of them"
             )
-        if len(wanted.box.split(",")) != 3:
+        if len(facts.box.split(",")) != 3:
             raise DesatError(
-                f"--box {wanted.box}: three sides are needed, as 0.5,0.5,0.8 in m"
+                f"--box {facts.box}: three sides are needed, as 0.5,0.5,0.8 in m"
             )
-        a, b, c = BOX.many(wanted.box)
+        a, b, c = BOX.many(facts.box)
         return (a, b, c), "given", f"a box of {a:g} x {b:g} x {c:g} m", 0
-    if wanted.size is None:
+    if facts.size is None:
         return None, "", "", 0
-    text = wanted.size.strip()
+    text = facts.size.strip()
     match = re.fullmatch(r"(\d+)[uU]", text)
     if match is None or int(match[1]) not in CUBESATS:
         known = ", ".join(f"{n}U" for n in CUBESATS)

@@ -15,7 +15,7 @@ FORMS = (
     "'coil TURNS 80x80mm WIRE CURRENT', as 'coil 300 80x80mm 0.2mm 100mA'",
     "'rod TURNS 60x8mm WIRE CURRENT', as 'rod 800 60x8mm 0.2mm 100mA'",
 )
-TURNS = Quantity("--rods", "1", 1.0, 1e6, what="turns")
+TURNS = Quantity("--rods", "1", 1.0, 1e6, noun="turns")
 DIPOLE = Quantity("--rods", "A.m2", 0.0, 1e5, above=True)
 LENGTH = Quantity("--rods", "m", 1e-6, 100.0)
 CURRENT = Quantity("--rods", "A", 1e-6, 1e3)
@@ -29,7 +29,7 @@ def is_made(text: str) -> bool:
     return text.split()[0:1] in (["coil"], ["rod"])
 
 
-def made(text: str, most_mass: float = inf) -> tuple[coil.Coil, str]:
+def design_coil(text: str, most_mass: float = inf) -> tuple[coil.Coil, str]:
     """Return the coil that a text describes, and its construction as text.
 
     TURNS may be a dipole (0.2Am2): then the number of turns follows from it.
@@ -93,10 +93,10 @@ def _turns(dipole: str, build: Callable[[float], coil.Coil]) -> float:
 
     Raises DesatError if one turn gives more.
     """
-    wanted, one = DIPOLE(dipole), build(1.0).dipole
-    if wanted < one:
+    goal, one = DIPOLE(dipole), build(1.0).dipole
+    if goal < one:
         raise DesatError(
             f"--rods {dipole}: one turn gives {one:.3g} A m2: a smaller current or "
             "area is needed"
         )
-    return float(-(-wanted // one))
+    return float(-(-goal // one))

@@ -130,7 +130,7 @@ class NewWheels:
     torque: str
     torque_si: float  # N m
     capacity_si: float  # N m s, of each
-    why: str  # origin of the torque
+    origin: str  # origin of the torque
     viscous: str
     coulomb: str
     lag: str
@@ -148,12 +148,12 @@ class NewDumps:
     begin: str  # N m s
     end: str  # N m s
     torque: str  # N m
-    why: str  # origin of the torque
+    origin: str  # origin of the torque
     sample: float  # s, of thrusters or coils
     large: bool  # print momentum in N m s, not mN m s
     most: str  # %: required maximum fill
     aligned: bool  # whether a dump waits until its momentum lies along an axis
-    room: float  # N m s, between the thresholds
+    momentum: float  # N m s, between the thresholds
 
 
 class Assumption(NamedTuple):
@@ -174,7 +174,7 @@ class NewCraft:
 
 
 def write(
-    folder: Path, wanted: CraftFacts, command: str, force: bool = False
+    folder: Path, facts: CraftFacts, command: str, force: bool = False
 ) -> NewCraft:
     """Write the folder of a craft.
 
@@ -192,7 +192,7 @@ def write(
             f"{plain(str(folder))}: a name of letters, digits, blanks and . _ + - is "
             "needed"
         )
-    made = _template_values(wanted, name, plain(command))
+    values = _template_values(facts, name, plain(command))
     from jinja2 import Environment, PackageLoader, StrictUndefined
 
     environment = Environment(
@@ -200,9 +200,9 @@ def write(
         undefined=StrictUndefined,
         keep_trailing_newline=True,
     )
-    scenarios = SCENARIOS if made["rods"] else SCENARIOS[:2]
+    scenarios = SCENARIOS if values["rods"] else SCENARIOS[:2]
     texts = {
-        f"{name}.toml": environment.get_template(f"{name}.toml").render(made)
+        f"{name}.toml": environment.get_template(f"{name}.toml").render(values)
         for name in ("craft", *scenarios)
     }
     fresh = not folder.exists()
@@ -215,61 +215,66 @@ def write(
             shutil.rmtree(folder, ignore_errors=True)
         raise
     return NewCraft(
-        tuple(folder / name for name in texts), tuple(_assumptions(wanted, made))
+        tuple(folder / name for name in texts), tuple(_assumptions(facts, values))
     )
 
 
-def _assumptions(wanted: CraftFacts, made: Mapping[str, Any]) -> Iterator[Assumption]:
+def _assumptions(facts: CraftFacts, values: Mapping[str, Any]) -> Iterator[Assumption]:
     """Yield the figures of a new craft, given or assumed."""
-    body, orbit, wheels = made["body"], made["orbit"], made["wheels"]
+    body, orbit, wheels = values["body"], values["orbit"], values["wheels"]
     yield Assumption("mass", body["mass"], "kg", body["mass_from"])
     yield Assumption("sides", body["sides"].strip("[]"), "m", body["sides_from"])
-    moments = [made["inertia"]["moments"][i] for i in range(3)]
+    moments = [values["inertia"]["moments"][i] for i in range(3)]
     yield Assumption(
-        "moments of inertia", ", ".join(moments), "kg m2", made["inertia"]["why"]
+        "moments of inertia", ", ".join(moments), "kg m2", values["inertia"]["why"]
     )
     if not orbit.of_tle:
-        for key, value, why in orbit.rows[: 3 if orbit.eccentricity > 0.0 else 2]:
+        for key, value, origin in orbit.rows[: 3 if orbit.eccentricity > 0.0 else 2]:
             number, _, unit = value.strip('"').partition(" ")
-            yield Assumption(key.replace("_", " "), number, unit, why)
+            yield Assumption(key.replace("_", " "), number, unit, origin)
     yield Assumption(
-        "pointing", made["pointing"], "", "given" if wanted.pointing else "class"
+        "pointing", values["pointing"], "", "given" if facts.pointing else "class"
     )
     yield Assumption(
         "wheels",
         f"{wheels.count} x {wheels.capacity_si:g}",
         "N m s",
-        f"{'given' if wanted.wheels else 'class: 1 deg/s of the craft, thrice'}; "
+        f"{'torque' if facts.wheels else 'class: 1 deg/s of the craft, thrice'}; "
         f"{wheels.layout_why}",
     )
-    yield Assumption("torque of a wheel", f"{wheels.torque_si:.3g}", "N m", wheels.why)
-    if rods := made["rods"]:
+    yield Assumption(
+        "torque of a wheel", f"{wheels.torque_si:.3g}", "N m", wheels.origin
+    )
+    if rods := values["rods"]:
         number, _, _ = rods["dipole"].partition(" ")
         yield Assumption("rods, each axis", number, "A m2", rods["why"])
-    sources = made["has"]
+    sources = values["has"]
     if sources.dipole:
         yield Assumption(
-            "residual dipole", made["dipole"]["size"], "A m2", made["dipole"]["origin"]
+            "residual dipole",
+            values["dipole"]["size"],
+            "A m2",
+            values["dipole"]["origin"],
         )
     if sources.air:
         yield Assumption(
-            "area for drag", made["area"]["value"], "m2", made["area"]["why"]
+            "area for drag", values["area"]["value"], "m2", values["area"]["why"]
         )
     if sources.light:
         yield Assumption(
-            "area for radiation", made["light"]["area"], "m2", made["light"]["why"]
+            "area for radiation", values["light"]["area"], "m2", values["light"]["why"]
         )
         yield Assumption(
             "its centre of pressure",
-            made["light"]["centre"].strip("[]"),
+            values["light"]["centre"].strip("[]"),
             "m",
-            "given" if wanted.panel else "class: 5 % of each side",
+            "given" if facts.panel else "class: 5 % of each side",
         )
-    if (given := sources.given) is not None:
+    if (torque := sources.torque) is not None:
         yield Assumption(
-            "torque, mean size", f"{given.size:.4g}", "N m", f"given: {given.option}"
+            "torque, mean size", f"{torque.size:.4g}", "N m", f"given: {torque.option}"
         )
-    if thrusters := made["thrusters"]:
+    if thrusters := values["thrusters"]:
         number, _, unit = thrusters["force"].partition(" ")
         yield Assumption("thrust of each", number, unit, "given")
         yield Assumption(
@@ -280,22 +285,24 @@ def _assumptions(wanted: CraftFacts, made: Mapping[str, Any]) -> Iterator[Assump
         if thrusters["tank"]:
             number, _, unit = thrusters["tank"].partition(" ")
             yield Assumption("propellant", number, unit, "given")
-    if dump := made["dump"]:
+    if dump := values["dump"]:
         yield Assumption(
             "a dump begins, ends", f"{dump.begin}, {dump.end}", "N m s", "given: --dump"
         )
-        yield Assumption("torque of a dump", dump.torque, "N m", dump.why)
-    yield Assumption("sample time and step", f"{made['step']:g}", "s", made["step_why"])
+        yield Assumption("torque of a dump", dump.torque, "N m", dump.origin)
+    yield Assumption(
+        "sample time and step", f"{values['step']:g}", "s", values["step_why"]
+    )
 
 
 def _of_class(
-    asked: Quantity, kind: str, measure: str, text: str
+    requested: Quantity, kind: str, measure: str, text: str
 ) -> tuple[str, Figures, float]:
     """Return the class that a size belongs to, its figures, and the size.
 
     A number takes the class of the nearest size.
     """
-    known, option, unit = classes()[kind], asked.option, asked.unit
+    known, option, unit = classes()[kind], requested.option, requested.unit
     if text in known:
         return text, known[text], quantity(option, known[text][measure], unit)
     if not is_number(text):
@@ -303,7 +310,7 @@ def _of_class(
             f"{option} {text}: no class{nearest(text, known)}; there is "
             f"{', '.join(known)}, or a number in {unit}"
         )
-    size = asked(text)
+    size = requested(text)
     if kind == "wheels" and not re.search(
         "[A-Za-z]", text.replace("e", "").replace("E", "")
     ):
@@ -327,32 +334,32 @@ def _list(values: Any) -> str:
     return "[" + ", ".join(_text(float(x)) for x in values) + "]"
 
 
-def _template_values(wanted: CraftFacts, name: str, command: str) -> dict[str, Any]:
+def _template_values(facts: CraftFacts, name: str, command: str) -> dict[str, Any]:
     """Return the values that the templates are filled with."""
-    pointing = wanted.pointing or ("nadir" if wanted.sun is None else "sun")
+    pointing = facts.pointing or ("nadir" if facts.sun is None else "sun")
     if pointing not in POINTINGS:
         raise DesatError(
             f"--pointing {pointing}: there is {', '.join(POINTINGS)}"
             f"{nearest(pointing, POINTINGS)}"
         )
-    body = body_of(wanted)
+    body = body_of(facts)
     mass, sides, inertia = body.mass, body.sides, list(body.inertia)
-    epoch = epoch_of(wanted)
-    orbit = orbit_of(wanted, (epoch - J2000).total_seconds())
+    epoch = epoch_of(facts)
+    orbit = orbit_of(facts, (epoch - J2000).total_seconds())
     if pointing in ("nadir", "yaw") and not orbit.of_earth:
         raise DesatError(
             f"--pointing {pointing}: there is no Earth about the Sun; sun and "
             "inertial are left"
         )
-    wheels = _wheels(wanted, inertia)
-    rods = _rods(wanted, mass, orbit)
-    thrusters = _thrusters(wanted, sides)
-    if wanted.propellant is not None and PROPELLANT(wanted.propellant) > 0.9 * mass:
+    wheels = _wheels(facts, inertia)
+    rods = _rods(facts, mass, orbit)
+    thrusters = _thrusters(facts, sides)
+    if facts.propellant is not None and PROPELLANT(facts.propellant) > 0.9 * mass:
         raise DesatError(
-            f"--propellant {wanted.propellant}: more than 90 % of {mass:g} kg"
+            f"--propellant {facts.propellant}: more than 90 % of {mass:g} kg"
         )
     step = _step(orbit, inertia, wheels.torque_si, sides, pointing in ("nadir", "yaw"))
-    given_sample = None if wanted.sample is None else _given_sample(wanted.sample)
+    given_sample = None if facts.sample is None else _given_sample(facts.sample)
     step = step if given_sample is None else given_sample
     quick = 0.1 / step
     bandwidth = min(
@@ -360,8 +367,8 @@ def _template_values(wanted: CraftFacts, name: str, command: str) -> dict[str, A
     )
     fullest = (
         1.0
-        if wanted.dump is None
-        else min(_thresholds(wanted.dump)[0] + 10.0, 98.0) / 100.0
+        if facts.dump is None
+        else min(_thresholds(facts.dump)[0] + 10.0, 98.0) / 100.0
     )
     loop = _attitude_loop(inertia, wheels, bandwidth, step)
     step = _stable_sample(loop, wheels, fullest, given_sample is not None)
@@ -370,18 +377,18 @@ def _template_values(wanted: CraftFacts, name: str, command: str) -> dict[str, A
         if given_sample is not None
         else "orbit, torques and full wheels allow it"
     )
-    dump = _dump(wanted, wheels, thrusters, rods is not None, min(inertia), step)
+    dump = _dump(facts, wheels, thrusters, rods is not None, min(inertia), step)
     dipole = 0.005 * mass
-    why = "class: 5 mA m2 a kilogram, no magnetic cleanliness"
-    if wanted.residual_dipole is not None:
-        dipole = RESIDUAL(wanted.residual_dipole)
-        why = "given"
-    outer = given_torque(wanted)
+    origin = "class: 5 mA m2 a kilogram, no magnetic cleanliness"
+    if facts.residual_dipole is not None:
+        dipole = RESIDUAL(facts.residual_dipole)
+        origin = "given"
+    outer = given_torque(facts)
     sources = Sources(
-        dipole=orbit.of_earth and (outer is None or wanted.residual_dipole is not None),
+        dipole=orbit.of_earth and (outer is None or facts.residual_dipole is not None),
         air=orbit.air and outer is None,
-        light=outer is None or wanted.panel is not None,
-        given=outer,
+        light=outer is None or facts.panel is not None,
+        torque=outer,
     )
     dipole = dipole if sources.dipole else 0.0
     along = [x / math.sqrt(1.0 + 0.25 + 0.64) for x in (1.0, -0.5, 0.8)]
@@ -392,7 +399,7 @@ def _template_values(wanted: CraftFacts, name: str, command: str) -> dict[str, A
     area = sum(faces) / 2.0
     enough = bandwidth == quick
     rate = orbit.rate if orbit.of_earth else QUICKEST
-    light, centre, centre_why = _radiation(wanted, area, sides)
+    light, centre, centre_why = _radiation(facts, area, sides)
     tumble = 5.0 if mass < 50.0 else 1.0
     return {
         "title": name,
@@ -446,9 +453,9 @@ def _template_values(wanted: CraftFacts, name: str, command: str) -> dict[str, A
         "star_tracker": classes()["star_trackers"]["cubesat"],
         "dipole": {
             "value": _list(dipole * x for x in along),
-            "why": f"A m2; {why}",
+            "why": f"A m2; {origin}",
             "size": _text(dipole),
-            "origin": why,
+            "origin": origin,
             "twice": _list(2.0 * dipole * x for x in along),
         },
         "area": {
@@ -490,19 +497,19 @@ def _template_values(wanted: CraftFacts, name: str, command: str) -> dict[str, A
 
 
 def _radiation(
-    wanted: CraftFacts, area: float, sides: tuple[float, float, float]
+    facts: CraftFacts, area: float, sides: tuple[float, float, float]
 ) -> tuple[float, list[float], str]:
     """Return area (m2) and centre (m, body) of radiation pressure, and their origin."""
-    if wanted.panel is None:
+    if facts.panel is None:
         return (
             1.5 * area,
             [0.05 * x for x in sides],
             "as for drag; half of the light is mirrored",
         )
-    match = re.fullmatch(r"\s*([\d.eE+-]+)\s*m2\s+([\d.eE+-]+)\s*m\s*", wanted.panel)
+    match = re.fullmatch(r"\s*([\d.eE+-]+)\s*m2\s+([\d.eE+-]+)\s*m\s*", facts.panel)
     if match is None:
         raise DesatError(
-            f"--panel {wanted.panel}: area and arm are needed, as '13m2 1.35m'"
+            f"--panel {facts.panel}: area and arm are needed, as '13m2 1.35m'"
         )
     size, arm = PANEL(match[1]), ARM(match[2])
     return size, [0.0, -arm, 0.0], "given: one panel, on -y, which follows the Sun"
@@ -515,7 +522,7 @@ class Sources:
     dipole: bool
     air: bool
     light: bool
-    given: GivenTorque | None
+    torque: GivenTorque | None
 
 
 def _torques(orbit: Orbit, sources: Sources) -> str:
@@ -523,14 +530,14 @@ def _torques(orbit: Orbit, sources: Sources) -> str:
     names = ["gravity gradient"] * orbit.of_earth
     names += ["drag"] * sources.air + ["radiation"] * sources.light
     names += ["its own dipole"] * sources.dipole
-    if sources.given is not None:
-        names.append(f"the torque of {sources.given.option}")
+    if sources.torque is not None:
+        names.append(f"the torque of {sources.torque.option}")
     return ", ".join(names[:-1]) + (" and " if len(names) > 1 else "") + names[-1]
 
 
 def _worse(orbit: Orbit, sources: Sources) -> list[str]:
     """List what is worse in the worst scenario, as texts."""
-    worse = ["1.3 times the torque"] * (sources.given is not None)
+    worse = ["1.3 times the torque"] * (sources.torque is not None)
     worse += ["high solar activity"] * (sources.air and not orbit.of_tle)
     worse += ["1.3 times the light"] * (sources.light and not sources.air)
     return worse + ["twice the residual dipole"] * sources.dipole
@@ -575,7 +582,7 @@ def _secular(
         if sources.light
         else 0.0
     )
-    light += 0.0 if sources.given is None else sources.given.size
+    light += 0.0 if sources.torque is None else sources.torque.size
     if not orbit.of_earth or orbit.eccentricity > 0.1:
         return light
     radius = math.sqrt(sum(x * x for x in orbit.state[0]))
@@ -644,11 +651,11 @@ def _attitude_loop(
 ) -> AttitudeLoop:
     """Return the attitude loop of a new craft, all sampled at every step (s)."""
     axes, rotor = np.array(wheels.axes_si), wheels.inertia_si
-    whole = np.diag(inertia)
+    inertia_matrix = np.diag(inertia)
     kp, kd, ki = _gains(bandwidth)
     return AttitudeLoop(
-        inertia=whole - rotor * axes @ axes.T,
-        gain_matrix=whole,
+        inertia=inertia_matrix - rotor * axes @ axes.T,
+        gain_matrix=inertia_matrix,
         kp=kp,
         kd=kd,
         ki=ki,
@@ -672,7 +679,7 @@ def _gains(bandwidth: float) -> tuple[float, float, float]:
 
 
 def _stable_sample(
-    loop: AttitudeLoop, wheels: NewWheels, fullest: float, given: bool
+    loop: AttitudeLoop, wheels: NewWheels, fullest: float, is_given: bool
 ) -> float:
     """Return the sample time (s) at which the attitude loop is well damped.
 
@@ -690,10 +697,10 @@ def _stable_sample(
     """
     axes = np.array(wheels.axes_si)[:, : wheels.count]
     each = np.full(wheels.count, fullest * wheels.capacity_si)
-    own = loop.sample()
-    found = longest_sample(loop, axes, each, (own, *SAMPLE_TIMES))
-    if found == own:
-        return own
+    sample = loop.sample()
+    found = longest_sample(loop, axes, each, (sample, *SAMPLE_TIMES))
+    if found == sample:
+        return sample
     momentum, _ = worst_momentum(loop, axes, each)
     fast = (
         f"with {100.0 * fullest:.3g} % in the wheels the craft nutates at "
@@ -703,9 +710,9 @@ def _stable_sample(
         raise DesatError(
             f"--wheels: {fast}: no sample time from {SAMPLE_TIMES[-1]:g} s on holds its attitude"
         )
-    if given:
+    if is_given:
         raise DesatError(
-            f"--sample {own:g}s: {fast}, which these samples do not hold; {found:g}s would do"
+            f"--sample {sample:g}s: {fast}, which these samples do not hold; {found:g}s would do"
         )
     return found
 
@@ -717,7 +724,7 @@ def _limits(
     known = classes()["requirements"]
     name = [n for n, x in known.items() if quantity("", x["mass"], "kg") <= mass][-1]
     figures = known[name]
-    made = {
+    limits = {
         key: f"{quantity('', figures[key], unit):g}"
         for key, unit in (
             ("fill", "%"),
@@ -729,13 +736,13 @@ def _limits(
         )
     }
     if orbit.eccentricity > 0.1:
-        made["duty"] = ""  # coils saturate where the field is too weak to act
+        limits["duty"] = ""  # coils saturate where the field is too weak to act
     tank = (
         ""
         if thrusters is None or not thrusters["tank"]
-        else _text(quantity("", thrusters["tank"], "kg") / float(made["years"]))
+        else _text(quantity("", thrusters["tank"], "kg") / float(limits["years"]))
     )
-    return {**made, "name": name, "a_year": tank}
+    return {**limits, "name": name, "a_year": tank}
 
 
 def _bend(orbit: Orbit) -> float:
@@ -772,13 +779,13 @@ def _stop(orbit: Orbit, dump: NewDumps | None, torque: float, step: float) -> fl
         days = math.ceil(10.0 * orbit.period / 86400.0) if orbit.of_earth else 10.0
     if dump is not None and dump.by == "thrusters":
         days = max(
-            days, math.ceil(DUMPS * 1.7 * dump.room / max(torque, 1e-12) / 86400.0)
+            days, math.ceil(DUMPS * 1.7 * dump.momentum / max(torque, 1e-12) / 86400.0)
         )
     return 86400.0 * max(1.0, min(days, math.floor(MOST_STEPS * step / 86400.0)))
 
 
 def _dump(
-    wanted: CraftFacts,
+    facts: CraftFacts,
     wheels: NewWheels,
     thrusters: Mapping[str, str] | None,
     rods: bool,
@@ -786,36 +793,36 @@ def _dump(
     step: float,
 ) -> NewDumps | None:
     """Return the dumps between thresholds; None for a law that dumps all the time."""
-    if wanted.dump is None:
+    if facts.dump is None:
         if not rods:
             raise DesatError(
                 "no rods: --dump says what takes momentum out, as --thrusters '4 1N' "
                 "--dump 'thrusters 70:10'"
             )
         return None
-    begin, end, by, aligned = _thresholds(wanted.dump)
+    begin, end, by, aligned = _thresholds(facts.dump)
     if by == "coils" and not rods:
-        raise DesatError(f"--dump {wanted.dump}: --rods none leaves no coils")
+        raise DesatError(f"--dump {facts.dump}: --rods none leaves no coils")
     if by == "coils" and aligned:
-        raise DesatError(f"--dump {wanted.dump}: aligned is for thrusters only")
+        raise DesatError(f"--dump {facts.dump}: aligned is for thrusters only")
     if by == "thrusters" and thrusters is None:
         raise DesatError(
-            f"--dump {wanted.dump}: --thrusters says which, as --thrusters '4 1N'"
+            f"--dump {facts.dump}: --thrusters says which, as --thrusters '4 1N'"
         )
     capacity = wheels.capacity_si
     torque, sample = 0.5 * wheels.torque_si, 10.0
-    why = "half of what the wheels give"
+    origin = "half of what the wheels give"
     if thrusters is not None and by == "thrusters":
         if float(thrusters["torque_si"]) < torque:
-            torque, why = float(thrusters["torque_si"]), "what a pair gives"
-        room = 8.0 * inertia * DEVIATION
+            torque, origin = float(thrusters["torque_si"]), "what a pair gives"
+        momentum = 8.0 * inertia * DEVIATION
         longest = (
-            x for x in SAMPLES if torque * x * x <= room and _is_multiple(x, step)
+            x for x in SAMPLES if torque * x * x <= momentum and _is_multiple(x, step)
         )
         sample = next(longest, step)
-        if torque * sample * sample > room:
-            torque, why = (
-                room / sample**2,
+        if torque * sample * sample > momentum:
+            torque, origin = (
+                momentum / sample**2,
                 "no pulse turns the craft by more than 0.1 deg",
             )
     return NewDumps(
@@ -824,12 +831,12 @@ def _dump(
         begin=_text(begin / 100.0 * capacity),
         end=_text(end / 100.0 * capacity),
         torque=_text(torque),
-        why=why,
+        origin=origin,
         sample=sample,
         large=capacity >= 1.0,
         most=f"{min(begin + 10.0, 98.0):g}",
         aligned=aligned,
-        room=(begin - end) / 100.0 * capacity,
+        momentum=(begin - end) / 100.0 * capacity,
     )
 
 
@@ -887,12 +894,12 @@ def _holds(
         )
 
 
-def _wheels(wanted: CraftFacts, inertia: list[float]) -> NewWheels:
+def _wheels(facts: CraftFacts, inertia: list[float]) -> NewWheels:
     """Return the wheels that the facts give, or those of the class."""
     largest = max(inertia)
     # default: three times the momentum of the craft at 1 deg/s
     size = 3.0 * largest * math.radians(1.0)
-    text = wanted.wheels or f"4 pyramid {max(size, 2e-3):.2g} N.m.s"
+    text = facts.wheels or f"4 pyramid {max(size, 2e-3):.2g} N.m.s"
     match = re.fullmatch(r"\s*(\d)\s+(\w+)\s+(.+?)\s*", text)
     if match is None:
         raise DesatError(
@@ -937,7 +944,7 @@ def _wheels(wanted: CraftFacts, inertia: list[float]) -> NewWheels:
         torque=f"{torque * 1e3:.4g} mN.m",
         torque_si=torque,
         capacity_si=capacity,
-        why=f"class: {name}"
+        origin=f"class: {name}"
         + ("" if abs(share - 1.0) < 1e-9 else f" times {share:.3g}"),
         viscous=f"{viscous:.3g}",
         coulomb=f"{coulomb:.3g}",
@@ -948,28 +955,28 @@ def _wheels(wanted: CraftFacts, inertia: list[float]) -> NewWheels:
     )
 
 
-def _rods(wanted: CraftFacts, mass: float, orbit: Orbit) -> dict[str, str] | None:
+def _rods(facts: CraftFacts, mass: float, orbit: Orbit) -> dict[str, str] | None:
     """Return the texts of the rods, or None without rods."""
-    if wanted.rods == "none" or (wanted.rods is None and not orbit.of_earth):
+    if facts.rods == "none" or (facts.rods is None and not orbit.of_earth):
         return None
     if not orbit.of_earth:
         raise DesatError(
-            f"--rods {wanted.rods}: there is no field in deep space; thrusters dump "
+            f"--rods {facts.rods}: there is no field in deep space; thrusters dump "
             "there, as --thrusters '4 10mN' --dump 'thrusters 70:10'"
         )
-    text = wanted.rods or f"{0.02 * mass:.2g}"
+    text = facts.rods or f"{0.02 * mass:.2g}"
     if coils.is_made(text):
-        found, why = coils.made(text, 0.1 * mass)
+        found, construction = coils.design_coil(text, 0.1 * mass)
         return {
             "dipole": f"{found.dipole:.4g} A.m2",
             "lag": "20 ms",
-            "why": why,
+            "why": construction,
             "resistance": f"{found.resistance:.4g}",
             "resistance_why": "of its wire, at 20 deg C",
             "area_turns": f"{found.area_turns:.4g}",
         }
     name, figures, dipole = _of_class(RODS, "rods", "dipole", text)
-    why = "given" if wanted.rods else "class: 20 mA m2 a kilogram"
+    construction = "given" if facts.rods else "class: 20 mA m2 a kilogram"
     share = dipole / quantity("--rods", figures["dipole"], "A.m2")
     current = (
         share
@@ -979,7 +986,7 @@ def _rods(wanted: CraftFacts, mass: float, orbit: Orbit) -> dict[str, str] | Non
     return {
         "dipole": f"{dipole:g} A.m2",
         "lag": figures["lag"],
-        "why": f"{why}; lag as {name}",
+        "why": f"{construction}; lag as {name}",
         "resistance": f"{voltage / current:.4g}",
         "area_turns": f"{dipole / current:.4g}",
         "resistance_why": f"class {name}: {1e3 * voltage * current:.3g} mW at the full dipole",
@@ -993,23 +1000,23 @@ def _gyro() -> dict[str, str]:
 
 
 def _thrusters(
-    wanted: CraftFacts, sides: tuple[float, float, float]
+    facts: CraftFacts, sides: tuple[float, float, float]
 ) -> Mapping[str, str] | None:
     """Return the texts of the thrusters, or None without thrusters."""
-    if wanted.thrusters is None:
-        for option, given in (
-            ("--propellant", wanted.propellant),
-            ("--isp", wanted.isp),
+    if facts.thrusters is None:
+        for option, text in (
+            ("--propellant", facts.propellant),
+            ("--isp", facts.isp),
         ):
-            if given is not None:
+            if text is not None:
                 raise DesatError(
-                    f"{option} {given}: --thrusters says which, as --thrusters '4 1N'"
+                    f"{option} {text}: --thrusters says which, as --thrusters '4 1N'"
                 )
         return None
-    match = re.fullmatch(r"\s*(?:4\s+)?([^\s].*?)\s*", wanted.thrusters)
+    match = re.fullmatch(r"\s*(?:4\s+)?([^\s].*?)\s*", facts.thrusters)
     if match is None or re.match(r"\d+\s+\d", match[1]):
         raise DesatError(
-            f"--thrusters {wanted.thrusters}: the form is 4 SIZE, as 4 1N: pairs both "
+            f"--thrusters {facts.thrusters}: the form is 4 SIZE, as 4 1N: pairs both "
             "ways about each axis"
         )
     name, figures, force = _of_class(THRUSTERS, "thrusters", "force", match[1])
@@ -1019,13 +1026,11 @@ def _thrusters(
         "force": f"{force:g} N",
         "arm": _text(arm),
         "torque_si": _text(2.0 * force * arm),
-        "impulse": figures["impulse"]
-        if wanted.isp is None
-        else f"{ISP(wanted.isp):g} s",
-        "impulse_why": f"class: {name}" if wanted.isp is None else "given",
+        "impulse": figures["impulse"] if facts.isp is None else f"{ISP(facts.isp):g} s",
+        "impulse_why": f"class: {name}" if facts.isp is None else "given",
         "tank": ""
-        if wanted.propellant is None
-        else f"{PROPELLANT(wanted.propellant):g} kg",
+        if facts.propellant is None
+        else f"{PROPELLANT(facts.propellant):g} kg",
         "pulse": figures["pulse"],
         "class": name,
     }

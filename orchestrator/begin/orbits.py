@@ -81,7 +81,7 @@ class Orbit:
         return self.block == "environment_tle"
 
 
-def epoch_of(wanted: CraftFacts) -> datetime:
+def epoch_of(facts: CraftFacts) -> datetime:
     """Return the epoch of t = 0: as given, else of the two-line elements, to a second.
 
     Raises
@@ -90,28 +90,28 @@ def epoch_of(wanted: CraftFacts) -> datetime:
         If it is no time, out of range, or too far from the epoch of the two-line
         elements.
     """
-    of_tle = None if wanted.tle is None else _of_file(wanted.tle)["epoch_tle_j2000"]
-    if wanted.epoch is None:
+    of_tle = None if facts.tle is None else _of_file(facts.tle)["epoch_tle_j2000"]
+    if facts.epoch is None:
         if of_tle is None:
             return datetime(2027, 1, 1, tzinfo=UTC)
         return J2000 + timedelta(seconds=round(of_tle))
     try:
-        made = datetime.fromisoformat(wanted.epoch)
+        epoch = datetime.fromisoformat(facts.epoch)
     except ValueError:
         raise DesatError(
-            f"--epoch {wanted.epoch}: a time is needed, as 2027-01-01T00:00:00Z"
+            f"--epoch {facts.epoch}: a time is needed, as 2027-01-01T00:00:00Z"
         ) from None
-    made = made if made.tzinfo else made.replace(tzinfo=UTC)
-    if not YEARS[0] <= made.year <= YEARS[1]:
+    epoch = epoch if epoch.tzinfo else epoch.replace(tzinfo=UTC)
+    if not YEARS[0] <= epoch.year <= YEARS[1]:
         raise DesatError(
-            f"--epoch {wanted.epoch}: a year from {YEARS[0]} to {YEARS[1]} is needed"
+            f"--epoch {facts.epoch}: a year from {YEARS[0]} to {YEARS[1]} is needed"
         )
-    if of_tle is not None and abs(age := _days(made, of_tle)) > MEANINGLESS:
+    if of_tle is not None and abs(age := _days(epoch, of_tle)) > MEANINGLESS:
         raise DesatError(
-            f"--epoch {wanted.epoch}: {_aged(age)} those of --tle {wanted.tle}; "
+            f"--epoch {facts.epoch}: {_aged(age)} those of --tle {facts.tle}; "
             f"SGP4 is not valid beyond {MEANINGLESS:g} days"
         )
-    return made
+    return epoch
 
 
 def _days(epoch: datetime, elements: float) -> float:
@@ -124,7 +124,7 @@ def _aged(days: float) -> str:
     return f"{abs(days):.0f} days {'after' if days > 0.0 else 'before'}"
 
 
-def doubts(wanted: CraftFacts) -> list[str]:
+def doubts(facts: CraftFacts) -> list[str]:
     """Return warnings on facts that are possible but doubtful.
 
     Raises
@@ -132,18 +132,18 @@ def doubts(wanted: CraftFacts) -> list[str]:
     DesatError
         If epoch or two-line elements are invalid.
     """
-    if wanted.tle is None:
+    if facts.tle is None:
         return []
-    age = _days(epoch_of(wanted), _of_file(wanted.tle)["epoch_tle_j2000"])
+    age = _days(epoch_of(facts), _of_file(facts.tle)["epoch_tle_j2000"])
     if abs(age) <= DOUBTFUL:
         return []
     return [
-        f"--epoch {wanted.epoch}: {_aged(age)} those of --tle {wanted.tle}; beyond "
+        f"--epoch {facts.epoch}: {_aged(age)} those of --tle {facts.tle}; beyond "
         f"{DOUBTFUL:g} days SGP4 is off by tens of kilometres"
     ]
 
 
-def orbit_of(wanted: CraftFacts, epoch: float) -> Orbit:
+def orbit_of(facts: CraftFacts, epoch: float) -> Orbit:
     """Return the orbit of a craft at an epoch (s since J2000).
 
     Raises
@@ -151,64 +151,64 @@ def orbit_of(wanted: CraftFacts, epoch: float) -> Orbit:
     DesatError
         If the options contradict each other or one is invalid.
     """
-    given = {
-        "--altitude": wanted.altitude,
-        "--sso": wanted.sso,
-        "--tle": wanted.tle,
-        "--orbit": wanted.orbit,
-        "--sun": wanted.sun,
+    options = {
+        "--altitude": facts.altitude,
+        "--sso": facts.sso,
+        "--tle": facts.tle,
+        "--orbit": facts.orbit,
+        "--sun": facts.sun,
     }
-    names = [name for name, value in given.items() if value is not None]
+    names = [name for name, value in options.items() if value is not None]
     if len(names) > 1:
         raise DesatError(
             f"{names[0]}, {names[1]}: only one of them may define the orbit"
         )
-    if wanted.tle is not None or wanted.sun is not None:
-        said = f"{names[0]} {given[names[0]]} says the orbit"
+    if facts.tle is not None or facts.sun is not None:
+        first = f"{names[0]} {options[names[0]]} says the orbit"
         for option, value in (
-            ("--inclination", wanted.inclination),
-            ("--ltan", wanted.ltan),
+            ("--inclination", facts.inclination),
+            ("--ltan", facts.ltan),
         ):
             if value is not None:
-                raise DesatError(f"{option} {value}: {said}")
-    if wanted.ltan is not None and wanted.sso is None and names:
+                raise DesatError(f"{option} {value}: {first}")
+    if facts.ltan is not None and facts.sso is None and names:
         raise DesatError(
-            f"--ltan {wanted.ltan}: only with a Sun-synchronous orbit (--sso)"
+            f"--ltan {facts.ltan}: only with a Sun-synchronous orbit (--sso)"
         )
-    if wanted.tle is not None:
-        return _of_tle(wanted.tle, epoch)
-    if wanted.sun is not None:
-        return _about_the_sun(wanted.sun)
-    if wanted.orbit is not None:
-        return _of_ends(wanted.orbit, wanted.inclination, epoch)
-    return _circular(wanted, (names or ["--altitude"])[0], epoch)
+    if facts.tle is not None:
+        return _of_tle(facts.tle, epoch)
+    if facts.sun is not None:
+        return _about_the_sun(facts.sun)
+    if facts.orbit is not None:
+        return _of_ends(facts.orbit, facts.inclination, epoch)
+    return _circular(facts, (names or ["--altitude"])[0], epoch)
 
 
-def _circular(wanted: CraftFacts, option: str, epoch: float) -> Orbit:
+def _circular(facts: CraftFacts, option: str, epoch: float) -> Orbit:
     """Return a circular or Sun-synchronous orbit at an epoch (s since J2000)."""
-    text = wanted.sso or wanted.altitude or "500 km"
+    text = facts.sso or facts.altitude or "500 km"
     height = Quantity(option, "km", *ALTITUDES, bare=False)(text) * 1e3
     axis, raan, raan_why = EARTH_RADIUS + height, 0.0, "class"
-    if wanted.altitude is not None and wanted.sso is None:
-        inclination = math.radians(INCLINATION(wanted.inclination or "51.6deg"))
-        why = "given" if wanted.inclination else "class: that of the ISS"
+    if facts.altitude is not None and facts.sso is None:
+        inclination = math.radians(INCLINATION(facts.inclination or "51.6deg"))
+        origin = "given" if facts.inclination else "class: that of the ISS"
     else:
-        if wanted.inclination is not None:
+        if facts.inclination is not None:
             raise DesatError(
-                f"--inclination {wanted.inclination}: --altitude is needed with it; a "
+                f"--inclination {facts.inclination}: --altitude is needed with it; a "
                 "Sun-synchronous orbit has its own"
             )
-        inclination, why = sun_synchronous_inclination(axis), "Sun-synchronous"
-        hours = _hours(wanted.ltan or "10:30")
+        inclination, origin = sun_synchronous_inclination(axis), "Sun-synchronous"
+        hours = _hours(facts.ltan or "10:30")
         raan = earth.raan_of_local_time(hours, epoch)
-        raan_why = f"ascending node at {wanted.ltan or '10:30, class'} local time"
+        raan_why = f"ascending node at {facts.ltan or '10:30, class'} local time"
     rows = (
         (
             "semi_major_axis",
             f'"{axis / 1e3:.9g} km"',
             f"{height / 1e3:g} km above 6378.137 km",
         ),
-        ("inclination", f'"{math.degrees(inclination):.6g} deg"', why),
+        ("inclination", f'"{math.degrees(inclination):.6g} deg"', origin),
         ("raan", f'"{math.degrees(raan):.6g} deg"', raan_why),
         ("j2", "true", "its node and perigee drift"),
         ("atmosphere", '"activity"', "by solar activity: moderate"),
@@ -245,9 +245,9 @@ def _kepler(
     )
 
 
-def _of_ends(text: str, given: str | None, epoch: float) -> Orbit:
+def _of_ends(text: str, name: str | None, epoch: float) -> Orbit:
     """Return an orbit given by its name, or by the heights of perigee and apogee."""
-    ends, inclination, perigee, why = ORBITS.get(
+    ends, inclination, perigee, origin = ORBITS.get(
         text.strip().lower(), (text, 51.6, 0.0, "class")
     )
     match = re.fullmatch(r"\s*([\d.]+)\s*x\s*([\d.]+)\s*km\s*", ends)
@@ -260,8 +260,8 @@ def _of_ends(text: str, given: str | None, epoch: float) -> Orbit:
         Quantity("--orbit", "km", ALTITUDES[0], FARTHEST)(f"{height} km")
         for height in match.groups()
     )
-    if given is not None:
-        inclination, why = INCLINATION(given), "given"
+    if name is not None:
+        inclination, origin = INCLINATION(name), "given"
     near, far = (EARTH_RADIUS + 1e3 * height for height in (low, high))
     axis, eccentricity = (near + far) / 2.0, (far - near) / (far + near)
     if eccentricity > MOST_ECCENTRIC:
@@ -278,8 +278,8 @@ def _of_ends(text: str, given: str | None, epoch: float) -> Orbit:
             f"{low:g} x {high:g} km above 6378.137 km",
         ),
         ("eccentricity", f"{eccentricity:.9g}", "by these heights"),
-        ("inclination", f'"{inclination:.6g} deg"', why),
-        ("argument_of_perigee", f'"{perigee:g} deg"', why),
+        ("inclination", f'"{inclination:.6g} deg"', origin),
+        ("argument_of_perigee", f'"{perigee:g} deg"', origin),
         ("j2", "true", "its node and perigee drift"),
         (
             "atmosphere",

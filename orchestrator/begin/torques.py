@@ -48,14 +48,14 @@ class GivenTorque:
         It is the magnitude of the rows' mean plus that of the constant part.
         """
         table = np.array(self.rows)
-        beside = float(np.linalg.norm(self.constant))
+        constant = float(np.linalg.norm(self.constant))
         if not self.repeated:
-            return float(np.linalg.norm(table[0, 1:])) + beside
+            return float(np.linalg.norm(table[0, 1:])) + constant
         impulse = np.trapezoid(table[:, 1:], table[:, 0], axis=0)
-        return float(np.linalg.norm(impulse) / (table[-1, 0] - table[0, 0])) + beside
+        return float(np.linalg.norm(impulse) / (table[-1, 0] - table[0, 0])) + constant
 
 
-def given_torque(wanted: CraftFacts) -> GivenTorque | None:
+def given_torque(facts: CraftFacts) -> GivenTorque | None:
     """Return the given torque, or None where the class's torques are modelled.
 
     Raises
@@ -63,16 +63,16 @@ def given_torque(wanted: CraftFacts) -> GivenTorque | None:
     DesatError
         If the option or its file is invalid.
     """
-    steady = None if wanted.secular is None else _secular(wanted.secular)
-    if wanted.torque is None:
+    steady = None if facts.secular is None else _secular(facts.secular)
+    if facts.torque is None:
         return (
             None
             if steady is None
             else GivenTorque("--secular", "body", ((0.0, *steady),))
         )
-    name, _, frame = wanted.torque.strip().rpartition(" ")
+    name, _, frame = facts.torque.strip().rpartition(" ")
     if not name or frame not in FRAMES:
-        name, frame = wanted.torque.strip(), "body"
+        name, frame = facts.torque.strip(), "body"
     rows = read(Path(name))
     if steady is None:
         return GivenTorque("--torque", frame, rows)
@@ -101,9 +101,9 @@ def read(file: Path) -> tuple[Row, ...]:
         If a row is no four numbers, times do not increase, or there are no or too many
         rows.
     """
-    where = f"--torque {file}"
+    place = f"--torque {file}"
     rows: list[Row] = []
-    for number, line in enumerate(io.text(file, where).splitlines(), 1):
+    for number, line in enumerate(io.text(file, place).splitlines(), 1):
         if not line.strip() or line.lstrip().startswith("#"):
             continue
         row = _numbers(line)
@@ -111,20 +111,20 @@ def read(file: Path) -> tuple[Row, ...]:
             continue  # a heading
         if row is None:
             raise DesatError(
-                f"{where}:{number}: four numbers are needed, t in s and the torque "
+                f"{place}:{number}: four numbers are needed, t in s and the torque "
                 f"about x, y, z in N m; got {line.strip()[:60]}"
             )
         if rows and row[0] <= rows[-1][0]:
             raise DesatError(
-                f"{where}:{number}: its time {row[0]:g} s is not after that of the "
+                f"{place}:{number}: its time {row[0]:g} s is not after that of the "
                 f"row before, {rows[-1][0]:g} s"
             )
         rows.append(row)
     if not rows:
-        raise DesatError(f"{where}: there is no row of four numbers")
+        raise DesatError(f"{place}: there is no row of four numbers")
     if len(rows) > ROWS:
         raise DesatError(
-            f"{where}: {len(rows)} rows; {ROWS} are taken at most: thin it"
+            f"{place}: {len(rows)} rows; {ROWS} are taken at most: thin it"
         )
     return tuple(rows)
 

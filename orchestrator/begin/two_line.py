@@ -25,7 +25,7 @@ _LAYOUT: dict[int, tuple[tuple[str, int, int, str], ...]] = {
 }
 
 
-def check_layout(lines: list[str], where: str) -> None:
+def check_layout(lines: list[str], place: str) -> None:
     """Check that the fields of both lines stand in their columns, with their points.
 
     The checksum does not reveal a missing point, and sgp4 would then read another
@@ -48,13 +48,13 @@ def check_layout(lines: list[str], where: str) -> None:
             text = line[first - 1 : last]
             if not re.fullmatch(form, text, re.ASCII):
                 raise DesatError(
-                    f"{where}: line {number}, {name} (columns {first} to {last}): "
+                    f"{place}: line {number}, {name} (columns {first} to {last}): "
                     f"{plain(text)!r} is no number in the format of two-line elements"
                 )
     year, day = int(lines[0][18:20]), float(lines[0][20:32])
     leap = year % 4 == 0  # 1957 to 2056
     if not 1.0 <= day < 366.0 + leap:
         raise DesatError(
-            f"{where}: line 1, day of the epoch (columns 21 to 32): {day:g}; a day from 1 to "
+            f"{place}: line 1, day of the epoch (columns 21 to 32): {day:g}; a day from 1 to "
             f"{365 + leap} is needed"
         )

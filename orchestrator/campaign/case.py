@@ -46,13 +46,13 @@ def row(
     clock, values = time.perf_counter(), {}
     try:
         values = plan.values(number)
-        made = _ran(plan, values, attempt > 1)
+        outcome = _ran(plan, values, attempt > 1)
     except DesatError as error:
         if error.code > STOPPED:  # this process has to end, so its call is lost
             raise SystemExit(int(error.code)) from error
-        made = CaseRow("failed", int(error.code), str(error), values=values)
+        outcome = CaseRow("failed", int(error.code), str(error), values=values)
     return replace(
-        made,
+        outcome,
         number=number,
         seconds=round(time.perf_counter() - clock, 6),
         worker=f"{platform.node()}:{os.getpid()}",
@@ -67,19 +67,19 @@ def _ran(plan: CampaignPlan, values: Mapping[str, Drawn], supervised: bool) -> C
     if supervised:
         options = replace(options, supervised=True, call_limit=plan.limit)
     curves: dict[str, list[float]] = {}
-    told: dict[str, dict[str, str]] = {}
+    numbers: dict[str, dict[str, str]] = {}
 
     def look(run: Run) -> None:
         """Collect the envelopes, titles and units of the run."""
         curves.update(_curves(chosen, run))
-        told.update(_described(chosen, values, run))
+        numbers.update(_described(chosen, values, run))
 
     plots = content_of(system(plan).about).plots
     chosen = {name: plots[name] for name in plan.curves}
     signals = [signal for plot in chosen.values() for signal in plot.signals]
-    made = ran(source(plan), options, values, signals, look)
+    ended = ran(source(plan), options, values, signals, look)
     return CaseRow(
-        **{**vars(made), "described": {**made.described, **told}}, curves=curves
+        **{**vars(ended), "described": {**ended.described, **numbers}}, curves=curves
     )
 
 
@@ -90,14 +90,14 @@ def _described(
 
     The names are `in.component.variable` and `curve.PLOT`.
     """
-    told = {}
+    descriptions = {}
     for name in values:
         owner, _, variable = name.partition(".")
         parameter = run.manifest.parameters[owner][variable]
-        told[f"in.{name}"] = {"title": parameter.text, "unit": parameter.unit}
+        descriptions[f"in.{name}"] = {"title": parameter.text, "unit": parameter.unit}
     for name, unit in _units(plots, run).items():
-        told[f"curve.{name}"] = {"title": plots[name].title, "unit": unit}
-    return told
+        descriptions[f"curve.{name}"] = {"title": plots[name].title, "unit": unit}
+    return descriptions
 
 
 def _units(plots: Mapping[str, Plot], run: Run) -> dict[str, str]:

@@ -24,7 +24,7 @@ from ..system.errors import DesatError, Exit, RunError
 from .case import batch
 from .plan import CampaignPlan, digest_of
 from .store import Batch
-from .workers import Lost
+from .workers import NoResult
 
 WAIT = "15s"  # time that a cluster has to answer
 LARGEST = 256_000_000  # bytes: limit of a system that is sent to a worker
@@ -67,10 +67,10 @@ def shipped(target: str) -> bytes | None:
     if not path.exists():
         return None
     buffer = io.BytesIO()
-    whole = path.suffix == ".toml"
+    is_craft = path.suffix == ".toml"
     files = (
         sorted(p for p in path.parent.iterdir() if p.suffix in _PARTS)
-        if whole
+        if is_craft
         else [path]
     )
     if (size := sum(p.stat().st_size for p in files)) > LARGEST:
@@ -159,21 +159,21 @@ def on_worker(
     here: dict[str, str],
     numbers: Sequence[int],
     attempt: int,
-    told: str,
+    description: str,
 ) -> Batch:
     """On a worker: run cases of one block.
 
     Cases that take too long end their worker, which its nanny replaces. Raises Unfit
     where the worker has other versions than the coordinator, or another system.
     """
-    if why := unfit(plan, sent, here):
-        raise Unfit(why)
+    if reason := unfit(plan, sent, here):
+        raise Unfit(reason)
     timer = threading.Timer(plan.limit, os._exit, (_LATE,))
     timer.daemon = True
     if attempt == 1:  # a supervised case ends itself
         timer.start()
     try:
-        return batch(_here(plan, sent), numbers, attempt, told)
+        return batch(_here(plan, sent), numbers, attempt, description)
     finally:
         timer.cancel()
 
@@ -207,7 +207,7 @@ class Cluster:
         try:
             if address.startswith("local:"):
                 self._local = distributed.LocalCluster(
-                    n_workers=_whole(address),
+                    n_workers=worker_count(address),
                     threads_per_worker=1,
                     dashboard_address=None,
                     silence_logs=50,
@@ -232,8 +232,8 @@ class Cluster:
                 raise DesatError(f"--cluster {address}: it has no workers")
             if data is not None:
                 self._client.register_plugin(_plugin(plan, data))
-            for worker, why in self._unfit().items():
-                raise DesatError(f"--cluster {address}: worker {worker} {why}")
+            for worker, reason in self._unfit().items():
+                raise DesatError(f"--cluster {address}: worker {worker} {reason}")
         except BaseException:
             self._close()
             raise
@@ -253,14 +253,14 @@ class Cluster:
 
     def _unfit(self) -> dict[str, str]:
         """Return the reason for each worker that cannot make these cases."""
-        told = self._client.run(
+        answers = self._client.run(
             unfit, self._plan, self._sent, versions(), on_error="return"
         )
         # a dying worker does not answer; one without desat lacks the function
         return {
-            worker: said if isinstance(said, str) else f"cannot be asked: {said}"
-            for worker, said in sorted(told.items())
-            if said and not isinstance(said, OSError)
+            worker: answer if isinstance(answer, str) else f"cannot be asked: {answer}"
+            for worker, answer in sorted(answers.items())
+            if answer and not isinstance(answer, OSError)
         }
 
     def _send_away(self) -> bool:
@@ -270,8 +270,10 @@ class Cluster:
         whether any was ever retired.
         """
         if found := self._unfit():
-            for worker, why in found.items():
-                print(f"worker {worker} {why}: sent away", file=sys.stderr, flush=True)
+            for worker, reason in found.items():
+                print(
+                    f"worker {worker} {reason}: sent away", file=sys.stderr, flush=True
+                )
             self._client.retire_workers(list(found))
             self._sent_away += found
         return bool(self._sent_away)
@@ -292,7 +294,7 @@ class Cluster:
             try:
                 return key, future.result()
             except KilledWorker:
-                return key, Lost(
+                return key, NoResult(
                     "its worker died, or ended itself as it was not over within "
                     f"{self._plan.limit:g} s"
                 )
@@ -310,7 +312,7 @@ class Cluster:
             self.submit(key, *arguments)
 
 
-def _whole(address: str) -> int:
+def worker_count(address: str) -> int:
     """Parse the number of workers of `local:N`; raise DesatError for another form."""
     text = address.partition(":")[2]
     if not text.isdecimal() or int(text) < 1:

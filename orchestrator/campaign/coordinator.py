@@ -23,7 +23,7 @@ from ..system.options import Options
 from ..system.typed import JsonObject
 from . import store
 from .case import batch, repeat
-from .draws import lost, never, whole_numbers
+from .draws import lost_row, never, whole_numbers
 from .plan import (
     PLAN,
     CampaignPlan,
@@ -36,7 +36,7 @@ from .plan import (
     versions_here,
 )
 from .sampling import SAMPLINGS, Sampling, allowed, draw_of
-from .workers import Local, Lost, Workers, guarded, results
+from .workers import Local, NoResult, Workers, guarded, results
 
 _EACH = 2.0  # s, from one status to the next
 
@@ -262,7 +262,7 @@ def _make(
         )
 
     def again(
-        numbers: Sequence[int], reason: Lost
+        numbers: Sequence[int], reason: NoResult
     ) -> list[tuple[Any, tuple[Any, ...]]]:
         """Return the calls that replace a lost one: its cases singly, then retries."""
         if len(numbers) > 1:  # it is not known which of them was lost
@@ -274,13 +274,13 @@ def _make(
     with shown("cases", at.count, progress, at.done) as tell:
         tasks = map(task, _together(list(rows.missing()), sizes))
         for numbers, result in results(workers, tasks, again):
-            if isinstance(result, Lost):
+            if isinstance(result, NoResult):
                 lost_row = _without_row(plan, numbers[0], result)
                 result = store.Batch.of([replace(lost_row, versions=versions)])
-            made = rows.add(result)
-            sizes.learn(made)
-            at.done += len(made)
-            at.failed += sum(not row.completed for row in made)
+            stored = rows.add(result)
+            sizes.learn(stored)
+            at.done += len(stored)
+            at.failed += sum(not row.completed for row in stored)
             tell(at.done, f"{at.failed} failed, {at.rate:.1f} a second")
             if time.monotonic() - written > _EACH:
                 written = time.monotonic()
@@ -300,16 +300,18 @@ class _Sizes:
         self._longest = min(TOGETHER, 0.25 * plan.limit)
         self._seconds, self._cases, self._recent = 0.0, 0, math.inf
 
-    def learn(self, made: Sequence[store.CaseRow]) -> None:
+    def learn(self, rows: Sequence[store.CaseRow]) -> None:
         """Update the time per case from cases that are over."""
-        seconds = sum(row.seconds or 0.0 for row in made)
-        self._seconds, self._cases = self._seconds + seconds, self._cases + len(made)
-        self._recent = max(seconds / len(made), self._seconds / self._cases)
+        seconds = sum(row.seconds or 0.0 for row in rows)
+        self._seconds, self._cases = self._seconds + seconds, self._cases + len(rows)
+        self._recent = max(seconds / len(rows), self._seconds / self._cases)
 
-    def next(self, left: int) -> int:
-        """Choose the number of cases to hand out next, with `left` cases remaining."""
+    def next(self, remaining: int) -> int:
+        """Choose the number of cases to hand out next, with `remaining` cases to do."""
         most = self._longest / max(self._recent, 1e-6)
-        return max(1, min(store.BLOCK, int(most), left // (_SHARES * self._workers)))
+        return max(
+            1, min(store.BLOCK, int(most), remaining // (_SHARES * self._workers))
+        )
 
 
 def _together(missing: Sequence[int], sizes: _Sizes) -> Iterator[Sequence[int]]:
@@ -322,10 +324,10 @@ def _together(missing: Sequence[int], sizes: _Sizes) -> Iterator[Sequence[int]]:
         first += len(some)
 
 
-def _without_row(plan: CampaignPlan, number: int, reason: Lost) -> store.CaseRow:
+def _without_row(plan: CampaignPlan, number: int, reason: NoResult) -> store.CaseRow:
     """Build the row of a case that never returned one."""
-    made = store.CaseRow(**vars(lost(reason)))
-    return replace(made, number=number, values=plan.values(number), attempts=_TRIES)
+    row = store.CaseRow(**vars(lost_row(reason)))
+    return replace(row, number=number, values=plan.values(number), attempts=_TRIES)
 
 
 TOGETHER = 2.0  # s, that cases which are handed out together may take
@@ -407,10 +409,11 @@ def _keep(plan: CampaignPlan, folder: Path, jobs: int) -> None:
         (n, (plan, n, kept_in(folder, n))) for n in todo
     )
     with Local(_keep_series, min(jobs, len(todo)), 1.25 * plan.limit) as workers:
-        for number, result in results(workers, tasks, lambda key, why: ()):
-            if isinstance(result, Lost):
+        for number, result in results(workers, tasks, lambda key, reason: ()):
+            if isinstance(result, NoResult):
                 raise RunError(
-                    f"{kept_in(folder, number)}: not kept: {result.why}", Exit.COMPONENT
+                    f"{kept_in(folder, number)}: not kept: {result.text}",
+                    Exit.COMPONENT,
                 )
 
 
@@ -467,14 +470,14 @@ class Progressed:
 
     def as_json(self, state: str) -> JsonObject:
         """Return the content of `status.json`."""
-        left = (self.count - self.done) / self.rate if self.rate else None
+        remaining = (self.count - self.done) / self.rate if self.rate else None
         return {
             "state": state,
             "count": self.count,
             "done": self.done,
             "failed": self.failed,
             "cases_per_second": round(self.rate, 3),
-            "seconds_left": None if left is None else round(left),
+            "seconds_left": None if remaining is None else round(remaining),
             "head": f"{platform.node()}:{os.getpid()}",
             "written": time.time(),
         }
@@ -491,17 +494,17 @@ def status(folder: Path) -> JsonObject:
     plan = read(folder)
     blank = {"state": "running", "count": plan.count, "done": 0, "failed": 0}
     try:
-        told = {**blank, **store.table(folder / STATUS)}
+        state = {**blank, **store.table(folder / STATUS)}
     except FileNotFoundError:
-        told = blank
-    head, _, pid = str(told.get("head", "")).rpartition(":")
+        state = blank
+    head, _, pid = str(state.get("head", "")).rpartition(":")
     if (
-        told["state"] == "running"
+        state["state"] == "running"
         and head == platform.node()
         and not (pid.isdecimal() and _lives(int(pid)))
     ):
-        told["state"] = "killed"
-    return told
+        state["state"] = "killed"
+    return state
 
 
 def _lives(pid: int) -> bool:

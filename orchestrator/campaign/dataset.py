@@ -40,19 +40,24 @@ def of_campaign(folder: Path, curves: bool = False) -> xr.Dataset:
             (len(cases),), _dtype(field.type), _column(folder, field.name, cases)
         )
         # drawn arrays are described as a whole, but have a column per element
-        told = described.get(field.name.removeprefix("out.").partition("[")[0], {})
+        description = described.get(
+            field.name.removeprefix("out.").partition("[")[0], {}
+        )
         variables[field.name] = lazy.variable(
             ("case",),
-            {"long_name": told.get("title", ""), "units": told.get("unit", "")},
+            {
+                "long_name": description.get("title", ""),
+                "units": description.get("unit", ""),
+            },
         )
     for name in plan.curves if curves else ():
         lazy = Lazy((len(cases), POINTS), float, _envelopes(folder, name, cases))
-        told = described.get(f"curve.{name}", {})
+        description = described.get(f"curve.{name}", {})
         variables[f"curve.{name}"] = lazy.variable(
             ("case", "part"),
             {
-                "long_name": f"{told.get('title', name)}: largest size in each part of the run",
-                "units": told.get("unit", ""),
+                "long_name": f"{description.get('title', name)}: largest size in each part of the run",
+                "units": description.get("unit", ""),
             },
         )
     attributes = {
@@ -81,9 +86,9 @@ def _column(folder: Path, name: str, cases: Any) -> Callable[[Any], Any]:
         if name not in table.column_names:
             return np.full(len(cases), np.nan)[key]
         column = table.to_pandas().set_index("case")[name]
-        if lost := [case for case in cases if case not in column.index]:
+        if missing := [case for case in cases if case not in column.index]:
             raise DesatError(
-                f"{folder}: case {lost[0]} no longer exists: load the campaign again"
+                f"{folder}: case {missing[0]} no longer exists: load the campaign again"
             )
         return column.loc[cases].to_numpy()[key]
 

@@ -24,7 +24,7 @@ from ..system.parameters import parse_assignment
 from ..system.typed import JsonObject
 from .sampling import Drawn, draw_of
 from .spread import Spread, spreads, to_json
-from .workers import Here, Local, Lost, Workers, results
+from .workers import Here, Local, NoResult, Workers, results
 
 STOPPED = 128  # exit codes above this are those of a run that somebody stopped
 
@@ -183,8 +183,8 @@ def one(source: Target, options: Options, seed: int, draw: int | None) -> RunRow
     try:
         return replace(ran(source, options, values), number=draw)
     except DesatError as error:
-        where = target if draw is None else f"{target}: draw {draw}"
-        lines = "\n".join(f"{where}: {x}" for x in str(error).splitlines())
+        place = target if draw is None else f"{target}: draw {draw}"
+        lines = "\n".join(f"{place}: {x}" for x in str(error).splitlines())
         raise RunError(lines, error.code) from error
 
 
@@ -208,18 +208,21 @@ def ran(
     run = simulate(case)
     if run.code > STOPPED:
         run.or_raise(source.text)
-    told = run.manifest
+    manifest = run.manifest
     # requirements apply to all draws or cases together, not to one
-    code = Exit.COMPLETED if run.ok and not told.unmet else run.code
+    code = Exit.COMPLETED if run.ok and not manifest.unmet else run.code
     row = RunRow(
-        told.status,
+        manifest.status,
         int(code),
-        told.message or "",
-        told.unmet,
-        told.stopped_when,
-        {name: n.value for name, n in told.numbers.items()},
+        manifest.message or "",
+        manifest.unmet,
+        manifest.stopped_when,
+        {name: n.value for name, n in manifest.numbers.items()},
         values,
-        {name: {"title": n.title, "unit": n.unit} for name, n in told.numbers.items()},
+        {
+            name: {"title": n.title, "unit": n.unit}
+            for name, n in manifest.numbers.items()
+        },
     )
     look(run)
     run.results.close()
@@ -249,27 +252,27 @@ def _asks_for(content: Content, analysis: Analysis) -> bool:
     It does if it sets a bound of the analysis, or has a requirement on one of its
     numbers.
     """
-    wanted = {r.number for r in content.requirements.values()}
-    asked = content.written.keys() & set(analysis.BOUND_KEYS)
-    return bool(asked or wanted & set(analysis.NUMBERS))
+    numbers = {r.number for r in content.requirements.values()}
+    bounds = content.written.keys() & set(analysis.BOUND_KEYS)
+    return bool(bounds or numbers & set(analysis.NUMBERS))
 
 
 def never(system: Builder, options: Options) -> list[str]:
     """Return a line for each option that sets a value which is drawn instead."""
     names = [*(text.partition("=")[0] for text in options.sets), *options.values]
     return [
-        f"--set {name}: {'it' if name == what else what} is sampled, and so never has this "
+        f"--set {name}: {'it' if name == parameter else parameter} is sampled, and so never has this "
         "value"
         for name in names
         if "." in name
-        for what in overridden_by(system, name)
+        for parameter in overridden_by(system, name)
     ]
 
 
-def lost(reason: Lost) -> RunRow:
+def lost_row(reason: NoResult) -> RunRow:
     """Return the row of a run that never came back."""
     return RunRow(
-        "failed", int(Exit.TIMEOUT if reason.timeout else Exit.COMPONENT), reason.why
+        "failed", int(Exit.TIMEOUT if reason.timeout else Exit.COMPONENT), reason.text
     )
 
 
@@ -293,7 +296,7 @@ def rows_of(
     """
     jobs, tried = max(1, min(jobs, len(tasks))), set()
 
-    def again(key: Any, reason: Lost) -> list[tuple[Any, tuple[Any, ...]]]:
+    def again(key: Any, reason: NoResult) -> list[tuple[Any, tuple[Any, ...]]]:
         """Return the supervised repetition of a lost run, once."""
         if key in tried:
             return []
@@ -309,9 +312,9 @@ def rows_of(
     workers: Workers = Here(One(*known)) if jobs == 1 else Local(One(), jobs)
     with workers, shown(title, len(tasks), progress) as tell:
         for key, result in results(workers, iter(enumerate(tasks)), again):
-            is_lost = isinstance(result, Lost)
+            is_lost = isinstance(result, NoResult)
             rows[key] = (
-                replace(lost(result), number=tasks[key][3]) if is_lost else result
+                replace(lost_row(result), number=tasks[key][3]) if is_lost else result
             )
             tell(len(rows), "")
     return [rows[key] for key in range(len(tasks))]
@@ -349,9 +352,9 @@ def draws(
     )
 
 
-def whole_numbers(target: str, **given: tuple[Any, int]) -> None:
+def whole_numbers(target: str, **entry: tuple[Any, int]) -> None:
     """Raise DesatError for a value that is no integer, or is below its lower bound."""
-    for name, (value, least) in given.items():
+    for name, (value, least) in entry.items():
         if not isinstance(value, int) or isinstance(value, bool) or value < least:
             raise DesatError(
                 f"{target}: {name} = {value!r}: an integer from {least} on is needed"
@@ -360,10 +363,10 @@ def whole_numbers(target: str, **given: tuple[Any, int]) -> None:
 
 def summary(rows: Sequence[RunRow], late: Collection[str]) -> dict[str, Spread]:
     """Compute the `spreads` of each number of the draws that completed."""
-    whole = [r for r in rows if r.completed]
-    described = whole[0].described if whole else {}
+    completed = [r for r in rows if r.completed]
+    described = completed[0].described if completed else {}
     units = {name: d["unit"] for name, d in described.items()}
-    return spreads([r.numbers for r in whole], units, late)
+    return spreads([r.numbers for r in completed], units, late)
 
 
 # --- Sweeps over combinations of parameter values -------------------------------------
@@ -436,10 +439,10 @@ def sweep(
     rows = rows_of(tasks, jobs, target, progress, source)
     count = max(draws, 1)
     times = late(content_of(system.about))
-    made = []
+    groups = []
     for i, point in enumerate(points):
-        own = rows[i * count : (i + 1) * count]
-        made.append(SweepPoint(point, own, summary(own, times)))
+        group = rows[i * count : (i + 1) * count]
+        groups.append(SweepPoint(point, group, summary(group, times)))
     units = {name: spread.unit or "" for name, spread in summary(rows, times).items()}
     return Sweep(
         scenario=target,
@@ -447,7 +450,7 @@ def sweep(
         draws=draws,
         seed=seed if draws else None,
         units=units,
-        points=made,
+        points=groups,
         warnings=warnings,
     )
 

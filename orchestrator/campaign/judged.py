@@ -139,8 +139,10 @@ def for_half_the_width(n: int, outside: int, confidence: float) -> int | None:
         low, high = clopper_pearson(round(outside / n * total), total, confidence)
         return high - low
 
-    wanted = 0.5 * width(n)
-    few = bisect_left(range(n, _MOST), True, key=lambda total: width(total) <= wanted)
+    half_width = 0.5 * width(n)
+    few = bisect_left(
+        range(n, _MOST), True, key=lambda total: width(total) <= half_width
+    )
     return few if n + few < _MOST else None
 
 

@@ -183,17 +183,17 @@ def _apart(frames: Sequence[DataFrame], cases: Index) -> list[str]:
     """Return a line for cases that one has completed and that failed in the other."""
     lines = []
     both = frames[0].index.intersection(frames[1].index)
-    for frame, own, other in zip(
+    for frame, name, other in zip(
         frames, ("first", "second"), ("second", "first"), strict=True
     ):
         completed = frame.index[frame["status"] == "completed"]
         failed = completed.intersection(both).difference(cases)
         if len(failed):
-            told = f"case {failed[0]}" + (
+            failed_cases = f"case {failed[0]}" + (
                 f" and {len(failed) - 1} more" if len(failed) > 1 else ""
             )
             lines.append(
-                f"{told}: completed in the {own}, failed in the {other}: in no pair"
+                f"{failed_cases}: completed in the {name}, failed in the {other}: in no pair"
             )
     return lines
 
@@ -220,10 +220,10 @@ def _same_inputs(first: Path, second: Path, matched: Sequence[DataFrame]) -> Non
 
 def _same_units(first: Path, second: Path, names: list[str]) -> dict[str, str]:
     """Return the unit of each number; raise DesatError if the two differ."""
-    told = [store.described(f) for f in (first, second)]
+    descriptions = [store.described(f) for f in (first, second)]
     units = {}
     for name in names:
-        ours, theirs = (t[name[4:]]["unit"] for t in told)
+        ours, theirs = (t[name[4:]]["unit"] for t in descriptions)
         if ours != theirs:
             raise DesatError(
                 f"{first} and {second}: {name[4:]} is in {ours} and in {theirs}; "

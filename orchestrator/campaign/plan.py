@@ -83,10 +83,10 @@ class CampaignPlan:
     def to_json(self) -> JsonObject:
         """Return the plan as its file has it, without default options."""
         usual = vars(Options())
-        told = {k: v for k, v in vars(self.options).items() if v != usual[k]}
+        options = {k: v for k, v in vars(self.options).items() if v != usual[k]}
         return {
             **vars(self),
-            "options": told,
+            "options": options,
             "curves": list(self.curves),
             "keep": list(map(str, self.keep)),
         }
@@ -110,11 +110,11 @@ def read(folder: Path) -> CampaignPlan:
     try:
         data = json.loads(file.read_text(encoding="utf-8"))
         known = {f.name for f in fields(CampaignPlan)}
-        given: JsonObject = {k: v for k, v in data.items() if k in known}
-        given["curves"] = tuple(given.get("curves", ()))
-        given["keep"] = tuple(map(KeptSeries.parsed, given.get("keep", ())))
-        given["options"] = Options(**given.get("options", {}))
-        plan = CampaignPlan(**given)
+        entries: JsonObject = {k: v for k, v in data.items() if k in known}
+        entries["curves"] = tuple(entries.get("curves", ()))
+        entries["keep"] = tuple(map(KeptSeries.parsed, entries.get("keep", ())))
+        entries["options"] = Options(**entries.get("options", {}))
+        plan = CampaignPlan(**entries)
     except (ValueError, TypeError, AttributeError, DesatError) as error:
         raise DesatError(f"{file}: damaged ({error})") from error
     for name, kind in _KINDS.items():
@@ -170,22 +170,22 @@ def versions_here() -> str:
 
 def kept_versions(folder: Path) -> dict[str, str]:
     """Read the versions with which a campaign was last continued."""
-    told: dict[str, str] = json.loads((folder / PLAN).read_text(encoding="utf-8")).get(
-        "versions"
-    )
-    return told or {}
+    versions: dict[str, str] = json.loads(
+        (folder / PLAN).read_text(encoding="utf-8")
+    ).get("versions")
+    return versions or {}
 
 
 def same_versions(
-    folder: Path, before: Mapping[str, str], accepted: bool, what: str
+    folder: Path, before: Mapping[str, str], accepted: bool, subject: str
 ) -> None:
     """Raise DesatError if versions have changed and no others are accepted.
 
-    These are versions of the packages that compute; `what` names what would be mixed.
+    These are versions of the packages that compute; `subject` names what would be mixed.
     """
     if not accepted and (text := other(before, versions())):
         raise DesatError(
-            f"{folder}: {text}: {what} may differ in their bits; "
+            f"{folder}: {text}: {subject} may differ in their bits; "
             "--accept-versions continues, and each case records its own"
         )
 
@@ -194,13 +194,13 @@ def joined(old: CampaignPlan, new: CampaignPlan, folder: Path) -> None:
     """Raise DesatError if a folder's campaign is not the one to continue in it."""
     if not comparable(old.digest):
         raise DesatError(f"{folder}: it cannot go on: {changed(old)}; {anew(new)}")
-    wanted, told = (json.loads(json.dumps(plan.to_json())) for plan in (new, old))
-    for key, before in told.items():
-        now = wanted[key]
+    expected, stored = (json.loads(json.dumps(plan.to_json())) for plan in (new, old))
+    for key, before in stored.items():
+        now = expected[key]
         grows = key == "count" and now >= before and old.sampling not in FIXED
         if before == now or grows or key in GROWS[1:]:
             continue
-        if key == "digest" and told["options"] != wanted["options"]:
+        if key == "digest" and stored["options"] != expected["options"]:
             continue  # the options are the reason, and are reported themselves
         if key == "digest":
             raise DesatError(f"{folder}: another campaign: {changed(old)}; {anew(new)}")

@@ -133,7 +133,7 @@ def summary(folder: Path) -> CampaignSummary:
     """Compute the content of the report; raise DesatError where there is no case."""
     plan = read(folder)
     about = content_of(system(plan).about)
-    table, told = store.read(folder), store.described(folder)
+    table, descriptions = store.read(folder), store.described(folder)
     completed = _completed_cases(table)
     cases = np.array(table["case"].to_pylist())
     out = {n[4:]: flat(table[n]) for n in table.column_names if n.startswith("out.")}
@@ -147,7 +147,11 @@ def summary(folder: Path) -> CampaignSummary:
     times = late(about)
     numbers = {
         name: _number(
-            name, told.get(name, {}), values[completed], cases[completed], name in times
+            name,
+            descriptions.get(name, {}),
+            values[completed],
+            cases[completed],
+            name in times,
         )
         for name, values in out.items()
     }
@@ -155,8 +159,8 @@ def summary(folder: Path) -> CampaignSummary:
         store.CaseRow(row["status"], row["code"], row["message"], number=row["case"])
         for row in table.filter(~completed).to_pylist()
     ]
-    if lost := [n for n in out if n not in told]:
-        raise DesatError(f"{folder / store.NUMBERS}: damaged: it lacks {lost[0]}")
+    if missing := [n for n in out if n not in descriptions]:
+        raise DesatError(f"{folder / store.NUMBERS}: damaged: it lacks {missing[0]}")
     unmet = [
         f"case {int(c)}: {line}"
         for c, lines in zip(cases, table["unmet"].to_pylist(), strict=True)
@@ -166,7 +170,7 @@ def summary(folder: Path) -> CampaignSummary:
     each = {n: v[apart] for n, v in out.items()}
     verdicts = {}
     for name, entry in about.requirements.items():
-        unit = told.get(entry.number, {}).get("unit", "")
+        unit = descriptions.get(entry.number, {}).get("unit", "")
         verdicts[name] = requirement(
             entry, each, completed[apart], cases[apart], folder, unit
         )
@@ -198,15 +202,15 @@ def _versions(rows: Sequence[str]) -> list[VersionSet]:
     """Collect the sets of versions that cases were made with."""
     sets = [(json.loads(text), n) for text, n in sorted(Counter(rows).items())]
     various = [n for n in COMPUTING if len({one.get(n) for one, _ in sets}) > 1]
-    made = []
+    lines = []
     for one, n in sets:
         text = (
             f"{n} with {', '.join(f'{k} {one.get(k)}' for k in various)}"
             if various
             else ""
         )
-        made.append(VersionSet(n, one, text))
-    return made
+        lines.append(VersionSet(n, one, text))
+    return lines
 
 
 def _apart(plan: CampaignPlan, cases: Any) -> Any:
@@ -303,11 +307,11 @@ def _sobol(
     names, sizes = axes(drafted)
     if plan.count < (least := BASE * (sum(sizes) + 2)):
         return {"missing": f"they need -n {least} or more"}
-    how = dispersions_of(drafted)
+    dispersions = dispersions_of(drafted)
     # in a direction each random number affects all elements
     form = {
         n: "{}, random number {}"
-        if how[n].kind in ("attitude", "direction")
+        if dispersions[n].kind in ("attitude", "direction")
         else "{}[{}]"
         for n in names
     }
@@ -325,13 +329,15 @@ def _sobol(
             ):  # numbers that hardly differ; their interval shows it
                 warnings.simplefilter("ignore")
                 cube = unit_cube(len(elements))
-                made = analyze(cube, y, calc_second_order=False, seed=plan.seed)
+                sensitivities = analyze(
+                    cube, y, calc_second_order=False, seed=plan.seed
+                )
             indices[number] = {
                 name: {
-                    "first": float(made["S1"][i]),
-                    "first_conf": float(made["S1_conf"][i]),
-                    "total": float(made["ST"][i]),
-                    "total_conf": float(made["ST_conf"][i]),
+                    "first": float(sensitivities["S1"][i]),
+                    "first_conf": float(sensitivities["S1_conf"][i]),
+                    "total": float(sensitivities["ST"][i]),
+                    "total_conf": float(sensitivities["ST_conf"][i]),
                 }
                 for i, name in enumerate(elements)
             }
@@ -376,18 +382,18 @@ def write(folder: Path) -> tuple[Path, CampaignSummary]:
 
     Returns the path of the page and the content.
     """
-    plan, told = read(folder), summary(folder)
-    entry = told.to_json()
+    plan, found = read(folder), summary(folder)
+    entry = found.to_json()
     write_json(folder / "report.json", entry)
-    drawn = _figures(folder, plan, told)
+    drawn = _figures(folder, plan, found)
     text = render(
         "campaign.html",
         told=entry,
         plan=plan,
-        title=f"Campaign of {told.target}",
+        title=f"Campaign of {found.target}",
         **figures_of([(f.caption, f.figure) for f in drawn]),
         commands=[f.commands for f in drawn],
-        small=(small := _histograms(folder, told)),
+        small=(small := _histograms(folder, found)),
         data=data_element(
             {
                 "command": rerun(folder, "").rstrip(),
@@ -399,10 +405,10 @@ def write(folder: Path) -> tuple[Path, CampaignSummary]:
         ),
         number=shown,
         unit=spell_unit,
-        numbers=tabulate_numbers(told.numbers),
+        numbers=tabulate_numbers(found.numbers),
         kept=sorted(p.name for p in (folder / "kept").glob("*")),
     )
-    return write_page(folder / "report.html", text), told
+    return write_page(folder / "report.html", text), found
 
 
 class _Figure(NamedTuple):
@@ -413,25 +419,27 @@ class _Figure(NamedTuple):
     commands: Sequence[str] = ()
 
 
-def _figures(folder: Path, plan: CampaignPlan, told: CampaignSummary) -> list[_Figure]:
+def _figures(folder: Path, plan: CampaignPlan, found: CampaignSummary) -> list[_Figure]:
     """Draw the curves of a campaign, and its strongest drivers as scatter plots."""
-    made = [*_curves(folder, plan)]
+    figures = [*_curves(folder, plan)]
     table = store.read(folder)
     good = _completed_cases(table)
     described = store.described(folder)
-    strongest = {d.number: d for d in reversed(told.drivers)}  # by number
+    strongest = {d.number: d for d in reversed(found.drivers)}  # by number
     for driver in sorted(strongest.values(), key=lambda d: -abs(d.correlation))[
         :_SCATTERS
     ]:
         x = flat(table[f"in.{driver.input}"])[good]
         y = flat(table[f"out.{driver.number}"])[good]
-        spread = told.numbers[driver.number]
+        spread = found.numbers[driver.number]
         caption = f"{spread.title} over {driver.input}, rank correlation {driver.correlation:.2f}"
         label = axis_label(spread.title or "", spread.unit or "", 2.4)
         unit = described.get(f"in.{driver.input.partition('[')[0]}", {}).get("unit", "")
         below = axis_label(_of_input(plan, driver.input), unit, 6.0)
-        made.append(_Figure(caption, scattered({"": (x, y)}, below, label, size=2.0)))
-    return made
+        figures.append(
+            _Figure(caption, scattered({"": (x, y)}, below, label, size=2.0))
+        )
+    return figures
 
 
 def _of_input(plan: CampaignPlan, name: str) -> str:
@@ -461,18 +469,18 @@ class _Small(NamedTuple):
     cases: Sequence[Sequence[int]]
 
 
-def _histograms(folder: Path, told: CampaignSummary) -> list[_Small]:
+def _histograms(folder: Path, found: CampaignSummary) -> list[_Small]:
     """Draw a histogram of each number that differs between cases."""
     limits: dict[str, list[tuple[str, float]]] = {}
-    for name, verdict in told.requirements.items():
+    for name, verdict in found.requirements.items():
         entry = verdict.requirement
-        own = [(f"{name}, max", entry.max), (f"{name}, min", entry.min)]
+        extremes = [(f"{name}, max", entry.max), (f"{name}, min", entry.min)]
         known = limits.setdefault(entry.number, [])
-        known += [(what, value) for what, value in own if value is not None]
-    table, made = store.read(folder), []
+        known += [(label, value) for label, value in extremes if value is not None]
+    table, figures = store.read(folder), []
     good = _completed_cases(table)
     numbers = np.array(table["case"].to_pylist())[good]
-    for name, spread in told.numbers.items():
+    for name, spread in found.numbers.items():
         values = flat(table[f"out.{name}"])[good]
         there = np.isfinite(values)
         cases, values = numbers[there], values[there]
@@ -485,17 +493,19 @@ def _histograms(folder: Path, told: CampaignSummary) -> list[_Small]:
         unit = spread.unit or ""
         fig, ax = histogram(name, unit, count, edges, [value for _, value in lines])
         bar = np.clip(np.searchsorted(edges, values, "right") - 1, 0, len(count) - 1)
-        made.append(
+        figures.append(
             _Small(
                 spread.title or "",
                 Markup(fig.svg()),
-                "; ".join(f"{what} {shown(x)} {spell_unit(unit)}" for what, x in lines),
+                "; ".join(
+                    f"{label} {shown(x)} {spell_unit(unit)}" for label, x in lines
+                ),
                 [round(float(x), 4) for x in ax.across(edges) / (INCH * fig.width)],
                 count.tolist(),
                 [sorted(cases[bar == k].tolist())[:_NAMED] for k in range(len(count))],
             )
         )
-    return made
+    return figures
 
 
 def _limits(plan: CampaignPlan, plot: Plot, unit: str) -> list[tuple[str, float]]:
@@ -517,9 +527,9 @@ def _limits(plan: CampaignPlan, plot: Plot, unit: str) -> list[tuple[str, float]
 def _curves(folder: Path, plan: CampaignPlan) -> list[_Figure]:
     """Draw the percentiles of the envelopes that the cases keep."""
     drafted = system(plan)
-    plots, told = content_of(drafted.about).plots, store.described(folder)
+    plots, descriptions = content_of(drafted.about).plots, store.described(folder)
     table = store.read(folder, store.CURVES)
-    made = []
+    figures = []
     options = plan.options
     start = drafted.start or 0.0
     stop = drafted.stop or 0.0 if isinstance(options.stop, str | None) else options.stop
@@ -534,7 +544,7 @@ def _curves(folder: Path, plan: CampaignPlan) -> list[_Figure]:
             :_WORST
         ]
         plot = plots[name]
-        unit = told.get(f"curve.{name}", {}).get("unit", "")
+        unit = descriptions.get(f"curve.{name}", {}).get("unit", "")
         title = f"{plot.axis or plot.title}, largest size"
         caption = (
             f"{plot.title}: largest size of any line in each of {POINTS} parts of the run, "
@@ -544,10 +554,10 @@ def _curves(folder: Path, plan: CampaignPlan) -> list[_Figure]:
         figure = percentiles(
             title, unit, times, curves, worst, _limits(plan, plot, unit)
         )
-        made.append(
+        figures.append(
             _Figure(caption, figure, [rerun(folder, case) for case, _ in worst])
         )
-    return made
+    return figures
 
 
 # --- Figures of a campaign ------------------------------------------------------------

@@ -85,12 +85,12 @@ def axes(system: Builder) -> tuple[list[str], list[int]]:
 def _size(system: Builder, name: str) -> int:
     """Count the elements of a dispersed parameter; raise DesatError without one."""
     owner, _, variable = name.partition(".")
-    component = system.part(owner, f"{system.where}: dispersions")
+    component = system.part(owner, f"{system.place}: dispersions")
     if size := len(component.elements(variable)):
         return size
     signals = component.interface.parameters if component.interface else ()
     raise DesatError(
-        f"{system.where}: dispersions: {name}: no such parameter"
+        f"{system.place}: dispersions: {name}: no such parameter"
         f"{nearest(variable, {s.array for s in signals})}"
     )
 
@@ -99,24 +99,25 @@ def _random(system: Builder, name: str, spec: Dispersion, seed: int, draw: int) 
     """Draw a value from a random stream of its own."""
     size, kind = _size(system, name), spec.kind
     stream = np.random.default_rng([seed, draw, zlib.crc32(name.encode())])
-    given = getattr(spec, kind)
+    numbers = getattr(spec, kind)
     if kind == "normal":
         low, high = spec.within or (-np.inf, np.inf)
-        values = stream.normal(given[0], given[1], size)
+        values = stream.normal(numbers[0], numbers[1], size)
         while (beyond := (values < low) | (values > high)).any():
-            values[beyond] = stream.normal(given[0], given[1], beyond.sum())
+            values[beyond] = stream.normal(numbers[0], numbers[1], beyond.sum())
         return [float(x) for x in values]
     if kind == "uniform":
-        return [float(x) for x in stream.uniform(given[0], given[1], size)]
+        return [float(x) for x in stream.uniform(numbers[0], numbers[1], size)]
     if kind == "signs":
         return [
-            float(x) for x in stream.choice([-1.0, 1.0], len(given)) * np.array(given)
+            float(x)
+            for x in stream.choice([-1.0, 1.0], len(numbers)) * np.array(numbers)
         ]
     if kind == "one_of":
-        return given[int(stream.integers(len(given)))]
+        return numbers[int(stream.integers(len(numbers)))]
     if kind == "seed":
         return int(stream.integers(1, 2**31 - 1))
-    return _directed(kind, given, stream.normal(size=size))
+    return _directed(kind, numbers, stream.normal(size=size))
 
 
 def _place(spec: Dispersion, unit: NDArray[np.float64]) -> Any:
@@ -124,28 +125,28 @@ def _place(spec: Dispersion, unit: NDArray[np.float64]) -> Any:
     from scipy.special import ndtr, ndtri
 
     kind = spec.kind
-    given = getattr(spec, kind)
+    numbers = getattr(spec, kind)
     if kind == "normal":
-        if spec.within and given[1]:
-            low, high = ndtr((np.array(spec.within) - given[0]) / given[1])
+        if spec.within and numbers[1]:
+            low, high = ndtr((np.array(spec.within) - numbers[0]) / numbers[1])
             unit = low + (high - low) * unit
-        return [float(given[0] + given[1] * x) for x in ndtri(unit)]
+        return [float(numbers[0] + numbers[1] * x) for x in ndtri(unit)]
     if kind == "uniform":
-        return [float(given[0] + (given[1] - given[0]) * x) for x in unit]
+        return [float(numbers[0] + (numbers[1] - numbers[0]) * x) for x in unit]
     if kind == "signs":
         return [
             float(size if x < 0.5 else -size)
-            for size, x in zip(given, unit, strict=True)
+            for size, x in zip(numbers, unit, strict=True)
         ]
     if kind == "one_of":
-        return given[min(int(unit[0] * len(given)), len(given) - 1)]
-    return _directed(kind, given, ndtri(unit))
+        return numbers[min(int(unit[0] * len(numbers)), len(numbers) - 1)]
+    return _directed(kind, numbers, ndtri(unit))
 
 
-def _directed(kind: str, given: Any, normal: NDArray[np.float64]) -> list[float]:
+def _directed(kind: str, numbers: Any, normal: NDArray[np.float64]) -> list[float]:
     """Compute a random direction from normal numbers; its size is 1 for an attitude."""
     vector = normal / np.linalg.norm(normal)
-    return [float(x) for x in (vector if kind == "attitude" else given * vector)]
+    return [float(x) for x in (vector if kind == "attitude" else numbers * vector)]
 
 
 def allowed(sampling: Sampling, count: int, system: Builder) -> None:
@@ -223,13 +224,13 @@ def saltelli(seed: int, count: int, width: int) -> NDArray[np.float64]:
         If SALib is not installed.
     """
     sample = sensitivity("sample")
-    made = sample(
+    cube = sample(
         unit_cube(width), count // (width + 2), calc_second_order=False, seed=seed
     )
-    return np.asarray(made, dtype=float)
+    return np.asarray(cube, dtype=float)
 
 
-def sensitivity(what: Literal["sample", "analyze"]) -> Callable[..., Any]:
+def sensitivity(function: Literal["sample", "analyze"]) -> Callable[..., Any]:
     """Import SALib's function for Sobol indices; raise DesatError without SALib."""
     try:
         from SALib.analyze import sobol as analyze
@@ -238,7 +239,7 @@ def sensitivity(what: Literal["sample", "analyze"]) -> Callable[..., Any]:
         raise DesatError(
             "sampling saltelli needs SALib: pip install 'desat[cluster]'"
         ) from error
-    return sample.sample if what == "sample" else analyze.analyze  # type: ignore[no-any-return]
+    return sample.sample if function == "sample" else analyze.analyze  # type: ignore[no-any-return]
 
 
 def unit_cube(width: int) -> Mapping[str, Any]:

@@ -8,7 +8,7 @@
     status.json              progress
     kept/000123/             run folder of a case that is kept
 
-Rows depend on plan and number alone, except for the columns `OWN`. The same holds for
+Rows depend on plan and number alone, except for the columns `BOOKKEEPING`. The same holds for
 the files, wherever the cases ran and however often the campaign was stopped.
 """
 
@@ -52,10 +52,12 @@ def replace(part: Path, path: Path, octets: bytes) -> None:
     During the replacement the signature has the sha256 of the old file, too, because a
     reader may find either file.
     """
-    made = hashlib.sha256(octets).hexdigest()
-    replace_text(signature(path), f"{_signed(path)}\n{made}" if path.exists() else made)
+    digest = hashlib.sha256(octets).hexdigest()
+    replace_text(
+        signature(path), f"{_signed(path)}\n{digest}" if path.exists() else digest
+    )
     part.replace(path)
-    replace_text(signature(path), made)
+    replace_text(signature(path), digest)
 
 
 def _signed(path: Path) -> str:
@@ -72,22 +74,22 @@ def _signed(path: Path) -> str:
 def _check(path: Path) -> None:
     """Raise DesatError if a file is not as it was written, or its sha256 is missing."""
     state = path.stat()
-    if not (said := _signed(path)):
+    if not (signed := _signed(path)):
         raise _summary(
             path, ValueError(f"{signature(path).name}, its sha256, is missing")
         )
-    _as_signed(path, said, state.st_mtime_ns, state.st_size)
+    _as_signed(path, signed, state.st_mtime_ns, state.st_size)
 
 
 @lru_cache(maxsize=4096)
-def _as_signed(path: Path, said: str, *_: int) -> None:
-    """Raise DesatError if the sha256 of a file is not among those in `said`.
+def _as_signed(path: Path, signatures: str, *_: int) -> None:
+    """Raise DesatError if the sha256 of a file is not among those in `signatures`.
 
     Errors are not cached, because a file may be repaired within a tick of the clock.
     """
     found = hashlib.sha256(path.read_bytes()).hexdigest()
     if (
-        found not in said.split() and _signed(path) == said
+        found not in signatures.split() and _signed(path) == signatures
     ):  # otherwise it has been replaced meanwhile
         raise _summary(path, ValueError("its sha256 is another"))
 
@@ -124,8 +126,8 @@ def count(path: Path) -> int:
         return int(pq.read_metadata(file).num_rows)
 
 
-def rows_in(path: Path, wanted: Sequence[str] | None = None) -> pa.Table:
-    """Read the rows of a Parquet file, with those of the `wanted` columns that it has.
+def rows_in(path: Path, selection: Sequence[str] | None = None) -> pa.Table:
+    """Read the rows of a Parquet file, with those of the `selection` columns that it has.
 
     Raises
     ------
@@ -134,7 +136,7 @@ def rows_in(path: Path, wanted: Sequence[str] | None = None) -> pa.Table:
     """
     with _open_parquet(path) as opened, pq.ParquetFile(opened) as file:
         names = file.schema_arrow.names
-        return file.read(columns=wanted and [c for c in wanted if c in names])
+        return file.read(columns=selection and [c for c in selection if c in names])
 
 
 def _summary(path: Path, error: Exception) -> DesatError:
@@ -161,12 +163,12 @@ def table(path: Path) -> JsonObject:
 BLOCK = 256  # cases in a file
 CASES, CURVES, NUMBERS = "cases", "curves", "numbers.json"
 # Columns that may differ when a case is made again.
-OWN = ("seconds", "worker", "attempts", "versions")
+BOOKKEEPING = ("seconds", "worker", "attempts", "versions")
 
 
 @dataclass(frozen=True)
 class CaseRow(RunRow):
-    """Row of a case, with the columns `OWN`."""
+    """Row of a case, with the columns `BOOKKEEPING`."""
 
     # envelopes; None: there are none
     curves: Mapping[str, Sequence[float | None]] | None = None
@@ -184,17 +186,20 @@ class CaseRow(RunRow):
     def to_line(self) -> str:
         """Return the row as a line of a journal."""
         curves = {} if self.curves is None else {"curves": dict(self.curves)}
-        own = {name: getattr(self, name) for name in OWN}
+        bookkeeping = {name: getattr(self, name) for name in BOOKKEEPING}
         entry = self.to_json()
-        return json.dumps({"case": entry.pop("draw"), **entry, **curves, **own}) + "\n"
+        return (
+            json.dumps({"case": entry.pop("draw"), **entry, **curves, **bookkeeping})
+            + "\n"
+        )
 
     @classmethod
-    def from_json(cls, told: JsonObject) -> CaseRow:
+    def from_json(cls, entry: JsonObject) -> CaseRow:
         """Build the row from an entry of a journal or of the columns of a file."""
-        stopped = told["stopped_when"]
-        when = stopped and Stopped(stopped.get("condition", ""), stopped["time"])
-        known = {name: told[name] for name in _FIELDS if name in told}
-        return cls(**{**known, "number": told["case"], "stopped_when": when})
+        stopped = entry["stopped_when"]
+        ending = stopped and Stopped(stopped.get("condition", ""), stopped["time"])
+        known = {name: entry[name] for name in _FIELDS if name in entry}
+        return cls(**{**known, "number": entry["case"], "stopped_when": ending})
 
 
 _FIELDS = tuple(f.name for f in fields(CaseRow))
@@ -227,16 +232,16 @@ class Store:
         self._open: dict[int, dict[int, CaseRow]] = {}
         for kind in (CASES, CURVES):
             (folder / kind).mkdir(parents=True, exist_ok=True)
-        self._whole = _parts(folder)
+        self._complete = _parts(folder)
         for row in _journal(folder):
-            if row.case // BLOCK not in self._whole and row.case < cases:
+            if row.case // BLOCK not in self._complete and row.case < cases:
                 self._open.setdefault(row.case // BLOCK, {})[row.case] = row
         # of blocks that are complete, or that no longer exist
         for path in _journals(folder):
             path.unlink()
         for block in self._open:
             self._write_journal(block)
-        for block in sorted(self._whole):
+        for block in sorted(self._complete):
             curves = _part(folder, CURVES, block)
             if curves.exists():
                 count(curves)  # verifies its sha256
@@ -250,7 +255,7 @@ class Store:
         or because some of its rows are discarded.
         """
         self._open[block] = {row.case: row for row in _of_block(self.folder, block)}
-        self._whole.discard(block)
+        self._complete.discard(block)
         self._write_journal(block)
         for kind in (CASES, CURVES):
             _part(self.folder, kind, block).unlink(missing_ok=True)
@@ -272,12 +277,12 @@ class Store:
 
     def done(self) -> int:
         """Count the cases that exist."""
-        return sum(map(self._size, self._whole)) + sum(map(len, self._open.values()))
+        return sum(map(self._size, self._complete)) + sum(map(len, self._open.values()))
 
     def missing(self) -> Iterator[int]:
         """Yield the numbers of the cases that do not exist yet, in order."""
         for block in range(math.ceil(self._count / BLOCK)):
-            if block not in self._whole:
+            if block not in self._complete:
                 there = set(self._open.get(block, ()))
                 first = block * BLOCK
                 yield from (
@@ -289,14 +294,16 @@ class Store:
         waiting = sum(
             not r.completed for rows in self._open.values() for r in rows.values()
         )
-        parts = (rows_in(_part(self.folder, CASES, b), ["status"]) for b in self._whole)
+        parts = (
+            rows_in(_part(self.folder, CASES, b), ["status"]) for b in self._complete
+        )
         return waiting + sum(
             int(s != "completed") for t in parts for s in t["status"].to_pylist()
         )
 
     def forget(self, code: int) -> None:
         """Discard the cases that ended with this exit code."""
-        for block in sorted(self._whole):
+        for block in sorted(self._complete):
             codes = rows_in(_part(self.folder, CASES, block), ["code"])[
                 "code"
             ].to_pylist()
@@ -315,19 +322,19 @@ class Store:
         if not batch.described.keys() <= self._described.keys():
             self._described |= batch.described
             write_json(self.folder / NUMBERS, dict(sorted(self._described.items())))
-        made = [CaseRow.from_json(json.loads(line)) for line in batch.lines]
-        (block,) = {row.case // BLOCK for row in made}
-        rows = self._open.pop(block, {}) | {row.case: row for row in made}
+        added = [CaseRow.from_json(json.loads(line)) for line in batch.lines]
+        (block,) = {row.case // BLOCK for row in added}
+        rows = self._open.pop(block, {}) | {row.case: row for row in added}
         path = journal(self.folder, block)
         if len(rows) == self._size(block):
             _write(self.folder, block, [rows[n] for n in sorted(rows)])
-            self._whole.add(block)
+            self._complete.add(block)
             path.unlink(missing_ok=True)
         else:
             self._open[block] = rows
             with naming(path), path.open("a", encoding="utf-8") as file:
                 file.writelines(batch.lines)
-        return made
+        return added
 
 
 # Keys of a row in a journal; the first line that lacks one ends the journal.
@@ -454,7 +461,7 @@ def _flat(values: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
 
 def _of_block(folder: Path, block: int) -> list[CaseRow]:
     """Read the rows of a block as they were added."""
-    made = []
+    rows = []
     table = rows_in(_part(folder, CASES, block)).to_pylist()
     path = _part(folder, CURVES, block)
     curves = (
@@ -465,7 +472,7 @@ def _of_block(folder: Path, block: int) -> list[CaseRow]:
             k[3:]: v for k, v in entry.items() if k.startswith("in.") and v is not None
         }
         stopped = entry["stopped_when"]
-        made.append(
+        rows.append(
             CaseRow.from_json(
                 {
                     **entry,
@@ -478,7 +485,7 @@ def _of_block(folder: Path, block: int) -> list[CaseRow]:
                 }
             )
         )
-    return made
+    return rows
 
 
 def read(
@@ -541,8 +548,8 @@ def versions_of(folder: Path, case: int) -> dict[str, str] | None:
         else []
     )
     found = found or [r.versions for r in _journal(folder) if r.case == case]
-    told: dict[str, str] | None = json.loads(found[-1]) if found else None
-    return told
+    versions: dict[str, str] | None = json.loads(found[-1]) if found else None
+    return versions
 
 
 def schema(folder: Path) -> pa.Schema:
@@ -563,16 +570,16 @@ def described(folder: Path) -> dict[str, dict[str, str]]:
 
 
 def digest(folder: Path, first: int | None = None) -> str:
-    """Compute the sha256 of all existing cases and curves, except for columns `OWN`.
+    """Compute the sha256 of all existing cases and curves, except for columns `BOOKKEEPING`.
 
     It is equal for equal campaigns. With `first` it covers only that many cases.
     """
-    made = hashlib.sha256()
+    hashed = hashlib.sha256()
     for kind in (CASES, CURVES):
         table = read(folder, kind).slice(0, first)
-        names = [n for n in table.column_names if n not in OWN]
+        names = [n for n in table.column_names if n not in BOOKKEEPING]
         for name in sorted(names):
-            made.update(f"{name}\0{table[name].type}\0".encode())
+            hashed.update(f"{name}\0{table[name].type}\0".encode())
             for value in table[name].to_pylist():
-                made.update(f"{value!r}\0".encode())
-    return made.hexdigest()
+                hashed.update(f"{value!r}\0".encode())
+    return hashed.hexdigest()

@@ -1,7 +1,7 @@
 """Run many calls: in this process, in processes of this machine, or on a Dask cluster.
 
 All take `submit(key, *arguments)` of one function, and return `(key, result)` in the
-order in which the calls end. The result is `Lost` for a call whose process died or
+order in which the calls end. The result is `NoResult` for a call whose process died or
 passed its time limit.
 """
 
@@ -42,10 +42,10 @@ def guarded() -> None:
 
 
 @dataclass(frozen=True)
-class Lost:
+class NoResult:
     """Call that has no result, with the reason."""
 
-    why: str
+    text: str
     timeout: bool = False
 
 
@@ -155,7 +155,7 @@ class Local:
                 worker.end()
                 kind, result = (
                     "lost",
-                    Lost(f"it was not over within {self._limit:g} s", True),
+                    NoResult(f"it was not over within {self._limit:g} s", True),
                 )
             else:
                 kind, result = worker.answer()
@@ -218,14 +218,14 @@ class _Worker:
         A process that has just started answers `ready`.
         """
         try:
-            said: tuple[str, Any] = self.pipe.recv()
-            return said
+            reply: tuple[str, Any] = self.pipe.recv()
+            return reply
         except (EOFError, OSError):
             self._process.join()
             if self._process.exitcode == UNGUARDED and not self._ready:
                 return "raised", RunError(_GUARD, Exit.INPUT)
-            return "lost", Lost(
-                f"its process ended by {_how(self._process.exitcode or 0)}"
+            return "lost", NoResult(
+                f"its process ended by {describe_exit(self._process.exitcode or 0)}"
             )
 
     def end(self) -> None:
@@ -252,15 +252,15 @@ def _serve(pipe: Any, function: Callable[..., Any], head: int) -> None:
         while True:
             arguments = pipe.recv()
             try:
-                said = ("result", function(*arguments))
+                answer = ("result", function(*arguments))
             except Exception as error:
-                said = ("raised", error)
+                answer = ("raised", error)
             process_state.end()
             try:
-                pipe.send(said)
+                pipe.send(answer)
             except (TypeError, AttributeError, pickle.PicklingError) as error:
                 pipe.send(
-                    ("raised", RuntimeError(f"{said[1]!r} cannot be sent: {error}"))
+                    ("raised", RuntimeError(f"{answer[1]!r} cannot be sent: {error}"))
                 )
 
 
@@ -271,7 +271,7 @@ def _die_with(head: int) -> None:
     os._exit(1)
 
 
-def _how(code: int) -> str:
+def describe_exit(code: int) -> str:
     """Describe how a process ended: the name of a signal, or its exit code."""
     if code < 0:
         return signal.Signals(-code).name
@@ -281,12 +281,12 @@ def _how(code: int) -> str:
 def results(
     workers: Workers,
     tasks: Iterable[tuple[Hashable, tuple[Any, ...]]],
-    again: Callable[[Any, Lost], Sequence[tuple[Hashable, tuple[Any, ...]]]],
+    again: Callable[[Any, NoResult], Sequence[tuple[Hashable, tuple[Any, ...]]]],
 ) -> Iterator[tuple[Any, Any]]:
     """Yield key and result of each task in the order in which the tasks end.
 
     A few tasks are submitted in advance of those that run. A lost call is replaced by
-    the calls that `again` returns; if there are none, its `Lost` is its result.
+    the calls that `again` returns; if there are none, its `NoResult` is its result.
     """
     tasks, running, more = iter(tasks), 0, True
     while more or running:
@@ -299,7 +299,7 @@ def results(
             return
         key, result = workers.ended()
         running -= 1
-        if isinstance(result, Lost) and (others := again(key, result)):
+        if isinstance(result, NoResult) and (others := again(key, result)):
             for other, arguments in others:
                 workers.submit(other, *arguments)
             running += len(others)

@@ -23,9 +23,9 @@ from .spare import spare
 REPEAT_AFTER = 0.05  # s: a callback of the interpreter or of ctypes has ended by then
 
 
-def _version(wanted: bool) -> None:
+def _version(print_it: bool) -> None:
     """Print the version and exit."""
-    if wanted:
+    if print_it:
         from importlib.metadata import version
 
         out.print(f"desat {version('desat')}")
@@ -117,8 +117,8 @@ def _code() -> int:
     except (typer.Abort, KeyboardInterrupt):
         return Exit.INTERRUPTED
     except OSError as error:
-        what = error.strerror or str(error)
-        _say(f"{error.filename}: {what}" if error.filename else what)
+        description = error.strerror or str(error)
+        _say(f"{error.filename}: {description}" if error.filename else description)
         if not is_full(error):
             return Exit.INPUT
         _drop_output()
@@ -217,8 +217,8 @@ def _instead(name: str, known: Sequence[str]) -> str:
     for option, others in MEANT.items():
         if name in others and option in known:
             return f"; did you mean {option}?"
-    said = nearest(name, known)
-    return said if "did you mean" in said else ""
+    suggestion = nearest(name, known)
+    return suggestion if "did you mean" in suggestion else ""
 
 
 def _drop_output() -> None:

@@ -186,10 +186,10 @@ def print_table(table: Table, *, is_folded: bool = False) -> None:
         shown.add_row(*(Text(plain(str(cell.value)), MARKS[cell.mark]) for cell in row))
     usual = out.width
     if not is_folded:
-        whole = Measurement.get(
+        full_width = Measurement.get(
             out, out.options.update(max_width=10_000), shown
         ).maximum
-        out.width = max(usual, whole)  # `print` limits its width to this
+        out.width = max(usual, full_width)  # `print` limits its width to this
     out.print(shown)
     out.width = usual
 

@@ -39,12 +39,14 @@ def complete_family(incomplete: str) -> list[str]:
     return [n for n in families() if n.startswith(incomplete)]
 
 
-def number(asked: Quantity, metavar: str, text: str) -> Any:
+def number(quantity: Quantity, metavar: str, text: str) -> Any:
     """Return an option of one number, parsed with its unit.
 
     Every number that is typed uses this, or is an integer of typer's.
     """
-    return typer.Option(asked.option, parser=asked.__call__, metavar=metavar, help=text)
+    return typer.Option(
+        quantity.option, parser=quantity.__call__, metavar=metavar, help=text
+    )
 
 
 def output_file(option: str, text: str) -> Any:
@@ -53,24 +55,24 @@ def output_file(option: str, text: str) -> Any:
     A path that cannot be written is refused at once.
     """
 
-    def checked(given: str | Path) -> Path:
+    def checked(path: str | Path) -> Path:
         """Return the path, or raise DesatError."""
         from ..files.io import place_of
 
-        place_of(Path(given), option)
-        return Path(given)
+        place_of(Path(path), option)
+        return Path(path)
 
     return typer.Option(
         option, parser=checked, metavar="FILE", show_default=False, help=text
     )
 
 
-def refuse(ctx: typer.Context, why: str, *names: str) -> None:
+def refuse(ctx: typer.Context, reason: str, *names: str) -> None:
     """Raise DesatError, which names the option, for a typed one that has no effect."""
     for param in ctx.command.params:
         source = ctx.get_parameter_source(str(param.name))
         if param.name in names and source is not None and source.name == "COMMANDLINE":
-            raise DesatError(f"{param.opts[0]}: {why}")
+            raise DesatError(f"{param.opts[0]}: {reason}")
 
 
 TARGET = typer.Argument(
@@ -103,14 +105,14 @@ Sources = Annotated[
 ]
 
 
-def _stop(given: str | float) -> str | float:
+def _stop(value: str | float) -> str | float:
     """Parse a stop time: a number of s, or the text of a number of orbits."""
     from ..system.options import orbits
 
     return (
-        given
-        if isinstance(given, str) and orbits(given)
-        else Quantity("--stop", "s")(given)
+        value
+        if isinstance(value, str) and orbits(value)
+        else Quantity("--stop", "s")(value)
     )
 
 
@@ -258,7 +260,7 @@ def options_of(
         more["substeps"] = (
             substeps
             if substeps == "auto"
-            else _whole(f"--substeps {substeps}", substeps)
+            else parse_integer(f"--substeps {substeps}", substeps)
         )
     return Options(
         sets=list(sets or []),
@@ -272,9 +274,9 @@ def options_of(
     )
 
 
-def _whole(where: str, text: str) -> int:
+def parse_integer(place: str, text: str) -> int:
     """Parse an integer, or raise DesatError."""
     try:
         return int(text)
     except ValueError:
-        raise DesatError(f"{where}: an integer or auto is needed") from None
+        raise DesatError(f"{place}: an integer or auto is needed") from None

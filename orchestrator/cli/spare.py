@@ -11,7 +11,7 @@ from enum import Enum
 from typing import Any
 
 # attribute in which typer 0.29 caches the conversion of a parameter
-_KEPT = "_runtime_param"
+_CACHE = "_runtime_param"
 
 
 class _AsGiven:
@@ -22,20 +22,20 @@ class _AsGiven:
         many = param.multiple or param.nargs == -1
         if value is None:
             return () if many else None
-        wanted = param.type_descriptor
-        is_text = type(value) is str and wanted.annotation is str
-        if is_text and wanted.parameter_info.parser is None and not many:
+        descriptor = param.type_descriptor
+        is_text = type(value) is str and descriptor.annotation is str
+        if is_text and descriptor.parameter_info.parser is None and not many:
             return value
-        if isinstance(value, Enum) and type(value) is wanted.annotation:
+        if isinstance(value, Enum) and type(value) is descriptor.annotation:
             return value
-        setattr(param, _KEPT, None)
+        setattr(param, _CACHE, None)
         return param.get_runtime_param().coerce(value, param=param, ctx=ctx)
 
 
 def spare(command: Any) -> None:
     """Skip unnecessary conversions in a command and those below it."""
     for param in command.get_params(command.context_class(command)):  # with --help
-        if getattr(param, _KEPT, param) is None:
-            setattr(param, _KEPT, _AsGiven())
+        if getattr(param, _CACHE, param) is None:
+            setattr(param, _CACHE, _AsGiven())
     for inner in getattr(command, "commands", {}).values():
         spare(inner)

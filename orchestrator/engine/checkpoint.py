@@ -29,7 +29,7 @@ from .master import Master
 from .recording.recorder import Recorder
 
 FOLDER = "checkpoints"
-KEPT = 2
+STORED_CHECKPOINTS = 2
 
 
 @dataclass(frozen=True)
@@ -132,7 +132,7 @@ class Checkpoints:
             os.fsync(file.fileno())
         part.replace(path)
         _synchronise(self._folder)
-        for old in _checkpoints(self._folder)[KEPT:]:
+        for old in _checkpoints(self._folder)[STORED_CHECKPOINTS:]:
             old.unlink(missing_ok=True)
 
 

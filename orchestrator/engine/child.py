@@ -44,19 +44,19 @@ class Ended:
     reports: dict[str, Any] = field(default_factory=dict)
     component: str = ""
     call: str = ""
-    how: str = ""  # `SIGSEGV`, `exit(3)`; empty after a normal end
+    exit_text: str = ""  # `SIGSEGV`, `exit(3)`; empty after a normal end
     hung: float = 0.0  # s: limit of one call, after which the process was killed
     signal: int = 0  # the signal that the parent received and forwarded
 
     def text(self) -> str:
         """Describe, in one line, a process that did not end normally."""
         if not self.call:
-            return f"the process of the run ended by {self.how}, outside a call of a component"
+            return f"the process of the run ended by {self.exit_text}, outside a call of a component"
         if self.hung:
             return (
                 f"{self.component}: {self.call} did not return within {self.hung:g} s"
             )
-        return f"{self.component}: {self.call} ended the process: {self.how}"
+        return f"{self.component}: {self.call} ended the process: {self.exit_text}"
 
 
 def watch(
@@ -82,8 +82,8 @@ def watch(
         status = _wait(child, ours, ended, limit)
     ours.close()
     if status not in (0, current_call.UNKNOWN) or "done" not in ended.reports:
-        ended.how = current_call.how(status)
-    if ended.how:
+        ended.exit_text = current_call.describe_exit(status)
+    if ended.exit_text:
         ended.component, ended.call = current_call.place_of(order)
     current_call.word[0] = 0
     return ended
@@ -112,10 +112,10 @@ def apart(work: Callable[[], T], order: Sequence[str], limit: float) -> T:
         raise OSError(*ended.reports["system"])
     if "bug" in ended.reports:
         raise RuntimeError(ended.reports["bug"])
-    if ended.how:
+    if ended.exit_text:
         raise EndedError(ended.text(), Exit.TIMEOUT if ended.hung else Exit.COMPONENT)
-    made: T = ended.reports["made"]
-    return made
+    result: T = ended.reports["made"]
+    return result
 
 
 def stopped(ended: Ended) -> None:
@@ -140,8 +140,8 @@ def _work(
 ) -> NoReturn:
     """Run the child: do the work, and exit without the interpreter's handlers."""
 
-    def tell(name: str, what: Any) -> None:
-        pipe.send((name, what))
+    def tell(name: str, message: Any) -> None:
+        pipe.send((name, message))
 
     try:
         process_state.die_with(parent, signal.SIGTERM)
@@ -179,8 +179,8 @@ def _wait(child: int, pipe: Connection, ended: Ended, limit: float) -> int:
     while True:
         if listening and pipe.poll(_LOOK):
             try:
-                name, what = pipe.recv()
-                ended.reports[name] = what
+                name, message = pipe.recv()
+                ended.reports[name] = message
             except (EOFError, OSError):
                 listening = False
             continue

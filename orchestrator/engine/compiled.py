@@ -50,7 +50,7 @@ from .recording.row_buffer import Bank
 
 SOURCE = Path(__file__).with_name("loop.c")
 FLAGS = ("-std=c11", "-O3", "-ffp-contract=off", "-fPIC", "-shared")
-_HOW = ("never", "below", "above", "reaches", "always")
+_ENDING_KINDS = ("never", "below", "above", "reaches", "always")
 _LOOK, _FAILED, _NOT_FINITE = range(3)
 
 
@@ -106,7 +106,7 @@ class CompiledSteps:
     """
 
     name: Loop = "compiled"
-    why = ""
+    reason = ""
     seconds = 0.0
 
     def __init__(
@@ -163,7 +163,11 @@ class CompiledSteps:
         """Set the condition at which the loop returns to evaluate the ending."""
         loop = self._loop
         self._places = np.array([s.index for s in ending.watched], np.int64)
-        loop.how, loop.limit, loop.asked = _HOW.index(ending.how), ending.limit, 1
+        loop.how, loop.limit, loop.asked = (
+            _ENDING_KINDS.index(ending.kind),
+            ending.limit,
+            1,
+        )
         loop.watched, loop.places = len(self._places), self._places.ctypes.data
         if ending.watched:
             kind = ending.watched[0].kind
@@ -218,13 +222,13 @@ def _library() -> Any:
         command = compiler()
     except NoCompilerError as error:
         raise NotCompiledError(str(error)) from error
-    made = Path(command[0]).resolve()
-    state = made.stat()
+    executable = Path(command[0]).resolve()
+    state = executable.stat()
     key = [
         *command,
         *FLAGS,
         platform.machine(),
-        str(made),
+        str(executable),
         state.st_size,
         state.st_mtime_ns,
     ]
@@ -253,9 +257,9 @@ def _build(command: tuple[str, ...], library: Path) -> None:
             check=False,
         )
         if done.returncode:
-            said = (done.stderr.strip().splitlines() or [f"exit {done.returncode}"])[0]
+            error = (done.stderr.strip().splitlines() or [f"exit {done.returncode}"])[0]
             raise NotCompiledError(
-                f"{shlex.join(command)} does not compile {SOURCE.name}: {said}"
+                f"{shlex.join(command)} does not compile {SOURCE.name}: {error}"
             )
         part.replace(library)
 
@@ -331,9 +335,9 @@ class Program:
         for step in cycle:
             for operations in step:
                 for operation in operations:
-                    made = list(_rows(operation))
-                    rows += [(row, row is not made[-1]) for row in made]
-                    self._sources += [operation] * len(made)
+                    row_indices = list(_rows(operation))
+                    rows += [(row, row is not row_indices[-1]) for row in row_indices]
+                    self._sources += [operation] * len(row_indices)
                 edges.append(len(rows))
         self.edges = np.array(edges, np.int64)
         self.operations = (_Operation * len(rows))()
@@ -373,29 +377,34 @@ def _rows(operation: Operation) -> Iterator[_Row]:
             yield from _calls(operation)
         case Publish(live, fresh):
             yield "COPY", fresh.nbytes, (live, fresh), ()
-        case Accumulate(whole, i):
+        case Accumulate(window, i):
             if i == 0:
                 yield from (
-                    ("CLEAR", len(x), (x,), ()) for x in (whole.mean, whole.slope)
+                    ("CLEAR", len(x), (x,), ()) for x in (window.mean, window.slope)
                 )
-            source, n = whole.source, len(whole.mean)
-            sums = (whole.mean, whole.slope)
+            source, n = window.source, len(window.mean)
+            sums = (window.mean, window.slope)
             yield (
                 "JOIN",
                 n,
-                (whole.live, source.means, source.slopes, *sums),
-                whole.weights[i],
+                (window.live, source.means, source.slopes, *sums),
+                window.weights[i],
             )
-            if i == len(whole.weights) - 1:
-                kept = np.flatnonzero(whole.target.slopes >= 0)
-                every, slopes = np.arange(n), whole.target.slopes[kept]
+            if i == len(window.weights) - 1:
+                with_slope = np.flatnonzero(window.target.slopes >= 0)
+                every, slopes = np.arange(n), window.target.slopes[with_slope]
                 yield (
                     "TAKE_8",
                     n,
-                    (whole.into, whole.target.means, whole.mean, every),
+                    (window.into, window.target.means, window.mean, every),
                     (),
                 )
-                yield "TAKE_8", len(kept), (whole.into, slopes, whole.slope, kept), ()
+                yield (
+                    "TAKE_8",
+                    len(with_slope),
+                    (window.into, slopes, window.slope, with_slope),
+                    (),
+                )
         case Split(part, i):
             source, target = part.source, part.target
             places = (source.means, source.slopes, target.means, target.slopes)

@@ -82,7 +82,7 @@ def status_of(process: int) -> int | None:
     return status if found else None
 
 
-def how(status: int) -> str:
+def describe_exit(status: int) -> str:
     """Describe how a process ended from its wait status: `SIGSEGV`, `exit(3)`."""
     if status == UNKNOWN:
         return "in a way that the system does not tell (SIGCHLD is ignored)"

@@ -8,7 +8,7 @@ from typing import Any, Literal
 
 from .node import Slot
 
-How = Literal["never", "below", "above", "reaches", "always"]
+EndingKind = Literal["never", "below", "above", "reaches", "always"]
 
 
 @dataclass(frozen=True)
@@ -23,7 +23,7 @@ class Ending:
     """
 
     reason: Callable[[], str]
-    how: How = "always"
+    kind: EndingKind = "always"
     watched: Sequence[Slot] = ()
     limit: float = 0.0
     # state of `reason` between steps, as JSON, which a checkpoint saves

@@ -30,7 +30,7 @@ class Stepper(Protocol):
         """Return the name of the loop."""
 
     @property
-    def why(self) -> str:
+    def reason(self) -> str:
         """Return the reason, for people; empty for the compiled loop."""
 
     seconds: float  # wall time that steps have taken so far
@@ -39,11 +39,11 @@ class Stepper(Protocol):
         """Make `most` steps, or fewer if a run may end earlier."""
 
 
-class Beside(Protocol):
+class StepObserver(Protocol):
     """An observer that examines a run's steps in batches while it runs."""
 
     @property
-    def room(self) -> int:
+    def steps_before_look(self) -> int:
         """Return the number of steps that may be made before it has to look again."""
 
     def look(self) -> None:
@@ -56,8 +56,8 @@ class PythonSteps:
     name: Loop = "python"
     seconds = 0.0
 
-    def __init__(self, master: Master, recorder: Recorder | None, why: str) -> None:
-        self._advance, self.why = master.advance, why
+    def __init__(self, master: Master, recorder: Recorder | None, reason: str) -> None:
+        self._advance, self.reason = master.advance, reason
         self._record = None if recorder is None else recorder.record
 
     def some(self, most: int) -> None:
@@ -92,7 +92,7 @@ def run(
     interrupted: Callable[[], int] = lambda: 0,
     report: Callable[[int], None] = lambda k: None,
     checkpoints: Checkpoints | None = None,
-    beside: Beside | None = None,
+    observer: StepObserver | None = None,
 ) -> str:
     """Step until `until`, a signal to stop, or an ending; return the ending's reason.
 
@@ -104,10 +104,10 @@ def run(
         if checkpoints is not None:
             edge = min(edge, checkpoints.next(master.k))
         try:
-            if beside is not None:
-                if beside.room < edge - master.k:
-                    beside.look()
-                edge = min(edge, master.k + max(1, beside.room))
+            if observer is not None:
+                if observer.steps_before_look < edge - master.k:
+                    observer.look()
+                edge = min(edge, master.k + max(1, observer.steps_before_look))
             while master.k < edge and not interrupted():
                 steps.some(edge - master.k)
                 if reason := ending.reason():
@@ -115,8 +115,8 @@ def run(
         finally:
             seconds = time.perf_counter() - began
             steps.seconds += seconds
-        made = master.k - first  # a chunk that ends early must not grow without bound
-        chunk = max(1, min(2 * made, int(made * 0.05 / max(seconds, 1e-6))))
+        taken = master.k - first  # a chunk that ends early must not grow without bound
+        chunk = max(1, min(2 * taken, int(taken * 0.05 / max(seconds, 1e-6))))
         recorder.tick()
         report(master.k)
         if checkpoints is not None and checkpoints.due():

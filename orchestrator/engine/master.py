@@ -60,7 +60,7 @@ from .instances.base import (
 from .instances.block import BlockInstance
 from .instances.fmu import FmuInstance
 from .instances.isolated import IsolatedInstance
-from .node import Kept, Node, Outputs, Slot
+from .node import Node, Outputs, Slot, StepRecording
 from .operations import Publish
 from .plan import Plan
 
@@ -103,7 +103,7 @@ class Master:
         halvings: int = 0,
         isolated: Collection[str] = (),
         limit: float = inf,
-        kept: Kept | None = None,
+        recording: StepRecording | None = None,
     ) -> None:
         if algorithm not in ALGORITHMS:
             raise DesatError(f"algorithm {algorithm}: there is {', '.join(ALGORITHMS)}")
@@ -151,15 +151,17 @@ class Master:
             raise
         self.slots, self.live = self._outputs.slots, self._outputs.live
         self._zeros = np.zeros(len(self.live["Real"]))
-        self._planned(kept)
+        self._planned(recording)
 
-    def _planned(self, kept: Kept | None) -> None:
+    def _planned(self, recording: StepRecording | None) -> None:
         """Plan the steps, with or without recording what reaches a component."""
-        self._kept = kept
-        if kept is not None:
+        self._recording = recording
+        if recording is not None:
             by_name = {(s.component, s.signal.name): s for s in self.slots}
-            kept.wire(self.members, by_name, self.live["Real"], len(self._rates.parts))
-        self.cycle = self._plan.cycle(kept)
+            recording.wire(
+                self.members, by_name, self.live["Real"], len(self._rates.parts)
+            )
+        self.cycle = self._plan.cycle(recording)
         self.row = self._plan.row.values
 
     @property
@@ -172,7 +174,7 @@ class Master:
         instances = (member.instance for member in self.members.values())
         return all(isinstance(i, FmuInstance) and i.places_known for i in instances)
 
-    def renew(self, system: System, kept: Kept | None) -> None:
+    def renew(self, system: System, recording: StepRecording | None) -> None:
         """Reset the master as if it were made anew, with other parameter values.
 
         `system` may differ from its own only in values of parameters. The master must
@@ -187,8 +189,8 @@ class Master:
         for values in self.memory().values():
             values[...] = 0
         self._plan.rewind()
-        if kept is not self._kept:
-            self._planned(kept)
+        if recording is not self._recording:
+            self._planned(recording)
 
     def __enter__(self) -> Self:
         self._quiet = np.errstate(
@@ -283,12 +285,12 @@ class Master:
         With substeps, a sample time of zero (a sample at every step) becomes the whole
         step.
         """
-        given = member.component.parameters
+        values = member.component.parameters
         inner = len(self._rates.parts) > 1 and member.every == 1
         if not inner or "sample_time" not in member.component.interface.signals:
-            return given
+            return values
         return {
-            **given,
+            **values,
             "sample_time": member.component.values["sample_time"] or self.step_size,
         }
 
@@ -371,7 +373,7 @@ class Master:
             dict.fromkeys(f"{s.component}.{s.signal.name}" for s in changed)
         )
         raise DesatError(
-            f"{self.system.where}: initialisation does not settle: {names} keep changing"
+            f"{self.system.place}: initialisation does not settle: {names} keep changing"
         )
 
     def _pull(self, member: Node) -> None:
@@ -434,14 +436,16 @@ class Master:
         The master must be initialised. The contents may be saved and restored; the
         states of the components are saved separately.
         """
-        kept = self._plan.memory() | ({} if self._kept is None else self._kept.memory())
+        state = self._plan.memory() | (
+            {} if self._recording is None else self._recording.memory()
+        )
         for kind in KINDS:
-            kept[f"live {kind}"] = self.live[kind]
-            kept[f"fresh {kind}"] = self._outputs.fresh[kind]
+            state[f"live {kind}"] = self.live[kind]
+            state[f"fresh {kind}"] = self._outputs.fresh[kind]
         for name, member in self.members.items():
             for kind, values in member.instance.inputs.items():
-                kept[f"inputs {kind} of {name}"] = values
-        return kept
+                state[f"inputs {kind} of {name}"] = values
+        return state
 
     def messages(self) -> list[str]:
         """Return a line for each message that the components have logged.
@@ -483,7 +487,11 @@ class MasterPool:
         weakref.finalize(self, _close, self._masters)
 
     def take(
-        self, key: Any, system: System, kept: Kept | None, make: Callable[[], Master]
+        self,
+        key: Any,
+        system: System,
+        recording: StepRecording | None,
+        make: Callable[[], Master],
     ) -> Master:
         """Return the kept master, renewed, if it has this key; otherwise make one."""
         if not self._masters or self._key != key:
@@ -493,7 +501,7 @@ class MasterPool:
         master = self._masters.pop()
         master.spared = False
         try:
-            master.renew(system, kept)
+            master.renew(system, recording)
         except BaseException:
             master.close()
             raise

@@ -55,14 +55,16 @@ class Node:
         return (part + self.late) % self.every == 0
 
     def place(
-        self, kind: Kind, which: Literal["all", "interval", "state"] = "all"
+        self, kind: Kind, output_class: Literal["all", "interval", "state"] = "all"
     ) -> slice:
         """Return where its outputs of a type, or of one class of them, are.
 
         They are always contiguous.
         """
-        wanted = {"all": (True, False), "interval": (True,), "state": (False,)}[which]
-        places = [s.index for s in self.slots[kind] if s.interval in wanted]
+        classes = {"all": (True, False), "interval": (True,), "state": (False,)}[
+            output_class
+        ]
+        places = [s.index for s in self.slots[kind] if s.interval in classes]
         return slice(places[0], places[-1] + 1) if places else slice(0, 0)
 
     def gathers(
@@ -186,12 +188,12 @@ class Outputs:
         return self._copies((kind, slice(0, self._fresh_until[kind])) for kind in KINDS)
 
     def fresh_of(
-        self, member: Node, which: Literal["all", "interval", "state"]
+        self, member: Node, output_class: Literal["all", "interval", "state"]
     ) -> list[Publish]:
         """Prepare to publish a member's fresh outputs: all, or those of one class."""
         if member.direct:
             return []
-        return self._copies((kind, member.place(kind, which)) for kind in KINDS)
+        return self._copies((kind, member.place(kind, output_class)) for kind in KINDS)
 
     def _copies(self, pieces: Iterable[tuple[Kind, slice]]) -> list[Publish]:
         """Prepare copies from `fresh` to `live`, leaving out empty slices."""
@@ -231,10 +233,10 @@ def _gather(
 # Steps of the component that are taken at once. The pieces are the same whenever they are
 # taken, so that results derived from them have the same bits.
 PIECE = 4096
-_ROOM = 2 * PIECE
+_CAPACITY = 2 * PIECE
 
 
-class Kept:
+class StepRecording:
     """Recorded values at each step of `component`.
 
     They are rows of `outputs`, elements of components, at the start of the step, and
@@ -258,14 +260,16 @@ class Kept:
         """
         member = members[self.component]
         self.inputs = [c.input for _, c in member.incoming.get("Real", ())]
-        given = member.instance.inputs.get("Real", np.zeros(0))
+        inputs = member.instance.inputs.get("Real", np.zeros(0))
         self.every, self._inner = member.every, inner
-        room = _ROOM + 2 + inner
+        capacity = _CAPACITY + 2 + inner
         index = np.array([slots[name].index for name in self.outputs], np.intp)
-        self.starts = np.zeros((room, len(index)))  # (room, outputs)
-        self.given = np.zeros((room, len(given)))  # (room, inputs)
+        self.starts = np.zeros((capacity, len(index)))  # (room, outputs)
+        self.input_rows = np.zeros((capacity, len(inputs)))  # (room, inputs)
         self._start = KeepRow(live, index, self.starts, self._taken[:1])
-        self._given = KeepRow(given, np.arange(len(given)), self.given, self._taken[1:])
+        self._keep_inputs = KeepRow(
+            inputs, np.arange(len(inputs)), self.input_rows, self._taken[1:]
+        )
         self._steps = member.steps_at
 
     def at_start(self, part: int) -> list[KeepRow]:
@@ -274,12 +278,12 @@ class Kept:
 
     def when_given(self, part: int) -> list[KeepRow]:
         """Return the operations that record inputs after all have moved in a part."""
-        return [self._given] if self._steps(part) else []
+        return [self._keep_inputs] if self._steps(part) else []
 
     @property
-    def room(self) -> int:
+    def steps_before_look(self) -> int:
         """Return the number of master steps for which there is room."""
-        return int((_ROOM - self._taken[0]) * self.every // self._inner)
+        return int((_CAPACITY - self._taken[0]) * self.every // self._inner)
 
     def end(self, k: int) -> None:
         """Record the start of the step that would begin with step k of the master.
@@ -295,12 +299,12 @@ class Kept:
         They are starts (n + 1, outputs) and inputs (n, inputs), or None if there are
         fewer steps than PIECE. With `rest`, fewer steps are returned, if there are any.
         """
-        starts, given = self._taken.tolist()
-        n = min(starts - 1, given, PIECE)
+        starts, inputs = self._taken.tolist()
+        n = min(starts - 1, inputs, PIECE)
         if n < (1 if rest else PIECE):
             return None
-        taken = self.starts[: n + 1].copy(), self.given[:n].copy()
-        for rows, count in ((self.starts, starts), (self.given, given)):
+        taken = self.starts[: n + 1].copy(), self.input_rows[:n].copy()
+        for rows, count in ((self.starts, starts), (self.input_rows, inputs)):
             rows[: count - n] = rows[n:count].copy()
         self._taken -= n
         return taken
@@ -309,6 +313,6 @@ class Kept:
         """Return all arrays by name, so that they can be saved and restored."""
         return {
             "kept starts": self.starts,
-            "kept given": self.given,
+            "kept given": self.input_rows,
             "kept taken": self._taken,
         }

@@ -115,8 +115,8 @@ class Call:
 
     def warn(self, k: int) -> None:
         """Record once that the call returned a warning, in step k."""
-        when = f", the first time at t = {self.tick.t(k):g} s"
-        warn_of(self.instance, VERBS[self.word % PLACE], when)
+        occasion = f", the first time at t = {self.tick.t(k):g} s"
+        warn_of(self.instance, VERBS[self.word % PLACE], occasion)
 
     def failed(self, k: int, status: int) -> ComponentError:
         """Build the error for an FMI status in step k."""
@@ -138,11 +138,11 @@ class Publish:
 class Accumulate:
     """Addition of part i to the window to which it belongs."""
 
-    whole: Whole
+    window: WindowMean
     i: int
 
     def __call__(self, k: int) -> None:
-        self.whole(self.i)
+        self.window(self.i)
 
 
 @dataclass(frozen=True, slots=True)
@@ -214,11 +214,11 @@ class Places:
     def write(self, values: Floats, means: Floats, slopes: Floats) -> None:
         """Write means (m,) and slopes (m,) to their places."""
         values[self.means] = means
-        kept = self.slopes >= 0
-        values[self.slopes[kept]] = slopes[kept]
+        has_slope = self.slopes >= 0
+        values[self.slopes[has_slope]] = slopes[has_slope]
 
 
-class Whole:
+class WindowMean:
     """Mean and slope over a window, joined from its parts.
 
     They are outputs of a fast component for a slower one, or for a row.

@@ -12,7 +12,7 @@ import numpy as np
 
 from ..system.schedule import Rates
 from .instances.base import Array, Clock
-from .node import Kept, Node, Outputs, Slot, Window, means
+from .node import Node, Outputs, Slot, StepRecording, Window, means
 from .operations import (
     Accumulate,
     Call,
@@ -24,7 +24,7 @@ from .operations import (
     Split,
     Step,
     Tick,
-    Whole,
+    WindowMean,
 )
 
 
@@ -72,23 +72,23 @@ class Plan:
             sources = {slot.component for slot, _ in member.incoming.get("Real", ())}
             for name in sorted(sources):
                 source = self._members[name]
-                wanted = {
+                indices = {
                     s.index for s, _ in member.incoming["Real"] if s.component == name
                 }
-                places = means(source.slots["Real"], wanted)
+                places = means(source.slots["Real"], indices)
                 if source.every != member.every and len(places.means):
                     member.windows.append(Window(name, places))
         self._outputs.make_room(w for m in self._members.values() for w in m.windows)
 
-    def cycle(self, kept: Kept | None = None) -> list[Step]:
+    def cycle(self, recording: StepRecording | None = None) -> list[Step]:
         """Return the operations of each step of a cycle.
 
-        With `kept`, the inputs and start values of a component are recorded.
+        With `recording`, the inputs and start values of a component are recorded.
         """
         inner = len(self._rates.parts)
-        self._kept = kept
-        self._whole = {
-            (m.name, w.source): Whole(
+        self._recording = recording
+        self._windows = {
+            (m.name, w.source): WindowMean(
                 self._live,
                 w.places,
                 self._live,
@@ -104,14 +104,14 @@ class Plan:
 
     def memory(self) -> dict[str, Array]:
         """Return by name what outlives a step: clocks and incomplete windows."""
-        kept: dict[str, Array] = {}
+        state: dict[str, Array] = {}
         for every, clock in self._clocks.items():
-            kept[f"clock {every} t"] = np.frombuffer(memoryview(clock.t), np.float64)
-            kept[f"clock {every} dt"] = np.frombuffer(memoryview(clock.dt), np.float64)
-        for (target, source), whole in self._whole.items():
-            kept[f"mean {source} for {target}"] = whole.mean
-            kept[f"slope {source} for {target}"] = whole.slope
-        return kept
+            state[f"clock {every} t"] = np.frombuffer(memoryview(clock.t), np.float64)
+            state[f"clock {every} dt"] = np.frombuffer(memoryview(clock.dt), np.float64)
+        for (target, source), window in self._windows.items():
+            state[f"mean {source} for {target}"] = window.mean
+            state[f"slope {source} for {target}"] = window.slope
+        return state
 
     @property
     def _live(self) -> Array:
@@ -122,9 +122,9 @@ class Plan:
         before, after = self.row.begin(), list[Operation]()
         for i in range(inner):
             moves = self._moves(first + i)
-            if self._kept is not None:
-                moves[:0] = self._kept.at_start(first + i)
-                moves += self._kept.when_given(first + i)
+            if self._recording is not None:
+                moves[:0] = self._recording.at_start(first + i)
+                moves += self._recording.when_given(first + i)
             before += [*moves, *self.row.add(i)]
             last = i == inner - 1 and self._gauss_seidel
             (after if last else before).extend(self._ends(first + i))
@@ -200,8 +200,8 @@ class Plan:
     def _joins(self, member: Node, part: int) -> list[Accumulate]:
         """Add a member's means to the windows of slower receivers."""
         return [
-            Accumulate(whole, part % self._members[target].every // member.every)
-            for (target, source), whole in self._whole.items()
+            Accumulate(window, part % self._members[target].every // member.every)
+            for (target, source), window in self._windows.items()
             if source == member.name
         ]
 
@@ -210,9 +210,11 @@ class Plan:
         done = [m for m in self._members.values() if (part + 1) % m.every == 0]
         if len(done) == len(self._members):
             return self._outputs.all_fresh()
-        which: Literal["state", "all"] = "state" if self._gauss_seidel else "all"
+        output_class: Literal["state", "all"] = "state" if self._gauss_seidel else "all"
         return [
-            show for member in done for show in self._outputs.fresh_of(member, which)
+            show
+            for member in done
+            for show in self._outputs.fresh_of(member, output_class)
         ]
 
 
@@ -237,7 +239,7 @@ class RowOperation:
             self._intervals += [gather] if places else []
         joined = means(s for m in members if m.every == 1 for s in m.slots["Real"])
         real = self._live["Real"], self.values["Real"]
-        self._whole = Whole(real[0], joined, real[1], joined, rates.parts)
+        self._windows = WindowMean(real[0], joined, real[1], joined, rates.parts)
 
     def begin(self) -> list[Operation]:
         """Take the states at t_k."""
@@ -253,5 +255,5 @@ class RowOperation:
             return []
         return [
             *(self._intervals if i == self._last else []),
-            Accumulate(self._whole, i),
+            Accumulate(self._windows, i),
         ]

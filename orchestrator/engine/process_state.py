@@ -29,7 +29,7 @@ _FULL = {
 
 @contextmanager
 def keep_state(
-    who: str = "a component", whose: str = "the process"
+    subject: str = "a component", possessive: str = "the process"
 ) -> Iterator[Callable[..., list[str]]]:
     """Yield a function that restores the state the process had at the beginning.
 
@@ -38,12 +38,14 @@ def keep_state(
     """
     before = {name: get() for name, (get, _) in _STATE.items()}
 
-    def changes(when: str, handlers: bool = True) -> list[str]:
+    def changes(occasion: str, handlers: bool = True) -> list[str]:
         lines = []
         for name, (get, put) in _STATE.items():
             if (handlers or name != _HANDLERS) and get() != before[name]:
                 put(before[name])
-                lines.append(f"{who} changed the {name} of {whose} {when}; put back")
+                lines.append(
+                    f"{subject} changed the {name} of {possessive} {occasion}; put back"
+                )
         return lines
 
     try:
@@ -167,12 +169,12 @@ THREADS = "OPENBLAS_NUM_THREADS"
 @contextmanager
 def one_thread() -> Iterator[None]:
     """Let processes started within use one thread, unless the user chose a number."""
-    given = os.environ.get(THREADS)
+    threads = os.environ.get(THREADS)
     os.environ.setdefault(THREADS, "1")
     try:
         yield
     finally:
-        if given is None:
+        if threads is None:
             del os.environ[THREADS]
 
 
@@ -254,10 +256,12 @@ def end() -> None:
         files = Path("/proc/self/task").glob("*/children")
         with suppress(OSError):
             if not (
-                left := [int(n) for file in files for n in file.read_text().split()]
+                remaining := [
+                    int(n) for file in files for n in file.read_text().split()
+                ]
             ):
                 return
-            for process in left:
+            for process in remaining:
                 os.kill(process, signal.SIGKILL)
-            for process in left:  # their children become ours
+            for process in remaining:  # their children become ours
                 os.waitpid(process, 0)

@@ -81,7 +81,7 @@ def _in_a_process(system: System, schedule: Schedule) -> list[str]:
             lambda: _initialised(system, schedule), schedule.order, TIMEOUT
         )
     except EndedError as error:
-        return [f"{system.where}: {error}"]
+        return [f"{system.place}: {error}"]
 
 
 def _initialised(system: System, schedule: Schedule) -> list[str]:

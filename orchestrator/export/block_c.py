@@ -55,10 +55,10 @@ def export(
 def _native(block: str) -> Path:
     """Return the native FMU of a block, or raise DesatError."""
     if block.endswith(".py"):
-        made = own.build(Path(block))
-        if made.native is None:
-            raise DesatError(f"{block}: there is no C of it: {made.why}")
-        return made.native
+        archive = own.build(Path(block))
+        if archive.native is None:
+            raise DesatError(f"{block}: there is no C of it: {archive.reason}")
+        return archive.native
     known = {path.stem: path for path in (paths.fmus() / "native").glob("*.fmu")}
     if block in known:
         return known[block]
@@ -67,15 +67,15 @@ def _native(block: str) -> Path:
     raise DesatError(f"{block}: no such block{nearest(block, known)}")
 
 
-def _commands(wanted: Sequence[str] | None) -> list[Sequence[str]]:
+def _commands(names: Sequence[str] | None) -> list[Sequence[str]]:
     """Return the commands of the compilers, or raise DesatError for an unknown one."""
-    if wanted is None:
+    if names is None:
         try:
             return [compiler()]
         except NoCompilerError:
             return []
     commands: list[Sequence[str]] = []
-    for text in wanted:
+    for text in names:
         try:
             command = shlex.split(text)
         except ValueError as error:

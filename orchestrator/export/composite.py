@@ -34,7 +34,11 @@ from ..system.interface import KINDS, Kind, Signal
 
 _TYPE: dict[Kind, str] = {"Real": "double", "Integer": "int32_t", "Boolean": "int32_t"}
 # C type of a variable in a block
-_OWN: dict[Kind, str] = {"Real": "double", "Integer": "int64_t", "Boolean": "bool"}
+_OWN_TYPES: dict[Kind, str] = {
+    "Real": "double",
+    "Integer": "int64_t",
+    "Boolean": "bool",
+}
 
 
 @dataclass(frozen=True)
@@ -109,15 +113,15 @@ class Composite:
                     fields.append(
                         add(inputs, f"{self._names[name]}_{letter}", _TYPE[kind])
                     )
-        kept = [x for k, x in master.memory().items() if k.startswith("clock ")]
+        clocks = [x for k, x in master.memory().items() if k.startswith("clock ")]
         joins = [
-            o.whole
+            o.window
             for s in master.cycle
             for o in (*s.before, *s.after)
             if isinstance(o, Accumulate)
         ]
-        kept += [x for whole in joins for x in (whole.mean, whole.slope)]
-        fields += [add(array, f"kept_{i}", "double") for i, array in enumerate(kept)]
+        clocks += [x for window in joins for x in (window.mean, window.slope)]
+        fields += [add(array, f"kept_{i}", "double") for i, array in enumerate(clocks)]
         self._fields = [field for field in fields if field]
 
     def _at(self, of: Any) -> tuple[str, int]:
@@ -160,8 +164,8 @@ class Composite:
                     f"memcpy(&{self._element(live)}, &{self._element(fresh)}, {len(fresh)} * "
                     f"sizeof {self._element(live)});"
                 )
-            case Accumulate(whole, i):
-                yield from self._joined(whole, i)
+            case Accumulate(window, i):
+                yield from self._joined(window, i)
             case Split(part, i):
                 yield from self._cut(part, i)
             case _:
@@ -215,9 +219,10 @@ class Composite:
     def _step(self, member: Node) -> Iterator[str]:
         """Yield the statements that step a part."""
         yield from self._opened("input", member.name)
-        kept = self._master.memory()
+        state = self._master.memory()
         t, dt = (
-            self._element(kept[f"clock {member.every} {what}"]) for what in ("t", "dt")
+            self._element(state[f"clock {member.every} {quantity}"])
+            for quantity in ("t", "dt")
         )
         yield f"desat_stepped(c, {self._parts[member.name]}, {t}, {dt});"
 
@@ -245,32 +250,32 @@ class Composite:
                 cast = "(int32_t)" if kind != "Real" else ""
                 yield f"{self._element(home, i)} = {cast}{at[member.name, slot.signal.name]};"
 
-    def _joined(self, whole: Any, i: int) -> Iterator[str]:
+    def _joined(self, window: Any, i: int) -> Iterator[str]:
         """Yield the statements that add part `i` to means and slopes over a step."""
-        mean, slope, weights = whole.mean, whole.slope, whole.weights[i]
+        mean, slope, weights = window.mean, window.slope, window.weights[i]
         places = zip(
-            whole.source.means.tolist(), whole.source.slopes.tolist(), strict=True
+            window.source.means.tolist(), window.source.slopes.tolist(), strict=True
         )
         w, of_mean, of_slope = map(number, weights)
         for e, (m, s) in enumerate(places):
             a, b = self._element(mean, e), self._element(slope, e)
             if i == 0:
                 yield f"{a} = {b} = 0.0;"
-            of_m = self._element(whole.live, m)
-            of_s = self._element(whole.live, s) if s >= 0 else "0.0"
+            of_m = self._element(window.live, m)
+            of_s = self._element(window.live, s) if s >= 0 else "0.0"
             yield f"{a} += {w} * {of_m};"
             yield f"{b} += {of_mean} * {of_m} + {of_slope} * {of_s};"
-        if i == len(whole.weights) - 1:
+        if i == len(window.weights) - 1:
             for e, (m, s) in enumerate(
                 zip(
-                    whole.target.means.tolist(),
-                    whole.target.slopes.tolist(),
+                    window.target.means.tolist(),
+                    window.target.slopes.tolist(),
                     strict=True,
                 )
             ):
-                yield f"{self._element(whole.into, m)} = {self._element(mean, e)};"
+                yield f"{self._element(window.into, m)} = {self._element(mean, e)};"
                 if s >= 0:
-                    yield f"{self._element(whole.into, s)} = {self._element(slope, e)};"
+                    yield f"{self._element(window.into, s)} = {self._element(slope, e)};"
 
     def _cut(self, part: Any, i: int) -> Iterator[str]:
         """Yield the statements that give part `i` of a step its means and slopes."""
@@ -286,22 +291,22 @@ class Composite:
             if ts >= 0:
                 yield f"{self._element(part.live, ts)} = {in_slope} * {of_s};"
 
-    def _function(self, statements: Iterable[str], what: str) -> str:
+    def _function(self, statements: Iterable[str], name: str) -> str:
         """Return the name of the function with these statements, "" without any."""
         text = "\n".join(f"    {line}" for line in statements)
         if not text:
             return ""
         if text not in self._functions:
-            self._functions[text] = f"desat_do_{len(self._functions)}_{what}"
+            self._functions[text] = f"desat_do_{len(self._functions)}_{name}"
         return self._functions[text]
 
     def _calls(self, operations: Iterable[Operation]) -> Iterator[str]:
         """Yield the calls that run operations."""
         for operation in operations:
-            what = type(operation).__name__.lower()
+            kind = type(operation).__name__.lower()
             if isinstance(operation, Call):
-                what = f"{operation.verb}_{operation.instance.name}"
-            if name := self._function(self._statements(operation), what):
+                kind = f"{operation.verb}_{operation.instance.name}"
+            if name := self._function(self._statements(operation), kind):
                 yield f"    {name}(c);"
 
     # --- initialisation ---------------------------------------------------------------
@@ -387,7 +392,7 @@ class Composite:
             "    int64_t k;",
             "    double start;",
             *(
-                f"    {_OWN[v.kind]} v{n}[{len(v.elements)}]; /* {v.name} */"
+                f"    {_OWN_TYPES[v.kind]} v{n}[{len(v.elements)}]; /* {v.name} */"
                 for n, v in enumerate(self._variables)
             ),
             *(f"    {field}" for field in self._fields),
@@ -426,7 +431,7 @@ class Composite:
                 "}",
                 "",
             ]
-        for name, own in (
+        for name, statements in (
             ("desat_parameters", list(self._parameters())),
             ("desat_settling", settling),
             ("desat_ended", final),
@@ -437,7 +442,7 @@ class Composite:
                 "{",
                 "    desat_block *self = c->self;",
                 "    (void)self;",
-                *own,
+                *statements,
                 "}",
                 "",
             ]
@@ -477,11 +482,11 @@ class Composite:
 
     def _clocks(self) -> Iterator[str]:
         """Yield the statements that set the clocks before the first step."""
-        kept = self._master.memory()
+        state = self._master.memory()
         for member in {m.every: m for m in self._master.members.values()}.values():
             t, dt = (
-                self._element(kept[f"clock {member.every} {what}"])
-                for what in ("t", "dt")
+                self._element(state[f"clock {member.every} {quantity}"])
+                for quantity in ("t", "dt")
             )
             yield f"    {t} = t;"
             yield f"    {dt} = {number(self._master.length(member))};"
@@ -500,7 +505,7 @@ class Composite:
                 )
                 yield (
                     f"    {{{c_text(element)}, offsetof(desat_block, v{n}) + {i} * "
-                    f"sizeof({_OWN[v.kind]}), '{v.kind[0]}', '{v.causality[0]}', {low[0]}, "
+                    f"sizeof({_OWN_TYPES[v.kind]}), '{v.kind[0]}', '{v.causality[0]}', {low[0]}, "
                     f"{high[0]}, {c_text(f'[{low[1]}, {high[1]}]')}}},"
                 )
 

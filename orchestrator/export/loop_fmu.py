@@ -46,7 +46,7 @@ class LoopEnds:
 def export(
     target: str,
     options: Options,
-    wanted: LoopEnds,
+    ends: LoopEnds,
     file: Path | None,
     platforms: str = "",
     third: bool = False,
@@ -81,7 +81,7 @@ def export(
     system, _ = case.or_raise()
     choice = substep_choice.choose(target, system, options)
     system = system if choice is None else replace(system, substeps=choice.substeps)
-    return _archive(system, wanted, written_out(system, wanted), file, targets, third)
+    return _archive(system, ends, written_out(system, ends), file, targets, third)
 
 
 @dataclass(frozen=True)
@@ -96,7 +96,7 @@ class LoopSource:
     on: dict[str, set[str]]  # inputs that each output depends on within a step
 
 
-def written_out(system: System, wanted: LoopEnds) -> LoopSource:
+def written_out(system: System, ends: LoopEnds) -> LoopSource:
     """Translate the loop of a checked system, whose substeps are chosen, to C.
 
     Raises
@@ -104,7 +104,7 @@ def written_out(system: System, wanted: LoopEnds) -> LoopSource:
     DesatError
         If a component has no C, or a name is not of the loop.
     """
-    for name in wanted.without:
+    for name in ends.without:
         if name not in system.components:
             raise DesatError(
                 f"--without {name}: {system.name} has no such component"
@@ -113,9 +113,9 @@ def written_out(system: System, wanted: LoopEnds) -> LoopSource:
     units = {
         name: _unit(c)
         for name, c in system.components.items()
-        if name not in wanted.without
+        if name not in ends.without
     }
-    outputs = _outputs_of(system, wanted)
+    outputs = _outputs_of(system, ends)
     watched = {(c, s.name) for c, s in outputs}
     with Master(
         system,
@@ -123,10 +123,10 @@ def written_out(system: System, wanted: LoopEnds) -> LoopSource:
         watched=lambda name, signal: (name, signal.name) in watched,
     ) as master:
         master.initialise()
-        variables = tuple(_variables(master, system, wanted, outputs))
+        variables = tuple(_variables(master, system, ends, outputs))
         identifier = re.sub(r"\W", "_", system.name, flags=re.ASCII)
         title = content_of(system.about).title or system.name
-        made = Composite(
+        composite = Composite(
             master, {n: model for n, (model, _) in units.items()}, variables
         )
         interval = {
@@ -134,17 +134,17 @@ def written_out(system: System, wanted: LoopEnds) -> LoopSource:
         }
         return LoopSource(
             identifier,
-            made.text(identifier, title),
+            composite.text(identifier, title),
             dict(units.values()),
             variables,
             frozenset(interval & {v.name for v in variables}),
-            depends(master, wanted.without, variables),
+            depends(master, ends.without, variables),
         )
 
 
 def _archive(
     system: System,
-    wanted: LoopEnds,
+    ends: LoopEnds,
     source: LoopSource,
     file: Path | None,
     targets: Sequence[native.Target],
@@ -152,9 +152,9 @@ def _archive(
 ) -> Path:
     """Compile and pack the FMU of a loop and return its path."""
     identifier, variables, on = source.identifier, source.variables, source.on
-    own = {f"{model}.c": text for model, text in source.blocks.items()}
-    own |= {f"{identifier}.c": source.loop}
-    block = _block(system, wanted, variables, on)
+    sources = {f"{model}.c": text for model, text in source.blocks.items()}
+    sources |= {f"{identifier}.c": source.loop}
+    block = _block(system, ends, variables, on)
     experiment = {
         "startTime": system.start,
         "stopTime": system.stop,
@@ -164,24 +164,31 @@ def _archive(
     def described(guid: str) -> bytes:
         """Return the model description with this GUID."""
         return model_description(
-            block, identifier, guid, DATE, version("desat"), sorted(own), on, experiment
+            block,
+            identifier,
+            guid,
+            DATE,
+            version("desat"),
+            sorted(sources),
+            on,
+            experiment,
         )
 
-    files, guid = native.with_wrapper(own, described(""))
+    files, guid = native.with_wrapper(sources, described(""))
     target = file or Path(f"{identifier}.fmu")
     try:
         with tempfile.TemporaryDirectory() as shared:
             native.compile_wrapper(Path(shared), targets)
             page = documentation(block, identifier)
-            made = Path(shared) / "loop.fmu"
+            archive = Path(shared) / "loop.fmu"
             native.assemble(
-                files, identifier, described(guid), page, Path(shared), made, targets
+                files, identifier, described(guid), page, Path(shared), archive, targets
             )
             if third:
-                made = fmi3.repack(
-                    made, block, Path(shared) / "loop3.fmu", on, experiment
+                archive = fmi3.repack(
+                    archive, block, Path(shared) / "loop3.fmu", on, experiment
                 )
-            io.replace_text(target, made.read_bytes())
+            io.replace_text(target, archive.read_bytes())
     except NoCompilerError as error:
         raise DesatError(str(error)) from error
     return target
@@ -208,23 +215,23 @@ def _unit(component: Component) -> tuple[str, str]:
 
 def _block(
     system: System,
-    wanted: LoopEnds,
+    ends: LoopEnds,
     variables: Sequence[Scalars],
     on: dict[str, set[str]],
 ) -> type[Block]:
     """Return a block class that declares the variables of the loop."""
     content = content_of(system.about)
-    left = f" without {', '.join(wanted.without)}" if wanted.without else ""
+    without_text = f" without {', '.join(ends.without)}" if ends.without else ""
     substeps = f", {system.parts} substeps" if system.parts > 1 else ""
     doc = (
-        f"{content.title or system.name}{left}\n\n{content.description}\n\nThe loop `{system.name}`"
-        f"{left} in one FMU, in steps of {system.step!r} s{substeps}, or several of them: "
-        f"{', '.join(c for c in system.components if c not in wanted.without)}.\n"
+        f"{content.title or system.name}{without_text}\n\n{content.description}\n\nThe loop `{system.name}`"
+        f"{without_text} in one FMU, in steps of {system.step!r} s{substeps}, or several of them: "
+        f"{', '.join(c for c in system.components if c not in ends.without)}.\n"
     )
-    made: type[Block] = type("Loop", (Block,), {"__doc__": doc})
+    loop: type[Block] = type("Loop", (Block,), {"__doc__": doc})
     inputs = tuple(v.name for v in variables if v.causality == "input")
-    made.variables = (*made.variables, *(_declared(v, inputs, on) for v in variables))
-    return made
+    loop.variables = (*loop.variables, *(_declared(v, inputs, on) for v in variables))
+    return loop
 
 
 _OF_STEP = "after a step: of the step that has just ended"
@@ -266,16 +273,16 @@ def _declared(v: Scalars, inputs: tuple[str, ...], on: dict[str, set[str]]) -> V
 # --- which variables ------------------------------------------------------------------
 
 
-def _outputs_of(system: System, wanted: LoopEnds) -> list[tuple[str, Signal]]:
+def _outputs_of(system: System, ends: LoopEnds) -> list[tuple[str, Signal]]:
     """Return the requested outputs, or those of the scenario's plots."""
-    names = list(wanted.outputs)
+    names = list(ends.outputs)
     if not names:
         plotted = dict.fromkeys(
             s for p in content_of(system.about).plots.values() for s in p.signals
         )
         names = [n for n in plotted if n.partition(".")[0] in system.components]
-        names = [n for n in names if n.partition(".")[0] not in wanted.without]
-    return _matching(system, names, "output", "--outputs", wanted.without)
+        names = [n for n in names if n.partition(".")[0] not in ends.without]
+    return _matching(system, names, "output", "--outputs", ends.without)
 
 
 def _matching(
@@ -310,23 +317,23 @@ def _matching(
 
 
 def _variables(
-    master: Master, system: System, wanted: LoopEnds, outputs: list[tuple[str, Signal]]
+    master: Master, system: System, ends: LoopEnds, outputs: list[tuple[str, Signal]]
 ) -> Iterator[Scalars]:
     """Yield the variables of the loop, parameters last as in a block."""
     fed = {(c.target, c.input) for c in system.connections}
     live = {
         (s.component, s.signal.name): master.live[s.kind][s.index] for s in master.slots
     }
-    given: list[tuple[str, Signal]] = []
+    inputs: list[tuple[str, Signal]] = []
     taken: list[tuple[str, Signal]] = []
-    for name in wanted.without:
+    for name in ends.without:
         member = master.members[name]
-        given += [(name, slot.signal) for of in member.slots.values() for slot in of]
+        inputs += [(name, slot.signal) for of in member.slots.values() for slot in of]
         signals = member.component.interface.signals
         taken += [
             (name, signals[c.input]) for of in member.incoming.values() for _, c in of
         ]
-    open_ = _matching(system, wanted.inputs, "input", "--inputs", wanted.without)
+    open_ = _matching(system, ends.inputs, "input", "--inputs", ends.without)
     for name, signal in open_:
         if (name, signal.name) in fed:
             raise DesatError(
@@ -361,16 +368,16 @@ def _variables(
                 causality,
             )
 
-    yield from grouped([*given, *open_], "input")
+    yield from grouped([*inputs, *open_], "input")
     yield from grouped([*taken, *outputs], "output")
-    plain = [p for p in wanted.parameters if not p.startswith("shared.")]
+    plain = [p for p in ends.parameters if not p.startswith("shared.")]
     yield from grouped(
-        _matching(system, plain, "parameter", "--parameters", wanted.without),
+        _matching(system, plain, "parameter", "--parameters", ends.without),
         "parameter",
     )
-    for pattern in wanted.parameters:
+    for pattern in ends.parameters:
         if pattern.startswith("shared."):
-            yield _shared(system, pattern, wanted.without, start)
+            yield _shared(system, pattern, ends.without, start)
 
 
 def _shared(

@@ -120,7 +120,7 @@ def pack(system: System, target: Path, fmus: str = "python") -> None:
     for connection in system.connections:
         if (connection.factor, connection.offset) != (1.0, 0.0):
             raise DesatError(
-                f"{system.where}:{connection.line}: {connection} converts its value; other tools "
+                f"{system.place}:{connection.line}: {connection} converts its value; other tools "
                 "would not, so it cannot be packed"
             )
     wired = {(c.source, c.output) for c in system.connections}
@@ -140,7 +140,7 @@ def pack(system: System, target: Path, fmus: str = "python") -> None:
     for component in system.components.values():
         if component.fmu is None:
             raise DesatError(
-                f"{system.where}: {component.name}: no FMU {component.source}"
+                f"{system.place}: {component.name}: no FMU {component.source}"
             )
         # The component's name: Ecos names instances by file, and noise is keyed by
         # the instance.
@@ -185,9 +185,9 @@ def pack(system: System, target: Path, fmus: str = "python") -> None:
     _annotate_for_omsimulator(top, system)
     _default_experiment(root, system)
     members[FILE] = _text(root)
-    told = system.about.as_json() if system.about else {}
-    if told or system.parts > 1:
-        about = {**told, "substeps": system.substeps}
+    annotations = system.about.as_json() if system.about else {}
+    if annotations or system.parts > 1:
+        about = {**annotations, "substeps": system.substeps}
         members[ABOUT] = json.dumps(about, indent=1, sort_keys=True).encode()
     _write_archive(members, target)
 

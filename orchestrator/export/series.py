@@ -101,10 +101,10 @@ def _table(run: Run) -> tuple[pa.Table, str]:
             columns |= {
                 f"{name}[{i + 1}]{suffix}": values[:, i] for i in range(values.shape[1])
             }
-    left = len(times) - rows
+    remaining_rows = len(times) - rows
     note = (
         f"states at t = {times[-1]:g} s have no interval after them, and no row"
-        if left
+        if remaining_rows
         else ""
     )
     return pa.table(columns), note
@@ -132,7 +132,7 @@ def _plots(run: Run, form: str, folder: Path, into: Path) -> list[Path]:
     from ..figures.plots import series_figure
     from ..report.report import label_of
 
-    made = []
+    plots = []
     runs = [(label_of(run.manifest), run.results, run.manifest.parameters)]
     for name, plot in run.manifest.content.plots.items():
         figure = series_figure(plot, runs)
@@ -145,7 +145,7 @@ def _plots(run: Run, form: str, folder: Path, into: Path) -> list[Path]:
         path = into / f"{name}.{form}"
         with io.replacing(path) as part:
             paint(figure, part, form)
-        made.append(path)
-    if not made:
+        plots.append(path)
+    if not plots:
         raise DesatError(f"{into}: the scenario has no plots of recorded series")
-    return made
+    return plots

@@ -25,7 +25,7 @@ Box = tuple[float, float, float, float]  # left, top, width, height
 
 INCH = 720
 # Free rims of all axes as shares of the figure's width and height, so that times align.
-LEFT, RIGHT, TOP, BOTTOM = 0.115, 0.25, 0.08, 0.16
+LEFT_MARGIN, RIGHT_MARGIN, TOP_MARGIN, BOTTOM_MARGIN = 0.115, 0.25, 0.08, 0.16
 GRID, INK = "#dddddd", "#222222"
 SMALL, USUAL = 80, 90  # Font sizes: SMALL of the legend, USUAL of all other text.
 LETTER = 0.64  # mean width of a letter over its size
@@ -99,7 +99,7 @@ class Mark:
     # name of a line without a label, in figures where each line has a name
     name: str = ""
     # the line that lies within, for an area that encloses a fast line
-    whole: tuple[Array, Array] | None = None
+    full_run: tuple[Array, Array] | None = None
 
     @property
     def count(self) -> int:
@@ -243,11 +243,11 @@ class Axes:
             yield Words((self.left, self.top - 50), self.title, self.size)
         yield from self._legend(box)
 
-    def _ticks(self, axis: Axis, ends: Point, room: float) -> Ticks:
+    def _ticks(self, axis: Axis, ends: Point, labels: float) -> Ticks:
         """Return the ticks of an axis that has room for this many labels."""
         if axis.ticks is not None:
             return axis.ticks
-        most = min(axis.most or 99, max(2, int(room)))
+        most = min(axis.most or 99, max(2, int(labels)))
         return (logarithmic if axis.log else linear)(*ends, most)
 
     def _of_x(self, x: Point) -> Ticks:
@@ -260,15 +260,13 @@ class Axes:
 
     def _grid(self, x: Point, box: Box) -> Iterator[Shape]:
         """Draw the grid lines at the ticks."""
-        left, top, width, height = box
+        x0, top, width, height = box
         y = self.y_range()
         across, up = (
-            _Scale(self.x, x, left, width),
+            _Scale(self.x, x, x0, width),
             _Scale(self.y, y, top + height, -height),
         )
-        lines = [
-            np.array([[left, v], [left + width, v]]) for v in up(self._of_y(y).values)
-        ]
+        lines = [np.array([[x0, v], [x0 + width, v]]) for v in up(self._of_y(y).values)]
         # no vertical lines between bars, which have their own ticks
         if self.x.ticks is None or self.x.log:
             lines += [
@@ -279,14 +277,14 @@ class Axes:
 
     def _ordinate(self, box: Box, right: bool) -> Iterator[Drawn]:
         """Draw the y axis with ticks, labels and title, at the left or the right."""
-        left, top, width, height = box
+        x0, top, width, height = box
         ends = self.y_range()
-        made = self._of_y(ends)
+        positions = self._of_y(ends)
         scale, side = _Scale(self.y, ends, top + height, -height), 1 if right else -1
-        edge = left + width if right else left
+        edge = x0 + width if right else x0
         lines = [np.array([[edge, top], [edge, top + height]])]
         longest = 0
-        for value, text in zip(scale(made.values), made.labels, strict=True):
+        for value, text in zip(scale(positions.values), positions.labels, strict=True):
             lines.append(
                 np.array([[edge, value], [edge + side * (35 if text else 20), value]])
             )
@@ -298,9 +296,12 @@ class Axes:
             )
             longest = max(longest, len(text))
         yield Shape(lines, INK, 0.8)
-        if made.aside:
+        if positions.aside:
             yield Words(
-                (edge, top - 35), made.aside, self.size, "end" if right else "start"
+                (edge, top - 35),
+                positions.aside,
+                self.size,
+                "end" if right else "start",
             )
         rows = self.y.label.split("\n") if self.y.label else []
         at = edge + side * (60 + LETTER * self.size * longest + 50)
@@ -318,23 +319,25 @@ class Axes:
 
     def _abscissa(self, x: Point, box: Box) -> Iterator[Drawn]:
         """Draw the x axis with ticks, labels and title."""
-        left, top, width, height = box
-        floor, made = self.top + self.height, self._of_x(x)
-        lines = [np.array([[left, top + height], [left + width, top + height]])]
+        x0, top, width, height = box
+        floor, positions = self.top + self.height, self._of_x(x)
+        lines = [np.array([[x0, top + height], [x0 + width, top + height]])]
         row = floor + 30 + self.size
         for value, text in zip(
-            _Scale(self.x, x, left, width)(made.values), made.labels, strict=True
+            _Scale(self.x, x, x0, width)(positions.values),
+            positions.labels,
+            strict=True,
         ):
             end = top + height + (35 if text else 20)
             lines.append(np.array([[value, top + height], [value, end]]))
             yield Words((value, row), text, self.size, "middle")
         yield Shape(lines, INK, 0.8)
-        if made.aside:
+        if positions.aside:
             yield Words(
-                (left + width, row + 1.2 * self.size), made.aside, self.size, "end"
+                (x0 + width, row + 1.2 * self.size), positions.aside, self.size, "end"
             )
         for i, text in enumerate(self.x.label.split("\n")):
-            at = (left + width / 2, row + (1.3 + 1.2 * i) * self.size)
+            at = (x0 + width / 2, row + (1.3 + 1.2 * i) * self.size)
             yield Words(at, text, self.size, "middle")
 
     def _strip(self, strip: Strip, scale: _Scale, box: tuple[float, ...]) -> Shape:
@@ -358,17 +361,17 @@ class Axes:
             return
         entries = [(m, textwrap.wrap(m.label, self.legend)) for m in named]
         size, pitch = float(SMALL), float(LINE)
-        whole = sum(len(rows) for _, rows in entries)
-        if whole * pitch > (
-            room := self.height + 300
+        rows_in_all = sum(len(rows) for _, rows in entries)
+        if rows_in_all * pitch > (
+            height := self.height + 300
         ):  # a smaller font for a long legend
-            size, pitch = size * room / (whole * pitch), room / whole
-        left = box[0] + box[2] + (560 if self.right else 80)
-        y = self.top + self.height / 2 - whole * pitch / 2 + 0.75 * pitch
+            size, pitch = size * height / (rows_in_all * pitch), height / rows_in_all
+        x0 = box[0] + box[2] + (560 if self.right else 80)
+        y = self.top + self.height / 2 - rows_in_all * pitch / 2 + 0.75 * pitch
         for mark, rows in entries:
-            yield from _sample(mark, left, y - 0.35 * size)
+            yield from _sample(mark, x0, y - 0.35 * size)
             for row in rows:
-                yield Words((left + 190, y), row, size)
+                yield Words((x0 + 190, y), row, size)
                 y += pitch
 
 
@@ -382,31 +385,31 @@ class Figure:
 
     def add(
         self,
-        top: float = TOP,
-        bottom: float = BOTTOM,
-        left: float = LEFT,
-        right: float = RIGHT,
+        top: float = TOP_MARGIN,
+        bottom: float = BOTTOM_MARGIN,
+        left: float = LEFT_MARGIN,
+        right: float = RIGHT_MARGIN,
     ) -> Axes:
         """Add axes with a free rim of these shares of the figure."""
         width, height = INCH * self.width, INCH * self.height
-        made = Axes(
+        axes = Axes(
             left * width,
             top * height,
             (1.0 - left - right) * width,
             (1.0 - top - bottom) * height,
         )
-        self.axes.append(made)
-        return made
+        self.axes.append(axes)
+        return axes
 
     def shapes(self) -> Iterator[Drawn]:
         """Yield all shapes and texts, the lowest first."""
         all_axes = [*self.axes, *(a.right for a in self.axes if a.right)]
-        room = max((a.width for a in self.axes), default=0.0)
+        width = max((a.width for a in self.axes), default=0.0)
         dense = sum(
-            m.count > 2.0 * room / COLUMN for a in all_axes for m in a.marks if m.width
+            m.count > 2.0 * width / COLUMN for a in all_axes for m in a.marks if m.width
         )
         for axes in self.axes:
-            yield from axes.shapes(max(COLUMN, room * dense / COLUMNS))
+            yield from axes.shapes(max(COLUMN, width * dense / COLUMNS))
 
     def svg(self) -> str:
         """Return the figure as an <svg> element, the same for the same data."""
@@ -530,21 +533,21 @@ def _thinned(points: Array, width: float) -> Array:
     return moved
 
 
-def _sample(mark: Mark | Strip, left: float, y: float) -> Iterator[Drawn]:
+def _sample(mark: Mark | Strip, x0: float, y: float) -> Iterator[Drawn]:
     """Draw the sample of a mark before its label in a legend."""
     if isinstance(mark, Strip) or mark.filled:
         box = np.array(
-            [[left, y - 32], [left + 130, y - 32], [left + 130, y + 32], [left, y + 32]]
+            [[x0, y - 32], [x0 + 130, y - 32], [x0 + 130, y + 32], [x0, y + 32]]
         )
         alpha = 1.0 if isinstance(mark, Strip) else mark.alpha
         yield Shape([box], "", alpha=alpha, fill=mark.colour)
         return
     if mark.width:
-        line = np.array([[left, y], [left + 130, y]])
+        line = np.array([[x0, y], [x0 + 130, y]])
         yield Shape([line], mark.colour, mark.width, mark.dash, mark.alpha)
     if mark.marker:
         yield from _dots(
-            replace(mark, marker=max(mark.marker, 3.0)), np.array([[left + 65, y]])
+            replace(mark, marker=max(mark.marker, 3.0)), np.array([[x0 + 65, y]])
         )
 
 
@@ -577,13 +580,13 @@ def _path_of(shape: Shape) -> str:
     drawn = f'<path d="{path}"{look}/>'
     if shape.within is None:
         return drawn
-    left, top, width, height = (round(v) for v in shape.within)
-    points = np.concatenate(shape.parts) - (left, top)
+    x0, top, width, height = (round(v) for v in shape.within)
+    points = np.concatenate(shape.parts) - (x0, top)
     if (points >= -5.0).all() and (points <= (width + 5.0, height + 5.0)).all():
         return drawn  # nothing to clip
     return (
-        f'<svg x="{left}" y="{top}" width="{width}" height="{height}" '
-        f'viewBox="{left} {top} {width} {height}">{drawn}</svg>'
+        f'<svg x="{x0}" y="{top}" width="{width}" height="{height}" '
+        f'viewBox="{x0} {top} {width} {height}">{drawn}</svg>'
     )
 
 
@@ -607,8 +610,8 @@ def _path(points: Array) -> str:
 
     Each point is relative to the one before.
     """
-    whole = np.rint(points).astype(int)
-    (x, y), moves = whole[0].tolist(), np.diff(whole, axis=0).tolist()
+    pixels = np.rint(points).astype(int)
+    (x, y), moves = pixels[0].tolist(), np.diff(pixels, axis=0).tolist()
     parts, letter = [f"M{x} {y}"], ""
     for dx, dy in moves:
         if dy == 0:
@@ -715,8 +718,8 @@ def logarithmic(low: float, high: float, most: int) -> Ticks:
         for digit in range(2, 10):
             named = inside < 2 and digit in (2, 5)
             ticks.append((digit * 10.0**k, f"{digit}×10{raised(k)}" if named else ""))
-    kept = [(v, t) for v, t in ticks if low * (1 - 1e-9) <= v <= high * (1 + 1e-9)]
-    return Ticks(tuple(v for v, _ in kept), tuple(t for _, t in kept))
+    within = [(v, t) for v, t in ticks if low * (1 - 1e-9) <= v <= high * (1 + 1e-9)]
+    return Ticks(tuple(v for v, _ in within), tuple(t for _, t in within))
 
 
 def minus(text: str) -> str:

@@ -30,16 +30,18 @@ def data_of(figures: Sequence[Figure]) -> JsonObject:
     stays. `most` is the limit of the values of a line.
     """
     lines = [_lines(f.axes[0]) if _drawable(f) else [] for f in figures]
-    room = min(MOST, max(FEWEST, VALUES // max(sum(map(len, lines)), 1)))
+    points = min(MOST, max(FEWEST, VALUES // max(sum(map(len, lines)), 1)))
     grids: dict[bytes, int] = {}
     plots = [
-        _plot(figure.axes[0], own, room, grids) if own else None
-        for figure, own in zip(figures, lines, strict=True)
+        _plot(figure.axes[0], lines_of_figure, points, grids)
+        if lines_of_figure
+        else None
+        for figure, lines_of_figure in zip(figures, lines, strict=True)
     ]
     return {
         "grids": [base64.b64encode(g).decode() for g in grids],
         "plots": plots,
-        "most": room,
+        "most": points,
     }
 
 
@@ -65,7 +67,7 @@ def _lines(ax: Axes) -> list[_Line]:
                 _Line(m, m.x[:half], m.y[half:][::-1], f"{label}: most", True),
             ]
         elif _is_line(m):
-            x, y = m.whole or (m.x, m.y)
+            x, y = m.full_run or (m.x, m.y)
             lines.append(_Line(m, x, y, m.name or m.label or bare))
     return lines
 
@@ -93,7 +95,7 @@ def _is_area(mark: Mark) -> bool:
     half = len(mark.x) // 2
     return (
         mark.filled
-        and mark.whole is None
+        and mark.full_run is None
         and half > 2
         and bool(np.array_equal(mark.x[:half], mark.x[half:][::-1]))
     )
@@ -101,7 +103,7 @@ def _is_area(mark: Mark) -> bool:
 
 def _is_line(mark: Mark) -> bool:
     """Return whether a mark is a line or points."""
-    return mark.whole is not None or not (
+    return mark.full_run is not None or not (
         mark.filled or not len(mark.x) or _is_upright(mark) or _is_across(mark)
     )
 
@@ -128,11 +130,11 @@ def _drawable(figure: Figure) -> bool:
 
 
 def _plot(
-    ax: Axes, lines: Sequence[_Line], room: int, grids: dict[bytes, int]
+    ax: Axes, lines: Sequence[_Line], points: int, grids: dict[bytes, int]
 ) -> JsonObject:
-    """Convert a pair of axes to JSON, with its lines thinned to `room` values."""
+    """Convert a pair of axes to JSON, with its lines thinned to `points` values."""
     seconds = ax.x.seconds
-    x, columns = thinned([(line.x, line.y) for line in lines], room)
+    x, columns = thinned([(line.x, line.y) for line in lines], points)
     label = " ".join(ax.y.label.split("\n"))
     low, high = ax.y_range()
     return {

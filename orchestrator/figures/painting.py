@@ -85,8 +85,8 @@ def paint(figure: Figure, path: Path, form: str) -> None:
             )
             ax.add_patch(patch)
             if shape.within is not None:
-                left, top, across, down = shape.within
+                x0, top, across, down = shape.within
                 patch.set_clip_path(
-                    Rectangle((left, top), across, down, transform=ax.transData)
+                    Rectangle((x0, top), across, down, transform=ax.transData)
                 )
     page.savefig(path, format=form, dpi=150)

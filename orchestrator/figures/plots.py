@@ -69,19 +69,23 @@ def series_figure(plot: Plot, runs: Sequence[Run]) -> Figure | None:
     seconds, time_unit = (orbit, "orbits") if orbit else time_axis(results.times())
     fig, panels = _panels(plot, results)
     for ax, begin in panels:
-        whole = begin is None
+        is_whole_run = begin is None
         lines = (
             drawn
             if begin is None
             else [[_since(x, begin) for x in run] for run in drawn]
         )
         _draw(
-            ax, lines, [label for label, _, _ in runs] if whole else None, seconds, plot
+            ax,
+            lines,
+            [label for label, _, _ in runs] if is_whole_run else None,
+            seconds,
+            plot,
         )
-        ax.y.log = plot.log and whole
-        _draw_limits(ax, limits, signed, whole)
+        ax.y.log = plot.log and is_whole_run
+        _draw_limits(ax, limits, signed, is_whole_run)
         ax.y.label = axis_label(plot.axis or plot.title, unit, ax.height / INCH)
-        timeline(ax, seconds, time_unit, results if whole else None)
+        timeline(ax, seconds, time_unit, results if is_whole_run else None)
         if begin is not None:
             ax.title = f"from {begin / seconds:g} {time_unit} on"
             ax.x.low, ax.x.high = begin / seconds, results.times()[-1] / seconds
@@ -123,8 +127,8 @@ def unit_of(plot: Plot, results: Results) -> str | None:
     if not signals or (plot.derive and len(signals) < len(plot.signals)):
         return None
     quantity = derived.of_entry(plot)
-    own = quantity[0].unit if quantity else ""
-    return plot.unit or own or results.attribute(signals[0], "unit")
+    unit = quantity[0].unit if quantity else ""
+    return plot.unit or unit or results.attribute(signals[0], "unit")
 
 
 def _panels(
@@ -147,8 +151,8 @@ def _panels(
 
 def _since(line: Line, begin: float) -> Line:
     """Return the part of a line from a time (s) on."""
-    kept = line.times >= begin
-    return line._replace(times=line.times[kept], values=line.values[kept])
+    is_shown = line.times >= begin
+    return line._replace(times=line.times[is_shown], values=line.values[is_shown])
 
 
 def _draw(
@@ -178,7 +182,7 @@ def _draw(
             )  # else colours distinguish lines, and dashes runs
             colour = COLOURS[(number if of_runs else i) % len(COLOURS)]
             run = labels[number] if labels and len(runs) > 1 else ""
-            whose = ", ".join(part for part in (line.name, run) if part)
+            owners = ", ".join(part for part in (line.name, run) if part)
             if plot.envelope and len(line.times) > BINS:
                 x, low, high = between(line.times, line.values)
                 ax.area(
@@ -188,8 +192,8 @@ def _draw(
                     colour,
                     alpha=0.45,
                     label=name and f"{name}: least to most",
-                    name=whose,
-                    whole=(line.times / seconds, line.values),
+                    name=owners,
+                    full_run=(line.times / seconds, line.values),
                 )
                 continue
             ax.plot(
@@ -198,7 +202,7 @@ def _draw(
                 colour,
                 label=name,
                 stepped=line.stepped,
-                name=whose,
+                name=owners,
                 **(_OTHER if number and len(runs) == 2 else _FIRST),
             )
 

@@ -45,10 +45,10 @@ def figure(height: float = HEIGHT) -> tuple[Figure, Axes]:
     return fig, fig.add()
 
 
-def axis_label(what: str, unit: str, height: float) -> str:
+def axis_label(quantity: str, unit: str, height: float) -> str:
     """Return `quantity [unit]`, wrapped to fit an axis of a height (in)."""
     bracket = f"[{spell_unit(unit)}]".replace(" ", "\u00a0") if spell_unit(unit) else ""
-    return textwrap.fill(f"{what} {bracket}".strip(), max(14, int(height * 14)))
+    return textwrap.fill(f"{quantity} {bracket}".strip(), max(14, int(height * 14)))
 
 
 def between(x: Any, y: Any) -> tuple[Any, Any, Any]:

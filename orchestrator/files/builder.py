@@ -25,13 +25,13 @@ from ..system.layer import SHARED, Layer, Place, Value
 from ..system.model import (
     ACCURACY,
     AUTO,
+    About,
     Component,
     Connection,
     Connector,
     Fmu,
     Substeps,
     System,
-    Told,
 )
 from ..system.parameters import expand, in_unit_of, is_quantity, known_unit
 from . import library
@@ -81,7 +81,7 @@ class Part:
             else []
         )
 
-    def assign(self, name: str, value: Any, where: str) -> None:
+    def assign(self, name: str, value: Any, place: str) -> None:
         """Set a parameter (or input) to a value, or to a text that refers to others.
 
         A text for a Real is a product of parameters (`expression.py`). Nothing is set
@@ -97,10 +97,10 @@ class Part:
         signals = self.interface.elements.get(name, ())
         is_text = isinstance(value, str) and not is_quantity(value)
         if is_text and signals and signals[0].kind == "Real":
-            expand(self.interface, name, [s.start or 0.0 for s in signals], where)
+            expand(self.interface, name, [s.start or 0.0 for s in signals], place)
             self.references[name] = value
             return
-        values = expand(self.interface, name, value, where, typed=True)
+        values = expand(self.interface, name, value, place, typed=True)
         self.parameters.update(values)
         self.references.pop(base_name(name), None)
         for element in (*values, name):
@@ -146,7 +146,7 @@ class Builder:
         self.blocks = blocks
         self.kind = kind
         self.load = load
-        self.where = first.where
+        self.place = first.place
         self.name = first.name
         self.title = ""
         self.components: dict[str, Part] = {}
@@ -158,7 +158,7 @@ class Builder:
         self.accuracy = ACCURACY
         self.output_classes: dict[str, OutputClass] = {}
         self.origins: dict[str, str] = {}
-        self.about: Told | None = None
+        self.about: About | None = None
         self.body: Body | None = None
         self.problems: list[str] = []
         self.warnings: list[str] = []
@@ -194,7 +194,7 @@ class Builder:
             self.connections += layer.connections
             replaced = self._fill(layer)
             for name, ratio in layer.step_ratios.items():
-                self.part(name, f"{layer.where}: step_ratio").step_ratio = ratio
+                self.part(name, f"{layer.place}: step_ratio").step_ratio = ratio
             errors: list[str] = []
             for value in layer.values:
                 self._give(value, layer, errors if value.raises else self.problems)
@@ -204,15 +204,15 @@ class Builder:
                 self._adopt_shared(self.components[name])
         return self
 
-    def part(self, name: str, where: str) -> Part:
+    def part(self, name: str, place: str) -> Part:
         """Return a component by its name.
 
         Raises
         ------
         DesatError
-            If there is none; the message begins with `where`.
+            If there is none; the message begins with `place`.
         """
-        require(name, self.components, f"{where}: no component")
+        require(name, self.components, f"{place}: no component")
         return self.components[name]
 
     # --- FMUs in their places ---------------------------------------------------------
@@ -247,27 +247,29 @@ class Builder:
 
         Values of variables that both FMUs declare alike are preserved.
         """
-        where = place.origin if layer.of_options else f"{layer.where}: sources"
-        part = self.part(place.name, where)
+        at = place.origin if layer.of_options else f"{layer.place}: sources"
+        part = self.part(place.name, at)
         part.placed_by = place.origin
         part.source, part.fmu = place.source, place.fmu
         before = part.interface
         self._load_interface(part)
         if part.interface is None:
             return
-        given = dict(part.origins)
-        lost = _keep_alike(part, before)
-        if layer.of_options and lost:
+        origins = dict(part.origins)
+        dropped = _keep_alike(part, before)
+        if layer.of_options and dropped:
             self.warnings.append(
-                f"{part.name}: {place.label} does not take {', '.join(lost)} of the FMU that it "
+                f"{part.name}: {place.label} does not take {', '.join(dropped)} of the FMU that it "
                 "replaces"
             )
-        own = [
-            name for name in lost if f"parameters.{part.name}." in given.get(name, "")
+        own_parameters = [
+            name
+            for name in dropped
+            if f"parameters.{part.name}." in origins.get(name, "")
         ]
-        if own and not layer.of_options:
+        if own_parameters and not layer.of_options:
             self.warnings.append(
-                f"{part.name}: {place.label} does not take {', '.join(own)} of the craft"
+                f"{part.name}: {place.label} does not take {', '.join(own_parameters)} of the craft"
             )
         self._drop_unwanted(part)
 
@@ -280,7 +282,7 @@ class Builder:
         try:
             part.interface = library.interface_of(part.source, part.fmu, self.blocks)
         except DesatError as error:
-            at = part.placed_by or f"{self.where}:{part.line}"
+            at = part.placed_by or f"{self.place}:{part.line}"
             self.problems.append(f"{at}: {part.name}: {error}")
         if self.blocks:
             part.fmu = None
@@ -300,9 +302,9 @@ class Builder:
             c for c in self.connections if c.target == name and c.input not in signals
         ]
         if unwanted:
-            whole = {c.input_array for c in unwanted}.difference(bases)
+            arrays = {c.input_array for c in unwanted}.difference(bases)
             names = {
-                c.input_array if c.input_array in whole else c.input for c in unwanted
+                c.input_array if c.input_array in arrays else c.input for c in unwanted
             }
             self.warnings.append(
                 f"{name}: {fmu} has no input {', '.join(sorted(names))}: left unwired"
@@ -337,18 +339,20 @@ class Builder:
         if part.interface is None:
             return
         shared = {s.array for s in part.interface.parameters if s.shared}
-        given = {base_name(name) for name in part.parameters} | part.references.keys()
-        for name in sorted(shared - given):
-            wanted = part.elements(name)
+        set_names = {
+            base_name(name) for name in part.parameters
+        } | part.references.keys()
+        for name in sorted(shared - set_names):
+            elements = part.elements(name)
             owner = next(
-                (p for p in self._sharing(name, wanted) if p is not part), None
+                (p for p in self._sharing(name, elements) if p is not part), None
             )
             if owner is None or owner.interface is None:
                 continue
             if name in owner.references:
                 part.references[name] = owner.references[name]
             else:
-                for element in wanted:
+                for element in elements:
                     start = owner.interface.signals[element].start
                     value = owner.parameters.get(element, start)
                     if value is not None and not isinstance(value, str):
@@ -452,7 +456,7 @@ class Builder:
             for name, component in components.items()
             for parameter, text in component.references.items()
         }
-        components, wrong = evaluate(components, references, self.where)
+        components, wrong = evaluate(components, references, self.place)
         self.problems += wrong
         self.problems += self._too_large(components.values())
         connections = self._connections()
@@ -465,7 +469,7 @@ class Builder:
             return None, components
         system = System(
             self.name,
-            self.where,
+            self.place,
             components,
             connections,
             step,
@@ -506,14 +510,14 @@ class Builder:
             )
             if bad or name in RESERVED:
                 yield (
-                    f"{self.where}:{part.line}: component {name!r}: a name is needed without . / ["
+                    f"{self.place}:{part.line}: component {name!r}: a name is needed without . / ["
                     f" ] * ? = and other than {', '.join(RESERVED)}"
                 )
 
     def _connectors(self, part: Part, interface: Interface) -> Iterator[str]:
         """Find listed connectors that the FMU lacks or declares differently."""
         for connector in part.connectors.values():
-            where = f"{self.where}:{connector.line}: {part.name}.{connector.name}"
+            at = f"{self.place}:{connector.line}: {part.name}.{connector.name}"
             signal = interface.signals.get(connector.name)
             if part.placed_by and (
                 signal is None or connector.kind != signal.causality
@@ -521,13 +525,13 @@ class Builder:
                 continue  # reported in one line with all of its connections
             if signal is None:
                 hint = nearest(connector.name, interface.signals)
-                yield f"{where}: the FMU has no such variable{hint}"
+                yield f"{at}: the FMU has no such variable{hint}"
                 continue
             if connector.kind != signal.causality:
-                yield f"{where}: listed as {connector.kind}, but it is an {signal.causality}"
+                yield f"{at}: listed as {connector.kind}, but it is an {signal.causality}"
             listed = "Integer" if connector.type == "Enumeration" else connector.type
             if listed and listed != signal.kind:
-                yield f"{where}: listed as {connector.type}, but it is {signal.kind}"
+                yield f"{at}: listed as {connector.type}, but it is {signal.kind}"
             if (
                 connector.unit
                 and connector.unit != signal.unit_name
@@ -535,22 +539,24 @@ class Builder:
             ):
                 unit = known_unit(connector.unit)
                 if unit is None or conversion(unit, signal.unit) != (1.0, 0.0):
-                    own = signal.unit_name or 1
-                    yield f"{where}: listed in {connector.unit}, but it is in {own}"
+                    own_unit = signal.unit_name or 1
+                    yield f"{at}: listed in {connector.unit}, but it is in {own_unit}"
 
     def _parameters(self, part: Part, interface: Interface) -> dict[str, Scalar]:
         """Return a component's values by element, in the variables' own units."""
         parameters: dict[str, Scalar] = {}
         for name, value in part.parameters.items():
-            where = part.origins.get(name, self.where)
-            own = interface.signals.get(name)
-            signals = interface.elements.get(name, ()) if own is None else [own]
+            at = part.origins.get(name, self.place)
+            declared = interface.signals.get(name)
+            signals = (
+                interface.elements.get(name, ()) if declared is None else [declared]
+            )
             if not (
                 signals or interface.role
             ):  # SSP 1.0: a value that matches no variable is ignored
                 hint = nearest(name, interface.signals)
                 self._warn(
-                    f"{where}: {part.source} has no variable {name}{hint}: left out"
+                    f"{at}: {part.source} has no variable {name}{hint}: left out"
                 )
                 continue
             if name in part.conflicts:
@@ -559,11 +565,9 @@ class Builder:
             try:
                 if unit is not None and signals:
                     value = self._converted_value(
-                        name, value, unit, signals[0], interface, where
+                        name, value, unit, signals[0], interface, at
                     )
-                parameters.update(
-                    expand(interface, name, value, f"{where}: {part.name}")
-                )
+                parameters.update(expand(interface, name, value, f"{at}: {part.name}"))
             except DesatError as error:
                 self.problems.append(str(error))
         return parameters
@@ -575,18 +579,18 @@ class Builder:
         unit: Unit | str,
         signal: Signal,
         interface: Interface,
-        where: str,
+        place: str,
     ) -> Scalar | str:
         """Convert a value that was given with a unit to the unit of its variable."""
         if not (signal.unit_name or interface.role):
             self._warn(
-                f"{where}: {name} has no unit: its value, which was given with one, is taken as it "
+                f"{place}: {name} has no unit: its value, which was given with one, is taken as it "
                 "is"
             )
             return value
         if isinstance(value, str) or unit == signal.unit_name:
             return value
-        return in_unit_of(signal, value, unit, where)
+        return in_unit_of(signal, value, unit, place)
 
     def _warn(self, line: str) -> None:
         """Add a warning, once."""
@@ -600,9 +604,9 @@ class Builder:
                 continue
             for name, value in component.parameters.items():
                 if isinstance(value, float) and not abs(value) <= LARGEST:
-                    where = component.given.get(base_name(name), self.where)
+                    place = component.origins.get(base_name(name), self.place)
                     yield (
-                        f"{where}: {component.name}.{name} = {value:g}: a magnitude of at most "
+                        f"{place}: {component.name}.{name} = {value:g}: a magnitude of at most "
                         f"{LARGEST:g} is needed"
                     )
 
@@ -619,21 +623,21 @@ class Builder:
             target = self._end(c, "input", lacking)
             if source is None or target is None:
                 continue
-            where = f"{self.where}:{c.line}"
+            place = f"{self.place}:{c.line}"
             if source.kind != target.kind:
                 self.problems.append(
-                    f"{where}: {c}: type {source.kind} does not fit {target.kind}"
+                    f"{place}: {c}: type {source.kind} does not fit {target.kind}"
                 )
             other = driven.setdefault((c.target, c.input), c)
             if other is not c:
                 self.problems.append(
-                    f"{where}: {c}: {c.target}.{c.input} has two sources, also "
+                    f"{place}: {c}: {c.target}.{c.input} has two sources, also "
                     f"{other.source}.{other.output} (line {other.line})"
                 )
             try:
                 result.append(_converted(c, source, target))
             except DesatError as error:
-                self.problems.append(f"{where}: {c}: {error}")
+                self.problems.append(f"{place}: {c}: {error}")
         for name, ends in lacking.items():
             by = self.components[name].placed_by
             self.problems.append(
@@ -651,30 +655,30 @@ class Builder:
         outgoing = causality == "output"
         owner, connector = (c.source, c.output) if outgoing else (c.target, c.input)
         part = self.components.get(owner)
-        where = f"{self.where}:{c.line}"
+        place = f"{self.place}:{c.line}"
         if part is None:
             hint = nearest(owner, self.components)
-            self.problems.append(f"{where}: {c}: no component {owner}{hint}")
+            self.problems.append(f"{place}: {c}: no component {owner}{hint}")
             return None
         signals = part.interface.signals if part.interface else {}
         known = part.connectors or signals
         signal = signals.get(connector)
-        fits = signal is not None and signal.causality == causality
-        if part.placed_by and part.interface is not None and not fits:
-            whole = c.output_array if outgoing else c.input_array
-            in_part = part.interface.elements.get(whole, ()) and signal is None
-            lacking[owner][f"{causality} {connector if in_part else whole}"] = None
+        has_causality = signal is not None and signal.causality == causality
+        if part.placed_by and part.interface is not None and not has_causality:
+            is_array = c.output_array if outgoing else c.input_array
+            in_part = part.interface.elements.get(is_array, ()) and signal is None
+            lacking[owner][f"{causality} {connector if in_part else is_array}"] = None
             return None
         if connector not in known:
             hint = nearest(connector, known)
             self.problems.append(
-                f"{where}: {c}: {owner} has no connector {connector}{hint}"
+                f"{place}: {c}: {owner} has no connector {connector}{hint}"
             )
             return None
         if signal is not None and signal.causality != causality:
             end = "start" if outgoing else "end"
             self.problems.append(
-                f"{where}: {c}: wrong direction: the {end} {owner}.{connector} is an "
+                f"{place}: {c}: wrong direction: the {end} {owner}.{connector} is an "
                 f"{signal.causality}, an {causality} is needed"
             )
             return None
@@ -692,10 +696,10 @@ class Builder:
         if step is None or stop is None:
             missing = "step" if step is None else "stop time"
             raise DesatError(
-                f"{self.where}: no {missing} is given; use --{missing.split()[0]}"
+                f"{self.place}: no {missing} is given; use --{missing.split()[0]}"
             )
         by_step, by_stop = (
-            self.origins.get(key, self.where) for key in ("step", "stop")
+            self.origins.get(key, self.place) for key in ("step", "stop")
         )
         both = by_step if by_step == by_stop else f"{by_stop}, {by_step}"
         if not (math.isfinite(step) and step > 0.0):
@@ -738,15 +742,17 @@ def _keep_alike(part: Part, before: Interface | None) -> list[str]:
         facts = ("causality", "kind", "unit", "choices")
         return all(getattr(old[key], fact) == getattr(new[key], fact) for fact in facts)
 
-    given = part.parameters
-    part.parameters = {key: value for key, value in given.items() if is_alike(key)}
+    parameters = part.parameters
+    part.parameters = {key: value for key, value in parameters.items() if is_alike(key)}
     part.references = {
         name: text
         for name, text in part.references.items()
         if before is not None
         and all(is_alike(s.name) for s in before.elements.get(name, ()))
     }
-    return list(dict.fromkeys(base_name(k) for k in given if k not in part.parameters))
+    return list(
+        dict.fromkeys(base_name(k) for k in parameters if k not in part.parameters)
+    )
 
 
 def _by_output(connections: Iterable[Connection]) -> dict[str, list[str]]:

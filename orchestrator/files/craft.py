@@ -99,17 +99,17 @@ class _Reader:
 
     def __init__(self, path: Path) -> None:
         self.folder = path.parent
-        self.where = paths.shown(path)
+        self.place = paths.shown(path)
         self.problems: list[str] = []
-        source = text(path, self.where)
-        self.data = parsed(source, self.where)
+        source = text(path, self.place)
+        self.data = parsed(source, self.place)
         self.lines = lines(source)
         name = path.resolve().parent.name if path.name == FILE else stem(path)
         if path.name.endswith(ENDING):
             name = f"{path.resolve().parent.name}_{name}"
         if not name.isascii():
             name = utf8_name(name)
-        self.result = Layer(self.where, name=name)
+        self.result = Layer(self.place, name=name)
         self.interfaces: dict[str, Interface] = {}
         self.roles: dict[str, str] = {}
 
@@ -140,7 +140,7 @@ class _Reader:
 
     def at(self, key: str) -> str:
         """Return file, line and key, for messages."""
-        return f"{self.where}:{self.line(key)}: {key}"
+        return f"{self.place}:{self.line(key)}: {key}"
 
     def line(self, key: str) -> int:
         """Return the line of a key, or of the nearest table around it."""
@@ -174,7 +174,7 @@ class _Reader:
             self.problem("stop", f" = {stop!r}: a time in seconds is needed")
         if self.data.get("components", {}) == {}:
             self.problems.append(
-                f"{self.where}: there is no component; name some in [components]"
+                f"{self.place}: there is no component; name some in [components]"
             )
 
     def body(self) -> None:
@@ -202,9 +202,9 @@ class _Reader:
 
         Raises DesatError if it is not above 0.
         """
-        asked = Quantity(f"{self.at(f'body.{key}')} =", unit, 0.0, 1e9, above=True)
+        form = Quantity(f"{self.at(f'body.{key}')} =", unit, 0.0, 1e9, above=True)
         if isinstance(value, (int, float, str)) and not isinstance(value, bool):
-            return asked(value)
+            return form(value)
         raise DesatError(
             f"{self.at(f'body.{key}')} = {value!r}: a number in {unit} is needed"
         )
@@ -346,12 +346,12 @@ class _Reader:
 
     def connectors_of(self, place: Place) -> dict[str, Connector]:
         """Return the wired connectors of a component, as an SSD lists them."""
-        own = self.interfaces[place.name]
+        interface = self.interfaces[place.name]
         wired = {c.input for c in self.result.connections if c.target == place.name}
         wired |= {c.output for c in self.result.connections if c.source == place.name}
         return {
             s.name: Connector(s.name, s.causality, s.kind, line=place.line)
-            for s in (*own.inputs, *own.outputs)
+            for s in (*interface.inputs, *interface.outputs)
             if s.name in wired
         }
 
@@ -398,16 +398,16 @@ class _Reader:
 
         An array becomes a flat list.
         """
-        own = self.table("parameters").get(owner, {})
-        value = own.get(parameter) if isinstance(own, dict) else None
+        parameters = self.table("parameters").get(owner, {})
+        value = parameters.get(parameter) if isinstance(parameters, dict) else None
         value = self.table("shared").get(parameter) if value is None else value
         signals = self.interfaces[owner].elements.get(parameter, ())
-        given = (
+        elements = (
             {}
             if value is None
             else expand(self.interfaces[owner], parameter, value, parameter)
         )
-        flat = [given.get(s.name, s.start) for s in signals]
+        flat = [elements.get(s.name, s.start) for s in signals]
         return flat if len(flat) > 1 else flat[0]
 
     def parameters(self) -> None:

@@ -27,7 +27,7 @@ from .xml import parse_bytes
 
 LONGEST_NAME = 200  # characters of a library's name
 MOST_ELEMENTS = 1_000_000  # of an array
-_WHOLE = (
+_INTEGERS = (
     "Int8",
     "Int16",
     "Int32",
@@ -39,7 +39,7 @@ _WHOLE = (
     "Enumeration",
 )
 # FMI type -> kind of signal; other types have the same name as their kind.
-_KINDS = {"Float32": "Real", "Float64": "Real", **dict.fromkeys(_WHOLE, "Integer")}
+_KINDS = {"Float32": "Real", "Float64": "Real", **dict.fromkeys(_INTEGERS, "Integer")}
 
 
 def of_fmu(path: Path, called: str = "") -> Interface:
@@ -150,12 +150,12 @@ def root_of(folder: Path, called: str) -> Any:
     DesatError
         If it is no XML, or not that of an FMU of FMI 1.0, 2.0 or 3.0.
     """
-    where = f"{called}/modelDescription.xml"
-    root = parse_bytes(contents(folder / "modelDescription.xml", where), where)
+    place = f"{called}/modelDescription.xml"
+    root = parse_bytes(contents(folder / "modelDescription.xml", place), place)
     version = root.get("fmiVersion") or "of no version"
     if root.tag != "fmiModelDescription" or not _is_known(version):
         raise DesatError(
-            f"{where}: {root.tag}, FMI {version}: the description of an FMU of FMI "
+            f"{place}: {root.tag}, FMI {version}: the description of an FMU of FMI "
             "1.0, 2.0 or 3.0 is needed"
         )
     return root
@@ -219,10 +219,10 @@ def description_of(path: Path, called: str = "") -> Any:
     try:
         return read_model_description(path, validate=False)
     except Exception as error:  # fmpy raises plain Exception, KeyError, IndexError, ...
-        where = f"{called or path.name}/modelDescription.xml"
+        place = f"{called or path.name}/modelDescription.xml"
         lines = str(error).splitlines() or [type(error).__name__]
         kind = "" if type(error) is Exception else f"{type(error).__name__}: "
-        raise DesatError(f"{where}: {kind}{plain(lines[0])}") from error
+        raise DesatError(f"{place}: {kind}{plain(lines[0])}") from error
 
 
 @lru_cache(maxsize=256)
@@ -231,19 +231,21 @@ def faults(path: Path) -> tuple[str, ...]:
 
     They are those that fmpy's validation finds, a line each.
     """
-    return _faults(path, whole=False)
+    return _faults(path, is_archive=False)
 
 
 def structure_faults(path: Path) -> tuple[str, ...]:
     """Find what `faults` does, and errors in names and ModelStructure."""
-    return _faults(path, whole=True)
+    return _faults(path, is_archive=True)
 
 
-def _faults(path: Path, whole: bool) -> tuple[str, ...]:
+def _faults(path: Path, is_archive: bool) -> tuple[str, ...]:
     """Return the findings of fmpy's validation, a line each."""
     try:
         read_model_description(
-            path, validate_variable_names=whole, validate_model_structure=whole
+            path,
+            validate_variable_names=is_archive,
+            validate_model_structure=is_archive,
         )
     except Exception as error:  # fmpy raises plain Exception
         lines = [line.strip(" -") for line in str(error).splitlines()]

@@ -51,13 +51,13 @@ def quantity(option: str, text: str, unit: str) -> float:
 
 
 @cache
-def known_figures(which: str) -> dict[str, dict[str, Figures]]:
+def known_figures(kind: str) -> dict[str, dict[str, Figures]]:
     """Read the figures of classes or products, as they are written.
 
     The result maps kind of hardware -> name -> figures.
     """
     text = (
-        files("desat").joinpath(f"templates/{FILES[which]}").read_text(encoding="utf-8")
+        files("desat").joinpath(f"templates/{FILES[kind]}").read_text(encoding="utf-8")
     )
     return tomllib.loads(text)
 
@@ -81,15 +81,15 @@ def figures(role: str, text: str) -> tuple[bool, Figures]:
         raise DesatError(
             f"there is no hardware of this role; there is of {', '.join(KINDS)}"
         )
-    which, _, name = text.partition(":")
-    if which not in FILES or not name:
+    kind, _, name = text.partition(":")
+    if kind not in FILES or not name:
         raise DesatError('the form is "class:NAME" or "product:NAME"')
-    there = known_figures(which).get(KINDS[role], {})
+    there = known_figures(kind).get(KINDS[role], {})
     if name not in there:
         raise DesatError(
-            f"no such {which}{nearest(name, there)}; there is {', '.join(there)}"
+            f"no such {kind}{nearest(name, there)}; there is {', '.join(there)}"
         )
-    return which == "class", there[name]
+    return kind == "class", there[name]
 
 
 def values(

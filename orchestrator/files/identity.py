@@ -30,18 +30,18 @@ JUDGED = frozenset(
 def of_system(
     system: System,
     options: Options,
-    beside: Any = None,
+    conditions: Any = None,
     without: Set[str] = frozenset(),
 ) -> str:
     """Compute the digest of a resolved system that is run with these options.
 
-    `beside` and `without` are as for `digest`.
+    `conditions` and `without` are as for `digest`.
     """
     computes = {
         c.name: library.computes(c.interface.model, c.fmu)
         for c in system.components.values()
     }
-    return digest(system, computes, [options, beside], without)
+    return digest(system, computes, [options, conditions], without)
 
 
 @cache

@@ -143,13 +143,13 @@ def _reference_faults(root: Any) -> list[str]:
     variables = root.findall("ModelVariables/*")
     if third:
         known = {v.get("valueReference") for v in variables}
-        own, allowed = "valueReference", "the value reference of a variable"
+        key, allowed = "valueReference", "the value reference of a variable"
     else:
         known = {str(i) for i in range(1, len(variables) + 1)}
-        own, allowed = "index", f"1 to {len(variables)}"
+        key, allowed = "index", f"1 to {len(variables)}"
     faults = []
     for element in root.iterfind("ModelStructure//*"):
-        for attribute in (own, "dependencies"):
+        for attribute in (key, "dependencies"):
             for text in (element.get(attribute) or "").split():
                 if text not in known:
                     faults.append(

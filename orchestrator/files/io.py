@@ -62,17 +62,17 @@ def place_of(path: Path, option: str = "") -> Path:
     DesatError
         If there is something else than a regular file: a folder, a pipe, a device.
     """
-    where = f"{option} {paths.shown(path)}".strip()
+    place = f"{option} {paths.shown(path)}".strip()
     try:
         if not stat.S_ISREG(path.stat().st_mode):
             raise DesatError(
-                f"{where}: not a regular file; nothing is written in its place"
+                f"{place}: not a regular file; nothing is written in its place"
             )
     except FileNotFoundError:
         pass
     except (OSError, ValueError) as error:  # a loop of links, or an invalid byte
         raise DesatError(
-            f"{where}: {getattr(error, 'strerror', None) or error}"
+            f"{place}: {getattr(error, 'strerror', None) or error}"
         ) from error
     return Path(os.path.realpath(path))
 
@@ -145,8 +145,8 @@ def replace_text(path: Path, content: str | bytes) -> None:
 TEXT = 64 << 20  # bytes: upper bound of a text that is read
 
 
-def contents(path: Path, where: str, most: int = TEXT) -> bytes:
-    """Read the bytes of a regular file, which messages call `where`.
+def contents(path: Path, place: str, most: int = TEXT) -> bytes:
+    """Read the bytes of a regular file, which messages call `place`.
 
     Raises
     ------
@@ -155,28 +155,28 @@ def contents(path: Path, where: str, most: int = TEXT) -> bytes:
         may never end (a device, a pipe).
     """
     try:
-        regular(path, where)
+        regular(path, place)
         # non-blocking, in case a pipe has been put there meanwhile
         with os.fdopen(
             os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0)), "rb"
         ) as file:
             data = file.read(most + 1)
     except FileNotFoundError as error:
-        raise DesatError(f"{where}: no such file") from error
+        raise DesatError(f"{place}: no such file") from error
     except OSError as error:
-        raise DesatError(f"{where}: {error.strerror}") from error
+        raise DesatError(f"{place}: {error.strerror}") from error
     if len(data) > most:
-        raise DesatError(f"{where}: larger than {most >> 20} MiB")
+        raise DesatError(f"{place}: larger than {most >> 20} MiB")
     return data
 
 
-def regular(path: Path, where: str) -> None:
+def regular(path: Path, place: str) -> None:
     """Raise DesatError unless a path is a regular file.
 
     If there is nothing at the path, OSError is raised.
     """
     if not stat.S_ISREG(path.stat().st_mode):
-        raise DesatError(f"{where}: not a regular file")
+        raise DesatError(f"{place}: not a regular file")
 
 
 def inside(folder: Path, source: str) -> Path:
@@ -316,12 +316,12 @@ def toml(file: Path) -> TomlTable:
     DesatError
         If it does not exist or cannot be read.
     """
-    where = paths.shown(file)
-    return parsed(text(file, where), where)
+    place = paths.shown(file)
+    return parsed(text(file, place), place)
 
 
-def text(file: Path, where: str) -> str:
-    """Read the text of a file, which messages call `where`.
+def text(file: Path, place: str) -> str:
+    """Read the text of a file, which messages call `place`.
 
     The mark with which some editors of Windows begin a file is removed.
 
@@ -331,18 +331,18 @@ def text(file: Path, where: str) -> str:
         If the file cannot be read or is not UTF-8.
     """
     try:
-        return contents(file, where, LARGEST_TEXT).decode("utf-8-sig")
+        return contents(file, place, LARGEST_TEXT).decode("utf-8-sig")
     except UnicodeDecodeError as error:
-        raise DesatError(f"{where}: not UTF-8 (byte {error.start + 1})") from error
+        raise DesatError(f"{place}: not UTF-8 (byte {error.start + 1})") from error
 
 
-def parsed(source: str, where: str) -> TomlTable:
+def parsed(source: str, place: str) -> TomlTable:
     """Parse a text in TOML.
 
     Raises
     ------
     DesatError
-        If it is no TOML; the message begins with `where`.
+        If it is no TOML; the message begins with `place`.
     """
     try:
         return tomllib.loads(source)
@@ -350,7 +350,7 @@ def parsed(source: str, where: str) -> TomlTable:
         ValueError,
         RecursionError,
     ) as error:  # ValueError also for a date that does not exist
-        raise DesatError(f"{where}: {error}") from error
+        raise DesatError(f"{place}: {error}") from error
 
 
 def lines(source: str) -> dict[str, int]:
@@ -382,15 +382,15 @@ def line_of(numbers: dict[str, int], key: str) -> int:
     return 0
 
 
-def at(where: str, key: str) -> str:
+def at(place: str, key: str) -> str:
     """Return the name of a TOML file in messages, with the line of a key.
 
     The line is left out if the key has none.
     """
-    files = (paths.SCENARIOS.parent / where, Path(where))
+    files = (paths.SCENARIOS.parent / place, Path(place))
     file = next((f for f in files if f.suffix == ".toml" and f.is_file()), None)
-    line = 0 if file is None else line_of(lines(text(file, where)), key)
-    return f"{where}:{line}" if line else where
+    line = 0 if file is None else line_of(lines(text(file, place)), key)
+    return f"{place}:{line}" if line else place
 
 
 # --- A run folder is one process's at a time, and that of its children ----------------
@@ -403,11 +403,11 @@ LOCK = ".running"
 
 
 @contextmanager
-def claimed(folder: Path, wait: float = 0.0, made: bool = False) -> Iterator[None]:
+def claimed(folder: Path, wait: float = 0.0, is_new: bool = False) -> Iterator[None]:
     """Hold a folder for this process and those forked from it.
 
     The folder is created if necessary. It stays held by forked processes if this one is
-    killed first. A folder that was created, here or (`made`) for this purpose, is
+    killed first. A folder that was created, here or (`is_new`) for this purpose, is
     removed if it stays empty.
 
     Raises
@@ -415,7 +415,7 @@ def claimed(folder: Path, wait: float = 0.0, made: bool = False) -> Iterator[Non
     DesatError
         If another process holds it for longer than `wait` s.
     """
-    made = made or not folder.exists()
+    is_new = is_new or not folder.exists()
     folder.mkdir(parents=True, exist_ok=True)
     lock = folder.absolute() / LOCK
     number = _locked(lock, time.monotonic() + wait)
@@ -424,7 +424,7 @@ def claimed(folder: Path, wait: float = 0.0, made: bool = False) -> Iterator[Non
     finally:
         lock.unlink(missing_ok=True)
         os.close(number)
-        if made:
+        if is_new:
             with suppress(OSError):  # it is not empty
                 lock.parent.rmdir()
 

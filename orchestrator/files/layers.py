@@ -23,7 +23,7 @@ Origin = Callable[
 ]  # path of a value -> file and key that give it
 
 
-def of_craft(content: Content, folder: Path, where: str, origin: Origin) -> Layer:
+def of_craft(content: Content, folder: Path, place: str, origin: Origin) -> Layer:
     """Read the craft file or SSD of a scenario.
 
     Parameters
@@ -45,7 +45,7 @@ def of_craft(content: Content, folder: Path, where: str, origin: Origin) -> Laye
     if content.ssd:
         if content.craft:
             raise DesatError(
-                f"{where}: craft and ssd: only one of them can say what is wired"
+                f"{place}: craft and ssd: only one of them can say what is wired"
             )
         return ssp.read(_named_file(folder, content.ssd, "ssd", origin))
     if content.craft:
@@ -54,7 +54,7 @@ def of_craft(content: Content, folder: Path, where: str, origin: Origin) -> Laye
         if (folder / name).exists():
             return read(folder / name)
     raise DesatError(
-        f"{where}: nothing says what is wired: extends, craft or ssd is needed, or {craft.FILE} or "
+        f"{place}: nothing says what is wired: extends, craft or ssd is needed, or {craft.FILE} or "
         f"{ssp.FILE} in {paths.shown(folder)}"
     )
 
@@ -73,7 +73,7 @@ def of_scenario(
     content: Content,
     parameters: TomlTable,
     folder: Path,
-    where: str,
+    place: str,
     origin: Origin,
 ) -> Layer:
     """Make the layer of a scenario above that of its craft.
@@ -89,7 +89,7 @@ def of_scenario(
         As for `of_craft`.
     """
     layer = Layer(
-        where,
+        place,
         name=name,
         about=content,
         start=content.start,
@@ -116,7 +116,7 @@ def of_scenario(
         layer.values.append(Value(SHARED, variable, value, by, by))
     if content.epoch is not None:
         seconds = (content.epoch - J2000).total_seconds()
-        value_of_epoch = Value(SHARED, "epoch_j2000", seconds, at("epoch"), where)
+        value_of_epoch = Value(SHARED, "epoch_j2000", seconds, at("epoch"), place)
         layer.values.append(value_of_epoch)
     for component, values in parameters.items():
         for variable, value in values.items():
@@ -189,12 +189,12 @@ def _designed_values(parameters: Mapping[str, Values]) -> Iterator[Value]:
 
 def _values(options: Options, sampled: Mapping[str, str]) -> Iterator[Value]:
     """Yield the values of the options."""
-    given = set()
+    names_given = set()
     for text in options.sets:
         name, variable, value = parse_assignment(text)
-        if (name, variable) in given:
+        if (name, variable) in names_given:
             raise DesatError(f"--set {text}: {name}.{variable} is given twice")
-        given.add((name, variable))
+        names_given.add((name, variable))
         origin = f"--set {text}"
         yield Value(name, variable, value, origin, origin, raises=name != SHARED)
     for key, value in options.values.items():
@@ -221,11 +221,11 @@ def _replacement(text: str, options: Options, layer: Layer) -> Place:
             raise DesatError(
                 f"--source {text}: --blocks runs our blocks, not a file of your own"
             )
-        made = own.build(file)
-        if made.why and options.fmus == "native":
-            layer.warnings.append(f"{name}: {file.name} runs as Python: {made.why}")
+        built = own.build(file)
+        if built.reason and options.fmus == "native":
+            layer.warnings.append(f"{name}: {file.name} runs as Python: {built.reason}")
         in_archive = f"resources/{file.stem}.fmu"
-        fmu = library.load(made.native or made.python)
+        fmu = library.load(built.native or built.python)
     else:
         fmu = library.load(file) if file.is_file() else library.of_ours(in_archive)
     return Place(name, in_archive, fmu, origin=f"--source {text}", label=source)

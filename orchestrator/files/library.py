@@ -40,7 +40,7 @@ _NAME, _OURS = (
 )
 # s: age of a folder without a lock after which it counts as abandoned by a process that
 # was killed while removing it; a new folder gets its lock at once.
-_LEFT = 3600.0
+_ABANDONED_AFTER = 3600.0
 _ELSEWHERE = ("/tmp", "/var/tmp")
 
 
@@ -183,7 +183,7 @@ def _sweep(folder: Path) -> None:
         if folder.stat().st_uid != paths.user() or not folder.is_dir():
             return
         if not lock.exists():
-            old = time.time() - folder.stat().st_mtime > _LEFT
+            old = time.time() - folder.stat().st_mtime > _ABANDONED_AFTER
             if old and all(_OURS.fullmatch(x.name) for x in folder.iterdir()):
                 shutil.rmtree(folder, ignore_errors=True)
             return
@@ -256,14 +256,14 @@ def find(source: str, folder: Path) -> Fmu | None:
     It is beside the SSD or, only for an SSD in our own ssp/, one of our built FMUs: a
     foreign system never runs ours because of an equal name.
     """
-    beside = folder / source
-    if not beside.exists():
+    file = folder / source
+    if not file.exists():
         return (
             of_ours(source)
             if folder.resolve().is_relative_to(paths.SCENARIOS)
             else None
         )
-    return load(beside)
+    return load(file)
 
 
 def of_ours(source: str, kind: str = "native") -> Fmu | None:
@@ -291,8 +291,8 @@ def of_kind(fmu: Fmu, kind: str) -> Fmu:
     """
     path = fmu.path
     if (folder := own.folder_of(path)) is not None:
-        wanted = folder / ("native" if kind == "native" else "") / path.name
-        return load(wanted) if wanted.exists() else fmu
+        path_of_kind = folder / ("native" if kind == "native" else "") / path.name
+        return load(path_of_kind) if path_of_kind.exists() else fmu
     ours = path.parent in (paths.fmus(), paths.fmus() / "native")
     return (of_ours(path.name, kind) or fmu) if ours else fmu
 
@@ -478,5 +478,5 @@ def notes(components: Iterable[Component]) -> Iterator[str]:
     for c in components:
         if c.fmu is not None and not c.fmu.ours:
             known = ", ".join(c.fmu.platforms) or "no platform"
-            what = f"is foreign native code, for {known}; sha256 {c.fmu.sha256}"
-            yield f"{c.name}: {c.fmu.path.name} {what}"
+            note = f"is foreign native code, for {known}; sha256 {c.fmu.sha256}"
+            yield f"{c.name}: {c.fmu.path.name} {note}"

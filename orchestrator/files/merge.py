@@ -23,7 +23,7 @@ def origin(origins: Origins, path: Keys) -> tuple[str, str]:
     return "", ""
 
 
-def leave_out(merged: TomlTable, data: TomlTable, origins: Origins, where: str) -> None:
+def leave_out(merged: TomlTable, data: TomlTable, origins: Origins, place: str) -> None:
     """Remove from `merged` what `without` names, and `without` from the data.
 
     Raises
@@ -40,7 +40,7 @@ def leave_out(merged: TomlTable, data: TomlTable, origins: Origins, where: str) 
             owner, path = owner.get(table), (*path, table)
         if not isinstance(owner, dict) or rest not in owner:
             hint = nearest(rest, owner) if isinstance(owner, dict) else ""
-            raise DesatError(f"{where}: without {text}: there is none before{hint}")
+            raise DesatError(f"{place}: without {text}: there is none before{hint}")
         del owner[rest]
         path = (*path, rest)
         _forget(origins, path)
@@ -50,23 +50,23 @@ def merge(
     into: TomlTable,
     new: TomlTable,
     origins: Origins,
-    given: Origins | tuple[str, str],
+    place: Origins | tuple[str, str],
     path: Keys = (),
 ) -> None:
     """Merge tables and replace everything else.
 
-    `given` is the source of the new values.
+    `place` is the source of the new values.
     """
     for key, value in new.items():
         here = (*path, key)
         if isinstance(value, dict) and isinstance(into.get(key), dict):
-            merge(into[key], value, origins, given, here)
+            merge(into[key], value, origins, place, here)
             continue
         if key in into:
             _forget(origins, here)
         into[key] = copy(value)
         for leaf in _leaves(value, here):
-            origins[leaf] = given if isinstance(given, tuple) else origin(given, leaf)
+            origins[leaf] = place if isinstance(place, tuple) else origin(place, leaf)
 
 
 def copy(value: Any) -> Any:

@@ -33,7 +33,7 @@ LISTS_2 = ("Outputs", "Derivatives", "InitialUnknowns")
 LONGEST = 80  # characters of a foreign text that a message repeats
 
 
-def check_structure(root: Any, where: str) -> None:
+def check_structure(root: Any, place: str) -> None:
     """Check the variables of a model description and all references to them.
 
     Parameters
@@ -52,30 +52,30 @@ def check_structure(root: Any, where: str) -> None:
     """
     found = root.find("ModelVariables")
     if found is None:
-        raise DesatError(f"{where}: it has no ModelVariables")
+        raise DesatError(f"{place}: it has no ModelVariables")
     variables = [v for v in found if isinstance(v.tag, str)]
     version = root.get("fmiVersion", "")
     references = set()
     for variable in variables:
         if not variable.get("name"):
             raise DesatError(
-                f"{where}:{variable.sourceline}: a variable without a name"
+                f"{place}:{variable.sourceline}: a variable without a name"
             )
-        references.add(_whole(variable, "valueReference", where))
+        references.add(_parse_natural(variable, "valueReference", place))
         if version != "1.0":
-            _check_variability(variable, where, version)
+            _check_variability(variable, place, version)
         if not version.startswith("3."):
-            _check_type(variable, where)
+            _check_type(variable, place)
     if version == "2.0":
         indices = range(1, len(variables) + 1)
         for unknown in _unknowns_2(root):
-            _check_reference(unknown, "index", indices, where)
-            _check_references(unknown, "dependencies", indices, where)
+            _check_reference(unknown, "index", indices, place)
+            _check_references(unknown, "dependencies", indices, place)
         for variable in variables:
             for real in variable.iterfind("Real[@derivative]"):
-                _check_reference(real, "derivative", indices, where)
+                _check_reference(real, "derivative", indices, place)
     elif version.startswith("3."):
-        _check_references_3(root, variables, references, where)
+        _check_references_3(root, variables, references, place)
 
 
 def _unknowns_2(root: Any) -> Iterator[Any]:
@@ -85,24 +85,24 @@ def _unknowns_2(root: Any) -> Iterator[Any]:
 
 
 def _check_references_3(
-    root: Any, variables: list[Any], references: Container[int], where: str
+    root: Any, variables: list[Any], references: Container[int], place: str
 ) -> None:
     """Check references by value reference, as FMI 3.0 has them."""
     for unknown in root.iterfind("ModelStructure/*"):
-        _check_reference(unknown, "valueReference", references, where)
-        _check_references(unknown, "dependencies", references, where)
+        _check_reference(unknown, "valueReference", references, place)
+        _check_references(unknown, "dependencies", references, place)
     for variable in variables:
         if variable.get("derivative") is not None:
-            _check_reference(variable, "derivative", references, where)
-        _check_references(variable, "clocks", references, where)
+            _check_reference(variable, "derivative", references, place)
+        _check_references(variable, "clocks", references, place)
         for dimension in variable.iterfind("Dimension[@valueReference]"):
-            _check_reference(dimension, "valueReference", references, where)
+            _check_reference(dimension, "valueReference", references, place)
 
 
-def _check_variability(variable: Any, where: str, version: str) -> None:
+def _check_variability(variable: Any, place: str, version: str) -> None:
     """Raise DesatError if a variable's causality does not allow its variability."""
     causality = variable.get("causality", "local")
-    at = f"{_place(variable, where)}: causality {_short(causality)}"
+    at = f"{_place(variable, place)}: causality {_short(causality)}"
     if causality not in ALLOWED:
         raise DesatError(f"{at}: there are {', '.join(ALLOWED)}")
     allowed_by_default = (
@@ -116,29 +116,29 @@ def _check_variability(variable: Any, where: str, version: str) -> None:
         )
 
 
-def _check_type(variable: Any, where: str) -> None:
+def _check_type(variable: Any, place: str) -> None:
     """Raise DesatError if a variable of FMI 1.0 or 2.0 has no type."""
     if not any(child.tag in OLDER_TYPES for child in variable):
         raise DesatError(
-            f"{_place(variable, where)}: it has none of {', '.join(OLDER_TYPES)}"
+            f"{_place(variable, place)}: it has none of {', '.join(OLDER_TYPES)}"
         )
 
 
 def _check_references(
-    element: Any, key: str, known: Container[int], where: str
+    element: Any, key: str, known: Container[int], place: str
 ) -> None:
     """Raise DesatError if a reference in a list points nowhere."""
     for text in element.get(key, "").split():
-        _check_known(element, key, text, known, where)
+        _check_known(element, key, text, known, place)
 
 
-def _check_reference(element: Any, key: str, known: Container[int], where: str) -> None:
+def _check_reference(element: Any, key: str, known: Container[int], place: str) -> None:
     """Raise DesatError if a reference is missing or points nowhere."""
-    _check_known(element, key, element.get(key, ""), known, where)
+    _check_known(element, key, element.get(key, ""), known, place)
 
 
 def _check_known(
-    element: Any, key: str, text: str, known: Container[int], where: str
+    element: Any, key: str, text: str, known: Container[int], place: str
 ) -> None:
     """Raise DesatError if a reference is not among the known ones."""
     if _read(text) in known:
@@ -149,11 +149,11 @@ def _check_known(
         else "value references of variables"
     )
     raise DesatError(
-        f"{_place(element, where)}: {key} {_short(text)!r} is no variable; {allowed} are allowed"
+        f"{_place(element, place)}: {key} {_short(text)!r} is no variable; {allowed} are allowed"
     )
 
 
-def _whole(element: Any, key: str, where: str) -> int:
+def _parse_natural(element: Any, key: str, place: str) -> int:
     """Parse an attribute that is a whole number from 0 on.
 
     Raises DesatError if it is none.
@@ -162,7 +162,7 @@ def _whole(element: Any, key: str, where: str) -> int:
     number = _read(text)
     if number is None:
         raise DesatError(
-            f"{_place(element, where)}: {key} {_short(text)!r}: a whole number from 0 on is needed"
+            f"{_place(element, place)}: {key} {_short(text)!r}: a whole number from 0 on is needed"
         )
     return number
 
@@ -177,10 +177,10 @@ def _read(text: str) -> int | None:
     )
 
 
-def _place(element: Any, where: str) -> str:
+def _place(element: Any, place: str) -> str:
     """Return file, line and name of an element for messages."""
     name = element.get("name") or element.tag
-    return f"{where}:{element.sourceline}: {_short(name)}"
+    return f"{place}:{element.sourceline}: {_short(name)}"
 
 
 def _short(text: str) -> str:

@@ -31,7 +31,7 @@ class Built:
     python: Path
     native: Path | None
     fmi3: Path | None  # the native one as FMI 3.0
-    why: str  # why there is no native one; otherwise empty
+    reason: str  # why there is no native one; otherwise empty
 
 
 def folder() -> Path:
@@ -72,28 +72,31 @@ def build(file: Path, platforms: str = "") -> Built:
         digest = build.made_of(str(file), platforms)
     except (OwnBlockError, NoCompilerError, ValueError) as error:
         raise DesatError(str(error)) from error
-    where = folder() / digest[:20]
-    if not where.is_dir():
-        where.parent.mkdir(parents=True, exist_ok=True)
-        with FileLock(where.with_suffix(".lock")):
-            if not where.is_dir():
-                _build(file, where, platforms)
-    said = {
+    target = folder() / digest[:20]
+    if not target.is_dir():
+        target.parent.mkdir(parents=True, exist_ok=True)
+        with FileLock(target.with_suffix(".lock")):
+            if not target.is_dir():
+                _build(file, target, platforms)
+    entries = {
         e["kind"]: e
-        for e in json.loads((where / build.INDEX).read_text(encoding="utf-8"))
+        for e in json.loads((target / build.INDEX).read_text(encoding="utf-8"))
     }
     of_c, third = (
-        where / said[kind]["file"] if kind in said else None
+        target / entries[kind]["file"] if kind in entries else None
         for kind in ("native", "fmi3")
     )
     return Built(
-        where / said["python"]["file"], of_c, third, said["python"].get("why", "")
+        target / entries["python"]["file"],
+        of_c,
+        third,
+        entries["python"].get("why", ""),
     )
 
 
-def _build(file: Path, where: Path, platforms: str) -> None:
+def _build(file: Path, target: Path, platforms: str) -> None:
     """Build the FMUs of a block file into a folder, as a whole."""
-    part = Path(tempfile.mkdtemp(suffix=".part", dir=where.parent))
+    part = Path(tempfile.mkdtemp(suffix=".part", dir=target.parent))
     try:
         # a separate process, because building spawns others, which need an importable
         # script
@@ -115,6 +118,6 @@ def _build(file: Path, where: Path, platforms: str) -> None:
         if done.returncode:
             last = (done.stderr.strip().splitlines() or ["no message"])[-1]
             raise DesatError(last.removeprefix("error: "))
-        part.replace(where)
+        part.replace(target)
     finally:
         shutil.rmtree(part, ignore_errors=True)

@@ -58,7 +58,7 @@ def packed_folder() -> Path:
     return _cache() / "ssp" if INSTALLED else SCENARIOS / "dist"
 
 
-def writable(what: str, instead: str = "") -> None:
+def writable(purpose: str, instead: str = "") -> None:
     """Raise DesatError in an installation, whose scenarios must not be written.
 
     `instead` is the option that writes elsewhere.
@@ -66,7 +66,7 @@ def writable(what: str, instead: str = "") -> None:
     if INSTALLED:
         hint = f"; {instead} writes elsewhere" if instead else ""
         raise DesatError(
-            f"{what} writes beside the scenarios and needs a checkout of desat; this "
+            f"{purpose} writes beside the scenarios and needs a checkout of desat; this "
             f"is an installation, {PACKAGE}{hint}"
         )
 
@@ -85,8 +85,8 @@ def cache() -> Path:
 
     It is a temporary folder for a user who cannot write any.
     """
-    if given := os.environ.get("DESAT_CACHE"):
-        return Path(given).absolute()
+    if path := os.environ.get("DESAT_CACHE"):
+        return Path(path).absolute()
     return _users()
 
 
@@ -105,17 +105,17 @@ def _users() -> Path:
         there.is_dir() and os.access(there, os.W_OK | os.X_OK)
     ):
         return usual
-    own = Path(tempfile.gettempdir()) / f"{_TEMPORARY}{user()}"
+    temporary = Path(tempfile.gettempdir()) / f"{_TEMPORARY}{user()}"
     with suppress(OSError):
-        own.mkdir(mode=0o700, exist_ok=True)
-        state = own.lstat()
+        temporary.mkdir(mode=0o700, exist_ok=True)
+        state = temporary.lstat()
         # code is loaded from there, so only this user may have access
         if (
             stat.S_ISDIR(state.st_mode)
             and state.st_uid == user()
             and not state.st_mode & 0o77
         ):
-            return own
+            return temporary
     return usual
 
 

@@ -14,7 +14,7 @@ from typing import Any, TypeVar, get_args, get_origin
 from pydantic import ValidationError
 
 from ..language import scenario
-from ..language.content import KEYS, OWN, Content, data_of
+from ..language.content import KEYS, OF_THE_CELL, Content, data_of
 from ..language.kinds import Table
 from ..system.errors import DesatError, nearest
 from . import paths
@@ -87,7 +87,7 @@ def read(model: type[T], data: TomlTable, part: bool = False) -> T | None:
     return None
 
 
-def whole(model: type[T], data: TomlTable) -> T:
+def build_complete(model: type[T], data: TomlTable) -> T:
     """Build the object of data that are complete.
 
     Raises
@@ -95,9 +95,9 @@ def whole(model: type[T], data: TomlTable) -> T:
     WrongError
         If the data are incomplete or not in the language.
     """
-    made = read(model, data)
-    assert made is not None
-    return made
+    built = read(model, data)
+    assert built is not None
+    return built
 
 
 def design(file: Path) -> scenario.DesignFile:
@@ -108,28 +108,28 @@ def design(file: Path) -> scenario.DesignFile:
     DesatError
         If there are problems, with a line for each.
     """
-    where = paths.shown(file)
-    return _design(text(file, where), where)
+    place = paths.shown(file)
+    return _design(text(file, place), place)
 
 
 @lru_cache(maxsize=32)
-def _design(source: str, where: str) -> scenario.DesignFile:
+def _design(source: str, place: str) -> scenario.DesignFile:
     """Parse a design's text.
 
     It is cached, because it has long tables that many cells of a scenario share.
     """
     try:
-        return whole(scenario.DesignFile, parsed(source, where))
+        return build_complete(scenario.DesignFile, parsed(source, place))
     except WrongError as wrong:
         named = ((".".join(path), text) for path, text in wrong.problems)
-        lines = [": ".join(filter(None, (at(where, k), k, t))) for k, t in named]
+        lines = [": ".join(filter(None, (at(place, k), k, t))) for k, t in named]
         raise DesatError("\n".join(lines)) from wrong
 
 
-def read_packed(path: Path, where: str) -> Content:
+def read_packed(path: Path, place: str) -> Content:
     """Read the content of a scenario from a file of an .ssp.
 
-    Messages call the file `where`.
+    Messages call the file `place`.
 
     Raises
     ------
@@ -137,10 +137,10 @@ def read_packed(path: Path, where: str) -> Content:
         If it is no JSON or not in the scenario language, with a line for each problem.
     """
     try:
-        about = json.loads(contents(path, where).decode("utf-8"))
+        about = json.loads(contents(path, place).decode("utf-8"))
     except (ValueError, RecursionError) as error:
-        raise DesatError(f"{where}: not JSON in UTF-8 ({error})") from error
-    known = (*OWN, *KEYS)
+        raise DesatError(f"{place}: not JSON in UTF-8 ({error})") from error
+    known = (*OF_THE_CELL, *KEYS)
     if not isinstance(about, dict):
         wrong = ["a table is needed"]
     else:
@@ -151,10 +151,10 @@ def read_packed(path: Path, where: str) -> Content:
             wrong.append("plots: a list is needed")
     if not wrong:
         try:
-            return whole(Content, data_of(about)).travelled(about)
+            return build_complete(Content, data_of(about)).travelled(about)
         except WrongError as error:
             wrong = [f"{'.'.join(p)}: {t}" for p, t in error.problems]
-    raise DesatError("\n".join(f"{where}: {text}" for text in wrong))
+    raise DesatError("\n".join(f"{place}: {text}" for text in wrong))
 
 
 def _text(model: type[Table], path: Keys, error: dict[str, Any]) -> str:
@@ -180,8 +180,8 @@ def _text(model: type[Table], path: Keys, error: dict[str, Any]) -> str:
         expected = context["expected_tags"].replace("'", "").split(", ")
         return f"got {got}; {' or '.join(_KINDS.get(t, t) for t in expected)} is needed"
     if kind in ("too_short", "too_long"):
-        wanted = context.get("min_length", context.get("max_length"))
-        return f"got {context['actual_length']} values; {wanted} needed"
+        length = context.get("min_length", context.get("max_length"))
+        return f"got {context['actual_length']} values; {length} needed"
     if kind == "value_error":
         return f"got {got}: {context['error']!s}"
     if kind in NEEDED:
@@ -222,10 +222,10 @@ def paper_problems(content: Content, axes: TomlTable) -> Iterator[tuple[Keys, st
     methods, case = axes.get("method", {}), content.cell.get("case", "")
     for name, row in content.paper.items():
         for key in ("values", "tolerance", "tuned", "in_sample", "remark", "only"):
-            given = getattr(row, key)
-            if not isinstance(given, dict if key != "only" else tuple):
+            value = getattr(row, key)
+            if not isinstance(value, dict if key != "only" else tuple):
                 continue
-            for method in given:
+            for method in value:
                 if method not in methods:
                     text = f"no value {method} of the axis method{nearest(method, methods)}"
                     yield (

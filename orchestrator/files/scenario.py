@@ -59,7 +59,7 @@ class Scenario:
         """Return the value of each axis, if the file has axes."""
         return self.content.cell
 
-    def where(self, path: tuple[str, ...]) -> str:
+    def place(self, path: tuple[str, ...]) -> str:
         """Return file, line and path of a value, for messages."""
         file, key = self.origin_of(path)
         return f"{at(file, key)}: {key}"
@@ -69,10 +69,10 @@ class Scenario:
 
         For a parameter that the scenario itself does not give, it is the design's file.
         """
-        own: Any = self.content.written
+        value: Any = self.content.written
         for key in path:
-            own = own.get(key, {}) if isinstance(own, dict) else {}
-        if own == {} and path[0] == "parameters" and self.design is not None:
+            value = value.get(key, {}) if isinstance(value, dict) else {}
+        if value == {} and path[0] == "parameters" and self.design is not None:
             return paths.shown(self.design), ".".join(path)
         return _place_of(self.origins, path, paths.shown(self.file))
 
@@ -137,19 +137,19 @@ class Scenario:
         """
         from . import layers
 
-        where, parameters = paths.shown(self.file), self.parameters(designed)
-        craft = layers.of_craft(self.content, self.folder, where, self.origin_of)
-        own = layers.of_scenario(
-            self.name, self.content, parameters, self.folder, where, self.origin_of
+        place, parameters = paths.shown(self.file), self.parameters(designed)
+        craft = layers.of_craft(self.content, self.folder, place, self.origin_of)
+        own_layer = layers.of_scenario(
+            self.name, self.content, parameters, self.folder, place, self.origin_of
         )
-        return [craft, own]
+        return [craft, own_layer]
 
     def builder(self, blocks: bool = False, designed: bool = True) -> Builder:
         """Create the builder of its system; `designed` False leaves its design out."""
         from .builder import Builder
 
-        craft, own = self.layers(designed)
-        return Builder(craft, blocks).add(own)
+        craft, own_layer = self.layers(designed)
+        return Builder(craft, blocks).add(own_layer)
 
 
 # --- finding --------------------------------------------------------------------------
@@ -175,8 +175,8 @@ def abbreviations(family: str, text: str) -> str:
     file = ROOT / family / "family.toml"
     known = toml(file).get("abbreviations", {}) if file.exists() else {}
     there = [
-        f"{name}: {what}"
-        for name, what in known.items()
+        f"{name}: {meaning}"
+        for name, meaning in known.items()
         if re.search(rf"\b{name}\b", text)
     ]
     return "; ".join(there)
@@ -213,23 +213,23 @@ def survey(family: str) -> tuple[dict[str, Scenario], dict[str, str]]:
     broken: dict[str, str] = {}
     for file in sorted((ROOT / family / "scenarios").glob("*.toml")):
         try:
-            made = cells(file, family)
+            scenarios_found = cells(file, family)
         except DesatError as error:
             broken[file.stem] = str(error)
             continue
-        for name in good.keys() & made.keys():
+        for name in good.keys() & scenarios_found.keys():
             both = f"{paths.shown(good[name].file)} and {paths.shown(file)}"
             broken[file.stem] = (
                 f"{both}: both make a scenario {name}; rename a file or a value"
             )
-        good |= made
+        good |= scenarios_found
     known = {name.partition("/")[2] for name in good}
     wrong: dict[str, str] = {}
     for scenario in good.values():
         for path, other in _others(scenario.content):
             unread = any(f"{other}-".startswith(f"{stem}-") for stem in broken)
             if other not in known and not unread:
-                text = f"{scenario.where(path)}: no scenario {other}{nearest(other, known)}"
+                text = f"{scenario.place(path)}: no scenario {other}{nearest(other, known)}"
                 wrong.setdefault(scenario.name, text)
     for name, text in wrong.items():
         broken.setdefault(good.pop(name).file.stem, text)
@@ -245,12 +245,12 @@ def of_its_file(name: str) -> Scenario | None:
     files = (ROOT / family / "scenarios").glob("*.toml") if family in families() else ()
     found = [f for f in files if f"{rest}-".startswith(f"{f.stem}-")]
     try:
-        made = [
+        found_scenarios = [
             scenario for f in found if (scenario := _cell(f, family, name)) is not None
         ]
     except DesatError:
         return None
-    return made[0] if len(made) == 1 else None
+    return found_scenarios[0] if len(found_scenarios) == 1 else None
 
 
 def _others(content: Content) -> Iterator[tuple[tuple[str, ...], str]]:
@@ -329,12 +329,12 @@ def find(name: str) -> Scenario:
     hint = (
         "; a name is needed here, no file"
         if name.endswith(".toml")
-        else nearest(name, [*known, *_beside()])
+        else nearest(name, [*known, *files_in_current_folder()])
     )
     raise DesatError(f"no scenario {name}{hint}")
 
 
-def _beside() -> list[str]:
+def files_in_current_folder() -> list[str]:
     """Find the scenario files and crafts in the current folder."""
     here = Path()
     return [
@@ -356,7 +356,7 @@ def name_of_file(file: Path) -> str:
     return craft if file.name == paths.NOMINAL else f"{craft}-{utf8_name(file.stem)}"
 
 
-def own(file: Path) -> Scenario:
+def read_foreign(file: Path) -> Scenario:
     """Read the scenario of a file that is not one of ours.
 
     `extends` names files beside it, or ours as FAMILY/NAME. Its SSD is beside it, or
@@ -367,18 +367,20 @@ def own(file: Path) -> Scenario:
     DesatError
         If something is wrong with it; the message names the file.
     """
-    where = paths.shown(file)
-    made = _read(file, "")
-    if len(made) != 1:
-        what = (
-            "is abstract" if not made else f"has axes, and so is {len(made)} scenarios"
+    place = paths.shown(file)
+    cells_found = _read(file, "")
+    if len(cells_found) != 1:
+        problem = (
+            "is abstract"
+            if not cells_found
+            else f"has axes, and so is {len(cells_found)} scenarios"
         )
-        raise DesatError(f"{where}: it {what}; one scenario is needed")
-    (scenario,) = made
+        raise DesatError(f"{place}: it {problem}; one scenario is needed")
+    (scenario,) = cells_found
     wiring = scenario.content.ssd or scenario.content.craft
-    beside = (file.parent / (wiring or "SystemStructure.ssd")).is_file()
+    has_wiring = (file.parent / (wiring or "SystemStructure.ssd")).is_file()
     own_craft = not wiring and (file.parent / "craft.toml").is_file()
-    ours = "/" in scenario.name and not beside and not own_craft
+    ours = "/" in scenario.name and not has_wiring and not own_craft
     return scenario if ours else replace(scenario, folder=file.parent)
 
 
@@ -393,13 +395,13 @@ def load(file: Path, origins: Origins, seen: tuple[Path, ...] = ()) -> TomlTable
     DesatError
         If there are problems, with a line for each.
     """
-    where = paths.shown(file)
+    place = paths.shown(file)
     state = file.stat() if file.is_file() else None
-    data = copy(_table(file, where, state and (state.st_mtime_ns, state.st_size)))
+    data = copy(_table(file, place, state and (state.st_mtime_ns, state.st_size)))
     bases = data.pop("extends", [])
     if file in seen:
         chain = " -> ".join(f.stem for f in (*seen[seen.index(file) :], file))
-        raise DesatError(f"{where}: extends itself ({chain})")
+        raise DesatError(f"{place}: extends itself ({chain})")
     from ..language.scenario import OWN_KEYS  # imports pydantic, so only if needed
 
     merged: TomlTable = {}
@@ -407,25 +409,25 @@ def load(file: Path, origins: Origins, seen: tuple[Path, ...] = ()) -> TomlTable
     for base in [bases] if isinstance(bases, str) else bases:
         below: Origins = {}
         if base.startswith(f"{ROLES}/"):
-            table = load(_of_role(base, where), below, (*seen, file))
+            table = load(_of_role(base, place), below, (*seen, file))
         elif "/" in base and not file.is_relative_to(paths.SCENARIOS):
-            table = _ours(base, where, below, (*seen, file))
+            table = _ours(base, place, below, (*seen, file))
         elif base in known:
             table = load(file.with_name(f"{base}.toml"), below, (*seen, file))
         else:
             raise DesatError(
-                f"{where}: extends: no file {base}.toml{nearest(base, known)}"
+                f"{place}: extends: no file {base}.toml{nearest(base, known)}"
             )
         merge(merged, table, origins, below)
     for name in OWN_KEYS:
         merged.pop(name, None)
-    leave_out(merged, data, origins, where)
-    merge(merged, data, origins, (where, ""))
+    leave_out(merged, data, origins, place)
+    merge(merged, data, origins, (place, ""))
     return merged
 
 
 @lru_cache(maxsize=1024)
-def _table(file: Path, where: str, _: object) -> TomlTable:
+def _table(file: Path, place: str, _: object) -> TomlTable:
     """Read and check the data of a file, which must not be changed.
 
     They are cached, because files share their bases. Raises DesatError, with a line for
@@ -439,34 +441,34 @@ def _table(file: Path, where: str, _: object) -> TomlTable:
         read(ScenarioFile, data, part=True)
     except WrongError as wrong:
         named = [(".".join(path), text) for path, text in wrong.problems]
-        lines = [f"{at(where, key)}: {key}: {text}" for key, text in named]
+        lines = [f"{at(place, key)}: {key}: {text}" for key, text in named]
         raise DesatError("\n".join(lines)) from wrong
     return data
 
 
-def _of_role(name: str, where: str) -> Path:
+def _of_role(name: str, place: str) -> Path:
     """Find the file with the standard numbers and plots of a role, `roles/manager`."""
     folder = paths.PACKAGE / "templates" / ROLES
     role, known = name.partition("/")[2], sorted(f.stem for f in folder.glob("*.toml"))
     if role not in known:
-        raise DesatError(f"{where}: extends: no {name}{nearest(role, known)}")
+        raise DesatError(f"{place}: extends: no {name}{nearest(role, known)}")
     return folder / f"{role}.toml"
 
 
-def _ours(name: str, where: str, origins: Origins, seen: tuple[Path, ...]) -> TomlTable:
+def _ours(name: str, place: str, origins: Origins, seen: tuple[Path, ...]) -> TomlTable:
     """Load what a file that is not one of ours extends as FAMILY/NAME.
 
     It is a scenario, or a file of the family. The `family` of the result names the
     family.
     """
     family, _, stem = name.partition("/")
-    require(family, families(), f"{where}: extends: no family")
+    require(family, families(), f"{place}: extends: no family")
     file = paths.SCENARIOS / family / "scenarios" / f"{stem}.toml"
     if not file.is_file() or "axes" in (data := load(file, origins, seen)):
         try:
             scenario = find(name)
         except DesatError as error:
-            raise DesatError(f"{where}: extends: {error}") from error
+            raise DesatError(f"{place}: extends: {error}") from error
         data = copy(scenario.content.data)
         origins.update(scenario.origins)
     if "design" in data:  # the design stays that of the scenario for which it was made
@@ -479,14 +481,14 @@ def _read(file: Path, family: str, only: str | None = None) -> list[Scenario]:
 
     Raises DesatError, with a line for each problem.
     """
-    given: Origins = {}
-    where = paths.shown(file)
-    data = load(file, given)
+    places: Origins = {}
+    place = paths.shown(file)
+    data = load(file, places)
     home = data.pop("family", family)
     abstract = data.pop("abstract", False)
     axes: dict[str, TomlTable] = data.pop("axes", {})
     if empty := [axis for axis, values in axes.items() if not values and not abstract]:
-        raise DesatError(f"{where}: axes.{empty[0]}: an axis needs a value")
+        raise DesatError(f"{place}: axes.{empty[0]}: an axis needs a value")
     cells = []
     for values in itertools.product(*(axis.items() for axis in axes.values())):
         cell = dict(zip(axes, (key for key, _ in values), strict=True))
@@ -494,12 +496,12 @@ def _read(file: Path, family: str, only: str | None = None) -> list[Scenario]:
         name = f"{home}/" * bool(home) + "-".join([stem, *cell.values()])
         if only not in (None, name):
             continue
-        merged, origins = copy(data), dict(given)
+        merged, origins = copy(data), dict(places)
         for axis, (value, partial) in zip(axes, values, strict=True):
             partial = copy(partial)
             partial.pop("label", None)
-            leave_out(merged, partial, origins, where)
-            merge(merged, partial, origins, (where, f"axes.{axis}.{value}."))
+            leave_out(merged, partial, origins, place)
+            merge(merged, partial, origins, (place, f"axes.{axis}.{value}."))
         if abstract:
             continue
         labels = {
@@ -508,7 +510,7 @@ def _read(file: Path, family: str, only: str | None = None) -> list[Scenario]:
         texts = {
             k: fill(merged[k], labels) for k in ("title", "description") if k in merged
         }
-        said = {
+        content = {
             **fill(merged, cell),
             **texts,
             "name": name,
@@ -516,36 +518,38 @@ def _read(file: Path, family: str, only: str | None = None) -> list[Scenario]:
             "labels": labels,
         }
         cells.append(
-            Scenario(_content(said, axes, origins, where), file, ROOT / home, origins)
+            Scenario(
+                _content(content, axes, origins, place), file, ROOT / home, origins
+            )
         )
     return cells
 
 
-def _content(said: TomlTable, axes: TomlTable, origins: Origins, where: str) -> Content:
+def _content(data: TomlTable, axes: TomlTable, origins: Origins, place: str) -> Content:
     """Validate the merged data of a scenario and build its content.
 
     Raises DesatError, with a line for each problem.
     """
     from ..language.content import Content
-    from .reader import WrongError, paper_problems, whole
+    from .reader import WrongError, build_complete, paper_problems
 
     try:
-        content = whole(Content, said)
+        content = build_complete(Content, data)
         if wrong := list(paper_problems(content, axes)):
             raise WrongError(wrong)
     except WrongError as error:
-        given = (
-            (*_place_of(origins, path, where), text) for path, text in error.problems
+        problems = (
+            (*_place_of(origins, path, place), text) for path, text in error.problems
         )
-        lines = [f"{at(file, key)}: {key}: {text}" for file, key, text in given]
+        lines = [f"{at(file, key)}: {key}: {text}" for file, key, text in problems]
         raise DesatError("\n".join(lines)) from error
     return content
 
 
-def _place_of(origins: Origins, path: tuple[str, ...], where: str) -> tuple[str, str]:
+def _place_of(origins: Origins, path: tuple[str, ...], place: str) -> tuple[str, str]:
     """Return file and key that give a value.
 
-    The file is `where` if the value was not given.
+    The file is `place` if the value was not given.
     """
     file, cell = origin(origins, path)
-    return file or where, f"{cell}{'.'.join(path)}"
+    return file or place, f"{cell}{'.'.join(path)}"

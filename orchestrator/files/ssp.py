@@ -64,14 +64,14 @@ def read(path: Path, outside: bool = False) -> Layer:
     if not path.is_dir():
         regular(path, str(path))
     if path.is_file() and path.suffix != ".ssd":
-        folder, where = library.extract(path), f"{path.name}/"
+        folder, place = library.extract(path), f"{path.name}/"
     else:
-        folder, where = (path if path.is_dir() else path.parent), ""
+        folder, place = (path if path.is_dir() else path.parent), ""
     file = path if path.suffix == ".ssd" else inside(folder, FILE)
     if not file.exists():
         raise DesatError(f"{path}: holds no {FILE}")
     reader = _Reader(
-        folder, file, where + file.name if where else str(file), where, outside
+        folder, file, place + file.name if place else str(file), place, outside
     )
     layer = reader.layer()
     file = inside(folder, ABOUT)
@@ -80,7 +80,7 @@ def read(path: Path, outside: bool = False) -> Layer:
             read_packed,
         )  # imports pydantic, so only if needed
 
-        layer.about = content = read_packed(file, f"{where}{ABOUT}")
+        layer.about = content = read_packed(file, f"{place}{ABOUT}")
         layer.output_classes.update(content.output_classes)
         layer.substeps = (
             content.substeps or 1
@@ -170,11 +170,11 @@ class _Reader:
     """Reader of one SSP file."""
 
     def __init__(
-        self, folder: Path, file: Path, where: str, prefix: str, outside: bool
+        self, folder: Path, file: Path, place: str, prefix: str, outside: bool
     ) -> None:
         self.outside = outside
-        self.folder, self.file, self.where, self.prefix = folder, file, where, prefix
-        self.result = Layer(where)
+        self.folder, self.file, self.place, self.prefix = folder, file, place, prefix
+        self.result = Layer(place)
         self.problems, self.warnings = self.result.problems, self.result.warnings
         self.components: dict[str, Place] = {}  # by path
         # paths of systems and dictionaries -> path by which their connectors are known
@@ -187,17 +187,17 @@ class _Reader:
 
     def at(self, element: Any) -> str:
         """Return file and line of an element, for messages."""
-        return f"{self.where}:{element.sourceline}"
+        return f"{self.place}:{element.sourceline}"
 
     def layer(self) -> Layer:
         """Read the file into a layer."""
-        root = self.parse(self.file, self.where)
+        root = self.parse(self.file, self.place)
         if root.tag != f"{{{SSD}}}SystemStructureDescription":
-            raise DesatError(f"{self.where}: not an SSP SystemStructureDescription")
-        self.validate(root, "SystemStructureDescription.xsd", self.where)
+            raise DesatError(f"{self.place}: not an SSP SystemStructureDescription")
+        self.validate(root, "SystemStructureDescription.xsd", self.place)
         element = root.find(f"{{{SSD}}}System")
         if element is None:
-            raise DesatError(f"{self.where}: holds no System")
+            raise DesatError(f"{self.place}: holds no System")
         layer = self.result
         layer.name = element.get("name", "")
         self.walk(element, "")
@@ -209,7 +209,7 @@ class _Reader:
         for path, place in self.components.items():
             if place.name in names:
                 self.problems.append(
-                    f"{self.where}:{place.line}: component {path} twice"
+                    f"{self.place}:{place.line}: component {path} twice"
                 )
             names.add(place.name)
         reached = self.flatten()
@@ -223,15 +223,15 @@ class _Reader:
         layer.places = list(self.components.values())
         return layer
 
-    def parse(self, file: Path, where: str) -> Any:
+    def parse(self, file: Path, place: str) -> Any:
         """Parse a file and return its root.
 
         Known prefixes that the file does not declare are declared, with a warning.
         """
-        data, declared = contents(file, where), ""
+        data, declared = contents(file, place), ""
         while True:
             try:
-                return parse_bytes(data, where)
+                return parse_bytes(data, place)
             except DesatError as error:
                 lacking = re.search(
                     r"Namespace prefix (\w+) .*is not defined", str(error)
@@ -244,19 +244,19 @@ class _Reader:
                 root = re.search(rb"<[^\s?!/>]+", data)
                 data = data[: root.end()] + text + data[root.end() :] if root else data
                 self.warnings.append(
-                    f"{where}: prefix {prefix} is not declared: taken for "
+                    f"{place}: prefix {prefix} is not declared: taken for "
                     f"{PREFIXES[prefix]}"
                 )
 
-    def validate(self, root: Any, schema: str, where: str) -> None:
+    def validate(self, root: Any, schema: str, place: str) -> None:
         """Check a document against its schema, if it is of SSP 1.0."""
         version = root.get("version", "")
         if version.startswith("2."):
             self.warnings.append(
-                f"{where}: version {version}: read as 1.0, without its schema"
+                f"{place}: version {version}: read as 1.0, without its schema"
             )
         else:
-            self.problems += validate(root, schema, where)
+            self.problems += validate(root, schema, place)
 
     def walk(
         self, system: Any, path: str, above: Mapping[str, str] = MappingProxyType({})
@@ -308,16 +308,16 @@ class _Reader:
         Its file (.ssb) is only checked against the schema, because it defines nothing
         but types.
         """
-        made = {}
+        read = {}
         for child in system.iterfind(
             f"{{{SSD}}}SignalDictionaries/{{{SSD}}}SignalDictionary"
         ):
-            made[child.get("name", "")] = f"dictionary {path}.{child.get('name', '')}"
+            read[child.get("name", "")] = f"dictionary {path}.{child.get('name', '')}"
             if child.get("source") is not None:
-                root, where = self.named_file(child)
+                root, place = self.named_file(child)
                 if root is not None:
-                    self.validate(root, "SystemStructureSignalDictionary.xsd", where)
-        return made
+                    self.validate(root, "SystemStructureSignalDictionary.xsd", place)
+        return read
 
     def flatten(self) -> dict[_End, list[_Link]]:
         """Add the connections from component to component to the layer.
@@ -332,36 +332,36 @@ class _Reader:
             if within and into.setdefault(link.end, link) is not link:
                 end = ".".join(filter(None, link.end))
                 self.problems.append(
-                    f"{self.where}:{link.line}: {end} has two sources, also "
+                    f"{self.place}:{link.line}: {end} has two sources, also "
                     f"line {into[link.end].line}"
                 )
         reached: dict[_End, list[_Link]] = {}
         for link in self.links:
             if link.end.path in systems:
                 continue
-            whole, passed = link, set[_End]()
-            while whole.start.path in systems:
-                if whole.start in passed:
+            flat, passed = link, set[_End]()
+            while flat.start.path in systems:
+                if flat.start in passed:
                     raise DesatError(
-                        f"{self.where}:{link.line}: {'.'.join(whole.start)} is its "
+                        f"{self.place}:{link.line}: {'.'.join(flat.start)} is its "
                         "own source"
                     )
-                passed.add(whole.start)
-                reached.setdefault(whole.start, []).append(whole)
-                if whole.start not in into:
+                passed.add(flat.start)
+                reached.setdefault(flat.start, []).append(flat)
+                if flat.start not in into:
                     break
-                whole = whole.after(into[whole.start])
+                flat = flat.after(into[flat.start])
             else:
                 self.result.connections.append(
                     Connection(
-                        self.named(whole.start.path),
-                        whole.start.connector,
+                        self.named(flat.start.path),
+                        flat.start.connector,
                         self.named(link.end.path),
                         link.end.connector,
                         link.line,
-                        whole.factor,
-                        whole.offset,
-                        whole.converts,
+                        flat.factor,
+                        flat.offset,
+                        flat.converts,
                     )
                 )
         return reached
@@ -383,8 +383,8 @@ class _Reader:
         if links := reached.get(_End(self.relays[path], name)):
             for link in links:
                 if (component := self.components.get(link.end.path)) is not None:
-                    given = value.through(link.factor, link.offset, link.converts)
-                    self.give_to(component, link.end.connector, given)
+                    value_here = value.through(link.factor, link.offset, link.converts)
+                    self.give_to(component, link.end.connector, value_here)
             return
         element, _, rest = name.partition(".")
         within = f"{path}.{element}" if path else element
@@ -397,7 +397,7 @@ class _Reader:
 
     def give_to(self, component: Place, name: str, value: _Value) -> None:
         """Add a parameter set's value of a component's parameter to the layer."""
-        where = f"{value.at}: {component.name}.{name}"
+        place = f"{value.at}: {component.name}.{name}"
         conflict = (
             f"{value.at} and {value.also}: {name} is given twice" if value.also else ""
         )
@@ -406,8 +406,8 @@ class _Reader:
                 component.name,
                 name,
                 value.value,
-                where,
-                where,
+                place,
+                place,
                 unit=value.unit,
                 conflict=conflict,
                 unchecked=True,
@@ -485,10 +485,10 @@ class _Reader:
         `Connection`).
         """
         ends, takes = [], []
-        for which in ("start", "end"):
+        for side in ("start", "end"):
             connector, child = (
-                element.get(f"{which}Connector"),
-                element.get(f"{which}Element"),
+                element.get(f"{side}Connector"),
+                element.get(f"{side}Element"),
             )
             if connector is None:
                 raise DesatError(
@@ -536,13 +536,13 @@ class _Reader:
         and a problem is added.
         """
         source = unquote(element.get("source")).replace("\\", "/")
-        file, where = self.inside(element, source), f"{self.prefix}{source}"
+        file, place = self.inside(element, source), f"{self.prefix}{source}"
         if file is None:
-            return None, where
+            return None, place
         if not file.exists():
             self.problems.append(f"{self.at(element)}: {source} is missing")
-            return None, where
-        return self.parse(file, where), where
+            return None, place
+        return self.parse(file, place), place
 
     def bindings(self, element: Any) -> list[_Value]:
         """Read the values of the parameter sets bound to a component or system.
@@ -555,15 +555,15 @@ class _Reader:
         ):
             if binding.get("source") is None:
                 root = binding.find(f"{{{SSD}}}ParameterValues/{{{SSV}}}ParameterSet")
-                where = self.where
+                place = self.place
             else:
-                root, where = self.named_file(binding)
+                root, place = self.named_file(binding)
                 if root is not None:
-                    self.validate(root, "SystemStructureParameterValues.xsd", where)
+                    self.validate(root, "SystemStructureParameterValues.xsd", place)
             if root is None:
                 continue
             mapped, prefix = self.mapping(binding), binding.get("prefix", "")
-            given: dict[
+            bound: dict[
                 str, _Value
             ] = {}  # another set may give it, too; then the later one counts
             for parameter in root.iterfind(f"{{{SSV}}}Parameters/{{{SSV}}}Parameter"):
@@ -572,17 +572,21 @@ class _Reader:
                     continue
                 source, at = (
                     prefix + parameter.get("name", ""),
-                    f"{where}:{value.sourceline}",
+                    f"{place}:{value.sourceline}",
                 )
                 unit = self.unit(value.get("unit"), root, f"{at}: {source}")
-                read = _Value(source, self.value(value, where), unit, at)
+                read = _Value(source, self.value(value, place), unit, at)
                 for name, factor, offset, converts in mapped.get(
                     source, [(source, 1.0, 0.0, True)]
                 ):
-                    made = read._replace(name=name).through(factor, offset, converts)
-                    if (other := given.setdefault(name, made))[:3] != made[:3]:
-                        made = made._replace(also=other.at)
-                    values.append(made)
+                    converted = read._replace(name=name).through(
+                        factor, offset, converts
+                    )
+                    if (other := bound.setdefault(name, converted))[:3] != converted[
+                        :3
+                    ]:
+                        converted = converted._replace(also=other.at)
+                    values.append(converted)
         return values
 
     def mapping(self, binding: Any) -> dict[str, list[tuple[str, float, float, bool]]]:
@@ -591,27 +595,27 @@ class _Reader:
         It maps a name in the source to (name of the target, factor, offset, whether
         units are converted) of each entry.
         """
-        made: dict[str, list[tuple[str, float, float, bool]]] = {}
+        targets: dict[str, list[tuple[str, float, float, bool]]] = {}
         element = binding.find(f"{{{SSD}}}ParameterMapping")
         if element is None:
-            return made
+            return targets
         if element.get("source") is None:
             root = element.find(f"{{{SSM}}}ParameterMapping")
             reader = self
         else:
-            root, where = self.named_file(element)
-            reader = _Reader(self.folder, self.file, where, self.prefix, self.outside)
+            root, place = self.named_file(element)
+            reader = _Reader(self.folder, self.file, place, self.prefix, self.outside)
             if root is not None:
-                self.validate(root, "SystemStructureParameterMapping.xsd", where)
+                self.validate(root, "SystemStructureParameterMapping.xsd", place)
         for entry in () if root is None else root.iterfind(f"{{{SSM}}}MappingEntry"):
             source, target = entry.get("source", ""), entry.get("target", "")
             transformed = reader.transformation(entry, f"{source} -> {target}")
-            made.setdefault(source, []).append(
+            targets.setdefault(source, []).append(
                 (target, *transformed, reader.converts(entry))
             )
-        return made
+        return targets
 
-    def unit(self, name: str | None, root: Any, where: str) -> Unit | str | None:
+    def unit(self, name: str | None, root: Any, place: str) -> Unit | str | None:
         """Return the unit of a value.
 
         It is one of the parameter set's own units, or one of ours, or the name itself
@@ -625,7 +629,7 @@ class _Reader:
                 try:
                     exponents = {k: int(base.get(k, "0")) for k in Unit._fields[:6]}
                 except ValueError as error:
-                    raise DesatError(f"{where}: unit {name}: {error}") from error
+                    raise DesatError(f"{place}: unit {name}: {error}") from error
                 factor, offset = (
                     self.number(base, "factor", "1"),
                     self.number(base, "offset", "0"),
@@ -639,7 +643,7 @@ class _Reader:
         except DesatError:
             return name
 
-    def value(self, element: Any, where: str) -> Scalar | str:
+    def value(self, element: Any, place: str) -> Scalar | str:
         """Parse the value of a parameter.
 
         Raises DesatError if it is not of its type.
@@ -656,10 +660,10 @@ class _Reader:
                 return {"true": True, "1": True, "false": False, "0": False}[text]
         except (ValueError, KeyError) as error:
             raise DesatError(
-                f"{where}:{element.sourceline}: {text!r} is no {kind}"
+                f"{place}:{element.sourceline}: {text!r} is no {kind}"
             ) from error
         raise DesatError(
-            f"{where}:{element.sourceline}: a {kind} value is not supported"
+            f"{place}:{element.sourceline}: a {kind} value is not supported"
         )
 
     def experiment(self, root: Any) -> None:
@@ -692,12 +696,12 @@ class _Reader:
         if layer.step is None and steps:
             layer.step, path = min(steps)
             self.warnings.append(
-                f"{self.where}: no step: {layer.step:g} s of {path.name}, or --step"
+                f"{self.place}: no step: {layer.step:g} s of {path.name}, or --step"
             )
         if layer.stop is None and stops:
             layer.stop, path = max(stops)
             self.warnings.append(
-                f"{self.where}: no stop time: {layer.stop:g} s of {path.name}, or "
+                f"{self.place}: no stop time: {layer.stop:g} s of {path.name}, or "
                 "--stop"
             )
 
@@ -709,8 +713,10 @@ def _suggested(fmu: Fmu) -> tuple[float | None, float | None]:
     elsewhere.
     """
     try:
-        told = fmu.description.defaultExperiment
-        step, stop = (getattr(told, key, None) for key in ("stepSize", "stopTime"))
+        experiment = fmu.description.defaultExperiment
+        step, stop = (
+            getattr(experiment, key, None) for key in ("stepSize", "stopTime")
+        )
         return step and float(step), stop and float(stop)
     except (DesatError, OSError, ValueError):
         return None, None

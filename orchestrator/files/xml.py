@@ -14,7 +14,7 @@ from ..system.errors import DesatError
 _SCHEMAS = Path(fmpy.__file__).parent / "ssp" / "schema"
 
 
-def parse_bytes(data: bytes, where: str) -> Any:
+def parse_bytes(data: bytes, place: str) -> Any:
     """Parse XML and return the root element.
 
     Raises
@@ -32,9 +32,9 @@ def parse_bytes(data: bytes, where: str) -> Any:
     try:
         root: Any = etree.fromstring(data, parser)
     except etree.XMLSyntaxError as error:
-        raise DesatError(f"{where}:{error.lineno}: {error.msg}") from error
+        raise DesatError(f"{place}:{error.lineno}: {error.msg}") from error
     if root.getroottree().docinfo.doctype:
-        raise DesatError(f"{where}: a DOCTYPE is not allowed")
+        raise DesatError(f"{place}: a DOCTYPE is not allowed")
     return root
 
 
@@ -44,12 +44,12 @@ def _schema(name: str) -> etree.XMLSchema:
     return etree.XMLSchema(etree.parse(str(_SCHEMAS / name)))
 
 
-def validate(root: Any, schema: str, where: str) -> list[str]:
+def validate(root: Any, schema: str, place: str) -> list[str]:
     """Return the schema errors of a document as `file:line: text`."""
     checker: Any = _schema(schema)
     if checker.validate(root):
         return []
-    return [f"{where}:{e.line}: {_plain(e.message)}" for e in checker.error_log]
+    return [f"{place}:{e.line}: {_plain(e.message)}" for e in checker.error_log]
 
 
 def _plain(message: str) -> str:

@@ -13,7 +13,7 @@ from pydantic import Field, FiniteFloat, PrivateAttr, ValidationError
 
 from ..system.errors import DesatError
 from ..system.interface import base_name
-from ..system.model import Told
+from ..system.model import About
 from .kinds import TRAVELS, Bounds, Maybe, Text, declared
 from .paper import OfNumber, PaperRow, by_number
 from .scenario import Dispersion, ScenarioTable
@@ -21,7 +21,7 @@ from .scenario import Dispersion, ScenarioTable
 _USES = {name: of.use for name, of in declared(ScenarioTable).items()}
 # Keys that travel.
 KEYS = (*(name for name, use in _USES.items() if use in TRAVELS), "labels")
-OWN = ("name", "cell", "labels")  # keys besides those of the language
+OF_THE_CELL = ("name", "cell", "labels")  # keys besides those of the language
 
 
 class Entry(PaperRow):
@@ -68,23 +68,23 @@ class Content(ScenarioTable):
 
         Rows of a paper's tables are those of its cell.
         """
-        own = {k: v for k, v in self.written.items() if k not in OWN}
+        entries = {k: v for k, v in self.written.items() if k not in OF_THE_CELL}
         return (
-            {**own, "paper": of_cell(own["paper"], self.cell)}
-            if "paper" in own
-            else own
+            {**entries, "paper": of_cell(entries["paper"], self.cell)}
+            if "paper" in entries
+            else entries
         )
 
     def as_json(self) -> Mapping[str, Any]:
         """Return what travels, in the order of KEYS; plots become an ordered list."""
         if self._json is not None:
             return self._json
-        told = {k: self.written[k] for k in KEYS if k in self.written}
-        if "plots" in told:
-            told["plots"] = [
-                {"name": name, **plot} for name, plot in told["plots"].items()
+        document = {k: self.written[k] for k in KEYS if k in self.written}
+        if "plots" in document:
+            document["plots"] = [
+                {"name": name, **plot} for name, plot in document["plots"].items()
             ]
-        return {"name": self.name, **told, "cell": self.cell}
+        return {"name": self.name, **document, "cell": self.cell}
 
     def counted(self) -> Mapping[str, Any]:
         """Return the entries that affect bits and are not resolved into the system."""
@@ -117,9 +117,9 @@ def content_of(about: object) -> Content:
         return Content.model_validate(data_of(about)).travelled(about)
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
-        where = ".".join(["about", *map(str, first["loc"])])
+        place = ".".join(["about", *map(str, first["loc"])])
         raise DesatError(
-            f"{where}: {first['msg']}: no content that this desat reads"
+            f"{place}: {first['msg']}: no content that this desat reads"
         ) from error
 
 
@@ -131,8 +131,8 @@ def data_of(about: Mapping[str, Any]) -> dict[str, Any]:
         for i, plot in enumerate(plots, 1):
             named = isinstance(plot, dict) and isinstance(plot.get("name"), str)
             name = plot["name"] if named else str(i)
-            own = {k: v for k, v in plot.items() if k != "name"} if named else plot
-            data["plots"][f"{name} ({i})" if name in data["plots"] else name] = own
+            entries = {k: v for k, v in plot.items() if k != "name"} if named else plot
+            data["plots"][f"{name} ({i})" if name in data["plots"] else name] = entries
     return data
 
 
@@ -143,30 +143,34 @@ def of_cell(rows: Mapping[str, Any], cell: Mapping[str, str]) -> dict[str, Any]:
     own value is taken.
     """
     method, case = (cell.get(axis, "") for axis in ("method", "case"))
-    kept: dict[str, Any] = {}
+    selected_rows: dict[str, Any] = {}
     for name, row in rows.items():
         values, columns = row.get("values"), row.get("columns")
         mine = "not_judged" in row or not isinstance(values, dict) or method in values
         if not mine or method not in row.get("only", [method]):
             continue
-        kept[name] = own = {
+        selected_rows[name] = selected = {
             k: v for k, v in row.items() if k not in ("columns", "only")
         }
         for key in ("values", "tolerance", "remark", "tuned", "in_sample"):
-            said = row.get(key)
-            if isinstance(said, dict) and not (key == "tolerance" and by_number(said)):
-                said = said.get(method)
-            if isinstance(said, dict) and "cases" in said:
-                said = said["what"] if case.startswith(tuple(said["cases"])) else None
+            entry = row.get(key)
+            if isinstance(entry, dict) and not (
+                key == "tolerance" and by_number(entry)
+            ):
+                entry = entry.get(method)
+            if isinstance(entry, dict) and "cases" in entry:
+                entry = (
+                    entry["what"] if case.startswith(tuple(entry["cases"])) else None
+                )
             band = key == "tolerance" and all(
-                isinstance(x, (int, float)) for x in said or ()
+                isinstance(x, (int, float)) for x in entry or ()
             )
-            if isinstance(said, list) and columns is not None and not band:
-                said = said[columns.index(case)]
-            own[key] = said
-            if said is None:
-                del own[key]
-    return kept
+            if isinstance(entry, list) and columns is not None and not band:
+                entry = entry[columns.index(case)]
+            selected[key] = entry
+            if entry is None:
+                del selected[key]
+    return selected_rows
 
 
 # --- Dispersions of a system: its [dispersions] by component and variable -------------
@@ -176,7 +180,7 @@ class Described(Protocol):
     """Components, with the content of their scenario."""
 
     @property
-    def about(self) -> Told | None:
+    def about(self) -> About | None:
         """Return the content of the scenario."""
 
     @property
@@ -210,7 +214,7 @@ def overridden_by(system: Described, name: str) -> list[str]:
     The name is `component.parameter`, an element of it, or `shared.parameter`.
     """
     owner, variable = (part.strip() for part in base_name(name.strip()).split(".", 1))
-    wanted = {f"{owner}.{variable}"}
+    target = {f"{owner}.{variable}"}
     if owner == "shared" and owner not in system.components:
-        wanted = {f"{owner}.{variable}" for owner in _having(system, variable)}
-    return sorted(wanted & dispersions_of(system).keys())
+        target = {f"{owner}.{variable}" for owner in _having(system, variable)}
+    return sorted(target & dispersions_of(system).keys())

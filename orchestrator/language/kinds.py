@@ -69,9 +69,9 @@ def key(
     Without a `default` it is that of its type: "", (), {} or False if nobody can write
     that, and None for others.
     """
-    made = Field(default, description=text, **limits)
-    made.metadata.append(Declared(unit, use, inherited))
-    return made
+    field_info = Field(default, description=text, **limits)
+    field_info.metadata.append(Declared(unit, use, inherited))
+    return field_info
 
 
 def declared(table: type[BaseModel]) -> dict[str, Declared]:
@@ -139,11 +139,11 @@ def either(**kinds: Any) -> Any:
     return Annotated[union, Discriminator(by_kind)]
 
 
-def _deviation(given: Sequence[float]) -> Sequence[float]:
+def _deviation(values: Sequence[float]) -> Sequence[float]:
     """Check that the deviation is not negative."""
-    if given[1] < 0.0:
-        raise ValueError(f"the deviation is {given[1]:g}; at least 0 is needed")
-    return given
+    if values[1] < 0.0:
+        raise ValueError(f"the deviation is {values[1]:g}; at least 0 is needed")
+    return values
 
 
 T = TypeVar("T")
@@ -258,7 +258,7 @@ class Written(Table):
     @classmethod
     def _keep(cls, data: Any, read: ModelWrapValidatorHandler[Self]) -> Self:
         """Store the data from which the table was read."""
-        made = read(data)
-        if made is not data:
-            made._written = data
-        return made
+        converted = read(data)
+        if converted is not data:
+            converted._written = data
+        return converted

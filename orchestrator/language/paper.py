@@ -147,16 +147,16 @@ class PaperRow(Table):
     @model_validator(mode="after")
     def _undecided(self) -> Self:
         """Check that a row that is not judged has no number or band."""
-        given = {
+        keys_given = {
             "number",
             "tolerance",
             "each",
             "share",
             "tuned",
         } & self.model_fields_set
-        if self.not_judged and given:
+        if self.not_judged and keys_given:
             raise incomplete(
-                f"not_judged, and {', '.join(sorted(given))}: one of the two"
+                f"not_judged, and {', '.join(sorted(keys_given))}: one of the two"
             )
         return self
 
@@ -164,8 +164,8 @@ class PaperRow(Table):
     def _columns(self) -> Self:
         """Check that lists have an item for each column."""
         for name in ("values", "tolerance", "remark"):
-            given = getattr(self, name)
-            for row in given.values() if isinstance(given, dict) else [given]:
+            value = getattr(self, name)
+            for row in value.values() if isinstance(value, dict) else [value]:
                 if not isinstance(row, tuple) or (
                     name == "tolerance" and _tolerance(row) == "<band>"
                 ):

@@ -100,15 +100,15 @@ class Number(Written):
     )
 
     @model_validator(mode="after")
-    def _whole(self) -> Self:
+    def _check_reference(self) -> Self:
         """Check that the number is either of signals or of another scenario."""
-        given = {
+        keys_given = {
             "signal" if name == "signals" else name for name in self.model_fields_set
         }
         relation, series = {"of", "reference", "form"}, {"signal"}
-        if "signal" in given and given & relation:
+        if "signal" in keys_given and keys_given & relation:
             raise incomplete("either signal or of, reference and form, not both")
-        if missing := (relation if given & relation else series) - given:
+        if missing := (relation if keys_given & relation else series) - keys_given:
             raise incomplete(f"{', '.join(sorted(missing))} missing")
         return self
 
@@ -343,10 +343,10 @@ class StopWhen(Table):
     @model_validator(mode="after")
     def _one(self) -> Self:
         """Check that there is exactly one condition, and a unit only for limits."""
-        given = self.model_fields_set & {"below", "above", "reaches"}
-        if len(given) != 1:
+        keys_given = self.model_fields_set & {"below", "above", "reaches"}
+        if len(keys_given) != 1:
             raise incomplete("exactly one of below, above, reaches is needed")
-        if self.unit and "reaches" in given:
+        if self.unit and "reaches" in keys_given:
             raise incomplete("unit: only with below and above")
         return self
 

@@ -37,24 +37,26 @@ class DerivedQuantity:
     names: tuple[str, ...]
     unit: str
     # parameters that it takes from the component of its first series
-    own: tuple[str, ...] = ()
+    extra_series: tuple[str, ...] = ()
 
     @property
     def series(self) -> list[str]:
         """Return the names of the series that it takes."""
-        given = inspect.signature(self.function).parameters.values()
-        other = ("times", *self.own)
-        return [p.name for p in given if p.default is p.empty and p.name not in other]
+        parameters = inspect.signature(self.function).parameters.values()
+        other = ("times", *self.extra_series)
+        return [
+            p.name for p in parameters if p.default is p.empty and p.name not in other
+        ]
 
     def rows(
         self, times: Array, series: Sequence[Array], options: dict[str, Any]
     ) -> Array:
         """Compute its rows (rows, elements); all series are cut to the shortest."""
         count = min(map(len, series))
-        given = [s[:count] for s in series]
+        columns = [s[:count] for s in series]
         if "times" in inspect.signature(self.function).parameters:
-            given.insert(0, times[:count])
-        values = self.function(*given, **options)
+            columns.insert(0, times[:count])
+        values = self.function(*columns, **options)
         return values if values.ndim > 1 else values[:, None]
 
 
@@ -62,13 +64,13 @@ QUANTITIES: dict[str, DerivedQuantity] = {}
 
 
 def quantity(
-    *names: str, unit: str, own: tuple[str, ...] = ()
+    *names: str, unit: str, elements: tuple[str, ...] = ()
 ) -> Callable[[Derive], Derive]:
     """Register a function as a quantity, with its elements, unit and parameters."""
 
     def known(function: Derive) -> Derive:
         """Register the function under its name."""
-        QUANTITIES[function.__name__] = DerivedQuantity(function, names, unit, own)
+        QUANTITIES[function.__name__] = DerivedQuantity(function, names, unit, elements)
         return function
 
     return known
@@ -98,7 +100,7 @@ def of_entry(entry: Number | Plot) -> tuple[DerivedQuantity, dict[str, Any]] | N
     return quantity, {"sequence": entry.sequence} if entry.sequence else {}
 
 
-@quantity("x", "y", "z", unit="", own=("axes_wheel",))
+@quantity("x", "y", "z", unit="", elements=("axes_wheel",))
 def in_body(h: Array, axes_wheel: Sequence[float]) -> Array:
     """The sum of the wheels' momenta as a vector in body (rows, 3): of h_i along each
     axis, the columns of axes_wheel (3, 4) row by row. Of numbers only: plots know no
@@ -149,10 +151,10 @@ def unit_rows(rows: Array) -> Array:
 
 def _rows(*columns: Array) -> Array:
     """Combine columns (rows,) to an array (rows, columns)."""
-    made = np.empty((*columns[0].shape, len(columns)))
+    rows = np.empty((*columns[0].shape, len(columns)))
     for i, column in enumerate(columns):
-        made[..., i] = column
-    return made
+        rows[..., i] = column
+    return rows
 
 
 @quantity("x", "y", "z", unit="deg")

@@ -14,21 +14,21 @@ if TYPE_CHECKING:
 
 
 def limits_of(
-    given: Iterable[LimitLine], parameters: Table, unit: str
+    lines: Iterable[LimitLine], parameters: Table, unit: str
 ) -> list[tuple[str, float, bool]]:
     """Compute the limit lines, or bands about zero, that hold in this run.
 
     Each has (name, value, filled); the value is in `unit`.
     """
     limits = []
-    for limit in given:
+    for limit in lines:
         if any(parameter_of(parameters, k) == v for k, v in limit.unless.items()):
             continue
         value, name = limit.value, "limit"
         if isinstance(value, str):
             name = value.partition("[")[0]
-            value, own = product(value, parameters)
-            value *= factor(own, unit, f'of "{limit.value}"')
+            value, is_own_band = product(value, parameters)
+            value *= factor(is_own_band, unit, f'of "{limit.value}"')
         limits.append((limit.name or name, float(value), limit.fill))
     return limits
 

@@ -45,8 +45,11 @@ def in_unit(
     def known(function: Measure) -> Measure:
         if late:
             LATE.add(function.__name__)
-        own = unit_of(unit) if isinstance(unit, str) else None
-        OWN_UNIT[function.__name__] = (lambda _: own) if own is not None else unit  # type: ignore[assignment]
+        if isinstance(unit, str):
+            fixed = unit_of(unit)
+            OWN_UNIT[function.__name__] = lambda _: fixed
+        else:
+            OWN_UNIT[function.__name__] = unit
         return measure(function)
 
     return known
@@ -184,9 +187,9 @@ def share_along(times: Array, values: Array, direction: Array) -> float:
     """
     size = np.linalg.norm(direction, axis=1, keepdims=True)
     part = (values * direction).sum(axis=1) / np.where(size > 0.0, size, 1.0)[:, 0]
-    whole = (values**2).sum()
+    total = (values**2).sum()
     return (
-        float(100.0 * np.sqrt((part**2).sum() / whole)) if whole > 0.0 else float("nan")
+        float(100.0 * np.sqrt((part**2).sum() / total)) if total > 0.0 else float("nan")
     )
 
 
@@ -410,8 +413,8 @@ def pointing_relative(
     """
     error = error_vector(q, q_ref)
     count = max(1, round(interval / (times[1] - times[0])))
-    whole = error[: len(error) // count * count].reshape(-1, count, 3)
-    if not len(whole):
+    windows = error[: len(error) // count * count].reshape(-1, count, 3)
+    if not len(windows):
         return float("nan")
-    size = np.linalg.norm(whole - whole.mean(axis=1, keepdims=True), axis=2)
+    size = np.linalg.norm(windows - windows.mean(axis=1, keepdims=True), axis=2)
     return float(size.mean() if level is None else np.percentile(size, level))

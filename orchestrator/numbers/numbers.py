@@ -155,7 +155,7 @@ def bind(number: Number, series: SeriesLookup, parameters: Table | None) -> Boun
     if parameters is not None:
         options = _options(number, units, parameters)
         owner = number.signals[0].partition(".")[0]
-        for name in quantity.own if quantity else ():
+        for name in quantity.extra_series if quantity else ():
             derive_options[name] = entry(f"{owner}.{name}", parameters)[0]
     return BoundNumber(number, measure, quantity, derive_options, options, convert)
 
@@ -258,8 +258,8 @@ def _check_elements(number: Number, count: int) -> None:
     if not count:
         return
     if (number.element or 0) > count:
-        what = number.derive or "the signal"
-        raise MisfitError(f"got {number.element}; {what} has {count}", "element")
+        subject = number.derive or "the signal"
+        raise MisfitError(f"got {number.element}; {subject} has {count}", "element")
     if not number.element and count > 1 and number.measure in SCALARS:
         raise MisfitError(
             f"{number.measure} takes one element; there are {count}", "element"
@@ -302,21 +302,24 @@ def _conversion(
     source, shown = unit_of(own_unit), own_unit
     if name in OWN_UNIT:
         source, shown = OWN_UNIT[name](source), f"of {name}"
-    if (whole := number.percent_of) is not None:
+    if (reference := number.percent_of) is not None:
         if unit != "%":
             raise DesatError(f"unit {unit or None}: a number with percent_of is in %")
-        if isinstance(whole, str):
+        if isinstance(reference, str):
             if parameters is None:
                 return float
-            text, (whole, own) = whole, product(whole, parameters)
-            if own.dimension != source.dimension:
+            text, (reference, reference_unit) = (
+                reference,
+                product(reference, parameters),
+            )
+            if reference_unit.dimension != source.dimension:
                 raise DesatError(
                     f'percent_of = "{text}": its unit is not that of {name}'
                 )
-            whole *= own.factor / source.factor
-        if whole == 0.0:
+            reference *= reference_unit.factor / source.factor
+        if reference == 0.0:
             raise DesatError(f"percent_of = {number.written['percent_of']} is 0")
-        share = float(whole)
+        share = float(reference)
         return lambda value: 100.0 * value / share
     if not unit or (name not in OWN_UNIT and unit_of(unit) == source):
         return lambda value: value
@@ -348,8 +351,8 @@ def defined(number: Number | None) -> str:
     if number is None:
         return ""
     if number.reference:
-        how = f"{number.form} of {number.of} to that of {number.reference}"
-        return f"{number.title} ({how})"
+        relation = f"{number.form} of {number.of} to that of {number.reference}"
+        return f"{number.title} ({relation})"
     sentence = " ".join(
         (inspect.getdoc(MEASURES[number.measure]) or "").split()
     ).removesuffix(".")

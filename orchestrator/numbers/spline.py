@@ -26,20 +26,22 @@ class Spline:
 
     def __call__(self, at: Array) -> Array:
         """Interpolate, or extrapolate, to values (*at.shape, ...) at times."""
-        left = np.clip(
+        interval = np.clip(
             np.searchsorted(self._times, at, "right") - 1, 0, len(self._times) - 2
         )
         tail = (1,) * (self._values.ndim - 1)
         begin, end = (
-            self._times[i].reshape(*at.shape, *tail) for i in (left, left + 1)
+            self._times[i].reshape(*at.shape, *tail) for i in (interval, interval + 1)
         )
         length, s = end - begin, at.reshape(*at.shape, *tail) - begin
-        rise = (self._values[left + 1] - self._values[left]) / length
-        d0, d1 = self._slopes[left], self._slopes[left + 1]
+        rise = (self._values[interval + 1] - self._values[interval]) / length
+        d0, d1 = self._slopes[interval], self._slopes[interval + 1]
         third = (d0 + d1 - 2.0 * rise) / length
         # in scipy's order of operations, for the same bits
-        made = self._values[left] + d0 * s + ((rise - d0) / length - third) * (s * s)
-        return np.asarray(made + third / length * (s * s * s))
+        value = (
+            self._values[interval] + d0 * s + ((rise - d0) / length - third) * (s * s)
+        )
+        return np.asarray(value + third / length * (s * s * s))
 
 
 def _slopes(times: Array, y: Array) -> Array:

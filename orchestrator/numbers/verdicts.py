@@ -76,10 +76,10 @@ def judge(
     verdicts, unjudged = {}, {}
     times = late(content)
     for name, entry in content.requirements.items():
-        if why := _too_little(
+        if reason := _too_little(
             content, entry, numbers, entry.number in times, start, end
         ):
-            unjudged[entry.number] = why
+            unjudged[entry.number] = reason
             continue
         found = numbers[entry.number]
         met = found.value is not None and entry.holds(found.value)
@@ -113,9 +113,9 @@ def _too_little(
         limit = entry.max * factor(unit_of(found.unit), "s", f"of {entry.number}")
         if end - start < limit * (1.0 - 1e-9):
             return f"not reached at {end:g} s, where the run ends; it has until {start + limit:g} s"
-    told = content.numbers.get(entry.number)
-    if told is not None and told.window and end < told.window[0]:
-        return f"the run ends at {end:g} s, before {told.window[0]:g} s, where its window begins"
+    number = content.numbers.get(entry.number)
+    if number is not None and number.window and end < number.window[0]:
+        return f"the run ends at {end:g} s, before {number.window[0]:g} s, where its window begins"
     return ""
 
 

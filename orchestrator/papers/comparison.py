@@ -141,20 +141,20 @@ def rows_of(
     rows = []
     content = scenario.content
     for row, entry in content.judged.items():
-        told: Spread | Share | None
+        found: Spread | Share | None
         if entry.share is not None:
             if drawn is None:
-                where = scenario.where(("paper", row))
+                place = scenario.place(("paper", row))
                 raise DesatError(
-                    f"{where}: a share of samples, and {scenario.name} has none"
+                    f"{place}: a share of samples, and {scenario.name} has none"
                 )
             values_drawn = values_of(drawn["draws"], entry.of, content)
-            counts = told = share_of(values_drawn, entry.share.least, entry.share.most)
+            counts = found = share_of(values_drawn, entry.share.least, entry.share.most)
             ours = 100.0 * counts.count / counts.n
         else:
             ours = _value(scenario, row, entry.of, values, everything)
-            told = _spread_of(entry, drawn, content) if drawn else None
-        rows.append(_row(scenario, entry, ours, values, told))
+            found = _spread_of(entry, drawn, content) if drawn else None
+        rows.append(_row(scenario, entry, ours, values, found))
     undecided = (e for e in content.entries.values() if e.not_judged)
     return [*rows, *(_row(scenario, e, None, values, None) for e in undecided)]
 
@@ -272,14 +272,14 @@ def _value(
             )
         value = related(str(number.form), values[number.of], other[number.of])
     elif name not in values:
-        raise DesatError(f"{scenario.where(('numbers', name))}: no run gives it")
+        raise DesatError(f"{scenario.place(('numbers', name))}: no run gives it")
     else:
         value = values[name]
     if value is None and name in late(scenario.content):
         return math.inf
     if value is None:
-        where = scenario.where(("paper", row))
+        place = scenario.place(("paper", row))
         raise DesatError(
-            f"{where}: {scenario.name} does not reach {name}, and a table has it"
+            f"{place}: {scenario.name} does not reach {name}, and a table has it"
         )
     return float(value)

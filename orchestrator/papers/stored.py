@@ -106,13 +106,16 @@ def needed(family: str) -> dict[str, set[str]]:
         numbers = scenario.content.numbers
         for entry in scenario.content.judged.values():
             band = entry.tolerance
-            for made in (entry.of, *([band.of] if isinstance(band, OfNumber) else ())):
+            for number in (
+                entry.of,
+                *([band.of] if isinstance(band, OfNumber) else ()),
+            ):
                 compared = (
-                    numbers[made]
-                    if made in numbers and numbers[made].reference
+                    numbers[number]
+                    if number in numbers and numbers[number].reference
                     else None
                 )
-                found.setdefault(name, set()).add(compared.of if compared else made)
+                found.setdefault(name, set()).add(compared.of if compared else number)
                 if compared:
                     found.setdefault(f"{family}/{compared.reference}", set()).add(
                         compared.of
@@ -190,22 +193,22 @@ def compute(
     DesatError
         If a sample fails.
     """
-    kept = known["scenarios"] if known else {}
-    made, of_rows = dict[str, StoredScenario](), needed(family)
+    stored = known["scenarios"] if known else {}
+    computed, of_rows = dict[str, StoredScenario](), needed(family)
     for name, scenario in with_draws(family).items():
-        old = kept.get(name)
+        old = stored.get(name)
         if names is not None and name not in names:
             if old:
-                made[name] = old
+                computed[name] = old
             continue
         count = scenario.content.samples
-        wanted = {
+        needed_units = {
             *of_rows[name],
             *(old["units"] if old else ()),
             *(also or {}).get(name, ()),
         }
         rows = list[RunRow]()
-        if old and wanted <= old["units"].keys() and _is_current(old, scenario):
+        if old and needed_units <= old["units"].keys() and _is_current(old, scenario):
             rows = old["draws"][:count]
         result = draws(name, count, SEED, Options(), jobs, progress, first=len(rows))
         for row in result.rows:
@@ -215,12 +218,13 @@ def compute(
                 )
             rows.append(
                 row_of_draw(
-                    row.number, {n: x for n, x in row.numbers.items() if n in wanted}
+                    row.number,
+                    {n: x for n, x in row.numbers.items() if n in needed_units},
                 )
             )
         summed = result.summary or (old["summary"] if old else {})
-        units = {n: summed[n].unit or "" for n in sorted(wanted & summed.keys())}
-        made[name] = {
+        units = {n: summed[n].unit or "" for n in sorted(needed_units & summed.keys())}
+        computed[name] = {
             "sha256": digest(scenario),
             "code_sha256": code(scenario),
             "date": f"{datetime.now(UTC):%Y-%m-%d}",
@@ -236,7 +240,7 @@ def compute(
         "seed": SEED,
         "components_as": "FMUs",
         "versions": {**identity.versions(), "processor": _processor()},
-        "scenarios": made,
+        "scenarios": computed,
     }
 
 
@@ -266,16 +270,18 @@ def write(result: StoredDraws) -> Path:
     head = {k: v for k, v in result.items() if k not in ("family", "scenarios")}
     head["draws_sha256"] = hashlib.sha256(data).hexdigest()
     stamps = {
-        name: {k: v for k, v in kept.items() if k not in ("summary", "draws")}
-        for name, kept in sorted(result["scenarios"].items())
+        name: {k: v for k, v in samples.items() if k not in ("summary", "draws")}
+        for name, samples in sorted(result["scenarios"].items())
     }
     families = {**_provenances(), result["family"]: {**head, "scenarios": stamps}}
     pack = partial(json.dumps, separators=(",", ":"))
     texts = []
-    for family, told in sorted(families.items()):
-        lines = ",\n".join(f"{pack(n)}:{pack(x)}" for n, x in told["scenarios"].items())
-        said = pack({k: v for k, v in told.items() if k != "scenarios"})
-        texts.append(f'{pack(family)}:{said[:-1]},"scenarios":{{\n{lines}\n}}}}')
+    for family, entry in sorted(families.items()):
+        lines = ",\n".join(
+            f"{pack(n)}:{pack(x)}" for n, x in entry["scenarios"].items()
+        )
+        provenance = pack({k: v for k, v in entry.items() if k != "scenarios"})
+        texts.append(f'{pack(family)}:{provenance[:-1]},"scenarios":{{\n{lines}\n}}}}')
     replace_text(provenance_file(), "{\n" + ",\n".join(texts) + "\n}\n")
     return path
 
@@ -283,12 +289,12 @@ def write(result: StoredDraws) -> Path:
 def _provenances() -> Mapping[str, Any]:
     """Read the stamps of all families; empty where there are none."""
     try:
-        told: Mapping[str, Any] = json.loads(
+        provenances: Mapping[str, Any] = json.loads(
             provenance_file().read_text(encoding="utf-8")
         )
     except FileNotFoundError:
         return {}
-    return told
+    return provenances
 
 
 def _pack(scenarios: Mapping[str, StoredScenario]) -> bytes:
@@ -297,9 +303,11 @@ def _pack(scenarios: Mapping[str, StoredScenario]) -> bytes:
     import pyarrow.parquet as pq
 
     rows = [
-        (name, r) for name, kept in sorted(scenarios.items()) for r in kept["draws"]
+        (name, r)
+        for name, samples in sorted(scenarios.items())
+        for r in samples["draws"]
     ]
-    names = sorted({n for kept in scenarios.values() for n in kept["units"]})
+    names = sorted({n for samples in scenarios.values() for n in samples["units"]})
     columns = {
         "scenario": pa.array([name for name, _ in rows], pa.string()),
         "draw": pa.array([r.number for _, r in rows], pa.int32()),
@@ -338,15 +346,15 @@ def read(family: str) -> StoredDraws:
     import pyarrow as pa
     import pyarrow.parquet as pq
 
-    path, told = file_of(family), _provenances()
-    if family not in told or not path.exists():
-        missing = path if family in told else provenance_file()
+    path, provenances = file_of(family), _provenances()
+    if family not in provenances or not path.exists():
+        missing = path if family in provenances else provenance_file()
         raise DesatError(
             f"{paths.shown(missing)}: no samples of {family} there; `desat tables "
             f"{family} --fresh` computes the samples now"
         )
     data = path.read_bytes()
-    head = {"family": family, **told[family]}
+    head = {"family": family, **provenances[family]}
     if hashlib.sha256(data).hexdigest() != head.pop("draws_sha256"):
         raise DesatError(
             f"{paths.shown(path)}: not the file that {paths.shown(provenance_file())} "
@@ -358,14 +366,16 @@ def read(family: str) -> StoredDraws:
     for i, name in enumerate(columns["scenario"]):
         places_of.setdefault(name, []).append(i)
     result = cast(StoredDraws, head)
-    for name, kept in result["scenarios"].items():
-        kept["draws"] = [
-            row_of_draw(columns["draw"][i], {n: columns[n][i] for n in kept["units"]})
+    for name, samples in result["scenarios"].items():
+        samples["draws"] = [
+            row_of_draw(
+                columns["draw"][i], {n: columns[n][i] for n in samples["units"]}
+            )
             for i in places_of.get(name, ())
         ]
         of = known[name].content if name in known else NOTHING
-        numbers = [r.numbers for r in kept["draws"]]
-        kept["summary"] = spreads(numbers, kept["units"], late(of))
+        numbers = [r.numbers for r in samples["draws"]]
+        samples["summary"] = spreads(numbers, samples["units"], late(of))
     return result
 
 
@@ -375,14 +385,14 @@ def outdated(stored: StoredDraws) -> list[str]:
     They are missing, fewer or more than the scenario requires, without a number that is
     needed, or of another version of the scenario or of the code.
     """
-    kept, of_rows = stored["scenarios"], needed(stored["family"])
+    samples, of_rows = stored["scenarios"], needed(stored["family"])
     return [
         name
         for name, scenario in with_draws(stored["family"]).items()
-        if name not in kept
-        or len(kept[name]["draws"]) != scenario.content.samples
-        or not of_rows[name] <= kept[name]["units"].keys()
-        or not _is_current(kept[name], scenario)
+        if name not in samples
+        or len(samples[name]["draws"]) != scenario.content.samples
+        or not of_rows[name] <= samples[name]["units"].keys()
+        or not _is_current(samples[name], scenario)
     ]
 
 
@@ -395,19 +405,21 @@ def require_current(stored: StoredDraws) -> None:
     names = outdated(stored)
     if not names:
         return
-    kept, family = stored["scenarios"], stored["family"]
+    samples, family = stored["scenarios"], stored["family"]
     known = with_draws(family)
     causes = {
         "missing, too few or without a number that is needed": [
-            n for n in names if n not in kept
+            n for n in names if n not in samples
         ],
         "of another scenario or other blocks": [
-            n for n in names if n in kept and kept[n]["sha256"] != digest(known[n])
+            n
+            for n in names
+            if n in samples and samples[n]["sha256"] != digest(known[n])
         ],
         "of other code of engine, measures or sampling": [
             n
             for n in names
-            if n in kept and kept[n].get("code_sha256") != code(known[n])
+            if n in samples and samples[n].get("code_sha256") != code(known[n])
         ],
     }
     lines = [
@@ -422,9 +434,9 @@ def require_current(stored: StoredDraws) -> None:
     raise DesatError("\n".join([*lines, remedy]))
 
 
-def _is_current(kept: StoredScenario, scenario: Scenario) -> bool:
+def _is_current(stored: StoredScenario, scenario: Scenario) -> bool:
     """Return whether stored samples are of this version of a scenario and its code."""
-    return kept["sha256"] == digest(scenario) and kept.get("code_sha256") == code(
+    return stored["sha256"] == digest(scenario) and stored.get("code_sha256") == code(
         scenario
     )
 
@@ -460,13 +472,16 @@ def confirm(family: str, count: int, jobs: int) -> list[str]:
     """
     known, failed = read(family), []
     for name in outdated(known):
-        scenario, kept = with_draws(family)[name], known["scenarios"].get(name)
-        if kept is not None:
+        scenario, stored = with_draws(family)[name], known["scenarios"].get(name)
+        if stored is not None:
             again = draws(name, count, known["seed"], Options(), jobs).rows
             if _alike(
-                [r.numbers for r in again], [r.numbers for r in kept["draws"][:count]]
+                [r.numbers for r in again], [r.numbers for r in stored["draws"][:count]]
             ):
-                kept["sha256"], kept["code_sha256"] = digest(scenario), code(scenario)
+                stored["sha256"], stored["code_sha256"] = (
+                    digest(scenario),
+                    code(scenario),
+                )
                 write(known)
                 continue
         failed.append(name)
@@ -486,15 +501,16 @@ def provenance(stored: StoredDraws, fresh: bool) -> Provenance:
 
 
 def _alike(
-    now: list[Mapping[str, float | None]], kept: list[Mapping[str, float | None]]
+    now: list[Mapping[str, float | None]], numbers: list[Mapping[str, float | None]]
 ) -> bool:
     """Return whether all stored numbers come out again.
 
     A number that runs have only since then is not in the stored samples; a request for
     it is reported elsewhere.
     """
-    return len(now) == len(kept) and all(
-        all(_equal(a.get(k), b[k]) for k in b) for a, b in zip(now, kept, strict=True)
+    return len(now) == len(numbers) and all(
+        all(_equal(a.get(k), b[k]) for k in b)
+        for a, b in zip(now, numbers, strict=True)
     )
 
 
@@ -518,12 +534,14 @@ def main() -> int:
         "--verify", type=int, default=2, metavar="N", help="samples to compute again"
     )
     parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1)
-    given = parser.parse_args()
-    if given.verify < 1:
+    arguments = parser.parse_args()
+    if arguments.verify < 1:
         parser.error("--verify: a whole number from 1 on is needed")
-    wanted = given.families or [f for f in families() if with_draws(f)]
+    selected = arguments.families or [f for f in families() if with_draws(f)]
     failed = [
-        name for family in wanted for name in confirm(family, given.verify, given.jobs)
+        name
+        for family in selected
+        for name in confirm(family, arguments.verify, arguments.jobs)
     ]
     for name in failed:
         print(

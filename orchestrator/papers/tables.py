@@ -69,46 +69,49 @@ def rows(
     `stored.compute`). Rows of scenarios that are not among them are left out;
     `stored.outdated` names these.
     """
-    given = {n: s for n, s in scenarios(family).items() if s.content.entries}
+    with_entries = {n: s for n, s in scenarios(family).items() if s.content.entries}
     if wrong := [
-        f"{s.where(path)}: {text}"
-        for s in given.values()
+        f"{s.place(path)}: {text}"
+        for s in with_entries.values()
         for path, text in content_problems(s.content, None)
     ]:
         raise DesatError("\n".join(dict.fromkeys(wrong)))
-    if not given:
+    if not with_entries:
         raise DesatError(f"{family}: no scenario has paper values")
     there = drawn["scenarios"] if drawn else {}
-    kept = {
+    pairs = {
         n: _pairs_of(s, there)
-        for n, s in given.items()
+        for n, s in with_entries.items()
         if s.content.samples and n in there
     }
-    given = {n: s for n, s in given.items() if not s.content.samples or n in kept}
-    if not given:
+    with_entries = {
+        n: s for n, s in with_entries.items() if not s.content.samples or n in pairs
+    }
+    if not with_entries:
         raise DesatError(
             f"{family}: no samples; `desat tables {family} --fresh` makes them"
         )
     values: dict[str, Numbers] = {
-        n: {k: d.levels["median"] for k, d in kept[n]["summary"].items()} for n in kept
+        n: {k: d.levels["median"] for k, d in pairs[n]["summary"].items()}
+        for n in pairs
     }
-    alone = {**given, **_references(given.values())}
+    alone = {**with_entries, **_references(with_entries.values())}
     values |= _single([s for n, s in alone.items() if n not in values], options, jobs)
     # values that the paper gives come before those that it lacks
     ranked = sorted(
-        given.values(),
+        with_entries.values(),
         key=lambda s: not any(e.values is not None for e in s.content.paper.values()),
     )
-    made = [
+    table = [
         row
         for s in ranked
-        for row in rows_of(s, values[s.name], values, kept.get(s.name))
+        for row in rows_of(s, values[s.name], values, pairs.get(s.name))
     ]
     entries = (e for s in ranked for e in s.content.paper.values())
     quantities = list(dict.fromkeys((e.table, e.quantity) for e in entries))
-    methods = list(dict.fromkeys(row.method for row in made))
+    methods = list(dict.fromkeys(row.method for row in table))
     return sorted(
-        made,
+        table,
         key=lambda r: (
             quantities.index((r.table, r.quantity)),
             methods.index(r.method),
@@ -116,11 +119,11 @@ def rows(
     )
 
 
-def _references(given: Iterable[Scenario]) -> dict[str, Scenario]:
+def _references(scenarios_compared: Iterable[Scenario]) -> dict[str, Scenario]:
     """Return the scenarios without samples that numbers of these are compared with."""
     names = {
         f"{s.family}/{number.reference}"
-        for s in given
+        for s in scenarios_compared
         for number in s.content.numbers.values()
         if number.reference
     }
@@ -136,37 +139,46 @@ def _pairs_of(
     Paired numbers are those of form `difference` or `paired_ratio`, computed sample by
     sample.
     """
-    own = drawn[scenario.name]
-    summary, draws = dict(own["summary"]), [dict(row.numbers) for row in own["draws"]]
+    samples = drawn[scenario.name]
+    summary, draws = (
+        dict(samples["summary"]),
+        [dict(row.numbers) for row in samples["draws"]],
+    )
     for name, entry in scenario.content.numbers.items():
         theirs = drawn.get(f"{scenario.family}/{entry.reference}")
         if theirs is None or entry.form not in ("difference", "paired_ratio"):
             continue
         paired = entry.form == "paired_ratio"
-        each = each_draw(own["draws"], theirs["draws"], entry.of, paired)
-        for row, numbers in zip(own["draws"], draws, strict=True):
+        each = each_draw(samples["draws"], theirs["draws"], entry.of, paired)
+        for row, numbers in zip(samples["draws"], draws, strict=True):
             if row.number in each:
                 numbers[name] = each[row.number]
-        summary |= spreads(draws, {name: "1" if paired else own["units"][entry.of]}, ())
-    rows = [replace(row, numbers=x) for row, x in zip(own["draws"], draws, strict=True)]
-    return {**own, "summary": summary, "draws": rows}
+        summary |= spreads(
+            draws, {name: "1" if paired else samples["units"][entry.of]}, ()
+        )
+    rows = [
+        replace(row, numbers=x) for row, x in zip(samples["draws"], draws, strict=True)
+    ]
+    return {**samples, "summary": summary, "draws": rows}
 
 
-def _single(given: list[Scenario], options: Options, jobs: int) -> dict[str, Numbers]:
+def _single(
+    selected: list[Scenario], options: Options, jobs: int
+) -> dict[str, Numbers]:
     """Run each scenario once and return its numbers.
 
     Little more is recorded than these need. Raises RunError for a run that does not
     complete.
     """
-    made = rows_of_runs(
-        [(s.name, options, 0, None) for s in given], jobs, "runs", progress=False
+    results = rows_of_runs(
+        [(s.name, options, 0, None) for s in selected], jobs, "runs", progress=False
     )
-    for scenario, row in zip(given, made, strict=True):
+    for scenario, row in zip(selected, results, strict=True):
         if not row.completed:
             raise RunError(
                 f"{scenario.name}: {row.status}: {row.message}", Exit(row.code)
             )
-    return {s.name: dict(row.numbers) for s, row in zip(given, made, strict=True)}
+    return {s.name: dict(row.numbers) for s, row in zip(selected, results, strict=True)}
 
 
 def as_json(
@@ -178,14 +190,14 @@ def as_json(
     is not reached is null. `drawn` is the run that the samples come from
     (`stored.provenance`).
     """
-    made = [
+    entries = [
         asdict(replace(row, ours=None) if row.ours == math.inf else row)
         for row in table
     ]
-    for banded in (*made, *(row["draws"] for row in made if row["draws"])):
+    for banded in (*entries, *(row["draws"] for row in entries if row["draws"])):
         if banded.get("band"):
             banded["band"] = [min(max(x, -LARGEST), LARGEST) for x in banded["band"]]
-    data = {"family": family, "count": count(table), "rows": made}
+    data = {"family": family, "count": count(table), "rows": entries}
     return data if drawn is None else {**data, "run": drawn}
 
 
@@ -310,12 +322,12 @@ def groups(table: list[PaperCell]) -> list[tuple[str, list[PaperCell]]]:
     return list(groups.items())
 
 
-def definitions(given: Iterable[str]) -> list[str]:
+def definitions(entries: Iterable[str]) -> list[str]:
     """Return what the rows of a heading measure, each sentence once.
 
     Sentences that differ only in the scenario that they compare with are joined.
     """
-    texts = dict.fromkeys(text for text in given if text)
+    texts = dict.fromkeys(text for text in entries if text)
     others: dict[str, list[str]] = {}
     for text in texts:
         compared = re.fullmatch(r"(.* to that of )(\S+)\)", text)
@@ -359,12 +371,12 @@ def spelt(family: str, table: list[PaperCell]) -> str:
 
 def origin(drawn: Provenance) -> str:
     """Describe where the numbers of samples come from."""
-    how = (
+    origin_of_samples = (
         "just now"
         if drawn["file"] == "computed now"
         else f"on {drawn['date']} ({drawn['file']})"
     )
-    return f"computed {how} with seed {drawn['seed']} by {drawn['components_as']}"
+    return f"computed {origin_of_samples} with seed {drawn['seed']} by {drawn['components_as']}"
 
 
 def write_html(
@@ -380,8 +392,8 @@ def write_html(
     pages = []
     for heading, group in groups(table):
         lines = [texts_of(row) for row in group]
-        said = definitions(row.definition for row in group)
-        pages.append((heading, said, lines, columns(lines)))
+        sentences = definitions(row.definition for row in group)
+        pages.append((heading, sentences, lines, columns(lines)))
     text = render(
         "tables.html",
         title=f"{family}: the paper's tables beside ours",

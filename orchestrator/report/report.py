@@ -126,21 +126,21 @@ def _law(manifest: Manifest) -> str:
 
 def _answer(manifest: Manifest) -> str:
     """Return the sentence on how a run meets its requirements; empty without any."""
-    told = manifest.verdicts
-    if not told:
+    verdicts = manifest.verdicts
+    if not verdicts:
         return ""
-    broken = [name for name, v in told.items() if not v.met]
+    broken = [name for name, v in verdicts.items() if not v.met]
     if broken:
-        return f"{len(broken)} of {len(told)} requirements not met: {', '.join(broken)}"
+        return f"{len(broken)} of {len(verdicts)} requirements not met: {', '.join(broken)}"
     least = min(
-        ((v.margin, name) for name, v in told.items() if v.margin is not None),
+        ((v.margin, name) for name, v in verdicts.items() if v.margin is not None),
         default=None,
     )
     margin = f"; least margin {100.0 * least[0]:.3g} % ({least[1]})" if least else ""
     if count := len(manifest.unmet):
-        met = f"{len(told)} requirement{'s' * (len(told) > 1)} of the scenario met"
+        met = f"{len(verdicts)} requirement{'s' * (len(verdicts) > 1)} of the scenario met"
         return f"Not met: {count} check{'s' * (count > 1)} of the run, above; {met}{margin}"
-    return f"{f'All {len(told)} requirements' if len(told) > 1 else 'The requirement'} met{margin}"
+    return f"{f'All {len(verdicts)} requirements' if len(verdicts) > 1 else 'The requirement'} met{margin}"
 
 
 def _deciding_first(plots: Mapping[str, Plot], manifest: Manifest) -> list[Plot]:
@@ -156,11 +156,11 @@ def _deciding_first(plots: Mapping[str, Plot], manifest: Manifest) -> list[Plot]
         key=lambda e: (e[1].met, math.inf if e[1].margin is None else e[1].margin),
     )
     number = manifest.content.numbers.get(verdict.number)
-    wanted = set(number.signals) if number else set()
+    series = set(number.signals) if number else set()
 
     def weight(name: str) -> tuple[int, bool]:
         """Return how many of the series a plot shows, and whether its name matches."""
-        return len(wanted & set(plots[name].signals)), name in (
+        return len(series & set(plots[name].signals)), name in (
             tightest,
             verdict.number,
         )
@@ -176,23 +176,23 @@ def figures_of(drawn: Sequence[tuple[str, Figure]]) -> dict[str, Any]:
     the styles of uPlot and its licence.
     """
     figures = [Drawn(i, c, Markup(figure.svg())) for i, (c, figure) in enumerate(drawn)]
-    told = interactive.data_of([figure for _, figure in drawn])
-    if not any(told["plots"]):
+    data = interactive.data_of([figure for _, figure in drawn])
+    if not any(data["plots"]):
         return {"figures": figures, "plots": False, "uplot_css": "", "most": 0}
     return {
         "figures": figures,
         "plots": True,
         "uplot_css": part("uplot/uPlot.min.css"),
         "licence": part("uplot/LICENSE"),
-        "plot_data": data_element(told, "drawn"),
-        "most": told["most"],
+        "plot_data": data_element(data, "drawn"),
+        "most": data["most"],
     }
 
 
-def data_element(told: Any, name: str = "told") -> Markup:
+def data_element(content: Any, name: str = "told") -> Markup:
     """Return the element with the data (JSON) that a page's script finds by its name."""
     # a user's name must not end the element
-    data = json.dumps(told, separators=(",", ":")).replace("<", "\\u003c")
+    data = json.dumps(content, separators=(",", ":")).replace("<", "\\u003c")
     element = Markup('<script type="application/json" id="{}">{}</script>')
     return element.format(name, Markup(data))
 

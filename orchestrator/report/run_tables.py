@@ -47,8 +47,8 @@ def tabulate_numbers(
         )
         row = [title, *(_number(m, name) for m in manifests), value.unit]
         rows.append([*row, required.get(name)] if required else row)
-    for name, why in manifest.not_checked.items():
-        row = [name, "not checked", *([None] if baseline else []), Cell(why)]
+    for name, reason in manifest.not_checked.items():
+        row = [name, "not checked", *([None] if baseline else []), Cell(reason)]
         rows.append([*row, None] if required else row)
     has_header = len(manifests) > 1 or bool(required)
     return Table("", columns, rows, has_header=has_header)

@@ -125,8 +125,8 @@ class Table:
         scales = self._scales()
         return [
             [
-                _shown(column, given, self._unit(column, row), scales)
-                for column, given in zip(self.columns, row, strict=True)
+                _shown(column, value, self._unit(column, row), scales)
+                for column, value in zip(self.columns, row, strict=True)
             ]
             for row in self.rows
         ]
@@ -170,8 +170,8 @@ class Table:
     def _numbers(self) -> Iterator[tuple[str, float]]:
         """Yield units that can be scaled, and finite numbers in them."""
         for row in self.rows:
-            for column, given in zip(self.columns, row, strict=True):
-                unit, cell = self._unit(column, row), _cell(given)
+            for column, element in zip(self.columns, row, strict=True):
+                unit, cell = self._unit(column, row), _cell(element)
                 if unit not in SI_UNITS:
                     continue
                 for value in (cell.value, *cell.numbers):
@@ -179,9 +179,9 @@ class Table:
                         yield unit, float(value)
 
 
-def _cell(given: str | float | Cell | None) -> Cell:
+def _cell(value: str | float | Cell | None) -> Cell:
     """Convert a value to a cell."""
-    return given if isinstance(given, Cell) else Cell(given)
+    return value if isinstance(value, Cell) else Cell(value)
 
 
 def _suitable_unit(si: str, size: float) -> str:
@@ -203,14 +203,14 @@ def _heading(column: Column, scales: Mapping[str, tuple[str, float]]) -> str:
 
 def _shown(
     column: Column,
-    given: str | float | Cell | None,
+    value: str | float | Cell | None,
     unit: str,
     scales: Mapping[str, tuple[str, float]],
 ) -> Cell:
     """Return a cell whose value is a readable text."""
-    if column.kind == "unit" and isinstance(given, str):
-        return Cell(spell_unit(scales[given][0] if given in scales else given))
-    cell = _cell(given)
+    if column.kind == "unit" and isinstance(value, str):
+        return Cell(spell_unit(scales[value][0] if value in scales else value))
+    cell = _cell(value)
     factor = scales[unit][1] if unit in scales else None
     if cell.numbers:
         text = str(cell.value).format(

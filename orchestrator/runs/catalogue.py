@@ -52,9 +52,9 @@ def family(name: str, of_systems: bool = True) -> Family:
         If there is none.
     """
     require(name, families(), "no family")
-    digest, kept = _digest(name), _file(name)
+    digest, stored_file = _digest(name), _file(name)
     with suppress(OSError, ValueError, KeyError, TypeError):
-        known = json.loads(kept.read_text(encoding="utf-8"))
+        known = json.loads(stored_file.read_text(encoding="utf-8"))
         if known.pop("digest") == digest and known.pop("of_systems") >= of_systems:
             return Family(**known)
     if of_systems and sys.stderr.isatty():
@@ -62,14 +62,14 @@ def family(name: str, of_systems: bool = True) -> Family:
             f"reading the scenarios of {name}, for they or desat have changed",
             file=sys.stderr,
         )
-    made = _load(name, of_systems)
+    loaded = _load(name, of_systems)
     with suppress(OSError):  # the cache is optional
-        kept.parent.mkdir(parents=True, exist_ok=True)
-        part = kept.with_name(f"{kept.name}.{os.getpid()}.part")
-        told = {"digest": digest, "of_systems": of_systems, **asdict(made)}
-        part.write_text(json.dumps(told), encoding="utf-8")
-        part.replace(kept)
-    return made
+        stored_file.parent.mkdir(parents=True, exist_ok=True)
+        part = stored_file.with_name(f"{stored_file.name}.{os.getpid()}.part")
+        document = {"digest": digest, "of_systems": of_systems, **asdict(loaded)}
+        part.write_text(json.dumps(document), encoding="utf-8")
+        part.replace(stored_file)
+    return loaded
 
 
 def of_folder(folder: Path) -> Family:
@@ -85,7 +85,7 @@ def of_folder(folder: Path) -> Family:
             continue
         name = str(folder) if file.name == paths.NOMINAL else str(file)
         try:
-            titles[name] = scenario.own(file).content.title
+            titles[name] = scenario.read_foreign(file).content.title
         except DesatError as error:
             problems += str(error).splitlines()
     return Family(str(folder), "", titles, problems)
@@ -108,29 +108,34 @@ def _load(name: str, of_systems: bool) -> Family:
 
 def _file(name: str) -> Path:
     """Return the path of the cache of a family in this folder."""
-    where = hashlib.sha256(os.fsencode(paths.SCENARIOS / name)).hexdigest()[:16]
-    return paths.cache() / "lists" / f"{name}-{where}.json"
+    name_hash = hashlib.sha256(os.fsencode(paths.SCENARIOS / name)).hexdigest()[:16]
+    return paths.cache() / "lists" / f"{name}-{name_hash}.json"
 
 
 def _digest(name: str) -> str:
     """Compute the digest of a family's files and of our code."""
-    made = hashlib.sha256(f"{sys.version}".encode())
+    digest = hashlib.sha256(f"{sys.version}".encode())
     folder = paths.SCENARIOS / name
     for path in sorted(
         p for p in folder.rglob("*") if p.suffix in (".toml", ".ssd", ".fmu")
     ):
-        made.update(os.fsencode(f"\0{path.relative_to(folder)}\0") + path.read_bytes())
-    made.update(_code())
-    return made.hexdigest()
+        digest.update(
+            os.fsencode(f"\0{path.relative_to(folder)}\0") + path.read_bytes()
+        )
+    digest.update(_code())
+    return digest.hexdigest()
 
 
 @cache
 def _code() -> bytes:
     """Compute the digest of path, size and modification time of our code files."""
-    made = hashlib.sha256()
+    digest = hashlib.sha256()
     # in a checkout these packages lie beside the main one
-    beside = [paths.PACKAGE.parent / "components", paths.PACKAGE.parent / "fmus"]
-    for root in (paths.PACKAGE, *(() if paths.INSTALLED else beside)):
+    source_folders = [
+        paths.PACKAGE.parent / "components",
+        paths.PACKAGE.parent / "fmus",
+    ]
+    for root in (paths.PACKAGE, *(() if paths.INSTALLED else source_folders)):
         for folder, folders, files in os.walk(root):
             folders[:] = sorted(
                 f for f in folders if f not in ("__pycache__", "dist", "ssp")
@@ -138,5 +143,7 @@ def _code() -> bytes:
             for file in sorted(f for f in files if f.endswith(".py")):
                 path = os.path.join(folder, file)
                 stat = os.stat(path)
-                made.update(os.fsencode(f"\0{path} {stat.st_size} {stat.st_mtime_ns}"))
-    return made.digest()
+                digest.update(
+                    os.fsencode(f"\0{path} {stat.st_size} {stat.st_mtime_ns}")
+                )
+    return digest.digest()

@@ -68,16 +68,19 @@ def of_results(manifest: Manifest, results: Results) -> xr.Dataset:
             rows = lazy.shape[0]
             ends = np.append(times[1:], times[-1:])[:rows]
             middle = 0.5 * (times[:rows] + ends)
-            told = {"units": "s", "long_name": "middle of the step that a mean is over"}
-            coordinates["interval"] = ("interval", middle, told)
+            time_attributes = {
+                "units": "s",
+                "long_name": "middle of the step that a mean is over",
+            }
+            coordinates["interval"] = ("interval", middle, time_attributes)
         variables[name] = lazy.variable((along, *dims), _attributes(results, name))
-    told = {
+    time_attributes = {
         **attributes(manifest),
         "status": manifest.status,
         "numbers": json.dumps(manifest.to_json()["numbers"]),
         "manifest": json.dumps(manifest.to_json()),
     }
-    return xr.Dataset(variables, coordinates, told)
+    return xr.Dataset(variables, coordinates, time_attributes)
 
 
 def dims_of(name: str, shape: tuple[int, ...]) -> tuple[tuple[str, ...], Sequence[Any]]:
@@ -145,10 +148,10 @@ def _series(results: Results, name: str, length: int) -> tuple[Lazy, str]:
 def _attributes(results: Results, name: str) -> dict[str, Any]:
     """Collect unit, frame, description, class and choices of a series."""
     choices = results.choices(name)
-    told = {
+    attributes = {
         "units": results.attribute(name, "unit"),
         "frame": results.attribute(name, "frame"),
         "long_name": results.attribute(name, "description"),
         "class": results.attribute(name, "class"),
     }
-    return told | ({"choices": list(choices)} if choices else {})
+    return attributes | ({"choices": list(choices)} if choices else {})

@@ -39,27 +39,29 @@ def readable(
     return good, list(dict.fromkeys(lines))
 
 
-def _of_content(given: Scenario, of_systems: bool) -> list[str]:
+def _of_content(scenario_checked: Scenario, of_systems: bool) -> list[str]:
     """Return the problems of a scenario's content, and of its system on bare blocks."""
     if not of_systems:
-        wrong = validation.content_problems(given.content, None)
-        return [f"{given.where(path)}: {text}" for path, text in wrong]
+        wrong = validation.content_problems(scenario_checked.content, None)
+        return [f"{scenario_checked.place(path)}: {text}" for path, text in wrong]
     try:
-        builder = given.builder(blocks=True)
+        builder = scenario_checked.builder(blocks=True)
     except DesatError as error:
         return str(error).splitlines()
     if builder.problems:
         return builder.problems
     system, _ = builder.build()
-    wrong = validation.content_problems(given.content, builder.components, system)
-    return [f"{given.where(path)}: {text}" for path, text in wrong]
+    wrong = validation.content_problems(
+        scenario_checked.content, builder.components, system
+    )
+    return [f"{scenario_checked.place(path)}: {text}" for path, text in wrong]
 
 
-def _design(given: Scenario) -> list[str]:
+def _design(scenario_checked: Scenario) -> list[str]:
     """Return the problems of the file of a scenario's design."""
     try:
-        if given.design is not None and given.design.exists():
-            reader.design(given.design)
+        if scenario_checked.design is not None and scenario_checked.design.exists():
+            reader.design(scenario_checked.design)
     except DesatError as error:
         return str(error).splitlines()
     return []
@@ -87,7 +89,7 @@ def _tables() -> JsonObject:
     }
 
 
-def keys(what: str | None) -> list[dict[str, str]]:
+def keys(selection: str | None) -> list[dict[str, str]]:
     """List the keys of a table of the language, or of all tables.
 
     Raises
@@ -98,8 +100,8 @@ def keys(what: str | None) -> list[dict[str, str]]:
     from ..language.kinds import declared
 
     tables = _tables()
-    if what is not None and what not in tables:
-        raise DesatError(f"no table {what}{nearest(what, tables)}")
+    if selection is not None and selection not in tables:
+        raise DesatError(f"no table {selection}{nearest(selection, tables)}")
     return [
         {
             "table": name,
@@ -109,7 +111,7 @@ def keys(what: str | None) -> list[dict[str, str]]:
             "what": field.description or "",
         }
         for name, table in tables.items()
-        if what in (None, name)
+        if selection in (None, name)
         for of in (declared(table),)
         for key, field in table.model_fields.items()
     ]
@@ -173,8 +175,8 @@ def _row(*cells: str) -> str:
 
 def schema() -> JsonObject:
     """Return the language as a JSON schema, for editors."""
-    made: JsonObject = _tables()["scenario"].model_json_schema()
-    return made
+    schemas: JsonObject = _tables()["scenario"].model_json_schema()
+    return schemas
 
 
 def measures() -> list[dict[str, str]]:
@@ -186,14 +188,14 @@ def measures() -> list[dict[str, str]]:
             o if d is inspect.Parameter.empty else f"{o} = {d}"
             for o, d in options.items()
         ]
-        what = " ".join((MEASURES[name].__doc__ or "").split())
-        what += " If never, it is not reached." if name in LATE else ""
+        meaning = " ".join((MEASURES[name].__doc__ or "").split())
+        meaning += " If never, it is not reached." if name in LATE else ""
         rows.append(
             {
                 "measure": name,
                 "series": ", ".join(series),
                 "options": ", ".join(texts),
-                "what": what,
+                "what": meaning,
             }
         )
     return rows
@@ -202,24 +204,28 @@ def measures() -> list[dict[str, str]]:
 def show(name: str) -> list[JsonObject]:
     """Return every value of a merged scenario, with its file, axis cell or design."""
     nominal = Path(name) / paths.NOMINAL
-    given = nominal if nominal.is_file() else Path(name)
-    whole = scenario.own(given) if given.suffix == ".toml" else scenario.find(name)
+    named_file = nominal if nominal.is_file() else Path(name)
+    found = (
+        scenario.read_foreign(named_file)
+        if named_file.suffix == ".toml"
+        else scenario.find(name)
+    )
     rows = [
         {
             "key": ".".join(path),
             "value": value,
-            "from": whole.origin_of(path)[0],
-            "cell": origin(whole.origins, path)[1].rstrip("."),
+            "from": found.origin_of(path)[0],
+            "cell": origin(found.origins, path)[1].rstrip("."),
         }
-        for path, value in _leaves(whole.content.data)
+        for path, value in _leaves(found.content.data)
     ]
-    if whole.design is not None and whole.design.exists():
-        own = {row["key"] for row in rows}
-        file = whole.design.relative_to(scenario.ROOT.parent).as_posix()
+    if found.design is not None and found.design.exists():
+        own_keys = {row["key"] for row in rows}
+        file = found.design.relative_to(scenario.ROOT.parent).as_posix()
         rows += [
             {"key": key, "value": value, "from": file, "cell": "design"}
-            for path, value in _leaves(whole.parameters(), ("parameters",))
-            if (key := ".".join(path)) not in own
+            for path, value in _leaves(found.parameters(), ("parameters",))
+            if (key := ".".join(path)) not in own_keys
         ]
     return [{**row, "value": _plain(row["value"])} for row in rows]
 
@@ -240,7 +246,7 @@ def _plain(value: Any) -> Any:
     return value.isoformat() if hasattr(value, "isoformat") else value
 
 
-def blocks(what: str | None) -> tuple[str, list[dict[str, str]]]:
+def blocks(selection: str | None) -> tuple[str, list[dict[str, str]]]:
     """Return a text and rows on all blocks, those of a role, or the variables of one.
 
     Raises
@@ -249,9 +255,9 @@ def blocks(what: str | None) -> tuple[str, list[dict[str, str]]]:
         If there is no such block or role.
     """
     known = {name: interface_of_block(name) for name in registry.names()}
-    if what in known:
-        assert what is not None
-        interface = known[what]
+    if selection in known:
+        assert selection is not None
+        interface = known[selection]
         rows = []
         for kind in ("parameter", "input", "output"):
             for name in dict.fromkeys(s.array for s in interface.of(kind)):
@@ -270,17 +276,17 @@ def blocks(what: str | None) -> tuple[str, list[dict[str, str]]]:
                         "meaning": first.description,
                     }
                 )
-        block = registry.block_class(what)
+        block = registry.block_class(selection)
         return "\n\n".join(filter(None, (inspect.getdoc(block), _laws(block)))), rows
     roles = sorted({i.role for i in known.values()})
-    if what is not None and what not in roles:
+    if selection is not None and selection not in roles:
         raise DesatError(
-            f"{what}: no block and no role{nearest(what, [*known, *roles])}"
+            f"{selection}: no block and no role{nearest(selection, [*known, *roles])}"
         )
     return "", [
         {"role": i.role, "block": name, "title": i.title}
         for name, i in sorted(known.items(), key=lambda x: (x[1].role, x[0]))
-        if what in (None, i.role)
+        if selection in (None, i.role)
     ]
 
 

@@ -23,7 +23,9 @@ from ..system.expression import Table
 from ..system.model import J2000
 from ..system.typed import JsonObject
 
-_ROOM = 64_000  # bytes by which the manifest of a run under way is longer than it needs
+_RESERVED_OCTETS = (
+    64_000  # bytes by which the manifest of a run under way is longer than it needs
+)
 
 
 def attributes(manifest: Manifest) -> dict[str, str]:
@@ -113,14 +115,18 @@ def related_to(manifest: Manifest, others: Mapping[str, Manifest]) -> Manifest:
 
     The others are by scenario name, without the family.
     """
-    made = dict(manifest.numbers)
+    numbers_related = dict(manifest.numbers)
     for name, number in manifest.content.numbers.items():
         other, of = others.get(number.reference), number.of
-        if other is not None and of in made and of in other.numbers:
-            value = related(str(number.form), made[of].value, other.numbers[of].value)
+        if other is not None and of in numbers_related and of in other.numbers:
+            value = related(
+                str(number.form), numbers_related[of].value, other.numbers[of].value
+            )
             title = number.title or name
-            made[name] = Value(title, value, number.unit, reference=number.reference)
-    return replace(manifest, numbers=made)
+            numbers_related[name] = Value(
+                title, value, number.unit, reference=number.reference
+            )
+    return replace(manifest, numbers=numbers_related)
 
 
 def write_json(path: Path, data: Any) -> None:
@@ -132,7 +138,7 @@ def begin_manifest(folder: Path, manifest: Manifest) -> None:
     """Write the manifest of a run under way, with room for that of its end."""
     replace_text(
         folder / f"{MANIFEST}.part",
-        json.dumps(manifest.to_json(), indent=1) + _ROOM * " ",
+        json.dumps(manifest.to_json(), indent=1) + _RESERVED_OCTETS * " ",
     )
     (folder / MANIFEST).unlink(missing_ok=True)  # left by an earlier run that was ended
 
@@ -168,18 +174,20 @@ def read_manifest(folder: Path) -> Manifest:
     """
     for name in (MANIFEST, f"{MANIFEST}.part"):
         if (folder / name).exists():
-            where = str(folder / name)
+            place = str(folder / name)
             try:
-                told = json.loads(contents(folder / name, where))
+                document = json.loads(contents(folder / name, place))
             except (ValueError, RecursionError) as error:
-                raise DesatError(f"{where}: {error}") from error
+                raise DesatError(f"{place}: {error}") from error
             for key, kind in (("status", str), ("about", dict)):
-                if not isinstance(told, dict) or not isinstance(told.get(key), kind):
-                    raise DesatError(f"{where}: no manifest of a run (it has no {key})")
+                if not isinstance(document, dict) or not isinstance(
+                    document.get(key), kind
+                ):
+                    raise DesatError(f"{place}: no manifest of a run (it has no {key})")
             try:
-                return Manifest.from_json(told)
+                return Manifest.from_json(document)
             except ValueError as error:
-                raise DesatError(f"{where}: no manifest of a run: {error}") from error
+                raise DesatError(f"{place}: no manifest of a run: {error}") from error
     if (folder / paths.NOMINAL).is_file():
         runs = Path("runs") / folder.resolve().name
         there = f"; its run is {runs}" if (runs / MANIFEST).is_file() else ""

@@ -54,7 +54,7 @@ class Case:
 
     target: str
     options: Options
-    where: str  # file that its system was read from, for messages
+    place: str  # file that its system was read from, for messages
     checked: Checked
     # manifest before the run, where it is known from another case (`varied`)
     manifest: Manifest | None = None
@@ -107,11 +107,13 @@ class Target:
         """Return its system to draw values for; raise DesatError for any problem."""
         if blocks not in self._to_draw:
             builder = self.builder(Options(blocks=blocks))
-            given = self.scenario or _packed_scenario(builder)
-            if given is not None and not builder.problems:
-                found = validation.content_problems(given.content, builder.components)
+            scenario_drawn = self.scenario or _packed_scenario(builder)
+            if scenario_drawn is not None and not builder.problems:
+                found = validation.content_problems(
+                    scenario_drawn.content, builder.components
+                )
                 builder.problems += [
-                    f"{given.where(path)}: {text}"
+                    f"{scenario_drawn.place(path)}: {text}"
                     for path, text in found
                     if "dispersions" in path
                 ]
@@ -132,12 +134,12 @@ def read(target: str) -> Target:
         If there is none.
     """
     path = Path(target)
-    if (own := path / paths.NOMINAL).is_file():
-        return Target(target, scenario.own(own))
+    if (nominal := path / paths.NOMINAL).is_file():
+        return Target(target, scenario.read_foreign(nominal))
     if path.suffix in (".ssp", ".ssd") or path.is_dir():
         return Target(target, None)
-    if path.suffix != ".toml" and (beside := Path(f"{target}.toml")).is_file():
-        path = beside
+    if path.suffix != ".toml" and (with_suffix := Path(f"{target}.toml")).is_file():
+        path = with_suffix
     if path.name.endswith(craft.FILE) and path.is_file():
         there = sorted(
             x.stem for x in path.parent.glob("*.toml") if x.name != path.name
@@ -147,7 +149,7 @@ def read(target: str) -> Target:
             f"{', '.join(there) or 'its folder'}"
         )
     if path.suffix == ".toml":
-        return Target(target, scenario.own(path))
+        return Target(target, scenario.read_foreign(path))
     try:
         return Target(target, scenario.find(target))
     except DesatError:
@@ -219,8 +221,8 @@ def _prepare(target: Target, options: Options) -> Case:
         checked.problems += [line for find in RUNS for line in find(system, options)]
         faults = library.fault_warnings(system)
         (checked.problems if options.strict else checked.warnings).extend(faults)
-    if (given := scenario or _packed_scenario(builder)) is not None:
-        _hold(checked, builder, given, target, options)
+    if (scenario_read := scenario or _packed_scenario(builder)) is not None:
+        _hold(checked, builder, scenario_read, target, options)
     if (
         system is not None
         and options.design is None
@@ -232,13 +234,13 @@ def _prepare(target: Target, options: Options) -> Case:
         checked.warnings += [line for find in WARNINGS for line in find(system)]
     if system is not None and checked.schedule is not None:
         checked.warnings += _run_warnings(system, checked.schedule, options)
-    return Case(target.text, options, builder.where, checked)
+    return Case(target.text, options, builder.place, checked)
 
 
 def _hold(
     checked: Checked,
     builder: Builder,
-    given: Scenario,
+    scenario_held: Scenario,
     target: Target,
     options: Options,
 ) -> None:
@@ -249,17 +251,23 @@ def _hold(
     """
     system = checked.system
     wrong = validation.content_problems(
-        given.content, builder.components, system if checked.schedule else None
+        scenario_held.content, builder.components, system if checked.schedule else None
     )
     if not options.sources or system is None:
-        checked.problems += [f"{given.where(path)}: {text}" for path, text in wrong]
+        checked.problems += [
+            f"{scenario_held.place(path)}: {text}" for path, text in wrong
+        ]
         return
-    own = target.builder(options)
-    known = [*validation.content_problems(given.content, own.components)]
-    checked.problems += [f"{given.where(path)}: {text}" for path, text in known]
-    content, left_out = validation.fit_to(given.content, system)
+    own_builder = target.builder(options)
+    known = [
+        *validation.content_problems(scenario_held.content, own_builder.components)
+    ]
+    checked.problems += [f"{scenario_held.place(path)}: {text}" for path, text in known]
+    content, left_out = validation.fit_to(scenario_held.content, system)
     checked.system = replace(system, about=content)
-    checked.warnings += [f"{given.where(path)}: {text}" for path, text in left_out]
+    checked.warnings += [
+        f"{scenario_held.place(path)}: {text}" for path, text in left_out
+    ]
 
 
 def with_values(target: Target, options: Options) -> Case:
@@ -303,11 +311,11 @@ def _changed(system: System, values: Values) -> dict[str, Component] | None:
     None where more than their own values would change, or a value does not fit.
     """
     texts = [t for c in system.components.values() for t in c.references.values()]
-    told = [
+    entries = [
         content_of(system.about).written.get(k)
         for k in ("numbers", "stop_when", "design")
     ]
-    named = set(re.findall(r"\w+", " ".join([*texts, repr(told)])))
+    named = set(re.findall(r"\w+", " ".join([*texts, repr(entries)])))
     parameters: dict[str, dict[str, Scalar]] = {}
     for name, value in values.items():
         owner, _, variable = name.partition(".")
@@ -322,13 +330,13 @@ def _changed(system: System, values: Values) -> dict[str, Component] | None:
         ):
             return None
         try:
-            given = expand(component.interface, variable, value, owner)
+            elements = expand(component.interface, variable, value, owner)
         except DesatError:
             return None
-        parameters.setdefault(owner, dict(component.parameters)).update(given)
+        parameters.setdefault(owner, dict(component.parameters)).update(elements)
     return {
-        name: replace(system.components[name], parameters=given)
-        for name, given in parameters.items()
+        name: replace(system.components[name], parameters=elements)
+        for name, elements in parameters.items()
     }
 
 
@@ -355,9 +363,9 @@ def _with_options(target: Target, options: Options) -> Builder:
     if scenario is not None and (
         options.design is not None or scenario.design is not None
     ):
-        own = scenario.parameters(designed=False)
+        own_values = scenario.parameters(designed=False)
         designed = {  # except for the scenario's own values
-            name: {k: v for k, v in values.items() if k not in own.get(name, {})}
+            name: {k: v for k, v in values.items() if k not in own_values.get(name, {})}
             for name, values in DESIGNS.parameters_for(scenario, options).items()
         }
     sampled = _drawn_from(builder, scenario, options)
@@ -374,16 +382,16 @@ def _drawn_from(
     spread = dispersions_of(builder)
     if not spread.keys() <= options.values.keys():
         return {}
-    given = content_of(builder.about).dispersions
-    where = {}
+    dispersions = content_of(builder.about).dispersions
+    places = {}
     for name in spread:
-        key = name if name in given else f"*.{name.partition('.')[2]}"
+        key = name if name in dispersions else f"*.{name.partition('.')[2]}"
         path = ("dispersions", key)
         file, key = (
-            described.origin_of(path) if described else (builder.where, ".".join(path))
+            described.origin_of(path) if described else (builder.place, ".".join(path))
         )
-        where[name] = f"{file}: {key}"
-    return where
+        places[name] = f"{file}: {key}"
+    return places
 
 
 def _run_warnings(
@@ -419,7 +427,7 @@ def _packed_scenario(builder: Builder) -> Scenario | None:
     content = content_of(builder.about)
     if content is NOTHING:
         return None
-    file = Path(builder.where).parent / ssp.ABOUT
+    file = Path(builder.place).parent / ssp.ABOUT
     return Scenario(content, file, file.parent)
 
 

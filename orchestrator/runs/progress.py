@@ -27,14 +27,14 @@ def in_notebook() -> bool:
 
 @contextmanager
 def progress(
-    title: str, total: int, wanted: bool = True, done: int = 0
+    title: str, total: int, is_shown: bool = True, done: int = 0
 ) -> Iterator[Tell]:
     """Show the progress of `total` parts within the context.
 
     It yields the function to report progress with. `done` parts were made before.
     """
-    if not wanted or not total:
-        yield lambda made, text: None
+    if not is_shown or not total:
+        yield lambda count, text: None
     elif sys.stderr.isatty():
         with _bar(title, total, done) as tell:
             yield tell
@@ -43,7 +43,7 @@ def progress(
 
 
 @contextmanager
-def stages(wanted: bool = True) -> Iterator[Callable[[str], None]]:
+def stages(is_shown: bool = True) -> Iterator[Callable[[str], None]]:
     """Show the current stage of work of unknown length, and how long it has run."""
     from rich.console import Console
 
@@ -53,13 +53,13 @@ def stages(wanted: bool = True) -> Iterator[Callable[[str], None]]:
         """Print a stage, at once in a notebook and at most once a minute elsewhere."""
         nonlocal last
         now = time.monotonic()
-        if wanted and (in_notebook() or now - last > MINUTE):
+        if is_shown and (in_notebook() or now - last > MINUTE):
             last = now
             print(
                 f"{text} ... ({now - began:.0f} s so far)", file=sys.stderr, flush=True
             )
 
-    if not (wanted and sys.stderr.isatty()):
+    if not (is_shown and sys.stderr.isatty()):
         yield line
         return
     with Console(stderr=True, emoji=False, markup=False).status("") as status:
@@ -83,7 +83,7 @@ def _bar(title: str, total: int, done: int) -> Iterator[Tell]:
     )
     with Progress(*columns, transient=True, console=Console(stderr=True)) as shown:
         task = shown.add_task(title, total=total, completed=done, told="")
-        yield lambda made, text: shown.update(task, completed=made, told=text)
+        yield lambda count, text: shown.update(task, completed=count, told=text)
 
 
 def _lines(title: str, total: int, done: int) -> Iterator[Tell]:
@@ -92,21 +92,19 @@ def _lines(title: str, total: int, done: int) -> Iterator[Tell]:
     began = last = time.monotonic()
     begin, end = ("\r", "") if notebook else ("", "\n")
 
-    def tell(made: int, text: str) -> None:
+    def tell(count: int, text: str) -> None:
         """Print the progress, with the time that is left, when the next line is due."""
         nonlocal last
         now = time.monotonic()
         if now - last < (BLINK if notebook else MINUTE) and not (
-            notebook and made >= total
+            notebook and count >= total
         ):
             return
         last = now
-        rate = (made - done) / (now - began)
-        left = f", {(total - made) / rate:.0f} s left" if rate > 0.0 else ""
-        said = (
-            f"{title}: {100.0 * made / total:.0f} % done{', ' * bool(text)}{text}{left}"
-        )
-        print(f"{begin}{said}", end=end, file=sys.stderr, flush=True)
+        rate = (count - done) / (now - began)
+        time_left = f", {(total - count) / rate:.0f} s left" if rate > 0.0 else ""
+        line = f"{title}: {100.0 * count / total:.0f} % done{', ' * bool(text)}{text}{time_left}"
+        print(f"{begin}{line}", end=end, file=sys.stderr, flush=True)
 
     yield tell
     if notebook:

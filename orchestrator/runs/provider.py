@@ -28,11 +28,11 @@ class LayerProvider:
         Called for a scenario that has a [design], or is to have one. Raises DesatError
         where it cannot be made.
         """
-        asked = f"{scenario.name}: [design]"
+        request = f"{scenario.name}: [design]"
         if options.design is not None:
-            asked = f"--design {options.design}"
+            request = f"--design {options.design}"
         raise DesatError(
-            f"{asked}: designs are computed by desat.papers, which is not installed"
+            f"{request}: designs are computed by desat.papers, which is not installed"
         )
 
     def warnings(

@@ -139,14 +139,16 @@ class Run:
         return figure
 
     def __repr__(self) -> str:
-        told = self.manifest
+        manifest = self.manifest
         shown = [
             f"{n}={x.value:.4g} {x.unit}"
-            for n, x in list(told.numbers.items())[:SHOWN]
+            for n, x in list(manifest.numbers.items())[:SHOWN]
             if x.value is not None
         ]
-        more = [f"{len(told.not_met)} not met"] if told.not_met else []
-        return f"<Run {told.scenario}: {', '.join([told.status, *shown, *more])}>"
+        more = [f"{len(manifest.not_met)} not met"] if manifest.not_met else []
+        return (
+            f"<Run {manifest.scenario}: {', '.join([manifest.status, *shown, *more])}>"
+        )
 
     def _repr_html_(self) -> str:
         return f"<p>{escape(repr(self))}</p>{self.numbers.to_html(na_rep='')}"
@@ -155,8 +157,8 @@ class Run:
         """Return the run if it completed; raise RunError, with the target, if not."""
         if self.ok:
             return self
-        told = self.manifest
-        raise RunError(f"{target}: {told.status}: {told.message}", self.code)
+        manifest = self.manifest
+        raise RunError(f"{target}: {manifest.status}: {manifest.message}", self.code)
 
 
 def execute(
@@ -206,7 +208,7 @@ def simulate(
     )
     if checkpoint is not None:
         choice = Manifest.from_json(checkpoint.about["manifest"]).substep_choice
-    for left in reversed(range(substep_choice.AGAIN)):
+    for attempts_left in reversed(range(substep_choice.AGAIN)):
         run = _simulate(_with_inner(case, choice), choice, folder, progress, checkpoint)
         if choice is None or not run.ok:
             break
@@ -215,7 +217,7 @@ def simulate(
         )
         if more is None:
             break
-        if more.substeps == choice.substeps or not left:
+        if more.substeps == choice.substeps or not attempts_left:
             _tell(run, more, folder)
             break
         run.results.close()
@@ -238,17 +240,18 @@ def _with_inner(case: Case, choice: SubstepChoice | None) -> Case:
 
 def _tell(run: Run, choice: SubstepChoice, folder: Path | None) -> None:
     """Add the result of a second substep choice to a run's manifest."""
-    told = replace(run.manifest, substep_choice=choice)
-    told = replace(
-        told, numbers={**told.numbers, **coverage.numbers(told, run.results)}
+    manifest = replace(run.manifest, substep_choice=choice)
+    manifest = replace(
+        manifest,
+        numbers={**manifest.numbers, **coverage.numbers(manifest, run.results)},
     )
-    if choice.substeps != told.substeps:
+    if choice.substeps != manifest.substeps:
         line = (
             f"made {substep_choice.AGAIN} times, it would want {choice.substeps} substeps "
             f"still: {choice.again[-1]}"
         )
-        told = replace(told, warnings=[*told.warnings, line])
-    run.manifest = told
+        manifest = replace(manifest, warnings=[*manifest.warnings, line])
+    run.manifest = manifest
     if folder is not None:
         end_manifest(folder, run.manifest)
 
@@ -323,35 +326,39 @@ def _simulate(
 
 def _measure(run: Run, system: System) -> None:
     """Add numbers, verdicts and unmet conditions of a run to its manifest."""
-    told, results = run.manifest, run.results
+    manifest, results = run.manifest, run.results
     if not len(results.times()):
         return
     content = content_of(system.about)
-    told = run.manifest = replace(
-        told,
-        numbers=numbers(content, results, told.parameters),
+    manifest = run.manifest = replace(
+        manifest,
+        numbers=numbers(content, results, manifest.parameters),
         not_checked=unrecorded(content, results),
     )
     for analysis in analyses():
-        if told.parts.get(analysis.KEY) is not None:
-            told = replace(
-                told, numbers={**told.numbers, **analysis.numbers(told, results)}
+        if manifest.parts.get(analysis.KEY) is not None:
+            manifest = replace(
+                manifest,
+                numbers={**manifest.numbers, **analysis.numbers(manifest, results)},
             )
-            told = run.manifest = replace(
-                told,
-                unmet=[*told.unmet, *analysis.unmet(told, results)],
-                warnings=[*told.warnings, *analysis.remarks(told, results)],
-                not_checked={**told.not_checked, **analysis.unchecked(told, results)},
+            manifest = run.manifest = replace(
+                manifest,
+                unmet=[*manifest.unmet, *analysis.unmet(manifest, results)],
+                warnings=[*manifest.warnings, *analysis.remarks(manifest, results)],
+                not_checked={
+                    **manifest.not_checked,
+                    **analysis.unchecked(manifest, results),
+                },
             )
-    if told.completed:
+    if manifest.completed:
         found, unjudged = judge(
-            content, told.numbers, system.start, told.end_time or system.start
+            content, manifest.numbers, system.start, manifest.end_time or system.start
         )
-        told = replace(
-            told, verdicts=found, not_checked={**unjudged, **told.not_checked}
+        manifest = replace(
+            manifest, verdicts=found, not_checked={**unjudged, **manifest.not_checked}
         )
-    lines = dict.fromkeys([*told.warnings, *not_checked(told.not_checked)])
-    run.manifest = replace(told, warnings=list(lines))
+    lines = dict.fromkeys([*manifest.warnings, *not_checked(manifest.not_checked)])
+    run.manifest = replace(manifest, warnings=list(lines))
 
 
 def _simulate_apart(
@@ -387,7 +394,7 @@ def _simulate_apart(
         if "bug" in ended.reports and not full and outcome is None and not ended.signal:
             raise RuntimeError(ended.reports["bug"])
         if outcome is not None:
-            if ended.how:  # all is recorded: it ended while a component was freed
+            if ended.exit_text:  # all is recorded: it ended while a component was freed
                 outcome.status, outcome.message = (
                     "failed",
                     f"{ended.text()}, after the run",

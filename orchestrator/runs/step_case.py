@@ -55,7 +55,7 @@ def step(
     progress: bool,
     checkpoint: Checkpoint | None = None,
     unwritten: RowBuffer | None = None,
-    tell: Callable[[str, Any], None] = lambda name, what: None,
+    tell: Callable[[str, Any], None] = lambda name, note: None,
 ) -> tuple[Outcome, Results]:
     """Initialise, step and record.
 
@@ -63,7 +63,7 @@ def step(
     """
     system, schedule = case.or_raise()
     options, outcome = case.options, Outcome("completed")
-    wanted = as_json(case.target, options)
+    options_given = as_json(case.target, options)
 
     def watched(component: str, signal: Any) -> bool:
         """Return whether the master has to read an output."""
@@ -72,7 +72,7 @@ def step(
         return ends_it or balanced or selects(options.record, component, signal)
 
     ends, along = stopping.condition(system), _along(case, manifest)
-    keeps = None if along is None else along.kept
+    keeps = None if along is None else along.recorded
 
     def make() -> Master:
         """Build a master for the case."""
@@ -84,7 +84,7 @@ def step(
             halvings=options.halvings,
             isolated=isolated_in(system, options),
             limit=min(options.call_limit, options.time_limit or math.inf),
-            kept=keeps,
+            recording=keeps,
         )
 
     # a spare master fits if it reads the same outputs; all else is the same for all
@@ -123,7 +123,7 @@ def step(
         if options.algorithm == "jacobi" and checkpoint is None:
             recorder.record(0, master.live)
         steps = stepping(master, recorder, ending, options.loop)
-        outcome.loop = {"name": steps.name, "why": steps.why}
+        outcome.loop = {"name": steps.name, "why": steps.reason}
 
         def about_now() -> dict[str, Any]:
             """Return the state for a checkpoint.
@@ -137,7 +137,7 @@ def step(
                 "manifest": manifest.to_json(),
                 "balance": None if along is None else along.state(),
             }
-            return {**state, "seconds": before + steps.seconds, **wanted}
+            return {**state, "seconds": before + steps.seconds, **options_given}
 
         checkpoints, sound = None, True
         try:
@@ -239,10 +239,10 @@ def _along(case: Case, manifest: Manifest) -> OnlineBalance | None:
         return None
     if parts.rows:
         return None
-    wanted = [name.partition(".") for name in energy.of_work(parts)]
+    series = [name.partition(".") for name in energy.of_work(parts)]
     all_of_it = all(
         selects(options.record, owner, signal)
-        for owner, _, name in wanted
+        for owner, _, name in series
         for signal in system.components[owner].interface.elements.get(name, ())
     )
     return OnlineBalance(system, parts, manifest.parameters) if all_of_it else None

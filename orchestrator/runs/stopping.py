@@ -24,7 +24,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from ..engine.ending import Ending, How
+from ..engine.ending import Ending, EndingKind
 from ..engine.master import Master
 from ..engine.node import Slot
 from ..language.content import content_of
@@ -45,18 +45,18 @@ class Condition:
 
     component: str
     variable: str
-    how: How
+    kind: EndingKind
     limit: float
     held: float
     text: str
 
     def met(self, values: NDArray[Any]) -> bool:
         """Return whether the values of all elements meet the condition."""
-        if self.how == "reaches":
+        if self.kind == "reaches":
             return bool((values == self.limit).all())
         largest = np.abs(values).max()
         return bool(
-            largest < self.limit if self.how == "below" else largest > self.limit
+            largest < self.limit if self.kind == "below" else largest > self.limit
         )
 
     def reads(self, component: str, signal: Signal) -> bool:
@@ -72,20 +72,23 @@ def condition(system: System) -> Condition | None:
     MisfitError
         If it does not fit the system.
     """
-    if (given := content_of(system.about).stop_when) is None:
+    if (stop_when := content_of(system.about).stop_when) is None:
         return None
-    signal = _signal(system, given.signal)
-    if given.reaches is not None:
-        how: How = "reaches"
-        limit, shown = float(_reaches(signal, given.reaches)), str(given.reaches)
+    signal = _signal(system, stop_when.signal)
+    if stop_when.reaches is not None:
+        kind: EndingKind = "reaches"
+        limit, shown = (
+            float(_reaches(signal, stop_when.reaches)),
+            str(stop_when.reaches),
+        )
     else:
-        how = "below" if given.below is not None else "above"
-        limit, shown = _limit(system, signal, given, how)
-    text = f"{given.signal} {how} {shown}" + (
-        f" for {given.held:g} s" if given.held else ""
+        kind = "below" if stop_when.below is not None else "above"
+        limit, shown = _limit(system, signal, stop_when, kind)
+    text = f"{stop_when.signal} {kind} {shown}" + (
+        f" for {stop_when.held:g} s" if stop_when.held else ""
     )
-    owner, _, variable = given.signal.partition(".")
-    return Condition(owner, variable, how, limit, given.held, text)
+    owner, _, variable = stop_when.signal.partition(".")
+    return Condition(owner, variable, kind, limit, stop_when.held, text)
 
 
 def _signal(system: System, name: str) -> Signal:
@@ -98,13 +101,13 @@ def _signal(system: System, name: str) -> Signal:
 
 def _reaches(signal: Signal, value: Any) -> int:
     """Return the number that the signal has to reach."""
-    where = f"got {value!r}; {signal.array} is"
+    place = f"got {value!r}; {signal.array} is"
     keys = ("stop_when", "reaches")
     if signal.kind == "Real":
-        raise MisfitError(f"{where} a Real, which has below and above", *keys)
+        raise MisfitError(f"{place} a Real, which has below and above", *keys)
     if (signal.kind == "Boolean") != isinstance(value, bool):
         needed = "Boolean: true or false" if signal.kind == "Boolean" else "an Integer"
-        raise MisfitError(f"{where} {needed}", *keys)
+        raise MisfitError(f"{place} {needed}", *keys)
     if isinstance(value, str):
         if value not in signal.choices:
             raise MisfitError(
@@ -115,36 +118,38 @@ def _reaches(signal: Signal, value: Any) -> int:
 
 
 def _limit(
-    system: System, signal: Signal, given: StopWhen, how: Literal["below", "above"]
+    system: System, signal: Signal, stop_when: StopWhen, side: Literal["below", "above"]
 ) -> tuple[float, str]:
     """Return the limit in the signal's unit, and as text."""
     if signal.kind != "Real":
-        text = f"{given.signal} is of type {signal.kind}; `reaches`"
-        raise MisfitError(text, "stop_when", how)
-    value = getattr(given, how)
-    own, unit = signal.unit_name, given.unit or signal.unit_name
+        text = f"{stop_when.signal} is of type {signal.kind}; `reaches`"
+        raise MisfitError(text, "stop_when", side)
+    value = getattr(stop_when, side)
+    own_unit, unit = signal.unit_name, stop_when.unit or signal.unit_name
     try:
         if isinstance(value, str):
             number, of = product(value, table(system.components.values()))
             value = number * factor(of, unit, f'of "{value}"')
         scale = (
-            1.0 if unit == own else factor(unit_of(unit), own, f"{unit} of the limit")
+            1.0
+            if unit == own_unit
+            else factor(unit_of(unit), own_unit, f"{unit} of the limit")
         )
     except DesatError as error:
-        raise MisfitError(str(error), "stop_when", how) from error
+        raise MisfitError(str(error), "stop_when", side) from error
     return value * scale, f"{value:g} {'' if unit == '1' else unit}".rstrip()
 
 
-def watch(master: Master, wanted: Condition | None, seconds: float | None) -> Ending:
+def watch(master: Master, stop: Condition | None, seconds: float | None) -> Ending:
     """Build the `Ending` of a run: its condition, or a limit of wall time.
 
     The master is initialised. The reason is the text of the condition, or `LATE` once
     `seconds` of wall time are over from now.
     """
-    slots = [s for s in master.slots if wanted and wanted.reads(s.component, s.signal)]
+    slots = [s for s in master.slots if stop and stop.reads(s.component, s.signal)]
     memory: dict[str, Any] = {}
-    met = _hold(master, wanted, slots, memory) if wanted else lambda: False
-    text = wanted.text if wanted else ""
+    met = _hold(master, stop, slots, memory) if stop else lambda: False
+    text = stop.text if stop else ""
     end = None if seconds is None else time.monotonic() + seconds
 
     def reason() -> str:
@@ -153,13 +158,13 @@ def watch(master: Master, wanted: Condition | None, seconds: float | None) -> En
             return text
         return LATE if end is not None and time.monotonic() > end else ""
 
-    if wanted is None:
+    if stop is None:
         return Ending(reason, "never")
-    return Ending(reason, wanted.how, slots, wanted.limit, memory)
+    return Ending(reason, stop.kind, slots, stop.limit, memory)
 
 
 def _hold(
-    master: Master, wanted: Condition, slots: list[Slot], memory: dict[str, Any]
+    master: Master, stop: Condition, slots: list[Slot], memory: dict[str, Any]
 ) -> Callable[[], bool]:
     """Build the function that tells whether the condition has held for long enough.
 
@@ -171,16 +176,16 @@ def _hold(
     )
     # the row of an interval output began a step ago
     ago = int(slots[0].interval and master.algorithm == "gauss_seidel")
-    if not ago and wanted.met(live[index]):
+    if not ago and stop.met(live[index]):
         memory["since"] = master.start
 
     def met() -> bool:
         """Return whether the condition has held for long enough at the present step."""
-        if not wanted.met(live[index]):
+        if not stop.met(live[index]):
             memory.clear()
             return False
         row = master.start + (master.k - ago) * master.step_size
         since: float = memory.setdefault("since", row)
-        return row - since >= wanted.held - 1e-9
+        return row - since >= stop.held - 1e-9
 
     return met

@@ -81,8 +81,8 @@ def choose(target: str, system: System, options: Options) -> SubstepChoice | Non
     """
     if system.substeps != AUTO:
         return None
-    if why := _not_flown(system, options):
-        return SubstepChoice(1, system.accuracy, why=why)
+    if reason := _not_flown(system, options):
+        return SubstepChoice(1, system.accuracy, why=reason)
     try:
         return _apart(
             system,
@@ -177,7 +177,7 @@ def decimated(system: System, options: Options) -> Slow | None:
     errors cannot be estimated. `system` has its substeps.
     """
     names = system.components
-    whole = replace(
+    full_rate = replace(
         system,
         substeps=2,
         components={name: replace(c, step_ratio=1) for name, c in names.items()},
@@ -187,7 +187,7 @@ def decimated(system: System, options: Options) -> Slow | None:
     if all(c.step_ratio == 1 for c in names.values()):
         return None
     try:
-        every = schedule(whole).rates.every
+        every = schedule(full_rate).rates.every
         slow = [n for n, c in names.items() if c.step_ratio > 1 and every[n] == 1]
         if not slow or _foreign(system, options, every):
             return None
@@ -198,9 +198,7 @@ def decimated(system: System, options: Options) -> Slow | None:
         def both() -> list[_Flight]:
             """Fly with the step ratios, and without those of the slow components."""
             systems = (replace(system, components=of) for of in (names, quick))
-            return [
-                _Flights(s, options, 1, LONGEST).flown(system.parts) for s in systems
-            ]
+            return [_Flights(s, options, 1, LONGEST).fly(system.parts) for s in systems]
 
         coarse, fine = _apart(system, options, both)
     except (ComponentError, DesatError):
@@ -227,11 +225,11 @@ def _beyond(found: Reached, seen: tuple[float, float, float]) -> list[tuple[int,
     for (text, values), most in zip(looks, seen, strict=True):
         k = int(values.argmax()) if len(values) else 0
         if len(values) and values[k] > GAIN * most + 1e-12:
-            how = text.format(float(values[k]))
+            finding = text.format(float(values[k]))
             rows.append(
                 (
                     k,
-                    f"at t = {found.times[k]:g} s the body {how}, by {most:.3g} at most in "
+                    f"at t = {found.times[k]:g} s the body {finding}, by {most:.3g} at most in "
                     "the flights beforehand",
                 )
             )
@@ -249,18 +247,18 @@ def _from(system: System, t: float, state: list[Array]) -> System:
     q, omega, h = (x.tolist() for x in state)
     body = system.components[parts.spacecraft]
     wheels = system.components[parts.wheels.partition(".")[0]]
-    given = {"q_start_bi": q, "omega_start_body": omega, "start_frame": [0]}
+    changes = {"q_start_bi": q, "omega_start_body": omega, "start_frame": [0]}
     changed = {
-        body.name: _with(body, given),
+        body.name: _with(body, changes),
         wheels.name: _with(wheels, {"h_start_wheel": h}),
     }
     return replace(system, start=t, components={**system.components, **changed})
 
 
-def _with(component: Component, given: dict[str, list[Scalar]]) -> Component:
+def _with(component: Component, changes: dict[str, list[Scalar]]) -> Component:
     """Return a component with other values of some parameters."""
     values = dict(component.parameters)
-    for name, elements in given.items():
+    for name, elements in changes.items():
         signals = component.interface.elements.get(name, ())
         values |= {s.name: x for s, x in zip(signals, elements, strict=bool(signals))}
     return replace(component, parameters=values)
@@ -343,13 +341,13 @@ class _Flights:
         """
         tried: dict[int, float] = {}
         began = time.process_time()
-        coarse = self.flown(self._levels[0])
+        coarse = self.fly(self._levels[0])
         for n in self._levels:
-            fine = self.flown(2 * n)
+            fine = self.fly(2 * n)
             tried[n], error = self._estimate(coarse, fine)
             far = min(max(FAR * n, LEAST_FAR), FARTHEST)
             if tried[n] <= self._system.accuracy and far > 2 * n:
-                sure, seen_far = self._estimate(coarse, self.flown(far, FREE // 3))
+                sure, seen_far = self._estimate(coarse, self.fly(far, FREE // 3))
                 short = len(seen_far) < len(error)
                 tried[n] = max(tried[n], sure) if short else sure
             if tried[n] <= self._system.accuracy:
@@ -374,7 +372,7 @@ class _Flights:
             "--accuracy, or a shorter --step"
         )
 
-    def flown(self, substeps: int, free: int = FREE) -> _Flight:
+    def fly(self, substeps: int, free: int = FREE) -> _Flight:
         """Fly with this number of substeps, as long as `free` substeps last."""
         steps = min(self._system.steps, max(8, min(free // substeps, self._longest)))
         self._steps += steps * substeps
@@ -423,14 +421,16 @@ class _Flights:
             self._longest_error = error
         return FACTOR * self._carried(error, self._longest_error), error
 
-    def _carried(self, error: Array, whole: Array) -> float:
+    def _carried(self, error: Array, error_so_far: Array) -> float:
         """Extrapolate the largest error of a flight to the end of the run (rad)."""
         here, steps = float(error[-1]), self._system.steps
         if len(error) == steps + 1 or here == 0.0:
             return here
-        if len(whole) > len(error):
-            here *= float(whole[-1]) / max(float(whole[len(error) - 1]), 1e-300)
-            error = whole
+        if len(error_so_far) > len(error):
+            here *= float(error_so_far[-1]) / max(
+                float(error_so_far[len(error) - 1]), 1e-300
+            )
+            error = error_so_far
         here *= CARRIED
         if (last := len(error) - 1) == steps:
             return here

@@ -130,7 +130,7 @@ def bind_plot(
         For the first of them that does not fit.
     """
     quantity, _ = derived.of_entry(plot) or (None, {})
-    if quantity and quantity.own:
+    if quantity and quantity.extra_series:
         raise MisfitError(f"{plot.derive} is of numbers only", "derive")
     if components is None:
         return
@@ -296,11 +296,11 @@ def _leave_out(data: dict[str, Any], path: Keys, system: System) -> None:
     Of a plot with several signals or limits, only the first one that the system lacks
     is removed.
     """
-    what, *names = path
+    kind, *names = path
     if not names:
-        data.pop(what, None)
+        data.pop(kind, None)
         return
-    entries = data.get(what, {})
+    entries = data.get(kind, {})
     entry = entries.get(names[0], {})
     part = names[1] if len(names) > 1 else ""
     items = list(entry.get(part, ())) if part in ("limits", "signals") else []
@@ -362,7 +362,7 @@ def recording_problems(system: System, options: Options) -> Iterator[str]:
         if not (text.isprintable() and text.strip(". ") and "/" not in text) and any(
             selects([pattern], name, signal) for pattern in options.record
         ):
-            yield f"{system.where}: {name}: the output {text!r} has no name that can be recorded"
+            yield f"{system.place}: {name}: the output {text!r} has no name that can be recorded"
     if options.every > system.steps:
         yield f"--every {options.every}: the run has {system.steps} steps"
 
@@ -413,7 +413,7 @@ def size(system: System, options: Options) -> int:
     return row * (system.steps + 1)
 
 
-def room(system: System, options: Options, folder: Path) -> str:
+def check_disk(system: System, options: Options, folder: Path) -> str:
     """Return a warning if the series may not fit on the disk of a folder, else ""."""
     while not folder.exists():
         folder = folder.parent

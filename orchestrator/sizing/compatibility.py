@@ -53,7 +53,7 @@ class Fitting:
 
     name: str
     manager: str  # its block, or its file as the user gave it
-    own: bool  # the law that the craft flies, with its own values
+    is_own: bool  # the law that the craft flies, with its own values
     options: Options  # options with which the craft flies it
     # parameter -> its rule and the resulting value; empty for the craft's own law
     gains: Mapping[str, str]
@@ -103,7 +103,7 @@ def fitting(
     source: Target,
     options: Options,
     terms: Terms,
-    asked: Sequence[str] = (ALL,),
+    names: Sequence[str] = (ALL,),
     others: Sequence[str] = (),
 ) -> tuple[list[Fitting], list[Refused]]:
     """Find the laws that fit the craft of a source, and the managers that do not.
@@ -130,11 +130,16 @@ def fitting(
         If a name is unknown, or the source has a problem.
     """
     system, _ = prepare(source, options).or_raise()
-    own = system.components[ROLE]
-    known = _table_of(system, own, terms)
-    found = [Fitting(law_name(own), own.interface.model, True, options, {})]
+    manager_flown = system.components[ROLE]
+    known = _table_of(system, manager_flown, terms)
+    found = [
+        Fitting(
+            law_name(manager_flown), manager_flown.interface.model, True, options, {}
+        )
+    ]
     some = sorted(
-        _laws_of(asked), key=lambda m: (m != own.interface.model, m != PLAINEST)
+        _laws_of(names),
+        key=lambda m: (m != manager_flown.interface.model, m != PLAINEST),
     )
     refused: list[Refused] = []
     for manager in (*some, *others):
@@ -144,21 +149,21 @@ def fitting(
             if block is None or is_own(manager)
             else manager.removeprefix("manager_")
         )
-        if why := "" if block is None else _lacks(block, manager, system, terms):
-            if manager != own.interface.model:
-                refused.append(Refused(label.replace("_", " "), why))
+        if reason := "" if block is None else _lacks(block, manager, system, terms):
+            if manager != manager_flown.interface.model:
+                refused.append(Refused(label.replace("_", " "), reason))
             continue
         for law in _laws(block, manager):
-            if law.name == found[0].name or not _is_asked(law, manager, asked, others):
+            if law.name == found[0].name or not _is_asked(law, manager, names, others):
                 continue
             try:
-                found.append(_fit(source, options, own, manager, law, known))
+                found.append(_fit(source, options, manager_flown, manager, law, known))
             except DesatError as error:
                 refused.append(Refused(law.name, str(error).splitlines()[0]))
     return found, refused
 
 
-def check_names(asked: Sequence[str], others: Sequence[str] = ()) -> None:
+def check_names(names: Sequence[str], others: Sequence[str] = ()) -> None:
     """Check the names of laws, managers and files before anything flies.
 
     Parameters
@@ -174,7 +179,7 @@ def check_names(asked: Sequence[str], others: Sequence[str] = ()) -> None:
         If there is no law, manager or file of a name, or if a file declares laws that
         cannot be read.
     """
-    _laws_of(asked)
+    _laws_of(names)
     for manager in others:
         if Path(manager).suffix not in (".py", ".fmu"):
             raise DesatError(f"{manager}: a law of your own is a .py or an .fmu file")
@@ -183,27 +188,27 @@ def check_names(asked: Sequence[str], others: Sequence[str] = ()) -> None:
         _laws(_read_block(manager), manager)
 
 
-def _laws_of(asked: Sequence[str]) -> list[str]:
+def _laws_of(names: Sequence[str]) -> list[str]:
     """Return the managers that laws or managers name."""
     every = managers()
     by_law = {law.name: m for m in every for law in _laws(block_class(m), m)}
     known = (
         by_law | {m: m for m in every} | {m.removeprefix("manager_"): m for m in every}
     )
-    for name in asked:
+    for name in names:
         if name not in known and name != ALL:
             close = nearest(name, known).partition("; there is ")[0]
             laws = ", ".join(sorted(by_law))
             raise DesatError(f"{name}: no law and no manager{close}; there is {laws}")
-    return every if ALL in asked else list(dict.fromkeys(known[name] for name in asked))
+    return every if ALL in names else list(dict.fromkeys(known[name] for name in names))
 
 
 def _is_asked(
-    law: Law, manager: str, asked: Sequence[str], others: Sequence[str]
+    law: Law, manager: str, requested: Sequence[str], others: Sequence[str]
 ) -> bool:
     """Return whether a law is among those that were named."""
     names = (law.name, manager, manager.removeprefix("manager_"), ALL)
-    return manager in others or any(n in asked for n in names)
+    return manager in others or any(n in requested for n in names)
 
 
 def _block(manager: str) -> type[Block] | None:
@@ -232,25 +237,25 @@ def _laws(block: type[Block] | None, manager: str) -> tuple[Law, ...]:
     return declared or (() if ours else (Law(Path(manager).stem.replace("_", " ")),))
 
 
-def _check_offers(declared: Any, block: type[Block], where: str) -> None:
+def _check_offers(declared: Any, block: type[Block], place: str) -> None:
     """Raise DesatError for laws that a file declares in another form than `Law` has."""
     if isinstance(declared, Law) or not isinstance(declared, (tuple, list)):
         raise DesatError(
-            f'{where}: offers: a tuple is needed, as offers = (Law("my law"),)'
+            f'{place}: offers: a tuple is needed, as offers = (Law("my law"),)'
         )
     parameters = {v.name for v in block.variables if v.causality == "parameter"}
     for law in declared:
         if not isinstance(law, Law) or not isinstance(law.name, str) or not law.name:
             raise DesatError(
-                f'{where}: offers: {law!r} is no law with a name, as Law("my law")'
+                f'{place}: offers: {law!r} is no law with a name, as Law("my law")'
             )
-        at = f"{where}: offers: Law {law.name}"
-        for field, given in (("gains", law.gains), ("units", law.units)):
-            if not isinstance(given, Mapping):
+        at = f"{place}: offers: Law {law.name}"
+        for field, values in (("gains", law.gains), ("units", law.units)):
+            if not isinstance(values, Mapping):
                 raise DesatError(
                     f'{at}: {field}: a dict is needed, as {{"gain": "craft.rate"}}'
                 )
-            for key in given:
+            for key in values:
                 if key not in parameters:
                     raise DesatError(
                         f"{at}: {field}: no parameter {key}{nearest(str(key), parameters)}"
@@ -293,10 +298,10 @@ def _instead(need: Need, system: System, terms: Terms) -> str:
     return instead(need, system, ROLE)
 
 
-def _table_of(system: System, own: Component, terms: Terms) -> dict[str, Any]:
+def _table_of(system: System, manager: Component, terms: Terms) -> dict[str, Any]:
     """Return a system's parameters; `craft` has the terms of rules."""
     known: dict[str, Any] = dict(table(system.components.values()))
-    law = _law_of(own) if own.interface.model in names() else None
+    law = _law_of(manager) if manager.interface.model in names() else None
     noise = noise_of(system)
 
     def with_rate(rate: float) -> dict[str, Any]:
@@ -313,14 +318,14 @@ def _table_of(system: System, own: Component, terms: Terms) -> dict[str, Any]:
     rate = BANDWIDTH * terms.orbit_rate
     if law is not None and law.rate:
         unit = product(str(law.gains[law.rate]), with_rate(1.0))[0]
-        rate = float(str(own.values[law.rate])) / unit or rate
+        rate = float(str(manager.values[law.rate])) / unit or rate
     return with_rate(rate)
 
 
 def _fit(
     source: Target,
     options: Options,
-    own: Component,
+    own_manager: Component,
     manager: str,
     law: Law,
     known: Mapping[str, Any],
@@ -330,7 +335,7 @@ def _fit(
     Raises DesatError where the craft cannot fly it.
     """
     placed = options
-    if manager != own.interface.model:
+    if manager != own_manager.interface.model:
         placed = replace(options, sources=[*options.sources, f"{ROLE}={manager}"])
     system = prepare(source, placed).checked.system
     if system is None:
@@ -339,16 +344,16 @@ def _fit(
     component = system.components[ROLE]
     values: dict[str, Any] = {}
     shown: dict[str, str] = {}
-    for key, value, rule in _gains(component, own, law, known):
+    for key, value, rule in _gains(component, own_manager, law, known):
         values[f"{ROLE}.{key}"] = value
         shown[key] = rule
-    made = replace(placed, values={**placed.values, **values})
-    prepare(source, made).or_raise()
-    return Fitting(law.name, manager, False, made, shown)
+    fitted = replace(placed, values={**placed.values, **values})
+    prepare(source, fitted).or_raise()
+    return Fitting(law.name, manager, False, fitted, shown)
 
 
 def _gains(
-    component: Component, own: Component, law: Law, known: Mapping[str, Any]
+    component: Component, manager: Component, law: Law, known: Mapping[str, Any]
 ) -> Iterator[tuple[str, Any, str]]:
     """Yield parameter, value and rule of all that a law takes from the craft."""
     signals = component.interface.signals
@@ -362,7 +367,7 @@ def _gains(
         shown = law.units.get(key, elements[0].unit_name)
         text = f"{rule} = {number:.4g} {shown}".removesuffix(" 1")
         yield key, number if key in signals else [number] * len(elements), text
-    if component.interface.model != own.interface.model:
+    if component.interface.model != manager.interface.model:
         follows = {
             s.array: s.follows
             for s in component.interface.parameters
@@ -370,10 +375,10 @@ def _gains(
         }
         for key, text in follows.items():
             try:
-                given = list(values_of(component, key, text, known).values())
+                values = list(values_of(component, key, text, known).values())
             except DesatError:
                 continue  # the craft does not have that parameter
-            yield key, given[0] if key in signals else given, text
+            yield key, values[0] if key in signals else values, text
     if "sample_time" in signals and not component.values["sample_time"]:
         coils = known.get("torquers", {}).get("sample_time")
         sample = float(coils.value) if coils is not None and coils.value else SAMPLE

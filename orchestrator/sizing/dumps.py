@@ -194,8 +194,8 @@ class DumpSizing:
             "a_week": self.steady.a_week,
             "a_year": self.steady.a_year,
         }
-        told = {k: finite(x) for k, x in asdict(self).items()}
-        return told | {
+        document = {k: finite(x) for k, x in asdict(self).items()}
+        return document | {
             "steady": finite(steady),
             "years": finite(self.years),
             "answer": self.answer,
@@ -248,7 +248,7 @@ def size(
     options: Options,
     requirements: SizingRequirements | None = None,
     progress: Callable[[str], None] = lambda text: None,
-    sized: Callable[[DumpSizing], None] = lambda made: None,
+    sized: Callable[[DumpSizing], None] = lambda sizing: None,
 ) -> DumpSizing:
     """Size dumps by thrusters.
 
@@ -297,22 +297,22 @@ def size(
     ]
     steady = mean_of([rates_of(f, hardware, law, cost, isp) for f in (flight, *later)])
     window = _window(system, options, steady)
-    whole = _through(system, attitude, flight, window, steady.interval)
-    if whole is not None and steady.first < window:
+    closed_loop = _through(system, attitude, flight, window, steady.interval)
+    if closed_loop is not None and steady.first < window:
         progress("its dumps, one after the other")
-        along = rates_of(whole, hardware, law, cost, isp, steady.interval)
+        along = rates_of(closed_loop, hardware, law, cost, isp, steady.interval)
         # fewer than two dumps give no rate
         steady = along if along.interval < inf else replace(steady, first=along.first)
     year: list[YearDate] = []
     each: list[Rates] = []
-    own = ""
+    of_worst = ""
     if requirements.year and float(np.linalg.norm(flight.r[0])) < BEYOND:
         progress("the days of a year")
-        for date, there in days_of_year(system, hardware, attitude, own=True):
+        for date, there in days_of_year(system, hardware, attitude, own_day=True):
             day = flown_at(system, attitude, *there)
             each.append(rates_of(day, hardware, law, cost, isp))
             year.append(date)
-        own = year[0].activity
+        of_worst = year[0].activity
     by_activity = {
         name: float(
             np.mean(
@@ -325,12 +325,12 @@ def size(
         )
         for name in dict.fromkeys(d.activity for d in year)
     }
-    of_own = [r for d, r in zip(year, each, strict=True) if d.activity == own] or [
+    of_own = [r for d, r in zip(year, each, strict=True) if d.activity == of_worst] or [
         steady
     ]
     capacity = smallest_wheel_capacity(hardware)
     slew_momentum, slew_torque = compute_slew(hardware, requirements)
-    made = DumpSizing(
+    sizing = DumpSizing(
         target=target,
         period=flight.period,
         attitude=attitude.kind,
@@ -343,7 +343,7 @@ def size(
         capacity=capacity,
         steady=steady,
         a_year=float(np.mean([r.a_year for r in of_own])),
-        by_activity={k: x for k, x in by_activity.items() if k != own},
+        by_activity={k: x for k, x in by_activity.items() if k != of_worst},
         each_year=tuple(r.a_year for r in each) or (steady.a_year,),
         least_a_year=float(np.mean([r.least_a_year for r in of_own])),
         weekly=capacity * WEEK / steady.interval if steady.interval > 0.0 else inf,
@@ -357,30 +357,34 @@ def size(
         notes=(),
     )
     notes = [*doubts(system), *closed_loop_only(system, options)]
-    made = replace(
-        made,
-        problems=tuple(_problems(made)),
-        notes=(*notes, *_notes(made, requirements)),
+    sizing = replace(
+        sizing,
+        problems=tuple(_problems(sizing)),
+        notes=(*notes, *_notes(sizing, requirements)),
     )
     if not (requirements.flown and (steady.first < window or options.stop is not None)):
-        return made
-    sized(made)
+        return sizing
+    sized(sizing)
     progress("the closed loop")
-    run = _flown(target, options, window)
+    run = _fly_closed_loop(target, options, window)
     loop = dict(_numbers_of(run))
     causes = list(_causes(system, law, hardware))
     unmet = [f"in the closed loop: {line}" for line in run.manifest.not_met]
-    beside = find_worst_scenario(read(target))
-    if beside is not None:
-        progress(f"{beside.text}: what is usually worse")
+    worst_scenario = find_worst_scenario(read(target))
+    if worst_scenario is not None:
+        progress(f"{worst_scenario.text}: what is usually worse")
         some = min(window, max(86400.0, steady.first + WORST_DUMPS * steady.interval))
-        worst = _flown(beside.text, options, system.step * ceil(some / system.step))
-        unmet += [f"in {beside.text}: {line}" for line in worst.manifest.not_met]
+        worst = _fly_closed_loop(
+            worst_scenario.text, options, system.step * ceil(some / system.step)
+        )
+        unmet += [
+            f"in {worst_scenario.text}: {line}" for line in worst.manifest.not_met
+        ]
     unmet = [
         f"{line} (likely by {'; '.join(causes)})" if causes else line for line in unmet
     ]
-    made = replace(made, loop=loop, problems=(*made.problems, *unmet))
-    return replace(made, notes=(*notes, *_notes(made, requirements)))
+    sizing = replace(sizing, loop=loop, problems=(*sizing.problems, *unmet))
+    return replace(sizing, notes=(*notes, *_notes(sizing, requirements)))
 
 
 class ThresholdLaw(NamedTuple):
@@ -447,11 +451,13 @@ def _window(system: System, options: Options, steady: Rates) -> float:
     span = system.stop - system.start
     if options.stop is not None:
         return span
-    wanted = min(span, MOST_STEPS * system.step, steady.first + MANY * steady.interval)
-    return system.step * ceil(wanted / system.step)
+    duration = min(
+        span, MOST_STEPS * system.step, steady.first + MANY * steady.interval
+    )
+    return system.step * ceil(duration / system.step)
 
 
-def _flown(target: str, options: Options, window: float) -> Run:
+def _fly_closed_loop(target: str, options: Options, window: float) -> Run:
     """Fly the closed loop for `window` (s) and return the run.
 
     Raises DesatError where it cannot run or does not complete.
@@ -580,19 +586,19 @@ def rates_of(
     each = [course for course in each if course]
     if not each:
         return Rates(inf, inf, 0.0, 0.0, 0.0)
-    own = list(_course(flight, hardware, law, 1.0, 0, goes_on, most))
+    rates = list(_course(flight, hardware, law, 1.0, 0, goes_on, most))
     weekly = [
-        WEEK * (len(c) - 1) / (c[-1][0] - c[0][0]) for c in [*each, own] if len(c) > 1
+        WEEK * (len(c) - 1) / (c[-1][0] - c[0][0]) for c in [*each, rates] if len(c) > 1
     ]
-    counted = each if goes_on or len(own) < 2 else [own]
+    counted = each if goes_on or len(rates) < 2 else [rates]
     seconds = sum(course[-1][0] - course[0][0] for course in counted)
     count = sum(len(course) - 1 for course in counted)
     every = [u for course in counted for _, u, _ in course]
-    inertial = [u for _, _, u in (own or each[0])[:CHEAPEST_OF]]
+    inertial = [u for _, _, u in (rates or each[0])[:CHEAPEST_OF]]
     least = float(np.mean([_cheapest(flight, u, cost) for u in inertial]))
     momentum = float(np.mean([np.linalg.norm(u) for u in every]))
     impulse = float(np.mean([cost(u) for u in every]))
-    first = own[0][0] if own else each[0][0][0]
+    first = rates[0][0] if rates else each[0][0][0]
     return Rates(
         first,
         seconds / count if count else inf,
@@ -670,8 +676,8 @@ def _course(
     )
     begun, dumps = -float(times[row]), 0
     while dumps < most and begun < LONGEST:
-        whole = total + gained[row:] - gained[row]
-        held = rotate(flight.q[row:], whole) - flight.body[row:] - target
+        momentum = total + gained[row:] - gained[row]
+        held = rotate(flight.q[row:], momentum) - flight.body[row:] - target
         fill = (
             np.abs(held @ spread.T).max(axis=1)
             if law.of_wheels
@@ -683,13 +689,13 @@ def _course(
                 return
             # skip the repetitions that cannot yet bring the fill to its threshold
             growth = float(np.linalg.norm(gained[-1])) * most_share
-            room = (
+            steps_free = (
                 (begin - float(fill.max())) / growth
                 if growth > 0.0 and row == 0
                 else 1.0
             )
-            times_on = max(1, int(min(room, (LONGEST - begun) / span)))
-            total = whole[-1] + (times_on - 1) * gained[-1]
+            times_on = max(1, int(min(steps_free, (LONGEST - begun) / span)))
+            total = momentum[-1] + (times_on - 1) * gained[-1]
             begun, row = begun + times_on * span, 0
             if not dumps and begun >= 3.0 * span and _stays(flight, law, fill):
                 return
@@ -699,7 +705,7 @@ def _course(
         if not out.any():
             return  # less than the shortest pulse
         inertial = rotate_back(flight.q[row + k : row + k + 1], out[None])[0]
-        total = whole[k] - inertial
+        total = momentum[k] - inertial
         row, dumps = row + k, dumps + 1
         yield begun + float(times[row]), out, inertial
 
@@ -714,16 +720,18 @@ def _taken(
     block = law.block
     block.begin = max(0.999 * fill, 1.001 * block.end)
     block.start()
-    left, t = held, 0.0
+    remaining, t = held, 0.0
     for _ in range(MOST_SAMPLES):
-        a, b, c, d = (spread @ (left + target)).tolist()
+        a, b, c, d = (spread @ (remaining + target)).tolist()
         block.h_wheel = (a, b, c, d)
         block.advance(t, block.sample_time)
         if block.mode != DUMPING:
             break
-        left = left + block.sample_time * np.array(block.tau_cmd_thruster_body)
+        remaining = remaining + block.sample_time * np.array(
+            block.tau_cmd_thruster_body
+        )
         t += block.sample_time
-    return held - left
+    return held - remaining
 
 
 def _begins(law: ThresholdLaw, held: Array, times: Array, due: int) -> int:
@@ -748,40 +756,45 @@ def _stays(flight: Flight, law: ThresholdLaw, sizes: Array) -> bool:
     )
 
 
-def _problems(made: DumpSizing) -> Iterator[str]:
+def _problems(sizing: DumpSizing) -> Iterator[str]:
     """Yield a line for each reason why dumps cannot work."""
-    if made.begin > made.capacity:
+    if sizing.begin > sizing.capacity:
         yield (
-            f"dumps begin at {made.begin:.4g} N m s, and a wheel holds {made.capacity:.4g} N m s"
+            f"dumps begin at {sizing.begin:.4g} N m s, and a wheel holds {sizing.capacity:.4g} N m s"
         )
-    if made.slew_momentum > 0.0 and made.begin + made.slew_momentum > made.capacity:
+    if (
+        sizing.slew_momentum > 0.0
+        and sizing.begin + sizing.slew_momentum > sizing.capacity
+    ):
         yield (
-            f"a slew needs {made.slew_momentum:.4g} N m s of the fullest wheel, which may hold "
-            f"{made.begin:.4g} already, of {made.capacity:.4g} N m s"
+            f"a slew needs {sizing.slew_momentum:.4g} N m s of the fullest wheel, which may hold "
+            f"{sizing.begin:.4g} already, of {sizing.capacity:.4g} N m s"
         )
-    if made.slew_torque > made.wheel_torque:
+    if sizing.slew_torque > sizing.wheel_torque:
         yield (
-            f"a slew needs {made.slew_torque:.4g} N m of the fullest wheel, which gives "
-            f"{made.wheel_torque:.4g} N m"
+            f"a slew needs {sizing.slew_torque:.4g} N m of the fullest wheel, which gives "
+            f"{sizing.wheel_torque:.4g} N m"
         )
-    if 0.5 * made.pulse >= made.begin - made.end:
+    if 0.5 * sizing.pulse >= sizing.begin - sizing.end:
         yield (
-            f"the thrusters' shortest pulse gives {made.pulse:.4g} N m s, and a dump goes from "
-            f"{made.begin:.4g} to {made.end:.4g} N m s"
+            f"the thrusters' shortest pulse gives {sizing.pulse:.4g} N m s, and a dump goes from "
+            f"{sizing.begin:.4g} to {sizing.end:.4g} N m s"
         )
-    if made.steady.impulse == inf:
+    if sizing.steady.impulse == inf:
         yield "its thrusters give no torque about some axis, so no dump can end"
 
 
-def _notes(made: DumpSizing, requirements: SizingRequirements) -> Iterator[str]:
+def _notes(sizing: DumpSizing, requirements: SizingRequirements) -> Iterator[str]:
     """Yield a line for each limit of the results."""
-    if requirements.flown and not made.loop:
+    if requirements.flown and not sizing.loop:
         first = (
-            format_duration(made.steady.first) if made.steady.first < inf else "never"
+            format_duration(sizing.steady.first)
+            if sizing.steady.first < inf
+            else "never"
         )
         yield f"the closed loop was not flown, the first dump is so far: {first} (--stop flies it)"
-    dumps = made.loop.get("dumps")
-    if made.loop and (dumps is None or dumps < 7):
+    dumps = sizing.loop.get("dumps")
+    if sizing.loop and (dumps is None or dumps < 7):
         yield (
             f"the closed loop has {dumps or 0:g} dumps: too few for reliable rates; use a longer --stop"
         )

@@ -51,7 +51,7 @@ class Law:
 
 
 @dataclass(frozen=True)
-class Asked:
+class LinearisedLaw:
     """A law at the rows of a flight: M = K (h - target) + c (A m2, body).
 
     h (N m s, body) is the momentum of the wheels.
@@ -108,7 +108,7 @@ def law_by(block: Block, name: str, target: Array) -> Law:
     return Law(name, block, block.sample_time, deadband, target, limit)
 
 
-def ask(law: Law, flight: Flight, rows: Array) -> Asked:
+def ask(law: Law, flight: Flight, rows: Array) -> LinearisedLaw:
     """Evaluate K and c of a law at rows of a flight.
 
     Raises
@@ -130,11 +130,11 @@ def ask(law: Law, flight: Flight, rows: Array) -> Asked:
     for k, (t, inputs) in enumerate(_samples(law, flight, rows)):
         state.update(inputs)
         before = dict(state)
-        kept = [key for key in before if key not in declared]
+        undeclared = [key for key in before if key not in declared]
         answers, memories = [], []
         for h in (*np.eye(3), *([other] if k in looked else [])):
             answers.append(_dipole(law, t, h))
-            memories.append([state[key] for key in kept])
+            memories.append([state[key] for key in undeclared])
             state.update(before)
         if any(memory != memories[0] for memory in memories):
             raise UnsuitedError("it is a law with memory")
@@ -144,7 +144,7 @@ def ask(law: Law, flight: Flight, rows: Array) -> Asked:
             miss = np.abs(answers[3] - gain[k] @ other - rest).max()
             if miss > 1e-9 * np.abs(answers).max():
                 raise UnsuitedError("it is not affine in the momentum")
-    return Asked(gain, offset)
+    return LinearisedLaw(gain, offset)
 
 
 def _dipole(law: Law, t: float, h: Array) -> Array:
@@ -184,10 +184,10 @@ def hold_of(law: Law, flight: Flight, most: float = STEP) -> int:
     slow compared with them.
     """
     step = float(flight.times[1] - flight.times[0])
-    own = max(1, round(law.sample_time / step)) if law.sample_time > 0.0 else 1
+    hold = max(1, round(law.sample_time / step)) if law.sample_time > 0.0 else 1
     rows = np.linspace(0, len(flight.times) - 1, PROBES).astype(int)
-    asked = ask(law, flight, rows)
+    linearised = ask(law, flight, rows)
     b = np.linalg.norm(flight.b[rows], axis=1)
-    rate = float((np.linalg.norm(asked.gain, ord=2, axis=(1, 2)) * b).max())
+    rate = float((np.linalg.norm(linearised.gain, ord=2, axis=(1, 2)) * b).max())
     longest = min(most, SLOW / rate) if rate > 0.0 else most
-    return max(own, int(longest / (own * step) + 1e-9) * own)
+    return max(hold, int(longest / (hold * step) + 1e-9) * hold)

@@ -33,7 +33,7 @@ def reach(flight: Flight, hardware: Hardware) -> Array:
 
     The result is (rows, c, 3) N m, eci.
     """
-    rows = flight.times - flight.times[0] <= flight.whole * (1.0 + 1e-12)
+    rows = flight.times - flight.times[0] <= flight.orbits_duration * (1.0 + 1e-12)
     q, b = flight.q[rows], flight.b[rows]
     each = [
         rotate_back(q, np.broadcast_to(a, (len(q), 3))) for a in hardware.axes_coil.T

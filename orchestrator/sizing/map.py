@@ -171,9 +171,11 @@ def map_of(
     hardware, notes = hardware_of(system), []
     try:
         laws = [law_of(system.components["manager"])]
-    except UnsuitedError as why:
+    except UnsuitedError as error:
         laws = []
-        notes.append(f"{system.components['manager'].source}: closed loop only; {why}")
+        notes.append(
+            f"{system.components['manager'].source}: closed loop only; {error}"
+        )
     if axes.laws or not laws:
         terms = terms_of(flight.period, flight.b, attitude.kind in ("inertial", "sun"))
         laws += other_laws(source, options, terms, notes)
@@ -212,8 +214,8 @@ def map_of(
     shape = (len(axes.inclinations), len(axes.altitudes), len(axes.dipoles))
     leasts = np.empty((len(orbits), len(axes.dipoles)))
     tables = np.empty((4, len(laws), len(orbits), len(axes.dipoles), len(axes.rods)))
-    for k, (some, made) in enumerate(parts):
-        leasts[k::jobs], tables[:, :, k::jobs] = some, made
+    for k, (some, results) in enumerate(parts):
+        leasts[k::jobs], tables[:, :, k::jobs] = some, results
     capacity = smallest_wheel_capacity(hardware)
     rms, largest, wheel, duty = tables.reshape(4, len(laws), *shape, len(axes.rods))
     return SizingMap(
@@ -281,13 +283,13 @@ def _fly(task: _Task) -> tuple[Array, Array]:
             ]
         )
         holds = holds or [hold_of(law, flight, SAMPLE) for law in task.laws]
-        for law, kept, hold in zip(task.laws, tracks, holds, strict=True):
-            kept.append(track_of(flight, law, hardware, each, hold))
-    made = [
-        fly(kept, law, hardware, task.rods)
-        for law, kept in zip(task.laws, tracks, strict=True)
+        for law, track, hold in zip(task.laws, tracks, holds, strict=True):
+            track.append(track_of(flight, law, hardware, each, hold))
+    results = [
+        fly(track, law, hardware, task.rods)
+        for law, track in zip(task.laws, tracks, strict=True)
     ]
-    return np.array(leasts), np.array([np.stack(c[:4]) for c in made]).transpose(
+    return np.array(leasts), np.array([np.stack(c[:4]) for c in results]).transpose(
         1, 0, 2, 3, 4
     )
 

@@ -53,7 +53,7 @@ class Track:
     start: Array  # (3,) N m s, eci: of wheels and body
     to_eci: Array  # (rows, 3, 3)
     body: Array  # (rows, 3) N m s, body
-    given: Array  # (steps, disturbances, 3) N m s, eci
+    external: Array  # (steps, disturbances, 3) N m s, eci
     push: Array  # (steps, coils, 3) N m s, eci: of each coil at 1 A m2
     gain: Array  # (rows, 3, 3), transposed
     offset: Array  # (rows, 3) A m2, body
@@ -90,7 +90,7 @@ def track_of(
         If the model does not have the law.
     """
     rows = np.arange(0, len(flight.times), hold or hold_of(law, flight))
-    asked = ask(law, flight, rows)
+    linearised = ask(law, flight, rows)
     q, b, times = flight.q[rows], flight.b[rows], flight.times[rows]
     each = [flight.disturbance] if disturbances is None else disturbances
     halfway = (
@@ -113,8 +113,8 @@ def track_of(
         body,
         np.stack([np.diff(d[rows], axis=0) for d in each], axis=1),
         np.stack(push, axis=1),
-        asked.gain.transpose(0, 2, 1),
-        asked.offset,
+        linearised.gain.transpose(0, 2, 1),
+        linearised.offset,
         useful(mean_b),
     )
 
@@ -140,7 +140,7 @@ def fly(
     """
     m = np.asarray(rods, float)
     first = tracks[0]
-    count, many = len(tracks), first.given.shape[1]
+    count, many = len(tracks), first.external.shape[1]
     shape = (count, many, len(m))
     most = np.tile(m, many)[None, :, None]
     reach = hardware.longest * most
@@ -150,7 +150,7 @@ def fly(
         for name in ("to_eci", "body", "gain", "offset", "push")
     )
     counts = np.stack([t.useful for t in tracks], axis=1)
-    given = np.repeat(np.stack([t.given for t in tracks], axis=1), len(m), axis=2)
+    external = np.repeat(np.stack([t.external for t in tracks], axis=1), len(m), axis=2)
     total = np.stack(
         [np.broadcast_to(t.start, (many * len(m), 3)) for t in tracks]
     ).copy()
@@ -172,19 +172,19 @@ def fly(
         if k == len(push):
             break
         excess = turned - away[k] + noise[k]
-        wanted = excess @ gain[k] + offset[k][:, None]
+        command = excess @ gain[k] + offset[k][:, None]
         if law.deadband > 0.0:
-            wanted[np.sqrt((excess * excess).sum(axis=2)) <= law.deadband] = 0.0
+            command[np.sqrt((excess * excess).sum(axis=2)) <= law.deadband] = 0.0
         if law.limit == "each":
-            wanted = np.clip(wanted, -most, most)
-        coils = wanted @ spare
+            command = np.clip(command, -most, most)
+        coils = command @ spare
         if law.limit == "whole":
             coils *= np.minimum(
                 1.0, most / np.maximum(np.abs(coils).max(axis=2, keepdims=True), 1e-300)
             )
         coils = hardware.open * np.clip(coils, -reach, reach)
         duty += np.abs(coils).mean(axis=2) * counts[k][:, None]
-        total += given[k] + coils @ push[k]
+        total += external[k] + coils @ push[k]
     duty /= np.maximum(1, counts.sum(axis=0))[:, None] * most[:, :, 0]
     rms = np.sqrt(squares / len(first.times))
     return Course(*(x.reshape(shape) for x in (rms, largest, wheel, duty, peak)))

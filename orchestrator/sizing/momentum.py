@@ -40,15 +40,15 @@ def secular(flight: Flight) -> tuple[Array, Array]:
 
     Both are over as many whole orbits as the flight has.
     """
-    return _secular(flight.times, flight.disturbance, flight.whole)
+    return _secular(flight.times, flight.disturbance, flight.orbits_duration)
 
 
-def _secular(times: Array, impulse: Array, whole: float) -> tuple[Array, Array]:
-    """Compute the secular torque and cyclic impulse over a time `whole` (s)."""
+def _secular(times: Array, impulse: Array, duration: float) -> tuple[Array, Array]:
+    """Compute the secular torque and cyclic impulse over a time `duration` (s)."""
     since = times - times[0]
-    rows = since <= whole * (1.0 + 1e-12)
-    end = np.array([np.interp(whole, since, x) for x in impulse.T])
-    torque = (end - impulse[0]) / whole
+    rows = since <= duration * (1.0 + 1e-12)
+    end = np.array([np.interp(duration, since, x) for x in impulse.T])
+    torque = (end - impulse[0]) / duration
     return torque, impulse[rows] - impulse[0] - np.outer(since[rows], torque)
 
 
@@ -77,7 +77,7 @@ def shares_of(
     square = float(torque @ torque)
     rows, known = [], np.zeros(3)
     for name, impulse in flight.sources.items():
-        mean, cyclic = _secular(flight.source_times, impulse, flight.whole)
+        mean, cyclic = _secular(flight.source_times, impulse, flight.orbits_duration)
         known += mean
         size = float(np.linalg.norm(mean))
         along = float(mean @ torque) / square if square > 0.0 else 0.0

@@ -29,7 +29,7 @@ def versions() -> str:
     return f"{datetime.now(UTC).date().isoformat()}, desat {version('desat')}, numpy {np.__version__}"
 
 
-def write_sizing(made: Sizing, path: Path) -> Path:
+def write_sizing(sizing: Sizing, path: Path) -> Path:
     """Write the page of a sizing and return its path.
 
     Raises
@@ -37,22 +37,24 @@ def write_sizing(made: Sizing, path: Path) -> Path:
     OSError
         If it cannot be written.
     """
-    sources = tables.tabulate_sources(made.sources, made.unexplained)
+    sources = tables.tabulate_sources(sizing.sources, sizing.unexplained)
     shown = [
         sources,
-        tables.tabulate_quantities(made),
-        *([tables.tabulate_conditions(made)] if made.best else []),
-        tables.tabulate_points(made.curve),
-        tables.tabulate_days(made.year),
+        tables.tabulate_quantities(sizing),
+        *([tables.tabulate_conditions(sizing)] if sizing.best else []),
+        tables.tabulate_points(sizing.curve),
+        tables.tabulate_days(sizing.year),
     ]
-    about = f"{made.orbits} orbits of {made.period:.0f} s, attitude: {made.attitude}."
-    first = [tables.tabulate_margins(made)]
+    about = (
+        f"{sizing.orbits} orbits of {sizing.period:.0f} s, attitude: {sizing.attitude}."
+    )
+    first = [tables.tabulate_margins(sizing)]
     return _write(
-        path, f"Size of {made.target}", made, first, shown, about, drawn_of(made)
+        path, f"Size of {sizing.target}", sizing, first, shown, about, drawn_of(sizing)
     )
 
 
-def write_dumps(made: DumpSizing, path: Path) -> Path:
+def write_dumps(sizing: DumpSizing, path: Path) -> Path:
     """Write the page of a sizing of dumps and return its path.
 
     Raises
@@ -61,19 +63,19 @@ def write_dumps(made: DumpSizing, path: Path) -> Path:
         If it cannot be written.
     """
     drawn = []
-    shown = [tables.tabulate_dump_sources(made.sources)]
-    if made.year:
-        drawn.append(("A year: propellant, as if each day lasted", _dump_year(made)))
-        shown.append(tables.tabulate_dump_days(made))
-    first = [tables.tabulate_dumps(made)]
-    about = f"Attitude: {made.attitude}."
-    return _write(path, f"Dumps of {made.target}", made, first, shown, about, drawn)
+    shown = [tables.tabulate_dump_sources(sizing.sources)]
+    if sizing.year:
+        drawn.append(("A year: propellant, as if each day lasted", _dump_year(sizing)))
+        shown.append(tables.tabulate_dump_days(sizing))
+    first = [tables.tabulate_dumps(sizing)]
+    about = f"Attitude: {sizing.attitude}."
+    return _write(path, f"Dumps of {sizing.target}", sizing, first, shown, about, drawn)
 
 
 def _write(
     path: Path,
     title: str,
-    made: Sizing | DumpSizing,
+    sizing: Sizing | DumpSizing,
     first: Sequence[Table],
     shown: Sequence[Table],
     about: str,
@@ -84,7 +86,7 @@ def _write(
     text = render(
         "sizing.html",
         title=title,
-        made=made,
+        made=sizing,
         first=first,
         tables=shown,
         about=about,
@@ -94,7 +96,7 @@ def _write(
     return write_page(path, text)
 
 
-def write_map(made: SizingMap, path: Path) -> Path:
+def write_map(sizing_map: SizingMap, path: Path) -> Path:
     """Write the page of a map and return its path.
 
     Raises
@@ -103,14 +105,17 @@ def write_map(made: SizingMap, path: Path) -> Path:
         If it cannot be written.
     """
     drawn = [
-        (tables.describe_map(made, law), heat_map(made, k))
-        for k, law in enumerate(made.laws)
+        (tables.describe_map(sizing_map, law), heat_map(sizing_map, k))
+        for k, law in enumerate(sizing_map.laws)
     ]
-    shown = [tables.tabulate_least_rods(made, d) for d in range(len(made.axes.dipoles))]
+    shown = [
+        tables.tabulate_least_rods(sizing_map, d)
+        for d in range(len(sizing_map.axes.dipoles))
+    ]
     path.parent.mkdir(parents=True, exist_ok=True)
     text = render(
         "sizing_map.html",
-        made=made,
+        made=sizing_map,
         tables=shown,
         versions=versions(),
         **figures_of(drawn),
@@ -121,53 +126,53 @@ def write_map(made: SizingMap, path: Path) -> Path:
 # --- figures --------------------------------------------------------------------------
 
 
-def drawn_of(made: Sizing) -> list[tuple[str, Figure]]:
+def drawn_of(sizing: Sizing) -> list[tuple[str, Figure]]:
     """Draw the figures of a sizing, each with its caption."""
     figures = []
-    if any(r.duty is not None for r in made.curve):
+    if any(r.duty is not None for r in sizing.curve):
         figures.append(
             (
                 "Duty of the coils over their size: lines the model, circles the closed loop",
-                _curve(made, "duty", "loop_duty", 100.0, "duty [%]"),
+                _curve(sizing, "duty", "loop_duty", 100.0, "duty [%]"),
             )
         )
         figures.append(
             (
                 "Momentum of the wheels, rms, over the size of the coils",
-                _curve(made, "rms", "loop_rms", 1e3, "momentum, rms [mN m s]"),
+                _curve(sizing, "rms", "loop_rms", 1e3, "momentum, rms [mN m s]"),
             )
         )
-        if any(r.filled is not None for r in made.curve):
+        if any(r.filled is not None for r in sizing.curve):
             figures.append(
                 (
                     "The fullest wheel in the second half of the run, share of its capacity",
-                    _curve(made, "filled", "", 100.0, "of capacity [%]"),
+                    _curve(sizing, "filled", "", 100.0, "of capacity [%]"),
                 )
             )
-    if made.sources:
+    if sizing.sources:
         figures.append(
             (
                 "What drives it: momentum of an orbit and cyclic momentum by source",
-                _sources(made),
+                _sources(sizing),
             )
         )
-    if made.year:
-        figures.append(("The least rod over a year", _year(made)))
+    if sizing.year:
+        figures.append(("The least rod over a year", _year(sizing)))
     return figures
 
 
-def _curve(made: Sizing, key: str, loop: str, factor: float, label: str) -> Figure:
+def _curve(sizing: Sizing, key: str, loop: str, factor: float, label: str) -> Figure:
     """Draw a quantity of the curves over the size of the rods.
 
     `factor` converts it to the unit of the axis.
     """
     fig, ax = figure()
-    laws = list(dict.fromkeys(r.law for r in made.curve))
-    shape = [r.rod for r in made.curve if r.rod != made.rod]
+    laws = list(dict.fromkeys(r.law for r in sizing.curve))
+    shape = [r.rod for r in sizing.curve if r.rod != sizing.rod]
     low, high = min(shape), max(shape)
     for i, law in enumerate(laws):
         rows = sorted(
-            (r for r in made.curve if r.law == law and r.rod <= 3.0 * high),
+            (r for r in sizing.curve if r.law == law and r.rod <= 3.0 * high),
             key=lambda r: r.rod,
         )
         colour = COLOURS[i % len(COLOURS)]
@@ -191,14 +196,14 @@ def _curve(made: Sizing, key: str, loop: str, factor: float, label: str) -> Figu
                 hollow=True,
                 label=f"{law}, closed loop",
             )
-    ax.upright(made.least, LIMIT, width=1.2, dash=DASHED, label="least rod, any law")
-    if made.recommended is not None:
+    ax.upright(sizing.least, LIMIT, width=1.2, dash=DASHED, label="least rod, any law")
+    if sizing.recommended is not None:
         ax.upright(
-            made.recommended, "#2e8b57", width=1.2, dash=DOTTED, label="recommended"
+            sizing.recommended, "#2e8b57", width=1.2, dash=DOTTED, label="recommended"
         )
-        high = max(high, made.recommended)
-    if low <= made.rod <= 3.0 * high:
-        ax.upright(made.rod, "#444444", width=1.2, dash=DOTTED, label="what it has")
+        high = max(high, sizing.recommended)
+    if low <= sizing.rod <= 3.0 * high:
+        ax.upright(sizing.rod, "#444444", width=1.2, dash=DOTTED, label="what it has")
     ax.x.log, ax.x.label, ax.y.label = True, "coil [A m2]", label
     ax.y.log = key == "rms"
     if key != "rms":
@@ -206,26 +211,26 @@ def _curve(made: Sizing, key: str, loop: str, factor: float, label: str) -> Figu
     return fig
 
 
-def _sources(made: Sizing) -> Figure:
+def _sources(sizing: Sizing) -> Figure:
     """Draw the momentum of each source of disturbance (mN m s)."""
     fig, ax = figure(2.4)
-    names = [s.name for s in made.sources]
+    names = [s.name for s in sizing.sources]
     at = np.arange(len(names), dtype=float)
     for k, (label, key) in enumerate(
         (("secular, an orbit", "per_orbit"), ("cyclic", "cyclic"))
     ):
-        heights = [1e3 * getattr(s, key) for s in made.sources]
+        heights = [1e3 * getattr(s, key) for s in sizing.sources]
         ax.bars(at - 0.38 + 0.38 * k, at + 0.38 * k, heights, COLOURS[k], label=label)
     ax.x.ticks = Ticks(tuple(at.tolist()), tuple(names))
     ax.y.low, ax.y.label = 0.0, "momentum\n[mN m s]"
     return fig
 
 
-def _year(made: Sizing) -> Figure:
+def _year(sizing: Sizing) -> Figure:
     """Draw the least rod (A m2) over the days of a year."""
     fig, ax = figure(2.4)
-    for i, activity in enumerate(dict.fromkeys(d.activity for d in made.year)):
-        rows = [d for d in made.year if d.activity == activity]
+    for i, activity in enumerate(dict.fromkeys(d.activity for d in sizing.year)):
+        rows = [d for d in sizing.year if d.activity == activity]
         label = f"{activity} solar activity" if activity else "least rod"
         ax.plot(
             [28.0 * k for k in range(len(rows))],
@@ -235,23 +240,23 @@ def _year(made: Sizing) -> Figure:
             marker=4.0,
             label=label,
         )
-    if made.rod <= 3.0 * max(d.least for d in made.year):
-        ax.level(made.rod, "#444444", width=1.2, dash=DOTTED, label="what it has")
+    if sizing.rod <= 3.0 * max(d.least for d in sizing.year):
+        ax.level(sizing.rod, "#444444", width=1.2, dash=DOTTED, label="what it has")
     ax.x.label, ax.y.label, ax.y.low = (
-        f"days since {made.year[0].day}",
+        f"days since {sizing.year[0].day}",
         "least rod\n[A m2]",
         0.0,
     )
     return fig
 
 
-def _dump_year(made: DumpSizing) -> Figure:
+def _dump_year(sizing: DumpSizing) -> Figure:
     """Draw the propellant (kg a year) over the days of a year."""
     fig, ax = figure(2.4)
-    for i, activity in enumerate(dict.fromkeys(d.activity for d in made.year)):
+    for i, activity in enumerate(dict.fromkeys(d.activity for d in sizing.year)):
         rows = [
             x
-            for d, x in zip(made.year, made.each_year, strict=True)
+            for d, x in zip(sizing.year, sizing.each_year, strict=True)
             if d.activity == activity
         ]
         label = f"{activity} solar activity" if activity else "propellant a year"
@@ -263,23 +268,23 @@ def _dump_year(made: DumpSizing) -> Figure:
             marker=4.0,
             label=label,
         )
-    ax.level(made.a_year, "#444444", width=1.2, dash=DOTTED, label="mean")
+    ax.level(sizing.a_year, "#444444", width=1.2, dash=DOTTED, label="mean")
     ax.x.label, ax.y.label, ax.y.low = (
-        f"days since {made.year[0].day}",
+        f"days since {sizing.year[0].day}",
         "propellant\n[kg a year]",
         0.0,
     )
     return fig
 
 
-def heat_map(made: SizingMap, law: int) -> Figure:
+def heat_map(sizing_map: SizingMap, law: int) -> Figure:
     """Draw the smallest rod of the map that holds in each orbit.
 
     Each residual dipole has a panel of altitude over inclination.
     """
-    axes = made.axes
+    axes = sizing_map.axes
     order = np.argsort(axes.rods)
-    holds = made.holds[law][..., order]
+    holds = sizing_map.holds[law][..., order]
     rods = [axes.rods[i] for i in order]
     count = len(axes.dipoles)
     rows = -(-count // 2)

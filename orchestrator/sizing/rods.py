@@ -166,8 +166,8 @@ def curve_of(
         If the model does not have the law.
     """
     grid = rod_grid(least, requirements, hardware)
-    own = [hardware.m_limit] if hardware.m_limit else []
-    rods = np.array([*grid, *(k * least for k in CURVE_MULTIPLES), *own])
+    sizes = [hardware.m_limit] if hardware.m_limit else []
+    rods = np.array([*grid, *(k * least for k in CURVE_MULTIPLES), *sizes])
     course = fly_rods(flight, law, hardware, rods)
     is_enough = meets(course, hardware, requirements)[: len(grid)]
     smallest = find_smallest(grid, is_enough)
@@ -220,8 +220,8 @@ def compute_curves(
         progress(f"the model of {law.name}")
         try:
             more, recommended = curve_of(flight, law, hardware, least, requirements)
-        except UnsuitedError as why:
-            notes.append(f"{law.name}: closed loop only; {why}")
+        except UnsuitedError as error:
+            notes.append(f"{law.name}: closed loop only; {error}")
             continue
         rows, best = rows + more, (*best, Best(law.name, recommended))
     return rows, best
@@ -286,7 +286,7 @@ def find_rod_for_worst(
         return run.manifest, found
 
     known: dict[float, tuple[Manifest, Flight | None]] = {}
-    own, largest = (
+    craft_rod, largest = (
         hardware.m_limit,
         max(LARGEST_MULTIPLE * (rod or 0.0), hardware.m_limit),
     )
@@ -301,9 +301,11 @@ def find_rod_for_worst(
         else:
             rod = _find_larger(manifest, found, hardware, rod, law, largest)
     missed: list[str] = []
-    if own > 0.0 and (rod is None or own < rod):
-        missed = (known.get(own) or fly_with(own))[0].not_met
-    return rod, [f"{WORST} with its rods of {own:.4g} A m2: {line}" for line in missed]
+    if craft_rod > 0.0 and (rod is None or craft_rod < rod):
+        missed = (known.get(craft_rod) or fly_with(craft_rod))[0].not_met
+    return rod, [
+        f"{WORST} with its rods of {craft_rod:.4g} A m2: {line}" for line in missed
+    ]
 
 
 def _find_larger(
@@ -342,7 +344,7 @@ def add_closed_loop(
     source: Target,
     options: Options,
     system: System,
-    own: Law | None,
+    own_law: Law | None,
     least: float,
     progress: Callable[[str], None],
 ) -> tuple[SizingPoint, ...]:
@@ -350,7 +352,11 @@ def add_closed_loop(
 
     Where the model lacks that law, rows of the closed loop alone are added.
     """
-    name = own.name if own is not None and curve and curve[0].law == own.name else ""
+    name = (
+        own_law.name
+        if own_law is not None and curve and curve[0].law == own_law.name
+        else ""
+    )
     closed = [
         *(k * least for k in LOOP_MULTIPLES),
         *([recommended] if recommended else []),

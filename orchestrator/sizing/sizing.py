@@ -99,15 +99,15 @@ def size(
     progress("the run at the wanted attitude")
     flight = fly_case(case, system)
     notes = [*doubts(system), *closed_loop_only(system, options)]
-    own = _own_law(system, notes)
+    own_law = _own_law(system, notes)
     torque, cyclic = secular(flight)
     able = reach(flight, hardware)
     progress("the least rod, by a linear programme")
     formula, least = least_by_formula(able, torque), least_by_programme(able, torque)
     attitude = attitude_of(system, flight.q, flight.r, flight.v)
     year, hardest = _fly_year(system, hardware, attitude, requirements, progress, notes)
-    laws = [own] if own is not None else []
-    if requirements.laws or own is None:
+    laws = [own_law] if own_law is not None else []
+    if requirements.laws or own_law is None:
         terms = terms_of(flight.period, flight.b, attitude.kind in ("inertial", "sun"))
         laws += other_laws(source, options, terms, notes)
     curve, best = compute_curves(
@@ -131,7 +131,7 @@ def size(
         )
     if requirements.flown and 0.0 < least < inf:
         curve = add_closed_loop(
-            curve, recommended, source, options, system, own, least, progress
+            curve, recommended, source, options, system, own_law, least, progress
         )
     needed, time_without = compute_wheel_needs(
         flight, hardware, torque, cyclic, _bias(system)
@@ -150,7 +150,7 @@ def size(
     rod = hardware.m_limit
     sizing = Sizing(
         target=target,
-        orbits=round(flight.whole / flight.period),
+        orbits=round(flight.orbits_duration / flight.period),
         period=flight.period,
         attitude=attitude.kind,
         secular=tuple(torque.tolist()),
@@ -208,8 +208,8 @@ def _own_law(system: System, notes: list[str]) -> Law | None:
     """Return the craft's own law; None, with a note, if the model does not have it."""
     try:
         return law_of(system.components["manager"])
-    except UnsuitedError as why:
-        notes.append(f"{manager_name(system)}: closed loop only; {why}")
+    except UnsuitedError as error:
+        notes.append(f"{manager_name(system)}: closed loop only; {error}")
         return None
 
 
@@ -232,8 +232,8 @@ def _fly_year(
         days = list(days_of_year(system, hardware, attitude))
         year = tuple(day for day, _ in days)
         return year, find_worst_day(system, hardware, attitude, days)
-    except DesatError as why:
-        notes.append(f"no other days of the year: {why}")
+    except DesatError as error:
+        notes.append(f"no other days of the year: {error}")
         return (), None
 
 

@@ -57,11 +57,11 @@ class WorstDay:
 
 
 def days_of_year(
-    system: System, hardware: Hardware, attitude: Attitude, own: bool = False
+    system: System, hardware: Hardware, attitude: Attitude, own_day: bool = False
 ) -> Iterator[tuple[YearDate, tuple[dict[str, Array], Array]]]:
     """Yield the days of a year, each with the environment's outputs and times (s).
 
-    Each day has low and high solar activity where air matters; with `own` that of the
+    Each day has low and high solar activity where air matters; with `own_day` that of the
     scenario comes first.
 
     Raises
@@ -80,7 +80,7 @@ def days_of_year(
     period = period_of(first["r_eci"][0], first["v_eci"][0])
     span = period * max(1, int(86400.0 / period))
     since = np.linspace(0.0, span, round(span / YEAR_ROW_SPACING) + 1)
-    levels = _activities(component, values_of(system)["spacecraft"], own)
+    levels = _activities(component, values_of(system)["spacecraft"], own_day)
     epoch = float(getattr(block, "epoch_j2000", 0.0))
     begin = datetime(2000, 1, 1, 12, tzinfo=UTC) + timedelta(seconds=epoch)
     for k in range(YEAR_DATES):
@@ -105,12 +105,12 @@ def days_of_year(
 
 
 def _activities(
-    component: Component, craft: Values, own: bool
+    component: Component, craft: Values, own_activity: bool
 ) -> list[tuple[str, dict[str, int]]]:
     """Return levels of solar activity, as changes of an environment without a field.
 
     They are low and high where air matters and the environment has them; otherwise one
-    level without changes. With `own` the scenario's comes first, or is the only one
+    level without changes. With `own_activity` the scenario's comes first, or is the only one
     where its atmosphere does not follow the activity.
     """
     signals = component.interface.signals
@@ -134,8 +134,8 @@ def _activities(
         (x, still | {"solar_activity": number("solar_activity", x)})
         for x in ("low", "high")
     ]
-    if not own or component.choice("atmosphere") != "activity":
-        return levels if not own else [("", {})]
+    if not own_activity or component.choice("atmosphere") != "activity":
+        return levels if not own_activity else [("", {})]
     mine = component.choice("solar_activity")
     return [(mine, {}), *((name, changes) for name, changes in levels if name != mine)]
 

@@ -223,10 +223,10 @@ def rows_of(runs: Sequence[Run]) -> dict[str, ComparedNumber]:
     rows = {}
     for name in dict.fromkeys(n for run in runs for n in run.manifest.numbers):
         each = [run.manifest.numbers.get(name) for run in runs]
-        given = [x for x in each if x is not None]
-        for i, unit in enumerate(dict.fromkeys(x.unit for x in given)):
+        values = [x for x in each if x is not None]
+        for i, unit in enumerate(dict.fromkeys(x.unit for x in values)):
             there = tuple(x is not None and x.unit == unit for x in each)
-            title = next(x.title for x in given if x.unit == unit)
+            title = next(x.title for x in values if x.unit == unit)
             rows[f"{name} ({unit})" if i else name] = ComparedNumber(
                 title,
                 unit,
@@ -238,24 +238,24 @@ def rows_of(runs: Sequence[Run]) -> dict[str, ComparedNumber]:
     return rows
 
 
-def write(made: Comparison, path: Path, **more: Any) -> Path:
+def write(comparison: Comparison, path: Path, **more: Any) -> Path:
     """Write the page: the table, and each plot of the first run over all runs.
 
     `more` is for the template. Raises OSError where it cannot be written.
     """
     overlaid = [
         (t, run.results, run.manifest.parameters)
-        for t, run in zip(made.names, made.runs, strict=True)
+        for t, run in zip(comparison.names, comparison.runs, strict=True)
     ]
-    plots = made.runs[0].manifest.content.plots.values()
+    plots = comparison.runs[0].manifest.content.plots.values()
     drawn = [(p.title, figure) for p in plots if (figure := series_figure(p, overlaid))]
     path.parent.mkdir(parents=True, exist_ok=True)
-    pairs = list(zip(made.names, made.runs, strict=True))
+    pairs = list(zip(comparison.names, comparison.runs, strict=True))
     return write_page(
         path,
         render(
             "compare.html",
-            made=made,
+            made=comparison,
             pairs=pairs,
             **figures_of(drawn),
             **{"choice": None, "pareto": (), **more},
@@ -289,18 +289,18 @@ def paired_draws(
     shared = [
         common(sources[0], other, seed, options, options) for other in sources[1:]
     ]
-    made = [draws(s, count, seed, options, jobs, progress) for s in sources]
+    results = [draws(s, count, seed, options, jobs, progress) for s in sources]
     pairs = list[Pairs]()
-    for target, other, names in zip(targets[1:], made[1:], shared, strict=True):
+    for target, other, names in zip(targets[1:], results[1:], shared, strict=True):
         first, second = (
-            {r.number for r in x.rows if r.completed} for x in (made[0], other)
+            {r.number for r in x.rows if r.completed} for x in (results[0], other)
         )
         alone = {"drawn_only_in_it": targets[0], "drawn_only_in_the_other": target}
         warnings = [
-            f"drawn in {whose} alone: {', '.join(names[key])}"
-            for key, whose in alone.items()
+            f"drawn in {owner} alone: {', '.join(names[key])}"
+            for key, owner in alone.items()
             if names[key]
         ]
-        numbers = differences(made[0], other)
+        numbers = differences(results[0], other)
         pairs.append(Pairs(targets[0], target, len(first & second), warnings, numbers))
-    return pairs, made
+    return pairs, results

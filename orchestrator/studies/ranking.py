@@ -98,9 +98,9 @@ def _pointing(manifest: Manifest, results: Results) -> float | None:
     """Compute the rms pointing error (deg), or None without a reference."""
     if REFERENCE not in results.names():
         return None
-    q, wanted = results.values(ORBIT[3]), results.values(REFERENCE)
-    n = min(len(q), len(wanted))
-    return float(np.sqrt((pointing(q[:n], wanted[:n]) ** 2).mean()))
+    q, reference = results.values(ORBIT[3]), results.values(REFERENCE)
+    n = min(len(q), len(reference))
+    return float(np.sqrt((pointing(q[:n], reference[:n]) ** 2).mean()))
 
 
 def _last(signal: str) -> Callable[[Manifest, Results], float | None]:
@@ -143,12 +143,12 @@ class RankedLaw:
     @property
     def label(self) -> str:
         """Return the name, marked if the law is the craft's own."""
-        return f"{self.name} (own)" if self.law.own else self.name
+        return f"{self.name} (own)" if self.law.is_own else self.name
 
     @property
     def gains(self) -> str:
         """Return the gains as text."""
-        if self.law.own:
+        if self.law.is_own:
             return "as the craft has it"
         return "; ".join(f"{k}: {x}" for k, x in self.law.gains.items()) or "its own"
 
@@ -206,10 +206,10 @@ class Ranking:
 
     def declined(self) -> list[tuple[str, str]]:
         """Return the managers that do not fit, grouped by reason, with the reason."""
-        why: dict[str, list[str]] = {}
+        reasons: dict[str, list[str]] = {}
         for each in self.refused:
-            why.setdefault(each.why, []).append(each.name)
-        return [(", ".join(names), text) for text, names in why.items()]
+            reasons.setdefault(each.why, []).append(each.name)
+        return [(", ".join(names), text) for text, names in reasons.items()]
 
     @property
     def table(self) -> Table:
@@ -241,7 +241,7 @@ class Ranking:
                 {
                     "name": e.name,
                     "manager": e.law.manager,
-                    "own": e.law.own,
+                    "own": e.law.is_own,
                     "gains": dict(e.law.gains),
                     "set": dict(e.law.options.values),
                     "values": {
@@ -334,7 +334,7 @@ def criteria(by: str) -> tuple[Criterion, ...]:
 def choose(
     target: str,
     options: Options,
-    asked: Sequence[Criterion],
+    criteria: Sequence[Criterion],
     laws: Sequence[str],
     others: Sequence[str] = (),
     progress: Callable[[str], None] = lambda text: None,
@@ -342,7 +342,7 @@ def choose(
     """Fly a craft with its own law and with those that fit it, and rank them.
 
     The laws are `laws` by name, or all, and the user's own files `others`. They are
-    ranked by `asked`, or by `STANDARD` if it is empty.
+    ranked by `criteria`, or by `STANDARD` if it is empty.
 
     Raises
     ------
@@ -351,21 +351,21 @@ def choose(
     """
     source = read(target)
     first, found, refused = laws_of(source, options, laws, others, progress)
-    flown, runs, warnings = [found[0]], [first], [*first.manifest.warnings]
+    compared, runs, warnings = [found[0]], [first], [*first.manifest.warnings]
     for k, law in enumerate(found[1:], 2):
         progress(f"{k} of {len(found)}: {law.name}")
         try:
             run = _fly(law.options, source, prepare_with(source, law).or_raise()[0])
             run.or_raise(law.name)
-        except RunError as why:
-            refused.append(Refused(law.name, str(why).removeprefix(f"{law.name}: ")))
+        except RunError as error:
+            refused.append(Refused(law.name, str(error).removeprefix(f"{law.name}: ")))
             continue
         if _idle(run):
             refused.append(
                 Refused(law.name, "it flew, and commanded neither dipole nor thrusters")
             )
             continue
-        flown.append(law)
+        compared.append(law)
         runs.append(run)
         warnings += [
             f"{law.name}: {x}"
@@ -374,29 +374,29 @@ def choose(
         ]
     known = [
         c
-        for c in asked or map(CRITERIA.__getitem__, STANDARD)
+        for c in criteria or map(CRITERIA.__getitem__, STANDARD)
         if any(c.of(run.manifest, run.results) is not None for run in runs)
     ]
-    for c in asked or known:
+    for c in criteria or known:
         if c not in known:
             raise DesatError(
                 f"{target}: --by {c.name}: the {c.title} is not available for it"
             )
     rows = [tuple(c.of(run.manifest, run.results) for c in known) for run in runs]
-    whole = [tuple(np.inf if x is None else x for x in row) for row in rows]
+    comparable = [tuple(np.inf if x is None else x for x in row) for row in rows]
     entries = [
         RankedLaw(
             law,
             row,
-            not any(_beats(other, row) for other in whole),
+            not any(_beats(other, row) for other in comparable),
             tuple(run.manifest.not_met),
         )
-        for law, row, run in zip(flown, whole, runs, strict=True)
+        for law, row, run in zip(compared, comparable, runs, strict=True)
     ]
     ranked = sorted(entries, key=lambda e: (bool(e.not_met), e.values))
-    names = [law.name for law in flown]
-    beside = of_runs(names, runs, warnings)
-    return Ranking(target, tuple(known), tuple(ranked), tuple(refused), beside)
+    names = [law.name for law in compared]
+    comparison = of_runs(names, runs, warnings)
+    return Ranking(target, tuple(known), tuple(ranked), tuple(refused), comparison)
 
 
 def laws_of(
@@ -417,11 +417,11 @@ def laws_of(
         If the craft cannot fly with its own law.
     """
     check_names(laws, others)
-    own = prepare(source, options)
-    system, _ = own.or_raise()
+    case = prepare(source, options)
+    system, _ = case.or_raise()
     values_of(system)  # checks that the roles exist
     progress("its own law")
-    first = _fly(own.options, source, system).or_raise(source.text)
+    first = _fly(case.options, source, system).or_raise(source.text)
     r, v, b, q = (first.results.values(s) for s in ORBIT)
     inertial = attitude_of(system, q, r, v).kind in ("inertial", "sun")
     terms = terms_of(period_of(r[0], v[0]), b, inertial)
@@ -429,11 +429,11 @@ def laws_of(
 
 
 def options_of_laws(
-    target: str, options: Options, asked: Sequence[str]
+    target: str, options: Options, names: Sequence[str]
 ) -> dict[str, Options]:
     """Return the options of a run for each law, by its name.
 
-    The laws are the craft's own, or those in `asked`. A gain that follows from the
+    The laws are the craft's own, or those in `names`. A gain that follows from the
     craft stays a product of its parameters.
 
     Raises
@@ -443,15 +443,15 @@ def options_of_laws(
     """
     source = read(target)
     system, _ = prepare(source, options).or_raise()
-    if not asked:
+    if not names:
         manager = system.roles.get(ROLE)
         return {law_name(manager) if manager else system.name: options}
-    files = [name for name in asked if Path(name).suffix in (".py", ".fmu")]
+    files = [name for name in names if Path(name).suffix in (".py", ".fmu")]
     _, found, refused = laws_of(
-        source, options, [x for x in asked if x not in files], files
+        source, options, [x for x in names if x not in files], files
     )
     for law in refused:
-        if ALL not in asked:
+        if ALL not in names:
             raise DesatError(f"--law {law.name}: {law.why}")
     return {law.name: _following(source, law) for law in found}
 
@@ -476,7 +476,7 @@ def _following(source: Target, law: Fitting) -> Options:
 def _fly(options: Options, source: Target, system: System) -> Run:
     """Fly a craft and record the series that judge it and that its plots show."""
     plots = content_of(system.about).plots.values()
-    wanted = {
+    series = {
         *series_of_numbers(system),
         *(s for p in plots for s in p.signals),
         *ORBIT,
@@ -488,14 +488,14 @@ def _fly(options: Options, source: Target, system: System) -> Run:
     }
     for analysis in analyses():
         if parts := analysis.applies(system):
-            wanted.update(analysis.balanced(parts))
+            series.update(analysis.balanced(parts))
     there = {
         f"{c.name}.{s.series}"
         for c in system.components.values()
         for s in c.interface.outputs
     }
     return simulate(
-        prepare(source, replace(options, record=tuple(sorted(wanted & there))))
+        prepare(source, replace(options, record=tuple(sorted(series & there))))
     )
 
 

@@ -91,30 +91,30 @@ class Tuned:
 
         The confidence is 95 %, and it must not miss requirements more often, either.
         """
-        told = self.unseen
-        if self.best == self.own or not told.interval_holds:
+        unseen = self.unseen
+        if self.best == self.own or not unseen.interval_holds:
             return False
-        low, high = told.interval
+        low, high = unseen.interval
         better = high < 0.0 if self.most else low > 0.0
-        return bool(better and told.missed_best <= told.missed_own)
+        return bool(better and unseen.missed_best <= unseen.missed_own)
 
     @property
     def answer(self) -> str:
         """Return the sentence that answers."""
-        told, unit = (
+        unseen, unit = (
             self.unseen,
             f" {self.number_unit}" if self.number_unit not in ("", "1") else "",
         )
         if self.best == self.own:
             return f"{self.parameter} = {self.own:.4g} {self.unit} is the best of its range already."
-        won = told.lower if self.most else told.higher
+        won = unseen.lower if self.most else unseen.higher
         edge = self.best in self.searched
         verdict = ", at the edge of its range" if edge else ""
         verdict += "" if self.confirmed else "; that is not confirmed"
         return (
             f"{self.parameter} = {self.best:.4g} {self.unit} instead of {self.own:.4g}: "
-            f"{self.number} {text_of(told.median_best)}{unit} instead of "
-            f"{text_of(told.median_own)}{unit} over {told.n} unseen samples, better in "
+            f"{self.number} {text_of(unseen.median_best)}{unit} instead of "
+            f"{text_of(unseen.median_own)}{unit} over {unseen.n} unseen samples, better in "
             f"{won}{verdict}."
         )
 
@@ -140,16 +140,16 @@ class Tuned:
 
     def as_json(self) -> JsonObject:
         """Return the result for programs; medians that are not finite are null."""
-        told = asdict(self) | {
+        document = asdict(self) | {
             "unseen": self.unseen.to_json(),
             "confirmed": self.confirmed,
             "answer": self.answer,
         }
-        for point in told["points"]:
+        for point in document["points"]:
             point["median"] = (
                 point["median"] if math.isfinite(point["median"]) else None
             )
-        return told
+        return document
 
 
 def tune(
@@ -179,10 +179,10 @@ def tune(
     source = read(target)
     system, _ = prepare(source, options).or_raise()
     content = content_of(system.about)
-    signal, own, unit = _parameter(source, options, parameter)
+    signal, own_value, unit = _parameter(source, options, parameter)
     _number(content, system, number, target)
-    low, high = _range(parameter, signal, own, between)
-    flown: dict[float, Point] = {}
+    low, high = _range(parameter, signal, own_value, between)
+    tried: dict[float, Point] = {}
     if not content.dispersions:
         raise DesatError(
             f"{target}: it has no [dispersions], so there is nothing to sample"
@@ -195,14 +195,14 @@ def tune(
             for x in values
             for i in draw
         ]
-        made = rows_of(tasks, jobs, target, False, source)
-        return [made[k : k + len(draw)] for k in range(0, len(made), len(draw))]
+        results = rows_of(tasks, jobs, target, False, source)
+        return [results[k : k + len(draw)] for k in range(0, len(results), len(draw))]
 
     def look(values: Sequence[float]) -> None:
         """Fly the tuning draws at these values."""
         progress(f"{parameter} = {', '.join(f'{x:.3g}' for x in values)}")
         for x, some in zip(values, rows(values, range(draws)), strict=True):
-            flown[x] = Point(
+            tried[x] = Point(
                 x, _median(some, number), sum(_misses(content, r) for r in some)
             )
 
@@ -212,19 +212,26 @@ def tune(
     )
     look(
         sorted(
-            [own, *(x for x in grid.tolist() if not math.isclose(x, own, rel_tol=1e-9))]
+            [
+                own_value,
+                *(
+                    x
+                    for x in grid.tolist()
+                    if not math.isclose(x, own_value, rel_tol=1e-9)
+                ),
+            ]
         )
     )
-    first = flown[own]
+    first = tried[own_value]
     if not math.isfinite(first.median):
         raise DesatError(
-            f"{target}: {parameter} = {own:g}: not every sample has {number}"
+            f"{target}: {parameter} = {own_value:g}: not every sample has {number}"
         )
     scale, sign = abs(first.median) or 1.0, -1.0 if most else 1.0
 
     def cost(x: float) -> float:
         """Return the relative cost of a value; large where it is rejected."""
-        point = flown[x]
+        point = tried[x]
         if math.isfinite(point.median) and point.missed <= first.missed:
             return sign * point.median / scale
         return 1e3 * (1.0 + point.missed / draws)
@@ -232,11 +239,11 @@ def tune(
     def at(place: float) -> float:
         """Return the cost at a place of the search, which may be logarithmic."""
         x = math.exp(place) if log else place
-        if x not in flown:
+        if x not in tried:
             look([x])
         return cost(x)
 
-    known = sorted(flown)
+    known = sorted(tried)
     k = known.index(min(known, key=cost))
     ends = known[max(k - 1, 0)], known[min(k + 1, len(known) - 1)]
     from scipy.optimize import minimize_scalar  # slow import
@@ -249,12 +256,12 @@ def tune(
         method="bounded",
         options={"maxiter": REFINED, "xatol": fine},
     )
-    best = min(sorted(flown), key=cost)
-    best = own if cost(own) - cost(best) < SAME else best
-    points = tuple(flown[x] for x in sorted(flown))
+    best = min(sorted(tried), key=cost)
+    best = own_value if cost(own_value) - cost(best) < SAME else best
+    points = tuple(tried[x] for x in sorted(tried))
     progress(f"{unseen} unseen samples")
-    judges = rows([own, best], range(draws, draws + unseen))
-    told, number_unit = _verdict(judges[0], judges[1], number, content)
+    judges = rows([own_value, best], range(draws, draws + unseen))
+    comparison, number_unit = _verdict(judges[0], judges[1], number, content)
     return Tuned(
         target,
         parameter,
@@ -262,12 +269,12 @@ def tune(
         number,
         number_unit,
         most,
-        own,
+        own_value,
         best,
         (low, high),
         draws,
         points,
-        told,
+        comparison,
     )
 
 
@@ -285,13 +292,13 @@ def _parameter(
     known = names(component.interface, "parameter")
     signal = component.interface.signals.get(variable)
     if signal is None or signal.causality != "parameter":
-        what = (
+        problem = (
             "an array"
             if variable in known
             else f"no parameter{nearest(variable, known)}"
         )
         raise DesatError(
-            f"{name}: {what}: exactly one numeric parameter of a component can be tuned"
+            f"{name}: {problem}: exactly one numeric parameter of a component can be tuned"
         )
     if signal.kind != "Real":
         raise DesatError(
@@ -324,13 +331,15 @@ def _number(content: Content, system: Any, number: str, target: str) -> None:
 
 
 def _range(
-    name: str, signal: Signal, own: float, between: tuple[float, float] | None
+    name: str, signal: Signal, own_value: float, between: tuple[float, float] | None
 ) -> tuple[float, float]:
     """Return the range for the search; raise DesatError where it is not valid."""
     if between is None:
-        if own <= 0.0:
-            raise DesatError(f"{name} = {own:g}: a range is needed: --between LOW,HIGH")
-        low, high = own / SPAN, own * SPAN
+        if own_value <= 0.0:
+            raise DesatError(
+                f"{name} = {own_value:g}: a range is needed: --between LOW,HIGH"
+            )
+        low, high = own_value / SPAN, own_value * SPAN
         low = max(low, signal.minimum) if signal.minimum is not None else low
         high = min(high, signal.maximum) if signal.maximum is not None else high
     else:
@@ -378,23 +387,23 @@ def _misses(content: Content, row: RunRow) -> bool:
 
 
 def _verdict(
-    own: Sequence[RunRow], best: Sequence[RunRow], number: str, content: Content
+    own_rows: Sequence[RunRow], best: Sequence[RunRow], number: str, content: Content
 ) -> tuple[Unseen, str]:
     """Compare pairs of draws, own less best; also return the number's unit."""
     pairs = [
         (a.numbers.get(number), b.numbers.get(number))
-        for a, b in zip(own, best, strict=True)
+        for a, b in zip(own_rows, best, strict=True)
         if a.completed and b.completed
     ]
-    whole = [(a, b) for a, b in pairs if a is not None and b is not None]
-    if not whole:
+    pairs_of_values = [(a, b) for a, b in pairs if a is not None and b is not None]
+    if not pairs_of_values:
         raise DesatError(f"no unseen sample has {number} with both values")
-    told = Unseen(
-        **vars(confident([difference(a, b) for a, b in whole])),
-        median_own=statistics.median(a for a, _ in whole),
-        median_best=statistics.median(b for _, b in whole),
-        missed_own=sum(_misses(content, r) for r in own),
+    unseen = Unseen(
+        **vars(confident([difference(a, b) for a, b in pairs_of_values])),
+        median_own=statistics.median(a for a, _ in pairs_of_values),
+        median_best=statistics.median(b for _, b in pairs_of_values),
+        missed_own=sum(_misses(content, r) for r in own_rows),
         missed_best=sum(_misses(content, r) for r in best),
     )
-    unit = next(r.described[number]["unit"] for r in own if number in r.described)
-    return told, unit
+    unit = next(r.described[number]["unit"] for r in own_rows if number in r.described)
+    return unseen, unit

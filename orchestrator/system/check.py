@@ -95,10 +95,10 @@ def _inputs(system: System) -> Iterator[str]:
     for c in system.components.values():
         for connector in c.connectors.values():
             name = connector.name
-            given = (c.name, name) in wired or name in c.parameters
-            if connector.kind == "input" and not given and c.interface.role:
+            has_value = (c.name, name) in wired or name in c.parameters
+            if connector.kind == "input" and not has_value and c.interface.role:
                 yield (
-                    f"{system.where}:{connector.line}: {c.name}.{name} is listed, but has "
+                    f"{system.place}:{connector.line}: {c.name}.{name} is listed, but has "
                     "neither a connection nor a value"
                 )
         arrays: dict[str, list[str]] = defaultdict(list)
@@ -113,7 +113,7 @@ def _inputs(system: System) -> Iterator[str]:
             if 0 < len(missing) < len(elements):
                 array = base_name(missing[0])
                 yield (
-                    f"{system.where}:{c.line}: {c.name}.{array} is wired in part: "
+                    f"{system.place}:{c.line}: {c.name}.{array} is wired in part: "
                     f"{', '.join(missing)} has neither a connection nor a value"
                 )
 
@@ -135,7 +135,7 @@ def _at_start(system: System) -> Iterator[str]:
         ]
         if open_:
             yield (
-                f"{system.where}:{c.line}: {c.name}: {', '.join(open_)} "
+                f"{system.place}:{c.line}: {c.name}: {', '.join(open_)} "
                 f"{'is' if len(open_) == 1 else 'are'} listed, but neither wired nor given: the "
                 "FMU's start value stays"
             )
@@ -164,13 +164,13 @@ def _shared(system: System, checked: Checked) -> None:
                 f"{c.name}.{signal.name} = {value}, but {owner}.{signal.name} = {other}"
             )
             if c.interface.role in computers():
-                where = c.given.get(name, f"{system.where}: default")
+                place = c.origins.get(name, f"{system.place}: default")
                 err.setdefault(
-                    (c.name, name), f"{where}: {text}: what runs onboard errs about it"
+                    (c.name, name), f"{place}: {text}: what runs onboard errs about it"
                 )
             else:
                 checked.problems.append(
-                    f"{system.where}: {text}: the two must be equal"
+                    f"{system.place}: {text}: the two must be equal"
                 )
     checked.warnings += err.values()
 
@@ -200,23 +200,23 @@ def _follows(system: System) -> Iterator[str]:
             except DesatError:  # the craft has no such value, or several that differ
                 continue
             signals = c.interface.elements.get(name, ())
-            own = [float(str(c.values[s.name])) for s in signals]
+            values = [float(str(c.values[s.name])) for s in signals]
             ends = [
                 known[owner][p]
                 for owner, _, p in (n.partition(".") for n in names_in(text))
             ]
-            given = any(s.name in c.parameters for s in signals) or any(
+            is_given = any(s.name in c.parameters for s in signals) or any(
                 e.given for e in ends
             )
             least = 1e-9 * max(map(abs, usual))
-            apart = [i for i, x in enumerate(own) if abs(x - usual[i]) > least]
-            if not (given and apart) or _of_no_craft(own):
+            apart = [i for i, x in enumerate(values) if abs(x - usual[i]) > least]
+            if not (is_given and apart) or _of_no_craft(values):
                 continue
             i, unit = apart[0], signals[0].unit_name
-            where = c.given.get(name, f"{system.where}: default")
+            place = c.origins.get(name, f"{system.place}: default")
             unit = f" {unit}" if unit not in ("", "1") else ""
             yield (
-                f"{where}: {c.name}.{signals[i].name} = {own[i]:g}{unit}, where {text} is "
+                f"{place}: {c.name}.{signals[i].name} = {values[i]:g}{unit}, where {text} is "
                 f'{usual[i]:g}{unit}: does it belong to another craft? Written as "{text}" '
                 "or a multiple of it, it follows the craft"
             )
@@ -243,28 +243,28 @@ def _samples(system: System) -> Iterator[str]:
             ratio = float(sample) / step if isinstance(sample, (int, float)) else 0.0
             if ratio and (ratio < 1.0 - 1e-9 or abs(ratio - round(ratio)) > 1e-6):
                 yield (
-                    f"{system.where}: {c.name}.{name} = {sample:g} s is not a multiple of "
+                    f"{system.place}: {c.name}.{name} = {sample:g} s is not a multiple of "
                     f"its step {step:g} s"
                 )
 
 
-def _overrides(system: System, given: Mapping[str, str]) -> Iterator[str]:
+def _overrides(system: System, origins: Mapping[str, str]) -> Iterator[str]:
     """Check that overridden classes exist and belong to outputs.
 
-    `given` holds the source of each override.
+    `origins` holds the source of each override.
     """
     for key, value in system.output_classes.items():
-        where = given.get(key, f"{system.where}: output_classes")
+        place = origins.get(key, f"{system.place}: output_classes")
         owner, _, name = key.partition(".")
         component = system.components.get(owner)
         if component is None:
-            yield f"{where}: no component {owner}{nearest(owner, system.components)}"
+            yield f"{place}: no component {owner}{nearest(owner, system.components)}"
         elif not any(
             s.causality == "output" for s in component.interface.elements.get(name, ())
         ):
-            yield f"{where}: {owner} has no output {name}"
+            yield f"{place}: {owner} has no output {name}"
         if value not in ("state", "interval"):
-            yield f'{where}: {key} = "{value}"; state or interval is needed'
+            yield f'{place}: {key} = "{value}"; state or interval is needed'
 
 
 # --------------------------------------------------------------------------------------
@@ -282,8 +282,8 @@ class Unwired:
     def text(self, component: str) -> str:
         """Describe the open ends in one line; empty if there are none."""
         parts = [
-            f"{what}: {', '.join(names)}"
-            for what, names in (
+            f"{finding}: {', '.join(names)}"
+            for finding, names in (
                 ("unconnected inputs at their default", self.inputs_at_default),
                 ("unused outputs", self.outputs_unread),
             )
@@ -300,11 +300,13 @@ def unwired(system: System) -> dict[str, Unwired]:
     wired, read = system.fed, system.read
     result = {}
     for c in system.components.values():
-        given = {base_name(name) for name in c.parameters}
+        with_value = {base_name(name) for name in c.parameters}
         inputs = dict.fromkeys(s.array for s in c.interface.inputs)
         outputs = dict.fromkeys(s.array for s in c.interface.outputs)
         result[c.name] = Unwired(
-            tuple(n for n in inputs if (c.name, n) not in wired and n not in given),
+            tuple(
+                n for n in inputs if (c.name, n) not in wired and n not in with_value
+            ),
             tuple(n for n in outputs if (c.name, n) not in read and n != "fault"),
         )
     return result
@@ -333,7 +335,7 @@ def without_effect(system: System, open_ends: dict[str, Unwired]) -> Iterator[st
                     if name in mine.inputs_at_default
                     else "an unused output"
                 )
-                yield f"{system.where}: {user} needs {name}, {lack}"
+                yield f"{system.place}: {user} needs {name}, {lack}"
 
 
 def _value_text(c: Component, name: str) -> str:
@@ -363,18 +365,18 @@ def foresee(
     problems: list[str] = []
     warnings: list[str] = []
     for c in system.components.values():
-        warnings += _unusual(c, system.where)
-        problems += _no_attitudes(c, system.where)
+        warnings += _unusual(c, system.place)
+        problems += _no_attitudes(c, system.place)
         if not _foresees(c):
             continue
         ends = open_ends[c.name]
-        left = {*ends.inputs_at_default, *ends.outputs_unread}
-        wired = frozenset(c.interface.arrays.keys() - left)
-        given = tuple(
+        unwired = {*ends.inputs_at_default, *ends.outputs_unread}
+        wired = frozenset(c.interface.arrays.keys() - unwired)
+        start_values = tuple(
             (c.interface.signals[n].reference, x) for n, x in c.parameters.items()
         )
         lines, refusal = _of_block(
-            c.interface.model, given, system.start, system.stop, wired
+            c.interface.model, start_values, system.start, system.stop, wired
         )
         for line in lines:
             warnings += explain(system, f"{c.name}: {REFUSES}{line}")
@@ -382,7 +384,7 @@ def foresee(
     return list(dict.fromkeys(problems)), list(dict.fromkeys(warnings))
 
 
-def _unusual(c: Component, where: str) -> Iterator[str]:
+def _unusual(c: Component, place: str) -> Iterator[str]:
     """Find variables whose values are allowed, but outside the usual range.
 
     There is one line per variable.
@@ -397,12 +399,12 @@ def _unusual(c: Component, where: str) -> Iterator[str]:
             told_of.add(base)
             unit = f" {signal.unit_name}" if signal.unit_name not in ("", "1") else ""
             yield (
-                f"{c.given.get(base, where)}: {c.name}.{name} = {value:g}{unit}: usual is "
+                f"{c.origins.get(base, place)}: {c.name}.{name} = {value:g}{unit}: usual is "
                 f"{low:g} to {high:g}{unit}"
             )
 
 
-def _no_attitudes(c: Component, where: str) -> Iterator[str]:
+def _no_attitudes(c: Component, place: str) -> Iterator[str]:
     """Find quaternions (q_..., scalar last) that are zero and thus no attitude.
 
     There is one line for each.
@@ -414,7 +416,7 @@ def _no_attitudes(c: Component, where: str) -> Iterator[str]:
         ]
         if len(values) == 4 and not any(values):
             yield (
-                f"{c.given.get(name, where)}: {c.name}.{name} = (0, 0, 0, 0): "
+                f"{c.origins.get(name, place)}: {c.name}.{name} = (0, 0, 0, 0): "
                 "a quaternion of norm 0 is no attitude; the identity is (0, 0, 0, 1)"
             )
 
@@ -433,7 +435,7 @@ def _foresees(c: Component) -> bool:
 @lru_cache(maxsize=256)
 def _of_block(
     model: str,
-    given: tuple[tuple[int, Scalar], ...],
+    start_values: tuple[tuple[int, Scalar], ...],
     begin: float,
     end: float,
     wired: frozenset[str],
@@ -444,7 +446,7 @@ def _of_block(
     start; that is reported when it does.
     """
     block = block_class(model)()
-    block.access([k for k, _ in given]).write([x for _, x in given])
+    block.access([k for k, _ in start_values]).write([x for _, x in start_values])
     try:
         block.check()
         block.start()

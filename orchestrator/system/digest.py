@@ -37,14 +37,14 @@ _OF_CODE = "is of what computes it, which stands beside"
 ASIDE: Mapping[str, Mapping[str, str]] = {
     "System": {
         "name": "a name for people",
-        "where": "a file, for messages",
+        "place": "a file, for messages",
     },
     "Component": {
         "source": _OF_CODE,
         "fmu": _OF_CODE,
         "connectors": "what an SSD lists, held against the interface when it is resolved",
         "line": "of a file, for messages",
-        "given": "who gave a value, for messages",
+        "origins": "who gave a value, for messages",
         "references": "how values are given, which are resolved",
     },
     "Connection": {
@@ -71,7 +71,7 @@ ASIDE: Mapping[str, Mapping[str, str]] = {
 def digest(
     system: System,
     computes: Mapping[str, str],
-    beside: Any = None,
+    conditions: Any = None,
     without: Set[str] = frozenset(),
 ) -> str:
     """Compute FORM and sha256 of a system and of all else that affects bits.
@@ -94,12 +94,12 @@ def digest(
     """
     about = system.about.counted() if system.about else {}
     content: Any = {k: _untitled(v) for k, v in about.items() if k not in without}
-    told = [
+    content_hashed = [
         _as_json(replace(system, about=content)),
         {n: computes[n] for n in system.components},
-        _as_json(beside),
+        _as_json(conditions),
     ]
-    text = json.dumps(told, sort_keys=True)
+    text = json.dumps(content_hashed, sort_keys=True)
     return f"{FORM}:{hashlib.sha256(text.encode()).hexdigest()}"
 
 
@@ -198,8 +198,8 @@ def _as_json(x: Any) -> Any:
     if isinstance(x, (list, tuple)):
         if _PLAIN.issuperset(map(type, x)):
             return x
-        told = [_as_json(v) for v in x]
-        return sorted(told, key=json.dumps) if is_dataclass(x[0]) else told
+        entries = [_as_json(v) for v in x]
+        return sorted(entries, key=json.dumps) if is_dataclass(x[0]) else entries
     if hasattr(x, "tolist"):  # of numpy
         return _as_json(x.tolist())
     raise TypeError(f"{kind.__name__}: a digest cannot tell it")

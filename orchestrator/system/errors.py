@@ -100,20 +100,20 @@ def nearest(name: str, known: Iterable[str]) -> str:
     return f"; there is {', '.join(known)}" if known else ""
 
 
-def require(name: str, known: Collection[str], what: str) -> None:
+def require(name: str, known: Collection[str], subject: str) -> None:
     """Check that a name is known.
 
     Raises
     ------
     DesatError
-        If it is not: `what` introduces the name, as in "no component", and the nearest
+        If it is not: `subject` introduces the name, as in "no component", and the nearest
         name follows.
     """
     if name not in known:
-        raise DesatError(f"{what} {name}{nearest(name, known)}")
+        raise DesatError(f"{subject} {name}{nearest(name, known)}")
 
 
-def look_up(name: str, known: Mapping[str, T], what: str) -> T:
+def look_up(name: str, known: Mapping[str, T], subject: str) -> T:
     """Return the entry of a name.
 
     Raises
@@ -121,5 +121,5 @@ def look_up(name: str, known: Mapping[str, T], what: str) -> T:
     DesatError
         If the name is unknown, as `require`.
     """
-    require(name, known, what)
+    require(name, known, subject)
     return known[name]

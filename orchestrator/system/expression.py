@@ -32,17 +32,17 @@ _NAME = re.compile(r"(\w+)\.(\w+)(?:\[(\d+)\])?\Z")
 FORM = "a Real is needed, or a product of numbers and component.parameter"
 
 
-def factor(source: Unit, target: str, what: str) -> float:
+def factor(source: Unit, target: str, subject: str) -> float:
     """Return the factor that converts a value from `source` to `target`.
 
     Raises
     ------
     DesatError
-        If the dimensions differ; `what` names the value with the unit.
+        If the dimensions differ; `subject` names the value with the unit.
     """
     converted = conversion(source, unit_of(target))
     if converted is None:
-        raise DesatError(f"unit {what} does not fit {target or '1'}")
+        raise DesatError(f"unit {subject} does not fit {target or '1'}")
     return converted[0]
 
 
@@ -76,20 +76,20 @@ def product(text: str, known: Table) -> tuple[float, Unit]:
     """
     result, unit = 1.0, Unit()
     for operator, name in parsed(text):
-        own = Unit()
+        own_unit = Unit()
         try:
             number = float(name)
         except ValueError:
             try:
-                number, own = _scalar(name, known)
+                number, own_unit = _scalar(name, known)
             except DesatError as error:
                 raise DesatError(f'"{text}": {error}') from error
         if operator == "/":
             if number == 0.0:
                 raise DesatError(f'"{text}": {name} is 0')
-            result, unit = result / number, times(unit, own, -1)
+            result, unit = result / number, times(unit, own_unit, -1)
         else:
-            result, unit = result * number, times(unit, own)
+            result, unit = result * number, times(unit, own_unit)
     return result, unit
 
 
@@ -171,7 +171,7 @@ References = Mapping[tuple[str, str], str]
 
 
 def evaluate(
-    components: Mapping[str, Component], references: References, where: str
+    components: Mapping[str, Component], references: References, place: str
 ) -> tuple[dict[str, Component], list[str]]:
     """Set the parameters that are references, and list what is wrong with these.
 
@@ -189,7 +189,7 @@ def evaluate(
             chain = ", ".join(f'{c}.{n} = "{text}"' for (c, n), text in waiting.items())
             return result, [
                 *problems,
-                f"{where}: parameters name each other in a circle: {chain}",
+                f"{place}: parameters name each other in a circle: {chain}",
             ]
         known = table(result.values())
         for owner, name in ready:
@@ -201,7 +201,7 @@ def evaluate(
                 }
                 result[owner] = replace(component, parameters=values)
             except DesatError as error:
-                by = component.given.get(base_name(name), where)
+                by = component.origins.get(base_name(name), place)
                 problems.append(f"{by}: {owner}.{name}: {error}")
     return result, problems
 
@@ -246,9 +246,9 @@ def scale_of(signal: Signal, unit: Unit, text: str) -> float:
     DesatError
         If the dimensions differ.
     """
-    own = signal.unit
-    if own is not None and own.dimension == unit.dimension:
-        return unit.factor / own.factor
-    if own is not None and any(own.dimension):
+    own_unit = signal.unit
+    if own_unit is not None and own_unit.dimension == unit.dimension:
+        return unit.factor / own_unit.factor
+    if own_unit is not None and any(own_unit.dimension):
         raise DesatError(f'"{text}": its unit does not fit {signal.unit_name}')
     return unit.factor

@@ -109,10 +109,10 @@ class Interface:
         for s in self.signals.values():
             arrays.setdefault(s.array, []).append(s)
             sides.setdefault(s.causality, []).append(s)
-        whole = {name: tuple(of) for name, of in arrays.items()}
+        complete = {name: tuple(of) for name, of in arrays.items()}
         found: dict[str, Any] = {
-            "arrays": whole,
-            "elements": whole | {s.name: (s,) for s in self.signals.values()},
+            "arrays": complete,
+            "elements": complete | {s.name: (s,) for s in self.signals.values()},
             **{
                 f"{side}s": tuple(sides[side])
                 for side in ("input", "output", "parameter")
@@ -161,8 +161,8 @@ def _in_order(elements: list[tuple[int, Signal]]) -> bool:
         for _, s in elements
     ]
     indices = [tuple(map(int, m[1].split(","))) if m else () for m in found]
-    whole = list(product(*(range(1, n + 1) for n in indices[-1])))
-    return indices == whole and all(
+    every_index = list(product(*(range(1, n + 1) for n in indices[-1])))
+    return indices == every_index and all(
         place == first + k
         and (s.kind, s.output_class, s.unit_name)
         == (signal.kind, signal.output_class, signal.unit_name)

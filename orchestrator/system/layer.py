@@ -14,7 +14,7 @@ from desat.components.contract.units import Unit
 
 from .body import Body
 from .interface import Interface, OutputClass
-from .model import Connection, Connector, Fmu, Substeps, Told
+from .model import About, Connection, Connector, Fmu, Substeps
 
 SHARED = "shared"  # owner of a value for each component with a parameter of that name
 
@@ -60,7 +60,7 @@ class Layer:
     Times are None where the source gives none.
     """
 
-    where: str  # the file, for messages
+    place: str  # the file, for messages
     name: str = ""
     title: str = ""
     places: list[Place] = field(default_factory=list)
@@ -76,7 +76,7 @@ class Layer:
     accuracy: float | None = None
     output_classes: dict[str, OutputClass] = field(default_factory=dict)
     origins: dict[str, str] = field(default_factory=dict)  # of times and output classes
-    about: Told | None = None
+    about: About | None = None
     body: Body | None = None
     of_options: bool = False
     problems: list[str] = field(default_factory=list)

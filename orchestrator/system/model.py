@@ -121,7 +121,7 @@ class Component:
     connectors: Mapping[str, Connector] = field(default_factory=dict)
     line: int = 0
     # source of a variable's value: name -> file and key, or option
-    given: Mapping[str, str] = field(default_factory=dict, compare=False, repr=False)
+    origins: Mapping[str, str] = field(default_factory=dict, compare=False, repr=False)
     # parameters that are given as products of others: `gain_matrix = "shared.inertia"`
     references: Mapping[str, str] = field(
         default_factory=dict, compare=False, repr=False
@@ -151,7 +151,7 @@ class Component:
         return str(self.interface.signals[name].named(self.values[name]))
 
 
-class Told(Protocol):
+class About(Protocol):
     """What a scenario defines besides its system, such as numbers and plots."""
 
     def as_json(self) -> Mapping[str, Any]:
@@ -169,7 +169,7 @@ class System:
     """
 
     name: str
-    where: str
+    place: str
     components: Mapping[str, Component]
     connections: tuple[Connection, ...]
     step: float  # s; `stop` is a whole number of steps after `start`
@@ -182,7 +182,7 @@ class System:
     output_classes: Mapping[str, OutputClass] = field(default_factory=dict)
     # content of its scenario (`language/content.py`, `content_of`); None for a foreign
     # system
-    about: Told | None = None
+    about: About | None = None
     body: Body | None = None  # mass and sides, if its craft file gives them
 
     # substeps of a step; 1 as long as they are not chosen

@@ -24,16 +24,16 @@ def as_json(target: str, options: Options) -> JsonObject:
 
     It includes the folder to which relative paths in them refer.
     """
-    given = {**asdict(options), "trusted": options.trusted and sorted(options.trusted)}
-    return {"target": target, "options": given, "from": str(Path.cwd())}
+    values = {**asdict(options), "trusted": options.trusted and sorted(options.trusted)}
+    return {"target": target, "options": values, "from": str(Path.cwd())}
 
 
-def from_json(told: JsonObject) -> Options:
+def from_json(document: JsonObject) -> Options:
     """Rebuild the options from the JSON of `as_json`."""
-    given = dict(told["options"])
-    given["record"] = tuple(given["record"])
-    given["trusted"] = given["trusted"] and frozenset(given["trusted"])
-    return Options(**given)
+    values = dict(document["options"])
+    values["record"] = tuple(values["record"])
+    values["trusted"] = values["trusted"] and frozenset(values["trusted"])
+    return Options(**values)
 
 
 def sets_of(options: Options) -> list[str]:
@@ -74,22 +74,22 @@ def as_arguments(options: Options) -> str:
     Each option follows a blank, and `values` are written as `--set`. The file of
     trusted hashes is no longer known: FILE stands for it.
     """
-    given = [("set", x) for x in sets_of(options)]
+    assignments = [("set", x) for x in sets_of(options)]
     for f in fields(options):
         value, option = getattr(options, f.name), _option_of(f)
         if not option or value in (f.default, [], {}):
             continue
         if value is True:
-            given.append((option, ""))
+            assignments.append((option, ""))
         elif isinstance(value, Mapping):
-            given += [(option, f"{name}={x}") for name, x in value.items()]
+            assignments += [(option, f"{name}={x}") for name, x in value.items()]
         elif isinstance(value, (list, tuple)):
-            given += [(option, x) for x in value]
+            assignments += [(option, x) for x in value]
         else:
-            given.append((option, "FILE" if f.name == "trusted" else str(value)))
+            assignments.append((option, "FILE" if f.name == "trusted" else str(value)))
     texts = (
         f" --{name} {shlex.quote(text)}" if text else f" --{name}"
-        for name, text in given
+        for name, text in assignments
     )
     return "".join(texts)
 
@@ -149,7 +149,7 @@ def of_program(
     stop: float | str | None,
     step: float | None,
     values: Mapping[str, Any] | None,
-    given: RunOptions,
+    keywords: RunOptions,
 ) -> Options:
     """Build the options of a program's call.
 
@@ -160,25 +160,25 @@ def of_program(
     DesatError
         If there is no such option, or its value is wrong.
     """
-    told = dict(given)
-    sources = told.pop("sources", [])
+    entries = dict(keywords)
+    sources = entries.pop("sources", [])
     if isinstance(sources, Mapping):
         sources = [f"{component}={fmu}" for component, fmu in sources.items()]
     known = RunOptions.__annotations__
-    if unknown := [name for name in told if name not in known]:
+    if unknown := [name for name in entries if name not in known]:
         raise DesatError(f"{unknown[0]}: no option{nearest(unknown[0], known)}")
     return Options(
         stop=stop,
         step=step,
         values=dict(values or {}),
         sources=sources,  # type: ignore[arg-type]
-        **told,  # type: ignore[arg-type]
+        **entries,  # type: ignore[arg-type]
     )
 
 
 RESOLVED = {"aside": "in the resolved system"}
 SAME_BITS = {"aside": "the same bits"}
-WHETHER = {"aside": "whether it runs at all"}
+PERMISSION = {"aside": "whether it runs at all"}
 ENDS = {"aside": "ends a run that takes long; it is then not completed"}
 NO_OPTION = {"option": ""}  # set by no option of `run`, or by `--set`
 # Reasons why a field of `Options` is in no digest (`digest.py`); with COUNTS it is in one.
@@ -221,12 +221,14 @@ class Options:
     design: str | None = field(default=None, metadata=RESOLVED)
     """File with another [design] than the scenario's, or `now`: for these values."""
     trusted: frozenset[str] | None = field(
-        default=None, metadata=WHETHER | {"option": "trust"}
+        default=None, metadata=PERMISSION | {"option": "trust"}
     )
     """sha256 of the FMUs that may run besides ours; None: all may."""
-    outside: bool = field(default=False, metadata=WHETHER | {"option": "allow-outside"})
+    outside: bool = field(
+        default=False, metadata=PERMISSION | {"option": "allow-outside"}
+    )
     """Whether an SSP may name files outside its folder."""
-    strict: bool = field(default=False, metadata=WHETHER)
+    strict: bool = field(default=False, metadata=PERMISSION)
     """Whether to refuse a foreign FMU whose model description violates the standard."""
     time_limit: float | None = field(default=None, metadata=ENDS)
     """Wall time (s) that stepping may take; the run ends between two steps."""
@@ -258,9 +260,11 @@ class Options:
                 not isinstance(value, Real) or isinstance(value, bool)
             ):
                 raise DesatError(f"{name} = {value!r}: a time in s is needed")
-        whole = isinstance(self.substeps, int) and not isinstance(self.substeps, bool)
+        is_integer = isinstance(self.substeps, int) and not isinstance(
+            self.substeps, bool
+        )
         if self.substeps not in (None, AUTO) and not (
-            whole and 1 <= self.substeps <= MOST_SUBSTEPS
+            is_integer and 1 <= self.substeps <= MOST_SUBSTEPS
         ):
             raise DesatError(
                 f"substeps = {self.substeps!r}: {AUTO} is needed, or an integer from "

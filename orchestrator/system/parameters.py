@@ -35,11 +35,11 @@ def unit_of(text: str) -> Unit:
         return units.unit_of(text)
     except ValueError as error:
         name = str(error).partition(" is no unit")[0]
-        why = "" if name == text else f" ({error})"
+        reason = "" if name == text else f" ({error})"
         hint = nearest(name, units.NAMES) if name.isalpha() else ""
         if dotted := with_dots(text):
             hint = f"; did you mean {dotted}?"
-        raise DesatError(f"unit {text} is not known{why}{hint}") from error
+        raise DesatError(f"unit {text} is not known{reason}{hint}") from error
 
 
 def with_dots(text: str) -> str | None:
@@ -111,7 +111,7 @@ def is_quantity(value: Any) -> bool:
     return isinstance(value, str) and _QUANTITY.fullmatch(value) is not None
 
 
-def _quantity(signal: Signal, text: str, where: str) -> float:
+def _quantity(signal: Signal, text: str, place: str) -> float:
     """Convert a number with a unit to the unit of its variable.
 
     Raises DesatError if the unit does not fit.
@@ -128,10 +128,10 @@ def _quantity(signal: Signal, text: str, where: str) -> float:
             unit = meant
         converted = conversion(unit_of(unit), signal.unit or Unit())
     except DesatError as error:
-        raise DesatError(f"{where} = {text!r}: {error}") from None
+        raise DesatError(f"{place} = {text!r}: {error}") from None
     if converted is None:
-        wanted = signal.unit_name if signal.unit_name not in ("", "1") else "no unit"
-        raise DesatError(f"{where} = {text!r}: it has {wanted}")
+        expected = signal.unit_name if signal.unit_name not in ("", "1") else "no unit"
+        raise DesatError(f"{place} = {text!r}: it has {expected}")
     return float(match[1].replace("_", "")) * converted[0] + converted[1]
 
 
@@ -156,11 +156,11 @@ def _is_begun_table(value: Any, last: str, count: int) -> bool:
 
 
 def expand(
-    interface: Interface, name: str, value: Any, where: str, typed: bool = False
+    interface: Interface, name: str, value: Any, place: str, typed: bool = False
 ) -> dict[str, Scalar]:
     """Convert `name = value` to scalars by element name.
 
-    `where` (file and component) begins every message. A list gives an array's elements
+    `place` (file and component) begins every message. A list gives an array's elements
     row by row; for a table the first rows are enough. A text gives a choice by its
     name. `typed` means that a person typed the value: then the number 5 is the choice
     named 5 if choices are numbers.
@@ -174,15 +174,15 @@ def expand(
     signals = interface.elements.get(name, ()) if signal is None else [signal]
     if not signals:
         known = {s.array for c in ("parameter", "input") for s in interface.of(c)}
-        raise DesatError(f"{where} has no variable {name}{nearest(name, known)}")
+        raise DesatError(f"{place} has no variable {name}{nearest(name, known)}")
     if signals[0].causality not in ("parameter", "input"):
         raise DesatError(
-            f"{where}.{name} is an {signals[0].causality}: it cannot be set"
+            f"{place}.{name} is an {signals[0].causality}: it cannot be set"
         )
     if typed and isinstance(value, int) and not isinstance(value, bool):
         value = _typed_choice(signals[0].choices, value)
     if signal is not None and not isinstance(value, (list, tuple)):
-        return {name: _scalar(signal, value, f"{where}.{name}")}
+        return {name: _scalar(signal, value, f"{place}.{name}")}
     values = _flat(value)
     if len(values) < len(signals) and _is_begun_table(
         value, signals[-1].name, len(values)
@@ -190,10 +190,10 @@ def expand(
         values += [0.0] * (len(signals) - len(values))
     if len(values) != len(signals):
         raise DesatError(
-            f"{where}.{name} needs {len(signals)} values, got {len(values)}"
+            f"{place}.{name} needs {len(signals)} values, got {len(values)}"
         )
     return {
-        s.name: _scalar(s, x, f"{where}.{s.name}")
+        s.name: _scalar(s, x, f"{place}.{s.name}")
         for s, x in zip(signals, values, strict=True)
     }
 
@@ -221,10 +221,10 @@ def _flat(value: Any) -> list[Any]:
     return flat
 
 
-def _scalar(signal: Signal, value: Any, where: str) -> Scalar:
+def _scalar(signal: Signal, value: Any, place: str) -> Scalar:
     """Check a value and convert it to one scalar.
 
-    Raises DesatError, whose text begins with `where`.
+    Raises DesatError, whose text begins with `place`.
     """
     low, high = signal.minimum, signal.maximum
     if (
@@ -237,12 +237,12 @@ def _scalar(signal: Signal, value: Any, where: str) -> Scalar:
         return value  # fast path for nearly all of a table's thousands of values
     if isinstance(value, int) and abs(value) > sys.float_info.max:
         raise DesatError(
-            f"{where}: a number of {len(str(value))} digits: it is too large"
+            f"{place}: a number of {len(str(value))} digits: it is too large"
         )
     if signal.choices and isinstance(value, str):
         if value not in signal.choices:
             raise DesatError(
-                f"{where} = {value}: not a choice{nearest(value, signal.choices)}"
+                f"{place} = {value}: not a choice{nearest(value, signal.choices)}"
             )
         return signal.choices.index(value)
     if signal.kind == "Boolean":
@@ -250,23 +250,23 @@ def _scalar(signal: Signal, value: Any, where: str) -> Scalar:
             return value
     elif signal.kind == "Integer":
         if isinstance(value, int) and not isinstance(value, bool):
-            return int(_within(signal, value, where))
+            return int(_within(signal, value, place))
     elif signal.kind == "Real":
         if isinstance(value, str) and is_quantity(value):
-            return _within(signal, _quantity(signal, value, where), where)
+            return _within(signal, _quantity(signal, value, place), place)
         if isinstance(value, (int, float)) and not isinstance(value, bool):
-            return _within(signal, float(value), where)
+            return _within(signal, float(value), place)
     else:
-        raise DesatError(f"{where} is of type {signal.kind}: it cannot be set")
+        raise DesatError(f"{place} is of type {signal.kind}: it cannot be set")
     kind = "an Integer" if signal.kind == "Integer" else f"a {signal.kind}"
-    wanted = f"one of {', '.join(signal.choices)}" if signal.choices else kind
-    raise DesatError(f"{where} = {value!r}: {wanted} is needed")
+    expected = f"one of {', '.join(signal.choices)}" if signal.choices else kind
+    raise DesatError(f"{place} = {value!r}: {expected} is needed")
 
 
-def _within(signal: Signal, value: float, where: str) -> float:
+def _within(signal: Signal, value: float, place: str) -> float:
     """Check that a value is finite and within the bounds of its variable."""
     if not math.isfinite(value):
-        raise DesatError(f"{where} = {value}: a finite number is needed")
+        raise DesatError(f"{place} = {value}: a finite number is needed")
     low, high = signal.minimum, signal.maximum
     if signal.kind == "Integer":  # 32 bits, as in C
         low, high = (
@@ -278,7 +278,7 @@ def _within(signal: Signal, value: float, where: str) -> float:
         lowest = "-inf" if low is None else f"{low:.10g}"
         highest = "inf" if high is None else f"{high:.10g}"
         got = value if isinstance(value, int) else f"{value:g}"
-        raise DesatError(f"{where} = {got}{unit}: allowed is {lowest} to {highest}")
+        raise DesatError(f"{place} = {got}{unit}: allowed is {lowest} to {highest}")
     return value
 
 
@@ -288,8 +288,8 @@ def bare_block(component: Component) -> Any:
     The block is checked, but not started.
     """
     block = block_class(component.interface.model)()
-    signals, given = component.interface.signals, component.parameters
-    block.access([signals[n].reference for n in given]).write(list(given.values()))
+    signals, values = component.interface.signals, component.parameters
+    block.access([signals[n].reference for n in values]).write(list(values.values()))
     block.check()
     return block
 
@@ -321,16 +321,16 @@ def table(components: Iterable[Component]) -> dict[str, dict[str, Parameter]]:
 
 def _parameter(component: Component, name: str, elements: list[Signal]) -> Parameter:
     """Build the readable form of a parameter, with choices by name."""
-    own, first = component.parameters, elements[0]
-    values = [own.get(s.name, s.start) for s in elements]
+    set_values, first = component.parameters, elements[0]
+    values = [set_values.get(s.name, s.start) for s in elements]
     if first.choices:
         values = [first.named(value) for value in values]
-    given = not own.keys().isdisjoint([s.name for s in elements])
+    is_given = not set_values.keys().isdisjoint([s.name for s in elements])
     value = values[0] if first.name == name else values
-    return Parameter(value, first.unit_name, given, first.description)
+    return Parameter(value, first.unit_name, is_given, first.description)
 
 
-def in_unit_of(signal: Signal, value: Scalar, unit: Unit | str, where: str) -> Scalar:
+def in_unit_of(signal: Signal, value: Scalar, unit: Unit | str, place: str) -> Scalar:
     """Convert a value in `unit` to the unit of its variable.
 
     `unit` is a text if its definition is unknown.
@@ -338,21 +338,21 @@ def in_unit_of(signal: Signal, value: Scalar, unit: Unit | str, where: str) -> S
     Raises
     ------
     DesatError
-        If the unit does not fit; the text begins with `where`.
+        If the unit does not fit; the text begins with `place`.
     """
     if signal.unit is None or isinstance(value, bool):
         raise DesatError(
-            f"{where}: {signal.name} has no unit, but its value was given with one"
+            f"{place}: {signal.name} has no unit, but its value was given with one"
         )
     if isinstance(unit, str):
         raise DesatError(
-            f"{where}: unit {unit} is not known: it cannot be converted to "
+            f"{place}: unit {unit} is not known: it cannot be converted to "
             f"{signal.unit_name}"
         )
     converted = conversion(unit, signal.unit)
     if converted is None:
         raise DesatError(
-            f"{where}: the unit of {signal.name} = {value} does not fit "
+            f"{place}: the unit of {signal.name} = {value} does not fit "
             f"{signal.unit_name}"
         )
     return value if converted == (1.0, 0.0) else converted[0] * value + converted[1]
@@ -366,8 +366,8 @@ def parse_assignment(text: str) -> tuple[str, str, Any]:
     DesatError
         If the text has another form.
     """
-    left, equals, right = text.partition("=")
-    component, dot, name = left.strip().partition(".")
+    target, equals, right = text.partition("=")
+    component, dot, name = target.strip().partition(".")
     if not (equals and dot and component and name and right.strip()):
         raise DesatError(f"--set {text}: the form is COMPONENT.VARIABLE=VALUE")
     return component, name, parse_value(right.strip())

@@ -43,10 +43,10 @@ class Quantity:
     least: float = -inf
     most: float = inf
     above: bool = False  # `least` itself is not allowed
-    what: str = ""  # noun for the value in messages, such as "a factor of"
+    noun: str = ""  # noun for the value in messages, such as "a factor of"
     bare: bool = True  # whether a typed value may have no unit
 
-    def __call__(self, given: str | float) -> float:
+    def __call__(self, value: str | float) -> float:
         """Parse what a person typed, or check what a program gave, in `unit`.
 
         Raises
@@ -54,9 +54,9 @@ class Quantity:
         DesatError
             If it is no such quantity or out of range.
         """
-        if isinstance(given, (int, float)):
-            return self._within(float(given), f"{given:g}")
-        return self._within(self._read(given, given), given)
+        if isinstance(value, (int, float)):
+            return self._within(float(value), f"{value:g}")
+        return self._within(self._read(value, value), value)
 
     def many(self, text: str) -> tuple[float, ...]:
         """Parse numbers separated by commas, in `unit`.
@@ -70,21 +70,21 @@ class Quantity:
             self._within(self._read(x, text, many=True), text) for x in text.split(",")
         )
 
-    def _read(self, text: str, whole: str, many: bool = False) -> float:
+    def _read(self, text: str, typed: str, many: bool = False) -> float:
         """Parse a number with or without a unit, and convert it to `unit`."""
         match = _NUMBER.fullmatch(text)
         if match is None:
             needed = "numbers are needed, as 1,2,3" if many else "a number is needed"
             unit = f", with its unit or in {self.unit}" if self.unit != "1" else ""
-            raise DesatError(f"{self.option} {whole}: {needed}{unit}")
+            raise DesatError(f"{self.option} {typed}: {needed}{unit}")
         if match[2]:
-            return self._converted(float(match[1]), match[2], whole)
+            return self._converted(float(match[1]), match[2], typed)
         if not self.bare and self.unit != "1":
             example = f"{match[1]}{self.unit.replace('.', '')}"
-            raise DesatError(f"{self.option} {whole}: a unit is needed, as {example}")
+            raise DesatError(f"{self.option} {typed}: a unit is needed, as {example}")
         return float(match[1])
 
-    def _converted(self, number: float, unit: str, whole: str) -> float:
+    def _converted(self, number: float, unit: str, text: str) -> float:
         """Convert a number from a typed unit to `unit`."""
         from desat.components.contract.units import conversion
 
@@ -98,20 +98,20 @@ class Quantity:
         if known_unit(unit) is None:
             needed = "no unit" if self.unit == "1" else f"one that fits {self.unit}"
             raise DesatError(
-                f"{self.option} {whole}: unit {unit} is not known; {needed} is needed"
+                f"{self.option} {text}: unit {unit} is not known; {needed} is needed"
             )
         converted = conversion(unit_of(unit), target)
         if converted is None:
-            wanted = self.unit if self.unit != "1" else "a number without a unit"
-            raise DesatError(f"{self.option} {whole}: {unit} does not fit {wanted}")
+            expected = self.unit if self.unit != "1" else "a number without a unit"
+            raise DesatError(f"{self.option} {text}: {unit} does not fit {expected}")
         return number * converted[0] + converted[1]
 
-    def _within(self, value: float, given: str) -> float:
+    def _within(self, value: float, text: str) -> float:
         """Check that a value is finite and within the range."""
         low = value <= self.least if self.above else value < self.least
         if isfinite(value) and not low and value <= self.most:
             return value
-        raise DesatError(f"{self.option} {given}: {self._needed(isfinite(value))}")
+        raise DesatError(f"{self.option} {text}: {self._needed(isfinite(value))}")
 
     def _needed(self, finite: bool) -> str:
         """Describe the range that is allowed."""
@@ -120,7 +120,7 @@ class Quantity:
             finite
             and self.least > -inf
             and self.most < inf
-            and not (self.above or self.what)
+            and not (self.above or self.noun)
         ):
             return f"{self.least:g} to {self.most:g}{unit} are covered"
         range_ = ""
@@ -128,9 +128,9 @@ class Quantity:
             range_ = (
                 f"above {self.least:g}" if self.above else f"{self.least:g} or more"
             )
-        needed = " ".join(filter(None, (self.what, range_)))
+        needed = " ".join(filter(None, (self.noun, range_)))
         if not finite or not needed:
             needed = " ".join(filter(None, ("a finite number", range_)))
-        verb = "are" if self.what.endswith("s") else "is"
+        verb = "are" if self.noun.endswith("s") else "is"
         most = f", {self.most:g}{unit} at most" if self.most < inf else ""
         return f"{needed} {verb} needed{most}"

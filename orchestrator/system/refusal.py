@@ -33,12 +33,16 @@ def explain(system: System, text: str) -> list[str]:
             if not (name in reached and name not in refusing):
                 result[line] = line
             continue
-        said = rest.partition(REFUSES)[2]
-        given, own = _sources(component, said)
-        where = given[0][1] if given else system.where
-        said += "".join(f"; {n} from {at}" for n, at in given[1:] if at != where)
-        said += f"; {' and '.join(own)}: the default" if own else ""
-        result.setdefault(where if given else line, f"{where}: {name}: {said}")
+        reason = rest.partition(REFUSES)[2]
+        given_elsewhere, own_defaults = _sources(component, reason)
+        place = given_elsewhere[0][1] if given_elsewhere else system.place
+        reason += "".join(
+            f"; {n} from {at}" for n, at in given_elsewhere[1:] if at != place
+        )
+        reason += f"; {' and '.join(own_defaults)}: the default" if own_defaults else ""
+        result.setdefault(
+            place if given_elsewhere else line, f"{place}: {name}: {reason}"
+        )
     return list(result.values())
 
 
@@ -56,7 +60,7 @@ def _fed_by(system: System, names: set[str]) -> set[str]:
 
 
 def _sources(
-    component: Component, said: str
+    component: Component, text: str
 ) -> tuple[list[tuple[str, str]], list[str]]:
     """Return each variable that a text names with the source of its value.
 
@@ -65,9 +69,9 @@ def _sources(
     known = {base_name(n) for n in component.interface.signals}
     named = [
         m[1]
-        for m in _NAME.finditer(said)
+        for m in _NAME.finditer(text)
         if m[1] in known and (m[2] or m[3] or "_" in m[1] or m.start() == 0)
     ]
     named = list(dict.fromkeys(named))
-    given = [(n, component.given[n]) for n in named if n in component.given]
-    return given, [n for n in named if n not in component.given]
+    sources = [(n, component.origins[n]) for n in named if n in component.origins]
+    return sources, [n for n in named if n not in component.origins]

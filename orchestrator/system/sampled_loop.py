@@ -127,10 +127,10 @@ def stability(loop: AttitudeLoop, momentum: Array) -> Stability:
     frequency that samples show. A loop that overflows within a period is unstable.
     """
     with np.errstate(over="ignore", invalid="ignore"):
-        period, whole = _map_over_period(loop, momentum)
-    if not np.isfinite(whole).all():
+        period, transition = _map_over_period(loop, momentum)
+    if not np.isfinite(transition).all():
         return Stability(growth=inf, damping=-1.0, stable=False)
-    values = np.linalg.eigvals(whole)
+    values = np.linalg.eigvals(transition)
     values = values[np.abs(values) > 1e-12]
     turns = np.log(values.astype(complex))  # of a period
     oscillates = np.abs(turns.imag) > 1e-6
@@ -210,14 +210,14 @@ def _map_over_period(loop: AttitudeLoop, momentum: Array) -> tuple[float, Array]
     size = REST + 3 * sum(waits)
     cross = _cross(momentum)
     moves = _moves(loop, cross, size)
-    whole = np.eye(size)
+    transition = np.eye(size)
     maps: dict[tuple[bool, ...], Array] = {}
     for k in range(steps):
         due = tuple(k % count == 0 for count in counts.values())
         if due not in maps:
             maps[due] = moves @ _samples(loop, cross, due, waits, size)
-        whole = maps[due] @ whole
-    return steps * loop.step, whole
+        transition = maps[due] @ transition
+    return steps * loop.step, transition
 
 
 def _cross(a: Array) -> Array:
@@ -237,9 +237,9 @@ def _moves(loop: AttitudeLoop, cross: Array, size: int) -> Array:
     if loop.motor_lag > 0.0:
         flow[TORQUE, TORQUE] = -np.eye(3) / loop.motor_lag
         flow[TORQUE, COMMAND] = np.eye(3) / loop.motor_lag
-    made = np.eye(size)
-    made[:REST, :REST] = _exponential(flow * loop.step)
-    return made
+    transition = np.eye(size)
+    transition[:REST, :REST] = _exponential(flow * loop.step)
+    return transition
 
 
 def _exponential(a: Array) -> Array:

@@ -217,7 +217,7 @@ def schedule(system: System) -> Schedule:
     }
     paces, problems = rates(system, list(means))
     if problems:
-        raise DesatError("\n".join(f"{system.where}: {text}" for text in problems))
+        raise DesatError("\n".join(f"{system.place}: {text}" for text in problems))
     timing = tuple(
         (
             c,
@@ -278,7 +278,7 @@ def _undeclared(
         )
         other = "state" if of == "interval" else "interval"
         yield (
-            f"{system.where}: {name} declares no dependencies: {listed} may depend on every "
+            f"{system.place}: {name} declares no dependencies: {listed} may depend on every "
             f"input and are taken {taken}; otherwise: --output-class {name}.{outputs[0]}="
             f"{other}"
         )
@@ -371,7 +371,7 @@ def _circle(
     text = " -> ".join(f"{c.source}.{c.output_array}" for c in links)
     example = f'"{links[-1].source}.{base_name(links[-1].output)}" = "state"'
     return (
-        f"{system.where}: cycle over the step: {text} -> {members[0]}; to take one of them a "
+        f"{system.place}: cycle over the step: {text} -> {members[0]}; to take one of them a "
         f"step late, write under [output_classes]: {example}"
     )
 

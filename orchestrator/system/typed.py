@@ -22,7 +22,7 @@ _NEEDED = {
 JsonObject = dict[str, Any]  # an object of a JSON file, or of the output of `--json`
 
 
-def fault_of(value: Any, declared: Any, where: str) -> str:
+def fault_of(value: Any, declared: Any, place: str) -> str:
     """Describe a mismatch between a value and its declared type.
 
     Parameters
@@ -43,26 +43,26 @@ def fault_of(value: Any, declared: Any, where: str) -> str:
         return ""
     origin, arguments = get_origin(declared), get_args(declared)
     if origin in (Union, types.UnionType):
-        return _fault_of_union(value, arguments, where)
+        return _fault_of_union(value, arguments, place)
     if origin is Literal:
         return (
             ""
             if value in arguments
-            else _fault(value, where, " or ".join(map(str, arguments)))
+            else _fault(value, place, " or ".join(map(str, arguments)))
         )
     if isinstance(declared, type) and is_dataclass(declared):
-        return _fault_of_dataclass(value, declared, where)
+        return _fault_of_dataclass(value, declared, place)
     kind = origin or declared
     if isinstance(kind, type) and issubclass(kind, Mapping):
-        return _fault_of_mapping(value, arguments, where)
+        return _fault_of_mapping(value, arguments, place)
     if isinstance(kind, type) and issubclass(kind, Sequence) and kind is not str:
-        return _fault_of_sequence(value, arguments, where)
-    return "" if _is_of(value, kind) else _fault(value, where, _name_of(kind))
+        return _fault_of_sequence(value, arguments, place)
+    return "" if _is_of(value, kind) else _fault(value, place, _name_of(kind))
 
 
-def _fault_of_union(value: Any, choices: Sequence[Any], where: str) -> str:
+def _fault_of_union(value: Any, choices: Sequence[Any], place: str) -> str:
     """Describe a mismatch between a value and all types of a union."""
-    if not all(fault_of(value, choice, where) for choice in choices):
+    if not all(fault_of(value, choice, place) for choice in choices):
         return ""
     for choice in choices:
         if (
@@ -70,50 +70,50 @@ def _fault_of_union(value: Any, choices: Sequence[Any], where: str) -> str:
             and is_dataclass(choice)
             and isinstance(value, choice)
         ):
-            return fault_of(value, choice, where)
+            return fault_of(value, choice, place)
     return _fault(
-        value, where, " or ".join(_name_of(get_origin(c) or c) for c in choices)
+        value, place, " or ".join(_name_of(get_origin(c) or c) for c in choices)
     )
 
 
-def _fault_of_dataclass(value: Any, declared: type, where: str) -> str:
+def _fault_of_dataclass(value: Any, declared: type, place: str) -> str:
     """Describe the first mismatch in the fields of a dataclass."""
     if not isinstance(value, declared):
-        return _fault(value, where, "a table")
+        return _fault(value, place, "a table")
     hints = _hints(declared)
     faults = (
-        fault_of(getattr(value, f.name), hints[f.name], f"{where}.{f.name}".lstrip("."))
+        fault_of(getattr(value, f.name), hints[f.name], f"{place}.{f.name}".lstrip("."))
         for f in fields(declared)
     )
     return next(filter(None, faults), "")
 
 
-def _fault_of_mapping(value: Any, arguments: Sequence[Any], where: str) -> str:
+def _fault_of_mapping(value: Any, arguments: Sequence[Any], place: str) -> str:
     """Describe the first mismatch in the keys and values of a table."""
     if not isinstance(value, Mapping):
-        return _fault(value, where, "a table")
+        return _fault(value, place, "a table")
     if not arguments:
         return ""
     of_key, of_value = arguments
     for key, entry in value.items():
-        inner = f"{where}.{key}"
+        inner = f"{place}.{key}"
         if text := fault_of(key, of_key, inner) or fault_of(entry, of_value, inner):
             return text
     return ""
 
 
-def _fault_of_sequence(value: Any, arguments: Sequence[Any], where: str) -> str:
+def _fault_of_sequence(value: Any, arguments: Sequence[Any], place: str) -> str:
     """Describe the first mismatch in the elements of a list."""
     if not isinstance(value, (list, tuple)):
-        return _fault(value, where, "a list")
+        return _fault(value, place, "a list")
     if not arguments:
         return ""
     is_of_any_length = len(arguments) == 1 or arguments[-1] is Ellipsis
     if not is_of_any_length and len(value) != len(arguments):
-        return _fault(value, where, f"a list of {len(arguments)}")
+        return _fault(value, place, f"a list of {len(arguments)}")
     declared = [arguments[0]] * len(value) if is_of_any_length else arguments
     faults = (
-        fault_of(x, of, f"{where}[{i}]")
+        fault_of(x, of, f"{place}[{i}]")
         for i, (x, of) in enumerate(zip(value, declared, strict=True), 1)
     )
     return next(filter(None, faults), "")
@@ -137,9 +137,9 @@ def _name_of(kind: Any) -> str:
     return "a table"
 
 
-def _fault(value: Any, where: str, needed: str) -> str:
+def _fault(value: Any, place: str, needed: str) -> str:
     """Format the message of a mismatch."""
-    return f"{where} is {plain(repr(value)[:60])}; {needed} is needed"
+    return f"{place} is {plain(repr(value)[:60])}; {needed} is needed"
 
 
 @cache

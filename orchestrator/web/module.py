@@ -66,10 +66,10 @@ def sources(loops: Sequence[LoopSource]) -> dict[str, str]:
 
 def digest(found: dict[str, str]) -> str:
     """Compute the sha256 of C files and of how they are compiled."""
-    made = hashlib.sha256(" ".join((*_FLAGS, *_LINK)).encode())
+    hashed = hashlib.sha256(" ".join((*_FLAGS, *_LINK)).encode())
     for name, text in sorted(found.items()):
-        made.update(f"\0{name}\0{text}".encode())
-    return made.hexdigest()
+        hashed.update(f"\0{name}\0{text}".encode())
+    return hashed.hexdigest()
 
 
 def compiled(found: dict[str, str]) -> bytes:
@@ -106,5 +106,5 @@ def _run(command: Sequence[str], folder: Path) -> None:
     )
     if done.returncode:
         native.check_room(done.stderr, "compiler zig")
-        said = (done.stderr.strip() or "no word").splitlines()
-        raise DesatError(f"zig does not compile {command[-1]}: {said[0]}")
+        lines = (done.stderr.strip() or "no word").splitlines()
+        raise DesatError(f"zig does not compile {command[-1]}: {lines[0]}")

@@ -66,7 +66,7 @@ _MANAGEMENT: tuple[Callable[..., Any], ...] = (
 
 
 @dataclass(frozen=True)
-class _Flown:
+class _LawSystem:
     """A law with its system, the parameters that follow from others, and all values."""
 
     name: str
@@ -87,7 +87,7 @@ class _Flown:
 
 
 @dataclass(frozen=True)
-class Made:
+class WrittenPage:
     """A page that was written."""
 
     path: Path
@@ -116,7 +116,7 @@ def check_request(sliders: Sequence[str], file: Path | None) -> None:
 
 def export(
     target: str, laws: Mapping[str, Options], sliders: Sequence[str], file: Path | None
-) -> Made:
+) -> WrittenPage:
     """Write the page of a target.
 
     Parameters
@@ -143,29 +143,33 @@ def export(
     """
     check_request(sliders, file)
     source = read(target)
-    flown = [_flown(target, source, name, options) for name, options in laws.items()]
-    notes = list[str]()
-    moved = _sliders(source, flown, sliders, notes)
-    series = [sorted(_series(f)) for f in flown]
-    loops = [
-        _loop(f, {t for s in own for t in s.targets}, of)
-        for f, own, of in zip(flown, moved, series, strict=True)
+    law_systems = [
+        _prepare_law(target, source, name, options) for name, options in laws.items()
     ]
-    code, told = _told(target, flown, moved, loops, notes)
+    notes = list[str]()
+    moved = _sliders(source, law_systems, sliders, notes)
+    series = [sorted(_series(f)) for f in law_systems]
+    loops = [
+        _loop(f, {t for s in parameters for t in s.targets}, of)
+        for f, parameters, of in zip(law_systems, moved, series, strict=True)
+    ]
+    code, data = _page_data(target, law_systems, moved, loops, notes)
     found = module.sources(loops)
-    told["digest"] = module.digest(found)
-    told["wasm"] = base64.b64encode(module.compiled(found)).decode()
+    data["digest"] = module.digest(found)
+    data["wasm"] = base64.b64encode(module.compiled(found)).decode()
     path = file or Path(f"{Path(target).absolute().name.removesuffix('.toml')}.html")
-    io.replace_text(path, _page(told, code))
-    return Made(
+    io.replace_text(path, _page(data, code))
+    return WrittenPage(
         path,
-        told["digest"],
+        data["digest"],
         tuple(dict.fromkeys(s.name for of in moved for s in of)),
         tuple(notes),
     )
 
 
-def _flown(target: str, source: Target, name: str, options: Options) -> _Flown:
+def _prepare_law(
+    target: str, source: Target, name: str, options: Options
+) -> _LawSystem:
     """Prepare a law of a target and choose its substeps.
 
     Raises DesatError if the case has problems or uses `stop_when`.
@@ -181,43 +185,50 @@ def _flown(target: str, source: Target, name: str, options: Options) -> _Flown:
         system = replace(system, substeps=choice.substeps)
         options = replace(options, substeps=choice.substeps, accuracy=None)
     ordered = follows(system)
-    return _Flown(name, options, system, ordered, dict(numbers_of(system)))
+    return _LawSystem(name, options, system, ordered, dict(numbers_of(system)))
 
 
 def _sliders(
-    source: Target, flown: Sequence[_Flown], asked: Sequence[str], notes: list[str]
+    source: Target,
+    law_systems: Sequence[_LawSystem],
+    requests: Sequence[str],
+    notes: list[str],
 ) -> list[list[Slider]]:
     """Return the sliders of each law: the requested or the usual ones.
 
     Raises DesatError for a requested one that is impossible.
     """
-    if not asked:
-        wanted = [usual(f.system) for f in flown]
+    if not requests:
+        usual_sliders = [usual(f.system) for f in law_systems]
     else:
-        rows = [_asked(text, flown, notes) for text in asked]
-        wanted = [[row[i] for row in rows if i in row] for i in range(len(flown))]
+        rows = [_requested_sliders(text, law_systems, notes) for text in requests]
+        usual_sliders = [
+            [row[i] for row in rows if i in row] for i in range(len(law_systems))
+        ]
     return [
         [s for s in of if _is_possible(s, source, f, notes)]
-        for f, of in zip(flown, wanted, strict=True)
+        for f, of in zip(law_systems, usual_sliders, strict=True)
     ]
 
 
 def _is_possible(
-    slider: Slider, source: Target, flown: _Flown, notes: list[str]
+    slider: Slider, source: Target, law: _LawSystem, notes: list[str]
 ) -> bool:
     """Return whether a page can move a slider of a law; the reason becomes a note.
 
     Raises DesatError for a requested slider.
     """
-    why = refused(slider, source, flown.options, flown.system, flown.ordered)
-    if why and slider.asked:
-        raise DesatError(f"--slider {slider.name}: {why}")
-    if why and (note := f"no slider {slider.name}: {why}") not in notes:
+    reason = refused(slider, source, law.options, law.system, law.ordered)
+    if reason and slider.is_requested:
+        raise DesatError(f"--slider {slider.name}: {reason}")
+    if reason and (note := f"no slider {slider.name}: {reason}") not in notes:
         notes.append(note)
-    return not why
+    return not reason
 
 
-def _asked(text: str, flown: Sequence[_Flown], notes: list[str]) -> dict[int, Slider]:
+def _requested_sliders(
+    text: str, law_systems: Sequence[_LawSystem], notes: list[str]
+) -> dict[int, Slider]:
     """Return the slider of `NAME=FROM:TO` for each law that has it, by the law's index.
 
     The range is that of the first law whose own value lies in it, else of the first
@@ -226,7 +237,7 @@ def _asked(text: str, flown: Sequence[_Flown], notes: list[str]) -> dict[int, Sl
     """
     found: dict[int, Slider] = {}
     errors: list[DesatError] = []
-    for i, f in enumerate(flown):
+    for i, f in enumerate(law_systems):
         try:
             found[i] = asked_of(text, f.system)
         except DesatError as error:
@@ -235,28 +246,28 @@ def _asked(text: str, flown: Sequence[_Flown], notes: list[str]) -> dict[int, Sl
         raise errors[0]
     home = next((i for i, s in found.items() if s.holds_start), min(found))
     name = found[home].name
-    made = {home: found[home]}
+    of_home = {home: found[home]}
     if not found[home].holds_start:
         notes.append(
             f"slider {name}: the scenario's own value, {found[home].start:g} "
             f"{found[home].unit}".rstrip()
             + ", lies outside its range"
         )
-    for i, f in enumerate(flown):
+    for i, f in enumerate(law_systems):
         if i == home:
             continue
         if i in found and _is_alike(found[i], found[home]):
-            made[i] = found[i]
+            of_home[i] = found[i]
         elif name.partition(".")[0] in f.system.components and (
             other := _usual_there(name, f.system)
         ):
-            made[i] = other
+            of_home[i] = other
             notes.append(
-                f"slider {name}: its range is of {flown[home].name}; under {f.name}, which "
+                f"slider {name}: its range is of {law_systems[home].name}; under {f.name}, which "
                 f"has {other.start:g} {other.unit}".rstrip()
                 + f", it is {other.low:g} to {other.high:g}"
             )
-    return made
+    return of_home
 
 
 def _is_alike(slider: Slider, home: Slider) -> bool:
@@ -276,24 +287,22 @@ def _usual_there(name: str, system: System) -> Slider | None:
 # --- loops ----------------------------------------------------------------------------
 
 
-def _loop(flown: _Flown, targets: set[str], series: Sequence[str]) -> LoopSource:
+def _loop(law: _LawSystem, targets: set[str], series: Sequence[str]) -> LoopSource:
     """Translate the loop of a law with these series and the parameters sliders reach.
 
     Raises DesatError for a component without C, or too many steps.
     """
-    system = flown.system
-    parameters = [
-        n for n in sorted(reached(targets, flown.ordered)) if n in flown.values
-    ]
+    system = law.system
+    parameters = [n for n in sorted(reached(targets, law.ordered)) if n in law.values]
     size = sum(len(system.components[c].interface.arrays[v]) for c, v in _split(series))
     if 8 * size * system.steps > MOST_BYTES:
         raise DesatError(
             f"{system.name}: {system.steps} steps are too many for a page's memory; "
             f"at most {MOST_BYTES // (8 * size)}: --stop"
         )
-    wanted = LoopEnds([*map(_pattern, series)], parameters=[*map(_pattern, parameters)])
+    ends = LoopEnds([*map(_pattern, series)], parameters=[*map(_pattern, parameters)])
     try:
-        return written_out(system, wanted)
+        return written_out(system, ends)
     except DesatError as error:
         raise DesatError(str(error).partition("; `--without")[0]) from error
 
@@ -318,34 +327,36 @@ def _there(system: System) -> set[str]:
     }
 
 
-def _series(flown: _Flown) -> set[str]:
+def _series(law: _LawSystem) -> set[str]:
     """Return the series that plots and numbers need."""
-    content, there = flown.content, _there(flown.system)
-    wanted = {s for n in content.numbers.values() for s in n.signals}
-    wanted |= {s for p in content.plots.values() for s in p.signals}
-    if parts := management.applies(flown.system):
-        wanted |= {*management.signals(parts), *management.balanced(parts)}
+    content, there = law.content, _there(law.system)
+    series_needed = {s for n in content.numbers.values() for s in n.signals}
+    series_needed |= {s for p in content.plots.values() for s in p.signals}
+    if parts := management.applies(law.system):
+        series_needed |= {*management.signals(parts), *management.balanced(parts)}
         if parts.wheels:
-            wanted.add(f"{parts.wheels}.h_wheel")
-    return wanted & there
+            series_needed.add(f"{parts.wheels}.h_wheel")
+    return series_needed & there
 
 
 # --- what the page is told ------------------------------------------------------------
 
 
-def _told(
+def _page_data(
     target: str,
-    flown: Sequence[_Flown],
+    law_systems: Sequence[_LawSystem],
     sliders: Sequence[Sequence[Slider]],
     loops: Sequence[LoopSource],
     notes: list[str],
 ) -> tuple[str, JsonObject]:
     """Return the JavaScript of the measures, and all other data of the page."""
-    first = flown[0].system
-    used = {n.measure for f in flown for n in f.content.numbers.values() if n.signals}
+    first = law_systems[0].system
+    used = {
+        n.measure for f in law_systems for n in f.content.numbers.values() if n.signals
+    }
     used_derived = {
         x.derive
-        for f in flown
+        for f in law_systems
         for of in (f.content.numbers, f.content.plots)
         for x in of.values()
         if x.derive
@@ -360,11 +371,11 @@ def _told(
     assert not lacking.keys() & {f.__name__ for f in _MANAGEMENT}, lacking
     laws = [
         _law(f, of, loop, lacking, notes)
-        for f, of, loop in zip(flown, sliders, loops, strict=True)
+        for f, of, loop in zip(law_systems, sliders, loops, strict=True)
     ]
     seconds, unit = time_axis(np.array([first.start, first.stop]))
     return code, {
-        "title": flown[0].content.title or first.name,
+        "title": law_systems[0].content.title or first.name,
         "target": target,
         "version": version("desat"),
         "step": first.step,
@@ -382,42 +393,44 @@ def _told(
 
 
 def _law(
-    flown: _Flown,
+    law: _LawSystem,
     sliders: Sequence[Slider],
     loop: LoopSource,
     lacking: Mapping[str, str],
     notes: list[str],
 ) -> JsonObject:
     """Return the data of the page for a law."""
-    numbers = [*_numbers(flown, lacking, notes)]
-    plots = [*_plots(flown, lacking, notes)]
-    managed = _managed(flown)
+    numbers = [*_numbers(law, lacking, notes)]
+    plots = [*_plots(law, lacking, notes)]
+    managed = _managed(law)
     slots, series, width = _places(loop)
-    told = [x for n in numbers for x in (n["whole"], *n["options"].values())]
-    told += [x["value"] for p in plots for x in p["limits"]] + [
-        f["of"] for f in flown.ordered
+    expressions = [x for n in numbers for x in (n["whole"], *n["options"].values())]
+    expressions += [x["value"] for p in plots for x in p["limits"]] + [
+        f["of"] for f in law.ordered
     ]
-    wanted = {name for of in told if isinstance(of, dict) for name in names_of(of)}
-    wanted |= {name for name, _ in slots} | {t for s in sliders for t in s.targets}
-    wanted |= {f["name"] for f in flown.ordered} | {
+    parameters = {
+        name for of in expressions if isinstance(of, dict) for name in names_of(of)
+    }
+    parameters |= {name for name, _ in slots} | {t for s in sliders for t in s.targets}
+    parameters |= {f["name"] for f in law.ordered} | {
         v for n in numbers for v in n["own"].values()
     }
-    wanted |= {*managed["values"]} if managed else set()
+    parameters |= {*managed["values"]} if managed else set()
     return {
-        "name": flown.name,
-        "substeps": flown.system.parts,
-        "sets": sets_of(flown.options),
-        "arguments": as_arguments(replace(flown.options, sets=[], values={})),
-        "values": {k: flown.values[k] for k in sorted(wanted) if k in flown.values},
-        "follows": [f for f in flown.ordered if f["name"] in flown.values],
+        "name": law.name,
+        "substeps": law.system.parts,
+        "sets": sets_of(law.options),
+        "arguments": as_arguments(replace(law.options, sets=[], values={})),
+        "values": {k: law.values[k] for k in sorted(parameters) if k in law.values},
+        "follows": [f for f in law.ordered if f["name"] in law.values],
         "slots": slots,
         "series": series,
         "width": width,
         "numbers": numbers,
         "plots": plots,
         "managed": managed,
-        "sliders": [{**s.told(), "shown": spell_unit(s.unit)} for s in sliders],
-        "usual": _usual_ranges(flown.system, {name for name, _ in slots}),
+        "sliders": [{**s.page_data(), "shown": spell_unit(s.unit)} for s in sliders],
+        "usual": _usual_ranges(law.system, {name for name, _ in slots}),
     }
 
 
@@ -470,34 +483,34 @@ def _places(loop: LoopSource) -> tuple[list[Any], JsonObject, int]:
 
 
 def _numbers(
-    flown: _Flown, lacking: Mapping[str, str], notes: list[str]
+    law: _LawSystem, lacking: Mapping[str, str], notes: list[str]
 ) -> Iterator[JsonObject]:
     """Yield the scenario's numbers on the page, each as `engine.js` evaluates it."""
-    there = _there(flown.system)
-    for name, number in flown.content.numbers.items():
+    there = _there(law.system)
+    for name, number in law.content.numbers.items():
         missing = [s for s in number.signals if s not in there]
-        why = next(
+        reason = next(
             (lacking[x] for x in (number.measure, number.derive) if x in lacking), ""
         )
         if not number.signals:
-            why = f"it compares with {number.reference}"
+            reason = f"it compares with {number.reference}"
         if missing:
-            why = f"{flown.name} has no {missing[0]}"
-        if why:
-            notes.append(f"no number {name}: {why}")
+            reason = f"{law.name} has no {missing[0]}"
+        if reason:
+            notes.append(f"no number {name}: {reason}")
         else:
             yield {
                 "name": name,
                 "title": number.title,
                 "unit": spell_unit(number.unit),
-                **_number(number, flown),
-                "required": _required(flown.content, name),
+                **_number(number, law),
+                "required": _required(law.content, name),
             }
 
 
-def _number(number: Number, flown: _Flown) -> JsonObject:
+def _number(number: Number, law: _LawSystem) -> JsonObject:
     """Return how a number is computed from series."""
-    units = [_unit(flown.system, s) for s in number.signals]
+    units = [_unit(law.system, s) for s in number.signals]
     entry = derived.of_entry(number)
     if entry is not None:
         units = [entry[0].unit or units[0]]
@@ -505,10 +518,10 @@ def _number(number: Number, flown: _Flown) -> JsonObject:
     source = (
         OWN_UNIT[number.measure](kinds[0]) if number.measure in OWN_UNIT else kinds[0]
     )
-    whole: float | Expression | None = number.percent_of  # type: ignore[assignment]
-    if isinstance(whole, str):
-        own = product(whole, flown.known)[1]
-        whole = expression(whole, flown.known, own.factor / source.factor)
+    reference: float | Expression | None = number.percent_of  # type: ignore[assignment]
+    if isinstance(reference, str):
+        unit = product(reference, law.known)[1]
+        reference = expression(reference, law.known, unit.factor / source.factor)
     same = not number.unit or (
         number.measure not in OWN_UNIT and unit_of(number.unit) == source
     )
@@ -516,28 +529,31 @@ def _number(number: Number, flown: _Flown) -> JsonObject:
         "signals": number.signals,
         "measure": number.measure,
         "derive": number.derive,
-        **_how(number, flown),
+        **_derivation(number, law),
         "element": number.element,
         "window": number.window or None,
-        "percent": whole is not None,
-        "whole": whole,
+        "percent": reference is not None,
+        "whole": reference,
         "scale": 1.0
-        if same or whole is not None
+        if same or reference is not None
         else factor(source, number.unit, number.measure),
         "options": {
-            k: expression(x, flown.known) if isinstance(x, str) and k != "kind" else x
+            k: expression(x, law.known) if isinstance(x, str) and k != "kind" else x
             for k, x in number.options.items()
         },
     }
 
 
-def _how(entry: Number | Plot, flown: _Flown) -> JsonObject:
+def _derivation(entry: Number | Plot, law: _LawSystem) -> JsonObject:
     """Return the options of a derived quantity and the parameters that it needs."""
-    made = derived.of_entry(entry)
-    if made is None:
+    quantity = derived.of_entry(entry)
+    if quantity is None:
         return {"how": {}, "own": {}}
     owner = entry.signals[0].partition(".")[0]
-    return {"how": made[1], "own": {name: f"{owner}.{name}" for name in made[0].own}}
+    return {
+        "how": quantity[1],
+        "own": {name: f"{owner}.{name}" for name in quantity[0].extra_series},
+    }
 
 
 def _required(content: Content, name: str) -> dict[str, float]:
@@ -556,58 +572,56 @@ def _unit(system: System, series: str) -> str:
 
 
 def _plots(
-    flown: _Flown, lacking: Mapping[str, str], notes: list[str]
+    law: _LawSystem, lacking: Mapping[str, str], notes: list[str]
 ) -> Iterator[JsonObject]:
     """Yield the scenario's plots on the page, each as `engine.js` draws it."""
-    there = _there(flown.system)
-    for name, plot in flown.content.plots.items():
+    there = _there(law.system)
+    for name, plot in law.content.plots.items():
         signals = [s for s in plot.signals if s in there]
         if (
             plot.derive in lacking
             or not signals
             or (plot.derive and signals != [*plot.signals])
         ):
-            why = lacking.get(plot.derive, f"{flown.name} has not all of its series")
-            notes.append(f"no plot {name}: {why}")
+            reason = lacking.get(plot.derive, f"{law.name} has not all of its series")
+            notes.append(f"no plot {name}: {reason}")
             continue
-        yield _plot(name, plot, signals, flown)
+        yield _plot(name, plot, signals, law)
 
 
-def _plot(name: str, plot: Plot, signals: list[str], flown: _Flown) -> JsonObject:
+def _plot(name: str, plot: Plot, signals: list[str], law: _LawSystem) -> JsonObject:
     """Return a plot: the names of its lines by series, and its limits.
 
     The name is empty for a line that is not shown.
     """
     entry = derived.of_entry(plot)
-    own = [_unit(flown.system, s) for s in signals]
+    units = [_unit(law.system, s) for s in signals]
     if entry is not None:
         quantity = entry[0]
-        own = [quantity.unit or own[0]]
+        units = [quantity.unit or units[0]]
         lines = [[*plot.components] or [n or plot.title for n in quantity.names]]
     else:
-        lines = [
-            [_line(plot, s, n) for n in _elements(plot, s, flown)] for s in signals
-        ]
-    unit = plot.unit or own[0]
+        lines = [[_line(plot, s, n) for n in _elements(plot, s, law)] for s in signals]
+    unit = plot.unit or units[0]
     return {
         "name": name,
         "title": plot.title,
         "signals": signals,
         "derive": plot.derive,
-        **_how(plot, flown),
+        **_derivation(plot, law),
         "norm": plot.norm,
         "log": plot.log,
         "lines": lines,
         "label": f"{plot.axis or plot.title} [{spell_unit(unit)}]".removesuffix(" []"),
-        "scales": [scale(u, unit) for u in own],
-        "limits": [*_limits(plot, flown, unit)],
+        "scales": [scale(u, unit) for u in units],
+        "limits": [*_limits(plot, law, unit)],
     }
 
 
-def _elements(plot: Plot, signal: str, flown: _Flown) -> Sequence[str]:
+def _elements(plot: Plot, signal: str, law: _LawSystem) -> Sequence[str]:
     """Return the names of a series' elements in a plot."""
     owner, _, name = signal.partition(".")
-    count = len(flown.system.components[owner].interface.arrays[name])
+    count = len(law.system.components[owner].interface.arrays[name])
     if count == 1:
         return [plot.axis or plot.title]
     return plot.components or elements_of(signal, count)
@@ -619,26 +633,26 @@ def _line(plot: Plot, signal: str, name: str) -> str:
     return f"{prefix} {name}".strip()
 
 
-def _limits(plot: Plot, flown: _Flown, unit: str) -> Iterator[JsonObject]:
+def _limits(plot: Plot, law: _LawSystem, unit: str) -> Iterator[JsonObject]:
     """Yield the limit lines of a plot."""
     for limit in plot.limits:
         value: float | Expression | str = limit.value
         name = "limit"
-        if any(parameter_of(flown.known, k) == x for k, x in limit.unless.items()):
+        if any(parameter_of(law.known, k) == x for k, x in limit.unless.items()):
             continue
         if isinstance(value, str):
             name = value.partition("[")[0]
-            own = product(value, flown.known)[1]
-            value = expression(value, flown.known, factor(own, unit, name))
+            limit_unit = product(value, law.known)[1]
+            value = expression(value, law.known, factor(limit_unit, unit, name))
         yield {"name": limit.name or name, "value": value, "filled": limit.fill}
 
 
-def _managed(flown: _Flown) -> JsonObject | None:
+def _managed(law: _LawSystem) -> JsonObject | None:
     """Return the data of the management numbers and of the curve without management.
 
     None where they do not apply.
     """
-    parts, system = management.applies(flown.system), flown.system
+    parts, system = management.applies(law.system), law.system
     if parts is None or parts.wheels is None or parts.target is None:
         return None
     if not management.balanced(parts):
@@ -657,10 +671,10 @@ def _managed(flown: _Flown) -> JsonObject | None:
         series |= {"dipole": f"{torquers}.m_mean_body", "field": parts.field}
     if parts.thrusters:
         series["fired"] = f"{parts.thrusters}.tau_mean_thruster_body"
-    own = system.components[body].values
-    if "inertia" not in own or not {*series.values()} <= _there(system):
+    values = system.components[body].values
+    if "inertia" not in values or not {*series.values()} <= _there(system):
         return None
-    axes, there = axes_of(own), np.flatnonzero(existing(own))
+    axes, there = axes_of(values), np.flatnonzero(existing(values))
     capacity = smallest_capacity(system.components[wheels].values)
     unit = "mN.m.s" if capacity < 1.0 else "N.m.s"
     names = {
@@ -688,7 +702,7 @@ def _managed(flown: _Flown) -> JsonObject | None:
         },
         "titles": {k: (t, spell_unit(u)) for k, (t, u) in management.TITLES.items()},
         "required": {
-            k: r for k in management.TITLES if (r := _required(flown.content, k))
+            k: r for k in management.TITLES if (r := _required(law.content, k))
         },
     }
 
@@ -717,17 +731,17 @@ def _asset(name: str) -> str:
     return (files(__package__) / name).read_text(encoding="utf-8")
 
 
-def _page(told: JsonObject, code: str) -> str:
+def _page(content: JsonObject, code: str) -> str:
     """Return the HTML of the page."""
     worker = "\n".join([numpy_source(), code, _asset("engine.js"), _asset("worker.js")])
     return render(
         "web.html",
-        title=told["title"],
-        told=told,
-        command=f"desat run {shlex.quote(told['target'])}",
+        title=content["title"],
+        told=content,
+        command=f"desat run {shlex.quote(content['target'])}",
         uplot_css=part("uplot/uPlot.min.css"),
         uplot_licence=part("uplot/LICENSE"),
         notices=_asset("notices.txt"),
         worker=Markup(worker.replace("</", "<\\/")),
-        data=data_element(told),
+        data=data_element(content),
     )

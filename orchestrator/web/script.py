@@ -143,12 +143,12 @@ class _Expressions:
 
     def of(self, node: ast.expr) -> str:
         """Translate an expression, or raise DesatError if it has no JavaScript."""
-        made = getattr(self, f"_{type(node).__name__.lower()}", None)
-        if made is None:
+        method = getattr(self, f"_{type(node).__name__.lower()}", None)
+        if method is None:
             raise DesatError(
                 f"line {node.lineno}: no JavaScript of `{ast.unparse(node)}`"
             )
-        text: str = made(node)
+        text: str = method(node)
         return text
 
     def _list_of(self, nodes: Iterable[ast.expr]) -> str:
@@ -280,17 +280,19 @@ class _Expressions:
     def _call(self, node: ast.Call) -> str:
         """Translate a call; named arguments become an object."""
         to_type = isinstance(node.func, ast.Attribute) and node.func.attr == "astype"
-        given = [self.of(a) for a in node.args if not to_type]
+        arguments = [self.of(a) for a in node.args if not to_type]
         if named := {
             k.arg: self.of(k.value) for k in node.keywords if k.arg != "dtype"
         }:
-            given.append(f"{{ {', '.join(f'{k}: {v}' for k, v in named.items())} }}")
+            arguments.append(
+                f"{{ {', '.join(f'{k}: {v}' for k, v in named.items())} }}"
+            )
         if isinstance(node.func, ast.Attribute):
-            whole, name = ast.unparse(node.func), node.func.attr
-            if not re.fullmatch(r"np(\.\w+)+", whole):
-                given.insert(0, self.of(node.func.value))
-            return f"{self._runtime(name, node)}({', '.join(given)})"
-        return f"{self._called(node, bool(named))}({', '.join(given)})"
+            full_name, name = ast.unparse(node.func), node.func.attr
+            if not re.fullmatch(r"np(\.\w+)+", full_name):
+                arguments.insert(0, self.of(node.func.value))
+            return f"{self._runtime(name, node)}({', '.join(arguments)})"
+        return f"{self._called(node, bool(named))}({', '.join(arguments)})"
 
     def _called(self, node: ast.Call, named: bool) -> str:
         """Return the function that a call without a dot calls."""
@@ -327,7 +329,7 @@ class _Function(_Expressions):
         self._tree = tree
         arguments = [*tree.args.args, *([tree.args.vararg] if tree.args.vararg else [])]
         self.local |= {a.arg for a in arguments}
-        self._own = sorted(
+        self._locals = sorted(
             {
                 n.id
                 for part in ast.walk(tree)
@@ -337,7 +339,7 @@ class _Function(_Expressions):
             }
             - self.local
         )
-        self.local |= {*self._own}
+        self.local |= {*self._locals}
 
     def text(self) -> str:
         """Return the function as JavaScript.
@@ -353,8 +355,8 @@ class _Function(_Expressions):
         ]
         heads += [f"...{args.vararg.arg}"] if args.vararg else []
         body = [line for s in self._tree.body for line in self._statement(s)]
-        own = [f"let {', '.join(self._own)};"] if self._own else []
-        lines = "".join(f"  {line}\n" for line in (*own, *body))
+        declaration = [f"let {', '.join(self._locals)};"] if self._locals else []
+        lines = "".join(f"  {line}\n" for line in (*declaration, *body))
         shown = ", ".join(f'"{n}"' for n in names)
         name = self._tree.name
         return (

@@ -51,9 +51,9 @@ class Slider:
     high: float
     start: float  # of the scenario, in the shown unit
     height: bool = False  # a radius from the Earth's centre
-    asked: bool = False
+    is_requested: bool = False
 
-    def told(self) -> JsonObject:
+    def page_data(self) -> JsonObject:
         """Return the data of the slider for the page."""
         return {k: v for k, v in asdict(self).items() if k != "asked"}
 
@@ -67,17 +67,17 @@ class Slider:
 
         `before` is the value of the parameter without the slider.
         """
-        own = shown * self.factor + self.offset
+        value = shown * self.factor + self.offset
         if self.form in ("one", "element"):
             return (
                 f"{self.name}={shown!r} {self.unit}"
                 if self.unit
-                else f"{self.name}={own!r}"
+                else f"{self.name}={value!r}"
             )
         if self.form == "each":
-            values = [own if there else 0.0 for there in self.there]
+            values = [value if there else 0.0 for there in self.there]
         else:
-            values = [x * (own / size(before, self.form)) for x in before]
+            values = [x * (value / size(before, self.form)) for x in before]
         return f"{self.name}={','.join(map(repr, values))}"
 
 
@@ -112,13 +112,15 @@ def asked_of(text: str, system: System) -> Slider:
     interface = system.components[found.targets[0].partition(".")[0]].interface
     values = []
     for end in (low, high):
-        own = expand(
+        elements = expand(
             interface, signals[0].name, parse_value(end.strip()), f"--slider {text}"
         )
-        values.append((float(own[signals[0].name]) - found.offset) / found.factor)
+        values.append((float(elements[signals[0].name]) - found.offset) / found.factor)
     if not values[0] < values[1]:
         raise DesatError(f"--slider {text}: from a lower value to a higher one")
-    return replace(found, low=_round(values[0]), high=_round(values[1]), asked=True)
+    return replace(
+        found, low=_round(values[0]), high=_round(values[1]), is_requested=True
+    )
 
 
 ORBIT = (
@@ -146,16 +148,16 @@ def usual(system: System) -> list[Slider]:
     """
     start = ("wheels", "h_start_wheel")
     wheels = (("wheels", "speed_limit"), start)
-    wanted: tuple[tuple[str, str], ...]
+    names: tuple[tuple[str, str], ...]
     if "thrusters" not in system.roles:
-        wanted = (*ORBIT, *COILS, ("manager", _gain(system)), *wheels)
+        names = (*ORBIT, *COILS, ("manager", _gain(system)), *wheels)
     elif "torquers" in system.roles:
         law = (("manager", _gain(system)), *THRUSTERS)
-        wanted = (*ORBIT, *COILS, *law, *wheels)
+        names = (*ORBIT, *COILS, *law, *wheels)
     else:
-        wanted = (*THRUSTERS, start)
+        names = (*THRUSTERS, start)
     found = []
-    for owner, name in wanted:
+    for owner, name in names:
         component = system.roles.get(owner)
         if component is None or name not in component.interface.arrays:
             continue
@@ -250,7 +252,7 @@ def _threshold(slider: Slider, name: str, system: System) -> Slider:
 
 
 def _signals(
-    name: str, system: System, where: str
+    name: str, system: System, place: str
 ) -> tuple[list[str], Sequence[Signal]]:
     """Return the parameters that a name stands for, and the scalars of the first.
 
@@ -270,13 +272,13 @@ def _signals(
     )
     if not signals:
         raise DesatError(
-            f"{where}: {system.name} has no parameter {name}{nearest(name, known)}; "
+            f"{place}: {system.name} has no parameter {name}{nearest(name, known)}; "
             "`desat show` lists them"
         )
     first = signals[0]
     if first.causality != "parameter" or not _moves(first):
         raise DesatError(
-            f"{where}: {name} is {_why(first)}: a page moves parameters that are "
+            f"{place}: {name} is {_reason_against(first)}: a page moves parameters that are "
             "numbers of the type Real"
         )
     return [f"{c}.{first.array}" for c in owners], signals
@@ -297,7 +299,7 @@ def _moves(signal: Signal) -> bool:
     return signal.kind == "Real" and not signal.choices and signal.array not in BAKED
 
 
-def _why(signal: Signal) -> str:
+def _reason_against(signal: Signal) -> str:
     """Describe a signal that cannot be a slider."""
     if signal.array in BAKED:
         return "what the loop is written out with"
@@ -310,9 +312,9 @@ def _why(signal: Signal) -> str:
     )
 
 
-def _slider(name: str, system: System, where: str) -> Slider:
+def _slider(name: str, system: System, place: str) -> Slider:
     """Return a slider without a range, or raise DesatError."""
-    targets, signals = _signals(name, system, where)
+    targets, signals = _signals(name, system, place)
     owner, _, parameter = targets[0].partition(".")
     values, first = system.components[owner].values[parameter], signals[0]
     form, element = "one", 0
@@ -365,18 +367,18 @@ def _there(system: System, owner: str, count: int) -> tuple[bool, ...]:
 
 def _shown(signal: Signal, value: float) -> tuple[str, float, float]:
     """Return the shown unit, and factor and offset from it to the parameter's own."""
-    own = signal.unit_name if signal.unit_name != "1" else ""
-    wanted = {"rad": "deg", "rad/s": "rpm", "N.m.s": "mN.m.s", "N.m": "mN.m"}.get(
-        own, own
+    own_unit = signal.unit_name if signal.unit_name != "1" else ""
+    shown_unit = {"rad": "deg", "rad/s": "rpm", "N.m.s": "mN.m.s", "N.m": "mN.m"}.get(
+        own_unit, own_unit
     )
-    if own == "m" and abs(value) >= 1e4:
-        wanted = "km"
-    if own.startswith("N.m") and abs(value) >= 1.0:
-        wanted = own
-    if signal.unit is None or wanted == own:
-        return own, 1.0, 0.0
-    found = conversion(unit_of(wanted), signal.unit)
-    return (wanted, *found) if found is not None else (own, 1.0, 0.0)
+    if own_unit == "m" and abs(value) >= 1e4:
+        shown_unit = "km"
+    if own_unit.startswith("N.m") and abs(value) >= 1.0:
+        shown_unit = own_unit
+    if signal.unit is None or shown_unit == own_unit:
+        return own_unit, 1.0, 0.0
+    found = conversion(unit_of(shown_unit), signal.unit)
+    return (shown_unit, *found) if found is not None else (own_unit, 1.0, 0.0)
 
 
 def _round(value: float, digits: int = 6) -> float:
@@ -404,9 +406,9 @@ def refused(
     owner, _, name = next(o for o in owners if o[0] in system.components)
     before = system.components[owner].values[name]
     for shown in (slider.low, slider.high):
-        given = with_assignment(options, slider.value_text(shown, before))
+        options_moved = with_assignment(options, slider.value_text(shown, before))
         try:
-            found, _ = prepare(target, given).or_raise()
+            found, _ = prepare(target, options_moved).or_raise()
         except DesatError as error:
             return str(error).splitlines()[0]
         beyond = differing(system, found) - reached({*slider.targets}, ordered)

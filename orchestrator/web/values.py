@@ -72,11 +72,13 @@ def _reference(
 ) -> JsonObject:
     """Return the entry of one parameter that follows from others."""
     signals = system.components[owner].interface.elements[name]
-    whole = is_name(text)
-    unit = unit_of(entry(text, known).unit) if whole else product(text, known)[1]
+    is_whole_name = is_name(text)
+    unit = (
+        unit_of(entry(text, known).unit) if is_whole_name else product(text, known)[1]
+    )
     return {
         "name": f"{owner}.{name}",
-        "whole": whole,
+        "whole": is_whole_name,
         "count": 0 if signals[0].name == name else len(signals),
         "of": expression(text, known, scale_of(signals[0], unit, text)),
     }

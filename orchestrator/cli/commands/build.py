@@ -37,28 +37,30 @@ def build(
     from ...files import own
     from ...files.io import replace_text
 
-    made = own.build(file, platforms)
+    built = own.build(file, platforms)
     folder = into or file.parent
     third = fmi == "3"
-    wanted = (
-        {"fmi3": made.fmi3} if third else {"python": made.python, "native": made.native}
+    printed = (
+        {"fmi3": built.fmi3}
+        if third
+        else {"python": built.python, "native": built.native}
     )
-    if third and made.fmi3 is None:
+    if third and built.fmi3 is None:
         raise DesatError(
             f"{file.name}: FMI 3.0 is for native FMUs, and there is none of it: "
-            f"{made.why}"
+            f"{built.reason}"
         )
     written = {}
-    for kind, fmu in wanted.items():
+    for kind, fmu in printed.items():
         if fmu is not None:
             target = folder / ("" if kind == "python" else kind) / fmu.name
             target.parent.mkdir(parents=True, exist_ok=True)
             replace_text(target, fmu.read_bytes())
             written[kind] = str(target)
     if as_json:
-        print_json({**written, **({"why": made.why} if made.why else {})})
+        print_json({**written, **({"why": built.reason} if built.reason else {})})
         return
     for path in written.values():
         out.print(path)
-    if made.why:
-        err.print(f"note: there is no native FMU of it: {made.why}")
+    if built.reason:
+        err.print(f"note: there is no native FMU of it: {built.reason}")

@@ -117,7 +117,7 @@ def run(
 
     if by and not any(k.startswith("worst") and k.count(":") == 1 for k in keep or []):
         raise DesatError(f"--by {by}: it goes with --keep worst:N")
-    kept = [
+    rules = [
         f"{k}:{by}" if k.startswith("worst") and k.count(":") == 1 and by else k
         for k in keep or []
     ]
@@ -139,14 +139,14 @@ def run(
             design=design,
         ),
         curves=curve,
-        keep=kept,
+        keep=rules,
         limit=limit,
     )
     warn(warnings)
-    where = folder or Path("runs") / f"campaign-{name_of(target)}"
-    coordinator.run(plan, where, jobs, cluster, not as_json, accept_versions)
-    warn(coordinator.unreached(plan, where))
-    _report(where, as_json, everything)
+    path = folder or Path("runs") / f"campaign-{name_of(target)}"
+    coordinator.run(plan, path, jobs, cluster, not as_json, accept_versions)
+    warn(coordinator.unreached(plan, path))
+    _report(path, as_json, everything)
 
 
 @campaigns.command(epilog=example("desat campaign status runs/campaign-my12u"))
@@ -154,13 +154,17 @@ def status(folder: Folder, as_json: o.Json = False) -> None:
     """How far a campaign is, also from elsewhere."""
     from ...campaign import coordinator
 
-    told = coordinator.status(folder)
+    state = coordinator.status(folder)
     if as_json:
-        print_json(told)
+        print_json(state)
         return
-    left = told.get("seconds_left")
-    rest = f", {left} s left" if told["state"] == "running" and left is not None else ""
-    text = f"{told['state']}: {told['done']} of {told['count']} done, {told['failed']} failed{rest}"
+    remaining = state.get("seconds_left")
+    rest = (
+        f", {remaining} s left"
+        if state["state"] == "running" and remaining is not None
+        else ""
+    )
+    text = f"{state['state']}: {state['done']} of {state['count']} done, {state['failed']} failed{rest}"
     out.print(text)
 
 
@@ -204,38 +208,38 @@ def case(
         )
     if row := versions_of(folder, number):
         same_versions(folder, row, accept_versions, f"case {number} and its row")
-    where = into or coordinator.kept_in(folder, number)
-    made = repeat(plan, number, where)
-    out.print(f"{where / 'report.html'}")
-    if made.or_raise(f"case {number}").code:
-        for line in made.manifest.not_met:
+    path = into or coordinator.kept_in(folder, number)
+    repeated = repeat(plan, number, path)
+    out.print(f"{path / 'report.html'}")
+    if repeated.or_raise(f"case {number}").code:
+        for line in repeated.manifest.not_met:
             err.print(f"not met: {line}")
-        raise typer.Exit(made.code)
+        raise typer.Exit(repeated.code)
 
 
-def _print_numbers(told: CampaignSummary, everything: bool) -> None:
+def _print_numbers(summary: CampaignSummary, everything: bool) -> None:
     """Print the spread of the numbers over the cases, a row each."""
     from ...campaign.report import TERMINAL_COLUMNS, tabulate_numbers
 
-    names = list(told.numbers)
-    judged = {verdict.requirement.number for verdict in told.requirements.values()}
+    names = list(summary.numbers)
+    judged = {verdict.requirement.number for verdict in summary.requirements.values()}
     shown = to_print(names, judged, everything)
-    table = tabulate_numbers(told.numbers)
+    table = tabulate_numbers(summary.numbers)
     print_table(table.part(TERMINAL_COLUMNS, [names.index(name) for name in shown]))
     if rest := len(names) - len(shown):
         out.print(f"{rest} more numbers in the report; --all prints them")
 
 
-def _asked(told: CaseVerdict) -> str:
+def describe_verdict(verdict: CaseVerdict) -> str:
     """Describe a requirement that is not shown to be met.
 
     It gives the required share and confidence, and how many more cases would show it.
     """
-    if told.met:
+    if verdict.met:
         return ""
-    more = told.more_cases
+    more = verdict.more_cases
     enough = f"; {more} more cases like these would show it" if more else ""
-    entry = told.requirement
+    entry = verdict.requirement
     share, confidence = 100.0 * entry.probability, 100.0 * entry.confidence
     return (
         f" that {share:g} % are within, with a confidence of {confidence:g} %{enough}"
@@ -250,21 +254,21 @@ def _report(folder: Path, as_json: bool, everything: bool) -> None:
     from ...campaign import report as of
     from ...numbers.text import number
 
-    path, told = of.write(folder)
-    if told.changed:
-        warn([f"{told.changed}: limits and titles are those of now"])
-    if mixed := [v.text for v in told.versions if v.text]:
+    path, summary = of.write(folder)
+    if summary.changed:
+        warn([f"{summary.changed}: limits and titles are those of now"])
+    if mixed := [v.text for v in summary.versions if v.text]:
         warn([f"cases were made with different versions: {'; '.join(mixed)}"])
-    for row in told.failed[:_REASONS]:
+    for row in summary.failed[:_REASONS]:
         err.print(f"case {row.case}: {row.message}")
     if as_json:
-        print_json(told.to_json())
+        print_json(summary.to_json())
     else:
         out.print(
-            f"{told.completed} of {told.count} completed, {len(told.failed)} failed"
+            f"{summary.completed} of {summary.count} completed, {len(summary.failed)} failed"
         )
-        _print_numbers(told, everything)
-        for name, r in told.requirements.items():
+        _print_numbers(summary, everything)
+        for name, r in summary.requirements.items():
             verdict = "met" if r.met else "NOT SHOWN"
             low, high = map(number, r.interval_outside)
             lacking = (
@@ -272,17 +276,17 @@ def _report(folder: Path, as_json: bool, everything: bool) -> None:
             )
             out.print(
                 f"{name}: {r.outside} of {r.n} outside{lacking} "
-                f"({low} to {high} %): {verdict}{_asked(r)}"
+                f"({low} to {high} %): {verdict}{describe_verdict(r)}"
             )
         out.print(str(path))
-    codes = [Exit.UNMET for verdict in told.requirements.values() if not verdict.met]
-    if told.unmet:
+    codes = [Exit.UNMET for verdict in summary.requirements.values() if not verdict.met]
+    if summary.unmet:
         err.print(
-            f"{len(told.unmet)} not met of what each run is held against, first: "
-            f"{told.unmet[0]}"
+            f"{len(summary.unmet)} not met of what each run is held against, first: "
+            f"{summary.unmet[0]}"
         )
         codes.append(Exit.UNMET)
-    if failed := {row.code for row in told.failed}:
+    if failed := {row.code for row in summary.failed}:
         codes.append(Exit.TIMEOUT if failed == {Exit.TIMEOUT} else Exit.COMPONENT)
     if codes:
         raise typer.Exit(max(codes))

@@ -113,12 +113,12 @@ def check(
         checked.warnings += explain(checked.system, "\n".join(warnings))
         checked.notes += notes(checked.system.components.values())
     timing: dict[str, str] = {}
-    for connection, when in schedule.timing if schedule else ():
+    for connection, cause in schedule.timing if schedule else ():
         key = (
             f"{connection.source}.{connection.output_array} -> "
             f"{connection.target}.{connection.input_array}"
         )
-        timing[key] = when
+        timing[key] = cause
     if as_json:
         print_json(
             {
@@ -186,8 +186,8 @@ def _print_fmu(found: InspectedFmu) -> None:
     kinds = ", ".join(found.kinds) or "nothing that it names"
     out.print(plain(f"{found.model}: FMI {found.fmi} for {kinds}"), markup=False)
     out.print(f"platforms: {plain(', '.join(found.platforms)) or 'none'}", markup=False)
-    whose = " (ours)" if found.ours else ""
-    out.print(f"sha256: {found.sha256}{whose}", markup=False)
+    owner = " (ours)" if found.ours else ""
+    out.print(f"sha256: {found.sha256}{owner}", markup=False)
     for causality, variables in found.of_causality().items():
         rows = []
         for v in variables:

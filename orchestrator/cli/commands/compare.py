@@ -136,9 +136,9 @@ def compare(
         _draws(targets, count, seed, options, jobs, as_json)
     else:
         with stages(not as_json) as tell:
-            made = study.side_by_side(targets, options, tell)
+            comparison = study.side_by_side(targets, options, tell)
         page = html or Path("runs") / f"compare-{'-'.join(map(name_of, targets))}.html"
-        _show(made, study.write(made, page), as_json)
+        _show(comparison, study.write(comparison, page), as_json)
 
 
 def _laws(
@@ -156,20 +156,22 @@ def _laws(
     if len(targets) > 1:
         raise DesatError(f"{' '.join(targets)}: --laws flies one craft")
     criteria = study.criteria(by) if by is not None else ()
-    asked = [x.strip() for x in (laws or "").split(",") if x.strip()]
+    law_names = [x.strip() for x in (laws or "").split(",") if x.strip()]
     with stages(not as_json) as tell:
-        made = study.choose(targets[0], options, criteria, asked, others, tell)
-    page = made.write(html or Path("runs") / f"compare-{name_of(targets[0])}-laws.html")
-    warn(made.comparison.warnings)
+        ranked = study.choose(targets[0], options, criteria, law_names, others, tell)
+    page = ranked.write(
+        html or Path("runs") / f"compare-{name_of(targets[0])}-laws.html"
+    )
+    warn(ranked.comparison.warnings)
     if as_json:
-        print_json({**made.as_json(), "page": str(page)})
+        print_json({**ranked.as_json(), "page": str(page)})
     else:
-        out.print(made.answer, highlight=False, markup=False)
-        print_table(made.table)
-        for names, why in made.declined():
-            out.print(f"does not fit: {names}: {why}", highlight=False, markup=False)
+        out.print(ranked.answer, highlight=False, markup=False)
+        print_table(ranked.table)
+        for names, reason in ranked.declined():
+            out.print(f"does not fit: {names}: {reason}", highlight=False, markup=False)
         out.print(f"page: {page.resolve()}")
-    if made.ranked[0].not_met:
+    if ranked.ranked[0].not_met:
         raise typer.Exit(Exit.UNMET)
 
 
@@ -184,11 +186,13 @@ def _draws(
     """Fly the same samples of each scenario and print their differences."""
     from ...studies.compare import paired_draws
 
-    told, made = paired_draws(targets, count, seed, options, jobs, progress=not as_json)
-    for each in made:
+    differences, files = paired_draws(
+        targets, count, seed, options, jobs, progress=not as_json
+    )
+    for each in files:
         warn(f"{each.scenario}: {line}" for line in each.warnings)
-    show_pairs(told, as_json)
-    rows = [(each.scenario, row) for each in made for row in each.rows]
+    show_pairs(differences, as_json)
+    rows = [(each.scenario, row) for each in files for row in each.rows]
     for target, row in rows:
         if not row.completed:
             err.print(f"{target}: draw {row.number}: {row.status}: {row.message}")
@@ -198,17 +202,17 @@ def _draws(
         raise typer.Exit(code)
 
 
-def _show(made: Comparison, page: Path, as_json: bool) -> None:
+def _show(comparison: Comparison, page: Path, as_json: bool) -> None:
     """Print a comparison; exit with 1 where a requirement is not met."""
-    warn(made.warnings)
+    warn(comparison.warnings)
     if as_json:
-        print_json({**made.as_json(), "page": str(page)})
+        print_json({**comparison.as_json(), "page": str(page)})
     else:
-        print_table(made.table)
+        print_table(comparison.table)
         out.print(f"page: {page.resolve()}")
     unmet = [
         (t, line)
-        for t, run in zip(made.targets, made.runs, strict=True)
+        for t, run in zip(comparison.targets, comparison.runs, strict=True)
         for line in run.manifest.not_met
     ]
     for target, line in unmet:
@@ -217,18 +221,18 @@ def _show(made: Comparison, page: Path, as_json: bool) -> None:
         raise typer.Exit(Exit.UNMET)
 
 
-def show_pairs(told: Sequence[Pairs], as_json: bool) -> None:
+def show_pairs(pairs: Sequence[Pairs], as_json: bool) -> None:
     """Print paired differences (`pairs.compare`) as tables, or as JSON.
 
     The JSON is one object, or a list of several.
     """
-    for each in told:
+    for each in pairs:
         warn(each.warnings)
     if as_json:
-        entries = [each.to_json() for each in told]
+        entries = [each.to_json() for each in pairs]
         print_json(entries[0] if len(entries) == 1 else entries)
         return
-    for each in told:
+    for each in pairs:
         out.print(
             f"{each.first} less {each.second}, {each.pairs} pairs; intervals of 95 %:"
         )

@@ -104,8 +104,8 @@ def fmu(
         substeps=substeps,
         accuracy=accuracy,
     )
-    wanted = LoopEnds(outputs or (), inputs or (), parameters or (), without or ())
-    path = export(target, options, wanted, file, platforms, third=fmi == "3")
+    ends = LoopEnds(outputs or (), inputs or (), parameters or (), without or ())
+    path = export(target, options, ends, file, platforms, third=fmi == "3")
     if as_json:
         print_json({"fmu": str(path)})
     else:

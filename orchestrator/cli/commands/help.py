@@ -67,7 +67,7 @@ def page(name: Annotated[str, typer.Argument(metavar="TOPIC", help="A page.")]) 
 
 @topics.command(epilog=example("desat help keys design"))
 def keys(
-    what: Annotated[
+    name: Annotated[
         str | None, typer.Argument(help="Only this table of the language.")
     ] = None,
     schema: Annotated[
@@ -87,7 +87,7 @@ def keys(
     if markdown:
         print(explain.page(), end="")
         return
-    print_rows(explain.keys(what), as_json)
+    print_rows(explain.keys(name), as_json)
 
 
 @topics.command(epilog=example("desat help measures"))
@@ -100,7 +100,7 @@ def measures(as_json: o.Json = False) -> None:
 
 @topics.command(epilog=example("desat help blocks manager_cross_product"))
 def blocks(
-    what: Annotated[
+    name: Annotated[
         str | None,
         typer.Argument(metavar="ROLE|NAME", help="Those of a role, or one of them."),
     ] = None,
@@ -112,7 +112,7 @@ def blocks(
     """
     from ...runs import explain
 
-    text, rows = explain.blocks(what)
+    text, rows = explain.blocks(name)
     if as_json:
         print_json({"text": text, "rows": rows})
         return

@@ -40,24 +40,24 @@ def list_command(
     from ...runs import catalogue
 
     if family and (Path(family) / NOMINAL).is_file():
-        own = catalogue.of_folder(Path(family))
+        own_folder = catalogue.of_folder(Path(family))
         if as_json:
             print_json(
                 [
                     {"name": name, "title": title}
-                    for name, title in own.scenarios.items()
+                    for name, title in own_folder.scenarios.items()
                 ]
             )
         else:
-            _print_scenarios([own])
-        if own.problems:
-            raise DesatError("\n".join(own.problems))
+            _print_scenarios([own_folder])
+        if own_folder.problems:
+            raise DesatError("\n".join(own_folder.problems))
         return
-    names, whole = (
+    names, in_full = (
         [family] if family else catalogue.families(),
         bool(family or everything or as_json),
     )
-    families = [catalogue.family(name, whole) for name in names]
+    families = [catalogue.family(name, in_full) for name in names]
     if as_json:
         rows = [(n, title) for f in families for n, title in f.scenarios.items()]
         print_json([{"name": name, "title": title} for name, title in rows])

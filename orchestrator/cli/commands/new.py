@@ -132,7 +132,7 @@ def craft(
     from ...begin.orbits import doubts
     from ...files.paths import shown
 
-    wanted = CraftFacts(
+    facts = CraftFacts(
         altitude,
         inclination,
         sso,
@@ -159,18 +159,20 @@ def craft(
         sample,
     )
     command = shlex.join(["desat", *sys.argv[1:]])
-    made = new_craft.write(folder, wanted, command, force)
-    warn([*doubts(wanted), *_doubts_of(folder)])
+    written = new_craft.write(folder, facts, command, force)
+    warn([*doubts(facts), *_doubts_of(folder)])
     if as_json:
-        assumptions = [x._asdict() for x in made.assumptions]
-        print_json({"files": [str(x) for x in made.files], "assumptions": assumptions})
+        assumptions = [x._asdict() for x in written.assumptions]
+        print_json(
+            {"files": [str(x) for x in written.files], "assumptions": assumptions}
+        )
         return
-    names = ", ".join(x.name for x in made.files)
+    names = ", ".join(x.name for x in written.files)
     out.print(f"{shown(folder)}: {names}", highlight=False, markup=False)
     columns = [
         Column(title, kind="text") for title in ("quantity", "value", "unit", "from")
     ]
-    print_table(Table("", columns, made.assumptions), is_folded=True)
+    print_table(Table("", columns, written.assumptions), is_folded=True)
     out.print(
         f"desat run {shown(folder)}    # nominal; desat size {shown(folder)} what it "
         "needs",
@@ -210,7 +212,7 @@ def law(
 
 @news.command(epilog=example("desat new block rate_gyro my_gyro"))
 def block(
-    what: Annotated[
+    base: Annotated[
         str,
         typer.Argument(
             metavar="ROLE|BLOCK", help="magnetometer, or a block of ours: rate_gyro."
@@ -233,20 +235,20 @@ def block(
 
     from ...begin import block as new_block
 
-    made = new_block.write(what, file, force)
-    _print(made, block_class(str(made[0])).role, "a craft that has one", as_json)
+    files = new_block.write(base, file, force)
+    _print(files, block_class(str(files[0])).role, "a craft that has one", as_json)
 
 
-def _print(made: list[Path], role: str, where: str, as_json: bool) -> None:
+def _print(paths_made: list[Path], role: str, folder: str, as_json: bool) -> None:
     """Print the files of a new block, and the command that flies it."""
     from ...files.paths import shown
 
     if as_json:
-        print_json({"files": [str(x) for x in made]})
+        print_json({"files": [str(x) for x in paths_made]})
         return
-    out.print(", ".join(shown(x) for x in made), highlight=False, markup=False)
+    out.print(", ".join(shown(x) for x in paths_made), highlight=False, markup=False)
     out.print(
-        f"desat run CRAFT --source {role}={shown(made[0])}    # {where}",
+        f"desat run CRAFT --source {role}={shown(paths_made[0])}    # {folder}",
         highlight=False,
         markup=False,
     )

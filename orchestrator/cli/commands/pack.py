@@ -50,7 +50,7 @@ def pack(
     """
     from ...export import packing as pack_module
     from ...files import library, paths
-    from ...files.scenario import find, own, scenarios
+    from ...files.scenario import find, read_foreign, scenarios
     from ...runs.substep_choice import settled
 
     if ssd:
@@ -64,11 +64,11 @@ def pack(
         if names
         else scenarios().values()
     )
-    wanted = [
-        *((own(f), f.with_suffix(".ssp")) for f in files),
+    sources = [
+        *((read_foreign(f), f.with_suffix(".ssp")) for f in files),
         *((s, None) for s in ours),
     ]
-    told: list[str] = []
+    messages: list[str] = []
     packed = [
         str(
             pack_module.pack_scenario(
@@ -77,18 +77,18 @@ def pack(
                 force=bool(names),
                 fmus=kind,
                 choose=partial(settled, scenario.name),
-                tell=told.append,
+                tell=messages.append,
             )
         )
-        for scenario, target in wanted
+        for scenario, target in sources
     ]
     if not names:
-        for left in paths.packed_folder().rglob(
+        for unfinished in paths.packed_folder().rglob(
             "*.part"
         ):  # left by a command that was killed
-            if time.time() - left.stat().st_mtime > 60.0:
-                left.unlink(missing_ok=True)
-    for text in told:
+            if time.time() - unfinished.stat().st_mtime > 60.0:
+                unfinished.unlink(missing_ok=True)
+    for text in messages:
         err.print(f"note: {text}")
     if as_json:
         print_json(packed)

@@ -112,7 +112,7 @@ def run(
 ) -> None:
     """Run a scenario and write a run folder: series, manifest, report."""
     from ...runs.run import prepare, simulate
-    from ...runs.validation import room
+    from ...runs.validation import check_disk
 
     options = o.options_of(
         sets,
@@ -143,7 +143,7 @@ def run(
     case = prepare(target, options)
     case.or_raise()
     with _run_folder(target, folder) as place:
-        if short := room(case.or_raise()[0], options, place.absolute()):
+        if short := check_disk(case.or_raise()[0], options, place.absolute()):
             case.checked.warnings.append(short)
         warn(case.checked.warnings)
         finished = simulate(case, place, progress=not as_json)
@@ -212,7 +212,7 @@ def _report(finished: Run, other: Run | None, folder: Path) -> Path | None:
     """
     from ...report import report as report_module
 
-    with _room(finished, folder, "report"):
+    with skip_if_disk_full(finished, folder, "report"):
         return report_module.write_report(folder, finished, other)
     return None
 
@@ -221,14 +221,14 @@ def _csv(finished: Run, folder: Path) -> None:
     """Write the series as CSV, too."""
     from ...export.series import export
 
-    with _room(finished, folder, "series.csv"):
+    with skip_if_disk_full(finished, folder, "series.csv"):
         _, note = export(folder, "csv")
         if note:
             err.print(f"note: series.csv: {note}")
 
 
 @contextmanager
-def _room(finished: Run, folder: Path, what: str) -> Iterator[None]:
+def skip_if_disk_full(finished: Run, folder: Path, output: str) -> Iterator[None]:
     """Omit an output for which the disk has no room, with a warning.
 
     This applies to a run that failed. For one that did not, RunError is raised.
@@ -241,8 +241,8 @@ def _room(finished: Run, folder: Path, what: str) -> Iterator[None]:
         if not (full := no_space(f"[Errno {error.errno}]")):
             raise
         if finished.ok:
-            raise RunError(f"{folder}: its {what}: {full}", Exit.SPACE) from error
-        warn([f"{folder}: it has no {what}: {full}"])
+            raise RunError(f"{folder}: its {output}: {full}", Exit.SPACE) from error
+        warn([f"{folder}: it has no {output}: {full}"])
 
 
 def _free(folder: Path | None) -> None:
@@ -261,7 +261,7 @@ def _free(folder: Path | None) -> None:
 def _run_folder(target: str, folder: Path | None) -> Iterator[Path]:
     """Claim a folder for this run alone; without `folder` a new one under runs/."""
     place = folder or _new_folder(name_of(target))
-    with io.claimed(place, made=folder is None):
+    with io.claimed(place, is_new=folder is None):
         _free(place)
         yield place
 

@@ -146,7 +146,7 @@ def size(
         year=year,
         flown=loop,
     )
-    given = {
+    options_given = {
         "rods": (quantities.RODS, rods),
         "inclinations": (quantities.INCLINATIONS, inclinations),
         "altitudes": (quantities.ALTITUDES, altitudes),
@@ -164,7 +164,7 @@ def size(
             "loop",
         )
     else:
-        o.refuse(ctx, "it belongs to --map", *given)
+        o.refuse(ctx, "it belongs to --map", *options_given)
     page = (
         html or Path("runs") / f"size-{'map-' if as_map else ''}{name_of(target)}.html"
     )
@@ -172,7 +172,7 @@ def size(
         if as_map:
             values = {
                 k: quantity.many(text) if text is not None else ()
-                for k, (quantity, text) in given.items()
+                for k, (quantity, text) in options_given.items()
             }
             values["altitudes"] = tuple(1e3 * x for x in values["altitudes"])
             axes = sizing_map.MapAxes(**values, laws=laws is True)
@@ -184,7 +184,7 @@ def size(
                 target, options, requirements, progress, _print_sized(as_json)
             )
         else:
-            made = sizing.size(target, options, requirements, progress)
+            sizing_result = sizing.size(target, options, requirements, progress)
     if by_thrusters:
         if as_json:
             print_json(found.as_json())
@@ -210,15 +210,15 @@ def size(
                 _print(written)
         return
     if as_json:
-        print_json(made.as_json())
+        print_json(sizing_result.as_json())
         if html is not None:
-            sizing_page.write_sizing(made, page)
+            sizing_page.write_sizing(sizing_result, page)
     else:
-        _print_sizing(made)
-        _print(sizing_page.write_sizing(made, page))
-    for line in made.problems:
+        _print_sizing(sizing_result)
+        _print(sizing_page.write_sizing(sizing_result, page))
+    for line in sizing_result.problems:
         err.print(f"it cannot hold: {line}", highlight=False, markup=False)
-    if made.problems:
+    if sizing_result.problems:
         raise typer.Exit(Exit.UNMET)
 
 
@@ -244,24 +244,24 @@ def _slew(text: str | None) -> tuple[float, float]:
     return angle, seconds
 
 
-def _print_sizing(made: Sizing) -> None:
+def _print_sizing(found: Sizing) -> None:
     """Print a sizing."""
     from ...sizing import tables
 
-    out.print(made.answer, highlight=False, markup=False)
+    out.print(found.answer, highlight=False, markup=False)
     shown = [
-        tables.tabulate_quantities(made),
-        tables.tabulate_margins(made),
-        tables.tabulate_sources(made.sources),
+        tables.tabulate_quantities(found),
+        tables.tabulate_margins(found),
+        tables.tabulate_sources(found.sources),
     ]
-    if made.year:
-        shown.append(tables.tabulate_extremes(made.year))
-    laws = (made.curve[0].law, made.law) if made.curve else ()
-    shown.append(tables.tabulate_points([r for r in made.curve if r.law in laws]))
-    if made.best:
-        shown.append(tables.tabulate_conditions(made))
+    if found.year:
+        shown.append(tables.tabulate_extremes(found.year))
+    laws = (found.curve[0].law, found.law) if found.curve else ()
+    shown.append(tables.tabulate_points([r for r in found.curve if r.law in laws]))
+    if found.best:
+        shown.append(tables.tabulate_conditions(found))
     _print_tables(shown)
-    _print_notes(made.notes)
+    _print_notes(found.notes)
 
 
 def _print_tables(tables: Sequence[Table]) -> None:
@@ -281,33 +281,33 @@ def _print_notes(notes: Iterable[str]) -> None:
 def _print_sized(as_json: bool) -> Callable[[DumpSizing], None]:
     """Return the function that prints the sizes before the closed loop has flown."""
 
-    def show(made: DumpSizing) -> None:
+    def show(sizing: DumpSizing) -> None:
         """Print the answer of the sizes."""
         if not as_json:
-            out.print(f"sized: {made.answer}", highlight=False, markup=False)
+            out.print(f"sized: {sizing.answer}", highlight=False, markup=False)
 
     return show
 
 
-def _print_dumps(made: DumpSizing) -> None:
+def _print_dumps(found: DumpSizing) -> None:
     """Print a sizing of dumps."""
     from ...sizing import tables
 
-    out.print(made.answer, highlight=False, markup=False)
-    shown = [tables.tabulate_dumps(made), tables.tabulate_dump_sources(made.sources)]
-    if made.year:
-        shown.append(tables.tabulate_dump_extremes(made.year))
+    out.print(found.answer, highlight=False, markup=False)
+    shown = [tables.tabulate_dumps(found), tables.tabulate_dump_sources(found.sources)]
+    if found.year:
+        shown.append(tables.tabulate_dump_extremes(found.year))
     _print_tables(shown)
-    _print_notes(made.notes)
+    _print_notes(found.notes)
 
 
-def _print_map(made: SizingMap) -> None:
+def _print_map(sizing_map: SizingMap) -> None:
     """Print a map, a table for each law."""
     from ...sizing import tables
 
-    for k in range(len(made.laws)):
-        table = tables.tabulate_map(made, k)
+    for k in range(len(sizing_map.laws)):
+        table = tables.tabulate_map(sizing_map, k)
         out.print(table.title, highlight=False)
         print_table(table, is_folded=True)
         out.print()
-    _print_notes(made.notes)
+    _print_notes(sizing_map.notes)

@@ -94,7 +94,7 @@ def tune(
             )
         ends = numbers[0], numbers[1]
     with stages(not as_json) as tell:
-        made = study.tune(
+        tuned = study.tune(
             target,
             parameter,
             number,
@@ -108,26 +108,26 @@ def tune(
             progress=tell,
         )
     if as_json:
-        print_json(made.as_json())
+        print_json(tuned.as_json())
     else:
-        _print(made)
-    if not made.confirmed:
+        _print(tuned)
+    if not tuned.confirmed:
         raise typer.Exit(Exit.UNMET)
 
 
-def _print(made: Tuned) -> None:
+def _print(tuned: Tuned) -> None:
     """Print the result of a tuning."""
     from ...numbers.text import number, spell_unit
 
-    out.print(made.answer, highlight=False, markup=False)
-    print_table(made.table)
-    unseen = made.unseen
+    out.print(tuned.answer, highlight=False, markup=False)
+    print_table(tuned.table)
+    unseen = tuned.unseen
     within = "too few for an interval"
     if unseen.interval_holds:
         within = " to ".join(map(number, unseen.interval))
     out.print(
         f"unseen samples, own less best: median {number(unseen.levels['median'])} ({within}, 95 %) "
-        f"{spell_unit(made.number_unit)}, {unseen.n} pairs; a requirement is missed in "
+        f"{spell_unit(tuned.number_unit)}, {unseen.n} pairs; a requirement is missed in "
         f"{unseen.missed_own} and {unseen.missed_best}",
         highlight=False,
     )

@@ -86,7 +86,7 @@ class Instance(Protocol):
         Raises ComponentError if the component could not start.
         """
 
-    def failed(self, what: str, status: int) -> ComponentError:
+    def failed(self, call: str, status: int) -> ComponentError:
         """Build the error for a status, with the message of the component."""
 
     def save(self) -> bytes:
@@ -123,13 +123,13 @@ class Instance(Protocol):
 _WARNED = " returned warning"
 
 
-def warn_of(instance: Instance, call: str, when: str = "") -> None:
+def warn_of(instance: Instance, call: str, occasion: str = "") -> None:
     """Record once that a call returned a warning.
 
     A warning is no failure.
     """
     if not any(text.startswith(f"{call}{_WARNED}") for text in instance.messages):
-        instance.messages.append(f"{call}{_WARNED}{when}")
+        instance.messages.append(f"{call}{_WARNED}{occasion}")
 
 
 def is_of_status(text: str) -> bool:

@@ -102,8 +102,8 @@ class BlockInstance:
             text = f"step from t = {t} s: {type(error).__name__}: {error}"
             raise ComponentError(f"{self.name}: {text}") from error
 
-    def failed(self, what: str, status: int) -> ComponentError:
-        return ComponentError(f"{self.name}: {what} failed")
+    def failed(self, call: str, status: int) -> ComponentError:
+        return ComponentError(f"{self.name}: {call} failed")
 
     def save(self) -> bytes:
         return json.dumps(vars(self._block)).encode()

@@ -137,7 +137,7 @@ class FmiFunctions(ABC):
         """Convert the buffer of a serialised state to the type that fmpy takes."""
         return of
 
-    def why(self, status: int) -> str:
+    def explain_status(self, status: int) -> str:
         """Explain a failed status beyond what the FMU has logged; empty if unknown."""
         return ""
 
@@ -181,12 +181,12 @@ def _callbacks() -> fmi2CallbackFunctions:
     There is one logger, because fmpy's proxy, which formats C messages, knows only the
     most recent one.
     """
-    made = fmi2CallbackFunctions()
-    made.logger = fmi2CallbackLoggerTYPE(_log_2)
-    made.allocateMemory = defaultCallbacks.allocateMemory
-    made.freeMemory = defaultCallbacks.freeMemory
-    addLoggerProxy(ctypes.byref(made))
-    return made
+    callbacks = fmi2CallbackFunctions()
+    callbacks.logger = fmi2CallbackLoggerTYPE(_log_2)
+    callbacks.allocateMemory = defaultCallbacks.allocateMemory
+    callbacks.freeMemory = defaultCallbacks.freeMemory
+    addLoggerProxy(ctypes.byref(callbacks))
+    return callbacks
 
 
 _LAST_SUCCESSFUL_TIME, _TERMINATED = 2, 3  # of fmi2StatusKind
@@ -251,7 +251,7 @@ class Fmi2(FmiFunctions):
         call = self._function(name, c, t, dt, ctypes.c_int(no_state_before))
         return Prepared(call, "STEP", 1, (self._address(name), self.c, t, dt))
 
-    def why(self, status: int) -> str:
+    def explain_status(self, status: int) -> str:
         ended, last = ctypes.c_int(0), ctypes.c_double(math.nan)
         if (
             status != _DISCARD
@@ -308,7 +308,7 @@ class _Done(ctypes.Structure):
         ("event", ctypes.c_bool),
         ("terminate", ctypes.c_bool),
         ("early", ctypes.c_bool),
-        ("whole", ctypes.c_bool),
+        ("is_complete", ctypes.c_bool),
         ("last", ctypes.c_double),
     )
 
@@ -341,7 +341,7 @@ class Fmi3(FmiFunctions):
         self, fmu: Any, calls: Mapping[str, Any], interface: Interface
     ) -> None:
         super().__init__(fmu, calls, interface)
-        self._done = _Done(whole=True)
+        self._done = _Done(is_complete=True)
         # elements of each variable, by its value reference
         self._arrays: dict[int, list[Signal]] = {}
         for s in interface.signals.values():
@@ -384,9 +384,9 @@ class Fmi3(FmiFunctions):
         for i, s in enumerate(signals):
             by_type.setdefault(TYPES[s.type][0], []).append(i)
         return [
-            made
-            for name, which in by_type.items()
-            for made in self._of_type(way, name, signals, which, values)
+            transfer
+            for name, indices in by_type.items()
+            for transfer in self._of_type(way, name, signals, indices, values)
         ]
 
     def _of_type(
@@ -394,7 +394,7 @@ class Fmi3(FmiFunctions):
         way: Way,
         name: str,
         signals: Sequence[Signal],
-        which: list[int],
+        indices: list[int],
         values: Array,
     ) -> list[Prepared]:
         """Prepare the transfer of the variables of one type, with all elements of each.
@@ -402,21 +402,21 @@ class Fmi3(FmiFunctions):
         The transfer works in place if the elements correspond one by one to the values,
         and otherwise through a buffer.
         """
-        wanted = [signals[i] for i in which]
-        variables = list(dict.fromkeys(_key(s)[0] for s in wanted))
+        selected = [signals[i] for i in indices]
+        variables = list(dict.fromkeys(_key(s)[0] for s in selected))
         elements = [e for v in variables for e in self._arrays[v]]
         keys, of = [_key(e) for e in elements], dict(TYPES.values())[name]
         if values.dtype == of and keys == [_key(s) for s in signals]:
             return [self._call(way, name, variables, values)]
         buffer = self._start(elements, np.dtype(of))
         at = {key: i for i, key in enumerate(keys)}
-        there = np.array([at[_key(s)] for s in wanted], np.int64)
-        here = np.array(which, np.int64)
+        there = np.array([at[_key(s)] for s in selected], np.int64)
+        here = np.array(indices, np.int64)
         call = self._call(way, name, variables, buffer)
         code, limits = _CODES.index(of), _range(buffer.dtype)
         if way == "Set":
             self._filled.append((buffer, elements))
-            self._checked.append((wanted, values, here, limits))
+            self._checked.append((selected, values, here, limits))
             typed = partial(_moved, values, here, buffer, there, limits)
             return [
                 Prepared(
@@ -424,7 +424,7 @@ class Fmi3(FmiFunctions):
                 ),
                 call,
             ]
-        self._checked.append((wanted, buffer, there, limits))
+        self._checked.append((selected, buffer, there, limits))
         typed = partial(_moved, buffer, there, values, here, limits)
         return [
             call,
@@ -480,8 +480,8 @@ class Fmi3(FmiFunctions):
             done.event = done.terminate = done.early = False
             done.last = end = t.value + dt.value
             status = call()
-            done.whole = status > 1 or abs(done.last - end) <= NEAR * dt.value
-            other = done.terminate or done.early or done.event or not done.whole
+            done.is_complete = status > 1 or abs(done.last - end) <= NEAR * dt.value
+            other = done.terminate or done.early or done.event or not done.is_complete
             return _ERROR if status <= 1 and other else status
 
         return Prepared(
@@ -491,7 +491,7 @@ class Fmi3(FmiFunctions):
     def bytes(self, of: Any) -> Any:
         return ctypes.cast(of, ctypes.POINTER(ctypes.c_uint8))
 
-    def why(self, status: int) -> str:
+    def explain_status(self, status: int) -> str:
         if self._done.terminate:
             return f"it asks for the end of the simulation at t = {self._done.last:g} s"
         if self._done.early:
@@ -504,7 +504,7 @@ class Fmi3(FmiFunctions):
                 f"it wants an event handled at t = {self._done.last:g} s, which desat does not "
                 "offer (eventModeUsed is false)"
             )
-        if not self._done.whole:
+        if not self._done.is_complete:
             return f"it says ok, but came to t = {self._done.last:g} s (lastSuccessfulTime)"
         for signals, values, index, (low, high) in self._checked:
             for s, x in zip(signals, values[index], strict=True):
@@ -543,14 +543,14 @@ def _moved(
 @cache
 def _callbacks_1() -> fmi1CallbackFunctions:
     """Create the callbacks of FMI 1.0, which share the logger of FMI 2.0."""
-    made = fmi1CallbackFunctions()
-    made.logger = ctypes.cast(
+    callbacks = fmi1CallbackFunctions()
+    callbacks.logger = ctypes.cast(
         _callbacks().logger, fmi1CallbackLoggerTYPE
     )  # it has the same arguments
-    made.allocateMemory = fmi1.defaultCallbacks.allocateMemory
-    made.freeMemory = fmi1.defaultCallbacks.freeMemory
-    made.stepFinished = None
-    return made
+    callbacks.allocateMemory = fmi1.defaultCallbacks.allocateMemory
+    callbacks.freeMemory = fmi1.defaultCallbacks.freeMemory
+    callbacks.stepFinished = None
+    return callbacks
 
 
 class Fmi1(Fmi2):
@@ -597,7 +597,7 @@ class Fmi1(Fmi2):
             ctypes.c_double(0.0),
         )
 
-    def why(self, status: int) -> str:
+    def explain_status(self, status: int) -> str:
         return ""  # FMI 1.0 cannot report the end of a simulation
 
     def moves(

@@ -61,8 +61,8 @@ class _Library:
         except Exception as error:  # fmpy raises plain Exception
             text = str(error).replace(f"{folder}/", "")
             raise DesatError(f"{description.modelName}: {text}") from error
-        said = getattr(self.fmu, f"{functions.prefix}GetVersion")()
-        self.version = plain((said or b"none").decode(errors="replace"))
+        version = getattr(self.fmu, f"{functions.prefix}GetVersion")()
+        self.version = plain((version or b"none").decode(errors="replace"))
         # finds the addresses of values in our native FMUs (fmi2.c)
         self.places: Any = None
         if ours and hasattr(self.fmu.dll, "desat_places"):
@@ -91,18 +91,18 @@ class Moves(NamedTuple):
 
 def _last(name: str, messages: Sequence[str]) -> str:
     """Format the last message of a component, as the end of an error message."""
-    said = next((text for text in reversed(messages) if not is_of_status(text)), "")
+    message = next((text for text in reversed(messages) if not is_of_status(text)), "")
     return (
-        f": {said.removeprefix(f'{name}: ')}" if said else ""
+        f": {message.removeprefix(f'{name}: ')}" if message else ""
     )  # our adapter begins its messages with the name
 
 
 def failure(
-    name: str, what: str, status: int, messages: Sequence[str]
+    name: str, call: str, status: int, messages: Sequence[str]
 ) -> ComponentError:
     """Build the error for a status, with the last message of the component."""
     of = _STATUS[status] if status < len(_STATUS) else str(ctypes.c_int(status).value)
-    return ComponentError(f"{name}: {what} returned {of}{_last(name, messages)}")
+    return ComponentError(f"{name}: {call} returned {of}{_last(name, messages)}")
 
 
 class FmuInstance:
@@ -147,14 +147,16 @@ class FmuInstance:
         """Format the last message that the FMU logged."""
         return _last(self.name, self.messages)
 
-    def failed(self, what: str, status: int) -> ComponentError:
+    def failed(self, call: str, status: int) -> ComponentError:
         self.note(status)
-        return failure(self.name, what, status, self.messages)
+        return failure(self.name, call, status, self.messages)
 
     def note(self, status: int) -> None:
         """Add what is known about a failure beyond the FMU's log to the messages."""
-        if (why := self._functions.why(status)) and why not in self.messages[-1:]:
-            self.messages.append(why)
+        if (
+            explanation := self._functions.explain_status(status)
+        ) and explanation not in self.messages[-1:]:
+            self.messages.append(explanation)
 
     def _call(self, name: str, *arguments: Any) -> None:
         """Call an FMI function and raise the error of its status."""
@@ -171,12 +173,12 @@ class FmuInstance:
             self._back()
         self._judge(name, status)
 
-    def _judge(self, what: str, status: int) -> None:
+    def _judge(self, call: str, status: int) -> None:
         """Raise the error of a failed status, or record a warning."""
         if status > 1:
-            raise self.failed(what, status)
+            raise self.failed(call, status)
         if status:
-            warn_of(self, what)
+            warn_of(self, call)
 
     def _back(self, status: int = 0) -> int:
         """Return the status of a call that has come back.
@@ -214,11 +216,11 @@ class FmuInstance:
         """
         del self.prepared["step"]
         t, dt, before = self._clock.t, self._clock.dt, self._before
-        whole = self._functions.step(t, dt, 0).call
+        full_step = self._functions.step(t, dt, 0).call
 
         def step() -> int:
             self._state("Get", ctypes.byref(before))
-            status = whole()
+            status = full_step()
             for count in (2**n for n in range(1, times + 1)):
                 if status != _DISCARD:
                     break
@@ -227,8 +229,8 @@ class FmuInstance:
                 for i in range(count):
                     if status < _DISCARD:
                         at = ctypes.c_double(t.value + i * part)
-                        made = self._functions.step(at, ctypes.c_double(part), 0)
-                        status = max(status, made.call())
+                        outcome = self._functions.step(at, ctypes.c_double(part), 0)
+                        status = max(status, outcome.call())
                 if status < _DISCARD and len(self.messages) < 20:
                     self.messages.append(
                         f"the step from t = {t.value:g} s was discarded, and made "
@@ -249,13 +251,13 @@ class FmuInstance:
         arrays: dict[Kind, Array],
     ) -> list[Moves]:
         """Prepare the transfer of all values, one for each type that occurs."""
-        made = []
+        transfers = []
         for kind in KINDS:
             if signals[kind]:
                 calls = self._functions.moves(way, signals[kind], arrays[kind])
                 data, places = arrays[kind].ctypes.data, self._places(signals[kind])
-                made.append(Moves(calls, kind[0], data, places))
-        return made
+                transfers.append(Moves(calls, kind[0], data, places))
+        return transfers
 
     def _places(self, signals: list[Signal]) -> Any:
         """Find the addresses of values in a native FMU of ours; None if unknown."""
@@ -274,12 +276,12 @@ class FmuInstance:
         return places if there else None
 
     def enter(self, start: float, parameters: Mapping[str, Scalar]) -> None:
-        given = [
+        start_values = [
             (self._interface.signals[name], value) for name, value in parameters.items()
         ]
-        self._functions.note_values(given)
-        for kind in dict.fromkeys(s.kind for s, _ in given):
-            pairs = [(s, value) for s, value in given if s.kind == kind]
+        self._functions.note_values(start_values)
+        for kind in dict.fromkeys(s.kind for s, _ in start_values):
+            pairs = [(s, value) for s, value in start_values if s.kind == kind]
             for s, value in pairs:
                 if kind == "Integer" and not -(1 << 31) <= value < 1 << 31:
                     raise ComponentError(
@@ -330,26 +332,26 @@ class FmuInstance:
             self._call(
                 f"{of.prefix}Serialized{of.state}Size", state, ctypes.byref(size)
             )
-            made = ctypes.create_string_buffer(size.value)
-            self._call(f"{of.prefix}Serialize{of.state}", state, of.bytes(made), size)
+            buffer = ctypes.create_string_buffer(size.value)
+            self._call(f"{of.prefix}Serialize{of.state}", state, of.bytes(buffer), size)
         finally:
             self._state("Free", ctypes.byref(state))
-        return made.raw
+        return buffer.raw
 
     def restore(self, state: bytes) -> None:
-        made = ctypes.c_void_p()
-        given = ctypes.create_string_buffer(state, len(state))
+        pointer = ctypes.c_void_p()
+        buffer = ctypes.create_string_buffer(state, len(state))
         size = ctypes.c_size_t(len(state))
         self._call(
             self._functions.deserialise,
-            self._functions.bytes(given),
+            self._functions.bytes(buffer),
             size,
-            ctypes.byref(made),
+            ctypes.byref(pointer),
         )
         try:
-            self._state("Set", made)
+            self._state("Set", pointer)
         finally:
-            self._state("Free", ctypes.byref(made))
+            self._state("Free", ctypes.byref(pointer))
 
     def look(self) -> None:
         pass

@@ -87,8 +87,8 @@ class IsolatedInstance:
             self._reap()
             raise
 
-    def failed(self, what: str, status: int) -> ComponentError:
-        return failure(self.name, what, status, self.messages)
+    def failed(self, call: str, status: int) -> ComponentError:
+        return failure(self.name, call, status, self.messages)
 
     # --- stepping ---------------------------------------------------------------------
 
@@ -118,7 +118,7 @@ class IsolatedInstance:
         self._time[0], self._time[1] = self._clock.t.value, self._clock.dt.value
         self._turn(A_STEP)
         self._read = True
-        if (status := self._words[MADE]) == RAISED:
+        if (status := self._words[STEPS_MADE]) == RAISED:
             self._ask("raised")
         return status
 
@@ -130,21 +130,23 @@ class IsolatedInstance:
             mine[:] = theirs
         return self._words[READ]
 
-    def _turn(self, what: bytes) -> None:
+    def _turn(self, command: bytes) -> None:
         """Set inputs that are due, make a step if requested, and read the outputs."""
         if self._ended:
             raise ComponentError(self._ended)
         self._words[OPEN] = 1
         try:
-            os.write(self._file, what)
+            os.write(self._file, command)
             done = os.read(self._file, 1)
         except BlockingIOError:
-            self._lost(hung=True)
+            self._raise_ended(hung=True)
         except OSError:
-            self._lost()
+            self._raise_ended()
         if done != DONE or self._words[OPEN]:
-            self._lost(garbled=f"at t = {self._time[0]:g} s it wrote" if done else "")
-        if self._words[SAID] > self._heard:
+            self._raise_ended(
+                garbled=f"at t = {self._time[0]:g} s it wrote" if done else ""
+            )
+        if self._words[MESSAGES] > self._heard:
             self._hear("messages")
         if (status := self._words[SET]) > 1:
             raise self.failed(current_call.describe(PUSH), status)
@@ -196,7 +198,7 @@ class IsolatedInstance:
             os.write(self._file, A_CALL)
             self._socket.send((name, arguments))
         except OSError:
-            self._lost()
+            self._raise_ended()
         return self._answer()
 
     def _answer(self) -> Any:
@@ -205,31 +207,33 @@ class IsolatedInstance:
         try:
             octets = self._socket.recv_bytes()
         except BlockingIOError:
-            self._lost(hung=True)
+            self._raise_ended(hung=True)
         except (EOFError, OSError):
-            self._lost()
+            self._raise_ended()
         try:
-            said, error, what = pickle.loads(octets)
+            messages, error, answer = pickle.loads(octets)
         except Exception:  # the component wrote to the socket itself
-            self._lost(garbled=f"{current_call.describe(self._words[DOING])} wrote")
-        self._take(said)
+            self._raise_ended(
+                garbled=f"{current_call.describe(self._words[DOING])} wrote"
+            )
+        self._take(messages)
         if error is not None:
-            raise error(*what)
-        return what
+            raise error(*answer)
+        return answer
 
     def _hear(self, name: str) -> None:
         """Fetch new messages by a call; ignore a process that has ended."""
         with suppress(EndedError):  # the next call reports it
             self._take(self._ask(name))
 
-    def _take(self, said: list[str]) -> None:
+    def _take(self, messages: list[str]) -> None:
         """Append the messages that are new."""
-        self.messages += said[self._heard :]
-        self._heard = len(said)
+        self.messages += messages[self._heard :]
+        self._heard = len(messages)
 
     # --- its end ----------------------------------------------------------------------
 
-    def _lost(self, hung: bool = False, garbled: str = "") -> NoReturn:
+    def _raise_ended(self, hung: bool = False, garbled: str = "") -> NoReturn:
         """Raise EndedError for a process that has ended or that is killed here.
 
         `garbled` describes an answer that does not follow the protocol.
@@ -239,9 +243,7 @@ class IsolatedInstance:
             hung = False  # a process that it forked keeps the socket open
             self._close()
             self._end_group()
-            self._ended = (
-                f"{self.name}: {call} ended its process: {current_call.how(status)}"
-            )
+            self._ended = f"{self.name}: {call} ended its process: {current_call.describe_exit(status)}"
         elif garbled:
             os.kill(self._process, signal.SIGKILL)
             self._reap()
@@ -269,7 +271,7 @@ class IsolatedInstance:
         while True:
             if (status := current_call.status_of(self._process)) is not None:
                 self._end_group()
-                return current_call.how(status)
+                return current_call.describe_exit(status)
             if time.monotonic() > until:
                 os.kill(self._process, signal.SIGKILL)
             time.sleep(0.001)
@@ -331,7 +333,7 @@ _VERBS = {
 # Shared words: the verb that the process executes; whether inputs are to be set; the
 # statuses of setting inputs, of the step and of reading outputs; the number of messages;
 # whether a turn was requested and is not done, whatever arrives over the socket.
-DOING, DUE, SET, MADE, READ, SAID, OPEN = range(7)
+DOING, DUE, SET, STEPS_MADE, READ, MESSAGES, OPEN = range(7)
 RAISED = -1  # in place of a status: an error was raised and has to be fetched
 # Bytes on the socket: three requests, and the reply when a turn is done.
 A_STEP, OUTPUTS, A_CALL, DONE = b"s", b"p", b"c", b"."
@@ -400,22 +402,22 @@ class _There:
     def turn(self, step: bool) -> None:
         """Set inputs that are due, make a step if `step`, and read the outputs."""
         words, instance = self._words, self._instance
-        words[MADE] = words[READ] = 0
+        words[STEPS_MADE] = words[READ] = 0
         self.push()
         try:
             if step and words[SET] <= 1:
                 words[DOING] = STEP
                 self._clock.t.value, self._clock.dt.value = self._shared.clock
-                words[MADE] = instance.step()
+                words[STEPS_MADE] = instance.step()
         except ComponentError as error:
             self._error = error
-            words[MADE] = RAISED
-        if words[SET] <= 1 and 0 <= words[MADE] <= 1:
+            words[STEPS_MADE] = RAISED
+        if words[SET] <= 1 and 0 <= words[STEPS_MADE] <= 1:
             words[DOING] = PULL
             words[READ] = instance.pull()
-        if (worst := max(words[SET], words[MADE], words[READ])) > 1:
+        if (worst := max(words[SET], words[STEPS_MADE], words[READ])) > 1:
             instance.note(worst)
-        words[SAID] = len(instance.messages)
+        words[MESSAGES] = len(instance.messages)
         words[OPEN] = 0  # last: it marks the turn as done
 
     def push(self) -> None:
@@ -495,11 +497,11 @@ def live(
             there, file = _There(shared, changes), pipe.fileno()
             alive = _answered(pipe, there, "make", (component, fmu))
             while alive:
-                what = os.read(file, 1)
-                if what == A_CALL:
+                octet = os.read(file, 1)
+                if octet == A_CALL:
                     alive = _answered(pipe, there, *pipe.recv())
-                elif what:
-                    there.turn(what == A_STEP)
+                elif octet:
+                    there.turn(octet == A_STEP)
                     os.write(file, DONE)
                 else:
                     alive = False
@@ -512,12 +514,12 @@ def _answered(
 ) -> bool:
     """Make a rare call and send its result; return whether more requests may follow."""
     error: type[Exception] | None = None
-    what: Any = None
+    answer: Any = None
     try:
-        what = there.call(name, *arguments)
+        answer = there.call(name, *arguments)
     except DesatError as raised:
-        error, what = type(raised), raised.args
+        error, answer = type(raised), raised.args
     except Exception as raised:
-        error, what = RuntimeError, (f"{type(raised).__name__}: {raised}",)
-    pipe.send((list(there.messages), error, what))
+        error, answer = RuntimeError, (f"{type(raised).__name__}: {raised}",)
+    pipe.send((list(there.messages), error, answer))
     return name != "close" and (name != "make" or error is None)

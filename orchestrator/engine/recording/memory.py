@@ -16,10 +16,12 @@ from numpy.typing import NDArray
 class Rows:
     """Rows that grow, with their attributes."""
 
-    def __init__(self, name: str, tail: tuple[int, ...], dtype: Any, room: int) -> None:
+    def __init__(
+        self, name: str, tail: tuple[int, ...], dtype: Any, capacity: int
+    ) -> None:
         self.name = name
         self.attrs: dict[str, str] = {}
-        self._all = np.zeros((room, *tail), dtype)
+        self._all = np.zeros((capacity, *tail), dtype)
         self._rows = 0
 
     @property
@@ -34,14 +36,16 @@ class Rows:
 
     def append(self, rows: NDArray[Any]) -> None:
         """Append rows."""
-        there, wanted = self._rows, self._rows + len(rows)
-        if wanted > len(self._all):
+        there, rows_needed = self._rows, self._rows + len(rows)
+        if rows_needed > len(self._all):
             tail = self._all.shape[1:]
-            grown = np.zeros((max(wanted, 2 * len(self._all)), *tail), self._all.dtype)
+            grown = np.zeros(
+                (max(rows_needed, 2 * len(self._all)), *tail), self._all.dtype
+            )
             grown[:there] = self._all[:there]
             self._all = grown
-        self._all[there:wanted] = rows
-        self._rows = wanted
+        self._all[there:rows_needed] = rows
+        self._rows = rows_needed
 
     def thin(self, every: int) -> None:
         """Keep every `every`-th row, from the first on."""
@@ -64,17 +68,17 @@ class File:
         name: str,
         tail: tuple[int, ...] = (),
         dtype: Any = None,
-        room: int = 1,
+        capacity: int = 1,
         *,
         data: str | None = None,
     ) -> Any:
-        """Create a data set with room for `room` rows, or one that holds a text."""
-        made = {(): data} if data is not None else Rows(name, tail, dtype, room)
+        """Create a data set with room for `capacity` rows, or one that holds a text."""
+        members = {(): data} if data is not None else Rows(name, tail, dtype, capacity)
         group, _, variable = name.strip("/").partition("/")
         (self._groups.setdefault(group, {}) if variable else self._groups)[
             variable or group
-        ] = made
-        return made
+        ] = members
+        return members
 
     def __getitem__(self, name: str) -> Any:
         group, _, variable = name.strip("/").partition("/")

@@ -28,13 +28,13 @@ from ..node import Slot
 from . import memory, shared_tables
 from .results import Results, frame_of
 from .row_buffer import Bank, Layout, Places, RowBuffer
-from .series_file import DataSetPlan, Packing, aside, beside
+from .series_file import DataSetPlan, Packing, aside, path_while_packing
 
 T = TypeVar("T")
 ROWS = 8192  # rows of each half of the buffer and of a chunk of the file
 FLUSH_SECONDS = 1.0
 _CACHE = 1 << 18  # bytes: HDF5 would keep 8 MiB of written chunks for each data set
-_ROOM = 64 << 20  # bytes: upper bound of the rows that are not written yet
+_MEMORY = 64 << 20  # bytes: upper bound of the rows that are not written yet
 
 
 # Type of a data set's values, their columns among those of that type, interval or not.
@@ -74,7 +74,7 @@ class Recorder:
             self._file.attrs.update(about)
         self._start, self._step = master.start, master.step_size
         live = {k: master.live[k] for k in KINDS if len(master.live[k])}
-        fit = _ROOM // (2 * (8 + sum(a.nbytes for a in live.values())))
+        fit = _MEMORY // (2 * (8 + sum(a.nbytes for a in live.values())))
         self._chunk = max(1, min(ROWS, fit, master.system.steps + 1))
         groups: dict[tuple[str, str], list[Slot]] = defaultdict(list)
         for slot in master.slots:
@@ -85,7 +85,7 @@ class Recorder:
             for group in groups.items()
             for name, slots in _rows(*group)
         ]
-        index, sets = None, [self._own(s) for s in series]
+        index, sets = None, [self._own_data_set(s) for s in series]
         if len(series) > shared_tables.MANY:
             index, sets = self._tables(series)
         about_time = {"unit": "s", "description": "communication points t_k"}
@@ -96,7 +96,7 @@ class Recorder:
         self._plans = plans
         self._places = [places for _, places in sets]
         # the times, then the data sets of `_places`
-        self._sets = [self._made(plan) for plan in plans]
+        self._sets = [self._create_data_set(plan) for plan in plans]
         if index is not None:
             self._file.create_dataset(shared_tables.INDEX, data=index)
         self.layout = Layout(
@@ -157,7 +157,9 @@ class Recorder:
         if self._part is not None:
             os.fsync(self._file.id.get_vfd_handle())
 
-    def _own(self, s: shared_tables.SeriesColumns) -> tuple[DataSetPlan, _Place]:
+    def _own_data_set(
+        self, s: shared_tables.SeriesColumns
+    ) -> tuple[DataSetPlan, _Place]:
         """Plan a separate data set for a series."""
         columns = 0 if s.scalar else s.columns.stop - s.columns.start
         plan = self._plan(
@@ -191,14 +193,14 @@ class Recorder:
         chunk = shared_tables.chunk(self._chunk, columns) if columns else (self._chunk,)
         return DataSetPlan(name, tail, np.dtype(dtype), chunk, attributes)
 
-    def _made(self, plan: DataSetPlan) -> Any:
+    def _create_data_set(self, plan: DataSetPlan) -> Any:
         """Create a data set in the file."""
         if isinstance(self._file, memory.File):
-            made = self._file.create_dataset(
+            data_set = self._file.create_dataset(
                 plan.name, plan.tail, plan.dtype, self._chunk
             )
-            made.attrs.update(plan.attributes)
-            return made
+            data_set.attrs.update(plan.attributes)
+            return data_set
         # compressed Reals would take seven times as long to write: they are packed beside
         return plan.make(self._file, compressed=plan.dtype != np.float64)
 
@@ -243,11 +245,11 @@ class Recorder:
         else:
             self._job = self._writer.submit(self._write, half)
 
-    def _aside(self, work: Callable[..., T], *given: Any) -> T:
+    def _aside(self, work: Callable[..., T], *argument: Any) -> T:
         """Run the work now, in the writer's thread if there is one (`_packing`)."""
         if self._packing is None:
-            return work(*given)
-        return self._writer.submit(work, *given).result()
+            return work(*argument)
+        return self._writer.submit(work, *argument).result()
 
     def flush(self) -> None:
         """Write the rows taken so far."""
@@ -305,9 +307,9 @@ class Recorder:
         """
         if rows.flags.c_contiguous:
             return rows
-        if (room := self._rooms.get(rows.dtype)) is None or len(room) < rows.size:
-            room = self._rooms[rows.dtype] = np.empty(rows.size, rows.dtype)
-        together = room[: rows.size].reshape(rows.shape)
+        if (buffer := self._rooms.get(rows.dtype)) is None or len(buffer) < rows.size:
+            buffer = self._rooms[rows.dtype] = np.empty(rows.size, rows.dtype)
+        together = buffer[: rows.size].reshape(rows.shape)
         for j in range(rows.shape[1]):
             together[:, j] = rows[:, j]
         return together
@@ -380,14 +382,14 @@ def recover(part: Path, path: Path, layout: Layout, unwritten: RowBuffer) -> int
     OSError if there is no space left.
     """
     unwritten.lay_out(layout)
-    written, (times, tables) = unwritten.written, unwritten.left()
+    written, (times, tables) = unwritten.written, unwritten.read_unwritten()
     rows = written + len(times)
     without = int(0 < rows == unwritten.final)
-    beside(path).unlink(missing_ok=True)
+    path_while_packing(path).unlink(missing_ok=True)
     lasts = [(times, rows)]
     for _, kind, columns, interval in layout.sets:
         lasts.append((tables[kind][:, columns], rows - without * interval))
-    made = aside(
+    packed = aside(
         _packed,
         part,
         path,
@@ -395,9 +397,9 @@ def recover(part: Path, path: Path, layout: Layout, unwritten: RowBuffer) -> int
         written,
         lasts,
     )
-    if made is None:
+    if packed is None:
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(path))
-    made.replace(path)
+    packed.replace(path)
     part.unlink()
     return rows
 
@@ -422,6 +424,6 @@ def _packed(
             there, many = min(written, rows), plans[i].chunk[0]
             for first in range(0, there, many):
                 packing.take(i, old[name][first : min(there, first + many)])
-            left = last[: rows - there].reshape(-1, *plans[i].tail)
-            packing.take(i, np.ascontiguousarray(left))
+            missing_rows = last[: rows - there].reshape(-1, *plans[i].tail)
+            packing.take(i, np.ascontiguousarray(missing_rows))
         return packing.finish()

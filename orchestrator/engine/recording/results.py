@@ -68,8 +68,8 @@ def _unclosed(path: Path) -> Any:
     with suppress(AttributeError, OSError):
         of_hdf5 = ctypes.CDLL(h5py.h5p.__file__)
         of_hdf5.H5Pset_metadata_read_attempts(ctypes.c_int64(access.id), _ATTEMPTS)
-    how = h5py.h5f.ACC_RDONLY | h5py.h5f.ACC_SWMR_READ
-    return h5py.File(h5py.h5f.open(os.fsencode(path), how, access))
+    flags = h5py.h5f.ACC_RDONLY | h5py.h5f.ACC_SWMR_READ
+    return h5py.File(h5py.h5f.open(os.fsencode(path), flags, access))
 
 
 def _grown(file: Any) -> int:
@@ -120,17 +120,17 @@ class Results:
 
     def __init__(self, file: Any, rows: int | None = None) -> None:
         self._file = file
-        self._made: dict[str, Any] = {}
+        self._computed: dict[str, Any] = {}
         self._recent: dict[Hashable, Array] = {}
         self._index = shared_tables.index(file)
         self._rows = rows  # number of rows that hold values; None: all
 
     def once(self, key: str, make: Callable[[], T]) -> T:
         """Compute a result of these series once, at the first request, and keep it."""
-        if key not in self._made:
-            self._made[key] = make()
-        made: T = self._made[key]
-        return made
+        if key not in self._computed:
+            self._computed[key] = make()
+        result: T = self._computed[key]
+        return result
 
     def recent(self, key: Hashable, make: Callable[[], Array]) -> Array:
         """Return a read-only array computed from these series, cached by `key`.
@@ -198,7 +198,7 @@ class Results:
 
         The file is thinned, too.
         """
-        self._made.clear()
+        self._computed.clear()
         self._recent.clear()
         if isinstance(self._file, memory.File):
             self._file.thin(every)
@@ -216,10 +216,10 @@ class Results:
         components = (c for c in self._file if c != "time" and not c.startswith("."))
         return [f"{c}.{v}" for c in components for v in sorted(self._file[c])]
 
-    def _unreadable(self, what: str, error: Exception) -> DesatError:
+    def _unreadable(self, subject: str, error: Exception) -> DesatError:
         """Return the error for a file that is damaged where it is read."""
         file = getattr(self._file, "filename", SERIES)
-        return DesatError(f"{file}: {what} cannot be read ({_reason(error)})")
+        return DesatError(f"{file}: {subject} cannot be read ({_reason(error)})")
 
     def _find(self, name: str) -> Any:
         """Find the data set or the columns of a series."""
@@ -255,8 +255,8 @@ class Results:
         try:
             if not isinstance(found, h5py.Dataset) or found.nbytes > RECENT // 16:
                 return np.asarray(found[rows.start : last])
-            whole = self.recent(("values", name), lambda: np.asarray(found[:]))
-            return whole[rows.start : last]
+            series = self.recent(("values", name), lambda: np.asarray(found[:]))
+            return series[rows.start : last]
         except DAMAGED as error:
             raise self._unreadable(name, error) from error
 
@@ -268,12 +268,12 @@ class Results:
     def times(self, name: str | None = None) -> NDArray[np.float64]:
         """Return the time (s) of each row of a series (default: of all steps)."""
         try:
-            whole = self.recent(
+            every_time = self.recent(
                 "time", lambda: np.asarray(self._file["time"][: self._rows])
             )
         except DAMAGED as error:
             raise self._unreadable("time", error) from error
-        return whole if name is None else whole[: self._find(name).shape[0]]
+        return every_time if name is None else every_time[: self._find(name).shape[0]]
 
     def attribute(self, name: str, key: str) -> str:
         """Read `unit`, `frame`, `description` or `class` of a series."""

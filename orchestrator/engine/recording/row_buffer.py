@@ -20,7 +20,7 @@ from ...system.interface import Kind
 Places = slice | NDArray[np.intp]  # columns of a data set among those of its type
 _HEAD = 64
 # Indices of the counts; 0 and 1 are the rows taken in each half.
-_WRITTEN, _NEXT, _WHICH, _ACTIVE, _FINAL = range(2, 7)
+_WRITTEN, _NEXT, _BUFFER_INDEX, _ACTIVE, _FINAL = range(2, 7)
 
 
 @dataclass(frozen=True)
@@ -64,10 +64,10 @@ class RowBuffer:
             layout.capacity * n * np.dtype(d).itemsize
             for n, d in layout.widths.values()
         ]
-        whole = (
+        octets = (
             -(-(8 * layout.capacity + sum(parts)) // 8) * 8
         )  # align doubles to 8 bytes
-        size = _HEAD + 2 * whole
+        size = _HEAD + 2 * octets
         if self._file is None:
             memory: Any = np.zeros(
                 size, np.uint8
@@ -78,7 +78,7 @@ class RowBuffer:
         self._counts = np.frombuffer(memory, np.int64, _HEAD // 8)
         self._halves: list[Bank] = []
         for i in range(2):
-            at = _HEAD + i * whole
+            at = _HEAD + i * octets
             times = np.frombuffer(memory, np.float64, layout.capacity, at)
             at += 8 * layout.capacity
             rows: dict[Kind, NDArray[Any]] = {}
@@ -106,14 +106,14 @@ class RowBuffer:
         """Return the number of rows on disk."""
         return int(max(self._counts[_WRITTEN], self._counts[_NEXT]))
 
-    def left(self) -> tuple[NDArray[np.float64], dict[Kind, NDArray[Any]]]:
+    def read_unwritten(self) -> tuple[NDArray[np.float64], dict[Kind, NDArray[Any]]]:
         """Return times and tables of the rows that are only in the buffer."""
         active, parts = int(self._counts[_ACTIVE]), []
         for i in (1 - active, active):
             half = self._halves[i]
             gone = (
                 self._counts[_NEXT] > self._counts[_WRITTEN]
-                and self._counts[_WHICH] == i
+                and self._counts[_BUFFER_INDEX] == i
             )
             parts.append((half, 0 if gone else int(half.taken[0])))
         return (
@@ -130,7 +130,7 @@ class RowBuffer:
         The order of the updates prevents rows from being counted twice if the process
         dies here.
         """
-        self._counts[_WHICH] = self._halves.index(half)
+        self._counts[_BUFFER_INDEX] = self._halves.index(half)
         self._counts[_NEXT] = self._counts[_WRITTEN] + half.taken[0]
         half.taken[0] = 0
         self._counts[_WRITTEN] = self._counts[_NEXT]

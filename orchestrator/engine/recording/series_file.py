@@ -36,7 +36,7 @@ _OF_SCALES = ("CLASS", "NAME", "DIMENSION_LABELS", "DIMENSION_LIST", "REFERENCE_
 _FULL = (OSError, RuntimeError)  # errors that h5py raises for a full disk
 
 
-def beside(path: Path) -> Path:
+def path_while_packing(path: Path) -> Path:
     """Return the path at which the packed file of series grows.
 
     A process that is killed leaves that file behind.
@@ -44,7 +44,7 @@ def beside(path: Path) -> Path:
     return path.with_name(f"{path.name}.packing")
 
 
-def aside(work: Callable[..., T], *given: Any) -> T:
+def aside(work: Callable[..., T], *argument: Any) -> T:
     """Run the work in a separate thread.
 
     ISA-L leaves the vector registers of its thread in a state in which C that is not
@@ -52,7 +52,7 @@ def aside(work: Callable[..., T], *given: Any) -> T:
     thread that steps, or that forks one that does, may pack.
     """
     with ThreadPoolExecutor(1) as thread:
-        return thread.submit(work, *given).result()
+        return thread.submit(work, *argument).result()
 
 
 def pack(path: Path, every: int = 1) -> None:
@@ -76,9 +76,9 @@ def _pack(path: Path, every: int) -> None:
             many = source.chunks[0]
             for first in range(0, len(source), many * every):
                 packing.take(i, source[first : first + many * every : every])
-        made = packing.finish()
-    if made is not None:
-        made.replace(path)
+        packed = packing.finish()
+    if packed is not None:
+        packed.replace(path)
 
 
 @dataclass(frozen=True)
@@ -110,27 +110,27 @@ class DataSetPlan:
 
     def make(self, file: Any, compressed: bool) -> Any:
         """Create the data set in a file, without rows."""
-        how = h5p.create(h5p.DATASET_CREATE)
+        properties = h5p.create(h5p.DATASET_CREATE)
         # otherwise equal runs would give different files
-        how.set_obj_track_times(False)
-        how.set_chunk(self.chunk)
+        properties.set_obj_track_times(False)
+        properties.set_chunk(self.chunk)
         if compressed:
-            how.set_shuffle()
-            how.set_deflate(_LEVEL)
+            properties.set_shuffle()
+            properties.set_deflate(_LEVEL)
         link = h5p.create(h5p.LINK_CREATE)
         link.set_create_intermediate_group(True)
         place = h5s.create_simple((0, *self.tail), (h5s.UNLIMITED, *self.tail))
         name, dtype = self.name.encode(), h5t.py_create(self.dtype)
-        made = h5d.create(file.id, name, dtype, place, how, link)
+        data_set = h5d.create(file.id, name, dtype, place, properties, link)
         text, one = (
             h5t.py_create(h5py.string_dtype(), logical=True),
             h5s.create(h5s.SCALAR),
         )
         for key, value in self.attributes.items():
-            h5a.create(made, key.encode(), text, one).write(
+            h5a.create(data_set, key.encode(), text, one).write(
                 np.array(value, dtype=object)
             )
-        return h5py.Dataset(made)
+        return h5py.Dataset(data_set)
 
     def append(self, dataset: Any, rows: NDArray[Any]) -> None:
         """Append rows to a data set that was created by `make`.
@@ -142,8 +142,8 @@ class DataSetPlan:
         n, *tail = dataset.shape
         dataset.set_extent((n + len(rows), *tail))
         if rows.shape == self.chunk and n % len(rows) == 0:
-            whole = rows if rows.dtype == np.float64 else deflated(rows)
-            dataset.write_direct_chunk((n, *(0 for _ in tail)), whole)
+            packed_rows = rows if rows.dtype == np.float64 else deflated(rows)
+            dataset.write_direct_chunk((n, *(0 for _ in tail)), packed_rows)
             return
         place = dataset.get_space()
         place.select_hyperslab((n, *(0 for _ in tail)), rows.shape)
@@ -163,9 +163,9 @@ def chunks(
         return
     for first in range(0, plan.tail[0], width[0]) if width else (0,):
         part = rows[:, first : first + width[0]] if width else rows
-        whole = np.zeros(plan.chunk, plan.dtype)
-        whole[tuple(slice(n) for n in part.shape)] = part
-        yield ((0, first) if width else (0,)), whole
+        chunk = np.zeros(plan.chunk, plan.dtype)
+        chunk[tuple(slice(n) for n in part.shape)] = part
+        yield ((0, first) if width else (0,)), chunk
 
 
 class _Packed:
@@ -191,16 +191,16 @@ class _Packed:
             self._waiting.append(rows.copy())
             self._many += len(rows)
 
-    def write(self, rows: NDArray[Any], whole: bool) -> None:
+    def write(self, rows: NDArray[Any], to_the_end: bool) -> None:
         """Pack the waiting rows and further ones.
 
-        With `whole` only rows that fill chunks are packed, otherwise all.
+        With `to_the_end` only rows that fill chunks are packed, otherwise all.
         """
         if self._waiting:
             rows = np.concatenate([*self._waiting, rows])
             self._waiting, self._many = [], 0
         many, done = self.plan.chunk[0], self._id.shape[0]
-        end = len(rows) - len(rows) % many if whole else len(rows)
+        end = len(rows) - len(rows) % many if to_the_end else len(rows)
         self._id.set_extent((done + end, *self.plan.tail))
         for first in range(0, end, many):
             for (_, *column), values in chunks(
@@ -211,7 +211,7 @@ class _Packed:
 
     def finish(self) -> Any:
         """Pack the remaining rows."""
-        self.write(np.empty((0, *self.plan.tail), self.plan.dtype), whole=False)
+        self.write(np.empty((0, *self.plan.tail), self.plan.dtype), to_the_end=False)
         return self._id
 
 
@@ -238,14 +238,14 @@ class Packing:
         index: str | None,
         about: Mapping[str, str],
     ) -> None:
-        self._path, self._index, self._about = beside(path), index, about
+        self._path, self._index, self._about = path_while_packing(path), index, about
         self._sets = [_Packed(plan) for plan in plans]
         self._file: Any = None
-        self._lost = False
+        self._is_lost = False
 
     def take(self, i: int, rows: NDArray[Any]) -> None:
         """Pack further rows of data set i, or keep a copy until they fill a chunk."""
-        if self._lost:
+        if self._is_lost:
             return
         one = self._sets[i]
         if not one.fills(len(rows)):
@@ -253,13 +253,13 @@ class Packing:
             return
         try:
             self._begin()
-            one.write(rows, whole=True)
+            one.write(rows, to_the_end=True)
         except _FULL:
             self.drop()
 
     def leave_room(self, octets: int) -> None:
         """Abandon the packing if the disk has less free space than `octets` bytes."""
-        if not self._lost and shutil.disk_usage(self._path.parent).free < octets:
+        if not self._is_lost and shutil.disk_usage(self._path.parent).free < octets:
             self.drop()
 
     def finish(self, last: Iterable[tuple[int, NDArray[Any]]] = ()) -> Path | None:
@@ -267,17 +267,17 @@ class Packing:
 
         Return its path, or None if it could not be made.
         """
-        if self._lost:
+        if self._is_lost:
             return None
         try:
             self._begin()
             for i, rows in last:
-                self._sets[i].write(rows, whole=False)
+                self._sets[i].write(rows, to_the_end=False)
             self._scale([one.finish() for one in self._sets])
             self._file.close()
         except _FULL:
             self.drop()
-        return None if self._lost else self._path
+        return None if self._is_lost else self._path
 
     def drop(self) -> None:
         """Abandon the packing and remove its file."""
@@ -288,7 +288,7 @@ class Packing:
             pass
         self._path.unlink(missing_ok=True)
         self._sets.clear()
-        self._lost = True
+        self._is_lost = True
 
     def _begin(self) -> None:
         """Create the file and its data sets, once."""
@@ -301,9 +301,9 @@ class Packing:
         if self._index is not None:
             self._file.create_dataset(shared_tables.INDEX, data=self._index)
 
-    def _scale(self, made: list[Any]) -> None:
+    def _scale(self, data_sets: list[Any]) -> None:
         """Attach the dimension scales."""
-        time, *sets = made
+        time, *sets = data_sets
         interval = [one.plan.interval for one in self._sets[1:]]
         h5ds.set_scale(time, b"time")
         rows = [d.shape[0] for d, holds in zip(sets, interval, strict=True) if holds]

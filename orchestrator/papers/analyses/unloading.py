@@ -86,7 +86,7 @@ def numbers(manifest: Manifest, results: Results) -> dict[str, Value]:
     if not manifest.completed or not set(SIGNALS) <= set(results.names()):
         return {}
     law = manifest.values_of("manager")
-    q, impulse, field, dipole, wanted, speed = (results.values(s) for s in SIGNALS)
+    q, impulse, field, dipole, reference, speed = (results.values(s) for s in SIGNALS)
     step = manifest.step
     rate = mean_motion(float(manifest.values_of("environment")["semi_major_axis"]))
     orbit = 2.0 * np.pi / rate
@@ -119,10 +119,10 @@ def numbers(manifest: Manifest, results: Results) -> dict[str, Value]:
         per_orbit * float(np.linalg.norm(gravity[first:], axis=1).sum()),
         "N.m.s",
     )
-    whole = int(orbit / step)
+    period_rows = int(orbit / step)
     means = [
-        impulse[k : k + whole].mean(axis=0)
-        for k in range(first, rows - whole + 1, whole)
+        impulse[k : k + period_rows].mean(axis=0)
+        for k in range(first, rows - period_rows + 1, period_rows)
     ]
     entries["mean_change"] = (
         "Mean change of the orbit-averaged momentum from one orbit to the next",
@@ -150,10 +150,10 @@ def numbers(manifest: Manifest, results: Results) -> dict[str, Value]:
     part = slice(first + held // 2, rows, held)  # the middle of a hold
     b = rotate(q[part], turned[part])
     size, across = (
-        np.linalg.norm(x, axis=1) for x in (dipole[part], np.cross(wanted[part], b))
+        np.linalg.norm(x, axis=1) for x in (dipole[part], np.cross(reference[part], b))
     )
     sine = across / np.maximum(
-        np.linalg.norm(wanted[part], axis=1) * np.linalg.norm(b, axis=1), 1e-300
+        np.linalg.norm(reference[part], axis=1) * np.linalg.norm(b, axis=1), 1e-300
     )
     if size.std() > 0.0 and sine.std() > 1e-3:
         entries["dipole_correlation"] = (
@@ -181,7 +181,7 @@ def numbers(manifest: Manifest, results: Results) -> dict[str, Value]:
         )
     if "update_period" in law and law["update_period"] == law["desaturation_period"]:
         title = "Difference from H_NOM at the ends of desaturation periods, rms (share of H_D's)"
-        entries["end_miss"] = (title, _end_miss(law, impulse, wanted, q, step), "%")
+        entries["end_miss"] = (title, _end_miss(law, impulse, reference, q, step), "%")
     return {name: Value(*row) for name, row in entries.items() if np.isfinite(row[1])}
 
 
@@ -193,18 +193,20 @@ def _periodic(times: Any, momentum: Any, rate: float) -> float:
 
 
 def _off_profile(
-    given: Mapping[str, Any], impulse: Any, step: float, first: int
+    parameters: Mapping[str, Any], impulse: Any, step: float, first: int
 ) -> float:
     """Return the rms distance (N m s) of the momentum (rows, 3) from H_NOM's rows."""
-    nodes = int(given["table_nodes"])
-    table = np.reshape(given["profile_table"], (-1, 3))[:nodes]
-    rows = np.round(given["table_spacing"] * np.arange(nodes) / step).astype(int)
-    kept = (rows >= first) & (rows < len(impulse))
-    return float(np.sqrt(((impulse[rows[kept]] - table[kept]) ** 2).sum(axis=1).mean()))
+    nodes = int(parameters["table_nodes"])
+    table = np.reshape(parameters["profile_table"], (-1, 3))[:nodes]
+    rows = np.round(parameters["table_spacing"] * np.arange(nodes) / step).astype(int)
+    is_inside = (rows >= first) & (rows < len(impulse))
+    return float(
+        np.sqrt(((impulse[rows[is_inside]] - table[is_inside]) ** 2).sum(axis=1).mean())
+    )
 
 
 def _end_miss(
-    law: Mapping[str, Any], impulse: Any, wanted: Any, q: Any, step: float
+    law: Mapping[str, Any], impulse: Any, reference: Any, q: Any, step: float
 ) -> float:
     """Return the rms of |H - H_NOM| at the ends of desaturation periods.
 
@@ -214,9 +216,9 @@ def _end_miss(
     rows, nodes = round(period / step), round(period / law["table_spacing"])
     if abs(nodes * law["table_spacing"] - period) > 1e-6:
         return float("nan")
-    meant = rotate_back(q[: len(wanted)], wanted) * step
+    meant = rotate_back(q[: len(reference)], reference) * step
     table = np.reshape(law["profile_table"], (-1, 3))
-    ends = range(rows, len(wanted) + 1, rows)
+    ends = range(rows, len(reference) + 1, rows)
     missed = [impulse[k] - table[k // rows * nodes] for k in ends]
     dumped = [meant[k - rows : k].sum(axis=0) for k in ends]
     return 100.0 * float(np.linalg.norm(missed) / np.linalg.norm(dumped))

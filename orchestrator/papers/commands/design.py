@@ -49,27 +49,27 @@ def design(
     if file is None:
         paths.writable("`desat design`", "--out FILE")
     options = o.options_of(sets, stop, step, "gauss_seidel", True)
-    wanted = design_module.designable(names or [])
-    if file is not None and len(wanted) != 1:
+    scenarios = design_module.designable(names or [])
+    if file is not None and len(scenarios) != 1:
         raise DesatError(f"--out {file}: one scenario is needed")
     if file is None and (sets or stop is not None or step is not None):
         raise DesatError(
             "a design for other values needs --out FILE: the scenario's own file stays what it is "
             "(or make it within the run: `desat run NAME --set ... --design now`)"
         )
-    made = []
-    with progress("design", len(wanted), not as_json) as tell:
-        for s in wanted:
+    designs = []
+    with progress("design", len(scenarios), not as_json) as tell:
+        for s in scenarios:
             d = design_module.design(s, options)
-            made.append((s, d, design_module.write(s, d, options, file)))
-            tell(len(made), s.name)
+            designs.append((s, d, design_module.write(s, d, options, file)))
+            tell(len(designs), s.name)
     if as_json:
-        print_json([design_module.as_json(*each) for each in made])
+        print_json([design_module.as_json(*each) for each in designs])
         return
     columns = [Column(title, kind="text") for title in ("scenario", "reached", "tuned")]
-    rows = [(s.name, _values(d.reached), _values(d.tuned)) for s, d, _ in made]
+    rows = [(s.name, _values(d.reached), _values(d.tuned)) for s, d, _ in designs]
     print_table(Table("", columns, rows), is_folded=True)
-    for folder in sorted({path.parent for _, _, path in made}):
+    for folder in sorted({path.parent for _, _, path in designs}):
         out.print(f"written to {os.path.relpath(folder)}")
 
 

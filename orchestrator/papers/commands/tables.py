@@ -95,13 +95,13 @@ def _draws_of(
     if not stored_module.with_draws(family):
         return None, None
     if fresh:
-        made = stored_module.compute(family, jobs, progress)
-        return made, stored_module.provenance(made, fresh=True)
-    kept = stored_module.read(family)
-    if old := stored_module.outdated(kept):
-        left_out = [name for name in old if name not in kept["scenarios"]]
-        stale = [name for name in old if name in kept["scenarios"]]
-        for names, what in (
+        computed = stored_module.compute(family, jobs, progress)
+        return computed, stored_module.provenance(computed, fresh=True)
+    in_file = stored_module.read(family)
+    if old := stored_module.outdated(in_file):
+        left_out = [name for name in old if name not in in_file["scenarios"]]
+        stale = [name for name in old if name in in_file["scenarios"]]
+        for names, problem in (
             (stale, "are not of this version"),
             (left_out, "are not there: their rows are left out"),
         ):
@@ -110,6 +110,6 @@ def _draws_of(
                     f" and {len(names) - 3} more" if names[3:] else ""
                 )
                 err.print(
-                    f"warning: the stored samples of {shown} {what}; --fresh computes them"
+                    f"warning: the stored samples of {shown} {problem}; --fresh computes them"
                 )
-    return kept, stored_module.provenance(kept, fresh=False)
+    return in_file, stored_module.provenance(in_file, fresh=False)

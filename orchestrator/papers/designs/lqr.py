@@ -34,7 +34,7 @@ def applies(system: System) -> bool:
 def make(scenario: Scenario, options: Options) -> MadeDesign:
     """Compute gain and offset tables over the time to go."""
     plant = Plant(scenario, options)
-    nodes = plant.asked.nodes or NODES
+    nodes = plant.settings.nodes or NODES
     if nodes > CAPACITY:
         raise DesatError(
             f"{scenario.name}: design: nodes = {nodes}: at most {CAPACITY} are held"

@@ -34,10 +34,10 @@ def designable(names: list[str]) -> list[Scenario]:
     DesatError
         If a named scenario has no design of its own.
     """
-    wanted = [find(n) for n in names] or [
+    selected = [find(n) for n in names] or [
         s for s in scenarios().values() if s.content.design and not s.content.design.of
     ]
-    for s in wanted:
+    for s in selected:
         if (design := s.content.design) is None:
             raise DesatError(f"{s.name}: it has no [design]")
         if design.of:
@@ -45,7 +45,7 @@ def designable(names: list[str]) -> list[Scenario]:
             raise DesatError(
                 f"{s.name} uses the design of {other}: run `desat design {other}`"
             )
-    return sorted(wanted, key=lambda s: bool(design_of(s).end_of))
+    return sorted(selected, key=lambda s: bool(design_of(s).end_of))
 
 
 def design(scenario: Scenario, options: Options | None = None) -> MadeDesign:
@@ -68,23 +68,23 @@ def design(scenario: Scenario, options: Options | None = None) -> MadeDesign:
                 f"{scenario.name}: design: {key} is not for {name}; known are "
                 f"{', '.join(kind.KEYS)}"
             )
-    made: MadeDesign = kind.make(scenario, options)
-    return made
+    new_design: MadeDesign = kind.make(scenario, options)
+    return new_design
 
 
 def _no_kind(system: System) -> str:
     """Return the message that no kind of design applies to a system."""
     names = ", ".join(k.__name__.rpartition(".")[2] for k in kinds())
     manager = system.components.get("manager")
-    what = ""
+    constituents = ""
     if manager is not None:
-        what = f" for {manager.interface.model}"
+        constituents = f" for {manager.interface.model}"
         for signal in manager.interface.elements.get("law", ()):
-            what += f" {manager.choice(signal.name)}"
-    return f"no design{what}; there is one for {names}"
+            constituents += f" {manager.choice(signal.name)}"
+    return f"no design{constituents}; there is one for {names}"
 
 
-_made: dict[str, MadeDesign] = {}
+_designs: dict[str, MadeDesign] = {}
 
 
 def parameters_for(scenario: Scenario, options: Options) -> dict[str, Parameters]:
@@ -105,12 +105,14 @@ def parameters_for(scenario: Scenario, options: Options) -> dict[str, Parameters
         return dict(read_design(Path(options.design)).parameters)
     other, fitting, _ = owner(scenario, options)
     key = repr((other.name, fitting))
-    if key not in _made:
-        _made[key] = design(other, fitting)
-    return {_made[key].component: _made[key].parameters}
+    if key not in _designs:
+        _designs[key] = design(other, fitting)
+    return {_designs[key].component: _designs[key].parameters}
 
 
-def text(scenario: Scenario, made: MadeDesign, options: Options | None = None) -> str:
+def text(
+    scenario: Scenario, new_design: MadeDesign, options: Options | None = None
+) -> str:
     """Return the text of a design's file.
 
     The same design with the same versions gives the same text.
@@ -121,29 +123,29 @@ def text(scenario: Scenario, made: MadeDesign, options: Options | None = None) -
     lines = [
         f"# Computed by `desat design {scenario.name}`, not kept by hand; {versions}.",
         "# `reached` is what the run on bare blocks that it was computed with ended with.",
-        *(f"# {note}." for note in made.notes),
+        *(f"# {note}." for note in new_design.notes),
     ]
     if assumed := design_of(scenario).assume:
         lines.append(f"# Assumed, against the scenario: {assumed}.")
-    if made.tuned:
+    if new_design.tuned:
         lines += ["", "[tuned]"]
         lines += [
             f"{name} = {value!r}  # {unit}"
-            for name, (value, unit) in made.tuned.items()
+            for name, (value, unit) in new_design.tuned.items()
         ]
     lines += [
         "",
         "[reached]",
-        *(f"{k} = {v!r}  # {u}" for k, (v, u) in made.reached.items()),
+        *(f"{k} = {v!r}  # {u}" for k, (v, u) in new_design.reached.items()),
         "",
-        f"[parameters.{made.component}]",
-        *(_assignment(name, value) for name, value in made.parameters.items()),
+        f"[parameters.{new_design.component}]",
+        *(_assignment(name, value) for name, value in new_design.parameters.items()),
     ]
-    without = {f"{made.component}.{k}" for k in made.parameters}
+    without = {f"{new_design.component}.{k}" for k in new_design.parameters}
     system = system_of(scenario, options or Options())
     made_from = made_of(scenario, system, without)
-    for given in options.sources if options else ():
-        name, _, source = given.partition("=")
+    for option in options.sources if options else ():
+        name, _, source = option.partition("=")
         made_from[f"source.{name}"] = Path(source).stem
     return "\n".join(lines) + "\n" + origin_text(made_from)
 
@@ -168,19 +170,21 @@ def _assignment(name: str, value: Any) -> str:
     return f"{name} = {value!r}"
 
 
-def as_json(scenario: Scenario, made: MadeDesign, path: Path) -> dict[str, Any]:
+def as_json(scenario: Scenario, new_design: MadeDesign, path: Path) -> dict[str, Any]:
     """Return the data that `--json` prints of a design written to `path`."""
     return {
         "scenario": scenario.name,
         "file": str(path),
-        "tuned": {name: {"value": v, "unit": u} for name, (v, u) in made.tuned.items()},
-        "reached": {name: v for name, (v, _) in made.reached.items()},
+        "tuned": {
+            name: {"value": v, "unit": u} for name, (v, u) in new_design.tuned.items()
+        },
+        "reached": {name: v for name, (v, _) in new_design.reached.items()},
     }
 
 
 def write(
     scenario: Scenario,
-    made: MadeDesign,
+    new_design: MadeDesign,
     options: Options | None = None,
     file: Path | None = None,
 ) -> Path:
@@ -189,7 +193,7 @@ def write(
         file
         or ROOT / scenario.family / "design" / f"{scenario.name.partition('/')[2]}.toml"
     )
-    replace_text(path, text(scenario, made, options))
+    replace_text(path, text(scenario, new_design, options))
     return path
 
 
@@ -207,8 +211,8 @@ def confirm(scenario: Scenario) -> bool:
     plant = Plant(scenario)
     flight = plant.fly(**file.parameters["manager"])
     for key, (value, _) in flight.reached().items():
-        kept, now = np.atleast_1d(file.reached[key]), np.atleast_1d(value)
-        if not np.abs(now - kept).max() <= ROUNDING * np.abs(kept).max():
+        stored, now = np.atleast_1d(file.reached[key]), np.atleast_1d(value)
+        if not np.abs(now - stored).max() <= ROUNDING * np.abs(stored).max():
             return False
     content = scenario.design.read_text(encoding="utf-8").partition(f"\n[{TABLE}]\n")[0]
     origin = origin_text(

@@ -42,7 +42,7 @@ def make(scenario: Scenario, options: Options) -> MadeDesign:
         raise DesatError(
             f"{plant.system.name}: design: mec needs manager.saturation = false"
         )
-    weight, asked = np.asarray(plant.manager_value("dipole_weight")), plant.asked
+    weight, settings = np.asarray(plant.manager_value("dipole_weight")), plant.settings
     fixed: Parameters = {
         "horizon": plant.horizon,
         "omega_nominal_body": list(plant.omega),
@@ -53,14 +53,14 @@ def make(scenario: Scenario, options: Options) -> MadeDesign:
         return plant.fly(costate=p.tolist(), **fixed)
 
     start = fly(np.zeros(3)).momentum[0]
-    end = np.asarray(asked.final_momentum_body or (0.0, 0.0, 0.0), float)
-    if asked.end_of:
-        if f"{scenario.family}/{asked.end_of}" == scenario.name:
+    end = np.asarray(settings.final_momentum_body or (0.0, 0.0, 0.0), float)
+    if settings.end_of:
+        if f"{scenario.family}/{settings.end_of}" == scenario.name:
             raise DesatError(
-                f"{scenario.name}: design: end_of = {asked.end_of!r}: the name of "
+                f"{scenario.name}: design: end_of = {settings.end_of!r}: the name of "
                 "another scenario of the family is needed"
             )
-        other = find(f"{plant.system.name.partition('/')[0]}/{asked.end_of}")
+        other = find(f"{plant.system.name.partition('/')[0]}/{settings.end_of}")
         end = Plant(other, designed=True).fly().momentum[-1]
     p = offline.costate(
         plant.field, plant.omega, weight, plant.n_con, start, end, plant.horizon
@@ -76,13 +76,13 @@ def make(scenario: Scenario, options: Options) -> MadeDesign:
     effect = np.stack(
         [(v.momentum[-1] - flight.momentum[-1]) / size for v in varied], axis=1
     )
-    if wanted := asked.final_momentum:
+    if final_momentum := settings.final_momentum:
         dipoles = [(v.dipole - flight.dipole) / size for v in varied]
         cost = np.array([[np.sum(a * weight * b) for b in dipoles] for a in dipoles])
         free = flight.momentum[-1] - effect @ p
-        if wanted >= np.linalg.norm(free):
-            raise needless(plant, wanted)
-        end = offline.cheapest_end(free, effect, cost, wanted)
+        if final_momentum >= np.linalg.norm(free):
+            raise needless(plant, final_momentum)
+        end = offline.cheapest_end(free, effect, cost, final_momentum)
     for _ in range(REFINEMENTS):
         p = p - np.linalg.solve(effect, flight.momentum[-1] - end)
         flight = fly(p)

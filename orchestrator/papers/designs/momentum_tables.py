@@ -122,10 +122,12 @@ def make(scenario: Scenario, options: Options) -> MadeDesign:
         "made_for": made_for(system),
     }
     if preview:
-        lost = (
-            _lost(manager, course, turns) if manager.interface.model == LEARNING else []
+        lost_courses = (
+            _courses_without_coil(manager, course, turns)
+            if manager.interface.model == LEARNING
+            else []
         )
-        tables, reached = _preview(scenario, course, times, lost)
+        tables, reached = _preview(scenario, course, times, lost_courses)
     else:
         tables, reached = _profile(manager, course, times, rate, period)
     return MadeDesign("manager", {**common, **tables}, reached)
@@ -164,27 +166,31 @@ def _preview(
     scenario: Scenario,
     course: offline.Course,
     times: Any,
-    lost: list[offline.Course | None],
+    lost_courses: list[offline.Course | None],
 ) -> tuple[Parameters, dict[str, tuple[Any, str]]]:
     """Compute the tables K and g of the preview.
 
     They hold the cheapest course; g is also computed for the courses with a coil lost.
     """
-    asked, weight = asked_of(scenario), _weight(scenario, "momentum_weight")
-    peak, unit, flown = asked.peak_momentum or 20.0, 1.0, round(times[-1] / course.dt)
-    if asked.peak_share:
-        if asked.peak_momentum:
+    settings, weight = asked_of(scenario), _weight(scenario, "momentum_weight")
+    peak, unit, steps = (
+        settings.peak_momentum or 20.0,
+        1.0,
+        round(times[-1] / course.dt),
+    )
+    if settings.peak_share:
+        if settings.peak_momentum:
             raise DesatError(
                 f"{scenario.name}: design: peak_momentum and peak_share: one of them"
             )
         plain = offline.cheapest(course, weight, 0.0, 1.0, np.zeros(3))
-        largest = float(np.abs(offline.wheels(course, plain)[:flown]).max())
-        unit = float(_coils(course, plain)[:flown].mean())
-        peak = asked.peak_share * largest
-    of_peak = unit * asked.peak_weight
+        largest = float(np.abs(offline.wheels(course, plain)[:steps]).max())
+        unit = float(_coils(course, plain)[:steps].mean())
+        peak = settings.peak_share * largest
+    of_peak = unit * settings.peak_weight
     best = offline.cheapest(course, weight, of_peak, peak, np.zeros(3))
     gain = offline.feedback(
-        course, np.full(3, asked.hold_weight or float(weight.max()))
+        course, np.full(3, settings.hold_weight or float(weight.max()))
     )
 
     def offset(x: offline.Optimum) -> Any:
@@ -198,29 +204,31 @@ def _preview(
         ),
         "costate_table": _rounded(offset(best)),
     }
-    if lost:
-        if not asked.peak_share:
+    if lost_courses:
+        if not settings.peak_share:
             raise DesatError(
                 f"{scenario.name}: design: peak_share is needed, for lost_peak_share"
             )
-        effort = max(unit, asked.lost_effort)
-        share = (asked.lost_peak_share or asked.peak_share) * (unit / effort) ** 0.25
-        of_peak, key = effort * asked.peak_weight, "lost_momentum_weight"
-        of = _weight(scenario, key) if asked.lost_momentum_weight else weight
+        effort = max(unit, settings.lost_effort)
+        share = (settings.lost_peak_share or settings.peak_share) * (
+            unit / effort
+        ) ** 0.25
+        of_peak, key = effort * settings.peak_weight, "lost_momentum_weight"
+        of = _weight(scenario, key) if settings.lost_momentum_weight else weight
         rows = [
             np.zeros((len(times), 3))
             if x is None
             else offset(offline.cheapest(x, of, of_peak, share * largest, np.zeros(3)))
-            for x in lost
+            for x in lost_courses
         ]
         tables["lost_table"] = _rounded(np.hstack(rows))
     return tables, {
         "predicted_energy": (
-            float(_coils(course, best)[:flown].sum() * course.dt),
+            float(_coils(course, best)[:steps].sum() * course.dt),
             "A2.m4.s",
         ),
         "predicted_wheel": (
-            float(np.abs(offline.wheels(course, best)[:flown]).max()),
+            float(np.abs(offline.wheels(course, best)[:steps]).max()),
             "N.m.s",
         ),
     }
@@ -243,7 +251,7 @@ def _coils(course: offline.Course, x: offline.Optimum) -> Any:
     )
 
 
-def _lost(
+def _courses_without_coil(
     manager: Component, course: offline.Course, turns: Any
 ) -> list[offline.Course | None]:
     """Return the course with coil 1, 2, 3 or 4 lost.
@@ -344,13 +352,13 @@ def _rounded(rows: Any) -> list[list[float]]:
 def made_for(system: System) -> float:
     """Compute a number that identifies orbit, epoch and attitude of tables."""
     about: dict[str, Any] = {"start": system.start}
-    for name, wanted in (("environment", ORBIT), ("guidance", None)):
+    for name, kind in (("environment", ORBIT), ("guidance", None)):
         component = system.components.get(name)
         if component is None:
             continue
         for signal in component.interface.parameters:
             base = signal.array
-            if base in wanted if wanted is not None else base != "sample_time":
+            if base in kind if kind is not None else base != "sample_time":
                 about[f"{name}.{signal.name}"] = component.values[signal.name]
     digest = hashlib.sha256(json.dumps(about, sort_keys=True).encode()).hexdigest()
     return float(int(digest[:12], 16))
@@ -364,17 +372,20 @@ def problems(system: System) -> Iterator[str]:
     for c in system.components.values():
         if "made_for" not in c.interface.signals:
             continue
-        made, where = _value(c, "made_for"), f"{system.where}: {c.name}.made_for"
-        if made == 0.0:
-            yield f"{where} = 0: its tables are missing; `desat design` makes them"
-        elif made != made_for(system):
+        stored_orbit, place = (
+            _value(c, "made_for"),
+            f"{system.place}: {c.name}.made_for",
+        )
+        if stored_orbit == 0.0:
+            yield f"{place} = 0: its tables are missing; `desat design` makes them"
+        elif stored_orbit != made_for(system):
             yield (
-                f"{where} = {made:.0f}: its tables are of another orbit, epoch or attitude, "
+                f"{place} = {stored_orbit:.0f}: its tables are of another orbit, epoch or attitude, "
                 f"which would be {made_for(system):.0f}; --design now makes them"
             )
         end = (_value(c, "table_nodes") - 1) * _value(c, "table_spacing")
-        if made != 0.0 and end < system.stop * (1.0 - 1e-12):
+        if stored_orbit != 0.0 and end < system.stop * (1.0 - 1e-12):
             yield (
-                f"{system.where}: {c.name}.table_nodes = {_value(c, 'table_nodes')}: its tables "
+                f"{system.place}: {c.name}.table_nodes = {_value(c, 'table_nodes')}: its tables "
                 f"end at {end:g} s, the run at {system.stop:g} s"
             )

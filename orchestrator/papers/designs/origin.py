@@ -102,9 +102,9 @@ def made_of(
     }
     if end := design_of(scenario).end_of:
         other = find(f"{scenario.family}/{end}")
-        given = other.parameters()
+        parameters = other.parameters()
         values["end_of"] = _digest(
-            [made_of(other, system_of(other, Options()), set()), given]
+            [made_of(other, system_of(other, Options()), set()), parameters]
         )
     for c in system.components.values():
         values[f"source.{c.name}"] = Path(c.source).stem
@@ -207,9 +207,9 @@ def warnings(scenario: Scenario, options: Options, system: System) -> list[str]:
             again = f"`desat run {scenario.name} ... --design now` makes one for these"
         else:
             again += " makes it again"
-        what = "; ".join(differing)
+        differences = "; ".join(differing)
         lines.append(
-            f"{scenario.name}: its design was made for other values: {what}; {again}"
+            f"{scenario.name}: its design was made for other values: {differences}; {again}"
         )
     if strange:
         lines.append(

@@ -25,7 +25,7 @@ from ...engine.loop import run, stepping
 from ...engine.master import Master
 from ...engine.recording.recorder import Recorder
 from ...files.scenario import Scenario
-from ...language.scenario import Design as Asked
+from ...language.scenario import Design
 from ...system.errors import DesatError, nearest
 from ...system.model import Component
 from ...system.options import Options
@@ -75,7 +75,7 @@ class Plant:
     ) -> None:
         builder = builder_of(scenario, options or Options(), designed)
         self.system, self._schedule = builder.check().or_raise()
-        self.asked = scenario.content.design or Asked()
+        self.settings = scenario.content.design or Design()
         spacecraft = self._bare("spacecraft")
         if not isinstance(spacecraft, SpacecraftFixedAttitude):
             raise DesatError(
@@ -133,9 +133,9 @@ class Plant:
     def fly(self, **parameters: Any) -> DesignFlight:
         """Run the scenario with these parameters of its manager."""
         values = dict(self.manager.parameters)
-        where = f"{self.system.name}: manager"
+        place = f"{self.system.name}: manager"
         for name, value in parameters.items():
-            values.update(expand(self.manager.interface, name, value, where))
+            values.update(expand(self.manager.interface, name, value, place))
         manager = replace(self.manager, parameters=values)
         system = replace(
             self.system, components={**self.system.components, "manager": manager}

@@ -39,9 +39,9 @@ def of_flight(
 
 def with_weight(plant: Plant, parameters: Callable[[float], Parameters]) -> MadeDesign:
     """Return the design with F as given, or tuned to the required final momentum."""
-    if plant.asked.final_momentum:
+    if plant.settings.final_momentum:
         return tune(plant, parameters, "momentum_weight", WEIGHT_UNIT)
-    if not plant.asked.momentum_weight:
+    if not plant.settings.momentum_weight:
         raise DesatError(
             f"{plant.system.name}: design: momentum_weight or final_momentum needed"
         )
@@ -51,7 +51,7 @@ def with_weight(plant: Plant, parameters: Callable[[float], Parameters]) -> Made
 
 def shape(plant: Plant) -> Array:
     """Return the diagonal (3,) of F; only its shape counts where a number is tuned."""
-    return np.asarray(plant.asked.momentum_weight or (1.0, 1.0, 1.0), float)
+    return np.asarray(plant.settings.momentum_weight or (1.0, 1.0, 1.0), float)
 
 
 def tune(
@@ -67,9 +67,9 @@ def tune(
     DesatError
         If no number leads there, or the end is reached without dumping.
     """
-    where = f"{plant.system.name}: design"
-    if (wanted := plant.asked.final_momentum) is None:
-        raise DesatError(f"{where}: final_momentum is needed")
+    place = f"{plant.system.name}: design"
+    if (final_momentum := plant.settings.final_momentum) is None:
+        raise DesatError(f"{place}: final_momentum is needed")
     best = inf
 
     def excess(log: float) -> float:
@@ -85,7 +85,7 @@ def tune(
                 raise
             return inf  # the run has diverged
         best = min(best, size)
-        return size - wanted
+        return size - final_momentum
 
     lowest, highest, step = SEARCH
     low = high = lowest
@@ -93,19 +93,19 @@ def tune(
         low, high = high, high + step
         if high > highest or value == inf:
             raise DesatError(
-                f"{where}: final_momentum = {wanted:g} N m s: no {name} up to {10**low:.0e} {unit} "
+                f"{place}: final_momentum = {final_momentum:g} N m s: no {name} up to {10**low:.0e} {unit} "
                 f"ends there; the least is {best:.3g} N m s"
             )
     if low == high and value < 0.0:
-        raise needless(plant, wanted)
+        raise needless(plant, final_momentum)
     log = high if value == 0.0 else brentq(excess, low, high, xtol=1e-13, rtol=1e-14)
     number = 10.0 ** float(log)
     chosen = parameters(number)
     return of_flight(chosen, plant.fly(**chosen), {name: (number, unit)})
 
 
-def needless(plant: Plant, wanted: float) -> DesatError:
+def needless(plant: Plant, final_momentum: float) -> DesatError:
     """Return the error for an end that is reached without dumping."""
     return DesatError(
-        f"{plant.system.name}: design: final_momentum = {wanted:g} N m s is reached without dumping"
+        f"{plant.system.name}: design: final_momentum = {final_momentum:g} N m s is reached without dumping"
     )

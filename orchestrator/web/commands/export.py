@@ -64,19 +64,19 @@ def web(
         accuracy=accuracy,
     )
     check_request(sliders or (), file)
-    made = export(
+    page = export(
         target, options_of_laws(target, options, laws or ()), sliders or (), file
     )
-    for line in made.notes:
+    for line in page.notes:
         err.print(f"note: {line}")
     if as_json:
         print_json(
             {
-                "page": str(made.path),
-                "digest": made.digest,
-                "sliders": list(made.sliders),
-                "notes": list(made.notes),
+                "page": str(page.path),
+                "digest": page.digest,
+                "sliders": list(page.sliders),
+                "notes": list(page.notes),
             }
         )
     else:
-        out.print(str(made.path))
+        out.print(str(page.path))
