@@ -12,9 +12,9 @@ from conftest import ROOT
 #: Functions above ruff's C901 at 10 or PLR0915 at 40. Lower a number where one is split.
 EXCESS = {
     "benchmarks": 12,
-    "components": 14,
+    "components": 2,
     "fmus": 24,
-    "orchestrator": 29,
+    "orchestrator": 12,
     "tests": 7,
 }
 RULES = [

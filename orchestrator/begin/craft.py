@@ -219,6 +219,24 @@ def write(
     )
 
 
+def _assumptions_of_thrusters(
+    thrusters: Mapping[str, str] | None,
+) -> Iterator[Assumption]:
+    """Yield the figures of thrusters, if there are any."""
+    if not thrusters:
+        return
+    number, _, unit = thrusters["force"].partition(" ")
+    yield Assumption("thrust of each", number, unit, "given")
+    yield Assumption(
+        "arm of a pair", thrusters["arm"], "m", "class: half the largest side"
+    )
+    number, _, unit = thrusters["impulse"].partition(" ")
+    yield Assumption("specific impulse", number, unit, thrusters["impulse_why"])
+    if thrusters["tank"]:
+        number, _, unit = thrusters["tank"].partition(" ")
+        yield Assumption("propellant", number, unit, "given")
+
+
 def _assumptions(facts: CraftFacts, values: Mapping[str, Any]) -> Iterator[Assumption]:
     """Yield the figures of a new craft, given or assumed."""
     body, orbit, wheels = values["body"], values["orbit"], values["wheels"]
@@ -274,17 +292,7 @@ def _assumptions(facts: CraftFacts, values: Mapping[str, Any]) -> Iterator[Assum
         yield Assumption(
             "torque, mean size", f"{torque.size:.4g}", "N m", f"given: {torque.option}"
         )
-    if thrusters := values["thrusters"]:
-        number, _, unit = thrusters["force"].partition(" ")
-        yield Assumption("thrust of each", number, unit, "given")
-        yield Assumption(
-            "arm of a pair", thrusters["arm"], "m", "class: half the largest side"
-        )
-        number, _, unit = thrusters["impulse"].partition(" ")
-        yield Assumption("specific impulse", number, unit, thrusters["impulse_why"])
-        if thrusters["tank"]:
-            number, _, unit = thrusters["tank"].partition(" ")
-            yield Assumption("propellant", number, unit, "given")
+    yield from _assumptions_of_thrusters(values["thrusters"])
     if dump := values["dump"]:
         yield Assumption(
             "a dump begins, ends", f"{dump.begin}, {dump.end}", "N m s", "given: --dump"

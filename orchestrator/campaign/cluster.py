@@ -205,18 +205,7 @@ class Cluster:
                 logging.CRITICAL + 1
             )  # errors are reported in a line of ours
         try:
-            if address.startswith("local:"):
-                self._local = distributed.LocalCluster(
-                    n_workers=worker_count(address),
-                    threads_per_worker=1,
-                    dashboard_address=None,
-                    silence_logs=50,
-                )
-                self._client = distributed.Client(self._local)
-            elif Path(address).is_file():
-                self._client = distributed.Client(scheduler_file=address, timeout=WAIT)
-            else:
-                self._client = distributed.Client(address, timeout=WAIT)
+            self._client = self._connect(distributed)
         except (OSError, TimeoutError, ValueError, KeyError, TypeError) as error:
             raise RunError(
                 f"--cluster {address}: no scheduler answers ({error})", Exit.INPUT
@@ -244,6 +233,21 @@ class Cluster:
 
     def __exit__(self, *_: object) -> None:
         self._close()
+
+    def _connect(self, distributed: Any) -> Any:
+        """Return a client of the scheduler, which is begun here for `local:N`."""
+        address = self._address
+        if address.startswith("local:"):
+            self._local = distributed.LocalCluster(
+                n_workers=worker_count(address),
+                threads_per_worker=1,
+                dashboard_address=None,
+                silence_logs=50,
+            )
+            return distributed.Client(self._local)
+        if Path(address).is_file():
+            return distributed.Client(scheduler_file=address, timeout=WAIT)
+        return distributed.Client(address, timeout=WAIT)
 
     def _close(self) -> None:
         """Close the client, and a local cluster."""

@@ -19,6 +19,7 @@ from ..runs.prepare import Case, Target, prepare, with_stop
 from ..runs.prepare import read as read_source
 from ..runs.progress import progress as shown
 from ..system.errors import DesatError, Exit, RunError, nearest
+from ..system.model import System
 from ..system.options import Options
 from ..system.typed import JsonObject
 from . import store
@@ -62,11 +63,7 @@ def planned(
         If the system, its dispersions, a requirement, the sampling or the series to
         keep are wrong.
     """
-    if sampling not in SAMPLINGS:
-        raise DesatError(
-            f"--sampling {sampling}: there are {', '.join(SAMPLINGS)}"
-            f"{nearest(sampling, SAMPLINGS)}"
-        )
+    _check_request(target, count, seed, sampling, limit)
     options = options or Options()
     if Path(target).exists():
         target = str(Path(target).resolve())
@@ -77,15 +74,12 @@ def planned(
         raise DesatError(
             f"{target}: it has no [dispersions], so there is nothing to sample"
         )
-    whole_numbers(target, seed=(seed, 0), count=(count, 1))
     for name in dispersions_of(system):
         if "[" in name:
             raise DesatError(
                 f"{target}: dispersions: {name}: one element cannot be sampled alone; sample all of "
                 f"{name.partition('[')[0]}"
             )
-    if limit <= 0.0:
-        raise DesatError(f"{target}: {limit:g} s for a case: more is needed")
     if lines := never(system, options):
         raise DesatError("\n".join(lines))
     try:
@@ -95,13 +89,7 @@ def planned(
         prepare(source, options).or_raise()  # its error names file and key
         raise
     case = _first(source, options, first)
-    plots = content.plots
-    if curves is None:
-        curves = list(plots)[:1]
-    if unknown := [c for c in curves if c not in plots]:
-        raise DesatError(
-            f"--curve {unknown[0]}: no plot of that name{nearest(unknown[0], plots)}"
-        )
+    selected = _curves_of(content, curves)
     plan = CampaignPlan(
         target,
         digest_of(source, options),
@@ -109,20 +97,12 @@ def planned(
         seed,
         sampling,
         options,
-        tuple(curves),
+        selected,
         tuple(map(KeptSeries.parsed, keep)),
         limit,
     )
-    numbers = {n for n, e in content.numbers.items() if not e.of}
     checked, _ = case.or_raise()
-    numbers |= {n for a in analyses() if a.applies(checked) for n in a.NUMBERS}
-    for each in plan.keep:
-        if each.number and each.number not in numbers:
-            hint = nearest(each.number, numbers)
-            raise DesatError(
-                f"--keep {each}: no number {each.number}{hint}; worst:N:NUMBER, or "
-                "--by NUMBER, is needed"
-            )
+    _check_kept_series(plan, content, checked)
     warnings = [
         *case.checked.warnings,
         *_unmissable(content, checked.steps * checked.step),
@@ -133,6 +113,44 @@ def planned(
             "its points are not quite even"
         )
     return plan, warnings
+
+
+def _check_request(
+    target: str, count: int, seed: int, sampling: str, limit: float
+) -> None:
+    """Raise DesatError for a sampling, a count, a seed or a time limit (s) in error."""
+    if sampling not in SAMPLINGS:
+        raise DesatError(
+            f"--sampling {sampling}: there are {', '.join(SAMPLINGS)}"
+            f"{nearest(sampling, SAMPLINGS)}"
+        )
+    if limit <= 0.0:
+        raise DesatError(f"{target}: {limit:g} s for a case: more is needed")
+    whole_numbers(target, seed=(seed, 0), count=(count, 1))
+
+
+def _curves_of(content: Content, curves: Sequence[str] | None) -> tuple[str, ...]:
+    """Return the plots whose envelopes a campaign draws; by default the first one."""
+    plots = content.plots
+    if curves is None:
+        return tuple(plots)[:1]
+    if unknown := [c for c in curves if c not in plots]:
+        raise DesatError(
+            f"--curve {unknown[0]}: no plot of that name{nearest(unknown[0], plots)}"
+        )
+    return tuple(curves)
+
+
+def _check_kept_series(plan: CampaignPlan, content: Content, system: System) -> None:
+    """Raise DesatError where series are to be kept by a number that does not exist."""
+    numbers = {n for n, e in content.numbers.items() if not e.of}
+    numbers |= {n for a in analyses() if a.applies(system) for n in a.NUMBERS}
+    for rule in plan.keep:
+        if rule.number and rule.number not in numbers:
+            raise DesatError(
+                f"--keep {rule}: no number {rule.number}{nearest(rule.number, numbers)}; "
+                "worst:N:NUMBER, or --by NUMBER, is needed"
+            )
 
 
 def _unmissable(content: Content, duration: float) -> list[str]:

@@ -10,6 +10,7 @@ from __future__ import annotations
 import ctypes
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -553,7 +554,7 @@ def depends(
         for of in v.signals
         for component, signal in of
     }
-    reached: dict[str, set[str]] = {name: set() for name in master.members}
+    reached = {name: set[str]() for name in master.members}
     for (component, _), name in inputs.items():
         if component not in without:
             reached[component].add(name)
@@ -565,22 +566,25 @@ def depends(
         return reached[slot.component] if slot.interval else set()
 
     for name, member in master.members.items():  # in stepping order
-        for feeds in member.incoming.values():
-            for slot, _ in feeds:
-                reached[name] |= of_slot(slot)
-    found: dict[str, set[str]] = {}
+        for slot, _ in chain.from_iterable(member.incoming.values()):
+            reached[name] |= of_slot(slot)
     slots = {(s.component, s.signal.name): s for s in master.slots}
-    for v in variables:
-        if v.causality != "output":
-            continue
-        ((component, signal),) = v.signals[0]
-        if signal.causality == "input":
-            feeds = master.members[component].incoming[v.kind]
-            slot = next(slot for slot, c in feeds if c.input == signal.name)
-        else:
-            slot = slots[component, signal.name]
-        found[v.name] = of_slot(slot)
-    return found
+    return {
+        v.name: of_slot(_slot_of(v, master, slots))
+        for v in variables
+        if v.causality == "output"
+    }
+
+
+def _slot_of(
+    variable: Scalars, master: Master, slots: Mapping[tuple[str, str], Slot]
+) -> Slot:
+    """Return the slot whose value an output of the loop has."""
+    ((component, signal),) = variable.signals[0]
+    if signal.causality != "input":
+        return slots[component, signal.name]
+    feeds = master.members[component].incoming[variable.kind]
+    return next(slot for slot, c in feeds if c.input == signal.name)
 
 
 def _text(x: Scalar) -> str:

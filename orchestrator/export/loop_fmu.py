@@ -316,6 +316,13 @@ def _matching(
     return [(name, s) for (name, _), s in found.items()]
 
 
+def _of_kind(signal: Signal, number: float) -> Scalar:
+    """Convert a number to the kind of a signal."""
+    if signal.kind == "Real":
+        return number
+    return bool(number) if signal.kind == "Boolean" else int(number)
+
+
 def _variables(
     master: Master, system: System, ends: LoopEnds, outputs: list[tuple[str, Signal]]
 ) -> Iterator[Scalars]:
@@ -346,12 +353,7 @@ def _variables(
             value = live[name, signal.name].item()
         else:
             value = system.components[name].values[signal.name]
-        number = float(value or 0)
-        return (
-            number
-            if signal.kind == "Real"
-            else (bool(number) if signal.kind == "Boolean" else int(number))
-        )
+        return _of_kind(signal, float(value or 0))
 
     def grouped(of: list[tuple[str, Signal]], causality: str) -> Iterator[Scalars]:
         """Yield scalars grouped to arrays."""

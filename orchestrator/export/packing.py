@@ -10,7 +10,7 @@ from __future__ import annotations
 import io
 import json
 import zipfile
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from pathlib import Path
 from typing import Any
 from xml.sax.saxutils import quoteattr
@@ -154,15 +154,7 @@ def pack(system: System, target: Path, fmus: str = "python") -> None:
             implementation="CoSimulation",
             source=source,
         )
-        signals = component.interface.signals.values()
-        listed = [s for s in signals if (component.name, s.name) in wired]
-        if listed:  # SSP does not allow an empty list
-            connectors = _sub(element, "Connectors")
-            for signal in listed:
-                connector = _sub(
-                    connectors, "Connector", name=signal.name, kind=signal.causality
-                )
-                etree.SubElement(connector, f"{{{SSC}}}{signal.kind}")
+        _list_connectors(element, component, wired)
         if component.parameters:
             file = f"resources/{component.name}.ssv"
             members[file] = _parameter_set(component)
@@ -172,7 +164,41 @@ def pack(system: System, target: Path, fmus: str = "python") -> None:
             annotation = _annotation(element, "com.opensimulationplatform")
             hint = repr(component.step_ratio * system.step)
             etree.SubElement(annotation, f"{{{OSP}}}StepSizeHint", value=hint)
-    connections = _sub(top, "Connections") if system.connections else None
+    _list_connections(top, system)
+    _annotate_for_omsimulator(top, system)
+    _default_experiment(root, system)
+    members[FILE] = _text(root)
+    annotations = system.about.as_json() if system.about else {}
+    if annotations or system.parts > 1:
+        about = {**annotations, "substeps": system.substeps}
+        members[ABOUT] = json.dumps(about, indent=1, sort_keys=True).encode()
+    _write_archive(members, target)
+
+
+def _list_connectors(
+    element: Any, component: Component, wired: Collection[tuple[str, str]]
+) -> None:
+    """Add the connectors of a component that connections use."""
+    listed = [
+        s
+        for s in component.interface.signals.values()
+        if (component.name, s.name) in wired
+    ]
+    if not listed:  # SSP does not allow an empty list
+        return
+    connectors = _sub(element, "Connectors")
+    for signal in listed:
+        connector = _sub(
+            connectors, "Connector", name=signal.name, kind=signal.causality
+        )
+        etree.SubElement(connector, f"{{{SSC}}}{signal.kind}")
+
+
+def _list_connections(top: Any, system: System) -> None:
+    """Add the connections of a system."""
+    if not system.connections:
+        return
+    connections = _sub(top, "Connections")
     for c in system.connections:
         _sub(
             connections,
@@ -182,14 +208,6 @@ def pack(system: System, target: Path, fmus: str = "python") -> None:
             endElement=c.target,
             endConnector=c.input,
         )
-    _annotate_for_omsimulator(top, system)
-    _default_experiment(root, system)
-    members[FILE] = _text(root)
-    annotations = system.about.as_json() if system.about else {}
-    if annotations or system.parts > 1:
-        about = {**annotations, "substeps": system.substeps}
-        members[ABOUT] = json.dumps(about, indent=1, sort_keys=True).encode()
-    _write_archive(members, target)
 
 
 def _sub(parent: Any, tag: str, /, **attributes: str) -> Any:

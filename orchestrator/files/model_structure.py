@@ -40,7 +40,7 @@ def check_structure(root: Any, place: str) -> None:
     ----------
     root
         The root element of modelDescription.xml.
-    where
+    place
         The file's name in messages.
 
     Raises
@@ -67,15 +67,20 @@ def check_structure(root: Any, place: str) -> None:
         if not version.startswith("3."):
             _check_type(variable, place)
     if version == "2.0":
-        indices = range(1, len(variables) + 1)
-        for unknown in _unknowns_2(root):
-            _check_reference(unknown, "index", indices, place)
-            _check_references(unknown, "dependencies", indices, place)
-        for variable in variables:
-            for real in variable.iterfind("Real[@derivative]"):
-                _check_reference(real, "derivative", indices, place)
+        _check_references_2(root, variables, place)
     elif version.startswith("3."):
         _check_references_3(root, variables, references, place)
+
+
+def _check_references_2(root: Any, variables: list[Any], place: str) -> None:
+    """Check references by index, as FMI 2.0 has them."""
+    indices = range(1, len(variables) + 1)
+    for unknown in _unknowns_2(root):
+        _check_reference(unknown, "index", indices, place)
+        _check_references(unknown, "dependencies", indices, place)
+    for variable in variables:
+        for real in variable.iterfind("Real[@derivative]"):
+            _check_reference(real, "derivative", indices, place)
 
 
 def _unknowns_2(root: Any) -> Iterator[Any]:

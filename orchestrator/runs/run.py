@@ -385,14 +385,10 @@ def _simulate_apart(
     try:
         ended = child.watch(work, schedule.order, unwritten, limit)
         layout, outcome = child.layout_of(ended), ended.reports.get("outcome")
-        if "error" in ended.reports and (layout is None or outcome is not None):
-            kind, arguments = ended.reports["error"]
-            raise kind(*arguments)
         full = no_space(ended.reports.get("bug", ""))
-        if "system" in ended.reports and not full and outcome is None:
-            raise OSError(*ended.reports["system"])
-        if "bug" in ended.reports and not full and outcome is None and not ended.signal:
-            raise RuntimeError(ended.reports["bug"])
+        _raise_error_of(ended, layout is None or outcome is not None)
+        if outcome is None and not full:
+            _raise_bug_of(ended)
         if outcome is not None:
             if ended.exit_text:  # all is recorded: it ended while a component was freed
                 outcome.status, outcome.message = (
@@ -411,6 +407,21 @@ def _simulate_apart(
         unwritten.close()
         if folder is None:  # open series stay readable until they are closed
             shutil.rmtree(place, ignore_errors=True)
+
+
+def _raise_error_of(ended: child.Ended, is_final: bool) -> None:
+    """Raise the error that the child process has reported, where it is final."""
+    if "error" in ended.reports and is_final:
+        kind, arguments = ended.reports["error"]
+        raise kind(*arguments)
+
+
+def _raise_bug_of(ended: child.Ended) -> None:
+    """Raise the unexpected exception that the child process has reported."""
+    if "system" in ended.reports:
+        raise OSError(*ended.reports["system"])
+    if "bug" in ended.reports and not ended.signal:
+        raise RuntimeError(ended.reports["bug"])
 
 
 def _cut_short(

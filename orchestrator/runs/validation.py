@@ -144,19 +144,24 @@ def bind_plot(
             SeriesUnit(quantity.unit or x.unit, len(quantity.names)) for x in known[:1]
         ]
     for unit, count in known:
-        if len(plot.components) > count:
-            text = f"{len(plot.components)} names for {count} elements"
-            raise MisfitError(text, "components")
-        if plot.unit:
-            try:
-                scale(unit, plot.unit)
-            except DesatError as error:
-                raise MisfitError(str(error), "unit") from error
+        _check_lines(plot, unit, count)
     if known and parameters is not None:
         try:
             limits_of(plot.limits, parameters, plot.unit or known[0].unit)
         except DesatError as error:
             raise MisfitError(str(error), "limits") from error
+
+
+def _check_lines(plot: Plot, unit: str, count: int) -> None:
+    """Raise MisfitError where names or unit of a plot do not fit a series."""
+    if len(plot.components) > count:
+        text = f"{len(plot.components)} names for {count} elements"
+        raise MisfitError(text, "components")
+    if plot.unit:
+        try:
+            scale(unit, plot.unit)
+        except DesatError as error:
+            raise MisfitError(str(error), "unit") from error
 
 
 def bind_requirement(content: Content, entry: Requirement) -> None:

@@ -6,7 +6,7 @@ declarations are evaluated for a system.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import isfinite, pi
 from pathlib import Path
@@ -249,25 +249,30 @@ def _check_offers(declared: Any, block: type[Block], place: str) -> None:
             raise DesatError(
                 f'{place}: offers: {law!r} is no law with a name, as Law("my law")'
             )
-        at = f"{place}: offers: Law {law.name}"
-        for field, values in (("gains", law.gains), ("units", law.units)):
-            if not isinstance(values, Mapping):
+        _check_offer(law, parameters, f"{place}: offers: Law {law.name}")
+
+
+def _check_offer(law: Law, parameters: Collection[str], place: str) -> None:
+    """Raise DesatError where gains, units or rate of a law are not those of a block."""
+    for field, values in (("gains", law.gains), ("units", law.units)):
+        if not isinstance(values, Mapping):
+            raise DesatError(
+                f'{place}: {field}: a dict is needed, as {{"gain": "craft.rate"}}'
+            )
+        for key in values:
+            if key not in parameters:
                 raise DesatError(
-                    f'{at}: {field}: a dict is needed, as {{"gain": "craft.rate"}}'
+                    f"{place}: {field}: no parameter {key}"
+                    f"{nearest(str(key), parameters)}"
                 )
-            for key in values:
-                if key not in parameters:
-                    raise DesatError(
-                        f"{at}: {field}: no parameter {key}{nearest(str(key), parameters)}"
-                    )
-        for key, rule in law.gains.items():
-            if not _is_rule(rule):
-                raise DesatError(
-                    f"{at}: gains: {key} is {rule!r}; a finite number, true or false, a choice by "
-                    "its name, or a product of numbers and component.parameter is needed"
-                )
-        if law.rate and law.rate not in law.gains:
-            raise DesatError(f"{at}: rate: {law.rate!r} is none of its gains")
+    for key, rule in law.gains.items():
+        if not _is_rule(rule):
+            raise DesatError(
+                f"{place}: gains: {key} is {rule!r}; a finite number, true or false, a choice by "
+                "its name, or a product of numbers and component.parameter is needed"
+            )
+    if law.rate and law.rate not in law.gains:
+        raise DesatError(f"{place}: rate: {law.rate!r} is none of its gains")
 
 
 def _is_rule(rule: Any) -> bool:

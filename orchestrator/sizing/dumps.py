@@ -278,23 +278,12 @@ def size(
         )
     hardware, values = hardware_of(system), values_of(system)
     law = _law_of(system)
-    cost = thruster_cost(system, hardware, requirements)
-    isp = requirements.specific_impulse or hardware.specific_impulse
-    if cost is None or isp is None:
-        raise DesatError(
-            f"{target}: its thrusters have neither arm nor nozzles, or no specific "
-            "impulse: give them with --arm and --isp"
-        )
+    cost, isp = _cost_of_thrusters(target, system, hardware, requirements)
     attitude = wanted_attitude(system)
     progress("the days of the scenario")
     flight = _flight(system, attitude)
     torque, _ = secular(flight)
-    span = max(0.0, system.stop - system.start - (flight.times[-1] - flight.times[0]))
-    later = [
-        _flight(system, attitude, float(t))
-        for t in np.linspace(0.0, span, PARTS)[1:]
-        if t > 0.0
-    ]
+    later = _later_flights(system, attitude, flight)
     steady = mean_of([rates_of(f, hardware, law, cost, isp) for f in (flight, *later)])
     window = _window(system, options, steady)
     closed_loop = _through(system, attitude, flight, window, steady.interval)
@@ -305,30 +294,20 @@ def size(
         steady = along if along.interval < inf else replace(steady, first=along.first)
     year: list[YearDate] = []
     each: list[Rates] = []
-    of_worst = ""
     if requirements.year and float(np.linalg.norm(flight.r[0])) < BEYOND:
         progress("the days of a year")
         for date, there in days_of_year(system, hardware, attitude, own_day=True):
             day = flown_at(system, attitude, *there)
             each.append(rates_of(day, hardware, law, cost, isp))
             year.append(date)
-        of_worst = year[0].activity
+    of_worst = year[0].activity if year else ""
     by_activity = {
-        name: float(
-            np.mean(
-                [
-                    r.a_year
-                    for d, r in zip(year, each, strict=True)
-                    if d.activity == name
-                ]
-            )
-        )
+        name: float(np.mean(_a_year_of(name, year, each)))
         for name in dict.fromkeys(d.activity for d in year)
     }
     of_own = [r for d, r in zip(year, each, strict=True) if d.activity == of_worst] or [
         steady
     ]
-    capacity = smallest_wheel_capacity(hardware)
     slew_momentum, slew_torque = compute_slew(hardware, requirements)
     sizing = DumpSizing(
         target=target,
@@ -340,13 +319,15 @@ def size(
         year=tuple(year),
         begin=law.begin,
         end=law.end,
-        capacity=capacity,
+        capacity=smallest_wheel_capacity(hardware),
         steady=steady,
         a_year=float(np.mean([r.a_year for r in of_own])),
         by_activity={k: x for k, x in by_activity.items() if k != of_worst},
         each_year=tuple(r.a_year for r in each) or (steady.a_year,),
         least_a_year=float(np.mean([r.least_a_year for r in of_own])),
-        weekly=capacity * WEEK / steady.interval if steady.interval > 0.0 else inf,
+        weekly=smallest_wheel_capacity(hardware) * WEEK / steady.interval
+        if steady.interval > 0.0
+        else inf,
         tank=float(values["thrusters"].get("tank", 0.0)),
         pulse=law.pulse,
         slew_momentum=slew_momentum,
@@ -365,26 +346,73 @@ def size(
     if not (requirements.flown and (steady.first < window or options.stop is not None)):
         return sizing
     sized(sizing)
+    causes = list(_causes(system, law, hardware))
+    loop, unmet = _fly_loops(
+        target, options, system.step, window, steady, causes, progress
+    )
+    sizing = replace(sizing, loop=loop, problems=(*sizing.problems, *unmet))
+    return replace(sizing, notes=(*notes, *_notes(sizing, requirements)))
+
+
+def _cost_of_thrusters(
+    target: str, system: System, hardware: Hardware, requirements: SizingRequirements
+) -> tuple[Callable[[Array], float], float]:
+    """Return the function of `thruster_cost`, and the specific impulse (s).
+
+    Raises DesatError where the craft does not say what they follow from.
+    """
+    cost = thruster_cost(system, hardware, requirements)
+    isp = requirements.specific_impulse or hardware.specific_impulse
+    if cost is None or isp is None:
+        raise DesatError(
+            f"{target}: its thrusters have neither arm nor nozzles, or no specific "
+            "impulse: give them with --arm and --isp"
+        )
+    return cost, isp
+
+
+def _later_flights(system: System, attitude: Attitude, flight: Flight) -> list[Flight]:
+    """Fly the same as `flight`, at dates spread over the rest of the run."""
+    span = max(0.0, system.stop - system.start - (flight.times[-1] - flight.times[0]))
+    dates = np.linspace(0.0, span, PARTS)[1:]
+    return [_flight(system, attitude, float(t)) for t in dates if t > 0.0]
+
+
+def _a_year_of(
+    activity: str, year: Sequence[YearDate], rates: Sequence[Rates]
+) -> list[float]:
+    """Return the propellant (kg a year) of the days of one solar activity."""
+    return [
+        r.a_year for d, r in zip(year, rates, strict=True) if d.activity == activity
+    ]
+
+
+def _fly_loops(
+    target: str,
+    options: Options,
+    step: float,
+    window: float,
+    steady: Rates,
+    causes: Sequence[str],
+    progress: Callable[[str], None],
+) -> tuple[dict[str, float | None], list[str]]:
+    """Fly the closed loop over `window` (s), and the worst scenario beside the craft.
+
+    Returns the numbers of the first, and a line for each requirement that is not met.
+    """
     progress("the closed loop")
     run = _fly_closed_loop(target, options, window)
-    loop = dict(_numbers_of(run))
-    causes = list(_causes(system, law, hardware))
     unmet = [f"in the closed loop: {line}" for line in run.manifest.not_met]
     worst_scenario = find_worst_scenario(read(target))
     if worst_scenario is not None:
         progress(f"{worst_scenario.text}: what is usually worse")
         some = min(window, max(86400.0, steady.first + WORST_DUMPS * steady.interval))
-        worst = _fly_closed_loop(
-            worst_scenario.text, options, system.step * ceil(some / system.step)
-        )
+        worst = _fly_closed_loop(worst_scenario.text, options, step * ceil(some / step))
         unmet += [
             f"in {worst_scenario.text}: {line}" for line in worst.manifest.not_met
         ]
-    unmet = [
-        f"{line} (likely by {'; '.join(causes)})" if causes else line for line in unmet
-    ]
-    sizing = replace(sizing, loop=loop, problems=(*sizing.problems, *unmet))
-    return replace(sizing, notes=(*notes, *_notes(sizing, requirements)))
+    likely = f" (likely by {'; '.join(causes)})" if causes else ""
+    return dict(_numbers_of(run)), [f"{line}{likely}" for line in unmet]
 
 
 class ThresholdLaw(NamedTuple):

@@ -199,6 +199,20 @@ def finite(value: Any) -> Any:
     return None if isinstance(value, float) and not np.isfinite(value) else value
 
 
+def _cyclic_margins(sizing: Sizing) -> Iterator[Margin]:
+    """Yield the cyclic momentum, alone and with a slew, beside the wheels' capacity."""
+    if sizing.wheel_capacity == inf:
+        return
+    yield Margin(
+        "wheels: cyclic momentum", sizing.wheel_needed, sizing.wheel_capacity, "N.m.s"
+    )
+    if sizing.slew_momentum > 0.0:
+        both = sizing.wheel_needed + sizing.slew_momentum
+        yield Margin(
+            "wheels: cyclic momentum and slew", both, sizing.wheel_capacity, "N.m.s"
+        )
+
+
 def find_margins(sizing: Sizing, filled: float | None) -> Iterator[Margin]:
     """Yield each requirement beside the craft's value.
 
@@ -228,18 +242,7 @@ def find_margins(sizing: Sizing, filled: float | None) -> Iterator[Margin]:
             sizing.wheel_capacity,
             "N.m.s",
         )
-    if sizing.wheel_capacity < inf:
-        yield Margin(
-            "wheels: cyclic momentum",
-            sizing.wheel_needed,
-            sizing.wheel_capacity,
-            "N.m.s",
-        )
-        if sizing.slew_momentum > 0.0:
-            both = sizing.wheel_needed + sizing.slew_momentum
-            yield Margin(
-                "wheels: cyclic momentum and slew", both, sizing.wheel_capacity, "N.m.s"
-            )
+    yield from _cyclic_margins(sizing)
     for row in (r for r in sizing.curve if r.law == sizing.law and r.rod == sizing.rod):
         if row.filled is not None:
             yield Margin(

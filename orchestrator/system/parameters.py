@@ -221,43 +221,54 @@ def _flat(value: Any) -> list[Any]:
     return flat
 
 
-def _scalar(signal: Signal, value: Any, place: str) -> Scalar:
-    """Check a value and convert it to one scalar.
-
-    Raises DesatError, whose text begins with `place`.
-    """
+def _is_plain(signal: Signal, value: Any) -> bool:
+    """Return whether a value is a float within the bounds of a Real."""
     low, high = signal.minimum, signal.maximum
-    if (
+    return (
         type(value) is float
         and signal.kind == "Real"
         and math.isfinite(value)
         and (low is None or value >= low)
         and (high is None or value <= high)
-    ):
-        return value  # fast path for nearly all of a table's thousands of values
+    )
+
+
+def _choice(signal: Signal, value: str, place: str) -> int:
+    """Return the index of a choice, or raise DesatError for another text."""
+    if value not in signal.choices:
+        raise DesatError(
+            f"{place} = {value}: not a choice{nearest(value, signal.choices)}"
+        )
+    return signal.choices.index(value)
+
+
+def _scalar(signal: Signal, value: Any, place: str) -> Scalar:
+    """Check a value and convert it to one scalar.
+
+    Raises DesatError, whose text begins with `place`.
+    """
+    if _is_plain(signal, value):
+        return float(value)  # nearly all of a table's thousands of values
     if isinstance(value, int) and abs(value) > sys.float_info.max:
         raise DesatError(
             f"{place}: a number of {len(str(value))} digits: it is too large"
         )
     if signal.choices and isinstance(value, str):
-        if value not in signal.choices:
-            raise DesatError(
-                f"{place} = {value}: not a choice{nearest(value, signal.choices)}"
-            )
-        return signal.choices.index(value)
-    if signal.kind == "Boolean":
-        if isinstance(value, bool):
+        return _choice(signal, value, place)
+    is_number = isinstance(value, (int, float)) and not isinstance(value, bool)
+    match signal.kind:
+        case "Boolean" if isinstance(value, bool):
             return value
-    elif signal.kind == "Integer":
-        if isinstance(value, int) and not isinstance(value, bool):
+        case "Integer" if is_number and isinstance(value, int):
             return int(_within(signal, value, place))
-    elif signal.kind == "Real":
-        if isinstance(value, str) and is_quantity(value):
+        case "Real" if isinstance(value, str) and is_quantity(value):
             return _within(signal, _quantity(signal, value, place), place)
-        if isinstance(value, (int, float)) and not isinstance(value, bool):
+        case "Real" if is_number:
             return _within(signal, float(value), place)
-    else:
-        raise DesatError(f"{place} is of type {signal.kind}: it cannot be set")
+        case "Boolean" | "Integer" | "Real":
+            pass
+        case _:
+            raise DesatError(f"{place} is of type {signal.kind}: it cannot be set")
     kind = "an Integer" if signal.kind == "Integer" else f"a {signal.kind}"
     expected = f"one of {', '.join(signal.choices)}" if signal.choices else kind
     raise DesatError(f"{place} = {value!r}: {expected} is needed")

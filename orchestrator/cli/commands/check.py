@@ -15,6 +15,7 @@ from ..console import app, err, example, out, print_json, print_table
 
 if TYPE_CHECKING:
     from ...files.inspection import InspectedFmu
+    from ...system.check import Checked
 
 # options without meaning for a single FMU
 OF_SYSTEMS = (
@@ -102,57 +103,69 @@ def check(
         strict=strict,
         outside=outside,
     )
-    case = prepare(target, options)
-    checked, schedule = case.checked, case.checked.schedule
-    if checked.system is not None and schedule is not None:
-        full = list(attitude_loop.problems_when_full(checked.system))
+    checked = prepare(target, options).checked
+    system, schedule = checked.system, checked.schedule
+    if system is not None and schedule is not None:
+        full = list(attitude_loop.problems_when_full(system))
         checked.problems += full
         checked.warnings = [line for line in checked.warnings if line not in full]
-        problems, warnings = refusals(checked.system, schedule, options.trusted)
-        checked.problems += explain(checked.system, "\n".join(problems))
-        checked.warnings += explain(checked.system, "\n".join(warnings))
-        checked.notes += notes(checked.system.components.values())
-    timing: dict[str, str] = {}
-    for connection, cause in schedule.timing if schedule else ():
-        key = (
-            f"{connection.source}.{connection.output_array} -> "
-            f"{connection.target}.{connection.input_array}"
-        )
-        timing[key] = cause
+        problems, warnings = refusals(system, schedule, options.trusted)
+        checked.problems += explain(system, "\n".join(problems))
+        checked.warnings += explain(system, "\n".join(warnings))
+        checked.notes += notes(system.components.values())
     if as_json:
-        print_json(
-            {
-                "problems": checked.problems,
-                "warnings": checked.warnings,
-                "unwired": {
-                    name: asdict(ends) for name, ends in checked.unwired.items()
-                },
-                "order": schedule.order if schedule else [],
-                "connections": [
-                    {"connection": k, "timing": v} for k, v in timing.items()
-                ],
-            }
-        )
+        _print_as_json(checked)
     else:
-        for problem in checked.problems:
-            err.print(problem)
-        for warning in checked.warnings:
-            err.print(f"warning: {warning}")
-        for note in checked.notes:
-            err.print(f"note: {note}")
-        if schedule is not None and not checked.problems:
-            parts = len(schedule.order), len(schedule.timing)
-            out.print(
-                f"{target}: no problem: {parts[0]} components, {parts[1]} connections"
-            )
-        if schedule is not None and schedule_too:
-            out.print("steps in this order: " + ", ".join(schedule.order))
-            columns = [Column("connection", kind="text"), Column("moves", kind="text")]
-            print_table(Table("", columns, list(timing.items())))
+        _print_checked(checked, target, schedule_too)
     if checked.problems:
-        if not as_json:
-            err.print(f"{len(checked.problems)} problem(s) in {target}")
         raise typer.Exit(Exit.UNMET)
+
+
+def _timing_of(checked: Checked) -> dict[str, str]:
+    """Return when each connection moves its value, by the connection's text."""
+    schedule = checked.schedule
+    return {
+        f"{connection.source}.{connection.output_array} -> "
+        f"{connection.target}.{connection.input_array}": cause
+        for connection, cause in (schedule.timing if schedule else ())
+    }
+
+
+def _print_as_json(checked: Checked) -> None:
+    """Print what a check has found as JSON."""
+    print_json(
+        {
+            "problems": checked.problems,
+            "warnings": checked.warnings,
+            "unwired": {name: asdict(ends) for name, ends in checked.unwired.items()},
+            "order": checked.schedule.order if checked.schedule else [],
+            "connections": [
+                {"connection": k, "timing": v} for k, v in _timing_of(checked).items()
+            ],
+        }
+    )
+
+
+def _print_checked(checked: Checked, target: str, with_schedule: bool) -> None:
+    """Print what a check has found, and the order of steps where it is wanted."""
+    for problem in checked.problems:
+        err.print(problem)
+    for warning in checked.warnings:
+        err.print(f"warning: {warning}")
+    for note in checked.notes:
+        err.print(f"note: {note}")
+    schedule = checked.schedule
+    if schedule is not None and not checked.problems:
+        parts = len(schedule.order), len(schedule.timing)
+        out.print(
+            f"{target}: no problem: {parts[0]} components, {parts[1]} connections"
+        )
+    if schedule is not None and with_schedule:
+        out.print("steps in this order: " + ", ".join(schedule.order))
+        columns = [Column("connection", kind="text"), Column("moves", kind="text")]
+        print_table(Table("", columns, list(_timing_of(checked).items())))
+    if checked.problems:
+        err.print(f"{len(checked.problems)} problem(s) in {target}")
 
 
 def _check_fmu(path: Path, trust: Path | None, as_json: bool) -> None:

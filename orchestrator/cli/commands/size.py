@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
+from functools import partial
 from math import radians
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -118,7 +119,6 @@ def size(
     """
     from ...sizing import dumps, sizing
     from ...sizing import map as sizing_map
-    from ...sizing import page as sizing_page
     from ...sizing.requirements import SizingRequirements
 
     options = o.options_of(sets, stop, None, "gauss_seidel", blocks, sources=sources)
@@ -168,6 +168,8 @@ def size(
     page = (
         html or Path("runs") / f"size-{'map-' if as_map else ''}{name_of(target)}.html"
     )
+    result: Callable[[Path | None, bool], None]
+    to_page = page if html is not None or not as_json else None
     with stages(not as_json) as progress:
         if as_map:
             values = {
@@ -176,50 +178,70 @@ def size(
             }
             values["altitudes"] = tuple(1e3 * x for x in values["altitudes"])
             axes = sizing_map.MapAxes(**values, laws=laws is True)
-            map_made = sizing_map.map_of(
-                target, options, axes, requirements, jobs, progress
+            result = partial(
+                _show_map,
+                sizing_map.map_of(target, options, axes, requirements, jobs, progress),
             )
         elif by_thrusters:
-            found = dumps.size(
-                target, options, requirements, progress, _print_sized(as_json)
+            printer = _print_sized(as_json)
+            result = partial(
+                _show_dumps,
+                dumps.size(target, options, requirements, progress, printer),
             )
         else:
-            sizing_result = sizing.size(target, options, requirements, progress)
-    if by_thrusters:
-        if as_json:
-            print_json(found.as_json())
-        else:
-            _print_dumps(found)
-        if html is not None or not as_json:
-            written = sizing_page.write_dumps(found, page)
-            if not as_json:
-                _print(written)
-        for line in found.problems:
-            err.print(f"it cannot hold: {line}", highlight=False, markup=False)
-        if found.problems:
-            raise typer.Exit(Exit.UNMET)
-        return
-    if as_map:
-        if as_json:
-            print_json(map_made.as_json())
-        else:
-            _print_map(map_made)
-        if html is not None or not as_json:
-            written = sizing_page.write_map(map_made, page)
-            if not as_json:
-                _print(written)
-        return
+            result = partial(
+                _show_sizing, sizing.size(target, options, requirements, progress)
+            )
+    result(to_page, as_json)
+
+
+def _show_map(sized: SizingMap, page: Path | None, as_json: bool) -> None:
+    """Print a map of sizes, and write its page where there is one."""
+    from ...sizing.page import write_map
+
     if as_json:
-        print_json(sizing_result.as_json())
-        if html is not None:
-            sizing_page.write_sizing(sizing_result, page)
+        print_json(sized.as_json())
     else:
-        _print_sizing(sizing_result)
-        _print(sizing_page.write_sizing(sizing_result, page))
-    for line in sizing_result.problems:
+        _print_map(sized)
+    _print_page(None if page is None else write_map(sized, page), as_json)
+
+
+def _show_dumps(sized: DumpSizing, page: Path | None, as_json: bool) -> None:
+    """Print the sizes of a craft that dumps by thrusters, and write their page."""
+    from ...sizing.page import write_dumps
+
+    if as_json:
+        print_json(sized.as_json())
+    else:
+        _print_dumps(sized)
+    _print_page(None if page is None else write_dumps(sized, page), as_json)
+    _exit_if_unmet(sized.problems)
+
+
+def _show_sizing(sized: Sizing, page: Path | None, as_json: bool) -> None:
+    """Print the sizes of a craft with coils, and write their page."""
+    from ...sizing.page import write_sizing
+
+    if as_json:
+        print_json(sized.as_json())
+    else:
+        _print_sizing(sized)
+    _print_page(None if page is None else write_sizing(sized, page), as_json)
+    _exit_if_unmet(sized.problems)
+
+
+def _exit_if_unmet(problems: Sequence[str]) -> None:
+    """Print why a craft cannot hold, and exit with 1, if there is a reason."""
+    for line in problems:
         err.print(f"it cannot hold: {line}", highlight=False, markup=False)
-    if sizing_result.problems:
+    if problems:
         raise typer.Exit(Exit.UNMET)
+
+
+def _print_page(page: Path | None, as_json: bool) -> None:
+    """Print the path of a page, if there is one, for people."""
+    if page is not None and not as_json:
+        _print(page)
 
 
 def _print(page: Path) -> None:
