@@ -123,7 +123,7 @@ def test_a_run_of_before_is_still_shown(substeps):
     told = run.manifest.to_json()
     for name in ("rows", "why"):
         del told["energy"][name]
-    run.results._made.clear()
+    run.results._computed.clear()
     assert len(energy.figures(Manifest.from_json(told), run.results)) == (substeps == 1)
 
 

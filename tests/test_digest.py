@@ -35,9 +35,9 @@ stored = module_of("desat.papers.stored")
 # --- every field ----------------------------------------------------------------------
 
 MOVES_NO_BIT = {
-    "System": {"name", "where"},
+    "System": {"name", "place"},
     # the code that these name stands beside, by its hash
-    "Component": {"source", "fmu", "connectors", "line", "given", "references"},
+    "Component": {"source", "fmu", "connectors", "line", "origins", "references"},
     "Connection": {"line", "converts"},
     "Interface": {"title"},
     "Signal": {

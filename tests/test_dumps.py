@@ -133,12 +133,12 @@ def test_a_run_of_many_millions_of_steps_goes_on():
         def some(self, most: int) -> None:
             master.k += most
 
-    room = SimpleNamespace(room=1000, look=lambda: None)
+    room = SimpleNamespace(steps_before_look=1000, look=lambda: None)
     recorder, never = (
         SimpleNamespace(tick=lambda: None),
         SimpleNamespace(reason=lambda: ""),
     )
-    loop.run(master, Steps(), 2_000_000, recorder, never, beside=room)
+    loop.run(master, Steps(), 2_000_000, recorder, never, observer=room)
     assert master.k == 2_000_000
 
 

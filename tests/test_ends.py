@@ -872,18 +872,18 @@ def test_what_a_run_says_at_its_end(capsys, tmp_path):
 def test_without_room_for_a_report_a_run_that_completed_ends_with_6(code):
     full = OSError(28, "No space left on device")
     if code:
-        with run_command._room(finished(code), Path("a"), "report"):
+        with run_command.skip_if_disk_full(finished(code), Path("a"), "report"):
             raise full
     else:
         with (
             pytest.raises(RunError, match=r"^a: its report: ") as told,
-            run_command._room(finished(code), Path("a"), "report"),
+            run_command.skip_if_disk_full(finished(code), Path("a"), "report"),
         ):
             raise full
         assert told.value.code == Exit.SPACE
     with (
         pytest.raises(OSError, match="gone"),
-        run_command._room(finished(code), Path("a"), "x"),
+        run_command.skip_if_disk_full(finished(code), Path("a"), "x"),
     ):
         raise OSError(2, "gone")
 
@@ -1669,7 +1669,7 @@ def test_why_a_fixed_attitude_has_no_balance(more, times, lacking, why):
     parts = fixed.FixedAttitudeParts("a", {"x": "b.c"}, more.pop("why", ""))
     results = series_of(fixed.balanced(parts), times, lacking)
     manifest = told(parts={fixed.KEY: parts}, **more)
-    assert fixed._why_not(manifest, results) == why
+    assert fixed._reason_against(manifest, results) == why
     assert fixed.unchecked(manifest, results) == (
         {"impulse_mismatch": why} if why else {}
     )

@@ -406,7 +406,7 @@ def test_rows_that_are_in_memory_when_a_process_dies():
         half.taken[0] = len(times)
 
     def left() -> list[float]:
-        times, rows = unwritten.left()
+        times, rows = unwritten.read_unwritten()
         assert rows["Real"][:, 0].tolist() == times.tolist()
         assert len(rows["Integer"]) == len(times)
         return times.tolist()

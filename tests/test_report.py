@@ -182,7 +182,7 @@ def test_limits_go_across_and_fast_lines_are_whole():
         "#112233",
         label="w: least to most",
         name="w",
-        whole=(x, np.cos(x)),
+        full_run=(x, np.cos(x)),
     )
     ax.level(2.0, "#000000", label="limit")
     ax.band(-1.0, 1.0, "#000000", alpha=0.2, label="band")

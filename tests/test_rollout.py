@@ -48,7 +48,7 @@ FIELD: Vec3 = (2e-5, -1e-5, 2.5e-5)
 
 
 def flown(sequence: rollout.Sequence, best: float = inf, fastest: float = inf) -> float:
-    return rollout.flown(
+    return rollout.predict_cost(
         ALONE,
         (0.1, -0.1, 0.1),
         FIELD,
@@ -132,7 +132,7 @@ def test_a_sequence_that_has_begun_goes_on_where_it_was() -> None:
     parts = rollout.Sequence(
         tuple(x for u in (b, c, c, 0) for x in (u, 0.0, 0.0, 0.0)), 3, 0
     )
-    by_tens = rollout.flown(
+    by_tens = rollout.predict_cost(
         ALONE, (0.1, -0.1, 0.1), FIELD, STILL, parts.torques, 3, 0, 10, 900, inf, inf
     )
     assert flown(half) == by_tens
@@ -145,20 +145,20 @@ def test_a_rate_at_its_limit_is_above_it_and_a_wheel_at_its_limit_is_not_driven(
     still = MODEL._replace(
         carrier=INERTIA, inverse=inverse_inertia(INERTIA), gain=0.0, gain_wheel=0.0
     )
-    whole = rollout.flown(
+    whole = rollout.predict_cost(
         still, at, ZERO, STILL, rollout.NOTHING, 0, 0, 20, 7, inf, inf
     )
     assert whole == 7.0 + 1.0  # turning about a principal axis
-    spun = rollout.flown(
+    spun = rollout.predict_cost(
         still, at, ZERO, STILL, rollout.NOTHING, 0, 0, 20, 7, inf, at[0]
     )
     assert spun == whole  # as fast as is believed, and no faster
     assert (
-        rollout.flown(still, at, ZERO, STILL, rollout.NOTHING, 0, 0, 20, 7, 6.0, inf)
+        rollout.predict_cost(still, at, ZERO, STILL, rollout.NOTHING, 0, 0, 20, 7, 6.0, inf)
         == whole
     )
     assert (
-        rollout.flown(still, at, ZERO, STILL, rollout.NOTHING, 0, 0, 20, 7, 5.0, inf)
+        rollout.predict_cost(still, at, ZERO, STILL, rollout.NOTHING, 0, 0, 20, 7, 5.0, inf)
         == inf
     )
     u, limit = (1e-3, -1e-3, 1e-3, -1e-3), 0.1

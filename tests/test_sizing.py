@@ -459,7 +459,7 @@ def test_the_torque_of_an_independent_estimate():
     expected = 3.0 * n**2 * np.cross([0.0, 0.0, 1.0], j @ [0.0, 0.0, 1.0])[1] * -normal
     since = run.source_times - run.source_times[0]
     impulse = run.sources["gravity gradient"]
-    found = np.array([np.interp(run.whole, since, x) for x in impulse.T]) / run.whole
+    found = np.array([np.interp(run.orbits_duration, since, x) for x in impulse.T]) / run.orbits_duration
     assert found == pytest.approx(expected, abs=0.02 * np.linalg.norm(expected))
 
 
