@@ -85,9 +85,7 @@ POINTINGS = ("nadir", "inertial", "sun", "yaw")
 BRAKING = 7.0
 SLOW = 6.0 * 3600.0  # s: from this orbit period on steps may be longer than a second
 LARGEST_TURN = 0.02  # rad: maximum turn by a wheel's torque in a step
-# rad: maximum turn by the wheels' torque in a substep; analyses/coverage.py shows that
-# the accuracy holds up to it
-KICK = 0.0076
+ACCURACY = 1e-5  # rad: largest attitude error that the substeps may leave
 # Number of dumps of a scenario, and its maximum number of steps.
 DUMPS, MOST_STEPS = 9, 2_500_000
 # initial attitude error of the worst scenario: 10 deg
@@ -385,6 +383,7 @@ def _template_values(facts: CraftFacts, name: str, command: str) -> dict[str, An
         if given_sample is not None
         else "orbit, torques and full wheels allow it"
     )
+    limits = _limits(mass, orbit, thrusters)
     dump = _dump(facts, wheels, thrusters, rods is not None, min(inertia), step)
     dipole = 0.005 * mass
     origin = "class: 5 mA m2 a kilogram, no magnetic cleanliness"
@@ -430,10 +429,10 @@ def _template_values(facts: CraftFacts, name: str, command: str) -> dict[str, An
             f"leave in the wheels out from {dump.percent[0]} % of a wheel's capacity to "
             f"{dump.percent[1]} %."
         ),
-        "limits": _limits(mass, orbit, thrusters),
+        "limits": limits,
         "step": step,
         "step_why": step_why,
-        "substeps": _substeps(step, wheels.torque_si / min(inertia), dump),
+        "accuracy": f"{_accuracy(limits['pointing']):.3g}",
         "stop": _stop(
             orbit, dump, _secular(orbit, sources, light, centre, dipole), step
         ),
@@ -764,16 +763,12 @@ def _bend(orbit: Orbit) -> float:
     return float(2.0 * orbit.rate**2 * e * bend.max() / (1.0 - e * e) ** 3)
 
 
-def _substeps(step: float, acceleration: float, dump: NewDumps | None) -> int:
-    """Return the number of substeps in a step (s).
+def _accuracy(pointing: str) -> float:
+    """Return the largest attitude error (rad) that the substeps of a run may leave.
 
-    For long runs with dumps it is the number that `coverage.LIMITS` requires when all
-    wheels turn the craft at their torque (rad/s2 each); for a day's run eight a second,
-    and one in a step above 1 s.
+    It is a hundredth of the pointing limit (deg), at most ACCURACY.
     """
-    if dump is None:
-        return max(1, round(8.0 * step)) if step <= 1.0 else 1
-    return min(8, math.ceil(step * math.sqrt(2.4 * acceleration / KICK)))
+    return min(ACCURACY, math.radians(float(pointing)) / 100.0)
 
 
 def _stop(orbit: Orbit, dump: NewDumps | None, torque: float, step: float) -> float:

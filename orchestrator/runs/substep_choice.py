@@ -60,10 +60,14 @@ LEVELS = tuple(2**i for i in range(10))  # counts to choose from
 FAR, FARTHEST = 4, 2 * LEVELS[-1]
 LEAST_FAR = 16  # lower limit of the substeps of the flight that confirms a count
 FREE, LONGEST = 120_000, 6_000  # limits of the substeps, and of the steps, of a flight
+QUICK = 1_500  # limit of the steps of the first flights, with one and two substeps
 LOOK = 1_000  # limit of the steps of a flight when a run is checked again
 CARRIED = 2.0  # factor on an estimate that is extrapolated beyond its flight
 ROUGH = 1.5  # estimate over difference, where one of two flights is much finer
 GAIN = 1.2  # a run leaves the range of its flights beyond this factor
+FAR_BELOW = 0.1  # An estimate below this share of the accuracy needs no confirmation.
+# Factor on such an estimate: with it the error may fall with the first power.
+UNCONFIRMED = 1.5
 AGAIN = 3  # largest number of times that a run is made
 STEEPEST = 3.0  # largest power of time for the extrapolation of an estimate
 
@@ -87,7 +91,7 @@ def choose(target: str, system: System, options: Options) -> SubstepChoice | Non
         return _apart(
             system,
             options,
-            lambda: _Flights(system, options, 1, LONGEST).choice(target),
+            partial(_choice_of, target, system, options),
         )
     except ComponentError as error:
         return SubstepChoice(
@@ -98,6 +102,12 @@ def choose(target: str, system: System, options: Options) -> SubstepChoice | Non
             raise
         # a foreign FMU may behave differently in a second flight
         return SubstepChoice(1, system.accuracy, why=str(error))
+
+
+def _choice_of(target: str, system: System, options: Options) -> SubstepChoice:
+    """Choose by short flights where these are far below the accuracy, else by long."""
+    quick = _Flights(system, options, 1, QUICK).choice_of_one()
+    return quick or _Flights(system, options, 1, LONGEST).choice(target)
 
 
 def _apart(system: System, options: Options, flying: Callable[[], T]) -> T:
@@ -139,8 +149,11 @@ def choose_again(
     found = coverage.of_run(parts, results)
     if found is None:
         return None
+    beyond = _beyond(found, choice.reached)
+    if beyond and (grown := _grown(choice, found)) is not None:
+        return grown
     more = choice
-    for k, text in _beyond(found, choice.reached):
+    for k, text in beyond:
         state = [results.values(name)[max(0, k - 2)] for name in parts.series[:3]]
         at = _from(system, float(found.times[max(0, k - 2)]), state)
         flying = partial(_Flights(at, options, more.substeps, LOOK).choice, target)
@@ -212,6 +225,24 @@ def decimated(system: System, options: Options) -> Slow | None:
         float(coarse.times[-1]),
         ", ".join(sorted(slow)),
     )
+
+
+def _grown(choice: SubstepChoice, found: Reached) -> SubstepChoice | None:
+    """Return the choice with its estimate raised to what a run has reached.
+
+    A substep's error is proportional to how fast the body turns and to how much its
+    torques change. None where the raised estimate is not far below the accuracy.
+    """
+    if choice.estimate is None or choice.reached is None:
+        return None
+    growth = 1.0
+    for reached, seen in zip(found.largest(), choice.reached, strict=True):
+        growth *= max(1.0, reached / max(seen, 1e-15))
+    estimate = growth * choice.estimate
+    if estimate > FAR_BELOW * choice.accuracy:
+        return None
+    reached = tuple(map(max, choice.reached, found.largest()))
+    return replace(choice, estimate=estimate, reached=reached)  # type: ignore[arg-type]
 
 
 def _beyond(found: Reached, seen: tuple[float, float, float]) -> list[tuple[int, str]]:
@@ -334,6 +365,16 @@ class _Flights:
         self._longest_error: Array | None = None
         self._steps = 0
 
+    def choice_of_one(self) -> SubstepChoice | None:
+        """Return the choice of one substep, if its error is far below the accuracy."""
+        began = time.process_time()
+        coarse = self.fly(1)
+        estimate, error = self._estimate(coarse, self.fly(2))
+        estimate *= UNCONFIRMED
+        if estimate > FAR_BELOW * self._system.accuracy:
+            return None
+        return self._chosen(1, {1: estimate}, coarse, len(error), began)
+
     def choice(self, target: str) -> SubstepChoice:
         """Find the first count that is accurate enough.
 
@@ -351,25 +392,31 @@ class _Flights:
                 short = len(seen_far) < len(error)
                 tried[n] = max(tried[n], sure) if short else sure
             if tried[n] <= self._system.accuracy:
-                seen, many = None, len(error)
-                if many <= self._system.steps:
-                    seen = reached_by(
-                        self._body, *(x[:many] for x in astuple(coarse))
-                    ).largest()
-                return SubstepChoice(
-                    n,
-                    self._system.accuracy,
-                    tried[n],
-                    steps=many - 1,
-                    tried=tried,
-                    reached=seen,
-                    flown=self._steps,
-                    seconds=time.process_time() - began,
-                )
+                return self._chosen(n, tried, coarse, len(error), began)
             coarse = fine
         raise DesatError(
             f"{target}: substeps = auto: {self._reason(tried, error)}; take a larger "
             "--accuracy, or a shorter --step"
+        )
+
+    def _chosen(
+        self, n: int, tried: dict[int, float], flight: _Flight, rows: int, began: float
+    ) -> SubstepChoice:
+        """Return the choice of n substeps by a flight of so many rows."""
+        seen = None
+        if rows <= self._system.steps:
+            seen = reached_by(
+                self._body, *(x[:rows] for x in astuple(flight))
+            ).largest()
+        return SubstepChoice(
+            n,
+            self._system.accuracy,
+            tried[n],
+            steps=rows - 1,
+            tried=tried,
+            reached=seen,
+            flown=self._steps,
+            seconds=time.process_time() - began,
         )
 
     def fly(self, substeps: int, free: int = FREE) -> _Flight:

@@ -29,6 +29,7 @@ from ..console import (
 )
 
 if TYPE_CHECKING:
+    from ...analyses.manifest import Manifest
     from ...runs.run import Case, Options, Run
 
 BASELINE = "baseline"  # folder of the baseline's run in a run folder
@@ -303,6 +304,20 @@ def _run_baseline(finished: Run, options: Options, folder: Path) -> Run | None:
     return other
 
 
+def substeps_line(manifest: Manifest) -> str:
+    """Return the line on the chosen substeps and their error, "" where none are chosen."""
+    choice = manifest.substep_choice
+    if choice is None:
+        return ""
+    count = f"{choice.substeps} substep{'s' * (choice.substeps != 1)} a step"
+    if choice.estimate is None:
+        return f"{count}: {choice.why}; the error is not estimated"
+    return (
+        f"{count}: the attitude errs by {choice.estimate:.1e} rad at most (estimated; "
+        f"accuracy {choice.accuracy:g} rad)"
+    )
+
+
 def _report_run(
     finished: Run,
     other: Run | None,
@@ -341,6 +356,8 @@ def _report_run(
     print_table(table.part(range(len(table.columns)), rows), is_folded=True)
     if rest := len(manifest.numbers) - len(shown):
         out.print(f"{rest} more numbers in the report; --all prints them")
+    if line := substeps_line(manifest):
+        out.print(line)
     report = f"\nreport: {page.resolve()}" if page else ""
     out.print(
         f"{manifest.steps_done} steps, {manifest.us_per_step} us a step; series in "
