@@ -60,7 +60,7 @@ LEVELS = tuple(2**i for i in range(10))  # counts to choose from
 FAR, FARTHEST = 4, 2 * LEVELS[-1]
 LEAST_FAR = 16  # lower limit of the substeps of the flight that confirms a count
 FREE, LONGEST = 120_000, 6_000  # limits of the substeps, and of the steps, of a flight
-QUICK = 1_500  # limit of the steps of the first flights, with one and two substeps
+QUICK = 2_000  # limit of the steps of the first flights, with one and two substeps
 LOOK = 1_000  # limit of the steps of a flight when a run is checked again
 CARRIED = 2.0  # factor on an estimate that is extrapolated beyond its flight
 ROUGH = 1.5  # estimate over difference, where one of two flights is much finer
@@ -231,15 +231,19 @@ def _grown(choice: SubstepChoice, found: Reached) -> SubstepChoice | None:
     """Return the choice with its estimate raised to what a run has reached.
 
     A substep's error is proportional to how fast the body turns and to how much its
-    torques change. None where the raised estimate is not far below the accuracy.
+    torques change (`analyses/coverage.py`). None where the raised estimate is not below
+    the accuracy, or another actuator may have worked.
     """
     if choice.estimate is None or choice.reached is None:
         return None
-    growth = 1.0
-    for reached, seen in zip(found.largest(), choice.reached, strict=True):
-        growth *= max(1.0, reached / max(seen, 1e-15))
-    estimate = growth * choice.estimate
-    if estimate > FAR_BELOW * choice.accuracy:
+    turning, pushed, changed = (
+        max(1.0, now / max(seen, 1e-15))
+        for now, seen in zip(found.largest(), choice.reached, strict=True)
+    )
+    if pushed > GAIN:  # by an actuator that the flights did not have
+        return None
+    estimate = turning * changed * choice.estimate
+    if estimate > choice.accuracy:
         return None
     reached = tuple(map(max, choice.reached, found.largest()))
     return replace(choice, estimate=estimate, reached=reached)  # type: ignore[arg-type]
