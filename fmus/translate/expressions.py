@@ -704,9 +704,15 @@ class Expressions(ABC):
             return self._power(node, a, b)
         if op in (ast.Mod, ast.FloorDiv):
             return self.modulo(op, a, b)
+        return self._of_numbers(node, op, a, b)
+
+    def _of_numbers(
+        self, node: ast.AST, op: type[ast.operator], a: Value, b: Value
+    ) -> Value:
+        """Translate a sum, difference or product of two numbers."""
         if op not in ARITHMETIC:
             raise self.refuse(node, f"{op.__name__}", "of 64-bit masks only")
-        if F in (ta, tb):
+        if F in (a.type, b.type):
             return self._of_floats(op, a, b)
         return self.of_integers(op, a, b)
 

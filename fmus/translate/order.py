@@ -250,7 +250,7 @@ def _refused_comprehensions(
     if not isinstance(n, _COMPREHENSIONS):
         return
     for c in n.generators:
-        rest = [n.elt, *c.ifs]  # type: ignore[attr-defined]
+        rest = [n.elt, *c.ifs]
         for g in n.generators:
             rest += [g.iter, *g.ifs]
         if clash := sorted(reads(c.iter) & order.changes(*rest)):

@@ -124,12 +124,9 @@ class Info:
         if callee.bound:
             pairs = pairs[1:]
         self.parameters = [(a.arg, v) for a, v in pairs]
-        self.annotated: list[Type | None] = []
-        self.optional: list[bool] = []
-        for a, _ in pairs:
-            t, optional = self._annotation(a.annotation)
-            self.annotated.append(t)
-            self.optional.append(optional)
+        annotations = [self._annotation(a.annotation) for a, _ in pairs]
+        self.annotated: list[Type | None] = [t for t, _ in annotations]
+        self.optional: list[bool] = [optional for _, optional in annotations]
         constants = self._find_slice_bounds()
         self.wants_constant = [a in constants for a, _ in self.parameters]
         self.is_constant: Any = None
